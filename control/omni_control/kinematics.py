@@ -1,0 +1,71 @@
+"""Kinematics of a four-wheeled omnidirectional robot (equations 1-4 of the paper).
+
+    body frame, seen from above                    wheel i at azimuth theta_i and distance l (the arm)
+
+                 x (kicker)
+          1 \\   ^   / 4        theta = 60, 135, 225, 300 deg, counter-clockwise from the front left
+             \\  |  /
+       y <------+                A positive wheel speed drives the wheel's contact point, and so the body there,
+             /     \\            along (-sin theta, cos theta): all four positive turn the robot counter-clockwise.
+          2 /       \\ 3
+
+World frame: field centre, x towards the goal, y left, heading counter-clockwise from x.
+A pose is [x, y, heading] in m, m, rad; a twist is [vx, vy, w] in m/s, m/s, rad/s.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def wrap_angle(angle: ArrayLike) -> Array:
+    """Return `angle` (rad, any shape) mapped into (-pi, pi]."""
+    angle = np.asarray(angle, float)
+    return angle - 2 * np.pi * np.ceil(angle / (2 * np.pi) - 0.5)
+
+
+def body_to_world(twist: ArrayLike, heading: ArrayLike) -> Array:
+    """Rotate body twists (..., 3) by `heading` (...) in rad into the world frame (equation 2)."""
+    vx, vy, w = np.moveaxis(np.asarray(twist, float), -1, 0)
+    c, s = np.cos(heading), np.sin(heading)
+    return np.stack([c * vx - s * vy, s * vx + c * vy, w + 0 * c], axis=-1)
+
+
+def world_to_body(twist: ArrayLike, heading: ArrayLike) -> Array:
+    """Rotate world twists (..., 3) into the body frame of a robot with `heading` (...) in rad."""
+    return body_to_world(twist, -np.asarray(heading, float))
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """Geometry of the wheels and the maps between body twist and wheel speeds.
+
+    Args:
+        azimuths: direction from the centre to each wheel, rad, (4,).
+        arm: distance from the centre to the wheels' contact points (l), m.
+        radius: wheel radius (r), m.
+    """
+
+    azimuths: Array
+    arm: float
+    radius: float
+
+    @property
+    def matrix(self) -> Array:
+        """Matrix B^T (4, 3) of equation 4: rim speeds (m/s) from a body twist."""
+        theta = self.azimuths
+        return np.stack([-np.sin(theta), np.cos(theta), np.full_like(theta, self.arm)], axis=-1)
+
+    def wheel_speeds(self, twist: ArrayLike) -> Array:
+        """Return the wheel speeds (..., 4) in rad/s of rolling without slip at a body twist (..., 3)."""
+        # A sum over broadcast products, not a matrix product: BLAS may round one row of a batch
+        # differently from the same row alone.
+        return (self.matrix / self.radius * np.asarray(twist, float)[..., None, :]).sum(-1)
+
+    def body_twist(self, wheel_speeds: ArrayLike) -> Array:
+        """Return the body twist (..., 3) of equation 3, least squares over the wheel speeds (..., 4) in rad/s."""
+        inverse = np.linalg.pinv(self.matrix) * self.radius
+        return (inverse * np.asarray(wheel_speeds, float)[..., None, :]).sum(-1)

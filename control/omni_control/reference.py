@@ -1,0 +1,158 @@
+"""Set-point driven reference generator with velocity and acceleration limits (section 3-A).
+
+One rule, `approach`, moves a point towards a set-point as fast as the limits let it and stops it there exactly, in
+whole frames. Iterated from its own output it gives a timed reference, the same for every controller; iterated from
+the robot's pose it gives the re-planned reference that the paper also describes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """Limits of the reference: m/s and m/s^2 along the path, rad/s and rad/s^2 in heading."""
+
+    speed: float = 3.159
+    acceleration: float = 0.826
+    turn_rate: float = 6.0
+    turn_acceleration: float = 12.0
+
+
+def stopping_speed(distance: Array, acceleration: float, period: float) -> Array:
+    """Highest speed (m/s) from which `distance` (m, >= 0) is covered exactly while braking at most at `acceleration`.
+
+    A point that moves s, s - 1, s - 2, ... units of a T^2 in successive frames of length T covers m (m + 1) / 2 in m
+    frames; between these distances the speed is linear, which makes it fall by exactly one unit each frame.
+    """
+    unit = acceleration * period**2
+    d = np.asarray(distance, float) / unit
+    m = np.floor(np.sqrt(0.25 + 2 * d) - 0.5)
+    return (m + (d - m * (m + 1) / 2) / (m + 1)) * unit / period
+
+
+def approach(offset: Array, velocity: Array, speed: float, acceleration: float, period: float) -> Array:
+    """Velocity for the next frame of a point that shall stop at a set-point.
+
+    Args:
+        offset: set-point minus position, (n, d) m.
+        velocity: velocity of the last frame, (n, d) m/s.
+        speed: highest speed, m/s.
+        acceleration: highest change of velocity per second, m/s^2.
+        period: length of a frame, s.
+
+    Returns:
+        (n, d) m/s: towards the set-point, no faster than `speed`, changed by at most `acceleration * period`.
+    """
+    distance = np.sqrt((offset**2).sum(-1, keepdims=True))
+    wanted = np.minimum(speed, stopping_speed(distance, acceleration, period))
+    direction = np.divide(offset, distance, out=np.zeros_like(offset), where=distance > 0)
+    change = direction * wanted - velocity
+    size = np.sqrt((change**2).sum(-1, keepdims=True))
+    step = acceleration * period
+    return velocity + change * np.minimum(1.0, np.divide(step, size, out=np.ones_like(size), where=size > 0))
+
+
+def _approach_pose(pose: Array, twist: Array, target: Array, limits: MotionLimits, period: float) -> Array:
+    """`approach` for position and heading of (n, 3) poses, each within its own limits; headings count full turns."""
+    offset = target - pose
+    xy = approach(offset[:, :2], twist[:, :2], limits.speed, limits.acceleration, period)
+    turn = approach(offset[:, 2:], twist[:, 2:], limits.turn_rate, limits.turn_acceleration, period)
+    return np.concatenate([xy, turn], axis=1)
+
+
+class Reference(Protocol):
+    """Where a robot should be and how fast it should move there."""
+
+    def at(self, frame: int, pose: Array) -> tuple[Array, Array]:
+        """Return the reference pose (n, 3) at `frame` and the twist (n, 3) from there to the next frame.
+
+        `pose` (n, 3) is where the robot is, or is predicted to be, at that frame; a timed reference ignores it.
+        """
+        ...
+
+
+class TimedReference:
+    """The way through the way-points as fast as the limits allow, stopping at each; known in advance.
+
+    Args:
+        waypoints: poses [x, y, heading], at least one; the first is the start.
+        limits: velocity and acceleration limits.
+        period: length of a frame, s.
+        dwell_frames: frames of rest at each way-point after the start.
+        settle_frames: further frames of rest at the end.
+
+    Raises:
+        OmniError: no way-points.
+    """
+
+    def __init__(
+        self,
+        waypoints: Sequence[Sequence[float]],
+        limits: MotionLimits,
+        period: float,
+        dwell_frames: int = 0,
+        settle_frames: int = 0,
+    ) -> None:
+        if not len(waypoints):
+            raise OmniError("a reference needs at least one way-point")
+        self.period = period
+        pose = np.array([waypoints[0]], float)
+        twist = np.zeros((1, 3))
+        poses = [pose[0]]
+        for waypoint in np.array(waypoints[1:], float).reshape(-1, 1, 3):
+            while max(np.abs(waypoint - pose).max(), np.abs(twist).max()) > 1e-9:
+                twist = _approach_pose(pose, twist, waypoint, limits, period)
+                pose = pose + twist * period
+                poses.append(pose[0])
+            pose, twist = waypoint, np.zeros((1, 3))
+            poses[-1] = pose[0]
+            poses += [pose[0]] * dwell_frames
+        poses += [pose[0]] * settle_frames
+        self.poses = np.array(poses)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames from the start to the end of rest."""
+        return len(self.poses)
+
+    def at(self, frame: int, pose: Array) -> tuple[Array, Array]:
+        """See `Reference`; after its last frame the reference stands still."""
+        here, following = self.poses[[min(frame, self.frames - 1), min(frame + 1, self.frames - 1)]]
+        return np.broadcast_to(here, pose.shape), np.broadcast_to((following - here) / self.period, pose.shape)
+
+
+class IteratedReference:
+    """The reference planned anew in every frame from where the robot is; `n` robots with their own progress.
+
+    A way-point counts as reached within `arrival_radius` (m); the robot then turns to the next, still slowing down.
+    """
+
+    def __init__(
+        self,
+        waypoints: Sequence[Sequence[float]],
+        limits: MotionLimits,
+        period: float,
+        n: int,
+        arrival_radius: float = 0.02,
+    ) -> None:
+        self.waypoints = np.array(waypoints, float)
+        self.limits, self.period, self.arrival_radius = limits, period, arrival_radius
+        self.goal = np.minimum(np.ones(n, int), len(waypoints) - 1)
+        self.twist = np.zeros((n, 3))
+        self.next_pose = np.repeat(self.waypoints[:1], n, axis=0)
+
+    def at(self, frame: int, pose: Array) -> tuple[Array, Array]:
+        """See `Reference`: the pose expected one frame after the last call, and the twist from here on."""
+        here = self.next_pose
+        self.twist = _approach_pose(pose, self.twist, self.waypoints[self.goal], self.limits, self.period)
+        self.next_pose = pose + self.twist * self.period
+        arrived = np.hypot(*(self.waypoints[self.goal] - pose)[:, :2].T) < self.arrival_radius
+        self.goal = np.minimum(self.goal + arrived, len(self.waypoints) - 1)
+        return here, self.twist

@@ -1,0 +1,1 @@
+"""omni-mj: a MuJoCo testbed for the motion control of RoboCup Small Size League robots."""

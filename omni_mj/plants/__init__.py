@@ -1,0 +1,47 @@
+"""The plants: what moves when commanded. All answer the same few calls, so every controller runs on each."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array
+
+
+class SimulationError(OmniError):
+    """The simulation became unstable; says when, which robot, and MuJoCo's warning."""
+
+
+@dataclass(frozen=True)
+class Telemetry:
+    """What the robots' wheels and motors are doing at a frame; not a number on a plant that has none.
+
+    wheel_angle (n, 4) rad, wheel_speed (n, 4) rad/s, voltage (n, 4) V, current (n, 4) A; and the largest magnitudes
+    over the four motors and the physics steps of the frame just past, voltage_peak (n,) V, current_peak (n,) A.
+    """
+
+    wheel_angle: Array
+    wheel_speed: Array
+    voltage: Array
+    current: Array
+    voltage_peak: Array
+    current_peak: Array
+
+
+class Plant(Protocol):
+    """n robots."""
+
+    def pose(self) -> Array:
+        """True poses (n, 3) now; headings count full turns."""
+        ...
+
+    def advance(self, frame: int, command: Array) -> None:
+        """Move on by one frame in which the robots obey `command` (n, 3), world frame.
+
+        Raises:
+            SimulationError: the simulation became unstable.
+        """
+        ...
+
+    def telemetry(self) -> Telemetry:
+        """Wheels and motors now."""
+        ...

@@ -1,0 +1,59 @@
+"""The robot of models/ssl_robot.xml: where the file is, and the numbers that Python reads from the compiled model."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from omni_control.errors import OmniError
+from omni_control.kinematics import Kinematics
+
+WHEELS = 4
+
+
+def model_path() -> Path:
+    """Path of ssl_robot.xml: beside the package in a checkout, inside it in an installed wheel."""
+    package = Path(__file__).parent
+    for folder in (package.parent / "models", package / "models"):
+        if (path := folder / "ssl_robot.xml").is_file():
+            return path
+    raise OmniError("models/ssl_robot.xml is missing from this installation of omni-mj; install it again")
+
+
+def load_model() -> mujoco.MjModel:
+    """Compile a fresh model, the caller's to change."""
+    return mujoco.MjModel.from_xml_path(str(model_path()))
+
+
+@lru_cache(maxsize=1)
+def _shared_model() -> mujoco.MjModel:
+    return load_model()
+
+
+def carpet_friction() -> float:
+    """Coefficient of friction between rollers and carpet, as in the model."""
+    return float(_shared_model().pair_friction[0, 0])
+
+
+@dataclass(frozen=True)
+class Motor:
+    """The model's motor and gear: torque constant (N m/A = V s/rad), resistance (ohm), gear ratio."""
+
+    constant: float
+    resistance: float
+    gear: float
+
+
+def motor(model: mujoco.MjModel) -> Motor:
+    """Read the motor from the first wheel's dcmotor."""
+    resistance, constant = model.actuator("motor_1").gainprm[:2]
+    return Motor(float(constant), float(resistance), float(model.actuator("motor_1").gear[0]))
+
+
+def kinematics(model: mujoco.MjModel) -> Kinematics:
+    """Read azimuths, arm and radius of the wheels from the compiled model."""
+    centres = np.array([model.body(f"wheel_{i + 1}").pos for i in range(WHEELS)])
+    azimuths = np.arctan2(centres[:, 1], centres[:, 0]) % (2 * np.pi)
+    return Kinematics(azimuths, float(np.hypot(*centres[0, :2])), float(centres[0, 2]))

@@ -1,0 +1,133 @@
+"""Every number a scenario can set: small frozen dataclasses whose fields carry unit, bounds and meaning."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from omni_mj import robot
+
+FRAME_RATE_HZ = 60  # SSL-Vision's cameras; the clock of everything (paper, section 4)
+PERIOD_S = 1 / FRAME_RATE_HZ
+
+
+def setting(
+    default: Any,
+    unit: str,
+    doc: str,
+    low: float | None = None,
+    high: float | None = None,
+    choices: tuple[str, ...] | None = None,
+) -> Any:
+    """A dataclass field with its unit, meaning and allowed range; a callable default is read when needed."""
+    metadata = {"unit": unit, "doc": doc, "low": low, "high": high, "choices": choices}
+    factory: Callable[[], Any] = default if callable(default) else lambda: default
+    return field(default_factory=factory, metadata=metadata)
+
+
+@dataclass(frozen=True)
+class ReferenceSettings:
+    """The task: way-points and the limits within which the reference moves between them."""
+
+    waypoints: list[list[float]] = setting(
+        lambda: [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], "m, m, rad", "poses [x, y, heading] to visit; the first is the start"
+    )
+    laps: int = setting(1, "", "how many times the way-points are visited", 1, 1000)
+    mode: str = setting(
+        "timed", "", "timed: known in advance; iterated: planned anew each frame from the pose",
+        choices=("timed", "iterated"),
+    )  # fmt: skip
+    max_speed_m_s: float = setting(3.159, "m/s", "highest speed of the reference (paper, section 2)", 0.01, 10)
+    max_acceleration_m_s2: float = setting(0.826, "m/s^2", "highest acceleration (paper, section 2)", 0.01, 20)
+    max_turn_rate_rad_s: float = setting(6.0, "rad/s", "highest turn rate of the reference", 0.01, 30)
+    max_turn_acceleration_rad_s2: float = setting(12.0, "rad/s^2", "highest turn acceleration", 0.01, 200)
+    dwell_s: float = setting(0.0, "s", "rest at each way-point", 0, 60)
+    settle_s: float = setting(1.0, "s", "rest after the last way-point", 0, 60)
+
+
+@dataclass(frozen=True)
+class VisionSettings:
+    """The 60 Hz camera. Noise and misses: "Realistic" of the ER-Force simulator."""
+
+    position_noise_m: float = setting(0.0013, "m", "standard deviation of the position seen, per axis", 0, 1)
+    heading_noise_rad: float = setting(0.01, "rad", "standard deviation of the heading seen", 0, 1)
+    miss_probability: float = setting(0.02, "", "probability that a robot is not seen in a frame", 0, 0.9)
+    filter_smoothing: float = setting(0.7, "", "of the filter behind it: 0 believes each frame, near 1 none", 0, 0.99)
+
+
+@dataclass(frozen=True)
+class RadioSettings:
+    """The radio link from the team's computer to the robot."""
+
+    delay_frames: int = setting(6, "frames", "dead time k_d from command to robot (paper: 0.1 s)", 0, 600)
+
+
+@dataclass(frozen=True)
+class ControlSettings:
+    """The team's computer: trackers, and the limits of what they may command."""
+
+    error_range_m: float = setting(0.1, "m", "input range of the fuzzy controller (paper, section 4)", 1e-6, 10)
+    speed_range_m_s: float = setting(1.0, "m/s", "output range of the fuzzy controller (paper, section 4)", 0, 10)
+    heading_gain: float = setting(3.0, "1/s", "turn rate per heading error of the heading hold", 0, 60)
+    alpha_window_frames: int = setting(15, "frames", "window n_0 over which alpha is estimated", 1, 600)
+    max_speed_m_s: float = setting(3.7, "m/s", "highest commanded speed (ssl-simulation-setup)", 0.01, 20)
+    max_acceleration_m_s2: float = setting(4.7, "m/s^2", "highest change of the command (ssl-simulation-setup)", 0.01, 1e3)
+    max_turn_rate_rad_s: float = setting(26.0, "rad/s", "highest commanded turn rate (same)", 0.01, 100)
+    max_turn_acceleration_rad_s2: float = setting(50.8, "rad/s^2", "highest change of it (same)", 0.01, 1e4)
+
+
+@dataclass(frozen=True)
+class FirmwareSettings:
+    """The wheel loops on the robot, one PID per wheel at the physics rate; gains at the wheel.
+
+    By default proportional with feed-forward, as in the firmware of TIGERs (k_i = 0) and RoboJackets.
+    """
+
+    kp: float = setting(0.3, "V s/rad", "voltage per error of the wheel speed", 0, 100)
+    ki: float = setting(0.0, "V/rad", "voltage per integrated error", 0, 1000)
+    kd: float = setting(0.0, "V s^2/rad", "voltage per rate of the error", 0, 1)
+    feed_forward: float = setting(1.0, "", "share of the motor's back-EMF at the wanted speed that is fed forward", 0, 2)
+
+
+@dataclass(frozen=True)
+class BatterySettings:
+    """The battery."""
+
+    voltage_v: float = setting(22.2, "V", "what the motor drivers can give; 6S LiPo, nominal (TIGERs)", 1, 25.2)
+
+
+@dataclass(frozen=True)
+class CarpetSettings:
+    """The carpet under the rollers."""
+
+    friction: float = setting(robot.carpet_friction, "", "coefficient of friction, all rollers", 0.01, 5)
+
+
+@dataclass(frozen=True)
+class DisturbanceSettings:
+    """A random disturbance, uniform in plus or minus its amplitude, drawn anew per frame and axis (table 4)."""
+
+    velocity_m_s: float = setting(0.0, "m/s", "kinematic plant: amplitude added to equation 7", 0, 10)
+    force_n: float = setting(0.0, "N", "MuJoCo plant: amplitude of a force on the chassis", 0, 1000)
+
+
+@dataclass(frozen=True)
+class KinematicSettings:
+    """The paper's own plant, equation 7."""
+
+    alpha_low: float = setting(0.7, "", "alpha is drawn uniformly from here ...", 0, 2)
+    alpha_high: float = setting(1.0, "", "... to here, per frame and axis (paper, section 2)", 0, 2)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All sections."""
+
+    reference: ReferenceSettings = field(default_factory=ReferenceSettings)
+    vision: VisionSettings = field(default_factory=VisionSettings)
+    radio: RadioSettings = field(default_factory=RadioSettings)
+    control: ControlSettings = field(default_factory=ControlSettings)
+    firmware: FirmwareSettings = field(default_factory=FirmwareSettings)
+    battery: BatterySettings = field(default_factory=BatterySettings)
+    carpet: CarpetSettings = field(default_factory=CarpetSettings)
+    disturbance: DisturbanceSettings = field(default_factory=DisturbanceSettings)
+    kinematic: KinematicSettings = field(default_factory=KinematicSettings)
