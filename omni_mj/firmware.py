@@ -64,5 +64,5 @@ class Firmware:
         c, s = np.cos(self.heading), np.sin(self.heading)
         forward = c * command[:, 0] + s * command[:, 1]
         left = c * command[:, 1] - s * command[:, 0]
-        a, b, l = self._rim.T
-        return forward[:, None] * a + left[:, None] * b + command[:, 2:] * l
+        per_forward, per_left, per_turn = self._rim.T
+        return forward[:, None] * per_forward + left[:, None] * per_left + command[:, 2:] * per_turn

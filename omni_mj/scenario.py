@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from omni_control.errors import OmniError
+from omni_control.tracker import TRACKERS
 from omni_mj.settings import Settings
 
 PLANTS = ("mujoco", "kinematic")
@@ -41,9 +42,7 @@ class Scenario:
     def to_toml(self) -> str:
         """The effective scenario, every setting written out; reading it back gives an equal one."""
         lines = [
-            f"{f.name} = {json.dumps(getattr(self, f.name))}"
-            for f in dataclasses.fields(self)
-            if f.name != "settings"
+            f"{f.name} = {json.dumps(getattr(self, f.name))}" for f in dataclasses.fields(self) if f.name != "settings"
         ]
         for section in dataclasses.fields(self.settings):
             values = dataclasses.asdict(getattr(self.settings, section.name))
@@ -57,8 +56,10 @@ def builtin() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob("*.toml"))}
 
 
-def load(name_or_path: str, overrides: Iterable[str] = ()) -> Scenario:
-    """Read a scenario by name or from a TOML file and apply `section.field=value` overrides, all of it checked.
+def load(name_or_path: str, overrides: Iterable[str] = (), head: Mapping[str, Any] | None = None) -> Scenario:
+    """Read a scenario by name or from a TOML file, apply `section.field=value` overrides, and check all of it.
+
+    `head` replaces fields of `Scenario` itself, such as plant or seeds.
 
     Raises:
         OmniError: no such scenario or file, not TOML, an unknown name, a value of the wrong type or out of range.
@@ -76,7 +77,7 @@ def load(name_or_path: str, overrides: Iterable[str] = ()) -> Scenario:
         raise OmniError(f"scenario {path} is not valid TOML: {error}") from None
     for override in overrides:
         _override(data, override)
-    return _parse(data, path.stem)
+    return _parse(data | dict(head or {}), path.stem)
 
 
 def _override(data: dict[str, Any], override: str) -> None:
@@ -104,7 +105,8 @@ def _parse(data: Mapping[str, Any], stem: str) -> Scenario:
         elif key in head:
             values[key] = value
         else:
-            raise OmniError(f"unknown name {key!r} in a scenario; {_choose(key, [*sections, *head])}")
+            kind, allowed = ("section", sections) if isinstance(value, dict) else ("name", head)
+            raise OmniError(f"unknown {kind} {key!r} in a scenario; {_choose(key, allowed)}")
     settings = Settings(**parsed)
     _check_head(values)
     _check_together(settings)
@@ -118,8 +120,11 @@ def _check_head(values: Mapping[str, Any]) -> None:
         if name in values and (not isinstance(values[name], kind) or isinstance(values[name], bool)):
             raise OmniError(f"{name} must be {'a string' if kind is str else 'a whole number'}, not {values[name]!r}")
     controllers = values.get("controllers", Scenario.controllers)
-    if not isinstance(controllers, (list, tuple)) or not controllers or not all(isinstance(c, str) for c in controllers):
+    if not isinstance(controllers, (list, tuple)) or not controllers:
         raise OmniError(f"controllers must be a list of at least one name, not {controllers!r}")
+    for controller in controllers:
+        if not isinstance(controller, str) or controller not in TRACKERS:
+            raise OmniError(f"unknown controller {controller!r}; {_choose(controller, TRACKERS)}")
     if len(set(controllers)) < len(controllers):
         raise OmniError("a controller is named twice; name each once")
     if values.get("plant", "mujoco") not in PLANTS:
@@ -138,8 +143,8 @@ def _parse_section(section: str, kind: Any, data: Any) -> Any:
     fields = {f.name: f for f in dataclasses.fields(kind)}
     for name in data:
         if name not in fields:
-            full = {f"{s.name}.{f.name}" for s in dataclasses.fields(Settings) for f in dataclasses.fields(s.default_factory)}  # type: ignore[arg-type]
-            raise OmniError(f"unknown setting {section}.{name}; {_choose(f'{section}.{name}', full, fields)}")
+            full = [f"{section}.{field}" for field in fields]
+            raise OmniError(f"unknown setting {section}.{name}; {_choose(f'{section}.{name}', full)}")
     return kind(**{name: _check(f"{section}.{name}", fields[name], value) for name, value in data.items()})
 
 
@@ -152,12 +157,16 @@ def _check(name: str, spec: dataclasses.Field[Any], value: Any) -> Any:
     if name == "reference.waypoints":
         return _check_waypoints(value)
     whole = spec.type is int
-    number = not isinstance(value, bool) and isinstance(value, int if whole else (int, float))
-    if not number or not math.isfinite(value) or not meta["low"] <= value <= meta["high"]:
+    valid = _is_number(value) and (isinstance(value, int) or not whole)
+    if not valid or not meta["low"] <= value <= meta["high"]:
         kind = "a whole number" if whole else "a number"
         unit = f" {meta['unit']}" if meta["unit"] else ""
         raise OmniError(f"{name} must be {kind} from {meta['low']:g} to {meta['high']:g}{unit}, not {value!r}")
     return value if whole else float(value)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _check_waypoints(value: Any) -> list[list[float]]:
@@ -166,8 +175,11 @@ def _check_waypoints(value: Any) -> list[list[float]]:
         raise OmniError(f"{message}, not {value!r}")
     poses = []
     for point in value:
-        numbers = isinstance(point, list) and all(isinstance(c, (int, float)) and not isinstance(c, bool) for c in point)
-        if not numbers or len(point) not in (2, 3) or not all(abs(c) <= 100 for c in point):
+        if (
+            not isinstance(point, list)
+            or len(point) not in (2, 3)
+            or not all(_is_number(c) and abs(c) <= 100 for c in point)
+        ):
             raise OmniError(f"{message}; {point!r} is not one")
         poses.append([float(c) for c in point] + [0.0] * (3 - len(point)))
     return poses
@@ -178,8 +190,8 @@ def _check_together(settings: Settings) -> None:
         raise OmniError("kinematic.alpha_low must not be above kinematic.alpha_high")
 
 
-def _choose(wrong: str, allowed: Iterable[str], shown: Iterable[str] | None = None) -> str:
-    """'did you mean X? choose from A, B, C' for a misspelt name; `shown` are the names listed, if not all allowed."""
+def _choose(wrong: str, allowed: Iterable[str]) -> str:
+    """'did you mean X? choose from A, B, C' for a misspelt name."""
     near = difflib.get_close_matches(str(wrong), list(allowed), n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""
-    return f"{hint}choose from {', '.join(sorted(shown if shown is not None else allowed))}"
+    return f"{hint}choose from {', '.join(sorted(allowed))}"

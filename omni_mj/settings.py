@@ -29,7 +29,7 @@ class ReferenceSettings:
     """The task: way-points and the limits within which the reference moves between them."""
 
     waypoints: list[list[float]] = setting(
-        lambda: [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], "m, m, rad", "poses [x, y, heading] to visit; the first is the start"
+        lambda: [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], "m, m, rad", "poses [x, y, heading] to visit, from the first on"
     )
     laps: int = setting(1, "", "how many times the way-points are visited", 1, 1000)
     mode: str = setting(
@@ -70,7 +70,7 @@ class ControlSettings:
     heading_gain: float = setting(3.0, "1/s", "turn rate per heading error of the heading hold", 0, 60)
     alpha_window_frames: int = setting(15, "frames", "window n_0 over which alpha is estimated", 1, 600)
     max_speed_m_s: float = setting(3.7, "m/s", "highest commanded speed (ssl-simulation-setup)", 0.01, 20)
-    max_acceleration_m_s2: float = setting(4.7, "m/s^2", "highest change of the command (ssl-simulation-setup)", 0.01, 1e3)
+    max_acceleration_m_s2: float = setting(4.7, "m/s^2", "highest change of it (ssl-simulation-setup)", 0.01, 1e3)
     max_turn_rate_rad_s: float = setting(26.0, "rad/s", "highest commanded turn rate (same)", 0.01, 100)
     max_turn_acceleration_rad_s2: float = setting(50.8, "rad/s^2", "highest change of it (same)", 0.01, 1e4)
 
@@ -85,7 +85,7 @@ class FirmwareSettings:
     kp: float = setting(0.3, "V s/rad", "voltage per error of the wheel speed", 0, 100)
     ki: float = setting(0.0, "V/rad", "voltage per integrated error", 0, 1000)
     kd: float = setting(0.0, "V s^2/rad", "voltage per rate of the error", 0, 1)
-    feed_forward: float = setting(1.0, "", "share of the motor's back-EMF at the wanted speed that is fed forward", 0, 2)
+    feed_forward: float = setting(1.0, "", "share of the wanted speed's back-EMF that is fed forward", 0, 2)
 
 
 @dataclass(frozen=True)

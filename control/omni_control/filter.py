@@ -31,7 +31,7 @@ class PoseFilter:
         predicted = self.pose + self.twist * self._period
         surprise = measured - predicted
         surprise[:, 2] = wrap_angle(surprise[:, 2])
-        surprise[~valid] = 0.0
+        surprise[np.logical_not(valid)] = 0.0
         self.pose = predicted + self._pose_gain * surprise
         self.twist = self.twist + self._twist_gain / self._period * surprise
         return self.pose

@@ -1,13 +1,13 @@
-"""Kinematics of a four-wheeled omnidirectional robot (equations 1-4 of the paper).
+r"""Kinematics of a four-wheeled omnidirectional robot (equations 1-4 of the paper).
 
     body frame, seen from above                    wheel i at azimuth theta_i and distance l (the arm)
 
                  x (kicker)
-          1 \\   ^   / 4        theta = 60, 135, 225, 300 deg, counter-clockwise from the front left
-             \\  |  /
+          1 \   ^   / 4         theta = 60, 135, 225, 300 deg, counter-clockwise from the front left
+             \  |  /
        y <------+                A positive wheel speed drives the wheel's contact point, and so the body there,
-             /     \\            along (-sin theta, cos theta): all four positive turn the robot counter-clockwise.
-          2 /       \\ 3
+             /     \             along (-sin theta, cos theta): all four positive turn the robot counter-clockwise.
+          2 /       \ 3
 
 World frame: field centre, x towards the goal, y left, heading counter-clockwise from x.
 A pose is [x, y, heading] in m, m, rad; a twist is [vx, vy, w] in m/s, m/s, rad/s.

@@ -67,6 +67,16 @@ def _approach_pose(pose: Array, twist: Array, target: Array, limits: MotionLimit
     return np.concatenate([xy, turn], axis=1)
 
 
+def _leg(start: Array, end: Array, limits: MotionLimits, period: float) -> Array:
+    """Poses (frames, 3) after `start` up to and including `end`, from rest to rest."""
+    pose, twist, poses = start[None], np.zeros((1, 3)), []
+    while max(np.abs(end - pose).max(), np.abs(twist).max()) > 1e-9:  # nm: beyond it there is only rounding
+        twist = _approach_pose(pose, twist, end[None], limits, period)
+        pose = pose + twist * period
+        poses.append(pose[0])
+    return np.array([*poses[:-1], end] if poses else poses).reshape(-1, 3)
+
+
 class Reference(Protocol):
     """Where a robot should be and how fast it should move there."""
 
@@ -103,19 +113,15 @@ class TimedReference:
         if not len(waypoints):
             raise OmniError("a reference needs at least one way-point")
         self.period = period
-        pose = np.array([waypoints[0]], float)
-        twist = np.zeros((1, 3))
-        poses = [pose[0]]
-        for waypoint in np.array(waypoints[1:], float).reshape(-1, 1, 3):
-            while max(np.abs(waypoint - pose).max(), np.abs(twist).max()) > 1e-9:
-                twist = _approach_pose(pose, twist, waypoint, limits, period)
-                pose = pose + twist * period
-                poses.append(pose[0])
-            pose, twist = waypoint, np.zeros((1, 3))
-            poses[-1] = pose[0]
-            poses += [pose[0]] * dwell_frames
-        poses += [pose[0]] * settle_frames
-        self.poses = np.array(poses)
+        points = np.array(waypoints, float)
+        legs: dict[bytes, Array] = {}  # laps repeat their legs
+        poses = [points[:1]]
+        for leg in zip(points[:-1], points[1:], strict=True):
+            key = np.array(leg).tobytes()
+            if key not in legs:
+                legs[key] = _leg(*leg, limits, period)
+            poses += [legs[key], np.repeat(leg[1][None], dwell_frames, axis=0)]
+        self.poses = np.concatenate([*poses, np.repeat(points[-1:], settle_frames, axis=0)])
 
     @property
     def frames(self) -> int:

@@ -1,0 +1,102 @@
+"""What a user sees on the terminal: errors in one line, progress, the result's table."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, NoReturn
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from omni_control.errors import OmniError
+from omni_mj.metrics import AXES
+from omni_mj.plants import SimulationError
+
+BAD_INPUT, FAILED = 2, 1
+
+
+def invoke(command: click.Command, args: list[str] | None = None) -> NoReturn:
+    """Run a click command and exit: 0 on success, 2 for bad input, 1 for a failure; errors are one line on stderr."""
+    try:
+        code = command.main(args=args, prog_name=_program(command), standalone_mode=False)
+    except click.exceptions.Abort:
+        fail("interrupted", 130)
+    except SimulationError as error:
+        fail(str(error), FAILED)
+    except OmniError as error:
+        fail(str(error), BAD_INPUT)
+    except click.ClickException as error:
+        fail(error.format_message(), BAD_INPUT)
+    except OSError as error:
+        fail(f"{error.filename or 'file system'}: {error.strerror or error}", FAILED)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _program(command: click.Command) -> str:
+    return "omni-mj" if isinstance(command, click.Group) else f"python -m omni_mj.{command.name}"
+
+
+def fail(message: str, code: int) -> NoReturn:
+    """Print one line on stderr and exit with `code`."""
+    click.echo(f"error: {' '.join(message.split())}", err=True)
+    sys.exit(code)
+
+
+@contextmanager
+def progress(description: str, total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
+    """A progress bar on stderr; yields a function that is told how much is done."""
+    if quiet:
+        yield lambda done: None
+        return
+    label, bar, done = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
+    columns = (label, bar, done, TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as display:
+        task = display.add_task(description, total=total)
+        yield lambda done: display.update(task, completed=done)
+
+
+def result_rows(summary: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows of the table that compares the controllers with each other and with the paper, in cm."""
+    controllers, results, paper = summary["controllers"], summary["results"], summary["paper"] or {}
+    first = controllers[0]
+    headings = ["error in cm", *controllers, *(f"{c} vs {first}" for c in controllers[1:])]
+    headings += [f"paper {c}" for c in paper] + (["paper reduction"] if paper else [])
+    rows = []
+    for axis in AXES:
+        for statistic, label in (("max", "maximum"), ("mean", "mean")):
+            row = [f"{axis} {label}"]
+            row += [f"{100 * results[c]['error_m'][axis][statistic]['median']:.2f}" for c in controllers]
+            row += [_reduction(results[c]["reduction_percent"][axis][statistic]) for c in controllers[1:]]
+            row += [f"{100 * paper[c][axis][statistic]:.2f}" for c in paper]
+            if paper:
+                base, compensated = paper["flc"][axis][statistic], paper["comp-flc"][axis][statistic]
+                row.append(_reduction(100 * (1 - compensated / base)))
+            rows.append(row)
+    return headings, rows
+
+
+def _reduction(percent: float | None) -> str:
+    return "-" if percent is None else f"{-percent:+.0f} %"
+
+
+def print_result(summary: dict[str, Any]) -> None:
+    """Print the table of a summary."""
+    headings, rows = result_rows(summary)
+    seeds = len(summary["seeds"])
+    over = f"median of {seeds} seeds" if seeds > 1 else f"seed {summary['seeds'][0]}"
+    title = f"{summary['scenario']} on the {summary['plant']} plant, {over}"
+    table = Table(title=title, title_justify="left", title_style="bold")
+    for i, heading in enumerate(headings):
+        table.add_column(heading, justify="right" if i else "left")
+    for row in rows:
+        table.add_row(*row)
+    Console(width=None if sys.stdout.isatty() else 120).print(table)
+
+
+def markdown_result(summary: dict[str, Any]) -> str:
+    """The same table as Markdown."""
+    headings, rows = result_rows(summary)
+    lines = [headings, ["---"] * len(headings), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)

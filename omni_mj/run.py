@@ -1,0 +1,173 @@
+"""`python -m omni_mj.run`: run a scenario, show its result, leave its files."""
+
+import shutil
+import signal
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from itertools import chain, count
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import click
+
+from omni_control.errors import OmniError
+from omni_mj import console, figures, listing, scenario, summary
+from omni_mj.loop import Simulation
+from omni_mj.plants import SimulationError
+from omni_mj.recording import Recording
+from omni_mj.settings import FRAME_RATE_HZ
+
+OUTPUTS = ("summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml", "figures")
+BLOCK_FRAMES = 5 * FRAME_RATE_HZ  # of recording sent at a time; what a killed process loses at most
+PROGRESS_FRAMES = 12
+
+
+@click.command()
+@click.option("--scenario", "scenario_name", metavar="NAME|FILE.toml", help="What to run.")
+@click.option("--controller", "controllers", metavar="NAME", multiple=True, help="May be repeated. [flc and comp-flc]")
+@click.option("--plant", metavar="|".join(scenario.PLANTS), help="What is driven. [mujoco]")
+@click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")
+@click.option("--seeds", type=int, metavar="N", help="How many seeds, counting up from the first. [1]")
+@click.option("--set", "overrides", metavar="SECTION.FIELD=VALUE", multiple=True, help="A setting; see --list.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="[runs/<scenario>-<UTC time>]")
+@click.option("--overwrite", is_flag=True, help="Replace the files of an earlier run in --out.")
+@click.option("--record/--no-record", default=True, help="Write recording.rrd for the rerun viewer.")
+@click.option("--figures/--no-figures", "draw", default=True, help="Draw the figures.")
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@click.option("--list", "show_list", is_flag=True, help="List scenarios, controllers and settings.")
+def run(
+    scenario_name: str | None,
+    controllers: tuple[str, ...],
+    plant: str | None,
+    seed: int | None,
+    seeds: int | None,
+    overrides: tuple[str, ...],
+    out: Path | None,
+    overwrite: bool,
+    record: bool,
+    draw: bool,
+    quiet: bool,
+    show_list: bool,
+) -> None:
+    """Run a scenario with one or several controllers and compare them."""
+    if show_list:
+        listing.show()
+        return
+    if scenario_name is None:
+        raise OmniError(f"--scenario is missing; choose from {', '.join(scenario.builtin())}, or a .toml file")
+    head = {"controllers": controllers or None, "plant": plant, "seed": seed, "seeds": seeds}
+    chosen = scenario.load(scenario_name, overrides, {k: v for k, v in head.items() if v is not None})
+    folder = _prepare(out, chosen.name, overwrite)
+    execute(chosen, folder, record, draw, quiet)
+
+
+def execute(chosen: scenario.Scenario, folder: Path, record: bool, draw: bool, quiet: bool) -> None:
+    """Run `chosen`; whatever ends the run, what was recorded until then is saved in `folder`."""
+    started = time.perf_counter()
+    simulation = Simulation(chosen)
+    (folder / "scenario.toml").write_text(chosen.to_toml(), encoding="utf-8")
+    with ExitStack() as stack:
+        recording = None
+        if record:
+            recording = stack.enter_context(Recording(folder / "recording.rrd", chosen, simulation.reference.poses))
+        stop = _simulate(simulation, recording, quiet)
+        trajectory = simulation.trajectory
+        result = summary.summarise(chosen, trajectory, time.perf_counter() - started, stop.reason if stop else None)
+        if trajectory.length:
+            trajectory.save(folder / "trajectory.parquet")
+            if recording:
+                recording.log_summary(console.markdown_result(result))
+    if draw and trajectory.length:
+        title = f"{chosen.name} on the {chosen.plant} plant, seed {chosen.seed}"
+        figures.save_all(trajectory, title, folder / "figures")
+    result["wall_s"] = round(time.perf_counter() - started, 3)
+    summary.save(result, folder / "summary.json")
+    if not quiet:
+        _report(result, folder, record, draw)
+    if stop:
+        console.fail(f"{stop.reason}; what was recorded until then is in {folder}", stop.exit_code)
+
+
+@dataclass(frozen=True)
+class _Stop:
+    """Why a run ended before its time."""
+
+    reason: str
+    exit_code: int
+
+
+def _simulate(simulation: Simulation, recording: Recording | None, quiet: bool) -> _Stop | None:
+    """Run to the end, recording in blocks; return why it stopped early, or None."""
+    trajectory, total = simulation.trajectory, simulation.reference.frames
+    signal.signal(signal.SIGTERM, _terminate)
+    try:
+        with console.progress(simulation.scenario.name, total, quiet) as show:
+
+            def after_frame(frame: int) -> None:
+                if (frame + 1) % PROGRESS_FRAMES == 0:
+                    show(frame + 1)
+                if recording and (frame + 1) % BLOCK_FRAMES == 0:
+                    recording.write(trajectory)
+
+            simulation.run(after_frame)
+        return None
+    except SimulationError as error:
+        return _Stop(str(error), console.FAILED)
+    except KeyboardInterrupt:
+        return _Stop("interrupted", 130)
+    except _TerminatedError:
+        return _Stop("terminated", 143)
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        if recording:
+            recording.write(trajectory)
+
+
+class _TerminatedError(Exception):
+    """SIGTERM arrived."""
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    raise _TerminatedError
+
+
+def _prepare(out: Path | None, name: str, overwrite: bool) -> Path:
+    """The run's folder, made if need be; never one that holds anything, unless asked to overwrite a run's files."""
+    if out is None:
+        base = Path("runs") / f"{name}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
+        names = chain([base], (Path(f"{base}-{i}") for i in count(2)))  # two runs may start in the same second
+        out = next(path for path in names if not path.exists())
+    if out.exists() and not out.is_dir():
+        raise OmniError(f"--out {out} is a file; give a folder")
+    if out.is_dir() and any(out.iterdir()):
+        if not overwrite:
+            raise OmniError(f"--out {out} is not empty; give another folder, or --overwrite to replace the run in it")
+        for output in OUTPUTS:
+            if (old := out / output).is_dir():
+                shutil.rmtree(old)
+            else:
+                old.unlink(missing_ok=True)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OmniError(f"cannot make the folder {out}: {error.strerror}; give another with --out") from None
+    return out
+
+
+def _report(result: dict[str, Any], folder: Path, record: bool, draw: bool) -> None:
+    if result["results"]:
+        console.print_result(result)
+    print(f"{result['simulated_s']:.1f} s simulated in {result['wall_s']:.1f} s; results in {folder}/")
+    print(f"  numbers    {folder / 'summary.json'}, {folder / 'trajectory.parquet'}")
+    if draw:
+        print(f"  figures    {folder / 'figures'}/")
+    print(f"  repeat     python -m omni_mj.run --scenario {folder / 'scenario.toml'}")
+    if record:
+        print(f"  recording  rerun {folder / 'recording.rrd'}")
+
+
+if __name__ == "__main__":
+    console.invoke(run)
