@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: run test check bench clean
+.PHONY: run test check bench wheel clean
 
 run: $(VENV)/.installed
 	$(BIN)/python -m omni_mj.run --scenario rect
@@ -19,8 +19,16 @@ check: $(VENV)/.installed-test
 bench: $(VENV)/.installed
 	$(BIN)/python tests/bench.py
 
+# A wheel, installed somewhere else and run there: the model and the scenarios must travel with it.
+wheel: $(VENV)/.installed
+	rm -rf build/wheel && mkdir -p build/wheel
+	$(BIN)/python -m pip wheel -q --disable-pip-version-check --no-deps -w build/wheel .
+	$(BIN)/python -m venv build/wheel/venv
+	build/wheel/venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt build/wheel/*.whl
+	cd build/wheel && venv/bin/omni-mj --scenario rect --set reference.waypoints='[[0, 0], [0.2, 0.1]]'
+
 clean:
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
