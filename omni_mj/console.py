@@ -47,7 +47,7 @@ def fail(message: str, code: int) -> NoReturn:
 @contextmanager
 def progress(description: str, total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
     """A progress bar on stderr; yields a function that is told how much is done."""
-    if quiet:
+    if quiet or not sys.stderr.isatty():
         yield lambda done: None
         return
     label, bar, done = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()

@@ -2,6 +2,7 @@
 
 import shutil
 import signal
+import sys
 import time
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -164,9 +165,18 @@ def _report(result: dict[str, Any], folder: Path, record: bool, draw: bool) -> N
     print(f"  numbers    {folder / 'summary.json'}, {folder / 'trajectory.parquet'}")
     if draw:
         print(f"  figures    {folder / 'figures'}/")
-    print(f"  repeat     python -m omni_mj.run --scenario {folder / 'scenario.toml'}")
+    print(f"  repeat     {_program('python')} -m omni_mj.run --scenario {folder / 'scenario.toml'}")
     if record:
-        print(f"  recording  rerun {folder / 'recording.rrd'}")
+        print(f"  recording  {_program('rerun')} {folder / 'recording.rrd'}")
+
+
+def _program(name: str) -> str:
+    """How a user starts a program that is installed beside this Python, whose folder need not be on the PATH."""
+    program = Path(sys.executable).with_name(name)
+    if (found := shutil.which(name)) and Path(found) == program:
+        return name
+    here = Path.cwd()
+    return str(program.relative_to(here) if program.is_relative_to(here) else program)
 
 
 if __name__ == "__main__":

@@ -66,7 +66,7 @@ class ControlSettings:
     """The team's computer: trackers, and the limits of what they may command."""
 
     error_range_m: float = setting(0.1, "m", "input range of the fuzzy controller (paper, section 4)", 1e-6, 10)
-    speed_range_m_s: float = setting(1.0, "m/s", "output range of the fuzzy controller (paper, section 4)", 0, 10)
+    speed_range_m_s: float = setting(1.0, "m/s", "output range of the fuzzy controller (paper, section 4)", 1e-6, 10)
     heading_gain: float = setting(3.0, "1/s", "turn rate per heading error of the heading hold", 0, 60)
     alpha_window_frames: int = setting(15, "frames", "window n_0 over which alpha is estimated", 1, 600)
     max_speed_m_s: float = setting(3.7, "m/s", "highest commanded speed (ssl-simulation-setup)", 0.01, 20)

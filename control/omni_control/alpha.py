@@ -15,7 +15,8 @@ class AlphaEstimator:
         alpha = (dx dx_d + rho alpha_old) / (dx_d^2 + rho)
 
     with dx the displacement seen by vision in the window and dx_d that of the commands which acted in it. The
-    regularisation rho keeps the old value at standstill, when neither means anything.
+    regularisation rho keeps the old value at standstill, when neither means anything; what is left of an old value
+    shrinks by rho / (dx_d^2 + rho) each frame.
 
     Args:
         n: robots.

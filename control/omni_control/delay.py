@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 
 
@@ -33,7 +34,13 @@ class CommandsInFlight:
             self._sent[-1] = command
 
     def last(self, count: int, skip: int = 0) -> Array:
-        """The `count` commands sent before the `skip` newest, (count, n, 3), oldest first."""
+        """The `count` commands sent before the `skip` newest, (count, n, 3), oldest first; valid until the next push.
+
+        Raises:
+            OmniError: more than are kept.
+        """
+        if count + skip > len(self._sent):
+            raise OmniError(f"{count + skip} commands were asked for, but only {len(self._sent)} are kept")
         end = len(self._sent) - skip
         return self._sent[end - count : end]
 

@@ -59,6 +59,15 @@ class FuzzyController:
     error_range_m: float = 0.1
     speed_range_m_s: float = 1.0
 
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            OmniError: a range is not a positive number.
+        """
+        if not (0 < self.error_range_m < np.inf and 0 < self.speed_range_m_s < np.inf):
+            raise OmniError("the ranges of the fuzzy controller must be positive numbers")
+
     def __call__(self, error: ArrayLike) -> Array:
         """Return velocities [vx, vy] (..., 2) in m/s for position errors [ex, ey] (..., 2) in m.
 

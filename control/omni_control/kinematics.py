@@ -24,7 +24,8 @@ Array = NDArray[np.float64]
 def wrap_angle(angle: ArrayLike) -> Array:
     """Return `angle` (rad, any shape) mapped into (-pi, pi]."""
     angle = np.asarray(angle, float)
-    return angle - 2 * np.pi * np.ceil(angle / (2 * np.pi) - 0.5)
+    wrapped = angle - 2 * np.pi * np.ceil(angle / (2 * np.pi) - 0.5)
+    return np.clip(wrapped, np.nextafter(-np.pi, 0), np.pi)  # rounding may have led just past the ends
 
 
 def body_to_world(twist: ArrayLike, heading: ArrayLike) -> Array:

@@ -7,6 +7,7 @@ the robot's pose it gives the re-planned reference that the paper also describes
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -24,12 +25,23 @@ class MotionLimits:
     turn_rate: float = 6.0
     turn_acceleration: float = 12.0
 
+    def __post_init__(self) -> None:
+        """Check the limits.
+
+        Raises:
+            OmniError: a limit is not a positive number.
+        """
+        for name, value in vars(self).items():
+            if not 0 < value < np.inf:
+                raise OmniError(f"the reference's limit of {name} must be a positive number, not {value}")
+
 
 def stopping_speed(distance: Array, acceleration: float, period: float) -> Array:
     """Highest speed (m/s) from which `distance` (m, >= 0) is covered exactly while braking at most at `acceleration`.
 
     A point that moves s, s - 1, s - 2, ... units of a T^2 in successive frames of length T covers m (m + 1) / 2 in m
-    frames; between these distances the speed is linear, which makes it fall by exactly one unit each frame.
+    frames; between these distances the speed is linear, which makes it fall by exactly one unit each
+    frame but the last.
     """
     unit = acceleration * period**2
     d = np.asarray(distance, float) / unit
@@ -48,15 +60,25 @@ def approach(offset: Array, velocity: Array, speed: float, acceleration: float, 
         period: length of a frame, s.
 
     Returns:
-        (n, d) m/s: towards the set-point, no faster than `speed`, changed by at most `acceleration * period`.
+        (n, d) m/s: no faster than `speed`, changed by at most `acceleration * period`. What leads past the set-point
+        is braked first; what is left of the change goes into the speed towards it.
     """
-    distance = np.sqrt((offset**2).sum(-1, keepdims=True))
-    wanted = np.minimum(speed, stopping_speed(distance, acceleration, period))
-    direction = np.divide(offset, distance, out=np.zeros_like(offset), where=distance > 0)
-    change = direction * wanted - velocity
-    size = np.sqrt((change**2).sum(-1, keepdims=True))
     step = acceleration * period
-    return velocity + change * np.minimum(1.0, np.divide(step, size, out=np.ones_like(size), where=size > 0))
+    distance = _size(offset)
+    direction = np.divide(offset, distance, out=np.zeros_like(offset), where=distance > 0)
+    along = (velocity * direction).sum(-1, keepdims=True)
+    across = velocity - along * direction
+    sideways = _size(across)
+    braked = np.minimum(sideways, step)
+    across = across * (1 - braked / np.maximum(sideways, 1e-300))
+    highest = np.sqrt(np.maximum(speed**2 - _size(across) ** 2, 0))
+    wanted = np.minimum(stopping_speed(distance, acceleration, period), highest)
+    budget = np.sqrt(step**2 - braked**2)
+    return across + (along + np.clip(wanted - along, -budget, budget)) * direction
+
+
+def _size(vector: Array) -> Array:
+    return np.sqrt((vector**2).sum(-1, keepdims=True))
 
 
 def _approach_pose(pose: Array, twist: Array, target: Array, limits: MotionLimits, period: float) -> Array:
@@ -65,6 +87,12 @@ def _approach_pose(pose: Array, twist: Array, target: Array, limits: MotionLimit
     xy = approach(offset[:, :2], twist[:, :2], limits.speed, limits.acceleration, period)
     turn = approach(offset[:, 2:], twist[:, 2:], limits.turn_rate, limits.turn_acceleration, period)
     return np.concatenate([xy, turn], axis=1)
+
+
+def _checked(waypoints: Sequence[Sequence[float]]) -> Array:
+    if not len(waypoints) or any(len(point) != 3 for point in waypoints) or not np.isfinite(waypoints).all():
+        raise OmniError("a reference needs at least one way-point, each three finite numbers [x, y, heading]")
+    return np.array(waypoints, float)
 
 
 def _leg(start: Array, end: Array, limits: MotionLimits, period: float) -> Array:
@@ -95,11 +123,11 @@ class TimedReference:
         waypoints: poses [x, y, heading], at least one; the first is the start.
         limits: velocity and acceleration limits.
         period: length of a frame, s.
-        dwell_frames: frames of rest at each way-point after the start.
+        dwell_frames: further frames of rest at each way-point after the start.
         settle_frames: further frames of rest at the end.
 
     Raises:
-        OmniError: no way-points.
+        OmniError: no way-points, or one that is not three finite numbers.
     """
 
     def __init__(
@@ -110,13 +138,11 @@ class TimedReference:
         dwell_frames: int = 0,
         settle_frames: int = 0,
     ) -> None:
-        if not len(waypoints):
-            raise OmniError("a reference needs at least one way-point")
         self.period = period
-        points = np.array(waypoints, float)
+        points = _checked(waypoints)
         legs: dict[bytes, Array] = {}  # laps repeat their legs
         poses = [points[:1]]
-        for leg in zip(points[:-1], points[1:], strict=True):
+        for leg in pairwise(points):
             key = np.array(leg).tobytes()
             if key not in legs:
                 legs[key] = _leg(*leg, limits, period)
@@ -125,7 +151,7 @@ class TimedReference:
 
     @property
     def frames(self) -> int:
-        """Number of frames from the start to the end of rest."""
+        """Number of frames, both ends counted."""
         return len(self.poses)
 
     def at(self, frame: int, pose: Array) -> tuple[Array, Array]:
@@ -137,7 +163,11 @@ class TimedReference:
 class IteratedReference:
     """The reference planned anew in every frame from where the robot is; `n` robots with their own progress.
 
-    A way-point counts as reached within `arrival_radius` (m); the robot then turns to the next, still slowing down.
+    A way-point counts as reached within `arrival_radius` (m) and `arrival_angle` (rad); the robot then turns to the
+    next, still slowing down.
+
+    Raises:
+        OmniError: no way-points, or one that is not three finite numbers.
     """
 
     def __init__(
@@ -147,9 +177,11 @@ class IteratedReference:
         period: float,
         n: int,
         arrival_radius: float = 0.02,
+        arrival_angle: float = 0.1,
     ) -> None:
-        self.waypoints = np.array(waypoints, float)
-        self.limits, self.period, self.arrival_radius = limits, period, arrival_radius
+        self.waypoints = _checked(waypoints)
+        self.limits, self.period = limits, period
+        self.arrival_radius, self.arrival_angle = arrival_radius, arrival_angle
         self.goal = np.minimum(np.ones(n, int), len(waypoints) - 1)
         self.twist = np.zeros((n, 3))
         self.next_pose = np.repeat(self.waypoints[:1], n, axis=0)
@@ -159,6 +191,8 @@ class IteratedReference:
         here = self.next_pose
         self.twist = _approach_pose(pose, self.twist, self.waypoints[self.goal], self.limits, self.period)
         self.next_pose = pose + self.twist * self.period
-        arrived = np.hypot(*(self.waypoints[self.goal] - pose)[:, :2].T) < self.arrival_radius
+        offset = self.waypoints[self.goal] - pose
+        near = np.hypot(offset[:, 0], offset[:, 1]) < self.arrival_radius
+        arrived = near & (np.abs(offset[:, 2]) < self.arrival_angle)
         self.goal = np.minimum(self.goal + arrived, len(self.waypoints) - 1)
         return here, self.twist

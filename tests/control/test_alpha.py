@@ -1,0 +1,152 @@
+"""Laws of the motor correction factor's estimate, on the plant of equation 7 with known factors."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from omni_control.alpha import AlphaEstimator
+from omni_control.delay import CommandsInFlight
+from omni_control.kinematics import Array
+
+LAW = settings(deadline=None, max_examples=60, derandomize=True)
+
+T = 1 / 60
+CONFIDENCE_M = 0.02
+
+alphas = st.tuples(st.floats(0.5, 1.1), st.floats(0.5, 1.1))
+
+
+def travelled(commands: Array, alpha: Array, delay: int) -> Array:
+    """Positions (frames, n, 2) in the frames of the commands (frames, n, 3): x(k+1) = x(k) + alpha T u(k - k_d)."""
+    frames = len(commands)
+    felt = np.concatenate([np.zeros((delay + 1, *commands.shape[1:])), commands])[:frames]
+    return alpha * T * np.cumsum(felt[..., :2], axis=0)
+
+
+def estimate(positions: Array, commands: Array, window: int, delay: int) -> Array:
+    """Values (frames, n, 2) of the estimate, frame by frame."""
+    n = commands.shape[1]
+    sent, estimator = CommandsInFlight(n, window + delay), AlphaEstimator(n, window, delay, T, CONFIDENCE_M)
+    values = []
+    for k, position in enumerate(positions):
+        sent.push(commands[k - 1] if k else np.zeros((n, 3)))
+        values.append(estimator.update(position, sent).copy())
+    return np.array(values)
+
+
+@LAW
+@given(alphas, st.integers(1, 20), st.integers(0, 12), st.integers(0, 2**32 - 1))
+def test_the_error_shrinks_by_the_weight_of_the_old_value(
+    alpha: tuple[float, float], window: int, delay: int, seed: int
+) -> None:
+    """Without noise, a window of commanded displacement d leaves the part c^2 / (c^2 + d^2) of the error.
+
+    The displacement seen is alpha d, so that alpha - (alpha d^2 + c^2 old) / (d^2 + c^2) is that part of alpha - old;
+    from frame to frame the parts multiply.
+    """
+    commands = np.random.default_rng(seed).uniform(-2, 2, (80, 1, 3))
+    values = estimate(travelled(commands, np.array(alpha), delay), commands, window, delay)
+    passed = travelled(commands, np.ones(2), delay)
+    displacement = passed - np.concatenate([np.repeat(passed[:1], window, axis=0), passed])[: len(passed)]
+    left = np.cumprod(CONFIDENCE_M**2 / (CONFIDENCE_M**2 + displacement**2), axis=0)
+    # Positions of up to 1 m are rounded at 1e-16, hundredfold where a displacement of 1 cm divides them.
+    np.testing.assert_allclose(values, alpha + (1 - np.array(alpha)) * left, rtol=0, atol=1e-12)
+
+
+@LAW
+@given(alphas, st.integers(0, 12), st.floats(0.3, 3), st.floats(0, 2 * np.pi))
+def test_a_constant_factor_is_found_exactly(
+    alpha: tuple[float, float], delay: int, speed: float, direction: float
+) -> None:
+    """A robot that drives for twice the window along both axes shows its factors, whatever the dead time."""
+    window = 15
+    # At least 0.2 of the speed along each axis: a robot that does not move along one shows nothing of it.
+    along = np.array([np.cos(direction), np.sin(direction)])
+    along = np.where(np.abs(along) < 0.2, 0.2, along)
+    commands = np.zeros((delay + 5 * window, 1, 3))
+    commands[:, 0, :2] = speed * along
+    values = estimate(travelled(commands, np.array(alpha), delay), commands, window, delay)
+    # Displacements of 0.3 * 0.2 / 4 = 0.015 m and more keep at most 0.64 of the error in each of 60 frames: 2e-12.
+    np.testing.assert_allclose(values[-1, 0], alpha, rtol=0, atol=4e-12)
+
+
+@LAW
+@given(alphas, st.integers(1, 12), st.integers(0, 2**32 - 1))
+def test_dead_time_only_postpones_the_estimate(alpha: tuple[float, float], delay: int, seed: int) -> None:
+    """Displacements are compared with the commands that caused them: with k_d the same values come k_d frames later."""
+    commands = np.random.default_rng(seed).uniform(-2, 2, (60, 2, 3))
+    prompt = estimate(travelled(commands, np.array(alpha), 0), commands, 15, 0)
+    late = estimate(travelled(commands, np.array(alpha), delay), commands, 15, delay)
+    # The windows of the first frames hold more zeros, which only changes the order of roundings.
+    np.testing.assert_allclose(late[delay:], prompt[:-delay], rtol=0, atol=1e-12)
+
+
+@LAW
+@given(st.integers(0, 6), st.integers(0, 2**32 - 1))
+def test_at_standstill_the_estimate_keeps_its_value(delay: int, seed: int) -> None:
+    """A robot that was told to stand teaches nothing: not even vision errors of 5 mm move the value learned before."""
+    rng = np.random.default_rng(seed)
+    window, driven, stood = 15, 60, 200
+    commands = np.zeros((driven + stood, 2, 3))
+    commands[:driven] = rng.uniform(0.5, 2, (driven, 2, 3))
+    positions = travelled(commands, np.array([0.7, 0.9]), delay)
+    positions[driven + delay + window :] += rng.normal(0, 0.005, positions[driven + delay + window :].shape)
+    values = estimate(positions, commands, window, delay)
+    settled = values[driven + delay + window]
+    np.testing.assert_allclose(settled, [[0.7, 0.9]] * 2, atol=1e-9)  # The drive contracts the error as above.
+    # rho times the value, over rho: two roundings that may repeat in each of 200 frames.
+    np.testing.assert_allclose(
+        values[driven + delay + window :], np.broadcast_to(settled, (185 - delay, 2, 2)), atol=1e-13
+    )
+
+
+@LAW
+@given(st.integers(1, 20), st.integers(0, 12), st.floats(1e-3, 1e3), st.integers(0, 2**32 - 1))
+def test_the_estimate_stays_in_its_bounds(window: int, delay: int, size: float, seed: int) -> None:
+    """Whatever vision reports, be it metres beside the robot, the value is one that a robot can have."""
+    rng = np.random.default_rng(seed)
+    values = estimate(rng.normal(0, size, (60, 3, 2)), rng.normal(0, 2, (60, 3, 3)), window, delay)
+    assert values.min() >= 0.5
+    assert values.max() <= 1.1
+
+
+def test_at_the_confidence_displacement_old_and_new_weigh_the_same() -> None:
+    """One frame in which confidence_m was commanded and 0.8 of it seen gives the mean of 1 and 0.8."""
+    sent, estimator = CommandsInFlight(1, 1), AlphaEstimator(1, 1, 0, T, CONFIDENCE_M)
+    estimator.update(np.zeros((1, 2)), sent)
+    sent.push(np.array([[CONFIDENCE_M / T, -CONFIDENCE_M / T, 0]]))
+    value = estimator.update(np.array([[0.8 * CONFIDENCE_M, -0.8 * CONFIDENCE_M]]), sent)
+    # A few roundings of a number of size 1.
+    np.testing.assert_allclose(value, [[0.9, 0.9]], rtol=0, atol=1e-15)
+
+
+def test_an_estimate_knows_nothing_before_the_first_displacement() -> None:
+    """One position is no displacement: the value is the nominal 1, as for a robot that does as told."""
+    value = AlphaEstimator(2, 15, 6, T).update(np.full((2, 2), 3.0), CommandsInFlight(2, 21))
+    assert value.tolist() == [[1, 1], [1, 1]]
+
+
+def test_axes_and_robots_are_estimated_apart() -> None:
+    """Six different factors are found at once, and a row of the batch is bit for bit the row alone."""
+    rng = np.random.default_rng(0)
+    alpha = np.array([[0.6, 1.05], [0.7, 0.9], [1.0, 0.8]])
+    commands = rng.uniform(0.5, 2, (90, 3, 3))
+    positions = travelled(commands, alpha, 6)
+    values = estimate(positions, commands, 15, 6)
+    np.testing.assert_allclose(values[-1], alpha, rtol=0, atol=1e-12)  # The error contracts by 500 and more a frame.
+    for i in range(3):
+        alone = estimate(positions[:, i : i + 1], commands[:, i : i + 1], 15, 6)
+        assert np.array_equal(alone[:, 0], values[:, i])
+
+
+def test_the_callers_positions_are_copied() -> None:
+    """A filter that updates its pose in place does not rewrite the window."""
+    commands = np.ones((40, 1, 3))
+    positions = travelled(commands, np.array([0.7, 0.8]), 0)
+    sent, estimator, reused = CommandsInFlight(1, 15), AlphaEstimator(1, 15, 0, T), np.zeros((1, 2))
+    for k, position in enumerate(positions):
+        sent.push(commands[k - 1] if k else np.zeros((1, 3)))
+        reused[:] = position
+        estimator.update(reused, sent)
+    assert estimator.value[0] == pytest.approx([0.7, 0.8], abs=1e-9)  # Contracted by 100 in each of 25 frames.

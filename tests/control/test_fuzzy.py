@@ -1,0 +1,179 @@
+"""Laws of the fuzzy controller, against brute-force integration, scikit-fuzzy, and geometry done by hand."""
+
+import numpy as np
+import pytest
+import skfuzzy
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+
+from omni_control.errors import OmniError
+from omni_control.fuzzy import LABELS, FuzzyController, centroid, memberships
+from omni_control.kinematics import Array
+
+LAW = settings(deadline=None, max_examples=100, derandomize=True)
+
+RANGE_M, SPEED = 0.1, 1.0
+FLC = FuzzyController(RANGE_M, SPEED)
+
+# Errors well inside, at and beyond the ends of the input range.
+errors = st.tuples(st.floats(-0.15, 0.15), st.floats(-0.15, 0.15))
+degrees = st.floats(0, 1)
+
+# Tables 1 and 2 with the labels of the example below them: rows e_y, columns e_x, from NB to PB.
+TABLE_1 = ["NB NS ZO PS PB"] * 5
+TABLE_2 = ["NB NB NB NB NB", "NS NS NS NS NS", "ZO ZO ZO ZO ZO", "PS PS PS PS PS", "PB PB PB PB PB"]
+
+
+def triangles(universe: Array) -> Array:
+    """The five sets of figures 5 and 6, (5, points), as scikit-fuzzy draws them."""
+    corners = [(-1, -1, -0.5), (-1, -0.5, 0), (-0.5, 0, 0.5), (0, 0.5, 1), (0.5, 1, 1)]
+    return np.array([skfuzzy.trimf(universe, abc) for abc in corners])
+
+
+@LAW
+@given(st.tuples(*[degrees] * 5))
+@example((0.0, 0.0, 1.0, 0.0, 0.0))
+@example((1.0, 0.0, 0.0, 0.0, 1.0))
+@example((0.0, 0.9, 0.8, 0.0, 0.0))
+@example((1.0, 1.0, 1.0, 1.0, 1.0))
+def test_centroid_is_the_centre_of_gravity_of_the_clipped_sets(heights: tuple[float, ...]) -> None:
+    """Definition: integral of z mu(z) over that of mu(z), with mu the maximum of the sets clipped at the heights."""
+    assume(max(heights) >= 0.05)
+    z = np.linspace(-1, 1, 20001)
+    mu = np.minimum(np.array(heights)[:, None], triangles(z)).max(0)
+    expected = np.trapezoid(z * mu, z) / np.trapezoid(mu, z)
+    # Steps of 1e-4 misplace each of at most 12 corners by an area below 2e-4 * 1e-4 / 4; the smallest area is 0.024.
+    assert centroid(np.array(heights)) == pytest.approx(expected, abs=3e-6)
+
+
+@LAW
+@given(st.floats(-1, 1))
+def test_the_sets_are_the_triangles_of_figure_5(value: float) -> None:
+    """The degrees of membership are those of five triangular sets, and sum to one everywhere."""
+    # scikit-fuzzy divides by the side's length, here it is multiplied: one rounding.
+    np.testing.assert_allclose(memberships(value), triangles(np.array([value]))[:, 0], rtol=0, atol=1e-15)
+    assert memberships(value).sum() == pytest.approx(1, abs=1e-15)
+
+
+def test_neighbouring_sets_cross_at_half_height() -> None:
+    """Half-way between two peaks a value belongs to either by one half, and to no other set."""
+    expected = [np.roll([0.5, 0.5, 0, 0, 0], i) for i in range(4)]
+    np.testing.assert_array_equal(memberships([-0.75, -0.25, 0.25, 0.75]), expected)
+
+
+def test_the_controller_agrees_with_scikit_fuzzy() -> None:
+    """25 min-max rules written out from tables 1 and 2, inferred and defuzzified by scikit-fuzzy."""
+    universe = np.linspace(-1, 1, 801)
+    sets = dict(zip(LABELS, triangles(universe), strict=True))
+    axis = np.linspace(-0.11, 0.11, 12)
+    grid = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    outputs = FLC(grid)
+    for error, output in zip(grid, outputs, strict=True):
+        scaled = np.clip(error / RANGE_M, -1, 1)
+        degree_x, degree_y = (
+            {name: skfuzzy.interp_membership(universe, mf, v) for name, mf in sets.items()} for v in scaled
+        )
+        for table, value in zip((TABLE_1, TABLE_2), output, strict=True):
+            aggregated = np.zeros_like(universe)
+            for e_y, row in zip(LABELS, table, strict=True):
+                for e_x, result in zip(LABELS, row.split(), strict=True):
+                    firing = np.fmin(degree_x[e_x], degree_y[e_y])
+                    aggregated = np.fmax(aggregated, np.fmin(firing, sets[result]))
+            expected = SPEED * skfuzzy.defuzz(universe, aggregated, "centroid")
+            # A step of 1/400 misplaces each of at most 12 corners by an area of at most 2 / 400^2 / 4, 4e-5 in all,
+            # of 0.19 and more; the corners' errors partly cancel.
+            assert value == pytest.approx(expected, abs=1e-4)
+
+
+@LAW
+@given(errors)
+def test_mirrored_errors_give_mirrored_velocities(error: tuple[float, float]) -> None:
+    """The rules treat left and right, forth and back alike: v(-e) = -v(e), and each axis by itself."""
+    x, y = error
+    vx, vy = FLC(error)
+    # Sums in the opposite order: a few roundings of numbers of size 1, divided by an area of 0.2 and more.
+    np.testing.assert_allclose(FLC([-x, -y]), [-vx, -vy], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(FLC([-x, y]), [-vx, vy], rtol=0, atol=1e-14)
+
+
+@LAW
+@given(errors)
+def test_swapping_the_axes_swaps_the_velocities(error: tuple[float, float]) -> None:
+    """Table 2 is table 1 transposed, and everything else is the same for x and y: equal bit for bit."""
+    assert np.array_equal(FLC(error[::-1]), FLC(error)[::-1])
+
+
+@LAW
+@given(errors)
+def test_the_correction_points_back_to_the_reference(error: tuple[float, float]) -> None:
+    """Each velocity has the sign of its own error, and is zero without one, whatever the other error is."""
+    for e, v in zip(error, FLC(error), strict=True):
+        # Below 1e-9 m the velocity may be lost in the roundings of sums of size 1.
+        assert v * e > 0 if abs(e) > 1e-9 else abs(v) < 1e-6
+
+
+@LAW
+@given(errors, st.floats(1e-3, 0.1))
+def test_a_larger_error_is_never_corrected_more_slowly(error: tuple[float, float], more: float) -> None:
+    """The velocity of an axis does not fall while its own error grows and the other stays."""
+    # At saturation both sides are the same number but for roundings.
+    assert FLC([error[0] + more, error[1]])[0] >= FLC(error)[0] - 1e-14
+
+
+@LAW
+@given(errors)
+def test_velocities_saturate_at_five_sixths_of_the_range(error: tuple[float, float]) -> None:
+    """The outermost set is a half triangle of width 1/2, whose centre of gravity lies 1/6 from its peak at the end."""
+    # Roundings of numbers of size 1.
+    assert np.abs(FLC(error)).max() <= 5 / 6 + 1e-14
+
+
+@pytest.mark.parametrize("other", [-0.1, -0.05, 0.0, 0.05, 0.1])
+def test_saturation_is_reached_when_one_rule_fires_alone(other: float) -> None:
+    """At the end of the range, with the other error on a peak, PB is not clipped and nothing else is there."""
+    # Roundings of numbers of size 1.
+    assert FLC([RANGE_M, other])[0] == pytest.approx(5 / 6 * SPEED, abs=1e-15)
+
+
+@LAW
+@given(errors, st.floats(1, 1e6))
+def test_errors_beyond_the_range_count_as_its_end(error: tuple[float, float], factor: float) -> None:
+    """Clipping an error to the range first changes nothing, be it as large as it may."""
+    far = np.multiply(error, factor)
+    assert np.array_equal(FLC(far), FLC(np.clip(far, -RANGE_M, RANGE_M)))
+
+
+def test_an_infinite_error_counts_as_the_end_of_the_range() -> None:
+    """A robot infinitely far off is called back at the highest speed, not at an undefined one."""
+    # As above: 5/6 with one rounding.
+    np.testing.assert_allclose(FLC([np.inf, -np.inf]), [5 / 6, -5 / 6], rtol=0, atol=1e-15)
+
+
+@LAW
+@given(errors, st.floats(0.01, 1), st.floats(0.1, 4))
+def test_the_ranges_only_scale_the_axes(error: tuple[float, float], range_m: float, speed: float) -> None:
+    """Velocity over its range is one function of error over its range."""
+    scaled = FuzzyController(range_m, speed)(np.multiply(error, range_m / RANGE_M))
+    # One rounding of the scaled error times the steepest slope of the controller, 2 * 15 / 10 of the ranges' ratio.
+    np.testing.assert_allclose(scaled, speed / SPEED * FLC(error), rtol=0, atol=1e-14 * speed)
+
+
+def test_the_papers_example() -> None:
+    """If e_x is NB and e_y is PS, then v_x is NB and v_y is PS (text below table 2): -5/6 and the peak of PS, 1/2."""
+    # Roundings of numbers of size 1.
+    np.testing.assert_allclose(FLC([-RANGE_M, RANGE_M / 2]), [-5 / 6, 1 / 2], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("error", [[np.nan, 0.0], [0.0, np.nan], [[0.0, 0.0], [np.nan, 0.01]]])
+def test_an_error_that_is_not_a_number_is_refused(error: list[float]) -> None:
+    """A lost position must not become a velocity."""
+    with pytest.raises(OmniError, match="not a number"):
+        FLC(error)
+
+
+def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
+    """A robot's velocity does not depend, in its last bit, on how many others are computed with it."""
+    error = np.random.default_rng(0).uniform(-0.12, 0.12, (37, 2))
+    batch = FLC(error)
+    assert all(np.array_equal(FLC(error[i : i + 1])[0], batch[i]) for i in range(37))
+    assert all(np.array_equal(FLC(error[i]), batch[i]) for i in range(37))

@@ -1,0 +1,150 @@
+"""Laws of the kinematics: rigid-body motion seen at the wheels, rotation between frames, angles on the circle."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
+
+LAW = settings(deadline=None, max_examples=100, derandomize=True)
+EPS = float(np.finfo(float).eps)
+
+ARM, RADIUS = 0.08, 0.027
+ROBOT = Kinematics(np.radians([60.0, 135.0, 225.0, 300.0]), arm=ARM, radius=RADIUS)
+
+twists = st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-30, 30))
+angles = st.floats(-1e4, 1e4)
+# Wheels at most 20 deg from the nominal azimuths: any such four have a well-conditioned matrix.
+robots = st.builds(
+    lambda shift, arm, radius: Kinematics(np.radians(np.add([60.0, 135.0, 225.0, 300.0], shift)), arm, radius),
+    st.tuples(*[st.floats(-20, 20)] * 4),
+    st.floats(0.05, 0.12),
+    st.floats(0.02, 0.04),
+)
+
+
+@pytest.mark.parametrize(
+    ("twist", "rim"),
+    [
+        ((1, 0, 0), [-math.sqrt(3) / 2, -math.sqrt(2) / 2, math.sqrt(2) / 2, math.sqrt(3) / 2]),
+        ((0, 1, 0), [1 / 2, -math.sqrt(2) / 2, -math.sqrt(2) / 2, 1 / 2]),
+        ((0, 0, 1), [ARM, ARM, ARM, ARM]),
+    ],
+    ids=["forward", "left", "turn"],
+)
+def test_wheel_speeds_of_pure_motions_are_those_of_the_unit_circle(twist: tuple[int, ...], rim: list[float]) -> None:
+    """At 60, 135, 225, 300 deg the sines and cosines are known numbers; the rim speed is r times the wheel's."""
+    # A handful of roundings of numbers of size 1 / RADIUS = 37.
+    np.testing.assert_allclose(ROBOT.wheel_speeds(twist), np.array(rim) / RADIUS, rtol=0, atol=1e-13)
+
+
+@LAW
+@given(robots, twists)
+def test_a_wheel_rolls_at_the_velocity_of_its_contact_point(robot: Kinematics, twist: tuple[float, ...]) -> None:
+    """Rigid body in the complex plane: the point p moves at v + i w p, and the wheel drives along i p / |p|."""
+    spoke = np.exp(1j * robot.azimuths)
+    point_velocity = complex(twist[0], twist[1]) + 1j * twist[2] * robot.arm * spoke
+    rim = (point_velocity * np.conj(1j * spoke)).real
+    # Speeds reach (5 sqrt 2 + 30 * 0.12) / 0.02 = 530 rad/s, of which a few roundings are about 1e-12.
+    np.testing.assert_allclose(robot.wheel_speeds(twist), rim / robot.radius, rtol=0, atol=2e-12)
+
+
+@LAW
+@given(robots, twists)
+def test_wheel_speeds_contain_the_whole_body_twist(robot: Kinematics, twist: tuple[float, ...]) -> None:
+    """Round trip: the twist that the wheel speeds of a twist stand for is that twist."""
+    # The pseudo-inverse multiplies the roundings of speeds up to 530 rad/s by radius / arm < 1.
+    np.testing.assert_allclose(robot.body_twist(robot.wheel_speeds(twist)), twist, rtol=0, atol=1e-12)
+
+
+@LAW
+@given(robots, st.tuples(*[st.floats(-300, 300)] * 4))
+def test_slipping_wheels_give_the_least_squares_twist(robot: Kinematics, speeds: tuple[float, ...]) -> None:
+    """Four wheels over-determine three unknowns; an independent solver finds the same best fit."""
+    spoke = np.exp(1j * robot.azimuths)
+    rolling = np.stack([-spoke.imag, spoke.real, np.full(4, robot.arm)], axis=1)
+    best = np.linalg.lstsq(rolling, np.array(speeds) * robot.radius, rcond=None)[0]
+    # Twists reach 300 * 0.04 / 0.05 = 240 rad/s and the matrix has a condition number of about 30.
+    np.testing.assert_allclose(robot.body_twist(speeds), best, rtol=0, atol=1e-11)
+
+
+@LAW
+@given(robots, st.floats(-300, 300))
+def test_equal_wheel_speeds_turn_on_the_spot(robot: Kinematics, speed: float) -> None:
+    """Four rims at speed r * omega on a circle of radius l turn it by r * omega / l and move its centre nowhere."""
+    # As in the least-squares test.
+    expected = [0.0, 0.0, speed * robot.radius / robot.arm]
+    np.testing.assert_allclose(robot.body_twist([speed] * 4), expected, rtol=0, atol=1e-11)
+
+
+@LAW
+@given(twists, angles)
+def test_the_world_frame_is_a_rotation_of_the_body_frame(twist: tuple[float, ...], heading: float) -> None:
+    """A planar vector turned by phi is its product with exp(i phi); the turn rate is the same in both frames."""
+    velocity = complex(twist[0], twist[1])
+    turned, back = velocity * np.exp(1j * heading), velocity * np.exp(-1j * heading)
+    # Two products and a sum of numbers of size 5.
+    np.testing.assert_allclose(body_to_world(twist, heading), [turned.real, turned.imag, twist[2]], rtol=0, atol=4e-15)
+    np.testing.assert_allclose(world_to_body(twist, heading), [back.real, back.imag, twist[2]], rtol=0, atol=4e-15)
+
+
+@LAW
+@given(twists, angles)
+def test_to_the_world_and_back_changes_nothing(twist: tuple[float, ...], heading: float) -> None:
+    """The two rotations are inverse to each other."""
+    # Two rotations of numbers of size 5.
+    np.testing.assert_allclose(world_to_body(body_to_world(twist, heading), heading), twist, rtol=0, atol=8e-15)
+
+
+def test_a_robot_that_looks_left_drives_left() -> None:
+    """At a heading of +90 deg, forward is +y and left is -x of the world."""
+    forward_and_left = body_to_world([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], np.full(2, np.pi / 2))
+    # cos(pi / 2) is 6e-17 in floating point.
+    np.testing.assert_allclose(forward_and_left, [[0, 1, 0], [-1, 0, 0]], rtol=0, atol=1e-16)
+
+
+@LAW
+@given(angles)
+@example(np.pi)
+@example(-np.pi)
+@example(3 * np.pi)
+@example(-3 * np.pi)
+@example(0.0)
+def test_wrapping_removes_whole_turns_only(angle: float) -> None:
+    """The wrapped angle and the angle differ by what the IEEE remainder calls a multiple of a turn."""
+    wrapped = float(wrap_angle(angle))
+    # The number of turns times 2 pi is rounded to the spacing of floats near the angle.
+    slack = 2 * EPS * (abs(angle) + np.pi)
+    assert abs(math.remainder(wrapped - angle, 2 * np.pi)) <= slack
+    assert abs(wrapped) <= np.pi + slack
+
+
+def test_half_a_turn_wraps_to_plus_pi() -> None:
+    """The circle is cut so that +pi belongs to it and -pi does not."""
+    assert wrap_angle([np.pi, -np.pi]).tolist() == [np.pi, np.pi]
+
+
+def test_wrapped_angles_never_leave_the_half_open_interval() -> None:
+    """(-pi, pi] holds strictly, also for angles one rounding away from an odd multiple of pi."""
+    odd = np.arange(-2001, 2002, 2) * np.pi
+    angle = np.concatenate([odd, np.nextafter(odd, np.inf), np.nextafter(odd, -np.inf)])
+    wrapped = wrap_angle(angle)
+    assert wrapped.max() <= np.pi
+    assert wrapped.min() > -np.pi
+
+
+def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
+    """No function lets a row's last bit depend on how many rows there are."""
+    rng = np.random.default_rng(0)
+    pose, twist, speeds = rng.normal(size=(37, 3)), rng.normal(size=(37, 3)), rng.normal(size=(37, 4))
+
+    def everything(rows: slice) -> Array:
+        world, body = body_to_world(twist[rows], pose[rows, 2]), world_to_body(twist[rows], pose[rows, 2])
+        wheels = ROBOT.wheel_speeds(twist[rows])
+        return np.concatenate([world, body, wheels, ROBOT.body_twist(speeds[rows]), wrap_angle(9 * pose[rows])], axis=1)
+
+    batch = everything(slice(None))
+    assert all(np.array_equal(everything(slice(i, i + 1))[0], batch[i]) for i in range(37))
