@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from typing import Any, NoReturn
 
 import click
+import mujoco
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
@@ -19,6 +20,9 @@ BAD_INPUT, FAILED = 2, 1
 
 def invoke(command: click.Command, args: list[str] | None = None) -> NoReturn:
     """Run a click command and exit: 0 on success, 2 for bad input, 1 for a failure; errors are one line on stderr."""
+    log = mujoco.MjLogConfig.get()
+    log.logto_file = log.logto_console = False  # warnings that matter become a SimulationError
+    log.set()
     try:
         code = command.main(args=args, prog_name=_program(command), standalone_mode=False)
     except click.exceptions.Abort:

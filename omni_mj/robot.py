@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_control.kinematics import Kinematics
+from omni_control.kinematics import Array, Kinematics
 
 WHEELS = 4
 
@@ -30,6 +30,17 @@ def load_model() -> mujoco.MjModel:
 @lru_cache(maxsize=1)
 def _shared_model() -> mujoco.MjModel:
     return load_model()
+
+
+def standing(model: mujoco.MjModel) -> tuple[Array, Array]:
+    """Positions (nq,) and velocities (nv,) of a robot at rest at the origin, its weight on its rollers.
+
+    As modelled, the rollers touch the carpet at distance zero, where rounding decides which of them carry load first.
+    """
+    data = mujoco.MjData(model)
+    for _ in range(round(0.25 / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+    return data.qpos.copy(), np.zeros(model.nv)
 
 
 def carpet_friction() -> float:

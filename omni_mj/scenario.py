@@ -4,6 +4,7 @@ import dataclasses
 import difflib
 import json
 import math
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -41,12 +42,10 @@ class Scenario:
 
     def to_toml(self) -> str:
         """The effective scenario, every setting written out; reading it back gives an equal one."""
-        lines = [
-            f"{f.name} = {json.dumps(getattr(self, f.name))}" for f in dataclasses.fields(self) if f.name != "settings"
-        ]
+        lines = [f"{f.name} = {_toml(getattr(self, f.name))}" for f in dataclasses.fields(self) if f.name != "settings"]
         for section in dataclasses.fields(self.settings):
             values = dataclasses.asdict(getattr(self.settings, section.name))
-            lines += ["", f"[{section.name}]", *(f"{name} = {json.dumps(value)}" for name, value in values.items())]
+            lines += ["", f"[{section.name}]", *(f"{name} = {_toml(value)}" for name, value in values.items())]
         return "\n".join(lines) + "\n"
 
 
@@ -73,11 +72,11 @@ def load(name_or_path: str, overrides: Iterable[str] = (), head: Mapping[str, An
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise OmniError(f"cannot read scenario {path}: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:  # not TOML, not UTF-8, a number of absurd length, a file name with a null
         raise OmniError(f"scenario {path} is not valid TOML: {error}") from None
     for override in overrides:
         _override(data, override)
-    return _parse(data | dict(head or {}), path.stem)
+    return _parse(data | dict(head or {}), re.sub(r"[^\w.-]+", "-", path.stem))
 
 
 def _override(data: dict[str, Any], override: str) -> None:
@@ -87,7 +86,7 @@ def _override(data: dict[str, Any], override: str) -> None:
         raise OmniError(f"cannot read --set {override}; write section.field=value, such as radio.delay_frames=3")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except ValueError:
         value = text.strip()  # a bare word, such as reference.mode=iterated
     if not isinstance(data.setdefault(section, {}), dict):
         raise OmniError(f"cannot set {key.strip()}: {section} is not a section")
@@ -131,10 +130,12 @@ def _check_head(values: Mapping[str, Any]) -> None:
         raise OmniError(f"unknown plant {values['plant']!r}; {_choose(values['plant'], PLANTS)}")
     if values.get("paper_table", 0) not in (0, 3, 4):
         raise OmniError(f"paper_table must be 3, 4 or 0 (none), not {values['paper_table']}")
-    if not 0 <= values.get("seed", 0) < 2**63:
-        raise OmniError(f"seed must be at least 0 and below 2^63, not {values['seed']}")
     if not 1 <= values.get("seeds", 1) <= 100_000:
         raise OmniError(f"seeds must be 1 to 100000, not {values['seeds']}")
+    if not 0 <= values.get("seed", 0) <= 2**63 - values.get("seeds", 1):
+        raise OmniError(f"seed must be at least 0, and the last seed below 2^63, not {values['seed']}")
+    if not re.fullmatch(r"[\w.-]+", values["name"]):
+        raise OmniError(f"the name of a scenario may hold letters, digits and ._-, unlike {values['name']!r}")
 
 
 def _parse_section(section: str, kind: Any, data: Any) -> Any:
@@ -165,8 +166,14 @@ def _check(name: str, spec: dataclasses.Field[Any], value: Any) -> Any:
     return value if whole else float(value)
 
 
+def _toml(value: Any) -> str:
+    """A value in TOML; JSON writes the same, but escapes characters beyond U+FFFF and leaves DEL as it is."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    # Compared rather than asked whether it is finite, which fails for integers beyond a float's range.
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and -math.inf < value < math.inf
 
 
 def _check_waypoints(value: Any) -> list[list[float]]:

@@ -40,8 +40,8 @@ def stopping_speed(distance: Array, acceleration: float, period: float) -> Array
     """Highest speed (m/s) from which `distance` (m, >= 0) is covered exactly while braking at most at `acceleration`.
 
     A point that moves s, s - 1, s - 2, ... units of a T^2 in successive frames of length T covers m (m + 1) / 2 in m
-    frames; between these distances the speed is linear, which makes it fall by exactly one unit each
-    frame but the last.
+    frames; between these distances the speed is linear, which makes it fall by exactly one unit each frame
+    but the last.
     """
     unit = acceleration * period**2
     d = np.asarray(distance, float) / unit
@@ -60,21 +60,17 @@ def approach(offset: Array, velocity: Array, speed: float, acceleration: float, 
         period: length of a frame, s.
 
     Returns:
-        (n, d) m/s: no faster than `speed`, changed by at most `acceleration * period`. What leads past the set-point
-        is braked first; what is left of the change goes into the speed towards it.
+        (n, d) m/s: no faster than `speed`, changed by at most `acceleration * period`. That is shared between braking
+        what leads past the set-point and the speed towards it, whose gain counts for no more than one frame's.
     """
     step = acceleration * period
     distance = _size(offset)
     direction = np.divide(offset, distance, out=np.zeros_like(offset), where=distance > 0)
     along = (velocity * direction).sum(-1, keepdims=True)
     across = velocity - along * direction
-    sideways = _size(across)
-    braked = np.minimum(sideways, step)
-    across = across * (1 - braked / np.maximum(sideways, 1e-300))
-    highest = np.sqrt(np.maximum(speed**2 - _size(across) ** 2, 0))
-    wanted = np.minimum(stopping_speed(distance, acceleration, period), highest)
-    budget = np.sqrt(step**2 - braked**2)
-    return across + (along + np.clip(wanted - along, -budget, budget)) * direction
+    wanted = np.minimum(speed, stopping_speed(distance, acceleration, period))
+    change = np.minimum(wanted - along, step) * direction - across
+    return velocity + change * (step / np.maximum(_size(change), step))
 
 
 def _size(vector: Array) -> Array:

@@ -13,6 +13,7 @@ from omni_mj.plants import SimulationError, Telemetry
 from omni_mj.randomness import Stream, draw
 from omni_mj.settings import FRAME_RATE_HZ, PERIOD_S, Settings
 
+TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2  # of the quaternion's x^2 + y^2: tilted by more than 45 degrees
 # MuJoCo resets an unstable simulation silently after one of these.
 _UNSTABLE = {
     mujoco.mjtWarning.mjWARN_BADQPOS: "a position is not a number or too large",
@@ -55,6 +56,7 @@ class MujocoPlant:
         self._torque = self._batch.bind("actuator_force")
         self._push = self._batch.bind("xfrc_applied")[:, model.body("chassis").id, :2]
 
+        qpos[:], qvel[:] = robot.standing(model)
         self._position[:] = start[:, :2]
         self._quaternion[:] = np.stack([np.cos(start[:, 2] / 2), *np.zeros((2, n)), np.sin(start[:, 2] / 2)], axis=1)
         self._heading = np.array(start[:, 2], float)
@@ -88,6 +90,8 @@ class MujocoPlant:
         self._current_peak /= self._motor.constant
         self._check(frame)
         w, x, y, z = self._quaternion.T
+        if (fallen := np.flatnonzero(x * x + y * y > TOPPLED)).size:
+            raise SimulationError(f"robot {fallen[0]} toppled over at {(frame + 1) * PERIOD_S:.3f} s")
         heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
         self._heading = self._heading + np.angle(np.exp(1j * (heading - self._heading)))
 

@@ -1,0 +1,211 @@
+"""The MJCF: sizes, masses, wheels and sensors against the league's rules, the published robot and plain geometry."""
+
+import shutil
+from fractions import Fraction
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from omni_mj import robot
+
+AZIMUTHS_DEG = (60, 135, 225, 300)
+ARM_M, RADIUS_M, ROLLER_RADIUS_M = 0.080, 0.0285, 0.006
+WHEELS = (1, 2, 3, 4)
+
+
+@pytest.fixture(scope="module")
+def model() -> mujoco.MjModel:
+    return robot.load_model()
+
+
+@pytest.fixture(scope="module")
+def data(model: mujoco.MjModel) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def rollers(model: mujoco.MjModel, wheel: int) -> list[int]:
+    """Ids of the bodies that hang directly on a wheel."""
+    parent = model.body(f"wheel_{wheel}").id
+    return [i for i in range(model.nbody) if model.body_parentid[i] == parent]
+
+
+def moving_geoms(model: mujoco.MjModel) -> list[int]:
+    return [i for i in range(model.ngeom) if model.geom_bodyid[i] != 0]
+
+
+def support(model: mujoco.MjModel, data: mujoco.MjData, geom: int, directions: NDArray) -> NDArray:
+    """How far a geom reaches along unit vectors (k, 3), from the world's origin: its exact support function."""
+    local = directions @ data.geom_xmat[geom].reshape(3, 3)
+    a, b, c = model.geom_size[geom]
+    match model.geom_type[geom]:
+        case mujoco.mjtGeom.mjGEOM_CYLINDER:
+            reach = a * np.hypot(local[:, 0], local[:, 1]) + b * np.abs(local[:, 2])
+        case mujoco.mjtGeom.mjGEOM_BOX:
+            reach = np.abs(local) @ [a, b, c]
+        case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+            reach = np.linalg.norm(local * [a, b, c], axis=1)
+        case kind:
+            raise AssertionError(f"no support function for geom type {kind}")
+    return directions @ data.geom_xpos[geom] + reach
+
+
+def com_and_inertia(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[NDArray, NDArray]:
+    """Centre of mass and inertia (3, 3) about it, by the parallel axis theorem over the bodies."""
+    mass, position = model.body_mass, data.xipos
+    com = mass @ position / mass.sum()
+    inertia = np.zeros((3, 3))
+    for m, p, principal, frame in zip(mass, position - com, model.body_inertia, data.ximat, strict=True):
+        axes = frame.reshape(3, 3)
+        inertia += axes @ np.diag(principal) @ axes.T + m * (p @ p * np.eye(3) - np.outer(p, p))
+    return com, inertia
+
+
+def test_compiles_from_the_file_alone(tmp_path: Path) -> None:
+    # In an empty folder, so that no mesh, texture or include beside the file can help.
+    copy = shutil.copy(robot.model_path(), tmp_path / "robot.xml")
+    assert mujoco.MjModel.from_xml_path(str(copy)).nu == 4
+
+
+def test_mass_is_that_of_the_published_robot(model: mujoco.MjModel) -> None:
+    # TIGERs v2016: 2.3 kg; 1 % is half of the last digit published.
+    assert model.body_mass.sum() == pytest.approx(2.3, rel=0.01)
+
+
+def test_centre_of_mass_and_yaw_inertia(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    com, inertia = com_and_inertia(model, data)
+    # Teams place it 45 to 49 mm up, to a millimetre; over the centre as closely, so that a robot does not lean.
+    assert 0.0445 < com[2] < 0.0495
+    assert np.hypot(*com[:2]) < 0.001
+    # 0.7 m r^2 with r = 86.7 mm (TIGERs): 0.0121; 2 % is the precision of the three digits and of the wheels' share.
+    assert inertia[2, 2] == pytest.approx(0.0121, rel=0.02)
+
+
+def test_the_engine_sees_the_same_yaw_inertia(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    full = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, full)
+    com, inertia = com_and_inertia(model, data)
+    yaw = model.joint("robot").dofadr[0] + 5
+    about_origin = inertia[2, 2] + model.body_mass.sum() * (com[0] ** 2 + com[1] ** 2)
+    # Both are exact sums over the same bodies.
+    assert full[yaw, yaw] == pytest.approx(about_origin, rel=1e-9)
+
+
+def test_every_geom_stays_inside_the_leagues_cylinder(model: mujoco.MjModel) -> None:
+    # A convex body's furthest point from the axis is the largest of its supports over horizontal directions; 720 of
+    # them miss it by a factor of at most cos(0.25 deg), 1 micrometre here.
+    angle = np.radians(np.arange(0, 360, 0.5))
+    around = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    up_down = np.array([[0.0, 0, 1], [0, 0, -1]])
+    data = mujoco.MjData(model)
+    hinges = [model.joint(f"wheel_{i}").qposadr[0] for i in WHEELS]
+    for phase in np.radians(np.linspace(0, 22.5, 9)):  # the wheels look the same again after one roller
+        data.qpos[hinges] = phase
+        mujoco.mj_kinematics(model, data)
+        for geom in moving_geoms(model):
+            name = model.geom(geom).name
+            assert support(model, data, geom, around).max() < 0.090 - 1e-6, f"{name} is outside 180 mm"
+            top, bottom = support(model, data, geom, up_down)
+            assert top < 0.150, f"{name} is higher than 150 mm"
+            assert bottom < 1e-9, f"{name} reaches below the carpet"
+
+
+def test_robot_starts_resting_on_four_wheels(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    down = np.array([[0.0, 0, -1]])
+    for wheel in WHEELS:
+        geoms = [model.body(i).geomadr[0] for i in rollers(model, wheel)]
+        lowest = -max(support(model, data, g, down)[0] for g in geoms)
+        assert lowest == pytest.approx(0.0, abs=1e-9)  # exact geometry, up to rounding
+
+
+def test_wheels_sit_where_the_league_puts_them(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    kinematics = robot.kinematics(model)
+    for i, azimuth in enumerate(np.radians(AZIMUTHS_DEG)):
+        outward = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        centre = data.body(f"wheel_{i + 1}").xpos
+        # Decimal angles and lengths in the file: equal up to rounding.
+        np.testing.assert_allclose(centre, ARM_M * outward + [0, 0, RADIUS_M], atol=1e-12)
+        axle = data.joint(f"wheel_{i + 1}").xaxis
+        np.testing.assert_allclose(axle, -outward, atol=1e-12)
+        assert kinematics.azimuths[i] == pytest.approx(azimuth, abs=1e-12)
+    assert kinematics.arm == pytest.approx(ARM_M, abs=1e-12)
+    assert kinematics.radius == pytest.approx(RADIUS_M, abs=1e-12)
+
+
+def test_a_positive_wheel_speed_drives_the_robot_counter_clockwise(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    for wheel, azimuth in zip(WHEELS, np.radians(AZIMUTHS_DEG), strict=True):
+        centre = data.body(f"wheel_{wheel}").xpos
+        contact = np.array([[centre[0]], [centre[1]], [0.0]])
+        jacobian = np.zeros((3, model.nv))
+        mujoco.mj_jac(model, data, jacobian, None, contact, model.body(f"wheel_{wheel}").id)
+        rim = jacobian[:, model.joint(f"wheel_{wheel}").dofadr[0]]
+        # The rim pushes the carpet backwards, which pushes the robot along the tangent (equation 3).
+        tangent = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+        np.testing.assert_allclose(rim, -RADIUS_M * tangent, atol=1e-12)
+
+
+@pytest.mark.parametrize("wheel", WHEELS)
+def test_rollers(model: mujoco.MjModel, data: mujoco.MjData, wheel: int) -> None:
+    bodies = rollers(model, wheel)
+    assert len(bodies) >= 16
+    centre, axle = data.body(f"wheel_{wheel}").xpos, data.joint(f"wheel_{wheel}").xaxis
+    angles = []
+    for body in bodies:
+        joint = model.body(body).jntadr[0]
+        assert model.body_jntnum[body] == 1
+        assert model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
+        spoke = data.xpos[body] - centre
+        # Each turns about the wheel's tangent, and its middle reaches the wheel's radius; exact up to rounding.
+        np.testing.assert_allclose(np.abs(data.xaxis[joint] @ np.cross(axle, spoke)), RADIUS_M - ROLLER_RADIUS_M)
+        assert np.linalg.norm(spoke) == pytest.approx(RADIUS_M - ROLLER_RADIUS_M)
+        angles.append(np.arctan2(spoke @ np.cross(axle, [0, 0, 1]), spoke[2]))
+        (geom,) = [g for g in range(model.ngeom) if model.geom_bodyid[g] == body]
+        short, other, long = model.geom_size[geom]
+        assert short == other == ROLLER_RADIUS_M
+        # An ellipsoid's profile has radius of curvature long^2 / short at its middle, which must be the wheel's;
+        # 0.1 % for the file's five digits.
+        assert long**2 / short == pytest.approx(RADIUS_M, rel=1e-3)
+    # Evenly around the wheel; exact up to rounding.
+    np.testing.assert_allclose(np.diff(np.sort(angles)), 2 * np.pi / len(bodies), atol=1e-9)
+
+
+def test_only_the_rollers_touch_the_carpet(model: mujoco.MjModel) -> None:
+    assert not model.geom_contype.any()
+    assert not model.geom_conaffinity.any()
+    carpet = model.geom("carpet").id
+    pairs = list(zip(model.pair_geom1, model.pair_geom2, strict=True))
+    assert all(carpet in pair for pair in pairs)
+    touching = [first if second == carpet else second for first, second in pairs]
+    expected = [model.body(body).geomadr[0] for wheel in WHEELS for body in rollers(model, wheel)]
+    assert sorted(touching) == sorted(expected)
+    # Sliding friction of the league's simulators (grSim, ssl-simulation-setup), in both directions.
+    np.testing.assert_array_equal(model.pair_friction[:, :2], 0.8)
+
+
+def test_four_voltage_driven_motors_one_per_wheel(model: mujoco.MjModel) -> None:
+    assert model.nu == 4
+    assert (model.actuator_gaintype == mujoco.mjtGain.mjGAIN_DCMOTOR).all()
+    assert (model.actuator_biastype == mujoco.mjtBias.mjBIAS_DCMOTOR).all()
+    for wheel in WHEELS:
+        assert model.actuator(f"motor_{wheel}").trnid[0] == model.joint(f"wheel_{wheel}").id
+
+
+def test_a_gyro_on_the_chassis_and_four_encoders(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    gyro = model.sensor("gyro")
+    assert gyro.type[0] == mujoco.mjtSensor.mjSENS_GYRO
+    imu = gyro.objid[0]
+    assert model.site_bodyid[imu] == model.body("chassis").id
+    np.testing.assert_allclose(data.site_xmat[imu], np.eye(3).ravel(), atol=1e-12)  # its z is the robot's
+    for wheel in WHEELS:
+        encoder = model.sensor(f"encoder_{wheel}")
+        assert encoder.type[0] == mujoco.mjtSensor.mjSENS_JOINTVEL
+        assert encoder.objid[0] == model.joint(f"wheel_{wheel}").id
+
+
+def test_sixteen_steps_make_a_frame(model: mujoco.MjModel) -> None:
+    # The nearest double to 1/960 s, so that counting steps and adding times agree to the last bits.
+    assert model.opt.timestep == pytest.approx(float(Fraction(1, 60 * 16)), rel=1e-15)

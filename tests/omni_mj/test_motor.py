@@ -1,0 +1,198 @@
+"""The model's motor against the datasheet of the maxon EC 45 flat, 50 W, 24 V, and against the laws of a DC motor."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from omni_mj import robot
+
+# The catalogue's rows, in SI.
+NOMINAL_V = 24.0
+STALL_TORQUE, STALL_CURRENT = 0.918, 26.0
+NO_LOAD_RPM, NO_LOAD_CURRENT = 6250.0, 0.238
+TORQUE_CONSTANT, RESISTANCE, ROTOR_INERTIA = 0.036, 0.942, 135e-7
+SPEED_CONSTANT_RPM_V = 265.0
+TIME_CONSTANT = 9.79e-3
+GEAR = 60 / 18
+
+FINE_STEP = 1e-5  # a thousandth of the time constant: the integrator's error is then below 0.1 %
+RPM = 60 / (2 * np.pi)
+
+
+def bench(timestep: float | None = None, massless_wheels: bool = False) -> mujoco.MjModel:
+    """The robot clamped in the air, so that nothing but its own inertia and friction loads a wheel."""
+    spec = mujoco.MjSpec.from_file(str(robot.model_path()))
+    spec.delete(spec.joint("robot"))
+    spec.option.gravity = [0, 0, 0]
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    if timestep:
+        spec.option.timestep = timestep
+    if massless_wheels:
+        for joint in spec.joints:
+            joint.damping = [0, 0, 0]  # of the rollers' bearings: explicit integration needs some inertia beside it
+        for body in spec.bodies:
+            if body.name.startswith(("wheel", "roller")):
+                body.mass, body.inertia = 1e-9, [1e-12] * 3
+    return spec.compile()
+
+
+@dataclass
+class Run:
+    """Motor 1 over time: the state before each step and the torque that acted in it, on the motor's shaft."""
+
+    timestep: float
+    speed: NDArray
+    torque: NDArray
+    voltage: NDArray
+
+    @property
+    def current(self) -> NDArray:
+        return self.torque / TORQUE_CONSTANT
+
+
+def run(model: mujoco.MjModel, seconds: float, voltage: float, start_speed: float = 0.0) -> Run:
+    data = mujoco.MjData(model)
+    wheel = model.joint("wheel_1").dofadr[0]
+    data.qvel[wheel] = start_speed / GEAR
+    data.ctrl[0] = voltage
+    speed, torque = [], []
+    for _ in range(round(seconds / model.opt.timestep)):
+        speed.append(data.qvel[wheel] * GEAR)
+        mujoco.mj_step(model, data)
+        torque.append(data.actuator_force[0])
+    return Run(model.opt.timestep, np.array(speed), np.array(torque), np.full(len(speed), voltage))
+
+
+def time_constant(result: Run) -> float:
+    """From the slope of log(speed still missing), down to a tenth of it; constant friction does not change it."""
+    missing = 1 - result.speed / result.speed[-1]
+    rising = missing > 0.1
+    return float(-result.timestep / np.polyfit(np.arange(rising.sum()), np.log(missing[rising]), 1)[0])
+
+
+def wheel_inertia() -> float:
+    """Wheel with its rollers about the axle, kg m^2: the parallel axis theorem on the bodies of the model."""
+    model = robot.load_model()
+    wheel = model.body("wheel_1")
+    total = float(wheel.inertia[0])
+    for i in range(model.nbody):
+        if model.body_parentid[i] == wheel.id:
+            # The roller's own axis is tangential: about the axle, one of its two equal, larger moments counts.
+            total += float(model.body_inertia[i].max() + model.body_mass[i] * (model.body_pos[i] ** 2).sum())
+    return total
+
+
+@pytest.fixture(scope="module")
+def spin_up() -> Run:
+    return run(bench(FINE_STEP), 0.12, NOMINAL_V)
+
+
+def test_python_reads_the_datasheets_numbers_from_the_model() -> None:
+    motor = robot.motor(robot.load_model())
+    assert (motor.constant, motor.resistance) == (TORQUE_CONSTANT, RESISTANCE)
+    assert motor.gear == pytest.approx(GEAR, rel=1e-8)  # nine digits in the file
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_stall(sign: int) -> None:
+    model = bench()
+    data = mujoco.MjData(model)
+    data.ctrl[:] = sign * NOMINAL_V
+    mujoco.mj_forward(model, data)  # at rest, as a held shaft is
+    # 2 % and 3 %: K V / R is 0.1 % below the catalogue's torque, V / R 2 % below its current, rounded to 26 A.
+    np.testing.assert_allclose(data.actuator_force, sign * STALL_TORQUE, rtol=0.02)
+    np.testing.assert_allclose(data.actuator_force / TORQUE_CONSTANT, sign * STALL_CURRENT, rtol=0.03)
+    wheels = [model.joint(f"wheel_{i}").dofadr[0] for i in (1, 2, 3, 4)]
+    np.testing.assert_allclose(data.qfrc_actuator[wheels], sign * STALL_TORQUE * GEAR, rtol=0.02)
+
+
+def test_a_full_battery_is_the_most_a_motor_gets() -> None:
+    model = bench()
+    data = mujoco.MjData(model)
+    data.ctrl[:] = 100.0
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(data.actuator_force, TORQUE_CONSTANT * 25.2 / RESISTANCE)  # 6 cells of 4.2 V
+
+
+def test_torque_constant_agrees_with_the_speed_constant() -> None:
+    # One physical constant, printed twice; three digits each.
+    assert robot.motor(robot.load_model()).constant == pytest.approx(RPM / SPEED_CONSTANT_RPM_V, rel=2e-3)
+
+
+@pytest.mark.parametrize("voltage", [6.0, 12.0, -12.0, 24.0])
+def test_no_load_speed_is_that_of_the_back_emf_less_the_dry_friction(voltage: float) -> None:
+    result = run(bench(), 0.25, voltage)
+    # V = R I + K w with the current I that overcomes the dry friction. 0.1 %: MuJoCo's friction is a soft constraint.
+    friction = np.sign(voltage) * RESISTANCE * NO_LOAD_CURRENT
+    assert result.speed[-1] == pytest.approx((voltage - friction) / TORQUE_CONSTANT, rel=1e-3)
+
+
+def test_no_load_point_of_the_datasheet(spin_up: Run) -> None:
+    # 3 % and 5 %: the datasheet's own no-load row is off its R-K line by 1 % (commutation), which the line cannot show.
+    assert spin_up.speed[-1] * RPM == pytest.approx(NO_LOAD_RPM, rel=0.03)
+    assert spin_up.current[-1] == pytest.approx(NO_LOAD_CURRENT, rel=0.05)
+
+
+def test_mechanical_time_constant_of_the_bare_motor() -> None:
+    result = run(bench(FINE_STEP, massless_wheels=True), 0.12, NOMINAL_V)
+    # 5 %: the catalogue's 9.79 ms and its own R J / K^2 = 9.81 ms differ by 0.3 %, samples of the motor by more.
+    assert time_constant(result) == pytest.approx(TIME_CONSTANT, rel=0.05)
+
+
+def test_the_wheel_adds_its_inertia_to_the_rotors(spin_up: Run) -> None:
+    inertia = ROTOR_INERTIA + wheel_inertia() / GEAR**2
+    # Integration error at the fine step and the fit's start-up, both below 0.5 %.
+    assert time_constant(spin_up) == pytest.approx(RESISTANCE * inertia / TORQUE_CONSTANT**2, rel=5e-3)
+
+
+def test_spin_up_follows_the_differential_equation(spin_up: Run) -> None:
+    inertia = ROTOR_INERTIA + wheel_inertia() / GEAR**2
+
+    def acceleration(time: float, speed: NDArray) -> NDArray:
+        current = (NOMINAL_V - TORQUE_CONSTANT * speed) / RESISTANCE
+        return TORQUE_CONSTANT * (current - NO_LOAD_CURRENT) / inertia
+
+    time = np.arange(len(spin_up.speed)) * FINE_STEP
+    solution = solve_ivp(acceleration, (0, time[-1]), [0.0], t_eval=time, rtol=1e-8, atol=1e-8)
+    # 0.2 % of the final speed: Euler's error h / (2 e tau) is 0.02 %, the soft friction's 0.1 %.
+    np.testing.assert_allclose(spin_up.speed, solution.y[0], atol=2e-3 * solution.y[0, -1])
+
+
+def test_the_physics_step_is_short_for_the_motor() -> None:
+    result = run(bench(), 0.12, NOMINAL_V)
+    inertia = ROTOR_INERTIA + wheel_inertia() / GEAR**2
+    exact = RESISTANCE * inertia / TORQUE_CONSTANT**2
+    # Explicit Euler multiplies the missing speed by 1 - h / tau in each step: a time constant 4.7 % too short.
+    euler = -result.timestep / np.log(1 - result.timestep / exact)
+    assert time_constant(result) == pytest.approx(euler, rel=5e-3)  # the fit over few steps
+    assert euler == pytest.approx(exact, rel=0.05)
+
+
+def test_terminal_voltage_is_resistive_drop_plus_back_emf(spin_up: Run) -> None:
+    # At every instant, not only at the two ends of the line; exact arithmetic up to rounding.
+    np.testing.assert_allclose(
+        RESISTANCE * spin_up.current + TORQUE_CONSTANT * spin_up.speed, spin_up.voltage, rtol=1e-9
+    )
+
+
+def test_energy_balance(spin_up: Run) -> None:
+    until = round(0.03 / FINE_STEP)
+    speed, current = spin_up.speed[:until], spin_up.current[:until]
+    electrical = (spin_up.voltage[:until] * current).sum() * FINE_STEP
+    heat = RESISTANCE * (current**2).sum() * FINE_STEP
+    friction = TORQUE_CONSTANT * NO_LOAD_CURRENT * speed.sum() * FINE_STEP
+    kinetic = 0.5 * (ROTOR_INERTIA + wheel_inertia() / GEAR**2) * spin_up.speed[until] ** 2
+    # Both large, so that neither can hide the other's error. The sums err by about half a step of 3000; 0.2 % leaves
+    # room for that and for the soft friction.
+    assert min(heat, kinetic) > 0.3 * electrical
+    assert heat + friction + kinetic == pytest.approx(electrical, rel=2e-3)
+
+
+@pytest.mark.parametrize(("share", "sign"), [(1.3, -1), (0.5, 1)], ids=["faster: brakes", "slower: drives"])
+def test_current_changes_sign_at_the_speed_of_equal_back_emf(share: float, sign: int) -> None:
+    result = run(bench(), 0.01, NOMINAL_V, start_speed=share * NOMINAL_V / TORQUE_CONSTANT)
+    assert np.sign(result.current[0]) == sign

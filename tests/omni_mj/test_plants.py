@@ -1,0 +1,293 @@
+"""The plants: equation 7 in closed form, and the physical robot as a point mass on carpet with a battery."""
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import stats
+
+from omni_mj.plants import SimulationError
+from omni_mj.plants.kinematic import KinematicPlant
+from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.settings import Settings
+
+FRAME_S = 1 / 60
+MASS_KG, GRAVITY = 2.3, 9.81
+SIGMAS = 5  # of a statistic's own spread
+
+
+def with_settings(**sections: dict[str, Any]) -> Settings:
+    """The defaults with fields of some sections replaced."""
+    default = Settings()
+    return dataclasses.replace(
+        default, **{name: dataclasses.replace(getattr(default, name), **values) for name, values in sections.items()}
+    )
+
+
+def drive(plant: KinematicPlant | MujocoPlant, commands: NDArray) -> NDArray:
+    """Poses (frames + 1, n, 3) under commands (frames, n, 3)."""
+    poses = [plant.pose()]
+    for frame, command in enumerate(commands):
+        plant.advance(frame, command)
+        poses.append(plant.pose())
+    return np.array(poses)
+
+
+def constant(command: NDArray | list[float], frames: int, n: int) -> NDArray:
+    return np.broadcast_to(np.asarray(command, float), (frames, n, 3))
+
+
+# --- kinematic ---
+
+
+@hypothesis_settings(deadline=None, max_examples=50, derandomize=True)
+@given(alpha=st.floats(0, 2), frames=st.integers(1, 50), seed=st.integers(0, 2**63 - 1), data=st.data())
+def test_with_a_fixed_alpha_equation_7_is_a_sum(alpha: float, frames: int, seed: int, data: st.DataObject) -> None:
+    start = np.array([data.draw(st.tuples(*[st.floats(-10, 10)] * 3))])
+    commands = np.random.default_rng(frames).normal(size=(frames, 1, 3))
+    settings = with_settings(kinematic={"alpha_low": alpha, "alpha_high": alpha})
+    poses = drive(KinematicPlant(settings, start, [seed], frames), commands)
+    expected = start + FRAME_S * alpha * np.cumsum(commands, axis=0)
+    # Rounding of 50 sums; a drawn alpha may be off the bounds by the last bit.
+    np.testing.assert_allclose(poses[1:], expected, rtol=0, atol=1e-12)
+
+
+def test_alpha_is_uniform_between_its_bounds_and_new_in_every_frame_and_axis() -> None:
+    frames = 5000
+    settings = with_settings(kinematic={"alpha_low": 0.7, "alpha_high": 1.0})
+    poses = drive(KinematicPlant(settings, np.zeros((1, 3)), [4], frames), constant([1.0, 1.0, 1.0], frames, 1))
+    alpha = np.diff(poses[:, 0], axis=0) / FRAME_S
+    assert alpha.min() >= 0.7 - 1e-9  # differences of positions of up to 70 m
+    assert alpha.max() <= 1.0 + 1e-9
+    for axis in alpha.T:
+        # Kolmogorov-Smirnov; the level is that of five sigmas.
+        assert stats.kstest(axis, stats.uniform(0.7, 0.3).cdf).pvalue > 6e-7
+    centred = (alpha - alpha.mean(0)) / alpha.std(0)
+    # Correlations of independent samples spread by 1 / sqrt(n).
+    assert np.abs((centred[1:] * centred[:-1]).mean(0)).max() < SIGMAS / math.sqrt(frames)
+    assert np.abs(np.corrcoef(alpha.T)[np.triu_indices(3, 1)]).max() < SIGMAS / math.sqrt(frames)
+
+
+def test_disturbance_is_uniform_with_the_amplitude_asked_for() -> None:
+    frames, amplitude = 5000, 0.1
+    settings = with_settings(disturbance={"velocity_m_s": amplitude})
+    poses = drive(KinematicPlant(settings, np.zeros((1, 3)), [9], frames), constant([0.0, 0.0, 0.0], frames, 1))
+    velocity = np.diff(poses[:, 0], axis=0) / FRAME_S
+    assert (velocity[:, 2] == 0).all()  # it acts on the position only
+    drift = velocity[:, :2]
+    assert np.abs(drift).max() <= amplitude + 1e-12
+    # The largest of 5000 uniform numbers misses the amplitude by 1 % with probability 0.99^5000.
+    assert (np.abs(drift).max(0) > 0.99 * amplitude).all()
+    # Mean and deviation of a uniform variable, a / sqrt(3), and their spreads: sigma / sqrt(n), sigma / sqrt(5 n).
+    sigma = amplitude / math.sqrt(3)
+    np.testing.assert_allclose(drift.mean(0), 0.0, atol=SIGMAS * sigma / math.sqrt(frames))
+    np.testing.assert_allclose(drift.std(0), sigma, atol=SIGMAS * sigma / math.sqrt(5 * frames))
+
+
+def test_the_kinematic_plant_has_no_wheels() -> None:
+    telemetry = vars(KinematicPlant(Settings(), np.zeros((3, 3)), [0, 1, 2], 1).telemetry())
+    shapes = {name: (3,) if name.endswith("peak") else (3, 4) for name in telemetry}
+    assert {name: values.shape for name, values in telemetry.items()} == shapes
+    assert all(np.isnan(values).all() for values in telemetry.values())
+
+
+# --- both ---
+
+
+@pytest.mark.parametrize("kind", [KinematicPlant, MujocoPlant])
+def test_poses_handed_out_do_not_change_afterwards(kind: type[KinematicPlant] | type[MujocoPlant]) -> None:
+    plant = kind(Settings(), np.zeros((1, 3)), [0], 5)
+    before = plant.pose()
+    plant.advance(0, np.ones((1, 3)))
+    plant.advance(1, np.ones((1, 3)))
+    assert (before == 0).all()
+    assert (plant.pose() != 0).any()
+
+
+@pytest.mark.parametrize(
+    ("kind", "foreign"),
+    [
+        (KinematicPlant, {"disturbance": {"force_n": 50.0}, "firmware": {"kp": 0.0}, "carpet": {"friction": 0.1}}),
+        (
+            MujocoPlant,
+            {"disturbance": {"velocity_m_s": 5.0}, "kinematic": {"alpha_low": 0.1, "alpha_high": 0.2}},
+        ),
+    ],
+)
+def test_settings_of_the_other_plant_change_nothing(
+    kind: type[KinematicPlant] | type[MujocoPlant], foreign: dict[str, dict[str, float]]
+) -> None:
+    commands = constant([0.5, 0.2, 1.0], 15, 2)
+    default = drive(kind(Settings(), np.zeros((2, 3)), [3, 4], 15), commands)
+    changed = drive(kind(with_settings(**foreign), np.zeros((2, 3)), [3, 4], 15), commands)
+    np.testing.assert_array_equal(changed, default)
+
+
+# --- mujoco ---
+
+STARTS = np.array([[0, 0, 0], [1.5, -2, 1], [-3, 0.5, math.pi], [0, 0, -math.pi + 1e-3], [4, 3, 10], [0, 1, -7.0]])
+
+
+def test_robots_start_where_they_are_told_with_any_heading() -> None:
+    n = len(STARTS)
+    plant = MujocoPlant(Settings(), STARTS, [0] * n, 1)
+    np.testing.assert_array_equal(plant.pose(), STARTS)  # whole turns of the heading included
+    plant.advance(0, np.zeros((n, 3)))
+    # Settling into the carpet, not a jump: a tenth of vision's noise.
+    np.testing.assert_allclose(plant.pose(), STARTS, atol=1.3e-4)
+
+
+def test_motion_does_not_depend_on_place_or_heading() -> None:
+    settle, frames, n = 10, 20, len(STARTS)
+    plant = MujocoPlant(Settings(), STARTS, [0] * n, settle + frames)
+    # Rollers that just touch the carpet: which of them carry the very first step is a matter of rounding. At rest
+    # that is forgotten.
+    start = drive(plant, np.zeros((settle, n, 3)))[-1]
+    c, s = np.cos(start[:, 2]), np.sin(start[:, 2])
+    forward, left, turn = 0.6, 0.3, 2.0
+    command = np.stack([c * forward - s * left, s * forward + c * left, np.full(n, turn)], axis=1)
+    x, y, turned = (drive(plant, constant(command, frames, n))[-1] - start).T
+    moved = np.stack([c * x + s * y, c * y - s * x, turned], axis=1)
+    # The carpet is the same everywhere and in every direction. 0.05 mm and 0.05 mrad of 180 mm and 0.5 rad: what is
+    # left of the settling and of the contact solver's tolerance.
+    np.testing.assert_allclose(moved, np.tile(moved[0], (n, 1)), rtol=0, atol=5e-5)
+    assert np.hypot(*moved[0, :2]) > 0.1
+
+
+@pytest.mark.parametrize("turn_rate", [10.0, -10.0])
+def test_heading_counts_full_turns(turn_rate: float) -> None:
+    frames, start = 120, 3.0
+    plant = MujocoPlant(Settings(), np.array([[0.0, 0.0, start]]), [0], frames)
+    heading = drive(plant, constant([0.0, 0.0, turn_rate], frames, 1))[:, 0, 2]
+    # Continuous across the seam at pi: between frames at most what the command allows.
+    assert np.abs(np.diff(heading)).max() < 1.1 * abs(turn_rate) * FRAME_S
+    # Wheels count their own turns: l heading = r angle. 3 % for slip while spinning up, and for the effective radius.
+    rolled = plant.telemetry().wheel_angle.mean() * 0.0285 / 0.080
+    assert heading[-1] - start == pytest.approx(rolled, rel=0.03)
+    assert abs(heading[-1] - start) > 4 * math.pi
+
+
+@pytest.mark.parametrize("friction", [0.02, 0.05, 0.1])
+def test_nothing_drives_faster_than_the_carpets_friction_allows(friction: float) -> None:
+    frames = 30
+    directions = np.array([[1.0, 0, 0], [0, 1.0, 0], [-0.7, 0.7, 0]])
+    plant = MujocoPlant(with_settings(carpet={"friction": friction}), np.zeros((3, 3)), [0] * 3, frames)
+    distance = np.linalg.norm(drive(plant, constant(directions, frames, 3))[-1, :, :2], axis=1)
+    bound = 0.5 * friction * GRAVITY * (frames * FRAME_S) ** 2
+    assert (distance <= bound).all()
+    # The wheels' share of it is at least that of driving to the left, 0.586 (see test_wheels), less what two of the
+    # wheels lose once they have caught up.
+    assert (distance >= 0.5 * bound).all()
+
+
+def test_friction_is_the_models_unless_set() -> None:
+    commands = constant([2.0, 0.0, 0.0], 10, 1)
+    default = drive(MujocoPlant(Settings(), np.zeros((1, 3)), [0], 10), commands)
+    same = drive(MujocoPlant(with_settings(carpet={"friction": 0.8}), np.zeros((1, 3)), [0], 10), commands)
+    np.testing.assert_array_equal(same, default)
+
+
+def test_disturbing_force_pushes_a_sliding_robot_by_newtons_law() -> None:
+    frames, n, force = 40, 20, 50.0
+    settings = with_settings(carpet={"friction": 0.01}, disturbance={"force_n": force})
+    plant = MujocoPlant(settings, np.zeros((n, 3)), list(range(n)), frames)
+    position = drive(plant, constant([0.0, 0.0, 0.0], frames, n))[..., :2]
+    # A force constant within each frame gives x(k+1) - 2 x(k) + x(k-1) = T^2 (a(k) + a(k-1)) / 2.
+    mean_force = MASS_KG * np.diff(position, n=2, axis=0) / FRAME_S**2
+    # Bounded by the amplitude, to which friction, mu m g = 0.23 N, may add.
+    assert np.abs(mean_force).max() <= force + 0.23
+    # The mean of two uniform numbers deviates by f / sqrt(3) / sqrt(2). 1560 samples, of which every other one is
+    # independent: the deviation is known to 1 / sqrt(1560), the mean to sigma sqrt(2 / 1560).
+    sigma, samples = force / math.sqrt(6), mean_force.size
+    assert mean_force.std() == pytest.approx(sigma, rel=SIGMAS / math.sqrt(samples))
+    assert mean_force.mean() == pytest.approx(0.0, abs=SIGMAS * sigma * math.sqrt(2 / samples))
+
+
+def test_the_force_depends_on_the_seed() -> None:
+    settings = with_settings(disturbance={"force_n": 20.0})
+    poses = drive(MujocoPlant(settings, np.zeros((3, 3)), [5, 6, 5], 10), constant([0.0, 0.0, 0.0], 10, 3))
+    np.testing.assert_array_equal(poses[:, 0], poses[:, 2])
+    assert (poses[-1, 0] != poses[-1, 1]).all()
+
+
+@pytest.fixture(scope="module")
+def busy() -> tuple[Settings, NDArray, list[int], NDArray]:
+    """Robots that slip, saturate and are pushed, each otherwise."""
+    frames, n = 20, 5
+    commands = np.random.default_rng(1).normal(scale=1.5, size=(frames, n, 3))
+    return with_settings(disturbance={"force_n": 10.0}), STARTS[:n], [3, 1, 4, 1, 5], commands
+
+
+@pytest.fixture(scope="module")
+def serial(busy: tuple[Settings, NDArray, list[int], NDArray]) -> NDArray:
+    settings, start, seeds, commands = busy
+    return drive(MujocoPlant(settings, start, seeds, len(commands), threads=1), commands)
+
+
+@pytest.mark.parametrize("threads", [2, 3, None])
+def test_threads_do_not_change_a_bit(
+    busy: tuple[Settings, NDArray, list[int], NDArray], serial: NDArray, threads: int | None
+) -> None:
+    settings, start, seeds, commands = busy
+    parallel = drive(MujocoPlant(settings, start, seeds, len(commands), threads=threads), commands)
+    np.testing.assert_array_equal(parallel, serial)
+
+
+@pytest.mark.parametrize("robot", range(5))
+def test_a_robot_alone_moves_as_in_a_batch(
+    busy: tuple[Settings, NDArray, list[int], NDArray], serial: NDArray, robot: int
+) -> None:
+    settings, start, seeds, commands = busy
+    row = [robot]
+    alone = drive(MujocoPlant(settings, start[row], [seeds[robot]], len(commands)), commands[:, row])
+    np.testing.assert_array_equal(alone, serial[:, row])
+
+
+def test_a_weak_battery_limits_the_wheels_to_its_back_emf() -> None:
+    voltage = 3.0
+    plant = MujocoPlant(with_settings(battery={"voltage_v": voltage}), np.zeros((1, 3)), [0], 60)
+    drive(plant, constant([0.0, 0.0, 26.0], 60, 1))
+    telemetry = plant.telemetry()
+    # V = R I + K w with the current that overcomes the dry friction: no faster; 2 % for rolling losses: hardly slower.
+    no_load = (voltage - 0.942 * 0.238) / (0.036 * 60 / 18)
+    assert telemetry.wheel_speed.max() <= no_load
+    assert telemetry.wheel_speed.min() >= 0.98 * no_load
+    np.testing.assert_allclose(telemetry.voltage, voltage)
+    assert telemetry.voltage_peak[0] == voltage
+
+
+def test_peaks_cover_the_frames_physics_steps() -> None:
+    plant = MujocoPlant(Settings(), np.zeros((2, 3)), [0, 0], 20)
+    command = np.array([[1.5, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    peaks = []
+    for frame in range(20):
+        plant.advance(frame, command)
+        telemetry = plant.telemetry()
+        assert (telemetry.voltage_peak >= np.abs(telemetry.voltage).max(1)).all()
+        assert (telemetry.current_peak >= np.abs(telemetry.current).max(1) * (1 - 1e-12)).all()  # another division
+        peaks.append((telemetry.voltage_peak, telemetry.current_peak))
+    voltage, current = np.array(peaks).transpose(1, 2, 0)
+    # The first step from rest: k_p and feed-forward times the fastest wheel's speed, on a motor without back-EMF.
+    first = (0.3 + 0.036 * 60 / 18) * 1.5 * math.sin(math.radians(60)) / 0.0285
+    assert voltage[0, 0] == pytest.approx(first, rel=1e-6)  # the geometry's digits
+    assert current[0, 0] == pytest.approx(first / 0.942, rel=1e-6)
+    assert (voltage[0, 1:] < 0.9 * first).all()  # each frame's own, not the run's: the wheels turn by then
+    assert voltage[1].max() < 0.1  # a standing robot's motors rest
+
+
+@pytest.mark.parametrize("x", [math.nan, 1e11], ids=["not a number", "too far"])
+def test_an_unstable_simulation_names_time_robot_and_warning(
+    x: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # MuJoCo logs its warnings to a file in the working directory
+    plant = MujocoPlant(Settings(), np.array([[0.0, 0, 0], [x, 0, 0]]), [0, 0], 5)
+    with pytest.raises(SimulationError, match=r"robot 1 became unstable at 0\.017 s: .*mjWARN_BADQPOS") as error:
+        plant.advance(0, np.zeros((2, 3)))
+    assert "\n" not in str(error.value)
