@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, NoReturn
 
 import click
@@ -16,6 +17,7 @@ from omni_mj.metrics import AXES
 from omni_mj.plants import SimulationError
 
 BAD_INPUT, FAILED = 2, 1
+EVENTS_SHOWN = 5
 
 
 def invoke(command: click.Command, args: list[str] | None = None) -> NoReturn:
@@ -97,6 +99,26 @@ def print_result(summary: dict[str, Any]) -> None:
     for row in rows:
         table.add_row(*row)
     Console(width=None if sys.stdout.isatty() else 120).print(table)
+    for event in summary["events"][:EVENTS_SHOWN]:
+        print(f"note: {event['time_s']:.2f} s, {event['controller']}, seed {event['seed']}: {event['text']}")
+    if (more := len(summary["events"]) - EVENTS_SHOWN) > 0:
+        print(f"note: {more} more events are in summary.json")
+
+
+def print_alpha(result: dict[str, Any], folder: Path) -> None:
+    """Print what came out of the alpha study."""
+    table = Table(title="mean alpha over everything else", title_justify="left", title_style="bold")
+    table.add_column("condition")
+    table.add_column("alpha at each value", justify="left")
+    for name, means in result["trends"].items():
+        pairs = zip(result["axes"][name], means, strict=True)
+        table.add_row(name, "   ".join(f"{value:g}: {mean:.3f}" for value, mean in pairs))
+    Console(width=None if sys.stdout.isatty() else 120).print(table)
+    usual = result["usual"]
+    bounds = ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in usual["conditions"].items())
+    print(f"usual conditions ({bounds}):")
+    print(f"  5th, 50th, 95th percentile of alpha: {usual['p5']:.3f}, {usual['p50']:.3f}, {usual['p95']:.3f}")
+    print(f"results in {folder}/ (alpha.json, alpha.png) after {result['wall_s']:.0f} s")
 
 
 def markdown_result(summary: dict[str, Any]) -> str:

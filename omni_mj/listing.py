@@ -25,7 +25,7 @@ def show() -> None:
     rows = []
     for section, field, default in settings():
         meta = field.metadata
-        rows.append([f"{section}.{field.name}", _short(default), meta["unit"], _range(meta), meta["doc"]])
+        rows.append([f"{section}.{field.name}", _short(default), meta["unit"], _range(field), meta["doc"]])
     _print(console, "settings (--set section.field=value)", rows, ["setting", "default", "unit", "allowed", "meaning"])
 
 
@@ -43,9 +43,12 @@ def _short(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value)
 
 
-def _range(meta: Any) -> str:
+def _range(field: dataclasses.Field[Any]) -> str:
+    meta = field.metadata
     if meta["choices"]:
         return ", ".join(meta["choices"])
+    if field.type is bool:
+        return "true, false"
     return "" if meta["low"] is None else f"{meta['low']:g} to {meta['high']:g}"
 
 

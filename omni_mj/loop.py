@@ -40,7 +40,7 @@ class Simulation:
         row_seeds = seeds * len(scenario.controllers)
         start = np.repeat(self.reference.poses[:1], n, axis=0)
 
-        self.plant: Plant = PLANTS[scenario.plant](settings, start, row_seeds, frames)  # type: ignore[call-arg]
+        self.plant: Plant = PLANTS[scenario.plant]([settings] * n, start, row_seeds, frames)  # type: ignore[call-arg]
         self.camera = Camera(settings.vision, row_seeds, frames)
         self.filter = PoseFilter(start, PERIOD_S, settings.vision.filter_smoothing)
         self.trackers = [
@@ -64,7 +64,7 @@ class Simulation:
             estimate = self.filter.update(measured, seen)
             wanted = np.concatenate([t.command(frame, estimate[rows], command[rows]) for t, rows in self.trackers])
             command = self.limits(wanted)
-            applied = self.radio.exchange(command)
+            applied, heading = self.radio.exchange(command, estimate[:, 2])
 
             self.trajectory.write(
                 frame,
@@ -79,7 +79,7 @@ class Simulation:
                 **vars(self.plant.telemetry()),
             )
             after_frame(frame)
-            self.plant.advance(frame, applied)
+            self.plant.advance(frame, applied, heading)
 
 
 def timed_reference(settings: ReferenceSettings) -> TimedReference:

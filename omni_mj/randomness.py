@@ -15,6 +15,8 @@ class Stream(IntEnum):
     VISION_MISSES = 1
     ALPHA = 2
     DISTURBANCE = 3
+    GYRO_BIAS = 4
+    GYRO_NOISE = 5
 
 
 def draw(seeds: list[int], stream: Stream, sample: Callable[[np.random.Generator], Array]) -> Array:

@@ -9,6 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from omni_mj import robot_shape, style
+from omni_mj.events import Event
 from omni_mj.metrics import AXES
 from omni_mj.scenario import Scenario
 from omni_mj.settings import FRAME_RATE_HZ
@@ -23,6 +24,9 @@ _SERIES = {
     "wheel_speed": ("wheel_speed", [f"{name} rad/s" for name in _WHEEL_NAMES]),
     "voltage": ("voltage", [f"{name} V" for name in _WHEEL_NAMES]),
     "current": ("current", [f"{name} A" for name in _WHEEL_NAMES]),
+    "winding": ("winding", [f"{name} deg C" for name in _WHEEL_NAMES]),
+    "battery": ("battery", ["V"]),
+    "slip": ("slip", [f"{name} m/s" for name in _WHEEL_NAMES]),
 }
 
 # Tabs of the viewer: tab -> entity below plots -> title.
@@ -39,6 +43,11 @@ _VIEWS = {
         "current": "motor current",
         "applied": "command arrived at the robot",
     },
+    "losses": {
+        "winding": "winding temperature",
+        "battery": "battery voltage",
+        "slip": "slip of the contact points",
+    },
 }
 TIMELINES = ("frame", "time")
 
@@ -54,7 +63,7 @@ class Recording:
 
     def __init__(self, path: Path, scenario: Scenario, reference: np.ndarray) -> None:
         rr.set_strict_mode(True)  # otherwise what rerun refuses is silently missing from the file
-        self._controllers = scenario.controllers
+        self._controllers, self._seed = scenario.controllers, scenario.seed
         self._recorded = 0
         self._stream = rr.RecordingStream("omni-mj")
         self._stream.save(path, default_blueprint=_blueprint(scenario.controllers, reference))
@@ -115,8 +124,12 @@ class Recording:
                 columns = rr.Scalars.columns(scalars=data[source]).partition([len(names)] * len(errors))
                 self._stream.send_columns(f"plots/{entity}/{name}", time, columns)
 
-    def log_summary(self, markdown: str) -> None:
-        """Put the run's result, a Markdown text, into the recording."""
+    def log_summary(self, markdown: str, events: list[Event]) -> None:
+        """Put the run's result, a Markdown text, and the first seed's events into the recording."""
+        for event in (e for e in events if e.seed == self._seed):
+            self._stream.set_time(TIMELINES[0], sequence=event.frame)
+            self._stream.set_time(TIMELINES[1], duration=event.time_s)
+            self._stream.log("events", rr.TextLog(f"{event.controller}: {event.text}", level=rr.TextLogLevel.WARN))
         self._stream.log("summary", rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN), static=True)
 
     def _log_static(self, reference: np.ndarray) -> None:
@@ -166,7 +179,10 @@ def _blueprint(controllers: tuple[str, ...], reference: np.ndarray) -> rrb.Bluep
     )
     overrides: dict[rr.EntityPathLike, Any] = {f"world/{name}/path": so_far for name in controllers}
     scene = rrb.Spatial3DView(origin="world", name="field", overrides=overrides, eye_controls=eye)
-    left = rrb.Vertical(scene, rrb.TextDocumentView(origin="summary", name="summary"), row_shares=[3, 1])
+    texts = rrb.Tabs(
+        rrb.TextDocumentView(origin="summary", name="summary"), rrb.TextLogView(origin="events", name="events")
+    )
+    left = rrb.Vertical(scene, texts, row_shares=[3, 1])
     right = rrb.Tabs(*(_plots(name, views) for name, views in _VIEWS.items()))
     return rrb.Blueprint(
         rrb.Horizontal(left, right), rrb.TimePanel(timeline="time", play_state="paused"), collapse_panels=True

@@ -1,5 +1,6 @@
 """The robot of models/ssl_robot.xml: where the file is, and the numbers that Python reads from the compiled model."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -11,6 +12,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
 
 WHEELS = 4
+FRAME_RATE_HZ = 60  # SSL-Vision's cameras; the clock of everything (paper, section 4)
 
 
 def model_path() -> Path:
@@ -43,9 +45,26 @@ def standing(model: mujoco.MjModel) -> tuple[Array, Array]:
     return data.qpos.copy(), np.zeros(model.nv)
 
 
+def even_slice(indices: Sequence[int]) -> slice:
+    """Evenly spaced indices as a slice, which makes a live view of an array's columns."""
+    first, step = int(indices[0]), int(indices[1] - indices[0])
+    assert [int(i) for i in indices] == [first + step * k for k in range(len(indices))]
+    return slice(first, int(indices[-1]) + 1, step)
+
+
 def carpet_friction() -> float:
     """Coefficient of friction between rollers and carpet, as in the model."""
     return float(_shared_model().pair_friction[0, 0])
+
+
+def numeric(name: str) -> float:
+    """A number that the model holds under <custom>."""
+    return float(_shared_model().numeric(name).data[0])
+
+
+def roller_damping() -> float:
+    """Damping of the rollers' bearings, as in the model, N m s/rad."""
+    return float(_shared_model().dof_damping.max())
 
 
 @dataclass(frozen=True)

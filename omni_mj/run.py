@@ -6,8 +6,6 @@ import sys
 import time
 from contextlib import ExitStack
 from dataclasses import dataclass
-from datetime import UTC, datetime
-from itertools import chain, count
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -15,7 +13,7 @@ from typing import Any
 import click
 
 from omni_control.errors import OmniError
-from omni_mj import console, figures, listing, scenario, summary
+from omni_mj import console, events, figures, folders, listing, scenario, summary
 from omni_mj.loop import Simulation
 from omni_mj.plants import SimulationError
 from omni_mj.recording import Recording
@@ -61,7 +59,7 @@ def run(
         raise OmniError(f"--scenario is missing; choose from {', '.join(scenario.builtin())}, or a .toml file")
     head = {"controllers": controllers or None, "plant": plant, "seed": seed, "seeds": seeds}
     chosen = scenario.load(scenario_name, overrides, {k: v for k, v in head.items() if v is not None})
-    folder = _prepare(out, chosen.name, overwrite)
+    folder = folders.prepare(out, chosen.name, OUTPUTS, overwrite)
     execute(chosen, folder, record, draw, quiet)
 
 
@@ -80,7 +78,7 @@ def execute(chosen: scenario.Scenario, folder: Path, record: bool, draw: bool, q
         if trajectory.length:
             trajectory.save(folder / "trajectory.parquet")
             if recording:
-                recording.log_summary(console.markdown_result(result))
+                recording.log_summary(console.markdown_result(result), events.find(trajectory, chosen.settings))
     if draw and trajectory.length:
         title = f"{chosen.name} on the {chosen.plant} plant, seed {chosen.seed}"
         figures.save_all(trajectory, title, folder / "figures")
@@ -133,29 +131,6 @@ class _TerminatedError(Exception):
 
 def _terminate(number: int, frame: FrameType | None) -> None:
     raise _TerminatedError
-
-
-def _prepare(out: Path | None, name: str, overwrite: bool) -> Path:
-    """The run's folder, made if need be; never one that holds anything, unless asked to overwrite a run's files."""
-    if out is None:
-        base = Path("runs") / f"{name}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
-        names = chain([base], (Path(f"{base}-{i}") for i in count(2)))  # two runs may start in the same second
-        out = next(path for path in names if not path.exists())
-    if out.exists() and not out.is_dir():
-        raise OmniError(f"--out {out} is a file; give a folder")
-    if out.is_dir() and any(out.iterdir()):
-        if not overwrite:
-            raise OmniError(f"--out {out} is not empty; give another folder, or --overwrite to replace the run in it")
-        for output in OUTPUTS:
-            if (old := out / output).is_dir():
-                shutil.rmtree(old)
-            else:
-                old.unlink(missing_ok=True)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OmniError(f"cannot make the folder {out}: {error.strerror}; give another with --out") from None
-    return out
 
 
 def _report(result: dict[str, Any], folder: Path, record: bool, draw: bool) -> None:

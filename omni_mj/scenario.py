@@ -155,6 +155,10 @@ def _check(name: str, spec: dataclasses.Field[Any], value: Any) -> Any:
         if value not in meta["choices"]:
             raise OmniError(f"{name} must be {' or '.join(meta['choices'])}, not {value!r}")
         return value
+    if spec.type is bool:
+        if not isinstance(value, bool):
+            raise OmniError(f"{name} must be true or false, not {value!r}")
+        return value
     if name == "reference.waypoints":
         return _check_waypoints(value)
     whole = spec.type is int

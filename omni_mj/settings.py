@@ -1,12 +1,15 @@
 """Every number a scenario can set: small frozen dataclasses whose fields carry unit, bounds and meaning."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
+from omni_control.kinematics import Array
 from omni_mj import robot
 
-FRAME_RATE_HZ = 60  # SSL-Vision's cameras; the clock of everything (paper, section 4)
+FRAME_RATE_HZ = robot.FRAME_RATE_HZ
 PERIOD_S = 1 / FRAME_RATE_HZ
 
 
@@ -22,6 +25,11 @@ def setting(
     metadata = {"unit": unit, "doc": doc, "low": low, "high": high, "choices": choices}
     factory: Callable[[], Any] = default if callable(default) else lambda: default
     return field(default_factory=factory, metadata=metadata)
+
+
+def column(settings: Sequence[Any], name: str) -> Array:
+    """A field of one section per robot as an array (n, 1)."""
+    return np.array([[float(getattr(s, name))] for s in settings])
 
 
 @dataclass(frozen=True)
@@ -77,22 +85,60 @@ class ControlSettings:
 
 @dataclass(frozen=True)
 class FirmwareSettings:
-    """The wheel loops on the robot, one PID per wheel at the physics rate; gains at the wheel.
+    """What runs on the robot: wheel loops, one PID per wheel at 960 Hz, with gains at the wheel, and heading.
 
-    By default proportional with feed-forward, as in the firmware of TIGERs (k_i = 0) and RoboJackets.
+    By default the wheel loops are proportional with feed-forward, as in the firmware of TIGERs (k_i = 0) and
+    RoboJackets.
     """
 
     kp: float = setting(0.3, "V s/rad", "voltage per error of the wheel speed", 0, 100)
     ki: float = setting(0.0, "V/rad", "voltage per integrated error", 0, 1000)
     kd: float = setting(0.0, "V s^2/rad", "voltage per rate of the error", 0, 1)
     feed_forward: float = setting(1.0, "", "share of the wanted speed's back-EMF that is fed forward", 0, 2)
+    nominal_voltage_v: float = setting(22.2, "V", "battery voltage that it reckons with (6S LiPo, TIGERs)", 1, 60)
+    turn_gain: float = setting(1.0, "", "turn rate added per error of the turn rate that the gyro shows", 0, 10)
+    heading_gain: float = setting(2.0, "1/s", "heading corrected per difference to vision's", 0, 30)
+    bias_gain: float = setting(0.5, "1/s^2", "gyro bias corrected per difference to vision's heading", 0, 100)
+    derate: bool = setting(False, "", "limit the current of a motor that nears its highest winding temperature")
+
+
+@dataclass(frozen=True)
+class SensorSettings:
+    """The sensors on the robot."""
+
+    encoder_counts: int = setting(8192, "", "counts per revolution of a motor (TIGERs: 2048 lines)", 1, 1_000_000)
+    gyro_noise_rad_s: float = setting(0.005, "rad/s", "standard deviation of the gyro over a frame", 0, 10)
+    gyro_bias_rad_s: float = setting(0.01, "rad/s", "standard deviation of its bias, one per seed", 0, 10)
+
+
+@dataclass(frozen=True)
+class MotorSettings:
+    """What the model cannot hold of the motors: maxon EC 45 flat 50 W, catalogue page of the 24 V winding."""
+
+    winding_c: float = setting(25.0, "deg C", "temperature of the windings at the start", -20, 200)
+    housing_c: float = setting(25.0, "deg C", "temperature of the housings at the start", -20, 200)
+    ambient_c: float = setting(25.0, "deg C", "temperature of the air", -20, 60)
+    limit_c: float = setting(125.0, "deg C", "highest permissible temperature of the windings", 0, 300)
+    winding_housing_k_w: float = setting(8.28, "K/W", "thermal resistance from winding to housing", 0.01, 1e3)
+    housing_ambient_k_w: float = setting(1.57, "K/W", "thermal resistance from housing to air", 0.01, 1e3)
+    winding_j_k: float = setting(3.48, "J/K", "heat capacity of the winding: 28.8 s / 8.28 K/W", 0.01, 1e4)
+    housing_j_k: float = setting(49.9, "J/K", "heat capacity of the housing: 78.3 s / 1.57 K/W", 0.01, 1e5)
+    copper_per_k: float = setting(0.00393, "1/K", "rise of the winding's resistance (copper)", 0, 0.1)
+    magnet_per_k: float = setting(-0.001, "1/K", "change of the torque constant (NdFeB, typical)", -0.01, 0)
+    commutation_ohm_s: float = setting(
+        1.27e-3, "ohm s/rad", "commutation's resistance per motor speed; fits the datasheet's nominal point", 0, 1
+    )
 
 
 @dataclass(frozen=True)
 class BatterySettings:
-    """The battery."""
+    """The battery: 6S LiPo (TIGERs)."""
 
-    voltage_v: float = setting(22.2, "V", "what the motor drivers can give; 6S LiPo, nominal (TIGERs)", 1, 25.2)
+    charge: float = setting(0.5, "", "state of charge at the start: 1 full (25.2 V), 0.5 nominal (22.2 V)", 0, 1)
+    cells: int = setting(6, "", "cells in series", 1, 6)
+    capacity_ah: float = setting(1.3, "Ah", "capacity", 0.01, 100)
+    resistance_ohm: float = setting(0.08, "ohm", "internal resistance: cells, wires and connectors", 0, 1)
+    cut_off_v: float = setting(20.4, "V", "below it, over a second, the battery gives no more power", 0, 60)
 
 
 @dataclass(frozen=True)
@@ -100,6 +146,40 @@ class CarpetSettings:
     """The carpet under the rollers."""
 
     friction: float = setting(robot.carpet_friction, "", "coefficient of friction, all rollers", 0.01, 5)
+    lint: float = setting(
+        lambda: robot.numeric("lint"),
+        "",
+        "rolling resistance in the pile, with lint on the wheels: share of the load",
+        0,
+        1,
+    )
+
+
+@dataclass(frozen=True)
+class PhysicsSettings:
+    """The integration."""
+
+    substeps: int = setting(1, "", "physics steps per cycle of the wheel loops, which is the model's 1/960 s", 1, 100)
+
+
+@dataclass(frozen=True)
+class WheelSettings:
+    """The wheels."""
+
+    model: str = setting(
+        "rollers", "", "rollers: all 16 of each; contact-roller: the one at the carpet, faster",
+        choices=("rollers", "contact-roller"),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class DriveSettings:
+    """Losses between motor and carpet."""
+
+    gear_friction_nm: float = setting(
+        lambda: robot.numeric("gear_friction"), "N m", "dry friction of a gear, at the wheel", 0, 1
+    )
+    roller_damping_nm_s: float = setting(robot.roller_damping, "N m s/rad", "of a roller's bearing", 0, 2e-5)
 
 
 @dataclass(frozen=True)
@@ -127,7 +207,12 @@ class Settings:
     radio: RadioSettings = field(default_factory=RadioSettings)
     control: ControlSettings = field(default_factory=ControlSettings)
     firmware: FirmwareSettings = field(default_factory=FirmwareSettings)
+    sensors: SensorSettings = field(default_factory=SensorSettings)
+    motor: MotorSettings = field(default_factory=MotorSettings)
     battery: BatterySettings = field(default_factory=BatterySettings)
+    drive: DriveSettings = field(default_factory=DriveSettings)
+    physics: PhysicsSettings = field(default_factory=PhysicsSettings)
+    wheels: WheelSettings = field(default_factory=WheelSettings)
     carpet: CarpetSettings = field(default_factory=CarpetSettings)
     disturbance: DisturbanceSettings = field(default_factory=DisturbanceSettings)
     kinematic: KinematicSettings = field(default_factory=KinematicSettings)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from omni_mj import metrics, paper
+from omni_mj import events, metrics, paper
 from omni_mj.scenario import Scenario
 from omni_mj.settings import PERIOD_S
 from omni_mj.trajectory import Trajectory
@@ -21,7 +21,11 @@ DEFINITIONS = {
         " percentiles over all seeds and those k where the magnitude of applied_vx_m_s[k:k+n]'s mean is above"
         f" {metrics.ALPHA_MIN_SPEED_M_S} m/s"
     ),
-    "peak": "largest of voltage_peak_v and current_peak_a, which cover every physics step and motor, over all seeds",
+    "peak": (
+        "over all seeds the largest of voltage_peak_v and current_peak_a, which cover every physics step and motor, and"
+        " of winding_1_c to winding_4_c"
+    ),
+    "events": "the first frame of each kind, controller and seed",
     "reduction_percent": "100 (1 - median of this controller / median of the first controller)",
 }
 
@@ -40,6 +44,7 @@ def summarise(scenario: Scenario, trajectory: Trajectory, wall_s: float, stopped
         "simulated_s": trajectory.length * PERIOD_S,
         "wall_s": round(wall_s, 3),
         "results": _results(scenario, trajectory) if trajectory.length else {},
+        "events": [dataclasses.asdict(event) for event in events.find(trajectory, scenario.settings)],
         "paper": paper.figures(scenario.paper_table),
         "definitions": DEFINITIONS,
         "settings": dataclasses.asdict(scenario.settings),
@@ -66,6 +71,7 @@ def _results(scenario: Scenario, trajectory: Trajectory) -> dict[str, Any]:
             "alpha": alpha[i] if alpha else None,
             "peak_voltage_v": _peak(trajectory.channel("voltage_peak")[:, i]),
             "peak_current_a": _peak(trajectory.channel("current_peak")[:, i]),
+            "peak_winding_c": _peak(trajectory.channel("winding")[:, i]),
         }
     return results
 

@@ -27,6 +27,10 @@ CHANNELS: dict[str, tuple[str, ...]] = {
     "current": tuple(f"current_{i}_a" for i in _WHEELS),
     "voltage_peak": ("voltage_peak_v",),
     "current_peak": ("current_peak_a",),
+    "winding": tuple(f"winding_{i}_c" for i in _WHEELS),
+    "housing": tuple(f"housing_{i}_c" for i in _WHEELS),
+    "battery": ("battery_v",),
+    "slip": tuple(f"slip_{i}_m_s" for i in _WHEELS),
 }
 
 

@@ -14,40 +14,56 @@ from omni_mj.loop import Simulation
 ROUNDS = 3  # the fastest of these counts: other work on the machine only ever adds time
 
 
-def fastest(work: Callable[[], object]) -> float:
-    """Seconds of the fastest of a few rounds."""
+def fastest(prepare: Callable[[], Callable[[], object]]) -> float:
+    """Seconds of the fastest of a few rounds of the work that `prepare` sets up."""
     times = []
     for _ in range(ROUNDS):
+        work = prepare()
         start = time.perf_counter()
         work()
         times.append(time.perf_counter() - start)
     return min(times)
 
 
-def loop_against_bare_steps(seeds: int) -> None:
-    """Compare the whole loop with stepping its commands' voltages through the same model and nothing else."""
+def report(robots: int) -> None:
+    """Compare the plant, and the whole loop around it, with stepping the same model and nothing else."""
     drive = ["reference.waypoints=[[0, 0], [1, 0.5]]", "reference.settle_s=0"]
-    chosen = dataclasses.replace(scenario.load("rect", drive), seeds=seeds, controllers=("comp-flc",))
+    chosen = dataclasses.replace(scenario.load("rect", drive), seeds=robots, controllers=("comp-flc",))
+    recorded = Simulation(chosen)
+    recorded.run()
+    commands, voltages = (recorded.trajectory.channel(name)[:, 0] for name in ("applied", "voltage"))
+    nothing = np.full(robots, np.nan)
 
-    def whole() -> Simulation:
-        simulation = Simulation(chosen)
-        simulation.run()
-        return simulation
+    def plant() -> Callable[[], object]:
+        mujoco_plant = Simulation(chosen).plant
 
-    voltages = whole().trajectory.channel("voltage")[:, 0]
+        def work() -> None:
+            for frame, command in enumerate(commands):
+                mujoco_plant.advance(frame, command, nothing)
 
-    def bare() -> None:
-        batch = Batch(robot.load_model(), seeds, min(seeds, os.cpu_count() or 1))
+        return work
+
+    def bare(calls: int, steps: int) -> Callable[[], object]:
+        model = robot.load_model()
+        batch = Batch(model, robots, min(robots, os.cpu_count() or 1))
+        batch.qpos[:] = robot.standing(model)[0]
         ctrl = batch.bind("ctrl")
-        for voltage in voltages:
-            ctrl[:] = voltage
-            batch.step(nstep=16)
 
-    ratio = fastest(whole) / fastest(bare)
-    print(f"{seeds:4d} robots: whole loop / bare steps of the same model {ratio:.2f}")
+        def work() -> None:
+            for voltage in voltages:
+                ctrl[:] = voltage
+                for _ in range(calls):
+                    batch.step(nstep=steps)
+
+        return work
+
+    single, joined = fastest(lambda: bare(16, 1)), fastest(lambda: bare(1, 16))
+    driven, whole = fastest(plant), fastest(lambda: Simulation(chosen).run)
+    print(f"{robots:6d} {driven / single:14.2f} {driven / joined:24.2f} {whole / joined:24.2f}", flush=True)
 
 
 if __name__ == "__main__":
-    np.seterr(all="raise")
+    print("time over that of bare steps of the same model")
+    print("robots  plant / steps  plant / 16 steps at once  loop / 16 steps at once")
     for n in (2, 16, 64):
-        loop_against_bare_steps(n)
+        report(n)

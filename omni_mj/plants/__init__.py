@@ -17,6 +17,8 @@ class Telemetry:
 
     wheel_angle (n, 4) rad, wheel_speed (n, 4) rad/s, voltage (n, 4) V, current (n, 4) A; and the largest magnitudes
     over the four motors and the physics steps of the frame just past, voltage_peak (n,) V, current_peak (n,) A.
+    Temperatures of windings and housings (n, 4) in deg C, the battery's voltage under load (n,) in V, and the speed at
+    which the wheels' contact points slide over the carpet, slip (n, 4) m/s.
     """
 
     wheel_angle: Array
@@ -25,6 +27,10 @@ class Telemetry:
     current: Array
     voltage_peak: Array
     current_peak: Array
+    winding: Array
+    housing: Array
+    battery: Array
+    slip: Array
 
 
 class Plant(Protocol):
@@ -34,8 +40,10 @@ class Plant(Protocol):
         """True poses (n, 3) now; headings count full turns."""
         ...
 
-    def advance(self, frame: int, command: Array) -> None:
+    def advance(self, frame: int, command: Array, heading: Array) -> None:
         """Move on by one frame in which the robots obey `command` (n, 3), world frame.
+
+        With it arrived vision's `heading` (n,) of when it was sent, rad, or not a number.
 
         Raises:
             SimulationError: the simulation became unstable.

@@ -1,17 +1,21 @@
-"""The physical plant: models/ssl_robot.xml, n copies stepped on all cores, driven by firmware at the physics rate."""
+"""The physical plant: models/ssl_robot.xml, n copies stepped on all cores, driven by their firmware."""
 
 import os
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
 from omni_control.kinematics import Array
-from omni_mj import robot
+from omni_mj import contact_roller, robot
+from omni_mj.battery import Battery
 from omni_mj.firmware import Firmware
+from omni_mj.motors import Motors
 from omni_mj.plants import SimulationError, Telemetry
 from omni_mj.randomness import Stream, draw
-from omni_mj.settings import FRAME_RATE_HZ, PERIOD_S, Settings
+from omni_mj.settings import PERIOD_S, Settings, column
+from omni_mj.wheels import WheelGeometry, contact_slip
 
 TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2  # of the quaternion's x^2 + y^2: tilted by more than 45 degrees
 # MuJoCo resets an unstable simulation silently after one of these.
@@ -26,7 +30,7 @@ class MujocoPlant:
     """Robots with roller wheels on carpet, each in a world of its own.
 
     Args:
-        settings: sections firmware, battery, carpet and disturbance.
+        settings: one per robot; the sections wheels and physics must be the same for all.
         start: poses at the start, (n, 3).
         seeds: one per robot.
         frames: frames of the run.
@@ -34,89 +38,116 @@ class MujocoPlant:
     """
 
     def __init__(
-        self, settings: Settings, start: Array, seeds: list[int], frames: int, threads: int | None = None
+        self, settings: Sequence[Settings], start: Array, seeds: list[int], frames: int, threads: int | None = None
     ) -> None:
-        model = robot.load_model()
-        model.pair_friction[:, :2] = settings.carpet.friction
+        common = settings[0]
+        assert all((s.wheels, s.physics) == (common.wheels, common.physics) for s in settings), "one batch, one model"
+        fast = common.wheels.model == "contact-roller"
+        model = contact_roller.load_model() if fast else robot.load_model()
+        cycle = model.opt.timestep  # of the wheel loops, however finely the physics is integrated
+        self._cycles, self._substeps = round(PERIOD_S / cycle), common.physics.substeps
+        model.opt.timestep = cycle / self._substeps
+        model.actuator_ctrllimited[:] = 0  # the battery limits, also where braking motors lift its voltage
         n = len(start)
-        self._batch = Batch(model, n, threads or min(n, os.cpu_count() or 1))
-        self._steps = round(1 / (FRAME_RATE_HZ * model.opt.timestep))
+        self._batch = batch = Batch(model, n, threads or min(n, os.cpu_count() or 1))
         self._motor = robot.motor(model)
+        self._geometry = robot.kinematics(model)
+        self._set_friction(model, settings)
+        self._gain = batch.expand("actuator_gainprm")
 
         names = [f"{i + 1}" for i in range(robot.WHEELS)]
-        sensor = self._batch.bind("sensordata")
+        sensor, qpos, qvel = batch.bind("sensordata"), batch.bind("qpos"), batch.bind("qvel")
         self._gyro = sensor[:, model.sensor("gyro").adr[0] + 2]
-        self._encoders = _columns(sensor, [model.sensor(f"encoder_{i}").adr[0] for i in names])
-        qpos, qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
+        self._encoders = sensor[:, robot.even_slice([model.sensor(f"encoder_{i}").adr[0] for i in names])]
         base = model.joint("robot").qposadr[0]
-        self._position, self._quaternion = qpos[:, base : base + 2], qpos[:, base + 3 : base + 7]
-        self._wheel_angle = [qpos[:, model.joint(f"wheel_{i}").qposadr[0]] for i in names]
-        self._wheel_speed = [qvel[:, model.joint(f"wheel_{i}").dofadr[0]] for i in names]
-        self._ctrl = self._batch.bind("ctrl")
-        self._torque = self._batch.bind("actuator_force")
-        self._push = self._batch.bind("xfrc_applied")[:, model.body("chassis").id, :2]
+        self._position, self._quaternion = qpos[:, base : base + 3], qpos[:, base + 3 : base + 7]
+        self._qpos, self._qvel, self._wheels = qpos, qvel, WheelGeometry.of(model)
+        wheels = [model.joint(f"wheel_{i}") for i in names]
+        self._wheel_angle = qpos[:, robot.even_slice([w.qposadr[0] for w in wheels])]
+        self._wheel_speed = qvel[:, robot.even_slice([w.dofadr[0] for w in wheels])]
+        self._ctrl = batch.bind("ctrl")
+        self._handover = contact_roller.Handover(batch) if fast else None
+        self._push = batch.bind("xfrc_applied")[:, model.body("chassis").id, :2]
 
         qpos[:], qvel[:] = robot.standing(model)
-        self._position[:] = start[:, :2]
+        self._position[:, :2] = start[:, :2]
         self._quaternion[:] = np.stack([np.cos(start[:, 2] / 2), *np.zeros((2, n)), np.sin(start[:, 2] / 2)], axis=1)
         self._heading = np.array(start[:, 2], float)
-        self._force = settings.disturbance.force_n * draw(
-            seeds, Stream.DISTURBANCE, lambda rng: rng.uniform(-1, 1, (frames, 2))
-        )
-        self._firmware = Firmware(
-            settings.firmware,
-            robot.kinematics(model),
-            self._motor,
-            settings.battery.voltage_v,
-            self._heading,
-            model.opt.timestep,
-        )
-        self._voltage_peak, self._current_peak = np.zeros(n), np.zeros(n)
+        push = draw(seeds, Stream.DISTURBANCE, lambda rng: rng.uniform(-1, 1, (frames, 2)))
+        self._force = column([s.disturbance for s in settings], "force_n") * push
+        sensors = [s.sensors for s in settings]
+        bias = draw(seeds, Stream.GYRO_BIAS, lambda rng: rng.standard_normal((1, 1)))
+        noise = draw(seeds, Stream.GYRO_NOISE, lambda rng: rng.standard_normal((frames, 1)))
+        self._gyro_error = column(sensors, "gyro_bias_rad_s") * bias + column(sensors, "gyro_noise_rad_s") * noise
+
+        self._motors = Motors(self._motor, [s.motor for s in settings], PERIOD_S)
+        self._battery = Battery([s.battery for s in settings])
+        self._firmware = Firmware(settings, self._geometry, self._motor, self._heading, cycle, PERIOD_S)
+        batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)  # sensors of the state in which the robots start
+        self._voltages, self._currents = np.zeros((2, self._cycles, n, robot.WHEELS))  # of a frame's cycles
 
     def pose(self) -> Array:
         """See `Plant`."""
-        return np.column_stack([self._position, self._heading])
+        return np.column_stack([self._position[:, :2], self._heading])
 
-    def advance(self, frame: int, command: Array) -> None:
+    def advance(self, frame: int, command: Array, heading: Array) -> None:
         """See `Plant`."""
+        motors, battery, handover = self._motors, self._battery, self._handover
         self._push[:] = self._force[frame]
-        self._voltage_peak[:] = self._current_peak[:] = 0.0
-        for _ in range(self._steps):
-            voltage = self._firmware.voltages(command, self._gyro, self._encoders)
-            self._ctrl[:] = voltage
-            self._batch.step()
-            np.maximum(self._voltage_peak, np.abs(voltage).max(1), out=self._voltage_peak)
-            np.maximum(self._current_peak, np.abs(self._torque).max(1), out=self._current_peak)
-        self._current_peak /= self._motor.constant
+        self._gain[:, :, 0], self._gain[:, :, 1] = motors.resistance, motors.constant
+        self._firmware.receive(command, heading, motors.winding)
+        gyro_error = self._gyro_error[frame, :, 0]
+        for k in range(self._cycles):
+            angles = self._encoders if handover is None else self._encoders + handover.sensor_offset
+            duty = self._firmware.duties(self._gyro + gyro_error, angles)
+            voltage = np.multiply(duty, battery.voltage[:, None], out=self._voltages[k])
+            self._ctrl[:], self._currents[k] = motors.drive(voltage, self._wheel_speed)
+            for _ in range(self._substeps):
+                self._batch.step()
+                if handover is not None:
+                    handover()
+            battery.load(duty, self._currents[k])
+        motors.warm(self._currents)
+        battery.discharge(PERIOD_S)
         self._check(frame)
-        w, x, y, z = self._quaternion.T
-        if (fallen := np.flatnonzero(x * x + y * y > TOPPLED)).size:
-            raise SimulationError(f"robot {fallen[0]} toppled over at {(frame + 1) * PERIOD_S:.3f} s")
-        heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        self._heading = self._heading + np.angle(np.exp(1j * (heading - self._heading)))
 
     def telemetry(self) -> Telemetry:
         """See `Plant`."""
         return Telemetry(
-            np.stack(self._wheel_angle, axis=1),
-            np.stack(self._wheel_speed, axis=1),
-            self._ctrl.copy(),
-            self._torque / self._motor.constant,
-            self._voltage_peak.copy(),
-            self._current_peak.copy(),
+            wheel_angle=(self._wheel_angle if self._handover is None else self._handover.angle).copy(),
+            wheel_speed=self._wheel_speed.copy(),
+            voltage=self._voltages[-1].copy(),
+            current=self._currents[-1].copy(),
+            voltage_peak=np.abs(self._voltages).max((0, 2)),
+            current_peak=np.abs(self._currents).max((0, 2)),
+            winding=self._motors.winding,
+            housing=self._motors.housing,
+            battery=self._battery.voltage,
+            slip=contact_slip(self._wheels, self._geometry, self._qpos, self._qvel),
         )
 
+    def _set_friction(self, model: mujoco.MjModel, settings: Sequence[Settings]) -> None:
+        """Write each robot's friction of carpet, hinges and rollers into its own copy of these model fields."""
+        self._batch.expand("pair_friction")[:, :, :2] = column([s.carpet for s in settings], "friction")[:, None]
+        weight = model.body("chassis").subtreemass[0] * -model.opt.gravity[2]
+        rolling = column([s.carpet for s in settings], "lint") * weight / robot.WHEELS * self._geometry.radius
+        gear = column([s.drive for s in settings], "gear_friction_nm")
+        dofs = [model.joint(f"wheel_{i + 1}").dofadr[0] for i in range(robot.WHEELS)]
+        self._batch.expand("dof_frictionloss")[:, dofs] = robot.numeric("motor_friction") + gear + rolling
+        rollers = model.dof_damping > 0
+        self._batch.expand("dof_damping")[:, rollers] = column([s.drive for s in settings], "roller_damping_nm_s")
+
     def _check(self, frame: int) -> None:
+        """Raise SimulationError for an unstable or toppled robot; otherwise read the heading."""
+        time = f"at {(frame + 1) * PERIOD_S:.3f} s"
         for warning, meaning in _UNSTABLE.items():
             if (bad := np.flatnonzero(self._batch.warning[:, warning, 1])).size:
+                name = mujoco.mjtWarning(warning).name
                 raise SimulationError(
-                    f"the simulation of robot {bad[0]} became unstable at {(frame + 1) * PERIOD_S:.3f} s: {meaning}"
-                    f" (MuJoCo warning {mujoco.mjtWarning(warning).name})"
+                    f"the simulation of robot {bad[0]} became unstable {time}: {meaning} (MuJoCo warning {name})"
                 )
-
-
-def _columns(array: Array, indices: list[int]) -> Array:
-    """A live view of neighbouring columns."""
-    first = indices[0]
-    assert indices == list(range(first, first + len(indices)))
-    return array[:, first : first + len(indices)]
+        w, x, y, z = self._quaternion.T
+        if (fallen := np.flatnonzero(x * x + y * y > TOPPLED)).size:
+            raise SimulationError(f"robot {fallen[0]} toppled over {time}")
+        heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        self._heading = self._heading + np.angle(np.exp(1j * (heading - self._heading)))

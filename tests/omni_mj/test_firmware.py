@@ -1,36 +1,59 @@
-"""The robot's firmware: equations 2 and 3 backwards, the PID law by hand, the battery's limit, the gyro's heading."""
+"""The robot's firmware: equations 2 and 3 backwards, the PID law by hand, duties, encoder counts, gyro and vision."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_lyapunov
 
 from omni_control.kinematics import Kinematics
-from omni_mj.firmware import Firmware
+from omni_mj.firmware import Firmware, HeadingEstimate
 from omni_mj.robot import Motor
-from omni_mj.settings import FirmwareSettings
+from omni_mj.settings import FirmwareSettings, MotorSettings, RadioSettings, SensorSettings, Settings
 
 KINEMATICS = Kinematics(np.radians([60.0, 135, 225, 300]), arm=0.08, radius=0.0285)
 MOTOR = Motor(constant=0.036, resistance=0.942, gear=10 / 3)
 UNLIMITED_V = 1e9
+FINE_COUNTS = 10**12  # an encoder whose steps vanish beside rounding
+FRAME_S = 1 / 60
 STILL = np.zeros(1)
+NO_VISION = np.full(1, np.nan)
+COLD = np.full((1, 4), 25.0)
 
 finite = st.floats(-10, 10)
 
 
-def firmware(
-    kp: float = 0.0,
-    ki: float = 0.0,
-    kd: float = 0.0,
-    feed_forward: float = 0.0,
-    limit: float = UNLIMITED_V,
-    heading: float = 0.0,
-    timestep: float = 1 / 960,
-) -> Firmware:
-    """One robot's firmware with all gains off but those given."""
-    gains = FirmwareSettings(kp=kp, ki=ki, kd=kd, feed_forward=feed_forward)
-    return Firmware(gains, KINEMATICS, MOTOR, limit, np.array([heading]), timestep)
+class Robot:
+    """One robot's firmware with all gains off but those given, and wheels that turn as told."""
+
+    def __init__(
+        self,
+        limit: float = UNLIMITED_V,
+        heading: float = 0.0,
+        timestep: float = 1 / 960,
+        counts: int = FINE_COUNTS,
+        limit_c: float = 125.0,
+        **gains: float,
+    ) -> None:
+        off = {"kp": 0.0, "ki": 0.0, "kd": 0.0, "feed_forward": 0.0, "turn_gain": 0.0, "heading_gain": 0.0}
+        self.settings = Settings(
+            firmware=FirmwareSettings(**off | {"bias_gain": 0.0, "nominal_voltage_v": limit} | gains),  # type: ignore[arg-type]
+            sensors=SensorSettings(encoder_counts=counts),
+            motor=MotorSettings(limit_c=limit_c),
+        )
+        self.firmware = Firmware([self.settings], KINEMATICS, MOTOR, np.array([heading]), timestep, FRAME_S)
+        self.angle = np.zeros(4)
+        self.limit, self.timestep = limit, timestep
+        self.firmware.duties(STILL, self.angle[None])  # at rest, where the encoders begin to count
+
+    def obey(self, command: NDArray, winding: NDArray = COLD) -> None:
+        self.firmware.receive(np.asarray(command, float)[None], NO_VISION, winding)
+
+    def voltages(self, speed: NDArray | float = 0.0, gyro: float = 0.0) -> NDArray:
+        """Volts (4,) of a nominal battery after one step in which the wheels turned at `speed`."""
+        self.angle = self.angle + speed * self.timestep
+        return self.firmware.duties(np.array([gyro]), self.angle[None])[0] * self.limit
 
 
 def rolling(command: NDArray, heading: float) -> NDArray:
@@ -44,17 +67,32 @@ def rolling(command: NDArray, heading: float) -> NDArray:
 @settings(deadline=None, max_examples=50, derandomize=True)
 @given(finite, finite, finite, st.floats(-20, 20))
 def test_world_commands_become_wheel_speeds(vx: float, vy: float, w: float, heading: float) -> None:
-    command = np.array([vx, vy, w])
-    voltage = firmware(kp=1.0, heading=heading).voltages(command[None], STILL, np.zeros((1, 4)))
-    # With k_p = 1 and wheels at rest, the voltage is the wanted speed. Rounding of angles up to 20 rad.
-    np.testing.assert_allclose(voltage[0], rolling(command, heading), atol=1e-9)
+    robot = Robot(kp=1.0, heading=heading)
+    robot.obey(np.array([vx, vy, w]))
+    # With k_p = 1 and wheels at rest, the voltage is the wanted speed. Rounding of angles up to 20 rad, and of volts
+    # as shares of a battery without limit.
+    np.testing.assert_allclose(robot.voltages(), rolling(np.array([vx, vy, w]), heading), atol=1e-9)
 
 
-def play(pid: Firmware, errors: list[float]) -> list[float]:
+@settings(deadline=None, max_examples=50, derandomize=True)
+@given(finite, finite, finite, st.floats(-30, 30), st.floats(0, 10))
+def test_turn_rate_loop_adds_its_gain_times_what_the_gyro_misses(
+    vx: float, vy: float, w: float, gyro: float, gain: float
+) -> None:
+    robot = Robot(kp=1.0, turn_gain=gain)
+    robot.obey(np.array([vx, vy, w]))
+    voltage = robot.voltages(gyro=gyro)
+    # The heading that the step's turn has led to is the one whose wheels are told.
+    expected = rolling(np.array([vx, vy, w + gain * (w - gyro)]), gyro / 960)
+    np.testing.assert_allclose(voltage, expected, atol=1e-9 * (1 + gain))  # rounding grows with the sums
+
+
+def play(robot: Robot, errors: list[float]) -> list[float]:
     """Voltages of wheel 1 when its speed lags the wanted one by `errors`."""
-    command = np.array([[1.0, 0.5, 2.0]])
-    wanted = rolling(command[0], 0.0)
-    return [float(pid.voltages(command, STILL, (wanted - e)[None])[0, 0]) for e in errors]
+    command = np.array([1.0, 0.5, 2.0])
+    robot.obey(command)
+    wanted = rolling(command, 0.0)
+    return [float(robot.voltages(wanted - e)[0]) for e in errors]
 
 
 # By hand, errors 2, 3, -1 at a timestep of 0.5 s: P = e; I = the sum of e dt with the newest; D = the change / dt,
@@ -70,36 +108,49 @@ def play(pid: Firmware, errors: list[float]) -> list[float]:
     ids=["P", "I", "D", "PID"],
 )
 def test_pid_law(gains: dict[str, float], expected: list[float]) -> None:
-    # Rounding in wanted - (wanted - e).
-    np.testing.assert_allclose(play(firmware(**gains, timestep=0.5), [2.0, 3.0, -1.0]), expected, atol=1e-9)
+    # Rounding in wanted - (wanted - e), and the fine encoder's last count of 4e-12 rad/s.
+    np.testing.assert_allclose(play(Robot(**gains, timestep=0.5), [2.0, 3.0, -1.0]), expected, atol=1e-9)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_feed_forward_is_the_back_emf_at_the_wanted_speed(share: float) -> None:
-    command = np.array([[1.0, -0.4, 3.0]])
-    voltage = firmware(feed_forward=share).voltages(command, STILL, np.zeros((1, 4)))
+    command = np.array([1.0, -0.4, 3.0])
+    robot = Robot(feed_forward=share)
+    robot.obey(command)
     # Speed constant of the motor, at the rotor, which turns 10/3 times as fast as the wheel; exact up to rounding.
-    np.testing.assert_allclose(voltage[0], share * 0.036 * 10 / 3 * rolling(command[0], 0.0), rtol=1e-9)
+    np.testing.assert_allclose(robot.voltages(), share * 0.036 * 10 / 3 * rolling(command, 0.0), rtol=1e-9)
 
 
-@settings(deadline=None, max_examples=50, derandomize=True)
+@settings(deadline=None, max_examples=30, derandomize=True)
 @given(
     st.lists(st.tuples(finite, finite, finite), min_size=1, max_size=10),
-    st.floats(0, 25.2),
+    st.floats(1, 60),
     st.floats(0, 100),
     st.floats(0, 1000),
 )
-def test_voltage_never_exceeds_the_battery(
-    commands: list[tuple[float, float, float]], limit: float, kp: float, ki: float
+def test_duty_never_exceeds_one(
+    commands: list[tuple[float, float, float]], nominal: float, kp: float, ki: float
 ) -> None:
-    pid = firmware(kp=kp, ki=ki, kd=0.01, feed_forward=1.0, limit=limit)
+    robot = Robot(kp=kp, ki=ki, kd=0.01, feed_forward=1.0, limit=nominal)
     for command in commands:
-        assert np.abs(pid.voltages(np.array([command]), STILL, np.zeros((1, 4)))).max() <= limit
+        robot.obey(np.array(command))
+        assert np.abs(robot.firmware.duties(STILL, np.zeros((1, 4)))).max() <= 1.0
+
+
+@settings(deadline=None, max_examples=30, derandomize=True)
+@given(st.floats(1, 60), st.floats(-3, 3))
+def test_duty_is_the_share_of_the_nominal_battery(nominal: float, error: float) -> None:
+    robot = Robot(kp=nominal, limit=nominal)
+    robot.obey(np.array([0.0, 0.0, error * 0.0285 / 0.08]))
+    # k_p e / V of the nominal battery, whatever the real one gives; clipped at the whole of it. Exact up to rounding.
+    duty = robot.firmware.duties(STILL, np.zeros((1, 4)))[0]
+    np.testing.assert_allclose(duty, np.clip(error, -1, 1), atol=1e-9)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_the_limit_is_reached_and_left_alone_below(sign: int) -> None:
-    assert play(firmware(kp=1.0, limit=5.0), [sign * 4.9, sign * 5.1, sign * 100.0]) == pytest.approx(
+    # 1e-6: the fine encoder's last count.
+    assert play(Robot(kp=1.0, limit=5.0), [sign * 4.9, sign * 5.1, sign * 100.0]) == pytest.approx(
         [sign * 4.9, sign * 5.0, sign * 5.0]
     )
 
@@ -108,41 +159,247 @@ def test_the_limit_is_reached_and_left_alone_below(sign: int) -> None:
 @pytest.mark.parametrize("saturated_steps", [1, 10, 1000])
 def test_integral_does_not_wind_up(sign: int, saturated_steps: int) -> None:
     # k_i dt = 1 V per unit of error and step: the integral reaches 4 V, one more step of 4 would exceed the limit of 5.
-    pid = firmware(ki=2.0, timestep=0.5, limit=5.0)
-    assert play(pid, [sign * 4.0]) == pytest.approx([sign * 4.0])
-    assert play(pid, [sign * 4.0] * saturated_steps) == pytest.approx([sign * 5.0] * saturated_steps)
+    robot = Robot(ki=2.0, timestep=0.5, limit=5.0)
+    assert play(robot, [sign * 4.0]) == pytest.approx([sign * 4.0])
+    assert play(robot, [sign * 4.0] * saturated_steps) == pytest.approx([sign * 5.0] * saturated_steps)
     # However long that lasted: without error the integral's 4 V remain, and an opposite error counts at once.
-    assert play(pid, [0.0, sign * -1.0]) == pytest.approx([sign * 4.0, sign * 3.0])
+    assert play(robot, [0.0, sign * -1.0]) == pytest.approx([sign * 4.0, sign * 3.0])
 
 
 @pytest.mark.parametrize(("error", "remembered"), [(-1.0, -3.0), (1.0, 0.0)], ids=["points back", "pushes further"])
 def test_while_saturated_only_errors_that_point_back_are_integrated(error: float, remembered: float) -> None:
-    pid = firmware(ki=2.0, feed_forward=1.0, timestep=0.5, limit=5.0)
-    fast = np.array([[0.0, 0.0, 50.0]])  # its back-EMF, 0.12 V s/rad * 140 rad/s, is beyond the limit
+    robot = Robot(ki=2.0, feed_forward=1.0, timestep=0.5, limit=5.0)
+    fast = np.array([0.0, 0.0, 50.0])  # its back-EMF, 0.12 V s/rad * 140 rad/s, is beyond the limit
+    robot.obey(fast)
     for _ in range(3):
-        assert (pid.voltages(fast, STILL, rolling(fast[0], 0.0)[None] - error) == 5.0).all()
+        np.testing.assert_allclose(robot.voltages(rolling(fast, 0.0) - error), 5.0, rtol=1e-12)
     # Then at rest and without error, what shows is the integral: k_i times three steps of 0.5 s, or nothing.
-    rest = pid.voltages(np.zeros((1, 3)), STILL, np.zeros((1, 4)))
-    np.testing.assert_allclose(rest, remembered, atol=1e-9)
+    robot.obey(np.zeros(3))
+    np.testing.assert_allclose(robot.voltages(), remembered, atol=1e-9)
 
 
 def test_wheels_and_robots_have_their_own_integrals() -> None:
-    gains = FirmwareSettings(kp=0.0, ki=1.0, kd=0.0, feed_forward=0.0)
-    pid = Firmware(gains, KINEMATICS, MOTOR, UNLIMITED_V, np.zeros(2), 0.5)
+    gains = FirmwareSettings(
+        kp=0.0, ki=1.0, kd=0.0, feed_forward=0.0, turn_gain=0.0, heading_gain=0.0, nominal_voltage_v=UNLIMITED_V
+    )
+    chosen = Settings(firmware=gains, sensors=SensorSettings(encoder_counts=FINE_COUNTS))
+    pid = Firmware([chosen, chosen], KINEMATICS, MOTOR, np.zeros(2), 0.5, FRAME_S)
+    pid.receive(np.zeros((2, 3)), np.full(2, np.nan), np.full((2, 4), 25.0))
+    pid.duties(np.zeros(2), np.zeros((2, 4)))
     errors = np.arange(8.0).reshape(2, 4)
     for step in (1, 2, 3):
-        voltage = pid.voltages(np.zeros((2, 3)), np.zeros(2), -errors)
-        np.testing.assert_allclose(voltage, 0.5 * step * errors)
+        voltage = pid.duties(np.zeros(2), -errors * 0.5 * step) * UNLIMITED_V
+        np.testing.assert_allclose(voltage, 0.5 * step * errors, atol=1e-9)
+
+
+def test_robots_obey_their_own_gains() -> None:
+    chosen = [Robot(**gains).settings for gains in ({"kp": 1.0}, {"kp": 2.0}, {"feed_forward": 1.0}, {"ki": 960.0})]
+    together = Firmware(chosen, KINEMATICS, MOTOR, np.zeros(4), 1 / 960, FRAME_S)
+    together.receive(np.tile([0.0, 0.0, 1.0], (4, 1)), np.full(4, np.nan), np.full((4, 4), 25.0))
+    voltage = together.duties(np.zeros(4), np.zeros((4, 4))) * UNLIMITED_V
+    # P, twice P, back-EMF, and an integral that one step fills: of the same wanted speed, l w / r.
+    expected = np.array([1.0, 2.0, 0.12, 1.0]) * 0.08 / 0.0285
+    np.testing.assert_allclose(voltage, np.tile(expected[:, None], 4), rtol=1e-9)
+
+
+# --- encoders ---
+
+
+@settings(deadline=None, max_examples=40, derandomize=True)
+@given(st.lists(st.floats(-200, 200), min_size=1, max_size=60), st.integers(1, 10_000))
+def test_rates_come_from_whole_counts_and_lose_none(speeds: list[float], counts: int) -> None:
+    robot = Robot(kp=1.0, counts=counts)
+    robot.obey(np.zeros(3))
+    rates = np.array([-robot.voltages(speed)[0] for speed in speeds])
+    # At the wheel, the geared encoder's counts are 2 pi / (counts * gear) apart; a rate is a whole number of them per
+    # step, and off by less than one.
+    count = 2 * np.pi / (counts * 10 / 3) * 960
+    np.testing.assert_allclose(rates / count, np.rint(rates / count), atol=1e-6)  # rounding of 1e9 V
+    assert (np.abs(rates - speeds) < count * (1 + 1e-9)).all()
+    # What one step leaves over the next one counts: together they are the angle, to one count.
+    assert abs(rates.sum() - np.sum(speeds)) < count * (1 + 1e-9)
+
+
+@settings(deadline=None, max_examples=30, derandomize=True)
+@given(st.floats(-100, 100))
+def test_an_encoder_starts_where_the_wheel_stands(angle: float) -> None:
+    chosen = Robot(kp=1.0, counts=8192).settings
+    firmware = Firmware([chosen], KINEMATICS, MOTOR, np.zeros(1), 1 / 960, FRAME_S)
+    firmware.receive(np.zeros((1, 3)), NO_VISION, COLD)
+    # A wheel at rest has no speed, wherever it stands.
+    for _ in range(3):
+        np.testing.assert_array_equal(firmware.duties(STILL, np.full((1, 4), angle)), 0.0)
+
+
+# --- heading ---
+
+
+def observer(
+    n: int = 1, heading: NDArray | float = 0.0, delay: int = 0, heading_gain: float = 2.0, bias_gain: float = 0.5
+) -> HeadingEstimate:
+    chosen = Settings(
+        firmware=FirmwareSettings(heading_gain=heading_gain, bias_gain=bias_gain),
+        radio=RadioSettings(delay_frames=delay),
+    )
+    return HeadingEstimate([chosen] * n, np.broadcast_to(heading, n).astype(float), FRAME_S)
+
+
+def wrapped(angle: NDArray) -> NDArray:
+    """As vision reports headings."""
+    return np.angle(np.exp(1j * angle))
 
 
 @settings(deadline=None, max_examples=30, derandomize=True)
 @given(st.floats(-20, 20), st.lists(st.floats(-30, 30), min_size=1, max_size=30))
-def test_heading_is_the_gyros_integral(start: float, rates: list[float]) -> None:
-    pid = firmware(kp=1.0, heading=start, timestep=1 / 960)
-    command = np.array([[1.0, 2.0, 0.5]])
+def test_without_vision_heading_is_the_gyros_integral(start: float, rates: list[float]) -> None:
+    robot = Robot(kp=1.0, heading=start)
+    command = np.array([1.0, 2.0, 0.5])
+    robot.obey(command)
     for rate in rates:
-        voltage = pid.voltages(command, np.array([rate]), np.zeros((1, 4)))
+        voltage = robot.voltages(gyro=rate)
     heading = start + sum(rates) / 960
-    assert pid.heading[0] == pytest.approx(heading, abs=1e-9)
+    assert robot.firmware.estimate.heading[0] == pytest.approx(heading, abs=1e-9)
     # The command's direction is fixed in the world while the robot turns under it.
-    np.testing.assert_allclose(voltage[0], rolling(command[0], heading), atol=1e-9)
+    np.testing.assert_allclose(voltage, rolling(command, heading), atol=1e-9)
+
+
+@settings(deadline=None, max_examples=25, derandomize=True)
+@given(
+    start=st.floats(-10, 10),
+    rates=st.lists(st.floats(-25, 25), min_size=1, max_size=60),
+    delay=st.integers(0, 12),
+    heading_gain=st.floats(0, 30),
+    bias_gain=st.floats(0, 30),
+)
+def test_vision_that_is_late_causes_no_error_while_turning(
+    start: float, rates: list[float], delay: int, heading_gain: float, bias_gain: float
+) -> None:
+    estimate = observer(1, start, delay, heading_gain, bias_gain)
+    truth = [start]
+    for frame, rate in enumerate(rates):
+        # What vision saw when the command that arrives now was sent; nothing before the first arrives.
+        seen = truth[frame - delay] if frame >= delay else np.nan
+        estimate.correct(wrapped(np.array([seen])))
+        for _ in range(4):
+            estimate.turn(np.array([rate]) - estimate.bias, FRAME_S / 4)
+        truth.append(truth[-1] + rate * FRAME_S)
+        # Rounding of the sums, and of vision's wrapped angles.
+        assert estimate.heading[0] == pytest.approx(truth[-1], abs=1e-9)
+        assert abs(estimate.bias[0]) < 1e-9
+
+
+@settings(deadline=None, max_examples=15, derandomize=True)
+@given(
+    bias=st.floats(-0.1, 0.1),
+    offset=st.floats(-1, 1),
+    delay=st.integers(0, 12),
+    turning=st.floats(-10, 10),
+)
+def test_the_estimated_bias_converges_to_the_gyros(bias: float, offset: float, delay: int, turning: float) -> None:
+    estimate, truth = observer(1, offset, delay), [0.0]
+    frames = 60 * 60
+    for frame in range(frames):
+        seen = truth[frame - delay] if frame >= delay else np.nan
+        estimate.correct(wrapped(np.array([seen])))
+        rate = turning * np.sin(frame / 20)
+        estimate.turn(np.array([rate + bias]) - estimate.bias, FRAME_S)
+        truth.append(truth[-1] + rate * FRAME_S)
+    # s^2 + 2 s + 0.5 has its slow root at -0.293/s: within a minute exp(-17.6) of bias and offset is left.
+    left = 10 * np.exp(-17.6) * (abs(bias) + abs(offset))
+    assert estimate.bias[0] == pytest.approx(bias, abs=left + 1e-9)
+    assert estimate.heading[0] == pytest.approx(truth[-1], abs=left + 1e-9)
+
+
+def test_bias_and_heading_converge_as_the_second_order_law_says() -> None:
+    heading_gain, bias_gain, bias = 2.0, 0.5, 0.05
+    estimate = observer(1, 0.0, 0, heading_gain, bias_gain)
+    estimates = []
+    for _ in range(20 * 60):
+        estimate.correct(np.zeros(1))  # a robot at rest, seen without noise
+        estimate.turn(bias - estimate.bias, FRAME_S)
+        estimates.append((estimate.heading[0], estimate.bias[0]))
+    # e' = (b - b^) - g_h e, b^' = g_b e: roots of s^2 + g_h s + g_b, partial fractions of the step.
+    time = (np.arange(20 * 60) + 1) * FRAME_S
+    fast, slow = np.roots([1, heading_gain, bias_gain])
+    heading = bias * (np.exp(slow * time) - np.exp(fast * time)) / (slow - fast)
+    bias_estimate = bias * (1 - (slow * np.exp(fast * time) - fast * np.exp(slow * time)) / (slow - fast))
+    got = np.array(estimates)
+    # 3 % of the bias (and of the largest heading error, bias / 2.8): frames of 1/60 s instead of continuous
+    # correction, g_h T / 2 = 1.7 %.
+    np.testing.assert_allclose(got[:, 1], bias_estimate, atol=0.03 * bias)
+    np.testing.assert_allclose(got[:, 0], heading, atol=0.03 * bias)
+
+
+def test_heading_stays_with_vision_to_within_its_noise() -> None:
+    n, sigma_vision, sigma_gyro, heading_gain, bias_gain = 2000, 0.01, 0.005, 2.0, 0.5
+    rng = np.random.default_rng(0)
+    estimate = observer(n, 0.0, 0, heading_gain, bias_gain)
+    for frame in range(20 * 60):
+        truth = 2.0 * np.sin(frame / 30)
+        estimate.correct(wrapped(truth + sigma_vision * rng.standard_normal(n)))
+        rate = (2.0 * np.sin((frame + 1) / 30) - truth) / FRAME_S
+        estimate.turn(rate + sigma_gyro * rng.standard_normal(n) - estimate.bias, FRAME_S)
+    error = estimate.heading - 2.0 * np.sin(20 * 60 / 30)
+    # The state (heading error, bias error) of a frame: e' = (1 - g_h T) e + g_h T v - T b' + T w and
+    # b' = b + g_b T (e - v); its covariance solves P = A P A' + Q.
+    correct = np.array([[1 - heading_gain * FRAME_S, 0.0], [bias_gain * FRAME_S, 1.0]])
+    vision = np.array([heading_gain * FRAME_S, -bias_gain * FRAME_S]) * sigma_vision
+    turn = np.array([[1.0, -FRAME_S], [0.0, 1.0]])
+    gyro = np.array([FRAME_S * sigma_gyro, 0.0])
+    noise = np.outer(turn @ vision, turn @ vision) + np.outer(gyro, gyro)
+    covariance = solve_discrete_lyapunov(turn @ correct, noise)
+    # A deviation of 2000 samples is known to 1 / sqrt(4000); five sigmas.
+    assert error.std() == pytest.approx(np.sqrt(covariance[0, 0]), rel=5 / np.sqrt(2 * n))
+    assert abs(error.mean()) < 5 * error.std() / np.sqrt(n)
+    assert estimate.bias.std() == pytest.approx(np.sqrt(covariance[1, 1]), rel=5 / np.sqrt(2 * n))
+    # The fusion is the better sensor: far closer than a single frame of vision.
+    assert error.std() < 0.2 * sigma_vision
+
+
+def test_robots_with_different_delays_share_a_batch() -> None:
+    delays = [0, 3, 7]
+    chosen = [Settings(radio=RadioSettings(delay_frames=d)) for d in delays]
+    together = HeadingEstimate(chosen, np.array([0.3, -0.2, 0.1]), FRAME_S)
+    alone = [HeadingEstimate([s], np.array([h]), FRAME_S) for s, h in zip(chosen, [0.3, -0.2, 0.1], strict=True)]
+    rng = np.random.default_rng(1)
+    for _ in range(30):
+        seen, rate = rng.normal(size=3), rng.normal(size=3)
+        together.correct(seen)
+        together.turn(rate - together.bias, FRAME_S)
+        for i, one in enumerate(alone):
+            one.correct(seen[i : i + 1])
+            one.turn(rate[i : i + 1] - one.bias, FRAME_S)
+    np.testing.assert_array_equal(together.heading, np.concatenate([one.heading for one in alone]))
+
+
+# --- derating ---
+
+
+@settings(deadline=None, max_examples=40, derandomize=True)
+@given(st.floats(-200, 200), st.floats(-100, 100), st.floats(20, 160))
+def test_derating_limits_the_current_of_a_motor_near_its_limit(speed: float, error: float, winding: float) -> None:
+    robot = Robot(kp=1.0, feed_forward=1.0, derate=True)
+    wanted = speed + error
+    robot.obey(np.array([0.0, 0.0, wanted * 0.0285 / 0.08]), np.array([[winding, 25.0, 25.0, 25.0]]))
+    robot.voltages(speed)
+    voltage = robot.voltages(speed)
+    current = (voltage - 0.12 * speed) / 0.942  # of the datasheet's motor on a nominal battery
+    asked = (0.12 * wanted + error - 0.12 * speed) / 0.942
+    # 5 A, twice the nominal current, from 10 K below the limit, falling to none at 125 deg C; never more than asked.
+    allowed = np.inf if winding <= 115 else 5.0 * max(0.0, (125 - winding) / 10)
+    assert current[0] == pytest.approx(np.clip(asked, -allowed, allowed), abs=1e-5)  # 1e9 V, encoder's last count
+    np.testing.assert_allclose(current[1:], asked, atol=1e-5)  # the others' windings are cold
+
+
+def test_derating_ends_when_the_winding_has_cooled() -> None:
+    robot = Robot(kp=1.0, derate=True)
+    robot.obey(np.array([0.0, 0.0, 10.0]), np.full((1, 4), 130.0))
+    np.testing.assert_allclose(robot.voltages(), 0.0, atol=1e-9)
+    robot.obey(np.array([0.0, 0.0, 10.0]), COLD)
+    np.testing.assert_allclose(robot.voltages(), 10 * 0.08 / 0.0285, rtol=1e-9)
+
+
+def test_without_derating_temperatures_change_nothing() -> None:
+    robot = Robot(kp=1.0)
+    robot.obey(np.array([0.0, 0.0, 10.0]), np.full((1, 4), 500.0))
+    np.testing.assert_allclose(robot.voltages(), 10 * 0.08 / 0.0285, rtol=1e-9)

@@ -98,7 +98,7 @@ def test_threads_do_not_change_a_row(threads: int) -> None:
     simulated = simulation("mujoco", DISTURBED, seeds=3)
     start, frames = simulated.plant.pose(), simulated.reference.frames
     settings = simulated.scenario.settings
-    simulated.plant = MujocoPlant(settings, start, [0, 1, 2, 0, 1, 2], frames, threads=threads)
+    simulated.plant = MujocoPlant([settings] * 6, start, [0, 1, 2, 0, 1, 2], frames, threads=threads)
     simulated.run()
     default = run("mujoco", DISTURBED, seeds=3)
     for row in np.ndindex(2, 3):
@@ -139,7 +139,9 @@ def test_applied_is_what_was_commanded_k_d_frames_ago(delay: int, seed: int) -> 
 
 @pytest.mark.parametrize("delay", [0, 3, 6])
 def test_applied_is_delayed_on_the_mujoco_plant_too(delay: int) -> None:
-    trajectory = run("mujoco", (f"radio.delay_frames={delay}",))
+    # A gyro without error: one with would turn a standing robot until vision's heading arrives.
+    gyro = ("sensors.gyro_noise_rad_s=0", "sensors.gyro_bias_rad_s=0")
+    trajectory = run("mujoco", (f"radio.delay_frames={delay}", *gyro))
     command, applied = trajectory.channel("command"), trajectory.channel("applied")
     np.testing.assert_array_equal(applied[delay:], command[: len(command) - delay])
     # Until the first command arrives, the robot stands; it settles into the carpet by a tenth of vision's noise.
@@ -218,6 +220,7 @@ def test_after_frame_is_called_once_a_frame_with_its_row_written() -> None:
 def test_every_channel_of_every_frame_is_recorded(plant: str) -> None:
     trajectory = run(plant, ("vision.miss_probability=0",), seeds=2)
     without_wheels = {"wheel_angle", "wheel_speed", "voltage", "current", "voltage_peak", "current_peak"}
+    without_wheels |= {"winding", "housing", "battery", "slip"}
     for name in CHANNELS:
         missing = np.isnan(trajectory.channel(name)).any()
         assert missing == (plant == "kinematic" and name in without_wheels), name
@@ -257,7 +260,7 @@ def test_robots_arrive(plant: str, mode: str) -> None:
 def test_an_unstable_run_keeps_what_came_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # MuJoCo logs its warnings to a file in the working directory
     simulated = simulation("mujoco")
-    far_away = MujocoPlant(simulated.scenario.settings, np.full((2, 3), 1e11), [0, 0], simulated.reference.frames)
+    far_away = MujocoPlant([simulated.scenario.settings] * 2, np.full((2, 3), 1e11), [0, 0], simulated.reference.frames)
 
     def after_frame(frame: int) -> None:
         if frame == 9:

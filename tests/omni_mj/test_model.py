@@ -186,6 +186,16 @@ def test_only_the_rollers_touch_the_carpet(model: mujoco.MjModel) -> None:
     np.testing.assert_array_equal(model.pair_friction[:, :2], 0.8)
 
 
+def test_dry_friction_at_the_wheels_is_the_sum_of_its_named_parts(model: mujoco.MjModel) -> None:
+    motor, gear, lint = (robot.numeric(name) for name in ("motor_friction", "gear_friction", "lint"))
+    # The motor's: what its no-load current's torque overcomes; exact.
+    assert motor == pytest.approx(0.036 * 0.238 * 60 / 18, rel=1e-9)
+    # Lint: a share of the load on a wheel, m g / 4, as a force at its rim. 0.1 % for the file's four digits.
+    total = motor + gear + lint * model.body_mass.sum() * 9.81 / 4 * RADIUS_M
+    for wheel in WHEELS:
+        assert model.dof_frictionloss[model.joint(f"wheel_{wheel}").dofadr[0]] == pytest.approx(total, rel=1e-3)
+
+
 def test_four_voltage_driven_motors_one_per_wheel(model: mujoco.MjModel) -> None:
     assert model.nu == 4
     assert (model.actuator_gaintype == mujoco.mjtGain.mjGAIN_DCMOTOR).all()
@@ -202,7 +212,7 @@ def test_a_gyro_on_the_chassis_and_four_encoders(model: mujoco.MjModel, data: mu
     np.testing.assert_allclose(data.site_xmat[imu], np.eye(3).ravel(), atol=1e-12)  # its z is the robot's
     for wheel in WHEELS:
         encoder = model.sensor(f"encoder_{wheel}")
-        assert encoder.type[0] == mujoco.mjtSensor.mjSENS_JOINTVEL
+        assert encoder.type[0] == mujoco.mjtSensor.mjSENS_JOINTPOS
         assert encoder.objid[0] == model.joint(f"wheel_{wheel}").id
 
 

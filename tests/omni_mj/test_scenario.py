@@ -32,6 +32,7 @@ def every_setting() -> Iterator[tuple[str, dataclasses.Field[Any], Any]]:
 
 SETTINGS = {name: (field, default) for name, field, default in every_setting()}
 NUMBERS = {name: both for name, both in SETTINGS.items() if both[0].metadata["low"] is not None}
+SWITCHES = [name for name, (field, _) in SETTINGS.items() if field.type is bool]
 WHOLE = [name for name, (field, _) in NUMBERS.items() if field.type is int]
 
 
@@ -108,10 +109,23 @@ def test_every_setting_says_what_it_means_and_in_what_unit(name: str) -> None:
     # A unit in the field's name and the unit shown must be the same.
     for suffix, unit in {
         "_rad_s2": "rad/s^2",
+        "_nm_s": "N m s/rad",
         "_rad_s": "rad/s",
         "_m_s2": "m/s^2",
         "_m_s": "m/s",
         "_rad": "rad",
+        "_ohm_s": "ohm s/rad",
+        "_ohm": "ohm",
+        "_per_k": "1/K",
+        "_j_k": "J/K",
+        "_k_w": "K/W",
+        "_nm": "N m",
+        "_ah": "Ah",
+        "_c": "deg C",
+        "_v": "V",
+        "_n": "N",
+        "_m": "m",
+        "_s": "s",
     }.items():
         if name.endswith(suffix):
             assert meta["unit"] == unit
@@ -144,7 +158,7 @@ def test_head_fields_are_read(tmp_path: Path) -> None:
 
 
 def test_whole_numbers_serve_where_a_number_is_wanted(tmp_path: Path) -> None:
-    value = load(tmp_path, assign("battery.voltage_v", "20")).settings.battery.voltage_v
+    value = load(tmp_path, assign("battery.cut_off_v", "20")).settings.battery.cut_off_v
     assert value == 20.0
     assert isinstance(value, float)
 
@@ -233,7 +247,9 @@ def test_what_is_not_a_finite_number_is_refused(tmp_path: Path, value: str) -> N
 def test_numbers_out_of_bounds_are_refused(tmp_path: Path, name: str) -> None:
     meta = NUMBERS[name][0].metadata
     low, high = meta["low"], meta["high"]
-    below, above = (low - 1, high + 1) if name in WHOLE else (math.nextafter(low, -1), math.nextafter(high, 1e9))
+    below, above = (
+        (low - 1, high + 1) if name in WHOLE else (math.nextafter(low, -math.inf), math.nextafter(high, math.inf))
+    )
     for value in (below, above):
         message = refusal(tmp_path, assign(name, repr(value)))
         assert name in message
@@ -250,7 +266,7 @@ def test_whole_numbers_are_whole(tmp_path: Path, name: str, value: str) -> None:
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("radio.delay_frames", "{}"), ("battery.voltage_v", "{}"), ("reference.waypoints", "[[0, 0], [{}, 0]]")],
+    [("radio.delay_frames", "{}"), ("battery.cut_off_v", "{}"), ("reference.waypoints", "[[0, 0], [{}, 0]]")],
 )
 @pytest.mark.parametrize("digits", [400, 5000], ids=["beyond float", "beyond Python's own limit of digits"])
 def test_numbers_of_absurd_length_are_refused(tmp_path: Path, name: str, value: str, digits: int) -> None:
@@ -287,6 +303,19 @@ def test_wrong_choices_are_refused(tmp_path: Path, value: str) -> None:
     message = refusal(tmp_path, assign("reference.mode", value))
     for words in ("reference.mode", "timed or iterated"):
         assert words in message
+
+
+@pytest.mark.parametrize("value", ['"yes"', "3", "0", "1.5", "[true]", "{}"])
+def test_switches_are_true_or_false(tmp_path: Path, value: str) -> None:
+    assert SWITCHES
+    for name in SWITCHES:
+        message = refusal(tmp_path, assign(name, value))
+        for words in (name, "true or false"):
+            assert words in message
+        for setting in (True, False):
+            section, field = name.split(".")
+            loaded = load(tmp_path, "", f"{name}={json.dumps(setting)}")
+            assert getattr(getattr(loaded.settings, section), field) is setting
 
 
 @pytest.mark.parametrize(
@@ -355,6 +384,8 @@ def value_of(field: dataclasses.Field[Any]) -> st.SearchStrategy[Any]:
     meta = field.metadata
     if meta["choices"]:
         return st.sampled_from(meta["choices"])
+    if field.type is bool:
+        return st.booleans()
     if meta["low"] is None:
         coordinate = st.floats(-100, 100)
         return st.lists(st.tuples(coordinate, coordinate, coordinate).map(list), min_size=2, max_size=5)

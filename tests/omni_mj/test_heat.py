@@ -1,0 +1,275 @@
+"""Heat in the motors: two nodes against an ODE solver, closed forms and the datasheet; what it does to the drive."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from omni_control.kinematics import Kinematics
+from omni_mj.firmware import Firmware
+from omni_mj.motors import Motors
+from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.robot import Motor
+from omni_mj.settings import (
+    BatterySettings,
+    DriveSettings,
+    FirmwareSettings,
+    MotorSettings,
+    RadioSettings,
+    SensorSettings,
+    Settings,
+)
+
+MOTOR = Motor(constant=0.036, resistance=0.942, gear=60 / 18)
+FRAME_S = 1 / 60
+COPPER_PER_K = 0.00393
+# maxon's catalogue: thermal resistances in K/W, time constants in s, the winding's highest temperature in deg C.
+WINDING_HOUSING, HOUSING_AMBIENT = 8.28, 1.57
+WINDING_TIME, MOTOR_TIME = 28.8, 78.3
+WINDING_J_K, HOUSING_J_K = 3.48, 49.9  # heat capacities: time constant over resistance, to three digits
+HIGHEST_C = 125.0
+
+
+def hold(motors: Motors, current: float, periods: int) -> tuple[NDArray, NDArray]:
+    """Temperatures (periods + 1, 4) of the first robot's windings and housings under a constant current."""
+    load = np.full((1, *motors.winding.shape), current)
+    winding, housing = [motors.winding[0]], [motors.housing[0]]
+    for _ in range(periods):
+        motors.warm(load)
+        winding.append(motors.winding[0])
+        housing.append(motors.housing[0])
+    return np.array(winding), np.array(housing)
+
+
+def steady(current: float, ambient: float) -> tuple[float, float]:
+    """Winding and housing in equilibrium: i^2 R(T_w) flows through both resistances; linear in T_w, solved for it."""
+    cold = current**2 * 0.942
+    through = WINDING_HOUSING + HOUSING_AMBIENT
+    rise = cold * (1 + COPPER_PER_K * (ambient - 25)) * through / (1 - cold * COPPER_PER_K * through)
+    power = rise / through
+    return ambient + rise, ambient + HOUSING_AMBIENT * power
+
+
+def test_ten_minutes_of_duty_cycle_against_an_ode_solver() -> None:
+    rng = np.random.default_rng(3)
+    segment, n = 300, 2  # 5 s, 10 min, two robots
+    # Rest, nominal current, about twice that, of either sign, and a ripple within each frame.
+    levels = rng.choice(
+        [0.0, 1.0, -2.5, 2.5, 4.0, -5.0, 5.0], p=[0.3, 0.2, 0.15, 0.15, 0.1, 0.05, 0.05], size=(120, n, 4)
+    )
+    ripple = 1 + 0.3 * np.sin(2 * np.pi * np.arange(16) / 16)[:, None, None]
+    chosen = [MotorSettings(winding_c=60.0, housing_c=40.0, ambient_c=20.0), MotorSettings(ambient_c=35.0)]
+    motors = Motors(MOTOR, chosen, FRAME_S)
+    ambient = np.array([[20.0], [35.0]])
+
+    def rates(time: float, state: NDArray, squared: NDArray) -> NDArray:
+        winding, housing = state.reshape(2, n, 4)
+        heat = squared * 0.942 * (1 + COPPER_PER_K * (winding - 25))
+        inward = (winding - housing) / WINDING_HOUSING
+        outward = (housing - ambient) / HOUSING_AMBIENT
+        return np.concatenate([((heat - inward) / WINDING_J_K).ravel(), ((inward - outward) / HOUSING_J_K).ravel()])
+
+    state = np.concatenate([motors.winding.ravel(), motors.housing.ravel()])
+    hottest = 0.0
+    for level in levels:
+        currents = ripple * level
+        for _ in range(segment):
+            motors.warm(currents)
+        squared = (currents**2).mean(0)
+        state = solve_ivp(rates, (0, segment * FRAME_S), state, args=(squared,), rtol=1e-8, atol=1e-8).y[:, -1]
+        winding, housing = state.reshape(2, n, 4)
+        # The bound asked of the model, 0.1 K: resistance is held for a frame, in which a winding warms by up to 0.2 K.
+        np.testing.assert_allclose(motors.winding, winding, rtol=0, atol=0.1)
+        np.testing.assert_allclose(motors.housing, housing, rtol=0, atol=0.1)
+        hottest = max(hottest, winding.max())
+    assert hottest > 100  # or nothing was tested
+
+
+@settings(deadline=None, max_examples=40, derandomize=True)
+@given(st.floats(0, 3.5), st.floats(-20, 60), st.floats(0, 100))
+def test_steady_state_is_the_closed_form(current: float, ambient: float, start: float) -> None:
+    chosen = MotorSettings(winding_c=start, housing_c=start, ambient_c=ambient)
+    # Periods far beyond the time constants: each is a step of a fixed-point iteration on the winding's resistance,
+    # whose factor i^2 R_25 c (R_th1 + R_th2) is 0.45 at most.
+    winding, housing = hold(Motors(MOTOR, [chosen], 3600.0), current, 60)
+    expected = steady(current, ambient)
+    np.testing.assert_allclose(winding[-1], expected[0], atol=1e-6)
+    np.testing.assert_allclose(housing[-1], expected[1], atol=1e-6)
+
+
+def test_the_nominal_current_is_bearable_and_a_third_more_is_not() -> None:
+    # "Nominal" is what a motor bears for ever at 25 deg C; the sheet's 125 deg C are reached at 2.85 A.
+    assert steady(2.52, 25)[0] < HIGHEST_C < steady(1.33 * 2.52, 25)[0]
+    winding, _ = hold(Motors(MOTOR, [MotorSettings()], 60.0), 2.52, 30)
+    assert winding.max() < HIGHEST_C
+    winding, _ = hold(Motors(MOTOR, [MotorSettings()], 60.0), 1.33 * 2.52, 30)
+    assert winding.max() > HIGHEST_C
+
+
+def time_constant(temperature: NDArray, period: float) -> float:
+    """From the slope of the logarithm of what is left over ambient, in the first half of the fall."""
+    left = np.log((temperature - 25.0) / (temperature[0] - 25.0))
+    use = left > np.log(0.5)
+    return float(-period / np.polyfit(np.arange(use.sum()), left[use], 1)[0])
+
+
+def test_time_constants_are_the_datasheets() -> None:
+    # Winding: into a housing that never warms. Motor: winding and housing apart, the housing into the air.
+    # 0.5 %: the settings give the heat capacities with three digits.
+    alone = MotorSettings(winding_c=100.0, housing_j_k=1e9)
+    winding, _ = hold(Motors(MOTOR, [alone], 0.1), 0.0, 1000)
+    assert time_constant(winding[:, 0], 0.1) == pytest.approx(WINDING_TIME, rel=5e-3)
+    apart = MotorSettings(housing_c=100.0, winding_housing_k_w=1e9)
+    _, housing = hold(Motors(MOTOR, [apart], 0.1), 0.0, 2000)
+    assert time_constant(housing[:, 0], 0.1) == pytest.approx(MOTOR_TIME, rel=5e-3)
+
+
+@settings(deadline=None, max_examples=30, derandomize=True)
+@given(st.floats(-20, 200), st.floats(-20, 200), st.floats(-20, 60), st.floats(1e-3, 100))
+def test_without_current_a_motor_takes_on_the_temperature_of_the_air(
+    winding: float, housing: float, ambient: float, period: float
+) -> None:
+    motors = Motors(MOTOR, [MotorSettings(winding_c=winding, housing_c=housing, ambient_c=ambient)], period)
+    warmest, coldest = max(winding, housing, ambient), min(winding, housing, ambient)
+    for _ in range(20):
+        hold(motors, 0.0, 1)
+        # Second law: without work no node leaves the range, and the range only shrinks. Rounding.
+        for node in (motors.winding, motors.housing):
+            assert coldest - 1e-9 <= node.min()
+            assert node.max() <= warmest + 1e-9
+        warmest = max(motors.winding.max(), motors.housing.max(), ambient)
+        coldest = min(motors.winding.min(), motors.housing.min(), ambient)
+    # The slower of the two eigenvalues, 1 / 97 s, sets how fast; and the far end is the air.
+    cooled = Motors(MOTOR, [MotorSettings(winding_c=winding, housing_c=housing, ambient_c=ambient)], 3600.0)
+    hold(cooled, 0.0, 1)
+    np.testing.assert_allclose([cooled.winding, cooled.housing], ambient, atol=1e-6)
+
+
+def test_heat_is_conserved() -> None:
+    motors, period = Motors(MOTOR, [MotorSettings()], FRAME_S), FRAME_S
+    winding, housing = hold(motors, 4.0, 60 * 60)
+    resistance = 0.942 * (1 + COPPER_PER_K * (winding - 25))
+    produced = (16.0 * resistance[:-1]).sum(0) * period
+    left = np.trapezoid(housing - 25, dx=period, axis=0) / HOUSING_AMBIENT
+    stored = WINDING_J_K * (winding[-1] - 25) + HOUSING_J_K * (housing[-1] - 25)
+    assert (stored > 0.1 * produced).all()
+    assert (left > 0.1 * produced).all()
+    # First law. 1e-4: the trapezoidal sum.
+    np.testing.assert_allclose(stored + left, produced, rtol=1e-4)
+
+
+@settings(deadline=None, max_examples=40, derandomize=True)
+@given(st.floats(-20, 200), st.floats(-20, 200))
+def test_resistance_follows_the_winding_and_torque_constant_the_housing(winding: float, housing: float) -> None:
+    motors = Motors(MOTOR, [MotorSettings(winding_c=winding, housing_c=housing)], FRAME_S)
+    np.testing.assert_allclose(motors.resistance, 0.942 * (1 + 0.00393 * (winding - 25)))  # copper
+    np.testing.assert_allclose(motors.constant, 0.036 * (1 - 0.001 * (housing - 25)))  # NdFeB
+    hold(motors, 5.0, 10)
+    np.testing.assert_allclose(motors.resistance, 0.942 * (1 + 0.00393 * (motors.winding - 25)))
+    np.testing.assert_allclose(motors.constant, 0.036 * (1 - 0.001 * (motors.housing - 25)))
+
+
+def test_a_hot_motor_stalls_weaker_and_runs_faster() -> None:
+    voltage, still = np.full((1, 4), 12.0), np.zeros((1, 4))
+    cold = Motors(MOTOR, [MotorSettings()], FRAME_S)
+    hot = Motors(MOTOR, [MotorSettings(winding_c=125.0, housing_c=95.0)], FRAME_S)
+    torque = [motors.constant * motors.drive(voltage, still)[1] for motors in (cold, hot)]
+    # By the two laws: R up by 39.3 %, K down by 7 %.
+    np.testing.assert_allclose(torque[1] / torque[0], 0.93 / 1.393)
+    # Without load, the speed of equal back-EMF: weak magnets let a motor run faster.
+    speed = 12.0 / (0.93 * 0.036 * 60 / 18)
+    np.testing.assert_allclose(hot.drive(voltage, np.full((1, 4), speed))[1], 0.0, atol=1e-9)
+    assert (cold.drive(voltage, np.full((1, 4), speed))[1] < -0.1).all()
+
+
+def quiet(**sections: object) -> Settings:
+    """Defaults without the gyro's errors and the radio's dead time, and some sections replaced."""
+    still = Settings(sensors=SensorSettings(gyro_noise_rad_s=0.0, gyro_bias_rad_s=0.0), radio=RadioSettings(0))
+    return dataclasses.replace(still, **sections)  # type: ignore[arg-type]
+
+
+def test_heat_reaches_the_engines_motors() -> None:
+    # Robots whose windings and magnets are cold and hot, against the same command from rest: for one frame, in which
+    # the wheels hardly turn, the torque and so the way is that of the voltage, K / R.
+    hot = quiet(motor=MotorSettings(winding_c=125.0, housing_c=95.0))
+    plant = MujocoPlant([quiet(), hot], np.zeros((2, 3)), [0, 0], 60)
+    command = np.tile([0.3, 0.0, 0.0], (2, 1))
+    plant.advance(0, command, np.zeros(2))
+    cold_peak, hot_peak = plant.telemetry().current_peak
+    assert hot_peak == pytest.approx(cold_peak / 1.393, rel=1e-3)  # the first step, wheels at rest
+    speed = plant.telemetry().wheel_speed
+    assert (np.abs(speed[1]) < 0.97 * np.abs(speed[0])).all()
+    for frame in range(1, 60):
+        plant.advance(frame, command, plant.pose()[:, 2])
+    # And for good: a proportional loop with hot motors droops more.
+    x = plant.pose()[:, 0]
+    assert 0.5 * x[0] < x[1] < x[0] - 1e-3
+
+
+def test_the_plants_windings_follow_the_currents_that_it_reports() -> None:
+    spin_up, frames = 30, 150
+    # Small heat capacities, that two seconds warm by tens of kelvins; stiff gears, that take amperes for a steady turn,
+    # in which the current at the end of a frame, the one reported, is that of the whole frame.
+    light = MotorSettings(winding_j_k=1.0, housing_j_k=10.0)
+    hardy = BatterySettings(cut_off_v=0.0)
+    chosen = [quiet(motor=light, battery=hardy, drive=DriveSettings(gear_friction_nm=f)) for f in (0.2, 0.4)]
+    plant = MujocoPlant(chosen, np.zeros((2, 3)), [0, 0], frames)
+    currents, temperatures = [], []
+    for frame in range(frames):
+        plant.advance(frame, np.tile([0.0, 0.0, 12.0], (2, 1)), plant.pose()[:, 2])
+        telemetry = plant.telemetry()
+        currents.append(telemetry.current.copy())
+        temperatures.append(np.concatenate([telemetry.winding.ravel(), telemetry.housing.ravel()]))
+    start = temperatures[spin_up - 1]
+
+    def rates(time: float, state: NDArray) -> NDArray:
+        winding, housing = state.reshape(2, 2, 4)
+        current = currents[spin_up + min(int(time / FRAME_S), frames - spin_up - 1)]
+        heat = current**2 * 0.942 * (1 + COPPER_PER_K * (winding - 25))
+        inward, outward = (winding - housing) / WINDING_HOUSING, (housing - 25) / HOUSING_AMBIENT
+        return np.concatenate([(heat - inward).ravel() / 1.0, (inward - outward).ravel() / 10.0])
+
+    ends = (np.arange(frames - spin_up) + 1) * FRAME_S
+    solution = solve_ivp(rates, (0, ends[-1]), start, t_eval=ends, max_step=FRAME_S, rtol=1e-6).y.T
+    rise = np.array(temperatures[spin_up:]) - start
+    assert rise[:, 12:].max() > 0.02
+    assert rise[:, :4].max() > 5
+    assert rise[:, 4:8].max() > 20
+    # 2 % of each robot's largest rise: rollers and encoder counts modulate the current within a frame.
+    for robot in (slice(0, 4), slice(4, 8), slice(8, 12), slice(12, 16)):
+        expected = (solution - start)[:, robot]
+        np.testing.assert_allclose(rise[:, robot], expected, rtol=0, atol=0.02 * expected.max())
+
+
+def push(derate: bool, speed: float, error: float, battery_v: float, minutes: float) -> NDArray:
+    """Hottest winding over time while the carpet holds the wheels `error` rad/s below what they are told."""
+    kinematics = Kinematics(np.radians([60.0, 135, 225, 300]), arm=0.08, radius=0.0285)
+    gains = FirmwareSettings(derate=derate, turn_gain=0.0)
+    chosen = quiet(firmware=gains)
+    firmware = Firmware([chosen], kinematics, MOTOR, np.zeros(1), FRAME_S, FRAME_S)
+    motors = Motors(MOTOR, [chosen.motor], FRAME_S)
+    command = np.array([[0.0, 0.0, (speed + error) * 0.0285 / 0.08]])
+    angle, turning = np.zeros((1, 4)), np.full((1, 4), speed)
+    hottest = []
+    for _ in range(round(minutes * 60 / FRAME_S)):
+        angle = angle + speed * FRAME_S
+        firmware.receive(command, np.full(1, np.nan), motors.winding)
+        duty = firmware.duties(np.zeros(1), angle)
+        motors.warm(motors.drive(duty * battery_v, turning)[1][None])
+        hottest.append(motors.winding.max())
+    return np.array(hottest)
+
+
+@pytest.mark.parametrize("battery_v", [20.4, 22.2, 25.2], ids=["empty", "nominal", "full"])
+@pytest.mark.parametrize("speed", [0.0, 60.0], ids=["against a wall", "at 1.7 m/s"])
+def test_derating_keeps_the_winding_below_its_limit(speed: float, battery_v: float) -> None:
+    # Twenty rad/s behind, a k_p of 0.3 drives 6 V into less than an ohm: the winding passes its limit within seconds.
+    assert push(False, speed, 20.0, battery_v, 0.5)[-1] > HIGHEST_C
+    limited = push(True, speed, 20.0, battery_v, 1.0)
+    assert limited.max() < HIGHEST_C
+    # It limits no more than it must: the motor is used up to within the band where derating begins.
+    assert limited.max() > HIGHEST_C - 10
