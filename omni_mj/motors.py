@@ -63,18 +63,27 @@ class Motors:
 
     def warm(self, currents: Array) -> None:
         """Let the copper losses of a period's currents (steps, n, 4) in A change temperatures and constants."""
-        (a, b), (c, d), (e, f) = np.moveaxis(self._conduction, 0, 1)
-        heat, winding, housing = (
-            (currents**2).mean(0) * self.resistance,
-            self.winding - self._ambient,
-            self.housing - self._ambient,
-        )
-        self.winding = self._ambient + (a * winding + c * housing + e * heat)
-        self.housing = self._ambient + (b * winding + d * housing + f * heat)
+        square = (currents**2).mean(0)
+        winding, _ = self._conduct(square * self.resistance)
+        # The resistance rises during the period: its mean makes the step exact to second order.
+        mean = (self.resistance + self._resistance_at(winding)) / 2
+        self.winding, self.housing = self._conduct(square * mean)
         self._update()
 
+    def _conduct(self, heat: Array) -> tuple[Array, Array]:
+        """Temperatures of windings and housings after a period of `heat` (n, 4) in W."""
+        (a, b), (c, d), (e, f) = np.moveaxis(self._conduction, 0, 1)
+        winding, housing = self.winding - self._ambient, self.housing - self._ambient
+        return (
+            self._ambient + (a * winding + c * housing + e * heat),
+            self._ambient + (b * winding + d * housing + f * heat),
+        )
+
+    def _resistance_at(self, winding: Array) -> Array:
+        return self._motor.resistance * (1 + self._copper * (winding - REFERENCE_C))
+
     def _update(self) -> None:
-        self.resistance = self._motor.resistance * (1 + self._copper * (self.winding - REFERENCE_C))
+        self.resistance = self._resistance_at(self.winding)
         self.constant = self._motor.constant * (1 + self._magnet * (self.housing - REFERENCE_C))
         self._speed_constant = self.constant * self._motor.gear
 

@@ -40,6 +40,16 @@ def test_a_standing_robot_does_not_creep() -> None:
     assert abs(poses[-1, 0, 2] - poses[0, 0, 2]) * 0.08 < 1e-4
 
 
+def test_a_robot_that_has_stopped_stays() -> None:
+    """After driving, with wheels and rollers wherever they came to rest, as little creep as from the start."""
+    twists = np.array([[0.7, 0.2, 0.0], [-0.3, 0.6, 2.0], [0.0, 0.0, -4.0]])
+    commands = np.concatenate([np.tile(twists, (40, 1, 1)), np.zeros((660, 3, 3))])
+    _, poses = drive(QUIET, commands)
+    stood = poses[-1] - poses[-601]  # the last 10 s
+    assert np.hypot(stood[:, 0], stood[:, 1]).max() < 1e-4
+    assert np.abs(stood[:, 2]).max() * 0.08 < 1e-4
+
+
 def test_driving_in_eight_directions_and_turning_follows_the_wheels() -> None:
     """No slip: the robot covers what its wheels roll, within half a per cent of the motion at 0.5 m/s."""
     angles = np.arange(8) * np.pi / 4
