@@ -63,7 +63,7 @@ class Recording:
 
     def __init__(self, path: Path, scenario: Scenario, reference: np.ndarray) -> None:
         rr.set_strict_mode(True)  # otherwise what rerun refuses is silently missing from the file
-        self._controllers, self._seed = scenario.controllers, scenario.seed
+        self._path, self._controllers, self._seed = path, scenario.controllers, scenario.seed
         self._recorded = 0
         self._stream = rr.RecordingStream("omni-mj")
         self._stream.save(path, default_blueprint=_blueprint(scenario.controllers, reference))
@@ -78,7 +78,10 @@ class Recording:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        self._stream.__exit__(kind, error, traceback)
+        try:
+            self._stream.__exit__(kind, error, traceback)
+        except RuntimeError as failure:  # rerun's writer gives up when it cannot write, and says so only here
+            raise OSError(None, f"the recording could not be written to its end: {failure}", str(self._path)) from None
 
     def write(self, trajectory: Trajectory) -> None:
         """Send the frames recorded since the last call, so that whatever ends the run leaves them readable."""

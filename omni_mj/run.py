@@ -60,7 +60,11 @@ def run(
     head = {"controllers": controllers or None, "plant": plant, "seed": seed, "seeds": seeds}
     chosen = scenario.load(scenario_name, overrides, {k: v for k, v in head.items() if v is not None})
     folder = folders.prepare(out, chosen.name, OUTPUTS, overwrite)
-    execute(chosen, folder, record, draw, quiet)
+    try:
+        execute(chosen, folder, record, draw, quiet)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        console.fail(f"cannot write to {folder}: {reason}; what could be written until then is there", console.FAILED)
 
 
 def execute(chosen: scenario.Scenario, folder: Path, record: bool, draw: bool, quiet: bool) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
+from rerun.chunk import RrdReader
 
 from omni_mj import scenario
 
@@ -114,6 +115,29 @@ def test_an_interrupted_run_keeps_what_it_recorded(tmp_path: Path, number: int, 
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert not summary["complete"]
     assert pq.read_table(tmp_path / "trajectory.parquet").num_rows == 2 * summary["frames"] > 0
+
+
+def test_a_full_disk_is_one_line_and_leaves_what_fits(tmp_path: Path) -> None:
+    """A limit on file sizes stands in for a full disk: the recording, of 1.5 MB, does not fit."""
+    options = ["--scenario", "rect", "--quiet", "--no-figures", "--out", str(tmp_path / "run")]
+    limited = 'ulimit -f 400; exec "$0" "$@"'  # units of 1 KiB
+    done = subprocess.run(
+        ["bash", "-c", limited, *RUN, *options], capture_output=True, text=True, check=False, timeout=120
+    )
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    # rerun's own writer complains too, in lines that begin with a time.
+    own = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert len(own) == 1
+    assert own[0].startswith(f"error: cannot write to {tmp_path / 'run'}: ")
+    assert (tmp_path / "run" / "scenario.toml").exists()
+    frames = [
+        frame
+        for chunk in RrdReader(tmp_path / "run" / "recording.rrd").stream().to_chunks()
+        if chunk.entity_path == "/world/flc/robot" and not chunk.is_static
+        for frame in chunk.to_record_batch()["frame"].to_pylist()
+    ]
+    assert len(frames) > 60
 
 
 def test_the_console_script_runs_scenarios_with_or_without_the_word_run(tmp_path: Path) -> None:
