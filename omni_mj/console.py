@@ -1,5 +1,6 @@
 """What a user sees on the terminal: errors in one line, progress, the result's table."""
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -35,6 +36,10 @@ def invoke(command: click.Command, args: list[str] | None = None) -> NoReturn:
         fail(str(error), BAD_INPUT)
     except click.ClickException as error:
         fail(error.format_message(), BAD_INPUT)
+    except BrokenPipeError:
+        # Whoever read the output has gone, as `head` does; what is left in the buffer must not complain at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
     except OSError as error:
         fail(f"{error.filename or 'file system'}: {error.strerror or error}", FAILED)
     sys.exit(code if isinstance(code, int) else 0)

@@ -62,6 +62,8 @@ def run(
     folder = folders.prepare(out, chosen.name, OUTPUTS, overwrite)
     try:
         execute(chosen, folder, record, draw, quiet)
+    except BrokenPipeError:  # not the folder's: whoever read the table has gone
+        raise
     except OSError as error:
         reason = error.strerror or str(error)
         console.fail(f"cannot write to {folder}: {reason}; what could be written until then is there", console.FAILED)

@@ -117,6 +117,13 @@ def test_an_interrupted_run_keeps_what_it_recorded(tmp_path: Path, number: int, 
     assert pq.read_table(tmp_path / "trajectory.parquet").num_rows == 2 * summary["frames"] > 0
 
 
+def test_a_reader_that_goes_away_hears_no_complaint() -> None:
+    command = f"{sys.executable} -m omni_mj.run --list | head -1"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.startswith("scenarios")
+    assert done.stderr == ""
+
+
 def test_a_full_disk_is_one_line_and_leaves_what_fits(tmp_path: Path) -> None:
     """A limit on file sizes stands in for a full disk: the recording, of 1.5 MB, does not fit."""
     options = ["--scenario", "rect", "--quiet", "--no-figures", "--out", str(tmp_path / "run")]
