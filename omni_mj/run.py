@@ -105,13 +105,17 @@ class _Stop:
 
 
 def _simulate(simulation: Simulation, recording: Recording | None, quiet: bool) -> _Stop | None:
-    """Run to the end, recording in blocks; return why it stopped early, or None."""
+    """Run to the end, recording in blocks; return why it stopped early, or None.
+
+    Ctrl-C and SIGTERM end the run between two frames; a second one ends the program at once.
+    """
     trajectory, total = simulation.trajectory, simulation.reference.frames
-    signal.signal(signal.SIGTERM, _terminate)
     try:
-        with console.progress(simulation.scenario.name, total, quiet) as show:
+        with _Signals() as signals, console.progress(simulation.scenario.name, total, quiet) as show:
 
             def after_frame(frame: int) -> None:
+                if signals.received:
+                    raise _StoppedError
                 if (frame + 1) % PROGRESS_FRAMES == 0:
                     show(frame + 1)
                 if recording and (frame + 1) % BLOCK_FRAMES == 0:
@@ -121,22 +125,40 @@ def _simulate(simulation: Simulation, recording: Recording | None, quiet: bool) 
         return None
     except SimulationError as error:
         return _Stop(str(error), console.FAILED)
-    except KeyboardInterrupt:
-        return _Stop("interrupted", 130)
-    except _TerminatedError:
-        return _Stop("terminated", 143)
+    except _StoppedError:
+        reason = "interrupted" if signals.received == signal.SIGINT else "terminated"
+        return _Stop(reason, 128 + signals.received)
     finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
         if recording:
             recording.write(trajectory)
 
 
-class _TerminatedError(Exception):
-    """SIGTERM arrived."""
+class _StoppedError(Exception):
+    """A signal asked for the end."""
 
 
-def _terminate(number: int, frame: FrameType | None) -> None:
-    raise _TerminatedError
+class _Signals:
+    """While entered, remembers the first SIGINT or SIGTERM, unless they are ignored as in a background job."""
+
+    HANDLED = (signal.SIGINT, signal.SIGTERM)
+
+    def __init__(self) -> None:
+        self.received = 0
+
+    def __enter__(self) -> "_Signals":
+        self._before = {number: signal.getsignal(number) for number in self.HANDLED}
+        for number, handler in self._before.items():
+            if handler != signal.SIG_IGN:
+                signal.signal(number, self._remember)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _remember(self, number: int, frame: FrameType | None) -> None:
+        self.received = number
+        self.__exit__()
 
 
 def _report(result: dict[str, Any], folder: Path, record: bool, draw: bool) -> None:

@@ -102,7 +102,13 @@ def test_list_names_every_scenario_controller_and_setting() -> None:
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_an_interrupted_run_keeps_what_it_recorded(tmp_path: Path, number: int, code: int) -> None:
     endless = ("--scenario", "rect", "--set", "reference.laps=60", "--out", str(tmp_path))
-    process = subprocess.Popen([*RUN, *endless], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+    process = subprocess.Popen(
+        [*RUN, *endless],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),  # a background job's children ignore SIGINT
+    )
     deadline = time.monotonic() + 60
     while not (tmp_path / "recording.rrd").exists() and time.monotonic() < deadline:
         time.sleep(0.1)
