@@ -17,17 +17,18 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj import alpha_figure, console, folders, scenario
-from omni_mj.metrics import ALPHA_WINDOW_FRAMES, alpha_windows
+from omni_mj.metrics import ALPHA_PERCENTILES, ALPHA_WINDOW_FRAMES, alpha_windows
 from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.settings import FRAME_RATE_HZ, PERIOD_S, Settings
 from omni_mj.summary import versions
 
-FRICTION = (0.3, 0.4, 0.5, 0.7, 0.9, 1.0)
-WINDING_C = (25.0, 75.0, 120.0)
-CHARGE = (1.0, 0.5, 0.15)
-LINT = (0.03, 0.065, 0.15)
 Conditions = dict[str, tuple[float, ...]]
-CONDITIONS: Conditions = {"friction": FRICTION, "winding_c": WINDING_C, "charge": CHARGE, "lint": LINT}
+CONDITIONS: Conditions = {
+    "friction": (0.3, 0.4, 0.5, 0.7, 0.9, 1.0),
+    "winding_c": (25.0, 75.0, 120.0),
+    "charge": (1.0, 0.5, 0.15),
+    "lint": (0.03, 0.065, 0.15),
+}
 DIRECTIONS = {"x": (1.0, 0.0), "y": (0.0, 1.0), "diagonal": (0.5**0.5, 0.5**0.5)}
 SPEED_M_S, ACCELERATION_M_S2 = 1.5, 3.0
 # The windows of 0.25 s: the ramp takes two, then the profile cruises; what follows a change of slope is left out.
@@ -107,7 +108,7 @@ def report(study: Study, settings: Settings, wall_s: float) -> dict[str, Any]:
 
 
 def _percentiles(values: Array) -> dict[str, float]:
-    return {f"p{p}": round(float(np.percentile(values, p)), 6) for p in (5, 50, 95)}
+    return {f"p{p}": round(float(np.percentile(values, p)), 6) for p in ALPHA_PERCENTILES}
 
 
 def _under(settings: Settings, friction: float, winding_c: float, charge: float, lint: float) -> Settings:

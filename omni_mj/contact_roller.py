@@ -53,6 +53,7 @@ def load_model() -> mujoco.MjModel:
     full = spec.compile()
     for i in range(robot.WHEELS):
         hub = spec.body(f"wheel_{i + 1}")
+        assert len(hub.bodies) * PITCH_RAD == 2 * np.pi
         gone = [roller.name for roller in hub.bodies[1:]]
         _lump(hub, full, [full.body(name).id for name in gone])
         for pair in [p for p in spec.pairs if p.geomname2 in gone]:
@@ -76,7 +77,7 @@ class Handover:
 
     def __init__(self, batch: Batch) -> None:
         model = batch.model
-        wheels = [model.joint(f"wheel_{i + 1}") for i in range(robot.WHEELS)]
+        wheels = robot.wheel_joints(model)
         # Each wheel's roller is the joint after it.
         self._wheel = batch.bind("qpos")[:, robot.even_slice([w.qposadr[0] for w in wheels])]
         self._spin = batch.bind("qvel")[:, robot.even_slice([w.dofadr[0] + 1 for w in wheels])]

@@ -17,7 +17,7 @@ from omni_mj.plants.kinematic import KinematicPlant
 from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.radio import Radio
 from omni_mj.scenario import Scenario
-from omni_mj.settings import FRAME_RATE_HZ, PERIOD_S, ControlSettings, ReferenceSettings
+from omni_mj.settings import FRAME_RATE_HZ, PERIOD_S, ReferenceSettings
 from omni_mj.trajectory import Trajectory
 
 PLANTS: dict[str, type[Plant]] = {"mujoco": MujocoPlant, "kinematic": KinematicPlant}
@@ -106,16 +106,13 @@ def _tracker(name: str, scenario: Scenario, timed: TimedReference) -> Tracker:
     reference: Reference = timed
     if settings.reference.mode == "iterated":
         reference = IteratedReference(_visits(settings.reference), _motion_limits(settings.reference), PERIOD_S, n)
-    return TRACKERS[name](tracker_settings(settings.control, settings.radio.delay_frames), reference, n)
-
-
-def tracker_settings(control: ControlSettings, delay_frames: int) -> TrackerSettings:
-    """What a scenario tells its trackers."""
-    return TrackerSettings(
+    control = settings.control
+    known = TrackerSettings(
         PERIOD_S,
-        delay_frames,
+        settings.radio.delay_frames,
         control.error_range_m,
         control.speed_range_m_s,
         control.heading_gain,
         control.alpha_window_frames,
     )
+    return TRACKERS[name](known, reference, n)

@@ -1,7 +1,5 @@
 """The paper's own results, tables 3 and 4: absolute position errors in metres."""
 
-from typing import Any
-
 # table -> controller -> axis -> statistic
 TABLES: dict[int, dict[str, dict[str, dict[str, float]]]] = {
     3: {
@@ -13,8 +11,3 @@ TABLES: dict[int, dict[str, dict[str, dict[str, float]]]] = {
         "comp-flc": {"x": {"max": 0.03007, "mean": 0.0074}, "y": {"max": 0.04111, "mean": 0.0010}},
     },
 }
-
-
-def figures(table: int) -> dict[str, Any] | None:
-    """The paper's errors of a table, or None where the paper has none (table 0)."""
-    return TABLES.get(table)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -12,7 +13,6 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
 
 WHEELS = 4
-FRAME_RATE_HZ = 60  # SSL-Vision's cameras; the clock of everything (paper, section 4)
 
 
 def model_path() -> Path:
@@ -32,6 +32,11 @@ def load_model() -> mujoco.MjModel:
 @lru_cache(maxsize=1)
 def _shared_model() -> mujoco.MjModel:
     return load_model()
+
+
+def wheel_joints(model: mujoco.MjModel) -> list[Any]:
+    """Named views of the wheels' hinges, in the order of the wheels."""
+    return [model.joint(f"wheel_{i + 1}") for i in range(WHEELS)]
 
 
 def standing(model: mujoco.MjModel) -> tuple[Array, Array]:

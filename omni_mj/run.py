@@ -80,11 +80,13 @@ def execute(chosen: scenario.Scenario, folder: Path, record: bool, draw: bool, q
             recording = stack.enter_context(Recording(folder / "recording.rrd", chosen, simulation.reference.poses))
         stop = _simulate(simulation, recording, quiet)
         trajectory = simulation.trajectory
-        result = summary.summarise(chosen, trajectory, time.perf_counter() - started, stop.reason if stop else None)
+        happened = events.find(trajectory, chosen.settings)
+        reason, wall_s = stop.reason if stop else None, time.perf_counter() - started
+        result = summary.summarise(chosen, trajectory, happened, wall_s, reason)
         if trajectory.length:
             trajectory.save(folder / "trajectory.parquet")
             if recording:
-                recording.log_summary(console.markdown_result(result), events.find(trajectory, chosen.settings))
+                recording.log_summary(console.markdown_result(result), happened)
     if draw and trajectory.length:
         title = f"{chosen.name} on the {chosen.plant} plant, seed {chosen.seed}"
         figures.save_all(trajectory, title, folder / "figures")

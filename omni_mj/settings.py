@@ -9,7 +9,7 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_mj import robot
 
-FRAME_RATE_HZ = robot.FRAME_RATE_HZ
+FRAME_RATE_HZ = 60  # SSL-Vision's cameras; the clock of everything (paper, section 4)
 PERIOD_S = 1 / FRAME_RATE_HZ
 
 

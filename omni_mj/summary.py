@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from omni_mj import events, metrics, paper
+from omni_mj import metrics, paper
+from omni_mj.events import Event
 from omni_mj.scenario import Scenario
 from omni_mj.settings import PERIOD_S
 from omni_mj.trajectory import Trajectory
@@ -30,7 +31,9 @@ DEFINITIONS = {
 }
 
 
-def summarise(scenario: Scenario, trajectory: Trajectory, wall_s: float, stopped: str | None) -> dict[str, Any]:
+def summarise(
+    scenario: Scenario, trajectory: Trajectory, events: list[Event], wall_s: float, stopped: str | None
+) -> dict[str, Any]:
     """The summary of a run; `stopped` says why it ended early, or is None."""
     return {
         "scenario": scenario.name,
@@ -44,8 +47,8 @@ def summarise(scenario: Scenario, trajectory: Trajectory, wall_s: float, stopped
         "simulated_s": trajectory.length * PERIOD_S,
         "wall_s": round(wall_s, 3),
         "results": _results(scenario, trajectory) if trajectory.length else {},
-        "events": [dataclasses.asdict(event) for event in events.find(trajectory, scenario.settings)],
-        "paper": paper.figures(scenario.paper_table),
+        "events": [dataclasses.asdict(event) for event in events],
+        "paper": paper.TABLES.get(scenario.paper_table),
         "definitions": DEFINITIONS,
         "settings": dataclasses.asdict(scenario.settings),
         "versions": versions(),

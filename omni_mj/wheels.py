@@ -27,7 +27,7 @@ class WheelGeometry:
         """Read it from a compiled model."""
         wheels = [model.body(f"wheel_{i + 1}") for i in range(robot.WHEELS)]
         rollers = [np.flatnonzero(model.body_parentid == wheel.id) for wheel in wheels]
-        joints = [model.joint(f"wheel_{i + 1}") for i in range(robot.WHEELS)]
+        joints = robot.wheel_joints(model)
         return cls(
             np.array([model.body_dofadr[r] for r in rollers]),
             np.array([joint.qposadr[0] for joint in joints]),

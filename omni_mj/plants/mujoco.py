@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from omni_control.kinematics import Array
+from omni_control.kinematics import Array, wrap_angle
 from omni_mj import contact_roller, robot
 from omni_mj.battery import Battery
 from omni_mj.firmware import Firmware
@@ -60,9 +60,9 @@ class MujocoPlant:
         self._gyro = sensor[:, model.sensor("gyro").adr[0] + 2]
         self._encoders = sensor[:, robot.even_slice([model.sensor(f"encoder_{i}").adr[0] for i in names])]
         base = model.joint("robot").qposadr[0]
-        self._position, self._quaternion = qpos[:, base : base + 3], qpos[:, base + 3 : base + 7]
+        self._position, self._quaternion = qpos[:, base : base + 2], qpos[:, base + 3 : base + 7]
         self._qpos, self._qvel, self._wheels = qpos, qvel, WheelGeometry.of(model)
-        wheels = [model.joint(f"wheel_{i}") for i in names]
+        wheels = robot.wheel_joints(model)
         self._wheel_angle = qpos[:, robot.even_slice([w.qposadr[0] for w in wheels])]
         self._wheel_speed = qvel[:, robot.even_slice([w.dofadr[0] for w in wheels])]
         self._ctrl = batch.bind("ctrl")
@@ -70,7 +70,7 @@ class MujocoPlant:
         self._push = batch.bind("xfrc_applied")[:, model.body("chassis").id, :2]
 
         qpos[:], qvel[:] = robot.standing(model)
-        self._position[:, :2] = start[:, :2]
+        self._position[:] = start[:, :2]
         self._quaternion[:] = np.stack([np.cos(start[:, 2] / 2), *np.zeros((2, n)), np.sin(start[:, 2] / 2)], axis=1)
         self._heading = np.array(start[:, 2], float)
         push = draw(seeds, Stream.DISTURBANCE, lambda rng: rng.uniform(-1, 1, (frames, 2)))
@@ -88,7 +88,7 @@ class MujocoPlant:
 
     def pose(self) -> Array:
         """See `Plant`."""
-        return np.column_stack([self._position[:, :2], self._heading])
+        return np.column_stack([self._position, self._heading])
 
     def advance(self, frame: int, command: Array, heading: Array) -> None:
         """See `Plant`."""
@@ -132,7 +132,7 @@ class MujocoPlant:
         weight = model.body("chassis").subtreemass[0] * -model.opt.gravity[2]
         rolling = column([s.carpet for s in settings], "lint") * weight / robot.WHEELS * self._geometry.radius
         gear = column([s.drive for s in settings], "gear_friction_nm")
-        dofs = [model.joint(f"wheel_{i + 1}").dofadr[0] for i in range(robot.WHEELS)]
+        dofs = [joint.dofadr[0] for joint in robot.wheel_joints(model)]
         self._batch.expand("dof_frictionloss")[:, dofs] = robot.numeric("motor_friction") + gear + rolling
         rollers = model.dof_damping > 0
         self._batch.expand("dof_damping")[:, rollers] = column([s.drive for s in settings], "roller_damping_nm_s")
@@ -150,4 +150,4 @@ class MujocoPlant:
         if (fallen := np.flatnonzero(x * x + y * y > TOPPLED)).size:
             raise SimulationError(f"robot {fallen[0]} toppled over {time}")
         heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        self._heading = self._heading + np.angle(np.exp(1j * (heading - self._heading)))
+        self._heading = self._heading + wrap_angle(heading - self._heading)
