@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 .PHONY: run test check bench wheel clean
 
 run: $(VENV)/.installed
-	$(BIN)/python -m omni_mj.run --scenario rect
+	$(BIN)/python -m omni_mj.run --scenario rect --controller flc --controller comp-flc --controller adaptive-comp-flc
 
 test: $(VENV)/.installed-test
 	$(BIN)/python -m pytest
@@ -16,7 +16,8 @@ check: $(VENV)/.installed-test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-bench: $(VENV)/.installed
+bench: $(VENV)/.installed-test
+	$(BIN)/python tests/bench_fuzzy.py
 	$(BIN)/python tests/bench.py
 
 # A wheel, installed somewhere else and run there: the model and the scenarios must travel with it.

@@ -1,14 +1,18 @@
-"""Laws of the fuzzy controller, against brute-force integration, scikit-fuzzy, and geometry done by hand."""
+"""Laws of the fuzzy controller, against rational numbers, brute force, scikit-fuzzy, and geometry done by hand."""
 
+from fractions import Fraction
+
+import mamdani_reference as reference
 import numpy as np
 import pytest
-import skfuzzy
+import scikit_flc
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
+from scikit_flc import TABLE_1, TABLE_2, triangles
 
 from omni_control.errors import OmniError
-from omni_control.fuzzy import LABELS, FuzzyController, centroid, memberships
-from omni_control.kinematics import Array
+from omni_control.fuzzy import ENGINE, LABELS, RULES, FuzzyController, memberships
+from omni_control.mamdani import Mamdani
 
 LAW = settings(deadline=None, max_examples=100, derandomize=True)
 
@@ -18,16 +22,6 @@ FLC = FuzzyController(RANGE_M, SPEED)
 # Errors well inside, at and beyond the ends of the input range.
 errors = st.tuples(st.floats(-0.15, 0.15), st.floats(-0.15, 0.15))
 degrees = st.floats(0, 1)
-
-# Tables 1 and 2 with the labels of the example below them: rows e_y, columns e_x, from NB to PB.
-TABLE_1 = ["NB NS ZO PS PB"] * 5
-TABLE_2 = ["NB NB NB NB NB", "NS NS NS NS NS", "ZO ZO ZO ZO ZO", "PS PS PS PS PS", "PB PB PB PB PB"]
-
-
-def triangles(universe: Array) -> Array:
-    """The five sets of figures 5 and 6, (5, points), as scikit-fuzzy draws them."""
-    corners = [(-1, -1, -0.5), (-1, -0.5, 0), (-0.5, 0, 0.5), (0, 0.5, 1), (0.5, 1, 1)]
-    return np.array([skfuzzy.trimf(universe, abc) for abc in corners])
 
 
 @LAW
@@ -43,7 +37,7 @@ def test_centroid_is_the_centre_of_gravity_of_the_clipped_sets(heights: tuple[fl
     mu = np.minimum(np.array(heights)[:, None], triangles(z)).max(0)
     expected = np.trapezoid(z * mu, z) / np.trapezoid(mu, z)
     # Steps of 1e-4 misplace each of at most 12 corners by an area below 2e-4 * 1e-4 / 4; the smallest area is 0.024.
-    assert centroid(np.array(heights)) == pytest.approx(expected, abs=3e-6)
+    assert ENGINE.defuzzify(np.array([heights * 2]).T)[:, 0] == pytest.approx(expected, abs=3e-6)
 
 
 @LAW
@@ -61,28 +55,28 @@ def test_neighbouring_sets_cross_at_half_height() -> None:
     np.testing.assert_array_equal(memberships([-0.75, -0.25, 0.25, 0.75]), expected)
 
 
+def test_the_surface_is_exact() -> None:
+    """The rules of tables 1 and 2, evaluated plainly in rational numbers: on, between and beyond the peaks."""
+    rules = [
+        ({"e_x": LABELS[x], "e_y": LABELS[y]}, {"v_x": TABLE_1[y].split()[x], "v_y": TABLE_2[y].split()[x]})
+        for x in range(5)
+        for y in range(5)
+    ]
+    grid = [(x / 16, y / 24) for x in range(-17, 18, 4) for y in range(-25, 26, 3)]
+    exact = [reference.evaluate(ENGINE.inputs, ENGINE.outputs, rules, list(map(Fraction, error))) for error in grid]
+    # Some roundings of numbers of size 1.
+    np.testing.assert_allclose(FuzzyController(1, 1)(grid), np.array(exact, float), rtol=0, atol=1e-15)
+
+
+@pytest.mark.filterwarnings("ignore:Passing more than 2 positional arguments")  # of scikit-fuzzy 0.5 to numpy
 def test_the_controller_agrees_with_scikit_fuzzy() -> None:
-    """25 min-max rules written out from tables 1 and 2, inferred and defuzzified by scikit-fuzzy."""
-    universe = np.linspace(-1, 1, 801)
-    sets = dict(zip(LABELS, triangles(universe), strict=True))
-    axis = np.linspace(-0.11, 0.11, 12)
+    """The same sets and 25 rules, on a grid from beyond one end of the range to beyond the other."""
+    axis = np.linspace(-0.11, 0.11, 25)
     grid = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
-    outputs = FLC(grid)
-    for error, output in zip(grid, outputs, strict=True):
-        scaled = np.clip(error / RANGE_M, -1, 1)
-        degree_x, degree_y = (
-            {name: skfuzzy.interp_membership(universe, mf, v) for name, mf in sets.items()} for v in scaled
-        )
-        for table, value in zip((TABLE_1, TABLE_2), output, strict=True):
-            aggregated = np.zeros_like(universe)
-            for e_y, row in zip(LABELS, table, strict=True):
-                for e_x, result in zip(LABELS, row.split(), strict=True):
-                    firing = np.fmin(degree_x[e_x], degree_y[e_y])
-                    aggregated = np.fmax(aggregated, np.fmin(firing, sets[result]))
-            expected = SPEED * skfuzzy.defuzz(universe, aggregated, "centroid")
-            # A step of 1/400 misplaces each of at most 12 corners by an area of at most 2 / 400^2 / 4, 4e-5 in all,
-            # of 0.19 and more; the corners' errors partly cancel.
-            assert value == pytest.approx(expected, abs=1e-4)
+    expected = scikit_flc.velocities(scikit_flc.controller(801, RANGE_M, SPEED), grid)
+    # A step of 1/400 misplaces each of at most 12 corners by an area of at most 2 / 400^2 / 4, 4e-5 in all, of 0.19
+    # and more; the corners' errors partly cancel.
+    np.testing.assert_allclose(FLC(grid), expected, rtol=0, atol=1e-4)
 
 
 @LAW
@@ -118,6 +112,48 @@ def test_a_larger_error_is_never_corrected_more_slowly(error: tuple[float, float
     """The velocity of an axis does not fall while its own error grows and the other stays."""
     # At saturation both sides are the same number but for roundings.
     assert FLC([error[0] + more, error[1]])[0] >= FLC(error)[0] - 1e-14
+
+
+@pytest.mark.parametrize("other", [0.0, 0.003, 0.0125, 0.025, 0.04, 0.05])
+def test_the_gain_ripples_but_is_never_negative(other: float) -> None:
+    """Along a fine grid of its own error the velocity never falls: the slope's ripples stay above zero."""
+    axis = np.linspace(-0.12, 0.12, 4801)
+    velocity = FLC(np.stack([axis, np.full_like(axis, other)], axis=-1))[:, 0]
+    # Roundings of numbers of size 1.
+    assert np.diff(velocity).min() >= -1e-15
+
+
+@pytest.mark.parametrize(
+    ("error", "side", "gain"),
+    [
+        # ZO has area 1/2. PS, clipped at h = 2 de / 0.1, adds a strip of width 1/2 about 3/4: dv = 3/8 h / (1/2).
+        (0.0, 1, 15),
+        # Both clipped at 1/2: area 5/8. PS grows, ZO shrinks by h at their tops, both 1/2 wide, 1/2 apart: h/4 / (5/8).
+        (0.025, 1, 8),
+        # PS full, ZO vanishing: the first case mirrored.
+        (0.05, -1, 15),
+        # PB's base [1/2, 1] lies within that of PS, [0, 1]: what it adds is of second order, like what PS loses.
+        (0.05, 1, 0),
+        # PB, area 1/4 about 5/6, is full; PS, vanishing, adds a strip of width 1/2 about 1/4: h/2 (5/6 - 1/4) / (1/4).
+        (0.1, -1, 70 / 3),
+        (0.1, 1, 0),
+    ],
+)
+def test_the_ripples_of_the_gain(error: float, side: int, gain: float) -> None:
+    """The slope in 1/s to either side of where it changes, by the areas that a small change of the error moves."""
+    step = side * 1e-8
+    slope = (FLC([error + step, 0])[0] - FLC([error, 0])[0]) / step
+    # The curvature, below 1e4 / (m s), times the step; roundings of 1 over the step.
+    assert slope == pytest.approx(gain, abs=1e-4)
+
+
+def test_the_other_error_moves_a_velocity_by_less_than_a_twentieth_of_the_range() -> None:
+    """On a peak of e_y one rule fires fully, as with e_y zero; between two peaks none does, and v_x moves a little."""
+    e_x, e_y = np.meshgrid(np.linspace(0, 0.1, 161), np.linspace(0, 0.1, 81), indexing="ij")
+    ripple = FLC(np.stack([e_x, e_y], axis=-1))[..., 0] - FLC(np.stack([e_x, 0 * e_y], axis=-1))[..., 0]
+    # Roundings of numbers of size 1.
+    assert np.abs(ripple[:, [40, 80]]).max() <= 1e-15
+    assert 0.04 < np.abs(ripple).max() < 0.05
 
 
 @LAW
@@ -162,6 +198,20 @@ def test_the_papers_example() -> None:
     """If e_x is NB and e_y is PS, then v_x is NB and v_y is PS (text below table 2): -5/6 and the peak of PS, 1/2."""
     # Roundings of numbers of size 1.
     np.testing.assert_allclose(FLC([-RANGE_M, RANGE_M / 2]), [-5 / 6, 1 / 2], rtol=0, atol=1e-15)
+
+
+def test_the_tables_as_printed_leave_errors_without_a_rule() -> None:
+    """Printed, rows of table 1 and columns of table 2 read NB NS ZO NS NB: nothing fires for an e_y or e_x of PB."""
+    printed = dict(zip(LABELS, ("NB", "NS", "ZO", "NS", "NB"), strict=True))
+    misprinted = {"v_x": "e_y", "v_y": "e_x"}
+    for output, misread in misprinted.items():
+        rules = [
+            ({**conditions, misread: printed[conditions[misread]]}, {output: conclusions[output]})
+            for conditions, conclusions in RULES
+        ]
+        outputs = [v for v in ENGINE.outputs if v.name == output]
+        with pytest.raises(OmniError, match=f"no rule gives {output} at .*{misread} = 0.5"):
+            Mamdani(ENGINE.inputs, outputs, rules)
 
 
 @pytest.mark.parametrize("error", [[np.nan, 0.0], [0.0, np.nan], [[0.0, 0.0], [np.nan, 0.01]]])

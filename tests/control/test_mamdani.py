@@ -1,0 +1,227 @@
+"""Laws of the Mamdani engine, against a plain evaluation in rational numbers and against closed forms."""
+
+import itertools
+from dataclasses import replace
+from fractions import Fraction
+
+import mamdani_reference as reference
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from omni_control import mamdani
+from omni_control.centroid import CentreOfGravity
+from omni_control.errors import OmniError
+from omni_control.mamdani import Mamdani, Trapezoid, Variable, triangle
+
+LAW = settings(deadline=None, max_examples=100, derandomize=True)
+GRID = 12  # corners lie on a grid of this many steps, so that sides often meet, coincide or are vertical
+
+
+@st.composite
+def trapezoids(draw: st.DrawFn, low: int = -4, high: int = GRID + 4) -> tuple[int, int, int, int]:
+    """Corners of a set that reaches into the universe [0, GRID]."""
+    corners = st.lists(st.integers(low, high), min_size=4, max_size=4).map(sorted)
+    return tuple(draw(corners.filter(lambda c: c[0] < c[3] and c[0] < GRID and c[3] > 0)))
+
+
+@st.composite
+def variables(draw: st.DrawFn, name: str, continuous: bool) -> Variable:
+    """An input, with triangles A, B, ... that cover the universe and a set X, or an output with any sets."""
+    low, step = draw(st.tuples(st.sampled_from([-1.0, 0.1, 290.0]), st.sampled_from([0.1, 1.0, 1 / 7])))
+    if continuous:
+        inner = draw(st.lists(st.integers(1, GRID - 1), max_size=2, unique=True).map(sorted))
+        peaks = [0, 0, *inner, GRID, GRID]
+        shapes = [(a, b, b, c) for a, b, c in zip(peaks, peaks[1:], peaks[2:], strict=False)]
+        x = draw(trapezoids().filter(lambda c: (c[0] < c[1] or c[1] <= 0) and (c[2] < c[3] or c[2] >= GRID)))
+        named = {**dict(zip("ABCD", shapes, strict=False)), "X": x}
+    else:
+        named = dict(zip("ABCDE", draw(st.lists(trapezoids(), min_size=1, max_size=5)), strict=False))
+    sets = {label: Trapezoid(*(low + step * corner for corner in corners)) for label, corners in named.items()}
+    return Variable(name, low, low + step * GRID, sets)
+
+
+@st.composite
+def engines(draw: st.DrawFn) -> Mamdani:
+    """Any engine of up to three inputs and two outputs, whose rules cover all inputs, some of them more than once."""
+    inputs = [draw(variables(name, True)) for name in ("x", "y", "z")[: draw(st.integers(1, 3))]]
+    outputs = [draw(variables(name, False)) for name in ("v", "w")[: draw(st.integers(1, 2))]]
+    conclusions = st.fixed_dictionaries({v.name: st.sampled_from(sorted(v.sets)) for v in outputs})
+    partial = st.dictionaries(st.sampled_from([v.name for v in inputs]), st.just("X"), min_size=1)
+    conditions = [
+        dict(zip((v.name for v in inputs), labels, strict=True))
+        for labels in itertools.product(*([label for label in v.sets if label != "X"] for v in inputs))
+    ]
+    conditions += draw(st.lists(partial, max_size=3))
+    return Mamdani(inputs, outputs, [(c, draw(conclusions)) for c in conditions])
+
+
+@LAW
+@given(engines(), st.data())
+def test_an_output_is_the_centre_of_gravity_of_what_the_rules_clip(engine: Mamdani, data: st.DataObject) -> None:
+    """Any sets, rules and inputs, against a plain evaluation in rational numbers, which have no rounding."""
+    values = [data.draw(st.floats(v.low - 0.1, v.high + 0.1)) for v in engine.inputs]
+    expected = reference.evaluate(engine.inputs, engine.outputs, engine.rules, [Fraction(x) for x in values])
+    for v, z, exact in zip(engine.outputs, engine(values), expected, strict=True):
+        # Some roundings of inputs and outputs as large as the universe's ends; strengths are 1/2 and more.
+        assert z == pytest.approx(float(exact), abs=1e-14 * max(1, abs(v.low)))
+
+
+@LAW
+@given(st.lists(st.tuples(trapezoids(), st.floats(-9, 0)), min_size=1, max_size=7))
+def test_the_centroid_is_exact_at_any_heights_and_overlap(clipped: list[tuple[tuple[int, ...], float]]) -> None:
+    """Up to seven sets clipped at heights from 1e-9 to 1, against rational numbers."""
+    sets, heights = [s for s, _ in clipped], [10**power for _, power in clipped]
+    expected = reference.centre_of_gravity(sets, [Fraction(h) for h in heights], Fraction(0), Fraction(GRID))
+    centre = CentreOfGravity([(np.array(sets, float), 0.0, float(GRID))])
+    # Areas are sums of positive terms: roundings of numbers up to GRID.
+    assert centre(np.array(heights)[:, None])[0, 0] == pytest.approx(float(expected), abs=1e-14 * GRID)
+
+
+def test_a_narrow_set_in_a_wide_universe_keeps_its_place() -> None:
+    """The centre of gravity of one triangle lies at the mean of its corners, however small the triangle is."""
+    corners = np.array([[0.5, 0.5 + 1e-9, 0.5 + 1e-9, 0.5 + 2e-9]])
+    centre = CentreOfGravity([(corners, -1e3, 1e3)])
+    # One rounding of a number of size 1.
+    assert centre(np.ones((1, 1)))[0, 0] == pytest.approx(0.5 + 1e-9, abs=2e-16)
+
+
+def tipper(rules: list[mamdani.Rule] | None = None) -> Mamdani:
+    """A small engine with two inputs and one output."""
+    fair = {"poor": triangle(-10, 0, 10), "good": triangle(0, 10, 20)}
+    tip = {"low": triangle(0, 5, 10), "high": Trapezoid(8, 12, 18, 20)}
+    service, food = (Variable(name, 0, 10, fair) for name in ("service", "food"))
+    both = [({"service": "poor", "food": "poor"}, {"tip": "low"}), ({"service": "good"}, {"tip": "high"})]
+    return Mamdani(
+        [service, food], [Variable("tip", 0, 25, tip)], rules or [*both, ({"food": "good"}, {"tip": "high"})]
+    )
+
+
+def test_one_rule_alone_gives_its_sets_own_centre() -> None:
+    """At the ends of both universes one rule fires fully, the others do not: (a + b + c) / 3, or the sum of parts."""
+    engine = tipper()
+    # Roundings of numbers of size 10.
+    assert engine([0, 0])[0] == pytest.approx(5, abs=1e-14)
+    # A triangle left of 12, a rectangle, a triangle right of 18.
+    expected = (2 * (8 + 8 / 3) + 6 * 15 + 1 * (18 + 2 / 3)) / (2 + 6 + 1)
+    assert engine([10, 10])[0] == pytest.approx(expected, abs=1e-14 * 15)
+
+
+def test_an_input_that_a_rule_does_not_mention_may_have_any_value() -> None:
+    """With service at its end the rule of service alone fires fully, and the rule of the food adds nothing to it."""
+    outputs = tipper()([[10, food] for food in np.linspace(0, 10, 11)])
+    assert np.array_equal(outputs, np.full((11, 1), outputs[0]))
+
+
+def test_order_and_repetition_of_rules_do_not_matter() -> None:
+    """Strengths are minima and maxima: equal bit for bit."""
+    values = np.random.default_rng(1).uniform(0, 10, (50, 2))
+    rules = list(tipper().rules)
+    assert np.array_equal(tipper(rules[::-1] + rules)(values), tipper()(values))
+
+
+def test_inputs_outside_the_universe_count_as_its_ends() -> None:
+    """The furthest inputs get what the ends of the universe get, infinitely far ones too."""
+    engine = tipper()
+    assert np.array_equal(engine([[-1, 11], [-np.inf, np.inf]]), engine([[0, 10], [0, 10]]))
+
+
+@pytest.mark.parametrize("shape", [(), (0,), (1,), (3,), (2, 0, 4), (5, 1, 2)])
+def test_outputs_have_the_leading_shape_of_the_inputs(shape: tuple[int, ...]) -> None:
+    """Whatever the leading shape, each output is that of its own inputs."""
+    values = np.random.default_rng(2).uniform(0, 10, (*shape, 2))
+    outputs = tipper()(values)
+    assert outputs.shape == (*shape, 1)
+    assert all(np.array_equal(outputs[index], tipper()(values[index])) for index in np.ndindex(shape))
+
+
+@settings(LAW, max_examples=30)
+@given(engines())
+def test_a_row_of_a_batch_is_what_it_is_alone(engine: Mamdani) -> None:
+    """Neither the size of a batch, nor where it is cut into blocks, shows in the last bit."""
+    rows = np.random.default_rng(3).uniform(
+        *np.array([(v.low, v.high) for v in engine.inputs]).T, (13, len(engine.inputs))
+    )
+    batch = engine(np.resize(rows, (mamdani.BLOCK + 1, len(engine.inputs))))
+    assert np.array_equal(batch, np.resize(batch[:13], batch.shape))
+    assert all(
+        np.array_equal(engine(row), z) and np.array_equal(engine([row, row])[1], z)
+        for row, z in zip(rows, batch, strict=False)
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ([np.nan, 1], "not a number: service"),
+        ([[1, 2], [3, np.nan]], "not a number: food"),
+        ([1, 2, 3], "service, food"),
+        (4, "service, food"),
+    ],
+)
+def test_inputs_that_are_no_numbers_or_too_many_are_refused(values: list[float], message: str) -> None:
+    """A lost measurement must not become an output."""
+    with pytest.raises(OmniError, match=message):
+        tipper()(values)
+
+
+@pytest.mark.parametrize(
+    ("rules", "message"),
+    [
+        ([], "at least one rule"),
+        ([({"sevice": "poor"}, {"tip": "low"})], "conditions of rule 1 name 'sevice'; did you mean 'service'"),
+        ([({"service": "god"}, {"tip": "low"})], "name the set 'god' of service; did you mean 'good'.*poor, good"),
+        ([({"service": "good"}, {"food": "poor"})], "conclusions of rule 1 name 'food'; choose from tip"),
+        ([({"service": "good"}, {})], "conclusions of rule 1 are empty"),
+        ([({"service": "good"}, {"tip": "high"})], "no rule gives tip at service = 0, food = 0"),
+    ],
+)
+def test_rules_that_cannot_be_are_refused(rules: list[mamdani.Rule], message: str) -> None:
+    """A user learns which rule is wrong, what is allowed, and where no rule would fire, when the engine is built."""
+    sound = tipper()
+    with pytest.raises(OmniError, match=message):
+        Mamdani(sound.inputs, sound.outputs, rules)
+
+
+def test_an_output_that_no_rule_gives_is_refused() -> None:
+    """Its centre of gravity would be that of nothing."""
+    sound = tipper()
+    with pytest.raises(OmniError, match="no rule gives thanks"):
+        Mamdani(sound.inputs, [*sound.outputs, replace(sound.outputs[0], name="thanks")], sound.rules)
+
+
+def test_two_inputs_of_one_name_are_refused() -> None:
+    """A rule could not tell them apart."""
+    sound = tipper()
+    with pytest.raises(OmniError, match="two inputs have the same name"):
+        Mamdani([sound.inputs[0]] * 2, sound.outputs, sound.rules)
+
+
+@pytest.mark.parametrize(
+    ("corners", "message"),
+    [
+        ((0, 2, 1, 3), "ascending"),
+        ((1, 1, 1, 1), "not all equal"),
+        ((0, np.nan, 1, 2), "finite"),
+        ((-np.inf, 0, 1, 2), "finite"),
+        ((-3, -2, -1, 0), "set odd of service lies outside its universe, 0 to 10"),
+        ((3, 3, 4, 5), "set odd of input service has a vertical side inside"),
+    ],
+)
+def test_sets_that_cannot_be_are_refused(corners: tuple[float, float, float, float], message: str) -> None:
+    """Corners out of order, sets that nothing reaches, and inputs whose outputs would jump."""
+    sound = tipper()
+    with pytest.raises(OmniError, match=message):
+        Mamdani(
+            [replace(sound.inputs[0], sets={**sound.inputs[0].sets, "odd": Trapezoid(*corners)}), sound.inputs[1]],
+            sound.outputs,
+            sound.rules,
+        )
+
+
+@pytest.mark.parametrize(("low", "high"), [(1, 1), (2, 1), (0, np.inf), (np.nan, 1)])
+def test_a_universe_that_is_no_interval_is_refused(low: float, high: float) -> None:
+    """Outputs are centres of finite areas, inputs clip to ends that exist."""
+    with pytest.raises(OmniError, match="finite interval"):
+        Variable("x", low, high, {})
