@@ -104,15 +104,54 @@ def _leg(start: Array, end: Array, limits: MotionLimits, period: float) -> Array
 class Reference(Protocol):
     """Where a robot should be and how fast it should move there."""
 
-    def at(self, frame: int, pose: Array) -> tuple[Array, Array]:
-        """Return the reference pose (n, 3) at `frame` and the twist (n, 3) from there to the next frame.
+    def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
+        """Return the reference poses (n, 3) at `frame` and the twists (n, 3) that lead from there to a frame later.
 
-        `pose` (n, 3) is where the robot is, or is predicted to be, at that frame; a timed reference ignores it.
+        Args:
+            frame: one for all robots, one each (n,), or one for each component of each pose (n, 3). It need not be
+                whole: a robot may look ahead by a latency of 6.4 frames. A reference that is planned anew in every
+                frame does not look ahead and ignores it.
+            pose: where the robots are, or are predicted to be, at that frame, (n, 3); ignored by one known in advance.
         """
         ...
 
 
-class TimedReference:
+class SampledReference:
+    """A reference known in advance, the same for every robot.
+
+    Args:
+        poses: one per frame from the start on, (frames, 3).
+        period: length of a frame, s.
+    """
+
+    def __init__(self, poses: Array, period: float) -> None:
+        self.poses, self.period = poses, period
+
+    @property
+    def frames(self) -> int:
+        """Number of frames, both ends counted."""
+        return len(self.poses)
+
+    def after_rest(self, frames: int) -> "SampledReference":
+        """The same after `frames` frames of rest at its start."""
+        return SampledReference(np.concatenate([np.repeat(self.poses[:1], frames, axis=0), self.poses]), self.period)
+
+    def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
+        """See `Reference`: linear between frames; at rest before the first, which counts as now, and after the last."""
+        start = np.maximum(frame, 0)
+        here, later = self._between(start), self._between(start + 1)
+        return np.broadcast_to(here, pose.shape), np.broadcast_to((later - here) / self.period, pose.shape)
+
+    def _between(self, frame: Array) -> Array:
+        last = self.frames - 1
+        frame = np.minimum(frame, last)
+        frame = frame[..., None] if frame.ndim < 2 else frame
+        before, axis = frame.astype(int), np.arange(3)
+        here, following = self.poses[before, axis], self.poses[np.minimum(before + 1, last), axis]
+        return here + (frame - before) * (following - here)
+
+
+class TimedReference(SampledReference):
     """The way through the way-points as fast as the limits allow, stopping at each; known in advance.
 
     Args:
@@ -134,7 +173,6 @@ class TimedReference:
         dwell_frames: int = 0,
         settle_frames: int = 0,
     ) -> None:
-        self.period = period
         points = _checked(waypoints)
         legs: dict[bytes, Array] = {}  # laps repeat their legs
         poses = [points[:1]]
@@ -143,24 +181,14 @@ class TimedReference:
             if key not in legs:
                 legs[key] = _leg(*leg, limits, period)
             poses += [legs[key], np.repeat(leg[1][None], dwell_frames, axis=0)]
-        self.poses = np.concatenate([*poses, np.repeat(points[-1:], settle_frames, axis=0)])
-
-    @property
-    def frames(self) -> int:
-        """Number of frames, both ends counted."""
-        return len(self.poses)
-
-    def at(self, frame: int, pose: Array) -> tuple[Array, Array]:
-        """See `Reference`; after its last frame the reference stands still."""
-        here, following = self.poses[[min(frame, self.frames - 1), min(frame + 1, self.frames - 1)]]
-        return np.broadcast_to(here, pose.shape), np.broadcast_to((following - here) / self.period, pose.shape)
+        super().__init__(np.concatenate([*poses, np.repeat(points[-1:], settle_frames, axis=0)]), period)
 
 
 class IteratedReference:
     """The reference planned anew in every frame from where the robot is; `n` robots with their own progress.
 
     A way-point counts as reached within `arrival_radius` (m) and `arrival_angle` (rad); the robot then turns to the
-    next, still slowing down.
+    next, still slowing down. The first `rest_frames` frames are spent at the first way-point.
 
     Raises:
         OmniError: no way-points, or one that is not three finite numbers.
@@ -174,17 +202,22 @@ class IteratedReference:
         n: int,
         arrival_radius: float = 0.02,
         arrival_angle: float = 0.1,
+        rest_frames: int = 0,
     ) -> None:
         self.waypoints = _checked(waypoints)
         self.limits, self.period = limits, period
         self.arrival_radius, self.arrival_angle = arrival_radius, arrival_angle
+        self._rest = rest_frames
         self.goal = np.minimum(np.ones(n, int), len(waypoints) - 1)
         self.twist = np.zeros((n, 3))
         self.next_pose = np.repeat(self.waypoints[:1], n, axis=0)
 
-    def at(self, frame: int, pose: Array) -> tuple[Array, Array]:
+    def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
         """See `Reference`: the pose expected one frame after the last call, and the twist from here on."""
         here = self.next_pose
+        if self._rest:
+            self._rest -= 1
+            return here, self.twist
         self.twist = _approach_pose(pose, self.twist, self.waypoints[self.goal], self.limits, self.period)
         self.next_pose = pose + self.twist * self.period
         offset = self.waypoints[self.goal] - pose

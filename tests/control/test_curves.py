@@ -1,0 +1,237 @@
+"""Laws of timed references along curves: on the curve, within the limits, from rest to rest, as fast as can be."""
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad, solve_ivp
+from scipy.optimize import linprog
+from scipy.sparse import diags_array, vstack
+
+from omni_control.curves import CURVES, CurveReference
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array
+from omni_control.reference import MotionLimits
+
+LAW = settings(deadline=None, max_examples=40, derandomize=True)
+
+T = 1 / 60
+FREE = 1e6  # a limit that never counts
+shapes = st.sampled_from(list(CURVES))
+sizes = st.tuples(st.floats(0.5, 6), st.floats(0.5, 6))
+limits = st.builds(MotionLimits, st.floats(0.3, 4), st.floats(0.3, 6), st.floats(1, 10), st.floats(3, 40))
+
+
+def drive(shape: str, size: tuple[float, float], limit: MotionLimits, laps: int = 1, tangent: bool = False) -> Array:
+    """Poses (frames, 3)."""
+    return CurveReference(CURVES[shape](*size), limit, T, laps, tangent).poses
+
+
+def lengths(rows: Array) -> Array:
+    """Size of the translation and of the rotation of each row [x, y, heading], (frames, 2)."""
+    return np.stack([np.hypot(rows[:, 0], rows[:, 1]), np.abs(rows[:, 2])], axis=1)
+
+
+# --- where ---
+
+
+@LAW
+@given(shapes, sizes, limits, st.integers(1, 3))
+def test_every_pose_is_on_the_curve(shape: str, size: tuple[float, float], limit: MotionLimits, laps: int) -> None:
+    """The curve's equation without its parameter holds: an ellipse, and the quartic of Gerono's lemniscate."""
+    poses = drive(shape, size, limit, laps)
+    x, y = 2 * poses[:, 0] / size[0], 2 * poses[:, 1] / size[1]
+    equation = {"circle": x**2 + y**2 - 1, "eight": y**2 - 4 * x**2 * (1 - x**2)}
+    # Up to three laps' parameter is rounded at 4e-15, and so are the terms.
+    np.testing.assert_allclose(equation[shape], 0, rtol=0, atol=1e-13)
+
+
+@LAW
+@given(shapes, sizes, limits, st.integers(1, 3), st.booleans())
+def test_each_lap_leads_once_around_and_back(
+    shape: str, size: tuple[float, float], limit: MotionLimits, laps: int, tangent: bool
+) -> None:
+    """The ray from the centre sweeps the figure's area once a lap (Green's theorem), and it ends where it started."""
+    poses = drive(shape, size, limit, laps, tangent)
+    assert np.abs(poses[-1, :2] - poses[0, :2]).max() < 1e-13  # as above
+    x, y = poses[:, 0], poses[:, 1]
+    swept = np.abs(x[:-1] * y[1:] - x[1:] * y[:-1]).sum() / 2
+    area = {"circle": math.pi / 4, "eight": 2 / 3}[shape] * size[0] * size[1]  # textbook
+    # A polygon of n chords on a lap falls short of the area by about 2 pi^2 / 3 n^2 (circle), here n > 30.
+    assert swept == pytest.approx(laps * area, rel=0.02)
+
+
+@LAW
+@given(shapes, sizes, limits)
+def test_the_way_back_mirrors_the_way_there(shape: str, size: tuple[float, float], limit: MotionLimits) -> None:
+    """Time reversed, the drive is its own image in the curve's symmetry: speeding up and braking are as hard."""
+    poses = drive(shape, size, limit, 2)
+    image = poses[::-1] * {"circle": [-1, 1, 1], "eight": [-1, -1, 1]}[shape]
+    # Where the passes forwards and backwards meet, one of the cells of some mm is the one's or the other's.
+    np.testing.assert_allclose(poses, image, rtol=0, atol=1e-5)
+
+
+@LAW
+@given(shapes, sizes, limits, st.integers(1, 3))
+def test_the_heading_follows_the_path(shape: str, size: tuple[float, float], limit: MotionLimits, laps: int) -> None:
+    """Square to the gradient of the curve's equation, and ahead; a circle turns once a lap, an eight not at all."""
+    poses = drive(shape, size, limit, laps, tangent=True)
+    facing = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+    x, y = 2 * poses[:, 0] / size[0], 2 * poses[:, 1] / size[1]
+    gradient = {"circle": [x / size[0], y / size[1]], "eight": [(8 * x**3 - 4 * x) / size[0], y / size[1]]}[shape]
+    # As above; the gradient is at most 8 / 0.5, and where the eight crosses itself it is zero.
+    np.testing.assert_allclose((np.array(gradient) * facing).sum(0), 0, rtol=0, atol=1e-12)
+    assert (np.diff(poses[:, :2], axis=0) * facing.T[:-1]).sum(1).min() > 0
+    assert poses[-1, 2] - poses[0, 2] == pytest.approx({"circle": 2 * math.pi * laps, "eight": 0}[shape], abs=1e-12)
+    assert (drive(shape, size, limit, laps)[:, 2] == 0).all()
+
+
+def test_curves_that_cannot_be_driven_are_refused() -> None:
+    """A curve without an extent has no direction, and no lap is no drive."""
+    for bad in (0.0, -1.0, math.nan, math.inf):
+        with pytest.raises(OmniError, match="positive"):
+            CURVES["circle"](1.0, bad)
+    with pytest.raises(OmniError, match="at least once"):
+        CurveReference(CURVES["eight"](1.0, 1.0), MotionLimits(), T, laps=0)
+
+
+# --- how fast ---
+
+
+def assert_keeps(poses: Array, limit: MotionLimits) -> None:
+    """Speed and whole acceleration, from the differences of the poses, do not exceed the limits, the ends included."""
+    velocity = np.pad(np.diff(poses, axis=0) / T, ((1, 1), (0, 0)))  # with rest before the first and after the last
+    acceleration = np.diff(velocity, axis=0) / T
+    # Second differences of poses of size 10 round at 1e-15 / T^2.
+    assert (lengths(velocity) <= np.array([limit.speed, limit.turn_rate]) * (1 + 1e-8)).all()
+    assert (lengths(acceleration) <= np.array([limit.acceleration, limit.turn_acceleration]) * (1 + 1e-8)).all()
+
+
+@LAW
+@given(shapes, sizes, limits, st.integers(1, 2), st.booleans())
+def test_a_drive_keeps_its_limits(
+    shape: str, size: tuple[float, float], limit: MotionLimits, laps: int, tangent: bool
+) -> None:
+    """Whatever the figure, and which of the limits counts where."""
+    assert_keeps(drive(shape, size, limit, laps, tangent), limit)
+
+
+def test_a_needle_keeps_its_limits_too() -> None:
+    """Where the path's radius is half a millimetre as well, so that the robot all but turns on the spot."""
+    limit = MotionLimits(3, 3)
+    assert_keeps(drive("circle", (10, 0.1), limit, tangent=True), limit)
+
+
+def assert_takes(poses: Array, seconds: float, tolerance: float) -> None:
+    """As long as the fastest possible, rounded up to whole frames, where what cells leave may cost another."""
+    frames = len(poses) - 1
+    assert seconds * (1 - tolerance) <= frames * T <= seconds * (1 + tolerance) + 2 * T
+
+
+@LAW
+@given(st.floats(0.2, 3), st.floats(0.3, 4), st.floats(0.3, 6), st.integers(1, 3))
+def test_a_circle_takes_the_closed_form_time(radius: float, speed: float, acceleration: float, laps: int) -> None:
+    """Speeding up on a circle, v^2 = a r sin(2 s / r), until that is at its top or v at its limit; then uniform."""
+    end = math.asin(min(1, speed**2 / (acceleration * radius)))
+    ramp = math.sqrt(radius / acceleration) / 2 * quad(lambda angle: math.sin(angle) ** -0.5, 0, end)[0]
+    rest = 2 * math.pi * radius * laps - 2 * radius * end / 2
+    top = min(speed, math.sqrt(acceleration * radius))
+    # Both ramps are made of whole cells of 1/1000 lap: if one ends within its first, that takes up to twice its time.
+    poses = drive("circle", (2 * radius, 2 * radius), MotionLimits(speed, acceleration), laps)
+    assert_takes(poses, 2 * ramp + rest / top, 2e-3)
+
+
+def geometry(shape: str, size: tuple[float, float]) -> Callable[[Array], tuple[Array, Array]]:
+    """Metres per parameter and signed curvature (1/m) of the curves, written out from x and y."""
+    a, b = size[0] / 2, size[1] / 2
+    m, shift = {"circle": (1, -np.pi / 2), "eight": (2, 0.0)}[shape]
+
+    def at(u: Array) -> tuple[Array, Array]:
+        x1, y1 = a * np.cos(u), m * b * np.cos(m * u + shift)
+        x2, y2 = -a * np.sin(u), -m * m * b * np.sin(m * u + shift)
+        return np.hypot(x1, y1), (x1 * y2 - y1 * x2) / np.hypot(x1, y1) ** 3
+
+    return at
+
+
+@pytest.mark.parametrize(
+    ("shape", "size"), [("eight", (2.0, 1.0)), ("eight", (1.0, 3.0)), ("circle", (4.0, 1.0)), ("circle", (2.0, 3.0))]
+)
+def test_a_curve_takes_the_time_of_the_phase_plane(shape: str, size: tuple[float, float]) -> None:
+    """The lowest of the curves z' = +-2 sqrt(a^2 - k^2 z^2) from both ends and every peak of the curvature k."""
+    acceleration = 3.0
+    at = geometry(shape, size)
+
+    def steepest(u: float, z: Array) -> Array:
+        metres, k = at(np.array(u))
+        return 2 * metres * np.sqrt(np.maximum(acceleration**2 - (k * z) ** 2, 0))
+
+    def solve(start: float, end: float, z: float) -> Callable[[Array], Array]:
+        sign = np.sign(end - start)
+        solution = solve_ivp(
+            lambda u, z: sign * steepest(u, z), (start, end), [z], max_step=0.01, rtol=1e-8, dense_output=True
+        )
+        return lambda u: solution.sol(u)[0]
+
+    grid = np.linspace(0, 2 * np.pi, 20001)
+    bend = np.abs(at(grid)[1])
+    peaks = [*grid[1:-1][(bend[1:-1] >= bend[:-2]) & (bend[1:-1] > bend[2:])], *([0.0] if bend[0] > bend[1] else [])]
+    forwards, backwards = [(0.0, solve(0, 2 * np.pi, 0.0))], [(2 * np.pi, solve(2 * np.pi, 0, 0.0))]
+    for peak in peaks:
+        top = acceleration / float(np.abs(at(np.array(peak))[1]))
+        if peak > 0:
+            forwards.append((peak, solve(peak, 2 * np.pi, top)))
+            backwards.append((peak, solve(peak, 0, top)))
+
+    def slowness(u: float) -> float:
+        bounds = [f(u) for start, f in forwards if u >= start] + [f(u) for start, f in backwards if u <= start]
+        return float(at(np.array(u))[0] / math.sqrt(min(bounds)))
+
+    corners = np.linspace(0, 2 * np.pi, 33)
+    fastest = sum(quad(slowness, u, v, epsrel=1e-6)[0] for u, v in pairwise(corners))
+    poses = drive(shape, size, MotionLimits(FREE, acceleration))
+    assert_takes(poses, fastest, 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("shape", "size", "limit"),
+    [
+        ("eight", (2.0, 1.0), MotionLimits(2.0, 3.0, 6.0, 12.0)),
+        ("eight", (2.0, 1.0), MotionLimits(3.0, 3.0, 6.0, 5.0)),
+        ("eight", (2.0, 1.0), MotionLimits(3.0, 3.0, 2.0, 1.0)),
+        ("circle", (4.0, 1.0), MotionLimits(2.5, 3.0, 5.0, 6.0)),
+        ("circle", (1.5, 1.0), MotionLimits(2.5, 6.0, 4.0, 1.0)),
+    ],
+)
+def test_facing_along_the_path_takes_the_time_of_a_linear_program(
+    shape: str, size: tuple[float, float], limit: MotionLimits
+) -> None:
+    """In z = v^2 every limit is linear, once the circle of accelerations is a polygon; the most z is the least time."""
+    cells, sides = 400, 64
+    u = np.linspace(0, 2 * np.pi, cells + 1)
+    at = geometry(shape, size)
+    metres, k = at((u[1:] + u[:-1]) / 2)
+    step = metres * u[1]
+    growth = np.diff(at(u)[1]) / step
+    mean = diags_array([0.5, 0.5], offsets=[0, 1], shape=(cells, cells + 1))
+    along = diags_array([-0.5 / step, 0.5 / step], offsets=[0, 1], shape=(cells, cells + 1))
+    across = diags_array(k) @ mean
+    turn = diags_array(k) @ along + diags_array(growth) @ mean
+    angles = 2 * np.pi * np.arange(sides) / sides
+    rows = [*(math.cos(angle) * along + math.sin(angle) * across for angle in angles), turn, -turn]
+    # The polygon lies as much outside of the circle as inside.
+    bounds = [limit.acceleration * (1 + math.cos(np.pi / sides)) / (2 * math.cos(np.pi / sides))] * sides
+    bounds += [limit.turn_acceleration] * 2
+    top = np.minimum(limit.speed, limit.turn_rate / np.maximum(np.abs(at(u)[1]), 1e-9)) ** 2
+    top[[0, -1]] = 0
+    found = linprog(
+        -np.ones(cells + 1), vstack(rows), np.repeat(bounds, cells), bounds=np.stack([np.zeros(cells + 1), top], axis=1)
+    )
+    speed = np.sqrt(found.x)
+    fastest = float((2 * step / (speed[1:] + speed[:-1])).sum())
+    # Cells of 1/400 lap, sides of 1/64 circle: 0.3 %.
+    assert_takes(drive(shape, size, limit, tangent=True), fastest, 3e-3)

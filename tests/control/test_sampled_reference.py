@@ -1,0 +1,99 @@
+"""Laws of asking a reference known in advance for frames that are not whole, or differ from robot to robot."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from omni_control.kinematics import Array
+from omni_control.reference import IteratedReference, MotionLimits, SampledReference, TimedReference
+
+LAW = settings(deadline=None, max_examples=60, derandomize=True)
+
+T = 1 / 60
+LAST = 40
+frames = st.floats(-10, LAST + 10)
+# Any poses make a reference; these are no straight lines, so that a wrong pair of frames shows.
+POSES = np.random.default_rng(0).normal(size=(LAST + 1, 3)).cumsum(axis=0)
+REFERENCE = SampledReference(POSES, T)
+ANYWHERE = np.zeros((1, 3))
+
+
+def between_frames(frame: float) -> Array:
+    """The pose by numpy's own interpolation, which stands still beyond both ends."""
+    return np.array([np.interp(frame, np.arange(LAST + 1), column) for column in POSES.T])
+
+
+@LAW
+@given(frames)
+def test_between_frames_a_reference_is_on_the_line_between_them(frame: float) -> None:
+    """The pose is linear in the frame, and at rest before the first and after the last."""
+    pose, _ = REFERENCE.at(frame, ANYWHERE)
+    # Poses of size 10 round at 2e-15, a few times.
+    np.testing.assert_allclose(pose[0], between_frames(frame), rtol=0, atol=2e-14)
+
+
+@LAW
+@given(frames)
+def test_the_twist_of_any_frame_leads_to_the_pose_a_frame_later(frame: float) -> None:
+    """Pose + T twist is where the reference is one frame later; a frame before the first counts as the first."""
+    now = max(frame, 0.0)
+    pose, twist = REFERENCE.at(frame, ANYWHERE)
+    later, _ = REFERENCE.at(now + 1, ANYWHERE)
+    np.testing.assert_allclose(pose + T * twist, later, rtol=0, atol=2e-14)
+
+
+@LAW
+@given(st.integers(-5, LAST + 5))
+def test_whole_frames_are_the_poses_themselves(frame: int) -> None:
+    """Nothing is computed with a pose that is in the table: bit for bit, for integers and for whole floats."""
+    now = min(max(frame, 0), LAST)
+    following = min(max(frame, 0) + 1, LAST)
+    for asked in (frame, float(frame), np.array([frame]), np.array([float(frame)])):
+        pose, twist = REFERENCE.at(asked, ANYWHERE)
+        assert pose.tobytes() == POSES[now].tobytes()
+        assert twist.tobytes() == ((POSES[following] - POSES[now]) / T).tobytes()
+
+
+@LAW
+@given(st.lists(frames, min_size=1, max_size=6))
+def test_each_robot_gets_the_answer_to_its_own_frame(asked: list[float]) -> None:
+    """A frame per robot gives, bit for bit, what each robot alone is given for its frame."""
+    poses, twists = REFERENCE.at(np.array(asked), np.zeros((len(asked), 3)))
+    assert poses.shape == twists.shape == (len(asked), 3)
+    for i, frame in enumerate(asked):
+        alone = REFERENCE.at(frame, ANYWHERE)
+        assert alone[0].tobytes() == poses[i].tobytes()
+        assert alone[1].tobytes() == twists[i].tobytes()
+
+
+def test_one_frame_for_all_robots_gives_all_the_same() -> None:
+    """The answer has a row per robot whichever way the frame is given."""
+    for frame in (3, 3.25, np.float64(3.25)):
+        for rows in REFERENCE.at(frame, np.zeros((4, 3))):
+            assert rows.shape == (4, 3)
+            assert (rows == rows[0]).all()
+
+
+def test_a_frame_per_robot_must_be_one_for_each() -> None:
+    """Three frames for two robots is a programmer's mistake and does not pass unnoticed."""
+    with pytest.raises(ValueError, match="broadcast"):
+        REFERENCE.at(np.array([1.0, 2.0, 3.0]), np.zeros((2, 3)))
+
+
+def test_way_points_are_asked_the_same_way() -> None:
+    """Half-way in time between two frames the timed reference is half-way between their poses."""
+    reference = TimedReference([[0, 0, 0], [1, -1, 2]], MotionLimits(), T)
+    pose, _ = reference.at(30.5, ANYWHERE)
+    np.testing.assert_allclose(pose[0], (reference.poses[30] + reference.poses[31]) / 2, rtol=0, atol=1e-15)
+
+
+def test_an_iterated_reference_ignores_the_frame() -> None:
+    """It goes on from its last answer, whatever frame, whole or not, it is asked for."""
+    asked = (0, 7, -1.5, np.array([2.5]))
+    references = [IteratedReference([[0, 0, 0], [1, 0, 0]], MotionLimits(), T, n=1) for _ in asked]
+    for _ in range(3):
+        answers = [reference.at(frame, ANYWHERE) for reference, frame in zip(references, asked, strict=True)]
+        for pose, twist in answers:
+            assert pose.tobytes() == answers[0][0].tobytes()
+            assert twist.tobytes() == answers[0][1].tobytes()

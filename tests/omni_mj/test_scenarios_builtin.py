@@ -1,0 +1,176 @@
+"""The scenarios that come with the package: tasks for a division-B field that every controller can be set."""
+
+import math
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array
+from omni_mj import scenario
+from omni_mj.loop import Simulation
+from omni_mj.references import iterated_reference, timed_reference
+from omni_mj.scenario import Scenario
+from omni_mj.settings import PERIOD_S, ReferenceSettings
+
+TASKS = ("circle", "eight", "square-spin", "sprint", "waypoints")
+FIELD_M = (9.0, 6.0)  # division B, RoboCup-SSL rules
+ROBOT_M = 0.09  # radius of the largest robot, same
+
+
+@cache
+def built_in(name: str) -> tuple[Scenario, Array]:
+    """The scenario and its timed reference's poses (frames, 3)."""
+    loaded = scenario.load(name)
+    return loaded, timed_reference(loaded.settings.reference).poses
+
+
+@pytest.mark.parametrize("name", scenario.builtin())
+def test_every_task_is_a_drive_on_the_field(name: str) -> None:
+    """Finite, from rest to rest, and the whole robot inside the lines."""
+    loaded, poses = built_in(name)
+    assert loaded.description
+    assert np.isfinite(poses).all()
+    limit = loaded.settings.reference
+    for ends in (poses[:2], poses[-2:]):  # at rest: no more than a frame's acceleration away from it
+        moved = np.abs(ends[1] - ends[0]) / PERIOD_S**2
+        assert np.hypot(*moved[:2]) <= limit.max_acceleration_m_s2 * (1 + 1e-8)
+        assert moved[2] <= limit.max_turn_acceleration_rad_s2 * (1 + 1e-8)
+    assert (np.abs(poses[:, :2]).max(0) + ROBOT_M <= np.array(FIELD_M) / 2).all()
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_the_tasks_are_there_and_take_8_to_20_seconds(name: str) -> None:
+    """Long enough to show a controller, short enough to try ten seeds of it."""
+    _, poses = built_in(name)
+    assert 8 <= (len(poses) - 1) * PERIOD_S <= 20
+
+
+@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("controller", ["flc", "comp-flc"])
+def test_a_certain_robot_without_dead_time_drives_every_task_exactly(name: str, controller: str) -> None:
+    """On equation 7 with alpha = 1, without noise and dead time, feed-forward alone is the task: nothing is left."""
+    exact = [
+        "kinematic.alpha_low=1",
+        "radio.delay_frames=0",
+        "control.lag_s=0",
+        "vision.position_noise_m=0",
+        "vision.heading_noise_rad=0",
+        "vision.miss_probability=0",
+    ]
+    simulation = Simulation(scenario.load(name, exact, {"plant": "kinematic", "controllers": [controller]}))
+    simulation.run()
+    errors = simulation.trajectory.channel("pose") - simulation.trajectory.channel("ref")
+    assert simulation.trajectory.length == len(built_in(name)[1])
+    np.testing.assert_allclose(errors, 0, rtol=0, atol=1e-9)
+
+
+# --- what each of them is ---
+
+
+def test_the_circle_is_two_laps_of_one_metre_radius() -> None:
+    """Every pose is a metre from the centre, at heading 0; the way is twice its circumference."""
+    _, poses = built_in("circle")
+    np.testing.assert_allclose(np.hypot(poses[:, 0], poses[:, 1]), 1, atol=1e-12)
+    assert (poses[:, 2] == 0).all()
+    # Chords of 3 cm on a circle of 1 m: 4e-5 short.
+    assert np.hypot(*np.diff(poses[:, :2], axis=0).T).sum() == pytest.approx(4 * math.pi, rel=1e-4)
+
+
+def test_the_eight_is_faced_along_and_two_by_one_metre() -> None:
+    """It fills its extents, up to the frames next to the outermost points, and turns through most of a circle."""
+    _, poses = built_in("eight")
+    np.testing.assert_allclose(np.ptp(poses[:, :2], axis=0), [2, 1], atol=1e-3)
+    assert np.ptp(poses[:, 2]) == pytest.approx(1.5 * math.pi, abs=0.01)  # from 45 deg on to 45 deg beyond a half turn
+
+
+def test_the_square_spin_turns_half_a_turn_a_side_while_driving() -> None:
+    """The paper's rectangle; on each side the turn takes at least 9/10 of the drive, and the drive of the turn."""
+    loaded, poses = built_in("square-spin")
+    points = loaded.settings.reference.waypoints
+    assert [point[:2] for point in points] == [point[:2] for point in built_in("rect")[0].settings.reference.waypoints]
+    np.testing.assert_allclose(np.diff([point[2] for point in points]), math.pi)
+    corners = [int(np.abs(poses - point).max(1).argmin()) for point in points]
+    for start, end in pairwise(corners):
+        moves = np.abs(np.diff(poses[start : end + 1], axis=0))
+        driving, turning = np.hypot(moves[:, 0], moves[:, 1]) > 1e-9, moves[:, 2] > 1e-9
+        assert (driving & turning).sum() >= 0.9 * max(driving.sum(), turning.sum())
+
+
+def test_the_sprint_is_four_metres_at_the_leagues_speed() -> None:
+    """There and back, reaching 3 m/s on the way."""
+    _, poses = built_in("sprint")
+    assert np.ptp(poses, axis=0) == pytest.approx([4, 0, 0], abs=1e-9)  # a reference snaps to a way-point from there
+    assert np.abs(np.diff(poses[:, 0])).max() / PERIOD_S == pytest.approx(3)
+
+
+# --- way-points at random ---
+
+
+def visits(**changes: object) -> Array:
+    """The way-points (count, 3) of a random task, as an iterated reference knows them."""
+    return iterated_reference(ReferenceSettings(shape="random", **changes), 1).waypoints  # type: ignore[arg-type]
+
+
+@hypothesis_settings(deadline=None, max_examples=60, derandomize=True)
+@given(st.integers(0, 10**6), st.integers(2, 50), st.floats(0.1, 20), st.floats(0.1, 20))
+def test_random_way_points_are_as_asked(seed: int, count: int, length: float, width: float) -> None:
+    """As many as asked, inside the rectangle, each elsewhere than the one before, turning the shorter way."""
+    points = visits(seed=seed, count=count, length_m=length, width_m=width)
+    assert points.shape == (count, 3)
+    assert (np.abs(points[:, :2]) <= [length / 2, width / 2]).all()
+    assert (np.diff(points, axis=0) != 0).all()
+    assert np.abs(np.diff(points[:, 2])).max() <= math.pi
+
+
+def test_random_way_points_fill_the_rectangle_and_all_headings() -> None:
+    """A uniform variable on (-1, 1) has mean 0 and variance 1/3; of 1000, within 5 standard errors."""
+    points = visits(count=1000, length_m=4.0, width_m=3.0)
+    headings = np.angle(np.exp(1j * points[:, 2]))
+    for unit in (points[:, 0] / 2, points[:, 1] / 1.5, headings / math.pi):
+        assert abs(unit.mean()) < 5 * math.sqrt(1 / 3 / 1000)
+        assert abs((unit**2).mean() - 1 / 3) < 5 * math.sqrt((1 / 5 - 1 / 9) / 1000)
+
+
+def test_one_seed_one_task_another_another() -> None:
+    """The same seed draws the same bits, another shares no number with it; more way-points do not change the first."""
+    assert visits(seed=3).tobytes() == visits(seed=3).tobytes()
+    assert not np.isin(visits(seed=3), visits(seed=4)).any()
+    assert visits(seed=3, count=12)[:10].tobytes() == visits(seed=3, count=10).tobytes()
+
+
+def test_all_seeds_of_a_run_see_the_same_task() -> None:
+    """The run's seed is for its noise, not for its way-points."""
+    first, other = (scenario.load("waypoints", (), {"seed": seed}).settings.reference for seed in (0, 1))
+    assert timed_reference(first).poses.tobytes() == timed_reference(other).poses.tobytes()
+
+
+def test_a_random_task_can_be_planned_anew_in_every_frame() -> None:
+    """An iterated reference is given the way-points that the timed one drives through."""
+    settings = scenario.load("waypoints", ["reference.mode=iterated"]).settings.reference
+    poses = timed_reference(settings).poses
+    for point in iterated_reference(settings, 2).waypoints:
+        assert (poses == point).all(1).any()
+
+
+# --- what cannot be ---
+
+
+@pytest.mark.parametrize("name", ["circle", "eight"])
+def test_a_curve_cannot_be_planned_anew(name: str) -> None:
+    """It has no way-points to plan to, which is said in one line before anything runs."""
+    with pytest.raises(OmniError, match=rf"^reference.mode = iterated .* way-point.* {name} .* timed$"):
+        scenario.load(name, ["reference.mode=iterated"])
+
+
+def test_unknown_shapes_and_headings_are_refused() -> None:
+    """The message lists those there are."""
+    with pytest.raises(OmniError, match="waypoints or random or circle or eight, not 'cirle'"):
+        scenario.load("rect", ["reference.shape=cirle"])
+    with pytest.raises(OmniError, match="fixed or tangent, not 'along'"):
+        scenario.load("circle", ["reference.heading=along"])
