@@ -1,0 +1,70 @@
+"""The report in a real browser: everything in it loads, and it fits wide and narrow windows."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+FLAGS = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
+FLAGS += " --disable-component-update --disable-sync --hide-scrollbars --allow-file-access-from-files"
+# Looks into the report from outside, since the report itself runs no scripts.
+WRAPPER = """<body><iframe src="report.html" width="{width}" height="900"></iframe><script>
+onload = () => {{
+  const page = document.querySelector("iframe").contentDocument, root = page.documentElement;
+  document.body.dataset.seen = JSON.stringify({{
+    images: [...page.images].map(i => [i.complete, i.naturalWidth, i.getBoundingClientRect().right]),
+    overflow: root.scrollWidth - root.clientWidth,
+    inside: page.defaultView.performance.getEntriesByType("resource").map(r => r.name.slice(0, 10)),
+  }});
+}}</script>"""
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH")
+
+
+def chromium(profile: Path, *args: str) -> str:
+    command = [str(CHROMIUM), *FLAGS.split(), f"--user-data-dir={profile}", *args]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A short run with its report."""
+    base = tmp_path_factory.mktemp("browser")
+    command = ["-m", "omni_mj.run", "--scenario", "rect", "--plant", "kinematic", "--no-record", "--quiet"]
+    command += ["--set", "reference.waypoints=[[0, 0], [0.4, 0.2]]", "--out", str(base / "run")]
+    subprocess.run([sys.executable, *command], check=True, timeout=120)
+    subprocess.run([sys.executable, "-m", "omni_mj.report", base / "run"], check=True, timeout=120)
+    return base
+
+
+@pytest.mark.parametrize("width", [390, 1400])
+def test_all_figures_load_and_nothing_is_wider_than_the_window(folder: Path, width: int) -> None:
+    wrapper = folder / "run" / f"wrapper{width}.html"
+    wrapper.write_text(WRAPPER.format(width=width))
+    dom = chromium(folder / f"profile{width}", "--dump-dom", "--virtual-time-budget=20000", wrapper.as_uri())
+    found = re.search(r'data-seen="(.*?)"', dom)
+    assert found, "the report did not load"
+    seen: dict[str, Any] = json.loads(found[1].replace("&quot;", '"'))
+    figures = list((folder / "run" / "figures").glob("*.svg"))
+    assert len(seen["images"]) == len(figures) >= 6
+    assert all(complete and wide > 0 and right <= width for complete, wide, right in seen["images"])
+    assert seen["overflow"] <= 0
+    assert set(seen["inside"]) <= {"data:image"}
+
+
+@pytest.mark.parametrize(("scheme", "dark"), [("1", False), ("0", True)])
+def test_it_follows_the_colour_scheme(folder: Path, scheme: str, dark: bool) -> None:
+    shot = folder / f"shot{scheme}.png"
+    settings = ("--window-size=1000,800", f"--blink-settings=preferredColorScheme={scheme}")
+    chromium(folder / f"shot{scheme}", f"--screenshot={shot}", *settings, (folder / "run" / "report.html").as_uri())
+    brightness = imread(shot)[..., :3].mean(-1)
+    assert (np.median(brightness) < 0.2) == dark
+    assert np.ptp(brightness) > 0.6  # there is something on it
