@@ -4,7 +4,7 @@ from typing import NoReturn
 
 import click
 
-from omni_mj import console
+from omni_mj import compare, console, report
 from omni_mj.run import run
 
 
@@ -22,7 +22,8 @@ def cli() -> None:
     """Motion control of RoboCup Small Size League robots on real physics."""
 
 
-cli.add_command(run)
+for command in (run, compare.command, report.command):
+    cli.add_command(command)
 
 
 def main() -> NoReturn:
