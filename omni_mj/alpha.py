@@ -19,6 +19,7 @@ from omni_control.kinematics import Array
 from omni_mj import alpha_figure, console, folders, scenario
 from omni_mj.metrics import ALPHA_PERCENTILES, ALPHA_WINDOW_FRAMES, alpha_windows
 from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.radio import Received
 from omni_mj.settings import FRAME_RATE_HZ, PERIOD_S, Settings
 from omni_mj.summary import versions
 
@@ -80,9 +81,9 @@ def run(
     rows = [_under(settings, *values) for values in itertools.product(*conditions.values()) for _ in DIRECTIONS]
     heading = np.tile(list(DIRECTIONS.values()), (len(rows) // len(DIRECTIONS), 1))
     plant = MujocoPlant(rows, np.zeros((len(rows), 3)), [0] * len(rows), FRAMES)
-    unseen, along = np.full(len(rows), np.nan), [np.zeros(len(rows))]
+    along = [np.zeros(len(rows))]
     for frame, speed in enumerate(profile()):
-        plant.advance(frame, np.pad(speed * heading, ((0, 0), (0, 1))), unseen)
+        plant.advance(frame, Received.at_once(np.pad(speed * heading, ((0, 0), (0, 1)))))
         along.append((plant.pose()[:, :2] * heading).sum(1))
         progress(frame + 1)
     command = np.append(profile(), 0.0)[:, None] * np.ones(len(rows))

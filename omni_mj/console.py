@@ -14,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from omni_control.errors import OmniError
+from omni_mj.controllers import ControllerError
 from omni_mj.metrics import AXES
 from omni_mj.plants import SimulationError
 
@@ -30,7 +31,7 @@ def invoke(command: click.Command, args: list[str] | None = None) -> NoReturn:
         code = command.main(args=args, prog_name=_program(command), standalone_mode=False)
     except click.exceptions.Abort:
         fail("interrupted", 130)
-    except SimulationError as error:
+    except (SimulationError, ControllerError) as error:
         fail(str(error), FAILED)
     except OmniError as error:
         fail(str(error), BAD_INPUT)
@@ -69,27 +70,28 @@ def progress(description: str, total: int, quiet: bool) -> Iterator[Callable[[in
 
 
 def result_rows(summary: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of the table that compares the controllers with each other and with the paper, in cm."""
-    controllers, results, paper = summary["controllers"], summary["results"], summary["paper"] or {}
-    first = controllers[0]
-    headings = ["error in cm", *controllers, *(f"{c} vs {first}" for c in controllers[1:])]
-    headings += [f"paper {c}" for c in paper] + (["paper reduction"] if paper else [])
+    """Headings and rows of the table that compares the controllers, and the paper's, each with its first; in cm."""
+    ours = {name: result["error_m"] for name, result in summary["results"].items()}
+    medians = {
+        name: {axis: {key: value["median"] for key, value in error[axis].items()} for axis in AXES}
+        for name, error in ours.items()
+    }
+    statistics = [(axis, key, label) for axis in AXES for key, label in (("max", "maximum"), ("mean", "mean"))]
     rows = []
-    for axis in AXES:
-        for statistic, label in (("max", "maximum"), ("mean", "mean")):
-            row = [f"{axis} {label}"]
-            row += [f"{100 * results[c]['error_m'][axis][statistic]['median']:.2f}" for c in controllers]
-            row += [_reduction(results[c]["reduction_percent"][axis][statistic]) for c in controllers[1:]]
-            row += [f"{100 * paper[c][axis][statistic]:.2f}" for c in paper]
-            if paper:
-                base, compensated = paper["flc"][axis][statistic], paper["comp-flc"][axis][statistic]
-                row.append(_reduction(100 * (1 - compensated / base)))
-            rows.append(row)
-    return headings, rows
+    for prefix, errors in (("", medians), ("paper's ", summary["paper"] or {})):
+        base: dict[str, dict[str, float]] | None = None
+        for name, error in errors.items():
+            rows.append(
+                [prefix + name]
+                + [_cell(error[axis][key], base[axis][key] if base else None) for axis, key, _ in statistics]
+            )
+            base = base or error
+    return ["error in cm", *(f"{axis} {label}" for axis, _, label in statistics)], rows
 
 
-def _reduction(percent: float | None) -> str:
-    return "-" if percent is None else f"{-percent:+.0f} %"
+def _cell(error_m: float, base_m: float | None) -> str:
+    """An error in cm and its difference to that of the first controller, if there is one."""
+    return f"{100 * error_m:.2f}" + (f" ({100 * (error_m / base_m - 1):+.0f} %)" if base_m else "")
 
 
 def print_result(summary: dict[str, Any]) -> None:

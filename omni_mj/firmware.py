@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from omni_control.kinematics import Array, Kinematics, wrap_angle
+from omni_mj.radio import Received
 from omni_mj.robot import WHEELS, Motor
 from omni_mj.settings import Settings, column
 
@@ -31,18 +32,18 @@ class HeadingEstimate:
         firmware = [s.firmware for s in settings]
         self._heading_gain = column(firmware, "heading_gain")[:, 0]
         self._bias_gain = column(firmware, "bias_gain")[:, 0]
-        self._delay = np.array([s.radio.delay_frames for s in settings])
-        self._past = np.tile(self.heading, (self._delay.max() + 1, 1))
+        longest = max(s.radio.delay_frames + s.radio.jitter_frames for s in settings)
+        self._past = np.tile(self.heading, (longest + 1, 1))
         self._frame = 0
 
     def turn(self, rate: Array, timestep: float) -> None:
         """Turn for `timestep` (s) at what the gyro shows less its bias, `rate` (n,) in rad/s."""
         self.heading += rate * timestep
 
-    def correct(self, seen: Array) -> None:
-        """Compare with vision's heading (n,) that arrived in this frame; not a number before the first arrives."""
+    def correct(self, seen: Array, age: np.ndarray) -> None:
+        """Compare with vision's heading (n,) that arrived in this frame, sent `age` (n,) frames ago, if one did."""
         self._past[self._frame % len(self._past)] = self.heading
-        then = self._past[(self._frame - self._delay) % len(self._past), np.arange(len(self.heading))]
+        then = self._past[(self._frame - age) % len(self._past), np.arange(len(self.heading))]
         error = np.nan_to_num(wrap_angle(seen - then))
         self.heading += self._heading_gain * self._period * error
         self._past += self._heading_gain * self._period * error  # what is corrected once is not corrected again
@@ -92,15 +93,15 @@ class Firmware:
         self._along_x = self._along_y = np.zeros((n, WHEELS))
         self._turn_rate = np.zeros(n)
 
-    def receive(self, command: Array, heading: Array, winding: Array) -> None:
-        """Take over what arrived by radio in this frame.
+    def receive(self, received: Received, winding: Array) -> None:
+        """Take over what the radio holds in this frame.
 
         Args:
-            command: velocities (n, 3), world frame.
-            heading: vision's headings (n,) that were sent with them, rad.
+            received: commands, and vision's headings that were sent with them.
             winding: temperatures of the windings (n, 4), deg C, as a thermal model or sensor tells the driver.
         """
-        self.estimate.correct(heading)
+        self.estimate.correct(received.heading, received.age)
+        command = received.command
         # Wheel speeds are linear in cosine and sine of the heading, which alone change between commands.
         vx, vy = command[:, :1], command[:, 1:2]
         self._along_x = vx * self._forward + vy * self._left

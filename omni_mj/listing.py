@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from omni_control.tracker import TRACKERS
+from omni_control.trackers import TRACKERS
 from omni_mj import scenario
 from omni_mj.settings import Settings
 

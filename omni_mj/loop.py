@@ -3,21 +3,25 @@
 All robots run side by side as rows of arrays: first every seed of the first controller, then of the next.
 """
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 
-from omni_control.filter import PoseFilter
-from omni_control.reference import IteratedReference, MotionLimits, Reference, TimedReference
-from omni_control.tracker import TRACKERS, Tracker, TrackerSettings
+from omni_control.delay import CommandsInFlight
+from omni_control.filter import KalmanFilter
+from omni_control.reference import Reference
+from omni_control.tracker import Observation, Tracker, TrackerSettings
+from omni_mj import controllers
 from omni_mj.camera import Camera
 from omni_mj.limits import CommandLimits
 from omni_mj.plants import Plant
 from omni_mj.plants.kinematic import KinematicPlant
 from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.radio import Radio
+from omni_mj.references import iterated_reference, timed_reference
 from omni_mj.scenario import Scenario
-from omni_mj.settings import FRAME_RATE_HZ, PERIOD_S, ReferenceSettings
+from omni_mj.settings import PERIOD_S
 from omni_mj.trajectory import Trajectory
 
 PLANTS: dict[str, type[Plant]] = {"mujoco": MujocoPlant, "kinematic": KinematicPlant}
@@ -42,29 +46,38 @@ class Simulation:
 
         self.plant: Plant = PLANTS[scenario.plant]([settings] * n, start, row_seeds, frames)  # type: ignore[call-arg]
         self.camera = Camera(settings.vision, row_seeds, frames)
-        self.filter = PoseFilter(start, PERIOD_S, settings.vision.filter_smoothing)
+        self.told = _told(scenario)
+        self.filter = KalmanFilter(start, PERIOD_S, self.told.vision_noise)
+        self.sent = CommandsInFlight(n, math.ceil(self.told.latency_frames) + 1)
         self.trackers = [
-            (_tracker(name, scenario, self.reference), slice(i * len(seeds), (i + 1) * len(seeds)))
+            (self._tracker(name), slice(i * len(seeds), (i + 1) * len(seeds)))
             for i, name in enumerate(scenario.controllers)
         ]
         self.limits = CommandLimits(settings.control, n)
-        self.radio = Radio(n, settings.radio.delay_frames)
-        self.trajectory = Trajectory(scenario.controllers, seeds, frames)
+        self.radio = Radio(settings.radio, row_seeds, frames)
+        self.trajectory = Trajectory(scenario.labels, seeds, frames)
 
     def run(self, after_frame: Callable[[int], None] = lambda frame: None) -> None:
         """Run to the end; `after_frame` is called with each frame's number once it is in the trajectory.
 
         Raises:
             SimulationError: the physics became unstable; the trajectory keeps what came before.
+            ControllerError: a user's controller failed; likewise.
         """
         command = np.zeros((self.trajectory.n, 3))
         for frame in range(self.reference.frames):
             pose = self.plant.pose()
             measured, seen = self.camera(frame, pose)
-            estimate = self.filter.update(measured, seen)
-            wanted = np.concatenate([t.command(frame, estimate[rows], command[rows]) for t, rows in self.trackers])
-            command = self.limits(wanted)
-            applied, heading = self.radio.exchange(command, estimate[:, 2])
+            self.sent.push(command)
+            estimate = self.filter.update(measured, self.sent.felt(self.told.latency_frames) * PERIOD_S)
+            filtered = Observation(estimate, self.filter.twist, measured)
+            true = Observation(pose, self.plant.twist(), pose)  # for an oracle
+            wanted = [
+                controllers.command(tracker, frame, true if tracker.knows_truth else filtered, command, rows)
+                for tracker, rows in self.trackers
+            ]
+            command = self.limits(np.concatenate(wanted))
+            received = self.radio.exchange(frame, command, estimate[:, 2])
 
             self.trajectory.write(
                 frame,
@@ -74,45 +87,31 @@ class Simulation:
                 vision_valid=seen,
                 predicted=np.concatenate([t.predicted for t, _ in self.trackers]),
                 command=command,
-                applied=applied,
+                applied=received.command,
                 alpha_hat=np.concatenate([t.alpha_hat for t, _ in self.trackers]),
+                latency_hat=np.concatenate([t.latency_hat for t, _ in self.trackers]),
                 **vars(self.plant.telemetry()),
             )
             after_frame(frame)
-            self.plant.advance(frame, applied, heading)
+            self.plant.advance(frame, received)
+
+    def _tracker(self, name: str) -> Tracker:
+        settings, n = self.scenario.settings.reference, self.scenario.seeds
+        reference: Reference = iterated_reference(settings, n) if settings.mode == "iterated" else self.reference
+        return controllers.make(name, self.told, reference, n)
 
 
-def timed_reference(settings: ReferenceSettings) -> TimedReference:
-    """The reference that a scenario's settings ask for."""
-    return TimedReference(
-        _visits(settings),
-        _motion_limits(settings),
-        PERIOD_S,
-        round(settings.dwell_s * FRAME_RATE_HZ),
-        round(settings.settle_s * FRAME_RATE_HZ),
+def _told(scenario: Scenario) -> TrackerSettings:
+    """What the team's computer is told of the loop."""
+    settings, control, vision = scenario.settings, scenario.settings.control, scenario.settings.vision
+    return TrackerSettings(
+        period=PERIOD_S,
+        delay_frames=max(settings.radio.delay_frames + control.delay_error_frames, 0),
+        lag_s=control.lag_s if scenario.plant == "mujoco" else 0.0,
+        position_noise_m=vision.position_noise_m,
+        heading_noise_rad=vision.heading_noise_rad,
+        error_range_m=control.error_range_m,
+        speed_range_m_s=control.speed_range_m_s,
+        heading_gain=control.heading_gain,
+        alpha_window_frames=control.alpha_window_frames,
     )
-
-
-def _visits(settings: ReferenceSettings) -> list[list[float]]:
-    return settings.waypoints[:1] + settings.waypoints[1:] * settings.laps
-
-
-def _motion_limits(s: ReferenceSettings) -> MotionLimits:
-    return MotionLimits(s.max_speed_m_s, s.max_acceleration_m_s2, s.max_turn_rate_rad_s, s.max_turn_acceleration_rad_s2)
-
-
-def _tracker(name: str, scenario: Scenario, timed: TimedReference) -> Tracker:
-    settings, n = scenario.settings, scenario.seeds
-    reference: Reference = timed
-    if settings.reference.mode == "iterated":
-        reference = IteratedReference(_visits(settings.reference), _motion_limits(settings.reference), PERIOD_S, n)
-    control = settings.control
-    known = TrackerSettings(
-        PERIOD_S,
-        settings.radio.delay_frames,
-        control.error_range_m,
-        control.speed_range_m_s,
-        control.heading_gain,
-        control.alpha_window_frames,
-    )
-    return TRACKERS[name](known, reference, n)

@@ -17,6 +17,7 @@ class Stream(IntEnum):
     DISTURBANCE = 3
     GYRO_BIAS = 4
     GYRO_NOISE = 5
+    RADIO_JITTER = 6
 
 
 def draw(seeds: list[int], stream: Stream, sample: Callable[[np.random.Generator], Array]) -> Array:

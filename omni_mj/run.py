@@ -1,25 +1,25 @@
 """`python -m omni_mj.run`: run a scenario, show its result, leave its files."""
 
 import shutil
-import signal
 import sys
 import time
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import click
 
 from omni_control.errors import OmniError
-from omni_mj import console, events, figures, folders, listing, scenario, summary
+from omni_mj import console, events, figures, folders, listing, paper, report, scenario, summary
+from omni_mj.controllers import ControllerError
+from omni_mj.interrupts import Interrupts, StoppedError
 from omni_mj.loop import Simulation
 from omni_mj.plants import SimulationError
 from omni_mj.recording import Recording
 from omni_mj.settings import FRAME_RATE_HZ
 
-OUTPUTS = ("summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml", "figures")
+OUTPUTS = ("summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml", "figures", "report.html")
 BLOCK_FRAMES = 5 * FRAME_RATE_HZ  # of recording sent at a time; what a killed process loses at most
 PROGRESS_FRAMES = 12
 
@@ -88,10 +88,11 @@ def execute(chosen: scenario.Scenario, folder: Path, record: bool, draw: bool, q
             if recording:
                 recording.log_summary(console.markdown_result(result), happened)
     if draw and trajectory.length:
-        title = f"{chosen.name} on the {chosen.plant} plant, seed {chosen.seed}"
-        figures.save_all(trajectory, title, folder / "figures")
+        title = f"{chosen.name} on the {chosen.plant} plant"
+        figures.save_all(trajectory, title, folder / "figures", chosen.settings, paper.TABLES.get(chosen.paper_table))
     result["wall_s"] = round(time.perf_counter() - started, 3)
     summary.save(result, folder / "summary.json")
+    report.write([folder], folder / "report.html")
     if not quiet:
         _report(result, folder, record, draw)
     if stop:
@@ -113,11 +114,10 @@ def _simulate(simulation: Simulation, recording: Recording | None, quiet: bool) 
     """
     trajectory, total = simulation.trajectory, simulation.reference.frames
     try:
-        with _Signals() as signals, console.progress(simulation.scenario.name, total, quiet) as show:
+        with Interrupts() as interrupts, console.progress(simulation.scenario.name, total, quiet) as show:
 
             def after_frame(frame: int) -> None:
-                if signals.received:
-                    raise _StoppedError
+                interrupts.check()
                 if (frame + 1) % PROGRESS_FRAMES == 0:
                     show(frame + 1)
                 if recording and (frame + 1) % BLOCK_FRAMES == 0:
@@ -125,48 +125,20 @@ def _simulate(simulation: Simulation, recording: Recording | None, quiet: bool) 
 
             simulation.run(after_frame)
         return None
-    except SimulationError as error:
+    except (SimulationError, ControllerError) as error:
         return _Stop(str(error), console.FAILED)
-    except _StoppedError:
-        reason = "interrupted" if signals.received == signal.SIGINT else "terminated"
-        return _Stop(reason, 128 + signals.received)
+    except StoppedError as error:
+        return _Stop(error.reason, error.exit_code)
     finally:
         if recording:
             recording.write(trajectory)
-
-
-class _StoppedError(Exception):
-    """A signal asked for the end."""
-
-
-class _Signals:
-    """While entered, remembers the first SIGINT or SIGTERM, unless they are ignored as in a background job."""
-
-    HANDLED = (signal.SIGINT, signal.SIGTERM)
-
-    def __init__(self) -> None:
-        self.received = 0
-
-    def __enter__(self) -> "_Signals":
-        self._before = {number: signal.getsignal(number) for number in self.HANDLED}
-        for number, handler in self._before.items():
-            if handler != signal.SIG_IGN:
-                signal.signal(number, self._remember)
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def _remember(self, number: int, frame: FrameType | None) -> None:
-        self.received = number
-        self.__exit__()
 
 
 def _report(result: dict[str, Any], folder: Path, record: bool, draw: bool) -> None:
     if result["results"]:
         console.print_result(result)
     print(f"{result['simulated_s']:.1f} s simulated in {result['wall_s']:.1f} s; results in {folder}/")
+    print(f"  report     {folder / 'report.html'}")
     print(f"  numbers    {folder / 'summary.json'}, {folder / 'trajectory.parquet'}")
     if draw:
         print(f"  figures    {folder / 'figures'}/")

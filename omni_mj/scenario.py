@@ -1,7 +1,6 @@
 """Scenarios: TOML files that override settings by name; reading, checking, writing them."""
 
 import dataclasses
-import difflib
 import json
 import math
 import re
@@ -12,8 +11,10 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from omni_control.curves import CURVES
 from omni_control.errors import OmniError
-from omni_control.tracker import TRACKERS
+from omni_mj import controllers
+from omni_mj.names import choose
 from omni_mj.settings import Settings
 
 PLANTS = ("mujoco", "kinematic")
@@ -34,6 +35,11 @@ class Scenario:
     seed: int = 0
     seeds: int = 1
     settings: Settings = field(default_factory=Settings)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What the controllers are called in tables and files."""
+        return tuple(controllers.label(name) for name in self.controllers)
 
     @property
     def seed_list(self) -> list[int]:
@@ -67,7 +73,7 @@ def load(name_or_path: str, overrides: Iterable[str] = (), head: Mapping[str, An
     if path is None and (name_or_path.endswith(".toml") or Path(name_or_path).is_file()):
         path = Path(name_or_path)
     if path is None:
-        raise OmniError(f"unknown scenario {name_or_path!r}; {_choose(name_or_path, builtin())}, or a .toml file")
+        raise OmniError(f"unknown scenario {name_or_path!r}; {choose(name_or_path, builtin())}, or a .toml file")
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -105,7 +111,7 @@ def _parse(data: Mapping[str, Any], stem: str) -> Scenario:
             values[key] = value
         else:
             kind, allowed = ("section", sections) if isinstance(value, dict) else ("name", head)
-            raise OmniError(f"unknown {kind} {key!r} in a scenario; {_choose(key, allowed)}")
+            raise OmniError(f"unknown {kind} {key!r} in a scenario; {choose(key, allowed)}")
     settings = Settings(**parsed)
     _check_head(values)
     _check_together(settings)
@@ -118,16 +124,15 @@ def _check_head(values: Mapping[str, Any]) -> None:
     for name, kind in kinds.items():
         if name in values and (not isinstance(values[name], kind) or isinstance(values[name], bool)):
             raise OmniError(f"{name} must be {'a string' if kind is str else 'a whole number'}, not {values[name]!r}")
-    controllers = values.get("controllers", Scenario.controllers)
-    if not isinstance(controllers, (list, tuple)) or not controllers:
-        raise OmniError(f"controllers must be a list of at least one name, not {controllers!r}")
-    for controller in controllers:
-        if not isinstance(controller, str) or controller not in TRACKERS:
-            raise OmniError(f"unknown controller {controller!r}; {_choose(controller, TRACKERS)}")
-    if len(set(controllers)) < len(controllers):
+    names = values.get("controllers", Scenario.controllers)
+    if not isinstance(names, (list, tuple)) or not names or not all(isinstance(name, str) for name in names):
+        raise OmniError(f"controllers must be a list of at least one name, not {names!r}")
+    for name in names:
+        controllers.find(name)
+    if len({controllers.label(name) for name in names}) < len(names):
         raise OmniError("a controller is named twice; name each once")
     if values.get("plant", "mujoco") not in PLANTS:
-        raise OmniError(f"unknown plant {values['plant']!r}; {_choose(values['plant'], PLANTS)}")
+        raise OmniError(f"unknown plant {values['plant']!r}; {choose(values['plant'], PLANTS)}")
     if values.get("paper_table", 0) not in (0, 3, 4):
         raise OmniError(f"paper_table must be 3, 4 or 0 (none), not {values['paper_table']}")
     if not 1 <= values.get("seeds", 1) <= 100_000:
@@ -145,7 +150,7 @@ def _parse_section(section: str, kind: Any, data: Any) -> Any:
     for name in data:
         if name not in fields:
             full = [f"{section}.{field}" for field in fields]
-            raise OmniError(f"unknown setting {section}.{name}; {_choose(f'{section}.{name}', full)}")
+            raise OmniError(f"unknown setting {section}.{name}; {choose(f'{section}.{name}', full)}")
     return kind(**{name: _check(f"{section}.{name}", fields[name], value) for name, value in data.items()})
 
 
@@ -197,12 +202,12 @@ def _check_waypoints(value: Any) -> list[list[float]]:
 
 
 def _check_together(settings: Settings) -> None:
+    if settings.reference.mode == "iterated" and settings.reference.shape in CURVES:
+        raise OmniError(
+            "reference.mode = iterated plans from way-point to way-point, of which a curve has none; "
+            f"reference.shape = {settings.reference.shape} needs reference.mode = timed"
+        )
     if settings.kinematic.alpha_low > settings.kinematic.alpha_high:
         raise OmniError("kinematic.alpha_low must not be above kinematic.alpha_high")
-
-
-def _choose(wrong: str, allowed: Iterable[str]) -> str:
-    """'did you mean X? choose from A, B, C' for a misspelt name."""
-    near = difflib.get_close_matches(str(wrong), list(allowed), n=1)
-    hint = f"did you mean {near[0]!r}? " if near else ""
-    return f"{hint}choose from {', '.join(sorted(allowed))}"
+    if settings.radio.jitter_frames > settings.radio.delay_frames:
+        raise OmniError("radio.jitter_frames must not be above radio.delay_frames: no packet arrives before it is sent")

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from omni_control.curves import CURVES
 from omni_control.kinematics import Array
 from omni_mj import robot
 
@@ -34,22 +35,34 @@ def column(settings: Sequence[Any], name: str) -> Array:
 
 @dataclass(frozen=True)
 class ReferenceSettings:
-    """The task: way-points and the limits within which the reference moves between them."""
+    """The task: where the robot shall be when; way-points or a curve, and the limits of moving along it."""
 
+    shape: str = setting(
+        "waypoints", "", "what to drive: the way-points given, way-points drawn at random, or a curve",
+        choices=("waypoints", "random", *CURVES),
+    )  # fmt: skip
     waypoints: list[list[float]] = setting(
         lambda: [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], "m, m, rad", "poses [x, y, heading] to visit, from the first on"
     )
-    laps: int = setting(1, "", "how many times the way-points are visited", 1, 1000)
+    length_m: float = setting(2.0, "m", "curve, random: extent in x about the field's centre", 0.1, 20)
+    width_m: float = setting(2.0, "m", "curve, random: extent in y", 0.1, 20)
+    heading: str = setting(
+        "fixed", "", "curve: fixed: heading 0; tangent: facing along the path", choices=("fixed", "tangent")
+    )
+    count: int = setting(10, "", "random: number of way-points, the start included", 2, 1000)
+    seed: int = setting(0, "", "random: what they are drawn from, the same for all seeds of a run", 0, 1_000_000)
+    laps: int = setting(1, "", "how many times the way-points are visited, or the curve is driven", 1, 1000)
     mode: str = setting(
-        "timed", "", "timed: known in advance; iterated: planned anew each frame from the pose",
+        "timed", "", "timed: known in advance; iterated: way-points only, planned anew each frame from the pose",
         choices=("timed", "iterated"),
     )  # fmt: skip
     max_speed_m_s: float = setting(3.159, "m/s", "highest speed of the reference (paper, section 2)", 0.01, 10)
     max_acceleration_m_s2: float = setting(0.826, "m/s^2", "highest acceleration (paper, section 2)", 0.01, 20)
     max_turn_rate_rad_s: float = setting(6.0, "rad/s", "highest turn rate of the reference", 0.01, 30)
     max_turn_acceleration_rad_s2: float = setting(12.0, "rad/s^2", "highest turn acceleration", 0.01, 200)
+    lead_s: float = setting(0.25, "s", "rest before the first move; no command acts before the dead time", 0, 60)
     dwell_s: float = setting(0.0, "s", "rest at each way-point", 0, 60)
-    settle_s: float = setting(1.0, "s", "rest after the last way-point", 0, 60)
+    settle_s: float = setting(1.0, "s", "rest at the end", 0, 60)
 
 
 @dataclass(frozen=True)
@@ -58,8 +71,8 @@ class VisionSettings:
 
     position_noise_m: float = setting(0.0013, "m", "standard deviation of the position seen, per axis", 0, 1)
     heading_noise_rad: float = setting(0.01, "rad", "standard deviation of the heading seen", 0, 1)
-    miss_probability: float = setting(0.02, "", "probability that a robot is not seen in a frame", 0, 0.9)
-    filter_smoothing: float = setting(0.7, "", "of the filter behind it: 0 believes each frame, near 1 none", 0, 0.99)
+    miss_probability: float = setting(0.02, "", "probability, per frame, that a robot is not seen from then on", 0, 0.9)
+    miss_frames: int = setting(1, "frames", "how long it is then not seen", 1, 600)
 
 
 @dataclass(frozen=True)
@@ -67,11 +80,15 @@ class RadioSettings:
     """The radio link from the team's computer to the robot."""
 
     delay_frames: int = setting(6, "frames", "dead time k_d from command to robot (paper: 0.1 s)", 0, 600)
+    jitter_frames: int = setting(0, "frames", "a packet takes up to this more or less, uniformly; newest wins", 0, 600)
 
 
 @dataclass(frozen=True)
 class ControlSettings:
-    """The team's computer: trackers, and the limits of what they may command."""
+    """The team's computer: what it believes of the robots, the trackers, and the limits of what they may command."""
+
+    delay_error_frames: int = setting(0, "frames", "what it believes the dead time to be, less the true", -600, 600)
+    lag_s: float = setting(0.02, "s", "MuJoCo plant: what it believes the lag of the wheel loops to be", 0, 1)
 
     error_range_m: float = setting(0.1, "m", "input range of the fuzzy controller (paper, section 4)", 1e-6, 10)
     speed_range_m_s: float = setting(1.0, "m/s", "output range of the fuzzy controller (paper, section 4)", 1e-6, 10)
@@ -195,7 +212,8 @@ class KinematicSettings:
     """The paper's own plant, equation 7."""
 
     alpha_low: float = setting(0.7, "", "alpha is drawn uniformly from here ...", 0, 2)
-    alpha_high: float = setting(1.0, "", "... to here, per frame and axis (paper, section 2)", 0, 2)
+    alpha_high: float = setting(1.0, "", "... to here, per axis (paper, section 2)", 0, 2)
+    alpha_time_s: float = setting(0.0, "s", "time over which alpha forgets its value; 0: new in every frame", 0, 1e6)
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ def summarise(
         "scenario": scenario.name,
         "description": scenario.description,
         "plant": scenario.plant,
-        "controllers": list(scenario.controllers),
+        "controllers": list(scenario.labels),
         "seeds": scenario.seed_list,
         "complete": stopped is None,
         "stopped": stopped,
@@ -59,7 +59,7 @@ def _results(scenario: Scenario, trajectory: Trajectory) -> dict[str, Any]:
     statistics = metrics.error_statistics(trajectory)
     alpha = metrics.alpha_percentiles(trajectory) if trajectory.length > metrics.ALPHA_WINDOW_FRAMES else None
     results: dict[str, Any] = {}
-    for i, controller in enumerate(scenario.controllers):
+    for i, controller in enumerate(scenario.labels):
         error: dict[str, Any] = {}
         reduction: dict[str, Any] = {}
         for j, axis in enumerate(metrics.AXES):

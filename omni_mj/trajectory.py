@@ -20,7 +20,8 @@ CHANNELS: dict[str, tuple[str, ...]] = {
     "predicted": ("predicted_x_m", "predicted_y_m", "predicted_heading_rad"),
     "command": ("command_vx_m_s", "command_vy_m_s", "command_w_rad_s"),
     "applied": ("applied_vx_m_s", "applied_vy_m_s", "applied_w_rad_s"),
-    "alpha_hat": ("alpha_hat_x", "alpha_hat_y"),
+    "alpha_hat": ("alpha_hat_x", "alpha_hat_y", "alpha_hat_heading"),
+    "latency_hat": ("latency_hat_forward_frames", "latency_hat_left_frames", "latency_hat_turn_frames"),
     "wheel_angle": tuple(f"wheel_angle_{i}_rad" for i in _WHEELS),
     "wheel_speed": tuple(f"wheel_speed_{i}_rad_s" for i in _WHEELS),
     "voltage": tuple(f"voltage_{i}_v" for i in _WHEELS),
@@ -60,7 +61,7 @@ class Trajectory:
     def channel(self, name: str) -> np.ndarray:
         """A channel's recorded frames, (length, controllers, seeds, columns)."""
         data = self._data[name][: self.length]
-        return data.reshape(self.length, len(self.controllers), len(self.seeds), -1)
+        return data.reshape(self.length, len(self.controllers), len(self.seeds), data.shape[-1])
 
     @property
     def time(self) -> np.ndarray:

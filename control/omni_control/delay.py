@@ -19,6 +19,9 @@ class CommandsInFlight:
 
     Equation 11 sums to i = k, which includes the command that is being computed; the k_d in flight are meant.
 
+    A latency need not be a whole number of frames, nor the same for all robots and axes: with one of 1.5 frames, the
+    first half of the frame just past felt the command sent before the command that its second half felt.
+
     Args:
         n: robots.
         length: commands kept, at least the dead time k_d.
@@ -26,6 +29,7 @@ class CommandsInFlight:
 
     def __init__(self, n: int, length: int) -> None:
         self._sent = np.zeros((length, n, 3))
+        self._age = np.arange(length, 0.0, -1)[:, None, None]
 
     def push(self, command: Array) -> None:
         """Add the commands (n, 3) that were sent in the frame just past."""
@@ -43,6 +47,18 @@ class CommandsInFlight:
             raise OmniError(f"{count + skip} commands were asked for, but only {len(self._sent)} are kept")
         end = len(self._sent) - skip
         return self._sent[end - count : end]
+
+    def ahead(self, latency: float | Array) -> Array:
+        """Share of each command kept that is still to act, (length, n, 3), for a latency (n, 3) in frames."""
+        return np.clip(latency - (self._age - 1), 0.0, 1.0)
+
+    def acted(self, latency: float | Array) -> Array:
+        """Share of each command kept that acted in the frame just past, (length, n, 3), for a latency (n, 3)."""
+        return np.clip(latency - (self._age - 2), 0.0, 1.0) - self.ahead(latency)
+
+    def felt(self, latency: float | Array) -> Array:
+        """Commands (n, 3) that acted in the frame just past, on its average, for a latency (n, 3) in frames."""
+        return (self.acted(latency) * self._sent).sum(0)
 
 
 def compensation(in_flight: Array, alpha: Array, period: float) -> Array:

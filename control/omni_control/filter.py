@@ -1,37 +1,82 @@
-"""Smoothing of vision: a steady-state Kalman (alpha-beta) filter of pose and twist."""
+"""Filtering of vision by a Kalman filter that knows the commands in flight."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from omni_control.kinematics import Array, wrap_angle
 
+GAIN_ERROR = 0.06  # standard deviation of what a robot does in a frame, over what its commands say
+DRIFT_M_S2, DRIFT_RAD_S2 = 0.1, 0.5  # change per square root of a second of what it does besides
+DRIFT_TIME_S = 0.5  # after which that is forgotten
+SCALE_MEMORY = 0.97  # of the innovations by which the process noise is scaled
+SCALE_BOUNDS = (0.1, 100.0)
 
-class PoseFilter:
-    """Constant-velocity filter of the poses that vision reports at a fixed rate.
+
+class KalmanFilter:
+    """Poses of n robots from what vision reports, given the displacement that their commands should have caused.
+
+    Per axis the state is the position and a drift, the speed at which the robot departs from its commands:
+
+        x(k+1) = x(k) + q(k) + T b(k) + noise of GAIN_ERROR |q|,   b(k+1) = b(k) exp(-T / DRIFT_TIME_S) + noise
+
+    with q the commanded displacement. How much a robot departs differs between plants, so that the process noise is
+    scaled until the innovations are as large as the filter says: the normalised innovations squared average 1.
 
     Args:
         pose: poses at the start, (n, 3).
         period: time between frames, s.
-        smoothing: in (0, 1): how much of a surprise is believed to be noise. The gains are those of a critically
-            damped filter, 1 - s^2 for the pose and (1 - s)^2 for the twist, whose memory is about 2 / (1 - s) frames.
+        noise: standard deviation of what vision reports, per axis (3,), m and rad.
+
+    Attributes:
+        pose: filtered poses (n, 3); headings count full turns.
+        twist: filtered twists (n, 3).
+        drift: the part of the twist that commands do not explain, (n, 3).
+        sigma: standard deviation of the pose, (n, 3).
+        normalised: innovation over its standard deviation (n, 3); not a number for a robot that was not seen.
     """
 
-    def __init__(self, pose: Array, period: float, smoothing: float) -> None:
+    def __init__(self, pose: Array, period: float, noise: ArrayLike) -> None:
         self.pose = np.array(pose, float)
-        self.twist = np.zeros_like(self.pose)
+        self.twist, self.drift = np.zeros((2, *self.pose.shape))
         self._period = period
-        self._pose_gain, self._twist_gain = 1 - smoothing**2, (1 - smoothing) ** 2
+        self._noise = np.maximum(np.asarray(noise, float), (1e-5, 1e-5, 1e-4)) ** 2  # a camera resolves no less
+        self._keep = np.exp(-period / DRIFT_TIME_S)
+        self._wander = np.array([DRIFT_M_S2, DRIFT_M_S2, DRIFT_RAD_S2]) ** 2 * period
+        self._xx = np.broadcast_to(self._noise, self.pose.shape).copy()
+        self._xb, self._bb = np.zeros((2, *self.pose.shape))
+        self._scale = np.ones_like(self.pose)
+        self.normalised = np.full_like(self.pose, np.nan)
 
-    def update(self, measured: Array, valid: Array) -> Array:
-        """Return the filtered poses (n, 3); headings count full turns.
+    @property
+    def sigma(self) -> Array:
+        """See the class."""
+        return np.sqrt(self._xx)
+
+    def update(self, measured: Array, displacement: Array) -> Array:
+        """Return the filtered poses (n, 3).
 
         Args:
-            measured: poses seen by vision (n, 3).
-            valid: whether a robot was seen (n,); the pose of one that was not is carried on at its twist.
+            measured: poses seen by vision (n, 3), not a number where a robot was not seen: its pose is carried on.
+            displacement: what the commands that acted since the last frame should have caused, (n, 3), m and rad.
         """
-        predicted = self.pose + self.twist * self._period
-        surprise = measured - predicted
-        surprise[:, 2] = wrap_angle(surprise[:, 2])
-        surprise[np.logical_not(valid)] = 0.0
-        self.pose = predicted + self._pose_gain * surprise
-        self.twist = self.twist + self._twist_gain / self._period * surprise
+        t = self._period
+        self.pose = self.pose + displacement + t * self.drift
+        drift = self._keep * self.drift
+        xx = self._xx + 2 * t * self._xb + t**2 * self._bb + self._scale * (GAIN_ERROR * displacement) ** 2
+        xb = self._keep * (self._xb + t * self._bb)
+        bb = self._keep**2 * self._bb + self._scale * self._wander
+
+        innovation = measured - self.pose
+        innovation[:, 2] = wrap_angle(innovation[:, 2])
+        seen = ~np.isnan(innovation)
+        variance = xx + self._noise
+        surprise = np.where(seen, innovation, 0.0)
+        gain_x, gain_b = np.where(seen, xx / variance, 0.0), np.where(seen, xb / variance, 0.0)
+        self.pose += gain_x * surprise
+        self.drift = drift + gain_b * surprise
+        self._xx, self._xb, self._bb = (1 - gain_x) * xx, (1 - gain_x) * xb, bb - gain_b * xb
+        self.twist = displacement / t + self.drift
+        self.normalised = innovation / np.sqrt(variance)
+        ratio = np.where(seen, np.minimum(surprise**2 / variance, 9.0), 1.0)
+        self._scale = np.clip(self._scale * np.exp((1 - SCALE_MEMORY) * (ratio - 1)), *SCALE_BOUNDS)
         return self.pose

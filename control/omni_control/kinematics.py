@@ -30,9 +30,13 @@ def wrap_angle(angle: ArrayLike) -> Array:
 
 def body_to_world(twist: ArrayLike, heading: ArrayLike) -> Array:
     """Rotate body twists (..., 3) by `heading` (...) in rad into the world frame (equation 2)."""
-    vx, vy, w = np.moveaxis(np.asarray(twist, float), -1, 0)
+    twist = np.asarray(twist, float)
+    vx, vy, w = twist[..., 0], twist[..., 1], twist[..., 2]
     c, s = np.cos(heading), np.sin(heading)
-    return np.stack([c * vx - s * vy, s * vx + c * vy, w + 0 * c], axis=-1)
+    x = c * vx - s * vy
+    world = np.empty((*x.shape, 3))
+    world[..., 0], world[..., 1], world[..., 2] = x, s * vx + c * vy, w
+    return world
 
 
 def world_to_body(twist: ArrayLike, heading: ArrayLike) -> Array:

@@ -1,11 +1,11 @@
-"""Trajectory trackers: what turns a pose and a reference into a velocity command (figure 4 of the paper).
+"""Trajectory trackers: what turns an observation and a reference into a velocity command (figure 4 of the paper).
 
-A tracker is called once a frame with the filtered poses of its robots and the commands that were sent in the frame
-before (after the loop's limits), and returns new commands in the world frame.
+A tracker is called once a frame with what is known of its robots and the commands that were sent in the frame before
+(after the loop's limits), and returns new commands in the world frame.
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,61 +18,103 @@ from omni_control.reference import Reference
 
 @dataclass(frozen=True)
 class TrackerSettings:
-    """What every tracker may know.
+    """What every tracker is told.
 
     Args:
         period: length of a frame T, s.
-        delay_frames: dead time k_d that the tracker reckons with, frames.
+        delay_frames: dead time k_d from command to robot, frames; as far as the team knows it.
+        lag_s: time constant of the robots' wheel loops, s; as far as the team knows it.
+        position_noise_m, heading_noise_rad: standard deviation of what vision sees, per axis.
         error_range_m, speed_range_m_s: ranges of the fuzzy controller, m and m/s.
         heading_gain: turn rate per heading error of the heading hold, 1/s.
-        alpha_window_frames: window of the estimate of alpha, frames.
+        alpha_window_frames: window of the estimate of alpha (equation 8), frames.
     """
 
     period: float
     delay_frames: int
+    lag_s: float = 0.02
+    position_noise_m: float = 0.0013
+    heading_noise_rad: float = 0.01
     error_range_m: float = 0.1
     speed_range_m_s: float = 1.0
     heading_gain: float = 3.0
     alpha_window_frames: int = 15
 
+    @property
+    def latency_frames(self) -> float:
+        """Time from a command to its effect, on average: the dead time and the wheel loops' lag, frames."""
+        return self.delay_frames + self.lag_s / self.period
 
-class Tracker(Protocol):
-    """A controller of n robots.
+    @property
+    def vision_noise(self) -> tuple[float, float, float]:
+        """Standard deviation of what vision sees, per axis of a pose, m and rad."""
+        return self.position_noise_m, self.position_noise_m, self.heading_noise_rad
 
-    Attributes:
-        predicted: pose (n, 3) for which the last command was computed.
-        alpha_hat: estimated motor correction factors (n, 2); 1 for a tracker that estimates none.
+
+@dataclass(frozen=True)
+class Observation:
+    """What is known of n robots in a frame, world frame; headings count full turns.
+
+    Args:
+        pose: filtered [x, y, heading], (n, 3).
+        twist: filtered [vx, vy, w], (n, 3).
+        measured: the pose that vision reported in this frame, (n, 3), its heading in (-pi, pi]; not a number where a
+            robot was not seen.
     """
 
-    predicted: Array
-    alpha_hat: Array
+    pose: Array
+    twist: Array
+    measured: Array
 
-    def command(self, frame: int, pose: Array, sent: Array) -> Array:
+
+class Tracker:
+    """A controller of n robots; derive from it and write `command`.
+
+    Args:
+        settings: what is known of the loop.
+        reference: where the robots should be.
+        n: robots.
+
+    Attributes:
+        predicted: pose (n, 3) for which the last command was computed, for the record.
+        alpha_hat: estimated motor correction factors (n, 3), for the record; 1 for a tracker that estimates none.
+        latency_hat: estimated time from a command to its effect forward, to the left and turning (n, 3), frames, for
+            the record; not a number for a tracker that estimates none.
+        knows_truth: whether its observations hold the true pose and twist instead of filtered vision.
+    """
+
+    knows_truth: ClassVar[bool] = False
+
+    def __init__(self, settings: TrackerSettings, reference: Reference, n: int) -> None:
+        self.settings, self.reference = settings, reference
+        self.predicted = np.full((n, 3), np.nan)
+        self.alpha_hat = np.ones((n, 3))
+        self.latency_hat = np.full((n, 3), np.nan)
+
+    def command(self, frame: int, observed: Observation, sent: Array) -> Array:
         """Return commands [vx, vy, w] (n, 3), world frame, m/s and rad/s.
 
         Args:
             frame: k, from 0.
-            pose: filtered poses (n, 3) at frame k.
+            observed: what is known of the robots at frame k.
             sent: commands (n, 3) sent in frame k - 1; zero at k = 0.
         """
-        ...
+        raise NotImplementedError
 
 
-class FuzzyTracker:
+class FuzzyTracker(Tracker):
     """FLC: reference velocity as feed-forward, the fuzzy controller's correction, and a proportional heading hold.
 
     It compares the pose of now with the reference of now, as if commands acted at once.
     """
 
     def __init__(self, settings: TrackerSettings, reference: Reference, n: int) -> None:
-        self.settings, self.reference = settings, reference
+        super().__init__(settings, reference, n)
         self.fuzzy = FuzzyController(settings.error_range_m, settings.speed_range_m_s)
-        self.predicted = np.zeros((n, 3))
-        self.alpha_hat = np.ones((n, 2))
 
-    def command(self, frame: int, pose: Array, sent: Array) -> Array:
+    def command(self, frame: int, observed: Observation, sent: Array) -> Array:
         """See `Tracker`."""
-        return self.track(frame, pose)
+        return self.track(frame, observed.pose)
 
     def track(self, frame: int, pose: Array) -> Array:
         """Command (n, 3) that brings robots which are at `pose` (n, 3) in `frame` to the reference of that frame."""
@@ -92,13 +134,10 @@ class CompensatedFuzzyTracker(FuzzyTracker):
         self.sent = CommandsInFlight(n, window + delay)
         self.alpha = AlphaEstimator(n, window, delay, settings.period)
 
-    def command(self, frame: int, pose: Array, sent: Array) -> Array:
+    def command(self, frame: int, observed: Observation, sent: Array) -> Array:
         """See `Tracker`."""
-        delay = self.settings.delay_frames
+        delay, pose = self.settings.delay_frames, observed.pose
         self.sent.push(sent)
-        self.alpha_hat = self.alpha.update(pose[:, :2], self.sent)
-        alpha = np.concatenate([self.alpha_hat, np.ones((len(pose), 1))], axis=1)
-        return self.track(frame + delay, pose + compensation(self.sent.last(delay), alpha, self.settings.period))
-
-
-TRACKERS: dict[str, type[FuzzyTracker]] = {"flc": FuzzyTracker, "comp-flc": CompensatedFuzzyTracker}
+        self.alpha_hat[:, :2] = self.alpha.update(pose[:, :2], self.sent)
+        in_flight = compensation(self.sent.last(delay), self.alpha_hat, self.settings.period)
+        return self.track(frame + delay, pose + in_flight)

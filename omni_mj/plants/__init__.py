@@ -5,6 +5,7 @@ from typing import Protocol
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
+from omni_mj.radio import Received
 
 
 class SimulationError(OmniError):
@@ -40,10 +41,12 @@ class Plant(Protocol):
         """True poses (n, 3) now; headings count full turns."""
         ...
 
-    def advance(self, frame: int, command: Array, heading: Array) -> None:
-        """Move on by one frame in which the robots obey `command` (n, 3), world frame.
+    def twist(self) -> Array:
+        """True twists (n, 3) now, world frame."""
+        ...
 
-        With it arrived vision's `heading` (n,) of when it was sent, rad, or not a number.
+    def advance(self, frame: int, received: Received) -> None:
+        """Move on by one frame in which the robots obey what they `received`.
 
         Raises:
             SimulationError: the simulation became unstable.

@@ -13,6 +13,7 @@ from omni_mj.battery import Battery
 from omni_mj.firmware import Firmware
 from omni_mj.motors import Motors
 from omni_mj.plants import SimulationError, Telemetry
+from omni_mj.radio import Received
 from omni_mj.randomness import Stream, draw
 from omni_mj.settings import PERIOD_S, Settings, column
 from omni_mj.wheels import WheelGeometry, contact_slip
@@ -59,7 +60,8 @@ class MujocoPlant:
         sensor, qpos, qvel = batch.bind("sensordata"), batch.bind("qpos"), batch.bind("qvel")
         self._gyro = sensor[:, model.sensor("gyro").adr[0] + 2]
         self._encoders = sensor[:, robot.even_slice([model.sensor(f"encoder_{i}").adr[0] for i in names])]
-        base = model.joint("robot").qposadr[0]
+        base, dof = model.joint("robot").qposadr[0], model.joint("robot").dofadr[0]
+        self._velocity = qvel[:, dof : dof + 6]
         self._position, self._quaternion = qpos[:, base : base + 2], qpos[:, base + 3 : base + 7]
         self._qpos, self._qvel, self._wheels = qpos, qvel, WheelGeometry.of(model)
         wheels = robot.wheel_joints(model)
@@ -90,12 +92,16 @@ class MujocoPlant:
         """See `Plant`."""
         return np.column_stack([self._position, self._heading])
 
-    def advance(self, frame: int, command: Array, heading: Array) -> None:
+    def twist(self) -> Array:
+        """See `Plant`."""
+        return self._velocity[:, [0, 1, 5]]
+
+    def advance(self, frame: int, received: Received) -> None:
         """See `Plant`."""
         motors, battery, handover = self._motors, self._battery, self._handover
         self._push[:] = self._force[frame]
         self._gain[:, :, 0], self._gain[:, :, 1] = motors.resistance, motors.constant
-        self._firmware.receive(command, heading, motors.winding)
+        self._firmware.receive(received, motors.winding)
         gyro_error = self._gyro_error[frame, :, 0]
         for k in range(self._cycles):
             angles = self._encoders if handover is None else self._encoders + handover.sensor_offset
