@@ -33,8 +33,10 @@ class LqrTracker(Tracker):
     Weights are Bryson's: a position error of `error_range_m` is as bad as a correction of `speed_range_m_s`. The
     heading has the same ratio, since it is the displacement of a point on the robot. Previewed by dead time and lag,
     the reference gives the command, position and velocity of a robot that follows it exactly; its acceleration is taken
-    to be constant over the lag. The velocity that the filter sees beyond the commands counts as a constant disturbance;
-    without that drag and alpha would leave a lasting error several times as large.
+    to be constant over the lag.
+
+    What a robot does besides counts as a constant disturbance of its velocity, without which drag and alpha would leave
+    a lasting error. Its estimate takes as long as a command to show, and a frame more, to follow.
     """
 
     def __init__(self, settings: TrackerSettings, reference: Reference, n: int) -> None:
@@ -46,27 +48,33 @@ class LqrTracker(Tracker):
             np.diag([settings.error_range_m**-2, 0.0]),
             settings.speed_range_m_s**-2,
         )
+        self.disturbance = np.zeros((n, 3))
+        self._pose: Array | None = None
         self._feed_forward: Array | None = None
 
     def command(self, frame: int, observed: Observation, sent: Array) -> Array:
         """See `Tracker`."""
-        settings, robot = self.settings, self.robot
-        robot.push(sent)
-        disturbance = observed.twist - robot.sent.felt(settings.latency_frames)
-        position, velocity = robot.at_the_end_of_the_dead_time(observed.pose)
-        position = position + settings.delay_frames * settings.period * disturbance
-        velocity = velocity + disturbance
-        self.predicted = position + settings.lag_s * velocity
+        self.robot.push(sent)
+        self._disturb(observed.pose)
+        position, velocity = self.robot.at_the_end_of_the_dead_time(observed.pose)
+        position = position + self.settings.delay_frames * self.settings.period * self.disturbance
+        velocity = velocity + self.disturbance
+        self.predicted = position + self.settings.lag_s * velocity
         at, speed, feed_forward = self._wanted(frame)
         correction = self.gain[0] * pose_error(at, position) + self.gain[1] * (speed - velocity)
-        return feed_forward - disturbance + correction
+        return feed_forward - self.disturbance + correction
+
+    def _disturb(self, pose: Array) -> None:
+        """Estimate the disturbance from what robots that are at `pose` (n, 3) now did more than the model."""
+        before, self._pose = pose if self._pose is None else self._pose, pose
+        besides = (pose_error(pose, before) - self.robot.moved) / self.settings.period
+        self.disturbance = self.disturbance + (besides - self.disturbance) / (self.settings.latency_frames + 2)
 
     def _wanted(self, frame: int) -> tuple[Array, Array, Array]:
         """Pose, velocity and command (n, 3) of a nominal robot on the reference, at the end of the dead time."""
         period, lag = self.settings.period, self.settings.lag_s
         later, feed_forward = self.reference.at(frame + self.settings.latency_frames, self.predicted)
-        before = feed_forward if self._feed_forward is None else self._feed_forward
-        self._feed_forward = feed_forward
+        before, self._feed_forward = feed_forward if self._feed_forward is None else self._feed_forward, feed_forward
         acceleration = (feed_forward - before) / period
         pose = later - lag * feed_forward + lag * (lag + period) / 2 * acceleration
         return pose, feed_forward - period / (1 - self.robot.keep) * acceleration, feed_forward

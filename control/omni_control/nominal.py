@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from omni_control.delay import CommandsInFlight
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.tracker import TrackerSettings
@@ -28,29 +30,31 @@ class NominalRobot:
 
     Attributes:
         keep, slide: see above; both are zero without a lag.
-        sent: commands sent, as many as may still act.
         velocity: v(k), (n, 3).
+        moved: x(k) - x(k-1), (n, 3).
     """
 
     def __init__(self, settings: TrackerSettings, n: int) -> None:
         self._period, self._delay = settings.period, settings.delay_frames
         self.keep = math.exp(-settings.period / settings.lag_s) if settings.lag_s else 0.0
         self.slide = settings.lag_s * (1 - self.keep)
-        self.sent = CommandsInFlight(n, math.ceil(settings.latency_frames) + 1)
-        self.velocity = self.sent.last(1)[0].copy()
+        self._sent = CommandsInFlight(n, settings.delay_frames + 1)
+        self.velocity, self.moved = np.zeros((2, n, 3))
 
     def push(self, command: Array) -> None:
         """Add the commands (n, 3) that were sent in the frame just past; those sent k_d frames before acted in it."""
-        self.sent.push(command)
-        self.velocity = self._respond(self.velocity, self.sent.last(1, skip=self._delay)[0])
+        self._sent.push(command)
+        self.moved, self.velocity = self._move(self.velocity, self._sent.last(1, skip=self._delay)[0])
 
     def at_the_end_of_the_dead_time(self, pose: Array) -> tuple[Array, Array]:
         """Poses and velocities (n, 3) to which the commands in flight lead robots that are at `pose` (n, 3) now."""
         velocity = self.velocity
-        for command in self.sent.last(self._delay):
-            pose = pose + self.slide * velocity + (self._period - self.slide) * command
-            velocity = self._respond(velocity, command)
+        for command in self._sent.last(self._delay):
+            moved, velocity = self._move(velocity, command)
+            pose = pose + moved
         return pose, velocity
 
-    def _respond(self, velocity: Array, command: Array) -> Array:
-        return self.keep * velocity + (1 - self.keep) * command
+    def _move(self, velocity: Array, command: Array) -> tuple[Array, Array]:
+        """Displacement in a frame, and the velocity at its end."""
+        moved = self.slide * velocity + (self._period - self.slide) * command
+        return moved, self.keep * velocity + (1 - self.keep) * command

@@ -16,10 +16,10 @@ def simc_gain(latency_s: float) -> float:
 
 
 class ProportionalTracker(Tracker):
-    """p: proportional control with the reference velocity as feed-forward, by the SIMC rule; of now, as if at once.
+    """p: proportional control with the reference velocity as feed-forward, its gain by the SIMC rule.
 
-    To the latency counts a frame more: half of one is how long a command is held on average, and half of one how well
-    a dead time is known that is counted in frames.
+    Like FLC it compares the pose of now with the reference of now. To the latency the gain is for counts a frame more:
+    half of one is how long a command is held on average, and half of one how well a dead time is known in frames.
     """
 
     def __init__(self, settings: TrackerSettings, reference: Reference, n: int) -> None:
@@ -38,7 +38,7 @@ class SmithTracker(Tracker):
 
     What is fed back is the model without dead time plus what vision saw less the model with it (O. J. M. Smith, Closer
     control of loops with dead time, Chem. Eng. Progress 53, 1957). The robot integrates, so that both models differ by
-    what the commands in flight add. The feed-forward is that of the time when the command acts.
+    what the commands in flight add. The feed-forward is that of the time when the robot answers.
 
     The gain is by the SIMC rule for the lag and a frame, which are left of the latency; see `ProportionalTracker`. As
     known of Smith's predictor for a plant that integrates, it does not remove the error by a lasting disturbance, such
@@ -56,5 +56,5 @@ class SmithTracker(Tracker):
         self.robot.push(sent)
         self.predicted, _ = self.robot.at_the_end_of_the_dead_time(observed.pose)
         target, feed_forward = self.reference.at(frame + settings.latency_frames, self.predicted)
-        target = target - settings.lag_s * feed_forward  # the robot answers a lag later: where it should be until then
+        target = target - settings.lag_s * feed_forward  # from the end of the lag back to the end of the dead time
         return feed_forward + self.gain * pose_error(target, self.predicted)

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from omni_control.delay import CommandsInFlight, compensation
+from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 
 LAW = settings(deadline=None, max_examples=100, derandomize=True)
@@ -94,3 +95,80 @@ def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
         batch = compensation(commands[:delay], alpha, T)
         for i in (0, 7, 32):
             assert np.array_equal(compensation(commands[:delay, i : i + 1], alpha[i : i + 1], T)[0], batch[i])
+
+
+# --- latencies that need not be whole, nor the same for all robots and axes ---
+
+
+def test_the_table_of_a_latency_of_one_and_a_half_frames() -> None:
+    """u0 to u3 sent, u3 last: the frame past felt a half of u1 and then a half of u2, of which a half is to come."""
+    queue = sent_before(4, np.array([1.0, 2.0, 4.0, 8.0])[:, None, None] * np.ones((1, 1, 3)), length=4)
+    latency = np.full((1, 3), 1.5)
+    assert queue.acted(latency)[:, 0, 0].tolist() == [0, 0.5, 0.5, 0]
+    assert queue.ahead(latency)[:, 0, 0].tolist() == [0, 0, 0.5, 1]
+    assert queue.felt(latency).tolist() == [[3, 3, 3]]
+
+
+@pytest.mark.parametrize("delay", [0, 1, 5, 12])
+def test_a_whole_latency_is_a_dead_time(delay: int) -> None:
+    """The last k_d commands are ahead, and the one before them acted, for a number as for an array of them."""
+    commands = np.random.default_rng(0).normal(size=(30, 4, 3))
+    queue = sent_before(30, commands, length=13)
+    for latency in (float(delay), np.full((4, 3), float(delay))):
+        np.testing.assert_array_equal(queue.felt(latency), queue.last(1, skip=delay)[0])
+        in_flight = (queue.ahead(latency) * queue.last(13)).sum(0)
+        np.testing.assert_array_equal(in_flight, queue.last(delay).sum(0))
+
+
+@LAW
+@given(st.lists(st.integers(0, 96), min_size=6, max_size=6), st.integers(0, 2**32 - 1))
+def test_what_is_felt_is_what_a_fine_clock_says(eighths: list[int], seed: int) -> None:
+    """A robot that obeys, in each eighth of a frame, what was commanded a latency of so many eighths before."""
+    ticks = np.array(eighths).reshape(2, 3)
+    commands = np.random.default_rng(seed).uniform(-3, 3, (15, 2, 3))
+    by_eighths = np.repeat(commands, 8, axis=0)  # the command sent in frame k stands from its first eighth on
+    queue = sent_before(15, commands, length=14)
+    now = 8 * 15  # the frame just past are the eighths from now - 8 on; the last command is sent at its start
+    for robot in range(2):
+        for axis in range(3):
+            start = now - 8 - ticks[robot, axis]
+            expected = by_eighths[start : start + 8, robot, axis].mean()
+            # A mean of eight numbers of size 3.
+            assert queue.felt(ticks / 8)[robot, axis] == pytest.approx(expected, abs=1e-14)
+            to_come = by_eighths[start + 8 :, robot, axis].sum() / 8
+            ahead = (queue.ahead(ticks / 8) * queue.last(14)).sum(0)[robot, axis]
+            assert ahead == pytest.approx(to_come, abs=1e-13)
+
+
+@LAW
+@given(st.floats(0, 12), st.integers(0, 3))
+def test_every_command_acts_for_one_frame_in_all(latency: float, spare: int) -> None:
+    """What is ahead of the robot adds up to its latency, and loses in a frame what acts in it, by commands' age."""
+    queue = CommandsInFlight(1, int(np.ceil(latency)) + 1 + spare)
+    acted, ahead = queue.acted(latency)[:, 0, 0], queue.ahead(latency)[:, 0, 0]
+    # Differences of numbers of size 12.
+    assert ahead.sum() == pytest.approx(latency, abs=1e-13)
+    assert acted.sum() == pytest.approx(1.0, abs=1e-13)
+    assert acted.min() >= 0
+    assert np.count_nonzero(acted) <= 2
+    # What was ahead a frame before, when each command was one frame younger; the newest had only just been sent.
+    before = np.append(ahead[1:], 1.0)
+    np.testing.assert_allclose(acted, before - ahead, rtol=0, atol=1e-13)
+
+
+def test_latencies_of_robots_and_axes_are_their_own() -> None:
+    """A row of a batch, and an axis of a robot, is bit for bit what it is with one latency for all."""
+    commands, latency = np.random.default_rng(0).normal(size=(20, 5, 3)), np.linspace(0, 12, 15).reshape(5, 3)
+    felt = sent_before(20, commands, length=14).felt(latency)
+    for robot in range(5):
+        alone = sent_before(20, commands[:, robot : robot + 1], length=14)
+        np.testing.assert_array_equal(alone.felt(latency[robot : robot + 1])[0], felt[robot])
+        for axis in range(3):
+            assert alone.felt(float(latency[robot, axis]))[0, axis] == felt[robot, axis]
+
+
+def test_commands_that_are_not_kept_cannot_be_asked_for() -> None:
+    queue = CommandsInFlight(2, 5)
+    assert queue.last(3, skip=2).shape == (3, 2, 3)
+    with pytest.raises(OmniError, match="6 commands were asked for, but only 5 are kept"):
+        queue.last(4, skip=2)

@@ -1,187 +1,177 @@
-"""Laws of the vision filter: the steady state of a critically damped alpha-beta filter, in closed form."""
+"""Laws of the Kalman filter of vision: a textbook's matrices, what it tracks exactly, and how sure it says it is."""
+
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from driven import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, drive, filtered
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.linalg import solve_discrete_lyapunov
 
-from omni_control.filter import PoseFilter
+from omni_control import filter as vision_filter
+from omni_control.filter import KalmanFilter
 from omni_control.kinematics import Array
 
-LAW = settings(deadline=None, max_examples=60, derandomize=True)
+LAW = settings(deadline=None, max_examples=25, derandomize=True)
 
-T = 1 / 60
-SEEN = np.array([True])
-# Up to 0.9 the transient k s^k has gone below 1e-13 after 350 frames.
-STEADY = 350
-
-smoothings = st.floats(0.05, 0.9)
-triples = st.tuples(*[st.floats(-3, 3)] * 3)
+seeds = st.integers(0, 2**32 - 1)
 
 
-def filtered(measured: Array, smoothing: float, start: Array | None = None) -> tuple[Array, Array]:
-    """Poses and twists (frames, n, 3) after each of the measured poses (frames, n, 3), all valid."""
-    vision = PoseFilter(measured[0] if start is None else start, T, smoothing)
-    valid, poses, twists = np.ones(measured.shape[1], bool), [], []
-    for pose in measured:
-        poses.append(vision.update(pose, valid))
-        twists.append(vision.twist)
-    return np.array(poses), np.array(twists)
+@pytest.fixture(scope="module")
+def frozen() -> Iterator[None]:
+    """The process noise as it is stated, not scaled."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(vision_filter, "SCALE_BOUNDS", (1.0, 1.0))
+        yield
+
+
+def textbook(measured: Array, displacement: Array, start: float, noise: float, wander: float) -> dict[str, Array]:
+    """The Kalman filter of one robot's axis in matrices: predict, then correct in Joseph's form."""
+    f, h = np.array([[1, T], [0, np.exp(-T / DRIFT_TIME_S)]]), np.array([[1.0, 0.0]])
+    x, p = np.array([start, 0.0]), np.diag([noise**2, 0.0])
+    said = []
+    for z, q in zip(measured, displacement, strict=True):
+        x = f @ x + [q, 0]
+        p = f @ p @ f.T + np.diag([(GAIN_ERROR * q) ** 2, wander**2 * T])
+        normalised = np.nan
+        if not np.isnan(z):
+            s = (h @ p @ h.T + noise**2).item()
+            k = p @ h.T / s
+            normalised = (z - x[0]) / np.sqrt(s)
+            x = x + k[:, 0] * (z - x[0])
+            joseph = np.eye(2) - k @ h
+            p = joseph @ p @ joseph.T + k @ k.T * noise**2
+        said.append((x[0], q / T + x[1], x[1], np.sqrt(p[0, 0]), normalised))
+    return dict(zip(("pose", "twist", "drift", "sigma", "normalised"), np.array(said).T, strict=True))
+
+
+@pytest.mark.usefixtures("frozen")
+@LAW
+@given(seeds, st.floats(0, 0.9))
+def test_it_is_the_textbooks_kalman_filter(seed: int, missed: float) -> None:
+    """With the process noise as it is stated: pose, twist, drift, sigma and innovations, gaps included, to 1e-9."""
+    _, measured, displacement = drive(seed, 120, 2, missed=missed)
+    start = np.zeros((2, 3))
+    said = filtered(measured, displacement, start)
+    for axis in range(3):
+        expected = textbook(measured[:, 1, axis], displacement[:, 1, axis], 0.0, NOISE[axis], DRIFT[axis])
+        for name, values in expected.items():
+            np.testing.assert_allclose(said[name][:, 1, axis], values, rtol=1e-9, atol=1e-9, err_msg=name)
 
 
 @LAW
-@given(triples, triples, smoothings)
-def test_constant_velocity_is_followed_without_lag(
-    start: tuple[float, ...], twist: tuple[float, ...], smoothing: float
-) -> None:
-    """A filter of two integrators has no error for a ramp: pose and twist are those of the robot."""
-    seconds = np.arange(STEADY)[:, None, None] * T
-    truth = np.array([start]) + seconds * np.array([twist])
-    poses, twists = filtered(truth, smoothing)
-    # The rest of the transient: a start of 3 m/s times T times 350 * 0.9^350 is 2e-15; poses of 20 m round at 4e-15.
-    np.testing.assert_allclose(poses[-1], truth[-1], rtol=0, atol=1e-13)
-    np.testing.assert_allclose(twists[-1, 0], twist, rtol=0, atol=1e-13 / T)
+@given(seeds, st.floats(0, 0.9))
+def test_a_perfect_robot_seen_perfectly_is_tracked_exactly(seed: int, missed: float) -> None:
+    """What does as told surprises nobody: poses are the true ones, seen or not, the drift is nought."""
+    rng = np.random.default_rng(seed)
+    start, displacement = rng.uniform(-2, 2, (3, 3)), rng.uniform(-0.05, 0.05, (100, 3, 3))
+    true = start + np.cumsum(displacement, axis=0)
+    seen = np.where(rng.random((100, 3, 1)) < missed, np.nan, true)
+    seen[..., 2] = np.angle(np.exp(1j * seen[..., 2]))
+    said = filtered(seen, displacement, start)
+    # Poses of size 3 and angles of size 7 round at 9e-16, a hundred times; a frame divides the drift.
+    np.testing.assert_allclose(said["pose"], true, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(said["twist"], displacement / T, rtol=0, atol=1e-11)
+
+
+@pytest.mark.usefixtures("frozen")
+@LAW
+@given(seeds, st.floats(0, 1))
+def test_with_its_noise_fixed_the_filter_is_linear(seed: int, share: float) -> None:
+    """The same mixture of two observations and starts gives that mixture of the two estimates."""
+    rng = np.random.default_rng(seed)
+    _, one, displacement = drive(seed, 60, 2)
+    start = rng.uniform(-0.3, 0.3, (2, 2, 3))
+    other = one + rng.normal(0, 0.1, one.shape)
+    a, b = filtered(one, displacement, start[0]), filtered(other, displacement, start[1])
+    mixed = filtered(share * one + (1 - share) * other, displacement, share * start[0] + (1 - share) * start[1])
+    for name in ("pose", "drift"):
+        # Headings never half a turn from what is seen, none is wrapped; numbers of size 3 in 60 steps.
+        np.testing.assert_allclose(mixed[name], share * a[name] + (1 - share) * b[name], rtol=0, atol=1e-11)
+    np.testing.assert_array_equal(mixed["sigma"], a["sigma"])
 
 
 @LAW
-@given(triples, smoothings)
-def test_constant_acceleration_is_followed_with_the_known_lag(acceleration: tuple[float, ...], s: float) -> None:
-    """The pose lags by a T^2 s^2 / (1 - s)^2 and the twist by a T ((1 + s) / (1 - s) - 1/2).
-
-    In the steady state the twist gains a T a frame, which takes a surprise r = a T^2 / beta; of it the pose keeps
-    (1 - alpha) r. The true pose moves (v + a T / 2) T a frame and the filtered one v_hat T + alpha r, the same while
-    the lag is steady: v - v_hat = alpha r / T - a T / 2. Here alpha = 1 - s^2 and beta = (1 - s)^2.
-    """
-    a = np.array([acceleration])
-    seconds = np.arange(STEADY)[:, None, None] * T
-    poses, twists = filtered(a * seconds**2 / 2, s)
-    pose_lag = a * seconds[-1] ** 2 / 2 - poses[-1]
-    twist_lag = a * seconds[-1] - twists[-1]
-    # Poses of up to 51 m round at 7e-15, accumulated over a memory of 20 frames; the transient is gone as above.
-    np.testing.assert_allclose(pose_lag, a * T**2 * s**2 / (1 - s) ** 2, rtol=0, atol=5e-13)
-    np.testing.assert_allclose(twist_lag, a * T * ((1 + s) / (1 - s) - 0.5), rtol=0, atol=5e-13 / T)
-
-
-@LAW
-@given(smoothings)
-def test_a_jump_is_forgotten_with_a_double_pole_at_the_smoothing(s: float) -> None:
-    """Critically damped: after a jump of 1 the error in frame k is s^(k+1) (s - k (1 - s)).
-
-    It is (A + B k) s^k with A = s^2 left after the first frame and, as the twist overshoots, s^2 (2 s - 1) after the
-    second.
-    """
-    poses, _ = filtered(np.ones((100, 1, 3)), s, start=np.zeros((1, 3)))
-    k = np.arange(100)
-    expected = s ** (k + 1) * (s - k * (1 - s))
-    # Numbers of size 1, with roundings that die out as fast as the jump.
-    np.testing.assert_allclose(1 - poses[:, 0], np.repeat(expected[:, None], 3, axis=1), rtol=0, atol=1e-14)
+@given(seeds, st.tuples(*[st.floats(-5, 5)] * 3))
+def test_neither_the_origin_nor_the_sign_of_the_axes_matters(seed: int, offset: tuple[float, ...]) -> None:
+    """Poses moved by a constant, or mirrored with their commands, give estimates moved or mirrored."""
+    _, measured, displacement = drive(seed, 60, 2)
+    start = measured[0] = np.zeros((2, 3))
+    said = filtered(measured, displacement, start)
+    mirrored = filtered(-measured, -displacement, -start)
+    moved = measured + offset
+    moved[..., 2] = np.angle(np.exp(1j * moved[..., 2]))
+    moved_said = filtered(moved, displacement, start + offset)
+    for name, sign in (("pose", -1), ("twist", -1), ("drift", -1), ("sigma", 1), ("normalised", -1)):
+        np.testing.assert_array_equal(mirrored[name], sign * said[name])
+        expected = said[name] + offset if name == "pose" else said[name]
+        # Rounding of poses of size 5, over a frame for the twist, and over 1.3 mm for the normalised innovation.
+        np.testing.assert_allclose(moved_said[name], expected, rtol=0, atol=1e-10, err_msg=name)
 
 
 @LAW
-@given(smoothings)
-def test_white_noise_is_reduced_by_the_known_factors(s: float) -> None:
-    """Variances per variance of vision: (1-s)(1+4s+5s^2)/(1+s)^3 for the pose, 2(1-s)^3/(1+s)^3/T^2 for the twist.
-
-    These are those of the fading-memory filter of first degree (Morrison, 1969). The variance of a linear filter fed
-    with white noise is the sum of the squares of its impulse response.
-    """
-    impulse = np.zeros((STEADY, 1, 3))
-    impulse[0] = 1.0
-    poses, twists = filtered(impulse, s, start=np.zeros((1, 3)))
-    # What is cut off the sums is below 1e-20.
-    pose_variance = (1 - s) * (1 + 4 * s + 5 * s**2) / (1 + s) ** 3
-    twist_variance = 2 * (1 - s) ** 3 / (1 + s) ** 3 / T**2
-    np.testing.assert_allclose((poses**2).sum((0, 1)), pose_variance, rtol=1e-12)
-    np.testing.assert_allclose((twists**2).sum((0, 1)), twist_variance, rtol=1e-12)
-
-
-def test_noise_of_many_robots_has_the_covariance_of_the_lyapunov_equation() -> None:
-    """The ensemble's covariance P of pose and twist solves P = A P A' + K R K', with A = (I - K H) F."""
-    # Noise small enough that no heading is ever surprised by half a turn.
-    s, robots, sigma = 0.6, 20_000, 0.01
-    noise = np.random.default_rng(0).normal(0, sigma, (60, robots, 3))
-    poses, twists = filtered(noise, s, start=np.zeros((robots, 3)))
-    gain = np.array([[1 - s**2], [(1 - s) ** 2 / T]])
-    transition = (np.eye(2) - gain @ [[1, 0]]) @ [[1, T], [0, 1]]
-    expected = solve_discrete_lyapunov(transition, sigma**2 * gain @ gain.T)
-    covariance = np.cov(poses[-1].ravel(), twists[-1].ravel())
-    # A variance from 60 000 samples is uncertain by sqrt(2 / 60000) = 0.6 %: five standard deviations.
-    np.testing.assert_allclose(covariance, expected, rtol=0.03)
-
-
-@LAW
-@given(st.floats(-np.pi, np.pi), st.floats(-20, 20), smoothings)
-def test_headings_are_followed_over_full_turns(heading: float, rate: float, smoothing: float) -> None:
+@given(st.floats(-np.pi, np.pi), st.floats(-20, 20))
+def test_headings_are_followed_over_full_turns(heading: float, rate: float) -> None:
     """Vision reports angles in (-pi, pi]; the filtered heading is the one that an uncut angle would give."""
-    turning = np.zeros((STEADY, 1, 3))
-    turning[:, 0, 2] = heading + rate * T * np.arange(STEADY)
+    turning = np.zeros((200, 1, 3))
+    turning[:, 0, 2] = heading + rate * T * np.arange(200)
     reported = turning.copy()
     reported[..., 2] = np.angle(np.exp(1j * turning[..., 2]))
-    # 20 rad/s surprises a filter at rest by 1/3 rad in the first frames, never by half a turn, so none is lost.
-    uncut, _ = filtered(turning, smoothing)
-    poses, _ = filtered(reported, smoothing, start=turning[0])
-    # Angles of up to 120 rad round at 1e-14, and so do the turns that are taken off them.
-    np.testing.assert_allclose(poses, uncut, rtol=0, atol=1e-12)
-    assert poses[-1, 0, 2] == pytest.approx(heading + rate * T * (STEADY - 1), abs=1e-12)
+    # Commanded at 0.9 of the rate, as by a robot with alpha = 1.1: the rest is drift.
+    displacement = np.broadcast_to([0, 0, 0.9 * rate * T], turning.shape)
+    uncut = filtered(turning, displacement, turning[0])
+    said = filtered(reported, displacement, turning[0])
+    # Angles of up to 70 rad round at 1e-14, and so do the turns that are taken off them.
+    np.testing.assert_allclose(said["pose"], uncut["pose"], rtol=0, atol=1e-12)
+    # Without noise the innovation of a steady ramp keeps what the drift forgets in a frame, 3 % of a lag of frames.
+    np.testing.assert_allclose(said["pose"][-1, 0, 2], turning[-1, 0, 2], rtol=0, atol=0.03)
 
 
 def test_a_robot_that_faces_backwards_does_not_spin() -> None:
     """Vision that flickers between +179 and -179 deg says 180 deg, not 0."""
     headings = np.radians([179.0, -179.0] * 200)
     measured = np.stack([0 * headings, 0 * headings, headings], axis=1)[:, None]
-    poses, twists = filtered(measured, 0.8)
+    said = filtered(measured, np.zeros_like(measured), np.array([[0, 0, np.pi]]))
     # One degree of flicker at half the frame rate is passed on at most as it is.
-    assert np.abs(np.degrees(poses[-100:, 0, 2]) - 180).max() < 1
-    assert abs(twists[-100:, 0, 2].mean()) < np.radians(0.1)
+    assert np.abs(np.degrees(said["pose"][..., 2]) - 180).max() < 1
+    assert abs(said["twist"][-100:, 0, 2].mean()) < np.radians(0.1)
 
 
-@LAW
-@given(triples, triples, smoothings, st.integers(1, 60))
-def test_a_robot_not_seen_is_carried_on_at_its_twist(
-    start: tuple[float, ...], twist: tuple[float, ...], smoothing: float, missed: int
-) -> None:
-    """While it is out of sight its pose moves by the last twist, whatever vision fills in, even not-a-number."""
-    vision = PoseFilter(np.array([start]), T, smoothing)
-    for k in range(40):
-        vision.update(np.array([start]) + k * T * np.array([twist]), SEEN)
-    pose, last = vision.pose.copy(), vision.twist.copy()
-    for _ in range(missed):
-        carried = vision.update(np.full((1, 3), np.nan), ~SEEN)
-    # Sixty additions to poses of size 10.
-    np.testing.assert_allclose(carried, pose + missed * T * last, rtol=0, atol=1e-12)
-    assert np.array_equal(vision.twist, last)
-
-
-def test_a_gap_at_constant_velocity_leaves_no_trace() -> None:
-    """Carried on at the right twist, a robot is where vision sees it again: the steady state is not disturbed."""
-    vision, twist = PoseFilter(np.zeros((1, 3)), T, 0.7), np.array([[2.0, -1.0, 3.0]])
-    for k in range(STEADY):
-        vision.update(k * T * twist, SEEN)
-    for k in range(STEADY, STEADY + 30):
-        pose = vision.update(k * T * twist, np.array([k >= STEADY + 20]))
-        # Poses of 19 rad round at 4e-15; the transient of 0.7^350 is gone.
-        np.testing.assert_allclose(pose, k * T * twist, rtol=0, atol=1e-12)
+def test_each_robots_each_axis_may_be_missed_by_itself() -> None:
+    """What is seen of one axis says nothing of another: that alone is filtered, the others are carried on."""
+    _, measured, displacement = drive(0, 80, 2, missed=0.0)
+    partly = measured.copy()
+    partly[40:, 0, 1] = np.nan
+    whole, said = (filtered(m, displacement, measured[0]) for m in (measured, partly))
+    seen = ~np.isnan(partly)
+    for name in ("pose", "drift", "sigma", "normalised"):
+        np.testing.assert_array_equal(said[name][:, 1], whole[name][:, 1])
+        np.testing.assert_array_equal(said[name][:, 0, ::2], whole[name][:, 0, ::2])
+    assert np.array_equal(np.isnan(said["normalised"]), ~seen)
+    # Carried on: the commanded displacement, and the drift, which is forgotten.
+    drift = said["drift"][39, 0, 1] * np.exp(-T / DRIFT_TIME_S * np.arange(40))
+    path = said["pose"][39, 0, 1] + np.cumsum(displacement[40:, 0, 1] + T * drift)
+    np.testing.assert_allclose(said["pose"][40:, 0, 1], path, rtol=0, atol=1e-13)
 
 
 def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
     """A robot's estimate does not depend, in its last bit, on the others, nor on whether they are seen."""
-    rng = np.random.default_rng(0)
-    measured, valid = rng.normal(size=(50, 9, 3)), rng.random((50, 9)) < 0.8
-
-    def run(rows: slice) -> Array:
-        vision = PoseFilter(measured[0, rows], T, 0.6)
-        return np.array([vision.update(m[rows], v[rows]) for m, v in zip(measured, valid, strict=True)])
-
-    batch = run(slice(None))
-    assert all(np.array_equal(run(slice(i, i + 1))[:, 0], batch[:, i]) for i in range(9))
+    _, measured, displacement = drive(3, 80, 9, missed=0.2)
+    batch = filtered(measured, displacement, np.zeros((9, 3)))
+    for i in range(9):
+        alone = filtered(measured[:, i : i + 1], displacement[:, i : i + 1], np.zeros((1, 3)))
+        for name, values in alone.items():
+            np.testing.assert_array_equal(values[:, 0], batch[name][:, i])
 
 
 def test_filter_and_caller_do_not_share_arrays() -> None:
-    """The measured poses are not changed, and the caller may reuse the array of the poses at the start."""
-    start, measured = np.zeros((2, 3)), np.ones((2, 3))
-    vision = PoseFilter(start, T, 0.5)
+    """The arrays given are not changed, and the caller may reuse that of the poses at the start."""
+    start, measured, displacement = np.zeros((2, 3)), np.full((2, 3), 0.5), np.full((2, 3), 0.25)
+    kalman = KalmanFilter(start, T, NOISE)
     start[:] = 9
-    # s^2 = 1/4 of the jump is left; the second robot, not seen, stays where it started. Exact in binary.
-    assert vision.update(measured, np.array([True, False])).tolist() == [[0.75] * 3, [0.0] * 3]
-    assert (measured == 1).all()
+    measured[1] = np.nan
+    pose = kalman.update(measured, displacement)
+    np.testing.assert_array_equal(pose[1], 0.25)
+    assert (pose[0] < 0.5).all()
+    np.testing.assert_array_equal(measured, [[0.5] * 3, [np.nan] * 3])
+    np.testing.assert_array_equal(displacement, 0.25)

@@ -1,4 +1,4 @@
-"""Laws of the trackers in closed loop with the plant of equation 7, whose dead time and factors are known."""
+"""Laws of the fuzzy trackers in closed loop with the plant of equation 7, whose dead time and factors are known."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +11,8 @@ from scipy.optimize import brentq
 
 from omni_control.kinematics import Array
 from omni_control.reference import IteratedReference, MotionLimits, Reference, TimedReference
-from omni_control.tracker import TRACKERS, Tracker, TrackerSettings
+from omni_control.tracker import Observation, Tracker, TrackerSettings
+from omni_control.trackers import TRACKERS
 
 LAW = settings(deadline=None, max_examples=25, derandomize=True)
 
@@ -24,7 +25,8 @@ REFERENCES: dict[str, Callable[[int], Reference]] = {
     "iterated": lambda n: IteratedReference(PATH, LIMITS, T, n),
 }
 both_references = pytest.mark.parametrize("reference", REFERENCES)
-both_trackers = pytest.mark.parametrize("name", TRACKERS)
+FUZZY = ("flc", "comp-flc")
+both_trackers = pytest.mark.parametrize("name", FUZZY)
 
 # Robots that start within the controller's range; headings less than half a turn off, which has no shorter side.
 starts = st.tuples(st.floats(-0.12, 0.12), st.floats(-0.12, 0.12), st.floats(-3, 3))
@@ -38,6 +40,12 @@ class Run:
     predicted: Array
     sent: Array
     alpha_hat: Array
+
+
+def seen_at(pose: Array) -> Observation:
+    """What is known of robots whose filtered poses alone are known: these trackers ask for nothing else."""
+    unknown = np.full_like(pose, np.nan)
+    return Observation(pose, unknown, unknown)
 
 
 def drive(
@@ -57,7 +65,7 @@ def drive(
     rows: list[tuple[Array, ...]] = []
     for k in range(frames):
         seen = pose if noise is None else pose + noise[k]
-        sent = np.clip(tracker.command(first_frame + k, seen, sent), -highest, highest)
+        sent = np.clip(tracker.command(first_frame + k, seen_at(seen), sent), -highest, highest)
         rows.append((pose, np.array(tracker.predicted), sent, np.array(tracker.alpha_hat)))
         flying.append(sent)
         pose = pose + alpha * T * flying.pop(0)
@@ -81,7 +89,7 @@ def test_without_dead_time_both_controllers_are_the_same(reference: str) -> None
     rng = np.random.default_rng(0)
     start, noise = rng.uniform(-0.1, 0.1, (4, 3)), rng.normal(0, 0.01, (FRAMES, 4, 3))
     runs = [
-        drive(TRACKERS[name](settings_for(0), REFERENCES[reference](4), 4), start, 0, noise=noise) for name in TRACKERS
+        drive(TRACKERS[name](settings_for(0), REFERENCES[reference](4), 4), start, 0, noise=noise) for name in FUZZY
     ]
     assert len(runs) == 2
     assert np.array_equal(runs[0].sent, runs[1].sent)
@@ -129,7 +137,7 @@ def test_predicted_is_the_true_pose_once_alpha_is_known(reference: str) -> None:
     run = drive(tracker, np.array([[-0.05, 0.05, 0.2]]), delay, alpha=alpha)
     known = slice(60, FRAMES - delay)
     # The estimate's error contracts with every frame of motion: below 1e-9 after a second.
-    np.testing.assert_allclose(run.alpha_hat[known, 0], np.broadcast_to(alpha[:2], (54, 2)), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(run.alpha_hat[known, 0], np.broadcast_to(alpha, (54, 3)), rtol=0, atol=1e-9)
     np.testing.assert_allclose(run.predicted[known], run.pose[60 + delay :], rtol=0, atol=1e-9)
 
 
@@ -162,7 +170,7 @@ def test_flc_lags_a_constant_acceleration_by_a_known_error_and_comp_flc_does_not
     delay, frames = 3, 200
     reference = TimedReference([[0, 0, 0], [20, 0, 0]], MotionLimits(speed=10), T)
     error = {}
-    for name in TRACKERS:
+    for name in FUZZY:
         run = drive(TRACKERS[name](settings_for(delay), reference, 1), np.zeros((1, 3)), delay, frames)
         error[name] = reference.poses[frames - 1, 0] - run.pose[-1, 0, 0]
     lag = brentq(lambda e: fuzzy_velocity(e) - LIMITS.acceleration * delay * T, 0, 0.05)
@@ -176,7 +184,7 @@ def test_comp_flc_beats_flc_with_the_papers_dead_time() -> None:
     """k_d = 6, the paper's limits: through all accelerations and stops, far less error in maximum and mean."""
     reference = TimedReference([[0, 0, 0], [2, 1, 0], [0, 1, 0]], LIMITS, T)
     maximum, mean = {}, {}
-    for name in TRACKERS:
+    for name in FUZZY:
         run = drive(TRACKERS[name](settings_for(6), reference, 1), np.zeros((1, 3)), 6, reference.frames)
         error = position_error(run, reference)
         maximum[name], mean[name] = error.max(), error.mean()
@@ -214,7 +222,7 @@ def test_whole_turns_of_the_heading_do_not_count(name: str, turns: int) -> None:
     """Headings count full turns, which are no error: a robot that faces right is not told to turn."""
     reference = TimedReference([[0, 0, 0.5]], LIMITS, T)
     tracker = TRACKERS[name](settings_for(6), reference, 1)
-    command = tracker.command(0, np.array([[0, 0, 0.5 + 2 * np.pi * turns]]), np.zeros((1, 3)))
+    command = tracker.command(0, seen_at(np.array([[0, 0, 0.5 + 2 * np.pi * turns]])), np.zeros((1, 3)))
     # Forty turns are rounded at 3e-14 rad, times the gain of 3 / s.
     np.testing.assert_allclose(command, 0, atol=2e-13)
 
@@ -224,7 +232,7 @@ def test_the_settings_ranges_scale_the_correction(name: str) -> None:
     """Beyond error_range_m from a resting reference the correction is 5/6 of speed_range_m_s, at its half one half."""
     reference = TimedReference([[0, 0, 0]], LIMITS, T)
     tracker = TRACKERS[name](TrackerSettings(T, 0, error_range_m=0.4, speed_range_m_s=3.0), reference, 2)
-    command = tracker.command(0, np.array([[-0.5, 0.4, 0], [0.2, 0.0, 0]]), np.zeros((2, 3)))
+    command = tracker.command(0, seen_at(np.array([[-0.5, 0.4, 0], [0.2, 0.0, 0]])), np.zeros((2, 3)))
     # Roundings of numbers of size 1.
     np.testing.assert_allclose(command, [[2.5, -2.5, 0], [-1.5, 0, 0]], rtol=0, atol=1e-14)
 
@@ -254,3 +262,21 @@ def test_a_row_of_a_batch_is_what_it_is_alone(name: str, reference: str) -> None
     batch = run(slice(None))
     assert all(np.array_equal(run(slice(i, i + 1))[:, 0], batch[:, i]) for i in range(n))
     assert np.array_equal(run(slice(2, 5)), batch[:, 2:5])
+
+
+@both_trackers
+def test_fuzzy_trackers_do_not_estimate_the_latency(name: str) -> None:
+    tracker = TRACKERS[name](settings_for(6), REFERENCES["timed"](2), 2)
+    drive(tracker, np.zeros((2, 3)), 6)
+    np.testing.assert_array_equal(tracker.latency_hat, np.full((2, 3), np.nan))
+
+
+def test_a_tracker_that_says_nothing_of_itself_is_recorded_as_estimating_nothing() -> None:
+    """Attributes have the shapes of the record before the first command; the command is the deriver's to write."""
+    tracker = Tracker(settings_for(6), REFERENCES["timed"](3), 3)
+    np.testing.assert_array_equal(tracker.predicted, np.full((3, 3), np.nan))
+    np.testing.assert_array_equal(tracker.alpha_hat, np.ones((3, 3)))
+    np.testing.assert_array_equal(tracker.latency_hat, np.full((3, 3), np.nan))
+    assert not tracker.knows_truth
+    with pytest.raises(NotImplementedError):
+        tracker.command(0, seen_at(np.zeros((3, 3))), np.zeros((3, 3)))

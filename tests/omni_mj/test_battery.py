@@ -11,7 +11,8 @@ from scipy.integrate import cumulative_trapezoid
 
 from omni_mj.battery import Battery
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.settings import BatterySettings, FirmwareSettings, RadioSettings, SensorSettings, Settings
+from omni_mj.radio import Received
+from omni_mj.settings import BatterySettings, FirmwareSettings, SensorSettings, Settings
 
 FRAME_S = 1 / 60
 STEPS = 16
@@ -158,10 +159,9 @@ def test_batteries_are_each_robots_own() -> None:
 
 
 def robot_with(**values: float) -> Settings:
-    """The default robot, but for its battery; gyro, radio and turn-rate loop do not disturb."""
+    """The default robot, but for its battery; gyro and turn-rate loop do not disturb."""
     still = Settings(
         sensors=SensorSettings(gyro_noise_rad_s=0.0, gyro_bias_rad_s=0.0),
-        radio=RadioSettings(delay_frames=0),
         firmware=FirmwareSettings(turn_gain=0.0),
     )
     return dataclasses.replace(still, battery=BatterySettings(**values))  # type: ignore[arg-type]
@@ -171,7 +171,7 @@ def turn(chosen: list[Settings], rate: float, frames: int) -> MujocoPlant:
     n = len(chosen)
     plant = MujocoPlant(chosen, np.zeros((n, 3)), [0] * n, frames)
     for frame in range(frames):
-        plant.advance(frame, np.tile([0.0, 0.0, rate], (n, 1)), plant.pose()[:, 2])
+        plant.advance(frame, Received.at_once(np.tile([0.0, 0.0, rate], (n, 1)), plant.pose()[:, 2]))
     return plant
 
 
@@ -213,7 +213,7 @@ def test_an_empty_battery_stops_the_robot() -> None:
     plant = MujocoPlant([robot_with(charge=0.04)], np.zeros((1, 3)), [0], frames)
     positions, battery_v = [], []
     for frame in range(frames):
-        plant.advance(frame, np.array([[1.0, 0.0, 0.0]]), np.zeros(1))
+        plant.advance(frame, Received.at_once(np.array([[1.0, 0.0, 0.0]]), np.zeros(1)))
         positions.append(plant.pose()[0, 0])
         battery_v.append(plant.telemetry().battery[0])
     # 19.9 V are below the cut-off from the start: what drives is cut at once, and the shorted motors brake. It stands

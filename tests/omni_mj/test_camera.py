@@ -1,5 +1,6 @@
 """The camera: its noise and misses as statistics, its seeds, its headings."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -70,6 +71,37 @@ def test_misses_happen_as_often_as_asked_for(probability: float) -> None:
 def test_every_robot_is_seen_in_the_first_frame() -> None:
     _, seen = watch(VisionSettings(miss_probability=0.9), list(range(50)), 1)
     assert seen.all()
+
+
+@pytest.mark.parametrize("length", [2, 10, 60])
+def test_gaps_are_as_long_as_asked_for_unless_they_overlap(length: int) -> None:
+    """A gap of `miss_frames` begins wherever a camera of single misses misses: with others it makes one longer gap."""
+    vision = VisionSettings(miss_probability=0.02)
+    _, single = watch(vision, [3, 4], FRAMES // 10)
+    measured, seen = watch(dataclasses.replace(vision, miss_frames=length), [3, 4], FRAMES // 10)
+    expected = np.array([single[max(0, k - length + 1) : k + 1].all(0) for k in range(len(seen))])
+    later = slice(length, None)  # of what began in the first frame, which is always seen, a rest may be missed
+    np.testing.assert_array_equal(seen[later], expected[later])
+    assert np.isnan(measured[~seen]).all()
+    assert np.isfinite(measured[seen]).all()
+
+
+@pytest.mark.parametrize(("probability", "length"), [(0.002, 10), (0.02, 10), (0.3, 3), (0.001, 60)])
+def test_longer_gaps_hide_the_share_that_they_should(probability: float, length: int) -> None:
+    """Seen are the frames in which, and in the `miss_frames` - 1 before which, no gap began: (1 - p)^miss_frames."""
+    _, seen = watch(VisionSettings(miss_probability=probability, miss_frames=length), [3], FRAMES)
+    # Frames within two lengths of each other are related: there are at least n / (2 miss_frames) independent ones.
+    share = (1 - probability) ** length
+    spread = math.sqrt(share * (1 - share) * 2 * length / FRAMES)
+    assert seen.mean() == pytest.approx(share, abs=SIGMAS * spread)
+
+
+def test_every_robot_is_seen_in_the_first_frame_however_long_its_gaps_are() -> None:
+    """Also of a gap longer than the run, which may begin in any frame but the first."""
+    _, seen = watch(VisionSettings(miss_probability=0.05, miss_frames=600), list(range(50)), 60)
+    assert seen[0].all()
+    assert (np.diff(seen.astype(int), axis=0) <= 0).all()  # no gap ends within the run
+    assert not seen[-1].all()
 
 
 def test_misses_do_not_change_the_noise() -> None:

@@ -9,6 +9,7 @@ import pytest
 from omni_control.kinematics import Array
 from omni_mj import robot
 from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.radio import Received
 from omni_mj.settings import PERIOD_S, FirmwareSettings, PhysicsSettings, SensorSettings, Settings
 
 QUIET = Settings(sensors=SensorSettings(gyro_noise_rad_s=0, gyro_bias_rad_s=0))
@@ -22,7 +23,7 @@ def drive(settings: Settings, commands: Array, start: Array | None = None) -> tu
     plant = MujocoPlant([settings] * n, np.zeros((n, 3)) if start is None else start, [0] * n, frames)
     poses = [plant.pose()]
     for frame, command in enumerate(commands):
-        plant.advance(frame, command, np.full(n, np.nan))
+        plant.advance(frame, Received.at_once(command))
         poses.append(plant.pose())
     return plant, np.array(poses)
 
@@ -58,10 +59,10 @@ def test_driving_in_eight_directions_and_turning_follows_the_wheels() -> None:
     plant = MujocoPlant([STIFF] * 9, np.zeros((9, 3)), [0] * 9, 90)
     kinematics = robot.kinematics(robot.load_model())
     for frame in range(60):
-        plant.advance(frame, commands[frame], np.full(9, np.nan))
+        plant.advance(frame, Received.at_once(commands[frame]))
     pose, wheels = plant.pose(), plant.telemetry().wheel_angle
     for frame in range(60, 90):
-        plant.advance(frame, commands[frame], np.full(9, np.nan))
+        plant.advance(frame, Received.at_once(commands[frame]))
     moved, rolled = plant.pose() - pose, kinematics.body_twist(plant.telemetry().wheel_angle - wheels)
     # The wheels' angles integrate in the body frame; headings stay within a fraction of a degree except when turning.
     along = twists / np.linalg.norm(twists, axis=1, keepdims=True)

@@ -10,6 +10,7 @@ from omni_control.kinematics import Array
 from omni_mj import contact_roller, robot, scenario
 from omni_mj.loop import Simulation
 from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.radio import Received
 from omni_mj.settings import PERIOD_S, SensorSettings, Settings, WheelSettings
 
 FAST = WheelSettings(model="contact-roller")
@@ -43,7 +44,7 @@ def test_velocities_in_closed_loop_profiles_agree() -> None:
         plant, poses = MujocoPlant([settings] * 6, np.zeros((6, 3)), [0] * 6, 90), []
         for frame in range(90):
             share = np.minimum(1.0, rates * (frame + 1) * PERIOD_S / size)
-            plant.advance(frame, twists * share[:, None], np.full(6, np.nan))
+            plant.advance(frame, Received.at_once(twists * share[:, None]))
             poses.append(plant.pose())
         velocities.append(np.diff(poses, axis=0) / PERIOD_S)
     along = twists / size[:, None]
@@ -71,7 +72,7 @@ def test_wheel_angles_go_on_while_the_model_steps_back() -> None:
     plant, speeds = MujocoPlant([settings] * 2, np.zeros((2, 3)), [0, 0], 60), []
     start = plant.telemetry().wheel_angle
     for frame in range(60):
-        plant.advance(frame, np.array([[0.6, 0, 0], [0, 0, -5.0]]), np.full(2, np.nan))
+        plant.advance(frame, Received.at_once(np.array([[0.6, 0, 0], [0, 0, -5.0]])))
         speeds.append(plant.telemetry().wheel_speed)
     turned = plant.telemetry().wheel_angle - start
     assert (np.abs(turned) > 10).all()

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from omni_mj import robot
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.settings import PERIOD_S, PhysicsSettings, RadioSettings, SensorSettings, Settings
+from omni_mj.radio import Received
+from omni_mj.settings import PERIOD_S, PhysicsSettings, SensorSettings, Settings
 
 RADIUS_M, MASS_KG = 0.0285, 2.3
 GRAVITY = 9.81
 # At a wheel, N m: the motor's no-load current, the gear, and lint as a share of a quarter of the weight at the rim.
 DRY_FRICTION = 0.036 * 0.238 * 60 / 18 + 0.003 + 0.065 * MASS_KG * GRAVITY / 4 * RADIUS_M
-QUIET = Settings(sensors=SensorSettings(gyro_noise_rad_s=0.0, gyro_bias_rad_s=0.0), radio=RadioSettings(delay_frames=0))
+QUIET = Settings(sensors=SensorSettings(gyro_noise_rad_s=0.0, gyro_bias_rad_s=0.0))
 
 
 class Tape:
@@ -67,7 +68,7 @@ def test_energy_audit_of_a_driven_robot(substeps: int, tolerance: float) -> None
         # Speeding up forward, curving away, braking hard, then backwards and turning: the end is in full motion.
         time = frame * PERIOD_S
         twist = [1.8 * np.sin(4.5 * time), 0.8 * np.sin(3.0 * time), 4.0 * np.sin(6.0 * time)]
-        plant.advance(frame, np.array([twist]), plant.pose()[:, 2])
+        plant.advance(frame, Received.at_once(np.array([twist]), plant.pose()[:, 2]))
         electrical += (plant._voltages * plant._currents).sum() / 960
         reported.append(plant.telemetry())
         np.testing.assert_array_equal(plant._currents[-1], reported[-1].current)

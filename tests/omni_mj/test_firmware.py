@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from omni_control.kinematics import Kinematics
 from omni_mj.firmware import Firmware
+from omni_mj.radio import Received
 from omni_mj.robot import Motor
 from omni_mj.settings import FirmwareSettings, MotorSettings, SensorSettings, Settings
 
@@ -17,7 +18,6 @@ UNLIMITED_V = 1e9
 FINE_COUNTS = 10**12  # an encoder whose steps vanish beside rounding
 FRAME_S = 1 / 60
 STILL = np.zeros(1)
-NO_VISION = np.full(1, np.nan)
 COLD = np.full((1, 4), 25.0)
 
 finite = st.floats(-10, 10)
@@ -47,7 +47,7 @@ class Robot:
         self.firmware.duties(STILL, self.angle[None])  # at rest, where the encoders begin to count
 
     def obey(self, command: NDArray, winding: NDArray = COLD) -> None:
-        self.firmware.receive(np.asarray(command, float)[None], NO_VISION, winding)
+        self.firmware.receive(Received.at_once(np.asarray(command, float)[None]), winding)
 
     def voltages(self, speed: NDArray | float = 0.0, gyro: float = 0.0) -> NDArray:
         """Volts (4,) of a nominal battery after one step in which the wheels turned at `speed`."""
@@ -183,7 +183,7 @@ def test_wheels_and_robots_have_their_own_integrals() -> None:
     )
     chosen = Settings(firmware=gains, sensors=SensorSettings(encoder_counts=FINE_COUNTS))
     pid = Firmware([chosen, chosen], KINEMATICS, MOTOR, np.zeros(2), 0.5, FRAME_S)
-    pid.receive(np.zeros((2, 3)), np.full(2, np.nan), np.full((2, 4), 25.0))
+    pid.receive(Received.at_once(np.zeros((2, 3))), np.full((2, 4), 25.0))
     pid.duties(np.zeros(2), np.zeros((2, 4)))
     errors = np.arange(8.0).reshape(2, 4)
     for step in (1, 2, 3):
@@ -194,7 +194,7 @@ def test_wheels_and_robots_have_their_own_integrals() -> None:
 def test_robots_obey_their_own_gains() -> None:
     chosen = [Robot(**gains).settings for gains in ({"kp": 1.0}, {"kp": 2.0}, {"feed_forward": 1.0}, {"ki": 960.0})]
     together = Firmware(chosen, KINEMATICS, MOTOR, np.zeros(4), 1 / 960, FRAME_S)
-    together.receive(np.tile([0.0, 0.0, 1.0], (4, 1)), np.full(4, np.nan), np.full((4, 4), 25.0))
+    together.receive(Received.at_once(np.tile([0.0, 0.0, 1.0], (4, 1))), np.full((4, 4), 25.0))
     voltage = together.duties(np.zeros(4), np.zeros((4, 4))) * UNLIMITED_V
     # P, twice P, back-EMF, and an integral that one step fills: of the same wanted speed, l w / r.
     expected = np.array([1.0, 2.0, 0.12, 1.0]) * 0.08 / 0.0285
@@ -224,7 +224,7 @@ def test_rates_come_from_whole_counts_and_lose_none(speeds: list[float], counts:
 def test_an_encoder_starts_where_the_wheel_stands(angle: float) -> None:
     chosen = Robot(kp=1.0, counts=8192).settings
     firmware = Firmware([chosen], KINEMATICS, MOTOR, np.zeros(1), 1 / 960, FRAME_S)
-    firmware.receive(np.zeros((1, 3)), NO_VISION, COLD)
+    firmware.receive(Received.at_once(np.zeros((1, 3))), COLD)
     # A wheel at rest has no speed, wherever it stands.
     for _ in range(3):
         np.testing.assert_array_equal(firmware.duties(STILL, np.full((1, 4), angle)), 0.0)

@@ -8,17 +8,23 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
 from omni_mj.firmware import HeadingEstimate
+from omni_mj.radio import Radio
 from omni_mj.settings import FirmwareSettings, RadioSettings, Settings
 
 FRAME_S = 1 / 60
 
 
 def observer(
-    n: int = 1, heading: NDArray | float = 0.0, delay: int = 0, heading_gain: float = 2.0, bias_gain: float = 0.5
+    n: int = 1,
+    heading: NDArray | float = 0.0,
+    delay: int = 0,
+    heading_gain: float = 2.0,
+    bias_gain: float = 0.5,
+    jitter: int = 0,
 ) -> HeadingEstimate:
     chosen = Settings(
         firmware=FirmwareSettings(heading_gain=heading_gain, bias_gain=bias_gain),
-        radio=RadioSettings(delay_frames=delay),
+        radio=RadioSettings(delay, jitter),
     )
     return HeadingEstimate([chosen] * n, np.broadcast_to(heading, n).astype(float), FRAME_S)
 
@@ -44,12 +50,37 @@ def test_vision_that_is_late_causes_no_error_while_turning(
     for frame, rate in enumerate(rates):
         # What vision saw when the command that arrives now was sent; nothing before the first arrives.
         seen = truth[frame - delay] if frame >= delay else np.nan
-        estimate.correct(wrapped(np.array([seen])))
+        estimate.correct(wrapped(np.array([seen])), np.array([delay]))
         for _ in range(4):
             estimate.turn(np.array([rate]) - estimate.bias, FRAME_S / 4)
         truth.append(truth[-1] + rate * FRAME_S)
         # Rounding of the sums, and of vision's wrapped angles.
         assert estimate.heading[0] == pytest.approx(truth[-1], abs=1e-9)
+        assert abs(estimate.bias[0]) < 1e-9
+
+
+@settings(deadline=None, max_examples=25, derandomize=True)
+@given(
+    start=st.floats(-10, 10),
+    rates=st.lists(st.floats(-25, 25), min_size=20, max_size=60),
+    delay=st.integers(1, 12),
+    seed=st.integers(0, 1000),
+    data=st.data(),
+)
+def test_vision_that_is_more_or_less_late_causes_no_error_while_turning(
+    start: float, rates: list[float], delay: int, seed: int, data: st.DataObject
+) -> None:
+    """With jitter too each heading is compared with the one held when it was sent, which only its age can tell."""
+    jitter = data.draw(st.integers(1, delay))
+    estimate, truth = observer(1, start, delay, 20.0, 20.0, jitter), start
+    radio = Radio(RadioSettings(delay, jitter), [seed], len(rates))
+    for frame, rate in enumerate(rates):
+        received = radio.exchange(frame, np.zeros((1, 3)), wrapped(np.array([truth])))
+        estimate.correct(received.heading, received.age)
+        estimate.turn(np.array([rate]) - estimate.bias, FRAME_S)
+        truth += rate * FRAME_S
+        # Rounding of the sums, and of vision's wrapped angles.
+        assert estimate.heading[0] == pytest.approx(truth, abs=1e-9)
         assert abs(estimate.bias[0]) < 1e-9
 
 
@@ -65,7 +96,7 @@ def test_the_estimated_bias_converges_to_the_gyros(bias: float, offset: float, d
     frames = 60 * 60
     for frame in range(frames):
         seen = truth[frame - delay] if frame >= delay else np.nan
-        estimate.correct(wrapped(np.array([seen])))
+        estimate.correct(wrapped(np.array([seen])), np.array([delay]))
         rate = turning * np.sin(frame / 20)
         estimate.turn(np.array([rate + bias]) - estimate.bias, FRAME_S)
         truth.append(truth[-1] + rate * FRAME_S)
@@ -80,7 +111,7 @@ def test_bias_and_heading_converge_as_the_second_order_law_says() -> None:
     estimate = observer(1, 0.0, 0, heading_gain, bias_gain)
     estimates = []
     for _ in range(20 * 60):
-        estimate.correct(np.zeros(1))  # a robot at rest, seen without noise
+        estimate.correct(np.zeros(1), np.zeros(1, int))  # a robot at rest, seen without noise
         estimate.turn(bias - estimate.bias, FRAME_S)
         estimates.append((estimate.heading[0], estimate.bias[0]))
     # e' = (b - b^) - g_h e, b^' = g_b e: roots of s^2 + g_h s + g_b, partial fractions of the step.
@@ -101,7 +132,7 @@ def test_heading_stays_with_vision_to_within_its_noise() -> None:
     estimate = observer(n, 0.0, 0, heading_gain, bias_gain)
     for frame in range(20 * 60):
         truth = 2.0 * np.sin(frame / 30)
-        estimate.correct(wrapped(truth + sigma_vision * rng.standard_normal(n)))
+        estimate.correct(wrapped(truth + sigma_vision * rng.standard_normal(n)), np.zeros(n, int))
         rate = (2.0 * np.sin((frame + 1) / 30) - truth) / FRAME_S
         estimate.turn(rate + sigma_gyro * rng.standard_normal(n) - estimate.bias, FRAME_S)
     error = estimate.heading - 2.0 * np.sin(20 * 60 / 30)
@@ -129,9 +160,9 @@ def test_robots_with_different_delays_share_a_batch() -> None:
     rng = np.random.default_rng(1)
     for _ in range(30):
         seen, rate = rng.normal(size=3), rng.normal(size=3)
-        together.correct(seen)
+        together.correct(seen, np.array(delays))
         together.turn(rate - together.bias, FRAME_S)
         for i, one in enumerate(alone):
-            one.correct(seen[i : i + 1])
+            one.correct(seen[i : i + 1], np.array(delays[i : i + 1]))
             one.turn(rate[i : i + 1] - one.bias, FRAME_S)
     np.testing.assert_array_equal(together.heading, np.concatenate([one.heading for one in alone]))

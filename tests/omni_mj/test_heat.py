@@ -13,13 +13,13 @@ from omni_control.kinematics import Kinematics
 from omni_mj.firmware import Firmware
 from omni_mj.motors import Motors
 from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.radio import Received
 from omni_mj.robot import Motor
 from omni_mj.settings import (
     BatterySettings,
     DriveSettings,
     FirmwareSettings,
     MotorSettings,
-    RadioSettings,
     SensorSettings,
     Settings,
 )
@@ -187,8 +187,8 @@ def test_a_hot_motor_stalls_weaker_and_runs_faster() -> None:
 
 
 def quiet(**sections: object) -> Settings:
-    """Defaults without the gyro's errors and the radio's dead time, and some sections replaced."""
-    still = Settings(sensors=SensorSettings(gyro_noise_rad_s=0.0, gyro_bias_rad_s=0.0), radio=RadioSettings(0))
+    """Defaults without the gyro's errors, and some sections replaced."""
+    still = Settings(sensors=SensorSettings(gyro_noise_rad_s=0.0, gyro_bias_rad_s=0.0))
     return dataclasses.replace(still, **sections)  # type: ignore[arg-type]
 
 
@@ -198,13 +198,13 @@ def test_heat_reaches_the_engines_motors() -> None:
     hot = quiet(motor=MotorSettings(winding_c=125.0, housing_c=95.0))
     plant = MujocoPlant([quiet(), hot], np.zeros((2, 3)), [0, 0], 60)
     command = np.tile([0.3, 0.0, 0.0], (2, 1))
-    plant.advance(0, command, np.zeros(2))
+    plant.advance(0, Received.at_once(command, np.zeros(2)))
     cold_peak, hot_peak = plant.telemetry().current_peak
     assert hot_peak == pytest.approx(cold_peak / 1.393, rel=1e-3)  # the first step, wheels at rest
     speed = plant.telemetry().wheel_speed
     assert (np.abs(speed[1]) < 0.97 * np.abs(speed[0])).all()
     for frame in range(1, 60):
-        plant.advance(frame, command, plant.pose()[:, 2])
+        plant.advance(frame, Received.at_once(command, plant.pose()[:, 2]))
     # And for good: a proportional loop with hot motors droops more.
     x = plant.pose()[:, 0]
     assert 0.5 * x[0] < x[1] < x[0] - 1e-3
@@ -220,7 +220,7 @@ def test_the_plants_windings_follow_the_currents_that_it_reports() -> None:
     plant = MujocoPlant(chosen, np.zeros((2, 3)), [0, 0], frames)
     currents, temperatures = [], []
     for frame in range(frames):
-        plant.advance(frame, np.tile([0.0, 0.0, 12.0], (2, 1)), plant.pose()[:, 2])
+        plant.advance(frame, Received.at_once(np.tile([0.0, 0.0, 12.0], (2, 1)), plant.pose()[:, 2]))
         telemetry = plant.telemetry()
         currents.append(telemetry.current.copy())
         temperatures.append(np.concatenate([telemetry.winding.ravel(), telemetry.housing.ravel()]))
@@ -257,7 +257,7 @@ def push(derate: bool, speed: float, error: float, battery_v: float, minutes: fl
     hottest = []
     for _ in range(round(minutes * 60 / FRAME_S)):
         angle = angle + speed * FRAME_S
-        firmware.receive(command, np.full(1, np.nan), motors.winding)
+        firmware.receive(Received.at_once(command), motors.winding)
         duty = firmware.duties(np.zeros(1), angle)
         motors.warm(motors.drive(duty * battery_v, turning)[1][None])
         hottest.append(motors.winding.max())

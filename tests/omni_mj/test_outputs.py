@@ -61,6 +61,7 @@ def test_columns_are_those_that_users_rely_on(table: pa.Table) -> None:
         "vision_valid",
         "predicted_x_m",
         "predicted_y_m",
+        "predicted_heading_rad",
         "command_vx_m_s",
         "command_vy_m_s",
         "command_w_rad_s",
@@ -69,6 +70,10 @@ def test_columns_are_those_that_users_rely_on(table: pa.Table) -> None:
         "applied_w_rad_s",
         "alpha_hat_x",
         "alpha_hat_y",
+        "alpha_hat_heading",
+        "latency_hat_forward_frames",
+        "latency_hat_left_frames",
+        "latency_hat_turn_frames",
     ]
     promised += [
         f"{c}_{i}_{u}" for c, u in (("wheel_speed", "rad_s"), ("voltage", "v"), ("current", "a")) for i in "1234"
@@ -154,6 +159,28 @@ def test_the_recording_holds_the_first_seeds_poses_and_errors(folder: Path, tabl
         frames = np.concatenate([b["frame"].to_numpy(zero_copy_only=False) for b in series])
         error_cm = 100 * np.abs(expected["x_m"] - expected["ref_x_m"])
         np.testing.assert_allclose(values[np.argsort(frames)], error_cm, rtol=1e-12)
+
+
+# What the recording plots, and the columns of the table it is.
+SERIES = {
+    "command": ["command_vx_m_s", "command_vy_m_s", "command_w_rad_s"],
+    "applied": ["applied_vx_m_s", "applied_vy_m_s", "applied_w_rad_s"],
+    "alpha_hat": ["alpha_hat_x", "alpha_hat_y", "alpha_hat_heading"],
+    "wheel_speed": [f"wheel_speed_{i}_rad_s" for i in "1234"],
+    "battery": ["battery_v"],
+}
+
+
+@pytest.mark.parametrize("entity", SERIES)
+def test_the_recordings_time_series_are_columns_of_the_table(folder: Path, table: pa.Table, entity: str) -> None:
+    expected = rows(table, "comp-flc", 0)
+    batches = recorded(folder, f"/plots/{entity}/comp-flc")
+    frames = np.concatenate([b["frame"].to_numpy(zero_copy_only=False) for b in batches])
+    values = [instant for b in batches for instant in b["Scalars:scalars"].to_pylist()]
+    # Copies: equal to the last bit.
+    for frame, instant in zip(frames, values, strict=True):
+        assert instant == [expected[column][frame] for column in SERIES[entity]]
+    assert sorted(frames) == expected["frame"].tolist()
 
 
 def test_the_recording_passes_reruns_own_verification(folder: Path) -> None:

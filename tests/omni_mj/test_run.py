@@ -15,7 +15,7 @@ from omni_mj import scenario
 
 RUN = [sys.executable, "-m", "omni_mj.run"]
 SHORT = ["--set", "reference.waypoints=[[0, 0], [0.1, 0]]", "--set", "reference.settle_s=0.1"]
-FILES = {"summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml", "figures"}
+FILES = {"summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml", "figures", "report.html"}
 
 
 def run(*args: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -28,7 +28,7 @@ def test_a_run_prints_the_table_and_where_its_files_are(tmp_path: Path) -> None:
     (folder,) = (tmp_path / "runs").iterdir()
     assert folder.name.startswith("rect-")
     assert {p.name for p in folder.iterdir()} == FILES
-    for text in ("x maximum", "y mean", "comp-flc vs flc", "paper flc", f"rerun runs/{folder.name}/recording.rrd"):
+    for text in ("x maximum", "y mean", "(-", "paper's flc", f"rerun runs/{folder.name}/recording.rrd"):
         assert text in done.stdout
 
 

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from omni_mj import robot
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.settings import PERIOD_S, CarpetSettings, RadioSettings, SensorSettings, Settings
+from omni_mj.radio import Received
+from omni_mj.settings import PERIOD_S, CarpetSettings, SensorSettings, Settings
 from omni_mj.wheels import WheelGeometry, contact_slip
 
 AZIMUTHS = np.radians([60, 135, 225, 300])
 ARM_M, RADIUS_M = 0.080, 0.0285
-QUIET = Settings(sensors=SensorSettings(gyro_noise_rad_s=0.0, gyro_bias_rad_s=0.0), radio=RadioSettings(delay_frames=0))
+QUIET = Settings(sensors=SensorSettings(gyro_noise_rad_s=0.0, gyro_bias_rad_s=0.0))
 # Tangents along which positive wheel speeds push the robot, in its frame (equation 3).
 TANGENTS = np.stack([-np.sin(AZIMUTHS), np.cos(AZIMUTHS)], axis=1)
 
@@ -122,7 +123,7 @@ def test_the_plant_reports_slip_where_there_is_some() -> None:
     ice = replace(QUIET, carpet=CarpetSettings(friction=0.02))
     plant = MujocoPlant([ice, QUIET], np.zeros((2, 3)), [0, 0], 12)
     for frame in range(12):
-        plant.advance(frame, np.array([[2.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), np.zeros(2))
+        plant.advance(frame, Received.at_once(np.array([[2.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), np.zeros(2)))
     telemetry = plant.telemetry()
     rims = np.abs(telemetry.wheel_speed[0]) * RADIUS_M
     hub = np.abs(TANGENTS[:, 0]) * plant.pose()[0, 0] / (12 * PERIOD_S) * 2

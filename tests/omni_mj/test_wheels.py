@@ -9,14 +9,15 @@ from numpy.typing import NDArray
 from omni_control.kinematics import Kinematics
 from omni_mj import robot
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.settings import PERIOD_S, RadioSettings, SensorSettings, Settings
+from omni_mj.radio import Received
+from omni_mj.settings import PERIOD_S, SensorSettings, Settings
 
 AZIMUTHS = np.radians([60, 135, 225, 300])
 ARM_M, RADIUS_M, MASS_KG = 0.080, 0.0285, 2.3
 GRAVITY = 9.81
 # At a wheel, N m: the motor's no-load current, the gear, and lint as a share of a quarter of the weight at the rim.
 DRY_FRICTION = 0.036 * 0.238 * 60 / 18 + 0.003 + 0.065 * MASS_KG * GRAVITY / 4 * RADIUS_M
-QUIET = Settings(sensors=SensorSettings(gyro_noise_rad_s=0.0, gyro_bias_rad_s=0.0), radio=RadioSettings(delay_frames=0))
+QUIET = Settings(sensors=SensorSettings(gyro_noise_rad_s=0.0, gyro_bias_rad_s=0.0))
 # Tangents along which positive wheel speeds push the robot, in its frame (equation 3).
 TANGENTS = np.stack([-np.sin(AZIMUTHS), np.cos(AZIMUTHS)], axis=1)
 
@@ -44,11 +45,11 @@ def cruise() -> Cruise:
     n, start, frames = len(TWISTS), 30, 60
     plant = MujocoPlant([QUIET] * n, np.zeros((n, 3)), [0] * n, start + frames)
     for frame in range(start):
-        plant.advance(frame, TWISTS, plant.pose()[:, 2])
+        plant.advance(frame, Received.at_once(TWISTS, plant.pose()[:, 2]))
     pose, wheel_angle = plant.pose(), plant.telemetry().wheel_angle
     travelled = np.zeros((n, 3))
     for frame in range(start, start + frames):
-        plant.advance(frame, TWISTS, plant.pose()[:, 2])
+        plant.advance(frame, Received.at_once(TWISTS, plant.pose()[:, 2]))
         now = plant.pose()
         step, heading = now - pose, (now + pose)[:, 2] / 2
         c, s = np.cos(heading), np.sin(heading)
@@ -98,10 +99,10 @@ def test_a_standing_robot_does_not_creep() -> None:
     plant = MujocoPlant([QUIET] * 3, start, [0, 0, 0], 130)
     stop = np.zeros((3, 3))
     for frame in range(10):  # settling into the carpet
-        plant.advance(frame, stop, plant.pose()[:, 2])
+        plant.advance(frame, Received.at_once(stop, plant.pose()[:, 2]))
     settled = plant.pose()
     for frame in range(10, 130):
-        plant.advance(frame, stop, plant.pose()[:, 2])
+        plant.advance(frame, Received.at_once(stop, plant.pose()[:, 2]))
     moved = np.abs(plant.pose() - settled)
     # A hundredth of vision's noise (1.3 mm, 10 mrad) within two seconds.
     assert moved[:, :2].max() < 13e-6

@@ -1,0 +1,143 @@
+"""What tests of trackers share: two plants, written without the code under test, and the loop around them."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from omni_control.delay import CommandsInFlight
+from omni_control.filter import KalmanFilter
+from omni_control.kinematics import Array
+from omni_control.tracker import Observation, Tracker
+
+T = 1 / 60
+NOISE = np.array([0.0013, 0.0013, 0.01])  # of the vision of a league's field, m and rad
+KEPT = 40  # commands that a plant remembers, frames
+SPEED, ACCELERATION, TURN_RATE, TURN_ACCELERATION = 3.7, 4.7, 26.0, 50.8  # limits of what may be commanded
+
+
+class Plant(Protocol):
+    """n robots: true poses (n, 3), and what a frame with new commands (n, 3) does to them."""
+
+    pose: Array
+
+    def advance(self, command: Array) -> None:
+        """Send the commands and go on by a frame."""
+
+
+class Equation7:
+    """x(k+1) = x(k) + alpha(k) T u(k - k_d) in world coordinates.
+
+    Args:
+        start: poses (n, 3).
+        alpha: factors (frames, n, 3), or what can be broadcast to them but for the frames.
+        delay: dead times k_d (n,) or one for all, frames.
+    """
+
+    def __init__(self, start: Array, alpha: ArrayLike, delay: ArrayLike) -> None:
+        self.pose = np.array(start, float)
+        n = len(start)
+        alpha = np.asarray(alpha, float)
+        self._alpha = alpha if alpha.ndim == 3 else np.broadcast_to(alpha, (1, n, 3))
+        self._delay, self._robots = np.broadcast_to(delay, n).astype(int), np.arange(n)
+        self._sent, self._frame = np.zeros((KEPT, n, 3)), 0
+
+    def advance(self, command: Array) -> None:
+        self._sent[self._frame % KEPT] = command
+        felt = self._sent[(self._frame - self._delay) % KEPT, self._robots]
+        self.pose = self.pose + self._alpha[min(self._frame, len(self._alpha) - 1)] * T * felt
+        self._frame += 1
+
+
+class BodyFrame:
+    """Displacement in a frame = T (alpha u - drag u / |u|) forward, to the left and turning, a latency after u.
+
+    A frame has two halves; the latencies (n, 3) are whole numbers of them, which may differ between the axes. Robots
+    rotate commands, which come in world coordinates, by their heading in the middle of the frame in which they act. |u|
+    counts turning at 80 mm from the centre, and 0.05 m/s at least.
+
+    Attributes:
+        middle: headings in the middle of the frame just past (n,), rad.
+    """
+
+    def __init__(self, start: Array, latency: ArrayLike, alpha: ArrayLike, drag: ArrayLike) -> None:
+        self.pose = np.array(start, float)
+        self.middle = self.pose[:, 2]
+        n = len(start)
+        halves = np.broadcast_to(latency, (n, 3)) * 2
+        self._halves, self._robots = halves.astype(int), np.arange(n)
+        assert (self._halves == halves).all(), "whole numbers of halves"
+        self._alpha, self._drag = alpha, drag
+        self._sent = np.zeros((2 * KEPT, n, 3))  # newest last, by halves of frames
+
+    def advance(self, command: Array) -> None:
+        self._sent = np.concatenate([self._sent[2:], [command, command]])
+        both = np.array([0, 1])[:, None, None] - self._halves.T - 2
+        forward, left, turn = self._sent[both, self._robots].mean(0)  # what acts on each axis, (n, 3) each
+        forward, left = forward[:, 0] + 1j * forward[:, 1], left[:, 0] + 1j * left[:, 1]
+        for _ in range(6):  # the twist decides on the heading that decides on it: contracts by |u| T / 2 each time
+            back = np.exp(-1j * self.middle)
+            body = np.stack([(forward * back).real, (left * back).imag, turn[:, 2]], axis=1)
+            size = np.sqrt(body[:, 0] ** 2 + body[:, 1] ** 2 + (0.08 * body[:, 2]) ** 2)
+            twist = self._alpha * body - self._drag * body / np.maximum(size, 0.05)[:, None]
+            self.middle = self.pose[:, 2] + twist[:, 2] * T / 2
+        xy = (twist[:, 0] + 1j * twist[:, 1]) * np.exp(1j * self.middle)
+        self.pose = self.pose + T * np.stack([xy.real, xy.imag, twist[:, 2]], axis=1)
+
+
+@dataclass
+class Run:
+    """What happened in each frame, (frames, n, 3) each: true poses, and what the tracker said and sent."""
+
+    pose: Array
+    predicted: Array
+    sent: Array
+    alpha_hat: Array
+    latency_hat: Array
+
+
+def vision(rng: np.random.Generator, frames: int, n: int, times: float = 1.0, gaps: float = 0.0) -> Array:
+    """Noise of vision (frames, n, 3), `times` that of a league's field; not a number where a robot is not seen.
+
+    Robots are missed in 2 % of the frames; with the probability `gaps`, per frame, for ten frames from then on. They
+    are seen in the first.
+    """
+    noise = times * NOISE * rng.standard_normal((frames, n, 3))
+    unseen, begins = rng.random((frames, n)) < 0.02, rng.random((frames, n)) < gaps
+    for after in range(10):
+        unseen[after:] |= begins[: frames - after]
+    unseen[0] = False
+    noise[unseen] = np.nan
+    return noise
+
+
+def limited(command: Array, last: Array) -> Array:
+    """Commands (n, 3) within what may be sent after `last`: translation by its size, turning by itself."""
+
+    def shorten(vector: Array, translation: float, rotation: float) -> Array:
+        size = np.hypot(vector[:, 0], vector[:, 1])[:, None]
+        xy = vector[:, :2] * np.minimum(1, translation / np.maximum(size, 1e-12))
+        return np.concatenate([xy, np.clip(vector[:, 2:], -rotation, rotation)], axis=1)
+
+    return last + shorten(shorten(command, SPEED, TURN_RATE) - last, ACCELERATION * T, TURN_ACCELERATION * T)
+
+
+def drive(tracker: Tracker, plant: Plant, noise: Array, *, limits: bool = True) -> Run:
+    """Close the loop for as many frames as there is noise (frames, n, 3), filtered as the loop of omni-mj does."""
+    told, n = tracker.settings, noise.shape[1]
+    sent = np.zeros((n, 3))
+    queue = CommandsInFlight(n, int(np.ceil(told.latency_frames)) + 1)
+    kalman = KalmanFilter(plant.pose, told.period, told.vision_noise)
+    rows: list[tuple[Array, ...]] = []
+    for frame, error in enumerate(noise):
+        measured = plant.pose + error
+        measured[:, 2] = np.angle(np.exp(1j * measured[:, 2]))
+        queue.push(sent)
+        pose = kalman.update(measured, queue.felt(told.latency_frames) * told.period)
+        wanted = tracker.command(frame, Observation(pose, kalman.twist, measured), sent)
+        sent = limited(wanted, sent) if limits else wanted
+        said = (tracker.predicted, sent, tracker.alpha_hat, tracker.latency_hat)
+        rows.append((plant.pose, *(np.array(value) for value in said)))
+        plant.advance(sent)
+    return Run(*(np.array(column) for column in zip(*rows, strict=True)))

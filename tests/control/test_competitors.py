@@ -1,0 +1,163 @@
+"""Laws of every competitor: stable on robots that are not as told, without a preferred side, row for row its own."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lagged_loop import LAW, LIMITS, PATH, REST, TIMED, T, along, drive, told
+
+from omni_control.kinematics import Array
+from omni_control.reference import TimedReference
+from omni_control.tracker import Observation
+from omni_control.trackers import TRACKERS
+
+COMPETITORS = ("p", "smith", "lqr", "oracle")
+LINEAR = COMPETITORS[:-1]
+ADAPTIVE = "adaptive-comp-flc"
+each = pytest.mark.parametrize("name", COMPETITORS)
+each_linear = pytest.mark.parametrize("name", LINEAR)
+both_references = pytest.mark.parametrize("kind", ["timed", "iterated"])
+
+
+def test_the_competitors_stand_behind_the_papers_controllers_in_every_list() -> None:
+    assert list(TRACKERS) == ["flc", "comp-flc", ADAPTIVE, *COMPETITORS]
+
+
+def test_only_the_oracle_knows_the_truth_and_says_so() -> None:
+    assert [name for name, tracker in TRACKERS.items() if tracker.knows_truth] == ["oracle"]
+    assert "knows the true state" in (TRACKERS["oracle"].__doc__ or "").splitlines()[0]
+
+
+@each
+@settings(LAW, max_examples=8)
+@given(
+    delay=st.integers(1, 7),
+    wrong=st.sampled_from([-1, 0, 1]),
+    lag=st.sampled_from([0.0, 0.02, 0.05]),
+    seed=st.integers(0, 99),
+)
+def test_stable_on_robots_that_are_weaker_and_slower_or_faster_than_told(
+    name: str, delay: int, wrong: int, lag: float, seed: int
+) -> None:
+    """Alpha from 0.5 to 1.1 and a frame more or less of dead time: robots that start off a resting reference get there.
+
+    Through the filter, which reckons with what was told.
+    """
+    rng, n, frames = np.random.default_rng(seed), 4, 360
+    start = rng.uniform(-0.1, 0.1, (n, 3))
+    tracker = TRACKERS[name](told(delay, lag), REST, n)
+    alpha, noise = rng.uniform(0.5, 1.1, (n, 3)), np.zeros((frames, n, 3))
+    run = drive(tracker, start, frames, delay=delay + wrong, alpha=alpha, noise=noise)
+    # The slowest loop, p with a latency of 11 frames and alpha 0.5, leaves some exp(-0.5 * 2.7 / s * 6 s) = 3e-4 of it.
+    assert np.abs(run.pose[-1]).max() < 1e-4
+    assert np.abs(run.pose).max() < 0.2, "none swings out"
+
+
+@each_linear
+@both_references
+def test_without_dead_time_and_lag_the_linear_ones_follow_the_reference(name: str, kind: str) -> None:
+    """Nothing is late: robots that start on the path, and are as told, are sent the reference's velocity."""
+    # A planned path turns to the next way-point within 2 cm of one, here after 1.3 s.
+    frames = 60 if kind == "iterated" else TIMED.frames
+    run = drive(TRACKERS[name](told(0, 0.0), along(kind), 1), PATH[:1], frames)
+    # Roundings of poses of size 1.
+    np.testing.assert_allclose(run.pose[:, 0], TIMED.poses[:frames], rtol=0, atol=1e-12)
+
+
+@each
+@both_references
+def test_the_mirror_image_of_a_task_is_done_by_mirrored_commands(name: str, kind: str) -> None:
+    """With y, headings and their noise mirrored, y and turn rates change their sign, and nothing else changes."""
+    rng, mirror = np.random.default_rng(0), np.array([1.0, -1.0, -1.0])
+    start, noise = rng.uniform(-0.1, 0.1, (3, 3)), rng.normal(0, 0.002, (120, 3, 3))
+    alpha = rng.uniform(0.7, 1, (3, 3))
+    runs = [
+        drive(
+            TRACKERS[name](told(6, noisy=True), along(kind, 3, side), 3),
+            side * start, 120, alpha=alpha, noise=side * noise,
+        ).sent
+        for side in (np.ones(3), mirror)
+    ]  # fmt: skip
+    # The oracle's sines, and centres of gravity, are rounded differently to the left and to the right.
+    np.testing.assert_allclose(runs[0], mirror * runs[1], rtol=0, atol=1e-9 if name == "oracle" else 0)
+
+
+@each
+@pytest.mark.parametrize("turns", [-3, 1, 40])
+def test_headings_take_the_short_way(name: str, turns: int) -> None:
+    """Full turns are no error, and from -3 to 3 rad a robot turns over pi."""
+    tracker = TRACKERS[name](told(0, 0.0), TimedReference([[0, 0, 3.0]], LIMITS, T), 2)
+    pose = np.array([[0, 0, 3.0 + 2 * np.pi * turns], [0, 0, -3.0]])
+    seen = Observation(pose, np.zeros((2, 3)), pose)
+    command = tracker.command(0, seen, np.zeros((2, 3)))
+    # Forty turns are rounded at 3e-14 rad, times a gain of 30 / s.
+    assert abs(command[0, 2]) < 2e-12
+    assert command[1, 2] < 0
+
+
+@each
+@both_references
+def test_a_row_of_a_batch_is_what_it_is_alone(name: str, kind: str) -> None:
+    """In closed loop with noise, dead time, lag and its own alpha, each robot's every number is bit for bit its own."""
+    n, frames, rng = 5, 120, np.random.default_rng(0)
+    start, noise = rng.uniform(-0.1, 0.1, (n, 3)), rng.normal(0, 0.003, (frames, n, 3))
+    alpha = rng.uniform(0.7, 1, (n, 3))
+
+    def run(rows: slice) -> Array:
+        size = len(start[rows])
+        tracker = TRACKERS[name](told(6, noisy=True), along(kind, size), size)
+        out = drive(tracker, start[rows], frames, alpha=alpha[rows], noise=noise[:, rows])
+        return np.concatenate([out.pose, out.sent], axis=2)
+
+    batch = run(slice(None))
+    assert all(np.array_equal(run(slice(i, i + 1))[:, 0], batch[:, i]) for i in range(n))
+    assert np.array_equal(run(slice(1, 4)), batch[:, 1:4])
+
+
+@each_linear
+@pytest.mark.parametrize("lag", [0.0, 0.02])
+def test_predicted_is_the_pose_for_which_the_command_is_meant(name: str, lag: float) -> None:
+    """Of p that of now, of smith that at the end of the dead time, of lqr where a stop commanded then would end."""
+    delay, start = 6, np.array([[0.1, -0.05, 0.4]])
+    run = drive(TRACKERS[name](told(delay, lag), TIMED, 1), start, 120)
+    ahead = 0 if name == "p" else delay
+    meant = run.pose + lag * run.twist if name == "lqr" else run.pose
+    # Roundings of poses of size 1.
+    np.testing.assert_allclose(run.predicted[: 120 - ahead], meant[ahead:], rtol=0, atol=1e-13)
+
+
+class Counted(TimedReference):
+    """A reference that notes for which frames it is asked."""
+
+    def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
+        self.asked.append(frame)
+        return super().at(frame, pose)
+
+    asked: list[float | Array]
+
+
+@each
+def test_the_reference_is_asked_once_a_frame_for_the_time_when_the_command_acts(name: str) -> None:
+    """One that is planned anew moves on with every question. All but `p` look ahead by the latency."""
+    path = Counted(PATH.tolist(), LIMITS, T)
+    path.asked = []
+    drive(TRACKERS[name](told(6, 0.02), path, 2), np.zeros((2, 3)), 60)
+    ahead = np.array([np.broadcast_to(frame, (2, 3)) for frame in path.asked]) - np.arange(60)[:, None, None]
+    # The oracle finds the latency out. As long as nothing has moved yet, that tells of a longer one.
+    np.testing.assert_allclose(ahead, 0 if name == "p" else 7.2, rtol=0, atol=2 if name == "oracle" else 1e-12)
+
+
+def test_the_truth_is_never_worse_than_noise() -> None:
+    """The oracle against the same controller that sees through noise, each robot of a batch: mean and rms."""
+    n, rng = 12, np.random.default_rng(0)
+    path = TIMED.after_rest(15)
+    alpha = rng.uniform(0.7, 1, (n, 3))
+    noise = rng.normal(0, 1, (path.frames, n, 3)) * (0.0013, 0.0013, 0.01)
+    error = {}
+    for name in ("oracle", ADAPTIVE):
+        tracker = TRACKERS[name](told(6, noisy=True), path, n)
+        run = drive(tracker, np.zeros((n, 3)), path.frames, alpha=alpha, noise=noise)
+        off = run.pose - path.poses[:, None]
+        error[name] = np.hypot(off[..., 0], off[..., 1])
+    assert (error["oracle"].mean(0) < error[ADAPTIVE].mean(0)).all()
+    assert ((error["oracle"] ** 2).mean(0) < (error[ADAPTIVE] ** 2).mean(0)).all()

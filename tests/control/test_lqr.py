@@ -1,0 +1,140 @@
+"""Laws of the linear quadratic regulator: optimal on the model with dead time, exact in preview, free of offset."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from lagged_loop import LAW, LIMITS, REST, TIMED, T, along, drive, told
+from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
+from scipy.signal import cont2discrete
+
+from omni_control.kinematics import Array
+from omni_control.lqr import LqrTracker, lqr_gain
+from omni_control.reference import MotionLimits, TimedReference
+from omni_control.tracker import Observation
+
+STRAIGHT = [[0, 0, 0], [20, 0, 0]]
+starts = st.tuples(st.floats(-0.12, 0.12), st.floats(-0.12, 0.12), st.floats(-1, 1))
+delays = st.integers(0, 9)
+
+
+def augmented(delay: int, lag: float) -> tuple[Array, Array, Array, float]:
+    """A, B, Q, r of the state [position, velocity, commands in flight, oldest first], with the default weights."""
+    equation = np.array([[0, 1], [0, -1 / lag]]), np.array([[0], [1 / lag]]), np.eye(2), np.zeros((2, 1))
+    transition, effect, *_ = cont2discrete(equation, T, "zoh")
+    size = 2 + delay
+    a, b = np.eye(size, k=1), np.zeros((size, 1))
+    a[:2] = 0
+    a[:2, :2] = transition
+    if delay:
+        a[:2, 2:3], b[-1] = effect, 1
+    else:
+        b[:] = effect
+    weight = np.zeros((size, size))
+    weight[0, 0] = 0.1**-2  # error_range_m
+    return a, b, weight, 1.0**-2  # speed_range_m_s
+
+
+def gain_of(delay: int, lag: float) -> Array:
+    """Gain (m,) of the tracker on the augmented state: its answer to each part of it alone, all others being zero."""
+    gains: list[Array] = []
+    for part in range(2 + delay):
+        tracker = LqrTracker(told(delay, lag), REST, 1)
+        robot = tracker.robot
+        pose, commands = np.full((1, 3), float(part == 0)), np.zeros((2 + delay, 1, 3))  # none, last to act, in flight
+        if part:
+            commands[part] = 1 / (1 - robot.keep) if part == 1 else 1  # brings a robot from rest to 1 m/s
+        for command in commands[:-1]:
+            tracker.command(0, Observation(pose, pose, pose), command)
+        if part == 1:
+            pose = (T - robot.slide) * commands[1]  # where it is then, so that there is no disturbance
+        answer = -tracker.command(0, Observation(pose, pose, pose), commands[-1])[0]
+        assert (answer == answer[0]).all(), "the same for all axes"
+        gains.append(answer[0] - gains[0] * pose[0, 0] if part == 1 else answer[0])
+    return np.array(gains)
+
+
+@pytest.mark.parametrize("lag", [0.005, 0.02, 0.1])
+@pytest.mark.parametrize("delay", [0, 1, 6])
+def test_its_answer_is_the_optimal_gain_of_the_model_with_dead_time(delay: int, lag: float) -> None:
+    """Gain and cost of the whole state solve its own Riccati equation, which the tracker never set up."""
+    a, b, q, r = augmented(delay, lag)
+    p = solve_discrete_are(a, b, q, np.array([[r]]))
+    optimal = np.linalg.solve(r + b.T @ p @ b, b.T @ p @ a)[0]
+    gain = gain_of(delay, lag)
+    # The solver's accuracy; the gains are of size 10.
+    np.testing.assert_allclose(gain, optimal, rtol=0, atol=1e-8)
+    assert np.abs(np.linalg.eigvals(a - b @ gain[None])).max() < 1
+
+
+@pytest.mark.parametrize(("delay", "lag"), [(0, 0.02), (1, 0.1), (6, 0.02)])
+def test_no_other_gain_costs_less(delay: int, lag: float) -> None:
+    """The cost summed over all frames is the least from every state, against gains that differ in any entry."""
+    a, b, q, r = augmented(delay, lag)
+    best = gain_of(delay, lag)[None]
+
+    def cost(k: Array) -> Array:
+        return np.diag(solve_discrete_lyapunov((a - b @ k).T, q + r * k.T @ k))
+
+    for entry in range(2 + delay):
+        for factor in (0.8, 0.99, 1.01, 1.2):
+            other = best.copy()
+            other[0, entry] *= factor
+            # Costs are of size 1000 and solved for to 1e-10 of it.
+            assert (cost(other) >= cost(best) - 1e-7).all()
+            assert cost(other).sum() > cost(best).sum()
+
+
+@pytest.mark.parametrize("ratio", [0.1, 1.0, 10.0, 100.0])
+def test_without_a_lag_the_gain_has_a_closed_form(ratio: float) -> None:
+    """For x(k+1) = x(k) + T u, Q = w^2, r = 1: s^2 / (1 + s) = (w T)^2 and K T = s / (1 + s), s being T^2 times P."""
+    square = (ratio * T) ** 2
+    s = (square + np.sqrt(square**2 + 4 * square)) / 2
+    gain = lqr_gain(np.eye(1), np.array([T]), np.array([[ratio**2]]), 1.0)
+    assert gain == pytest.approx(np.array([s / (1 + s) / T]), rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["timed", "iterated"])
+@LAW
+@given(start=starts, delay=delays, lag=st.sampled_from([0.0, 0.02, 0.1]))
+def test_the_dead_time_is_taken_out_of_the_loop(kind: str, start: tuple[float, ...], delay: int, lag: float) -> None:
+    """A nominal robot does what one without dead time does, k_d frames later."""
+
+    def follow(delay: int, frames: int, first_frame: int) -> Array:
+        return drive(LqrTracker(told(delay, lag), along(kind), 1), rows, frames, first_frame=first_frame).pose
+
+    rows = np.array([start])
+    late, prompt = follow(delay, 60, 0), follow(0, 60 - delay, delay)
+    assert (late[:delay] == start).all()
+    # Roundings of poses of size 1, which a stable loop forgets; divided by T for the acceleration, times the lag.
+    np.testing.assert_allclose(late[delay:], prompt, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("delay", [0, 1, 6])
+def test_without_a_lag_it_follows_a_reference_exactly(delay: int) -> None:
+    """A nominal robot without lag, given the reference's velocity of the time when it acts, is always on it."""
+    reference = TIMED.after_rest(delay)
+    run = drive(LqrTracker(told(delay, 0.0), reference, 1), np.zeros((1, 3)), reference.frames)
+    # Roundings of poses of size 1, each corrected at once.
+    np.testing.assert_allclose(run.pose[:, 0], reference.poses, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("lag_frames", [1, 2, 6])
+@pytest.mark.parametrize("delay", [0, 6])
+def test_with_a_lag_it_follows_a_constant_acceleration_exactly(delay: int, lag_frames: int) -> None:
+    reference = TimedReference(STRAIGHT, LIMITS, T)
+    run = drive(LqrTracker(told(delay, lag_frames * T), reference, 1), np.zeros((1, 3)), 220)
+    # Poles of 0.87 and less have forgotten the start after 200 frames.
+    np.testing.assert_allclose(run.pose[210:, 0], reference.poses[210:220], rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("alpha", [0.6, 0.8, 1.1])
+def test_a_weak_robot_has_no_lasting_error_at_constant_speed(alpha: float) -> None:
+    """What it falls short by is a constant disturbance then, which is estimated and added to the command."""
+    reference = TimedReference(STRAIGHT, MotionLimits(speed=1.0), T)
+    tracker = LqrTracker(told(6), reference, 1)
+    run = drive(tracker, np.zeros((1, 3)), 900, alpha=alpha)
+    assert reference.poses[899, 0] < 20 - 1, "still under way"
+    # The estimate's loop has a gain of 1 - alpha and some 0.15 s a round: 0.4^(14 s / 0.15 s) is nothing but rounding.
+    np.testing.assert_allclose(run.pose[-1], reference.poses[899:900], rtol=0, atol=1e-10)
+    assert tracker.disturbance[0, 0] == pytest.approx(1 - 1 / alpha)

@@ -1,0 +1,107 @@
+"""Laws of dead time in the loop, and of its compensation."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from simulating import COMPENSATED, DISTURBED, FLC, FRAME_S, IDEAL, PLANTS, ages, run
+
+from omni_mj.trajectory import CHANNELS, Trajectory
+
+ACCELERATION = 0.826  # of the reference (paper, section 2)
+
+
+def errors(trajectory: Trajectory) -> NDArray:
+    """Largest error (controllers, 2) of the first seed in x and y, m."""
+    return np.abs(trajectory.channel("pose") - trajectory.channel("ref"))[:, :, 0, :2].max(0)
+
+
+@hypothesis_settings(deadline=None, max_examples=15, derandomize=True)
+@given(delay=st.integers(0, 30), seed=st.integers(0, 1000))
+def test_applied_is_what_was_commanded_k_d_frames_ago(delay: int, seed: int) -> None:
+    trajectory = run("kinematic", (f"radio.delay_frames={delay}",), seed=seed)
+    command, applied = trajectory.channel("command"), trajectory.channel("applied")
+    # Copies: equal to the last bit, zero before.
+    np.testing.assert_array_equal(applied[delay:], command[: len(command) - delay])
+    assert (applied[:delay] == 0).all()
+
+
+@pytest.mark.parametrize("delay", [0, 3, 6])
+def test_applied_is_delayed_on_the_mujoco_plant_too(delay: int) -> None:
+    # A gyro without error: one with would turn a standing robot until vision's heading arrives.
+    gyro = ("sensors.gyro_noise_rad_s=0", "sensors.gyro_bias_rad_s=0")
+    trajectory = run("mujoco", (f"radio.delay_frames={delay}", *gyro))
+    command, applied = trajectory.channel("command"), trajectory.channel("applied")
+    np.testing.assert_array_equal(applied[delay:], command[: len(command) - delay])
+    # Until the first command arrives, the robot stands; it settles into the carpet by a tenth of vision's noise.
+    np.testing.assert_allclose(trajectory.channel("pose")[: delay + 1], 0.0, atol=1.3e-4)
+
+
+@hypothesis_settings(deadline=None, max_examples=10, derandomize=True)
+@given(delay=st.integers(1, 12), data=st.data(), seed=st.integers(0, 1000))
+def test_with_jitter_applied_is_what_was_commanded_about_k_d_frames_ago(
+    delay: int, data: st.DataObject, seed: int
+) -> None:
+    jitter = data.draw(st.integers(0, delay))
+    age = ages(run("kinematic", (f"radio.delay_frames={delay}", f"radio.jitter_frames={jitter}"), seed=seed))
+    settled = age[delay + jitter :]
+    assert ((delay - jitter <= settled) & (settled <= delay + jitter)).all()
+    assert (np.diff(age, axis=0) <= 1).all()  # never back to an older one
+    assert len(np.unique(settled)) > 1 or jitter == 0
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_without_dead_time_there_is_nothing_to_compensate(plant: str) -> None:
+    trajectory = run(plant, ("radio.delay_frames=0", *DISTURBED), seeds=2)
+    for name in set(CHANNELS) - {"alpha_hat"}:  # which only one of them estimates
+        channel = trajectory.channel(name)
+        np.testing.assert_array_equal(channel[:, FLC], channel[:, COMPENSATED], err_msg=name)
+
+
+@pytest.mark.parametrize("delay", [1, 3, 6, 12])
+def test_the_predicted_pose_is_the_pose_k_d_frames_later(delay: int) -> None:
+    trajectory = run("kinematic", (*IDEAL, f"radio.delay_frames={delay}"))
+    predicted, pose = trajectory.channel("predicted")[:, COMPENSATED], trajectory.channel("pose")[:, COMPENSATED]
+    # Equations 7, 10 and 11 agree exactly when alpha is 1; rounding of sums.
+    np.testing.assert_allclose(predicted[:-delay], pose[delay:], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("delay", [1, 3, 6, 12])
+def test_compensated_the_only_error_is_the_late_start(delay: int) -> None:
+    trajectory = run("kinematic", (*IDEAL, f"radio.delay_frames={delay}", "reference.lead_s=0"))
+    # The reference starts at once and gains a T per frame; the robot stands for k_d frames and knows it: it lags by
+    # a T^2 (1 + 2 + ... + k_d), and never by more. Rounding of sums.
+    late = ACCELERATION * FRAME_S**2 * delay * (delay + 1) / 2
+    assert errors(trajectory)[COMPENSATED, 0] == pytest.approx(late, rel=1e-9)
+    assert errors(trajectory)[COMPENSATED, 1] == 0.0
+    # One that rests for the dead time first is followed without any. Rounding of sums.
+    fair = run("kinematic", (*IDEAL, f"radio.delay_frames={delay}", f"reference.lead_s={delay * FRAME_S}"))
+    assert errors(fair)[COMPENSATED].max() < 1e-12
+
+
+def test_without_dead_time_and_doubt_tracking_is_exact() -> None:
+    # The reference's velocity moves the plant of equation 7 onto the reference; rounding of sums.
+    assert errors(run("kinematic", (*IDEAL, "radio.delay_frames=0"))).max() < 1e-12
+
+
+def test_dead_time_costs_the_uncompensated_controller_more_and_more_on_the_ideal_plant() -> None:
+    none, short, long = (errors(run("kinematic", (*IDEAL, f"radio.delay_frames={d}")))[:, 0] for d in (0, 3, 6))
+    # No closed form with the fuzzy feedback. Without it the robot would be late by k_d frames all along, so that
+    # twice the delay costs at least twice the error; the compensated one pays for the start only.
+    assert short[FLC] > 10 * none[FLC]
+    assert long[FLC] > 2 * short[FLC]
+    assert short[COMPENSATED] < 0.5 * short[FLC]
+    assert long[COMPENSATED] < 0.5 * long[FLC]
+
+
+def test_dead_time_costs_the_uncompensated_controller_more_and_more_on_the_mujoco_plant() -> None:
+    none, short, long = (errors(run("mujoco", (f"radio.delay_frames={d}",)))[:, 0] for d in (0, 3, 6))
+    # As above, with noise and slip: 3 mm without delay, 7 and 27 mm with; compensated 4 and 7 mm.
+    assert none[FLC] < short[FLC] < long[FLC]
+    assert long[FLC] > 4 * none[FLC]
+    assert short[COMPENSATED] < 0.8 * short[FLC]
+    assert long[COMPENSATED] < 0.4 * long[FLC]
+    # What the compensated one loses to twice the delay is less than what it saves.
+    assert long[COMPENSATED] - none[COMPENSATED] < 0.5 * (long[FLC] - long[COMPENSATED])

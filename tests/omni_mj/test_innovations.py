@@ -1,0 +1,94 @@
+"""The filter of the loop on both plants: how large its innovations and errors are, against what it says of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from omni_mj import scenario
+from omni_mj.loop import Simulation
+
+GAPS = ("vision.miss_probability=0.02", "vision.miss_frames=10")
+CORNER = ("reference.waypoints=[[-1, -0.75, 0], [0, -0.75, 0], [0, 0, 1.5]]", "reference.settle_s=0.5")
+CASES = {
+    "kinematic": ("rect", "kinematic", 10, ()),
+    "kinematic, alpha anew in each frame": ("rect", "kinematic", 10, ("kinematic.alpha_time_s=0",)),
+    "kinematic, disturbance": ("rect-noise", "kinematic", 10, ()),
+    "kinematic, gaps": ("rect", "kinematic", 10, GAPS),
+    "mujoco": ("rect", "mujoco", 4, CORNER),
+    "mujoco, gaps": ("rect", "mujoco", 4, (*CORNER, *GAPS)),
+}
+
+
+@dataclass
+class Certainty:
+    """Per frame, robot and axis (frames, n, 3): normalised innovations, errors of the pose, and sigma."""
+
+    innovation: NDArray
+    error: NDArray
+    sigma: NDArray
+    unseen: NDArray  # (frames, n): for how many frames the robot has not been seen
+
+
+@pytest.fixture(scope="module", params=CASES)
+def certainty(request: pytest.FixtureRequest) -> Certainty:
+    name, plant, seeds, overrides = CASES[request.param]
+    head = {"plant": plant, "seeds": seeds, "controllers": ("comp-flc",)}
+    simulation = Simulation(scenario.load(name, overrides, head))
+    kalman, said = simulation.filter, []
+    simulation.run(lambda frame: said.append((kalman.normalised.copy(), kalman.pose.copy(), kalman.sigma.copy())))
+    innovation, pose, sigma = (np.array(values) for values in zip(*said, strict=True))
+    seen = simulation.trajectory.channel("vision_valid")[:, 0, :, 0].astype(bool)
+    unseen = np.zeros(seen.shape, int)
+    for k in range(1, len(seen)):
+        unseen[k] = np.where(seen[k], 0, unseen[k - 1] + 1)
+    return Certainty(innovation, pose - simulation.trajectory.channel("pose")[:, 0], sigma, unseen)
+
+
+def test_the_innovations_squared_average_one(certainty: Certainty) -> None:
+    """Normalised innovations squared: 1 for a filter that is as sure as it may be.
+
+    Some thousand innovations of white noise average to 1 within 5 sqrt(2 / 1000) = 0.2 per axis. The filter errs on
+    the side of caution at rest, where its process noise is at the lowest bound (heading: 0.9), and is surprised by
+    each change of what disturbs the robot.
+    """
+    squared = np.nanmean(certainty.innovation**2, (0, 1))
+    assert (squared > 0.8).all()
+    assert (squared < 1.2).all()
+
+
+def test_the_innovations_are_nearly_white(certainty: Certainty) -> None:
+    """White noise of some thousand innovations: within 5 / sqrt(1000) = 0.16 of nought.
+
+    Robots that lag, or whose alpha lasts, are no random walk besides: a few hundredths more may be related.
+    """
+    for lag in (1, 2, 5):
+        related = np.nanmean(certainty.innovation[lag:] * certainty.innovation[:-lag], (0, 1))
+        assert np.abs(related).max() < 0.2, lag
+
+
+def test_the_errors_are_covered_by_sigma(certainty: Certainty) -> None:
+    """Errors of the pose, squared, over what the filter says: about 1 seen or not, and few beyond three sigmas."""
+    normalised = certainty.error / certainty.sigma
+    squared = (normalised**2).mean((0, 1))
+    # The errors of neighbouring frames are related: some hundred independent ones, 5 sqrt(2 / 100) = 0.7.
+    assert (squared > 0.5).all()
+    assert (squared < 1.5).all()
+    assert (np.abs(normalised) < 3).mean() > 0.99  # 0.997 of a normal distribution
+
+
+@pytest.mark.parametrize("certainty", [case for case in CASES if "gaps" in case], indirect=True)
+def test_sigma_grows_in_a_gap_and_returns_after_it(certainty: Certainty) -> None:
+    """After ten frames unseen sigma is threefold at least and still covers the error; one frame seen ends it."""
+    sigma, unseen = certainty.sigma, certainty.unseen
+    later = unseen[1:] > 0
+    assert (sigma[1:][later] > sigma[:-1][later]).all()
+    last = unseen == 10
+    seen = sigma[unseen == 0].mean(0)
+    assert (sigma[last].mean(0) > 3 * seen).all()
+    squared = (certainty.error[last] / sigma[last]) ** 2
+    # A few dozen gaps: means of squares uncertain by 5 sqrt(2 / 30); alpha that lasts is no random walk.
+    assert (squared.mean(0) < 3).all()
+    again = (unseen[1:] == 0) & (unseen[:-1] >= 10)
+    assert (sigma[1:][again].mean(0) < 2 * seen).all()
