@@ -104,10 +104,12 @@ class Simulation:
 def _told(scenario: Scenario) -> TrackerSettings:
     """What the team's computer is told of the loop."""
     settings, control, vision = scenario.settings, scenario.settings.control, scenario.settings.vision
+    wheels = scenario.plant == "mujoco"
     return TrackerSettings(
         period=PERIOD_S,
         delay_frames=max(settings.radio.delay_frames + control.delay_error_frames, 0),
-        lag_s=control.lag_s if scenario.plant == "mujoco" else 0.0,
+        lag_s=control.lag_s if wheels else 0.0,
+        drag_m_s=control.drag_m_s if wheels else 0.0,
         position_noise_m=vision.position_noise_m,
         heading_noise_rad=vision.heading_noise_rad,
         error_range_m=control.error_range_m,

@@ -20,7 +20,9 @@ class AdaptiveFuzzyTracker(FuzzyTracker):
 
     def __init__(self, settings: TrackerSettings, reference: Reference, n: int) -> None:
         super().__init__(settings, reference, n)
-        self.plant = PlantIdentifier(n, settings.period, settings.latency_frames, settings.vision_noise)
+        self.plant = PlantIdentifier(
+            n, settings.period, settings.latency_frames, settings.vision_noise, settings.drag_m_s
+        )
         self.sent = CommandsInFlight(n, self.plant.longest)
         self._filter: KalmanFilter | None = None
 

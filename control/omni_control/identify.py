@@ -18,12 +18,11 @@ REACH_FRAMES = 7  # how far from the guess they lie
 LATENCY_SIGMA_FRAMES = 3.0  # of the guess
 AXES_SIGMA_FRAMES = 0.7  # of the difference between driving forward and sideways
 ALPHA_SIGMA = 0.15  # of alpha = 1
-DRAG_SIGMA = 0.04  # of no drag, m/s
 SLOW_M_S = 0.05  # below it dry friction is not yet all of it
 ARM_M = 0.08  # from the centre to the wheels: 79 to 83 mm in teams' robots
-ALPHA_BOUNDS, DRAG_HIGHEST = (0.4, 1.2), 2 * DRAG_SIGMA
+ALPHA_BOUNDS = (0.4, 1.2)
 MEMORY = 0.99  # of evidence, per frame
-GAIN_ERROR, NOISE_FLOOR = 0.05, np.array([1e-3, 1e-3, 5e-3])  # of a frame's displacement: relative, and m and rad
+GAIN_ERROR, NOISE_FLOOR = 0.05, np.array([3e-4, 3e-4, 5e-3])  # of a frame's displacement: relative, and m and rad
 
 
 def direction(twist: Array) -> Array:
@@ -48,6 +47,8 @@ class PlantIdentifier:
         period: length of a frame T, s.
         guess_frames: what the latency is believed to be.
         noise: standard deviation of what vision reports, per axis (3,), m and rad.
+        drag_m_s: what dry friction is believed to cost of the speed (standard deviation), m/s; at most twice that is
+            found, and as much is taken for the noise with which a robot moves.
 
     Attributes:
         latency: from a command to its effect forward, sideways and turning, frames, (n, 3).
@@ -56,7 +57,7 @@ class PlantIdentifier:
         drag: speed lost to dry friction, m/s and rad/s, (n, 3).
     """
 
-    def __init__(self, n: int, period: float, guess_frames: float, noise: ArrayLike) -> None:
+    def __init__(self, n: int, period: float, guess_frames: float, noise: ArrayLike, drag_m_s: float = 0.04) -> None:
         lowest = max(0.0, np.floor(guess_frames - REACH_FRAMES))
         self.candidates = np.arange(lowest, guess_frames + REACH_FRAMES + STEP_FRAMES, STEP_FRAMES)
         self.longest = int(np.ceil(self.candidates[-1])) + 1  # commands that must be kept
@@ -64,6 +65,8 @@ class PlantIdentifier:
         self._older, share = np.divmod(self.candidates, 1.0)
         self._share = share[:, None, None]
         self._noise = np.maximum(np.asarray(noise, float), (1e-5, 1e-5, 1e-4)) ** 2
+        self._drag_sigma = max(drag_m_s, 1e-6)
+        self._floor = (NOISE_FLOOR + period * drag_m_s * np.array([1, 1, 0])) ** 2
         self._prior = ((self.candidates - guess_frames) / LATENCY_SIGMA_FRAMES)[:, None, None] ** 2
         shape = (len(self.candidates), n, 3)
         self._felt, self._rubbed = np.zeros((2, *shape))  # displacement of unit alpha, and of unit drag
@@ -97,7 +100,7 @@ class PlantIdentifier:
         self._moved += world_to_body(step, heading)
 
         size = self._period * np.abs(u).mean(0)
-        self._uncertain = self._uncertain + (GAIN_ERROR * size) ** 2 + NOISE_FLOOR**2
+        self._uncertain = self._uncertain + (GAIN_ERROR * size) ** 2 + self._floor
         variance = self._uncertain + self._noise
         gain, weight = np.where(seen, self._uncertain / variance, 0.0), np.where(seen, 1 / variance, 0.0)
         self._collect(weight, np.where(seen, MEMORY, 1.0))
@@ -128,8 +131,8 @@ class PlantIdentifier:
     def _solve(self) -> None:
         """Best alpha and drag for each latency, with their priors; then the mean over the latencies."""
         ff, fr, rr, fm, rm = self._sums
-        ff, fm, rr = ff + ALPHA_SIGMA**-2, fm + ALPHA_SIGMA**-2, rr + DRAG_SIGMA**-2
-        drag = np.clip((ff * rm - fr * fm) / (ff * rr - fr**2), 0.0, DRAG_HIGHEST)
+        ff, fm, rr = ff + ALPHA_SIGMA**-2, fm + ALPHA_SIGMA**-2, rr + self._drag_sigma**-2
+        drag = np.clip((ff * rm - fr * fm) / (ff * rr - fr**2), 0.0, 2 * self._drag_sigma)
         alpha = np.clip((fm - fr * drag) / ff, *ALPHA_BOUNDS)
         # Twice the negative logarithm of the likelihood, but for what is the same for all latencies.
         cost = ff * alpha**2 + 2 * fr * alpha * drag + rr * drag**2 - 2 * fm * alpha - 2 * rm * drag

@@ -25,6 +25,7 @@ class TrackerSettings:
         delay_frames: dead time k_d from command to robot, frames; as far as the team knows it.
         lag_s: time constant of the robots' wheel loops, s; as far as the team knows it.
         position_noise_m, heading_noise_rad: standard deviation of what vision sees, per axis.
+        drag_m_s: what dry friction may cost the robots of their speed, m/s.
         error_range_m, speed_range_m_s: ranges of the fuzzy controller, m and m/s.
         heading_gain: turn rate per heading error of the heading hold, 1/s.
         alpha_window_frames: window of the estimate of alpha (equation 8), frames.
@@ -35,6 +36,7 @@ class TrackerSettings:
     lag_s: float = 0.02
     position_noise_m: float = 0.0013
     heading_noise_rad: float = 0.01
+    drag_m_s: float = 0.04
     error_range_m: float = 0.1
     speed_range_m_s: float = 1.0
     heading_gain: float = 3.0

@@ -1,6 +1,7 @@
 """Laws of the identification of latency, alpha and drag, on robots that answer as its model says."""
 
 import copy
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,13 +11,14 @@ from hypothesis import strategies as st
 
 from omni_control import identify
 from omni_control.delay import CommandsInFlight
-from omni_control.identify import ALPHA_BOUNDS, DRAG_HIGHEST, PlantIdentifier
+from omni_control.identify import ALPHA_BOUNDS, PlantIdentifier
 from omni_control.kinematics import Array
 
 LAW = settings(deadline=None, max_examples=15, derandomize=True)
 
 SHARP = (1e-5, 1e-5, 1e-4)  # the least noise that the identifier believes of vision
 GUESS, SECOND = 6.0, 60
+DRAG_HIGHEST = 0.08  # twice what is told by default
 
 seeds = st.integers(0, 2**32 - 1)
 halves = st.integers(0, 26)
@@ -54,7 +56,13 @@ def smooth(rng: np.random.Generator, frames: int, n: int) -> Array:
 @pytest.fixture
 def without_prior(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(identify, "ALPHA_SIGMA", 1e6)
-    monkeypatch.setattr(identify, "DRAG_SIGMA", 1e6)
+    made = PlantIdentifier.__init__
+
+    def make(plant: PlantIdentifier, *told: Any) -> None:
+        made(plant, *told)
+        plant._drag_sigma = 1e6
+
+    monkeypatch.setattr(PlantIdentifier, "__init__", make)
 
 
 @pytest.mark.usefixtures("without_prior")

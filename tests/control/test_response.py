@@ -5,9 +5,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from omni_control.identify import ALPHA_BOUNDS, ARM_M, DRAG_HIGHEST, SLOW_M_S, PlantIdentifier, direction
+from omni_control.identify import ALPHA_BOUNDS, ARM_M, SLOW_M_S, PlantIdentifier, direction
 from omni_control.kinematics import Array
 
+DRAG_HIGHEST = 0.08  # twice what is told by default
 LAW = settings(deadline=None, max_examples=60, derandomize=True)
 T = 1 / 60
 
@@ -60,11 +61,13 @@ def test_a_robot_the_same_in_all_directions_loses_speed_alone(
     twist: Array, heading: float, alpha: float, drag: float
 ) -> None:
     """alpha v - drag, in the direction of the command; commands are in world, answers in body coordinates."""
-    body = robots(alpha, drag).respond(turned(twist, heading)[None], np.array([heading]))[0]
     size = wheel_speed(twist)
-    np.testing.assert_allclose(np.cross(body, twist), 0, atol=1e-12)
     lost = drag * min(1.0, size / SLOW_M_S)
-    assert wheel_speed(body) == pytest.approx(abs(alpha * size - lost), abs=1e-13)
+    assume(alpha * size >= lost)
+    body = robots(alpha, drag).respond(turned(twist, heading)[None], np.array([heading]))[0]
+    np.testing.assert_allclose(np.cross(body, twist), 0, atol=1e-12)
+    assert (body * twist >= 0).all()
+    assert wheel_speed(body) == pytest.approx(alpha * size - lost, abs=1e-13)
 
 
 @LAW
