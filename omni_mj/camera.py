@@ -20,10 +20,10 @@ class Camera:
         sigma = np.array([settings.position_noise_m, settings.position_noise_m, settings.heading_noise_rad])
         self._noise = sigma * draw(seeds, Stream.VISION_NOISE, lambda rng: rng.standard_normal((frames, 3)))
         misses = draw(seeds, Stream.VISION_MISSES, lambda rng: rng.random((frames, 1)))
+        misses[0] = 1.0  # a robot is placed where the camera sees it
         begins = np.cumsum(misses[:, :, 0] < settings.miss_probability, axis=0)
         before = np.concatenate([np.zeros((settings.miss_frames, len(seeds)), int), begins])[:frames]
         self._seen = begins == before  # no gap began in the last `miss_frames` frames
-        self._seen[0] = True  # a robot is placed where the camera sees it
 
     def __call__(self, frame: int, pose: Array) -> tuple[Array, np.ndarray]:
         """Return the poses seen (n, 3), not a number where a robot was missed, and whether each was seen (n,)."""

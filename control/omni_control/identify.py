@@ -35,12 +35,12 @@ def direction(twist: Array) -> Array:
 
 
 class PlantIdentifier:
-    """Maximum a posteriori estimate of the model above for n robots, over a bank of latencies.
+    """Posterior mean of the model above for n robots, over a bank of latencies.
 
     For each latency the displacement that vision saw is regressed on what commands of that age explain. Both are
     whitened by the steady-state filter of a random walk seen with noise: they leak with its gain, and weigh by the
-    variance of its innovations. Evidence is forgotten exponentially, and without motion there is none: the estimates
-    then keep their values but for what is forgotten in their favour.
+    variance of its innovations. Evidence is forgotten exponentially, also at standstill: within seconds the estimates
+    then return towards what was believed at the start.
 
     Args:
         n: robots.
@@ -54,7 +54,7 @@ class PlantIdentifier:
         latency: from a command to its effect forward, sideways and turning, frames, (n, 3).
         latency_sigma: its standard deviation, as far as the model holds, frames, (n, 3).
         alpha: motor correction factors, (n, 3).
-        drag: speed lost to dry friction, m/s and rad/s, (n, 3).
+        drag: speed lost to dry friction when driving forward, sideways, and at the wheels when turning, m/s, (n, 3).
     """
 
     def __init__(self, n: int, period: float, guess_frames: float, noise: ArrayLike, drag_m_s: float = 0.04) -> None:
@@ -73,7 +73,7 @@ class PlantIdentifier:
         self._moved = np.zeros((n, 3))
         self._uncertain = np.tile(self._noise, (n, 1))
         self._sums = np.zeros((5, *shape))
-        self._last: Array | None = None
+        self._last = np.full((n, 3), np.nan)
         self.latency = np.full((n, 3), float(guess_frames))
         self.latency_sigma = np.full((n, 3), LATENCY_SIGMA_FRAMES)
         self.alpha, self.drag = np.ones((n, 3)), np.zeros((n, 3))
@@ -89,12 +89,10 @@ class PlantIdentifier:
         commands = world_to_body(sent.last(self.longest)[::-1], heading)
         older = self._older.astype(int)
         u = (1 - self._share) * commands[older] + self._share * commands[np.minimum(older + 1, self.longest - 1)]
-        self._felt += self._period * u
-        self._rubbed -= self._period * direction(u)
-        if self._last is None:
-            self._last = measured.copy()
-        seen = ~np.isnan(measured)
-        step = np.where(seen, measured - self._last, 0.0)
+        seen, known = ~np.isnan(measured), ~np.isnan(self._last)  # displacements count from where it was first seen
+        self._felt += np.where(known, self._period * u, 0.0)
+        self._rubbed -= np.where(known, self._period * direction(u), 0.0)
+        step = np.where(seen & known, measured - self._last, 0.0)
         step[:, 2] = wrap_angle(step[:, 2])
         self._last = np.where(seen, measured, self._last)
         self._moved += world_to_body(step, heading)
@@ -112,10 +110,14 @@ class PlantIdentifier:
     def respond(self, command: Array, heading: Array) -> Array:
         """Body twists (..., n, 3) in answer to world-frame commands (..., n, 3) of robots at `heading` (..., n)."""
         body = world_to_body(command, heading)
-        return self.alpha * body - self.drag * direction(body)
+        moved, lost = self.alpha * body, self.drag * direction(body)
+        return moved - np.clip(lost, -np.abs(moved), np.abs(moved))  # friction stops, but does not push back
 
     def ask(self, velocity: Array, heading: Array) -> Array:
-        """Commands (n, 3) to which robots answer with the world-frame twists (n, 3): the inverse of `respond`."""
+        """Commands (n, 3) to which robots answer with the world-frame twists (n, 3).
+
+        The inverse of `respond`, but for creeping, and for axes that differ so much that the answer bends away.
+        """
         body = world_to_body(velocity, heading)
         body = (body + self.drag * direction(body)) / self.alpha
         return body_to_world(body, heading)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from closed_loop import NOISE, BodyFrame, Run, T, drive, vision
+from closed_loop import BodyFrame, Run, T, drive, vision
 
 from omni_control import identify
 from omni_control.adaptive import AdaptiveFuzzyTracker
@@ -25,10 +25,9 @@ def timed(path: list[list[float]]) -> TimedReference:
     return TimedReference(path, LIMITS, T, settle_frames=SECOND).after_rest(LEAD)
 
 
-def tracker(
-    reference: Reference, n: int, delay: int, lag_s: float = 0.0, sees_noise: bool = False
-) -> AdaptiveFuzzyTracker:
-    told = TrackerSettings(T, delay, lag_s, *(NOISE[1:] if sees_noise else (0.0, 0.0)))
+def tracker(reference: Reference, n: int, delay: int, drag_m_s: float = 0.0) -> AdaptiveFuzzyTracker:
+    """One that is told that its vision is exact, and that there is no lag."""
+    told = TrackerSettings(T, delay, lag_s=0, drag_m_s=drag_m_s, position_noise_m=0, heading_noise_rad=0)
     return AdaptiveFuzzyTracker(told, reference, n)
 
 
@@ -95,7 +94,9 @@ def test_a_robot_with_dry_friction_that_is_known_is_predicted_exactly(delay: int
     """
     reference, alpha = timed(STRAIGHT), np.array([[0.8] * 3, [1.05] * 3, [0.6, 0.7, 0.9]])
     plant = BodyFrame(np.array(STRAIGHT[:1] * 3), delay, alpha, 0.03)
-    run = drive(tracker(reference, 3, delay), plant, exact(3, reference.frames))
+    controller = tracker(reference, 3, delay, drag_m_s=0.04)
+    controller.plant._drag_sigma = 1e6  # nothing is believed of drag beforehand but the noise that it makes
+    run = drive(controller, plant, exact(3, reference.frames))
     known = LEAD + delay + SECOND
     np.testing.assert_allclose((run.alpha_hat[known:] - alpha)[..., :2], 0, atol=1e-7)
     np.testing.assert_allclose(ahead(run, delay)[known:], 0, atol=1e-9)
@@ -111,7 +112,8 @@ def test_robots_told_wrong_are_found_out_and_tracked() -> None:
     n, rng, reference = 13, np.random.default_rng(0), timed(PATH)
     latency = np.repeat(np.linspace(3, 9, n)[:, None], 3, axis=1)
     alpha, drag = rng.uniform(0.6, 1.1, (n, 1)) * np.ones(3), rng.uniform(0, 0.03, (n, 1)) * np.ones(3)
-    run = drive(tracker(reference, n, 6), BodyFrame(np.zeros((n, 3)), latency, alpha, drag), exact(n, reference.frames))
+    plant = BodyFrame(np.zeros((n, 3)), latency, alpha, drag)
+    run = drive(tracker(reference, n, 6, drag_m_s=0.04), plant, exact(n, reference.frames))
     distance, late = distances(run, reference), LEAD + 2 * SECOND
     turned = np.abs(run.pose[..., 2] - reference.poses[:, None, 2])
     assert distance.max() < 0.03
@@ -125,7 +127,7 @@ def test_a_lag_that_is_told_counts_as_dead_time() -> None:
     """A dead time of 6 frames and a lag of 20 ms, or 7.2 frames and none: one and the same tracker."""
     reference, n = timed(PATH), 3
     runs = []
-    for told in (TrackerSettings(T, 6, 0.02), TrackerSettings(T, 6, 1.2 * T)):
+    for told in (TrackerSettings(T, 6, lag_s=0.02), TrackerSettings(T, 6, lag_s=1.2 * T)):
         plant = BodyFrame(np.zeros((n, 3)), [[6.0], [7.0], [7.5]], 0.8, 0.0)
         runs.append(drive(AdaptiveFuzzyTracker(told, reference, n), plant, exact(n, 2 * SECOND)))
     # 0.02 s are 1.2 frames but for the last bit; the guess that is not on a half frame is rounded by none.
@@ -149,7 +151,7 @@ def test_the_reference_planned_anew_leads_through_all_way_points(delay: int) -> 
     n, path = 3, np.array(PATH)
     reference = IteratedReference(PATH, LIMITS, T, n, rest_frames=LEAD)
     plant = BodyFrame(np.repeat(path[:1], n, axis=0), delay, [[1.0], [0.8], [0.6]], 0.01)
-    run = drive(tracker(reference, n, delay), plant, exact(n, 9 * SECOND))
+    run = drive(tracker(reference, n, delay, drag_m_s=0.04), plant, exact(n, 9 * SECOND))
     for point in path[1:]:
         # Within the 2 cm at which a way-point counts as reached, and as much that the prediction may be off.
         assert np.hypot(*np.moveaxis(run.pose[..., :2] - point[:2], -1, 0)).min(0).max() < 0.04
@@ -185,7 +187,7 @@ def test_a_row_of_a_batch_is_what_it_is_alone(reference: Callable[[int], Referen
 
     def run(rows: slice) -> Array:
         plant = BodyFrame(start[rows], latency[rows], alpha[rows], 0.02)
-        controller = tracker(reference(len(start[rows])), len(start[rows]), 6, lag_s=0.02, sees_noise=True)
+        controller = AdaptiveFuzzyTracker(TrackerSettings(T, 6), reference(len(start[rows])), len(start[rows]))
         out = drive(controller, plant, noise[:, rows])
         return np.concatenate([out.pose, out.predicted, out.sent, out.alpha_hat, out.latency_hat], axis=2)
 

@@ -11,6 +11,7 @@ from omni_control.kinematics import Array
 DRAG_HIGHEST = 0.08  # twice what is told by default
 LAW = settings(deadline=None, max_examples=60, derandomize=True)
 T = 1 / 60
+DRAG_HIGHEST = 0.08  # m/s: twice what is believed of it by default
 
 twists = st.tuples(st.floats(-3, 3), st.floats(-3, 3), st.floats(-20, 20)).map(np.array)
 headings = st.floats(-10, 10)
@@ -118,3 +119,16 @@ def test_on_an_axis_what_is_asked_is_answered_exactly(twist: Array, heading: flo
         answer = plant.respond(plant.ask(world, h), h)[0]
         # Turning at up to 250 rad/s.
         np.testing.assert_allclose(answer, wanted, rtol=1e-13, atol=1e-13)
+
+
+@LAW
+@given(twists, headings, st.floats(0.4, 1.2), st.floats(0, DRAG_HIGHEST))
+def test_friction_stops_a_robot_but_does_not_push_it_back(
+    twist: Array, heading: float, alpha: float, drag: float
+) -> None:
+    """Along each axis a robot answers in the direction of its command or not at all, also when it creeps."""
+    for size in (1.0, 0.02, 1e-3):
+        command = turned(size * twist, heading)
+        answer = robots(alpha, drag).respond(command[None], np.array([heading]))[0]
+        # Turning there and back rounds twists of up to 20.
+        assert (answer * turned(command, -heading) >= -1e-12).all()

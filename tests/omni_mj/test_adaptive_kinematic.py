@@ -43,7 +43,7 @@ def errors(overrides: tuple[str, ...]) -> tuple[NDArray, NDArray]:
 def test_whatever_is_in_doubt_the_adaptive_controller_is_better(overrides: tuple[str, ...]) -> None:
     """With every seed it errs less than both others, at most and on average; in the median by a third and more.
 
-    Measured: the largest error is 0.05 to 0.6 of that of comp-flc, the mean one 0.05 to 0.46.
+    Measured: the largest error is 0.07 to 0.51 of that of comp-flc, the mean one 0.03 to 0.35.
     """
     for error in errors(overrides):
         assert (error[ADAPTIVE] < error[[FLC, COMPENSATED]]).all()
@@ -51,11 +51,11 @@ def test_whatever_is_in_doubt_the_adaptive_controller_is_better(overrides: tuple
 
 
 def test_where_nothing_is_in_doubt_it_is_nearly_as_good() -> None:
-    """A robot with alpha = 1 and the dead time that is told: to find out what comp-flc takes for granted costs 2 mm.
+    """A robot with alpha = 1 and the dead time that is told: to find out what comp-flc takes for granted costs 1 mm.
 
     That is the noise of vision: 1.3 mm per axis, of which the estimates of alpha and latency keep some.
     """
     largest, mean = errors(alpha(1.0))
-    assert np.median(largest[ADAPTIVE] - largest[COMPENSATED]) < 0.003
+    assert np.median(largest[ADAPTIVE] - largest[COMPENSATED]) < 0.002
     assert np.median(mean[ADAPTIVE] - mean[COMPENSATED]) < 0.0005
     assert (largest[ADAPTIVE] < largest[FLC] / 2).all()

@@ -20,7 +20,7 @@ from omni_mj.settings import Settings
 from omni_mj.trajectory import Trajectory
 
 TOLD, LEAD = 6, 15
-DELAYS = range(2, 13)
+DELAYS = (2, 3, 4, 6, 8, 10, 12)
 AFTER_TWO_SECONDS = LEAD + 120
 AHEAD, ASIDE = 0, 1
 LEGS = {AHEAD: "[[-1, -0.75, 0], [1, -0.75, 0]]", ASIDE: "[[-1, -0.75, 0], [-1, 1.25, 0]]"}
@@ -53,27 +53,27 @@ def errors_on_the_kinematic_plant(alpha: tuple[str, ...]) -> NDArray:
     return np.array([found(drive("kinematic", delay, AHEAD, 30, alpha), AHEAD) - delay for delay in DELAYS])
 
 
-@pytest.mark.parametrize(("alpha", "share"), [(CONSTANT, 0.9), (ANEW, 0.75), (LASTING, 0.6)])
+@pytest.mark.parametrize(("alpha", "share"), [(CONSTANT, 1.0), (ANEW, 0.87), (LASTING, 0.65)])
 def test_on_the_kinematic_plant_the_dead_time_is_found_within_half_a_frame(
     alpha: tuple[str, ...], share: float
 ) -> None:
-    """The median of 30 seeds at each dead time, and most of all seeds.
+    """The median of 30 seeds at each dead time in any case, and most of all seeds, by what alpha does.
 
-    Of 100 seeds each 92 % are within half a frame where alpha is constant, 83 % where it is new in every frame, 68 %
-    where it lasts for 10 s: what alpha does while a robot speeds up looks like latency, and so does drag, of which the
-    plant has none, as the identifier cannot know before the robot brakes. Shares of 330 spread by 2 to 3 %.
+    Of 100 seeds, all are within half a frame where alpha is constant (0.7, 0.85 or 1; 90 % within a sixth), 92 % where
+    it is new in every frame, and 71 % where it lasts for 10 s: an alpha that changes while a robot speeds up looks
+    like a latency. Shares of 210 spread by 3 %.
     """
     error = errors_on_the_kinematic_plant(alpha)
     assert np.abs(np.median(error, axis=1)).max() < 0.5
-    assert (np.abs(error) < 0.5).mean() > share
+    assert (np.abs(error) < 0.5).mean() >= share
 
 
-def test_the_estimate_says_how_far_off_the_guess_was() -> None:
-    """From 4 frames too few to 6 too many, the latency found follows the true one: no trace of the guess is left."""
+def test_nothing_is_left_of_the_guess() -> None:
+    """From 4 frames too few to 6 too many: the latency found is no nearer to the one told where that is far off."""
     medians = np.median(errors_on_the_kinematic_plant(CONSTANT), axis=1)
     slope = np.polyfit(DELAYS, medians, 1)[0]
-    # A guess that weighed a tenth would leave -0.1; 11 medians of 30 errors of 0.3 frames spread by 0.007 of a frame.
-    assert abs(slope) < 0.06
+    # A guess that weighed a tenth would leave -0.1; 7 medians of 30 errors of 0.1 frames spread by 0.003 a frame.
+    assert abs(slope) < 0.02
 
 
 @pytest.mark.parametrize("jitter", [1, 2, 3])
@@ -89,7 +89,7 @@ def test_under_jitter_the_mean_age_of_what_is_obeyed_is_found(jitter: int) -> No
     error = found(trajectory, AHEAD) - age
     # Single packets are up to `jitter` frames off the mean; the estimate averages over them.
     assert abs(np.median(error)) < 0.5
-    assert (np.abs(error) < 0.5).mean() > 0.7
+    assert (np.abs(error) < 0.5).mean() > 0.75
 
 
 @cache
@@ -128,6 +128,6 @@ def test_wheel_loops_delay_by_a_frame_ahead_and_more_aside(axis: int, low: float
 def test_on_the_mujoco_plant_dead_time_and_lag_are_found_within_half_a_frame(axis: int, delay: int) -> None:
     """The effective latency: the dead time, and what an impulse shows of the lag, of which the tracker is told 1.2."""
     expected = delay + impulse_responses(axis).mean()
-    error = found(drive("mujoco", delay, axis, 6, MUJOCO), axis) - expected
+    error = found(drive("mujoco", delay, axis, 5, MUJOCO), axis) - expected
     assert abs(np.median(error)) < 0.5
     assert np.abs(error).max() < 1.0
