@@ -30,7 +30,8 @@ def load_model() -> mujoco.MjModel:
 
 
 @lru_cache(maxsize=1)
-def _shared_model() -> mujoco.MjModel:
+def shared_model() -> mujoco.MjModel:
+    """The model, compiled once, to be read only."""
     return load_model()
 
 
@@ -59,17 +60,17 @@ def even_slice(indices: Sequence[int]) -> slice:
 
 def carpet_friction() -> float:
     """Coefficient of friction between rollers and carpet, as in the model."""
-    return float(_shared_model().pair_friction[0, 0])
+    return float(shared_model().pair_friction[0, 0])
 
 
 def numeric(name: str) -> float:
     """A number that the model holds under <custom>."""
-    return float(_shared_model().numeric(name).data[0])
+    return float(shared_model().numeric(name).data[0])
 
 
 def roller_damping() -> float:
     """Damping of the rollers' bearings, as in the model, N m s/rad."""
-    return float(_shared_model().dof_damping.max())
+    return float(shared_model().dof_damping.max())
 
 
 @dataclass(frozen=True)

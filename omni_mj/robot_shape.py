@@ -9,13 +9,14 @@ import rerun as rr
 
 from omni_mj import robot
 
+LIGHTER = 110  # of 255
 _CYLINDER, _BOX, _ELLIPSOID = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_ELLIPSOID
 
 
 @lru_cache(maxsize=1)
-def _at_rest() -> tuple[mujoco.MjModel, mujoco.MjData]:
+def at_rest() -> tuple[mujoco.MjModel, mujoco.MjData]:
     """The model with the chassis at the origin, so that world coordinates are the chassis' own."""
-    model = robot.load_model()
+    model = robot.shared_model()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     return model, data
@@ -23,14 +24,14 @@ def _at_rest() -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 def wheel_mounts() -> list[tuple[np.ndarray, np.ndarray]]:
     """Per wheel, the axle's position (3,) in m and its axis (3,), in the chassis' frame."""
-    _, data = _at_rest()
+    _, data = at_rest()
     joints = [data.joint(f"wheel_{i + 1}") for i in range(robot.WHEELS)]
     return [(joint.xanchor.copy(), joint.xaxis.copy()) for joint in joints]
 
 
 def log(stream: rr.RecordingStream, entity: str, colour: tuple[int, int, int]) -> None:
     """Log chassis and wheels once, static, under `entity`; the cover in `colour` to tell robots apart."""
-    model, _ = _at_rest()
+    model, _ = at_rest()
     _log_geoms(stream, f"{entity}/chassis", [model.body("chassis").id], np.zeros(3), colour)
     for i, (position, _) in enumerate(wheel_mounts()):
         wheel = model.body(f"wheel_{i + 1}").id
@@ -42,13 +43,15 @@ def _log_geoms(
     stream: rr.RecordingStream, entity: str, bodies: list[int], origin: np.ndarray, colour: tuple[int, int, int]
 ) -> None:
     """Log the geoms of `bodies` relative to `origin`, one entity per kind of geom."""
-    model, data = _at_rest()
+    model, data = at_rest()
     for kind in (_CYLINDER, _BOX, _ELLIPSOID):
         ids = np.flatnonzero((model.geom_type == kind) & np.isin(model.geom_bodyid, bodies))
         if not ids.size:
             continue
         size = model.geom_size[ids]
-        colours = [colour if model.geom(i).name == "cover" else _colour(model, i) for i in ids]
+        colours = np.array([colour if model.geom(i).name == "cover" else _colour(model, i) for i in ids])
+        if kind == _ELLIPSOID:  # every other roller lighter, or nobody sees wheels turn
+            colours[::2] = np.minimum(colours[::2] + LIGHTER, 255)
         common: dict[str, Any] = {
             "centers": data.geom_xpos[ids] - origin,
             "quaternions": data.geom_xquat[ids][:, [1, 2, 3, 0]],  # MuJoCo's wxyz to rerun's xyzw
@@ -67,4 +70,4 @@ def _log_geoms(
 def _colour(model: mujoco.MjModel, geom: np.intp) -> np.ndarray:
     material = model.geom_matid[geom]
     rgba = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
-    return (255 * rgba).astype(np.uint8)
+    return (255 * rgba[:3]).astype(int)

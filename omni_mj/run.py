@@ -3,6 +3,7 @@
 import shutil
 import sys
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,11 +17,9 @@ from omni_mj.controllers import ControllerError
 from omni_mj.interrupts import Interrupts, StoppedError
 from omni_mj.loop import Simulation
 from omni_mj.plants import SimulationError
-from omni_mj.recording import Recording
-from omni_mj.settings import FRAME_RATE_HZ
+from omni_mj.recording import FileRecording, LiveRecording, Recording, live
 
 OUTPUTS = ("summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml", "figures", "report.html")
-BLOCK_FRAMES = 5 * FRAME_RATE_HZ  # of recording sent at a time; what a killed process loses at most
 PROGRESS_FRAMES = 12
 
 
@@ -34,6 +33,8 @@ PROGRESS_FRAMES = 12
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="[runs/<scenario>-<UTC time>]")
 @click.option("--overwrite", is_flag=True, help="Replace the files of an earlier run in --out.")
 @click.option("--record/--no-record", default=True, help="Write recording.rrd for the rerun viewer.")
+@click.option("--view", is_flag=True, help="Watch the run in a rerun viewer of its own.")
+@click.option("--connect", metavar="URL", help="Watch the run in a rerun viewer that is running.")
 @click.option("--figures/--no-figures", "draw", default=True, help="Draw the figures.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @click.option("--list", "show_list", is_flag=True, help="List scenarios, controllers and settings.")
@@ -47,6 +48,8 @@ def run(
     out: Path | None,
     overwrite: bool,
     record: bool,
+    view: bool,
+    connect: str | None,
     draw: bool,
     quiet: bool,
     show_list: bool,
@@ -59,9 +62,11 @@ def run(
         raise OmniError(f"--scenario is missing; choose from {', '.join(scenario.builtin())}, or a .toml file")
     head = {"controllers": controllers or None, "plant": plant, "seed": seed, "seeds": seeds}
     chosen = scenario.load(scenario_name, overrides, {k: v for k, v in head.items() if v is not None})
+    viewers = [] if connect is None else [live.check(connect)]
+    viewers += [live.open_viewer()] if view else []
     folder = folders.prepare(out, chosen.name, OUTPUTS, overwrite)
     try:
-        execute(chosen, folder, record, draw, quiet)
+        execute(chosen, folder, record, draw, quiet, viewers)
     except BrokenPipeError:  # not the folder's: whoever read the table has gone
         raise
     except OSError as error:
@@ -69,24 +74,27 @@ def run(
         console.fail(f"cannot write to {folder}: {reason}; what could be written until then is there", console.FAILED)
 
 
-def execute(chosen: scenario.Scenario, folder: Path, record: bool, draw: bool, quiet: bool) -> None:
-    """Run `chosen`; whatever ends the run, what was recorded until then is saved in `folder`."""
+def execute(
+    chosen: scenario.Scenario, folder: Path, record: bool, draw: bool, quiet: bool, viewers: Sequence[str] = ()
+) -> None:
+    """Run `chosen`, shown by the `viewers` at these addresses; whatever ends it, what was recorded is in `folder`."""
     started = time.perf_counter()
     simulation = Simulation(chosen)
     (folder / "scenario.toml").write_text(chosen.to_toml(), encoding="utf-8")
     with ExitStack() as stack:
-        recording = None
-        if record:
-            recording = stack.enter_context(Recording(folder / "recording.rrd", chosen, simulation.reference.poses))
-        stop = _simulate(simulation, recording, quiet)
+        recordings: list[Recording] = [LiveRecording(url, simulation) for url in viewers]
+        recordings += [FileRecording(folder / "recording.rrd", simulation)] if record else []
+        for recording in recordings:
+            stack.enter_context(recording)
+        stop = _simulate(simulation, recordings, quiet)
         trajectory = simulation.trajectory
         happened = events.find(trajectory, chosen.settings)
         reason, wall_s = stop.reason if stop else None, time.perf_counter() - started
         result = summary.summarise(chosen, trajectory, happened, wall_s, reason)
         if trajectory.length:
             trajectory.save(folder / "trajectory.parquet")
-            if recording:
-                recording.log_summary(console.markdown_result(result), happened)
+            for recording in recordings:
+                recording.finish(console.markdown_result(result))
     if draw and trajectory.length:
         title = f"{chosen.name} on the {chosen.plant} plant"
         figures.save_all(trajectory, title, folder / "figures", chosen.settings, paper.TABLES.get(chosen.paper_table))
@@ -107,12 +115,12 @@ class _Stop:
     exit_code: int
 
 
-def _simulate(simulation: Simulation, recording: Recording | None, quiet: bool) -> _Stop | None:
+def _simulate(simulation: Simulation, recordings: Sequence[Recording], quiet: bool) -> _Stop | None:
     """Run to the end, recording in blocks; return why it stopped early, or None.
 
     Ctrl-C and SIGTERM end the run between two frames; a second one ends the program at once.
     """
-    trajectory, total = simulation.trajectory, simulation.reference.frames
+    total = simulation.reference.frames
     try:
         with Interrupts() as interrupts, console.progress(simulation.scenario.name, total, quiet) as show:
 
@@ -120,8 +128,8 @@ def _simulate(simulation: Simulation, recording: Recording | None, quiet: bool) 
                 interrupts.check()
                 if (frame + 1) % PROGRESS_FRAMES == 0:
                     show(frame + 1)
-                if recording and (frame + 1) % BLOCK_FRAMES == 0:
-                    recording.write(trajectory)
+                for recording in recordings:
+                    recording.update()
 
             simulation.run(after_frame)
         return None
@@ -130,8 +138,8 @@ def _simulate(simulation: Simulation, recording: Recording | None, quiet: bool) 
     except StoppedError as error:
         return _Stop(error.reason, error.exit_code)
     finally:
-        if recording:
-            recording.write(trajectory)
+        for recording in recordings:
+            recording.write()
 
 
 def _report(result: dict[str, Any], folder: Path, record: bool, draw: bool) -> None:

@@ -1,4 +1,4 @@
-"""What a run leaves behind: summary, table, recording and figures agree with each other."""
+"""What a run leaves behind: summary, table and figures agree with each other."""
 
 import json
 import subprocess
@@ -11,7 +11,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from matplotlib.image import imread
-from rerun.chunk import RrdReader
 
 SEEDS = 3
 
@@ -133,62 +132,6 @@ def test_nothing_is_wrong_in_the_summary_itself(summary: Any) -> None:
     assert summary["simulated_s"] == pytest.approx(summary["frames"] / 60)
     assert summary["settings"]["radio"]["delay_frames"] == 6
     assert {"python", "omni-mj", "mujoco"} <= set(summary["versions"])
-
-
-def recorded(folder: Path, entity: str) -> list[pa.RecordBatch]:
-    chunks = RrdReader(folder / "recording.rrd").stream().to_chunks()
-    return [c.to_record_batch() for c in chunks if c.entity_path == entity and not c.is_static]
-
-
-def test_the_recording_holds_the_first_seeds_poses_and_errors(folder: Path, table: pa.Table) -> None:
-    for controller in ("flc", "comp-flc"):
-        expected = rows(table, controller, 0)
-        batches = recorded(folder, f"/world/{controller}/robot")
-        translation = np.concatenate(
-            [np.stack([np.asarray(v[0]) for v in b["Transform3D:translation"].to_pylist()]) for b in batches]
-        )
-        frames = np.concatenate([b["frame"].to_numpy(zero_copy_only=False) for b in batches])
-        order = np.argsort(frames)
-        assert frames[order].tolist() == expected["frame"].tolist()
-        # Transforms are float32: 6e-8 of a metre or so.
-        np.testing.assert_allclose(translation[order, 0], expected["x_m"], atol=1e-6)
-        np.testing.assert_allclose(translation[order, 1], expected["y_m"], atol=1e-6)
-
-        series = recorded(folder, f"/plots/error_x/{controller}")
-        values = np.concatenate([np.array([v[0] for v in b["Scalars:scalars"].to_pylist()]) for b in series])
-        frames = np.concatenate([b["frame"].to_numpy(zero_copy_only=False) for b in series])
-        error_cm = 100 * np.abs(expected["x_m"] - expected["ref_x_m"])
-        np.testing.assert_allclose(values[np.argsort(frames)], error_cm, rtol=1e-12)
-
-
-# What the recording plots, and the columns of the table it is.
-SERIES = {
-    "command": ["command_vx_m_s", "command_vy_m_s", "command_w_rad_s"],
-    "applied": ["applied_vx_m_s", "applied_vy_m_s", "applied_w_rad_s"],
-    "alpha_hat": ["alpha_hat_x", "alpha_hat_y", "alpha_hat_heading"],
-    "wheel_speed": [f"wheel_speed_{i}_rad_s" for i in "1234"],
-    "battery": ["battery_v"],
-}
-
-
-@pytest.mark.parametrize("entity", SERIES)
-def test_the_recordings_time_series_are_columns_of_the_table(folder: Path, table: pa.Table, entity: str) -> None:
-    expected = rows(table, "comp-flc", 0)
-    batches = recorded(folder, f"/plots/{entity}/comp-flc")
-    frames = np.concatenate([b["frame"].to_numpy(zero_copy_only=False) for b in batches])
-    values = [instant for b in batches for instant in b["Scalars:scalars"].to_pylist()]
-    # Copies: equal to the last bit.
-    for frame, instant in zip(frames, values, strict=True):
-        assert instant == [expected[column][frame] for column in SERIES[entity]]
-    assert sorted(frames) == expected["frame"].tolist()
-
-
-def test_the_recording_passes_reruns_own_verification(folder: Path) -> None:
-    rerun = Path(sys.executable).with_name("rerun")
-    done = subprocess.run(
-        [rerun, "rrd", "verify", folder / "recording.rrd"], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("name", ["path", "output", "error"])

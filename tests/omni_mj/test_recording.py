@@ -1,0 +1,282 @@
+"""A recording holds what the table beside it holds, named and laid out, whatever ended the run."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from recorded import Recorded, record, rows, rrd
+
+from omni_mj import field, robot, scenario, style
+from omni_mj.loop import Simulation
+
+CONTROLLERS = ("flc", "comp-flc")
+RUN = [sys.executable, "-m", "omni_mj.run", "--no-figures", "--quiet"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of the paper's rectangle."""
+    path = tmp_path_factory.mktemp("run")
+    simulation = Simulation(scenario.load("rect", ["wheels.model=contact-roller"]))
+    record(simulation, path / "recording.rrd")
+    simulation.trajectory.save(path / "trajectory.parquet")
+    return path
+
+
+@pytest.fixture(scope="module")
+def recorded(folder: Path) -> Recorded:
+    return Recorded(folder / "recording.rrd")
+
+
+def poses(recorded: Recorded, entity: str) -> NDArray:
+    """Transforms as [x, y, heading] (frames, 3)."""
+    at = np.array([row[0] for row in recorded.column(entity, "Transform3D:translation")])
+    quaternion = np.array([row[0] for row in recorded.column(entity, "Transform3D:quaternion")])
+    assert not quaternion[:, :2].any()  # about z
+    return np.column_stack([at[:, :2], 2 * np.arctan2(quaternion[:, 2], quaternion[:, 3])])
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+@pytest.mark.parametrize(("entity", "prefix"), [("robot", ""), ("vision", "vision_"), ("predicted", "predicted_")])
+def test_poses_are_those_of_the_table(
+    folder: Path, recorded: Recorded, controller: str, entity: str, prefix: str
+) -> None:
+    table = rows(folder, controller)
+    expected = np.column_stack([table[f"{prefix}{name}"] for name in ("x_m", "y_m", "heading_rad")])
+    known = np.flatnonzero(~np.isnan(expected[:, 0]))
+    assert sorted(recorded.frames(f"/world/{controller}/{entity}")) == known.tolist()
+    # Transforms are float32: 6e-8 of a metre or radian or so.
+    np.testing.assert_allclose(poses(recorded, f"/world/{controller}/{entity}"), expected[known], atol=1e-6)
+
+
+def test_wheels_turn_by_the_angles_of_the_table(folder: Path, recorded: Recorded) -> None:
+    table, azimuths = rows(folder, "comp-flc"), np.deg2rad([60, 135, 225, 300])
+    for i, azimuth in enumerate(azimuths):
+        rows_ = recorded.column(f"/world/comp-flc/robot/wheel_{i + 1}", "Transform3D:quaternion")
+        quaternion = np.array([row[0] for row in rows_])
+        angle = table[f"wheel_angle_{i + 1}_rad"]
+        # Axles point to the robot's centre, so that positive speeds drive it counter-clockwise.
+        axis = -np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        turned = np.column_stack([np.sin(angle / 2)[:, None] * axis, np.cos(angle / 2)])
+        np.testing.assert_allclose(quaternion, turned, atol=1e-6)
+
+
+def test_the_path_leads_from_pose_to_pose(folder: Path, recorded: Recorded) -> None:
+    table = rows(folder, "flc")
+    position = np.column_stack([table["x_m"], table["y_m"]])
+    segments = np.array([row[0] for row in recorded.column("/world/flc/path", "LineStrips3D:strips")])
+    np.testing.assert_allclose(segments[:, 1, :2], position, atol=1e-6)
+    np.testing.assert_allclose(segments[1:, 0], segments[:-1, 1], atol=0)
+
+
+def alpha(position: NDArray, velocity: NDArray) -> NDArray:
+    """Displacement achieved over commanded in the 15 frames before each, where 0.1 m/s or more were commanded."""
+    result = np.full(len(position), np.nan)
+    for k in range(15, len(position)):
+        mean = velocity[k - 15 : k].mean()
+        if abs(mean) > 0.1:
+            result[k] = (position[k] - position[k - 15]) / (mean * 15 / 60)
+    return result
+
+
+def expected_series(t: dict[str, NDArray]) -> dict[str, NDArray]:
+    """The series of one controller, from its rows of the table alone."""
+    wheels = range(1, 5)
+    c, s = np.cos(t["heading_rad"]), np.sin(t["heading_rad"])
+    forward, left = (
+        c * t["applied_vx_m_s"] + s * t["applied_vy_m_s"],
+        c * t["applied_vy_m_s"] - s * t["applied_vx_m_s"],
+    )
+    turn = 0.080 * t["applied_w_rad_s"]  # at the wheels, 80 mm from the centre
+    rim = [-np.sin(a) * forward + np.cos(a) * left + turn for a in np.deg2rad([60, 135, 225, 300])]
+    series = {
+        "wheel/speed": [*(v / 0.0285 for v in rim), *(t[f"wheel_speed_{i}_rad_s"] for i in wheels)],
+        "wheel/voltage": [t[f"voltage_{i}_v"] for i in wheels],
+        "wheel/current": [t[f"current_{i}_a"] for i in wheels],
+        "wheel/slip": [t[f"slip_{i}_m_s"] for i in wheels],
+        "winding": [t[f"winding_{i}_c"] for i in wheels],
+        "battery": [t["battery_v"]],
+        "ahead": [100 * np.hypot(t["predicted_x_m"] - t["x_m"], t["predicted_y_m"] - t["y_m"])],
+    }
+    for axis, place, speed, scale in (
+        ("x", "x_m", "vx_m_s", 100),
+        ("y", "y_m", "vy_m_s", 100),
+        ("heading", "heading_rad", "w_rad_s", 180 / np.pi),
+    ):
+        series[f"error/{axis}"] = [scale * (t[place] - t[f"ref_{place}"])]
+        achieved = 60 * np.diff(t[place], prepend=t[place][0])
+        series[f"velocity/{'turn' if axis == 'heading' else axis}"] = [
+            t[f"command_{speed}"],
+            t[f"applied_{speed}"],
+            achieved,
+        ]
+        if axis != "heading":
+            series[f"alpha/{axis}"] = [t[f"alpha_hat_{axis}"]]
+            series[f"alpha/{axis}/true"] = [alpha(t[place], t[f"applied_{speed}"])]
+    return {name: np.column_stack(lines) for name, lines in series.items()}
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_every_time_series_follows_from_the_table(folder: Path, recorded: Recorded, controller: str) -> None:
+    expected = expected_series(rows(folder, controller))
+    found = {
+        entity for entity in recorded.entities() if entity.startswith("/plots/") and controller in entity.split("/")
+    }
+    names = {
+        name: f"/plots/{name.removesuffix('/true')}/{controller}{'/true' * name.endswith('/true')}" for name in expected
+    }
+    assert found == set(names.values())
+    for name, entity in names.items():
+        # Scalars are float64; sums in another order differ by rounding, near 1e-12 of what is summed.
+        np.testing.assert_allclose(recorded.values(entity), expected[name], rtol=1e-9, atol=1e-9, err_msg=name)
+
+
+def test_series_say_name_unit_and_rate_in_their_controllers_colour(recorded: Recorded) -> None:
+    series = {entity for entity in recorded.entities(static=True) if entity.startswith("/plots/")}
+    assert series == {entity for entity in recorded.entities() if entity.startswith("/plots/")}
+    for entity in series:
+        quantity, controller = entity.split("/")[2], entity.split("/")[-2 if entity.endswith("true") else -1]
+        names = recorded.static(entity, "SeriesLines:names")
+        assert len(names) == len(set(names)) == recorded.values(entity).shape[1]
+        for name in names:
+            assert name.endswith("60 Hz)")
+            assert ("," in name) == (quantity != "alpha")  # which has no unit
+            assert name.startswith(controller) or quantity == "wheel"
+        if quantity != "wheel":
+            red, green, blue = style.rgb(style.controller(CONTROLLERS.index(controller)))
+            colour = recorded.static(entity, "SeriesLines:colors")[-1]
+            assert colour in (
+                red << 24 | green << 16 | blue << 8 | 255,
+                recorded.static(entity, "SeriesLines:colors")[0],
+            )
+
+
+def test_the_robot_is_the_compiled_models_own_geometry(recorded: Recorded) -> None:
+    model = robot.load_model()
+    for i in range(1, 5):
+        entity = f"/world/flc/robot/wheel_{i}/ellipsoids"
+        sizes = np.array(recorded.static(entity, "Ellipsoids3D:half_sizes"))
+        ids = [g for g in range(model.ngeom) if model.geom(g).name.startswith(f"roller_{i}_")]
+        assert len(sizes) == len(ids) == 16
+        np.testing.assert_allclose(sizes, model.geom_size[ids], rtol=1e-6)
+        hub = recorded.static(f"/world/flc/robot/wheel_{i}/cylinders", "Cylinders3D:radii")
+        assert hub == pytest.approx(model.geom(f"hub_{i}").size[:1])
+    chassis = [g for g in range(model.ngeom) if model.geom_bodyid[g] == model.body("chassis").id]
+    kinds = [
+        ("cylinders", "Cylinders3D:radii", mujoco.mjtGeom.mjGEOM_CYLINDER),
+        ("boxs", "Boxes3D:half_sizes", mujoco.mjtGeom.mjGEOM_BOX),
+    ]
+    for entity, name, kind in kinds:
+        shown = recorded.static(f"/world/flc/robot/chassis/{entity}", name)
+        assert len(shown) == sum(model.geom_type[g] == kind for g in chassis)
+
+
+def test_static_geometry_is_logged_once(recorded: Recorded) -> None:
+    for entity in recorded.entities(static=True) - {"/summary", "/__properties"}:
+        assert len(recorded.batches(entity, static=True)) == 1, entity
+
+
+def test_the_field_is_that_of_the_rules(recorded: Recorded) -> None:
+    """Division B: 9 x 6 m to the outer edges of lines 10 mm wide, a centre circle of 1 m."""
+    strips = recorded.static("/world/field/lines", "LineStrips3D:strips")
+    points = np.concatenate([np.array(strip) for strip in strips])
+    assert recorded.static("/world/field/lines", "LineStrips3D:radii") == pytest.approx([0.005])
+    assert np.abs(points).max(0) == pytest.approx([4.495, 2.995, 0.0])  # their middles
+    circle = max(strips, key=len)
+    assert np.hypot(*np.array(circle).T[:2]) + 0.005 == pytest.approx(np.full(len(circle), 0.5))
+    centres, half = field.goal_walls()
+    assert np.ptp((centres + half)[:, 0]) > 9  # one goal behind each line
+    inside = np.abs(centres) - half
+    assert inside[:, 0].min() == pytest.approx(4.5)  # walls touch the line, and leave 1 m between them
+    assert inside[np.abs(centres[:, 1]) > 0.1, 1] == pytest.approx(np.full(4, 0.5))
+
+
+def test_it_opens_paused_at_its_start_with_its_layout(recorded: Recorded) -> None:
+    (store,) = recorded.reader.blueprints()
+    chunks = recorded.reader.stream(store=store).to_chunks()
+    panel = [c.to_record_batch() for c in chunks if c.entity_path == "/time_panel" and c.is_static]
+    paused = 1
+    assert [b["TimePanelBlueprint:play_state"].to_pylist() for b in panel] == [[[paused]]]
+    names = {
+        c.to_record_batch()["ViewBlueprint:display_name"].to_pylist()[0][0]
+        for c in chunks
+        if c.entity_path.startswith("/view/") and "ViewBlueprint:display_name" in c.to_record_batch().schema.names
+    }
+    assert {"plan", "summary", "events", "settings", "tracking error in x, cm", "winding temperature, deg C"} <= names
+
+
+def test_summary_settings_and_events_are_in_it(recorded: Recorded) -> None:
+    *_, last = recorded.batches("/summary", static=True)
+    summary = last["TextDocument:text"].to_pylist()[0][0]
+    assert "| comp-flc |" in summary
+    settings = recorded.static("/settings", "TextDocument:text")[0]
+    assert "| delay_frames | 6 | frames |" in settings
+    assert "**[[-1.0, -0.75, 0.0]" in settings  # the scenario's own way-points
+    texts = [row[0] for row in recorded.column("/events/comp-flc", "TextLog:text")]
+    assert [text for text in texts if "way-point" in text][-1].endswith("comp-flc: way-point 4 of 4 reached")
+
+
+def test_it_passes_reruns_verification_and_is_small(recorded: Recorded) -> None:
+    done = rrd("verify", recorded.path)
+    assert done.returncode == 0, done.stderr
+    assert recorded.path.stat().st_size < 4e6
+
+
+def test_equal_runs_compare_equal_and_different_ones_do_not(tmp_path: Path) -> None:
+    for name, seed in (("a", 0), ("b", 0), ("c", 1)):
+        short = ["reference.waypoints=[[0, 0], [0.3, 0.2]]", "wheels.model=contact-roller"]
+        record(Simulation(scenario.load("rect", short, {"seed": seed})), tmp_path / f"{name}.rrd")
+    a, b, c = (tmp_path / f"{name}.rrd" for name in "abc")
+    assert rrd("compare", a, b).returncode == 0
+    assert rrd("compare", a, c).returncode != 0
+
+
+def test_the_first_seed_is_recorded_and_no_wheels_where_there_are_none(tmp_path: Path) -> None:
+    options = [
+        "--plant",
+        "kinematic",
+        "--seed",
+        "3",
+        "--seeds",
+        "2",
+        "--set",
+        "reference.waypoints=[[0, 0], [0.3, 0.2]]",
+    ]
+    subprocess.run([*RUN, "--scenario", "rect", *options, "--out", tmp_path], check=True, timeout=60)
+    recorded = Recorded(tmp_path / "recording.rrd")
+    assert {entity.split("/")[2] for entity in recorded.entities() if "/plots/" in entity} == {
+        "error", "velocity", "alpha", "ahead",
+    }  # fmt: skip
+    driven = poses(recorded, "/world/flc/robot")
+    for seed, equal in ((3, True), (4, False)):
+        table = rows(tmp_path, "flc", seed)
+        assert np.allclose(driven[:, 0], table["x_m"], atol=1e-6) == equal
+
+
+def test_a_killed_run_leaves_its_blocks(tmp_path: Path) -> None:
+    """Killed while it writes, of every entity the same whole blocks of 300 frames are there, but for the last one."""
+    options = ["--scenario", "rect", "--plant", "kinematic", "--set", "reference.laps=100", "--out", tmp_path]
+    process = subprocess.Popen([*RUN, *options])
+    path, deadline = tmp_path / "recording.rrd", time.monotonic() + 60
+    while not (path.exists() and path.stat().st_size > 2e6) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    with pytest.warns(match="no footer"):
+        recorded = Recorded(path)
+    series = [e for e in recorded.entities() if "/plots/" in e or e.endswith("/robot")]
+    lengths = {entity: len(recorded.frames(entity)) for entity in series}
+    assert len(series) == 2 * 11 + 2
+    assert min(lengths.values()) >= 600
+    assert max(lengths.values()) - min(lengths.values()) <= 300
+    for entity in series:
+        assert sorted(recorded.frames(entity)) == list(range(lengths[entity]))
+    assert "| laps | **100** |" in recorded.static("/settings", "TextDocument:text")[0]
+    assert "has not ended" in recorded.static("/summary", "TextDocument:text")[0]
