@@ -52,16 +52,15 @@ def find(trajectory: Trajectory, settings: Settings) -> list[Event]:
 def find_all(trajectory: Trajectory, settings: Settings) -> list[Event]:
     """Everything that happened to the first seed's robots, in the order of time: also limits, frames, way-points.
 
-    A limit is met in the first frame at it, `QUIET_FRAMES` after the last. A motor is taken to have all of the
-    battery's voltage where its peak over a frame is not below the battery's at the end.
+    A limit is met in the first frame at it, `QUIET_FRAMES` after the last.
     """
     found = [event for event in find(trajectory, settings) if event.seed == trajectory.seeds[0]]
     for i in range(len(trajectory.controllers)):
         track = {name: trajectory.channel(name)[:, i, 0] for name in ("pose", "ref", "command", "vision_valid")}
-        peak, battery = (trajectory.channel(name)[:, i, 0, 0] for name in ("voltage_peak", "battery"))
+        duty, battery = (trajectory.channel(name)[:, i, 0, 0] for name in ("duty_peak", "battery"))
         happened = [
             *_limits(track["command"], settings.control),
-            *((f, VOLTAGE, "a motor takes all the battery's voltage") for f in _met((peak >= battery) & (battery > 0))),
+            *((f, VOLTAGE, "a motor takes all the battery's voltage") for f in _met((duty >= 1) & (battery > 0))),
             *_lost(track["vision_valid"][:, 0]),
             *_reached(track["pose"], track["ref"], settings.reference),
         ]

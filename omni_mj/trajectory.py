@@ -26,6 +26,7 @@ CHANNELS: dict[str, tuple[str, ...]] = {
     "wheel_speed": tuple(f"wheel_speed_{i}_rad_s" for i in _WHEELS),
     "voltage": tuple(f"voltage_{i}_v" for i in _WHEELS),
     "current": tuple(f"current_{i}_a" for i in _WHEELS),
+    "duty_peak": ("duty_peak",),
     "voltage_peak": ("voltage_peak_v",),
     "current_peak": ("current_peak_a",),
     "winding": tuple(f"winding_{i}_c" for i in _WHEELS),

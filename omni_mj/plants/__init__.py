@@ -17,7 +17,8 @@ class Telemetry:
     """What the robots' wheels and motors are doing at a frame; not a number on a plant that has none.
 
     wheel_angle (n, 4) rad, wheel_speed (n, 4) rad/s, voltage (n, 4) V, current (n, 4) A; and the largest magnitudes
-    over the four motors and the physics steps of the frame just past, voltage_peak (n,) V, current_peak (n,) A.
+    over the four motors and the physics steps of the frame just past: duty_peak (n,), 1 where a motor had all of the
+    battery's voltage, voltage_peak (n,) V, current_peak (n,) A.
     Temperatures of windings and housings (n, 4) in deg C, the battery's voltage under load (n,) in V, and the speed at
     which the wheels' contact points slide over the carpet, slip (n, 4) m/s.
     """
@@ -26,6 +27,7 @@ class Telemetry:
     wheel_speed: Array
     voltage: Array
     current: Array
+    duty_peak: Array
     voltage_peak: Array
     current_peak: Array
     winding: Array

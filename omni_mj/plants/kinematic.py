@@ -13,7 +13,7 @@ from omni_mj.radio import Received
 from omni_mj.randomness import Stream, draw
 from omni_mj.settings import PERIOD_S, Settings, column
 
-_SINGLE = ("voltage_peak", "current_peak", "battery")  # one value per robot, not per wheel
+_SINGLE = ("duty_peak", "voltage_peak", "current_peak", "battery")  # one value per robot, not per wheel
 
 
 class KinematicPlant:

@@ -86,7 +86,8 @@ class MujocoPlant:
         self._battery = Battery([s.battery for s in settings])
         self._firmware = Firmware(settings, self._geometry, self._motor, self._heading, cycle, PERIOD_S)
         batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)  # sensors of the state in which the robots start
-        self._voltages, self._currents = np.zeros((2, self._cycles, n, robot.WHEELS))  # of a frame's cycles
+        of_a_frame = (self._cycles, n, robot.WHEELS)
+        self._duties, self._voltages, self._currents = np.zeros((3, *of_a_frame))
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -105,7 +106,7 @@ class MujocoPlant:
         gyro_error = self._gyro_error[frame, :, 0]
         for k in range(self._cycles):
             angles = self._encoders if handover is None else self._encoders + handover.sensor_offset
-            duty = self._firmware.duties(self._gyro + gyro_error, angles)
+            duty = self._duties[k] = self._firmware.duties(self._gyro + gyro_error, angles)
             voltage = np.multiply(duty, battery.voltage[:, None], out=self._voltages[k])
             self._ctrl[:], self._currents[k] = motors.drive(voltage, self._wheel_speed)
             for _ in range(self._substeps):
@@ -124,6 +125,7 @@ class MujocoPlant:
             wheel_speed=self._wheel_speed.copy(),
             voltage=self._voltages[-1].copy(),
             current=self._currents[-1].copy(),
+            duty_peak=np.abs(self._duties).max((0, 2)),
             voltage_peak=np.abs(self._voltages).max((0, 2)),
             current_peak=np.abs(self._currents).max((0, 2)),
             winding=self._motors.winding,

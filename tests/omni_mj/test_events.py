@@ -68,7 +68,7 @@ def test_a_run_reports_events_everywhere(tmp_path: Path) -> None:
 def track(frames: int) -> Trajectory:
     """A robot at rest at the first way-point, seen, told nothing."""
     trajectory = Trajectory(("flc",), [0], frames)
-    rest = {"pose": (0, 0, 0), "ref": (0, 0, 0), "command": (0, 0, 0), "vision_valid": True, "voltage_peak": 1.0}
+    rest = {"pose": (0, 0, 0), "ref": (0, 0, 0), "command": (0, 0, 0), "vision_valid": True, "duty_peak": 0.5}
     for frame in range(frames):
         trajectory.write(frame, battery=22.0, winding=[25.0] * 4, **rest)
     return trajectory
@@ -119,8 +119,8 @@ def test_frames_that_vision_misses_are_told() -> None:
 def test_a_motor_that_takes_all_of_the_battery_is_told() -> None:
     trajectory = track(40)
     for frame in (8, 9):
-        trajectory.write(frame, voltage_peak=22.0)
-    trajectory.write(39, voltage_peak=0.0, battery=0.0)  # that battery gave up
+        trajectory.write(frame, duty_peak=1.0)
+    trajectory.write(39, duty_peak=1.0, battery=0.0)  # that battery gave up
     text = "a motor takes all the battery's voltage"
     assert told(trajectory, events.VOLTAGE) == [(8, text)]
 

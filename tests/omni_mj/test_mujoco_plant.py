@@ -176,6 +176,8 @@ def test_peaks_cover_the_frames_physics_steps() -> None:
         telemetry = plant.telemetry()
         assert (telemetry.voltage_peak >= np.abs(telemetry.voltage).max(1)).all()
         assert (telemetry.current_peak >= np.abs(telemetry.current).max(1)).all()
+        # A battery without resistance: 22.2 V but for what a third of a second draws of its charge.
+        np.testing.assert_allclose(telemetry.duty_peak * 22.2, telemetry.voltage_peak, rtol=1e-3)
         peaks.append((telemetry.voltage_peak, telemetry.current_peak))
     voltage, current = np.array(peaks).transpose(1, 2, 0)
     # The first step from rest: k_p and feed-forward times the fastest wheel's speed, on a motor without back-EMF, as

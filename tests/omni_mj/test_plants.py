@@ -112,7 +112,7 @@ def test_the_mujoco_plants_twist_is_the_rate_of_its_pose_in_the_world() -> None:
 
 def test_telemetry_handed_out_does_not_change_afterwards() -> None:
     plant = MujocoPlant([Settings()], np.zeros((1, 3)), [0], 2)
-    plant.advance(0, Received.at_once(np.ones((1, 3)), np.zeros(1)))
+    plant.advance(0, Received.at_once(0.1 * np.ones((1, 3)), np.zeros(1)))
     telemetry = plant.telemetry()
     before = {name: values.copy() for name, values in vars(telemetry).items()}
     plant.advance(1, Received.at_once(-np.ones((1, 3)), np.zeros(1)))
