@@ -22,7 +22,6 @@ from omni_mj.summary import versions
 
 OUTPUTS = ("compare.json", "compare.md", "compare.png", "compare.svg")
 LEFT_OUT = ("heat",)  # many times as long as the others
-PROGRESS_FRAMES = 12
 
 
 @click.command("compare")
@@ -59,13 +58,8 @@ def command(
     for option, values in (("--scenario", given), ("--controller", names), ("--set", overrides)):
         repeat += [word for value in values for word in (option, value)]
     folder = folders.prepare(out, "compare", OUTPUTS, overwrite)
-    try:
+    with console.writing(folder):
         execute(chosen, overrides, shlex.join(["omni-mj", "compare", *repeat]), folder, quiet)
-    except BrokenPipeError:  # not the folder's: whoever read the table has gone
-        raise
-    except OSError as error:
-        reason = error.strerror or str(error)
-        console.fail(f"cannot write to {folder}: {reason}; what could be written until then is there", console.FAILED)
 
 
 def execute(chosen: Sequence[Scenario], overrides: Iterable[str], repeat: str, folder: Path, quiet: bool) -> None:
@@ -148,8 +142,7 @@ def _run(chosen: Scenario, label: str, interrupts: Interrupts, quiet: bool) -> d
 
             def after_frame(frame: int) -> None:
                 interrupts.check()
-                if (frame + 1) % PROGRESS_FRAMES == 0:
-                    show(frame + 1)
+                show(frame + 1)
 
             simulation.run(after_frame)
     except OmniError as error:

@@ -9,6 +9,8 @@ from rich.console import Console
 from rich.table import Table
 
 from omni_mj.compare_statistics import BASELINES, CONTENDERS, ERRORS, MARGIN, SUBJECT, best
+from omni_mj.markdown import plain
+from omni_mj.markdown import table as markdown_table
 from omni_mj.metrics import AXES
 
 Result = dict[str, Any]
@@ -65,10 +67,13 @@ def markdown(result: Result) -> str:
         blocks += [f"## {label.capitalize()} position error in cm", _matrix(result, statistic)]
     blocks += [_list(_not_done(result))]
     if verdicts := list(_verdict_rows(result)):
-        blocks += [f"## {VERDICT_TITLE}", VERDICT_CAPTION, _table(VERDICT_HEADINGS, verdicts)]
+        blocks += [f"## {VERDICT_TITLE}", VERDICT_CAPTION, markdown_table(VERDICT_HEADINGS, verdicts)]
         blocks += ["Where a goal is missed:" if _why_not(result) else "", _list(_why_not(result))]
     blocks += ["## Per axis, effort and settling", _details(result)]
-    blocks += ["## Scenarios", _table(["scenario", "", "simulated, s", "computed in, s"], _scenario_rows(result))]
+    blocks += [
+        "## Scenarios",
+        markdown_table(["scenario", "", "simulated, s", "computed in, s"], _scenario_rows(result)),
+    ]
     blocks += ["## Definitions", _list(f"**{name}**: {text}" for name, text in result["definitions"].items())]
     blocks += [", ".join(f"{name} {number}" for name, number in result["versions"].items())]
     return "\n\n".join(block for block in blocks if block) + "\n"
@@ -122,7 +127,7 @@ def _matrix(result: Result, statistic: str) -> str:
         first = best(found, _competitors(result), statistic)
         cells = [_bold(_cm(found[c], statistic), c == first, "**{}**") for c in found]
         rows.append([name, *(cells or [entry["status"]] + [""] * (len(result["controllers"]) - 1))])
-    return _table(["", *(_label(result, name) for name in result["controllers"])], rows)
+    return markdown_table(["", *(_label(result, name) for name in result["controllers"])], rows)
 
 
 def _details(result: Result) -> str:
@@ -134,7 +139,7 @@ def _details(result: Result) -> str:
         for name, entry in _done(result)
         for controller, found in entry["results"].items()
     ]
-    return _table(["scenario", "controller", *headings, "effort, m/s²", "settled after, s"], rows)
+    return markdown_table(["scenario", "controller", *headings, "effort, m/s²", "settled after, s"], rows)
 
 
 def _scenario_rows(result: Result) -> Iterator[list[str]]:
@@ -176,15 +181,5 @@ def _not_done(result: Result) -> list[str]:
     ]
 
 
-def _table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [headings, ["---"] * len(headings), *rows]
-    return "\n".join("| " + " | ".join(map(_plain, line)) + " |" for line in lines)
-
-
 def _list(lines: Iterable[str]) -> str:
-    return "\n".join(f"- {_plain(line)}" for line in lines)
-
-
-def _plain(text: str) -> str:
-    """Text of a user's that cannot break a table."""
-    return " ".join(text.replace("|", "\\|").split())
+    return "\n".join(f"- {plain(line)}" for line in lines)

@@ -14,12 +14,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from omni_control.errors import OmniError
+from omni_mj import markdown
 from omni_mj.controllers import ControllerError
 from omni_mj.metrics import AXES
 from omni_mj.plants import SimulationError
 
 BAD_INPUT, FAILED = 2, 1
 EVENTS_SHOWN = 5
+PROGRESS_STEP = 12  # frames from one look of the progress bar to the next
 
 
 def invoke(command: click.Command, args: list[str] | None = None) -> NoReturn:
@@ -66,7 +68,24 @@ def progress(description: str, total: int, quiet: bool) -> Iterator[Callable[[in
     columns = (label, bar, done, TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as display:
         task = display.add_task(description, total=total)
-        yield lambda done: display.update(task, completed=done)
+
+        def show(done: int) -> None:
+            if done % PROGRESS_STEP == 0 or done == total:
+                display.update(task, completed=done)
+
+        yield show
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Within it, that files cannot be written to `folder` ends the program with one line that says so."""
+    try:
+        yield
+    except BrokenPipeError:  # not the folder's: whoever read the table has gone
+        raise
+    except OSError as error:
+        reason = error.strerror or str(error)
+        fail(f"cannot write to {folder}: {reason}; what could be written until then is there", FAILED)
 
 
 def result_rows(summary: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
@@ -130,6 +149,4 @@ def print_alpha(result: dict[str, Any], folder: Path) -> None:
 
 def markdown_result(summary: dict[str, Any]) -> str:
     """The same table as Markdown."""
-    headings, rows = result_rows(summary)
-    lines = [headings, ["---"] * len(headings), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return markdown.table(*result_rows(summary))

@@ -10,12 +10,11 @@ from types import ModuleType
 
 import numpy as np
 
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, choose
 from omni_control.kinematics import Array
 from omni_control.reference import Reference
 from omni_control.tracker import Observation, Tracker, TrackerSettings
 from omni_control.trackers import TRACKERS
-from omni_mj.names import choose
 
 
 class ControllerError(OmniError):
@@ -32,7 +31,8 @@ def find(name: str) -> type[Tracker]:
         return TRACKERS[name]
     file, colon, class_name = name.rpartition(":")
     if not colon or not file.endswith(".py"):
-        raise OmniError(f"unknown controller {name!r}; {choose(name, TRACKERS)}, or a class of yours: file.py:Class")
+        hint = choose(name, sorted(TRACKERS))
+        raise OmniError(f"unknown controller {name!r}; {hint}, or a class of yours: file.py:Class")
     module = _module(Path(file))
     own: dict[str, type[Tracker]] = {
         key: value
@@ -40,7 +40,7 @@ def find(name: str) -> type[Tracker]:
         if inspect.isclass(value) and issubclass(value, Tracker) and value.__module__ == module.__name__
     }
     if class_name not in own:
-        found = f"; {choose(class_name, own)}" if own else " and no other"
+        found = f"; {choose(class_name, sorted(own))}" if own else " and no other"
         raise OmniError(f"{file} has no class {class_name!r} derived from omni_control.tracker.Tracker{found}")
     return own[class_name]
 

@@ -25,7 +25,7 @@ def show() -> None:
     rows = []
     for section, field, default in settings():
         meta = field.metadata
-        rows.append([f"{section}.{field.name}", _short(default), meta["unit"], _range(field), meta["doc"]])
+        rows.append([f"{section}.{field.name}", short(default), meta["unit"], _range(field), meta["doc"]])
     _print(console, "settings (--set section.field=value)", rows, ["setting", "default", "unit", "allowed", "meaning"])
 
 
@@ -39,7 +39,8 @@ def settings() -> list[tuple[str, dataclasses.Field[Any], Any]]:
     ]
 
 
-def _short(value: Any) -> str:
+def short(value: Any) -> str:
+    """A setting's value as in a scenario file, but for the quotes of a string."""
     return value if isinstance(value, str) else json.dumps(value)
 
 

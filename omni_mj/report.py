@@ -236,8 +236,8 @@ def _change(reduction_percent: float | None) -> str:
 
 
 def _plain(value: Any) -> str:
-    """A setting's value as in a scenario file; a dash where a run has no such setting."""
-    return DASH if value is None else value if isinstance(value, str) else json.dumps(value)
+    """A setting's value; a dash where a run has no such setting."""
+    return DASH if value is None else listing.short(value)
 
 
 @click.command("report")

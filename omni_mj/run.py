@@ -20,7 +20,6 @@ from omni_mj.plants import SimulationError
 from omni_mj.recording import FileRecording, LiveRecording, Recording, live
 
 OUTPUTS = ("summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml", "figures", "report.html")
-PROGRESS_FRAMES = 12
 
 
 @click.command()
@@ -65,13 +64,8 @@ def run(
     viewers = [] if connect is None else [live.check(connect)]
     viewers += [live.open_viewer()] if view else []
     folder = folders.prepare(out, chosen.name, OUTPUTS, overwrite)
-    try:
+    with console.writing(folder):
         execute(chosen, folder, record, draw, quiet, viewers)
-    except BrokenPipeError:  # not the folder's: whoever read the table has gone
-        raise
-    except OSError as error:
-        reason = error.strerror or str(error)
-        console.fail(f"cannot write to {folder}: {reason}; what could be written until then is there", console.FAILED)
 
 
 def execute(
@@ -126,8 +120,7 @@ def _simulate(simulation: Simulation, recordings: Sequence[Recording], quiet: bo
 
             def after_frame(frame: int) -> None:
                 interrupts.check()
-                if (frame + 1) % PROGRESS_FRAMES == 0:
-                    show(frame + 1)
+                show(frame + 1)
                 for recording in recordings:
                     recording.update()
 

@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from omni_control.curves import CURVES
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, choose
 from omni_mj import controllers
-from omni_mj.names import choose
 from omni_mj.settings import Settings
 
 PLANTS = ("mujoco", "kinematic")
@@ -73,7 +72,8 @@ def load(name_or_path: str, overrides: Iterable[str] = (), head: Mapping[str, An
     if path is None and (name_or_path.endswith(".toml") or Path(name_or_path).is_file()):
         path = Path(name_or_path)
     if path is None:
-        raise OmniError(f"unknown scenario {name_or_path!r}; {choose(name_or_path, builtin())}, or a .toml file")
+        hint = choose(name_or_path, sorted(builtin()))
+        raise OmniError(f"unknown scenario {name_or_path!r}; {hint}, or a .toml file")
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -111,7 +111,7 @@ def _parse(data: Mapping[str, Any], stem: str) -> Scenario:
             values[key] = value
         else:
             kind, allowed = ("section", sections) if isinstance(value, dict) else ("name", head)
-            raise OmniError(f"unknown {kind} {key!r} in a scenario; {choose(key, allowed)}")
+            raise OmniError(f"unknown {kind} {key!r} in a scenario; {choose(key, sorted(allowed))}")
     settings = Settings(**parsed)
     _check_head(values)
     _check_together(settings)
@@ -132,7 +132,7 @@ def _check_head(values: Mapping[str, Any]) -> None:
     if len({controllers.label(name) for name in names}) < len(names):
         raise OmniError("a controller is named twice; name each once")
     if values.get("plant", "mujoco") not in PLANTS:
-        raise OmniError(f"unknown plant {values['plant']!r}; {choose(values['plant'], PLANTS)}")
+        raise OmniError(f"unknown plant {values['plant']!r}; {choose(values['plant'], sorted(PLANTS))}")
     if values.get("paper_table", 0) not in (0, 3, 4):
         raise OmniError(f"paper_table must be 3, 4 or 0 (none), not {values['paper_table']}")
     if not 1 <= values.get("seeds", 1) <= 100_000:
@@ -150,7 +150,7 @@ def _parse_section(section: str, kind: Any, data: Any) -> Any:
     for name in data:
         if name not in fields:
             full = [f"{section}.{field}" for field in fields]
-            raise OmniError(f"unknown setting {section}.{name}; {choose(f'{section}.{name}', full)}")
+            raise OmniError(f"unknown setting {section}.{name}; {choose(f'{section}.{name}', sorted(full))}")
     return kind(**{name: _check(f"{section}.{name}", fields[name], value) for name, value in data.items()})
 
 

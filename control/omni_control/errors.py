@@ -1,5 +1,16 @@
-"""The one base class of errors that a user can cause."""
+"""The one base class of errors that a user can cause, and help with misspelt names."""
+
+import difflib
+from collections.abc import Iterable
 
 
 class OmniError(ValueError):
     """What a user gave, or asked for, cannot be: the message says what, why, and what is allowed."""
+
+
+def choose(wrong: object, allowed: Iterable[str]) -> str:
+    """'did you mean X? choose from A, B, C' for a misspelt name; the names in the order given."""
+    names = list(allowed)
+    near = difflib.get_close_matches(str(wrong), names, n=1)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    return f"{hint}choose from {', '.join(names)}"

@@ -62,8 +62,8 @@ class PlantIdentifier:
         self.candidates = np.arange(lowest, guess_frames + REACH_FRAMES + STEP_FRAMES, STEP_FRAMES)
         self.longest = int(np.ceil(self.candidates[-1])) + 1  # commands that must be kept
         self._period = period
-        self._older, share = np.divmod(self.candidates, 1.0)
-        self._share = share[:, None, None]
+        self._older = self.candidates.astype(int)
+        self._share = (self.candidates - self._older)[:, None, None]
         self._noise = np.maximum(np.asarray(noise, float), (1e-5, 1e-5, 1e-4)) ** 2
         self._drag_sigma = max(drag_m_s, 1e-6)
         self._floor = (NOISE_FLOOR + period * drag_m_s * np.array([1, 1, 0])) ** 2
@@ -87,7 +87,7 @@ class PlantIdentifier:
             sent: commands up to the frame before, `longest` of them at least.
         """
         commands = world_to_body(sent.last(self.longest)[::-1], heading)
-        older = self._older.astype(int)
+        older = self._older
         u = (1 - self._share) * commands[older] + self._share * commands[np.minimum(older + 1, self.longest - 1)]
         seen, known = ~np.isnan(measured), ~np.isnan(self._last)  # displacements count from where it was first seen
         self._felt += np.where(known, self._period * u, 0.0)

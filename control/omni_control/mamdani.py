@@ -7,7 +7,6 @@ strongest rule that concludes it, and the output is the centre of gravity of the
 (E. H. Mamdani and S. Assilian, Int. J. Man-Machine Studies 7, 1975).
 """
 
-import difflib
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omni_control.centroid import CentreOfGravity
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, choose
 from omni_control.kinematics import Array
 
 Rule = tuple[Mapping[str, str], Mapping[str, str]]
@@ -214,14 +213,9 @@ def _check_names(where: str, named: Mapping[str, str], variables: Sequence[Varia
     sets = {v.name: v.sets for v in variables}
     for name, label in named.items():
         if name not in sets:
-            raise OmniError(f"{where} name {name!r}; {_choose(name, sets)}")
+            raise OmniError(f"{where} name {name!r}; {choose(name, sets)}")
         if label not in sets[name]:
-            raise OmniError(f"{where} name the set {label!r} of {name}; {_choose(label, sets[name])}")
-
-
-def _choose(wrong: str, allowed: Iterable[str]) -> str:
-    near = difflib.get_close_matches(wrong, list(allowed), n=1)
-    return (f"did you mean {near[0]!r}? " if near else "") + f"choose from {', '.join(allowed)}"
+            raise OmniError(f"{where} name the set {label!r} of {name}; {choose(label, sets[name])}")
 
 
 def _table(lists: Sequence[Sequence[int]]) -> NDArray[np.int64]:

@@ -1,13 +1,16 @@
 """What tests of trackers share: two plants, written without the code under test, and the loop around them."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
+import pytest
 from numpy.typing import ArrayLike
 
+from omni_control import identify
 from omni_control.delay import CommandsInFlight
 from omni_control.filter import KalmanFilter
+from omni_control.identify import PlantIdentifier
 from omni_control.kinematics import Array
 from omni_control.tracker import Observation, Tracker
 
@@ -84,6 +87,18 @@ class BodyFrame:
             self.middle = self.pose[:, 2] + twist[:, 2] * T / 2
         xy = (twist[:, 0] + 1j * twist[:, 1]) * np.exp(1j * self.middle)
         self.pose = self.pose + T * np.stack([xy.real, xy.imag, twist[:, 2]], axis=1)
+
+
+def believe_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From now on identifiers believe nothing beforehand of alpha and drag."""
+    monkeypatch.setattr(identify, "ALPHA_SIGMA", 1e6)
+    made = PlantIdentifier.__init__
+
+    def make(plant: PlantIdentifier, *told: Any) -> None:
+        made(plant, *told)
+        plant._drag_sigma = 1e6
+
+    monkeypatch.setattr(PlantIdentifier, "__init__", make)
 
 
 @dataclass

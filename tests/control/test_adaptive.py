@@ -1,15 +1,13 @@
 """Laws of adaptive-comp-flc in closed loop with robots that answer as its model says, and without noise."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
-from closed_loop import BodyFrame, Run, T, drive, vision
+from closed_loop import BodyFrame, Run, T, believe_nothing, drive, vision
 
 from omni_control import identify
 from omni_control.adaptive import AdaptiveFuzzyTracker
-from omni_control.identify import PlantIdentifier
 from omni_control.kinematics import Array
 from omni_control.reference import IteratedReference, MotionLimits, Reference, TimedReference
 from omni_control.tracker import Observation, TrackerSettings
@@ -51,14 +49,7 @@ def ahead(run: Run, delay: int) -> Array:
 def knows_the_latency(monkeypatch: pytest.MonkeyPatch) -> None:
     """No latency but the one told is compared, and nothing is believed beforehand of alpha and drag."""
     monkeypatch.setattr(identify, "REACH_FRAMES", 0)
-    monkeypatch.setattr(identify, "ALPHA_SIGMA", 1e6)
-    made = PlantIdentifier.__init__
-
-    def make(plant: PlantIdentifier, *told: Any) -> None:
-        made(plant, *told)
-        plant._drag_sigma = 1e6
-
-    monkeypatch.setattr(PlantIdentifier, "__init__", make)
+    believe_nothing(monkeypatch)
 
 
 @pytest.mark.usefixtures("knows_the_latency")

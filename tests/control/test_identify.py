@@ -1,15 +1,13 @@
 """Laws of the identification of latency, alpha and drag, on robots that answer as its model says."""
 
 import copy
-from typing import Any
 
 import numpy as np
 import pytest
-from closed_loop import BodyFrame, T
+from closed_loop import BodyFrame, T, believe_nothing
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from omni_control import identify
 from omni_control.delay import CommandsInFlight
 from omni_control.identify import ALPHA_BOUNDS, PlantIdentifier
 from omni_control.kinematics import Array
@@ -56,14 +54,7 @@ def smooth(rng: np.random.Generator, frames: int, n: int) -> Array:
 
 @pytest.fixture
 def without_prior(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(identify, "ALPHA_SIGMA", 1e6)
-    made = PlantIdentifier.__init__
-
-    def make(plant: PlantIdentifier, *told: Any) -> None:
-        made(plant, *told)
-        plant._drag_sigma = 1e6
-
-    monkeypatch.setattr(PlantIdentifier, "__init__", make)
+    believe_nothing(monkeypatch)
 
 
 @pytest.mark.usefixtures("without_prior")
