@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from mujoco.batch import Batch
 
-from omni_mj import robot, scenario
-from omni_mj.loop import Simulation
+from omni_mj.link.radio import Received
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.radio import Received
+from omni_mj.scenarios import scenario
+from omni_mj.simulate.simulation import Simulation
+from omni_mj.worlds import robot
 
 ROUNDS = 3  # the fastest of these counts: other work on the machine only ever adds time
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import scikit_flc
 
-from omni_control.fuzzy import FuzzyController
+from omni_control.fuzzy.rules import FuzzyLaw
 
 ROUNDS = 30  # the fastest of these counts: other work on the machine only ever adds time
 MANY, SOME = 10_000, 200
@@ -16,7 +16,7 @@ MANY, SOME = 10_000, 200
 def main() -> None:
     """Time both in turn, so that they meet the same machine, and print the ratios."""
     warnings.simplefilter("ignore", DeprecationWarning)  # scikit-fuzzy 0.5 calls numpy as numpy no longer likes it
-    controller = FuzzyController(0.1, 1.0)
+    controller = FuzzyLaw(0.1, 1.0)
     single, array = (scikit_flc.controller(201, 0.1, 1.0) for _ in range(2))
     errors = np.random.default_rng(0).uniform(-0.11, 0.11, (MANY, 2))
     fresh = iter(errors)  # scikit-fuzzy remembers what it has computed

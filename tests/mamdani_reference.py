@@ -10,7 +10,7 @@ from dataclasses import astuple
 from fractions import Fraction
 from typing import Any
 
-from omni_control.mamdani import Rule, Variable
+from omni_control.fuzzy.mamdani import Rule, Variable
 
 Corners = tuple[Any, Any, Any, Any]
 

@@ -5,7 +5,7 @@ from typing import Protocol
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.radio import Received
+from omni_mj.link.radio import Received
 
 
 class SimulationError(OmniError):
@@ -37,7 +37,13 @@ class Telemetry:
 
 
 class Plant(Protocol):
-    """n robots."""
+    """n robots, made from their rows and the poses (n, 3) at which they start: `MujocoPlant(rows, start)`.
+
+    Attributes:
+        geometry: of the wheels, or None for a plant that has none.
+    """
+
+    geometry: Kinematics | None
 
     def pose(self) -> Array:
         """True poses (n, 3) now; headings count full turns."""
@@ -47,11 +53,12 @@ class Plant(Protocol):
         """True twists (n, 3) now, world frame."""
         ...
 
-    def advance(self, frame: int, received: Received) -> None:
+    def advance(self, received: Received) -> dict[int, str]:
         """Move on by one frame in which the robots obey what they `received`.
 
-        Raises:
-            SimulationError: the simulation became unstable.
+        Returns:
+            The rows that failed in this frame, each with the cause in words. A row that has failed stays where it is
+            and disturbs no other; its poses mean nothing any more.
         """
         ...
 

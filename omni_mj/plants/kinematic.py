@@ -8,10 +8,10 @@ import numpy as np
 from scipy.special import ndtr
 
 from omni_control.kinematics import Array
+from omni_mj.link.noise import Stream, draw
+from omni_mj.link.radio import Received
 from omni_mj.plants import Telemetry
-from omni_mj.radio import Received
-from omni_mj.randomness import Stream, draw
-from omni_mj.settings import PERIOD_S, Settings, column
+from omni_mj.scenarios.settings import PERIOD_S, Settings, column
 
 _SINGLE = ("duty_peak", "voltage_peak", "current_peak", "battery")  # one value per robot, not per wheel
 

@@ -8,15 +8,15 @@ import numpy as np
 from mujoco.batch import Batch
 
 from omni_control.kinematics import Array, wrap_angle
-from omni_mj import contact_roller, robot
-from omni_mj.battery import Battery
-from omni_mj.firmware import Firmware
-from omni_mj.motors import Motors
+from omni_mj.link.noise import Stream, draw
+from omni_mj.link.radio import Received
+from omni_mj.onboard.battery import Battery
+from omni_mj.onboard.firmware import Firmware
+from omni_mj.onboard.motors import Motors
 from omni_mj.plants import SimulationError, Telemetry
-from omni_mj.radio import Received
-from omni_mj.randomness import Stream, draw
-from omni_mj.settings import PERIOD_S, Settings, column
-from omni_mj.wheels import WheelGeometry, contact_slip
+from omni_mj.scenarios.settings import PERIOD_S, Settings, column
+from omni_mj.worlds import contact_roller, robot
+from omni_mj.worlds.wheels import WheelGeometry, contact_slip
 
 TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2  # of the quaternion's x^2 + y^2: tilted by more than 45 degrees
 # MuJoCo resets an unstable simulation silently after one of these.

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from omni_control import identify
+from omni_control.controllers.base import Controller, Seen
 from omni_control.delay import CommandsInFlight
-from omni_control.filter import KalmanFilter
-from omni_control.identify import PlantIdentifier
+from omni_control.estimation import identify
+from omni_control.estimation.identify import PlantIdentifier
+from omni_control.estimation.kalman import KalmanFilter
 from omni_control.kinematics import Array
-from omni_control.tracker import Observation, Tracker
 
 T = 1 / 60
 NOISE = np.array([0.0013, 0.0013, 0.01])  # of the vision of a league's field, m and rad
@@ -138,7 +138,7 @@ def limited(command: Array, last: Array) -> Array:
     return last + shorten(shorten(command, SPEED, TURN_RATE) - last, ACCELERATION * T, TURN_ACCELERATION * T)
 
 
-def drive(tracker: Tracker, plant: Plant, noise: Array, *, limits: bool = True) -> Run:
+def drive(tracker: Controller, plant: Plant, noise: Array, *, limits: bool = True) -> Run:
     """Close the loop for as many frames as there is noise (frames, n, 3), filtered as the loop of omni-mj does."""
     told, n = tracker.settings, noise.shape[1]
     sent = np.zeros((n, 3))
@@ -150,7 +150,7 @@ def drive(tracker: Tracker, plant: Plant, noise: Array, *, limits: bool = True) 
         measured[:, 2] = np.angle(np.exp(1j * measured[:, 2]))
         queue.push(sent)
         pose = kalman.update(measured, queue.felt(told.latency_frames) * told.period)
-        wanted = tracker.command(frame, Observation(pose, kalman.twist, measured), sent)
+        wanted = tracker.command(frame, Seen(pose, kalman.twist, measured), sent)
         sent = limited(wanted, sent) if limits else wanted
         said = (tracker.predicted, sent, tracker.alpha_hat, tracker.latency_hat)
         rows.append((plant.pose, *(np.array(value) for value in said)))

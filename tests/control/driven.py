@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from omni_control.filter import KalmanFilter
+from omni_control.estimation.kalman import KalmanFilter
 from omni_control.kinematics import Array
 
 T = 1 / 60

@@ -6,11 +6,11 @@ from math import ceil
 import numpy as np
 from hypothesis import settings
 
+from omni_control.controllers.base import Controller, Seen, Told
 from omni_control.delay import CommandsInFlight
-from omni_control.filter import KalmanFilter
+from omni_control.estimation.kalman import KalmanFilter
 from omni_control.kinematics import Array, wrap_angle
-from omni_control.reference import IteratedReference, MotionLimits, Reference, TimedReference
-from omni_control.tracker import Observation, Tracker, TrackerSettings
+from omni_control.reference.timed import IteratedReference, MotionLimits, Reference, TimedReference
 
 LAW = settings(deadline=None, max_examples=12, derandomize=True)
 T = 1 / 60
@@ -27,9 +27,9 @@ def along(kind: str, n: int = 1, side: Array | float = 1.0) -> Reference:
     return IteratedReference((side * PATH).tolist(), LIMITS, T, n)
 
 
-def told(delay: int, lag: float = 0.02, noisy: bool = False) -> TrackerSettings:
+def told(delay: int, lag: float = 0.02, noisy: bool = False) -> Told:
     """What a tracker knows of robots with this dead time, frames, and lag, s; it trusts vision that is not `noisy`."""
-    return TrackerSettings(T, delay, lag, *((0.0013, 0.01) if noisy else (0.0, 0.0)))
+    return Told(T, delay, lag, *((0.0013, 0.01) if noisy else (0.0, 0.0)))
 
 
 @dataclass
@@ -43,7 +43,7 @@ class Run:
 
 
 def drive(
-    tracker: Tracker,
+    tracker: Controller,
     start: Array,
     frames: int,
     *,
@@ -67,12 +67,12 @@ def drive(
     for k in range(frames):
         felt.push(command)
         moved = felt.felt(known.latency_frames)
-        seen = Observation(pose, twist, pose)
+        seen = Seen(pose, twist, pose)
         if noise is not None and not tracker.knows_truth:
             measured = pose + noise[k]
             measured[:, 2] = wrap_angle(measured[:, 2])
             estimate = kalman.update(measured, moved * T)
-            seen = Observation(estimate, kalman.twist, measured)
+            seen = Seen(estimate, kalman.twist, measured)
         command = tracker.command(first_frame + k, seen, command)
         rows.append((pose, twist, tracker.predicted.copy(), command))
         flying.append(command)

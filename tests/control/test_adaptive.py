@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from closed_loop import BodyFrame, Run, T, believe_nothing, drive, vision
 
-from omni_control import identify
-from omni_control.adaptive import AdaptiveFuzzyTracker
+from omni_control.controllers import CONTROLLERS
+from omni_control.controllers.adaptive import AdaptiveCompFlc
+from omni_control.controllers.base import Seen, Told
+from omni_control.estimation import identify
 from omni_control.kinematics import Array
-from omni_control.reference import IteratedReference, MotionLimits, Reference, TimedReference
-from omni_control.tracker import Observation, TrackerSettings
-from omni_control.trackers import TRACKERS
+from omni_control.reference.timed import IteratedReference, MotionLimits, Reference, TimedReference
 
 LIMITS = MotionLimits()
 PATH = [[0.0, 0.0, 0.0], [1.2, 0.4, 1.5], [0.5, 0.8, -1.0], [0.0, 0.0, 0.0]]
@@ -23,10 +23,10 @@ def timed(path: list[list[float]]) -> TimedReference:
     return TimedReference(path, LIMITS, T, settle_frames=SECOND).after_rest(LEAD)
 
 
-def tracker(reference: Reference, n: int, delay: int, drag_m_s: float = 0.0) -> AdaptiveFuzzyTracker:
+def tracker(reference: Reference, n: int, delay: int, drag_m_s: float = 0.0) -> AdaptiveCompFlc:
     """One that is told that its vision is exact, and that there is no lag."""
-    told = TrackerSettings(T, delay, lag_s=0, drag_m_s=drag_m_s, position_noise_m=0, heading_noise_rad=0)
-    return AdaptiveFuzzyTracker(told, reference, n)
+    told = Told(T, delay, lag_s=0, drag_m_s=drag_m_s, position_noise_m=0, heading_noise_rad=0)
+    return AdaptiveCompFlc(told, reference, n)
 
 
 def exact(n: int, frames: int) -> Array:
@@ -118,9 +118,9 @@ def test_a_lag_that_is_told_counts_as_dead_time() -> None:
     """A dead time of 6 frames and a lag of 20 ms, or 7.2 frames and none: one and the same tracker."""
     reference, n = timed(PATH), 3
     runs = []
-    for told in (TrackerSettings(T, 6, lag_s=0.02), TrackerSettings(T, 6, lag_s=1.2 * T)):
+    for told in (Told(T, 6, lag_s=0.02), Told(T, 6, lag_s=1.2 * T)):
         plant = BodyFrame(np.zeros((n, 3)), [[6.0], [7.0], [7.5]], 0.8, 0.0)
-        runs.append(drive(AdaptiveFuzzyTracker(told, reference, n), plant, exact(n, 2 * SECOND)))
+        runs.append(drive(AdaptiveCompFlc(told, reference, n), plant, exact(n, 2 * SECOND)))
     # 0.02 s are 1.2 frames but for the last bit; the guess that is not on a half frame is rounded by none.
     np.testing.assert_allclose(runs[0].sent, runs[1].sent, rtol=0, atol=1e-9)
     np.testing.assert_allclose(runs[0].latency_hat[0], 7.2, rtol=0, atol=0.01)
@@ -157,11 +157,11 @@ def test_at_first_it_is_comp_flc() -> None:
     those that are possible is then the one told. Of 6 frames it is 6.1, of none 2.
     """
     rng, n = np.random.default_rng(0), 5
-    told, reference = TrackerSettings(T, 8, lag_s=0.0), timed(PATH)
+    told, reference = Told(T, 8, lag_s=0.0), timed(PATH)
     pose = rng.normal(0, 0.05, (n, 3))
-    observed = Observation(pose, np.zeros((n, 3)), pose)
+    observed = Seen(pose, np.zeros((n, 3)), pose)
     commands = [
-        TRACKERS[name](told, reference, n).command(30, observed, np.zeros((n, 3)))
+        CONTROLLERS[name](told, reference, n).command(30, observed, np.zeros((n, 3)))
         for name in ("comp-flc", "adaptive-comp-flc")
     ]
     np.testing.assert_allclose(commands[1], commands[0], rtol=0, atol=1e-12)
@@ -178,7 +178,7 @@ def test_a_row_of_a_batch_is_what_it_is_alone(reference: Callable[[int], Referen
 
     def run(rows: slice) -> Array:
         plant = BodyFrame(start[rows], latency[rows], alpha[rows], 0.02)
-        controller = AdaptiveFuzzyTracker(TrackerSettings(T, 6), reference(len(start[rows])), len(start[rows]))
+        controller = AdaptiveCompFlc(Told(T, 6), reference(len(start[rows])), len(start[rows]))
         out = drive(controller, plant, noise[:, rows])
         return np.concatenate([out.pose, out.predicted, out.sent, out.alpha_hat, out.latency_hat], axis=2)
 

@@ -16,10 +16,10 @@ from functools import cache
 import numpy as np
 from closed_loop import NOISE, Equation7, T, drive, vision
 
+from omni_control.controllers import CONTROLLERS
+from omni_control.controllers.base import Told
 from omni_control.kinematics import Array
-from omni_control.reference import approach
-from omni_control.tracker import TrackerSettings
-from omni_control.trackers import TRACKERS
+from omni_control.reference.timed import approach
 
 ADAPTIVE = "adaptive-comp-flc"
 CASES, NOISIER = 1000, 10.0  # 13 mm and 0.1 rad
@@ -84,10 +84,10 @@ def thousand(controller: str, seed: int = 0) -> tuple[Array, Array]:
     for frames in range(0, 16, 2):
         for times, who in ((NOISIER, knows), (1.0, ~knows)):
             rows = np.flatnonzero((told == frames) & who)
-            settings = TrackerSettings(
+            settings = Told(
                 T, frames, lag_s=0, drag_m_s=0, position_noise_m=times * NOISE[0], heading_noise_rad=times * NOISE[2]
             )
-            tracker = TRACKERS[controller](settings, OneEach(poses[:, rows]), len(rows))
+            tracker = CONTROLLERS[controller](settings, OneEach(poses[:, rows]), len(rows))
             run = drive(tracker, Equation7(poses[0, rows], alpha[:, rows], delay[rows]), noise[:, rows])
             error[:, rows] = run.pose - poses[:, rows]
     error[..., 2] = np.angle(np.exp(1j * error[..., 2]))

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from omni_control.alpha import AlphaEstimator
 from omni_control.delay import CommandsInFlight
+from omni_control.estimation.alpha import AlphaEstimator
 from omni_control.kinematics import Array
 
 LAW = settings(deadline=None, max_examples=60, derandomize=True)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from closed_loop import Equation7, Run, T, drive, vision
 
+from omni_control.controllers import CONTROLLERS
+from omni_control.controllers.base import Told
 from omni_control.kinematics import Array
-from omni_control.reference import MotionLimits, TimedReference
-from omni_control.tracker import TrackerSettings
-from omni_control.trackers import TRACKERS
+from omni_control.reference.timed import MotionLimits, TimedReference
 
 DELAY, WINDOW, LEAD, REST, STEP_AT = 6, 15, 15, 120, 150  # frames; robots are at 1.8 m/s when alpha steps
 CONSTANT = (0.55, 0.7, 0.85, 1.0, 1.05)
@@ -39,7 +39,7 @@ def there_and_back(controller: str) -> Run:
     reference = TimedReference(path, MotionLimits(), T, settle_frames=REST).after_rest(LEAD)
     rng, n = np.random.default_rng(0), EACH * len(CASES)
     plant = Equation7(np.zeros((n, 3)), alphas(rng, reference.frames), DELAY)
-    tracker = TRACKERS[controller](TrackerSettings(T, DELAY, lag_s=0, drag_m_s=0), reference, n)
+    tracker = CONTROLLERS[controller](Told(T, DELAY, lag_s=0, drag_m_s=0), reference, n)
     return drive(tracker, plant, vision(rng, reference.frames, n))
 
 
@@ -119,7 +119,7 @@ def test_alpha_is_sane_whatever_the_noise(controller: str) -> None:
     """Noise of 13 cm and 1 rad, of which the tracker is not told, on robots that hardly move."""
     reference = TimedReference([[0, 0, 0], [0.2, 0.1, 1.0]], MotionLimits(), T)
     rng, n = np.random.default_rng(0), 30
-    tracker = TRACKERS[controller](TrackerSettings(T, DELAY), reference, n)
+    tracker = CONTROLLERS[controller](Told(T, DELAY), reference, n)
     plant = Equation7(np.zeros((n, 3)), 0.8, DELAY)
     run = drive(tracker, plant, vision(rng, 120, n, times=100.0, gaps=0.01))
     # The bounds: 0.5 to 1.1 of the window, 0.4 to 1.2 of the identifier, whose means over latencies are rounded.

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from omni_control.reference import approach, stopping_speed
+from omni_control.reference.timed import approach, stopping_speed
 
 LAW = settings(deadline=None, max_examples=60, derandomize=True)
 

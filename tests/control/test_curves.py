@@ -12,10 +12,10 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import linprog
 from scipy.sparse import diags_array, vstack
 
-from omni_control.curves import CURVES, CurveReference
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_control.reference import MotionLimits
+from omni_control.reference.curves import CURVES, CurveReference
+from omni_control.reference.timed import MotionLimits
 
 LAW = settings(deadline=None, max_examples=40, derandomize=True)
 

@@ -6,8 +6,8 @@ from driven import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, drive, filtered
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from omni_control import filter as vision_filter
-from omni_control.filter import KalmanFilter
+from omni_control.estimation import kalman as vision_filter
+from omni_control.estimation.kalman import KalmanFilter
 from omni_control.kinematics import Array
 
 LAW = settings(deadline=None, max_examples=25, derandomize=True)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 
-from omni_control.filter import KalmanFilter
+from omni_control.estimation.kalman import KalmanFilter
 from omni_control.kinematics import Array
 
 ROBOTS, FRAMES, SETTLED = 200, 300, 100

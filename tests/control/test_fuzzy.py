@@ -8,16 +8,16 @@ import pytest
 import scikit_flc
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
+from omni_control.fuzzy.mamdani import Mamdani
 from scikit_flc import TABLE_1, TABLE_2, triangles
 
 from omni_control.errors import OmniError
-from omni_control.fuzzy import ENGINE, LABELS, RULES, FuzzyController, memberships
-from omni_control.mamdani import Mamdani
+from omni_control.fuzzy.rules import ENGINE, LABELS, RULES, FuzzyLaw, memberships
 
 LAW = settings(deadline=None, max_examples=100, derandomize=True)
 
 RANGE_M, SPEED = 0.1, 1.0
-FLC = FuzzyController(RANGE_M, SPEED)
+FLC = FuzzyLaw(RANGE_M, SPEED)
 
 # Errors well inside, at and beyond the ends of the input range.
 errors = st.tuples(st.floats(-0.15, 0.15), st.floats(-0.15, 0.15))
@@ -65,7 +65,7 @@ def test_the_surface_is_exact() -> None:
     grid = [(x / 16, y / 24) for x in range(-17, 18, 4) for y in range(-25, 26, 3)]
     exact = [reference.evaluate(ENGINE.inputs, ENGINE.outputs, rules, list(map(Fraction, error))) for error in grid]
     # Some roundings of numbers of size 1.
-    np.testing.assert_allclose(FuzzyController(1, 1)(grid), np.array(exact, float), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(FuzzyLaw(1, 1)(grid), np.array(exact, float), rtol=0, atol=1e-15)
 
 
 @pytest.mark.filterwarnings("ignore:Passing more than 2 positional arguments")  # of scikit-fuzzy 0.5 to numpy
@@ -189,7 +189,7 @@ def test_an_infinite_error_counts_as_the_end_of_the_range() -> None:
 @given(errors, st.floats(0.01, 1), st.floats(0.1, 4))
 def test_the_ranges_only_scale_the_axes(error: tuple[float, float], range_m: float, speed: float) -> None:
     """Velocity over its range is one function of error over its range."""
-    scaled = FuzzyController(range_m, speed)(np.multiply(error, range_m / RANGE_M))
+    scaled = FuzzyLaw(range_m, speed)(np.multiply(error, range_m / RANGE_M))
     # One rounding of the scaled error times the steepest slope of the controller, 2 * 15 / 10 of the ranges' ratio.
     np.testing.assert_allclose(scaled, speed / SPEED * FLC(error), rtol=0, atol=1e-14 * speed)
 

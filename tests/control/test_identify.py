@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from omni_control.delay import CommandsInFlight
-from omni_control.identify import ALPHA_BOUNDS, PlantIdentifier
+from omni_control.estimation.identify import ALPHA_BOUNDS, PlantIdentifier
 from omni_control.kinematics import Array
 
 LAW = settings(deadline=None, max_examples=15, derandomize=True)

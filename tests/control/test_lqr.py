@@ -8,10 +8,10 @@ from lagged_loop import LAW, LIMITS, REST, TIMED, T, along, drive, told
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 from scipy.signal import cont2discrete
 
+from omni_control.controllers.base import Seen
+from omni_control.controllers.lqr import Lqr, lqr_gain
 from omni_control.kinematics import Array
-from omni_control.lqr import LqrTracker, lqr_gain
-from omni_control.reference import MotionLimits, TimedReference
-from omni_control.tracker import Observation
+from omni_control.reference.timed import MotionLimits, TimedReference
 
 STRAIGHT = [[0, 0, 0], [20, 0, 0]]
 starts = st.tuples(st.floats(-0.12, 0.12), st.floats(-0.12, 0.12), st.floats(-1, 1))
@@ -39,16 +39,16 @@ def gain_of(delay: int, lag: float) -> Array:
     """Gain (m,) of the tracker on the augmented state: its answer to each part of it alone, all others being zero."""
     gains: list[Array] = []
     for part in range(2 + delay):
-        tracker = LqrTracker(told(delay, lag), REST, 1)
+        tracker = Lqr(told(delay, lag), REST, 1)
         robot = tracker.robot
         pose, commands = np.full((1, 3), float(part == 0)), np.zeros((2 + delay, 1, 3))  # none, last to act, in flight
         if part:
             commands[part] = 1 / (1 - robot.keep) if part == 1 else 1  # brings a robot from rest to 1 m/s
         for command in commands[:-1]:
-            tracker.command(0, Observation(pose, pose, pose), command)
+            tracker.command(0, Seen(pose, pose, pose), command)
         if part == 1:
             pose = (T - robot.slide) * commands[1]  # where it is then, so that there is no disturbance
-        answer = -tracker.command(0, Observation(pose, pose, pose), commands[-1])[0]
+        answer = -tracker.command(0, Seen(pose, pose, pose), commands[-1])[0]
         assert (answer == answer[0]).all(), "the same for all axes"
         gains.append(answer[0] - gains[0] * pose[0, 0] if part == 1 else answer[0])
     return np.array(gains)
@@ -101,7 +101,7 @@ def test_the_dead_time_is_taken_out_of_the_loop(kind: str, start: tuple[float, .
     """A nominal robot does what one without dead time does, k_d frames later."""
 
     def follow(delay: int, frames: int, first_frame: int) -> Array:
-        return drive(LqrTracker(told(delay, lag), along(kind), 1), rows, frames, first_frame=first_frame).pose
+        return drive(Lqr(told(delay, lag), along(kind), 1), rows, frames, first_frame=first_frame).pose
 
     rows = np.array([start])
     late, prompt = follow(delay, 60, 0), follow(0, 60 - delay, delay)
@@ -114,7 +114,7 @@ def test_the_dead_time_is_taken_out_of_the_loop(kind: str, start: tuple[float, .
 def test_without_a_lag_it_follows_a_reference_exactly(delay: int) -> None:
     """A nominal robot without lag, given the reference's velocity of the time when it acts, is always on it."""
     reference = TIMED.after_rest(delay)
-    run = drive(LqrTracker(told(delay, 0.0), reference, 1), np.zeros((1, 3)), reference.frames)
+    run = drive(Lqr(told(delay, 0.0), reference, 1), np.zeros((1, 3)), reference.frames)
     # Roundings of poses of size 1, each corrected at once.
     np.testing.assert_allclose(run.pose[:, 0], reference.poses, rtol=0, atol=1e-12)
 
@@ -123,7 +123,7 @@ def test_without_a_lag_it_follows_a_reference_exactly(delay: int) -> None:
 @pytest.mark.parametrize("delay", [0, 6])
 def test_with_a_lag_it_follows_a_constant_acceleration_exactly(delay: int, lag_frames: int) -> None:
     reference = TimedReference(STRAIGHT, LIMITS, T)
-    run = drive(LqrTracker(told(delay, lag_frames * T), reference, 1), np.zeros((1, 3)), 220)
+    run = drive(Lqr(told(delay, lag_frames * T), reference, 1), np.zeros((1, 3)), 220)
     # Poles of 0.87 and less have forgotten the start after 200 frames.
     np.testing.assert_allclose(run.pose[210:, 0], reference.poses[210:220], rtol=0, atol=1e-11)
 
@@ -132,7 +132,7 @@ def test_with_a_lag_it_follows_a_constant_acceleration_exactly(delay: int, lag_f
 def test_a_weak_robot_has_no_lasting_error_at_constant_speed(alpha: float) -> None:
     """What it falls short by is a constant disturbance then, which is estimated and added to the command."""
     reference = TimedReference(STRAIGHT, MotionLimits(speed=1.0), T)
-    tracker = LqrTracker(told(6), reference, 1)
+    tracker = Lqr(told(6), reference, 1)
     run = drive(tracker, np.zeros((1, 3)), 900, alpha=alpha)
     assert reference.poses[899, 0] < 20 - 1, "still under way"
     # The estimate's loop has a gain of 1 - alpha and some 0.15 s a round: 0.4^(14 s / 0.15 s) is nothing but rounding.

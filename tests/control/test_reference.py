@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_control.reference import IteratedReference, MotionLimits, TimedReference
+from omni_control.reference.timed import IteratedReference, MotionLimits, TimedReference
 
 LAW = settings(deadline=None, max_examples=60, derandomize=True)
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from omni_control.identify import ALPHA_BOUNDS, ARM_M, SLOW_M_S, PlantIdentifier, direction
+from omni_control.estimation.identify import ALPHA_BOUNDS, ARM_M, SLOW_M_S, PlantIdentifier, direction
 from omni_control.kinematics import Array
 
 DRAG_HIGHEST = 0.08  # twice what is told by default

@@ -8,9 +8,9 @@ from lagged_loop import LAW, LIMITS, REST, TIMED, T, along, drive, told
 from scipy.optimize import brentq
 from scipy.signal import cont2discrete
 
-from omni_control.nominal import NominalRobot
-from omni_control.reference import MotionLimits, TimedReference
-from omni_control.rivals import ProportionalTracker, SmithTracker, simc_gain
+from omni_control.controllers.classic import Proportional, Smith, simc_gain
+from omni_control.controllers.nominal import NominalRobot
+from omni_control.reference.timed import MotionLimits, TimedReference
 
 STRAIGHT = [[0, 0, 0], [20, 0, 0]]
 starts = st.tuples(st.floats(-0.12, 0.12), st.floats(-0.12, 0.12), st.floats(-1, 1))
@@ -62,8 +62,8 @@ def test_the_gain_has_the_margins_of_the_simc_rule(latency: float) -> None:
 def test_the_gain_is_for_the_latency_that_is_left_and_a_frame(delay: int, lag: float) -> None:
     """All of it for p; for smith, which bridges the dead time, the lag."""
     settings = told(delay, lag)
-    assert ProportionalTracker(settings, REST, 1).gain == pytest.approx(0.5 / (delay * T + lag + T))
-    assert SmithTracker(settings, REST, 1).gain == pytest.approx(0.5 / (lag + T))
+    assert Proportional(settings, REST, 1).gain == pytest.approx(0.5 / (delay * T + lag + T))
+    assert Smith(settings, REST, 1).gain == pytest.approx(0.5 / (lag + T))
 
 
 @pytest.mark.parametrize("delay", range(10))
@@ -72,7 +72,7 @@ def test_p_returns_to_rest_along_the_poles_of_its_loop(delay: int) -> None:
 
     A phase margin of 61 degrees is about that of a second-order loop with a damping of 0.6, which overshoots by 9 %.
     """
-    tracker = ProportionalTracker(told(delay, 0.0), REST, 1)
+    tracker = Proportional(told(delay, 0.0), REST, 1)
     start = np.array([[0.1, -0.1, 0.5]])
     error = drive(tracker, start, 400).pose[:, 0] / start
     polynomial = np.zeros(delay + 2)
@@ -88,7 +88,7 @@ def test_p_returns_to_rest_along_the_poles_of_its_loop(delay: int) -> None:
 def test_p_lags_an_acceleration_by_a_known_error_and_a_constant_speed_not_at_all(delay: int, lag: float) -> None:
     """Its feed-forward arrives a latency late, a (k_d T + lag) too slow, which the correction K e makes up."""
     reference = TimedReference(STRAIGHT, MotionLimits(speed=2.0), T)
-    tracker = ProportionalTracker(told(delay, lag), reference, 1)
+    tracker = Proportional(told(delay, lag), reference, 1)
     error = reference.poses[:500, 0] - drive(tracker, np.zeros((1, 3)), 500).pose[:, 0, 0]
     # Of the transient of a loop with this gain, a share of exp(-K t) and less is left after 2 s and 4 s.
     assert error[140] == pytest.approx(LIMITS.acceleration * (delay * T + lag) / tracker.gain, rel=0.02, abs=1e-9)
@@ -102,7 +102,7 @@ def test_smith_takes_the_dead_time_out_of_the_loop(kind: str, start: tuple[float
     """The law of the Smith predictor: a nominal robot does what one without dead time does, k_d frames later."""
 
     def follow(delay: int, frames: int, first_frame: int) -> np.ndarray:
-        return drive(SmithTracker(told(delay, lag), along(kind), 1), rows, frames, first_frame=first_frame).pose
+        return drive(Smith(told(delay, lag), along(kind), 1), rows, frames, first_frame=first_frame).pose
 
     rows = np.array([start])
     late, prompt = follow(delay, 120, 0), follow(0, 120 - delay, delay)
@@ -115,7 +115,7 @@ def test_smith_takes_the_dead_time_out_of_the_loop(kind: str, start: tuple[float
 def test_without_a_lag_smith_follows_a_reference_exactly(delay: int) -> None:
     """A nominal robot without lag, given the reference's velocity of the time when it acts, is always on it."""
     reference = TIMED.after_rest(delay)
-    tracker = SmithTracker(told(delay, 0.0), reference, 1)
+    tracker = Smith(told(delay, 0.0), reference, 1)
     run = drive(tracker, np.zeros((1, 3)), reference.frames)
     # Roundings of poses of size 1, each corrected at once.
     np.testing.assert_allclose(run.pose[:, 0], reference.poses, rtol=0, atol=1e-12)
@@ -129,13 +129,13 @@ def test_with_a_lag_smith_is_behind_an_acceleration_by_half_the_square_of_it(lag
     reference's velocity, which is the mean over the frame to come.
     """
     reference, lag = TimedReference(STRAIGHT, LIMITS, T), lag_frames * T
-    run = drive(SmithTracker(told(3, lag), reference, 1), np.zeros((1, 3)), 200)
+    run = drive(Smith(told(3, lag), reference, 1), np.zeros((1, 3)), 200)
     error = reference.poses[199, 0] - run.pose[-1, 0, 0]
     # The transient of a loop with a gain of 5 / s and more is 1e-6 of its first error after 3 s.
     assert error == pytest.approx(LIMITS.acceleration * lag * (lag + T) / 2, abs=1e-6)
 
 
-@pytest.mark.parametrize("tracker", [ProportionalTracker, SmithTracker])
+@pytest.mark.parametrize("tracker", [Proportional, Smith])
 def test_a_weak_robot_lags_a_constant_speed_by_what_the_correction_must_add(tracker: type) -> None:
     """alpha (v + K e) = v; the Smith predictor besides believes robots to be T k_d (v + K e) (1 - alpha) further.
 
@@ -146,7 +146,7 @@ def test_a_weak_robot_lags_a_constant_speed_by_what_the_correction_must_add(trac
     rival = tracker(told(delay, 0.0), reference, 1)
     run = drive(rival, np.zeros((1, 3)), 600, alpha=alpha)
     error = (speed / alpha - speed) / rival.gain
-    if tracker is SmithTracker:
+    if tracker is Smith:
         error += T * delay * (speed / alpha - speed)
     # A loop with a gain of 3 / s has forgotten the start after 9 s.
     assert reference.poses[599, 0] - run.pose[-1, 0, 0] == pytest.approx(error, abs=1e-6)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from omni_control.kinematics import Array
-from omni_control.reference import IteratedReference, MotionLimits, SampledReference, TimedReference
+from omni_control.reference.timed import IteratedReference, MotionLimits, SampledReference, TimedReference
 
 LAW = settings(deadline=None, max_examples=60, derandomize=True)
 

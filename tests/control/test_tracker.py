@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
+from omni_control.controllers import CONTROLLERS
+from omni_control.controllers.base import Controller, Seen, Told
 from omni_control.kinematics import Array
-from omni_control.reference import IteratedReference, MotionLimits, Reference, TimedReference
-from omni_control.tracker import Observation, Tracker, TrackerSettings
-from omni_control.trackers import TRACKERS
+from omni_control.reference.timed import IteratedReference, MotionLimits, Reference, TimedReference
 
 LAW = settings(deadline=None, max_examples=25, derandomize=True)
 
@@ -42,14 +42,14 @@ class Run:
     alpha_hat: Array
 
 
-def seen_at(pose: Array) -> Observation:
+def seen_at(pose: Array) -> Seen:
     """What is known of robots whose filtered poses alone are known: these trackers ask for nothing else."""
     unknown = np.full_like(pose, np.nan)
-    return Observation(pose, unknown, unknown)
+    return Seen(pose, unknown, unknown)
 
 
 def drive(
-    tracker: Tracker,
+    tracker: Controller,
     start: Array,
     delay: int,
     frames: int = FRAMES,
@@ -72,9 +72,9 @@ def drive(
     return Run(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
-def settings_for(delay: int) -> TrackerSettings:
+def settings_for(delay: int) -> Told:
     """Default settings with the plant's period and dead time."""
-    return TrackerSettings(period=T, delay_frames=delay)
+    return Told(period=T, delay_frames=delay)
 
 
 def position_error(run: Run, reference: TimedReference) -> Array:
@@ -89,7 +89,7 @@ def test_without_dead_time_both_controllers_are_the_same(reference: str) -> None
     rng = np.random.default_rng(0)
     start, noise = rng.uniform(-0.1, 0.1, (4, 3)), rng.normal(0, 0.01, (FRAMES, 4, 3))
     runs = [
-        drive(TRACKERS[name](settings_for(0), REFERENCES[reference](4), 4), start, 0, noise=noise) for name in FUZZY
+        drive(CONTROLLERS[name](settings_for(0), REFERENCES[reference](4), 4), start, 0, noise=noise) for name in FUZZY
     ]
     assert len(runs) == 2
     assert np.array_equal(runs[0].sent, runs[1].sent)
@@ -106,9 +106,9 @@ def test_compensation_takes_the_dead_time_out_of_the_loop(reference: str, start:
     time that starts at k_d under FLC.
     """
     rows = np.array([start])
-    late = drive(TRACKERS["comp-flc"](settings_for(delay), REFERENCES[reference](1), 1), rows, delay)
+    late = drive(CONTROLLERS["comp-flc"](settings_for(delay), REFERENCES[reference](1), 1), rows, delay)
     prompt = drive(
-        TRACKERS["flc"](settings_for(0), REFERENCES[reference](1), 1), rows, 0, FRAMES - delay, first_frame=delay
+        CONTROLLERS["flc"](settings_for(0), REFERENCES[reference](1), 1), rows, 0, FRAMES - delay, first_frame=delay
     )
     assert (late.pose[:delay] == start).all()
     # Poses of size 3 round at 4e-16; the loop's gain of at most 15 / s forgets them, but near the steep ends of the
@@ -123,7 +123,7 @@ def test_predicted_is_the_true_pose_at_the_end_of_the_dead_time(
     reference: str, start: tuple[float, ...], delay: int, highest: float
 ) -> None:
     """On a perfect plant x_p of frame k is x(k + k_d), also when the loop's limits cut what the tracker asked for."""
-    tracker = TRACKERS["comp-flc"](settings_for(delay), REFERENCES[reference](1), 1)
+    tracker = CONTROLLERS["comp-flc"](settings_for(delay), REFERENCES[reference](1), 1)
     run = drive(tracker, np.array([start]), delay, highest=highest)
     # Twelve additions to poses of size 3; the estimate of alpha is 1 to 1e-12.
     np.testing.assert_allclose(run.predicted[: FRAMES - delay], run.pose[delay:], rtol=0, atol=1e-12)
@@ -133,7 +133,7 @@ def test_predicted_is_the_true_pose_at_the_end_of_the_dead_time(
 def test_predicted_is_the_true_pose_once_alpha_is_known(reference: str) -> None:
     """A robot that moves at 0.8 and 0.7 of what it is told is predicted exactly after it has moved for a while."""
     delay, alpha = 6, np.array([0.8, 0.7, 1.0])
-    tracker = TRACKERS["comp-flc"](settings_for(delay), REFERENCES[reference](1), 1)
+    tracker = CONTROLLERS["comp-flc"](settings_for(delay), REFERENCES[reference](1), 1)
     run = drive(tracker, np.array([[-0.05, 0.05, 0.2]]), delay, alpha=alpha)
     known = slice(60, FRAMES - delay)
     # The estimate's error contracts with every frame of motion: below 1e-9 after a second.
@@ -145,7 +145,7 @@ def test_predicted_is_the_true_pose_once_alpha_is_known(reference: str) -> None:
 def test_the_error_of_comp_flc_is_what_the_reference_runs_ahead_before_a_command_can_act(delay: int) -> None:
     """On a perfect plant the error is largest in frame k_d: k_d (k_d + 1) / 2 units a T^2; it then dies out."""
     reference = TimedReference([[0, 0, 0], [2, 1, 0]], LIMITS, T)
-    run = drive(TRACKERS["comp-flc"](settings_for(delay), reference, 1), np.zeros((1, 3)), delay, reference.frames)
+    run = drive(CONTROLLERS["comp-flc"](settings_for(delay), reference, 1), np.zeros((1, 3)), delay, reference.frames)
     error = position_error(run, reference)
     # Roundings of poses of size 2.
     assert error.max() == error[delay] == pytest.approx(delay * (delay + 1) / 2 * LIMITS.acceleration * T**2, abs=1e-14)
@@ -171,7 +171,7 @@ def test_flc_lags_a_constant_acceleration_by_a_known_error_and_comp_flc_does_not
     reference = TimedReference([[0, 0, 0], [20, 0, 0]], MotionLimits(speed=10), T)
     error = {}
     for name in FUZZY:
-        run = drive(TRACKERS[name](settings_for(delay), reference, 1), np.zeros((1, 3)), delay, frames)
+        run = drive(CONTROLLERS[name](settings_for(delay), reference, 1), np.zeros((1, 3)), delay, frames)
         error[name] = reference.poses[frames - 1, 0] - run.pose[-1, 0, 0]
     lag = brentq(lambda e: fuzzy_velocity(e) - LIMITS.acceleration * delay * T, 0, 0.05)
     # Integration in steps of 5e-5 is good to 1e-8 m/s, which a gain of 10 / s makes 1e-9 m; the transient of a loop
@@ -185,7 +185,7 @@ def test_comp_flc_beats_flc_with_the_papers_dead_time() -> None:
     reference = TimedReference([[0, 0, 0], [2, 1, 0], [0, 1, 0]], LIMITS, T)
     maximum, mean = {}, {}
     for name in FUZZY:
-        run = drive(TRACKERS[name](settings_for(6), reference, 1), np.zeros((1, 3)), 6, reference.frames)
+        run = drive(CONTROLLERS[name](settings_for(6), reference, 1), np.zeros((1, 3)), 6, reference.frames)
         error = position_error(run, reference)
         maximum[name], mean[name] = error.max(), error.mean()
     # The compensated maximum is known (4.8 mm); an uncompensated loop with gain 15 / s and 0.1 s of dead time is near
@@ -198,7 +198,7 @@ def test_comp_flc_beats_flc_with_the_papers_dead_time() -> None:
 def test_on_the_reference_the_command_is_its_velocity(name: str) -> None:
     """A perfect robot without dead time that starts on the reference is told to move as the reference does."""
     reference = TimedReference(PATH, LIMITS, T)
-    run = drive(TRACKERS[name](settings_for(0), reference, 1), np.array(PATH[:1]), 0, reference.frames - 1)
+    run = drive(CONTROLLERS[name](settings_for(0), reference, 1), np.array(PATH[:1]), 0, reference.frames - 1)
     # A pose error of 1e-15 m costs 15 / s times it; a difference of poses rounds at 4e-16 / T.
     np.testing.assert_allclose(run.sent[:, 0], np.diff(reference.poses, axis=0) / T, rtol=0, atol=1e-12)
     np.testing.assert_allclose(run.pose[:, 0], reference.poses[:-1], rtol=0, atol=1e-13)
@@ -209,7 +209,7 @@ def test_the_heading_returns_the_short_way_at_the_gain(name: str) -> None:
     """Proportional hold: the heading error shrinks by 1 - g T a frame, from -3 to 3 rad over pi and not over 0."""
     gain = 5.0
     reference = TimedReference([[0, 0, 3.0]], LIMITS, T)
-    tracker = TRACKERS[name](TrackerSettings(T, 0, heading_gain=gain), reference, 1)
+    tracker = CONTROLLERS[name](Told(T, 0, heading_gain=gain), reference, 1)
     run = drive(tracker, np.array([[0.0, 0.0, -3.0]]), 0, 60)
     error = (2 * np.pi - 6) * (1 - gain * T) ** np.arange(60)
     # Roundings of angles of size 6.
@@ -221,7 +221,7 @@ def test_the_heading_returns_the_short_way_at_the_gain(name: str) -> None:
 def test_whole_turns_of_the_heading_do_not_count(name: str, turns: int) -> None:
     """Headings count full turns, which are no error: a robot that faces right is not told to turn."""
     reference = TimedReference([[0, 0, 0.5]], LIMITS, T)
-    tracker = TRACKERS[name](settings_for(6), reference, 1)
+    tracker = CONTROLLERS[name](settings_for(6), reference, 1)
     command = tracker.command(0, seen_at(np.array([[0, 0, 0.5 + 2 * np.pi * turns]])), np.zeros((1, 3)))
     # Forty turns are rounded at 3e-14 rad, times the gain of 3 / s.
     np.testing.assert_allclose(command, 0, atol=2e-13)
@@ -231,7 +231,7 @@ def test_whole_turns_of_the_heading_do_not_count(name: str, turns: int) -> None:
 def test_the_settings_ranges_scale_the_correction(name: str) -> None:
     """Beyond error_range_m from a resting reference the correction is 5/6 of speed_range_m_s, at its half one half."""
     reference = TimedReference([[0, 0, 0]], LIMITS, T)
-    tracker = TRACKERS[name](TrackerSettings(T, 0, error_range_m=0.4, speed_range_m_s=3.0), reference, 2)
+    tracker = CONTROLLERS[name](Told(T, 0, error_range_m=0.4, speed_range_m_s=3.0), reference, 2)
     command = tracker.command(0, seen_at(np.array([[-0.5, 0.4, 0], [0.2, 0.0, 0]])), np.zeros((2, 3)))
     # Roundings of numbers of size 1.
     np.testing.assert_allclose(command, [[2.5, -2.5, 0], [-1.5, 0, 0]], rtol=0, atol=1e-14)
@@ -241,7 +241,7 @@ def test_flc_believes_the_pose_of_now_and_the_nominal_robot() -> None:
     """Without compensation the pose for which a command is computed is the one seen, and no alpha is estimated."""
     noise = np.random.default_rng(0).normal(0, 0.01, (FRAMES, 2, 3))
     start = np.zeros((2, 3))
-    run = drive(TRACKERS["flc"](settings_for(6), REFERENCES["timed"](2), 2), start, 6, alpha=0.7, noise=noise)
+    run = drive(CONTROLLERS["flc"](settings_for(6), REFERENCES["timed"](2), 2), start, 6, alpha=0.7, noise=noise)
     assert np.array_equal(run.predicted, run.pose + noise)
     assert (run.alpha_hat == 1).all()
 
@@ -255,7 +255,7 @@ def test_a_row_of_a_batch_is_what_it_is_alone(name: str, reference: str) -> None
     alpha = rng.uniform(0.7, 1, (n, 3))
 
     def run(rows: slice) -> Array:
-        tracker = TRACKERS[name](settings_for(6), REFERENCES[reference](len(start[rows])), len(start[rows]))
+        tracker = CONTROLLERS[name](settings_for(6), REFERENCES[reference](len(start[rows])), len(start[rows]))
         out = drive(tracker, start[rows], 6, alpha=alpha[rows], highest=1.5, noise=noise[:, rows])
         return np.concatenate([out.pose, out.predicted, out.sent, out.alpha_hat], axis=2)
 
@@ -266,14 +266,14 @@ def test_a_row_of_a_batch_is_what_it_is_alone(name: str, reference: str) -> None
 
 @both_trackers
 def test_fuzzy_trackers_do_not_estimate_the_latency(name: str) -> None:
-    tracker = TRACKERS[name](settings_for(6), REFERENCES["timed"](2), 2)
+    tracker = CONTROLLERS[name](settings_for(6), REFERENCES["timed"](2), 2)
     drive(tracker, np.zeros((2, 3)), 6)
     np.testing.assert_array_equal(tracker.latency_hat, np.full((2, 3), np.nan))
 
 
 def test_a_tracker_that_says_nothing_of_itself_is_recorded_as_estimating_nothing() -> None:
     """Attributes have the shapes of the record before the first command; the command is the deriver's to write."""
-    tracker = Tracker(settings_for(6), REFERENCES["timed"](3), 3)
+    tracker = Controller(settings_for(6), REFERENCES["timed"](3), 3)
     np.testing.assert_array_equal(tracker.predicted, np.full((3, 3), np.nan))
     np.testing.assert_array_equal(tracker.alpha_hat, np.ones((3, 3)))
     np.testing.assert_array_equal(tracker.latency_hat, np.full((3, 3), np.nan))

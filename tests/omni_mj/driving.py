@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omni_mj.link.radio import Received
 from omni_mj.plants.kinematic import KinematicPlant
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.radio import Received
-from omni_mj.settings import Settings
+from omni_mj.scenarios.settings import Settings
 
 FRAME_S = 1 / 60
 SIGMAS = 5  # of a statistic's own spread

@@ -11,9 +11,10 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
-from omni_mj import console, events, summary
-from omni_mj.loop import Simulation
-from omni_mj.recording import FileRecording
+from omni_mj.cli import console
+from omni_mj.measure import events, summary
+from omni_mj.show.recording import FileRecording
+from omni_mj.simulate.simulation import Simulation
 
 RERUN = Path(sys.executable).with_name("rerun")
 

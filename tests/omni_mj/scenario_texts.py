@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from omni_control.errors import OmniError
-from omni_mj import scenario
-from omni_mj.scenario import Scenario
-from omni_mj.settings import Settings
+from omni_mj.scenarios import scenario
+from omni_mj.scenarios.scenario import Scenario
+from omni_mj.scenarios.settings import Settings
 
 
 def every_setting() -> Iterator[tuple[str, dataclasses.Field[Any], Any]]:

@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from omni_mj import scenario
-from omni_mj.loop import Simulation
-from omni_mj.trajectory import Trajectory
+from omni_mj.scenarios import scenario
+from omni_mj.simulate.log import Trajectory
+from omni_mj.simulate.simulation import Simulation
 
 FRAME_S = 1 / 60
 SHORT = ("reference.waypoints=[[0,0],[0.5,0]]", "reference.settle_s=0.2")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from omni_mj import scenario
-from omni_mj.loop import Simulation
+from omni_mj.scenarios import scenario
+from omni_mj.simulate.simulation import Simulation
 
 FLC, COMPENSATED, ADAPTIVE = 0, 1, 2
 SEEDS = 6

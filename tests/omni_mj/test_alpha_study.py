@@ -12,9 +12,9 @@ import pytest
 
 import omni_control
 import omni_mj
-from omni_mj import alpha
-from omni_mj.metrics import alpha_windows
-from omni_mj.settings import Settings
+from omni_mj.measure.metrics import alpha_windows
+from omni_mj.scenarios.settings import Settings
+from omni_mj.studies import alpha
 
 
 @pytest.fixture(scope="module")

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from omni_mj.battery import Battery
+from omni_mj.link.radio import Received
+from omni_mj.onboard.battery import Battery
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.radio import Received
-from omni_mj.settings import BatterySettings, FirmwareSettings, SensorSettings, Settings
+from omni_mj.scenarios.settings import BatterySettings, FirmwareSettings, SensorSettings, Settings
 
 FRAME_S = 1 / 60
 STEPS = 16

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import stats
 
-from omni_mj.camera import Camera
-from omni_mj.settings import VisionSettings
+from omni_mj.link.camera import Camera
+from omni_mj.scenarios.settings import VisionSettings
 
 FRAMES = 20_000
 SIGMAS = 5  # of the estimate's own spread: a right camera fails one such test in 1.7 million

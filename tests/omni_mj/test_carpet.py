@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from omni_control.kinematics import Array
-from omni_mj import robot
+from omni_mj.link.radio import Received
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.radio import Received
-from omni_mj.settings import PERIOD_S, FirmwareSettings, PhysicsSettings, SensorSettings, Settings
+from omni_mj.scenarios.settings import PERIOD_S, FirmwareSettings, PhysicsSettings, SensorSettings, Settings
+from omni_mj.worlds import robot
 
 QUIET = Settings(sensors=SensorSettings(gyro_noise_rad_s=0, gyro_bias_rad_s=0))
 # A stiff wheel loop, so that what is seen is the contact and not the firmware.

@@ -16,10 +16,11 @@ import pytest
 import scipy.stats
 from matplotlib.image import imread
 
-from omni_control.trackers import TRACKERS
-from omni_mj import console, scenario
-from omni_mj.cli import cli
-from omni_mj.run import run
+from omni_control.controllers import CONTROLLERS as ALL
+from omni_mj.cli import console
+from omni_mj.cli.main import cli
+from omni_mj.cli.run import run
+from omni_mj.scenarios import scenario
 
 COMPARE = [sys.executable, "-m", "omni_mj.compare"]
 SEEDS, FIRST = 3, 7
@@ -29,10 +30,10 @@ SCENARIOS = {
     "bend": '[reference]\nwaypoints = [[0, 0], [0.15, 0], [0.15, 0.15]]\n\n[radio]\ndelay_frames = 4\n',
 }  # fmt: skip
 OWN = """
-from omni_control.tracker import Tracker
+from omni_control.controllers.base import Controller
 
 
-class Cheat(Tracker):
+class Cheat(Controller):
     knows_truth = True
 
     def command(self, frame, observed, sent):
@@ -173,7 +174,7 @@ def test_one_seed_has_no_interval_and_says_so(files: Path, tmp_path: Path, capsy
     assert "seed 0, no intervals" in capsys.readouterr().out
     result = strict(tmp_path / "compare.json")
     assert result["overrides"] == ["radio.delay_frames=2"]
-    assert result["controllers"] == list(TRACKERS), "all of them"
+    assert result["controllers"] == list(CONTROLLERS), "all of them"
     entry = result["scenarios"]["there"]
     assert entry["settings"]["radio"]["delay_frames"] == 2
     assert entry["results"]["flc"]["effort_m_s2"]["plus_minus"] is None

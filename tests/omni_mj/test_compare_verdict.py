@@ -7,9 +7,10 @@ import pytest
 import scipy.stats
 from numpy.typing import ArrayLike
 
-from omni_mj import compare_statistics, compare_table
-from omni_mj.compare_statistics import SUBJECT, verdict
-from omni_mj.trajectory import Trajectory
+from omni_mj.measure import compare_statistics
+from omni_mj.measure.compare_statistics import SUBJECT, verdict
+from omni_mj.show import compare_table
+from omni_mj.simulate.log import Trajectory
 
 FRAMES, SEEDS = 60, 4
 

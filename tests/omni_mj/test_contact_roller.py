@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from omni_control.kinematics import Array
-from omni_mj import contact_roller, robot, scenario
-from omni_mj.loop import Simulation
+from omni_mj.link.radio import Received
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.radio import Received
-from omni_mj.settings import PERIOD_S, SensorSettings, Settings, WheelSettings
+from omni_mj.scenarios import scenario
+from omni_mj.scenarios.settings import PERIOD_S, SensorSettings, Settings, WheelSettings
+from omni_mj.simulate.simulation import Simulation
+from omni_mj.worlds import contact_roller, robot
 
 FAST = WheelSettings(model="contact-roller")
 

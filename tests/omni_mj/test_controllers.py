@@ -12,8 +12,9 @@ import pytest
 from rerun.chunk import RrdReader
 
 from omni_control.errors import OmniError
-from omni_mj import console, controllers, scenario
-from omni_mj.run import run as command_line
+from omni_mj.cli import console
+from omni_mj.cli.run import run as command_line
+from omni_mj.scenarios import controllers, scenario
 
 FRAME_S = 1 / 60
 SHORT = ["--set", "reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]", "--set", "reference.settle_s=0.1"]
@@ -25,7 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from omni_control.tracker import Tracker
+from omni_control.controllers.base import Controller
 
 
 @dataclass
@@ -33,7 +34,7 @@ class Memory:
     commands: int = 0
 
 
-class MyTracker(Tracker):
+class MyTracker(Controller):
     """Proportional control with feed-forward."""
 
     def command(self, frame, observed, sent):
@@ -138,9 +139,9 @@ BAD_INPUT = {
     "no Python file": (MINE, "mine.txt:MyTracker", ["mine.txt:MyTracker", "file.py:Class"]),
     "syntax error": (MINE + "def f(:\n", "mine.py:MyTracker", ["mine.py", "SyntaxError", f"line {LINES + 1}"]),
     "error on import": (MINE + "import absent\n", "mine.py:MyTracker", ["mine.py", "ModuleNotFoundError", "absent"]),
-    "not a tracker": (MINE, "mine.py:Stranger", ["Stranger", "omni_control.tracker.Tracker", "MyTracker"]),
-    "no tracker at all": ("Tracker = 3\n", "mine.py:Tracker", ["'Tracker'", "no other"]),
-    "somebody else's tracker": (MINE, "mine.py:Tracker", ["'Tracker'", "did you mean 'MyTracker'"]),
+    "not a tracker": (MINE, "mine.py:Stranger", ["Stranger", "omni_control.tracker.Controller", "MyTracker"]),
+    "no tracker at all": ("Controller = 3\n", "mine.py:Controller", ["'Controller'", "no other"]),
+    "somebody else's tracker": (MINE, "mine.py:Controller", ["'Controller'", "did you mean 'MyTracker'"]),
 }  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from simulating import COMPENSATED, DISTURBED, FLC, FRAME_S, IDEAL, PLANTS, ages, run
 
-from omni_mj.trajectory import CHANNELS, Trajectory
+from omni_mj.simulate.log import CHANNELS, Trajectory
 
 ACCELERATION = 0.826  # of the reference (paper, section 2)
 

@@ -10,10 +10,10 @@ import pytest
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from omni_mj import robot
+from omni_mj.link.radio import Received
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.radio import Received
-from omni_mj.settings import PERIOD_S, PhysicsSettings, SensorSettings, Settings
+from omni_mj.scenarios.settings import PERIOD_S, PhysicsSettings, SensorSettings, Settings
+from omni_mj.worlds import robot
 
 RADIUS_M, MASS_KG = 0.0285, 2.3
 GRAVITY = 9.81

@@ -10,10 +10,11 @@ import pyarrow.parquet as pq
 import pytest
 from recorded import Recorded
 
-from omni_mj import events, scenario
-from omni_mj.limits import CommandLimits
-from omni_mj.loop import Simulation
-from omni_mj.trajectory import Trajectory
+from omni_control.limits import CommandLimits
+from omni_mj.measure import events
+from omni_mj.scenarios import scenario
+from omni_mj.simulate.log import Trajectory
+from omni_mj.simulate.simulation import Simulation
 
 SHORT = ["reference.waypoints=[[0, 0], [0.5, 0]]", "reference.settle_s=0"]
 

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from omni_mj import figures, style
-from omni_mj.figures import canvas, controller, paths, seeds, series
-from omni_mj.paper import TABLES
-from omni_mj.settings import PERIOD_S, ControlSettings, Settings
-from omni_mj.trajectory import CHANNELS, Trajectory
+from omni_mj.measure.paper import TABLES
+from omni_mj.scenarios.settings import PERIOD_S, ControlSettings, Settings
+from omni_mj.show import figures, style
+from omni_mj.show.figures import canvas, controller, paths, seeds, series
+from omni_mj.simulate.log import CHANNELS, Trajectory
 
 FRAMES, SPEED, ALPHA = 240, 0.5, 0.8
 

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
-from omni_mj.firmware import HeadingEstimate
-from omni_mj.radio import Radio
-from omni_mj.settings import FirmwareSettings, RadioSettings, Settings
+from omni_mj.link.radio import Radio
+from omni_mj.onboard.firmware import HeadingEstimate
+from omni_mj.scenarios.settings import FirmwareSettings, RadioSettings, Settings
 
 FRAME_S = 1 / 60
 

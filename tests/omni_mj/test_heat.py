@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from omni_control.kinematics import Kinematics
-from omni_mj.firmware import Firmware
-from omni_mj.motors import Motors
+from omni_mj.link.radio import Received
+from omni_mj.onboard.firmware import Firmware
+from omni_mj.onboard.motors import Motors
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.radio import Received
-from omni_mj.robot import Motor
-from omni_mj.settings import (
+from omni_mj.scenarios.settings import (
     BatterySettings,
     DriveSettings,
     FirmwareSettings,
@@ -23,6 +22,7 @@ from omni_mj.settings import (
     SensorSettings,
     Settings,
 )
+from omni_mj.worlds.robot import Motor
 
 MOTOR = Motor(constant=0.036, resistance=0.942, gear=60 / 18)
 FRAME_S = 1 / 60

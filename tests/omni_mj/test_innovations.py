@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from omni_mj import scenario
-from omni_mj.loop import Simulation
+from omni_mj.scenarios import scenario
+from omni_mj.simulate.simulation import Simulation
 
 GAPS = ("vision.miss_probability=0.02", "vision.miss_frames=10")
 CORNER = ("reference.waypoints=[[-1, -0.75, 0], [0, -0.75, 0], [0, 0, 1.5]]", "reference.settle_s=0.5")

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import stats
 
+from omni_mj.link.radio import Received
 from omni_mj.plants.kinematic import KinematicPlant
-from omni_mj.radio import Received
-from omni_mj.settings import Settings
+from omni_mj.scenarios.settings import Settings
 
 
 def alphas(settings: list[Settings], seeds: list[int], frames: int) -> NDArray:

@@ -11,13 +11,13 @@ import pytest
 from driving import FRAME_S
 from numpy.typing import NDArray
 
-from omni_control.reference import SampledReference
-from omni_mj import scenario
-from omni_mj.loop import Simulation
+from omni_control.reference.timed import SampledReference
+from omni_mj.link.radio import Received
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.radio import Received
-from omni_mj.settings import Settings
-from omni_mj.trajectory import Trajectory
+from omni_mj.scenarios import scenario
+from omni_mj.scenarios.settings import Settings
+from omni_mj.simulate.log import Trajectory
+from omni_mj.simulate.simulation import Simulation
 
 TOLD, LEAD = 6, 15
 DELAYS = (2, 3, 4, 6, 8, 10, 12)

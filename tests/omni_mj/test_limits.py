@@ -9,8 +9,8 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from omni_mj.limits import CommandLimits
-from omni_mj.settings import ControlSettings
+from omni_control.limits import CommandLimits
+from omni_mj.scenarios.settings import ControlSettings
 
 FRAME_S = 1 / 60
 LIMITS = ControlSettings(

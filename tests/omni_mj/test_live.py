@@ -13,7 +13,7 @@ import pytest
 from recorded import RERUN, Recorded, rrd
 
 from omni_control.errors import OmniError
-from omni_mj.recording import live
+from omni_mj.show.recording import live
 
 SHORT = ["--set", "reference.waypoints=[[0, 0], [0.5, 0.2]]", "--plant", "kinematic"]
 

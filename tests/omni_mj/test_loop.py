@@ -8,7 +8,7 @@ from simulating import COMPENSATED, DISTURBED, FLC, FRAME_S, IDEAL, PLANTS, ages
 
 from omni_mj.plants import SimulationError
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.trajectory import CHANNELS, Trajectory
+from omni_mj.simulate.log import CHANNELS, Trajectory
 
 RANDOM = (*DISTURBED, "radio.jitter_frames=4")
 

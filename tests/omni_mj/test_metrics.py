@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from omni_mj import metrics
-from omni_mj.trajectory import Trajectory
+from omni_mj.measure import metrics
+from omni_mj.simulate.log import Trajectory
 
 T = 1 / 60
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from omni_mj import robot
+from omni_mj.worlds import robot
 
 AZIMUTHS_DEG = (60, 135, 225, 300)
 ARM_M, RADIUS_M, ROLLER_RADIUS_M = 0.080, 0.0285, 0.006

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from omni_mj import robot
-from omni_mj.motors import Motors
-from omni_mj.settings import MotorSettings
+from omni_mj.onboard.motors import Motors
+from omni_mj.scenarios.settings import MotorSettings
+from omni_mj.worlds import robot
 
 # The catalogue's rows, in SI.
 NOMINAL_V = 24.0

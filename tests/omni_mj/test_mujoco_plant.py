@@ -8,11 +8,11 @@ import pytest
 from driving import FRAME_S, SIGMAS, constant, drive, quiet, with_settings
 from numpy.typing import NDArray
 
-from omni_mj import robot
+from omni_mj.link.radio import Received
 from omni_mj.plants import SimulationError
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.radio import Received
-from omni_mj.settings import Settings
+from omni_mj.scenarios.settings import Settings
+from omni_mj.worlds import robot
 
 MASS_KG, GRAVITY = 2.3, 9.81
 STARTS = np.array([[0, 0, 0], [1.5, -2, 1], [-3, 0.5, math.pi], [0, 0, -math.pi + 1e-3], [4, 3, 10], [0, 1, -7.0]])

@@ -5,18 +5,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from omni_mj import scenario
-from omni_mj.loop import Simulation
+from omni_mj.scenarios import scenario
+from omni_mj.simulate.simulation import Simulation
 
 FRAME_S = 1 / 60
 SHORT = ("reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]", "reference.settle_s=0.1")
 WITNESS = """
 from copy import deepcopy
 
-from omni_control.tracker import Tracker
+from omni_control.controllers.base import Controller
 
 
-class Witness(Tracker):
+class Witness(Controller):
     def __init__(self, settings, reference, n):
         super().__init__(settings, reference, n)
         self.seen = []

@@ -10,10 +10,10 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from omni_mj.link.radio import Received
 from omni_mj.plants.kinematic import KinematicPlant
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.radio import Received
-from omni_mj.settings import Settings
+from omni_mj.scenarios.settings import Settings
 
 # --- kinematic ---
 

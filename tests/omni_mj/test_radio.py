@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from omni_mj.radio import Radio, Received
-from omni_mj.randomness import Stream, draw
-from omni_mj.settings import RadioSettings
+from omni_mj.link.noise import Stream, draw
+from omni_mj.link.radio import Radio, Received
+from omni_mj.scenarios.settings import RadioSettings
 
 SIGMAS = 5  # of a statistic's own spread
 

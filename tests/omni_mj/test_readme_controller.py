@@ -23,7 +23,7 @@ def test_the_example_is_short() -> None:
 def test_the_example_keeps_a_robot_that_does_as_told_on_the_reference(tmp_path: Path) -> None:
     """It takes the dead time out of the loop: on the kinematic plant with alpha 1, seen exactly, nothing goes wrong."""
     (tmp_path / "mine.py").write_text(example(), encoding="utf-8")
-    name = re.search(r"^class (\w+)\(Tracker\)", example(), re.MULTILINE)
+    name = re.search(r"^class (\w+)\(Controller\)", example(), re.MULTILINE)
     assert name is not None
     exact = [
         "kinematic.alpha_low=1", "kinematic.alpha_high=1",

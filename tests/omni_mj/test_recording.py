@@ -13,8 +13,10 @@ import pytest
 from numpy.typing import NDArray
 from recorded import Recorded, record, rows, rrd
 
-from omni_mj import field, robot, scenario, style
-from omni_mj.loop import Simulation
+from omni_mj.scenarios import scenario
+from omni_mj.show import field, style
+from omni_mj.simulate.simulation import Simulation
+from omni_mj.worlds import robot
 
 CONTROLLERS = ("flc", "comp-flc")
 RUN = [sys.executable, "-m", "omni_mj.run", "--no-figures", "--quiet"]

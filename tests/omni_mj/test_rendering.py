@@ -13,9 +13,10 @@ from recorded import record
 from rerun.experimental import ViewerClient
 
 from omni_control.errors import OmniError
-from omni_mj import picture, scenario
-from omni_mj.loop import Simulation
-from omni_mj.recording.viewer import Viewer
+from omni_mj.cli import picture
+from omni_mj.scenarios import scenario
+from omni_mj.show.recording.viewer import Viewer
+from omni_mj.simulate.simulation import Simulation
 
 DRIVERS = [*Path("/usr/share/vulkan/icd.d").glob("*.json"), *Path("/etc/vulkan/icd.d").glob("*.json")]
 pytestmark = pytest.mark.skipif(

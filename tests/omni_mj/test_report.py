@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from omni_control.errors import OmniError
-from omni_mj import report
-from omni_mj.settings import Settings
+from omni_mj.scenarios.settings import Settings
+from omni_mj.show import report
 
 EVIL = "<script>alert('x')</script> & \"quoted\" {{ 7 * 7 }}"
 VOID = {"meta", "img", "input", "br", "link"}

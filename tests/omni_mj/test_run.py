@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 from rerun.chunk import RrdReader
 
-from omni_mj import scenario
+from omni_mj.scenarios import scenario
 
 RUN = [sys.executable, "-m", "omni_mj.run"]
 SHORT = ["--set", "reference.waypoints=[[0, 0], [0.1, 0]]", "--set", "reference.settle_s=0.1"]

@@ -14,11 +14,11 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scenario_texts import NUMBERS, SETTINGS, WHOLE, assign, load
 
-from omni_control.curves import CURVES
-from omni_control.trackers import TRACKERS
-from omni_mj import scenario
-from omni_mj.scenario import Scenario
-from omni_mj.settings import Settings
+from omni_control.controllers import CONTROLLERS
+from omni_control.reference.curves import CURVES
+from omni_mj.scenarios import scenario
+from omni_mj.scenarios.scenario import Scenario
+from omni_mj.scenarios.settings import Settings
 
 # --- what is read ---
 
@@ -32,7 +32,7 @@ def test_built_in_scenarios_load(name: str) -> None:
     loaded = scenario.load(name)
     assert loaded.name == name
     assert loaded.description
-    assert set(loaded.controllers) <= set(TRACKERS)
+    assert set(loaded.controllers) <= set(CONTROLLERS)
 
 
 def test_the_papers_rectangle() -> None:
@@ -219,7 +219,7 @@ scenarios = st.builds(
     description=st.text(max_size=40),
     paper_table=st.sampled_from([0, 3, 4]),
     plant=st.sampled_from(scenario.PLANTS),
-    controllers=st.lists(st.sampled_from(list(TRACKERS)), min_size=1, unique=True).map(tuple),
+    controllers=st.lists(st.sampled_from(list(CONTROLLERS)), min_size=1, unique=True).map(tuple),
     seed=st.integers(0, 2**62),
     seeds=st.integers(1, 100_000),
     settings=st.builds(Settings, **sections).map(agreed),

@@ -8,7 +8,7 @@ import pytest
 from scenario_texts import NUMBERS, SWITCHES, WHOLE, assign, load, refusal
 
 from omni_control.errors import OmniError
-from omni_mj import scenario
+from omni_mj.scenarios import scenario
 
 # What is given: words the message must contain.
 HEAD_ERRORS = {

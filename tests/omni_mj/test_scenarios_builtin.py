@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj import scenario
-from omni_mj.loop import Simulation
-from omni_mj.references import iterated_reference, timed_reference
-from omni_mj.scenario import Scenario
-from omni_mj.settings import PERIOD_S, ReferenceSettings
+from omni_mj.scenarios import scenario
+from omni_mj.scenarios.references import iterated_reference, timed_reference
+from omni_mj.scenarios.scenario import Scenario
+from omni_mj.scenarios.settings import PERIOD_S, ReferenceSettings
+from omni_mj.simulate.simulation import Simulation
 
 TASKS = ("circle", "eight", "square-spin", "sprint", "waypoints")
 FIELD_M = (9.0, 6.0)  # division B, RoboCup-SSL rules

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from omni_mj import robot
+from omni_mj.worlds import robot
 
 AZIMUTHS = np.radians([60, 135, 225, 300])
 ARM_M, RADIUS_M, MASS_KG, COM_HEIGHT_M = 0.080, 0.0285, 2.3, 0.045

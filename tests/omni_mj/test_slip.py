@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from omni_mj import robot
+from omni_mj.link.radio import Received
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.radio import Received
-from omni_mj.settings import PERIOD_S, CarpetSettings, SensorSettings, Settings
-from omni_mj.wheels import WheelGeometry, contact_slip
+from omni_mj.scenarios.settings import PERIOD_S, CarpetSettings, SensorSettings, Settings
+from omni_mj.worlds import robot
+from omni_mj.worlds.wheels import WheelGeometry, contact_slip
 
 AZIMUTHS = np.radians([60, 135, 225, 300])
 ARM_M, RADIUS_M = 0.080, 0.0285

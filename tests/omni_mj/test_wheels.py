@@ -7,10 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from omni_control.kinematics import Kinematics
-from omni_mj import robot
+from omni_mj.link.radio import Received
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.radio import Received
-from omni_mj.settings import PERIOD_S, SensorSettings, Settings
+from omni_mj.scenarios.settings import PERIOD_S, SensorSettings, Settings
+from omni_mj.worlds import robot
 
 AZIMUTHS = np.radians([60, 135, 225, 300])
 ARM_M, RADIUS_M, MASS_KG = 0.080, 0.0285, 2.3

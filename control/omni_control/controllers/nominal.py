@@ -1,0 +1,60 @@
+"""The robot as a team's computer believes it to be: dead time, a lag of first order, and nothing else."""
+
+import math
+
+import numpy as np
+
+from omni_control.controllers.base import Told
+from omni_control.delay import CommandsInFlight
+from omni_control.kinematics import Array, wrap_angle
+
+
+def pose_error(target: Array, pose: Array) -> Array:
+    """What is missing to `target` from `pose`, both (n, 3), the heading the short way."""
+    error = target - pose
+    error[:, 2] = wrap_angle(error[:, 2])
+    return error
+
+
+class NominalRobot:
+    """Model of n robots that obey their commands, after a dead time and with the lag of their wheel loops.
+
+    Per axis x' = v, v' = (u(t - k_d T) - v) / lag, and each command u holds for a frame, so that exactly
+
+        x(k+1) = x(k) + slide v(k) + (T - slide) u(k - k_d),   slide = lag (1 - keep)
+        v(k+1) = keep v(k) + (1 - keep) u(k - k_d),            keep = exp(-T / lag)
+
+    Args:
+        settings: what is known of the loop.
+        n: robots.
+
+    Attributes:
+        keep, slide: see above; both are zero without a lag.
+        velocity: v(k), (n, 3).
+        moved: x(k) - x(k-1), (n, 3).
+    """
+
+    def __init__(self, settings: Told, n: int) -> None:
+        self._period, self._delay = settings.period, settings.delay_frames
+        self.keep = math.exp(-settings.period / settings.lag_s) if settings.lag_s else 0.0
+        self.slide = settings.lag_s * (1 - self.keep)
+        self._sent = CommandsInFlight(n, settings.delay_frames + 1)
+        self.velocity, self.moved = np.zeros((2, n, 3))
+
+    def push(self, command: Array) -> None:
+        """Add the commands (n, 3) that were sent in the frame just past; those sent k_d frames before acted in it."""
+        self._sent.push(command)
+        self.moved, self.velocity = self._move(self.velocity, self._sent.last(1, skip=self._delay)[0])
+
+    def at_the_end_of_the_dead_time(self, pose: Array) -> tuple[Array, Array]:
+        """Poses and velocities (n, 3) to which the commands in flight lead robots that are at `pose` (n, 3) now."""
+        velocity = self.velocity
+        for command in self._sent.last(self._delay):
+            moved, velocity = self._move(velocity, command)
+            pose = pose + moved
+        return pose, velocity
+
+    def _move(self, velocity: Array, command: Array) -> tuple[Array, Array]:
+        """Displacement in a frame, and the velocity at its end."""
+        moved = self.slide * velocity + (self._period - self.slide) * command
+        return moved, self.keep * velocity + (1 - self.keep) * command

@@ -1,0 +1,184 @@
+"""Timed references along smooth closed curves, as fast as the limits allow.
+
+How fast a point may be along a given curve is a question of the phase plane: speed over arc length s. With v^2 = z, the
+acceleration along the path is z'/2 and that across it k z, k being the curvature. A limit a of the whole of it leaves
+|z'| <= 2 sqrt(a^2 - k^2 z^2), which says that the angle arcsin(k z / a) by which the acceleration points away from the
+path changes by at most 2 k ds: where k hardly changes, steps along the curve can be taken in closed form. A pass
+forwards speeds up as hard as that allows, a pass backwards brakes as hard, and what is left is everywhere the highest
+speed possible (Bobrow, Dubowsky and Gibson 1985; by two passes, Pham and Pham 2018).
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from itertools import cycle
+
+import numpy as np
+
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array
+from omni_control.reference.timed import MotionLimits, SampledReference
+
+_CELLS = 1000  # in a lap, times the figure's length over its width: the finer, the sharper its bends
+_STRAIGHT = 1e-9  # 1/m, for a curvature of zero, by which one cannot divide
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A Lissajous figure about the origin: x = length/2 sin u, y = width/2 sin(cycles u + phase), u from 0 to 2 pi.
+
+    Args:
+        length, width: extent in x and y, m.
+        cycles: oscillations in y for one in x.
+        phase: of y at u = 0, rad.
+    """
+
+    length: float
+    width: float
+    cycles: int
+    phase: float
+
+    def __post_init__(self) -> None:
+        """Check the extents.
+
+        Raises:
+            OmniError: one is not a positive number.
+        """
+        for name in ("length", "width"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise OmniError(f"a curve's {name} must be a positive number of metres, not {getattr(self, name)}")
+
+    def __call__(self, u: Array, derivative: int = 0) -> Array:
+        """Return x + iy, or a derivative of it by u, at parameters `u`; complex, of the shape of u, in m."""
+        turn = derivative * np.pi / 2
+        y = self.cycles**derivative * np.sin(self.cycles * u + self.phase + turn)
+        return self.length / 2 * np.sin(u + turn) + 0.5j * self.width * y
+
+
+CURVES: dict[str, Callable[[float, float], Curve]] = {
+    "circle": partial(Curve, cycles=1, phase=-np.pi / 2),  # an ellipse, if length and width differ
+    "eight": partial(Curve, cycles=2, phase=0.0),  # the lemniscate of Gerono
+}
+
+
+class CurveReference(SampledReference):
+    """Laps of a closed curve from rest to rest, as fast as the limits allow, in whole frames.
+
+    The limits hold for the differences between sampled poses, since those are means of the velocity and acceleration
+    over a frame or two, and a mean vector is no longer than the longest it is made of. To end with a frame, and for the
+    little by which steps from cell to cell are off, the whole of it is driven slower.
+
+    Args:
+        curve: where to drive, from u = 0 on.
+        limits: velocity and acceleration limits; the acceleration is that along and across the path together.
+        period: length of a frame, s.
+        laps: how often around, at least once.
+        tangent: whether the robot faces along its path, within the limits of turning; otherwise its heading is 0.
+        settle_frames: further frames of rest at the end.
+
+    Raises:
+        OmniError: less than one lap.
+    """
+
+    def __init__(
+        self,
+        curve: Curve,
+        limits: MotionLimits,
+        period: float,
+        laps: int = 1,
+        tangent: bool = False,
+        settle_frames: int = 0,
+    ) -> None:
+        if laps < 1:
+            raise OmniError(f"a curve must be driven at least once, not {laps} times")
+        time, u, rate = _timetable(curve, limits, laps, tangent)
+        frames, excess = math.ceil(time[-1] / period), math.inf
+        while excess > 1 + 1e-9:  # rounding
+            poses = _poses(curve, _parameter(np.linspace(0, time[-1], frames + 1), time, u, rate), tangent)
+            excess = _excess(poses, limits, period)
+            frames = math.ceil(frames * excess)
+        super().__init__(np.concatenate([poses, np.repeat(poses[-1:], settle_frames, axis=0)]), period)
+
+
+def _timetable(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> tuple[Array, Array, Array]:
+    """The fastest drive: times at which parameters u of the curve are reached, those, and du/dt there."""
+    cells = _CELLS * math.ceil(max(curve.length / curve.width, curve.width / curve.length))
+    lap = np.linspace(0, 2 * np.pi, cells + 1)
+    first, second = curve(lap, 1), curve(lap, 2)
+    stretch = np.abs(first)  # metres per u
+    step = lap[1] * (stretch[:-1] + stretch[1:]) / 2
+    curvature = np.maximum(np.abs((second / first).imag) / stretch, _STRAIGHT)
+
+    speed = np.sqrt(_fastest(step, curvature, limits, laps, tangent))
+    rate = speed / np.append(np.tile(stretch[:-1], laps), stretch[0])
+    u = lap[1] * np.arange(len(rate))
+    return np.append(0, np.cumsum(2 * lap[1] / (rate[:-1] + rate[1:]))), u, rate
+
+
+def _fastest(step: Array, curvature: Array, limits: MotionLimits, laps: int, tangent: bool) -> Array:
+    """Highest squares of speed (laps * cells + 1,), m^2/s^2, where cells meet, from rest to rest.
+
+    `step` (cells,) is their length in m, `curvature` (cells + 1,) the path's at their ends in 1/m, taken as positive.
+    """
+    a = limits.acceleration
+    turn_rate, turn_acceleration = (limits.turn_rate, limits.turn_acceleration) if tangent else (np.inf, np.inf)
+    bend = (curvature[:-1] + curvature[1:]) / 2
+
+    # Facing along the path, the turn acceleration is k times the acceleration along it plus k'/k times that across it.
+    # Its limits cut a strip out of the circle of radius a in which the acceleration must stay. Where the top of the
+    # circle, all acceleration across, is cut off, the highest that is left is the corner, at this angle from the top.
+    slope = np.abs(np.diff(curvature)) / (step * bend)
+    corner = np.arccos(np.minimum(turn_acceleration / (a * np.hypot(bend, slope)), 1)) - np.arctan2(bend, slope)
+    across = a * np.cos(np.maximum(corner, 0))
+
+    within = np.tile(np.minimum(np.minimum(across / bend, limits.speed**2), (turn_rate / bend) ** 2), laps)
+    highest = np.concatenate([[0], np.minimum(within[:-1], within[1:]), [0]])
+    forwards = _reachable(highest, step, curvature, a, turn_acceleration)
+    return _reachable(forwards[::-1], step[::-1], curvature[::-1], a, turn_acceleration)[::-1]
+
+
+def _reachable(highest: Array, step: Array, curvature: Array, acceleration: float, turn_acceleration: float) -> Array:
+    """Squares of speed (laps * cells + 1,) up to `highest` that can be reached from those before.
+
+    From one end of a cell to the other, the angle of the acceleration changes by up to twice the angle that the path
+    turns, and the square of the turn rate by up to as much times the turn acceleration.
+    """
+    bend = (curvature[:-1] + curvature[1:]) / 2
+    turn = 2 * bend * step
+    kept, gained = (curvature[:-1] / curvature[1:]) ** 2, turn_acceleration * turn / curvature[1:] ** 2
+    lap = np.stack([bend / acceleration, turn, kept, gained], axis=1).tolist()
+    reached = [z := float(highest[0])]
+    for most, (scale, angle, keep, gain) in zip(highest[1:].tolist(), cycle(lap), strict=False):
+        along_circle = math.sin(min(math.asin(min(scale * z, 1.0)) + angle, math.pi / 2)) / scale
+        reached.append(z := min(most, along_circle, keep * z + gain))
+    return np.array(reached)
+
+
+def _parameter(time: Array, node_time: Array, u: Array, rate: Array) -> Array:
+    """Parameters of the curve at times, du/dt being linear in time between nodes."""
+    i = np.clip(np.searchsorted(node_time, time, side="right") - 1, 0, len(u) - 2)
+    since, duration = time - node_time[i], node_time[i + 1] - node_time[i]
+    return u[i] + since * (rate[i] + since / duration * (rate[i + 1] - rate[i]) / 2)
+
+
+def _poses(curve: Curve, u: Array, tangent: bool) -> Array:
+    """Poses (frames, 3) at parameters `u` (frames,); headings count full turns."""
+    point = curve(u)
+    heading = np.unwrap(np.angle(curve(u, 1))) if tangent else np.zeros_like(u)
+    return np.stack([point.real, point.imag, heading], axis=1)
+
+
+def _excess(poses: Array, limits: MotionLimits, period: float) -> float:
+    """Factor by which a drive from rest to rest must take longer, for differences of its poses to keep the limits."""
+    velocity = np.pad(np.diff(poses, axis=0) / period, ((1, 1), (0, 0)))
+    (speed, turn_rate), (acceleration, turn_acceleration) = (
+        (np.hypot(rows[:, 0], rows[:, 1]).max(), np.abs(rows[:, 2]).max())
+        for rows in (velocity, np.diff(velocity, axis=0) / period)
+    )
+    return max(
+        speed / limits.speed,
+        turn_rate / limits.turn_rate,
+        math.sqrt(acceleration / limits.acceleration),
+        math.sqrt(turn_acceleration / limits.turn_acceleration),
+    )

@@ -1,0 +1,96 @@
+"""`python -m omni_mj.picture`: what the rerun viewer shows of a recording, without a display."""
+
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+import click
+from rerun.experimental import ViewerClient
+
+from omni_control.errors import OmniError
+from omni_mj.cli import console
+from omni_mj.show.recording.timelines import TIME
+from omni_mj.show.recording.viewer import Viewer
+
+PATIENCE_S = 30.0  # for a viewer to load and draw
+STILL_S = 0.2  # between two looks that find no change
+T = TypeVar("T")
+
+
+@click.command()
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option("--time", "time_s", default=0.0, metavar="S", help="Where the time cursor stands. [0]")
+@click.option("--tab", "tabs", multiple=True, metavar="NAME", help="A tab to show; may be repeated.")
+@click.option("--size", default="1600x900", metavar="WxH", help="Of the window. [1600x900]")
+def picture(recording: Path, out: Path, time_s: float, tabs: tuple[str, ...], size: str) -> None:
+    """Draw RECORDING.rrd as the viewer shows it, and save the picture as OUT.png.
+
+    It needs no display, but something that Vulkan draws with: Debian's mesa-vulkan-drivers will do.
+    """
+    if not re.fullmatch(r"[1-9]\d{2,3}x[1-9]\d{2,3}", size):
+        raise OmniError(f"--size must be like 1600x900, not {size}")
+    if not recording.is_file():
+        raise OmniError(f"there is no recording {recording}")
+    # From its standard input a viewer loads all of a recording; of a file that it opens, only what is in sight.
+    viewer = Viewer("-", "--headless", "--window-size", size, file=recording)
+    try:
+        drawn = take(ViewerClient.connect(viewer.url), time_s, tabs)
+    except (RuntimeError, OSError):
+        reason = f"the rerun viewer cannot draw: {viewer.complaint()}"
+        raise OmniError(f"{reason}; without a graphics card it needs Debian's mesa-vulkan-drivers") from None
+    finally:
+        viewer.stop()
+    out.write_bytes(drawn)
+
+
+def take(viewer: ViewerClient, time_s: float, tabs: tuple[str, ...] = ()) -> bytes:
+    """Return a PNG of a viewer's window, once it has loaded what it shows and no longer changes.
+
+    Args:
+        viewer: with one recording.
+        time_s: where its time cursor shall stand, s.
+        tabs: names of tabs to bring to the front.
+
+    Raises:
+        OmniError: no such tab, or the picture keeps changing.
+    """
+    _still(lambda: tuple(line.end for recording in viewer.get_state().recordings for line in recording.timelines), ())
+    viewer.set_time(TIME, duration=time_s, play_state="paused")
+    _show(viewer, tabs)
+    return _still(viewer.take_screenshot, b"")
+
+
+def _still(look: Callable[[], T], nothing: object) -> T:
+    """Look until there is something that looks the same again after a while."""
+    deadline = time.monotonic() + PATIENCE_S
+    before, now = None, look()
+    while now == nothing or now != before:
+        if time.monotonic() > deadline:
+            raise OmniError(f"the rerun viewer shows no recording, or one that never rests, for {PATIENCE_S:.0f} s")
+        time.sleep(STILL_S)
+        before, now = now, look()
+    return now
+
+
+def _show(viewer: ViewerClient, tabs: tuple[str, ...]) -> None:
+    """Make `tabs` the active ones of their containers, in the viewer's blueprint."""
+    blueprint = viewer.get_blueprint().blueprint
+    parts = {path: part for path, archetypes in blueprint.items() for part in archetypes.values()}
+    containers = [part for part in parts.values() if part.get("container_kind") == "Tabs"]
+    paths = [(path, container) for container in containers for path in container["contents"]]
+    names = {parts[path]["display_name"] for path, _ in paths}
+    for tab in tabs:
+        if tab not in names:
+            raise OmniError(f"there is no tab {tab!r}; there are {', '.join(sorted(names))}")
+        for path, container in paths:
+            if parts[path]["display_name"] == tab:
+                container["active_tab"] = path
+    if tabs:
+        viewer.set_blueprint(blueprint, of="recording")
+
+
+if __name__ == "__main__":
+    console.invoke(picture)

@@ -1,0 +1,54 @@
+"""Random numbers as long as asked, which depend on a row's own seed only, not on the batch it runs in."""
+
+from collections.abc import Callable, Sequence
+from enum import IntEnum
+
+import numpy as np
+
+from omni_control.kinematics import Array
+
+BLOCK = 256  # drawn at a time; the numbers are the same whatever it is
+
+Seed = tuple[int, ...]  # of a row; see `Row.noise_seed`
+
+
+class Stream(IntEnum):
+    """What a seed's random numbers are for; each has its own independent stream."""
+
+    VISION_NOISE = 0
+    VISION_MISSES = 1
+    ALPHA = 2
+    DISTURBANCE = 3
+    GYRO_BIAS = 4
+    GYRO_NOISE = 5
+    RADIO_JITTER = 6
+
+
+class Noise:
+    """A stream of random numbers for each of n rows; rows with the same seed get the same.
+
+    Args:
+        seeds: one per row.
+        stream: what the numbers are for.
+        sample: draws a number of successive values from a generator, (count, k); drawing twice must give what drawing
+            once as many does.
+    """
+
+    def __init__(
+        self, seeds: Sequence[Seed], stream: Stream, sample: Callable[[np.random.Generator, int], Array]
+    ) -> None:
+        distinct = list(dict.fromkeys(seeds))
+        self._rows = np.array([distinct.index(seed) for seed in seeds]) if len(distinct) > 1 else slice(None)
+        self._copies = len(seeds) if len(distinct) == 1 else 1
+        self._generators = [np.random.default_rng([int(stream), *seed]) for seed in distinct]
+        self._sample = sample
+        self._block: Array = np.empty((0, 1, 1))
+        self._used = 0
+
+    def next(self) -> Array:
+        """The next value of each row, (n, k)."""
+        if self._used == len(self._block):
+            block = np.stack([self._sample(rng, BLOCK) for rng in self._generators], axis=1)
+            self._block, self._used = np.repeat(block[:, self._rows], self._copies, axis=1), 0
+        self._used += 1
+        return self._block[self._used - 1]

@@ -1,0 +1,59 @@
+"""The battery: open-circuit voltage over charge, sag under the motors' current, cut-off."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from omni_control.kinematics import Array
+from omni_mj.scenarios.settings import BatterySettings, column
+
+# Open-circuit voltage of a LiPo cell over its state of charge: 4.2 V full, 3.7 V nominal at half, steep below a tenth.
+CHARGE = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.0])
+CELL_V = np.array([3.0, 3.4, 3.55, 3.63, 3.66, 3.70, 3.83, 4.05, 4.2])
+CUT_OFF_S = 1.0  # time constant with which the cut-off sees the voltage
+
+
+class Battery:
+    """Batteries of n robots.
+
+    Args:
+        settings: one per robot.
+
+    Attributes:
+        charge: state of charge, 1 full, (n,).
+        voltage: at the terminals, under load, V, (n,).
+        alive: whether the battery still gives power, (n,). After its voltage has sunk below the cut-off its voltage is
+            zero, which shorts the motors: the robot brakes and stays.
+    """
+
+    def __init__(self, settings: Sequence[BatterySettings]) -> None:
+        self._cells, self._resistance = column(settings, "cells")[:, 0], column(settings, "resistance_ohm")[:, 0]
+        self._capacity = column(settings, "capacity_ah")[:, 0] * 3600
+        self._cut_off = column(settings, "cut_off_v")[:, 0]
+        self.charge = column(settings, "charge")[:, 0].copy()
+        self.alive = np.ones(len(settings), bool)
+        self._drawn, self._loads = np.zeros(len(settings)), 0
+        self._open = self._cells * np.interp(self.charge, CHARGE, CELL_V)
+        self.voltage, self._average = self._open.copy(), self._open.copy()
+
+    def load(self, duty: Array, current: Array) -> None:
+        """Sag under the motors' currents (n, 4) in A at the duties (n, 4) of drivers that pass on power without loss.
+
+        Braking motors charge the battery.
+        """
+        drawn = np.einsum("ij,ij->i", duty, current)
+        self._drawn += drawn
+        self._loads += 1
+        self.voltage = self._open - self._resistance * drawn
+
+    def discharge(self, period: float) -> None:
+        """Take the mean of the loads since the last call, drawn for `period` (s), from the charge."""
+        mean = self._drawn / self._loads
+        self._drawn[:], self._loads = 0.0, 0
+        self.charge = np.clip(self.charge - mean * period / self._capacity, 0.0, 1.0)
+        self._open = self._cells * np.interp(self.charge, CHARGE, CELL_V)
+        # The protection against deep discharge averages, or the sag of every hard start would trip it.
+        loaded = self._open - self._resistance * mean
+        self._average += (loaded - self._average) * min(period / CUT_OFF_S, 1.0)
+        self.alive &= self._average > self._cut_off
+        self._open[~self.alive] = self._resistance[~self.alive] = 0.0

@@ -1,0 +1,155 @@
+"""What runs on the robot: from a received world-frame velocity to four motor duties, 960 times a second."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from omni_control.kinematics import Array, Kinematics, wrap_angle
+from omni_mj.link.radio import Received
+from omni_mj.scenarios.settings import Settings, column
+from omni_mj.worlds.robot import WHEELS, Motor
+
+DERATE_BAND_K = 10.0  # derating begins this far below the limit
+DERATED_CURRENT_A = 5.0  # twice the nominal current; allowed at the beginning of derating, none at the limit
+
+
+class HeadingEstimate:
+    """Heading of n robots: the gyro integrated, its bias and drift corrected by vision's heading.
+
+    Vision's heading arrives with a command, as late as that: it is compared with what the robot itself held for its
+    heading when the command was sent.
+
+    Args:
+        settings: one per robot.
+        heading: at the start, (n,) rad.
+        period: time between corrections, s.
+    """
+
+    def __init__(self, settings: Sequence[Settings], heading: Array, period: float) -> None:
+        self.heading = np.array(heading, float)
+        self.bias = np.zeros_like(self.heading)
+        self._period = period
+        firmware = [s.firmware for s in settings]
+        self._heading_gain = column(firmware, "heading_gain")[:, 0]
+        self._bias_gain = column(firmware, "bias_gain")[:, 0]
+        longest = max(s.radio.delay_frames + s.radio.jitter_frames for s in settings)
+        self._past = np.tile(self.heading, (longest + 1, 1))
+        self._frame = 0
+
+    def turn(self, rate: Array, timestep: float) -> None:
+        """Turn for `timestep` (s) at what the gyro shows less its bias, `rate` (n,) in rad/s."""
+        self.heading += rate * timestep
+
+    def correct(self, seen: Array, age: np.ndarray) -> None:
+        """Compare with vision's heading (n,) that arrived in this frame, sent `age` (n,) frames ago, if one did."""
+        self._past[self._frame % len(self._past)] = self.heading
+        then = self._past[(self._frame - age) % len(self._past), np.arange(len(self.heading))]
+        error = np.nan_to_num(wrap_angle(seen - then))
+        self.heading += self._heading_gain * self._period * error
+        self._past += self._heading_gain * self._period * error  # what is corrected once is not corrected again
+        self.bias -= self._bias_gain * self._period * error
+        self._frame += 1
+
+
+class Firmware:
+    """Inverse kinematics by the estimated heading, a turn-rate loop on the gyro, and one PID loop per wheel.
+
+    The loops reckon in volts of a nominal battery and command duties, so that a low battery weakens them.
+
+    Args:
+        settings: one per robot.
+        kinematics: of the robot's wheels.
+        motor: constants of the datasheet, for the back-EMF that is fed forward.
+        heading: at the start, (n,) rad.
+        timestep: time between calls of `duties`, s.
+        period: time between calls of `receive`, s.
+    """
+
+    def __init__(
+        self,
+        settings: Sequence[Settings],
+        kinematics: Kinematics,
+        motor: Motor,
+        heading: Array,
+        timestep: float,
+        period: float,
+    ) -> None:
+        n, firmware = len(settings), [s.firmware for s in settings]
+        self.estimate = HeadingEstimate(settings, heading, period)
+        self._motor, self._timestep = motor, timestep
+        self._forward, self._left, self._turn = kinematics.matrix.T / kinematics.radius
+        self._kp, self._ki, self._kd = (column(firmware, name) for name in ("kp", "ki", "kd"))
+        self._integrates = bool(self._ki.any() or self._kd.any())
+        self._back_emf = column(firmware, "feed_forward") * motor.constant * motor.gear
+        self._nominal = column(firmware, "nominal_voltage_v")
+        self._turn_gain = column(firmware, "turn_gain")[:, 0]
+        self._derate = column(firmware, "derate").astype(bool)
+        self._hot = column([s.motor for s in settings], "limit_c")
+        self._swing: Array | None = None
+        counts = column([s.sensors for s in settings], "encoder_counts") * motor.gear / (2 * np.pi)
+        self._counts_per_rad, self._rate_per_count = counts, 1 / (counts * timestep)
+        self._last_count: Array | None = None
+        self._integral, self._last_error = np.zeros((2, n, WHEELS))
+        self._along_x = self._along_y = np.zeros((n, WHEELS))
+        self._turn_rate = np.zeros(n)
+
+    def receive(self, received: Received, winding: Array) -> None:
+        """Take over what the radio holds in this frame.
+
+        Args:
+            received: commands, and vision's headings that were sent with them.
+            winding: temperatures of the windings (n, 4), deg C, as a thermal model or sensor tells the driver.
+        """
+        self.estimate.correct(received.heading, received.age)
+        command = received.command
+        # Wheel speeds are linear in cosine and sine of the heading, which alone change between commands.
+        vx, vy = command[:, :1], command[:, 1:2]
+        self._along_x = vx * self._forward + vy * self._left
+        self._along_y = vy * self._forward - vx * self._left
+        self._turn_rate = command[:, 2] * (1 + self._turn_gain)
+        if self._derate.any():
+            left = np.clip((self._hot - winding) / DERATE_BAND_K, 0, 1)
+            current = np.where(self._derate & (left < 1), left * DERATED_CURRENT_A, np.inf)
+            self._swing = self._motor.resistance * current
+
+    def duties(self, gyro: Array, encoders: Array) -> Array:
+        """Return the motors' duties (n, 4) in [-1, 1].
+
+        Args:
+            gyro: turn rate (n,), rad/s.
+            encoders: wheel angles (n, 4), rad.
+        """
+        rate = gyro - self.estimate.bias
+        self.estimate.turn(rate, self._timestep)
+        wanted = self._wheel_speeds(rate)
+        count = np.floor(encoders * self._counts_per_rad)
+        if self._last_count is None:  # wherever the wheels stand when the robot is switched on
+            self._last_count = count
+        error = wanted - (count - self._last_count) * self._rate_per_count
+        self._last_count = count
+        voltage = self._back_emf * wanted + self._kp * error
+        if self._integrates:
+            voltage = self._integrate(voltage, error)
+        if self._swing is not None:
+            back_emf = self._motor.constant * self._motor.gear * (wanted - error)
+            voltage = np.clip(voltage, back_emf - self._swing, back_emf + self._swing)
+        return np.minimum(np.maximum(voltage / self._nominal, -1.0), 1.0)
+
+    def _integrate(self, voltage: Array, error: Array) -> Array:
+        """Add the integral and the derivative part to the `voltage` of the others.
+
+        Anti-windup: while the voltage is beyond its limit, an error that pushes further is not integrated.
+        """
+        voltage = voltage + self._kd * (error - self._last_error) / self._timestep
+        self._last_error = error
+        integral = self._integral + error * self._timestep
+        windup = (np.abs(voltage + self._ki * integral) > self._nominal) & ((voltage + self._ki * integral) * error > 0)
+        self._integral = np.where(windup, self._integral, integral)
+        return voltage + self._ki * integral
+
+    def _wheel_speeds(self, rate: Array) -> Array:
+        """Wheel speeds (n, 4) for the commands: equation 2, the turn-rate loop, then the inverse of equation 3."""
+        heading = self.estimate.heading
+        c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
+        turn = self._turn_rate - self._turn_gain * rate
+        return c * self._along_x + s * self._along_y + turn[:, None] * self._turn

@@ -1,0 +1,82 @@
+"""What the figures share: axes over time, curves that stay tellable, legends, saving."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+
+from omni_control.kinematics import Array
+from omni_mj.scenarios.settings import FRAME_RATE_HZ
+from omni_mj.show import style
+
+TOGETHER = 3  # as many curves can be told apart in one pair of axes; more get axes each
+BINS = 600  # along a curve, narrower than a dot of the printed figure
+MARKS = 12  # along a curve
+HALO = withStroke(linewidth=2.5, foreground="white")
+
+
+def save(figure: Figure, stem: Path) -> None:
+    """Write `stem`.png and `stem`.svg, the same bytes for the same figure."""
+    figure.savefig(stem.with_suffix(".png"))
+    figure.set_layout_engine("none")  # the layout just found is right for the second file too
+    figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None})
+
+
+def over_time(
+    length: int, rows: int, columns: int = 1, height: float = 2.2, sharey: Literal["none", "all", "col"] = "none"
+) -> tuple[Figure, np.ndarray]:
+    """A figure with axes (rows, columns) over the frames 0 to length - 1, with seconds on top, as in the paper."""
+    figure = Figure(figsize=(8, 0.9 + height * rows))
+    grid = figure.subplots(rows, columns, sharex=True, sharey=sharey, squeeze=False)
+    grid[0, 0].set_xlim(0, max(length - 1, 1))
+    for axes in grid[0]:
+        seconds = axes.secondary_xaxis("top", functions=(lambda k: k / FRAME_RATE_HZ, lambda s: s * FRAME_RATE_HZ))
+        seconds.set_xlabel("time in s")
+        seconds.spines["top"].set_visible(True)
+    for axes in grid[-1]:
+        axes.set_xlabel("time in frames of 1/60 s (fp)")
+    return figure, grid
+
+
+def thin(values: Array) -> tuple[np.ndarray, Array]:
+    """Frames and values (m,) of a curve (frames,); a long one keeps the least and the greatest value of each bin."""
+    bins = np.array_split(np.arange(len(values)), BINS) if len(values) > 2 * BINS else []
+    if not bins:
+        return np.arange(len(values)), values
+    low, high = np.where(np.isnan(values), np.inf, values), np.where(np.isnan(values), -np.inf, values)
+    kept = np.unique([(b[low[b].argmin()], b[high[b].argmax()]) for b in bins])
+    return kept, values[kept]
+
+
+def curve(axes: Axes, values: Array, index: int, label: str) -> None:
+    """Draw a controller's values (frames,) with its colour, dashes and markers."""
+    frames, kept = thin(values)
+    step = max(len(kept) // MARKS, 1)
+    start = (index * step // TOGETHER) % step
+    axes.plot(frames, kept, label=label, markevery=(start, step), zorder=3, **style.line(index))
+
+
+def legend(figure: Figure, axes: Axes | Sequence[Axes], columns: int = 5) -> None:
+    """One legend below the figure for what is labelled in `axes`, each label once."""
+    entries: dict[str, Artist] = {}
+    for each in [axes] if isinstance(axes, Axes) else axes:
+        handles, labels = each.get_legend_handles_labels()
+        entries |= {
+            label: handle for handle, label in zip(handles, labels, strict=True) if label and label not in entries
+        }
+    figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(len(entries), columns))
+
+
+def mark_greatest(axes: Axes, values: Array, index: int, text: str) -> None:
+    """Label the greatest of a controller's values (frames,) where it is."""
+    frame = int(np.nanargmax(values))
+    inward = "left" if frame < 0.03 * len(values) else "right" if frame > 0.97 * len(values) else "center"
+    axes.annotate(
+        text, (frame, values[frame]), (0, 4), textcoords="offset points", ha=inward, va="bottom", fontsize=8,
+        color=style.controller(index), annotation_clip=False, zorder=5, path_effects=[HALO],
+    )  # fmt: skip

@@ -1,0 +1,110 @@
+"""The path travelled: at full scale the controllers' differences vanish, so the worst corners are shown enlarged."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import MaxNLocator
+from scipy.ndimage import maximum_filter1d
+from scipy.spatial import cKDTree
+
+from omni_control.kinematics import Array, wrap_angle
+from omni_mj.scenarios.settings import FRAME_RATE_HZ
+from omni_mj.show import style
+from omni_mj.show.figures import canvas
+from omni_mj.simulate.log import Trajectory
+
+FINER = 20  # points of the reference between two frames, so that its nearest point is near enough
+SHARP_RAD = 0.2  # change of direction within a frame that makes a corner
+COLUMNS = 4  # of enlarged corners, where each controller has its own
+
+
+def path(trajectory: Trajectory) -> Figure:
+    """The reference and the paths travelled (figures 7 and 10), with the worst corners enlarged."""
+    reference, pose = trajectory.channel("ref")[:, 0, 0, :2], trajectory.channel("pose")[:, :, 0, :2]
+    names, everyone = trajectory.controllers, range(len(trajectory.controllers))
+    spots = _spots(reference, pose)
+    if len(names) <= canvas.TOGETHER:
+        figure = Figure(figsize=(8, 4.7))
+        grid = figure.add_gridspec(len(spots), 2, width_ratios=(2, 1))
+        overview = figure.add_subplot(grid[:, 0])
+        details = [figure.add_subplot(grid[i, 1]) for i in range(len(spots))]
+        for letter, axes, spot in zip("AB", details, spots, strict=False):
+            _draw(axes, names, reference, pose, everyone)
+            _enlarge(axes, spot, f"{letter}, {_wide(spot)}")
+    else:
+        spots, rows = spots[:1], -(-len(names) // COLUMNS)
+        figure = Figure(figsize=(8, 3.6 + 2.2 * rows))
+        grid = figure.add_gridspec(1 + rows, COLUMNS, height_ratios=(3.2, *[2.2] * rows))
+        overview = figure.add_subplot(grid[0, :])
+        for i, name in enumerate(names):
+            axes = figure.add_subplot(grid[1 + i // COLUMNS, i % COLUMNS])
+            if i:
+                axes.plot(*pose[:, 0].T, color=style.REFERENCE, lw=0.8)
+            _draw(axes, names, reference, pose, [i])
+            _enlarge(axes, spots[0], name)
+            axes.label_outer()
+    _draw(overview, names, reference, pose, everyone)
+    overview.plot(*reference[0], "o", color="black", ms=6, zorder=6, label="start")
+    overview.margins(0.06)
+    overview.set(xlabel="$x$ in m", ylabel="$y$ in m")
+    for letter, (centre, half) in zip("AB", spots, strict=False):
+        overview.add_patch(Rectangle(tuple(centre - half), 2 * half, 2 * half, fill=False, ec="black", lw=1, zorder=7))
+        overview.annotate(letter, tuple(centre + half), (3, 1), textcoords="offset points", weight="bold")
+    canvas.legend(figure, overview)
+    figure.suptitle("Path travelled" + (f", and enlarged at A, {_wide(spots[0])}" if len(spots) == 1 else ""))
+    return figure
+
+
+def _draw(axes: Axes, controllers: tuple[str, ...], reference: Array, pose: Array, shown: Sequence[int]) -> None:
+    axes.plot(*reference.T, color=style.BACKGROUND, lw=4, zorder=1, label="reference")
+    for i in shown:
+        axes.plot(*pose[:, i].T, zorder=3, label=controllers[i], **style.line(i) | {"marker": ""})
+    axes.set_aspect("equal", adjustable="box")
+
+
+def _enlarge(axes: Axes, spot: tuple[Array, float], title: str) -> None:
+    (x, y), half = spot
+    axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half), title=title)
+    axes.set_xlabel("$x$ in m", fontsize=8)
+    axes.set_ylabel("$y$ in m", fontsize=8)
+    axes.xaxis.set_major_locator(MaxNLocator(3))
+    axes.yaxis.set_major_locator(MaxNLocator(3))
+    axes.spines[:].set_visible(True)
+
+
+def _wide(spot: tuple[Array, float]) -> str:
+    return f"{200 * spot[1]:.0f} cm wide" if spot[1] < 0.5 else f"{2 * spot[1]:.1f} m wide"
+
+
+def _spots(reference: Array, pose: Array) -> list[tuple[Array, float]]:
+    """Centres and half widths of one or two squares where the controllers stray farthest from the path, m.
+
+    Corners and the end come first, since there most can be seen; along a straight line a square shows but two lines.
+    """
+    at = np.linspace(0, len(reference) - 1, FINER * len(reference))
+    fine = np.stack([np.interp(at, np.arange(len(reference)), column) for column in reference.T], axis=-1)
+    astray = np.median(cKDTree(fine).query(pose)[0], axis=1)
+    nearby = maximum_filter1d(astray, FRAME_RATE_HZ)
+    extent = float(max(np.ptp(reference, axis=0).max(), 0.01))
+    rank = nearby + extent * _corners(reference) * (nearby > 0)
+    spots: list[tuple[Array, float]] = []
+    far = np.ones(len(reference), bool)
+    while far.any() and len(spots) < 2:
+        worst = int(np.where(far, rank, -1.0).argmax())
+        spots.append((reference[worst], float(np.clip(4 * nearby[worst], 0.005, extent / 5))))
+        far &= np.linalg.norm(reference - reference[worst], axis=1) > extent / 3
+    return spots
+
+
+def _corners(reference: Array) -> Array:
+    """Whether the reference (frames, 2) changes its direction at a frame, or ends there."""
+    step = np.diff(reference, axis=0)
+    moving = np.flatnonzero(np.linalg.norm(step, axis=1) > 1e-6)
+    turn = np.abs(wrap_angle(np.diff(np.arctan2(step[moving, 1], step[moving, 0]))))
+    corners = np.zeros(len(reference), bool)
+    corners[moving[1:][turn > SHARP_RAD]] = True
+    corners[-1] = True
+    return corners

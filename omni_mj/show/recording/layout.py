@@ -1,0 +1,114 @@
+"""How the viewer lays out a recording: the scene, from the field and from beside a robot, time series, texts."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import rerun.blueprint as rrb
+
+from omni_control.kinematics import Array
+from omni_mj.show.recording.scene import ABOVE, extent, pixel
+from omni_mj.show.recording.series import WHEEL_TAB, Plot
+from omni_mj.show.recording.timelines import FRAME, TIME
+
+
+def blueprint(controllers: tuple[str, ...], reference: Array, tabs: dict[str, list[Plot]], live: bool) -> rrb.Blueprint:
+    """Build the layout.
+
+    Args:
+        controllers: their names.
+        reference: the timed reference's poses (frames, 3).
+        tabs: the plots under each tab.
+        live: follow what is being recorded, instead of waiting at its start.
+    """
+    low, high = extent(reference)
+    so_far = _so_far(controllers)
+    close = rrb.Tabs(*(_beside(name, so_far) for name in controllers), active_tab=_second(controllers))
+    left = rrb.Vertical(
+        _field(low, high, so_far),
+        rrb.Horizontal(_plan(controllers, low, high, so_far), close),
+        rrb.Tabs(
+            rrb.TextDocumentView(origin="summary", name="summary"),
+            rrb.TextLogView(
+                origin="events",
+                name="events",
+                columns=rrb.TextLogColumns(timeline_columns=[FRAME], text_log_columns=["LogLevel", "Body"]),
+            ),
+            rrb.TextDocumentView(origin="settings", name="settings"),
+        ),
+        row_shares=[5, 4, 2.3],
+    )
+    right = rrb.Tabs(*(_plots(name, plots, controllers) for name, plots in tabs.items() if plots))
+    time = rrb.TimePanel(timeline=TIME, play_state="following" if live else "paused", state="collapsed")
+    return rrb.Blueprint(rrb.Horizontal(left, right, column_shares=[1, 1]), time, collapse_panels=True)
+
+
+def _so_far(controllers: tuple[str, ...]) -> dict[Any, rrb.VisibleTimeRanges]:
+    """Travelled paths are shown from the start to the time cursor, everything else at the time cursor."""
+    start, now = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative()
+    ranges = rrb.VisibleTimeRanges([rrb.VisibleTimeRange(line, start=start, end=now) for line in (FRAME, TIME)])
+    return {f"world/{name}/path": ranges for name in controllers}
+
+
+def _field(low: Array, high: Array, overrides: dict[Any, rrb.VisibleTimeRanges]) -> rrb.Spatial3DView:
+    centre, reach = (low + high) / 2, float(np.hypot(*(high - low)))
+    target = [centre[0], centre[1] - 0.07 * reach, 0.0]
+    position = [centre[0], centre[1] - 0.6 * reach, 0.42 * reach]
+    eye = rrb.EyeControls3D(position=position, look_target=target, eye_up=[0, 0, 1])
+    return rrb.Spatial3DView(
+        origin="world",
+        contents=["$origin/**", f"- {ABOVE}/**"],
+        name="field (ring: seen by vision; ghost: predicted; dot: reference)",
+        eye_controls=eye,
+        line_grid=False,
+        overrides=overrides,
+    )
+
+
+def _plan(
+    controllers: tuple[str, ...], low: Array, high: Array, overrides: dict[Any, rrb.VisibleTimeRanges]
+) -> rrb.Spatial2DView:
+    (left, bottom), (right, top) = pixel(*low), pixel(*high)
+    return rrb.Spatial2DView(
+        origin=ABOVE,
+        contents=["world/**", *(f"- world/{name}/name" for name in controllers)],
+        name="plan",
+        visual_bounds=rrb.VisualBounds2D(x_range=[left, right], y_range=[top, bottom]),
+        overrides=overrides,
+    )
+
+
+def _beside(name: str, overrides: dict[Any, rrb.VisibleTimeRanges]) -> rrb.Spatial3DView:
+    """A robot from beside it, close enough to see its rollers; the view turns with it."""
+    entity = f"world/{name}"
+    return rrb.Spatial3DView(
+        origin=f"{entity}/robot",
+        contents=["world/field/**", "world/reference/**", f"{entity}/**", f"- {entity}/name"],
+        name=name,
+        eye_controls=rrb.EyeControls3D(position=[0.22, 0.25, 0.09], look_target=[0, 0, 0.055], eye_up=[0, 0, 1]),
+        line_grid=False,
+        overrides={path: ranges for path, ranges in overrides.items() if str(path).startswith(f"{entity}/")},
+    )
+
+
+def _plots(tab: str, plots: Iterable[Plot], controllers: tuple[str, ...]) -> rrb.Container:
+    if tab != WHEEL_TAB:
+        return rrb.Vertical(*(_plot(plot, f"plots/{plot.entity}") for plot in plots), name=tab)
+    single = (
+        rrb.Vertical(*(_plot(plot, f"plots/{plot.entity}/{name}") for plot in plots), name=name) for name in controllers
+    )
+    return rrb.Tabs(*single, name=tab, active_tab=_second(controllers))
+
+
+def _second(controllers: tuple[str, ...]) -> int:
+    """Which controller is shown where there is room for one: not the first, with which others are compared."""
+    return min(1, len(controllers) - 1)
+
+
+def _plot(plot: Plot, origin: str) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(
+        origin=origin,
+        name=f"{plot.title}, {plot.unit}".removesuffix(", "),
+        axis_y=rrb.ScalarAxis(range=plot.range) if plot.range else None,
+        plot_legend=rrb.PlotLegend(corner=plot.legend),
+    )
