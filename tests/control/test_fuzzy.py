@@ -8,10 +8,10 @@ import pytest
 import scikit_flc
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
-from omni_control.fuzzy.mamdani import Mamdani
 from scikit_flc import TABLE_1, TABLE_2, triangles
 
 from omni_control.errors import OmniError
+from omni_control.fuzzy.mamdani import Mamdani
 from omni_control.fuzzy.rules import ENGINE, LABELS, RULES, FuzzyLaw, memberships
 
 LAW = settings(deadline=None, max_examples=100, derandomize=True)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from omni_control.fuzzy.centroid import CentreOfGravity
-from omni_control.fuzzy.mamdani import Mamdani, Trapezoid, Variable, triangle
 
 from omni_control.errors import OmniError
+from omni_control.fuzzy.centroid import CentreOfGravity
+from omni_control.fuzzy.mamdani import Mamdani, Trapezoid, Variable, triangle
 from omni_control.fuzzy.rules import mamdani
 
 LAW = settings(deadline=None, max_examples=100, derandomize=True)

@@ -16,7 +16,6 @@ import pytest
 import scipy.stats
 from matplotlib.image import imread
 
-from omni_control.controllers import CONTROLLERS as ALL
 from omni_mj.cli import console
 from omni_mj.cli.main import cli
 from omni_mj.cli.run import run
