@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from omni_control.errors import OmniError
-from omni_control.kinematics import Array
+from omni_control.kinematics import Array, Kinematics
 from omni_mj.link.radio import Received
 
 
