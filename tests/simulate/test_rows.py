@@ -161,7 +161,7 @@ def test_a_parameter_of_a_users_controller_can_be_set(users: dict[str, str], tmp
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_robots_of_one_world_drive_beside_each_other(plant: str) -> None:
-    """Each place has its reference displaced by it, and noise of its own; the first place's is that of a world alone."""
+    """Each place has its reference displaced by it, and noise of its own; the first has that of a world alone."""
     places = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.5 * np.pi]]
     chosen = scenario.load("rect", [*SHORT, f"world.places={places}"], {"plant": plant})
     simulated = Simulation(chosen, ["comp-flc"], seeds=[0, 1])
