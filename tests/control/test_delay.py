@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from laws import LAW
 
 from omni_control.delay import CommandsInFlight, compensation
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-
-LAW = settings(deadline=None, max_examples=100, derandomize=True)
 
 T = 1 / 60
 

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from laws import LAW
 
+from omni_control import IteratedReference, MotionLimits, SampledReference, TimedReference
 from omni_control.kinematics import Array
-from omni_control.reference.timed import IteratedReference, MotionLimits, SampledReference, TimedReference
-
-LAW = settings(deadline=None, max_examples=60, derandomize=True)
 
 T = 1 / 60
 LAST = 40
