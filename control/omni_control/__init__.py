@@ -12,26 +12,32 @@ if TYPE_CHECKING:
     from omni_control.delay import CommandsInFlight
     from omni_control.errors import ControllerError, OmniError
     from omni_control.kinematics import Kinematics
-    from omni_control.reference.curves import CURVES, CurveReference
-    from omni_control.reference.iterated import IteratedReference
-    from omni_control.reference.limits import MotionLimits
-    from omni_control.reference.timed import SampledReference, TimedReference
+    from omni_control.reference import (
+        CURVES,
+        CurveReference,
+        IteratedReference,
+        MotionLimits,
+        Reference,
+        SampledReference,
+        TimedReference,
+    )
     from omni_control.team import Team
 
 _HOME = {
-    "CURVES": "reference.curves",
+    "CURVES": "reference",
     "CommandsInFlight": "delay",
     "Controller": "controllers.base",
     "ControllerError": "errors",
-    "CurveReference": "reference.curves",
-    "IteratedReference": "reference.iterated",
+    "CurveReference": "reference",
+    "IteratedReference": "reference",
     "Kinematics": "kinematics",
-    "MotionLimits": "reference.limits",
+    "MotionLimits": "reference",
     "OmniError": "errors",
-    "SampledReference": "reference.timed",
+    "Reference": "reference",
+    "SampledReference": "reference",
     "Seen": "controllers.base",
     "Team": "team",
-    "TimedReference": "reference.timed",
+    "TimedReference": "reference",
     "Told": "controllers.base",
 }
 
@@ -45,6 +51,7 @@ __all__ = [
     "Kinematics",
     "MotionLimits",
     "OmniError",
+    "Reference",
     "SampledReference",
     "Seen",
     "Team",

@@ -1,10 +1,8 @@
 """Laws of adaptive-comp-flc in closed loop with robots that answer as its model says, and without noise."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
-from closed_loop import BodyFrame, Run, T, believe_nothing, commands_for, drive, limited, seen_at, vision
+from closed_loop import BodyFrame, Run, T, believe_nothing, commands_for, drive, limited, seen_at
 
 from omni_control import IteratedReference, MotionLimits, TimedReference, Told
 from omni_control.controllers import make
@@ -167,24 +165,3 @@ def test_at_first_it_is_comp_flc() -> None:
         first = make(name, told, reference, n)
         commands.append(first.command(30, seen_at(told, pose, commands_for(first), np.zeros((n, 3)), pose)))
     np.testing.assert_allclose(commands[1], commands[0], rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    "reference", [lambda n: timed(PATH), lambda n: IteratedReference(PATH, LIMITS, T, n)], ids=["timed", "iterated"]
-)
-def test_a_row_of_a_batch_is_what_it_is_alone(reference: Callable[[int], Reference]) -> None:
-    """In closed loop with noise, gaps and its own latency, each robot's every number is bit for bit its own."""
-    n, frames, rng = 5, 60, np.random.default_rng(0)
-    start, noise = rng.uniform(-0.1, 0.1, (n, 3)), vision(rng, frames, n, gaps=0.01)
-    latency, alpha = rng.integers(6, 18, (n, 3)) / 2, rng.uniform(0.6, 1.1, (n, 3))
-
-    def run(rows: slice) -> Array:
-        plant = BodyFrame(start[rows], latency[rows], alpha[rows], 0.02)
-        adaptive = AdaptiveCompFlc(Told(T, 6), reference(len(start[rows])), len(start[rows]))
-        out = drive(adaptive, plant, noise[:, rows], limits=limited)
-        return np.concatenate([out.pose, out.predicted, out.sent, out.alpha_hat, out.latency_hat], axis=2)
-
-    batch = run(slice(None))
-    for i in range(n):
-        np.testing.assert_array_equal(run(slice(i, i + 1))[:, 0], batch[:, i])
-    np.testing.assert_array_equal(run(slice(2, 4)), batch[:, 2:4])

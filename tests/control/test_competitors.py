@@ -96,25 +96,6 @@ def test_headings_take_the_short_way(name: str, turns: int) -> None:
     assert command[1, 2] < 0
 
 
-@each
-@both_references
-def test_a_row_of_a_batch_is_what_it_is_alone(name: str, kind: str) -> None:
-    """In closed loop with noise, dead time, lag and its own alpha, each robot's every number is bit for bit its own."""
-    n, frames, rng = 5, 120, np.random.default_rng(0)
-    start, noise = rng.uniform(-0.1, 0.1, (n, 3)), rng.normal(0, 0.003, (frames, n, 3))
-    alpha = rng.uniform(0.7, 1, (n, 3))
-
-    def run(rows: slice) -> Array:
-        size = len(start[rows])
-        controller = make(name, told(6, noisy=True), along(kind, size), size)
-        out = drive(controller, Lagged(start[rows], 6, 0.02, alpha[rows]), noise[:, rows])
-        return np.concatenate([out.pose, out.sent], axis=2)
-
-    batch = run(slice(None))
-    assert all(np.array_equal(run(slice(i, i + 1))[:, 0], batch[:, i]) for i in range(n))
-    assert np.array_equal(run(slice(1, 4)), batch[:, 1:4])
-
-
 @each_linear
 @pytest.mark.parametrize("lag", [0.0, 0.02])
 def test_predicted_is_the_pose_for_which_the_command_is_meant(name: str, lag: float) -> None:

@@ -207,25 +207,6 @@ def test_flc_believes_the_pose_of_now_and_the_nominal_robot() -> None:
     assert (run.alpha_hat == 1).all()
 
 
-@both_references
-@both
-def test_a_row_of_a_batch_is_what_it_is_alone(name: str, kind: str) -> None:
-    """In closed loop with noise, dead time and its own factor, each robot's every number is bit for bit its own."""
-    n, rng = 7, np.random.default_rng(0)
-    start, noise = rng.uniform(-0.1, 0.1, (n, 3)), rng.normal(0, 0.003, (FRAMES, n, 3))
-    alpha = rng.uniform(0.7, 1, (n, 3))
-
-    def run(rows: slice) -> Array:
-        size = len(start[rows])
-        controller = make(name, Told(T, 6), along(kind, size), size)
-        out = follow(controller, start[rows], 6, noise[:, rows], alpha=alpha[rows], highest=1.5)
-        return np.concatenate([out.pose, out.predicted, out.sent, out.alpha_hat], axis=2)
-
-    batch = run(slice(None))
-    assert all(np.array_equal(run(slice(i, i + 1))[:, 0], batch[:, i]) for i in range(n))
-    assert np.array_equal(run(slice(2, 5)), batch[:, 2:5])
-
-
 @both
 def test_fuzzy_controllers_do_not_estimate_the_latency(name: str) -> None:
     assert np.isnan(follow(make(name, Told(T, 6), TIMED, 2), np.zeros((2, 3)), 6, 10).latency_hat).all()

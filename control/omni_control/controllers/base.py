@@ -13,8 +13,7 @@ import numpy as np
 from omni_control.delay import CommandsInFlight, compensation
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
-from omni_control.reference import Reference
-from omni_control.reference.limits import MotionLimits
+from omni_control.reference import MotionLimits, Reference
 
 COMMAND_LIMITS = MotionLimits(3.7, 4.7, 26.0, 50.8)  # of the league's simulators (ssl-simulation-setup)
 
