@@ -1,5 +1,7 @@
 """The references that a scenario's settings ask for."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from omni_control.reference.curves import CURVES, CurveReference
@@ -33,14 +35,15 @@ def _limits(s: ReferenceSettings) -> MotionLimits:
     return MotionLimits(s.max_speed_m_s, s.max_acceleration_m_s2, s.max_turn_rate_rad_s, s.max_turn_acceleration_rad_s2)
 
 
-def _visits(settings: ReferenceSettings) -> list[list[float]]:
+def _visits(settings: ReferenceSettings) -> Sequence[Sequence[float]]:
+    points: tuple[tuple[float, ...], ...]
     points = _random_waypoints(settings) if settings.shape == "random" else settings.waypoints
     return points[:1] + points[1:] * settings.laps
 
 
-def _random_waypoints(settings: ReferenceSettings) -> list[list[float]]:
+def _random_waypoints(settings: ReferenceSettings) -> tuple[tuple[float, ...], ...]:
     """Poses drawn uniformly; from each to the next the robot turns the shorter way."""
     half = np.array([settings.length_m / 2, settings.width_m / 2, np.pi])
     poses = np.random.default_rng(settings.seed).uniform(-half, half, (settings.count, 3))
     poses[:, 2] = np.unwrap(poses[:, 2])
-    return poses.tolist()
+    return tuple(map(tuple, poses.tolist()))

@@ -16,15 +16,12 @@ from omni_control.reference.timed import Reference
 from omni_mj.link.camera import Camera
 from omni_mj.link.radio import Radio
 from omni_mj.plants import Plant
-from omni_mj.plants.kinematic import KinematicPlant
-from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.scenarios import controllers
+from omni_mj.scenarios.plants import find_plant
 from omni_mj.scenarios.references import iterated_reference, timed_reference
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.simulate.log import Trajectory
-
-PLANTS: dict[str, type[Plant]] = {"mujoco": MujocoPlant, "kinematic": KinematicPlant}
 
 
 class Simulation:
@@ -44,7 +41,7 @@ class Simulation:
         row_seeds = seeds * len(scenario.controllers)
         start = np.repeat(self.reference.poses[:1], n, axis=0)
 
-        self.plant: Plant = PLANTS[scenario.plant]([settings] * n, start, row_seeds, frames)  # type: ignore[call-arg]
+        self.plant: Plant = find_plant(scenario.plant)([settings] * n, start, row_seeds, frames)
         self.camera = Camera(settings.vision, row_seeds, frames)
         self.told = _told(scenario)
         self.filter = KalmanFilter(start, PERIOD_S, self.told.vision_noise)
@@ -95,7 +92,7 @@ class Simulation:
             after_frame(frame)
             self.plant.advance(frame, received)
 
-    def _tracker(self, name: str) -> Controller:
+    def _tracker(self, name: str | type[Controller]) -> Controller:
         settings, n = self.scenario.settings.reference, self.scenario.seeds
         reference: Reference = iterated_reference(settings, n) if settings.mode == "iterated" else self.reference
         return controllers.make(name, self.told, reference, n)
