@@ -30,7 +30,7 @@ def find(name: str, what: str, fits: Callable[[type], bool]) -> type[Any]:
         OmniError: there is no such file or class, the class does not fit, or the file cannot be run.
     """
     file, _, class_name = name.rpartition(":")
-    module = _module(Path(file))
+    module = _run(Path(file))
     own = {
         key: value
         for key, value in vars(module).items()
@@ -42,12 +42,17 @@ def find(name: str, what: str, fits: Callable[[type], bool]) -> type[Any]:
     return own[class_name]
 
 
-@lru_cache
-def _module(path: Path) -> ModuleType:
-    """Run a Python file as a module."""
+def _run(path: Path) -> ModuleType:
+    """Run a Python file as a module, once as long as it does not change."""
     if not path.is_file():
         raise OmniError(f"there is no file {path}")
-    spec = importlib.util.spec_from_file_location(f"omni_user_{path.stem}", path.resolve())
+    state = path.stat()
+    return _module(path.resolve(), path, (state.st_mtime_ns, state.st_size))
+
+
+@lru_cache
+def _module(file: Path, path: Path, state: tuple[int, int]) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"omni_user_{file.stem}", file)
     assert spec is not None, "a .py file has a loader"
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

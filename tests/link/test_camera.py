@@ -1,6 +1,5 @@
 """The camera: its noise and misses as statistics, its seeds, its headings."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -78,7 +77,7 @@ def test_gaps_are_as_long_as_asked_for_unless_they_overlap(length: int) -> None:
     """A gap of `miss_frames` begins wherever a camera of single misses misses: with others it makes one longer gap."""
     vision = VisionSettings(miss_probability=0.02)
     _, single = watch(vision, [3, 4], FRAMES // 10)
-    measured, seen = watch(dataclasses.replace(vision, miss_frames=length), [3, 4], FRAMES // 10)
+    measured, seen = watch(vision.replace(miss_frames=length), [3, 4], FRAMES // 10)
     expected = np.array([single[max(0, k - length + 1) : k + 1].all(0) for k in range(len(seen))])
     later = slice(length, None)  # of what began in the first frame, which is always seen, a rest may be missed
     np.testing.assert_array_equal(seen[later], expected[later])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from omni_mj.scenarios import scenario
+from omni_mj.scenarios.plants import PLANTS
 from omni_mj.simulate.simulation import Simulation
 
 FRAME_S = 1 / 60
@@ -49,7 +50,7 @@ def simulated(folder: Path, plant: str, *names: str, overrides: tuple[str, ...] 
     return simulation
 
 
-@pytest.mark.parametrize("plant", scenario.PLANTS)
+@pytest.mark.parametrize("plant", PLANTS)
 def test_trackers_see_vision_unless_they_know_the_truth(tmp_path: Path, plant: str) -> None:
     """Each tracker is given its own rows, in every frame, and the commands that it sent the frame before."""
     simulation = simulated(tmp_path, plant, "Witness", "TrueWitness")
