@@ -1,12 +1,10 @@
 """Controllers by name: those of `omni_control`, and a user's own from a Python file."""
 
-import importlib.util
 import inspect
 import sys
 import traceback
-from functools import lru_cache
 from pathlib import Path
-from types import ModuleType
+from typing import ClassVar, get_origin, get_type_hints
 
 import numpy as np
 
@@ -15,42 +13,53 @@ from omni_control.controllers.base import Controller, Seen, Told
 from omni_control.errors import OmniError, choose
 from omni_control.kinematics import Array
 from omni_control.reference.timed import Reference
+from omni_mj.scenarios import user_files
 
 
 class ControllerError(OmniError):
     """A user's controller failed when it was made or while it ran; says which, when and where."""
 
 
-def find(name: str) -> type[Controller]:
-    """The controller called `name`, or the class of a user's file: `my_file.py:MyTracker`.
+def find(kind: str | type[Controller]) -> type[Controller]:
+    """The class of a controller: given itself, by the name of one that comes along, or as `my_file.py:MyController`.
 
     Raises:
         OmniError: there is no such controller, file or class, the file cannot be run, or the class is no `Controller`.
     """
-    if name in CONTROLLERS:
-        return CONTROLLERS[name]
-    file, colon, class_name = name.rpartition(":")
-    if not colon or not file.endswith(".py"):
-        hint = choose(name, sorted(CONTROLLERS))
-        raise OmniError(f"unknown controller {name!r}; {hint}, or a class of yours: file.py:Class")
-    module = _module(Path(file))
-    own: dict[str, type[Controller]] = {
-        key: value
-        for key, value in vars(module).items()
-        if inspect.isclass(value) and issubclass(value, Controller) and value.__module__ == module.__name__
+    if not isinstance(kind, str):
+        return kind
+    if kind in CONTROLLERS:
+        return CONTROLLERS[kind]
+    if not user_files.names_class(kind):
+        hint = choose(kind, sorted(CONTROLLERS))
+        raise OmniError(f"unknown controller {kind!r}; {hint}, or a class of yours: file.py:Class")
+    return user_files.find(kind, "derived from omni_control.Controller", lambda found: issubclass(found, Controller))
+
+
+def label(kind: str | type[Controller]) -> str:
+    """What a controller is called in tables and files: the class's name for a user's own."""
+    return kind.rpartition(":")[2] if isinstance(kind, str) else kind.__name__
+
+
+def written(kind: str | type[Controller]) -> str:
+    """How a scenario's file names a controller: a class by the file that it is in, as far as it is in one."""
+    if isinstance(kind, str):
+        return kind
+    file = getattr(sys.modules.get(kind.__module__), "__file__", None) or kind.__module__
+    return f"{file}:{kind.__qualname__}"
+
+
+def parameters(kind: type[Controller]) -> dict[str, float | int | bool | str]:
+    """The parameters of a controller and their defaults: public annotated class attributes that hold one value."""
+    found = {
+        name: getattr(kind, name, None)
+        for name, hint in get_type_hints(kind).items()
+        if not name.startswith("_") and get_origin(hint) is not ClassVar
     }
-    if class_name not in own:
-        found = f"; {choose(class_name, sorted(own))}" if own else " and no other"
-        raise OmniError(f"{file} has no class {class_name!r} derived from omni_control.tracker.Controller{found}")
-    return own[class_name]
+    return {name: value for name, value in found.items() if isinstance(value, (float, int, bool, str))}
 
 
-def label(name: str) -> str:
-    """What a controller is called in tables and files: the class's name for one from a user's file."""
-    return name.rpartition(":")[2]
-
-
-def make(name: str, settings: Told, reference: Reference, n: int) -> Controller:
+def make(name: str | type[Controller], settings: Told, reference: Reference, n: int) -> Controller:
     """The controller called `name` for `n` robots.
 
     Raises:
@@ -100,20 +109,3 @@ def _where(kind: type[Controller], error: Exception) -> str:
     place = [f for f in frames if f.filename == inspect.getfile(kind)][-1:] or frames[-1:]
     where = f"{Path(place[0].filename).name}, line {place[0].lineno}"
     return f" ({where}): {type(error).__name__}: {error}"
-
-
-@lru_cache
-def _module(path: Path) -> ModuleType:
-    """Run a Python file as a module."""
-    if not path.is_file():
-        raise OmniError(f"there is no file {path} with a controller in it")
-    spec = importlib.util.spec_from_file_location(f"omni_user_{path.stem}", path.resolve())
-    assert spec is not None, "a .py file has a loader"
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[module.__name__] = module  # where dataclasses look up the annotations of their module
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        raise OmniError(f"{path} cannot be run: {type(error).__name__}: {error}") from error
-    return module

@@ -60,13 +60,13 @@ def _lead_frames(settings: ReferenceSettings) -> int:
 
 
 def _visits(settings: ReferenceSettings) -> Sequence[Sequence[float]]:
-    points = _random_waypoints(settings) if settings.shape == "random" else list(settings.waypoints)
+    points = _random_waypoints(settings) if settings.shape == "random" else settings.waypoints
     return points[:1] + points[1:] * settings.laps
 
 
-def _random_waypoints(settings: ReferenceSettings) -> list[list[float]]:
+def _random_waypoints(settings: ReferenceSettings) -> tuple[tuple[float, ...], ...]:
     """Poses drawn uniformly; from each to the next the robot turns the shorter way."""
     half = np.array([settings.length_m / 2, settings.width_m / 2, np.pi])
     poses = np.random.default_rng(settings.seed).uniform(-half, half, (settings.count, 3))
     poses[:, 2] = np.unwrap(poses[:, 2])
-    return poses.tolist()
+    return tuple(map(tuple, poses.tolist()))

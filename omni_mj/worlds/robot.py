@@ -9,19 +9,15 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
+from omni_mj.scenarios import robots
 
 WHEELS = 4
 
 
 def model_path() -> Path:
-    """Path of ssl_robot.xml: beside the package in a checkout, inside it in an installed wheel."""
-    package = Path(__file__).parents[1]
-    for folder in (package.parent / "models", package / "models"):
-        if (path := folder / "ssl_robot.xml").is_file():
-            return path
-    raise OmniError("models/ssl_robot.xml is missing from this installation of omni-mj; install it again")
+    """Path of ssl_robot.xml."""
+    return robots.model_path(robots.DEFAULT)
 
 
 def load_model() -> mujoco.MjModel:
@@ -58,19 +54,9 @@ def even_slice(indices: Sequence[int]) -> slice:
     return slice(first, int(indices[-1]) + 1, step)
 
 
-def carpet_friction() -> float:
-    """Coefficient of friction between rollers and carpet, as in the model."""
-    return float(shared_model().pair_friction[0, 0])
-
-
 def numeric(name: str) -> float:
     """A number that the model holds under <custom>."""
     return float(shared_model().numeric(name).data[0])
-
-
-def roller_damping() -> float:
-    """Damping of the rollers' bearings, as in the model, N m s/rad."""
-    return float(shared_model().dof_damping.max())
 
 
 @dataclass(frozen=True)

@@ -187,7 +187,7 @@ def test_only_the_rollers_touch_the_carpet(model: mujoco.MjModel) -> None:
 
 
 def test_dry_friction_at_the_wheels_is_the_sum_of_its_named_parts(model: mujoco.MjModel) -> None:
-    motor, gear, lint = (robot.numeric(name) for name in ("motor_friction", "gear_friction", "lint"))
+    motor, gear, lint = (robot.numeric(name) for name in ("motor_friction", "drive.gear_friction_nm", "carpet.lint"))
     # The motor's: what its no-load current's torque overcomes; exact.
     assert motor == pytest.approx(0.036 * 0.238 * 60 / 18, rel=1e-9)
     # Lint: a share of the load on a wheel, m g / 4, as a force at its rim. 0.1 % for the file's four digits.
