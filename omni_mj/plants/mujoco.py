@@ -18,7 +18,7 @@ from omni_mj.onboard.motors import Motors
 from omni_mj.plants import Telemetry
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, Settings, column
-from omni_mj.worlds import build, files
+from omni_mj.worlds import build
 from omni_mj.worlds.columns import Columns
 from omni_mj.worlds.contact_roller import Handover
 from omni_mj.worlds.wheels import contact_slip
@@ -37,11 +37,10 @@ class MujocoPlant:
     """Robots with roller wheels on carpet; those of one world collide with each other and with its walls.
 
     Args:
-        rows: of all robots, those of one world one after the other by their places; every world has as many. The
-            sections wheels and physics of their settings must be the same for all.
+        rows: of all robots, those of one world one after the other by their places; every world has as many. Robot and
+            the sections wheels and physics of the settings must be the same for all.
         start: poses at the start, (n, 3).
         threads: of the physics; all cores by default. Results do not depend on it.
-        robot: name or path of its MJCF file.
 
     Attributes:
         geometry: of the wheels.
@@ -51,12 +50,13 @@ class MujocoPlant:
             lacks a part (see `build.world`).
     """
 
-    def __init__(self, rows: Sequence[Row], start: Array, threads: int | None = None, robot: str = files.ROBOT) -> None:
+    def __init__(self, rows: Sequence[Row], start: Array, threads: int | None = None) -> None:
         settings, places = [row.settings for row in rows], _places(rows)
         common = _common(rows)
         one_roller = common.wheels.model == "contact-roller"
-        self._world = world = build.world(robot, places, one_roller=one_roller, substeps=common.physics.substeps)
-        self._cycles, self._substeps = round(PERIOD_S / build.CYCLE_S), common.physics.substeps
+        substeps = common.physics.substeps
+        self._world = world = build.world(rows[0].robot, places, one_roller=one_roller, substeps=substeps)
+        self._cycles, self._substeps = round(PERIOD_S / build.CYCLE_S), substeps
         model = copy.copy(world.model)
         model.actuator_ctrllimited[:] = 0  # the battery limits, also where braking motors lift its voltage
         n, worlds = len(rows), len(rows) // places
@@ -243,9 +243,13 @@ def _places(rows: Sequence[Row]) -> int:
 
 def _common(rows: Sequence[Row]) -> Settings:
     """Settings whose sections wheels and physics hold for all rows; raise OmniError if there are none."""
-    first = rows[0].settings
+    first = rows[0]
     for number, row in enumerate(rows):
-        for section in ("wheels", "physics"):
-            if getattr(row.settings, section) != getattr(first, section):
-                raise OmniError(f"rows 0 and {number} differ in the section {section}: one batch has one model")
-    return first
+        differ = [
+            name for name in ("wheels", "physics") if getattr(row.settings, name) != getattr(first.settings, name)
+        ]
+        if row.robot != first.robot:
+            differ.append("robot")
+        if differ:
+            raise OmniError(f"rows 0 and {number} differ in {' and '.join(differ)}: one batch has one model")
+    return first.settings

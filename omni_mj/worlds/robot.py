@@ -1,10 +1,11 @@
-"""Numbers of models/ssl_robot.xml that are defaults of settings."""
+"""Numbers of a robot: those of models/ssl_robot.xml that are defaults of settings, and the geometry of any."""
 
 from functools import lru_cache
 
 import mujoco
 
-from omni_mj.worlds import files
+from omni_control.kinematics import Kinematics
+from omni_mj.worlds import build, files
 
 
 @lru_cache(maxsize=1)
@@ -25,3 +26,8 @@ def numeric(name: str) -> float:
 def roller_damping() -> float:
     """Damping of the rollers' bearings, as in the model, N m s/rad."""
     return max(float(joint.damping[0]) for joint in _spec().joints)
+
+
+def geometry(robot: str) -> Kinematics:
+    """Of a robot's wheels, measured on its model; `robot` is a name or the path of an MJCF file."""
+    return build.world(robot).kinematics
