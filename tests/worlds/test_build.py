@@ -9,7 +9,8 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from driving import constant, drive, mujoco as plant_of, quiet
+from driving import constant, drive, quiet
+from driving import mujoco as plant_of
 
 from omni_control.errors import OmniError
 from omni_mj.worlds import build, files

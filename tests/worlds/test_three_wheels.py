@@ -1,7 +1,6 @@
 """A robot of another number of wheels, written from models/ssl_robot.xml: it drives as its own kinematics say."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
