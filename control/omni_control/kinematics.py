@@ -1,12 +1,12 @@
-r"""Kinematics of an omnidirectional robot, of four wheels here (equations 1-4 of the paper).
+r"""Kinematics of an omnidirectional robot with three or more wheels (equations 1-4 of the paper, for any number).
 
     body frame, seen from above                    wheel i at azimuth theta_i and distance l (the arm)
 
                  x (kicker)
-          1 \   ^   / 4         theta = 60, 135, 225, 300 deg, counter-clockwise from the front left
+          1 \   ^   / 4         four: 60, 135, 225, 300 deg, counter-clockwise from the front left
              \  |  /
        y <------+                A positive wheel speed drives the wheel's contact point, and so the body there,
-             /     \             along (-sin theta, cos theta): all four positive turn the robot counter-clockwise.
+             /     \             along (-sin theta, cos theta): all positive turn the robot counter-clockwise.
           2 /       \ 3
 
 World frame: field centre, x towards the goal, y left, heading counter-clockwise from x.
