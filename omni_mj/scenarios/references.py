@@ -7,7 +7,14 @@ from functools import lru_cache
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_control.reference import CURVES, CurveReference, IteratedReference, MotionLimits, SampledReference, TimedReference
+from omni_control.reference import (
+    CURVES,
+    CurveReference,
+    IteratedReference,
+    MotionLimits,
+    SampledReference,
+    TimedReference,
+)
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, ReferenceSettings
 
 Where = tuple[float, float, float]
@@ -29,7 +36,7 @@ def timed(settings: ReferenceSettings, where: Where = ORIGIN) -> SampledReferenc
 def iterated(settings: ReferenceSettings, n: int, where: Where = ORIGIN) -> IteratedReference:
     """The reference that is planned anew in every frame for `n` robots; for way-points only."""
     visits = displaced(np.array(_visits(settings)), where)
-    return IteratedReference(visits, motion_limits(settings), PERIOD_S, n, rest_frames=_lead_frames(settings))
+    return IteratedReference(visits.tolist(), motion_limits(settings), PERIOD_S, n, rest_frames=_lead_frames(settings))
 
 
 def displaced(poses: Array, where: Where) -> Array:

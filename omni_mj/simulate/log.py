@@ -92,7 +92,7 @@ class Log:
     @property
     def time(self) -> Array:
         """Time of each frame (length,), s."""
-        return np.arange(self.length) * PERIOD_S
+        return np.arange(self.length, dtype=float) * PERIOD_S
 
     def write(self, recorded: np.ndarray, own: Mapping[str, Array], **values: Any) -> None:
         """Record a frame of the rows that are `recorded` (n,).

@@ -23,6 +23,7 @@ class AdaptiveCompFlc(Flc):
         super().__init__(told, reference, n)
         self.plant = PlantIdentifier(n, told.period, told.latency_frames, told.vision_noise, told.drag_m_s)
         self.memory_frames = self.plant.longest
+        self.noise = told.vision_noise
         self._filter: KalmanFilter | None = None
 
     def command(self, frame: int, seen: Seen) -> Array:
@@ -30,7 +31,7 @@ class AdaptiveCompFlc(Flc):
         plant = self.plant
         sent = seen.sent.of(slice(None), plant.longest)
         if self._filter is None:
-            self._filter = KalmanFilter(seen.pose, self.told.period, self.told.vision_noise)
+            self._filter = KalmanFilter(seen.pose, self.told.period, self.noise)
         moved = self._displacement(self._filter.pose, sent, sent.acted(plant.latency))
         heading = self._filter.pose[:, 2] + moved[:, 2] / 2
         pose = self._filter.update(seen.measured, moved)

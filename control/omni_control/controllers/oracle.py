@@ -18,3 +18,4 @@ class Oracle(AdaptiveCompFlc):
 
     def __init__(self, told: Told, reference: Reference, n: int) -> None:
         super().__init__(replace(told, position_noise_m=0.0, heading_noise_rad=0.0), reference, n)
+        self.told = told  # vision's noise is what the rest of the team has to live with
