@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from omni_mj.worlds.robot import Motor
 
 from omni_control.kinematics import Kinematics
 from omni_mj.link.radio import Received
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.scenarios.settings import FirmwareSettings, MotorSettings, SensorSettings, Settings
-from omni_mj.worlds.robot import Motor
 
 KINEMATICS = Kinematics(np.radians([60.0, 135, 225, 300]), arm=0.08, radius=0.0285)
 MOTOR = Motor(constant=0.036, resistance=0.942, gear=10 / 3)

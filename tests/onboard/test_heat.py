@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from omni_mj.worlds.robot import Motor
 from scipy.integrate import solve_ivp
 
 from omni_control.kinematics import Kinematics
@@ -20,7 +21,6 @@ from omni_mj.scenarios.settings import (
     SensorSettings,
     Settings,
 )
-from omni_mj.worlds.robot import Motor
 
 MOTOR = Motor(constant=0.036, resistance=0.942, gear=60 / 18)
 FRAME_S = 1 / 60
