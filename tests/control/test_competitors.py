@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from closed_loop import Lagged, T, commands_for, drive, seen_at
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from laws import LAW
+from laws import FEW
 from ways import KINDS, LIMITS, PATH, REST, TIMED, along, told
 
 from omni_control import TimedReference
@@ -30,7 +30,7 @@ def test_only_the_oracle_knows_the_truth_and_says_so() -> None:
 
 
 @each
-@settings(LAW, max_examples=8)
+@FEW
 @given(
     delay=st.integers(1, 7),
     wrong=st.sampled_from([-1, 0, 1]),

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from driven import GAIN_ERROR, NOISE, T, drive, filtered
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from laws import LAW
 from scipy.linalg import solve_discrete_are
 
 from omni_control.estimation.kalman import KalmanFilter
@@ -76,7 +77,7 @@ def test_the_steady_sigma_of_a_robot_at_rest_solves_riccatis_equation() -> None:
         assert kalman.sigma[0, axis] == pytest.approx(expected, rel=0.1)
 
 
-@settings(deadline=None, max_examples=25, derandomize=True)
+@LAW
 @given(st.integers(0, 2**32 - 1), st.floats(1e-6, 1e3), st.floats(1e-6, 1.0))
 def test_certainty_stays_within_what_is_possible(seed: int, size: float, speed: float) -> None:
     """Whatever vision reports: never less sure than the noise of vision, nor of one that moved at will.

@@ -5,9 +5,9 @@ import copy
 import numpy as np
 import pytest
 from closed_loop import BodyFrame, T, believe_nothing
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from laws import LAW
+from laws import FEW, LAW
 
 from omni_control.delay import CommandsInFlight
 from omni_control.estimation.identify import ALPHA_BOUNDS, PlantIdentifier
@@ -141,7 +141,7 @@ def test_robots_that_answer_at_once_or_very_late_are_found(guess: float, true: f
     np.testing.assert_allclose(found.latency, true, rtol=0, atol=1e-9)
 
 
-@settings(LAW, max_examples=8)
+@FEW
 @given(seeds, st.floats(0.1, 100))
 def test_at_standstill_nothing_is_learned(seed: int, times: float) -> None:
     """Whatever vision reports of robots that were told to stand, be it 13 cm off, moves no estimate.

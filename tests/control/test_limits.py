@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
+from laws import LAW
 from numpy.typing import NDArray
 
 from omni_control import MotionLimits
@@ -38,7 +38,7 @@ def speeds(sent: NDArray) -> NDArray:
     return np.hypot(sent[:, 0], sent[:, 1])
 
 
-@hypothesis_settings(deadline=None, max_examples=80, derandomize=True)
+@LAW
 @given(sequences)
 def test_limits_hold_for_any_sequence(commands: list[tuple[float, float, float]]) -> None:
     sent = played(np.array(commands))
@@ -50,7 +50,7 @@ def test_limits_hold_for_any_sequence(commands: list[tuple[float, float, float]]
     assert (np.abs(steps[:, 2]) <= STEP_RAD_S * ROUNDING + 1e-14).all()
 
 
-@hypothesis_settings(deadline=None, max_examples=60, derandomize=True)
+@LAW
 @given(st.lists(st.tuples(*[st.floats(-1, 1)] * 3), min_size=1, max_size=40))
 def test_commands_within_the_limits_pass_unchanged(directions: list[tuple[float, float, float]]) -> None:
     # Steps of at most 0.7 of the limit per axis are 0.99 as a vector, and 40 of them stay below both speed limits.

@@ -7,7 +7,7 @@ from fractions import Fraction
 import mamdani_reference as reference
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
 
@@ -136,7 +136,7 @@ def test_outputs_have_the_leading_shape_of_the_inputs(shape: tuple[int, ...]) ->
     assert all(np.array_equal(outputs[index], tipper()(values[index])) for index in np.ndindex(shape))
 
 
-@settings(LAW, max_examples=30)
+@LAW
 @given(engines())
 def test_a_row_of_a_batch_is_what_it_is_alone(engine: Mamdani) -> None:
     """Neither the size of a batch, nor where it is cut into blocks, shows in the last bit."""
