@@ -1,4 +1,4 @@
-"""Stability of adaptive-comp-flc over five hundred random cases: alpha, dead time, noise, gaps and ways.
+"""Stability of adaptive-comp-flc over a thousand random cases: alpha, dead time, noise, gaps and ways.
 
 No divergence means two things here.
 
@@ -22,7 +22,7 @@ from omni_control.kinematics import Array
 from omni_control.reference.limits import approach
 
 ADAPTIVE = "adaptive-comp-flc"
-CASES, NOISIER = 500, 10.0  # 13 mm and 0.1 rad
+CASES, NOISIER = 1000, 10.0  # 13 mm and 0.1 rad
 LEG, LEGS, REST = 50, 2, 200  # frames
 FRAMES, LAST_SECOND = LEG * LEGS + REST, slice(-60, None)
 ALPHA_CHANGES = 45  # frames between steps of alpha

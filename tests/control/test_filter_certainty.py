@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from driven import GAIN_ERROR, NOISE, T, drive, filtered
+from driven import GAIN_ERROR, NOISE, T, driven, filtered
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
@@ -18,7 +18,7 @@ GAP = slice(200, 210)  # ten frames: what hides a robot behind another's arm
 @pytest.fixture(scope="module", params=[0.25, 1.0, 9.0])
 def certainty(request: pytest.FixtureRequest) -> tuple[Array, Array]:
     """Innovations, and errors of the pose, over their standard deviations; of robots surer or less sure than stated."""
-    true, measured, displacement = drive(1, FRAMES, ROBOTS, scale=request.param)
+    true, measured, displacement = driven(1, FRAMES, ROBOTS, scale=request.param)
     said = filtered(measured, displacement, true[0] - displacement[0])
     return said["normalised"][SETTLED:], (said["pose"] - true)[SETTLED:] / said["sigma"][SETTLED:]
 
@@ -48,7 +48,7 @@ def test_innovations_are_white(certainty: tuple[Array, Array]) -> None:
 
 def test_in_a_gap_sigma_grows_as_the_error_does_and_then_returns() -> None:
     """Not seen for ten frames: sigma grows in each, covers the error in each, and is what it was soon after."""
-    true, measured, displacement = drive(1, 300, 400, missed=0)
+    true, measured, displacement = driven(1, 300, 400, missed=0)
     measured[GAP] = np.nan
     said = filtered(measured, displacement, true[0] - displacement[0])
     sigma, error = said["sigma"], said["pose"] - true
