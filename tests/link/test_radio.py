@@ -29,7 +29,7 @@ def link(delay: int, jitter: int, seeds: list[int], frames: int) -> Link:
     rng = np.random.default_rng(0)
     n = len(seeds)
     commands, headings = rng.normal(size=(frames, n, 3)), rng.normal(size=(frames, n))
-    radio = Radio(RadioSettings(delay, jitter), seeds, frames)
+    radio = Radio(RadioSettings(delay_frames=delay, jitter_frames=jitter), seeds, frames)
     received = [radio.exchange(frame, commands[frame], headings[frame]) for frame in range(frames)]
     columns = ([getattr(r, name) for r in received] for name in ("command", "heading", "age"))
     return Link(commands, headings, Received(*map(np.array, columns)))
@@ -51,7 +51,7 @@ def test_delivered_is_what_was_sent_k_d_frames_ago(delay: int, robots: int, fram
 @settings(deadline=None, max_examples=20, derandomize=True)
 @given(st.integers(0, 5))
 def test_a_packet_in_flight_cannot_be_changed(delay: int) -> None:
-    radio = Radio(RadioSettings(delay), [0], delay + 1)
+    radio = Radio(RadioSettings(delay_frames=delay), [0], delay + 1)
     command, heading = np.ones((1, 3)), np.ones(1)
     delivered = [radio.exchange(0, command, heading)]
     command[:], heading[:] = 7.0, 7.0  # the sender's arrays, reused
@@ -65,7 +65,7 @@ def test_a_packet_in_flight_cannot_be_changed(delay: int) -> None:
 
 
 def test_no_delay_is_no_queue() -> None:
-    radio = Radio(RadioSettings(0), [0], 2)
+    radio = Radio(RadioSettings(delay_frames=0), [0], 2)
     for frame, value in enumerate((2.0, 3.0)):
         received = radio.exchange(frame, np.full((1, 3), value), np.full(1, -value))
         np.testing.assert_array_equal(received.command, value)
@@ -76,7 +76,7 @@ def test_no_delay_is_no_queue() -> None:
 def test_at_once_is_what_a_radio_without_delay_delivers() -> None:
     rng = np.random.default_rng(0)
     command, heading = rng.normal(size=(3, 3)), rng.normal(size=3)
-    delivered = Radio(RadioSettings(0), [0, 1, 2], 1).exchange(0, command, heading)
+    delivered = Radio(RadioSettings(delay_frames=0), [0, 1, 2], 1).exchange(0, command, heading)
     for name, value in vars(Received.at_once(command, heading)).items():
         np.testing.assert_array_equal(value, getattr(delivered, name))
     assert np.isnan(Received.at_once(command).heading).all()
