@@ -1,34 +1,41 @@
 """The 60 Hz camera that stands in for SSL-Vision: poses with noise, now and then none."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
-from omni_mj.link.noise import Stream, draw
-from omni_mj.scenarios.settings import VisionSettings
+from omni_mj.link.noise import Noise, Seed, Stream
+from omni_mj.scenarios.settings import VisionSettings, column
 
 
 class Camera:
     """Called once a frame with the true poses, returns what vision reports.
 
     Args:
-        settings: noise and misses.
-        seeds: one per robot; robots with the same seed see the same noise.
-        frames: frames of the run.
+        settings: noise and misses, one per row.
+        seeds: one per row; rows with the same seed see the same noise.
     """
 
-    def __init__(self, settings: VisionSettings, seeds: list[int], frames: int) -> None:
-        sigma = np.array([settings.position_noise_m, settings.position_noise_m, settings.heading_noise_rad])
-        self._noise = sigma * draw(seeds, Stream.VISION_NOISE, lambda rng: rng.standard_normal((frames, 3)))
-        misses = draw(seeds, Stream.VISION_MISSES, lambda rng: rng.random((frames, 1)))
-        misses[0] = 1.0  # a robot is placed where the camera sees it
-        begins = np.cumsum(misses[:, :, 0] < settings.miss_probability, axis=0)
-        before = np.concatenate([np.zeros((settings.miss_frames, len(seeds)), int), begins])[:frames]
-        self._seen = begins == before  # no gap began in the last `miss_frames` frames
+    def __init__(self, settings: Sequence[VisionSettings], seeds: Sequence[Seed]) -> None:
+        noise = [column(settings, name) for name in ("position_noise_m", "position_noise_m", "heading_noise_rad")]
+        self._sigma = np.concatenate(noise, axis=1)
+        self._noise = Noise(seeds, Stream.VISION_NOISE, lambda rng, count: rng.standard_normal((count, 3)))
+        self._misses = Noise(seeds, Stream.VISION_MISSES, lambda rng, count: rng.random((count, 1)))
+        self._probability = column(settings, "miss_probability")[:, 0]
+        self._gap = column(settings, "miss_frames")[:, 0]
+        self._since = np.full(len(seeds), np.inf)  # frames since the last gap began
+        self._frame = 0
 
-    def __call__(self, frame: int, pose: Array) -> tuple[Array, np.ndarray]:
+    def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
         """Return the poses seen (n, 3), not a number where a robot was missed, and whether each was seen (n,)."""
-        seen = self._seen[frame]
-        measured = pose + self._noise[frame]
+        begins = self._misses.next()[:, 0] < self._probability
+        if self._frame == 0:
+            begins[:] = False  # a robot is placed where the camera sees it
+        self._frame += 1
+        self._since = np.where(begins, 0.0, self._since + 1)
+        seen = self._since >= self._gap
+        measured = pose + self._sigma * self._noise.next()
         measured[:, 2] = wrap_angle(measured[:, 2])
         measured[~seen] = np.nan
         return measured, seen

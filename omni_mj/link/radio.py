@@ -1,12 +1,13 @@
 """The radio link: a queue in which each command spends k_d frames, more or less."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.link.noise import Stream, draw
-from omni_mj.scenarios.settings import RadioSettings
+from omni_mj.link.noise import Noise, Seed, Stream
+from omni_mj.scenarios.settings import RadioSettings, column
 
 
 @dataclass(frozen=True)
@@ -38,29 +39,35 @@ class Radio:
     was sent last of those that have arrived.
 
     Args:
-        settings: dead time and jitter.
-        seeds: one per robot; robots with the same seed have the same jitter.
-        frames: frames of the run.
+        settings: dead time and jitter, one per row.
+        seeds: one per row; rows with the same seed and jitter have packets that take equally long.
     """
 
-    def __init__(self, settings: RadioSettings, seeds: list[int], frames: int) -> None:
-        delay, jitter = settings.delay_frames, settings.jitter_frames
-        late = draw(seeds, Stream.RADIO_JITTER, lambda rng: rng.uniform(-jitter - 0.5, jitter + 0.5, (frames, 1)))
-        late = np.rint(late[..., 0]).astype(int)
-        newest = np.full((frames + delay + jitter, len(seeds)), -1)
-        robots = np.arange(len(seeds))
-        for sent in range(frames):  # later ones overwrite: two that arrive together leave the one sent last
-            newest[sent + delay + late[sent], robots] = sent
-        self._newest = np.maximum.accumulate(newest)
-        self._packets = np.tile([0.0, 0.0, 0.0, np.nan], (delay + jitter + 1, len(seeds), 1))
-        self._robots = robots
+    def __init__(self, settings: Sequence[RadioSettings], seeds: Sequence[Seed]) -> None:
+        self._delay = column(settings, "delay_frames")[:, 0]
+        self._jitter = column(settings, "jitter_frames")[:, 0]
+        self._late = Noise(seeds, Stream.RADIO_JITTER, lambda rng, count: rng.random((count, 1)))
+        longest = int((self._delay + self._jitter).max()) + 1
+        n = len(seeds)
+        # Both are rings: the frame in which the newest packet was sent that arrives in a frame, and the packets sent.
+        self._arriving = np.full((longest, n), -1)
+        self._packets = np.tile([0.0, 0.0, 0.0, np.nan], (longest, n, 1))
+        self._newest = np.full(n, -1)
+        self._robots = np.arange(n)
+        self._frame = 0
 
-    def exchange(self, frame: int, command: Array, heading: Array) -> Received:
-        """Send commands (n, 3) and headings (n,) in `frame`; return what the robots hold then."""
-        self._packets[frame % len(self._packets)] = np.column_stack([command, heading])
-        newest = self._newest[frame]
-        packet = self._packets[newest % len(self._packets), self._robots]
-        packet[newest < 0] = 0.0, 0.0, 0.0, np.nan
-        if frame:
-            packet[newest == self._newest[frame - 1], 3] = np.nan
-        return Received(packet[:, :3], packet[:, 3], frame - newest)
+    def exchange(self, command: Array, heading: Array) -> Received:
+        """Send commands (n, 3) and headings (n,); return what the robots hold in this frame."""
+        frame, ring = self._frame, len(self._packets)
+        self._frame += 1
+        self._packets[frame % ring] = np.column_stack([command, heading])
+        late = np.rint((2 * self._jitter + 1) * self._late.next()[:, 0] - (self._jitter + 0.5))
+        due = (frame + (self._delay + late).astype(int)) % ring
+        self._arriving[due, self._robots] = frame  # later ones overwrite: of two that arrive together the last sent
+        before, arrived = self._newest, self._arriving[frame % ring]
+        self._newest = np.maximum(before, arrived)
+        arrived[:] = -1
+        packet = self._packets[self._newest % ring, self._robots]
+        packet[self._newest < 0] = 0.0, 0.0, 0.0, np.nan
+        packet[self._newest == before, 3] = np.nan
+        return Received(packet[:, :3], packet[:, 3], frame - self._newest)

@@ -1,26 +1,23 @@
 """The plants: what moves when commanded. All answer the same few calls, so every controller runs on each."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Protocol
 
-from omni_control.errors import OmniError
+import numpy as np
+
 from omni_control.kinematics import Array, Kinematics
 from omni_mj.link.radio import Received
 
 
-class SimulationError(OmniError):
-    """The simulation became unstable; says when, which robot, and MuJoCo's warning."""
-
-
 @dataclass(frozen=True)
 class Telemetry:
-    """What the robots' wheels and motors are doing at a frame; not a number on a plant that has none.
+    """What the robots' W wheels and motors are doing at a frame; not a number on a plant that has none.
 
-    wheel_angle (n, 4) rad, wheel_speed (n, 4) rad/s, voltage (n, 4) V, current (n, 4) A; and the largest magnitudes
-    over the four motors and the physics steps of the frame just past: duty_peak (n,), 1 where a motor had all of the
+    wheel_angle (n, W) rad, wheel_speed (n, W) rad/s, voltage (n, W) V, current (n, W) A; and the largest magnitudes
+    over the motors and the physics steps of the frame just past: duty_peak (n,), 1 where a motor had all of the
     battery's voltage, voltage_peak (n,) V, current_peak (n,) A.
-    Temperatures of windings and housings (n, 4) in deg C, the battery's voltage under load (n,) in V, and the speed at
-    which the wheels' contact points slide over the carpet, slip (n, 4) m/s.
+    Temperatures of windings and housings (n, W) in deg C, the battery's voltage under load (n,) in V, and the speed at
+    which the wheels' contact points slide over the carpet, slip (n, W) m/s.
     """
 
     wheel_angle: Array
@@ -34,6 +31,13 @@ class Telemetry:
     housing: Array
     battery: Array
     slip: Array
+
+    @classmethod
+    def of_no_wheels(cls, n: int, wheels: int = 4) -> "Telemetry":
+        """That of n robots on a plant that has no wheels, in the columns of a robot that has."""
+        single = ("duty_peak", "voltage_peak", "current_peak", "battery")
+        shapes = {f.name: (n,) if f.name in single else (n, wheels) for f in fields(cls)}
+        return cls(**{name: np.full(shape, np.nan) for name, shape in shapes.items()})
 
 
 class Plant(Protocol):

@@ -17,7 +17,8 @@ from omni_mj.scenarios.checking import in_one
 from omni_mj.scenarios.nested import merged
 
 DEFAULT = "ssl_robot"
-_NO_ROBOTS = ("scene",)  # models that a robot stands in
+SCENE = "scene"
+_NO_ROBOTS = (SCENE, "ssl_robot_on_carpet")  # models that a robot stands in
 
 
 def folder() -> Path:
@@ -51,6 +52,18 @@ def model_path(robot: str) -> Path:
     if robot not in names():
         raise OmniError(f"unknown robot {robot!r}; {choose(robot, names())}, or a model of yours: file.xml")
     return folder() / f"{robot}.xml"
+
+
+def scene_path(scene: str) -> Path:
+    """The MJCF of a scene, given its name in the folder of models or the path of an .xml file.
+
+    Raises:
+        OmniError: there is no such scene or file.
+    """
+    path = Path(scene) if scene.endswith(".xml") else folder() / f"{scene}.xml"
+    if not path.is_file():
+        raise OmniError(f"there is no scene {scene!r}; {choose(scene, [SCENE])}, or a model of yours: file.xml")
+    return path
 
 
 def numbers(robot: str) -> Mapping[str, float]:

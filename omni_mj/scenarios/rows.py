@@ -1,5 +1,6 @@
 """The table of rows: what each robot of a simulation is, where it stands, who drives it, under which settings."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from omni_mj.scenarios.settings import Settings
@@ -15,6 +16,7 @@ class Row:
         controller: label of the controller that drives it.
         seed: of its random numbers, and of its world.
         settings: its own.
+        robot: which robot it is, by name or file.
     """
 
     world: int
@@ -22,8 +24,25 @@ class Row:
     controller: str
     seed: int
     settings: Settings
+    robot: str
 
     @property
     def noise_seed(self) -> tuple[int, ...]:
         """What its random numbers are drawn from: robots at different places of a world do not share their noise."""
         return (self.seed, self.place) if self.place else (self.seed,)
+
+    @property
+    def where(self) -> tuple[float, float, float]:
+        """Pose [x, y, heading] in m and rad by which its reference, and with it its start, is displaced."""
+        x, y, heading = self.settings.world.places[self.place]
+        return x, y, heading
+
+
+def table(controllers: Iterable[str], seeds: Iterable[int], settings: Settings, robot: str) -> list[Row]:
+    """All seeds of one controller after those of the one before; in each world, as many robots as it has places."""
+    worlds = [(controller, seed) for controller in controllers for seed in seeds]
+    return [
+        Row(world, place, controller, seed, settings, robot)
+        for world, (controller, seed) in enumerate(worlds)
+        for place in range(len(settings.world.places))
+    ]

@@ -1,91 +1,164 @@
-"""What a run records per controller, seed and frame: in memory while it goes on, as a Parquet table after."""
+"""What a simulation records of each row and frame: in memory while it goes on, as an Arrow table after."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
+from omni_control.kinematics import Array
+from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S
 
-_WHEELS = ("1", "2", "3", "4")
-# Channel -> its columns. A row describes the instant of a frame; `applied` acts from there to the next frame, the
-# peaks are those since the frame before.
-CHANNELS: dict[str, tuple[str, ...]] = {
-    "ref": ("ref_x_m", "ref_y_m", "ref_heading_rad"),
-    "pose": ("x_m", "y_m", "heading_rad"),
-    "vision": ("vision_x_m", "vision_y_m", "vision_heading_rad"),
-    "vision_valid": ("vision_valid",),
-    "predicted": ("predicted_x_m", "predicted_y_m", "predicted_heading_rad"),
-    "command": ("command_vx_m_s", "command_vy_m_s", "command_w_rad_s"),
-    "applied": ("applied_vx_m_s", "applied_vy_m_s", "applied_w_rad_s"),
-    "alpha_hat": ("alpha_hat_x", "alpha_hat_y", "alpha_hat_heading"),
-    "latency_hat": ("latency_hat_forward_frames", "latency_hat_left_frames", "latency_hat_turn_frames"),
-    "wheel_angle": tuple(f"wheel_angle_{i}_rad" for i in _WHEELS),
-    "wheel_speed": tuple(f"wheel_speed_{i}_rad_s" for i in _WHEELS),
-    "voltage": tuple(f"voltage_{i}_v" for i in _WHEELS),
-    "current": tuple(f"current_{i}_a" for i in _WHEELS),
-    "duty_peak": ("duty_peak",),
-    "voltage_peak": ("voltage_peak_v",),
-    "current_peak": ("current_peak_a",),
-    "winding": tuple(f"winding_{i}_c" for i in _WHEELS),
-    "housing": tuple(f"housing_{i}_c" for i in _WHEELS),
-    "battery": ("battery_v",),
-    "slip": tuple(f"slip_{i}_m_s" for i in _WHEELS),
-}
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+FIRST_FRAMES = 512  # that there is room for at the start; it doubles when they are full
+OWN = "own_"  # before the names of channels of a controller's own
 
 
-class Trajectory:
-    """Channels of n = controllers x seeds robots over the frames of a run, (frames, n, columns) each.
+def channels(wheels: int) -> dict[str, tuple[str, ...]]:
+    """Channel -> its columns in a table, for robots with as many wheels.
+
+    A row of the table describes the instant of a frame; `applied` acts from there to the next frame, the peaks are
+    those since the frame before.
+    """
+    each = [str(i + 1) for i in range(wheels)]
+    return {
+        "ref": ("ref_x_m", "ref_y_m", "ref_heading_rad"),
+        "pose": ("x_m", "y_m", "heading_rad"),
+        "vision": ("vision_x_m", "vision_y_m", "vision_heading_rad"),
+        "vision_valid": ("vision_valid",),
+        "predicted": ("predicted_x_m", "predicted_y_m", "predicted_heading_rad"),
+        "command": ("command_vx_m_s", "command_vy_m_s", "command_w_rad_s"),
+        "applied": ("applied_vx_m_s", "applied_vy_m_s", "applied_w_rad_s"),
+        "alpha_hat": ("alpha_hat_x", "alpha_hat_y", "alpha_hat_heading"),
+        "latency_hat": ("latency_hat_forward_frames", "latency_hat_left_frames", "latency_hat_turn_frames"),
+        "wheel_angle": tuple(f"wheel_angle_{i}_rad" for i in each),
+        "wheel_speed": tuple(f"wheel_speed_{i}_rad_s" for i in each),
+        "voltage": tuple(f"voltage_{i}_v" for i in each),
+        "current": tuple(f"current_{i}_a" for i in each),
+        "duty_peak": ("duty_peak",),
+        "voltage_peak": ("voltage_peak_v",),
+        "current_peak": ("current_peak_a",),
+        "winding": tuple(f"winding_{i}_c" for i in each),
+        "housing": tuple(f"housing_{i}_c" for i in each),
+        "battery": ("battery_v",),
+        "slip": tuple(f"slip_{i}_m_s" for i in each),
+    }
+
+
+class Log:
+    """Channels of n rows over the frames so far.
+
+    Args:
+        rows: one per robot.
+        wheels: of each robot.
 
     Attributes:
-        controllers, seeds: the rows, all seeds of one controller after those of the one before.
-        length: frames written so far.
+        rows: as given.
+        columns: channel -> its columns in a table.
+        length: frames recorded so far.
+        lengths: how many of them each row has, (n,): one that failed or came to its end before has fewer.
     """
 
-    def __init__(self, controllers: tuple[str, ...], seeds: list[int], frames: int) -> None:
-        self.controllers, self.seeds = controllers, seeds
-        self.n = len(controllers) * len(seeds)
+    def __init__(self, rows: Sequence[Row], wheels: int) -> None:
+        self.rows = list(rows)
+        self.columns = channels(wheels)
         self.length = 0
-        self._data = {
-            name: np.full((frames, self.n, len(columns)), np.nan, bool if name == "vision_valid" else float)
-            for name, columns in CHANNELS.items()
-        }
-
-    def write(self, frame: int, **channels: Any) -> None:
-        """Record one frame: every channel, (n, columns) or (n,)."""
-        for name, value in channels.items():
-            self._data[name][frame] = np.reshape(value, (self.n, -1))
-        self.length = frame + 1
-
-    def channel(self, name: str) -> np.ndarray:
-        """A channel's recorded frames, (length, controllers, seeds, columns)."""
-        data = self._data[name][: self.length]
-        return data.reshape(self.length, len(self.controllers), len(self.seeds), data.shape[-1])
+        self.lengths = np.zeros(len(self.rows), int)
+        self._room = 0
+        self._data: dict[str, np.ndarray] = {}
+        self._make_room()
 
     @property
-    def time(self) -> np.ndarray:
-        """Time of each recorded frame (length,), s."""
-        return np.arange(self.length) * PERIOD_S
+    def controllers(self) -> tuple[str, ...]:
+        """Labels of the controllers, in the order of their first rows."""
+        return tuple(dict.fromkeys(row.controller for row in self.rows))
 
-    def table(self) -> pa.Table:
-        """One row per controller, seed and frame, in that order."""
-        frames, seeds = self.length, len(self.seeds)
-        labels = np.repeat(np.arange(len(self.controllers), dtype=np.int32), seeds * frames)
+    @property
+    def seeds(self) -> list[int]:
+        """The seeds, in the order of their first rows."""
+        return list(dict.fromkeys(row.seed for row in self.rows))
+
+    def of(self, controller: str) -> np.ndarray:
+        """Numbers of the rows that a controller drives."""
+        return np.flatnonzero([row.controller == controller for row in self.rows])
+
+    def first(self, controller: str) -> int:
+        """Number of the first row that a controller drives."""
+        return int(self.of(controller)[0])
+
+    @property
+    def time(self) -> Array:
+        """Time of each frame (length,), s."""
+        return np.arange(self.length, dtype=float) * PERIOD_S
+
+    def write(self, recorded: np.ndarray, own: Mapping[str, Array], **values: Any) -> None:
+        """Record a frame of the rows that are `recorded` (n,).
+
+        Args:
+            recorded: which rows; of the others nothing is.
+            own: channels of controllers' own, name -> (n, k).
+            values: every channel, (n, columns) or (n,).
+        """
+        if self.length == self._room:
+            self._make_room()
+        for name, value in own.items():
+            self._add(OWN + name, np.shape(value)[-1])
+        for name, value in {**values, **{OWN + name: value for name, value in own.items()}}.items():
+            columns = np.reshape(value, (len(self.rows), -1))[recorded]
+            self._data[name][self.length, recorded, : columns.shape[1]] = columns
+        self.length += 1
+        self.lengths += recorded
+
+    def channel(self, name: str) -> np.ndarray:
+        """A channel's frames (length, n, columns); not a number, or false, where a row recorded none."""
+        return self._data[name][: self.length]
+
+    def table(self) -> "pa.Table":
+        """One line per row and frame that it recorded, rows in their order."""
+        import pyarrow as pa
+
+        line, frame = np.nonzero(np.arange(self.length) < self.lengths[:, None])
+        names = list(self.controllers)
+        labels = np.array([names.index(row.controller) for row in self.rows], np.int32)
         columns: dict[str, Any] = {
-            "controller": pa.DictionaryArray.from_arrays(labels, list(self.controllers)),
-            "seed": np.tile(np.repeat(np.array(self.seeds, np.int64), frames), len(self.controllers)),
-            "frame": np.tile(np.arange(frames, dtype=np.int32), self.n),
-            "time_s": np.tile(self.time, self.n),
+            "controller": pa.DictionaryArray.from_arrays(labels[line], names),
+            "seed": np.array([row.seed for row in self.rows], np.int64)[line],
+            "place": np.array([row.place for row in self.rows], np.int32)[line],
+            "frame": frame.astype(np.int32),
+            "time_s": frame * PERIOD_S,
         }
-        for name, names in CHANNELS.items():
-            data = self._data[name][:frames]
-            columns |= {column: data[:, :, i].T.ravel() for i, column in enumerate(names)}
+        for name, titles in self.columns.items():
+            data = self._data[name]
+            columns |= {title: data[frame, line, i] for i, title in enumerate(titles)}
         return pa.table(columns)
 
     def save(self, path: Path) -> None:
         """Write the table as Parquet; the file appears whole or not at all."""
+        import pyarrow.parquet as pq
+
         partial = path.with_name(path.name + ".partial")
         pq.write_table(self.table(), partial, compression="zstd")
         partial.replace(path)
+
+    def _make_room(self) -> None:
+        """Double the frames that there is room for."""
+        more = self._room or FIRST_FRAMES
+        for name, titles in self.columns.items():
+            fresh = self._nothing(name, more, len(titles))
+            self._data[name] = np.concatenate([self._data[name], fresh]) if self._room else fresh
+        self._room += more
+
+    def _add(self, name: str, width: int) -> None:
+        """Make room for a channel of a controller's own; in what was recorded before there is nothing of it."""
+        known = len(self.columns.get(name, ()))
+        if width > known:
+            self.columns[name] = (name,) if width == 1 else tuple(f"{name}_{i + 1}" for i in range(width))
+            fresh = self._nothing(name, self._room, width - known)
+            self._data[name] = np.concatenate([self._data[name], fresh], axis=-1) if known else fresh
+
+    def _nothing(self, name: str, frames: int, width: int) -> np.ndarray:
+        shape = frames, len(self.rows), width
+        return np.zeros(shape, bool) if name == "vision_valid" else np.full(shape, np.nan)

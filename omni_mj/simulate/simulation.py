@@ -1,116 +1,194 @@
-"""The loop: camera, filter, tracker, limits, radio, plant, record; 60 times a simulated second.
+"""The loop: camera, filter, reference, controller, limits, radio, plant, record; 60 times a simulated second.
 
-All robots run side by side as rows of arrays: first every seed of the first controller, then of the next.
+All robots run side by side as rows of arrays. `run` is the loop; `observe` and `step` are what it is made of.
 """
 
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from omni_control.controllers.base import Controller, Seen, Told
-from omni_control.delay import CommandsInFlight
-from omni_control.estimation.kalman import KalmanFilter
-from omni_control.limits import CommandLimits
-from omni_control.reference.timed import Reference
+from omni_control.controllers.base import Controller, Seen
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array
 from omni_mj.link.camera import Camera
 from omni_mj.link.radio import Radio
 from omni_mj.plants import Plant
-from omni_mj.scenarios import controllers
+from omni_mj.scenarios import references
+from omni_mj.scenarios.controllers import resolve
 from omni_mj.scenarios.plants import find_plant
-from omni_mj.scenarios.references import iterated_reference, timed_reference
+from omni_mj.scenarios.rows import Row, table
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S
-from omni_mj.simulate.log import Trajectory
+from omni_mj.simulate.log import Log
+from omni_mj.simulate.teams import assemble
+from omni_mj.worlds.build import world
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A row that was stopped before its end.
+
+    Attributes:
+        row: its number.
+        controller, seed: what it is called.
+        time_s: when, s.
+        cause: why, in words.
+    """
+
+    row: int
+    controller: str
+    seed: int
+    time_s: float
+    cause: str
+
+    def __str__(self) -> str:
+        return f"{self.controller}, seed {self.seed}: {self.cause} at {self.time_s:.3f} s"
 
 
 class Simulation:
-    """A scenario, ready to run.
+    """A scenario, ready to be run or stepped.
+
+    Args:
+        scenario: what is run.
+        controllers: names, `file.py:Class` or classes. [the scenario's]
+        seeds: of the random numbers, a row each per controller. [the scenario's]
+        rows: the table of rows, where they are not all seeds of all controllers under the scenario's settings.
 
     Attributes:
-        scenario: what is run.
-        reference: the timed reference, against which errors are measured.
-        trajectory: what has been recorded so far.
+        scenario: as given.
+        rows: the table of rows, n of them.
+        references: the timed reference of each row, against which errors are measured.
+        plant: what moves.
+        log: what has been recorded so far.
+        frame: number of the next frame.
+        failures: the rows that were stopped before their end, in that order.
+
+    Raises:
+        OmniError: there is no such controller, or the rows cannot share a plant.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
-        settings, seeds = scenario.settings, scenario.seed_list
+    def __init__(
+        self,
+        scenario: Scenario,
+        controllers: Iterable[str | type[Controller]] | None = None,
+        seeds: Iterable[int] | None = None,
+        rows: Sequence[Row] | None = None,
+    ) -> None:
         self.scenario = scenario
-        self.reference = timed_reference(settings.reference)
-        n, frames = len(scenario.controllers) * len(seeds), self.reference.frames
-        row_seeds = seeds * len(scenario.controllers)
-        start = np.repeat(self.reference.poses[:1], n, axis=0)
+        self._kinds = resolve(scenario.controllers if controllers is None else controllers)
+        given = scenario.seed_list if seeds is None else list(seeds)
+        self._table = rows or table(self._kinds, given, scenario.settings, scenario.robot)
+        self.reset()
 
-        self.plant: Plant = find_plant(scenario.plant)([settings] * n, start, row_seeds, frames)
-        self.camera = Camera(settings.vision, row_seeds, frames)
-        self.told = _told(scenario)
-        self.filter = KalmanFilter(start, PERIOD_S, self.told.vision_noise)
-        self.sent = CommandsInFlight(n, math.ceil(self.told.latency_frames) + 1)
-        self.trackers = [
-            (self._tracker(name), slice(i * len(seeds), (i + 1) * len(seeds)))
-            for i, name in enumerate(scenario.controllers)
+    def reset(self, seed: int | None = None) -> None:
+        """Go back to the start; from there the same steps give the same run.
+
+        Args:
+            seed: from where the seeds of the rows count. [from where they did]
+        """
+        shift = 0 if seed is None else seed - min(row.seed for row in self._table)
+        self.rows = [replace(row, seed=row.seed + shift) for row in self._table]
+        n, noise = len(self.rows), [row.noise_seed for row in self.rows]
+        self.references = [references.timed(row.settings.reference, row.where) for row in self.rows]
+        self.frame, self.failures = 0, list[Failure]()
+        self._running = np.ones(n, bool)
+        self._seen: Seen | None = None
+
+        start = np.array([reference.poses[0] for reference in self.references])
+        geometry = world(self.rows[0].robot).kinematics
+        self.plant: Plant = find_plant(self.scenario.plant)(self.rows, start)
+        self.camera = Camera([row.settings.vision for row in self.rows], noise)
+        self.team = assemble(self.rows, self._kinds, start, geometry, self.plant.geometry is not None, self._stop)
+        self.radio = Radio([row.settings.radio for row in self.rows], noise)
+        self.log = Log(self.rows, len(geometry.azimuths))
+        self._frames = np.array([reference.frames for reference in self.references])
+        distinct = {id(reference): reference for reference in self.references}
+        self._followers = [
+            (reference, np.flatnonzero([each is reference for each in self.references]))
+            for reference in distinct.values()
         ]
-        self.limits = CommandLimits(settings.control, n)
-        self.radio = Radio(settings.radio, row_seeds, frames)
-        self.trajectory = Trajectory(scenario.labels, seeds, frames)
 
-    def run(self, after_frame: Callable[[int], None] = lambda frame: None) -> None:
-        """Run to the end; `after_frame` is called with each frame's number once it is in the trajectory.
+    @property
+    def done(self) -> bool:
+        """Whether every row has come to the end of its reference, or was stopped before."""
+        return not self._recorded.any()
+
+    def run(self, after_frame: Callable[[int], None] = lambda frame: None) -> Log:
+        """Run from the start to the end; `after_frame` is called with each frame's number once it is in the log."""
+        if self.frame:
+            self.reset()
+        while not self.done:
+            self.observe()
+            self.step()
+            after_frame(self.frame - 1)
+        return self.log
+
+    def observe(self) -> Seen:
+        """What the team sees of all robots in this frame; the same, however often it is asked before the next step."""
+        if self._seen is None:
+            self._pose = self.plant.pose()
+            self._measured, self._valid = self.camera(self._pose)
+            self._seen = self.team.observe(self._measured, (self._pose, self.plant.twist()))
+        return self._seen
+
+    def step(self, command: Array | None = None) -> None:
+        """Go on by a frame: command, send, record, move.
+
+        Args:
+            command: velocities [vx, vy, w] wanted of the robots, (n, 3), world frame, m/s and rad/s, in place of what
+                the controllers want; they are limited as those are.
 
         Raises:
-            SimulationError: the physics became unstable; the trajectory keeps what came before.
-            ControllerError: a user's controller failed; likewise.
+            OmniError: the command is not (n, 3) finite numbers.
         """
-        command = np.zeros((self.trajectory.n, 3))
-        for frame in range(self.reference.frames):
-            pose = self.plant.pose()
-            measured, seen = self.camera(frame, pose)
-            self.sent.push(command)
-            estimate = self.filter.update(measured, self.sent.felt(self.told.latency_frames) * PERIOD_S)
-            filtered = Seen(estimate, self.filter.twist, measured)
-            true = Seen(pose, self.plant.twist(), pose)  # for an oracle
-            wanted = [
-                controllers.command(tracker, frame, true if tracker.knows_truth else filtered, command, rows)
-                for tracker, rows in self.trackers
-            ]
-            command = self.limits(np.concatenate(wanted))
-            received = self.radio.exchange(frame, command, estimate[:, 2])
+        self.observe()
+        sent = self.team.command() if command is None else self._instead(command)
+        received = self.radio.exchange(sent, self.team.estimate[:, 2])
+        self.log.write(
+            self._recorded,
+            self.team.channels,
+            ref=self._reference(),
+            pose=self._pose,
+            vision=self._measured,
+            vision_valid=self._valid,
+            predicted=self.team.predicted,
+            command=sent,
+            applied=received.command,
+            alpha_hat=self.team.alpha_hat,
+            latency_hat=self.team.latency_hat,
+            **vars(self.plant.telemetry()),
+        )
+        failed = self.plant.advance(received)
+        self.frame, self._seen = self.frame + 1, None
+        for row, cause in failed.items():
+            self._stop(np.array([row]), cause)
+            self.team.stop(np.array([row]))
 
-            self.trajectory.write(
-                frame,
-                ref=self.reference.at(frame, pose)[0],
-                pose=pose,
-                vision=measured,
-                vision_valid=seen,
-                predicted=np.concatenate([t.predicted for t, _ in self.trackers]),
-                command=command,
-                applied=received.command,
-                alpha_hat=np.concatenate([t.alpha_hat for t, _ in self.trackers]),
-                latency_hat=np.concatenate([t.latency_hat for t, _ in self.trackers]),
-                **vars(self.plant.telemetry()),
-            )
-            after_frame(frame)
-            self.plant.advance(frame, received)
+    @property
+    def _recorded(self) -> np.ndarray:
+        """Which rows go on (n,)."""
+        return self._running & (self.frame < self._frames)
 
-    def _tracker(self, name: str | type[Controller]) -> Controller:
-        settings, n = self.scenario.settings.reference, self.scenario.seeds
-        reference: Reference = iterated_reference(settings, n) if settings.mode == "iterated" else self.reference
-        return controllers.make(name, self.told, reference, n)
+    def _reference(self) -> Array:
+        """Where the rows should be in this frame (n, 3)."""
+        target = np.empty_like(self._pose)
+        for reference, followers in self._followers:
+            target[followers] = reference.at(self.frame, self._pose[followers])[0]
+        return target
 
+    def _stop(self, rows: np.ndarray, cause: object) -> None:
+        """Stop rows that run, for a cause that can be said in words."""
+        for i in rows[self._running[rows]]:
+            row = self.rows[i]
+            self.failures.append(Failure(int(i), row.controller, row.seed, self.frame * PERIOD_S, str(cause)))
+        self._running[rows] = False
 
-def _told(scenario: Scenario) -> Told:
-    """What the team's computer is told of the loop."""
-    settings, control, vision = scenario.settings, scenario.settings.control, scenario.settings.vision
-    wheels = scenario.plant == "mujoco"
-    return Told(
-        period=PERIOD_S,
-        delay_frames=max(settings.radio.delay_frames + control.delay_error_frames, 0),
-        lag_s=control.lag_s if wheels else 0.0,
-        drag_m_s=control.drag_m_s if wheels else 0.0,
-        position_noise_m=vision.position_noise_m,
-        heading_noise_rad=vision.heading_noise_rad,
-        error_range_m=control.error_range_m,
-        speed_range_m_s=control.speed_range_m_s,
-        heading_gain=control.heading_gain,
-        alpha_window_frames=control.alpha_window_frames,
-    )
+    def _instead(self, command: Array) -> Array:
+        """What is sent in place of the controllers' commands (n, 3)."""
+        given = np.asarray(command, float)
+        if given.shape != (len(self.rows), 3) or not np.isfinite(given).all():
+            raise OmniError(f"a step needs {(len(self.rows), 3)} finite velocities, not an array of {given.shape}")
+        sent = np.where(self._running[:, None], self.team.limited(given), 0.0)
+        self.team.sent(sent)
+        return sent

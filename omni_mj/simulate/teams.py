@@ -1,0 +1,89 @@
+"""The team's computers of a simulation: rows that are told the same, and follow the same, share a controller."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from omni_control.controllers import make
+from omni_control.controllers.base import Controller, Told
+from omni_control.errors import ControllerError
+from omni_control.kinematics import Array, Kinematics
+from omni_control.reference import MotionLimits, Reference
+from omni_control.team import Team
+from omni_mj.scenarios import references
+from omni_mj.scenarios.rows import Row
+from omni_mj.scenarios.settings import PERIOD_S, ControlSettings, Settings
+
+
+def assemble(
+    rows: Sequence[Row],
+    kinds: Mapping[str, type[Controller]],
+    start: Array,
+    geometry: Kinematics,
+    wheels: bool,
+    on_failure: Callable[[np.ndarray, ControllerError], None],
+) -> Team:
+    """Make the controllers of all rows and the team around them.
+
+    Args:
+        rows: one per robot.
+        kinds: label -> class of controller.
+        start: poses at the start, (n, 3).
+        geometry: of the robots' wheels.
+        wheels: whether the plant has any, whose lag and friction the team reckons with.
+        on_failure: told the rows of a controller that fails, and why.
+    """
+    together: dict[tuple[object, ...], list[int]] = {}
+    for i, row in enumerate(rows):
+        key = row.controller, told(row.settings, geometry, wheels), row.settings.reference, row.where
+        together.setdefault((*key, _parameters(row)), []).append(i)
+    made, unmade, members = list[Controller](), list[np.ndarray](), [np.array(group) for group in together.values()]
+    for group in members:
+        row, n = rows[group[0]], len(group)
+        known, reference = told(row.settings, geometry, wheels), _reference(row, n)
+        try:
+            made.append(make(kinds[row.controller], known, reference, n, dict(_parameters(row))))
+        except ControllerError as error:
+            on_failure(group, error)
+            unmade.append(group)
+            made.append(Controller(known, reference, n))  # stands in its place; it is never asked
+    team = Team(made, start, members, on_failure=on_failure)
+    team.stop(np.concatenate([*unmade, np.array([], int)]))
+    return team
+
+
+@lru_cache(maxsize=256)
+def told(settings: Settings, geometry: Kinematics, wheels: bool) -> Told:
+    """What the team's computer is told of the loop."""
+    control, vision = settings.control, settings.vision
+    return Told(
+        period=PERIOD_S,
+        delay_frames=max(settings.radio.delay_frames + control.delay_error_frames, 0),
+        lag_s=control.lag_s if wheels else 0.0,
+        drag_m_s=control.drag_m_s if wheels else 0.0,
+        position_noise_m=vision.position_noise_m,
+        heading_noise_rad=vision.heading_noise_rad,
+        error_range_m=control.error_range_m,
+        speed_range_m_s=control.speed_range_m_s,
+        heading_gain=control.heading_gain,
+        alpha_window_frames=control.alpha_window_frames,
+        geometry=geometry,
+        limits=command_limits(control),
+    )
+
+
+def command_limits(s: ControlSettings) -> MotionLimits:
+    """The limits of what may be commanded."""
+    return MotionLimits(s.max_speed_m_s, s.max_acceleration_m_s2, s.max_turn_rate_rad_s, s.max_turn_acceleration_rad_s2)
+
+
+def _reference(row: Row, n: int) -> Reference:
+    settings = row.settings.reference
+    if settings.mode == "iterated":
+        return references.iterated(settings, n, row.where)
+    return references.timed(settings, row.where)
+
+
+def _parameters(row: Row) -> tuple[tuple[str, float | bool | str], ...]:
+    return tuple(sorted(row.settings.controller.get(row.controller, {}).items()))
