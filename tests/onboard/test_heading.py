@@ -24,7 +24,7 @@ def observer(
 ) -> HeadingEstimate:
     chosen = Settings(
         firmware=FirmwareSettings(heading_gain=heading_gain, bias_gain=bias_gain),
-        radio=RadioSettings(delay, jitter),
+        radio=RadioSettings(delay_frames=delay, jitter_frames=jitter),
     )
     return HeadingEstimate([chosen] * n, np.broadcast_to(heading, n).astype(float), FRAME_S)
 
@@ -73,7 +73,7 @@ def test_vision_that_is_more_or_less_late_causes_no_error_while_turning(
     """With jitter too each heading is compared with the one held when it was sent, which only its age can tell."""
     jitter = data.draw(st.integers(1, delay))
     estimate, truth = observer(1, start, delay, 20.0, 20.0, jitter), start
-    radio = Radio(RadioSettings(delay, jitter), [seed], len(rates))
+    radio = Radio(RadioSettings(delay_frames=delay, jitter_frames=jitter), [seed], len(rates))
     for frame, rate in enumerate(rates):
         received = radio.exchange(frame, np.zeros((1, 3)), wrapped(np.array([truth])))
         estimate.correct(received.heading, received.age)

@@ -60,9 +60,9 @@ def test_a_certain_robot_without_dead_time_drives_every_task_exactly(name: str) 
         "vision.miss_probability=0",
     ]
     simulation = Simulation(scenario.load(name, exact, {"plant": "kinematic", "controllers": ["flc", "comp-flc"]}))
-    log = simulation.run()
-    errors = log.channel("pose") - log.channel("ref")
-    assert log.length == len(built_in(name)[1])
+    simulation.run()
+    errors = simulation.log.channel("pose") - simulation.log.channel("ref")
+    assert simulation.log.length == len(built_in(name)[1])
     np.testing.assert_allclose(errors, 0, rtol=0, atol=1e-9)
 
 
