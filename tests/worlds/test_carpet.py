@@ -18,12 +18,12 @@ def test_a_robot_that_stands_or_has_stopped_does_not_creep() -> None:
     """From the start, and after driving, with wheels and rollers wherever they came to rest."""
     twists = np.array([[0.0, 0.0, 0.0], [0.7, 0.2, 0.0], [-0.3, 0.6, 2.0], [0.0, 0.0, -4.0]])
     start = np.array([[0.3, -0.2, 0.7], *np.zeros((3, 3))])
-    commands = np.concatenate([constant(twists, 40, 4), constant([0, 0, 0], 360, 4)])
+    commands = np.concatenate([constant(twists, 30, 4), constant([0, 0, 0], 240, 4)])
     poses = drive(plant_of([quiet()] * 4, start), commands)
-    stood = poses[-1] - poses[-301]  # the last 5 s
+    stood = poses[-1] - poses[-181]  # the last 3 s
     # A league's bound of 0.1 mm in 10 s, and as much at the rim of the robot for the heading.
-    assert np.hypot(stood[:, 0], stood[:, 1]).max() < 0.5e-4
-    assert np.abs(stood[:, 2]).max() * 0.08 < 0.5e-4
+    assert np.hypot(stood[:, 0], stood[:, 1]).max() < 0.3e-4
+    assert np.abs(stood[:, 2]).max() * 0.08 < 0.3e-4
     assert np.abs(poses[-1, 0] - start[0]).max() < 1e-4, "nor does it jump when it settles"
 
 
@@ -55,9 +55,9 @@ def test_friction_wheel_angles_and_loads_limit_the_acceleration() -> None:
     """Each spinning wheel pulls along its rim with mu times its load, which acceleration shifts between the axles."""
     kinematics, height = build.world().kinematics, 0.045
     levers = kinematics.arm * np.stack([np.cos(kinematics.azimuths), np.sin(kinematics.azimuths)])
-    speeds = np.linspace(1.2, 2.0, 16)  # at once: the wheels are there in a frame, the robots are not
+    speeds = np.linspace(1.2, 2.0, 12)  # at once: the wheels are there in a frame, the robots are not
     for friction in (0.4, 0.8):
-        twists, expected = np.zeros((2, 16, 3)), []
+        twists, expected = np.zeros((2, 12, 3)), []
         for axis in (0, 1):
             twists[axis, :, axis] = speeds
             pull = np.abs(kinematics.matrix[:, axis])
@@ -72,11 +72,11 @@ def test_friction_wheel_angles_and_loads_limit_the_acceleration() -> None:
         # From the second frame, when the wheels spin, to three quarters of their speed, so that they still do then.
         ends = (0.75 * speeds / np.array(expected)[:, None] / FRAME_S).astype(int)
         settings = quiet(carpet={"friction": friction}, **STIFF)
-        poses = drive(plant_of([settings] * 32), constant(twists.reshape(32, 3), ends.max(), 32))
+        poses = drive(plant_of([settings] * 24), constant(twists.reshape(24, 3), ends.max(), 24))
         for axis in (0, 1):
-            x = poses[:, 16 * axis : 16 * (axis + 1), axis]
+            x = poses[:, 12 * axis : 12 * (axis + 1), axis]
             fits = [np.polyfit(np.arange(2, end) * FRAME_S, x[2:end, i], 2)[0] for i, end in enumerate(ends[axis])]
-            # 10 % for the mean of 16 runs: rollers make a robot with spinning wheels hop, and single runs scatter by
+            # 10 % for the mean of 12 runs: rollers make a robot with spinning wheels hop, and single runs scatter by
             # 15 %.
             assert 2 * np.mean(fits) == pytest.approx(expected[axis], rel=0.1)
 
