@@ -14,6 +14,7 @@ A pose is [x, y, heading] in m, m, rad; a twist is [vx, vy, w] in m/s, m/s, rad/
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,9 +45,9 @@ def world_to_body(twist: ArrayLike, heading: ArrayLike) -> Array:
     return body_to_world(twist, -np.asarray(heading, float))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Kinematics:
-    """Geometry of the wheels and the maps between body twist and wheel speeds.
+    """Geometry of the wheels and the maps between body twist and wheel speeds; equal to another with equal numbers.
 
     Args:
         azimuths: direction from the centre to each wheel, rad, (wheels,).
@@ -58,11 +59,29 @@ class Kinematics:
     arm: float
     radius: float
 
+    def __post_init__(self) -> None:
+        """Take a copy of the azimuths, which nobody can change."""
+        azimuths = np.array(self.azimuths, float)
+        azimuths.flags.writeable = False
+        object.__setattr__(self, "azimuths", azimuths)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Kinematics) and self._numbers == other._numbers
+
+    def __hash__(self) -> int:
+        return hash(self._numbers)
+
     @property
+    def _numbers(self) -> tuple[float, ...]:
+        return (*self.azimuths.tolist(), self.arm, self.radius)
+
+    @cached_property
     def matrix(self) -> Array:
         """Matrix B^T (wheels, 3) of equation 4: rim speeds (m/s) from a body twist."""
         theta = self.azimuths
-        return np.stack([-np.sin(theta), np.cos(theta), np.full_like(theta, self.arm)], axis=-1)
+        matrix = np.stack([-np.sin(theta), np.cos(theta), np.full_like(theta, self.arm)], axis=-1)
+        matrix.flags.writeable = False
+        return matrix
 
     def wheel_speeds(self, twist: ArrayLike) -> Array:
         """Return the wheel speeds (..., wheels) in rad/s of rolling without slip at a body twist (..., 3)."""

@@ -16,6 +16,7 @@ from omni_mj.worlds.wheels import Motor
 
 KINEMATICS = Kinematics(np.radians([60.0, 135, 225, 300]), arm=0.08, radius=0.0285)
 MOTOR = Motor(constant=0.036, resistance=0.942, gear=10 / 3)
+# Beyond what settings allow, and so not checked by them.
 UNLIMITED_V = 1e9
 FINE_COUNTS = 10**12  # an encoder whose steps vanish beside rounding
 FRAME_S = 1 / 60
@@ -39,8 +40,8 @@ class Robot:
     ) -> None:
         off = {"kp": 0.0, "ki": 0.0, "kd": 0.0, "feed_forward": 0.0, "turn_gain": 0.0, "heading_gain": 0.0}
         self.settings = Settings(
-            firmware=FirmwareSettings(**off | {"bias_gain": 0.0, "nominal_voltage_v": limit} | gains),  # type: ignore[arg-type]
-            sensors=SensorSettings(encoder_counts=counts),
+            firmware=FirmwareSettings.model_construct(**off | {"bias_gain": 0.0, "nominal_voltage_v": limit} | gains),
+            sensors=SensorSettings.model_construct(encoder_counts=counts),
             motor=MotorSettings(limit_c=limit_c),
         )
         self.firmware = Firmware([self.settings], KINEMATICS, MOTOR, np.array([heading]), timestep, FRAME_S)
@@ -185,10 +186,10 @@ def test_robots_of_any_number_of_wheels() -> None:
 
 
 def test_wheels_and_robots_have_their_own_integrals() -> None:
-    gains = FirmwareSettings(
+    gains = FirmwareSettings.model_construct(
         kp=0.0, ki=1.0, kd=0.0, feed_forward=0.0, turn_gain=0.0, heading_gain=0.0, nominal_voltage_v=UNLIMITED_V
     )
-    chosen = Settings(firmware=gains, sensors=SensorSettings(encoder_counts=FINE_COUNTS))
+    chosen = Settings(firmware=gains, sensors=SensorSettings.model_construct(encoder_counts=FINE_COUNTS))
     pid = Firmware([chosen, chosen], KINEMATICS, MOTOR, np.zeros(2), 0.5, FRAME_S)
     pid.receive(Received.at_once(np.zeros((2, 3))), np.full((2, 4), 25.0))
     pid.duties(np.zeros(2), np.zeros((2, 4)))

@@ -8,8 +8,8 @@ from driving import FRAME_S, SIGMAS, constant, drive, quiet, with_settings
 from driving import mujoco as plant_of
 
 from omni_mj.link.radio import Received
+from omni_mj.scenarios import robots
 from omni_mj.scenarios.settings import Settings
-from omni_mj.worlds import robot
 
 MASS_KG, GRAVITY = 2.3, 9.81
 STARTS = np.array([[0, 0, 0], [1.5, -2, 1], [-3, 0.5, math.pi], [0, 0, -math.pi + 1e-3], [4, 3, 10], [0, 1, -7.0]])
@@ -70,8 +70,9 @@ def test_nothing_drives_faster_than_the_carpets_friction_allows() -> None:
 
 def test_friction_is_the_models_unless_set() -> None:
     commands = constant([2.0, 0.0, 0.0], 10, 1)
-    model = {"friction": 0.8, "lint": robot.numeric("lint")}
-    drive_losses = {"gear_friction_nm": robot.numeric("gear_friction"), "roller_damping_nm_s": 2e-6}
+    numbers = robots.numbers("ssl_robot")
+    model = {"friction": 0.8, "lint": numbers["carpet.lint"]}
+    drive_losses = {"gear_friction_nm": numbers["drive.gear_friction_nm"], "roller_damping_nm_s": 2e-6}
     given_all = with_settings(carpet=model, drive=drive_losses)
     np.testing.assert_array_equal(drive(plant_of([given_all]), commands), drive(plant_of([Settings()]), commands))
 

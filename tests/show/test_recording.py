@@ -16,7 +16,7 @@ from recorded import Recorded, record, rows, rrd
 from omni_mj.scenarios import scenario
 from omni_mj.show import field, style
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.worlds import files
+from omni_mj.scenarios import robots
 
 CONTROLLERS = ("flc", "comp-flc")
 RUN = [sys.executable, "-m", "omni_mj.run", "--no-figures", "--quiet"]
@@ -161,7 +161,7 @@ def test_series_say_name_unit_and_rate_in_their_controllers_colour(recorded: Rec
 
 
 def test_the_robot_is_the_compiled_models_own_geometry(recorded: Recorded) -> None:
-    model = mujoco.MjModel.from_xml_path(str(files.folder() / "ssl_robot_on_carpet.xml"))
+    model = mujoco.MjModel.from_xml_path(str(robots.folder() / "ssl_robot_on_carpet.xml"))
     for i in range(1, 5):
         entity = f"/world/flc/robot/wheel_{i}/ellipsoids"
         sizes = np.array(recorded.static(entity, "Ellipsoids3D:half_sizes"))
