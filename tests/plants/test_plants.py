@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from driving import FRAME_S, SIGMAS, constant, drive, quiet, rows, with_settings
+from driving import mujoco as plant_of
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
@@ -14,14 +15,6 @@ from omni_mj.link.radio import Received
 from omni_mj.plants.kinematic import KinematicPlant
 from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.scenarios.settings import Settings
-
-Kind = type[KinematicPlant] | type[MujocoPlant]
-
-
-def still(settings: list[Settings], seeds: list[int], kind: Kind = KinematicPlant) -> KinematicPlant | MujocoPlant:
-    """Robots at the origin."""
-    return kind(rows(settings, seeds), np.zeros((len(seeds), 3)))
-
 
 # --- kinematic ---
 
@@ -41,7 +34,7 @@ def test_with_a_fixed_alpha_equation_7_is_a_sum(alpha: float, frames: int, seed:
 def test_alpha_is_uniform_between_its_bounds_and_new_in_every_frame_and_axis() -> None:
     frames = 5000
     settings = with_settings(kinematic={"alpha_low": 0.7, "alpha_high": 1.0})
-    poses = drive(still([settings], [4]), constant([1.0, 1.0, 1.0], frames, 1))
+    poses = drive(KinematicPlant(rows([settings], [4]), np.zeros((1, 3))), constant([1.0, 1.0, 1.0], frames, 1))
     alpha = np.diff(poses[:, 0], axis=0) / FRAME_S
     assert alpha.min() >= 0.7 - 1e-9  # differences of positions of up to 70 m
     assert alpha.max() <= 1.0 + 1e-9
@@ -57,7 +50,7 @@ def test_alpha_is_uniform_between_its_bounds_and_new_in_every_frame_and_axis() -
 def test_disturbance_is_uniform_with_the_amplitude_asked_for() -> None:
     frames, amplitude = 5000, 0.1
     settings = with_settings(disturbance={"velocity_m_s": amplitude})
-    poses = drive(still([settings], [9]), constant([0.0, 0.0, 0.0], frames, 1))
+    poses = drive(KinematicPlant(rows([settings], [9]), np.zeros((1, 3))), constant([0.0, 0.0, 0.0], frames, 1))
     velocity = np.diff(poses[:, 0], axis=0) / FRAME_S
     assert (velocity[:, 2] == 0).all()  # it acts on the position only
     drift = velocity[:, :2]
@@ -71,7 +64,7 @@ def test_disturbance_is_uniform_with_the_amplitude_asked_for() -> None:
 
 
 def test_the_kinematic_plant_has_no_wheels() -> None:
-    telemetry = vars(still([Settings()] * 3, [0, 1, 2]).telemetry())
+    telemetry = vars(KinematicPlant(rows([Settings()] * 3), np.zeros((3, 3))).telemetry())
     shapes = {name: (3,) if name.endswith("peak") or name == "battery" else (3, 4) for name in telemetry}
     assert {name: values.shape for name, values in telemetry.items()} == shapes
     assert all(np.isnan(values).all() for values in telemetry.values())
@@ -81,8 +74,8 @@ def test_the_kinematic_plant_has_no_wheels() -> None:
 
 
 @pytest.mark.parametrize("kind", [KinematicPlant, MujocoPlant])
-def test_poses_and_twists_handed_out_do_not_change_afterwards(kind: Kind) -> None:
-    plant = still([Settings()], [0], kind)
+def test_poses_and_twists_handed_out_do_not_change_afterwards(kind: type[KinematicPlant] | type[MujocoPlant]) -> None:
+    plant = kind(rows([Settings()]), np.zeros((1, 3)))
     pose, twist = plant.pose(), plant.twist()
     plant.advance(Received.at_once(np.ones((1, 3)), np.zeros(1)))
     plant.advance(Received.at_once(np.ones((1, 3)), np.zeros(1)))
@@ -93,7 +86,7 @@ def test_poses_and_twists_handed_out_do_not_change_afterwards(kind: Kind) -> Non
 
 def test_the_kinematic_plants_twist_is_that_of_the_frame_just_past() -> None:
     settings = with_settings(disturbance={"velocity_m_s": 0.3})
-    plant = still([settings] * 2, [0, 1])
+    plant = KinematicPlant(rows([settings] * 2, [0, 1]), np.zeros((2, 3)))
     before = plant.pose()
     for command in np.random.default_rng(0).normal(size=(20, 2, 3)):
         plant.advance(Received.at_once(command))
@@ -105,7 +98,7 @@ def test_the_kinematic_plants_twist_is_that_of_the_frame_just_past() -> None:
 def test_the_mujoco_plants_twist_is_the_rate_of_its_pose_in_the_world() -> None:
     """Integrated, the twist of a robot that turns and curves is the way that it went, on whatever heading."""
     frames, start = 60, np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 2.5]])
-    plant = MujocoPlant(rows([quiet()] * 2), start)
+    plant = plant_of([quiet()] * 2, start)
     np.testing.assert_array_equal(plant.twist(), np.zeros((2, 3)))
     way = np.zeros((2, 3))
     for frame in range(frames):
@@ -119,7 +112,7 @@ def test_the_mujoco_plants_twist_is_the_rate_of_its_pose_in_the_world() -> None:
 
 
 def test_telemetry_handed_out_does_not_change_afterwards() -> None:
-    plant = still([Settings()], [0], MujocoPlant)
+    plant = plant_of([Settings()])
     plant.advance(Received.at_once(0.1 * np.ones((1, 3)), np.zeros(1)))
     telemetry = plant.telemetry()
     before = {name: values.copy() for name, values in vars(telemetry).items()}
@@ -144,8 +137,10 @@ def test_telemetry_handed_out_does_not_change_afterwards() -> None:
         ),
     ],
 )
-def test_settings_of_the_other_plant_change_nothing(kind: Kind, foreign: dict[str, dict[str, float]]) -> None:
+def test_settings_of_the_other_plant_change_nothing(
+    kind: type[KinematicPlant] | type[MujocoPlant], foreign: dict[str, dict[str, float]]
+) -> None:
     commands = constant([0.5, 0.2, 1.0], 15, 2)
-    default = drive(still([Settings()] * 2, [3, 4], kind), commands)
-    changed = drive(still([with_settings(**foreign)] * 2, [3, 4], kind), commands)
+    default = drive(kind(rows([Settings()] * 2, [3, 4]), np.zeros((2, 3))), commands)
+    changed = drive(kind(rows([with_settings(**foreign)] * 2, [3, 4]), np.zeros((2, 3))), commands)
     np.testing.assert_array_equal(changed, default)
