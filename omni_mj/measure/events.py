@@ -3,7 +3,7 @@
 An event depends on nothing that comes after its frame, so that events can be told while a run goes on.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -41,46 +41,73 @@ class Event:
 
 def find(log: Log, failures: "Iterable[Failure]" = ()) -> list[Event]:
     """What a user must know, once per row, in the order of time: rows that were stopped, temperature, battery."""
-    limit = np.array([row.settings.motor.limit_c for row in log.rows])
-    with np.errstate(invalid="ignore"):  # not a number where there are no motors, or no more frames
-        too_hot = (log.channel("winding") > limit[:, None]).any(-1)
-    empty = log.channel("battery")[..., 0] == 0
-    found = [_event(f.row, log, round(f.time_s / PERIOD_S), STOPPED, f"stopped: {f.cause}") for f in failures]
-    for i in np.flatnonzero(too_hot.any(0)):
-        found.append(_event(i, log, int(too_hot[:, i].argmax()), TEMPERATURE, f"a winding is above {limit[i]:g} deg C"))
-    for i in np.flatnonzero(empty.any(0)):
-        cut_off = log.rows[i].settings.battery.cut_off_v
-        text = f"the battery sank below {cut_off:g} V and gives no more power"
-        found.append(_event(i, log, int(empty[:, i].argmax()), BATTERY, text))
-    return _sorted(found)
+    return _sorted(_must_know(log, range(len(log.rows)), failures))
 
 
 def find_all(log: Log, failures: "Iterable[Failure]" = ()) -> list[Event]:
-    """Everything that happened to each controller's first row, in the order of time: also limits, misses, way-points.
+    """Everything that happened to each controller's first row, in the order of time."""
+    failures = list(failures)
+    first = [log.first(controller) for controller in log.controllers]
+    return _sorted(event for row in first for event in of_row(log, row, failures))
+
+
+def of_row(log: Log, row: int, failures: "Iterable[Failure]" = ()) -> list[Event]:
+    """Everything that happened to a row, in the order of time: also limits, misses, way-points.
 
     A limit is met in the first frame at it, `QUIET_FRAMES` after the last.
     """
-    first = [log.first(controller) for controller in log.controllers]
-    named = {(log.rows[i].controller, log.rows[i].seed, log.rows[i].place) for i in first}
-    found = [event for event in find(log, failures) if (event.controller, event.seed, event.place) in named]
-    for i in first:
-        own = slice(log.lengths[i])
-        track = {name: log.channel(name)[own, i] for name in ("pose", "ref", "command", "vision_valid")}
-        duty, battery = (log.channel(name)[own, i, 0] for name in ("duty_peak", "battery"))
-        happened = [
-            *_limits(track["command"], log.rows[i].settings.control),
-            *((f, VOLTAGE, "a motor takes all the battery's voltage") for f in _met((duty >= 1) & (battery > 0))),
-            *_lost(track["vision_valid"][:, 0]),
-            *_reached(track["pose"], track["ref"], log.rows[i]),
-        ]
-        found += [_event(i, log, frame, kind, text) for frame, kind, text in happened]
-    return _sorted(found)
+    own = slice(log.lengths[row])
+    track = {name: log.channel(name)[own, row] for name in ("pose", "ref", "command", "vision_valid")}
+    duty, battery = (log.channel(name)[own, row, 0] for name in ("duty_peak", "battery"))
+    happened = [
+        *_limits(track["command"], log.rows[row].settings.control),
+        *((f, VOLTAGE, "a motor takes all the battery's voltage") for f in _met((duty >= 1) & (battery > 0))),
+        *_lost(track["vision_valid"][:, 0]),
+        *_reached(track["pose"], track["ref"], log.rows[row]),
+    ]
+    told = [_event(log, row, frame, kind, text) for frame, kind, text in happened]
+    return _sorted([*_must_know(log, [row], failures), *told])
+
+
+class Watch:
+    """Tells what happens to a row while its log grows.
+
+    Args:
+        log: of a simulation that goes on.
+        row: whose events are told.
+    """
+
+    def __init__(self, log: Log, row: int) -> None:
+        self._log, self._row = log, row
+        self._told: set[Event] = set()
+
+    def new(self, failures: "Iterable[Failure]" = ()) -> list[Event]:
+        """What happened since this was asked last, in the order of time."""
+        fresh = [event for event in of_row(self._log, self._row, failures) if event not in self._told]
+        self._told.update(fresh)
+        return fresh
+
+
+def _must_know(log: Log, rows: Sequence[int], failures: "Iterable[Failure]") -> list[Event]:
+    limit = np.array([log.rows[i].settings.motor.limit_c for i in rows])
+    with np.errstate(invalid="ignore"):  # not a number where there are no motors, or no more frames
+        too_hot = (log.channel("winding")[:, rows] > limit[:, None]).any(-1)
+    empty = log.channel("battery")[:, rows, 0] == 0
+    stopped = [f for f in failures if f.row in rows]
+    found = [_event(log, f.row, round(f.time_s / PERIOD_S), STOPPED, f"stopped: {f.cause}") for f in stopped]
+    for k in np.flatnonzero(too_hot.any(0)):
+        text = f"a winding is above {limit[k]:g} deg C"
+        found.append(_event(log, rows[k], int(too_hot[:, k].argmax()), TEMPERATURE, text))
+    for k in np.flatnonzero(empty.any(0)):
+        text = f"the battery sank below {log.rows[rows[k]].settings.battery.cut_off_v:g} V and gives no more power"
+        found.append(_event(log, rows[k], int(empty[:, k].argmax()), BATTERY, text))
+    return found
 
 
 _Happening = tuple[int, str, str]  # frame, kind, text
 
 
-def _event(i: int, log: Log, frame: int, kind: str, text: str) -> Event:
+def _event(log: Log, i: int, frame: int, kind: str, text: str) -> Event:
     row = log.rows[i]
     return Event(frame, frame * PERIOD_S, row.controller, row.seed, kind, text, row.place)
 

@@ -23,7 +23,7 @@ PLANT_PARTS = {"kinematic": ("kinematic",), "mujoco": ("carpet", "drive", "motor
 
 
 def table(scenario: Scenario) -> Table | None:
-    """The paper's table that reports what `scenario` runs; None where it is not, or no longer, the paper's experiment."""
+    """The paper's table that reports what `scenario` runs; None where that is not the paper's experiment."""
     if scenario.paper_table not in TABLES:
         return None
     own = _experiment(scenario.paper_table)

@@ -124,7 +124,7 @@ class Result:
         return pa.concat_tables(tables, promote_options="default").unify_dictionaries()
 
     def rows(self) -> "pa.Table":
-        """One line per row: scenario, controller, seed, place, when and why it failed, settings that differ, numbers."""
+        """One line per row: what it is, when and why it failed, the settings in which rows differ, and its numbers."""
         import pyarrow as pa
 
         lines = [line for outcome in self.outcomes for line in _lines(outcome)]

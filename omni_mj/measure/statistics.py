@@ -54,7 +54,8 @@ def paired(ours: Spread, theirs: Spread) -> tuple[float | None, float | None, bo
     """How two controllers' errors differ seed by seed, which takes out what the seeds' noise does to both.
 
     Args:
-        ours, theirs: spreads over the same seeds.
+        ours: spread of the one over the seeds.
+        theirs: that of the other over the same seeds.
 
     Returns:
         The mean of ours less theirs, half its 95 % interval, and whether that leaves out zero; None for what cannot be

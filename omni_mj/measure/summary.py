@@ -85,15 +85,16 @@ def entry(
 
     Args:
         scenario: what was run.
-        log, failures: what came of it.
-        measured: what `metrics.row_metrics` says of it.
+        log: what was recorded.
+        failures: the rows that were stopped.
+        measured: what `metrics.row_metrics` says of it; empty where errors mean nothing.
         wall_s: how long it took, s.
         stopped: why it ended before its time, or None.
         limits: controllers that are no competitors.
         subject: the controller of which a verdict is asked for, or None.
     """
     failures = list(failures)
-    found = results(log, failures, measured) if log.length or failures else {}
+    found = results(log, failures, measured) if measured and (log.length or failures) else {}
     return nothing_run(scenario) | {
         "status": "stopped" if stopped else "done",
         "reason": stopped,
