@@ -52,6 +52,7 @@ def command(
     from omni_mj.scenarios import scenario
     from omni_mj.show import compare_table
     from omni_mj.studies import compare
+    from omni_mj.studies.outcome import total_frames
 
     controllers = controllers or tuple(CONTROLLERS)
     names = names or compare.usual()
@@ -76,7 +77,7 @@ def command(
             nonlocal count
             count += 1
             console.quiet_mujoco()
-            show = begin(f"{simulation.scenario.name} ({count} of {len(chosen)})", simulation.frames)
+            show = begin(f"{simulation.scenario.name} ({count} of {len(chosen)})", total_frames(simulation))
 
             def after_frame(frame: int) -> None:
                 interrupts.check()

@@ -53,10 +53,16 @@ def fail(message: str, code: int) -> NoReturn:
     sys.exit(code)
 
 
-def fail_rows(failures: Mapping[str, Iterable["Failure"]]) -> None:
-    """End the program with a line for each row that failed, if there are any; scenario -> its failures."""
+def fail_rows(failures: Mapping[str, Iterable["Failure"]], errors: Iterable[str] = ()) -> None:
+    """End the program if anything failed, with a line for each.
+
+    Args:
+        failures: scenario -> its rows that were stopped.
+        errors: what else went wrong.
+    """
     several = len(failures) > 1
     lines = [f"{name}: " * several + str(failure) for name, rows in failures.items() for failure in rows]
+    lines += errors
     if lines:
         fail("\n".join(lines), FAILED)
 
@@ -83,7 +89,14 @@ def progress(quiet: bool) -> Iterator[Callable[[str, int], Callable[[int], None]
         yield lambda description, total: lambda frame: None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     label, bar, done = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
     columns = (label, bar, done, TimeElapsedColumn(), TimeRemainingColumn())
@@ -143,7 +156,8 @@ def print_table(table: "Table") -> None:
 
 def print_events(entry: Mapping[str, Any]) -> None:
     """Print the first events of a summary's entry."""
-    for event in entry["events"][:EVENTS_SHOWN]:
+    events = [event for event in entry["events"] if event["kind"] != "stopped"]  # which end the program, and say so
+    for event in events[:EVENTS_SHOWN]:
         print(f"note: {event['time_s']:.2f} s, {event['controller']}, seed {event['seed']}: {event['text']}")
-    if (more := len(entry["events"]) - EVENTS_SHOWN) > 0:
+    if (more := len(events) - EVENTS_SHOWN) > 0:
         print(f"note: {more} more events are in summary.json")

@@ -180,7 +180,12 @@ def _alpha(simulation: Simulation, heading: Array, shape: Sequence[int]) -> Arra
 def _without_loop(scenario: Scenario) -> Scenario:
     """The scenario without dead time, noise of the camera, and controllers; its reference is as long as the profile."""
     settings = scenario.settings.replace(
-        reference={"shape": "waypoints", "waypoints": [[0, 0], [0, 0]], "mode": "timed", "settle_s": 2 * FRAMES * PERIOD_S},
+        reference={
+            "shape": "waypoints",
+            "waypoints": [[0, 0], [0, 0]],
+            "mode": "timed",
+            "settle_s": 2 * FRAMES * PERIOD_S,
+        },
         radio={"delay_frames": 0, "jitter_frames": 0},
         vision={"position_noise_m": 0, "heading_noise_rad": 0, "miss_probability": 0},
         world={"places": [[0, 0, 0]]},

@@ -45,14 +45,14 @@ def compare(
         OmniError: there is no such scenario or controller, two scenarios share a name, or the subject is not compared.
     """
     started = time.perf_counter()
-    given = [name for name in builtin() if name not in LEFT_OUT] if scenarios is None else scenarios
+    given = usual() if scenarios is None else scenarios
     kinds = tuple(CONTROLLERS if controllers is None else controllers)
     numbers = list(range(seeds) if isinstance(seeds, int) else seeds)
     chosen = [(load(each) if isinstance(each, str) else each).replace(controllers=kinds) for each in given]
     result = Result([Outcome.not_run(each) for each in chosen], seeds=numbers, subject=subject)
     if chosen:
         result.controllers, result.limits = list(chosen[0].labels), limits(chosen[0])
-    _check(chosen, result.controllers, subject)
+    check(chosen, subject)
     try:
         for i, outcome in enumerate(_outcomes(chosen, numbers, subject, before_scenario)):
             result.outcomes[i] = outcome if keep else replace(outcome, log=None)
@@ -63,6 +63,25 @@ def compare(
         result.stopped = error.reason
     result.wall_s = time.perf_counter() - started
     return result
+
+
+def usual() -> tuple[str, ...]:
+    """The scenarios that are compared unless others are named."""
+    return tuple(name for name in builtin() if name not in LEFT_OUT)
+
+
+def check(chosen: Sequence[Scenario], subject: str | None) -> None:
+    """See that scenarios, all with the same controllers, can stand in one table.
+
+    Raises:
+        OmniError: two of them share a name, or the subject is none of the controllers.
+    """
+    names = [each.name for each in chosen]
+    for name in names:
+        if names.count(name) > 1:
+            raise OmniError(f"two scenarios are called {name!r}; give each once, or files with another name in them")
+    if subject is not None and chosen and subject not in chosen[0].labels:
+        raise OmniError(f"the subject {subject!r} is not among the controllers; {choose(subject, chosen[0].labels)}")
 
 
 def _outcomes(
@@ -79,12 +98,3 @@ def _outcomes(
         if stopped := outcome.entry["reason"]:  # not all of it was run: its numbers would not compare
             raise StoppedError(stopped)
         yield outcome
-
-
-def _check(chosen: Sequence[Scenario], controllers: Sequence[str], subject: str | None) -> None:
-    names = [each.name for each in chosen]
-    for name in names:
-        if names.count(name) > 1:
-            raise OmniError(f"two scenarios are called {name!r}; give each once, or files with another name in them")
-    if subject is not None and subject not in controllers:
-        raise OmniError(f"the subject {subject!r} is not among the controllers; {choose(subject, controllers)}")

@@ -61,6 +61,11 @@ def drive(simulation: Simulation, after_frame: AfterFrame = nothing, subject: st
     return Outcome(simulation.scenario, entry, simulation.rows, failures, measured, log)
 
 
+def total_frames(simulation: Simulation) -> int:
+    """How many frames a simulation has from start to end."""
+    return max(reference.frames for reference in simulation.references)
+
+
 def limits(scenario: Scenario) -> list[str]:
     """Labels of the controllers that are given the truth: no competitors."""
     return [label(kind) for kind in scenario.controllers if find(kind).knows_truth]
