@@ -8,8 +8,8 @@ if __name__ == "__main__":
 
     console.invoke(command)
 else:
-    # Importing a module sets it as an attribute of its package: `import omni_mj.run` would put this file in the place of
-    # the function `omni_mj.run`. What stands in sys.modules is what is set.
+    # Importing a module sets it as an attribute of its package: `import omni_mj.run` would put this file in the place
+    # of the function `omni_mj.run`. What is set is what stands in sys.modules.
     from omni_mj.studies.run import run
 
     sys.modules[__name__] = run  # type: ignore[assignment]

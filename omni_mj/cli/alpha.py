@@ -39,8 +39,7 @@ def command(overrides: tuple[str, ...], out: Path | None, overwrite: bool, quiet
             alpha_figure.save(result.study, folder / "alpha.png")
     if not quiet:
         print(result.table())
-        print(
-            f"results in {folder}/ ({', '.join(o for o in OUTPUTS if (folder / o).exists())}) after {result.wall_s:.0f} s"
-        )
+        left = ", ".join(output for output in OUTPUTS if (folder / output).exists())
+        print(f"results in {folder}/ ({left}) after {result.wall_s:.0f} s")
     interrupts.end(result.stopped, f"nothing was measured; what there is is in {folder}")
     console.fail_rows({"alpha": result.failures})

@@ -1,4 +1,4 @@
-"""What a user sees on the terminal: errors in a line each, progress, tables."""
+"""What a user sees on the terminal: errors in a line each, progress."""
 
 import os
 import sys
@@ -12,19 +12,15 @@ import click
 from omni_control.errors import OmniError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from omni_mj.measure.table import Table
     from omni_mj.simulate.simulation import Failure
 
 BAD_INPUT, FAILED = 2, 1
 EVENTS_SHOWN = 5
 PROGRESS_STEP = 12  # frames from one look of the progress bar to the next
-PIPE_WIDTH = 120  # columns, where the output is no terminal
 
 
 def invoke(command: click.Command, args: list[str] | None = None) -> NoReturn:
-    """Run a click command and exit: 0 on success, 2 for bad input, 1 for a failure; errors are a line each on stderr."""
+    """Run a click command and exit: 0 on success, 2 for bad input, 1 for a failure; each error is a line on stderr."""
     try:
         code = command.main(args=args, prog_name=_program(command), standalone_mode=False)
     except click.exceptions.Abort:
@@ -126,32 +122,6 @@ def writing(folder: Path) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or str(error)
         fail(f"cannot write to {folder}: {reason}; what could be written until then is there", FAILED)
-
-
-def terminal(width: int = PIPE_WIDTH) -> "Console":
-    """What prints tables: as wide as the terminal, or `width` columns where there is none."""
-    from rich.console import Console
-
-    return Console(width=None if sys.stdout.isatty() else width)
-
-
-def print_table(table: "Table") -> None:
-    """Print a table, its title above it."""
-    from rich.box import SIMPLE
-    from rich.markup import escape
-    from rich.table import Table as Drawn
-
-    drawn = Drawn(box=SIMPLE, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
-    for i, heading in enumerate(table.headings):
-        left = i < table.left
-        drawn.add_column(heading, justify="left" if left else "right", no_wrap=left)
-    for row in table.rows:
-        if row[0] and table.left > 1 and drawn.row_count:
-            drawn.add_section()
-        drawn.add_row(*map(escape, row))
-    console = terminal()
-    console.print(table.title, style="bold", highlight=False, markup=False)
-    console.print(drawn)
 
 
 def print_events(entry: Mapping[str, Any]) -> None:

@@ -162,10 +162,11 @@ def _draw(outcome: "Outcome", folder: Path, draw: bool) -> None:
 
 def _report(result: "Result", folder: Path, record: bool, draw: bool) -> None:
     from omni_mj.measure.table import table
+    from omni_mj.show import terminal
 
     (outcome,) = result.outcomes
     if outcome.entry["results"]:
-        console.print_table(table(result.summary()))
+        terminal.show(table(result.summary()))
         console.print_events(outcome.entry)
     print(f"{outcome.entry['simulated_s']:.1f} s simulated in {result.wall_s:.1f} s; results in {folder}/")
     print(f"  report     {folder / 'report.html'}")

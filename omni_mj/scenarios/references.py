@@ -7,14 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_control.reference import (
-    CURVES,
-    CurveReference,
-    IteratedReference,
-    MotionLimits,
-    SampledReference,
-    TimedReference,
-)
+from omni_control.reference import CURVES, CurveReference, IteratedReference, MotionLimits, SampledReference, TimedReference
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, ReferenceSettings
 
 Where = tuple[float, float, float]

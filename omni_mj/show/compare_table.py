@@ -6,6 +6,7 @@ from typing import Any
 from omni_mj.measure.table import DASH, Table, label, plus_minus, table
 from omni_mj.measure.verdict import ERRORS, best
 from omni_mj.show import markdown as md
+from omni_mj.show import terminal
 
 Summary = dict[str, Any]
 WITHIN_CHANCE = "?"
@@ -13,15 +14,13 @@ WITHIN_CHANCE = "?"
 
 def show(summary: Summary) -> None:
     """Print the table, the verdicts, and what was missed or not done."""
-    from omni_mj.cli import console
-
     found = table(summary)
     if found.rows:
-        console.print_table(found)
+        terminal.show(found)
         print("settled: s after the end of the reference's last move; compare.md has the definitions\n")
     verdicts = verdict_table(summary)
     if verdicts.rows:
-        console.print_table(verdicts)
+        terminal.show(verdicts)
         print(f"{_caption(summary)}\n")
     for line in _why_not(summary):
         print(f"why not: {line}")

@@ -1,7 +1,6 @@
 """What there is to name: scenarios, controllers, plants, robots, and every setting with unit, default and range."""
 
 import json
-import sys
 import tomllib
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +9,7 @@ from omni_mj.scenarios import robots
 from omni_mj.scenarios.plants import PLANTS
 from omni_mj.scenarios.scenario import builtin
 from omni_mj.scenarios.settings import every_setting
+from omni_mj.show import terminal
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -19,9 +19,7 @@ PIPE_WIDTH = 140  # columns, where the output is no terminal
 
 def show() -> None:
     """Print the lists."""
-    from rich.console import Console
-
-    console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH)
+    console = terminal.console(PIPE_WIDTH)
     scenarios = {name: tomllib.loads(path.read_text(encoding="utf-8")) for name, path in builtin().items()}
     _print(console, "scenarios (--scenario)", [[name, data.get("description", "")] for name, data in scenarios.items()])
     _print(console, "controllers (--controller)", [[name, _first_line(find(name))] for name in CONTROLLERS])

@@ -170,7 +170,7 @@ def profile() -> Array:
 
 
 def _alpha(simulation: Simulation, heading: Array, shape: Sequence[int]) -> Array:
-    """alpha along the drive, one window after the other, over conditions of this shape and directions."""
+    """The factor along the drive, one window after the other, over conditions of this shape and directions."""
     along = (simulation.log.channel("pose")[..., :2] * heading).sum(-1)
     command = np.append(profile(), 0.0)[:, None] * np.ones(len(heading))
     windows = alpha_windows(along, command)[::ALPHA_WINDOW_FRAMES]
