@@ -18,11 +18,13 @@ import jinja2
 from omni_control.errors import OmniError
 from omni_mj.cli import console
 from omni_mj.measure.metrics import AXES
+from omni_mj.scenarios.nested import plain
+from omni_mj.scenarios.settings import every_setting
 from omni_mj.show import figures, listing
 
 TEMPLATES = Path(__file__).with_name("templates")
 STATISTICS = {"max": "Maximum error", "mean": "Mean error"}
-UNKNOWN = {"unit": "", "doc": "unknown to this version"}
+UNKNOWN = "unknown to this version"
 TYPES = {".svg": "image/svg+xml", ".png": "image/png"}
 # What a summary must hold, and as what.
 PARTS: dict[str, type | tuple[type, ...]] = {
@@ -180,13 +182,16 @@ def _data_uri(image: bytes, kind: str) -> str:
 
 def _settings(summary: dict[str, Any]) -> list[Setting]:
     """The run's settings in its order, with what this version knows of them."""
-    known = {f"{section}.{field.name}": (field.metadata, default) for section, field, default in listing.settings()}
+    known = {each.full: each for each in every_setting()}
     rows = []
     for section, fields in summary["settings"].items():
         for field, value in fields.items():
             name = f"{section}.{field}"
-            meta, default = known.get(name, (UNKNOWN, None))
-            rows.append(Setting(name, value, default, meta["unit"], meta["doc"], name in known))
+            if name in known:
+                default = plain(known[name].default)
+                rows.append(Setting(name, value, default, known[name].unit, known[name].doc, True))
+            else:
+                rows.append(Setting(name, value, None, "", UNKNOWN, False))
     return rows
 
 

@@ -11,9 +11,9 @@ import rerun as rr
 from omni_control.kinematics import Array, Kinematics, world_to_body
 from omni_mj.measure.metrics import ALPHA_WINDOW_FRAMES, alpha_windows
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
-from omni_mj.show.recording import colours, robot_shape
+from omni_mj.show.recording import colours
 from omni_mj.simulate.log import Trajectory
-from omni_mj.worlds import robot
+from omni_mj.worlds import build
 
 WHEELS = ("front left", "rear left", "rear right", "front right")
 
@@ -118,7 +118,7 @@ def _true_alpha(axis: int) -> Values:
 
 @lru_cache(maxsize=1)
 def _kinematics() -> Kinematics:
-    return robot.kinematics(robot_shape.at_rest()[0])
+    return build.world().kinematics
 
 
 def _wheel_speed(track: Track, frames: Array) -> Array:

@@ -1,11 +1,10 @@
 """The texts of a recording: the settings as Markdown tables, the events as a log."""
 
-import dataclasses
-
 import numpy as np
 import rerun as rr
 
 from omni_mj.measure.events import BATTERY, LIMIT, TEMPERATURE, VISION, VOLTAGE, WAY_POINT, Event
+from omni_mj.scenarios.nested import plain
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show.recording import colours
@@ -22,14 +21,13 @@ def settings(scenario: Scenario) -> str:
         f"Plant {scenario.plant}, controllers {', '.join(scenario.labels)}, seed {scenario.seed}. All series are"
         f" sampled at {FRAME_RATE_HZ} Hz, the camera's frames. Settings that differ from the default are bold.",
     ]
-    for section in dataclasses.fields(scenario.settings):
-        values = getattr(scenario.settings, section.name)
-        defaults = type(values)()
-        lines += ["", f"### {section.name}", "", "| setting | value | unit | meaning |", "| --- | --- | --- | --- |"]
-        for field in dataclasses.fields(values):
-            value = getattr(values, field.name)
-            shown = value if value == getattr(defaults, field.name) else f"**{value}**"
-            lines.append(f"| {field.name} | {shown} | {field.metadata['unit']} | {field.metadata['doc']} |")
+    section = None
+    for each, value in scenario.settings.items():
+        if each.section != section:
+            section = each.section
+            lines += ["", f"### {section}", "", "| setting | value | unit | meaning |", "| --- | --- | --- | --- |"]
+        shown = plain(value) if value == each.default else f"**{plain(value)}**"
+        lines.append(f"| {each.name} | {shown} | {each.unit} | {each.doc} |")
     return "\n".join(lines)
 
 
