@@ -1,6 +1,5 @@
 """The camera: its noise and misses as statistics, its seeds, its headings."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -24,9 +23,9 @@ def watch(
     vision: VisionSettings, seeds: list[int], frames: int, pose: NDArray | None = None
 ) -> tuple[NDArray, NDArray]:
     """What a camera sees of robots that stand still: poses (frames, n, 3) and whether (frames, n)."""
-    camera = Camera(vision, seeds, frames)
+    camera = Camera([vision] * len(seeds), [(seed,) for seed in seeds])
     pose = np.zeros((len(seeds), 3)) if pose is None else pose
-    measured, seen = zip(*(camera(frame, pose) for frame in range(frames)), strict=True)
+    measured, seen = zip(*(camera(pose) for _ in range(frames)), strict=True)
     return np.array(measured), np.array(seen)
 
 
@@ -57,13 +56,20 @@ def test_noise_is_white_and_independent_per_axis(noise: NDArray) -> None:
     assert np.abs(np.corrcoef(noise.T)[np.triu_indices(3, 1)]).max() < bound
 
 
-@pytest.mark.parametrize("probability", [0.0, 0.02, 0.3, 0.9])
-def test_misses_happen_as_often_as_asked_for(probability: float) -> None:
-    vision = VisionSettings(miss_probability=probability)
-    measured, seen = watch(vision, [3], FRAMES)
-    # A binomial share spreads by sqrt(p (1 - p) / n); the first frame is always seen, 1 / n of them all.
-    spread = math.sqrt(probability * (1 - probability) / FRAMES)
-    assert 1 - seen.mean() == pytest.approx(probability, abs=SIGMAS * spread + 1 / FRAMES)
+def side_by_side(visions: list[VisionSettings]) -> tuple[NDArray, NDArray]:
+    """What one camera sees of robots that are seen differently, all with the same seed."""
+    camera = Camera(visions, [(3,)] * len(visions))
+    measured, seen = zip(*(camera(np.zeros((len(visions), 3))) for _ in range(FRAMES)), strict=True)
+    return np.array(measured), np.array(seen)
+
+
+def test_misses_happen_as_often_as_asked_for() -> None:
+    probabilities = [0.0, 0.02, 0.3, 0.9]
+    measured, seen = side_by_side([VisionSettings(miss_probability=p) for p in probabilities])
+    for row, probability in enumerate(probabilities):
+        # A binomial share spreads by sqrt(p (1 - p) / n); the first frame is always seen, 1 / n of them all.
+        spread = math.sqrt(probability * (1 - probability) / FRAMES)
+        assert 1 - seen[:, row].mean() == pytest.approx(probability, abs=SIGMAS * spread + 1 / FRAMES)
     assert np.isnan(measured[~seen]).all()
     assert np.isfinite(measured[seen]).all()
 
@@ -73,27 +79,27 @@ def test_every_robot_is_seen_in_the_first_frame() -> None:
     assert seen.all()
 
 
-@pytest.mark.parametrize("length", [2, 10, 60])
-def test_gaps_are_as_long_as_asked_for_unless_they_overlap(length: int) -> None:
+def test_gaps_are_as_long_as_asked_for_unless_they_overlap() -> None:
     """A gap of `miss_frames` begins wherever a camera of single misses misses: with others it makes one longer gap."""
-    vision = VisionSettings(miss_probability=0.02)
-    _, single = watch(vision, [3, 4], FRAMES // 10)
-    measured, seen = watch(dataclasses.replace(vision, miss_frames=length), [3, 4], FRAMES // 10)
-    expected = np.array([single[max(0, k - length + 1) : k + 1].all(0) for k in range(len(seen))])
-    later = slice(length, None)  # of what began in the first frame, which is always seen, a rest may be missed
-    np.testing.assert_array_equal(seen[later], expected[later])
+    lengths = [1, 2, 10, 60]
+    measured, seen = side_by_side([VisionSettings(miss_probability=0.02, miss_frames=length) for length in lengths])
+    single = seen[:, 0]
+    for row, length in enumerate(lengths):
+        expected = np.array([single[max(0, k - length + 1) : k + 1].all() for k in range(FRAMES)])
+        np.testing.assert_array_equal(seen[:, row], expected)
     assert np.isnan(measured[~seen]).all()
     assert np.isfinite(measured[seen]).all()
 
 
-@pytest.mark.parametrize(("probability", "length"), [(0.002, 10), (0.02, 10), (0.3, 3), (0.001, 60)])
-def test_longer_gaps_hide_the_share_that_they_should(probability: float, length: int) -> None:
+def test_longer_gaps_hide_the_share_that_they_should() -> None:
     """Seen are the frames in which, and in the `miss_frames` - 1 before which, no gap began: (1 - p)^miss_frames."""
-    _, seen = watch(VisionSettings(miss_probability=probability, miss_frames=length), [3], FRAMES)
-    # Frames within two lengths of each other are related: there are at least n / (2 miss_frames) independent ones.
-    share = (1 - probability) ** length
-    spread = math.sqrt(share * (1 - share) * 2 * length / FRAMES)
-    assert seen.mean() == pytest.approx(share, abs=SIGMAS * spread)
+    cases = [(0.002, 10), (0.02, 10), (0.3, 3), (0.001, 60)]
+    _, seen = side_by_side([VisionSettings(miss_probability=p, miss_frames=length) for p, length in cases])
+    for row, (probability, length) in enumerate(cases):
+        # Frames within two lengths of each other are related: there are at least n / (2 miss_frames) independent ones.
+        share = (1 - probability) ** length
+        spread = math.sqrt(share * (1 - share) * 2 * length / FRAMES)
+        assert seen[:, row].mean() == pytest.approx(share, abs=SIGMAS * spread)
 
 
 def test_every_robot_is_seen_in_the_first_frame_however_long_its_gaps_are() -> None:

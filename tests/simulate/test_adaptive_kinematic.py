@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from simulating import COMPENSATED, FLC, run
 
-from omni_mj.scenarios import scenario
-from omni_mj.simulate.simulation import Simulation
-
-FLC, COMPENSATED, ADAPTIVE = 0, 1, 2
+ADAPTIVE = 2
 SEEDS = 6
 
 
@@ -30,11 +28,12 @@ DOUBTFUL = {
 
 def errors(overrides: tuple[str, ...]) -> tuple[NDArray, NDArray]:
     """Largest and mean distance from the reference, (controllers, seeds) each, m: two sides of the rectangle."""
-    settings = ("reference.waypoints=[[-1, -0.75], [1, -0.75], [1, 0.75]]", *overrides)
-    head = {"plant": "kinematic", "seeds": SEEDS, "controllers": ("flc", "comp-flc", "adaptive-comp-flc")}
-    simulation = Simulation(scenario.load("rect", settings, head))
-    simulation.run()
-    off = simulation.trajectory.channel("pose") - simulation.trajectory.channel("ref")
+    controllers, route = (
+        ("flc", "comp-flc", "adaptive-comp-flc"),
+        ("reference.waypoints=[[-1,-0.75],[1,-0.75],[1,0.75]]",),
+    )
+    trajectory = run("kinematic", overrides, controllers, seeds=SEEDS, route=route)
+    off = trajectory.channel("pose") - trajectory.channel("ref")
     distance = np.hypot(off[..., 0], off[..., 1])
     return distance.max(0), distance.mean(0)
 

@@ -6,14 +6,12 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from simulating import COMPENSATED, DISTURBED, FLC, FRAME_S, IDEAL, PLANTS, ages, run
-
-from omni_mj.simulate.log import CHANNELS, Trajectory
+from simulating import COMPENSATED, DISTURBED, FLC, FRAME_S, IDEAL, PLANTS, Grid, ages, run
 
 ACCELERATION = 0.826  # of the reference (paper, section 2)
 
 
-def errors(trajectory: Trajectory) -> NDArray:
+def errors(trajectory: Grid) -> NDArray:
     """Largest error (controllers, 2) of the first seed in x and y, m."""
     return np.abs(trajectory.channel("pose") - trajectory.channel("ref"))[:, :, 0, :2].max(0)
 
@@ -55,7 +53,7 @@ def test_with_jitter_applied_is_what_was_commanded_about_k_d_frames_ago(
 @pytest.mark.parametrize("plant", PLANTS)
 def test_without_dead_time_there_is_nothing_to_compensate(plant: str) -> None:
     trajectory = run(plant, ("radio.delay_frames=0", *DISTURBED), seeds=2)
-    for name in set(CHANNELS) - {"alpha_hat"}:  # which only one of them estimates
+    for name in set(trajectory.log.columns) - {"alpha_hat"}:  # which only one of them estimates
         channel = trajectory.channel(name)
         np.testing.assert_array_equal(channel[:, FLC], channel[:, COMPENSATED], err_msg=name)
 

@@ -36,14 +36,14 @@ def certainty(request: pytest.FixtureRequest) -> Certainty:
     name, plant, seeds, overrides = CASES[request.param]
     head = {"plant": plant, "seeds": seeds, "controllers": ("comp-flc",)}
     simulation = Simulation(scenario.load(name, overrides, head))
-    kalman, said = simulation.filter, []
-    simulation.run(lambda frame: said.append((kalman.normalised.copy(), kalman.pose.copy(), kalman.sigma.copy())))
+    kalman, said = simulation.team.filter, []
+    log = simulation.run(lambda frame: said.append((kalman.normalised.copy(), kalman.pose.copy(), kalman.sigma.copy())))
     innovation, pose, sigma = (np.array(values) for values in zip(*said, strict=True))
-    seen = simulation.trajectory.channel("vision_valid")[:, 0, :, 0].astype(bool)
+    seen = log.channel("vision_valid")[..., 0]
     unseen = np.zeros(seen.shape, int)
     for k in range(1, len(seen)):
         unseen[k] = np.where(seen[k], 0, unseen[k - 1] + 1)
-    return Certainty(innovation, pose - simulation.trajectory.channel("pose")[:, 0], sigma, unseen)
+    return Certainty(innovation, pose - log.channel("pose"), sigma, unseen)
 
 
 def test_the_innovations_squared_average_one(certainty: Certainty) -> None:

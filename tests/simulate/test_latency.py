@@ -1,6 +1,6 @@
 """The latency that adaptive-comp-flc finds while it drives, on both plants, after two seconds of motion.
 
-In the two seconds robots speed up for 1.56 s and then brake, with the default noise of vision. The tracker is told a
+In the two seconds robots speed up for 1.56 s and then brake, with the default noise of vision. The controller is told a
 dead time of 6 frames, whatever it is.
 """
 
@@ -8,16 +8,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from driving import FRAME_S
+from driving import FRAME_S, rows
 from numpy.typing import NDArray
+from simulating import Grid, simulation
 
-from omni_control.reference.timed import SampledReference
 from omni_mj.link.radio import Received
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.scenarios import scenario
 from omni_mj.scenarios.settings import Settings
-from omni_mj.simulate.log import Trajectory
-from omni_mj.simulate.simulation import Simulation
 
 TOLD, LEAD = 6, 15
 DELAYS = (2, 3, 4, 6, 8, 10, 12)
@@ -30,19 +27,17 @@ LASTING = ()  # as in the scenario: the same distribution, lasting for 10 s
 MUJOCO = ("wheels.model=contact-roller",)  # 0.4 of the cost; finds what full wheels do to 0.02 frames
 
 
-def drive(plant: str, delay: int, axis: int, seeds: int, overrides: tuple[str, ...]) -> Trajectory:
+def drive(plant: str, delay: int, axis: int, seeds: int, overrides: tuple[str, ...]) -> Grid:
     """What robots did until they had moved for two seconds along an axis of theirs."""
     told = f"control.delay_error_frames={TOLD - delay}"
     settings = (f"radio.delay_frames={delay}", told, f"reference.waypoints={LEGS[axis]}", *overrides)
-    head = {"plant": plant, "seeds": seeds, "controllers": ("adaptive-comp-flc",)}
-    simulation = Simulation(scenario.load("rect", settings, head))
-    # The run ends with its reference; the trackers look ahead on theirs, which is whole.
-    simulation.reference = SampledReference(simulation.reference.poses[: AFTER_TWO_SECONDS + 1], FRAME_S)
-    simulation.run()
-    return simulation.trajectory
+    simulated = simulation(plant, settings, ("adaptive-comp-flc",), seeds=seeds, route=())
+    while simulated.frame <= AFTER_TWO_SECONDS:
+        simulated.step()
+    return Grid(simulated.log)
 
 
-def found(trajectory: Trajectory, axis: int) -> NDArray:
+def found(trajectory: Grid, axis: int) -> NDArray:
     """Latency (seeds,) along an axis, in frames."""
     return trajectory.channel("latency_hat")[-1, 0, :, axis]
 
@@ -100,15 +95,14 @@ def impulse_responses(axis: int) -> NDArray:
     response, whose first moment is the latency of whatever is slow in comparison.
     """
     speeds, frames, pulse_at = np.repeat([0.5, 1.0], 2), 90, 60
-    plant = MujocoPlant([Settings()] * len(speeds), np.zeros((len(speeds), 3)), [0] * len(speeds), frames)
-    way = []
+    plant, way = MujocoPlant(rows([Settings()] * len(speeds)), np.zeros((len(speeds), 3))), []
     for frame in range(frames):
         command = np.zeros((len(speeds), 3))
         command[:, axis] = speeds * min(1, frame / 30)
         if frame == pulse_at:
             command[::2, axis] += 0.1
         way.append(plant.pose()[:, axis])
-        plant.advance(frame, Received.at_once(command))
+        plant.advance(Received.at_once(command))
     response = np.diff(np.array(way)[:, ::2] - np.array(way)[:, 1::2], axis=0)[pulse_at:]
     # All of the pulse arrives, but for what slips.
     np.testing.assert_allclose(response.sum(0), 0.1 * FRAME_S, rtol=0.05)
@@ -126,7 +120,7 @@ def test_wheel_loops_delay_by_a_frame_ahead_and_more_aside(axis: int, low: float
 @pytest.mark.parametrize("delay", [2, 6, 12])
 @pytest.mark.parametrize("axis", [AHEAD, ASIDE])
 def test_on_the_mujoco_plant_dead_time_and_lag_are_found_within_half_a_frame(axis: int, delay: int) -> None:
-    """The effective latency: the dead time, and what an impulse shows of the lag, of which the tracker is told 1.2."""
+    """The effective latency: the dead time, and what an impulse shows of the lag, of which 1.2 are told."""
     expected = delay + impulse_responses(axis).mean()
     error = found(drive("mujoco", delay, axis, 5, MUJOCO), axis) - expected
     assert abs(np.median(error)) < 0.5

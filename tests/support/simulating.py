@@ -1,12 +1,13 @@
-"""What the tests of the loop share: short runs of the two controllers of the paper."""
+"""What the tests of the loop share: short runs, and their logs as a grid of controllers and seeds."""
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omni_mj.scenarios import scenario
-from omni_mj.simulate.log import Trajectory
+from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Simulation
 
 FRAME_S = 1 / 60
@@ -22,7 +23,19 @@ IDEAL = (
 )
 PLANTS = ("kinematic", "mujoco")
 DISTURBED = ("disturbance.velocity_m_s=0.1", "disturbance.force_n=10")
-FLC, COMPENSATED = 0, 1  # rows of the default controllers
+FLC, COMPENSATED = 0, 1  # of the default controllers
+
+
+class Grid:
+    """A log whose rows are all seeds of all controllers: channels (frames, controllers, seeds, columns)."""
+
+    def __init__(self, log: Log) -> None:
+        self.log, self.controllers, self.seeds, self.length = log, log.controllers, log.seeds, log.length
+        self.time = log.time
+
+    def channel(self, name: str) -> NDArray:
+        data = self.log.channel(name)
+        return data.reshape(len(data), len(self.controllers), len(self.seeds), data.shape[-1])
 
 
 def simulation(
@@ -31,9 +44,11 @@ def simulation(
     controllers: tuple[str, ...] = ("flc", "comp-flc"),
     seed: int = 0,
     seeds: int = 1,
+    name: str = "rect",
+    route: tuple[str, ...] = SHORT,
 ) -> Simulation:
     head = {"plant": plant, "controllers": controllers, "seed": seed, "seeds": seeds}
-    return Simulation(scenario.load("rect", SHORT + overrides, head))
+    return Simulation(scenario.load(name, route + overrides, head))
 
 
 @cache
@@ -43,13 +58,20 @@ def run(
     controllers: tuple[str, ...] = ("flc", "comp-flc"),
     seed: int = 0,
     seeds: int = 1,
-) -> Trajectory:
-    simulated = simulation(plant, overrides, controllers, seed, seeds)
-    simulated.run()
-    return simulated.trajectory
+    name: str = "rect",
+    route: tuple[str, ...] = SHORT,
+) -> Grid:
+    return finished(simulation(plant, overrides, controllers, seed, seeds, name, route))
 
 
-def ages(trajectory: Trajectory) -> NDArray:
+def finished(simulated: Simulation, after_frame: Callable[[int], None] = lambda frame: None) -> Grid:
+    """Run to the end; no row may fail."""
+    log = simulated.run(after_frame)
+    assert not simulated.failures, simulated.failures[0]
+    return Grid(log)
+
+
+def ages(trajectory: Grid) -> NDArray:
     """How many frames ago what is applied was commanded (frames, controllers, seeds); k + 1 for nothing in frame k."""
     command, applied = (trajectory.channel(name) for name in ("command", "applied"))
     sent = np.concatenate([np.zeros_like(command[:1]), command])  # 0 is what is applied before anything arrives

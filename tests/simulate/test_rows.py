@@ -1,0 +1,182 @@
+"""Rows: settings of their own, the same bits alone and among others, also where others fail."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from simulating import PLANTS, SHORT, simulation
+
+from omni_control.errors import OmniError
+from omni_mj.scenarios import scenario
+from omni_mj.scenarios.rows import Row
+from omni_mj.simulate.log import Log
+from omni_mj.simulate.simulation import Simulation
+
+RECT = scenario.load("rect", SHORT)
+
+
+def assert_row_equal(log: Log, row: int, other: Log, other_row: int) -> None:
+    """Every frame that both recorded, to the last bit."""
+    assert log.lengths[row] == other.lengths[other_row]
+    frames = slice(log.lengths[row])
+    for name in log.columns.keys() & other.columns.keys():
+        one, two = log.channel(name)[frames, row], other.channel(name)[frames, other_row]
+        np.testing.assert_array_equal(one, two, err_msg=name)
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_a_sweep_is_one_batch_of_the_runs_alone(plant: str) -> None:
+    """Delay, noise, gaps, jitter, friction, gains, limits, route and what is told, each row its own."""
+    chosen = replace_plant(plant)
+    variants = [
+        {},
+        {"radio": {"delay_frames": 3}},
+        {"radio": {"delay_frames": 9, "jitter_frames": 4}, "control": {"delay_error_frames": -2}},
+        {"vision": {"position_noise_m": 0.004, "miss_probability": 0.2, "miss_frames": 5}},
+        {"carpet": {"friction": 0.3}, "disturbance": {"force_n": 8.0, "velocity_m_s": 0.2}},
+        {"firmware": {"kp": 0.1, "ki": 1.0}, "battery": {"charge": 0.15}, "kinematic": {"alpha_time_s": 1.0}},
+        {"control": {"max_speed_m_s": 0.3, "error_range_m": 0.2}, "motor": {"winding_c": 110.0}},
+        {"reference": {"max_acceleration_m_s2": 2.0, "mode": "iterated"}, "sensors": {"gyro_bias_rad_s": 0.05}},
+    ]
+    settings = [chosen.settings.replace(**variant) for variant in variants]
+    labels = ("comp-flc", "adaptive-comp-flc")
+    rows = [Row(i, 0, labels[i % 2], 5 + i // 3, own, chosen.robot) for i, own in enumerate(settings)]
+    together = Simulation(chosen, labels, rows=rows)
+    batch = together.run()
+    assert not together.failures
+    for i, row in enumerate(rows):
+        alone = Simulation(chosen, [row.controller], rows=[replace(row, world=0)]).run()
+        assert_row_equal(batch, i, alone, 0)
+    lengths = set(batch.lengths)
+    assert len(lengths) > 1, "routes of different lengths end at different times"
+
+
+def replace_plant(plant: str) -> scenario.Scenario:
+    return scenario.load("rect", SHORT, {"plant": plant})
+
+
+USERS = """
+from omni_control import Controller
+
+
+class Raises(Controller):
+    at: int = 20
+
+    def command(self, frame, seen):
+        if frame == self.at:
+            raise RuntimeError("had enough")
+        return self.reference.at(frame, seen.pose)[1]
+
+
+class NotANumber(Controller):
+    def command(self, frame, seen):
+        command = self.reference.at(frame, seen.pose)[1].copy()
+        if frame == 20:
+            command[seen.pose[:, 0] > seen.pose[:, 0].min()] = float("nan")
+        return command
+
+
+class Ragged(Controller):
+    def command(self, frame, seen):
+        return [[1.0, 2.0], [3.0]]
+
+
+class Unmade(Controller):
+    def __init__(self, told, reference, n):
+        raise ValueError("not today")
+"""
+
+
+@pytest.fixture
+def users(tmp_path: Path) -> dict[str, str]:
+    file = tmp_path / "users.py"
+    file.write_text(USERS)
+    return {name: f"{file}:{name}" for name in ("Raises", "NotANumber", "Ragged", "Unmade")}
+
+
+def test_a_controller_that_fails_stops_its_own_rows_and_no_others(users: dict[str, str]) -> None:
+    names = (users["Raises"], "comp-flc", users["NotANumber"], users["Ragged"], users["Unmade"])
+    simulated = simulation("kinematic", controllers=names, seeds=2)
+    log = simulated.run()
+    alone = simulation("kinematic", controllers=("comp-flc",), seeds=2).run()
+    for seed in range(2):
+        assert_row_equal(log, 2 + seed, alone, seed)
+    failed = {(failure.controller, failure.seed): failure for failure in simulated.failures}
+    for seed in range(2):
+        raised, ragged, unmade = (failed[name, seed] for name in ("Raises", "Ragged", "Unmade"))
+        assert raised.time_s == pytest.approx(20 / 60)
+        assert "users.py, line 10" in raised.cause
+        assert "had enough" in raised.cause
+        assert ragged.time_s == 0
+        assert "not today" in unmade.cause
+    # Only the row whose values were not finite stops; the other of the same controller goes on.
+    (not_finite,) = [failure for failure in simulated.failures if failure.controller == "NotANumber"]
+    assert "finite" in not_finite.cause
+    lengths = log.lengths.tolist()
+    assert lengths[:2] == [20, 20]
+    assert sorted(lengths[4:6]) == [20, log.length]
+    assert lengths[6:] == [0] * 4
+
+
+def test_a_robot_that_topples_is_stopped_and_the_others_keep_their_bits() -> None:
+    """Wheels on rough carpet, told to reverse from 3 m/s with 40 m/s^2: it falls; seeds beside it do not know."""
+    rough = RECT.settings.replace(
+        carpet={"friction": 3.0},
+        control={"max_acceleration_m_s2": 100.0},
+        reference={"max_acceleration_m_s2": 20.0, "max_speed_m_s": 3.0, "waypoints": [[0, 0], [3, 0], [0, 0]]},
+        radio={"delay_frames": 0},
+    )
+    calm = RECT.settings
+    rows = [
+        Row(0, 0, "comp-flc", 0, calm, RECT.robot),
+        Row(1, 0, "comp-flc", 0, rough, RECT.robot),
+        Row(2, 0, "comp-flc", 1, calm, RECT.robot),
+    ]
+    simulated = Simulation(RECT, ["comp-flc"], rows=rows)
+    log = simulated.run()
+    (failure,) = simulated.failures
+    assert (failure.row, failure.controller, failure.seed) == (1, "comp-flc", 0)
+    assert "toppled" in failure.cause
+    assert 0 < failure.time_s < 3
+    assert log.lengths[1] == round(failure.time_s * 60)
+    alone = Simulation(RECT, ["comp-flc"], seeds=[0, 1]).run()
+    assert_row_equal(log, 0, alone, 0)
+    assert_row_equal(log, 2, alone, 1)
+    # What it did until it fell is kept, and is what it does alone.
+    fallen = Simulation(RECT, ["comp-flc"], rows=[replace(rows[1], world=0)])
+    assert_row_equal(log, 1, fallen.run(), 0)
+    assert fallen.failures[0].cause == failure.cause
+
+
+def test_a_parameter_of_a_users_controller_can_be_set(users: dict[str, str], tmp_path: Path) -> None:
+    simulated = simulation("kinematic", ("controller.Raises.at=3",), controllers=(users["Raises"],))
+    simulated.run()
+    assert simulated.failures[0].time_s == pytest.approx(3 / 60)
+    with pytest.raises(OmniError, match=r"controller\.Raises\.att.*did you mean"):
+        simulation("kinematic", ("controller.Raises.att=3",), controllers=(users["Raises"],))
+    with pytest.raises(OmniError, match=r"controller\.Raises\.at"):
+        simulation("kinematic", ("controller.Raises.at=true",), controllers=(users["Raises"],))
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_robots_of_one_world_drive_beside_each_other(plant: str) -> None:
+    """Each place has its reference displaced by it, and noise of its own; the first has that of a world alone."""
+    places = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.5 * np.pi]]
+    chosen = scenario.load("rect", [*SHORT, f"world.places={places}"], {"plant": plant})
+    simulated = Simulation(chosen, ["comp-flc"], seeds=[0, 1])
+    log = simulated.run()
+    assert not simulated.failures
+    assert [(row.world, row.place, row.seed) for row in simulated.rows] == [(0, 0, 0), (0, 1, 0), (1, 0, 1), (1, 1, 1)]
+    alone = Simulation(RECT if plant == "mujoco" else replace_plant(plant), ["comp-flc"], seeds=[0, 1]).run()
+    noise = (log.channel("vision") - log.channel("pose"))[..., :2]
+    single = (alone.channel("vision") - alone.channel("pose"))[..., :2]
+    np.testing.assert_allclose(noise[:, [0, 2]], single, rtol=0, atol=1e-12)
+    assert (noise[:, 0] != noise[:, 1])[~np.isnan(noise[:, 1]) & ~np.isnan(noise[:, 0])].all()
+    ref = log.channel("ref")
+    # A quarter turn maps driving along x from the origin to driving along y from (0, 1).
+    np.testing.assert_allclose(ref[:, 1, 0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(ref[:, 1, 1], 1.0 + ref[:, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(ref[:, 1, 2], 0.5 * np.pi)
+    error = np.linalg.norm((log.channel("pose") - ref)[..., :2], axis=-1)
+    assert error.max() < 0.06
