@@ -5,6 +5,7 @@ import re
 import sys
 
 import click
+import rerun as rr
 
 from omni_control.errors import OmniError
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
