@@ -10,14 +10,14 @@ from matplotlib.figure import Figure
 
 from omni_mj.scenarios.settings import ControlSettings
 from omni_mj.show import style
-from omni_mj.show.figures import comparison, controller, heat, paths, seeds, series
-from omni_mj.show.figures.canvas import save
+from omni_mj.show.figures import canvas, comparison, controller, heat, paths, seeds, series
 from omni_mj.show.figures.first import FirstRows
 
 if TYPE_CHECKING:
     from omni_mj.measure.result import Outcome
 
 NAMES = ("path", "output", "error", "alpha", "temperatures", "seeds", "memberships", "surface")
+OVER_TIME = ("path", "output", "error", "alpha", "temperatures")
 OF_THE_CONTROLLER = ("memberships", "surface")
 
 
@@ -39,12 +39,11 @@ def save_all(outcome: "Outcome", folder: Path) -> None:
     with matplotlib_style.context(style.SHEET):
         for name, draw in drawings(first, outcome.entry, scenario.settings.control).items():
             figure = draw()
-            lines = [figure.get_suptitle()]
-            if name not in OF_THE_CONTROLLER:
-                lines[0] += f": {title}" + ("" if name == "seeds" else f", seed {log.seeds[0]}")
-                lines += [] if name == "seeds" else first.said()
-            figure.suptitle("\n".join(lines), x=0.01, ha="left")
-            save(figure, folder / name)
+            of_the_run = "" if name in OF_THE_CONTROLLER else f": {title}"
+            of_a_seed = f", seed {log.seeds[0]}" if name in OVER_TIME else ""
+            notes = first.said() if name in OVER_TIME else []
+            canvas.title(figure, figure.get_suptitle() + of_the_run + of_a_seed, notes)
+            canvas.save(figure, folder / name)
 
 
 def save_comparison(summary: dict[str, Any], stem: Path) -> None:
@@ -57,7 +56,7 @@ def save_comparison(summary: dict[str, Any], stem: Path) -> None:
     entries = comparison.with_results(summary["scenarios"])
     if entries:
         with matplotlib_style.context(style.SHEET):
-            save(comparison.comparison(entries, summary["limits"]), stem)
+            canvas.save(comparison.comparison(entries, summary["limits"]), stem)
 
 
 def comparison_svg(entries: Mapping[str, dict[str, Any]], limits: tuple[str, ...] = ()) -> bytes:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import Literal
 
 import numpy as np
@@ -16,9 +17,10 @@ from omni_mj.show import style
 
 TOGETHER = 3  # as many curves can be told apart in one pair of axes; more get axes each
 WIDTH_IN, COLUMN_IN = 8.0, 3.2  # of a figure with one or two columns, and of each column of one with more
+TITLE_PER_IN = 10  # letters of a title, at least
 BINS = 600  # along a curve, narrower than a dot of the printed figure
 MARKS = 12  # along a curve
-OFF_SCALE = 2.0  # as many times as far as the others a row that failed may stray and still be shown whole
+OFF_SCALE = 1.5  # as many times as far as the others a row that failed may stray and still be shown whole
 HALO = withStroke(linewidth=2.5, foreground="white")
 
 
@@ -27,6 +29,13 @@ def save(figure: Figure, stem: Path) -> None:
     figure.savefig(stem.with_suffix(".png"))
     figure.set_layout_engine("none")  # the layout just found is right for the second file too
     figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None})
+
+
+def title(figure: Figure, text: str, notes: Sequence[str] = ()) -> None:
+    """Write the title, and notes on lines of their own below it, as long as the figure is wide."""
+    wide = round(TITLE_PER_IN * figure.get_figwidth())
+    lines = [text, *(line for note in notes for line in wrap(note, wide))]
+    figure.suptitle("\n".join(lines), x=0.01, ha="left")
 
 
 def over_time(

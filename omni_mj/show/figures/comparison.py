@@ -18,6 +18,7 @@ Entry = dict[str, Any]  # of a scenario, in a summary
 LINE_IN = 0.1  # height of a controller's line
 GAP = 1.5  # between entries, in lines
 MANY = 200.0  # ratio of greatest to least above which 1, 2, 5 are too many ticks for a decade
+LEAST_MARGIN = 1.15  # ratio, on either side of a logarithmic panel
 UNKNOWN = "failed"  # the place of a value that not every seed has
 
 
@@ -81,7 +82,7 @@ def comparison(entries: Mapping[str, Entry], limits: Iterable[str] = ()) -> Figu
     grid[0].set_yticks((tops[:-1] + tops[1:]) / 2, list(entries))
     grid[0].set_ylim(tops[-1], 0)
     canvas.legend(figure, grid[0], 4)
-    figure.suptitle(_title(entries), x=0.01, ha="left")
+    canvas.title(figure, _title(entries))
     return figure
 
 
@@ -109,7 +110,9 @@ def _scaled(axes: Axes, panel: Panel, mean: Array, half: Array) -> Array:
     unknown = np.isnan(mean)
     known, around = mean[~unknown], half[~unknown]
     if panel.logarithmic and known.size and known.min() > 0:
-        low, high = np.maximum(known - around, known / 2).min() / 1.15, 1.15 * (known + around).max()
+        low, high = np.maximum(known - around, known / 2).min(), (known + around).max()
+        margin = max(LEAST_MARGIN, (high / low) ** 0.05)
+        low, high = low / margin, high * margin
         place, end = _log_scale(axes, low, high), high
     else:
         end = float(np.max(known + around, initial=0.1))

@@ -104,14 +104,14 @@ def _compare(first: FirstRows, values: Array, labels: list[str], reference: Arra
                 axes.plot(*canvas.thin(reference[:, j]), color=style.BACKGROUND, lw=3.5, zorder=1, label="reference")
             if i and not together:
                 axes.plot(*canvas.thin(values[:, 0, j]), color=style.REFERENCE, lw=0.8, label=f"{names[0]}, to compare")
-            if i in first.failed:
-                canvas.mark_failure(axes, _end(first, i), i, name)
-            if not together:
+            if together:
+                canvas.curve(axes, values[:, i, j], i, name)
+            else:
                 axes.plot(*canvas.thin(values[:, i, j]), color=style.controller(i), zorder=3)
                 axes.set_title(_title(first, i, j, values, label, reference is None))
-                continue
-            canvas.curve(axes, values[:, i, j], i, name)
-            if reference is None and i not in first.failed:
+            if i in first.failed:
+                canvas.mark_failure(axes, _end(first, i), i, name)
+            elif together and reference is None:
                 canvas.mark_greatest(axes, values[:, i, j], i, f"{np.nanmax(values[:, i, j]):.2f}")
     if reference is None:
         for j, column in enumerate(grid[:, :1] if together else grid.T[:, :1]):

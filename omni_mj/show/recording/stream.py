@@ -131,9 +131,10 @@ class Recording:
 
     def _add_own(self, stream: rr.RecordingStream, frames: Array) -> None:
         """Begin the lines of controllers' own channels that have come to hold numbers."""
-        plots = tabs.own(self._log.columns)
-        if plots != self._tabs[tabs.OWN_TAB]:
-            self._tabs[tabs.OWN_TAB] = plots
+        plots = self._tabs[tabs.OWN_TAB]
+        more = [plot for plot in tabs.own(self._log.columns) if plot.entity not in {each.entity for each in plots}]
+        if more:
+            plots += more
             stream.send_blueprint(self._blueprint(), make_active=self._live)
         begun = {line.entity for line in self._lines}
         for line in tabs.drawn({tabs.OWN_TAB: plots}, self._robots, 0):

@@ -83,9 +83,10 @@ def best(run: Run, statistic: str, axis: str = "distance") -> str | None:
 
 
 def peaks(results: Mapping[str, Any]) -> dict[str, dict[str, float | None]]:
-    """What a summary says of a controller's extremes, labelled with its unit -> controller -> value."""
+    """What a summary says of controllers' extremes, if anything, labelled with its unit -> controller -> value."""
     keys = [key for key in next(iter(results.values()), {}) if key.startswith("peak_")]
-    return {_with_unit(key): {name: result.get(key) for name, result in results.items()} for key in keys}
+    found = {_with_unit(key): {name: result.get(key) for name, result in results.items()} for key in keys}
+    return {label: values for label, values in found.items() if any(v is not None for v in values.values())}
 
 
 def differing(runs: Sequence[Run]) -> list[tuple[str, list[Any]]]:
