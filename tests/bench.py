@@ -1,6 +1,5 @@
 """`make bench`: how much of a run's time is physics, as ratios taken within one process."""
 
-import dataclasses
 import os
 import time
 from collections.abc import Callable
@@ -49,7 +48,7 @@ class Tape:
 def report(robots: int) -> None:
     """Compare the plant, and the whole loop around it, with the same motion by bare steps of the same model."""
     drive = ["reference.waypoints=[[0, 0], [1, 0.5]]", "reference.settle_s=0"]
-    chosen = dataclasses.replace(scenario.load("rect", drive), seeds=robots, controllers=("comp-flc",))
+    chosen = scenario.load("rect", drive).replace(seeds=robots, controllers=("comp-flc",))
     taped = Simulation(chosen)
     assert isinstance(taped.plant, MujocoPlant)
     tape = Tape(taped.plant._batch)

@@ -1,9 +1,15 @@
 """Dead time: commands that are in flight, and the pose predicted to the end of it (equations 10 and 11)."""
 
+import copy
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
+
+Rows = slice | Sequence[int] | np.ndarray[Any, np.dtype[np.intp]]
 
 
 class CommandsInFlight:
@@ -28,25 +34,51 @@ class CommandsInFlight:
     """
 
     def __init__(self, n: int, length: int) -> None:
-        self._sent = np.zeros((length, n, 3))
-        self._age = np.arange(length, 0.0, -1)[:, None, None]
+        self.length = length
+        self._sent = np.zeros((2 * length, n, 3))  # the newest ends at _end; what is written stays as it is
+        self._end = length
 
     def push(self, command: Array) -> None:
-        """Add the commands (n, 3) that were sent in the frame just past."""
-        if len(self._sent):
-            self._sent[:-1] = self._sent[1:]
-            self._sent[-1] = command
+        """Add the commands (n, 3) that were sent in the frame just past.
 
-    def last(self, count: int, skip: int = 0) -> Array:
-        """The `count` commands sent before the `skip` newest, (count, n, 3), oldest first; valid until the next push.
+        Raises:
+            OmniError: these commands are somebody else's, given to be read.
+        """
+        if not self._sent.flags.writeable:
+            raise OmniError("commands that were handed out can only be read; a queue of your own takes more")
+        if not self.length:
+            return
+        if self._end == len(self._sent):  # a new table, since views of the old one have been handed out
+            kept = self._sent[self._end - self.length + 1 :]
+            self._sent, self._end = np.zeros_like(self._sent), self.length - 1
+            self._sent[: self._end] = kept
+        self._sent[self._end] = command
+        self._end += 1
+
+    def of(self, rows: Rows, length: int | None = None) -> "CommandsInFlight":
+        """The same of some robots, the last `length` commands (all, if none is given), to be read only.
 
         Raises:
             OmniError: more than are kept.
         """
-        if count + skip > len(self._sent):
-            raise OmniError(f"{count + skip} commands were asked for, but only {len(self._sent)} are kept")
-        end = len(self._sent) - skip
-        return self._sent[end - count : end]
+        part = copy.copy(self)
+        part._sent = self.last(self.length if length is None else length)[:, rows]
+        part._sent.flags.writeable = False
+        part.length = part._end = len(part._sent)
+        return part
+
+    def last(self, count: int, skip: int = 0) -> Array:
+        """The `count` commands sent before the `skip` newest, (count, n, 3), oldest first, to be read only.
+
+        Raises:
+            OmniError: more than are kept.
+        """
+        if count + skip > self.length:
+            raise OmniError(f"{count + skip} commands were asked for, but only {self.length} are kept")
+        end = self._end - skip
+        commands = self._sent[end - count : end]
+        commands.flags.writeable = False
+        return commands
 
     def ahead(self, latency: float | Array) -> Array:
         """Share of each command kept that is still to act, (length, n, 3), for a latency (n, 3) in frames."""
@@ -58,10 +90,15 @@ class CommandsInFlight:
 
     def felt(self, latency: float | Array) -> Array:
         """Commands (n, 3) that acted in the frame just past, on its average, for a latency (n, 3) in frames."""
-        return (self.acted(latency) * self._sent).sum(0)
+        return (self.acted(latency) * self.last(self.length)).sum(0)
+
+    @property
+    def _age(self) -> Array:
+        """Frames since each command kept was sent, (length, 1, 1): 1 for the newest."""
+        return np.arange(self.length, 0.0, -1)[:, None, None]
 
 
-def compensation(in_flight: Array, alpha: Array, period: float) -> Array:
+def compensation(in_flight: Array, alpha: Array | float, period: float) -> Array:
     """Displacement (n, 3) that commands in flight will still cause (equation 11).
 
     Args:

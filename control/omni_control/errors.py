@@ -1,4 +1,4 @@
-"""The one base class of errors that a user can cause, and help with misspelt names."""
+"""The base class of errors that a user can cause, that of controllers that fail, and help with misspelt names."""
 
 import difflib
 from collections.abc import Iterable
@@ -6,6 +6,10 @@ from collections.abc import Iterable
 
 class OmniError(ValueError):
     """What a user gave, or asked for, cannot be: the message says what, why, and what is allowed."""
+
+
+class ControllerError(OmniError):
+    """A controller failed when it was made or while it ran; says which, when and where."""
 
 
 def choose(wrong: object, allowed: Iterable[str]) -> str:

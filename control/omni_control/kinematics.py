@@ -1,12 +1,12 @@
-r"""Kinematics of a four-wheeled omnidirectional robot (equations 1-4 of the paper).
+r"""Kinematics of an omnidirectional robot with three or more wheels (equations 1-4 of the paper, for any number).
 
     body frame, seen from above                    wheel i at azimuth theta_i and distance l (the arm)
 
                  x (kicker)
-          1 \   ^   / 4         theta = 60, 135, 225, 300 deg, counter-clockwise from the front left
+          1 \   ^   / 4         four: 60, 135, 225, 300 deg, counter-clockwise from the front left
              \  |  /
        y <------+                A positive wheel speed drives the wheel's contact point, and so the body there,
-             /     \             along (-sin theta, cos theta): all four positive turn the robot counter-clockwise.
+             /     \             along (-sin theta, cos theta): all positive turn the robot counter-clockwise.
           2 /       \ 3
 
 World frame: field centre, x towards the goal, y left, heading counter-clockwise from x.
@@ -14,6 +14,7 @@ A pose is [x, y, heading] in m, m, rad; a twist is [vx, vy, w] in m/s, m/s, rad/
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,12 +45,12 @@ def world_to_body(twist: ArrayLike, heading: ArrayLike) -> Array:
     return body_to_world(twist, -np.asarray(heading, float))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Kinematics:
-    """Geometry of the wheels and the maps between body twist and wheel speeds.
+    """Geometry of the wheels and the maps between body twist and wheel speeds; equal to another with equal numbers.
 
     Args:
-        azimuths: direction from the centre to each wheel, rad, (4,).
+        azimuths: direction from the centre to each wheel, rad, (wheels,).
         arm: distance from the centre to the wheels' contact points (l), m.
         radius: wheel radius (r), m.
     """
@@ -58,19 +59,37 @@ class Kinematics:
     arm: float
     radius: float
 
+    def __post_init__(self) -> None:
+        """Take a copy of the azimuths, which nobody can change."""
+        azimuths = np.array(self.azimuths, float)
+        azimuths.flags.writeable = False
+        object.__setattr__(self, "azimuths", azimuths)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Kinematics) and self._numbers == other._numbers
+
+    def __hash__(self) -> int:
+        return hash(self._numbers)
+
     @property
+    def _numbers(self) -> tuple[float, ...]:
+        return (*self.azimuths.tolist(), self.arm, self.radius)
+
+    @cached_property
     def matrix(self) -> Array:
-        """Matrix B^T (4, 3) of equation 4: rim speeds (m/s) from a body twist."""
+        """Matrix B^T (wheels, 3) of equation 4: rim speeds (m/s) from a body twist."""
         theta = self.azimuths
-        return np.stack([-np.sin(theta), np.cos(theta), np.full_like(theta, self.arm)], axis=-1)
+        matrix = np.stack([-np.sin(theta), np.cos(theta), np.full_like(theta, self.arm)], axis=-1)
+        matrix.flags.writeable = False
+        return matrix
 
     def wheel_speeds(self, twist: ArrayLike) -> Array:
-        """Return the wheel speeds (..., 4) in rad/s of rolling without slip at a body twist (..., 3)."""
+        """Return the wheel speeds (..., wheels) in rad/s of rolling without slip at a body twist (..., 3)."""
         # A sum over broadcast products, not a matrix product: BLAS may round one row of a batch
         # differently from the same row alone.
         return (self.matrix / self.radius * np.asarray(twist, float)[..., None, :]).sum(-1)
 
     def body_twist(self, wheel_speeds: ArrayLike) -> Array:
-        """Return the body twist (..., 3) of equation 3, least squares over the wheel speeds (..., 4) in rad/s."""
+        """Return the body twist (..., 3) of equation 3, least squares over the wheel speeds (..., wheels) in rad/s."""
         inverse = np.linalg.pinv(self.matrix) * self.radius
         return (inverse * np.asarray(wheel_speeds, float)[..., None, :]).sum(-1)

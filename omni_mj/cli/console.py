@@ -25,7 +25,7 @@ PROGRESS_STEP = 12  # frames from one look of the progress bar to the next
 
 
 def invoke(command: click.Command, args: list[str] | None = None) -> NoReturn:
-    """Run a click command and exit: 0 on success, 2 for bad input, 1 for a failure; errors are one line on stderr."""
+    """Run a click command and exit: 0 on success, 2 for bad input, 1 for a failure; errors go to stderr."""
     log = mujoco.MjLogConfig.get()
     log.logto_file = log.logto_console = False  # warnings that matter become a SimulationError
     log.set()
@@ -53,8 +53,9 @@ def _program(command: click.Command) -> str:
 
 
 def fail(message: str, code: int) -> NoReturn:
-    """Print one line on stderr and exit with `code`."""
-    click.echo(f"error: {' '.join(message.split())}", err=True)
+    """Print an error on stderr and exit with `code`; bad input has a line for each thing that is wrong."""
+    for line in message.splitlines() if code == BAD_INPUT else [message]:
+        click.echo(f"error: {' '.join(line.split())}", err=True)
     sys.exit(code)
 
 

@@ -18,6 +18,7 @@ from omni_mj.measure import events, paper, summary
 from omni_mj.plants import SimulationError
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.controllers import ControllerError
+from omni_mj.scenarios.plants import PLANTS
 from omni_mj.show import figures, listing, report
 from omni_mj.show.recording import FileRecording, LiveRecording, Recording, live
 from omni_mj.simulate.simulation import Simulation
@@ -28,7 +29,7 @@ OUTPUTS = ("summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml
 @click.command()
 @click.option("--scenario", "scenario_name", metavar="NAME|FILE.toml", help="What to run.")
 @click.option("--controller", "controllers", metavar="NAME", multiple=True, help="May be repeated. [flc and comp-flc]")
-@click.option("--plant", metavar="|".join(scenario.PLANTS), help="What is driven. [mujoco]")
+@click.option("--plant", metavar="|".join(PLANTS), help="What is driven. [mujoco]")
 @click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")
 @click.option("--seeds", type=int, metavar="N", help="How many seeds, counting up from the first. [1]")
 @click.option("--set", "overrides", metavar="SECTION.FIELD=VALUE", multiple=True, help="A setting; see --list.")

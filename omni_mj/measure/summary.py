@@ -50,7 +50,7 @@ def summarise(
         "events": [dataclasses.asdict(event) for event in events],
         "paper": paper.TABLES.get(scenario.paper_table),
         "definitions": DEFINITIONS,
-        "settings": dataclasses.asdict(scenario.settings),
+        "settings": scenario.settings.plain(),
         "versions": versions(),
     }
 

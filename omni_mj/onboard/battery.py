@@ -37,9 +37,9 @@ class Battery:
         self.voltage, self._average = self._open.copy(), self._open.copy()
 
     def load(self, duty: Array, current: Array) -> None:
-        """Sag under the motors' currents (n, 4) in A at the duties (n, 4) of drivers that pass on power without loss.
+        """Sag under the motors' currents (n, wheels), A, at the duties (n, wheels) of drivers without loss.
 
-        Braking motors charge the battery.
+        A driver passes on power; braking motors charge the battery.
         """
         drawn = np.einsum("ij,ij->i", duty, current)
         self._drawn += drawn

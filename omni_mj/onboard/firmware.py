@@ -1,4 +1,4 @@
-"""What runs on the robot: from a received world-frame velocity to four motor duties, 960 times a second."""
+"""What runs on the robot: from a received world-frame velocity to the motors' duties, 960 times a second."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ import numpy as np
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_mj.link.radio import Received
 from omni_mj.scenarios.settings import Settings, column
-from omni_mj.worlds.robot import WHEELS, Motor
+from omni_mj.worlds.wheels import Motor
 
 DERATE_BAND_K = 10.0  # derating begins this far below the limit
 DERATED_CURRENT_A = 5.0  # twice the nominal current; allowed at the beginning of derating, none at the limit
@@ -74,7 +74,7 @@ class Firmware:
         timestep: float,
         period: float,
     ) -> None:
-        n, firmware = len(settings), [s.firmware for s in settings]
+        n, wheels, firmware = len(settings), len(kinematics.azimuths), [s.firmware for s in settings]
         self.estimate = HeadingEstimate(settings, heading, period)
         self._motor, self._timestep = motor, timestep
         self._forward, self._left, self._turn = kinematics.matrix.T / kinematics.radius
@@ -89,8 +89,8 @@ class Firmware:
         counts = column([s.sensors for s in settings], "encoder_counts") * motor.gear / (2 * np.pi)
         self._counts_per_rad, self._rate_per_count = counts, 1 / (counts * timestep)
         self._last_count: Array | None = None
-        self._integral, self._last_error = np.zeros((2, n, WHEELS))
-        self._along_x = self._along_y = np.zeros((n, WHEELS))
+        self._integral, self._last_error = np.zeros((2, n, wheels))
+        self._along_x = self._along_y = np.zeros((n, wheels))
         self._turn_rate = np.zeros(n)
 
     def receive(self, received: Received, winding: Array) -> None:
@@ -98,7 +98,7 @@ class Firmware:
 
         Args:
             received: commands, and vision's headings that were sent with them.
-            winding: temperatures of the windings (n, 4), deg C, as a thermal model or sensor tells the driver.
+            winding: temperatures of the windings (n, wheels), deg C, as a thermal model or sensor tells the driver.
         """
         self.estimate.correct(received.heading, received.age)
         command = received.command
@@ -113,11 +113,11 @@ class Firmware:
             self._swing = self._motor.resistance * current
 
     def duties(self, gyro: Array, encoders: Array) -> Array:
-        """Return the motors' duties (n, 4) in [-1, 1].
+        """Return the motors' duties (n, wheels) in [-1, 1].
 
         Args:
             gyro: turn rate (n,), rad/s.
-            encoders: wheel angles (n, 4), rad.
+            encoders: wheel angles (n, wheels), rad.
         """
         rate = gyro - self.estimate.bias
         self.estimate.turn(rate, self._timestep)
@@ -148,7 +148,7 @@ class Firmware:
         return voltage + self._ki * integral
 
     def _wheel_speeds(self, rate: Array) -> Array:
-        """Wheel speeds (n, 4) for the commands: equation 2, the turn-rate loop, then the inverse of equation 3."""
+        """Wheel speeds (n, wheels) for the commands: equation 2, the turn-rate loop, then the inverse of equation 3."""
         heading = self.estimate.heading
         c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
         turn = self._turn_rate - self._turn_gain * rate

@@ -1,4 +1,4 @@
-"""Four motors per robot: current from voltage and speed, heat from current, resistance and torque from temperature."""
+"""A motor per wheel: current from voltage and speed, heat from current, resistance and torque from temperature."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ from scipy.linalg import expm
 
 from omni_control.kinematics import Array
 from omni_mj.scenarios.settings import MotorSettings, column
-from omni_mj.worlds.robot import WHEELS, Motor
+from omni_mj.worlds.wheels import Motor
 
 REFERENCE_C = 25.0  # at which the datasheet gives resistance and torque constant
 
@@ -21,18 +21,19 @@ class Motors:
 
     Args:
         motor: constants at 25 deg C, from the model.
+        wheels: number of wheels of a robot.
         settings: one per robot.
         period: time between calls of `warm`, s.
 
     Attributes:
-        winding, housing: temperatures, deg C, (n, 4).
-        resistance: terminal resistance now, ohm, (n, 4).
-        constant: torque constant now, N m/A, (n, 4).
+        winding, housing: temperatures, deg C, (n, wheels).
+        resistance: terminal resistance now, ohm, (n, wheels).
+        constant: torque constant now, N m/A, (n, wheels).
     """
 
-    def __init__(self, motor: Motor, settings: Sequence[MotorSettings], period: float) -> None:
+    def __init__(self, motor: Motor, wheels: int, settings: Sequence[MotorSettings], period: float) -> None:
         self._motor = motor
-        shape = (len(settings), WHEELS)
+        shape = (len(settings), wheels)
         self._ambient = column(settings, "ambient_c")
         self._copper, self._magnet = column(settings, "copper_per_k"), column(settings, "magnet_per_k")
         self._commutation = column(settings, "commutation_ohm_s") * motor.gear
@@ -50,11 +51,11 @@ class Motors:
         voltage that drives the same current through that.
 
         Args:
-            voltage: at the terminals, V, (n, 4).
-            wheel_speed: rad/s, (n, 4).
+            voltage: at the terminals, V, (n, wheels).
+            wheel_speed: rad/s, (n, wheels).
 
         Returns:
-            The dcmotor's voltage (n, 4) and the current (n, 4) in A.
+            The dcmotor's voltage (n, wheels) and the current (n, wheels) in A.
         """
         back_emf = self._speed_constant * wheel_speed
         current = (voltage - back_emf) / (self.resistance + self._commutation * np.abs(wheel_speed))
@@ -62,7 +63,7 @@ class Motors:
         return back_emf + drop, current
 
     def warm(self, currents: Array) -> None:
-        """Let the copper losses of a period's currents (steps, n, 4) in A change temperatures and constants."""
+        """Let the copper losses of a period's currents (steps, n, wheels) in A change temperatures and constants."""
         square = (currents**2).mean(0)
         winding, _ = self._conduct(square * self.resistance)
         # The resistance rises during the period: its mean makes the step exact to second order.
@@ -71,7 +72,7 @@ class Motors:
         self._update()
 
     def _conduct(self, heat: Array) -> tuple[Array, Array]:
-        """Temperatures of windings and housings after a period of `heat` (n, 4) in W."""
+        """Temperatures of windings and housings after a period of `heat` (n, wheels) in W."""
         (a, b), (c, d), (e, f) = np.moveaxis(self._conduction, 0, 1)
         winding, housing = self.winding - self._ambient, self.housing - self._ambient
         return (

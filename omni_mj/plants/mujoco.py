@@ -1,5 +1,6 @@
-"""The physical plant: models/ssl_robot.xml, n copies stepped on all cores, driven by their firmware."""
+"""The physical plant: robots of models/ in worlds of one or several, stepped on all cores, driven by their firmware."""
 
+import copy
 import os
 from collections.abc import Sequence
 
@@ -7,16 +8,20 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from omni_control.kinematics import Array, wrap_angle
-from omni_mj.link.noise import Stream, draw
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array, Kinematics, wrap_angle
+from omni_mj.link.noise import Noise, Stream
 from omni_mj.link.radio import Received
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.motors import Motors
-from omni_mj.plants import SimulationError, Telemetry
+from omni_mj.plants import Telemetry
+from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, Settings, column
-from omni_mj.worlds import contact_roller, robot
-from omni_mj.worlds.wheels import WheelGeometry, contact_slip
+from omni_mj.worlds import build
+from omni_mj.worlds.columns import Columns
+from omni_mj.worlds.contact_roller import Handover
+from omni_mj.worlds.wheels import contact_slip
 
 TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2  # of the quaternion's x^2 + y^2: tilted by more than 45 degrees
 # MuJoCo resets an unstable simulation silently after one of these.
@@ -25,104 +30,105 @@ _UNSTABLE = {
     mujoco.mjtWarning.mjWARN_BADQVEL: "a velocity is not a number or too large",
     mujoco.mjtWarning.mjWARN_BADQACC: "an acceleration is not a number or too large",
 }
+_ALLOWED_DEPTH_M = 1e-3  # in which robots may start in each other or in a wall: that of a hard contact
 
 
 class MujocoPlant:
-    """Robots with roller wheels on carpet, each in a world of its own.
+    """Robots with roller wheels on carpet; those of one world collide with each other and with its walls.
 
     Args:
-        settings: one per robot; the sections wheels and physics must be the same for all.
+        rows: of all robots, those of one world one after the other by their places; every world has as many. Robot and
+            the sections wheels and physics of the settings must be the same for all.
         start: poses at the start, (n, 3).
-        seeds: one per robot.
-        frames: frames of the run.
         threads: of the physics; all cores by default. Results do not depend on it.
+
+    Attributes:
+        geometry: of the wheels.
+
+    Raises:
+        OmniError: rows that one batch cannot hold, a robot that starts in another or in a wall, or a robot's file that
+            lacks a part (see `build.world`).
     """
 
-    def __init__(
-        self, settings: Sequence[Settings], start: Array, seeds: list[int], frames: int, threads: int | None = None
-    ) -> None:
-        common = settings[0]
-        assert all((s.wheels, s.physics) == (common.wheels, common.physics) for s in settings), "one batch, one model"
-        fast = common.wheels.model == "contact-roller"
-        model = contact_roller.load_model() if fast else robot.load_model()
-        cycle = model.opt.timestep  # of the wheel loops, however finely the physics is integrated
-        self._cycles, self._substeps = round(PERIOD_S / cycle), common.physics.substeps
-        model.opt.timestep = cycle / self._substeps
+    def __init__(self, rows: Sequence[Row], start: Array, threads: int | None = None) -> None:
+        settings, places = [row.settings for row in rows], _places(rows)
+        common = _common(rows)
+        one_roller = common.wheels.model == "contact-roller"
+        substeps = common.physics.substeps
+        self._world = world = build.world(rows[0].robot, places, one_roller=one_roller, substeps=substeps)
+        self._cycles, self._substeps = round(PERIOD_S / build.CYCLE_S), substeps
+        model = copy.copy(world.model)
         model.actuator_ctrllimited[:] = 0  # the battery limits, also where braking motors lift its voltage
-        n = len(start)
-        self._batch = batch = Batch(model, n, threads or min(n, os.cpu_count() or 1))
-        self._motor = robot.motor(model)
-        self._geometry = robot.kinematics(model)
-        self._set_friction(model, settings)
-        self._gain = batch.expand("actuator_gainprm")
+        n, worlds = len(rows), len(rows) // places
+        self._places = places
+        self._batch = Batch(model, worlds, threads or min(worlds, os.cpu_count() or 1))
+        self.geometry: Kinematics | None = world.kinematics
+        self._set_friction(settings)
+        self._bind()
 
-        names = [f"{i + 1}" for i in range(robot.WHEELS)]
-        sensor, qpos, qvel = batch.bind("sensordata"), batch.bind("qpos"), batch.bind("qvel")
-        self._gyro = sensor[:, model.sensor("gyro").adr[0] + 2]
-        self._encoders = sensor[:, robot.even_slice([model.sensor(f"encoder_{i}").adr[0] for i in names])]
-        base, dof = model.joint("robot").qposadr[0], model.joint("robot").dofadr[0]
-        self._velocity = qvel[:, dof : dof + 6]
-        self._position, self._quaternion = qpos[:, base : base + 2], qpos[:, base + 3 : base + 7]
-        self._qpos, self._qvel, self._wheels = qpos, qvel, WheelGeometry.of(model)
-        wheels = robot.wheel_joints(model)
-        self._wheel_angle = qpos[:, robot.even_slice([w.qposadr[0] for w in wheels])]
-        self._wheel_speed = qvel[:, robot.even_slice([w.dofadr[0] for w in wheels])]
-        self._ctrl = batch.bind("ctrl")
-        self._handover = contact_roller.Handover(batch) if fast else None
-        self._push = batch.bind("xfrc_applied")[:, model.body("chassis").id, :2]
+        self._start = np.array(start, float)
+        self._heading = self._start[:, 2].copy()
+        self._failed = np.zeros(n, bool)
+        self._living: np.ndarray | None = None  # worlds that are stepped; None for all
+        self._stand(np.arange(worlds))
+        if places > 1:
+            self._check_start(rows)
 
-        qpos[:], qvel[:] = robot.standing(model)
-        self._position[:] = start[:, :2]
-        self._quaternion[:] = np.stack([np.cos(start[:, 2] / 2), *np.zeros((2, n)), np.sin(start[:, 2] / 2)], axis=1)
-        self._heading = np.array(start[:, 2], float)
-        push = draw(seeds, Stream.DISTURBANCE, lambda rng: rng.uniform(-1, 1, (frames, 2)))
-        self._force = column([s.disturbance for s in settings], "force_n") * push
+        seeds = [row.noise_seed for row in rows]
+        self._force = column([s.disturbance for s in settings], "force_n")
+        self._pushes = Noise(seeds, Stream.DISTURBANCE, lambda rng, count: rng.uniform(-1, 1, (count, 2)))
         sensors = [s.sensors for s in settings]
-        bias = draw(seeds, Stream.GYRO_BIAS, lambda rng: rng.standard_normal((1, 1)))
-        noise = draw(seeds, Stream.GYRO_NOISE, lambda rng: rng.standard_normal((frames, 1)))
-        self._gyro_error = column(sensors, "gyro_bias_rad_s") * bias + column(sensors, "gyro_noise_rad_s") * noise
+        bias = Noise(seeds, Stream.GYRO_BIAS, lambda rng, count: rng.standard_normal((count, 1))).next()
+        self._gyro_bias = column(sensors, "gyro_bias_rad_s") * bias
+        self._gyro_sigma = column(sensors, "gyro_noise_rad_s")
+        self._gyro_noise = Noise(seeds, Stream.GYRO_NOISE, lambda rng, count: rng.standard_normal((count, 1)))
 
-        self._motors = Motors(self._motor, [s.motor for s in settings], PERIOD_S)
+        wheels = len(world.kinematics.azimuths)
+        self._motors = Motors(world.motor, wheels, [s.motor for s in settings], PERIOD_S)
         self._battery = Battery([s.battery for s in settings])
-        self._firmware = Firmware(settings, self._geometry, self._motor, self._heading, cycle, PERIOD_S)
-        batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)  # sensors of the state in which the robots start
-        of_a_frame = (self._cycles, n, robot.WHEELS)
-        self._duties, self._voltages, self._currents = np.zeros((3, *of_a_frame))
+        self._firmware = Firmware(settings, world.kinematics, world.motor, self._heading, build.CYCLE_S, PERIOD_S)
+        self._duties, self._voltages, self._currents = np.zeros((3, self._cycles, n, wheels))
 
     def pose(self) -> Array:
         """See `Plant`."""
-        return np.column_stack([self._position, self._heading])
+        return np.column_stack([self._position.get()[:, :2], self._heading])
 
     def twist(self) -> Array:
         """See `Plant`."""
-        return self._velocity[:, [0, 1, 5]]
+        return self._velocity.get()[:, [0, 1, 5]]
 
-    def advance(self, frame: int, received: Received) -> None:
+    def advance(self, received: Received) -> dict[int, str]:
         """See `Plant`."""
         motors, battery, handover = self._motors, self._battery, self._handover
-        self._push[:] = self._force[frame]
-        self._gain[:, :, 0], self._gain[:, :, 1] = motors.resistance, motors.constant
+        self._push.set(self._force * self._pushes.next())
+        self._resistance.set(motors.resistance)
+        self._constant.set(motors.constant)
         self._firmware.receive(received, motors.winding)
-        gyro_error = self._gyro_error[frame, :, 0]
+        gyro_error = (self._gyro_bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
+        any_failed = self._failed.any()
         for k in range(self._cycles):
-            angles = self._encoders if handover is None else self._encoders + handover.sensor_offset
-            duty = self._duties[k] = self._firmware.duties(self._gyro + gyro_error, angles)
+            angles = self._encoders.get() if handover is None else self._encoders.get() + handover.sensor_offset
+            duty = self._firmware.duties(self._gyro.get()[:, 0] + gyro_error, angles)
+            if any_failed:
+                duty[self._failed] = 0.0
+            self._duties[k] = duty
             voltage = np.multiply(duty, battery.voltage[:, None], out=self._voltages[k])
-            self._ctrl[:], self._currents[k] = motors.drive(voltage, self._wheel_speed)
+            applied, self._currents[k] = motors.drive(voltage, self._wheel_speed.get())
+            self._ctrl.set(applied)
             for _ in range(self._substeps):
-                self._batch.step()
+                self._batch.step(self._living)
                 if handover is not None:
                     handover()
             battery.load(duty, self._currents[k])
         motors.warm(self._currents)
         battery.discharge(PERIOD_S)
-        self._check(frame)
+        return self._check()
 
     def telemetry(self) -> Telemetry:
         """See `Plant`."""
         return Telemetry(
-            wheel_angle=(self._wheel_angle if self._handover is None else self._handover.angle).copy(),
-            wheel_speed=self._wheel_speed.copy(),
+            wheel_angle=(self._wheel_angle.get() if self._handover is None else self._handover.angle).copy(),
+            wheel_speed=self._wheel_speed.get().copy(),
             voltage=self._voltages[-1].copy(),
             current=self._currents[-1].copy(),
             duty_peak=np.abs(self._duties).max((0, 2)),
@@ -131,31 +137,119 @@ class MujocoPlant:
             winding=self._motors.winding,
             housing=self._motors.housing,
             battery=self._battery.voltage,
-            slip=contact_slip(self._wheels, self._geometry, self._qpos, self._qvel),
+            slip=contact_slip(self._world.wheels, self._world.kinematics, self._qpos.get(), self._qvel.get()),
         )
 
-    def _set_friction(self, model: mujoco.MjModel, settings: Sequence[Settings]) -> None:
-        """Write each robot's friction of carpet, hinges and rollers into its own copy of these model fields."""
-        self._batch.expand("pair_friction")[:, :, :2] = column([s.carpet for s in settings], "friction")[:, None]
-        weight = model.body("chassis").subtreemass[0] * -model.opt.gravity[2]
-        rolling = column([s.carpet for s in settings], "lint") * weight / robot.WHEELS * self._geometry.radius
-        gear = column([s.drive for s in settings], "gear_friction_nm")
-        dofs = [joint.dofadr[0] for joint in robot.wheel_joints(model)]
-        self._batch.expand("dof_frictionloss")[:, dofs] = robot.numeric("motor_friction") + gear + rolling
-        rollers = model.dof_damping > 0
-        self._batch.expand("dof_damping")[:, rollers] = column([s.drive for s in settings], "roller_damping_nm_s")
+    def _set_friction(self, settings: Sequence[Settings]) -> None:
+        """Write each robot's friction of carpet, hinges and rollers into its world's copy of these model fields."""
+        world, carpet, drive = self._world, [s.carpet for s in settings], [s.drive for s in settings]
+        pairs = self._batch.expand("pair_friction")
+        for direction in range(2):
+            Columns(pairs[:, :, direction], world.pairs).set(column(carpet, "friction"))
+        wheels, radius = len(world.kinematics.azimuths), world.kinematics.radius
+        rolling = column(carpet, "lint") * world.weight / wheels * radius
+        gear = column(drive, "gear_friction_nm")
+        hinges = np.array([robot.wheel_dofs for robot in world.robots])
+        Columns(self._batch.expand("dof_frictionloss"), hinges).set(world.motor_friction + gear + rolling)
+        rollers = np.array([robot.roller_dofs.ravel() for robot in world.robots])
+        Columns(self._batch.expand("dof_damping"), rollers).set(column(drive, "roller_damping_nm_s"))
 
-    def _check(self, frame: int) -> None:
-        """Raise SimulationError for an unstable or toppled robot; otherwise read the heading."""
-        time = f"at {(frame + 1) * PERIOD_S:.3f} s"
+    def _bind(self) -> None:
+        """Find what is read and written in every step."""
+        batch, world, robots = self._batch, self._world, self._world.robots
+        qpos, qvel, sensors, ctrl = (batch.bind(name) for name in ("qpos", "qvel", "sensordata", "ctrl"))
+        self._qpos = Columns(qpos, np.array([robot.qpos for robot in robots]))
+        self._qvel = Columns(qvel, np.array([robot.dofs for robot in robots]))
+        self._position = Columns(qpos, np.array([robot.qpos[:3] for robot in robots]))
+        self._quaternion = Columns(qpos, np.array([robot.qpos[3:7] for robot in robots]))
+        self._velocity = Columns(qvel, np.array([robot.dofs[:6] for robot in robots]))
+        self._wheel_angle = Columns(qpos, np.array([robot.wheel_qpos for robot in robots]))
+        self._wheel_speed = Columns(qvel, np.array([robot.wheel_dofs for robot in robots]))
+        self._gyro = Columns(sensors, np.array([[robot.gyro] for robot in robots]))
+        self._encoders = Columns(sensors, np.array([robot.encoders for robot in robots]))
+        motors = np.array([robot.motors for robot in robots])
+        self._ctrl, gain = Columns(ctrl, motors), batch.expand("actuator_gainprm")
+        self._resistance, self._constant = Columns(gain[:, :, 0], motors), Columns(gain[:, :, 1], motors)
+        forces = batch.bind("xfrc_applied")
+        self._push = Columns(
+            forces.reshape(len(forces), -1), np.array([[6 * robot.chassis, 6 * robot.chassis + 1] for robot in robots])
+        )
+        rollers = Columns(qvel, np.array([robot.roller_dofs[:, 0] for robot in robots]))
+        self._handover = Handover(self._wheel_angle, rollers, world.pitch) if world.one_roller else None
+
+    def _stand(self, worlds: np.ndarray) -> None:
+        """Put the robots of some worlds where they start, at rest on their rollers; their sensors say so."""
+        batch, places = self._batch, self._places
+        batch.bind("qpos")[worlds], batch.bind("qvel")[worlds] = self._world.standing, 0.0
+        rows = (worlds[:, None] * places + np.arange(places)).ravel()
+        position, quaternion = self._position.get().copy(), self._quaternion.get().copy()
+        x, y, heading = self._start[rows].T
+        position[rows, 0], position[rows, 1] = x, y
+        quaternion[rows] = np.stack([np.cos(heading / 2), *np.zeros((2, len(rows))), np.sin(heading / 2)], axis=1)
+        self._position.set(position)
+        self._quaternion.set(quaternion)
+        self._heading[rows] = heading
+        batch.forward(worlds, stage=mujoco.mjtStage.mjSTAGE_VEL.value)
+
+    def _check_start(self, rows: Sequence[Row]) -> None:
+        """Refuse robots that start in each other or in a wall, which would throw them apart."""
+        model, data = self._world.model, mujoco.MjData(self._world.model)
+        for world, qpos in enumerate(self._batch.bind("qpos")):
+            data.qpos[:] = qpos
+            mujoco.mj_fwdPosition(model, data)
+            for contact in data.contact:
+                if contact.dist < -_ALLOWED_DEPTH_M:
+                    first, second = (model.geom(geom).name for geom in contact.geom)
+                    raise OmniError(
+                        f"world {rows[world * self._places].world}: {first!r} and {second!r} start in each other, "
+                        f"{-1e3 * contact.dist:.0f} mm deep; place the robots apart"
+                    )
+
+    def _check(self) -> dict[int, str]:
+        """Find what has failed, stop it, and read the headings of the others."""
+        causes: dict[int, str] = {}
         for warning, meaning in _UNSTABLE.items():
-            if (bad := np.flatnonzero(self._batch.warning[:, warning, 1])).size:
-                name = mujoco.mjtWarning(warning).name
-                raise SimulationError(
-                    f"the simulation of robot {bad[0]} became unstable {time}: {meaning} (MuJoCo warning {name})"
-                )
-        w, x, y, z = self._quaternion.T
-        if (fallen := np.flatnonzero(x * x + y * y > TOPPLED)).size:
-            raise SimulationError(f"robot {fallen[0]} toppled over {time}")
+            broken = np.repeat(self._batch.warning[:, warning, 1] > 0, self._places) & ~self._failed
+            text = f"became unstable: {meaning} (MuJoCo warning {mujoco.mjtWarning(warning).name})"
+            causes |= {int(row): text for row in np.flatnonzero(broken) if int(row) not in causes}
+        unstable = list(causes)
+        w, x, y, z = self._quaternion.get().T
+        toppled = (x * x + y * y > TOPPLED) & ~self._failed
+        causes |= {int(row): "toppled over" for row in np.flatnonzero(toppled) if int(row) not in causes}
         heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
         self._heading = self._heading + wrap_angle(heading - self._heading)
+        if causes:
+            self._stop(list(causes), unstable)
+        return causes
+
+    def _stop(self, rows: list[int], unstable: list[int]) -> None:
+        """Switch rows off. Worlds where none is left on are not stepped any more; unstable ones are put back first."""
+        self._failed[rows], self._force[rows] = True, 0.0
+        if unstable:
+            self._stand(np.unique(np.array(unstable) // self._places))
+        over = self._failed.reshape(-1, self._places).all(1)
+        self._batch.bind("qvel")[over] = 0.0
+        self._living = np.flatnonzero(~over)
+
+
+def _places(rows: Sequence[Row]) -> int:
+    """Robots per world; raise OmniError unless every world has as many, one after the other."""
+    places = max(row.place for row in rows) + 1
+    worlds = [row.world for row in rows[::places]]
+    if [(row.world, row.place) for row in rows] != [(world, place) for world in worlds for place in range(places)]:
+        raise OmniError("the rows of a batch must be those of one world after the other, all with as many places")
+    return places
+
+
+def _common(rows: Sequence[Row]) -> Settings:
+    """Settings whose sections wheels and physics hold for all rows; raise OmniError if there are none."""
+    first = rows[0]
+    for number, row in enumerate(rows):
+        differ = [
+            name for name in ("wheels", "physics") if getattr(row.settings, name) != getattr(first.settings, name)
+        ]
+        if row.robot != first.robot:
+            differ.append("robot")
+        if differ:
+            raise OmniError(f"rows 0 and {number} differ in {' and '.join(differ)}: one batch has one model")
+    return first.settings

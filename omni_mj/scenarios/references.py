@@ -7,7 +7,14 @@ from functools import lru_cache
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_control.reference import CURVES, CurveReference, IteratedReference, MotionLimits, SampledReference, TimedReference
+from omni_control.reference import (
+    CURVES,
+    CurveReference,
+    IteratedReference,
+    MotionLimits,
+    SampledReference,
+    TimedReference,
+)
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, ReferenceSettings
 
 Where = tuple[float, float, float]
@@ -29,7 +36,7 @@ def timed(settings: ReferenceSettings, where: Where = ORIGIN) -> SampledReferenc
 def iterated(settings: ReferenceSettings, n: int, where: Where = ORIGIN) -> IteratedReference:
     """The reference that is planned anew in every frame for `n` robots; for way-points only."""
     visits = displaced(np.array(_visits(settings)), where)
-    return IteratedReference(visits, motion_limits(settings), PERIOD_S, n, rest_frames=_lead_frames(settings))
+    return IteratedReference(visits.tolist(), motion_limits(settings), PERIOD_S, n, rest_frames=_lead_frames(settings))
 
 
 def displaced(poses: Array, where: Where) -> Array:
@@ -60,13 +67,13 @@ def _lead_frames(settings: ReferenceSettings) -> int:
 
 
 def _visits(settings: ReferenceSettings) -> Sequence[Sequence[float]]:
-    points = _random_waypoints(settings) if settings.shape == "random" else list(settings.waypoints)
+    points = _random_waypoints(settings) if settings.shape == "random" else settings.waypoints
     return points[:1] + points[1:] * settings.laps
 
 
-def _random_waypoints(settings: ReferenceSettings) -> list[list[float]]:
+def _random_waypoints(settings: ReferenceSettings) -> tuple[tuple[float, ...], ...]:
     """Poses drawn uniformly; from each to the next the robot turns the shorter way."""
     half = np.array([settings.length_m / 2, settings.width_m / 2, np.pi])
     poses = np.random.default_rng(settings.seed).uniform(-half, half, (settings.count, 3))
     poses[:, 2] = np.unwrap(poses[:, 2])
-    return poses.tolist()
+    return tuple(map(tuple, poses.tolist()))

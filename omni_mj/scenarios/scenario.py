@@ -1,63 +1,193 @@
-"""Scenarios: TOML files that override settings by name; reading, checking, writing them."""
+"""Scenarios: what is run. They are made from TOML files, which override settings by name, or in Python."""
 
-import dataclasses
+import inspect
 import json
-import math
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from importlib import resources
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
+from pydantic import Field, ValidationInfo, field_validator
+
+from omni_control.controllers import CONTROLLERS, parameters
+from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError, choose
-from omni_control.reference.curves import CURVES
-from omni_mj.scenarios import controllers
+from omni_mj.scenarios import controllers, robots
+from omni_mj.scenarios.checking import Checked, Setting, in_one, setting, shown
+from omni_mj.scenarios.nested import merged
+from omni_mj.scenarios.parameters import Parameters
+from omni_mj.scenarios.plants import check_plant
 from omni_mj.scenarios.settings import Settings
 
-PLANTS = ("mujoco", "kinematic")
+LIBRARY = Path(__file__).parent / "library"
+_NOTHING: Any = {}
 
 
-@dataclass(frozen=True)
-class Scenario:
-    """What is run: the settings in force, the plant, the controllers and the seeds.
+class Scenario(Checked):
+    """What is run: the settings in force, the plant, the robot, the controllers and the seeds.
 
-    `paper_table` is the table of the paper (3 or 4) that reports the same experiment, or 0.
+    Settings may be given as sections by name; they then start from the defaults that the robot's model gives.
     """
 
-    name: str
-    description: str = ""
-    paper_table: int = 0
-    plant: str = "mujoco"
-    controllers: tuple[str, ...] = ("flc", "comp-flc")
-    seed: int = 0
-    seeds: int = 1
-    settings: Settings = field(default_factory=Settings)
+    unknown = "unknown name"
+
+    name: str = setting("scenario", "", "what it is called in tables and folders: letters, digits and ._-")
+    description: str = setting("", "", "what it is, in a line")
+    paper_table: int = setting(0, "", "the table of the paper (3 or 4) that reports the same experiment, or 0", 0, 4)
+    plant: str = setting("mujoco", "", "what is driven: a plant that --list names, or file.py:Class")
+    robot: str = setting(robots.DEFAULT, "", "the name of a robot's model, or the path of an .xml file")
+    controllers: tuple[str | type[Controller], ...] = setting(
+        ("flc", "comp-flc"), "", "what drives it: names of controllers, or file.py:Class", 1
+    )
+    seed: int = setting(0, "", "first seed of the random numbers", 0, 2**63 - 1)
+    seeds: int = setting(1, "", "how many seeds, counting up from the first", 1, 100_000)
+    settings: Settings = Field(_NOTHING, validate_default=True)
 
     @property
     def labels(self) -> tuple[str, ...]:
         """What the controllers are called in tables and files."""
-        return tuple(controllers.label(name) for name in self.controllers)
+        return tuple(controllers.label(kind) for kind in self.controllers)
 
     @property
     def seed_list(self) -> list[int]:
         """The seeds, one row of the batch each per controller."""
         return [self.seed + i for i in range(self.seeds)]
 
+    @classmethod
+    def declared(cls) -> list[Setting]:
+        """What the declarations of its own fields say; those of the settings are in their sections."""
+        return [cls._declared(name) for name in cls.model_fields if name != "settings"]
+
+    def replace(self, **values: Any) -> Self:
+        """A copy with other values, checked like any.
+
+        Raises:
+            OmniError: a value is not allowed, or another robot is given without settings.
+        """
+        if values.get("robot", self.robot) != self.robot and "settings" not in values:
+            raise OmniError("another robot has other settings: give robot= to scenario(...), or settings= as well")
+        return super().replace(**values)
+
     def to_toml(self) -> str:
-        """The effective scenario, every setting written out; reading it back gives an equal one."""
-        lines = [f"{f.name} = {_toml(getattr(self, f.name))}" for f in dataclasses.fields(self) if f.name != "settings"]
-        for section in dataclasses.fields(self.settings):
-            values = dataclasses.asdict(getattr(self.settings, section.name))
-            lines += ["", f"[{section.name}]", *(f"{name} = {_toml(value)}" for name, value in values.items())]
+        """The effective scenario, every setting written out; reading it back gives an equal one.
+
+        A controller that was given as a class is named by its file.
+        """
+        head = dict(self) | {"controllers": [controllers.written(kind) for kind in self.controllers]}
+        sections = self.settings.plain()
+        named = sections.pop("controller")
+        tables = {**sections, **{f"controller.{_key(name)}": values for name, values in named.items()}}
+        lines = [f"{each.name} = {_toml(head[each.name])}" for each in self.declared()]
+        for table, values in tables.items():
+            lines += ["", f"[{table}]", *(f"{_key(name)} = {_toml(value)}" for name, value in values.items())]
         return "\n".join(lines) + "\n"
+
+    @field_validator("name")
+    @classmethod
+    def _file_name(cls, name: str) -> str:
+        if not re.fullmatch(r"[\w.-]+", name):
+            raise ValueError(f"the name of a scenario may hold letters, digits and ._-, unlike {shown(name)}")
+        return name
+
+    @field_validator("paper_table")
+    @classmethod
+    def _of_paper(cls, table: int) -> int:
+        if table not in (0, 3, 4):
+            raise ValueError(f"paper_table must be 3, 4 or 0 (none), not {table}")
+        return table
+
+    @field_validator("plant")
+    @classmethod
+    def _plant(cls, plant: str) -> str:
+        check_plant(plant)
+        return plant
+
+    @field_validator("robot")
+    @classmethod
+    def _robot(cls, robot: str) -> str:
+        robots.numbers(robot)
+        return robot
+
+    @field_validator("controllers", mode="before")
+    @classmethod
+    def _controllers(cls, kinds: Any) -> tuple[str | type[Controller], ...]:
+        if not isinstance(kinds, (list, tuple)) or not kinds or not all(_names_controller(kind) for kind in kinds):
+            what = "a list of at least one name, or class derived from omni_control.Controller"
+            raise ValueError(f"controllers must be {what}, not {shown(kinds)}")
+        errors = []
+        for kind in dict.fromkeys(kinds):
+            try:
+                if kind not in CONTROLLERS:
+                    controllers.find(kind)
+            except OmniError as error:
+                errors.append(str(error))
+        labels = [controllers.label(kind) for kind in kinds]
+        twice = dict.fromkeys(label for label in labels if labels.count(label) > 1)
+        errors += [f"controller {label!r} is named twice; name each once" for label in twice]
+        in_one(errors)
+        return tuple(kinds)
+
+    @field_validator("seeds")
+    @classmethod
+    def _last_seed(cls, seeds: int, info: ValidationInfo) -> int:
+        if info.data.get("seed", 0) + seeds > 2**63:  # each is a 64-bit column of the results
+            raise ValueError("seed must leave the last seed, seed + seeds - 1, below 2^63")
+        return seeds
+
+    @field_validator("settings", mode="before")
+    @classmethod
+    def _settings(cls, given: Any, info: ValidationInfo) -> Settings:
+        """Settings from sections, and parameters that are those of the controllers; all errors of both."""
+        if not isinstance(given, (Mapping, Settings)):
+            raise ValueError(f"settings must be Settings, or sections by name, not {shown(given)}")
+        errors, settings, parameters = [], given, None
+        try:
+            if isinstance(given, Mapping):
+                settings = Settings(**robots.completed(given, info.data.get("robot", robots.DEFAULT)))
+        except OmniError as error:
+            errors.append(str(error))
+        try:
+            parameters = _parameters(given, info.data.get("controllers"))
+        except OmniError as error:
+            errors.append(str(error))
+        in_one(errors)
+        assert isinstance(settings, Settings)
+        return settings if parameters is None else settings.replace(controller=parameters)
 
 
 def builtin() -> dict[str, Path]:
     """The scenarios that come with the package, by name."""
-    folder = Path(str(resources.files("omni_mj"))) / "scenarios" / "library"
-    return {path.stem: path for path in sorted(folder.glob("*.toml"))}
+    return {path.stem: path for path in sorted(LIBRARY.glob("*.toml"))}
+
+
+def scenario(
+    name_or_path: str | Path,
+    *,
+    plant: str | None = None,
+    robot: str | None = None,
+    controllers: Sequence[str | type[Controller]] | None = None,
+    seed: int | None = None,
+    seeds: int | None = None,
+    **sections: Any,
+) -> Scenario:
+    """A scenario by name or from a TOML file, with changes: `scenario("rect", radio={"delay_frames": 9})`.
+
+    Args:
+        name_or_path: one of those that come with the package, or a file.
+        plant: what is driven: "mujoco", "kinematic", or `file.py:Class`.
+        robot: name of a model, or path of an .xml file.
+        controllers: names, classes derived from `omni_control.Controller`, or `file.py:Class`.
+        seed: the first.
+        seeds: how many.
+        sections: values of settings by section and field.
+
+    Raises:
+        OmniError: there is no such scenario, or something is unknown or not allowed; a line for each.
+    """
+    data, stem = _read(str(name_or_path))
+    head = {"plant": plant, "robot": robot, "controllers": controllers, "seed": seed, "seeds": seeds}
+    return _made(merged(data, sections) | {name: value for name, value in head.items() if value is not None}, stem)
 
 
 def load(name_or_path: str, overrides: Iterable[str] = (), head: Mapping[str, Any] | None = None) -> Scenario:
@@ -66,8 +196,21 @@ def load(name_or_path: str, overrides: Iterable[str] = (), head: Mapping[str, An
     `head` replaces fields of `Scenario` itself, such as plant or seeds.
 
     Raises:
-        OmniError: no such scenario or file, not TOML, an unknown name, a value of the wrong type or out of range.
+        OmniError: no such scenario or file, not TOML; an unknown name, a value of the wrong type or out of range, each
+            in a line.
     """
+    data, stem = _read(name_or_path)
+    errors = []
+    for override in overrides:
+        try:
+            _override(data, override)
+        except OmniError as error:
+            errors.append(str(error))
+    return _made(data | dict(head or {}), stem, errors)
+
+
+def _read(name_or_path: str) -> tuple[dict[str, Any], str]:
+    """What a scenario's file holds, and the name it gives the scenario."""
     path = builtin().get(name_or_path)
     if path is None and (name_or_path.endswith(".toml") or Path(name_or_path).is_file()):
         path = Path(name_or_path)
@@ -79,100 +222,52 @@ def load(name_or_path: str, overrides: Iterable[str] = (), head: Mapping[str, An
     except OSError as error:
         raise OmniError(f"cannot read scenario {path}: {error.strerror}") from None
     except ValueError as error:  # not TOML, not UTF-8, a number of absurd length, a file name with a null
-        raise OmniError(f"scenario {path} is not valid TOML: {error}") from None
-    for override in overrides:
-        _override(data, override)
-    return _parse(data | dict(head or {}), re.sub(r"[^\w.-]+", "-", path.stem))
+        raise OmniError(f"scenario {path} is not valid TOML: {' '.join(str(error).split())}") from None
+    return data, re.sub(r"[^\w.-]+", "-", path.stem)
 
 
 def _override(data: dict[str, Any], override: str) -> None:
     key, equals, text = override.partition("=")
-    section, dot, name = key.strip().partition(".")
-    if not equals or not dot:
+    *sections, name = key.strip().split(".", 2 if key.strip().startswith("controller.") else 1)
+    if not equals or not sections:
         raise OmniError(f"cannot read --set {override}; write section.field=value, such as radio.delay_frames=3")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except ValueError:
         value = text.strip()  # a bare word, such as reference.mode=iterated
-    if not isinstance(data.setdefault(section, {}), dict):
-        raise OmniError(f"cannot set {key.strip()}: {section} is not a section")
-    data[section][name] = value
+    for section in sections:
+        data = data.setdefault(section, {})
+        if not isinstance(data, dict):
+            raise OmniError(f"cannot set {key.strip()}: {section} is not a section")
+    data[name] = value
 
 
-def _parse(data: Mapping[str, Any], stem: str) -> Scenario:
-    sections = {f.name: f.default_factory for f in dataclasses.fields(Settings)}
-    head = {f.name: f for f in dataclasses.fields(Scenario) if f.name != "settings"}
-    values: dict[str, Any] = {"name": stem}
-    parsed: dict[str, Any] = {}
-    for key, value in data.items():
-        if key in sections:
-            parsed[key] = _parse_section(key, sections[key], value)
-        elif key in head:
-            values[key] = value
-        else:
-            kind, allowed = ("section", sections) if isinstance(value, dict) else ("name", head)
-            raise OmniError(f"unknown {kind} {key!r} in a scenario; {choose(key, sorted(allowed))}")
-    settings = Settings(**parsed)
-    _check_head(values)
-    _check_together(settings)
-    values["controllers"] = tuple(values.get("controllers", Scenario.controllers))
-    return Scenario(**values, settings=settings)
+def _made(data: Mapping[str, Any], stem: str, errors: Sequence[str] = ()) -> Scenario:
+    """A scenario of what a file holds, unless there are `errors` already; all are raised as one."""
+    head = {each.name for each in Scenario.declared()}
+    sections = {key for key, value in data.items() if key not in head and isinstance(value, (Mapping, Checked))}
+    sections |= data.keys() & {*Settings.model_fields, "settings"}
+    values = {key: value for key, value in data.items() if key not in sections}
+    try:
+        made = Scenario(**{"name": stem, **values, "settings": {key: data[key] for key in data if key in sections}})
+    except OmniError as error:
+        in_one([*errors, str(error)])
+        raise
+    in_one(list(errors))
+    return made
 
 
-def _check_head(values: Mapping[str, Any]) -> None:
-    kinds = {"name": str, "description": str, "plant": str, "paper_table": int, "seed": int, "seeds": int}
-    for name, kind in kinds.items():
-        if name in values and (not isinstance(values[name], kind) or isinstance(values[name], bool)):
-            raise OmniError(f"{name} must be {'a string' if kind is str else 'a whole number'}, not {values[name]!r}")
-    names = values.get("controllers", Scenario.controllers)
-    if not isinstance(names, (list, tuple)) or not names or not all(isinstance(name, str) for name in names):
-        raise OmniError(f"controllers must be a list of at least one name, not {names!r}")
-    for name in names:
-        controllers.find(name)
-    if len({controllers.label(name) for name in names}) < len(names):
-        raise OmniError("a controller is named twice; name each once")
-    if values.get("plant", "mujoco") not in PLANTS:
-        raise OmniError(f"unknown plant {values['plant']!r}; {choose(values['plant'], sorted(PLANTS))}")
-    if values.get("paper_table", 0) not in (0, 3, 4):
-        raise OmniError(f"paper_table must be 3, 4 or 0 (none), not {values['paper_table']}")
-    if not 1 <= values.get("seeds", 1) <= 100_000:
-        raise OmniError(f"seeds must be 1 to 100000, not {values['seeds']}")
-    if not 0 <= values.get("seed", 0) <= 2**63 - values.get("seeds", 1):
-        raise OmniError(f"seed must be at least 0, and the last seed below 2^63, not {values['seed']}")
-    if not re.fullmatch(r"[\w.-]+", values["name"]):
-        raise OmniError(f"the name of a scenario may hold letters, digits and ._-, unlike {values['name']!r}")
+def _parameters(settings: Settings | Mapping[str, Any], kinds: Sequence[str | type[Controller]] | None) -> Any:
+    """The parameters given, as the controllers have them; None without any, or without controllers that there are."""
+    given = settings.controller if isinstance(settings, Settings) else settings.get("controller")
+    if not given or not isinstance(given, Mapping) or kinds is None:
+        return None
+    has = {controllers.label(kind): parameters(controllers.find(kind)) for kind in kinds}
+    return Parameters(**given).of(has)
 
 
-def _parse_section(section: str, kind: Any, data: Any) -> Any:
-    if not isinstance(data, dict):
-        raise OmniError(f"{section} is a section: write [{section}] and its fields below")
-    fields = {f.name: f for f in dataclasses.fields(kind)}
-    for name in data:
-        if name not in fields:
-            full = [f"{section}.{field}" for field in fields]
-            raise OmniError(f"unknown setting {section}.{name}; {choose(f'{section}.{name}', sorted(full))}")
-    return kind(**{name: _check(f"{section}.{name}", fields[name], value) for name, value in data.items()})
-
-
-def _check(name: str, spec: dataclasses.Field[Any], value: Any) -> Any:
-    meta = spec.metadata
-    if meta["choices"]:
-        if value not in meta["choices"]:
-            raise OmniError(f"{name} must be {' or '.join(meta['choices'])}, not {value!r}")
-        return value
-    if spec.type is bool:
-        if not isinstance(value, bool):
-            raise OmniError(f"{name} must be true or false, not {value!r}")
-        return value
-    if name == "reference.waypoints":
-        return _check_waypoints(value)
-    whole = spec.type is int
-    valid = _is_number(value) and (isinstance(value, int) or not whole)
-    if not valid or not meta["low"] <= value <= meta["high"]:
-        kind = "a whole number" if whole else "a number"
-        unit = f" {meta['unit']}" if meta["unit"] else ""
-        raise OmniError(f"{name} must be {kind} from {meta['low']:g} to {meta['high']:g}{unit}, not {value!r}")
-    return value if whole else float(value)
+def _names_controller(kind: Any) -> bool:
+    return isinstance(kind, str) or (inspect.isclass(kind) and issubclass(kind, Controller))
 
 
 def _toml(value: Any) -> str:
@@ -180,34 +275,5 @@ def _toml(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _is_number(value: Any) -> bool:
-    # Compared rather than asked whether it is finite, which fails for integers beyond a float's range.
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and -math.inf < value < math.inf
-
-
-def _check_waypoints(value: Any) -> list[list[float]]:
-    message = "reference.waypoints must be a list of at least two [x, y] or [x, y, heading] in m and rad, within 100 m"
-    if not isinstance(value, list) or len(value) < 2:
-        raise OmniError(f"{message}, not {value!r}")
-    poses = []
-    for point in value:
-        if (
-            not isinstance(point, list)
-            or len(point) not in (2, 3)
-            or not all(_is_number(c) and abs(c) <= 100 for c in point)
-        ):
-            raise OmniError(f"{message}; {point!r} is not one")
-        poses.append([float(c) for c in point] + [0.0] * (3 - len(point)))
-    return poses
-
-
-def _check_together(settings: Settings) -> None:
-    if settings.reference.mode == "iterated" and settings.reference.shape in CURVES:
-        raise OmniError(
-            "reference.mode = iterated plans from way-point to way-point, of which a curve has none; "
-            f"reference.shape = {settings.reference.shape} needs reference.mode = timed"
-        )
-    if settings.kinematic.alpha_low > settings.kinematic.alpha_high:
-        raise OmniError("kinematic.alpha_low must not be above kinematic.alpha_high")
-    if settings.radio.jitter_frames > settings.radio.delay_frames:
-        raise OmniError("radio.jitter_frames must not be above radio.delay_frames: no packet arrives before it is sent")
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)

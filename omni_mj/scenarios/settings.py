@@ -1,61 +1,55 @@
-"""Every number a scenario can set: small frozen dataclasses whose fields carry unit, bounds and meaning."""
+"""Every number a scenario can set: small frozen models whose fields carry unit, bounds and meaning."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, Literal, Self
 
 import numpy as np
+from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from omni_control.kinematics import Array
 from omni_control.reference.curves import CURVES
-from omni_mj.worlds import robot
+from omni_mj.scenarios import robots
+from omni_mj.scenarios.checking import Checked, Poses, Setting, setting, shown
+from omni_mj.scenarios.nested import merged, plain
+from omni_mj.scenarios.parameters import Parameters
 
 FRAME_RATE_HZ = 60  # SSL-Vision's cameras; the clock of everything (paper, section 4)
 PERIOD_S = 1 / FRAME_RATE_HZ
 
 
-def setting(
-    default: Any,
-    unit: str,
-    doc: str,
-    low: float | None = None,
-    high: float | None = None,
-    choices: tuple[str, ...] | None = None,
-) -> Any:
-    """A dataclass field with its unit, meaning and allowed range; a callable default is read when needed."""
-    metadata = {"unit": unit, "doc": doc, "low": low, "high": high, "choices": choices}
-    factory: Callable[[], Any] = default if callable(default) else lambda: default
-    return field(default_factory=factory, metadata=metadata)
+def of_robot(name: str) -> Callable[[], float]:
+    """A default that is a robot's own, and stands in its model."""
+    return lambda: robots.numbers(robots.DEFAULT)[name]
 
 
 def column(settings: Sequence[Any], name: str) -> Array:
     """A field of one section per robot as an array (n, 1)."""
-    return np.array([[float(getattr(s, name))] for s in settings])
+    first = settings[0]
+    if all(each is first for each in settings):
+        return np.full((len(settings), 1), float(getattr(first, name)))
+    return np.array([[float(getattr(each, name))] for each in settings])
 
 
-@dataclass(frozen=True)
-class ReferenceSettings:
+class ReferenceSettings(Checked):
     """The task: where the robot shall be when; way-points or a curve, and the limits of moving along it."""
 
-    shape: str = setting(
-        "waypoints", "", "what to drive: the way-points given, way-points drawn at random, or a curve",
-        choices=("waypoints", "random", *CURVES),
-    )  # fmt: skip
-    waypoints: list[list[float]] = setting(
-        lambda: [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], "m, m, rad", "poses [x, y, heading] to visit, from the first on"
+    shape: Literal["waypoints", "random", *CURVES] = setting(  # type: ignore[valid-type]
+        "waypoints", "", "what to drive: the way-points given, way-points drawn at random, or a curve"
+    )
+    waypoints: Poses = setting(
+        ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)), "m, m, rad", "poses [x, y, heading] to visit, from the first on", 2
     )
     length_m: float = setting(2.0, "m", "curve, random: extent in x about the field's centre", 0.1, 20)
     width_m: float = setting(2.0, "m", "curve, random: extent in y", 0.1, 20)
-    heading: str = setting(
-        "fixed", "", "curve: fixed: heading 0; tangent: facing along the path", choices=("fixed", "tangent")
+    heading: Literal["fixed", "tangent"] = setting(
+        "fixed", "", "curve: fixed: heading 0; tangent: facing along the path"
     )
     count: int = setting(10, "", "random: number of way-points, the start included", 2, 1000)
     seed: int = setting(0, "", "random: what they are drawn from, the same for all seeds of a run", 0, 1_000_000)
     laps: int = setting(1, "", "how many times the way-points are visited, or the curve is driven", 1, 1000)
-    mode: str = setting(
-        "timed", "", "timed: known in advance; iterated: way-points only, planned anew each frame from the pose",
-        choices=("timed", "iterated"),
-    )  # fmt: skip
+    mode: Literal["timed", "iterated"] = setting(
+        "timed", "", "timed: known in advance; iterated: way-points only, planned anew each frame from the pose"
+    )
     max_speed_m_s: float = setting(3.159, "m/s", "highest speed of the reference (paper, section 2)", 0.01, 10)
     max_acceleration_m_s2: float = setting(0.826, "m/s^2", "highest acceleration (paper, section 2)", 0.01, 20)
     max_turn_rate_rad_s: float = setting(6.0, "rad/s", "highest turn rate of the reference", 0.01, 30)
@@ -64,9 +58,17 @@ class ReferenceSettings:
     dwell_s: float = setting(0.0, "s", "rest at each way-point", 0, 60)
     settle_s: float = setting(1.0, "s", "rest at the end", 0, 60)
 
+    @model_validator(mode="after")
+    def _plannable(self) -> Self:
+        if self.mode == "iterated" and self.shape in CURVES:
+            raise ValueError(
+                "reference.mode = iterated plans from way-point to way-point, of which a curve has none; "
+                f"reference.shape = {self.shape} needs reference.mode = timed"
+            )
+        return self
 
-@dataclass(frozen=True)
-class VisionSettings:
+
+class VisionSettings(Checked):
     """The 60 Hz camera. Noise and misses: "Realistic" of the ER-Force simulator."""
 
     position_noise_m: float = setting(0.0013, "m", "standard deviation of the position seen, per axis", 0, 1)
@@ -75,16 +77,22 @@ class VisionSettings:
     miss_frames: int = setting(1, "frames", "how long it is then not seen", 1, 600)
 
 
-@dataclass(frozen=True)
-class RadioSettings:
+class RadioSettings(Checked):
     """The radio link from the team's computer to the robot."""
 
     delay_frames: int = setting(6, "frames", "dead time k_d from command to robot (paper: 0.1 s)", 0, 600)
     jitter_frames: int = setting(0, "frames", "a packet takes up to this more or less, uniformly; newest wins", 0, 600)
 
+    @model_validator(mode="after")
+    def _causal(self) -> Self:
+        if self.jitter_frames > self.delay_frames:
+            raise ValueError(
+                "radio.jitter_frames must not be above radio.delay_frames: no packet arrives before it is sent"
+            )
+        return self
 
-@dataclass(frozen=True)
-class ControlSettings:
+
+class ControlSettings(Checked):
     """The team's computer: what it believes of the robots, the trackers, and the limits of what they may command."""
 
     delay_error_frames: int = setting(0, "frames", "what it believes the dead time to be, less the true", -600, 600)
@@ -101,8 +109,7 @@ class ControlSettings:
     max_turn_acceleration_rad_s2: float = setting(50.8, "rad/s^2", "highest change of it (same)", 0.01, 1e4)
 
 
-@dataclass(frozen=True)
-class FirmwareSettings:
+class FirmwareSettings(Checked):
     """What runs on the robot: wheel loops, one PID per wheel at 960 Hz, with gains at the wheel, and heading.
 
     By default the wheel loops are proportional with feed-forward, as in the firmware of TIGERs (k_i = 0) and
@@ -120,8 +127,7 @@ class FirmwareSettings:
     derate: bool = setting(False, "", "limit the current of a motor that nears its highest winding temperature")
 
 
-@dataclass(frozen=True)
-class SensorSettings:
+class SensorSettings(Checked):
     """The sensors on the robot."""
 
     encoder_counts: int = setting(8192, "", "counts per revolution of a motor (TIGERs: 2048 lines)", 1, 1_000_000)
@@ -129,8 +135,7 @@ class SensorSettings:
     gyro_bias_rad_s: float = setting(0.01, "rad/s", "standard deviation of its bias, one per seed", 0, 10)
 
 
-@dataclass(frozen=True)
-class MotorSettings:
+class MotorSettings(Checked):
     """What the model cannot hold of the motors: maxon EC 45 flat 50 W, catalogue page of the 24 V winding."""
 
     winding_c: float = setting(25.0, "deg C", "temperature of the windings at the start", -20, 200)
@@ -148,8 +153,7 @@ class MotorSettings:
     )
 
 
-@dataclass(frozen=True)
-class BatterySettings:
+class BatterySettings(Checked):
     """The battery: 6S LiPo (TIGERs)."""
 
     charge: float = setting(0.5, "", "state of charge at the start: 1 full (25.2 V), 0.5 nominal (22.2 V)", 0, 1)
@@ -159,79 +163,130 @@ class BatterySettings:
     cut_off_v: float = setting(20.4, "V", "below it, over a second, the battery gives no more power", 0, 60)
 
 
-@dataclass(frozen=True)
-class CarpetSettings:
+class CarpetSettings(Checked):
     """The carpet under the rollers."""
 
-    friction: float = setting(robot.carpet_friction, "", "coefficient of friction, all rollers", 0.01, 5)
+    friction: float = setting(0.8, "", "coefficient of friction, all rollers (the league's simulators)", 0.01, 5)
     lint: float = setting(
-        lambda: robot.numeric("lint"),
-        "",
-        "rolling resistance in the pile, with lint on the wheels: share of the load",
-        0,
-        1,
+        of_robot("carpet.lint"), "", "rolling resistance in the pile, with lint on the wheels: share of the load", 0, 1
     )
 
 
-@dataclass(frozen=True)
-class PhysicsSettings:
+class PhysicsSettings(Checked):
     """The integration."""
 
     substeps: int = setting(1, "", "physics steps per cycle of the wheel loops, which is the model's 1/960 s", 1, 100)
 
 
-@dataclass(frozen=True)
-class WheelSettings:
+class WheelSettings(Checked):
     """The wheels."""
 
-    model: str = setting(
-        "rollers", "", "rollers: all 16 of each; contact-roller: the one at the carpet, faster",
-        choices=("rollers", "contact-roller"),
-    )  # fmt: skip
+    model: Literal["rollers", "contact-roller"] = setting(
+        "rollers", "", "rollers: all 16 of each; contact-roller: the one at the carpet, faster"
+    )
 
 
-@dataclass(frozen=True)
-class DriveSettings:
+class DriveSettings(Checked):
     """Losses between motor and carpet."""
 
     gear_friction_nm: float = setting(
-        lambda: robot.numeric("gear_friction"), "N m", "dry friction of a gear, at the wheel", 0, 1
+        of_robot("drive.gear_friction_nm"), "N m", "dry friction of a gear, at the wheel", 0, 1
     )
-    roller_damping_nm_s: float = setting(robot.roller_damping, "N m s/rad", "of a roller's bearing", 0, 2e-5)
+    roller_damping_nm_s: float = setting(
+        of_robot("drive.roller_damping_nm_s"), "N m s/rad", "of a roller's bearing", 0, 2e-5
+    )
 
 
-@dataclass(frozen=True)
-class DisturbanceSettings:
+class DisturbanceSettings(Checked):
     """A random disturbance, uniform in plus or minus its amplitude, drawn anew per frame and axis (table 4)."""
 
     velocity_m_s: float = setting(0.0, "m/s", "kinematic plant: amplitude added to equation 7", 0, 10)
     force_n: float = setting(0.0, "N", "MuJoCo plant: amplitude of a force on the chassis", 0, 1000)
 
 
-@dataclass(frozen=True)
-class KinematicSettings:
+class KinematicSettings(Checked):
     """The paper's own plant, equation 7."""
 
     alpha_low: float = setting(0.7, "", "alpha is drawn uniformly from here ...", 0, 2)
     alpha_high: float = setting(1.0, "", "... to here, per axis (paper, section 2)", 0, 2)
     alpha_time_s: float = setting(0.0, "s", "time over which alpha forgets its value; 0: new in every frame", 0, 1e6)
 
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.alpha_low > self.alpha_high:
+            raise ValueError("kinematic.alpha_low must not be above kinematic.alpha_high")
+        return self
 
-@dataclass(frozen=True)
-class Settings:
-    """All sections."""
 
-    reference: ReferenceSettings = field(default_factory=ReferenceSettings)
-    vision: VisionSettings = field(default_factory=VisionSettings)
-    radio: RadioSettings = field(default_factory=RadioSettings)
-    control: ControlSettings = field(default_factory=ControlSettings)
-    firmware: FirmwareSettings = field(default_factory=FirmwareSettings)
-    sensors: SensorSettings = field(default_factory=SensorSettings)
-    motor: MotorSettings = field(default_factory=MotorSettings)
-    battery: BatterySettings = field(default_factory=BatterySettings)
-    drive: DriveSettings = field(default_factory=DriveSettings)
-    physics: PhysicsSettings = field(default_factory=PhysicsSettings)
-    wheels: WheelSettings = field(default_factory=WheelSettings)
-    carpet: CarpetSettings = field(default_factory=CarpetSettings)
-    disturbance: DisturbanceSettings = field(default_factory=DisturbanceSettings)
-    kinematic: KinematicSettings = field(default_factory=KinematicSettings)
+class WorldSettings(Checked):
+    """The world that robots share."""
+
+    places: Poses = setting(
+        ((0.0, 0.0, 0.0),), "m, m, rad", "where its robots stand: each drives the reference displaced by it", 1, 12
+    )
+
+
+class Settings(Checked):
+    """All sections; `controller` holds those of controllers' parameters.
+
+    Each is given as a model, or as its fields that differ from the defaults: `Settings(radio={"delay_frames": 9})`.
+    """
+
+    model_config = ConfigDict(arbitrary_types_allowed=True)
+    unknown = "unknown section"
+
+    reference: ReferenceSettings = Field(default_factory=ReferenceSettings)
+    vision: VisionSettings = Field(default_factory=VisionSettings)
+    radio: RadioSettings = Field(default_factory=RadioSettings)
+    control: ControlSettings = Field(default_factory=ControlSettings)
+    firmware: FirmwareSettings = Field(default_factory=FirmwareSettings)
+    sensors: SensorSettings = Field(default_factory=SensorSettings)
+    motor: MotorSettings = Field(default_factory=MotorSettings)
+    battery: BatterySettings = Field(default_factory=BatterySettings)
+    drive: DriveSettings = Field(default_factory=DriveSettings)
+    physics: PhysicsSettings = Field(default_factory=PhysicsSettings)
+    wheels: WheelSettings = Field(default_factory=WheelSettings)
+    carpet: CarpetSettings = Field(default_factory=CarpetSettings)
+    disturbance: DisturbanceSettings = Field(default_factory=DisturbanceSettings)
+    kinematic: KinematicSettings = Field(default_factory=KinematicSettings)
+    world: WorldSettings = Field(default_factory=WorldSettings)
+    controller: Parameters = Field(default_factory=Parameters)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _section(cls, value: Any, info: ValidationInfo) -> Any:
+        name = str(info.field_name)
+        kind: Any = cls.model_fields[name].annotation
+        if isinstance(value, kind):
+            return value
+        if not isinstance(value, Mapping):
+            raise ValueError(f"{name} is a section: write [{name}] and its fields below, not {shown(value)}")
+        return kind(**value)
+
+    def replace(self, **sections: Any) -> Self:
+        """A copy with other values: `settings.replace(radio={"delay_frames": 9}, carpet=CarpetSettings())`.
+
+        Raises:
+            OmniError: an unknown name, or a value that is not allowed.
+        """
+        return type(self)(**merged(dict(self), sections))
+
+    def plain(self) -> dict[str, dict[str, Any]]:
+        """All values by section and field, as TOML and JSON hold them."""
+        return {name: plain(dict(section)) for name, section in self}
+
+    def items(self) -> Iterator[tuple[Setting, Any]]:
+        """Every setting's declaration and value, but for the parameters of controllers."""
+        for _, section in self:
+            if isinstance(section, Checked):
+                yield from ((declared, getattr(section, declared.name)) for declared in section.declared())
+
+
+def every_setting() -> list[Setting]:
+    """What is declared of every setting of every section, in order."""
+    return [declared for declared, _ in Settings().items()]
+
+
+for _name, _field in Settings.model_fields.items():
+    if isinstance(_field.annotation, type) and issubclass(_field.annotation, Checked):
+        _field.annotation.section = _name

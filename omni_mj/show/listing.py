@@ -1,6 +1,5 @@
 """What --list shows: scenarios, controllers, and every setting with unit, default and range."""
 
-import dataclasses
 import json
 import sys
 import tomllib
@@ -12,7 +11,7 @@ from rich.table import Table
 
 from omni_control.controllers import CONTROLLERS
 from omni_mj.scenarios import scenario
-from omni_mj.scenarios.settings import Settings
+from omni_mj.scenarios.settings import every_setting
 
 
 def show() -> None:
@@ -22,35 +21,13 @@ def show() -> None:
     _print(console, "scenarios (--scenario)", [[name, data.get("description", "")] for name, data in scenarios.items()])
     trackers = [[name, (tracker.__doc__ or "").splitlines()[0]] for name, tracker in CONTROLLERS.items()]
     _print(console, "controllers (--controller)", trackers)
-    rows = []
-    for section, field, default in settings():
-        meta = field.metadata
-        rows.append([f"{section}.{field.name}", short(default), meta["unit"], _range(field), meta["doc"]])
+    rows = [[each.full, short(each.default), each.unit, each.allowed, each.doc] for each in every_setting()]
     _print(console, "settings (--set section.field=value)", rows, ["setting", "default", "unit", "allowed", "meaning"])
-
-
-def settings() -> list[tuple[str, dataclasses.Field[Any], Any]]:
-    """Every setting: its section's name, its field and its default."""
-    defaults = Settings()
-    return [
-        (section.name, field, getattr(getattr(defaults, section.name), field.name))
-        for section in dataclasses.fields(defaults)
-        for field in dataclasses.fields(getattr(defaults, section.name))
-    ]
 
 
 def short(value: Any) -> str:
     """A setting's value as in a scenario file, but for the quotes of a string."""
     return value if isinstance(value, str) else json.dumps(value)
-
-
-def _range(field: dataclasses.Field[Any]) -> str:
-    meta = field.metadata
-    if meta["choices"]:
-        return ", ".join(meta["choices"])
-    if field.type is bool:
-        return "true, false"
-    return "" if meta["low"] is None else f"{meta['low']:g} to {meta['high']:g}"
 
 
 def _print(console: Console, title: str, rows: list[list[str]], headings: list[str] | None = None) -> None:

@@ -92,7 +92,7 @@ class Log:
     @property
     def time(self) -> Array:
         """Time of each frame (length,), s."""
-        return np.arange(self.length) * PERIOD_S
+        return np.arange(self.length, dtype=float) * PERIOD_S
 
     def write(self, recorded: np.ndarray, own: Mapping[str, Array], **values: Any) -> None:
         """Record a frame of the rows that are `recorded` (n,).
@@ -107,7 +107,8 @@ class Log:
         for name, value in own.items():
             self._add(OWN + name, np.shape(value)[-1])
         for name, value in {**values, **{OWN + name: value for name, value in own.items()}}.items():
-            self._data[name][self.length, recorded] = np.reshape(value, (len(self.rows), -1))[recorded]
+            columns = np.reshape(value, (len(self.rows), -1))[recorded]
+            self._data[name][self.length, recorded, : columns.shape[1]] = columns
         self.length += 1
         self.lengths += recorded
 
@@ -151,10 +152,12 @@ class Log:
         self._room += more
 
     def _add(self, name: str, width: int) -> None:
-        """Make a channel of a controller's own, in whose earlier frames there is nothing."""
-        if name not in self.columns:
+        """Make room for a channel of a controller's own; in what was recorded before there is nothing of it."""
+        known = len(self.columns.get(name, ()))
+        if width > known:
             self.columns[name] = (name,) if width == 1 else tuple(f"{name}_{i + 1}" for i in range(width))
-            self._data[name] = self._nothing(name, self._room, width)
+            fresh = self._nothing(name, self._room, width - known)
+            self._data[name] = np.concatenate([self._data[name], fresh], axis=-1) if known else fresh
 
     def _nothing(self, name: str, frames: int, width: int) -> np.ndarray:
         shape = frames, len(self.rows), width

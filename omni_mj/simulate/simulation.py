@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from omni_control.controllers import Controller, Seen
+from omni_control.controllers.base import Controller, Seen
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.link.camera import Camera
@@ -22,7 +22,7 @@ from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.teams import assemble
-from omni_mj.worlds import robot
+from omni_mj.worlds.build import world
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class Simulation:
         self._seen: Seen | None = None
 
         start = np.array([reference.poses[0] for reference in self.references])
-        geometry = robot.geometry(self.rows[0].robot)
+        geometry = world(self.rows[0].robot).kinematics
         self.plant: Plant = find_plant(self.scenario.plant)(self.rows, start)
         self.camera = Camera([row.settings.vision for row in self.rows], noise)
         self.team = assemble(self.rows, self._kinds, start, geometry, self.plant.geometry is not None, self._stop)
@@ -143,7 +143,7 @@ class Simulation:
             OmniError: the command is not (n, 3) finite numbers.
         """
         self.observe()
-        sent = self.team.command(None if command is None else self._checked(command))
+        sent = self.team.command() if command is None else self._instead(command)
         received = self.radio.exchange(sent, self.team.estimate[:, 2])
         self.log.write(
             self._recorded,
@@ -163,6 +163,7 @@ class Simulation:
         self.frame, self._seen = self.frame + 1, None
         for row, cause in failed.items():
             self._stop(np.array([row]), cause)
+            self.team.stop(np.array([row]))
 
     @property
     def _recorded(self) -> np.ndarray:
@@ -176,15 +177,18 @@ class Simulation:
             target[followers] = reference.at(self.frame, self._pose[followers])[0]
         return target
 
-    def _stop(self, rows: np.ndarray, cause: str) -> None:
-        """Stop rows that run, for a cause in words."""
+    def _stop(self, rows: np.ndarray, cause: object) -> None:
+        """Stop rows that run, for a cause that can be said in words."""
         for i in rows[self._running[rows]]:
             row = self.rows[i]
-            self.failures.append(Failure(int(i), row.controller, row.seed, self.frame * PERIOD_S, cause))
+            self.failures.append(Failure(int(i), row.controller, row.seed, self.frame * PERIOD_S, str(cause)))
         self._running[rows] = False
 
-    def _checked(self, command: Array) -> Array:
+    def _instead(self, command: Array) -> Array:
+        """What is sent in place of the controllers' commands (n, 3)."""
         given = np.asarray(command, float)
         if given.shape != (len(self.rows), 3) or not np.isfinite(given).all():
             raise OmniError(f"a step needs {(len(self.rows), 3)} finite velocities, not an array of {given.shape}")
-        return given
+        sent = np.where(self._running[:, None], self.team.limited(given), 0.0)
+        self.team.sent(sent)
+        return sent

@@ -5,7 +5,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from omni_control.controllers import Controller, Told, make
+from omni_control.controllers import make
+from omni_control.controllers.base import Controller, Told
 from omni_control.errors import ControllerError
 from omni_control.kinematics import Array, Kinematics
 from omni_control.reference import MotionLimits, Reference
@@ -21,7 +22,7 @@ def assemble(
     start: Array,
     geometry: Kinematics,
     wheels: bool,
-    on_failure: Callable[[np.ndarray, str], None],
+    on_failure: Callable[[np.ndarray, ControllerError], None],
 ) -> Team:
     """Make the controllers of all rows and the team around them.
 
@@ -37,16 +38,19 @@ def assemble(
     for i, row in enumerate(rows):
         key = row.controller, told(row.settings, geometry, wheels), row.settings.reference, row.where
         together.setdefault((*key, _parameters(row)), []).append(i)
-    made, members = [], [np.array(group) for group in together.values()]
+    made, unmade, members = list[Controller](), list[np.ndarray](), [np.array(group) for group in together.values()]
     for group in members:
         row, n = rows[group[0]], len(group)
         known, reference = told(row.settings, geometry, wheels), _reference(row, n)
         try:
             made.append(make(kinds[row.controller], known, reference, n, dict(_parameters(row))))
         except ControllerError as error:
-            on_failure(group, str(error))
+            on_failure(group, error)
+            unmade.append(group)
             made.append(Controller(known, reference, n))  # stands in its place; it is never asked
-    return Team(made, start, members, on_failure)
+    team = Team(made, start, members, on_failure=on_failure)
+    team.stop(np.concatenate([*unmade, np.array([], int)]))
+    return team
 
 
 @lru_cache(maxsize=256)

@@ -8,7 +8,7 @@ import itertools
 import json
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -104,7 +104,7 @@ def report(study: Study, settings: Settings, wall_s: float) -> dict[str, Any]:
         "windows": {name: [round(i * ALPHA_WINDOW_FRAMES * PERIOD_S, 6) for i in PHASES[name]] for name in PHASES},
         "trends": {name: study.trend(name).round(6).tolist() for name in study.conditions},
         "usual": {"conditions": USUAL, **_percentiles(study.usual())},
-        "firmware": vars(settings.firmware),
+        "firmware": settings.plain()["firmware"],
         "wall_s": round(wall_s, 3),
         "versions": versions(),
     }
@@ -118,11 +118,10 @@ def _under(settings: Settings, friction: float, winding_c: float, charge: float,
     motor = settings.motor
     share = motor.housing_ambient_k_w / (motor.housing_ambient_k_w + motor.winding_housing_k_w)
     housing_c = motor.ambient_c + share * (winding_c - motor.ambient_c)
-    return replace(
-        settings,
-        carpet=replace(settings.carpet, friction=friction, lint=lint),
-        motor=replace(motor, winding_c=winding_c, housing_c=housing_c),
-        battery=replace(settings.battery, charge=charge),
+    return settings.replace(
+        carpet={"friction": friction, "lint": lint},
+        motor={"winding_c": winding_c, "housing_c": housing_c},
+        battery={"charge": charge},
     )
 
 

@@ -1,6 +1,5 @@
 """`omni-mj compare`: every controller on every scenario over many seeds, in one table."""
 
-import dataclasses
 import json
 import shlex
 import time
@@ -18,6 +17,7 @@ from omni_mj.cli.interrupts import Interrupts, StoppedError
 from omni_mj.measure import compare_statistics
 from omni_mj.measure.summary import versions
 from omni_mj.scenarios import controllers, scenario
+from omni_mj.scenarios.plants import PLANTS
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.show import compare_figure, compare_table
@@ -33,7 +33,7 @@ LEFT_OUT = ("heat",)  # many times as long as the others
     help="May be repeated. [all that come with the program, but for the long heat]",
 )  # fmt: skip
 @click.option("--controller", "names", metavar="NAME", multiple=True, help="May be repeated. [all]")
-@click.option("--plant", metavar="|".join(scenario.PLANTS), default="mujoco", help="What is driven. [mujoco]")
+@click.option("--plant", metavar="|".join(PLANTS), default="mujoco", help="What is driven. [mujoco]")
 @click.option("--seeds", type=int, metavar="N", default=5, help="How many seeds, counting up from the first. [5]")
 @click.option("--seed", type=int, metavar="S", default=0, help="First seed of the random numbers. [0]")
 @click.option("--set", "overrides", metavar="SECTION.FIELD=VALUE", multiple=True, help="In all; see omni-mj --list.")
@@ -122,7 +122,7 @@ def _nothing_done(chosen: Sequence[Scenario], overrides: Iterable[str], repeat: 
         "scenarios": {
             each.name: {
                 "description": each.description, "status": "not run", "reason": None, "simulated_s": 0.0, "wall_s": 0.0,
-                "results": {}, "verdict": None, "settings": dataclasses.asdict(each.settings),
+                "results": {}, "verdict": None, "settings": each.settings.plain(),
             }
             for each in chosen
         },

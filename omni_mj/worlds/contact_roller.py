@@ -1,9 +1,9 @@
 """A faster wheel of the same physics: one roller a wheel remains, at the carpet, and is handed over as the wheel turns.
 
-Of the 16 rollers of a wheel one or two touch the carpet; the others only carry mass. `load_model` keeps one roller of
-each wheel and lumps the others into the hub. `Handover` then turns the wheel back by one pitch P = 22.5 degrees
-whenever it is more than half a pitch past zero: the rollers are alike, so that the next one is found where the last
-one was. The contact passes along the roller's barrel, and from roller to roller, as on the full wheel.
+Of the rollers of a wheel one or two touch the carpet; the others only carry mass. `reduce` keeps one roller of each
+wheel and lumps the others into the hub. `Handover` then turns the wheel back by one pitch P (22.5 degrees with 16
+rollers) whenever it is more than half a pitch past zero: the rollers are alike, so that the next one is found where the
+last one was. The contact passes along the roller's barrel, and from roller to roller, as on the full wheel.
 
 Mass matrix. A lumped roller of mass m_i at offset r_i and with central inertia I_i (turned into the hub's axes by Q_i)
 adds, by the parallel-axis theorem about the common centre of mass c,
@@ -13,6 +13,8 @@ adds, by the parallel-axis theorem about the common centre of mass c,
 Hub and kept roller together weigh, balance and turn as the full wheel does, at every angle, for 16 equal rollers look
 alike about the axle. Only the lumped rollers' own spin is lost: they turn with the chassis about their axes, where
 bearings would have let them lag by I/damping = 15 ms. That adds at most 0.9e-6 kg m^2 to the chassis's 0.012.
+
+The figures below are those of models/ssl_robot.xml.
 
 Contact. A roller whose middle is at an angle d from the lowest point has its lowest point, of a = 22.5 mm, r = 6 mm and
 c = 13.077 mm, at the depth h, a distance h' ahead of the axle, and its surface there turns at the radius q about it:
@@ -36,70 +38,70 @@ contact's damping resists: it takes the load over early, lifts the wheel (effect
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch
 
 from omni_control.kinematics import Array
-from omni_mj.worlds import robot
+from omni_mj.worlds.columns import Columns
+from omni_mj.worlds.roles import Robot
 
-PITCH_RAD = 2 * np.pi / 16  # between the rollers of a wheel
 
+def reduce(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot) -> list[str]:
+    """Leave one roller a wheel, the one at the bottom, and make the hubs heavier.
 
-def load_model() -> mujoco.MjModel:
-    """Compile models/ssl_robot.xml with one roller a wheel and heavier hubs (nv = 14).
+    Every step of what is then compiled must be followed by a call of `Handover`.
 
-    Every step of the model must be followed by a call of `Handover`.
+    Args:
+        spec: of the robot alone; changed.
+        model: compiled from it.
+        robot: where its parts are in the model.
+
+    Returns:
+        Names of the geoms of the rollers left.
     """
-    spec = mujoco.MjSpec.from_file(str(robot.model_path()))
-    full = spec.compile()
-    for i in range(robot.WHEELS):
-        hub = spec.body(f"wheel_{i + 1}")
-        assert len(hub.bodies) * PITCH_RAD == 2 * np.pi
-        gone = [roller.name for roller in hub.bodies[1:]]
-        _lump(hub, full, [full.body(name).id for name in gone])
-        for pair in [p for p in spec.pairs if p.geomname2 in gone]:
-            spec.delete(pair)
-        for name in gone:
-            spec.delete(spec.body(name))
-    return spec.compile()
+    bodies, left, gone = list(spec.bodies), [], []
+    for wheel, (kept, *others) in zip(robot.wheels, robot.rollers, strict=True):
+        _lump(bodies[wheel], model, others)
+        left += [geom.name for geom in bodies[kept].geoms]
+        gone += [bodies[roller] for roller in others]
+    for roller in gone:
+        spec.delete(roller)
+    return left
 
 
 class Handover:
-    """The step back of the wheels of a batch, to be called after every step and before anything else reads the state.
+    """The step back of the wheels of n robots, to be called after every step and before anything else reads the state.
 
     Args:
-        batch: of a model from `load_model`.
+        wheels: their angles.
+        rollers: speeds of the one roller of each wheel.
+        pitch: between the rollers of the full wheel, rad.
 
     Attributes:
-        angle: how far each wheel has turned, (nsim, 4) rad, full turns counted.
-        sensor_offset: what to add to the wheel angles that sensors report, (nsim, 4) rad: how far the wheels had been
+        angle: how far each wheel has turned, (n, wheels) rad, full turns counted.
+        sensor_offset: what to add to the wheel angles that sensors report, (n, wheels) rad: how far the wheels had been
             turned back before the last step, at whose beginning MuJoCo evaluates its sensors.
     """
 
-    def __init__(self, batch: Batch) -> None:
-        model = batch.model
-        wheels = robot.wheel_joints(model)
-        # Each wheel's roller is the joint after it.
-        self._wheel = batch.bind("qpos")[:, robot.even_slice([w.qposadr[0] for w in wheels])]
-        self._spin = batch.bind("qvel")[:, robot.even_slice([w.dofadr[0] + 1 for w in wheels])]
-        self._pitches = np.zeros_like(self._wheel)
-        self.angle = np.array(self._wheel)
-        self.sensor_offset = np.zeros_like(self._wheel)
+    def __init__(self, wheels: Columns, rollers: Columns, pitch: float) -> None:
+        self._wheels, self._rollers, self._pitch = wheels, rollers, pitch
+        self.angle = np.array(wheels.get())
+        self._pitches = np.zeros_like(self.angle)
+        self.sensor_offset = np.zeros_like(self.angle)
 
     def __call__(self) -> None:
         """Turn back the wheels that are past half a pitch; the newcomers do not spin."""
-        np.multiply(self._pitches, PITCH_RAD, out=self.sensor_offset)
-        past = np.rint(self._wheel * (1 / PITCH_RAD))
+        np.multiply(self._pitches, self._pitch, out=self.sensor_offset)
+        past = np.rint(self._wheels.get() * (1 / self._pitch))
         if past.any():
             self._pitches += past
-            self._wheel -= past * PITCH_RAD
-            self._spin[past != 0] = 0.0
-        np.multiply(self._pitches, PITCH_RAD, out=self.angle)
-        self.angle += self._wheel
+            self._wheels.set(self._wheels.get() - past * self._pitch)
+            self._rollers.set(np.where(past != 0, 0.0, self._rollers.get()))
+        np.multiply(self._pitches, self._pitch, out=self.angle)
+        self.angle += self._wheels.get()
 
 
 def _lump(hub: mujoco.MjsBody, model: mujoco.MjModel, rollers: list[int]) -> None:
     """Give the hub the mass, centre of mass and inertia of itself and `rollers`."""
-    number = model.body(hub.name).id
+    number = hub.id
     mass = model.body_mass[[number, *rollers]]
     at = np.array([model.body_ipos[number], *model.body_pos[rollers]])
     turned = np.array([model.body_iquat[number], *(_product(model, b) for b in rollers)])

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 from rerun.chunk import RrdReader
 
-from omni_mj.scenarios import scenario
+from omni_mj.scenarios.plants import PLANTS
 
 RUN = [sys.executable, "-m", "omni_mj.run"]
 SHORT = ["--set", "reference.waypoints=[[0, 0], [0.1, 0]]", "--set", "reference.settle_s=0.1"]
@@ -38,7 +38,7 @@ def test_quiet_prints_nothing_and_switches_leave_files_out(tmp_path: Path) -> No
     assert {p.name for p in (tmp_path / "a").iterdir()} == FILES - {"recording.rrd", "figures"}
 
 
-@pytest.mark.parametrize("plant", scenario.PLANTS)
+@pytest.mark.parametrize("plant", PLANTS)
 def test_the_effective_scenario_repeats_the_run_bit_for_bit(tmp_path: Path, plant: str) -> None:
     options = ("--plant", plant, "--seed", 7, "--seeds", 2, "--controller", "comp-flc", "--set", "radio.delay_frames=3")
     plain = ("--quiet", "--no-record", "--no-figures", "--out")

@@ -1,17 +1,15 @@
 """Laws of adaptive-comp-flc in closed loop with robots that answer as its model says, and without noise."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
-from closed_loop import BodyFrame, Run, T, believe_nothing, drive, vision
+from closed_loop import BodyFrame, Run, T, believe_nothing, commands_for, drive, limited, seen_at
 
-from omni_control.controllers import CONTROLLERS
+from omni_control import IteratedReference, MotionLimits, TimedReference, Told
+from omni_control.controllers import make
 from omni_control.controllers.adaptive import AdaptiveCompFlc
-from omni_control.controllers.base import Seen, Told
 from omni_control.estimation import identify
 from omni_control.kinematics import Array
-from omni_control.reference.timed import IteratedReference, MotionLimits, Reference, TimedReference
+from omni_control.reference import Reference
 
 LIMITS = MotionLimits()
 PATH = [[0.0, 0.0, 0.0], [1.2, 0.4, 1.5], [0.5, 0.8, -1.0], [0.0, 0.0, 0.0]]
@@ -23,7 +21,7 @@ def timed(path: list[list[float]]) -> TimedReference:
     return TimedReference(path, LIMITS, T, settle_frames=SECOND).after_rest(LEAD)
 
 
-def tracker(reference: Reference, n: int, delay: int, drag_m_s: float = 0.0) -> AdaptiveCompFlc:
+def controller(reference: Reference, n: int, delay: int, drag_m_s: float = 0.0) -> AdaptiveCompFlc:
     """One that is told that its vision is exact, and that there is no lag."""
     told = Told(T, delay, lag_s=0, drag_m_s=drag_m_s, position_noise_m=0, heading_noise_rad=0)
     return AdaptiveCompFlc(told, reference, n)
@@ -61,7 +59,10 @@ def test_a_robot_that_is_known_is_predicted_and_led_exactly(delay: int) -> None:
     """
     reference, alpha = timed(PATH), np.array([[0.8] * 3, [1.05] * 3, [0.6, 0.7, 0.9]])
     run = drive(
-        tracker(reference, 3, delay), BodyFrame(np.zeros((3, 3)), delay, alpha, 0.0), exact(3, reference.frames)
+        controller(reference, 3, delay),
+        BodyFrame(np.zeros((3, 3)), delay, alpha, 0.0),
+        exact(3, reference.frames),
+        limits=limited,
     )
     known = LEAD + delay + SECOND
     # The least squares of 60 frames and more, and 12 additions to poses of size 1.
@@ -85,9 +86,9 @@ def test_a_robot_with_dry_friction_that_is_known_is_predicted_exactly(delay: int
     """
     reference, alpha = timed(STRAIGHT), np.array([[0.8] * 3, [1.05] * 3, [0.6, 0.7, 0.9]])
     plant = BodyFrame(np.array(STRAIGHT[:1] * 3), delay, alpha, 0.03)
-    controller = tracker(reference, 3, delay, drag_m_s=0.04)
-    controller.plant._drag_sigma = 1e6  # nothing is believed of drag beforehand but the noise that it makes
-    run = drive(controller, plant, exact(3, reference.frames))
+    adaptive = controller(reference, 3, delay, drag_m_s=0.04)
+    adaptive.plant._drag_sigma = 1e6  # nothing is believed of drag beforehand but the noise that it makes
+    run = drive(adaptive, plant, exact(3, reference.frames), limits=limited)
     known = LEAD + delay + SECOND
     np.testing.assert_allclose((run.alpha_hat[known:] - alpha)[..., :2], 0, atol=1e-7)
     np.testing.assert_allclose(ahead(run, delay)[known:], 0, atol=1e-9)
@@ -95,7 +96,7 @@ def test_a_robot_with_dry_friction_that_is_known_is_predicted_exactly(delay: int
 
 
 def test_robots_told_wrong_are_found_out_and_tracked() -> None:
-    """Latencies from 3 to 9 frames under one tracker told 6, alpha from 0.6 to 1.1, drag: on the way after 2 s.
+    """Latencies from 3 to 9 frames under one controller told 6, alpha from 0.6 to 1.1, drag: on the way after 2 s.
 
     Within 2.5 mm in position and 0.05 rad in heading, from 1 cm and 0.2 rad at first. The latency is known to half a
     frame, which is 7 mm at 0.8 m/s for the prediction but nothing for a way that goes on as before.
@@ -104,7 +105,7 @@ def test_robots_told_wrong_are_found_out_and_tracked() -> None:
     latency = np.repeat(np.linspace(3, 9, n)[:, None], 3, axis=1)
     alpha, drag = rng.uniform(0.6, 1.1, (n, 1)) * np.ones(3), rng.uniform(0, 0.03, (n, 1)) * np.ones(3)
     plant = BodyFrame(np.zeros((n, 3)), latency, alpha, drag)
-    run = drive(tracker(reference, n, 6, drag_m_s=0.04), plant, exact(n, reference.frames))
+    run = drive(controller(reference, n, 6, drag_m_s=0.04), plant, exact(n, reference.frames), limits=limited)
     distance, late = distances(run, reference), LEAD + 2 * SECOND
     turned = np.abs(run.pose[..., 2] - reference.poses[:, None, 2])
     assert distance.max() < 0.03
@@ -115,12 +116,12 @@ def test_robots_told_wrong_are_found_out_and_tracked() -> None:
 
 
 def test_a_lag_that_is_told_counts_as_dead_time() -> None:
-    """A dead time of 6 frames and a lag of 20 ms, or 7.2 frames and none: one and the same tracker."""
+    """A dead time of 6 frames and a lag of 20 ms, or 7.2 frames and none: one and the same controller."""
     reference, n = timed(PATH), 3
     runs = []
     for told in (Told(T, 6, lag_s=0.02), Told(T, 6, lag_s=1.2 * T)):
         plant = BodyFrame(np.zeros((n, 3)), [[6.0], [7.0], [7.5]], 0.8, 0.0)
-        runs.append(drive(AdaptiveCompFlc(told, reference, n), plant, exact(n, 2 * SECOND)))
+        runs.append(drive(AdaptiveCompFlc(told, reference, n), plant, exact(n, 2 * SECOND), limits=limited))
     # 0.02 s are 1.2 frames but for the last bit; the guess that is not on a half frame is rounded by none.
     np.testing.assert_allclose(runs[0].sent, runs[1].sent, rtol=0, atol=1e-9)
     np.testing.assert_allclose(runs[0].latency_hat[0], 7.2, rtol=0, atol=0.01)
@@ -130,7 +131,7 @@ def test_neither_delay_nor_lag_works_as_well() -> None:
     """Told nought and nought, a robot that answers at once is not taken for one that answers late for long."""
     reference = timed(PATH)
     plant = BodyFrame(np.zeros((2, 3)), 0, [[1.0], [0.7]], 0.0)
-    run = drive(tracker(reference, 2, 0), plant, exact(2, reference.frames))
+    run = drive(controller(reference, 2, 0), plant, exact(2, reference.frames), limits=limited)
     assert np.isfinite(run.sent).all()
     assert distances(run, reference).max() < 0.01
     assert np.median(run.latency_hat[LEAD + 2 * SECOND :], axis=0).max() < 1.0
@@ -142,7 +143,7 @@ def test_the_reference_planned_anew_leads_through_all_way_points(delay: int) -> 
     n, path = 3, np.array(PATH)
     reference = IteratedReference(PATH, LIMITS, T, n, rest_frames=LEAD)
     plant = BodyFrame(np.repeat(path[:1], n, axis=0), delay, [[1.0], [0.8], [0.6]], 0.01)
-    run = drive(tracker(reference, n, delay, drag_m_s=0.04), plant, exact(n, 9 * SECOND))
+    run = drive(controller(reference, n, delay, drag_m_s=0.04), plant, exact(n, 9 * SECOND), limits=limited)
     for point in path[1:]:
         # Within the 2 cm at which a way-point counts as reached, and as much that the prediction may be off.
         assert np.hypot(*np.moveaxis(run.pose[..., :2] - point[:2], -1, 0)).min(0).max() < 0.04
@@ -159,30 +160,8 @@ def test_at_first_it_is_comp_flc() -> None:
     rng, n = np.random.default_rng(0), 5
     told, reference = Told(T, 8, lag_s=0.0), timed(PATH)
     pose = rng.normal(0, 0.05, (n, 3))
-    observed = Seen(pose, np.zeros((n, 3)), pose)
-    commands = [
-        CONTROLLERS[name](told, reference, n).command(30, observed, np.zeros((n, 3)))
-        for name in ("comp-flc", "adaptive-comp-flc")
-    ]
+    commands = []
+    for name in ("comp-flc", "adaptive-comp-flc"):
+        first = make(name, told, reference, n)
+        commands.append(first.command(30, seen_at(told, pose, commands_for(first), np.zeros((n, 3)), pose)))
     np.testing.assert_allclose(commands[1], commands[0], rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    "reference", [lambda n: timed(PATH), lambda n: IteratedReference(PATH, LIMITS, T, n)], ids=["timed", "iterated"]
-)
-def test_a_row_of_a_batch_is_what_it_is_alone(reference: Callable[[int], Reference]) -> None:
-    """In closed loop with noise, gaps and its own latency, each robot's every number is bit for bit its own."""
-    n, frames, rng = 5, 60, np.random.default_rng(0)
-    start, noise = rng.uniform(-0.1, 0.1, (n, 3)), vision(rng, frames, n, gaps=0.01)
-    latency, alpha = rng.integers(6, 18, (n, 3)) / 2, rng.uniform(0.6, 1.1, (n, 3))
-
-    def run(rows: slice) -> Array:
-        plant = BodyFrame(start[rows], latency[rows], alpha[rows], 0.02)
-        controller = AdaptiveCompFlc(Told(T, 6), reference(len(start[rows])), len(start[rows]))
-        out = drive(controller, plant, noise[:, rows])
-        return np.concatenate([out.pose, out.predicted, out.sent, out.alpha_hat, out.latency_hat], axis=2)
-
-    batch = run(slice(None))
-    for i in range(n):
-        np.testing.assert_array_equal(run(slice(i, i + 1))[:, 0], batch[:, i])
-    np.testing.assert_array_equal(run(slice(2, 4)), batch[:, 2:4])

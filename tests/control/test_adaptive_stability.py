@@ -14,12 +14,12 @@ long dead times.
 from functools import cache
 
 import numpy as np
-from closed_loop import NOISE, Equation7, T, drive, vision
+from closed_loop import NOISE, Equation7, T, drive, limited, vision
 
-from omni_control.controllers import CONTROLLERS
-from omni_control.controllers.base import Told
+from omni_control import Told
+from omni_control.controllers import make
 from omni_control.kinematics import Array
-from omni_control.reference.timed import approach
+from omni_control.reference.limits import approach
 
 ADAPTIVE = "adaptive-comp-flc"
 CASES, NOISIER = 1000, 10.0  # 13 mm and 0.1 rad
@@ -69,13 +69,13 @@ def alphas(rng: np.random.Generator, n: int) -> Array:
 
 @cache
 def thousand(controller: str, seed: int = 0) -> tuple[Array, Array]:
-    """Errors of the poses (frames, cases, 3), and whether the tracker was told what the noise is (cases,).
+    """Errors of the poses (frames, cases, 3), and whether the controller was told what the noise is (cases,).
 
-    Dead times are 2 to 12 frames and told up to 2 frames wrong; a half of the trackers take the noise for a tenth of
-    what it is. Robots of which the same is told are the rows of one tracker.
+    Dead times are 2 to 12 frames and told up to 2 frames wrong; a half of the controllers take the noise for a tenth of
+    what it is. Robots of which the same is told are the rows of one controller.
     """
     rng = np.random.default_rng(seed)
-    told = 2 * rng.integers(0, 8, CASES)  # even numbers: half as many trackers
+    told = 2 * rng.integers(0, 8, CASES)  # even numbers: half as many controllers
     lowest, highest = np.maximum(told - 2, 2), np.minimum(told + 2, 12)
     delay = rng.integers(lowest, highest + 1)
     knows, noise = rng.random(CASES) < 0.5, vision(rng, FRAMES, CASES, NOISIER, gaps=0.002)
@@ -84,11 +84,12 @@ def thousand(controller: str, seed: int = 0) -> tuple[Array, Array]:
     for frames in range(0, 16, 2):
         for times, who in ((NOISIER, knows), (1.0, ~knows)):
             rows = np.flatnonzero((told == frames) & who)
-            settings = Told(
+            known = Told(
                 T, frames, lag_s=0, drag_m_s=0, position_noise_m=times * NOISE[0], heading_noise_rad=times * NOISE[2]
             )
-            tracker = CONTROLLERS[controller](settings, OneEach(poses[:, rows]), len(rows))
-            run = drive(tracker, Equation7(poses[0, rows], alpha[:, rows], delay[rows]), noise[:, rows])
+            plant = Equation7(poses[0, rows], alpha[:, rows], delay[rows])
+            made = make(controller, known, OneEach(poses[:, rows]), len(rows))
+            run = drive(made, plant, noise[:, rows], limits=limited)
             error[:, rows] = run.pose - poses[:, rows]
     error[..., 2] = np.angle(np.exp(1j * error[..., 2]))
     return error, knows

@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from laws import LAW
 
 from omni_control.delay import CommandsInFlight
 from omni_control.estimation.alpha import AlphaEstimator
 from omni_control.kinematics import Array
-
-LAW = settings(deadline=None, max_examples=60, derandomize=True)
 
 T = 1 / 60
 CONFIDENCE_M = 0.02

@@ -1,15 +1,14 @@
-"""How well trackers know alpha while they drive: bias, steps and standstill, with the default noise of vision."""
+"""How well controllers know alpha while they drive: bias, steps and standstill, with the default noise of vision."""
 
 from functools import cache
 
 import numpy as np
 import pytest
-from closed_loop import Equation7, Run, T, drive, vision
+from closed_loop import Equation7, Run, T, drive, limited, vision
 
-from omni_control.controllers import CONTROLLERS
-from omni_control.controllers.base import Told
+from omni_control import MotionLimits, TimedReference, Told
+from omni_control.controllers import make
 from omni_control.kinematics import Array
-from omni_control.reference.timed import MotionLimits, TimedReference
 
 DELAY, WINDOW, LEAD, REST, STEP_AT = 6, 15, 15, 120, 150  # frames; robots are at 1.8 m/s when alpha steps
 CONSTANT = (0.55, 0.7, 0.85, 1.0, 1.05)
@@ -39,8 +38,8 @@ def there_and_back(controller: str) -> Run:
     reference = TimedReference(path, MotionLimits(), T, settle_frames=REST).after_rest(LEAD)
     rng, n = np.random.default_rng(0), EACH * len(CASES)
     plant = Equation7(np.zeros((n, 3)), alphas(rng, reference.frames), DELAY)
-    tracker = CONTROLLERS[controller](Told(T, DELAY, lag_s=0, drag_m_s=0), reference, n)
-    return drive(tracker, plant, vision(rng, reference.frames, n))
+    made = make(controller, Told(T, DELAY, lag_s=0, drag_m_s=0), reference, n)
+    return drive(made, plant, vision(rng, reference.frames, n), limits=limited)
 
 
 def rows(case: object) -> slice:
@@ -116,12 +115,12 @@ def test_at_standstill_alpha_hardly_changes(controller: str, kept: float, alpha:
 
 @pytest.mark.parametrize("controller", ["comp-flc", "adaptive-comp-flc"])
 def test_alpha_is_sane_whatever_the_noise(controller: str) -> None:
-    """Noise of 13 cm and 1 rad, of which the tracker is not told, on robots that hardly move."""
+    """Noise of 13 cm and 1 rad, of which the controller is not told, on robots that hardly move."""
     reference = TimedReference([[0, 0, 0], [0.2, 0.1, 1.0]], MotionLimits(), T)
     rng, n = np.random.default_rng(0), 30
-    tracker = CONTROLLERS[controller](Told(T, DELAY), reference, n)
+    made = make(controller, Told(T, DELAY), reference, n)
     plant = Equation7(np.zeros((n, 3)), 0.8, DELAY)
-    run = drive(tracker, plant, vision(rng, 120, n, times=100.0, gaps=0.01))
+    run = drive(made, plant, vision(rng, 120, n, times=100.0, gaps=0.01), limits=limited)
     # The bounds: 0.5 to 1.1 of the window, 0.4 to 1.2 of the identifier, whose means over latencies are rounded.
     low, high = (0.5, 1.1) if controller == "comp-flc" else (0.4 - 1e-12, 1.2 + 1e-12)
     assert run.alpha_hat.min() >= low

@@ -4,12 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from laws import LAW
 
-from omni_control.reference.timed import approach, stopping_speed
-
-LAW = settings(deadline=None, max_examples=60, derandomize=True)
+from omni_control.reference.limits import approach, stopping_speed
 
 T = 1 / 60
 

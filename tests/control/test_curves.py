@@ -6,18 +6,17 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from laws import LAW
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import linprog
 from scipy.sparse import diags_array, vstack
 
+from omni_control import MotionLimits
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.reference.curves import CURVES, CurveReference
-from omni_control.reference.timed import MotionLimits
-
-LAW = settings(deadline=None, max_examples=40, derandomize=True)
 
 T = 1 / 60
 FREE = 1e6  # a limit that never counts

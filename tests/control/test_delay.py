@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from laws import LAW
 
+from omni_control import Seen
 from omni_control.delay import CommandsInFlight, compensation
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-
-LAW = settings(deadline=None, max_examples=100, derandomize=True)
 
 T = 1 / 60
 
@@ -172,3 +172,34 @@ def test_commands_that_are_not_kept_cannot_be_asked_for() -> None:
     assert queue.last(3, skip=2).shape == (3, 2, 3)
     with pytest.raises(OmniError, match="6 commands were asked for, but only 5 are kept"):
         queue.last(4, skip=2)
+
+
+def test_what_was_handed_out_stays_and_can_only_be_read() -> None:
+    """Views of past frames keep their numbers however many commands follow; parts of them are those of some robots."""
+    commands = np.random.default_rng(0).normal(size=(40, 5, 3))
+    queue, views, parts = CommandsInFlight(5, 4), [], []
+    for command in commands:
+        queue.push(command)
+        views.append(queue.last(3, skip=1))
+        parts.append(queue.of([3, 1], 3))
+    for frame in range(4, 40):
+        np.testing.assert_array_equal(views[frame], commands[frame - 3 : frame])
+        np.testing.assert_array_equal(parts[frame].last(3), commands[frame - 2 : frame + 1, [3, 1]])
+    part = parts[-1]
+    assert part.length == 3
+    np.testing.assert_array_equal(part.felt(1.5), queue.felt(1.5)[[3, 1]])
+    for view in (views[-1], part.last(1), queue.of(slice(2)).last(4)):
+        with pytest.raises(ValueError, match="read-only"):
+            view += 1.0
+    with pytest.raises(OmniError, match="can only be read"):
+        part.push(commands[0, :2])
+    with pytest.raises(OmniError, match="only 4 are kept"):
+        queue.of(slice(None), 5)
+
+
+def test_where_dead_times_differ_each_robot_arrives_after_its_own() -> None:
+    """What is seen of robots with dead times of 0, 2 and 3 frames: commands that have acted are zero."""
+    queue = sent_before(3, np.array([1.0, 2.0, 4.0])[:, None, None] * np.ones((1, 3, 3)), length=4)
+    seen = Seen(np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), queue, 0.5, np.array([0, 2, 3]))
+    assert seen.in_flight[..., 0].tolist() == [[0, 0, 1], [0, 2, 2], [0, 4, 4]]
+    assert seen.arriving[:, 1].tolist() == [0, 3, 3.5]

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 from driven import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, drive, filtered
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from laws import LAW
 
 from omni_control.estimation import kalman as vision_filter
 from omni_control.estimation.kalman import KalmanFilter
 from omni_control.kinematics import Array
-
-LAW = settings(deadline=None, max_examples=25, derandomize=True)
 
 seeds = st.integers(0, 2**32 - 1)
 

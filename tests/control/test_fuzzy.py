@@ -6,15 +6,14 @@ import mamdani_reference as reference
 import numpy as np
 import pytest
 import scikit_flc
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
+from laws import LAW
 from scikit_flc import TABLE_1, TABLE_2, triangles
 
 from omni_control.errors import OmniError
 from omni_control.fuzzy.mamdani import Mamdani
 from omni_control.fuzzy.rules import ENGINE, LABELS, RULES, FuzzyLaw, memberships
-
-LAW = settings(deadline=None, max_examples=100, derandomize=True)
 
 RANGE_M, SPEED = 0.1, 1.0
 FLC = FuzzyLaw(RANGE_M, SPEED)

@@ -7,12 +7,11 @@ import pytest
 from closed_loop import BodyFrame, T, believe_nothing
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from laws import LAW
 
 from omni_control.delay import CommandsInFlight
 from omni_control.estimation.identify import ALPHA_BOUNDS, PlantIdentifier
 from omni_control.kinematics import Array
-
-LAW = settings(deadline=None, max_examples=15, derandomize=True)
 
 SHARP = (1e-5, 1e-5, 1e-4)  # the least noise that the identifier believes of vision
 GUESS, SECOND = 6.0, 60

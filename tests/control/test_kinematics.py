@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
+from laws import LAW
 
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 
-LAW = settings(deadline=None, max_examples=100, derandomize=True)
 EPS = float(np.finfo(float).eps)
 
 ARM, RADIUS = 0.08, 0.027

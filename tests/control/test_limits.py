@@ -9,13 +9,11 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from omni_control import MotionLimits
 from omni_control.limits import CommandLimits
-from omni_mj.scenarios.settings import ControlSettings
 
 FRAME_S = 1 / 60
-LIMITS = ControlSettings(
-    max_speed_m_s=2.0, max_acceleration_m_s2=3.0, max_turn_rate_rad_s=10.0, max_turn_acceleration_rad_s2=30.0
-)
+LIMITS = MotionLimits(speed=2.0, acceleration=3.0, turn_rate=10.0, turn_acceleration=30.0)
 STEP_M_S, STEP_RAD_S = 3.0 * FRAME_S, 30.0 * FRAME_S
 ROUNDING = 1 + 1e-12
 
@@ -23,10 +21,17 @@ number = st.floats(-1e3, 1e3) | st.sampled_from([0.0, -0.0, 1e-300, 2.0, 10.0, 1
 sequences = st.lists(st.tuples(number, number, number), min_size=1, max_size=40)
 
 
-def play(commands: NDArray, settings: ControlSettings = LIMITS) -> NDArray:
-    """What one robot is sent, (frames, 3)."""
-    limits = CommandLimits(settings, 1)
-    return np.array([limits(command[None])[0].copy() for command in commands])
+def play(commands: NDArray, *each: MotionLimits) -> NDArray:
+    """What robots that want the `commands` (frames, n, 3) are sent, within the limits of each."""
+    limits, sent = CommandLimits(each, FRAME_S), [np.zeros(commands.shape[1:])]
+    for command in commands:
+        sent.append(limits(command, sent[-1]))
+    return np.array(sent[1:])
+
+
+def played(commands: NDArray) -> NDArray:
+    """The same of one robot, (frames, 3)."""
+    return play(commands[:, None], LIMITS)[:, 0]
 
 
 def speeds(sent: NDArray) -> NDArray:
@@ -36,7 +41,7 @@ def speeds(sent: NDArray) -> NDArray:
 @hypothesis_settings(deadline=None, max_examples=80, derandomize=True)
 @given(sequences)
 def test_limits_hold_for_any_sequence(commands: list[tuple[float, float, float]]) -> None:
-    sent = play(np.array(commands))
+    sent = played(np.array(commands))
     steps = np.diff(sent, axis=0, prepend=np.zeros((1, 3)))  # a run starts at rest
     # Rounding of the last bits, against steps taken from speeds of up to 2 m/s or 10 rad/s.
     assert (speeds(sent) <= 2.0 * ROUNDING).all()
@@ -50,29 +55,29 @@ def test_limits_hold_for_any_sequence(commands: list[tuple[float, float, float]]
 def test_commands_within_the_limits_pass_unchanged(directions: list[tuple[float, float, float]]) -> None:
     # Steps of at most 0.7 of the limit per axis are 0.99 as a vector, and 40 of them stay below both speed limits.
     walk = np.cumsum(np.array(directions) * [0.7 * STEP_M_S, 0.7 * STEP_M_S, 0.49 * STEP_RAD_S], axis=0)
-    np.testing.assert_allclose(play(walk), walk, rtol=0, atol=1e-14)  # last + (wanted - last) rounds
+    np.testing.assert_allclose(played(walk), walk, rtol=0, atol=1e-14)  # last + (wanted - last) rounds
 
 
 @pytest.mark.parametrize("azimuth", np.radians([0, 45, 160, 270]))
 def test_a_wish_is_approached_straight_and_as_fast_as_allowed(azimuth: float) -> None:
     direction = np.array([math.cos(azimuth), math.sin(azimuth)])
-    sent = play(np.tile([*(5.0 * direction), 0.0], (60, 1)))
+    sent = played(np.tile([*(5.0 * direction), 0.0], (60, 1)))
     # From rest in steps of a T up to the highest speed, along the wish: limits per axis would bend the path.
     expected = np.minimum(STEP_M_S * np.arange(1, 61), 2.0)
     np.testing.assert_allclose(sent[:, :2], expected[:, None] * direction, atol=1e-12)  # sums of 40 steps
 
 
 def test_turning_and_driving_are_limited_apart() -> None:
-    sent = play(np.tile([100.0, 0.0, -0.3], (3, 1)))
+    sent = played(np.tile([100.0, 0.0, -0.3], (3, 1)))
     np.testing.assert_allclose(sent[:, 2], -0.3)
-    sent = play(np.tile([0.01, 0.0, -100.0], (3, 1)))
+    sent = played(np.tile([0.01, 0.0, -100.0], (3, 1)))
     np.testing.assert_allclose(sent[:, 0], 0.01)
     np.testing.assert_allclose(sent[:, 2], [-STEP_RAD_S, -2 * STEP_RAD_S, -3 * STEP_RAD_S])
 
 
 def test_robots_are_limited_apart() -> None:
     wishes = np.random.default_rng(0).normal(scale=3.0, size=(20, 5, 3))
-    limits = CommandLimits(LIMITS, 5)
-    together = np.array([limits(wish).copy() for wish in wishes])
-    for robot in range(5):
-        np.testing.assert_array_equal(together[:, robot], play(wishes[:, robot]))
+    each = [MotionLimits(1 + robot, 2 + robot, 5 + robot, 9 + robot) for robot in range(5)]
+    together = play(wishes, *each)
+    for robot, limits in enumerate(each):
+        np.testing.assert_array_equal(together[:, [robot]], play(wishes[:, [robot]], limits))

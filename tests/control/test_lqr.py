@@ -2,18 +2,18 @@
 
 import numpy as np
 import pytest
+from closed_loop import Lagged, T, commands_for, drive, seen_at
 from hypothesis import given
 from hypothesis import strategies as st
-from lagged_loop import LAW, LIMITS, REST, TIMED, T, along, drive, told
+from laws import FEW
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 from scipy.signal import cont2discrete
+from ways import KINDS, LIMITS, REST, STRAIGHT, TIMED, along, told
 
-from omni_control.controllers.base import Seen
+from omni_control import MotionLimits, TimedReference
 from omni_control.controllers.lqr import Lqr, lqr_gain
 from omni_control.kinematics import Array
-from omni_control.reference.timed import MotionLimits, TimedReference
 
-STRAIGHT = [[0, 0, 0], [20, 0, 0]]
 starts = st.tuples(st.floats(-0.12, 0.12), st.floats(-0.12, 0.12), st.floats(-1, 1))
 delays = st.integers(0, 9)
 
@@ -36,19 +36,21 @@ def augmented(delay: int, lag: float) -> tuple[Array, Array, Array, float]:
 
 
 def gain_of(delay: int, lag: float) -> Array:
-    """Gain (m,) of the tracker on the augmented state: its answer to each part of it alone, all others being zero."""
+    """Gain (m,) of the controller on the augmented state: its answer to each part of it, all others being zero."""
     gains: list[Array] = []
     for part in range(2 + delay):
-        tracker = Lqr(told(delay, lag), REST, 1)
-        robot = tracker.robot
+        controller = Lqr(told(delay, lag), REST, 1)
+        robot, sent = controller.robot, commands_for(controller)
         pose, commands = np.full((1, 3), float(part == 0)), np.zeros((2 + delay, 1, 3))  # none, last to act, in flight
         if part:
             commands[part] = 1 / (1 - robot.keep) if part == 1 else 1  # brings a robot from rest to 1 m/s
         for command in commands[:-1]:
-            tracker.command(0, Seen(pose, pose, pose), command)
+            sent.push(command)
+            controller.command(0, seen_at(controller.told, pose, sent))
         if part == 1:
             pose = (T - robot.slide) * commands[1]  # where it is then, so that there is no disturbance
-        answer = -tracker.command(0, Seen(pose, pose, pose), commands[-1])[0]
+        sent.push(commands[-1])
+        answer = -controller.command(0, seen_at(controller.told, pose, sent))[0]
         assert (answer == answer[0]).all(), "the same for all axes"
         gains.append(answer[0] - gains[0] * pose[0, 0] if part == 1 else answer[0])
     return np.array(gains)
@@ -57,7 +59,7 @@ def gain_of(delay: int, lag: float) -> Array:
 @pytest.mark.parametrize("lag", [0.005, 0.02, 0.1])
 @pytest.mark.parametrize("delay", [0, 1, 6])
 def test_its_answer_is_the_optimal_gain_of_the_model_with_dead_time(delay: int, lag: float) -> None:
-    """Gain and cost of the whole state solve its own Riccati equation, which the tracker never set up."""
+    """Gain and cost of the whole state solve its own Riccati equation, which the controller never set up."""
     a, b, q, r = augmented(delay, lag)
     p = solve_discrete_are(a, b, q, np.array([[r]]))
     optimal = np.linalg.solve(r + b.T @ p @ b, b.T @ p @ a)[0]
@@ -94,16 +96,17 @@ def test_without_a_lag_the_gain_has_a_closed_form(ratio: float) -> None:
     assert gain == pytest.approx(np.array([s / (1 + s) / T]), rel=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["timed", "iterated"])
-@LAW
+@pytest.mark.parametrize("kind", KINDS)
+@FEW
 @given(start=starts, delay=delays, lag=st.sampled_from([0.0, 0.02, 0.1]))
 def test_the_dead_time_is_taken_out_of_the_loop(kind: str, start: tuple[float, ...], delay: int, lag: float) -> None:
     """A nominal robot does what one without dead time does, k_d frames later."""
 
     def follow(delay: int, frames: int, first_frame: int) -> Array:
-        return drive(Lqr(told(delay, lag), along(kind), 1), rows, frames, first_frame=first_frame).pose
+        return drive(
+            Lqr(told(delay, lag), along(kind), 1), Lagged([start], delay, lag), frames, first_frame=first_frame
+        ).pose
 
-    rows = np.array([start])
     late, prompt = follow(delay, 60, 0), follow(0, 60 - delay, delay)
     assert (late[:delay] == start).all()
     # Roundings of poses of size 1, which a stable loop forgets; divided by T for the acceleration, times the lag.
@@ -114,7 +117,7 @@ def test_the_dead_time_is_taken_out_of_the_loop(kind: str, start: tuple[float, .
 def test_without_a_lag_it_follows_a_reference_exactly(delay: int) -> None:
     """A nominal robot without lag, given the reference's velocity of the time when it acts, is always on it."""
     reference = TIMED.after_rest(delay)
-    run = drive(Lqr(told(delay, 0.0), reference, 1), np.zeros((1, 3)), reference.frames)
+    run = drive(Lqr(told(delay, 0.0), reference, 1), Lagged(np.zeros((1, 3)), delay, 0.0), reference.frames)
     # Roundings of poses of size 1, each corrected at once.
     np.testing.assert_allclose(run.pose[:, 0], reference.poses, rtol=0, atol=1e-12)
 
@@ -123,7 +126,8 @@ def test_without_a_lag_it_follows_a_reference_exactly(delay: int) -> None:
 @pytest.mark.parametrize("delay", [0, 6])
 def test_with_a_lag_it_follows_a_constant_acceleration_exactly(delay: int, lag_frames: int) -> None:
     reference = TimedReference(STRAIGHT, LIMITS, T)
-    run = drive(Lqr(told(delay, lag_frames * T), reference, 1), np.zeros((1, 3)), 220)
+    plant = Lagged(np.zeros((1, 3)), delay, lag_frames * T)
+    run = drive(Lqr(told(delay, lag_frames * T), reference, 1), plant, 220)
     # Poles of 0.87 and less have forgotten the start after 200 frames.
     np.testing.assert_allclose(run.pose[210:, 0], reference.poses[210:220], rtol=0, atol=1e-11)
 
@@ -132,9 +136,9 @@ def test_with_a_lag_it_follows_a_constant_acceleration_exactly(delay: int, lag_f
 def test_a_weak_robot_has_no_lasting_error_at_constant_speed(alpha: float) -> None:
     """What it falls short by is a constant disturbance then, which is estimated and added to the command."""
     reference = TimedReference(STRAIGHT, MotionLimits(speed=1.0), T)
-    tracker = Lqr(told(6), reference, 1)
-    run = drive(tracker, np.zeros((1, 3)), 900, alpha=alpha)
+    controller = Lqr(told(6), reference, 1)
+    run = drive(controller, Lagged(np.zeros((1, 3)), 6, 0.02, alpha), 900)
     assert reference.poses[899, 0] < 20 - 1, "still under way"
     # The estimate's loop has a gain of 1 - alpha and some 0.15 s a round: 0.4^(14 s / 0.15 s) is nothing but rounding.
     np.testing.assert_allclose(run.pose[-1], reference.poses[899:900], rtol=0, atol=1e-10)
-    assert tracker.disturbance[0, 0] == pytest.approx(1 - 1 / alpha)
+    assert controller.disturbance[0, 0] == pytest.approx(1 - 1 / alpha)

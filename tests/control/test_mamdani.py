@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from laws import LAW
 
 from omni_control.errors import OmniError
 from omni_control.fuzzy import mamdani
 from omni_control.fuzzy.centroid import CentreOfGravity
 from omni_control.fuzzy.mamdani import Mamdani, Trapezoid, Variable, triangle
 
-LAW = settings(deadline=None, max_examples=100, derandomize=True)
 GRID = 12  # corners lie on a grid of this many steps, so that sides often meet, coincide or are vertical
 
 

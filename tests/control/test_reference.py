@@ -5,14 +5,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from laws import LAW
 
+from omni_control import IteratedReference, MotionLimits, TimedReference
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_control.reference.timed import IteratedReference, MotionLimits, TimedReference
-
-LAW = settings(deadline=None, max_examples=60, derandomize=True)
 
 T = 1 / 60
 LIMITS = MotionLimits()

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
+from laws import LAW
 
 from omni_control.estimation.identify import ALPHA_BOUNDS, ARM_M, SLOW_M_S, PlantIdentifier, direction
 from omni_control.kinematics import Array
 
 DRAG_HIGHEST = 0.08  # twice what is told by default
-LAW = settings(deadline=None, max_examples=60, derandomize=True)
 T = 1 / 60
 DRAG_HIGHEST = 0.08  # m/s: twice what is believed of it by default
 

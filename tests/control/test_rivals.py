@@ -2,17 +2,18 @@
 
 import numpy as np
 import pytest
+from closed_loop import Lagged, T, drive
 from hypothesis import given
 from hypothesis import strategies as st
-from lagged_loop import LAW, LIMITS, REST, TIMED, T, along, drive, told
+from laws import FEW, LAW
 from scipy.optimize import brentq
 from scipy.signal import cont2discrete
+from ways import KINDS, LIMITS, REST, STRAIGHT, TIMED, along, told
 
+from omni_control import CommandsInFlight, MotionLimits, TimedReference
 from omni_control.controllers.classic import Proportional, Smith, simc_gain
 from omni_control.controllers.nominal import NominalRobot
-from omni_control.reference.timed import MotionLimits, TimedReference
 
-STRAIGHT = [[0, 0, 0], [20, 0, 0]]
 starts = st.tuples(st.floats(-0.12, 0.12), st.floats(-0.12, 0.12), st.floats(-1, 1))
 delays, lags = st.integers(0, 9), st.sampled_from([0.0, 1e-4, 0.02, 2 * T, 0.1])
 
@@ -23,8 +24,10 @@ def test_the_nominal_robot_is_its_differential_equation_sampled(delay: int, lag:
     """Displacement in the last frame, and state at the end of the dead time, are those of scipy's discretisation."""
     commands = np.random.default_rng(seed).uniform(-3, 3, (20, 1, 3))
     robot = NominalRobot(told(delay, lag), 1)
+    queue = CommandsInFlight(1, delay + 1)
     for command in commands:
-        robot.push(command)
+        queue.push(command)
+        robot.advance(queue)
     equation = np.array([[0, 1], [0, -1 / lag]]), np.array([[0], [1 / lag]]), np.eye(2), np.zeros((2, 1))
     transition, effect, *_ = cont2discrete(equation, T, "zoh")
     state, before = np.zeros((2, 3)), np.zeros(3)
@@ -37,7 +40,7 @@ def test_the_nominal_robot_is_its_differential_equation_sampled(delay: int, lag:
         before = state[0].copy()
     start = np.array([[1.0, 2.0, 3.0]])
     np.testing.assert_allclose(robot.moved[0], moved, rtol=0, atol=1e-13)
-    pose, velocity = robot.at_the_end_of_the_dead_time(start)
+    pose, velocity = robot.at_the_end_of_the_dead_time(start, queue.last(delay))
     # Roundings of numbers of size 3.
     np.testing.assert_allclose(pose[0] - start[0], state[0] if delay else 0, rtol=0, atol=1e-13)
     np.testing.assert_allclose(velocity[0], state[1], rtol=0, atol=1e-13)
@@ -61,9 +64,8 @@ def test_the_gain_has_the_margins_of_the_simc_rule(latency: float) -> None:
 @given(delay=delays, lag=lags)
 def test_the_gain_is_for_the_latency_that_is_left_and_a_frame(delay: int, lag: float) -> None:
     """All of it for p; for smith, which bridges the dead time, the lag."""
-    settings = told(delay, lag)
-    assert Proportional(settings, REST, 1).gain == pytest.approx(0.5 / (delay * T + lag + T))
-    assert Smith(settings, REST, 1).gain == pytest.approx(0.5 / (lag + T))
+    assert Proportional(told(delay, lag), REST, 1).gain == pytest.approx(0.5 / (delay * T + lag + T))
+    assert Smith(told(delay, lag), REST, 1).gain == pytest.approx(0.5 / (lag + T))
 
 
 @pytest.mark.parametrize("delay", range(10))
@@ -72,39 +74,40 @@ def test_p_returns_to_rest_along_the_poles_of_its_loop(delay: int) -> None:
 
     A phase margin of 61 degrees is about that of a second-order loop with a damping of 0.6, which overshoots by 9 %.
     """
-    tracker = Proportional(told(delay, 0.0), REST, 1)
+    controller = Proportional(told(delay, 0.0), REST, 1)
     start = np.array([[0.1, -0.1, 0.5]])
-    error = drive(tracker, start, 400).pose[:, 0] / start
+    error = drive(controller, Lagged(start, delay, 0.0), 400).pose[:, 0] / start
     polynomial = np.zeros(delay + 2)
     polynomial[:2] = 1, -1
-    polynomial[-1] += tracker.gain * T
+    polynomial[-1] += controller.gain * T
     assert np.abs(np.roots(polynomial)).max() < 1
     assert error.min() > -0.09
     # Roundings of numbers of size 1.
-    np.testing.assert_allclose(np.diff(error[delay:], axis=0), -tracker.gain * T * error[: 399 - delay], atol=1e-14)
+    np.testing.assert_allclose(np.diff(error[delay:], axis=0), -controller.gain * T * error[: 399 - delay], atol=1e-14)
 
 
 @pytest.mark.parametrize(("delay", "lag"), [(0, 0.0), (0, 0.1), (3, 0.0), (6, 0.02), (9, 0.1)])
 def test_p_lags_an_acceleration_by_a_known_error_and_a_constant_speed_not_at_all(delay: int, lag: float) -> None:
     """Its feed-forward arrives a latency late, a (k_d T + lag) too slow, which the correction K e makes up."""
     reference = TimedReference(STRAIGHT, MotionLimits(speed=2.0), T)
-    tracker = Proportional(told(delay, lag), reference, 1)
-    error = reference.poses[:500, 0] - drive(tracker, np.zeros((1, 3)), 500).pose[:, 0, 0]
+    controller = Proportional(told(delay, lag), reference, 1)
+    error = reference.poses[:500, 0] - drive(controller, Lagged(np.zeros((1, 3)), delay, lag), 500).pose[:, 0, 0]
     # Of the transient of a loop with this gain, a share of exp(-K t) and less is left after 2 s and 4 s.
-    assert error[140] == pytest.approx(LIMITS.acceleration * (delay * T + lag) / tracker.gain, rel=0.02, abs=1e-9)
+    assert error[140] == pytest.approx(LIMITS.acceleration * (delay * T + lag) / controller.gain, rel=0.02, abs=1e-9)
     assert abs(error[-1]) < 2e-5
 
 
-@pytest.mark.parametrize("kind", ["timed", "iterated"])
-@LAW
+@pytest.mark.parametrize("kind", KINDS)
+@FEW
 @given(start=starts, delay=delays, lag=lags)
 def test_smith_takes_the_dead_time_out_of_the_loop(kind: str, start: tuple[float, ...], delay: int, lag: float) -> None:
     """The law of the Smith predictor: a nominal robot does what one without dead time does, k_d frames later."""
 
     def follow(delay: int, frames: int, first_frame: int) -> np.ndarray:
-        return drive(Smith(told(delay, lag), along(kind), 1), rows, frames, first_frame=first_frame).pose
+        return drive(
+            Smith(told(delay, lag), along(kind), 1), Lagged([start], delay, lag), frames, first_frame=first_frame
+        ).pose
 
-    rows = np.array([start])
     late, prompt = follow(delay, 120, 0), follow(0, 120 - delay, delay)
     assert (late[:delay] == start).all()
     # Roundings of poses of size 1, which a stable loop forgets.
@@ -115,8 +118,8 @@ def test_smith_takes_the_dead_time_out_of_the_loop(kind: str, start: tuple[float
 def test_without_a_lag_smith_follows_a_reference_exactly(delay: int) -> None:
     """A nominal robot without lag, given the reference's velocity of the time when it acts, is always on it."""
     reference = TIMED.after_rest(delay)
-    tracker = Smith(told(delay, 0.0), reference, 1)
-    run = drive(tracker, np.zeros((1, 3)), reference.frames)
+    controller = Smith(told(delay, 0.0), reference, 1)
+    run = drive(controller, Lagged(np.zeros((1, 3)), delay, 0.0), reference.frames)
     # Roundings of poses of size 1, each corrected at once.
     np.testing.assert_allclose(run.pose[:, 0], reference.poses, rtol=0, atol=1e-12)
 
@@ -129,24 +132,24 @@ def test_with_a_lag_smith_is_behind_an_acceleration_by_half_the_square_of_it(lag
     reference's velocity, which is the mean over the frame to come.
     """
     reference, lag = TimedReference(STRAIGHT, LIMITS, T), lag_frames * T
-    run = drive(Smith(told(3, lag), reference, 1), np.zeros((1, 3)), 200)
+    run = drive(Smith(told(3, lag), reference, 1), Lagged(np.zeros((1, 3)), 3, lag), 200)
     error = reference.poses[199, 0] - run.pose[-1, 0, 0]
     # The transient of a loop with a gain of 5 / s and more is 1e-6 of its first error after 3 s.
     assert error == pytest.approx(LIMITS.acceleration * lag * (lag + T) / 2, abs=1e-6)
 
 
-@pytest.mark.parametrize("tracker", [Proportional, Smith])
-def test_a_weak_robot_lags_a_constant_speed_by_what_the_correction_must_add(tracker: type) -> None:
+@pytest.mark.parametrize("kind", [Proportional, Smith])
+def test_a_weak_robot_lags_a_constant_speed_by_what_the_correction_must_add(kind: type) -> None:
     """alpha (v + K e) = v; the Smith predictor besides believes robots to be T k_d (v + K e) (1 - alpha) further.
 
     In the steady state at the speed v both send u = v / alpha.
     """
     alpha, delay, speed = 0.8, 6, 1.0
     reference = TimedReference(STRAIGHT, MotionLimits(speed=speed), T)
-    rival = tracker(told(delay, 0.0), reference, 1)
-    run = drive(rival, np.zeros((1, 3)), 600, alpha=alpha)
+    rival = kind(told(delay, 0.0), reference, 1)
+    run = drive(rival, Lagged(np.zeros((1, 3)), delay, 0.0, alpha), 600)
     error = (speed / alpha - speed) / rival.gain
-    if tracker is Smith:
+    if kind is Smith:
         error += T * delay * (speed / alpha - speed)
     # A loop with a gain of 3 / s has forgotten the start after 9 s.
     assert reference.poses[599, 0] - run.pose[-1, 0, 0] == pytest.approx(error, abs=1e-6)

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from laws import LAW
 
+from omni_control import MotionLimits, SampledReference, TimedReference
 from omni_control.kinematics import Array
-from omni_control.reference.timed import IteratedReference, MotionLimits, SampledReference, TimedReference
-
-LAW = settings(deadline=None, max_examples=60, derandomize=True)
 
 T = 1 / 60
 LAST = 40
@@ -86,14 +85,3 @@ def test_way_points_are_asked_the_same_way() -> None:
     reference = TimedReference([[0, 0, 0], [1, -1, 2]], MotionLimits(), T)
     pose, _ = reference.at(30.5, ANYWHERE)
     np.testing.assert_allclose(pose[0], (reference.poses[30] + reference.poses[31]) / 2, rtol=0, atol=1e-15)
-
-
-def test_an_iterated_reference_ignores_the_frame() -> None:
-    """It goes on from its last answer, whatever frame, whole or not, it is asked for."""
-    asked = (0, 7, -1.5, np.array([2.5]))
-    references = [IteratedReference([[0, 0, 0], [1, 0, 0]], MotionLimits(), T, n=1) for _ in asked]
-    for _ in range(3):
-        answers = [reference.at(frame, ANYWHERE) for reference, frame in zip(references, asked, strict=True)]
-        for pose, twist in answers:
-            assert pose.tobytes() == answers[0][0].tobytes()
-            assert twist.tobytes() == answers[0][1].tobytes()

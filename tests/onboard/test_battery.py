@@ -1,7 +1,5 @@
 """The battery: voltage over charge, sag, bookkeeping of charge and energy, cut-off, and what an empty one does."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -164,7 +162,7 @@ def robot_with(**values: float) -> Settings:
         sensors=SensorSettings(gyro_noise_rad_s=0.0, gyro_bias_rad_s=0.0),
         firmware=FirmwareSettings(turn_gain=0.0),
     )
-    return dataclasses.replace(still, battery=BatterySettings(**values))  # type: ignore[arg-type]
+    return still.replace(battery=values)
 
 
 def turn(chosen: list[Settings], rate: float, frames: int) -> MujocoPlant:

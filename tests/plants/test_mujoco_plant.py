@@ -77,8 +77,8 @@ def test_nothing_drives_faster_than_the_carpets_friction_allows(friction: float)
 def test_friction_is_the_models_unless_set() -> None:
     commands = constant([2.0, 0.0, 0.0], 10, 1)
     default = drive(MujocoPlant([Settings()], np.zeros((1, 3)), [0], 10), commands)
-    model = {"friction": 0.8, "lint": robot.numeric("lint")}
-    drive_losses = {"gear_friction_nm": robot.numeric("gear_friction"), "roller_damping_nm_s": 2e-6}
+    model = {"friction": 0.8, "lint": robot.numeric("carpet.lint")}
+    drive_losses = {"gear_friction_nm": robot.numeric("drive.gear_friction_nm"), "roller_damping_nm_s": 2e-6}
     given_all = with_settings(carpet=model, drive=drive_losses)
     same = drive(MujocoPlant([given_all], np.zeros((1, 3)), [0], 10), commands)
     np.testing.assert_array_equal(same, default)

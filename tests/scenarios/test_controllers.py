@@ -1,8 +1,9 @@
 """A user's own controller from a Python file: it runs like any other, and its mistakes are one line each."""
 
 import json
-import subprocess
-import sys
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -55,10 +56,21 @@ def user(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """The command line as a user types it in `folder`, results in `folder`/out."""
-    command = [sys.executable, "-m", "omni_mj.run", *arguments, "--out", "out"]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, cwd=folder)
+@dataclass
+class Done:
+    """What a command ended with."""
+
+    returncode: object
+    stdout: str
+    stderr: str
+
+
+def run(folder: Path, *arguments: str) -> Done:
+    """The command line as a user types it in `folder`, run in this process; results in `folder`/out."""
+    out, err = StringIO(), StringIO()
+    with chdir(folder), redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as end:
+        console.invoke(command_line, [*arguments, "--out", "out"])
+    return Done(end.value.code, out.getvalue(), err.getvalue())
 
 
 def beside_flc(name: str) -> list[str]:
@@ -91,7 +103,7 @@ def test_a_users_tracker_runs_beside_the_others(user: Path) -> None:
     """Table, Parquet, summary and recording name it after its class; what it sent is what its own law says."""
     done = run(
         user, "--scenario", "rect", "--plant", "kinematic", "--seeds", "2",
-        "--controller", "flc", "--controller", "mine.py:MyTracker", *SHORT,
+        "--controller", "flc", "--controller", "mine.py:MyTracker", *SHORT, "--no-figures",
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
     assert "MyTracker" in done.stdout
@@ -139,23 +151,37 @@ BAD_INPUT = {
     "no Python file": (MINE, "mine.txt:MyTracker", ["mine.txt:MyTracker", "file.py:Class"]),
     "syntax error": (MINE + "def f(:\n", "mine.py:MyTracker", ["mine.py", "SyntaxError", f"line {LINES + 1}"]),
     "error on import": (MINE + "import absent\n", "mine.py:MyTracker", ["mine.py", "ModuleNotFoundError", "absent"]),
-    "not a tracker": (MINE, "mine.py:Stranger", ["Stranger", "omni_control.tracker.Controller", "MyTracker"]),
+    "error of lines": (MINE + "raise ValueError('a\\nb')\n", "mine.py:MyTracker", ["ValueError: a b"]),
+    "not a tracker": (MINE, "mine.py:Stranger", ["Stranger", "derived from omni_control.Controller", "MyTracker"]),
     "no tracker at all": ("Controller = 3\n", "mine.py:Controller", ["'Controller'", "no other"]),
-    "somebody else's tracker": (MINE, "mine.py:Controller", ["'Controller'", "did you mean 'MyTracker'"]),
+    "somebody else's tracker": (MINE, "mine.py:Controller", ["'Controller'", "choose from MyTracker"]),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("mistake", BAD_INPUT)
-def test_bad_input_is_one_line_that_says_what_is_wrong(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], mistake: str
-) -> None:
+def test_bad_input_is_one_line_that_says_what_is_wrong(tmp_path: Path, mistake: str) -> None:
     source, name, says = BAD_INPUT[mistake]
     if source is not None:
         (tmp_path / "mine.py").write_text(source)
-    line = error_line(capsys, console.BAD_INPUT, tmp_path, name)
-    for words in says:
-        assert words in line
-    assert not (tmp_path / "out").exists(), "bad input must not leave a folder"
+    with pytest.raises(OmniError) as error:
+        scenario.scenario("rect", controllers=["flc", f"{tmp_path / name}"])
+    assert [words for words in says if words not in str(error.value)] == []
+    assert "\n" not in str(error.value)
+
+
+def test_every_mistake_is_a_line_on_the_terminal_and_leaves_no_folder(
+    user: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = [*beside_flc(f"{user / 'mine.py'}:MyTraker"), "--set", "radio.delay_frames=-1"]
+    with pytest.raises(SystemExit) as end:
+        console.invoke(command_line, [*wrong, "--out", str(user / "out")])
+    stdout, stderr = capsys.readouterr()
+    assert (end.value.code, stdout) == (console.BAD_INPUT, "")
+    assert [line.split(" ")[:2] for line in stderr.splitlines()] == [
+        ["error:", str(user / "mine.py")],
+        ["error:", "radio.delay_frames"],
+    ]
+    assert not (user / "out").exists()
 
 
 def test_labels_are_names_or_classes() -> None:

@@ -1,84 +1,101 @@
 """Scenarios: what is refused, and with which words."""
 
-import json
-import math
 from pathlib import Path
 
 import pytest
-from scenario_texts import NUMBERS, SWITCHES, WHOLE, assign, load, refusal
+from scenario_texts import assign, load, refusal
 
 from omni_control.errors import OmniError
 from omni_mj.scenarios import scenario
+from omni_mj.scenarios.scenario import Scenario
 
 # What is given: words the message must contain.
 HEAD_ERRORS = {
-    'plant = "mujco"': ["mujco", "did you mean 'mujoco'", "kinematic"],
+    'plant = "mujco"': ["mujco", "did you mean 'mujoco'", "kinematic", "file.py:Class"],
     "plant = 3": ["plant", "string", "3"],
+    'plant = "mine.py:Plant"': ["no file", "mine.py"],
+    'robot = "ssl_robt"': ["ssl_robt", "did you mean 'ssl_robot'", "file.xml"],
+    'robot = "scene"': ["unknown robot 'scene'"],
+    'robot = "mine.xml"': ["mine.xml"],
+    "robot = true": ["robot", "string", "True"],
     'controllers = ["comp-fcl"]': ["comp-fcl", "did you mean 'comp-flc'", "flc"],
     "controllers = []": ["controllers", "at least one"],
     'controllers = "flc"': ["controllers", "list"],
     "controllers = [3]": ["[3]", "list of at least one name"],
     'controllers = ["mine.py"]': ["mine.py", "comp-flc", "file.py:Class"],
-    'controllers = ["flc", "flc"]': ["twice"],
-    "seed = -1": ["seed", "at least 0", "-1"],
+    'controllers = ["flc", "flc"]': ["'flc'", "twice"],
+    "seed = -1": ["seed", "from 0", "-1"],
     "seed = 1.5": ["seed", "whole number", "1.5"],
     "seed = true": ["seed", "whole number", "True"],
     'seed = "1"': ["seed", "whole number", "'1'"],
-    "seed = 9223372036854775808": ["seed", "2^63"],
+    "seed = 9223372036854775808": ["seed", "to 9223372036854775807"],
     "seeds = 0": ["seeds", "1 to 100000", "0"],
     "seeds = 100001": ["seeds", "1 to 100000", "100001"],
     "seeds = false": ["seeds", "whole number", "False"],
-    "paper_table = 5": ["paper_table", "3, 4 or 0", "5"],
+    "paper_table = 2": ["paper_table", "3, 4 or 0", "2"],
     "paper_table = true": ["paper_table", "whole number", "True"],
     "name = 3": ["name", "string", "3"],
+    'name = "a/b"': ["name", "letters, digits", "'a/b'"],
     "description = true": ["description", "string", "True"],
     "sead = 3": ["sead", "did you mean 'seed'", "seeds"],
+    "settings = 3": ["unknown section settings"],
     "radio = 3": ["radio", "section", "[radio]"],
+    "controller = 3": ["controller", "section", "[controller]"],
     "[rado]\ndelay_frames = 3": ["rado", "did you mean 'radio'", "vision"],
     "[radio]\ndelay_frame = 3": ["radio.delay_frame", "did you mean 'radio.delay_frames'"],
-    "[vision]\nposition_nois_m = 0.1": ["did you mean 'vision.position_noise_m'", "vision.miss_probability"],
-    "[kinematic]\nalpha_low = 0.9\nalpha_high = 0.8": ["alpha_low", "not be above", "alpha_high"],
     "[radio]\njitter_frames = 7": ["jitter_frames", "not be above", "delay_frames"],
     "seed = = 3": ["given.toml", "not valid TOML", "line 1"],
     "seed = 1\nseed = 2": ["given.toml", "not valid TOML", "overwrite"],
 }
+OVERRIDE_ERRORS = {
+    "radio.delay_frames": ["radio.delay_frames", "section.field=value"],
+    "delay_frames=3": ["delay_frames=3", "section.field=value"],
+    "": ["section.field=value"],
+    "radio.delay_frames=x": ["radio.delay_frames", "whole number", "'x'"],
+    "radio.delay_frames=": ["radio.delay_frames", "whole number"],
+    "radio.delay_frames=1979-05-27": ["radio.delay_frames", "whole number", "date"],
+    "radio.delay_framse=3": ["did you mean 'radio.delay_frames'"],
+    "raido.delay_frames=3": ["did you mean 'radio'"],
+    "radio.delay.frames=3": ["radio.delay.frames", "radio.delay_frames"],
+    "seeds.x=3": ["cannot set seeds.x", "not a section"],
+    "controller.flc=3": ["controller.flc is a section"],
+}
 
 
-@pytest.mark.parametrize("toml", HEAD_ERRORS)
-def test_a_wrong_file_is_refused(tmp_path: Path, toml: str) -> None:
-    message = refusal(tmp_path, toml)
-    for words in HEAD_ERRORS[toml]:
-        assert words in message
+def test_a_wrong_file_is_refused_in_one_line(tmp_path: Path) -> None:
+    for toml, says in HEAD_ERRORS.items():
+        message = refusal(tmp_path, toml)
+        assert [words for words in says if words not in message] == [], message
 
 
-@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "true", '"1"', "[1]", "{}", "1979-05-27"])
-def test_what_is_not_a_finite_number_is_refused(tmp_path: Path, value: str) -> None:
-    for name, (field, _) in NUMBERS.items():
-        message = refusal(tmp_path, assign(name, value))
-        meta = field.metadata
-        for words in (name, f"{meta['low']:g} to {meta['high']:g}", meta["unit"]):
-            assert words in message
+def test_wrong_overrides_are_refused_in_one_line(tmp_path: Path) -> None:
+    for override, says in OVERRIDE_ERRORS.items():
+        message = refusal(tmp_path, "seeds = 2", override)
+        assert [words for words in says if words not in message] == [], message
 
 
-@pytest.mark.parametrize("name", NUMBERS)
-def test_numbers_out_of_bounds_are_refused(tmp_path: Path, name: str) -> None:
-    meta = NUMBERS[name][0].metadata
-    low, high = meta["low"], meta["high"]
-    below, above = (
-        (low - 1, high + 1) if name in WHOLE else (math.nextafter(low, -math.inf), math.nextafter(high, math.inf))
-    )
-    for value in (below, above):
-        message = refusal(tmp_path, assign(name, repr(value)))
-        assert name in message
-        assert f"{low:g} to {high:g}" in message
+def test_all_that_is_wrong_is_said_at_once(tmp_path: Path) -> None:
+    """The file's mistakes, those of overrides and those of the caller's head: a line each, from Python the same."""
+    toml = 'seeds = 0\nsead = 3\nplant = "mujco"\n\n[radio]\ndelay_frames = -1\n\n[controller.fcl]\ngain = 3\n'
+    with pytest.raises(OmniError) as error:
+        load(tmp_path, toml, "nonsense", "vision.miss_frames=0.5", controllers=("flc", "comp-flc", "flc"), robot="x")
+    lines = str(error.value).splitlines()
+    starts = ["cannot read --set nonsense", "unknown name sead", "unknown plant 'mujco'", "unknown robot 'x'"]
+    starts += ["controller 'flc' is named twice", "seeds must be ", "radio.delay_frames must be "]
+    starts += ["vision.miss_frames must be "]
+    assert sorted(start for line in lines for start in starts if line.startswith(start)) == sorted(starts)
+    assert len(lines) == len(starts)
 
-
-@pytest.mark.parametrize("name", WHOLE)
-@pytest.mark.parametrize("value", ["2.0", "2.5"])
-def test_whole_numbers_are_whole(tmp_path: Path, name: str, value: str) -> None:
-    message = refusal(tmp_path, assign(name, value))
-    assert "whole number" in message
-    assert value in message
+    with pytest.raises(OmniError) as error:
+        scenario.scenario("rect", plant="mujco", seeds=0, radio={"delay_frames": -1}, controllers=["fcl"])
+    assert [line.split()[:2] for line in str(error.value).splitlines()] == [
+        ["unknown", "plant"],
+        ["unknown", "controller"],
+        ["seeds", "must"],
+        ["radio.delay_frames", "must"],
+    ]
+    with pytest.raises(OmniError, match=r"^seeds must be .*\nsettings must be Settings, or sections by name, not 3$"):
+        Scenario(seeds=0, settings=3)
 
 
 @pytest.mark.parametrize(
@@ -88,81 +105,14 @@ def test_whole_numbers_are_whole(tmp_path: Path, name: str, value: str) -> None:
 @pytest.mark.parametrize("digits", [400, 5000], ids=["beyond float", "beyond Python's own limit of digits"])
 def test_numbers_of_absurd_length_are_refused(tmp_path: Path, name: str, value: str, digits: int) -> None:
     huge = value.format("1" + "0" * digits)
-    refusal(tmp_path, assign(name, huge))
-    refusal(tmp_path, "", f"{name}={huge}")
-
-
-@pytest.mark.parametrize(
-    "value",
-    [
-        "[]",
-        "3",
-        '"here"',
-        "[[0, 0]]",
-        "[[0, 0], 1]",
-        "[[0, 0], [1]]",
-        "[[0, 0], [1, 2, 3, 4]]",
-        "[[0, 0], [true, 1]]",
-        "[[0, 0], [nan, 1]]",
-        "[[0, 0], [1, inf]]",
-        "[[0, 0], [100.1, 0]]",
-        '[[0, 0], ["1", 0]]',
-    ],
-)
-def test_wrong_way_points_are_refused(tmp_path: Path, value: str) -> None:
-    message = refusal(tmp_path, assign("reference.waypoints", value))
-    for words in ("reference.waypoints", "at least two", "[x, y]", "m and rad", "100 m"):
-        assert words in message
-
-
-@pytest.mark.parametrize("value", ['"iterate"', "3", "true", '["timed"]', "{}"])
-def test_wrong_choices_are_refused(tmp_path: Path, value: str) -> None:
-    message = refusal(tmp_path, assign("reference.mode", value))
-    for words in ("reference.mode", "timed or iterated"):
-        assert words in message
-
-
-@pytest.mark.parametrize("value", ['"yes"', "3", "0", "1.5", "[true]", "{}"])
-def test_switches_are_true_or_false(tmp_path: Path, value: str) -> None:
-    assert SWITCHES
-    for name in SWITCHES:
-        message = refusal(tmp_path, assign(name, value))
-        for words in (name, "true or false"):
-            assert words in message
-        for setting in (True, False):
-            section, field = name.split(".")
-            loaded = load(tmp_path, "", f"{name}={json.dumps(setting)}")
-            assert getattr(getattr(loaded.settings, section), field) is setting
-
-
-@pytest.mark.parametrize(
-    ("override", "words"),
-    [
-        ("radio.delay_frames", ["radio.delay_frames", "section.field=value"]),
-        ("delay_frames=3", ["delay_frames=3", "section.field=value"]),
-        ("", ["section.field=value"]),
-        ("radio.delay_frames=x", ["radio.delay_frames", "whole number", "'x'"]),
-        ("radio.delay_frames=", ["radio.delay_frames", "whole number"]),
-        ("radio.delay_framse=3", ["did you mean 'radio.delay_frames'"]),
-        ("raido.delay_frames=3", ["did you mean 'radio'"]),
-        ("radio.delay.frames=3", ["radio.delay.frames", "radio.delay_frames"]),
-        ("seeds.x=3", ["seeds"]),
-    ],
-)
-def test_wrong_overrides_are_refused(tmp_path: Path, override: str, words: list[str]) -> None:
-    message = refusal(tmp_path, "seeds = 2", override)
-    for word in words:
-        assert word in message
-
-
-def test_a_wrong_head_from_the_caller_is_refused(tmp_path: Path) -> None:
-    assert "did you mean 'mujoco'" in refusal(tmp_path, "", plant="mujocoo")
-    assert "seeds" in refusal(tmp_path, "", seeds=0)
+    assert len(refusal(tmp_path, assign(name, huge))) < 1000
+    assert len(refusal(tmp_path, "", f"{name}={huge}")) < 1000
 
 
 def test_unknown_scenarios_are_refused_with_those_there_are() -> None:
-    with pytest.raises(OmniError, match=r"unknown scenario 'rct'; did you mean 'rect'\? choose from .*rect-noise"):
-        scenario.load("rct")
+    for make in (scenario.load, scenario.scenario):
+        with pytest.raises(OmniError, match=r"unknown scenario 'rct'; did you mean 'rect'\? choose from .*rect-noise"):
+            make("rct")
 
 
 def test_unreadable_files_are_refused(tmp_path: Path) -> None:
@@ -178,5 +128,5 @@ def test_unreadable_files_are_refused(tmp_path: Path) -> None:
 
 def test_seeds_beyond_63_bits_are_refused(tmp_path: Path) -> None:
     # Each seed becomes a 64-bit column of the trajectory, the last one too.
-    refusal(tmp_path, f"seed = {2**63 - 2}\nseeds = 3")
+    assert "below 2^63" in refusal(tmp_path, f"seed = {2**63 - 2}\nseeds = 3")
     assert load(tmp_path, f"seed = {2**63 - 3}\nseeds = 3").seed_list[-1] == 2**63 - 1

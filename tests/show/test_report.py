@@ -1,6 +1,5 @@
 """The report says what the summaries say, holds all it shows, and cannot be broken by what a user wrote."""
 
-import dataclasses
 import json
 import re
 import subprocess
@@ -164,7 +163,7 @@ def test_what_is_not_known_is_a_dash(folders: list[Path], tmp_path: Path) -> Non
 
 def test_settings_off_their_default_stand_out(folders: list[Path], tmp_path: Path) -> None:
     html, _ = page(folders[:1], tmp_path / "report.html")
-    settings, defaults = summary_of(folders[0])["settings"], dataclasses.asdict(Settings())
+    settings, defaults = summary_of(folders[0])["settings"], Settings().plain()
     names = [(section, name) for section in settings for name in settings[section]]
     off = [f"{s}.{n}" for s, n in names if settings[s][n] != defaults[s][n]]
     shown = html[html.index("Settings that differ") : html.index("<details>")]

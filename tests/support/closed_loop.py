@@ -1,5 +1,6 @@
-"""What tests of trackers share: two plants, written without the code under test, and the loop around them."""
+"""What tests of controllers share: plants, written without the code under test, and the loop around them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -7,8 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from omni_control.controllers.base import Controller, Seen
-from omni_control.delay import CommandsInFlight
+from omni_control import CommandsInFlight, Controller, Seen, Told
 from omni_control.estimation import identify
 from omni_control.estimation.identify import PlantIdentifier
 from omni_control.estimation.kalman import KalmanFilter
@@ -18,12 +18,14 @@ T = 1 / 60
 NOISE = np.array([0.0013, 0.0013, 0.01])  # of the vision of a league's field, m and rad
 KEPT = 40  # commands that a plant remembers, frames
 SPEED, ACCELERATION, TURN_RATE, TURN_ACCELERATION = 3.7, 4.7, 26.0, 50.8  # limits of what may be commanded
+Limits = Callable[[Array, Array], Array]
 
 
 class Plant(Protocol):
-    """n robots: true poses (n, 3), and what a frame with new commands (n, 3) does to them."""
+    """n robots: true poses and twists (n, 3), and what a frame with new commands (n, 3) does to them."""
 
     pose: Array
+    twist: Array
 
     def advance(self, command: Array) -> None:
         """Send the commands and go on by a frame."""
@@ -38,9 +40,10 @@ class Equation7:
         delay: dead times k_d (n,) or one for all, frames.
     """
 
-    def __init__(self, start: Array, alpha: ArrayLike, delay: ArrayLike) -> None:
+    def __init__(self, start: ArrayLike, alpha: ArrayLike, delay: ArrayLike) -> None:
         self.pose = np.array(start, float)
-        n = len(start)
+        self.twist = np.zeros_like(self.pose)
+        n = len(self.pose)
         alpha = np.asarray(alpha, float)
         self._alpha = alpha if alpha.ndim == 3 else np.broadcast_to(alpha, (1, n, 3))
         self._delay, self._robots = np.broadcast_to(delay, n).astype(int), np.arange(n)
@@ -49,8 +52,34 @@ class Equation7:
     def advance(self, command: Array) -> None:
         self._sent[self._frame % KEPT] = command
         felt = self._sent[(self._frame - self._delay) % KEPT, self._robots]
+        self.twist = self._alpha[min(self._frame, len(self._alpha) - 1)] * felt
         self.pose = self.pose + self._alpha[min(self._frame, len(self._alpha) - 1)] * T * felt
         self._frame += 1
+
+
+class Lagged:
+    """x' = v, v' = (alpha u(t - delay T) - v) / lag, from rest; each command holds for a frame.
+
+    Args:
+        start: poses (n, 3).
+        delay: dead time, frames.
+        lag: time constant, s; none, if zero.
+        alpha: factors, (n, 3) or one for all.
+    """
+
+    def __init__(self, start: ArrayLike, delay: int, lag: float, alpha: ArrayLike = 1.0) -> None:
+        self.pose = np.array(start, float)
+        self.twist = np.zeros_like(self.pose)
+        self._lag, self._alpha = lag, np.asarray(alpha, float)
+        self._flying = [self.twist] * delay
+
+    def advance(self, command: Array) -> None:
+        self._flying.append(command)
+        # The closed form: towards the new speed, the difference dying out with the lag's time constant.
+        speed = self._alpha * self._flying.pop(0)
+        left = np.exp(-T / self._lag) if self._lag else 0.0
+        self.pose = self.pose + speed * T + (self.twist - speed) * self._lag * (1 - left)
+        self.twist = speed + (self.twist - speed) * left
 
 
 class BodyFrame:
@@ -64,10 +93,11 @@ class BodyFrame:
         middle: headings in the middle of the frame just past (n,), rad.
     """
 
-    def __init__(self, start: Array, latency: ArrayLike, alpha: ArrayLike, drag: ArrayLike) -> None:
+    def __init__(self, start: ArrayLike, latency: ArrayLike, alpha: ArrayLike, drag: ArrayLike) -> None:
         self.pose = np.array(start, float)
+        self.twist = np.zeros_like(self.pose)
         self.middle = self.pose[:, 2]
-        n = len(start)
+        n = len(self.pose)
         halves = np.broadcast_to(latency, (n, 3)) * 2
         self._halves, self._robots = halves.astype(int), np.arange(n)
         assert (self._halves == halves).all(), "whole numbers of halves"
@@ -86,7 +116,8 @@ class BodyFrame:
             twist = self._alpha * body - self._drag * body / np.maximum(size, 0.05)[:, None]
             self.middle = self.pose[:, 2] + twist[:, 2] * T / 2
         xy = (twist[:, 0] + 1j * twist[:, 1]) * np.exp(1j * self.middle)
-        self.pose = self.pose + T * np.stack([xy.real, xy.imag, twist[:, 2]], axis=1)
+        self.twist = np.stack([xy.real, xy.imag, twist[:, 2]], axis=1)
+        self.pose = self.pose + T * self.twist
 
 
 def believe_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -103,9 +134,10 @@ def believe_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @dataclass
 class Run:
-    """What happened in each frame, (frames, n, 3) each: true poses, and what the tracker said and sent."""
+    """What happened in each frame, (frames, n, 3) each: the truth, and what the controller said and was sent."""
 
     pose: Array
+    twist: Array
     predicted: Array
     sent: Array
     alpha_hat: Array
@@ -127,6 +159,11 @@ def vision(rng: np.random.Generator, frames: int, n: int, times: float = 1.0, ga
     return noise
 
 
+def reported(pose: Array) -> Array:
+    """Poses (n, 3) as vision reports them, with headings in (-pi, pi]."""
+    return np.column_stack([pose[:, :2], np.angle(np.exp(1j * pose[:, 2]))])
+
+
 def limited(command: Array, last: Array) -> Array:
     """Commands (n, 3) within what may be sent after `last`: translation by its size, turning by itself."""
 
@@ -138,21 +175,58 @@ def limited(command: Array, last: Array) -> Array:
     return last + shorten(shorten(command, SPEED, TURN_RATE) - last, ACCELERATION * T, TURN_ACCELERATION * T)
 
 
-def drive(tracker: Controller, plant: Plant, noise: Array, *, limits: bool = True) -> Run:
-    """Close the loop for as many frames as there is noise (frames, n, 3), filtered as the loop of omni-mj does."""
-    told, n = tracker.settings, noise.shape[1]
-    sent = np.zeros((n, 3))
-    queue = CommandsInFlight(n, int(np.ceil(told.latency_frames)) + 1)
+def unlimited(command: Array, last: Array) -> Array:
+    """Whatever is wanted may be sent."""
+    return command
+
+
+def commands_for(controller: Controller) -> CommandsInFlight:
+    """The commands that a controller is to see: all zero, and as many as it needs."""
+    return CommandsInFlight(len(controller.predicted), controller.memory_frames)
+
+
+def seen_at(
+    told: Told, pose: ArrayLike, sent: CommandsInFlight, twist: Array | None = None, measured: Array | None = None
+) -> Seen:
+    """What is known of robots at `pose` (n, 3), of which nothing else is known unless it is given."""
+    pose = np.array(pose, float)
+    unknown = np.full_like(pose, np.nan)
+    twist, measured = (unknown if values is None else values for values in (twist, measured))
+    return Seen(pose, twist, measured, sent.of(slice(None)), told.period, told.delay_frames)
+
+
+def drive(
+    controller: Controller,
+    plant: Plant,
+    noise: Array | int,
+    *,
+    limits: Limits = unlimited,
+    filtered: bool = True,
+    first_frame: int = 0,
+) -> Run:
+    """Close the loop for as many frames as there is `noise` (frames, n, 3), or so many of perfect vision.
+
+    Noisy poses are filtered as a team's computer does, or taken as they are; a controller that knows the truth sees it.
+    """
+    told, n = controller.told, len(plant.pose)
+    exact = isinstance(noise, int) or controller.knows_truth
+    sent, queue = np.zeros((n, 3)), commands_for(controller)
+    felt = CommandsInFlight(n, int(np.ceil(told.latency_frames)) + 1)
     kalman = KalmanFilter(plant.pose, told.period, told.vision_noise)
     rows: list[tuple[Array, ...]] = []
-    for frame, error in enumerate(noise):
-        measured = plant.pose + error
-        measured[:, 2] = np.angle(np.exp(1j * measured[:, 2]))
+    for k in range(noise if isinstance(noise, int) else len(noise)):
         queue.push(sent)
-        pose = kalman.update(measured, queue.felt(told.latency_frames) * told.period)
-        wanted = tracker.command(frame, Seen(pose, kalman.twist, measured), sent)
-        sent = limited(wanted, sent) if limits else wanted
-        said = (tracker.predicted, sent, tracker.alpha_hat, tracker.latency_hat)
-        rows.append((plant.pose, *(np.array(value) for value in said)))
+        felt.push(sent)
+        pose, twist, measured = plant.pose, plant.twist, plant.pose
+        if not exact:
+            pose = pose + noise[k]  # type: ignore[index]
+            measured = reported(pose)
+        if not exact and filtered:
+            pose = kalman.update(measured, felt.felt(told.latency_frames) * told.period)
+            twist = kalman.twist
+        wanted = controller.command(first_frame + k, seen_at(told, pose, queue, twist, measured))
+        sent = limits(wanted, sent)
+        said = (controller.predicted, sent, controller.alpha_hat, controller.latency_hat)
+        rows.append((plant.pose, plant.twist, *(np.array(value) for value in said)))
         plant.advance(sent)
     return Run(*(np.array(column) for column in zip(*rows, strict=True)))

@@ -1,7 +1,5 @@
 """What the tests of scenarios share: every setting, and scenarios given as text."""
 
-import dataclasses
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,22 +8,12 @@ import pytest
 from omni_control.errors import OmniError
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.scenario import Scenario
-from omni_mj.scenarios.settings import Settings
+from omni_mj.scenarios.settings import Settings, every_setting
 
-
-def every_setting() -> Iterator[tuple[str, dataclasses.Field[Any], Any]]:
-    """Name, field and default of every setting."""
-    defaults = Settings()
-    for section in dataclasses.fields(defaults):
-        values = getattr(defaults, section.name)
-        for field in dataclasses.fields(values):
-            yield f"{section.name}.{field.name}", field, getattr(values, field.name)
-
-
-SETTINGS = {name: (field, default) for name, field, default in every_setting()}
-NUMBERS = {name: both for name, both in SETTINGS.items() if both[0].metadata["low"] is not None}
-SWITCHES = [name for name, (field, _) in SETTINGS.items() if field.type is bool]
-WHOLE = [name for name, (field, _) in NUMBERS.items() if field.type is int]
+SETTINGS = {each.full: each for each in every_setting()}
+NUMBERS = {name: each for name, each in SETTINGS.items() if each.number}
+SWITCHES = [name for name, each in SETTINGS.items() if each.kind is bool]
+WHOLE = [name for name, each in NUMBERS.items() if each.kind is int]
 
 
 def load(tmp_path: Path, toml: str, *overrides: str, **head: Any) -> Scenario:
@@ -47,3 +35,24 @@ def refusal(tmp_path: Path, toml: str, *overrides: str, **head: Any) -> str:
 def assign(name: str, toml_value: str) -> str:
     section, field = name.split(".")
     return f"[{section}]\n{field} = {toml_value}\n"
+
+
+def value_of(settings: Settings, name: str) -> Any:
+    section, field = name.split(".")
+    return getattr(getattr(settings, section), field)
+
+
+def given(values: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Sections of settings from values by full name."""
+    sections: dict[str, dict[str, Any]] = {}
+    for name, value in values.items():
+        section, field = name.split(".")
+        sections.setdefault(section, {})[field] = value
+    return sections
+
+
+def errors(**sections: Any) -> list[str]:
+    """The lines of the error that settings made of these sections raise."""
+    with pytest.raises(OmniError) as error:
+        Settings(**sections)
+    return str(error.value).splitlines()

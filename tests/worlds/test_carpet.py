@@ -1,7 +1,5 @@
 """Laws of the whole robot on its carpet, driven through the plant with its sensors' noise off."""
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pytest
@@ -14,7 +12,7 @@ from omni_mj.worlds import robot
 
 QUIET = Settings(sensors=SensorSettings(gyro_noise_rad_s=0, gyro_bias_rad_s=0))
 # A stiff wheel loop, so that what is seen is the contact and not the firmware.
-STIFF = replace(QUIET, firmware=FirmwareSettings(kp=1.0, ki=20.0, turn_gain=0.0))
+STIFF = QUIET.replace(firmware=FirmwareSettings(kp=1.0, ki=20.0, turn_gain=0.0))
 
 
 def drive(settings: Settings, commands: Array, start: Array | None = None) -> tuple[MujocoPlant, Array]:
@@ -97,7 +95,7 @@ def test_a_robot_with_open_motors_rolls_out_as_published(direction: tuple[float,
 @pytest.mark.parametrize(("axis", "friction"), [(0, 0.4), (1, 0.4), (0, 0.8), (1, 0.8)])
 def test_friction_wheel_angles_and_loads_limit_the_acceleration(axis: int, friction: float) -> None:
     """Each spinning wheel pulls along its rim with mu times its load, which acceleration shifts between the axles."""
-    settings = replace(STIFF, carpet=replace(STIFF.carpet, friction=friction))
+    settings = STIFF.replace(carpet={"friction": friction})
     speeds = np.linspace(1.2, 2.0, 16)  # at once: the wheels are there in a frame, the robots are not
     twists = np.zeros((16, 3))
     twists[:, axis] = speeds
@@ -122,7 +120,7 @@ def test_friction_wheel_angles_and_loads_limit_the_acceleration(axis: int, frict
 
 def test_a_mirrored_command_gives_a_mirrored_path() -> None:
     """Left and right of the robot are alike: y, heading and turn rate change their sign together."""
-    fine = replace(QUIET, sensors=replace(QUIET.sensors, encoder_counts=1_000_000))
+    fine = QUIET.replace(sensors={"encoder_counts": 1_000_000})
     one = ramp(np.array([[0.6, -0.9, -2.0]]), 1.5, 60)
     _, poses = drive(fine, np.concatenate([one, one * [1, -1, -1]], axis=1))
     # Counts of an encoder are rounded downwards in either direction: a count is 2 um at the rim.
@@ -134,7 +132,7 @@ def test_half_the_timestep_gives_the_same_path() -> None:
     twists = np.array([[1.0, 0, 0], [0, 1.0, 0], [0.7, -0.7, 0.5]])
     commands = ramp(twists, 2.0, 60)
     _, coarse = drive(QUIET, commands)
-    fine_settings = replace(QUIET, physics=PhysicsSettings(substeps=2))
+    fine_settings = QUIET.replace(physics=PhysicsSettings(substeps=2))
     _, fine = drive(fine_settings, commands)
     travelled = np.linalg.norm(coarse[-1, :, :2], axis=1)
     # 2 % of the way; most of it is the wheel loop, whose sampling lag halves with the step.

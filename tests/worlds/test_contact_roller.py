@@ -1,7 +1,5 @@
 """The faster wheel is the same physics: what it weighs, how it drives, where it leads."""
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pytest
@@ -41,7 +39,7 @@ def test_velocities_in_closed_loop_profiles_agree() -> None:
     rates = np.array([1.0, 1.0, 1.0, 3.0, 3.0, 12.0])
     size = np.linalg.norm(twists, axis=1)
     velocities = []
-    for settings in (quiet, replace(quiet, wheels=FAST)):
+    for settings in (quiet, quiet.replace(wheels=FAST)):
         plant, poses = MujocoPlant([settings] * 6, np.zeros((6, 3)), [0] * 6, 90), []
         for frame in range(90):
             share = np.minimum(1.0, rates * (frame + 1) * PERIOD_S / size)

@@ -1,6 +1,5 @@
 """Electrical energy in is heat, friction and motion out."""
 
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -61,7 +60,7 @@ def contact_power(model: mujoco.MjModel, data: mujoco.MjData, velocity: NDArray)
 @pytest.mark.parametrize(("substeps", "tolerance"), [(1, 0.03), (4, 0.015)])
 def test_energy_audit_of_a_driven_robot(substeps: int, tolerance: float) -> None:
     frames = 75
-    plant = MujocoPlant([replace(QUIET, physics=PhysicsSettings(substeps=substeps))], np.zeros((1, 3)), [0], frames)
+    plant = MujocoPlant([QUIET.replace(physics=PhysicsSettings(substeps=substeps))], np.zeros((1, 3)), [0], frames)
     plant._batch = tape = Tape(plant._batch)  # the plant hands out one instant a frame, the audit needs every step
     electrical, reported = 0.0, []
     for frame in range(frames):

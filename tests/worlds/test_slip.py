@@ -1,7 +1,5 @@
 """The speed at which contact points slide, against the engine and against imposed motion."""
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pytest
@@ -120,7 +118,7 @@ def test_contact_slip_is_the_speed_at_which_a_rolling_robot_is_pushed(
 def test_the_plant_reports_slip_where_there_is_some() -> None:
     # Told to be at 2 m/s at once on ice: for a tenth of a second the wheels spin at about that speed under a robot that
     # hardly moves. On carpet at rest, nothing slides.
-    ice = replace(QUIET, carpet=CarpetSettings(friction=0.02))
+    ice = QUIET.replace(carpet=CarpetSettings(friction=0.02))
     plant = MujocoPlant([ice, QUIET], np.zeros((2, 3)), [0, 0], 12)
     for frame in range(12):
         plant.advance(frame, Received.at_once(np.array([[2.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), np.zeros(2)))

@@ -1,17 +1,110 @@
-"""The trackers by the names that users call them."""
+"""The controllers by the names that users call them, each loaded when it is asked for; made, with their parameters."""
 
-from omni_control.controllers.adaptive import AdaptiveCompFlc
-from omni_control.controllers.base import CompFlc, Controller, Flc
-from omni_control.controllers.classic import Proportional, Smith
-from omni_control.controllers.lqr import Lqr
-from omni_control.controllers.oracle import Oracle
+import inspect
+import numbers
+from collections.abc import Mapping
+from importlib import import_module
+from typing import TypeVar
 
-CONTROLLERS: dict[str, type[Controller]] = {
-    "flc": Flc,
-    "comp-flc": CompFlc,
-    "adaptive-comp-flc": AdaptiveCompFlc,
-    "p": Proportional,
-    "smith": Smith,
-    "lqr": Lqr,
-    "oracle": Oracle,
+from omni_control.controllers.base import Controller, Told
+from omni_control.controllers.checks import check_record, where
+from omni_control.errors import ControllerError, OmniError, choose
+from omni_control.reference import Reference
+
+Parameter = bool | int | float | str
+Kind = TypeVar("Kind", bound=Controller)
+
+CONTROLLERS: dict[str, str] = {
+    "flc": "omni_control.controllers.flc:Flc",
+    "comp-flc": "omni_control.controllers.flc:CompFlc",
+    "adaptive-comp-flc": "omni_control.controllers.adaptive:AdaptiveCompFlc",
+    "p": "omni_control.controllers.classic:Proportional",
+    "smith": "omni_control.controllers.classic:Smith",
+    "lqr": "omni_control.controllers.lqr:Lqr",
+    "oracle": "omni_control.controllers.oracle:Oracle",
 }
+_WANTED = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
+
+
+def find(name: str) -> type[Controller]:
+    """The class of the controller called `name`.
+
+    Raises:
+        OmniError: there is no such controller.
+    """
+    if name not in CONTROLLERS:
+        raise OmniError(f"unknown controller {name!r}; {choose(name, sorted(CONTROLLERS))}")
+    module, _, class_name = CONTROLLERS[name].partition(":")
+    return getattr(import_module(module), class_name)
+
+
+def parameters(kind: type[Controller]) -> dict[str, Parameter]:
+    """Names and default values of a controller's parameters; see `Controller`. Those of its base classes come first."""
+    names = [name for base in reversed(kind.__mro__) for name in inspect.get_annotations(base)]
+    return {
+        name: getattr(kind, name)
+        for name in dict.fromkeys(names)
+        if not name.startswith("_") and _type(kind, name) is not None
+    }
+
+
+def checked_parameters(kind: type[Controller], given: Mapping[str, object]) -> dict[str, Parameter]:
+    """The parameters given, each of its type: a whole number is a number too.
+
+    Raises:
+        OmniError: a name that the controller does not have, or a value of another type; all of them, one line each.
+    """
+    known, checked, wrong = parameters(kind), {}, []
+    for name, value in given.items():
+        if name not in known:
+            none = f"{kind.__name__} has no parameter {name!r}; "
+            wrong.append(none + (choose(name, known) if known else "it has none at all"))
+        elif (fitting := _fitting(value, wanted := _type(kind, name))) is None:
+            wrong.append(f"parameter {name} of {kind.__name__} must be {_WANTED[wanted]}, not {value!r}")  # type: ignore[index]
+        else:
+            checked[name] = fitting
+    if wrong:
+        raise OmniError("\n".join(wrong))
+    return checked
+
+
+def make(
+    kind: str | type[Kind], told: Told, reference: Reference, n: int, parameters: Mapping[str, object] | None = None
+) -> Controller:
+    """A controller of `n` robots, by its class or its name, its `parameters` set before its constructor runs.
+
+    Raises:
+        OmniError: there is no controller of that name, or a parameter is wrong.
+        ControllerError: its constructor raised an exception, or did not call that of `Controller`.
+    """
+    found = find(kind) if isinstance(kind, str) else kind
+    controller = found.__new__(found)
+    for name, value in checked_parameters(found, parameters or {}).items():
+        setattr(controller, name, value)
+    try:
+        controller.__init__(told, reference, n)  # type: ignore[misc]
+    except Exception as error:
+        raise ControllerError(f"{found.__name__} cannot be made{where(found, error)}") from error
+    check_record(controller, n, "when it was made")
+    return controller
+
+
+def _type(kind: type[Controller], name: str) -> type | None:
+    """The type of a parameter, by its annotation, or by its default where that says no more; None for none."""
+    annotation = next(a[name] for base in kind.__mro__ if name in (a := inspect.get_annotations(base)))
+    default = getattr(kind, name, None)
+    if type(default) not in _WANTED or "ClassVar" in str(annotation):
+        return None
+    named = {t.__name__: t for t in _WANTED}
+    return named.get(annotation if isinstance(annotation, str) else getattr(annotation, "__name__", ""), type(default))
+
+
+def _fitting(value: object, wanted: type | None) -> Parameter | None:
+    """The value as a parameter of that type, None if it is of another."""
+    if wanted is bool or isinstance(value, bool):
+        return value if wanted is bool and isinstance(value, bool) else None
+    if wanted is str:
+        return value if isinstance(value, str) else None
+    if wanted is int:
+        return int(value) if isinstance(value, numbers.Integral) else None
+    return float(value) if isinstance(value, numbers.Real) else None

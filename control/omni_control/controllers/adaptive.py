@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from omni_control.controllers.base import Flc, Seen, Told
+from omni_control.controllers.base import Seen, Told
+from omni_control.controllers.flc import Flc
 from omni_control.delay import CommandsInFlight
 from omni_control.estimation.identify import PlantIdentifier
 from omni_control.estimation.kalman import KalmanFilter
 from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
-from omni_control.reference.timed import Reference
+from omni_control.reference import Reference
 
 
 class AdaptiveCompFlc(Flc):
@@ -18,31 +19,30 @@ class AdaptiveCompFlc(Flc):
     knows as drift; it is not predicted, which would amplify more noise than it would take away error.
     """
 
-    def __init__(self, settings: Told, reference: Reference, n: int) -> None:
-        super().__init__(settings, reference, n)
-        self.plant = PlantIdentifier(
-            n, settings.period, settings.latency_frames, settings.vision_noise, settings.drag_m_s
-        )
-        self.sent = CommandsInFlight(n, self.plant.longest)
+    def __init__(self, told: Told, reference: Reference, n: int) -> None:
+        super().__init__(told, reference, n)
+        self.plant = PlantIdentifier(n, told.period, told.latency_frames, told.vision_noise, told.drag_m_s)
+        self.memory_frames = self.plant.longest
+        self.noise = told.vision_noise
         self._filter: KalmanFilter | None = None
 
-    def command(self, frame: int, observed: Seen, sent: Array) -> Array:
+    def command(self, frame: int, seen: Seen) -> Array:
         """See `Controller`."""
         plant = self.plant
-        self.sent.push(sent)
+        sent = seen.sent.of(slice(None), plant.longest)
         if self._filter is None:
-            self._filter = KalmanFilter(observed.pose, self.settings.period, self.settings.vision_noise)
-        moved = self._displacement(self._filter.pose, self.sent.acted(plant.latency))
+            self._filter = KalmanFilter(seen.pose, self.told.period, self.noise)
+        moved = self._displacement(self._filter.pose, sent, sent.acted(plant.latency))
         heading = self._filter.pose[:, 2] + moved[:, 2] / 2
-        pose = self._filter.update(observed.measured, moved)
-        plant.update(observed.measured, heading, self.sent)
-        predicted = pose + self._displacement(pose, self.sent.ahead(plant.latency))
+        pose = self._filter.update(seen.measured, moved)
+        plant.update(seen.measured, heading, sent)
+        predicted = pose + self._displacement(pose, sent, sent.ahead(plant.latency))
         self.predicted, self.alpha_hat, self.latency_hat = predicted, plant.alpha, plant.latency
         return plant.ask(self._wanted(frame, predicted), predicted[:, 2])
 
-    def _displacement(self, pose: Array, share: Array) -> Array:
+    def _displacement(self, pose: Array, sent: CommandsInFlight, share: Array) -> Array:
         """Displacement (n, 3) from poses (n, 3) by a `share` (longest, n, 3) of the commands sent."""
-        period, commands = self.settings.period, self.sent.last(self.plant.longest)
+        period, commands = self.told.period, sent.last(sent.length)
         turning = (share * self.plant.alpha * commands)[..., 2] * period
         heading = pose[:, 2] + np.cumsum(turning, axis=0) - turning / 2
         twist = self.plant.respond(commands, heading)
@@ -54,7 +54,7 @@ class AdaptiveCompFlc(Flc):
         mean = latency.copy()
         mean[:, :2] = latency[:, :2].mean(1, keepdims=True)
         target, feed_forward = self.reference.at(frame + mean, predicted)
-        later = (latency - mean) * self.settings.period
+        later = (latency - mean) * self.told.period
         error = target - predicted + body_to_world(later * world_to_body(feed_forward, heading), heading)
-        turn = self.settings.heading_gain * wrap_angle(error[:, 2:])
+        turn = self.told.heading_gain * wrap_angle(error[:, 2:])
         return feed_forward + np.concatenate([self.fuzzy(error[:, :2]), turn], axis=1)

@@ -1,24 +1,26 @@
-"""Trajectory trackers: what turns an observation and a reference into a velocity command (figure 4 of the paper).
+"""What drives robots: what it is told once, what it sees in each frame, and the class to derive from.
 
-A tracker is called once a frame with what is known of its robots and the commands that were sent in the frame before
-(after the loop's limits), and returns new commands in the world frame.
+A controller is called once a frame with what is known of its robots and the commands that were sent before (after the
+limits), and returns new commands in the world frame (figure 4 of the paper).
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 
 from omni_control.delay import CommandsInFlight, compensation
-from omni_control.estimation.alpha import AlphaEstimator
-from omni_control.fuzzy.rules import FuzzyLaw
-from omni_control.kinematics import Array, wrap_angle
-from omni_control.reference.timed import Reference
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array, Kinematics
+from omni_control.reference import MotionLimits, Reference
+
+COMMAND_LIMITS = MotionLimits(3.7, 4.7, 26.0, 50.8)  # of the league's simulators (ssl-simulation-setup)
 
 
 @dataclass(frozen=True)
 class Told:
-    """What every tracker is told.
+    """What every controller is told; hashable, so that robots of which the same is told can share a controller.
 
     Args:
         period: length of a frame T, s.
@@ -29,6 +31,11 @@ class Told:
         error_range_m, speed_range_m_s: ranges of the fuzzy controller, m and m/s.
         heading_gain: turn rate per heading error of the heading hold, 1/s.
         alpha_window_frames: window of the estimate of alpha (equation 8), frames.
+        geometry: of the wheels, or None where nobody said.
+        limits: of what may be commanded, translation and turning; the defaults are the league simulators'.
+
+    Raises:
+        OmniError: a time, a noise or a number of frames that cannot be; all that are wrong, one line each.
     """
 
     period: float
@@ -41,6 +48,20 @@ class Told:
     speed_range_m_s: float = 1.0
     heading_gain: float = 3.0
     alpha_window_frames: int = 15
+    geometry: Kinematics | None = None
+    limits: MotionLimits = field(default=COMMAND_LIMITS)
+
+    def __post_init__(self) -> None:
+        """Check the numbers; those of the fuzzy controller are checked where it is made."""
+        wrong = [] if 0 < self.period < math.inf else [f"period must be a positive number of s, not {self.period}"]
+        for name in ("lag_s", "position_noise_m", "heading_noise_rad", "drag_m_s"):
+            if not 0 <= getattr(self, name) < math.inf:
+                wrong.append(f"{name} must be a number from 0 on, not {getattr(self, name)}")
+        for name, low in (("delay_frames", 0), ("alpha_window_frames", 1)):
+            if not (getattr(self, name) >= low and getattr(self, name) % 1 == 0):
+                wrong.append(f"{name} must be a whole number from {low} on, not {getattr(self, name)}")
+        if wrong:
+            raise OmniError("\n".join(wrong))
 
     @property
     def latency_frames(self) -> float:
@@ -62,84 +83,79 @@ class Seen:
         twist: filtered [vx, vy, w], (n, 3).
         measured: the pose that vision reported in this frame, (n, 3), its heading in (-pi, pi]; not a number where a
             robot was not seen.
+        sent: the last commands that were sent, within the limits, the newest in the frame before; to be read only.
+        period: length of a frame T, s.
+        delay_frames: dead time k_d as far as the team knows it, frames: one for all robots, or one each (n,).
     """
 
     pose: Array
     twist: Array
     measured: Array
+    sent: CommandsInFlight
+    period: float
+    delay_frames: int | Array
+
+    @property
+    def in_flight(self) -> Array:
+        """Commands that were sent and have not acted yet, (k_d, n, 3), oldest first, m/s and rad/s.
+
+        Where dead times differ, the longest counts, and a command that has acted on a robot by then is zero.
+        """
+        longest = int(np.max(self.delay_frames))
+        commands = self.sent.last(longest)
+        if np.ndim(self.delay_frames) == 0:
+            return commands
+        age = np.arange(longest, 0, -1)[:, None, None]
+        return np.where(age <= np.asarray(self.delay_frames)[:, None], commands, 0.0)
+
+    @property
+    def arriving(self) -> Array:
+        """Poses (n, 3) to which the commands in flight lead by the end of the dead time (equation 11), alpha = 1."""
+        return self.pose + compensation(self.in_flight, 1.0, self.period)
 
 
 class Controller:
     """A controller of n robots; derive from it and write `command`.
 
+    Annotated class attributes with a number, a string, or True or False as their value are its parameters:
+
+        class Mine(Controller):
+            gain: float = 3.0  # 1/s
+
+    They can be set from outside (`controllers.make`), which is done before the constructor runs.
+
     Args:
-        settings: what is known of the loop.
+        told: what is known of the loop.
         reference: where the robots should be.
         n: robots.
 
     Attributes:
         predicted: pose (n, 3) for which the last command was computed, for the record.
-        alpha_hat: estimated motor correction factors (n, 3), for the record; 1 for a tracker that estimates none.
+        alpha_hat: estimated motor correction factors (n, 3), for the record; 1 for a controller that estimates none.
         latency_hat: estimated time from a command to its effect forward, to the left and turning (n, 3), frames, for
-            the record; not a number for a tracker that estimates none.
-        knows_truth: whether its observations hold the true pose and twist instead of filtered vision.
+            the record; not a number for a controller that estimates none.
+        channels: what else is to be recorded of each frame, by name: numbers (n,) or (n, k).
+        memory_frames: how many of the commands sent `seen.sent` holds; one that needs more says so in its constructor.
+        knows_truth: whether it sees the true pose and twist instead of filtered vision.
     """
 
     knows_truth: ClassVar[bool] = False
 
-    def __init__(self, settings: Told, reference: Reference, n: int) -> None:
-        self.settings, self.reference = settings, reference
+    def __init__(self, told: Told, reference: Reference, n: int) -> None:
+        self.told, self.reference = told, reference
         self.predicted = np.full((n, 3), np.nan)
         self.alpha_hat = np.ones((n, 3))
         self.latency_hat = np.full((n, 3), np.nan)
+        self.channels: dict[str, Array] = {}
+        self.memory_frames = math.ceil(told.latency_frames) + 1
 
-    def command(self, frame: int, observed: Seen, sent: Array) -> Array:
+    def command(self, frame: int, seen: Seen) -> Array:
         """Return commands [vx, vy, w] (n, 3), world frame, m/s and rad/s.
+
+        A robot's command must not depend on the other robots of the batch.
 
         Args:
             frame: k, from 0.
-            observed: what is known of the robots at frame k.
-            sent: commands (n, 3) sent in frame k - 1; zero at k = 0.
+            seen: what is known of the robots in frame k; its arrays are the controller's own, or can only be read.
         """
         raise NotImplementedError
-
-
-class Flc(Controller):
-    """FLC: reference velocity as feed-forward, the fuzzy controller's correction, and a proportional heading hold.
-
-    It compares the pose of now with the reference of now, as if commands acted at once.
-    """
-
-    def __init__(self, settings: Told, reference: Reference, n: int) -> None:
-        super().__init__(settings, reference, n)
-        self.fuzzy = FuzzyLaw(settings.error_range_m, settings.speed_range_m_s)
-
-    def command(self, frame: int, observed: Seen, sent: Array) -> Array:
-        """See `Controller`."""
-        return self.track(frame, observed.pose)
-
-    def track(self, frame: int, pose: Array) -> Array:
-        """Command (n, 3) that brings robots which are at `pose` (n, 3) in `frame` to the reference of that frame."""
-        self.predicted = pose
-        target, feed_forward = self.reference.at(frame, pose)
-        error = target - pose
-        turn = self.settings.heading_gain * wrap_angle(error[:, 2:])
-        return feed_forward + np.concatenate([self.fuzzy(error[:, :2]), turn], axis=1)
-
-
-class CompFlc(Flc):
-    """comp-FLC: the same, for the pose predicted at the end of the dead time and the reference of that time."""
-
-    def __init__(self, settings: Told, reference: Reference, n: int) -> None:
-        super().__init__(settings, reference, n)
-        window, delay = settings.alpha_window_frames, settings.delay_frames
-        self.sent = CommandsInFlight(n, window + delay)
-        self.alpha = AlphaEstimator(n, window, delay, settings.period)
-
-    def command(self, frame: int, observed: Seen, sent: Array) -> Array:
-        """See `Controller`."""
-        delay, pose = self.settings.delay_frames, observed.pose
-        self.sent.push(sent)
-        self.alpha_hat[:, :2] = self.alpha.update(pose[:, :2], self.sent)
-        in_flight = compensation(self.sent.last(delay), self.alpha_hat, self.settings.period)
-        return self.track(frame + delay, pose + in_flight)

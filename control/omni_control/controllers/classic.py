@@ -3,7 +3,7 @@
 from omni_control.controllers.base import Controller, Seen, Told
 from omni_control.controllers.nominal import NominalRobot, pose_error
 from omni_control.kinematics import Array
-from omni_control.reference.timed import Reference
+from omni_control.reference import Reference
 
 
 def simc_gain(latency_s: float) -> float:
@@ -22,15 +22,15 @@ class Proportional(Controller):
     half of one is how long a command is held on average, and half of one how well a dead time is known in frames.
     """
 
-    def __init__(self, settings: Told, reference: Reference, n: int) -> None:
-        super().__init__(settings, reference, n)
-        self.gain = simc_gain((settings.latency_frames + 1) * settings.period)
+    def __init__(self, told: Told, reference: Reference, n: int) -> None:
+        super().__init__(told, reference, n)
+        self.gain = simc_gain((told.latency_frames + 1) * told.period)
 
-    def command(self, frame: int, observed: Seen, sent: Array) -> Array:
+    def command(self, frame: int, seen: Seen) -> Array:
         """See `Controller`."""
-        self.predicted = observed.pose
-        target, feed_forward = self.reference.at(frame, observed.pose)
-        return feed_forward + self.gain * pose_error(target, observed.pose)
+        self.predicted = seen.pose
+        target, feed_forward = self.reference.at(frame, seen.pose)
+        return feed_forward + self.gain * pose_error(target, seen.pose)
 
 
 class Smith(Controller):
@@ -45,16 +45,15 @@ class Smith(Controller):
     as drag (K. Watanabe and M. Ito, IEEE Trans. Automatic Control 26, 1981).
     """
 
-    def __init__(self, settings: Told, reference: Reference, n: int) -> None:
-        super().__init__(settings, reference, n)
-        self.gain = simc_gain(settings.lag_s + settings.period)
-        self.robot = NominalRobot(settings, n)
+    def __init__(self, told: Told, reference: Reference, n: int) -> None:
+        super().__init__(told, reference, n)
+        self.gain = simc_gain(told.lag_s + told.period)
+        self.robot = NominalRobot(told, n)
 
-    def command(self, frame: int, observed: Seen, sent: Array) -> Array:
+    def command(self, frame: int, seen: Seen) -> Array:
         """See `Controller`."""
-        settings = self.settings
-        self.robot.push(sent)
-        self.predicted, _ = self.robot.at_the_end_of_the_dead_time(observed.pose)
-        target, feed_forward = self.reference.at(frame + settings.latency_frames, self.predicted)
-        target = target - settings.lag_s * feed_forward  # from the end of the lag back to the end of the dead time
+        self.robot.advance(seen.sent)
+        self.predicted, _ = self.robot.at_the_end_of_the_dead_time(seen.pose, seen.in_flight)
+        target, feed_forward = self.reference.at(frame + self.told.latency_frames, self.predicted)
+        target = target - self.told.lag_s * feed_forward  # from the end of the lag back to the end of the dead time
         return feed_forward + self.gain * pose_error(target, self.predicted)

@@ -1,12 +1,11 @@
 """Linear quadratic regulator with dead time, preview and disturbance estimation."""
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
 
 from omni_control.controllers.base import Controller, Seen, Told
 from omni_control.controllers.nominal import NominalRobot, pose_error
 from omni_control.kinematics import Array
-from omni_control.reference.timed import Reference
+from omni_control.reference import Reference
 
 
 def lqr_gain(transition: Array, effect: Array, state_weight: Array, command_weight: float) -> Array:
@@ -18,6 +17,8 @@ def lqr_gain(transition: Array, effect: Array, state_weight: Array, command_weig
         state_weight: Q (m, m).
         command_weight: r.
     """
+    from scipy.linalg import solve_discrete_are  # here, since it takes longer to import than all else together
+
     b = effect[:, None]
     cost = solve_discrete_are(transition, b, state_weight, np.array([[command_weight]]))
     return np.linalg.solve(command_weight + b.T @ cost @ b, b.T @ cost @ transition)[0]
@@ -39,27 +40,27 @@ class Lqr(Controller):
     a lasting error. Its estimate takes as long as a command to show, and a frame more, to follow.
     """
 
-    def __init__(self, settings: Told, reference: Reference, n: int) -> None:
-        super().__init__(settings, reference, n)
-        self.robot = robot = NominalRobot(settings, n)
+    def __init__(self, told: Told, reference: Reference, n: int) -> None:
+        super().__init__(told, reference, n)
+        self.robot = robot = NominalRobot(told, n)
         self.gain = lqr_gain(
             np.array([[1.0, robot.slide], [0.0, robot.keep]]),
-            np.array([settings.period - robot.slide, 1 - robot.keep]),
-            np.diag([settings.error_range_m**-2, 0.0]),
-            settings.speed_range_m_s**-2,
+            np.array([told.period - robot.slide, 1 - robot.keep]),
+            np.diag([told.error_range_m**-2, 0.0]),
+            told.speed_range_m_s**-2,
         )
         self.disturbance = np.zeros((n, 3))
         self._pose: Array | None = None
         self._feed_forward: Array | None = None
 
-    def command(self, frame: int, observed: Seen, sent: Array) -> Array:
+    def command(self, frame: int, seen: Seen) -> Array:
         """See `Controller`."""
-        self.robot.push(sent)
-        self._disturb(observed.pose)
-        position, velocity = self.robot.at_the_end_of_the_dead_time(observed.pose)
-        position = position + self.settings.delay_frames * self.settings.period * self.disturbance
+        self.robot.advance(seen.sent)
+        self._disturb(seen.pose)
+        position, velocity = self.robot.at_the_end_of_the_dead_time(seen.pose, seen.in_flight)
+        position = position + self.told.delay_frames * self.told.period * self.disturbance
         velocity = velocity + self.disturbance
-        self.predicted = position + self.settings.lag_s * velocity
+        self.predicted = position + self.told.lag_s * velocity
         at, speed, feed_forward = self._wanted(frame)
         correction = self.gain[0] * pose_error(at, position) + self.gain[1] * (speed - velocity)
         return feed_forward - self.disturbance + correction
@@ -67,13 +68,13 @@ class Lqr(Controller):
     def _disturb(self, pose: Array) -> None:
         """Estimate the disturbance from what robots that are at `pose` (n, 3) now did more than the model."""
         before, self._pose = pose if self._pose is None else self._pose, pose
-        besides = (pose_error(pose, before) - self.robot.moved) / self.settings.period
-        self.disturbance = self.disturbance + (besides - self.disturbance) / (self.settings.latency_frames + 2)
+        besides = (pose_error(pose, before) - self.robot.moved) / self.told.period
+        self.disturbance = self.disturbance + (besides - self.disturbance) / (self.told.latency_frames + 2)
 
     def _wanted(self, frame: int) -> tuple[Array, Array, Array]:
         """Pose, velocity and command (n, 3) of a nominal robot on the reference, at the end of the dead time."""
-        period, lag = self.settings.period, self.settings.lag_s
-        later, feed_forward = self.reference.at(frame + self.settings.latency_frames, self.predicted)
+        period, lag = self.told.period, self.told.lag_s
+        later, feed_forward = self.reference.at(frame + self.told.latency_frames, self.predicted)
         before, self._feed_forward = feed_forward if self._feed_forward is None else self._feed_forward, feed_forward
         acceleration = (feed_forward - before) / period
         pose = later - lag * feed_forward + lag * (lag + period) / 2 * acceleration

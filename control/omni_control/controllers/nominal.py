@@ -25,7 +25,7 @@ class NominalRobot:
         v(k+1) = keep v(k) + (1 - keep) u(k - k_d),            keep = exp(-T / lag)
 
     Args:
-        settings: what is known of the loop.
+        told: what is known of the loop.
         n: robots.
 
     Attributes:
@@ -34,22 +34,20 @@ class NominalRobot:
         moved: x(k) - x(k-1), (n, 3).
     """
 
-    def __init__(self, settings: Told, n: int) -> None:
-        self._period, self._delay = settings.period, settings.delay_frames
-        self.keep = math.exp(-settings.period / settings.lag_s) if settings.lag_s else 0.0
-        self.slide = settings.lag_s * (1 - self.keep)
-        self._sent = CommandsInFlight(n, settings.delay_frames + 1)
+    def __init__(self, told: Told, n: int) -> None:
+        self._period, self._delay = told.period, told.delay_frames
+        self.keep = math.exp(-told.period / told.lag_s) if told.lag_s else 0.0
+        self.slide = told.lag_s * (1 - self.keep)
         self.velocity, self.moved = np.zeros((2, n, 3))
 
-    def push(self, command: Array) -> None:
-        """Add the commands (n, 3) that were sent in the frame just past; those sent k_d frames before acted in it."""
-        self._sent.push(command)
-        self.moved, self.velocity = self._move(self.velocity, self._sent.last(1, skip=self._delay)[0])
+    def advance(self, sent: CommandsInFlight) -> None:
+        """Go on by the frame just past, in which the commands acted that were sent k_d frames before the newest."""
+        self.moved, self.velocity = self._move(self.velocity, sent.last(1, skip=self._delay)[0])
 
-    def at_the_end_of_the_dead_time(self, pose: Array) -> tuple[Array, Array]:
-        """Poses and velocities (n, 3) to which the commands in flight lead robots that are at `pose` (n, 3) now."""
+    def at_the_end_of_the_dead_time(self, pose: Array, in_flight: Array) -> tuple[Array, Array]:
+        """Poses and velocities (n, 3) to which commands in flight (k_d, n, 3) lead robots that are at `pose` now."""
         velocity = self.velocity
-        for command in self._sent.last(self._delay):
+        for command in in_flight:
             moved, velocity = self._move(velocity, command)
             pose = pose + moved
         return pose, velocity

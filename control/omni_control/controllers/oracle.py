@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from omni_control.controllers.adaptive import AdaptiveCompFlc
 from omni_control.controllers.base import Told
-from omni_control.reference.timed import Reference
+from omni_control.reference import Reference
 
 
 class Oracle(AdaptiveCompFlc):
@@ -16,5 +16,6 @@ class Oracle(AdaptiveCompFlc):
 
     knows_truth = True
 
-    def __init__(self, settings: Told, reference: Reference, n: int) -> None:
-        super().__init__(replace(settings, position_noise_m=0.0, heading_noise_rad=0.0), reference, n)
+    def __init__(self, told: Told, reference: Reference, n: int) -> None:
+        super().__init__(replace(told, position_noise_m=0.0, heading_noise_rad=0.0), reference, n)
+        self.told = told  # vision's noise is what the rest of the team has to live with

@@ -25,7 +25,7 @@ class KalmanFilter:
     Args:
         pose: poses at the start, (n, 3).
         period: time between frames, s.
-        noise: standard deviation of what vision reports, per axis (3,), m and rad.
+        noise: standard deviation of what vision reports, per axis (3,) or per robot and axis (n, 3), m and rad.
 
     Attributes:
         pose: filtered poses (n, 3); headings count full turns.

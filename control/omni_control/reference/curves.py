@@ -18,7 +18,8 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_control.reference.timed import MotionLimits, SampledReference
+from omni_control.reference.limits import MotionLimits
+from omni_control.reference.timed import SampledReference
 
 _CELLS = 1000  # in a lap, times the figure's length over its width: the finer, the sharper its bends
 _STRAIGHT = 1e-9  # 1/m, for a curvature of zero, by which one cannot divide

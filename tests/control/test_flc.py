@@ -1,80 +1,52 @@
-"""Laws of the fuzzy trackers in closed loop with the plant of equation 7, whose dead time and factors are known."""
-
-from collections.abc import Callable
-from dataclasses import dataclass
+"""Laws of the fuzzy controllers in closed loop with the plant of equation 7, whose dead time and factors are known."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from closed_loop import Equation7, Run, T, commands_for, drive, seen_at
+from hypothesis import given
 from hypothesis import strategies as st
+from laws import FEW
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
+from ways import KINDS, LIMITS, PATH, TIMED, along
 
-from omni_control.controllers import CONTROLLERS
-from omni_control.controllers.base import Controller, Seen, Told
+from omni_control import Controller, MotionLimits, TimedReference, Told
+from omni_control.controllers import make
 from omni_control.kinematics import Array
-from omni_control.reference.timed import IteratedReference, MotionLimits, Reference, TimedReference
 
-LAW = settings(deadline=None, max_examples=25, derandomize=True)
-
-T = 1 / 60
 FRAMES = 120
-PATH = [[0.0, 0.0, 0.0], [0.8, 0.3, 1.0], [0.2, 0.6, -0.5]]
-LIMITS = MotionLimits()
-REFERENCES: dict[str, Callable[[int], Reference]] = {
-    "timed": lambda n: TimedReference(PATH, LIMITS, T),
-    "iterated": lambda n: IteratedReference(PATH, LIMITS, T, n),
-}
-both_references = pytest.mark.parametrize("reference", REFERENCES)
 FUZZY = ("flc", "comp-flc")
-both_trackers = pytest.mark.parametrize("name", FUZZY)
+both_references = pytest.mark.parametrize("kind", KINDS)
+both = pytest.mark.parametrize("name", FUZZY)
 
 # Robots that start within the controller's range; headings less than half a turn off, which has no shorter side.
 starts = st.tuples(st.floats(-0.12, 0.12), st.floats(-0.12, 0.12), st.floats(-3, 3))
 
 
-@dataclass
-class Run:
-    """What happened in each frame: true poses, predicted poses, commands sent (frames, n, 3), estimates of alpha."""
-
-    pose: Array
-    predicted: Array
-    sent: Array
-    alpha_hat: Array
-
-
-def seen_at(pose: Array) -> Seen:
-    """What is known of robots whose filtered poses alone are known: these trackers ask for nothing else."""
-    unknown = np.full_like(pose, np.nan)
-    return Seen(pose, unknown, unknown)
-
-
-def drive(
-    tracker: Controller,
-    start: Array,
+def follow(
+    controller: Controller,
+    start: ArrayLike,
     delay: int,
-    frames: int = FRAMES,
+    noise: Array | int = FRAMES,
     *,
     first_frame: int = 0,
     alpha: Array | float = 1.0,
     highest: float = np.inf,
-    noise: Array | None = None,
 ) -> Run:
-    """Close the loop: x(k+1) = x(k) + alpha T u(k - k_d), commands clipped at `highest`, poses seen with `noise`."""
-    pose, sent = np.array(start, float), np.zeros_like(start)
-    flying = [sent] * delay
-    rows: list[tuple[Array, ...]] = []
-    for k in range(frames):
-        seen = pose if noise is None else pose + noise[k]
-        sent = np.clip(tracker.command(first_frame + k, seen_at(seen), sent), -highest, highest)
-        rows.append((pose, np.array(tracker.predicted), sent, np.array(tracker.alpha_hat)))
-        flying.append(sent)
-        pose = pose + alpha * T * flying.pop(0)
-    return Run(*(np.array(column) for column in zip(*rows, strict=True)))
+    """Close the loop with equation 7; commands are clipped at `highest`, noisy poses are taken for the truth."""
+    return drive(
+        controller,
+        Equation7(start, alpha, delay),
+        noise,
+        limits=lambda wanted, last: np.clip(wanted, -highest, highest),
+        filtered=False,
+        first_frame=first_frame,
+    )
 
 
-def settings_for(delay: int) -> Told:
-    """Default settings with the plant's period and dead time."""
-    return Told(period=T, delay_frames=delay)
+def first_command(controller: Controller, pose: ArrayLike) -> Array:
+    """What robots at `pose` (n, 3) are told in frame 0."""
+    return controller.command(0, seen_at(controller.told, pose, commands_for(controller)))
 
 
 def position_error(run: Run, reference: TimedReference) -> Array:
@@ -84,32 +56,26 @@ def position_error(run: Run, reference: TimedReference) -> Array:
 
 
 @both_references
-def test_without_dead_time_both_controllers_are_the_same(reference: str) -> None:
+def test_without_dead_time_both_controllers_are_the_same(kind: str) -> None:
     """With k_d = 0 there is nothing to compensate: the commands are bit-identical, whatever vision sees."""
     rng = np.random.default_rng(0)
     start, noise = rng.uniform(-0.1, 0.1, (4, 3)), rng.normal(0, 0.01, (FRAMES, 4, 3))
-    runs = [
-        drive(CONTROLLERS[name](settings_for(0), REFERENCES[reference](4), 4), start, 0, noise=noise) for name in FUZZY
-    ]
-    assert len(runs) == 2
-    assert np.array_equal(runs[0].sent, runs[1].sent)
-    assert np.array_equal(runs[0].predicted, runs[1].predicted)
+    flc, comp_flc = (follow(make(name, Told(T, 0), along(kind, 4), 4), start, 0, noise) for name in FUZZY)
+    assert np.array_equal(flc.sent, comp_flc.sent)
+    assert np.array_equal(flc.predicted, comp_flc.predicted)
 
 
 @both_references
-@LAW
+@FEW
 @given(start=starts, delay=st.integers(0, 12))
-def test_compensation_takes_the_dead_time_out_of_the_loop(reference: str, start: tuple[float, ...], delay: int) -> None:
+def test_compensation_takes_the_dead_time_out_of_the_loop(kind: str, start: tuple[float, ...], delay: int) -> None:
     """The law of the Smith predictor: a perfect robot with dead time does what one without it does k_d frames later.
 
     Nothing moves it in the first k_d frames. From then on it goes, under comp-FLC, the way of a robot without dead
     time that starts at k_d under FLC.
     """
-    rows = np.array([start])
-    late = drive(CONTROLLERS["comp-flc"](settings_for(delay), REFERENCES[reference](1), 1), rows, delay)
-    prompt = drive(
-        CONTROLLERS["flc"](settings_for(0), REFERENCES[reference](1), 1), rows, 0, FRAMES - delay, first_frame=delay
-    )
+    late = follow(make("comp-flc", Told(T, delay), along(kind), 1), [start], delay)
+    prompt = follow(make("flc", Told(T, 0), along(kind), 1), [start], 0, FRAMES - delay, first_frame=delay)
     assert (late.pose[:delay] == start).all()
     # Poses of size 3 round at 4e-16; the loop's gain of at most 15 / s forgets them, but near the steep ends of the
     # fuzzy sets, where the gain is larger, they may grow for some frames.
@@ -117,24 +83,22 @@ def test_compensation_takes_the_dead_time_out_of_the_loop(reference: str, start:
 
 
 @both_references
-@LAW
+@FEW
 @given(start=starts, delay=st.integers(0, 12), highest=st.floats(0.1, 2))
 def test_predicted_is_the_true_pose_at_the_end_of_the_dead_time(
-    reference: str, start: tuple[float, ...], delay: int, highest: float
+    kind: str, start: tuple[float, ...], delay: int, highest: float
 ) -> None:
-    """On a perfect plant x_p of frame k is x(k + k_d), also when the loop's limits cut what the tracker asked for."""
-    tracker = CONTROLLERS["comp-flc"](settings_for(delay), REFERENCES[reference](1), 1)
-    run = drive(tracker, np.array([start]), delay, highest=highest)
+    """On a perfect plant x_p of frame k is x(k + k_d), also when limits cut what the controller asked for."""
+    run = follow(make("comp-flc", Told(T, delay), along(kind), 1), [start], delay, highest=highest)
     # Twelve additions to poses of size 3; the estimate of alpha is 1 to 1e-12.
     np.testing.assert_allclose(run.predicted[: FRAMES - delay], run.pose[delay:], rtol=0, atol=1e-12)
 
 
 @both_references
-def test_predicted_is_the_true_pose_once_alpha_is_known(reference: str) -> None:
+def test_predicted_is_the_true_pose_once_alpha_is_known(kind: str) -> None:
     """A robot that moves at 0.8 and 0.7 of what it is told is predicted exactly after it has moved for a while."""
     delay, alpha = 6, np.array([0.8, 0.7, 1.0])
-    tracker = CONTROLLERS["comp-flc"](settings_for(delay), REFERENCES[reference](1), 1)
-    run = drive(tracker, np.array([[-0.05, 0.05, 0.2]]), delay, alpha=alpha)
+    run = follow(make("comp-flc", Told(T, delay), along(kind), 1), [[-0.05, 0.05, 0.2]], delay, alpha=alpha)
     known = slice(60, FRAMES - delay)
     # The estimate's error contracts with every frame of motion: below 1e-9 after a second.
     np.testing.assert_allclose(run.alpha_hat[known, 0], np.broadcast_to(alpha, (54, 3)), rtol=0, atol=1e-9)
@@ -145,7 +109,7 @@ def test_predicted_is_the_true_pose_once_alpha_is_known(reference: str) -> None:
 def test_the_error_of_comp_flc_is_what_the_reference_runs_ahead_before_a_command_can_act(delay: int) -> None:
     """On a perfect plant the error is largest in frame k_d: k_d (k_d + 1) / 2 units a T^2; it then dies out."""
     reference = TimedReference([[0, 0, 0], [2, 1, 0]], LIMITS, T)
-    run = drive(CONTROLLERS["comp-flc"](settings_for(delay), reference, 1), np.zeros((1, 3)), delay, reference.frames)
+    run = follow(make("comp-flc", Told(T, delay), reference, 1), np.zeros((1, 3)), delay, reference.frames)
     error = position_error(run, reference)
     # Roundings of poses of size 2.
     assert error.max() == error[delay] == pytest.approx(delay * (delay + 1) / 2 * LIMITS.acceleration * T**2, abs=1e-14)
@@ -171,7 +135,7 @@ def test_flc_lags_a_constant_acceleration_by_a_known_error_and_comp_flc_does_not
     reference = TimedReference([[0, 0, 0], [20, 0, 0]], MotionLimits(speed=10), T)
     error = {}
     for name in FUZZY:
-        run = drive(CONTROLLERS[name](settings_for(delay), reference, 1), np.zeros((1, 3)), delay, frames)
+        run = follow(make(name, Told(T, delay), reference, 1), np.zeros((1, 3)), delay, frames)
         error[name] = reference.poses[frames - 1, 0] - run.pose[-1, 0, 0]
     lag = brentq(lambda e: fuzzy_velocity(e) - LIMITS.acceleration * delay * T, 0, 0.05)
     # Integration in steps of 5e-5 is good to 1e-8 m/s, which a gain of 10 / s makes 1e-9 m; the transient of a loop
@@ -185,7 +149,7 @@ def test_comp_flc_beats_flc_with_the_papers_dead_time() -> None:
     reference = TimedReference([[0, 0, 0], [2, 1, 0], [0, 1, 0]], LIMITS, T)
     maximum, mean = {}, {}
     for name in FUZZY:
-        run = drive(CONTROLLERS[name](settings_for(6), reference, 1), np.zeros((1, 3)), 6, reference.frames)
+        run = follow(make(name, Told(T, 6), reference, 1), np.zeros((1, 3)), 6, reference.frames)
         error = position_error(run, reference)
         maximum[name], mean[name] = error.max(), error.mean()
     # The compensated maximum is known (4.8 mm); an uncompensated loop with gain 15 / s and 0.1 s of dead time is near
@@ -194,45 +158,42 @@ def test_comp_flc_beats_flc_with_the_papers_dead_time() -> None:
     assert mean["comp-flc"] < mean["flc"] / 10
 
 
-@both_trackers
+@both
 def test_on_the_reference_the_command_is_its_velocity(name: str) -> None:
     """A perfect robot without dead time that starts on the reference is told to move as the reference does."""
-    reference = TimedReference(PATH, LIMITS, T)
-    run = drive(CONTROLLERS[name](settings_for(0), reference, 1), np.array(PATH[:1]), 0, reference.frames - 1)
+    run = follow(make(name, Told(T, 0), TIMED, 1), PATH[:1], 0, TIMED.frames - 1)
     # A pose error of 1e-15 m costs 15 / s times it; a difference of poses rounds at 4e-16 / T.
-    np.testing.assert_allclose(run.sent[:, 0], np.diff(reference.poses, axis=0) / T, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(run.pose[:, 0], reference.poses[:-1], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(run.sent[:, 0], np.diff(TIMED.poses, axis=0) / T, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(run.pose[:, 0], TIMED.poses[:-1], rtol=0, atol=1e-13)
 
 
-@both_trackers
+@both
 def test_the_heading_returns_the_short_way_at_the_gain(name: str) -> None:
     """Proportional hold: the heading error shrinks by 1 - g T a frame, from -3 to 3 rad over pi and not over 0."""
     gain = 5.0
     reference = TimedReference([[0, 0, 3.0]], LIMITS, T)
-    tracker = CONTROLLERS[name](Told(T, 0, heading_gain=gain), reference, 1)
-    run = drive(tracker, np.array([[0.0, 0.0, -3.0]]), 0, 60)
+    run = follow(make(name, Told(T, 0, heading_gain=gain), reference, 1), [[0.0, 0.0, -3.0]], 0, 60)
     error = (2 * np.pi - 6) * (1 - gain * T) ** np.arange(60)
     # Roundings of angles of size 6.
     np.testing.assert_allclose(run.pose[:, 0, 2], 3 - 2 * np.pi + error, rtol=0, atol=1e-14)
 
 
-@both_trackers
-@pytest.mark.parametrize("turns", [-3, 1, 40])
-def test_whole_turns_of_the_heading_do_not_count(name: str, turns: int) -> None:
+@both
+def test_whole_turns_of_the_heading_do_not_count(name: str) -> None:
     """Headings count full turns, which are no error: a robot that faces right is not told to turn."""
     reference = TimedReference([[0, 0, 0.5]], LIMITS, T)
-    tracker = CONTROLLERS[name](settings_for(6), reference, 1)
-    command = tracker.command(0, seen_at(np.array([[0, 0, 0.5 + 2 * np.pi * turns]])), np.zeros((1, 3)))
+    turned = [[0, 0, 0.5 + 2 * np.pi * turns] for turns in (-3, 1, 40)]
+    command = first_command(make(name, Told(T, 6), reference, 3), turned)
     # Forty turns are rounded at 3e-14 rad, times the gain of 3 / s.
     np.testing.assert_allclose(command, 0, atol=2e-13)
 
 
-@both_trackers
-def test_the_settings_ranges_scale_the_correction(name: str) -> None:
+@both
+def test_the_ranges_told_scale_the_correction(name: str) -> None:
     """Beyond error_range_m from a resting reference the correction is 5/6 of speed_range_m_s, at its half one half."""
     reference = TimedReference([[0, 0, 0]], LIMITS, T)
-    tracker = CONTROLLERS[name](Told(T, 0, error_range_m=0.4, speed_range_m_s=3.0), reference, 2)
-    command = tracker.command(0, seen_at(np.array([[-0.5, 0.4, 0], [0.2, 0.0, 0]])), np.zeros((2, 3)))
+    controller = make(name, Told(T, 0, error_range_m=0.4, speed_range_m_s=3.0), reference, 2)
+    command = first_command(controller, [[-0.5, 0.4, 0], [0.2, 0.0, 0]])
     # Roundings of numbers of size 1.
     np.testing.assert_allclose(command, [[2.5, -2.5, 0], [-1.5, 0, 0]], rtol=0, atol=1e-14)
 
@@ -241,42 +202,22 @@ def test_flc_believes_the_pose_of_now_and_the_nominal_robot() -> None:
     """Without compensation the pose for which a command is computed is the one seen, and no alpha is estimated."""
     noise = np.random.default_rng(0).normal(0, 0.01, (FRAMES, 2, 3))
     start = np.zeros((2, 3))
-    run = drive(CONTROLLERS["flc"](settings_for(6), REFERENCES["timed"](2), 2), start, 6, alpha=0.7, noise=noise)
+    run = follow(make("flc", Told(T, 6), TIMED, 2), start, 6, noise, alpha=0.7)
     assert np.array_equal(run.predicted, run.pose + noise)
     assert (run.alpha_hat == 1).all()
 
 
-@both_references
-@both_trackers
-def test_a_row_of_a_batch_is_what_it_is_alone(name: str, reference: str) -> None:
-    """In closed loop with noise, dead time and its own factor, each robot's every number is bit for bit its own."""
-    n, rng = 7, np.random.default_rng(0)
-    start, noise = rng.uniform(-0.1, 0.1, (n, 3)), rng.normal(0, 0.003, (FRAMES, n, 3))
-    alpha = rng.uniform(0.7, 1, (n, 3))
-
-    def run(rows: slice) -> Array:
-        tracker = CONTROLLERS[name](settings_for(6), REFERENCES[reference](len(start[rows])), len(start[rows]))
-        out = drive(tracker, start[rows], 6, alpha=alpha[rows], highest=1.5, noise=noise[:, rows])
-        return np.concatenate([out.pose, out.predicted, out.sent, out.alpha_hat], axis=2)
-
-    batch = run(slice(None))
-    assert all(np.array_equal(run(slice(i, i + 1))[:, 0], batch[:, i]) for i in range(n))
-    assert np.array_equal(run(slice(2, 5)), batch[:, 2:5])
+@both
+def test_fuzzy_controllers_do_not_estimate_the_latency(name: str) -> None:
+    assert np.isnan(follow(make(name, Told(T, 6), TIMED, 2), np.zeros((2, 3)), 6, 10).latency_hat).all()
 
 
-@both_trackers
-def test_fuzzy_trackers_do_not_estimate_the_latency(name: str) -> None:
-    tracker = CONTROLLERS[name](settings_for(6), REFERENCES["timed"](2), 2)
-    drive(tracker, np.zeros((2, 3)), 6)
-    np.testing.assert_array_equal(tracker.latency_hat, np.full((2, 3), np.nan))
-
-
-def test_a_tracker_that_says_nothing_of_itself_is_recorded_as_estimating_nothing() -> None:
+def test_a_controller_that_says_nothing_of_itself_is_recorded_as_estimating_nothing() -> None:
     """Attributes have the shapes of the record before the first command; the command is the deriver's to write."""
-    tracker = Controller(settings_for(6), REFERENCES["timed"](3), 3)
-    np.testing.assert_array_equal(tracker.predicted, np.full((3, 3), np.nan))
-    np.testing.assert_array_equal(tracker.alpha_hat, np.ones((3, 3)))
-    np.testing.assert_array_equal(tracker.latency_hat, np.full((3, 3), np.nan))
-    assert not tracker.knows_truth
+    controller = Controller(Told(T, 6), TIMED, 3)
+    np.testing.assert_array_equal(controller.predicted, np.full((3, 3), np.nan))
+    np.testing.assert_array_equal(controller.alpha_hat, np.ones((3, 3)))
+    np.testing.assert_array_equal(controller.latency_hat, np.full((3, 3), np.nan))
+    assert (controller.channels, controller.knows_truth) == ({}, False)
     with pytest.raises(NotImplementedError):
-        tracker.command(0, seen_at(np.zeros((3, 3))), np.zeros((3, 3)))
+        first_command(controller, np.zeros((3, 3)))

@@ -1,0 +1,96 @@
+"""The reference planned anew in every frame from where the robot is (section 3-A, "iteratively updated")."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omni_control.kinematics import Array
+from omni_control.reference.limits import MotionLimits, approach_pose, checked_waypoints
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """What was last answered to n robots, and what the next answer starts from.
+
+    frame: for which it was asked, (n, 3). here, twist: the answer, (n, 3). following: the pose to which it leads, which
+    is the next answer's, (n, 3). goal: index of the way-point (n,). rest: frames still to be spent at the first, (n,).
+    """
+
+    frame: Array
+    here: Array
+    twist: Array
+    following: Array
+    goal: NDArray[np.intp]
+    rest: NDArray[np.intp]
+
+
+class IteratedReference:
+    """The reference planned anew in every frame from where the robot is; `n` robots with their own progress.
+
+    A way-point counts as reached within `arrival_radius` (m) and `arrival_angle` (rad); the robot then turns to the
+    next, still slowing down. The first `rest_frames` frames are spent at the first way-point.
+
+    It goes on by a step whenever it is asked for another frame than the last time; a robot that asks for the same frame
+    again is given the same answer.
+
+    Raises:
+        OmniError: no way-points, or one that is not three finite numbers.
+    """
+
+    def __init__(
+        self,
+        waypoints: Sequence[Sequence[float]],
+        limits: MotionLimits,
+        period: float,
+        n: int,
+        arrival_radius: float = 0.02,
+        arrival_angle: float = 0.1,
+        rest_frames: int = 0,
+    ) -> None:
+        self.waypoints = checked_waypoints(waypoints)
+        self.waypoints.flags.writeable = False
+        self.limits, self.period = limits, period
+        self.arrival_radius, self.arrival_angle = arrival_radius, arrival_angle
+        start = np.repeat(self.waypoints[:1], n, axis=0)
+        first = np.minimum(np.ones(n, int), len(waypoints) - 1)
+        self._plan = _Plan(
+            np.full((n, 3), np.nan), start, np.zeros((n, 3)), start, first, np.full(n, rest_frames, int)
+        )  # fmt: skip
+
+    def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
+        """See `Reference`: the pose expected one frame after the last that was asked for, and the twist from here."""
+        self._plan = self._planned(self._plan, frame, pose)
+        return self._plan.here.copy(), self._plan.twist.copy()
+
+    def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
+        """See `Reference`: the plan rolled out, the robots taken to follow it from `pose` on."""
+        plan, (poses, twists) = self._plan, np.empty((2, count, *pose.shape))
+        for later in range(count):
+            plan = self._planned(plan, frame + later, pose)
+            poses[later], twists[later] = plan.here, plan.twist
+            pose = pose + plan.twist * self.period
+        return poses, twists
+
+    def _planned(self, last: _Plan, frame: float | Array, pose: Array) -> _Plan:
+        """The plan for `frame`, which for robots whose last one was for this frame is the last."""
+        asked = np.asarray(frame, float)
+        asked = np.broadcast_to(asked[:, None] if asked.ndim == 1 else asked, pose.shape)
+        repeated = (asked == last.frame).all(1)
+        if repeated.all():
+            return last
+        twist = approach_pose(pose, last.twist, self.waypoints[last.goal], self.limits, self.period)
+        offset = self.waypoints[last.goal] - pose
+        near = np.hypot(offset[:, 0], offset[:, 1]) < self.arrival_radius
+        arrived = near & (np.abs(offset[:, 2]) < self.arrival_angle)
+        goal = np.minimum(last.goal + arrived, len(self.waypoints) - 1)
+        again, stays = repeated[:, None], (repeated | (last.rest > 0))[:, None]
+        return _Plan(
+            frame=np.where(again, last.frame, asked),
+            here=np.where(again, last.here, last.following),
+            twist=np.where(stays, last.twist, twist),
+            following=np.where(stays, last.following, pose + twist * self.period),
+            goal=np.where(stays[:, 0], last.goal, goal),
+            rest=np.where(repeated, last.rest, np.maximum(last.rest - 1, 0)),
+        )

@@ -1,0 +1,243 @@
+"""A team's computer: what vision sees goes in, commands come out; filter, controllers, limits (figure 4 of the paper).
+
+    team = Team(controllers, start)
+    while True:
+        command = team.step(measured)  # in two halves: seen = team.observe(measured), command = team.command()
+
+The simulated loop runs the same.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omni_control.controllers.base import Controller, Seen, Told
+from omni_control.controllers.checks import RECORDED, answer
+from omni_control.delay import CommandsInFlight, Rows
+from omni_control.errors import ControllerError, OmniError
+from omni_control.estimation.kalman import KalmanFilter
+from omni_control.kinematics import Array
+from omni_control.limits import CommandLimits
+
+OnFailure = Callable[[NDArray[np.intp], ControllerError], None]
+
+
+class Team:
+    """n robots under one or more controllers; what is known of a robot is what its controller was told.
+
+    Args:
+        controllers: one, or several with robots of their own.
+        start: poses at the start (n, 3), m, m, rad; headings count full turns from there.
+        rows: the robots of each controller, as slices or indices into the n; one after the other, if none are given.
+        on_failure: called with the rows that failed and the reason, when a controller fails. They are sent zero from
+            then on, and the others go on. Without it, the reason is raised.
+
+    Attributes:
+        n: robots.
+        frame: k, that of the last observation; -1 before the first.
+        estimate: filtered poses (n, 3).
+        predicted, alpha_hat, latency_hat: what the controllers say of themselves (see `Controller`), (n, 3); not a
+            number for rows that failed.
+        channels: what else they record, by name: (n, k), not a number for rows that have no such channel, or failed.
+        failed: which rows have failed or were stopped, (n,).
+        last: the commands that were sent last, (n, 3); zero at first.
+
+    Raises:
+        OmniError: no controller, frames of different lengths, a start that is not (n, 3) finite numbers, or robots that
+            have no controller, or two.
+    """
+
+    def __init__(
+        self,
+        controllers: Controller | Sequence[Controller],
+        start: ArrayLike,
+        rows: Sequence[Rows] | None = None,
+        *,
+        on_failure: OnFailure | None = None,
+    ) -> None:
+        self.controllers = [controllers] if isinstance(controllers, Controller) else list(controllers)
+        pose = np.array(start, float)
+        if pose.ndim != 2 or pose.shape[1] != 3 or not np.isfinite(pose).all():
+            raise OmniError(f"the start must be finite poses (n, 3), not of shape {pose.shape}")
+        self.n, self.frame, self.estimate = len(pose), -1, pose
+        self._rows = _one_controller_each(self.controllers, rows, self.n)
+        self._on_failure = on_failure
+
+        told = _told_of_each(self.controllers, self._rows, self.n)
+        latency = np.array([[t.latency_frames] for t in told])
+        self._period, self._latency = told[0].period, latency
+        delays = np.array([t.delay_frames for t in told])
+        self._delay = int(delays[0]) if (delays == delays[0]).all() else delays
+        self._filter = KalmanFilter(pose, self._period, np.array([t.vision_noise for t in told]))
+        self._limits = CommandLimits([t.limits for t in told], self._period)
+        self._felt = math.ceil(latency.max()) + 1  # commands that may have acted in the frame just past
+        self._memory = [max(c.memory_frames, math.ceil(c.told.latency_frames) + 1) for c in self.controllers]
+        self._sent = CommandsInFlight(self.n, max(self._memory))
+
+        self.last, self.failed = np.zeros((self.n, 3)), np.zeros(self.n, bool)
+        self._known: _Known | None = None  # until it is answered by commands
+        self._true: _Known | None = None
+        self._record()
+
+    def observe(self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None) -> Seen:
+        """Begin a frame with what vision reports; return what is known of all robots.
+
+        Args:
+            measured: poses seen (n, 3), headings in (-pi, pi]; not a number where a robot was not seen.
+            truth: true poses and twists (n, 3), for controllers that know them; their headings count full turns.
+
+        Raises:
+            OmniError: poses of another shape, infinite ones, or no truth for a controller that knows it.
+        """
+        seen = self._checked(measured, "what vision reports")
+        seen[self.failed] = np.nan
+        if truth is not None:
+            self._true = self._held(*(self._checked(values, "the truth") for values in truth))
+        elif any(c.knows_truth for c in self.controllers):
+            raise OmniError("a controller of this team knows the truth, which must be given with what vision reports")
+
+        self.frame += 1
+        self._sent.push(self.last)
+        self._filter.update(seen, self._sent.of(slice(None), self._felt).felt(self._latency) * self._period)
+        self.estimate = self._filter.pose.copy()
+        self._known = self._filter.pose, self._filter.twist, seen
+        return self._part(self._known, slice(None), self._sent.length, self._delay)
+
+    def command(self) -> Array:
+        """Ask the controllers, once a frame; return the commands (n, 3) within the limits, and count them as sent.
+
+        Raises:
+            OmniError: nothing was observed since the last commands.
+            ControllerError: a controller failed, and nobody handles it.
+        """
+        if self._known is None:
+            raise OmniError("robots must be observed before they are commanded, in every frame")
+        wanted = np.zeros((self.n, 3))
+        for controller, rows, memory in zip(self.controllers, self._rows, self._memory, strict=True):
+            if not self.failed[rows].all():
+                known = self._true if controller.knows_truth else self._known
+                assert known is not None, "checked when it was observed"
+                wanted[rows] = self._asked(
+                    controller, rows, self._part(known, rows, memory, controller.told.delay_frames)
+                )
+        wanted[self.failed] = 0.0
+        command = self.limited(wanted)
+        command[self.failed] = 0.0
+        self._record()
+        self.sent(command)
+        return command
+
+    def step(self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None) -> Array:
+        """A whole frame, from what vision reports to commands (n, 3): `observe`, then `command`."""
+        self.observe(measured, truth)
+        return self.command()
+
+    def limited(self, command: ArrayLike) -> Array:
+        """The commands (n, 3) that may be sent after the last, given those wanted; see `CommandLimits`."""
+        return self._limits(self._checked(command, "commands"), self.last)
+
+    def sent(self, command: ArrayLike) -> None:
+        """Say that other commands (n, 3) were sent in this frame, such as a person's: controllers then count on them.
+
+        Raises:
+            OmniError: they are not (n, 3) finite numbers.
+        """
+        self.last, self._known = self._checked(command, "commands", finite=True), None
+
+    def stop(self, rows: Rows) -> None:
+        """Take robots out of the game: from now on they are sent zero, and their controllers' mistakes are none."""
+        self.failed[rows] = True
+        self._record()
+
+    def _part(self, known: "_Known", rows: Rows, memory: int, delay: int | Array) -> Seen:
+        """What is known of some robots, in arrays of its own."""
+        pose, twist, measured = (np.array(values[rows]) for values in known)
+        return Seen(pose, twist, measured, self._sent.of(rows, memory), self._period, delay)
+
+    def _held(self, pose: Array, twist: Array) -> "_Known":
+        """The truth, but for robots that have failed, of which nobody knows what becomes: they stay where they were."""
+        if self._true is not None and self.failed.any():
+            pose[self.failed], twist[self.failed] = self._true[0][self.failed], 0.0
+        return pose, twist, pose
+
+    def _asked(self, controller: Controller, rows: Rows, seen: Seen) -> Array:
+        """What a controller commands its robots (n of it, 3); zero for those that fail now."""
+        robots = np.arange(self.n)[rows]
+        try:
+            wanted = answer(controller, self.frame, seen)
+        except ControllerError as error:
+            self._fail(robots, error)
+            return np.zeros((len(robots), 3))
+        wrong = np.asarray(~np.isfinite(wanted).all(1))
+        if (wrong & ~self.failed[robots]).any():
+            name, shape = type(controller).__name__, wanted.shape
+            reason = f"{name} returned commands that are not finite in frame {self.frame}; {shape} finite are needed"
+            self._fail(robots[wrong], ControllerError(reason))
+        return np.where(wrong[:, None], 0.0, wanted)
+
+    def _fail(self, rows: NDArray[np.intp], reason: ControllerError) -> None:
+        if self._on_failure is None:
+            raise reason
+        new = rows[~self.failed[rows]]
+        self.failed[new] = True
+        self._on_failure(new, reason)
+
+    def _record(self) -> None:
+        """Put together what the controllers say of themselves."""
+        said = {name: np.full((self.n, 3), np.nan) for name in RECORDED}
+        self.channels: dict[str, Array] = {}
+        for controller, rows in zip(self.controllers, self._rows, strict=True):
+            if self.failed[rows].all():
+                continue
+            for name, table in said.items():
+                table[rows] = getattr(controller, name)
+            for name, values in controller.channels.items():
+                columns = np.asarray(values, float).reshape(len(controller.predicted), -1)
+                table = self.channels.get(name, np.empty((self.n, 0)))
+                missing = np.full((self.n, max(columns.shape[1] - table.shape[1], 0)), np.nan)
+                self.channels[name] = table = np.concatenate([table, missing], axis=1)
+                table[rows, : columns.shape[1]] = columns
+        for table in (*said.values(), *self.channels.values()):
+            table[self.failed] = np.nan
+        self.predicted, self.alpha_hat, self.latency_hat = (said[name] for name in RECORDED)
+
+    def _checked(self, values: ArrayLike, what: str, *, finite: bool = False) -> Array:
+        """Numbers (n, 3), copied."""
+        checked = np.array(values, float)
+        if checked.shape != (self.n, 3) or np.isinf(checked).any() or (finite and np.isnan(checked).any()):
+            shape = f"({self.n}, 3)"
+            got = f"not of shape {checked.shape}" if checked.shape != (self.n, 3) else "which these are not"
+            raise OmniError(f"{what} must be finite numbers {shape}, {got}")
+        return checked
+
+
+_Known = tuple[Array, Array, Array]  # poses, twists and what was measured, (n, 3) each
+
+
+def _one_controller_each(controllers: Sequence[Controller], rows: Sequence[Rows] | None, n: int) -> list[Rows]:
+    """The rows of each controller, checked; slices where they can be, which are read without copying."""
+    sizes = [len(c.predicted) for c in controllers]
+    ends = np.cumsum(sizes)
+    given = [slice(end - size, end) for end, size in zip(ends, sizes, strict=True)] if rows is None else rows
+    try:
+        robots = [np.arange(n)[part] for part in given]
+    except IndexError:
+        robots = []
+    every = sorted(np.concatenate([[], *robots])) == list(range(n))
+    if [len(part) for part in robots] != sizes or not every or 0 in sizes or not n:
+        raise OmniError(
+            f"{n} robots need one controller each; there are controllers for {sizes} robots, in rows {rows}"
+        )
+    return [slice(int(part[0]), int(part[-1]) + 1) if (np.diff(part) == 1).all() else part for part in robots]
+
+
+def _told_of_each(controllers: Sequence[Controller], rows: Sequence[Rows], n: int) -> list[Told]:
+    """What was told of each robot."""
+    table = np.empty(n, object)
+    for controller, part in zip(controllers, rows, strict=True):
+        table[part] = controller.told
+    if len({told.period for told in table}) > 1:
+        raise OmniError("controllers that are called together must be told frames of the same length")
+    return list(table)

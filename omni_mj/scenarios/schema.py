@@ -1,0 +1,74 @@
+"""The JSON Schema of scenarios, with which editors of TOML complete, explain and check them.
+
+`python -m omni_mj.scenarios.schema` writes it to scenario.schema.json, to which the library's files refer.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from omni_mj.scenarios.checking import Checked, Setting
+from omni_mj.scenarios.nested import plain
+from omni_mj.scenarios.scenario import Scenario
+from omni_mj.scenarios.settings import Settings
+
+PATH = Path(__file__).with_name("scenario.schema.json")
+_TYPES = {int: "integer", float: "number", bool: "boolean", str: "string"}
+_NAME = r"^[\w.-]+$"
+
+
+def schema() -> dict[str, Any]:
+    """The schema of a scenario's file: fields, sections, units, ranges, choices and defaults.
+
+    Plants, robots and controllers are open, since they may be a user's own.
+    """
+    head = {each.name: _field(each) for each in Scenario.declared()}
+    del head["name"]["default"]  # it is the file's
+    head["name"]["pattern"] = _NAME
+    head["paper_table"]["enum"] = [0, 3, 4]
+    head["controllers"] |= {"items": {"type": "string"}, "uniqueItems": True}
+    sections = {name: _section(field.annotation) for name, field in Settings.model_fields.items()}
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": "a scenario of omni-mj",
+        "type": "object",
+        "additionalProperties": False,
+        "properties": {**head, **sections},
+    }
+
+
+def _section(kind: Any) -> dict[str, Any]:
+    if not issubclass(kind, Checked):  # the parameters of controllers, which nobody knows but they
+        values = {"type": "object", "additionalProperties": {"type": ["number", "boolean", "string"]}}
+        return {"description": "parameters of each controller", "type": "object", "additionalProperties": values}
+    return {
+        "description": " ".join((kind.__doc__ or "").split()),
+        "type": "object",
+        "additionalProperties": False,
+        "properties": {each.name: _field(each) for each in kind.declared()},
+    }
+
+
+def _field(setting: Setting) -> dict[str, Any]:
+    limits: dict[str, Any] = {"minimum": setting.low, "maximum": setting.high}
+    kind = {"type": _TYPES.get(setting.kind, "array")}
+    if setting.kind is tuple:
+        pose = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 3}
+        limits = {"items": pose, "minItems": setting.low, "maxItems": setting.high}
+    if setting.choices:
+        limits = {"enum": list(setting.choices)}
+    return {
+        "description": setting.doc + (f" [{setting.unit}]" if setting.unit else ""),
+        **kind,
+        **{name: limit for name, limit in limits.items() if limit is not None},
+        "default": plain(setting.default),
+    }
+
+
+def text() -> str:
+    """The schema as its file holds it."""
+    return json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"
+
+
+if __name__ == "__main__":
+    PATH.write_text(text(), encoding="utf-8")

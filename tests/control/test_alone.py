@@ -1,0 +1,57 @@
+"""A team's part alone: its own distribution, its README, and the example on a reader's own robot."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from closed_loop import T, commands_for, seen_at
+from ways import TIMED
+
+from omni_control import Told
+from omni_control.controllers import make
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "examples" / "own_robot.py"
+BLOCKS = re.findall(r"```python\n(.*?)```", (ROOT / "control" / "README.md").read_text(), re.S)
+
+
+def project(folder: Path) -> dict:
+    return tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+
+
+def test_the_example_drives_a_robot_there_and_back_without_a_simulator() -> None:
+    """As a script, and as it is printed in the README; at most 30 lines."""
+    script = f"import runpy, sys; runpy.run_path({str(EXAMPLE)!r}); assert 'omni_mj' not in sys.modules"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    found = re.fullmatch(r"arrived within (\d+) mm of the start, alpha is (.*)\n", done.stdout)
+    assert found, done.stdout
+    assert int(found[1]) <= 10, "some millimetres of noise"
+    assert float(found[2]) == pytest.approx(0.9, abs=0.05)
+    assert len(EXAMPLE.read_text().splitlines()) <= 30
+    assert BLOCKS[0] == EXAMPLE.read_text()
+
+
+def test_the_controller_of_the_readme_runs() -> None:
+    names: dict = {}
+    exec(BLOCKS[1], names)
+    controller = make(names["Bridged"], Told(T, 2), TIMED, 1, {"gain": 3.0})
+    sent = commands_for(controller)
+    sent.push(np.array([[0.6, 0.0, 0.0]]))
+    command = controller.command(0, seen_at(controller.told, np.zeros((1, 3)), sent))
+    target, speed = TIMED.at(2, np.zeros((1, 3)))
+    np.testing.assert_allclose(command, speed + 3.0 * (target - [[0.01, 0, 0]]), rtol=0, atol=1e-15)
+
+
+def test_both_distributions_say_the_same() -> None:
+    """One source, two wheels: version, Python and licence are the same, and numpy and scipy all that this one needs."""
+    alone, whole = project(ROOT / "control"), project(ROOT)
+    for key in ("version", "requires-python", "license"):
+        assert alone[key] == whole[key]
+    assert [name for name in whole["dependencies"] if name.startswith(("numpy", "scipy"))] == alone["dependencies"]
+    assert (ROOT / "control" / "LICENSE").read_bytes() == (ROOT / "LICENSE").read_bytes()
+    assert (ROOT / "control" / "omni_control" / "py.typed").exists()

@@ -1,0 +1,131 @@
+"""Controllers by name, loaded when they are asked for, and the parameters that can be set from outside."""
+
+import subprocess
+import sys
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from closed_loop import T
+from ways import TIMED
+
+from omni_control import Controller, ControllerError, Kinematics, MotionLimits, OmniError, Told
+from omni_control.controllers import CONTROLLERS, checked_parameters, find, make, parameters
+
+TOLD = Told(T, 6)
+
+
+class Gains(Controller):
+    gain: float = 3.0
+    window: int = 5
+    bold: bool = False
+    law: str = "pd"
+    quoted: "float" = 1
+    _hidden: float = 1.0
+    shared: ClassVar[float] = 2.0
+    table: tuple[float, ...] = (1.0,)
+    plain = 7.0
+
+    def __init__(self, *known: object) -> None:
+        super().__init__(*known)  # type: ignore[arg-type]
+        self.at_once = 2 * self.gain
+
+
+class More(Gains):
+    gain: float = 4.0
+    speed: float = 0.5
+
+
+def test_every_name_leads_to_a_controller_that_can_be_made() -> None:
+    for name in CONTROLLERS:
+        controller = make(name, TOLD, TIMED, 2)
+        assert type(controller) is find(name)
+        assert controller.memory_frames >= TOLD.delay_frames
+        assert (find(name).__doc__ or "").lower().startswith(f"{name}:")
+    with pytest.raises(OmniError, match="unknown controller 'com-flc'; did you mean 'comp-flc'"):
+        find("com-flc")
+
+
+def test_parameters_are_annotated_numbers_texts_and_truths() -> None:
+    assert parameters(Gains) == {"gain": 3.0, "window": 5, "bold": False, "law": "pd", "quoted": 1}
+    assert parameters(More) == {**parameters(Gains), "gain": 4.0, "speed": 0.5}
+    assert all(parameters(find(name)) == {} for name in CONTROLLERS)
+
+
+def test_parameters_are_set_before_the_constructor_runs_and_for_one_controller_only() -> None:
+    given = {"gain": 5, "window": np.int64(9), "bold": True, "law": "p", "quoted": np.float64(0.5)}
+    controller = make(More, TOLD, TIMED, 1, given)
+    assert isinstance(controller, More)
+    assert {name: getattr(controller, name) for name in given} == {**given, "gain": 5.0}
+    assert type(controller.gain) is type(controller.quoted) is float
+    assert type(controller.window) is int
+    assert (controller.speed, controller.at_once) == (0.5, 10.0)
+    assert make(More, TOLD, TIMED, 1).gain == 4.0  # type: ignore[attr-defined]
+
+
+def test_wrong_parameters_are_named_all_at_once() -> None:
+    wrong = {"gian": 5.0, "gain": "high", "window": 2.5, "bold": 1, "law": True, "speed": False}
+    with pytest.raises(OmniError) as error:
+        make(More, TOLD, TIMED, 1, wrong)
+    assert str(error.value).split("\n") == [
+        "More has no parameter 'gian'; did you mean 'gain'? choose from gain, window, bold, law, quoted, speed",
+        "parameter gain of More must be a number, not 'high'",
+        "parameter window of More must be a whole number, not 2.5",
+        "parameter bold of More must be true or false, not 1",
+        "parameter law of More must be a text, not True",
+        "parameter speed of More must be a number, not False",
+    ]
+    with pytest.raises(OmniError, match="Flc has no parameter 'gain'; it has none at all"):
+        checked_parameters(find("flc"), {"gain": 1.0})
+
+
+def test_a_controller_that_cannot_be_made_says_where() -> None:
+    class Forgetful(Controller):
+        def __init__(self, *known: object) -> None:
+            pass
+
+    class Broken(Controller):
+        def __init__(self, *known: object) -> None:
+            raise KeyError("gain")
+
+    with pytest.raises(
+        ControllerError, match=r"Broken cannot be made \(test_registry.py, line \d+\): KeyError: 'gain'"
+    ):
+        make(Broken, TOLD, TIMED, 1)
+    with pytest.raises(ControllerError, match="Forgetful has a predicted of shape"):
+        make(Forgetful, TOLD, TIMED, 1)
+
+
+def test_what_is_told_is_checked_and_can_be_compared() -> None:
+    """By content, wheels included, so that robots of which the same is told can share a controller."""
+    four, three = (Kinematics(np.radians(angles), 0.08, 0.03) for angles in ([60, 135, 225, 300], [0, 120, 240]))
+    again = Kinematics(np.radians([60.0, 135, 225, 300]), 0.08, 0.03)
+    tolds = [Told(T, 6, geometry=geometry) for geometry in (four, again, three, None)]
+    assert tolds[0] == tolds[1]
+    assert len(set(tolds)) == 3
+    assert TOLD.limits == MotionLimits(3.7, 4.7, 26.0, 50.8)
+    with pytest.raises(ValueError, match="read-only"):
+        four.azimuths += 1
+    with pytest.raises(OmniError) as error:
+        Told(0.0, -1, lag_s=np.nan, alpha_window_frames=1.5)  # type: ignore[arg-type]
+    assert [line.split()[0] for line in str(error.value).split("\n")] == [
+        "period", "lag_s", "delay_frames", "alpha_window_frames",
+    ]  # fmt: skip
+
+
+def test_the_package_needs_no_simulator_and_scipy_only_when_it_must() -> None:
+    """What is asked for by name loads numpy and no more; nothing of omni_mj is ever needed."""
+    script = """
+import sys
+from omni_control import *
+import omni_control, omni_control.errors
+assert set(omni_control.__all__) <= set(dir(omni_control)) and "Team" in globals()
+from omni_control.controllers import CONTROLLERS, find
+for name in CONTROLLERS: find(name)
+heavy = {name.split(".")[0] for name in sys.modules} & {"scipy", "mujoco", "omni_mj", "matplotlib"}
+assert not heavy, heavy
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    lazy = "import sys, omni_control.errors; assert 'numpy' not in sys.modules"
+    assert subprocess.run([sys.executable, "-c", lazy], timeout=60, check=False).returncode == 0

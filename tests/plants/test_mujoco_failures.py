@@ -1,0 +1,108 @@
+"""Rows that fail: named with their cause, stopped, and without a trace in the others."""
+
+import math
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from driving import mujoco as plant_of
+from driving import quiet, rows, with_settings
+from numpy.typing import NDArray
+
+from omni_control.errors import OmniError
+from omni_mj.link.radio import Received
+from omni_mj.plants.mujoco import MujocoPlant
+
+# Wheels that grip like this carry the centre of mass over them when they brake; on the league's carpet they slide.
+GRIPPING, ORDINARY = {"carpet": {"friction": 5.0}}, {"disturbance": {"force_n": 2.0}}
+FRAMES, BRAKES = 70, 45
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # MuJoCo logs its warnings to a file in the working directory
+
+
+def run(plant: MujocoPlant, fast: tuple[int, ...]) -> tuple[NDArray, dict[int, tuple[int, str]]]:
+    """Poses (frames, n, 3) of robots that speed up and brake, `fast` ones hard; rows that failed, when and why."""
+    n, poses, failed = len(plant.pose()), [], {}
+    top = np.where(np.isin(np.arange(n), fast), 3.0, 0.6)
+    for frame in range(FRAMES):
+        speed = np.minimum(top, frame * 0.08) if frame < BRAKES else -top
+        command = np.stack([speed, 0 * speed, 0 * speed], axis=1)
+        for row, cause in plant.advance(Received.at_once(command, plant.pose()[:, 2])).items():
+            assert row not in failed, "said once"
+            failed[row] = frame, cause
+        poses.append(plant.pose())
+    return np.array(poses), failed
+
+
+@pytest.mark.parametrize("wheels", ["rollers", "contact-roller"])
+def test_a_robot_that_topples_leaves_the_others_bits_alone(wheels: str) -> None:
+    ordinary, gripping = (quiet(wheels={"model": wheels}, **sections) for sections in (ORDINARY, GRIPPING))
+    together, failed = run(plant_of([ordinary, gripping, ordinary], seeds=[1, 2, 3]), (1,))
+    alone, none = run(plant_of([ordinary] * 2, seeds=[1, 3]), ())
+    assert none == {}
+    np.testing.assert_array_equal(together[:, [0, 2]], alone)
+    ((row, (frame, cause)),) = failed.items()
+    assert (row, cause) == (1, "toppled over")
+    assert BRAKES < frame < FRAMES - 5
+    np.testing.assert_array_equal(together[frame + 1 :, 1], together[[frame + 1] * (FRAMES - frame - 1), 1])
+
+
+def test_a_robot_that_topples_among_others_stays_where_it_fell_with_its_motors_off() -> None:
+    start = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+    plant = plant_of([quiet(**ORDINARY), quiet(**GRIPPING)], start, [1, 2], places=2)
+    poses, failed = run(plant, (1,))
+    assert {row: cause for row, (_, cause) in failed.items()} == {1: "toppled over"}
+    frame = failed[1][0]
+    telemetry = plant.telemetry()
+    assert (telemetry.voltage[1] == 0).all()
+    assert (np.abs(telemetry.voltage[0]) > 0).any()
+    # From 1 m/s it slides and rolls on for some centimetres.
+    assert np.abs(poses[-1, 1, :2] - poses[frame, 1, :2]).max() < 0.3
+    # It lies on the carpet, on its hull, not in it: no contact of the world is deeper than a hard one.
+    model, data = plant._batch.get_model(0), plant._batch.get_data(0)
+    mujoco.mj_forward(model, data)
+    assert {model.geom(g).name for contact in data.contact for g in contact.geom} >= {"carpet", "robot_2/hull"}
+    assert min(contact.dist for contact in data.contact) > -5e-3
+    # The other drives as it does alone, to rounding (see test_meeting).
+    alone, _ = run(plant_of([quiet(**ORDINARY)], seeds=[1]), ())
+    np.testing.assert_allclose(poses[:, 0], alone[:, 0], rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize("x", [math.nan, 1e11], ids=["not a number", "too far"])
+def test_an_unstable_robot_is_named_with_mujocos_warning_and_leaves_the_others_bits_alone(x: float) -> None:
+    start = np.array([[0.3, 0, 0], [x, 0, 0], [0, 0, 1]])
+    together, failed = run(plant_of([quiet(**ORDINARY)] * 3, start, [1, 2, 3]), ())
+    alone, _ = run(plant_of([quiet(**ORDINARY)] * 2, start[[0, 2]], [1, 3]), ())
+    np.testing.assert_array_equal(together[:, [0, 2]], alone)
+    cause = "became unstable: a position is not a number or too large (MuJoCo warning mjWARN_BADQPOS)"
+    assert failed == {1: (0, cause)}
+
+
+def test_an_unstable_world_stops_all_its_robots_and_no_other_world() -> None:
+    start = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]] * 2
+    plant, calm = (plant_of([quiet(**ORDINARY)] * 4, start, [1, 1, 2, 2], places=2) for _ in range(2))
+    plant._batch.bind("qvel")[0, 80] = math.nan
+    poses, failed = run(plant, ())
+    cause = "became unstable: a velocity is not a number or too large (MuJoCo warning mjWARN_BADQVEL)"
+    assert failed == {0: (0, cause), 1: (0, cause)}
+    np.testing.assert_array_equal(poses[:, 2:], run(calm, ())[0][:, 2:])
+    # Put back where they started, they stay.
+    np.testing.assert_allclose(poses[1:, :2], np.tile(start[:2], (FRAMES - 1, 1, 1)), atol=1e-3)
+
+
+def test_rows_that_one_batch_cannot_hold_are_refused() -> None:
+    table = rows([quiet()] * 4, places=2)
+    finer = rows([quiet(), with_settings(physics={"substeps": 2})])
+    other = [*rows([quiet()]), *rows([quiet()], robot="other.xml")]
+    for wrong, message in (
+        ([table[0], table[2], table[1], table[3]], "one world after the other"),
+        (table[:3], "one world after the other"),
+        (finer, "rows 0 and 1 differ in physics"),
+        (other, "rows 0 and 1 differ in robot"),
+    ):
+        with pytest.raises(OmniError, match=message):
+            MujocoPlant(wrong, np.zeros((len(wrong), 3)))

@@ -1,0 +1,6 @@
+"""How often the tests of control state a law: the same examples in each run."""
+
+from hypothesis import settings
+
+LAW = settings(deadline=None, max_examples=20, derandomize=True)
+FEW = settings(LAW, max_examples=8)  # for a law whose every example is a drive
