@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from logs import failure, filled, rows
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from omni_control.kinematics import Kinematics
 from omni_mj.measure import metrics, summary
 from omni_mj.measure.result import Outcome
 from omni_mj.scenarios import scenario
@@ -28,7 +28,11 @@ TURN = 0.02  # rad, by which each controller is turned per cm that it is off
 
 
 def made(
-    controllers: int = 2, n_seeds: int = 3, frames: int = FRAMES, heat: bool = True, failed: dict[int, int] | None = None
+    controllers: int = 2,
+    n_seeds: int = 3,
+    frames: int = FRAMES,
+    heat: bool = True,
+    failed: dict[int, int] | None = None,
 ) -> Outcome:
     """Robots that drive x, then turn a corner into y; the i-th controller is off by i cm and all achieve 0.8 of it.
 
@@ -115,7 +119,7 @@ def test_alpha_is_what_the_robots_achieved() -> None:
 
 
 def test_boxes_hold_all_seeds_that_did_not_fail() -> None:
-    """Seed j of controller i is off by i + 0.1 j cm: without the last seed of the last, the medians are 0.1 and 1.05."""
+    """Seed j of controller i is off by i + 0.1 j cm: without the last of the last, medians are 0.1 and 1.05."""
     axes = drawn(lambda: seeds.seeds(made(failed={5: 100}).entry, heading=True)).axes
     found = []
     for panel in axes:
@@ -160,9 +164,9 @@ def test_a_row_that_failed_leaves_room_for_the_others() -> None:
 @pytest.mark.parametrize("count", [3, 6])
 def test_every_wheel_of_any_number_is_drawn(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     azimuths = 2 * np.pi * (np.arange(count) + 0.5) / count
-    monkeypatch.setattr(heat.robot, "geometry", lambda robot: Kinematics(tuple(azimuths), 0.08, 0.0285))
+    monkeypatch.setattr(heat, "world", lambda robot: SimpleNamespace(kinematics=SimpleNamespace(azimuths=azimuths)))
     log = type(made().log)(rows(["c0"]), count)
-    for frame in range(5):
+    for _ in range(5):
         log.write(np.array([True]), {}, winding=25.0 + np.arange(count)[None], housing=np.full((1, count), 25.0))
     axes = drawn(lambda: heat.temperatures(FirstRows(log))).axes[0]
     ends = [line.get_ydata()[-1] for line in axes.get_lines()]
@@ -202,7 +206,9 @@ def test_a_comparison_has_a_dot_where_each_mean_is(tmp_path: Path) -> None:
     figure.draw_without_rendering()
     scales = (100, 100, np.rad2deg(1), 1)
     for axes, scale in zip(figure.axes, scales, strict=False):
-        dots = {line.get_label(): np.asarray(line.get_xdata()) for line in axes.get_lines() if line.get_label()[0] != "_"}
+        dots = {
+            line.get_label(): np.asarray(line.get_xdata()) for line in axes.get_lines() if line.get_label()[0] != "_"
+        }
         np.testing.assert_allclose(dots["a (limit)"], [0.02 * scale])
         np.testing.assert_allclose(dots["b"][0], 0.2 * scale)
         labels = {label.get_text(): x for label, x in zip(axes.get_xticklabels(), axes.get_xticks(), strict=True)}

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 from recorded import Recorded, record, rows, rrd
 
 from omni_control.controllers.base import Controller, Seen
-from omni_mj.scenarios import scenario
+from omni_mj.scenarios import robots, scenario
 from omni_mj.show import field, style
 from omni_mj.show.recording import FileRecording
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.worlds import files
 
 CONTROLLERS = ("flc", "comp-flc")
 WAY = "reference.waypoints=[[0, 0], [0.5, 0], [0.5, 0.3, 0.4], [0, 0.3], [0, 0]]"
@@ -202,7 +201,7 @@ def test_series_say_name_unit_and_rate_in_their_controllers_colour(recorded: Rec
 
 
 def test_the_robot_is_the_compiled_models_own_geometry(recorded: Recorded) -> None:
-    model = mujoco.MjModel.from_xml_path(str(files.path(files.ROBOT)))
+    model = mujoco.MjModel.from_xml_path(str(robots.model_path(robots.DEFAULT)))
     for i in range(1, 5):
         entity = f"/world/flc/robot/wheel_{i}/ellipsoids"
         sizes = np.array(recorded.static(entity, "Ellipsoids3D:half_sizes"))
@@ -320,7 +319,7 @@ def test_a_robot_that_failed_is_recorded_up_to_there_and_says_why(own: Driven) -
     assert sorted(own.recorded.frames("/world/Breaks/robot")) == list(range(70))
     assert len(own.recorded.frames("/world/Own/robot")) > 100
     said = [row[0] for row in own.recorded.column("/events/Breaks", "TextLog:text")]
-    assert [text for text in said if "stopped" in text][0].startswith("1.17 s  Breaks: stopped: ")
+    assert next(text for text in said if "stopped" in text).startswith("1.17 s  Breaks: stopped: ")
     assert len(said) == len(set(said))
 
 

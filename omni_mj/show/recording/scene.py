@@ -9,7 +9,7 @@ from omni_control.kinematics import Array
 from omni_mj.show import field
 from omni_mj.show.recording import colours, robot_shape
 from omni_mj.show.recording.robots import Robot, Track
-from omni_mj.show.recording.timelines import indexes
+from omni_mj.show.recording.timelines import Frames, indexes
 
 ABOVE = "world/above"  # the camera of the plan view
 PIXELS_PER_M, CAMERA_HEIGHT_M = 500.0, 100.0  # from so high up there is hardly any perspective
@@ -50,7 +50,7 @@ def log_static(stream: rr.RecordingStream, robots: Sequence[Robot], model: str, 
     (left, front), (right, _) = extent(paths)
     for robot in robots:
         entity, count = f"world/{robot.name}", len(robots)
-        robot_shape.log(stream, f"{entity}/robot", robot.colour)
+        robot_shape.log(stream, f"{entity}/robot", robot.colour, model)
         # Their names as a legend on the carpet: above robots so close to each other they would hide them.
         row = robot.order % 2 if count > CROWD else 0
         place = [[left + (right - left) * (robot.order + 0.5) / count, front - row * ROW_M, 0.01]]
@@ -63,7 +63,7 @@ def log_static(stream: rr.RecordingStream, robots: Sequence[Robot], model: str, 
         stream.log(f"{entity}/path", rr.LineStrips3D.from_fields(colors=[robot.colour], radii=width), static=True)
 
 
-def send_targets(stream: rr.RecordingStream, paths: Sequence[Array], frames: Array) -> None:
+def send_targets(stream: rr.RecordingStream, paths: Sequence[Array], frames: Frames) -> None:
     """Send where the references (frames, 3) are in `frames`; one that has come to its end stays there."""
     now = np.stack([path[np.minimum(frames, len(path) - 1)] for path in paths], axis=1)
     points = _at(now.reshape(-1, 3), 0.005)
@@ -71,13 +71,13 @@ def send_targets(stream: rr.RecordingStream, paths: Sequence[Array], frames: Arr
     stream.send_columns("world/reference/target", indexes(frames), columns)
 
 
-def send(stream: rr.RecordingStream, robot: Robot, track: Track, frames: Array) -> None:
-    """Send where a robot was in `frames`, and where it was believed to be."""
+def send(stream: rr.RecordingStream, robot: Robot, model: str, track: Track, frames: Frames) -> None:
+    """Send where a robot, of a `model`, was in `frames`, and where it was believed to be."""
     entity, time, pose = f"world/{robot.name}", indexes(frames), track["pose"][frames]
     lift = robot.order * TIE_M
     stream.send_columns(f"{entity}/robot", time, _transform(_at(pose, lift), pose[:, 2], _UP))
     angles = np.nan_to_num(track["wheel_angle"][frames])  # the kinematic plant's wheels do not turn
-    for i, (position, axis) in enumerate(robot_shape.wheel_mounts()):
+    for i, (position, axis) in enumerate(robot_shape.wheel_mounts(model)):
         mount = np.broadcast_to(position, (len(frames), 3))
         stream.send_columns(f"{entity}/robot/wheel_{i + 1}", time, _transform(mount, angles[:, i], axis))
     # A segment per frame, from the frame before: the viewer shows those up to its time cursor.
@@ -111,7 +111,7 @@ def _log_field(stream: rr.RecordingStream) -> None:
 
 
 def _send_belief(
-    stream: rr.RecordingStream, entity: str, pose: Array, frames: Array, shape: rr.ComponentColumnList
+    stream: rr.RecordingStream, entity: str, pose: Array, frames: Frames, shape: rr.ComponentColumnList
 ) -> None:
     """Send the frames in which a pose is known; its shape appears with the first of all."""
     known = np.flatnonzero(~np.isnan(pose[: frames[-1] + 1, 0]))

@@ -11,8 +11,9 @@ from omni_control.kinematics import Array
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show.recording import colours
 from omni_mj.show.recording.robots import Robot, Track
+from omni_mj.show.recording.timelines import Frames
 
-Values = Callable[[Track, Array], Array]
+Values = Callable[[Track, Frames], Array]
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ class Drawn:
             widths=[0.8 if share else 1.5 for share in white],
         )
 
-    def columns(self, track: Track, frames: Array) -> rr.ComponentColumnList:
+    def columns(self, track: Track, frames: Frames) -> rr.ComponentColumnList:
         """Values in `frames`; where they are not numbers none, which leaves a gap (two NaN would not compare equal)."""
         values = self.series.values(track, frames)
         known = ~np.isnan(values).any(1)

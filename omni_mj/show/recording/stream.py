@@ -14,9 +14,9 @@ from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show.recording import robots, scene, tabs, texts
 from omni_mj.show.recording.layout import blueprint
 from omni_mj.show.recording.robots import Track
-from omni_mj.show.recording.timelines import indexes
+from omni_mj.show.recording.timelines import Frames, indexes
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.worlds.robot import geometry
+from omni_mj.worlds.build import world
 
 APPLICATION = "omni-mj"
 
@@ -37,6 +37,7 @@ class Recording:
         rr.set_strict_mode(True)  # otherwise what rerun refuses is silently missing
         self._simulation, self._block_frames, self._live = simulation, block_frames, live
         self._stream: rr.RecordingStream | None = None
+        self._log, self._sent = simulation.log, 0
         self._failure: str | None = None
 
     def __enter__(self) -> "Recording":
@@ -98,7 +99,7 @@ class Recording:
         self._watches = [Watch(log, robot.row) for robot in self._robots]
         telemetry = vars(simulation.plant.telemetry())
         absent = {name for name, values in telemetry.items() if np.isnan(values).all()}  # a plant may have no wheels
-        wheels = geometry(log.rows[0].robot)
+        wheels = world(log.rows[0].robot).kinematics
         self._tabs = tabs.tabs(wheels, absent)
         self._lines = tabs.drawn(self._tabs, self._robots, len(wheels.azimuths))
         self._tabs[tabs.OWN_TAB] = tabs.own(log.columns)
@@ -116,7 +117,7 @@ class Recording:
         texts.log(stream, "summary", "The run has not ended; its summary follows.")
         self._flush(stream)
 
-    def _send(self, stream: rr.RecordingStream, frames: Array) -> None:
+    def _send(self, stream: rr.RecordingStream, frames: Frames) -> None:
         scene.send_targets(stream, self._paths, frames)
         self._add_own(stream, frames)
         for robot, watch in zip(self._robots, self._watches, strict=True):
@@ -124,12 +125,12 @@ class Recording:
             texts.send_events(stream, robot, watch.new(self._simulation.failures))
             recorded = frames[frames < track.length]
             if recorded.size:
-                scene.send(stream, robot, track, recorded)
+                scene.send(stream, robot, self._log.rows[robot.row].robot, track, recorded)
                 for line in self._lines:
                     if line.robot is robot:
                         stream.send_columns(line.entity, indexes(recorded), line.columns(track, recorded))
 
-    def _add_own(self, stream: rr.RecordingStream, frames: Array) -> None:
+    def _add_own(self, stream: rr.RecordingStream, frames: Frames) -> None:
         """Begin the lines of controllers' own channels that have come to hold numbers."""
         plots = self._tabs[tabs.OWN_TAB]
         more = [plot for plot in tabs.own(self._log.columns) if plot.entity not in {each.entity for each in plots}]

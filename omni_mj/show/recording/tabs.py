@@ -10,6 +10,7 @@ from omni_mj.measure.metrics import ALPHA_WINDOW_FRAMES, alpha_windows
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.show.recording.robots import Robot, Track
 from omni_mj.show.recording.series import Drawn, Plot, Series, Values
+from omni_mj.show.recording.timelines import Frames
 from omni_mj.show.wheels import names_of
 from omni_mj.simulate.log import OWN
 
@@ -105,16 +106,16 @@ def _error(axis: int) -> Values:
     return lambda track, frames: 100 * (track["pose"][frames] - track["ref"][frames])[:, axis, None]
 
 
-def _heading_error(track: Track, frames: Array) -> Array:
+def _heading_error(track: Track, frames: Frames) -> Array:
     return np.rad2deg(wrap_angle(track["pose"][frames, 2] - track["ref"][frames, 2]))[:, None]
 
 
-def _distance(track: Track, frames: Array) -> Array:
+def _distance(track: Track, frames: Frames) -> Array:
     x, y = (track["pose"][frames] - track["ref"][frames])[:, :2].T
     return 100 * np.hypot(x, y)[:, None]
 
 
-def _ahead(track: Track, frames: Array) -> Array:
+def _ahead(track: Track, frames: Frames) -> Array:
     x, y = (track["predicted"][frames] - track["pose"][frames])[:, :2].T
     return 100 * np.hypot(x, y)[:, None]
 
@@ -122,7 +123,7 @@ def _ahead(track: Track, frames: Array) -> Array:
 def _velocity(axis: int) -> Values:
     """What was sent, what arrived at the robot, and what was achieved since the frame before."""
 
-    def values(track: Track, frames: Array) -> Array:
+    def values(track: Track, frames: Frames) -> Array:
         pose = track["pose"][:, axis]
         achieved = (pose[frames] - pose[np.maximum(frames - 1, 0)]) / PERIOD_S
         return np.stack([track["command"][frames, axis], track["applied"][frames, axis], achieved], axis=1)
@@ -133,7 +134,7 @@ def _velocity(axis: int) -> Values:
 def _true_alpha(axis: int) -> Values:
     """Alpha of the window that ends in a frame."""
 
-    def values(track: Track, frames: Array) -> Array:
+    def values(track: Track, frames: Frames) -> Array:
         seen = slice(max(frames[0] - ALPHA_WINDOW_FRAMES, 0), frames[-1] + 1)
         alpha = np.full((len(frames), 1), np.nan)
         if seen.stop - seen.start > ALPHA_WINDOW_FRAMES:
@@ -147,7 +148,7 @@ def _true_alpha(axis: int) -> Values:
 def _wheel_speed(kinematics: Kinematics) -> Values:
     """Speeds at which the wheels would roll without slip as the command asks that arrived, and their true ones."""
 
-    def values(track: Track, frames: Array) -> Array:
+    def values(track: Track, frames: Frames) -> Array:
         twist = world_to_body(track["applied"][frames], track["pose"][frames, 2])
         return np.concatenate([kinematics.wheel_speeds(twist), track["wheel_speed"][frames]], axis=1)
 
