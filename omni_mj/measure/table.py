@@ -10,7 +10,7 @@ from omni_mj.measure.statistics import CONFIDENCE, Spread
 DASH = "\N{EN DASH}"
 PAPER = "paper's "  # before the names of controllers whose numbers the paper reports
 COLUMNS = {"x": ("x, cm", "error_m", 100.0), "y": ("y, cm", "error_m", 100.0)}
-COLUMNS |= {"distance": ("in the plane, cm", "error_m", 100.0), "heading": ("heading, deg", "error_rad", degrees(1))}
+COLUMNS |= {"distance": ("plane, cm", "error_m", 100.0), "heading": ("heading, °", "error_rad", degrees(1))}
 Summary = Mapping[str, Any]
 
 
@@ -27,8 +27,8 @@ class Table:
 def table(summary: Summary) -> Table:
     """The table of a summary: errors as maximum/mean, effort, time to settle, and the change against the first.
 
-    A number is that of the one seed, or the median over the seeds. Where several scenarios were run with several
-    seeds, distance in the plane is the mean and half its interval, and effort and settling are means.
+    A number is that of the one seed, or the median over the seeds; but where several scenarios were run with several
+    seeds, distance in the plane is the mean and half its interval.
     """
     entries = {name: entry for name, entry in summary["scenarios"].items() if entry["results"]}
     several = len(summary["scenarios"]) > 1
@@ -55,8 +55,8 @@ def title(summary: Summary) -> str:
     elif len(names) == 1:
         over = f", median of {len(seeds)} seeds"
     else:
-        over = f", mean of {len(seeds)} seeds ± {100 * CONFIDENCE:g} % interval in the plane, other errors medians"
-    return f"{what} on the {' and the '.join(plants)} plant{over}; errors are maximum/mean"
+        over = f"; in the plane mean of {len(seeds)} seeds ± {100 * CONFIDENCE:g} % interval, otherwise medians"
+    return f"{what} on the {' and the '.join(plants)} plant{over}; maximum/mean"
 
 
 def text(given: Table) -> str:
@@ -93,16 +93,15 @@ def plus_minus(spread: Spread, factor: float = 1.0) -> str:
     return f"{factor * spread['mean']:.2f}±{number(spread['plus_minus'], factor)}"
 
 
-def settled(spread: Spread, statistic: str = "median") -> str:
+def settled(spread: Spread) -> str:
     """The time to settle, and how many of the seeds do; "not" where none does."""
-    if spread[statistic] is None:
+    if spread["median"] is None:
         return "not"
     known, seeds = sum(value is not None for value in spread["seeds"]), len(spread["seeds"])
-    return number(spread[statistic]) + (f" ({known}/{seeds})" if known < seeds else "")
+    return number(spread["median"]) + (f" ({known}/{seeds})" if known < seeds else "")
 
 
 def _lines(summary: Summary, entry: Mapping[str, Any], means: bool) -> Iterator[list[str]]:
-    statistic = "mean" if means else "median"
     for controller, result in entry["results"].items():
         cells = [label(summary, controller, result)]
         for axis, (_, key, factor) in COLUMNS.items():
@@ -111,7 +110,7 @@ def _lines(summary: Summary, entry: Mapping[str, Any], means: bool) -> Iterator[
                 cells.append("/".join(plus_minus(error[s], factor) for s in ("max", "mean")))
             else:
                 cells.append("/".join(number(error[s]["median"], factor) for s in ("max", "mean")))
-        cells += [number(result["effort_m_s2"][statistic]), settled(result["settle_s"], statistic)]
+        cells += [number(result["effort_m_s2"]["median"]), settled(result["settle_s"])]
         yield [*cells, _change(result["reduction_percent"])]
 
 

@@ -91,7 +91,8 @@ def _why_not(
     if pair["difference_m"] is not None and not pair["beyond_chance"]:
         text += ", a difference within chance"
     when, others = (results[name]["greatest_at_s"]["median"] for name in (subject, rival))
-    if statistic == "max" and when is not None and others is not None:
+    known = mean(results[subject], statistic) < inf and mean(results[rival], statistic) < inf
+    if statistic == "max" and known:
         text += f"; reached {when:.2f} s after the start, that of {rival} {others:.2f} s (median over the seeds)"
     for name in limits:
         if name in results:

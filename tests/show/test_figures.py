@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from logs import failure, filled, rows
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from omni_mj.measure import metrics, summary
 from omni_mj.measure.result import Outcome
@@ -77,15 +78,16 @@ def curves(axes: Axes, label: str) -> list[np.ndarray]:
     return [np.asarray(line.get_ydata()) for line in axes.get_lines() if line.get_label() == label]
 
 
-def test_each_figure_is_a_png_and_a_small_svg_the_same_every_time(tmp_path: Path) -> None:
-    for folder in ("a", "b"):
-        figures.save_all(made(frames=60), tmp_path / folder)
-    names = {f"{name}.{kind}" for name in figures.NAMES for kind in ("png", "svg")}
-    assert {path.name for path in (tmp_path / "a").iterdir()} == names
-    for name in names:
-        data = (tmp_path / "a" / name).read_bytes()
-        assert data == (tmp_path / "b" / name).read_bytes(), name
-        assert len(data) < 1_000_000
+def test_each_figure_is_a_png_and_a_small_svg_the_same_every_time(runs: list[Path], tmp_path: Path) -> None:
+    drawn_by_the_run = list((runs[0] / "figures").iterdir())
+    names = {f"{name}.{kind}" for name in figures.NAMES if name != "temperatures" for kind in ("png", "svg")}
+    assert {path.name for path in drawn_by_the_run} == names
+    assert max(path.stat().st_size for path in drawn_by_the_run) < 1_000_000
+    for stem in ("a", "b"):
+        with figures.matplotlib_style.context(style.SHEET):
+            canvas.save(series.error(first(made(frames=60))), tmp_path / stem)
+    for kind in ("png", "svg"):
+        assert (tmp_path / f"a.{kind}").read_bytes() == (tmp_path / f"b.{kind}").read_bytes()
 
 
 def test_what_a_run_has_no_data_for_is_not_drawn() -> None:
@@ -93,7 +95,7 @@ def test_what_a_run_has_no_data_for_is_not_drawn() -> None:
     assert names == [name for name in figures.NAMES if name not in ("temperatures", "seeds")]
 
 
-@pytest.mark.parametrize("frames", [1, 2, 15, 16])
+@pytest.mark.parametrize("frames", [1, 16])
 def test_a_run_that_ended_at_once_can_be_drawn(frames: int) -> None:
     for name, draw in drawings(made(2, 3, frames)).items():
         if name not in figures.OF_THE_CONTROLLER:
@@ -133,6 +135,13 @@ def test_boxes_hold_all_seeds_that_did_not_fail() -> None:
     assert [label.get_text() for label in axes[0].get_yticklabels()] == ["c0", "c1\n(1 failed)"]
 
 
+def _of_the_second(name: str, axes: Axes, line: Line2D) -> bool:
+    """Whether a curve is that of the controller c1."""
+    if name in ("temperatures", "alpha"):  # where each controller has its own axes
+        return axes.get_title(loc="left").startswith("c1")
+    return bool(line.get_color() == style.controller(1))
+
+
 @pytest.mark.parametrize("controllers", [2, 5])
 def test_a_row_that_failed_is_drawn_up_to_there_and_says_so(
     controllers: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -140,12 +149,10 @@ def test_a_row_that_failed_is_drawn_up_to_there_and_says_so(
     outcome = made(controllers, 1, failed={1: 90})
     for name in figures.OVER_TIME:
         figure = drawn(drawings(outcome)[name])
-        longest = max(
-            (int(np.flatnonzero(~np.isnan(np.asarray(line.get_ydata(), float)))[-1]) for axes in figure.axes
-             for line in axes.get_lines() if line.get_color() == style.controller(1) and len(line.get_ydata()) > 2),
-            default=89,
-        )  # fmt: skip
-        assert longest == 89, name
+        lines = [line for axes in figure.axes for line in axes.get_lines() if _of_the_second(name, axes, line)]
+        curves = [np.asarray(line.get_ydata(), float) for line in lines if len(line.get_ydata()) > 2]
+        ends = {np.flatnonzero(~np.isnan(curve))[-1] for curve in curves if not np.isnan(curve).all()}
+        assert ends == {89}, name
     titles: list[str] = []
     monkeypatch.setattr(canvas, "save", lambda figure, stem: titles.append(figure.get_suptitle()))
     figures.save_all(outcome, tmp_path)

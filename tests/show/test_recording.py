@@ -210,7 +210,9 @@ def test_the_robot_is_the_compiled_models_own_geometry(recorded: Recorded) -> No
         np.testing.assert_allclose(sizes, model.geom_size[ids], rtol=1e-6)
         hub = recorded.static(f"/world/flc/robot/wheel_{i}/cylinders", "Cylinders3D:radii")
         assert hub == pytest.approx(model.geom(f"hub_{i}").size[:1])
-    chassis = [g for g in range(model.ngeom) if model.geom_bodyid[g] == model.body("chassis").id]
+    hull_group = 3
+    own = model.geom_bodyid == model.body("chassis").id
+    chassis = np.flatnonzero(own & (model.geom_group < hull_group))
     kinds = [
         ("cylinders", "Cylinders3D:radii", mujoco.mjtGeom.mjGEOM_CYLINDER),
         ("boxs", "Boxes3D:half_sizes", mujoco.mjtGeom.mjGEOM_BOX),

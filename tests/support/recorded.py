@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
@@ -65,9 +66,9 @@ class Recorded:
 
 def rows(table: pa.Table, controller: str, seed: int = 0, place: int = 0) -> dict[str, NDArray]:
     """The columns of a run's table for one robot."""
-    chosen = pa.compute.equal(table["controller"].cast(pa.string()), controller)
+    chosen = pc.equal(table["controller"].cast(pa.string()), controller)
     for name, value in (("seed", seed), ("place", place)):
-        chosen = pa.compute.and_(chosen, pa.compute.equal(table[name], value))
+        chosen = pc.and_(chosen, pc.equal(table[name], value))
     table = table.filter(chosen).sort_by("frame")
     return {name: table[name].to_numpy() for name in table.column_names if name != "controller"}
 
