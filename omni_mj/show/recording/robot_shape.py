@@ -7,7 +7,8 @@ import mujoco
 import numpy as np
 import rerun as rr
 
-from omni_mj.worlds import build, files
+from omni_mj.scenarios import robots
+from omni_mj.worlds import build
 from omni_mj.worlds.roles import Robot
 
 LIGHTER = 110  # of 255
@@ -29,13 +30,13 @@ def _at_rest(robot: str) -> tuple[mujoco.MjModel, mujoco.MjData, Robot]:
     return model, data, parts
 
 
-def wheel_mounts(robot: str = files.ROBOT) -> list[tuple[np.ndarray, np.ndarray]]:
+def wheel_mounts(robot: str = robots.DEFAULT) -> list[tuple[np.ndarray, np.ndarray]]:
     """Per wheel, the axle's position (3,) in m and its axis (3,), in the robot's frame."""
     _, data, parts = _at_rest(robot)
     return [(data.xanchor[joint].copy(), data.xaxis[joint].copy()) for joint in parts.joints]
 
 
-def log(stream: rr.RecordingStream, entity: str, colour: tuple[int, int, int], robot: str = files.ROBOT) -> None:
+def log(stream: rr.RecordingStream, entity: str, colour: tuple[int, int, int], robot: str = robots.DEFAULT) -> None:
     """Log chassis and wheels once, static, under `entity`; the cover in `colour` to tell robots apart."""
     model, _, parts = _at_rest(robot)
     own = np.flatnonzero(model.body_rootid == parts.chassis)
