@@ -16,7 +16,7 @@ from omni_mj.worlds.wheels import Motor
 
 KINEMATICS = Kinematics(np.radians([60.0, 135, 225, 300]), arm=0.08, radius=0.0285)
 MOTOR = Motor(constant=0.036, resistance=0.942, gear=10 / 3)
-# Beyond what settings allow, so that the law is seen alone: such are constructed without a check.
+# Beyond what settings allow, and so not checked by them.
 UNLIMITED_V = 1e9
 FINE_COUNTS = 10**12  # an encoder whose steps vanish beside rounding
 FRAME_S = 1 / 60

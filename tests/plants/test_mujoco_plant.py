@@ -70,9 +70,10 @@ def test_nothing_drives_faster_than_the_carpets_friction_allows() -> None:
 
 def test_friction_is_the_models_unless_set() -> None:
     commands = constant([2.0, 0.0, 0.0], 10, 1)
-    own = robots.numbers(robots.DEFAULT)
-    losses = {name: own[f"drive.{name}"] for name in ("gear_friction_nm", "roller_damping_nm_s")}
-    given_all = with_settings(carpet={"friction": 0.8, "lint": own["carpet.lint"]}, drive=losses)
+    numbers = robots.numbers("ssl_robot")
+    model = {"friction": 0.8, "lint": numbers["carpet.lint"]}
+    drive_losses = {"gear_friction_nm": numbers["drive.gear_friction_nm"], "roller_damping_nm_s": 2e-6}
+    given_all = with_settings(carpet=model, drive=drive_losses)
     np.testing.assert_array_equal(drive(plant_of([given_all]), commands), drive(plant_of([Settings()]), commands))
 
 

@@ -16,7 +16,7 @@ from omni_control.errors import OmniError
 from omni_mj.scenarios import robots
 from omni_mj.worlds import build
 
-ROBOT, SCENE = (path.read_text() for path in (robots.model_path("ssl_robot"), robots.scene_path("scene")))
+ROBOT, SCENE = ((robots.folder() / f"{name}.xml").read_text() for name in ("ssl_robot", "scene"))
 
 
 def arrays(model: mujoco.MjModel) -> dict[str, Any]:
