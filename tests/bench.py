@@ -12,7 +12,7 @@ from omni_mj.link.radio import Received
 from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.scenarios import scenario
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.worlds import robot
+from omni_mj.worlds import build
 
 ROUNDS = 3  # the fastest of these counts: other work on the machine only ever adds time
 
@@ -39,10 +39,10 @@ class Tape:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._batch, name)
 
-    def step(self) -> None:
+    def step(self, worlds: None) -> None:
         """Remember, then step."""
         self.voltages.append(self._batch.ctrl.copy())
-        self._batch.step()
+        self._batch.step(worlds)
 
 
 def report(robots: int) -> None:
@@ -54,21 +54,21 @@ def report(robots: int) -> None:
     tape = Tape(taped.plant._batch)
     taped.plant._batch = tape
     taped.run()
-    commands = taped.trajectory.channel("applied")[:, 0]
+    commands = taped.log.channel("applied")
 
     def plant() -> Callable[[], object]:
         mujoco_plant = Simulation(chosen).plant
 
         def work() -> None:
-            for frame, command in enumerate(commands):
-                mujoco_plant.advance(frame, Received.at_once(command))
+            for command in commands:
+                mujoco_plant.advance(Received.at_once(command))
 
         return work
 
     def bare() -> Callable[[], object]:
-        model = robot.load_model()
-        batch = Batch(model, robots, min(robots, os.cpu_count() or 1))
-        batch.qpos[:] = robot.standing(model)[0]
+        world = build.world()
+        batch = Batch(world.model, robots, min(robots, os.cpu_count() or 1))
+        batch.qpos[:] = world.standing
         ctrl = batch.bind("ctrl")
 
         def work() -> None:

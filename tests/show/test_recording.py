@@ -13,10 +13,9 @@ import pytest
 from numpy.typing import NDArray
 from recorded import Recorded, record, rows, rrd
 
-from omni_mj.scenarios import scenario
+from omni_mj.scenarios import robots, scenario
 from omni_mj.show import field, style
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.scenarios import robots
 
 CONTROLLERS = ("flc", "comp-flc")
 RUN = [sys.executable, "-m", "omni_mj.run", "--no-figures", "--quiet"]
