@@ -233,7 +233,7 @@ def test_a_signal_leaves_what_was_done(number: int, code: int, files: Path, tmp_
         (["--controller", "flc", "--controller", "flc"], "named twice"),
         (["--plant", "mujocco"], "did you mean 'mujoco'"),
         (["--seeds", "0"], "1 to 100000"),
-        (["--seed", "-1"], "at least 0"),
+        (["--seed", "-1"], "from 0"),
         (["--set", "radio.delay=3"], "did you mean 'radio.delay_frames'"),
         (["--sead", "3"], "--seed"),
     ],
