@@ -91,14 +91,14 @@ class Watch:
 def _must_know(log: Log, rows: Sequence[int], failures: "Iterable[Failure]") -> list[Event]:
     limit = np.array([log.rows[i].settings.motor.limit_c for i in rows])
     with np.errstate(invalid="ignore"):  # not a number where there are no motors, or no more frames
-        too_hot = (log.channel("winding")[:, rows] > limit[:, None]).any(-1)
-    empty = log.channel("battery")[:, rows, 0] == 0
+        too_hot = np.asarray((log.channel("winding")[:, rows] > limit[:, None]).any(-1))
+    empty = np.asarray(log.channel("battery")[:, rows, 0] == 0)
     stopped = [f for f in failures if f.row in rows]
     found = [_event(log, f.row, round(f.time_s / PERIOD_S), STOPPED, f"stopped: {f.cause}") for f in stopped]
-    for k in np.flatnonzero(too_hot.any(0)):
+    for k in np.flatnonzero(too_hot.any(0)).tolist():
         text = f"a winding is above {limit[k]:g} deg C"
         found.append(_event(log, rows[k], int(too_hot[:, k].argmax()), TEMPERATURE, text))
-    for k in np.flatnonzero(empty.any(0)):
+    for k in np.flatnonzero(empty.any(0)).tolist():
         text = f"the battery sank below {log.rows[rows[k]].settings.battery.cut_off_v:g} V and gives no more power"
         found.append(_event(log, rows[k], int(empty[:, k].argmax()), BATTERY, text))
     return found
