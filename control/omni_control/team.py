@@ -37,6 +37,7 @@ class Team:
     Attributes:
         n: robots.
         frame: k, that of the last observation; -1 before the first.
+        filter: of vision, of all robots.
         estimate: filtered poses (n, 3).
         predicted, alpha_hat, latency_hat: what the controllers say of themselves (see `Controller`), (n, 3); not a
             number for rows that failed.
@@ -70,7 +71,7 @@ class Team:
         self._period, self._latency = told[0].period, latency
         delays = np.array([t.delay_frames for t in told])
         self._delay = int(delays[0]) if (delays == delays[0]).all() else delays
-        self._filter = KalmanFilter(pose, self._period, np.array([t.vision_noise for t in told]))
+        self.filter = KalmanFilter(pose, self._period, np.array([t.vision_noise for t in told]))
         self._limits = CommandLimits([t.limits for t in told], self._period)
         self._felt = math.ceil(latency.max()) + 1  # commands that may have acted in the frame just past
         self._memory = [max(c.memory_frames, math.ceil(c.told.latency_frames) + 1) for c in self.controllers]
@@ -100,9 +101,9 @@ class Team:
 
         self.frame += 1
         self._sent.push(self.last)
-        self._filter.update(seen, self._sent.of(slice(None), self._felt).felt(self._latency) * self._period)
-        self.estimate = self._filter.pose.copy()
-        self._known = self._filter.pose, self._filter.twist, seen
+        self.filter.update(seen, self._sent.of(slice(None), self._felt).felt(self._latency) * self._period)
+        self.estimate = self.filter.pose.copy()
+        self._known = self.filter.pose, self.filter.twist, seen
         return self._part(self._known, slice(None), self._sent.length, self._delay)
 
     def command(self) -> Array:

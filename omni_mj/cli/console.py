@@ -58,7 +58,7 @@ def fail_rows(failures: Mapping[str, Iterable["Failure"]], errors: Iterable[str]
     """
     several = len(failures) > 1
     lines = [f"{name}: " * several + str(failure) for name, rows in failures.items() for failure in rows]
-    lines += errors
+    lines = [" ".join(line.split()) for line in (*lines, *errors)]
     if lines:
         fail("\n".join(lines), FAILED)
 

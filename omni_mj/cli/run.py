@@ -104,7 +104,7 @@ def execute(
                 recording.finish(text)
     _draw(outcome, folder, draw)
     if not quiet:
-        _report(result, folder, record, draw)
+        _report(result, folder)
     interrupts.end(result.stopped, f"what was recorded until then is in {folder}")
     console.fail_rows({simulation.scenario.name: outcome.failures})
 
@@ -160,7 +160,8 @@ def _draw(outcome: "Outcome", folder: Path, draw: bool) -> None:
     report.write([folder], folder / "report.html")
 
 
-def _report(result: "Result", folder: Path, record: bool, draw: bool) -> None:
+def _report(result: "Result", folder: Path) -> None:
+    """Print the table, and what is in the folder."""
     from omni_mj.measure.table import table
     from omni_mj.show import terminal
 
@@ -169,13 +170,14 @@ def _report(result: "Result", folder: Path, record: bool, draw: bool) -> None:
         terminal.show(table(result.summary()))
         console.print_events(outcome.entry)
     print(f"{outcome.entry['simulated_s']:.1f} s simulated in {result.wall_s:.1f} s; results in {folder}/")
+    frames, figures, recording = (folder / name for name in ("trajectory.parquet", "figures", "recording.rrd"))
     print(f"  report     {folder / 'report.html'}")
-    print(f"  numbers    {folder / 'summary.json'}, {folder / 'trajectory.parquet'}")
-    if draw:
-        print(f"  figures    {folder / 'figures'}/")
+    print(f"  numbers    {folder / 'summary.json'}" + f", {frames}" * frames.exists())
+    if figures.exists():
+        print(f"  figures    {figures}/")
     print(f"  repeat     {_program('python')} -m omni_mj.run --scenario {folder / 'scenario.toml'}")
-    if record:
-        print(f"  recording  {_program('rerun')} {folder / 'recording.rrd'}")
+    if recording.exists():
+        print(f"  recording  {_program('rerun')} {recording}")
 
 
 def _program(name: str) -> str:

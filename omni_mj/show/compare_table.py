@@ -116,7 +116,8 @@ def _not_done(summary: Summary) -> list[str]:
         if entry["status"] != "done":
             lines.append(f"{name}: {entry['status']}: {entry['reason'] or waiting}")
         for row in entry["failed"]:
-            lines.append(f"{name}: {row['controller']}, seed {row['seed']}: {row['cause']} at {row['time_s']:.3f} s")
+            cause = " ".join(row["cause"].split())
+            lines.append(f"{name}: {row['controller']}, seed {row['seed']}: {cause} at {row['time_s']:.3f} s")
     return lines
 
 

@@ -48,6 +48,9 @@ def wrapped(rows: Sequence[Sequence[str]], widest: Sequence[int | None]) -> Iter
     sizes = [size if limit is None else min(size, limit) for size, limit in zip(sizes, widest, strict=True)]
     sizes.append(max(width() - sum(sizes) - 2 * len(sizes) - 2, NARROWEST))
     for row in rows:
-        cells = [wrap(cell, size, break_on_hyphens=False) if len(cell) > size else [cell] for cell, size in zip(row, sizes, strict=True)]
+        cells = [
+            wrap(cell, size, break_on_hyphens=False) if len(cell) > size else [cell]
+            for cell, size in zip(row, sizes, strict=True)
+        ]
         for line in zip_longest(*cells, fillvalue=""):
             yield "  ".join(text.ljust(size) for text, size in zip(line, sizes, strict=True)).rstrip()

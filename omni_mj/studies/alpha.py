@@ -123,20 +123,20 @@ class AlphaResult(Result):
 
 
 def alpha(
-    scenario: Scenario | str = "rect", conditions: Conditions = CONDITIONS, *, after_frame: AfterFrame = nothing
+    scenario: Scenario | str = "rect", conditions: Conditions | None = None, *, after_frame: AfterFrame = nothing
 ) -> AlphaResult:
     """Drive the profiles under all combinations of `conditions`.
 
     Args:
         scenario: everything else, or its name; its reference, radio and camera are left out.
-        conditions: values of `friction`, `winding_c`, `charge` and `lint`. Hot windings come with a housing as warm as
-            it gets in equilibrium with them.
+        conditions: values of `friction`, `winding_c`, `charge` and `lint`. [`CONDITIONS`] Hot windings come with a
+            housing as warm as it gets in equilibrium with them.
         after_frame: called with each frame's number.
 
     Returns:
         alpha, whose windows are not a number for robots that failed.
     """
-    started = time.perf_counter()
+    started, conditions = time.perf_counter(), conditions or CONDITIONS
     chosen = _without_loop(load(scenario) if isinstance(scenario, str) else scenario)
     combinations = list(itertools.product(itertools.product(*conditions.values()), DIRECTIONS))
     rows = [

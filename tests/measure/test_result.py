@@ -163,7 +163,9 @@ def test_rows_name_what_they_are_what_differs_and_what_became_of_them() -> None:
     """Two settings of a sweep, of which one topples: in the table of rows, the summary and the text alike."""
     chosen = om.scenario("rect", plant="kinematic")
     slow = chosen.settings.replace(radio={"delay_frames": 9})
-    log = filled([*rows(("a", "b"), (0, 1), chosen.settings), *rows(("a", "b"), (2,), slow)], 30, [30, 30, 30, 8, 30, 30])
+    log = filled(
+        [*rows(("a", "b"), (0, 1), chosen.settings), *rows(("a", "b"), (2,), slow)], 30, [30, 30, 30, 8, 30, 30]
+    )
     failures = [failure(log, 3)]
     measured = metrics.row_metrics(log, failures)
     entry = summary.entry(chosen, log, failures, measured, 1.0, None)

@@ -25,7 +25,12 @@ def corners() -> alpha.Study:
 def usual() -> alpha.AlphaResult:
     """Some usual conditions."""
     return om.alpha(
-        conditions={"friction": (0.5, 0.7, 0.9), "winding_c": (25.0, 120.0), "charge": (0.15, 0.5, 1.0), "lint": (0.065,)}
+        conditions={
+            "friction": (0.5, 0.7, 0.9),
+            "winding_c": (25.0, 120.0),
+            "charge": (0.15, 0.5, 1.0),
+            "lint": (0.065,),
+        }
     )
 
 
@@ -53,9 +58,16 @@ def test_rows_hold_conditions_direction_and_alpha(usual: alpha.AlphaResult) -> N
     rows = usual.rows().to_pylist()
     assert usual.study is not None
     assert len(rows) == 3 * 2 * 3 * 3
-    assert {name for name in rows[0] if "." in name} == {"carpet.friction", "motor.winding_c", "motor.housing_c", "battery.charge"}
+    assert {name for name in rows[0] if "." in name} == {
+        "carpet.friction",
+        "motor.winding_c",
+        "motor.housing_c",
+        "battery.charge",
+    }
     for value, mean in zip((0.5, 0.7, 0.9), usual.study.trend("friction"), strict=True):
-        of = [(2 * r["alpha_accelerating"] + 3 * r["alpha_cruising"]) / 5 for r in rows if r["carpet.friction"] == value]
+        of = [
+            (2 * r["alpha_accelerating"] + 3 * r["alpha_cruising"]) / 5 for r in rows if r["carpet.friction"] == value
+        ]
         assert np.mean(of) == pytest.approx(mean, rel=1e-12)
     summary = usual.summary()
     assert summary["complete"]
