@@ -1,6 +1,7 @@
 """`omni-mj compare`: every controller on every scenario over many seeds, in one table."""
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from omni_mj.studies.outcome import AfterFrame
 
 OUTPUTS = ("summary.json", "compare.md", "compare.png", "compare.svg")
-FOLDERS = ("scenarios", "trajectories")
+KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet")  # the latter two of a single scenario
 
 
 @click.command("compare")
@@ -63,7 +64,7 @@ def command(
     for option, values in (("--scenario", names), ("--controller", controllers), ("--set", overrides)):
         repeat += [word for value in values for word in (option, value)]
     repeat += ["--subject", subject] if subject else []
-    folder = folders.prepare(out, "compare", (*OUTPUTS, *FOLDERS), overwrite)
+    folder = folders.prepare(out, "compare", (*OUTPUTS, *KEPT), overwrite)
 
     def save(result: "Result") -> None:
         result.repeat = shlex.join(["omni-mj", "compare", *repeat])
@@ -87,8 +88,7 @@ def command(
 
         def after_scenario(result: "Result", outcome: "Outcome") -> None:
             save(result)
-            if trajectories:
-                result.save_outcome(outcome, folder)
+            result.save_outcome(outcome if trajectories else replace(outcome, log=None), folder)
 
         result = compare.compare(
             chosen, controllers, range(seed, seed + seeds), subject,
@@ -102,8 +102,8 @@ def command(
     summary = result.summary()
     if not quiet:
         compare_table.show(summary)
-        files = ", ".join(str(folder / output) for output in OUTPUTS if (folder / output).exists())
-        print(f"{result.wall_s:.1f} s; results in {files}" + f", {folder / 'trajectories'}/" * trajectories)
+        files = ", ".join(str(folder / output) for output in (*OUTPUTS, *KEPT) if (folder / output).exists())
+        print(f"{result.wall_s:.1f} s; results in {files}")
     status = [outcome.entry["status"] for outcome in result.outcomes]
     interrupts.end(result.stopped, f"{status.count('done')} of {len(chosen)} scenarios are in {folder}")
     errors = [f"{o.scenario.name}: {o.entry['reason']}" for o in result.outcomes if o.entry["status"] == "failed"]

@@ -115,7 +115,7 @@ def _viewers(view: bool, connect: str | None) -> list[str]:
         return []
     from omni_mj.show.recording import live
 
-    return [live.check(connect)] * (connect is not None) + [live.open_viewer() for _ in range(view)]
+    return ([] if connect is None else [live.check(connect)]) + ([live.open_viewer()] if view else [])
 
 
 def _recordings(simulation: "Simulation", folder: Path, record: bool, viewers: Sequence[str]) -> "list[Recording]":

@@ -57,7 +57,7 @@ def verdict(results: Results, limits: Iterable[str], subject: str | None) -> dic
     """
     limits = list(limits)
     rivals = [name for name in results if name != subject and name not in limits]
-    if subject not in results or not rivals:
+    if subject is None or subject not in results or not rivals:
         return None
     errors: dict[str, Any] = {}
     why_not = []

@@ -1,6 +1,7 @@
-"""The command line, as a user types it: real processes, real files."""
+"""`omni-mj run`: what it prints, what it leaves, what ends it."""
 
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -9,125 +10,161 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
+from commands import invoke, strict
 from rerun.chunk import RrdReader
 
-from omni_mj.scenarios.plants import PLANTS
+from omni_mj.cli import run
 
 RUN = [sys.executable, "-m", "omni_mj.run"]
-SHORT = ["--set", "reference.waypoints=[[0, 0], [0.1, 0]]", "--set", "reference.settle_s=0.1"]
+SHORT = ("--set", "reference.waypoints=[[0, 0], [0.1, 0]]", "--set", "reference.settle_s=0.1")
+BARE = ("--quiet", "--no-record", "--no-figures")
 FILES = {"summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml", "figures", "report.html"}
+BAD = """
+import omni_mj as om
 
 
-def run(*args: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*RUN, *map(str, args)], capture_output=True, text=True, timeout=120, check=False, cwd=cwd)
+class Bad(om.Controller):
+    def command(self, frame, seen):
+        if frame == 20:
+            raise RuntimeError("out of\\nideas")
+        return 0 * seen.pose
+"""
 
 
-def test_a_run_prints_the_table_and_where_its_files_are(tmp_path: Path) -> None:
-    done = run("--scenario", "rect", *SHORT, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+def test_a_run_prints_the_table_and_where_its_files_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert invoke("run", "--scenario", "rect", *SHORT) == 0
     (folder,) = (tmp_path / "runs").iterdir()
     assert folder.name.startswith("rect-")
     assert {p.name for p in folder.iterdir()} == FILES
-    for text in ("x maximum", "y mean", "(-", "paper's flc", f"rerun runs/{folder.name}/recording.rrd"):
-        assert text in done.stdout
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    for text in ("x, cm", "plane, cm", "heading", "comp-flc", f"rerun runs/{folder.name}/recording.rrd"):
+        assert text in printed.out
+    assert "paper's" not in printed.out, "this is not the paper's experiment"
+    summary = strict(folder / "summary.json")
+    assert (summary["format"], summary["complete"], summary["seeds"]) == (2, True, [0])
+    entry = summary["scenarios"]["rect"]
+    assert entry["simulated_s"] == pytest.approx(entry["frames"] / 60)
+    assert entry["settings"]["radio"]["delay_frames"] == 6
+    assert {"python", "omni-mj", "mujoco"} <= set(summary["versions"])
 
 
-def test_quiet_prints_nothing_and_switches_leave_files_out(tmp_path: Path) -> None:
-    done = run("--scenario", "rect", *SHORT, "--quiet", "--no-record", "--no-figures", "--out", tmp_path / "a")
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-    assert {p.name for p in (tmp_path / "a").iterdir()} == FILES - {"recording.rrd", "figures"}
+def test_the_effective_scenario_repeats_the_run_bit_for_bit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """And quiet prints nothing, switches leave files out."""
+    options = ("--seed", 7, "--seeds", 2, "--controller", "comp-flc", "--set", "radio.delay_frames=3")
+    for plant in ("kinematic", "mujoco"):
+        a, b = tmp_path / plant / "a", tmp_path / plant / "b"
+        given = ("--scenario", "rect-noise", *SHORT, "--plant", plant, "--robot", "ssl_robot", *options)
+        assert invoke(*given, *BARE, "--out", a) == 0
+        assert invoke("--scenario", a / "scenario.toml", *BARE, "--out", b) == 0
+        assert {p.name for p in a.iterdir()} == FILES - {"recording.rrd", "figures"}
+        first, second = (pq.read_table(folder / "trajectory.parquet") for folder in (a, b))
+        assert first.num_rows > 0
+        # Compared as bytes, since what is not a number is not equal to itself.
+        assert [c.combine_chunks().buffers()[-1] for c in first.columns] == [
+            c.combine_chunks().buffers()[-1] for c in second.columns
+        ]
+        assert (a / "scenario.toml").read_text() == (b / "scenario.toml").read_text()
+    assert capsys.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("plant", PLANTS)
-def test_the_effective_scenario_repeats_the_run_bit_for_bit(tmp_path: Path, plant: str) -> None:
-    options = ("--plant", plant, "--seed", 7, "--seeds", 2, "--controller", "comp-flc", "--set", "radio.delay_frames=3")
-    plain = ("--quiet", "--no-record", "--no-figures", "--out")
-    assert run("--scenario", "rect-noise", *SHORT, *options, *plain, tmp_path / "a").returncode == 0
-    assert run("--scenario", tmp_path / "a" / "scenario.toml", *plain, tmp_path / "b").returncode == 0
-    first, second = (pq.read_table(tmp_path / name / "trajectory.parquet") for name in "ab")
-    assert first.num_rows > 0
-    # Compared as bytes, since what is not a number is not equal to itself.
-    assert [c.combine_chunks().buffers()[-1] for c in first.columns] == [
-        c.combine_chunks().buffers()[-1] for c in second.columns
-    ]
-    assert (tmp_path / "a" / "scenario.toml").read_text() == (tmp_path / "b" / "scenario.toml").read_text()
+def test_bad_input_is_a_line_each_that_says_what_is_allowed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments, *says in (
+        ("", "--scenario is missing"),
+        ("--scenario rekt", "did you mean 'rect'"),
+        ("--scenario missing.toml", "missing.toml"),
+        ("--scenario rect --plant mujocco", "did you mean 'mujoco'"),
+        ("--scenario rect --robot ssl_robo", "did you mean 'ssl_robot'"),
+        ("--scenario rect --controller comp-fcl", "did you mean 'comp-flc'"),
+        ("--scenario rect --controller flc --controller flc", "named twice"),
+        ("--scenario rect --seeds 0", "1 to 100000"),
+        ("--scenario rect --seeds many", "not a valid integer"),
+        ("--scenario rect --set radio.delay=3", "did you mean 'radio.delay_frames'"),
+        ("--scenario rect --set radio.delay_frames=-1", "a whole number from 0 to 600 frames, not -1"),
+        ("--scenario rect --set radio.delay_frames", "section.field=value"),
+        ("--scenario rect --set vision.position_noise_m=nan", "a number from 0 to 1 m"),
+        ("--scenario rect --set carpet.friction=9 --seeds 0 --plant x", "carpet.friction", "seeds", "plant"),
+        ("--scenario rect --sead 3", "--seed"),
+    ):
+        assert invoke("run", *arguments.split(), "--out", tmp_path / "run") == 2
+        printed = capsys.readouterr()
+        lines = printed.err.splitlines()
+        assert len(lines) == len(says), arguments
+        assert all(line.startswith("error: ") for line in lines)
+        assert all(any(text in line for line in lines) for text in says), printed.err
+        assert printed.out == ""
+        assert not (tmp_path / "run").exists(), "bad input must not leave a folder"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        ([], "--scenario is missing"),
-        (["--scenario", "rekt"], "did you mean 'rect'"),
-        (["--scenario", "missing.toml"], "missing.toml"),
-        (["--scenario", "rect", "--plant", "mujocco"], "did you mean 'mujoco'"),
-        (["--scenario", "rect", "--controller", "comp-fcl"], "did you mean 'comp-flc'"),
-        (["--scenario", "rect", "--controller", "flc", "--controller", "flc"], "named twice"),
-        (["--scenario", "rect", "--seeds", "0"], "1 to 100000"),
-        (["--scenario", "rect", "--seeds", "many"], "not a valid integer"),
-        (["--scenario", "rect", "--set", "radio.delay=3"], "did you mean 'radio.delay_frames'"),
-        (["--scenario", "rect", "--set", "radio.delay_frames=-1"], "a whole number from 0 to 600 frames, not -1"),
-        (["--scenario", "rect", "--set", "radio.delay_frames"], "section.field=value"),
-        (["--scenario", "rect", "--set", "vision.position_noise_m=nan"], "a number from 0 to 1 m"),
-        (["--scenario", "rect", "--sead", "3"], "--seed"),
-    ],
-)
-def test_bad_input_is_one_line_that_says_what_is_allowed(tmp_path: Path, arguments: list[str], says: str) -> None:
-    done = run(*arguments, "--out", tmp_path / "run")
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1
-    assert says in done.stderr
-    assert done.stdout == ""
-    assert not (tmp_path / "run").exists(), "bad input must not leave a folder"
+def test_a_row_that_fails_costs_a_line_and_nothing_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "bad.py").write_text(BAD)
+    out = tmp_path / "out"
+    given = ("--scenario", "rect", "--plant", "kinematic", *SHORT, "--seeds", 2, "--no-figures", "--out", out)
+    assert invoke(*given, "--controller", "flc", "--controller", f"{tmp_path / 'bad.py'}:Bad") == 1
+    printed = capsys.readouterr()
+    where = "Bad failed in frame 20 (bad.py, line 8): RuntimeError: out of ideas at 0.333 s"
+    assert printed.err.splitlines() == [f"error: Bad, seed {seed}: {where}" for seed in (0, 1)]
+    assert "Bad (failed 2 of 2)" in printed.out
+    assert {p.name for p in out.iterdir()} == FILES - {"figures"}
+    assert strict(out / "summary.json")["scenarios"]["rect"]["results"]["flc"]["failed"] == 0
 
 
-def test_earlier_results_are_never_overwritten_unasked(tmp_path: Path) -> None:
+def test_earlier_results_are_never_overwritten_unasked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     precious = tmp_path / "precious.txt"
     precious.write_text("keep")
-    options = ("--scenario", "rect", *SHORT, "--no-record", "--no-figures", "--out", tmp_path)
-    refused = run(*options)
-    assert refused.returncode == 2
-    assert "--overwrite" in refused.stderr
+    options = ("--scenario", "rect", "--plant", "kinematic", *SHORT, *BARE, "--out", tmp_path)
+    assert invoke(*options) == 2
+    assert "--overwrite" in capsys.readouterr().err
     assert [p.name for p in tmp_path.iterdir()] == ["precious.txt"]
-    assert run(*options, "--overwrite").returncode == 0
+    assert invoke(*options, "--overwrite") == 0
     assert precious.read_text() == "keep"
 
 
-def test_list_names_every_scenario_controller_and_setting() -> None:
-    done = run("--list")
-    assert done.returncode == 0
-    for name in ("rect-noise", "comp-flc", "radio.delay_frames", "vision.position_noise_m", "V s/rad", "0.826"):
-        assert name in done.stdout
+def test_programs_are_named_as_a_user_starts_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By name where the PATH has them, below the folder where it does not."""
+    program = tmp_path / ".venv" / "bin" / "rerun"
+    program.parent.mkdir(parents=True)
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(program.with_name("python")))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", str(program.parent))
+    assert shutil.which("rerun") == str(program)
+    assert run._program("rerun") == "rerun"
+    monkeypatch.setenv("PATH", "")
+    assert run._program("rerun") == ".venv/bin/rerun"
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_an_interrupted_run_keeps_what_it_recorded(tmp_path: Path, number: int, code: int) -> None:
-    endless = ("--scenario", "rect", "--set", "reference.laps=60", "--out", str(tmp_path))
-    process = subprocess.Popen(
-        [*RUN, *endless],
-        stderr=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        text=True,
-        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),  # a background job's children ignore SIGINT
-    )
-    deadline = time.monotonic() + 60
-    while not (tmp_path / "recording.rrd").exists() and time.monotonic() < deadline:
-        time.sleep(0.1)
-    time.sleep(2)
-    process.send_signal(number)
-    _, stderr = process.communicate(timeout=60)
-    assert process.returncode == code, stderr
-    assert "what was recorded until then" in stderr.splitlines()[-1]
-    assert "Traceback" not in stderr
-    summary = json.loads((tmp_path / "summary.json").read_text())
-    assert not summary["complete"]
-    assert pq.read_table(tmp_path / "trajectory.parquet").num_rows == 2 * summary["frames"] > 0
-
-
-def test_a_reader_that_goes_away_hears_no_complaint() -> None:
-    command = f"{sys.executable} -m omni_mj.run --list | head -1"
-    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True, timeout=60)
-    assert done.stdout.startswith("scenarios")
-    assert done.stderr == ""
+def test_an_interrupted_run_keeps_what_it_recorded(tmp_path: Path) -> None:
+    """Both signals at once, each to a process of its own."""
+    processes = {}
+    for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
+        out = tmp_path / str(code)
+        endless = ("--scenario", "rect", "--set", "reference.laps=60", "--no-figures", "--out", str(out))
+        processes[number, code, out] = subprocess.Popen(
+            [*RUN, *endless],
+            stderr=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            text=True,
+            preexec_fn=lambda number=number: signal.signal(number, signal.SIG_DFL),  # a background job ignores SIGINT
+        )
+    for (number, code, out), process in processes.items():
+        deadline = time.monotonic() + 60
+        while not (out / "recording.rrd").exists() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        process.send_signal(number)
+        _, stderr = process.communicate(timeout=60)
+        assert process.returncode == code, stderr
+        assert "what was recorded until then" in stderr.splitlines()[-1]
+        assert "Traceback" not in stderr
+        summary = json.loads((out / "summary.json").read_text())
+        entry = summary["scenarios"]["rect"]
+        assert (summary["complete"], entry["status"]) == (False, "stopped")
+        assert summary["stopped"] == entry["reason"] in ("interrupted", "terminated")
+        assert pq.read_table(out / "trajectory.parquet").num_rows == 2 * entry["frames"] > 0
 
 
 def test_a_full_disk_is_one_line_and_leaves_what_fits(tmp_path: Path) -> None:
@@ -151,11 +188,3 @@ def test_a_full_disk_is_one_line_and_leaves_what_fits(tmp_path: Path) -> None:
     chunks = [c for c in RrdReader(whole).stream().to_chunks() if c.entity_path == "/world/flc/robot"]
     frames = [f for c in chunks if not c.is_static for f in c.to_record_batch()["frame"].to_pylist()]
     assert len(frames) > 60
-
-
-def test_the_console_script_runs_scenarios_with_or_without_the_word_run(tmp_path: Path) -> None:
-    script = Path(sys.executable).with_name("omni-mj")
-    for i, words in enumerate(([], ["run"])):
-        args = [script, *words, "--scenario", "rect", *SHORT, "--quiet", "--no-record", "--no-figures"]
-        assert subprocess.run([*args, "--out", tmp_path / str(i)], check=False, timeout=60).returncode == 0
-        assert (tmp_path / str(i) / "summary.json").exists()

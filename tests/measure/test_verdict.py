@@ -98,7 +98,7 @@ def test_markdown_marks_the_best_competitor_limits_and_what_failed() -> None:
         "- circle: failed: robots overlap",
         "| rect | one \\| two | 1.0 | 1.0 |",
         "## Verdicts on lqr",
-        "| rect | maximum | -40 ? | – | 2 of 2 | flc |",
+        f"| rect | maximum | -40 ? | {table.DASH} | 2 of 2 | flc |",
     ):
         assert line in lines, line
     assert not any("Verdicts" in line for line in compare_table.markdown(compared(results, [], None)).splitlines())

@@ -14,9 +14,9 @@ from omni_mj.studies import alpha
 
 @pytest.fixture(scope="module")
 def corners() -> alpha.Study:
-    """The extremes of every condition."""
+    """The extremes of every condition, on the faster wheels."""
     ends = {"friction": (0.3, 0.8), "winding_c": (25.0, 120.0), "charge": (0.15, 1.0), "lint": (0.03, 0.15)}
-    study = om.alpha(conditions=ends).study
+    study = om.alpha(om.scenario("rect", wheels={"model": "contact-roller"}), ends).study
     assert study is not None
     return study
 

@@ -1,0 +1,78 @@
+"""`omni-mj` itself: its commands, what it lists, and what it does not import to say so."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from commands import invoke, strict
+
+import omni_mj as om
+from omni_mj.cli.main import COMMANDS
+from omni_mj.studies import alpha
+
+HEAVY = ("mujoco", "scipy", "pyarrow", "rerun", "matplotlib", "jinja2")
+SMALL = {"friction": (0.4, 0.8), "winding_c": (25.0, 120.0), "charge": (0.15, 0.5, 1.0), "lint": (0.065,)}
+
+
+def test_help_version_list_and_schema_import_nothing_heavy() -> None:
+    """Which is what they may take 0.4 s of CPU for; each in a process that has imported nothing yet."""
+    code = (
+        "import sys\nfrom omni_mj.cli import main\n"
+        f"try: main.main()\nfinally: print('heavy:', *[m for m in {HEAVY} if m in sys.modules])"
+    )
+    for words in ("--help", "--version", "--list", "list", "schema", "run --help", "compare --help"):
+        command = [sys.executable, "-c", code, *words.split()]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+        assert (done.returncode, done.stderr) == (0, ""), words
+        assert done.stdout.splitlines()[-1] == "heavy:", words
+
+
+def test_help_names_every_command_and_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
+    assert invoke("--help") == 0
+    out = capsys.readouterr().out
+    assert all(f"\n  {name} " in out for name in COMMANDS)
+    assert invoke("--version") == 0
+    assert capsys.readouterr().out == f"omni-mj {om.__version__}\n"
+    assert invoke("comapre") == 2
+    assert "No such command 'comapre'" in capsys.readouterr().err
+
+
+def test_list_names_what_there_is_however_it_is_asked(capsys: pytest.CaptureFixture[str]) -> None:
+    printed = set()
+    for words in (["--list"], ["list"], ["run", "--list"]):
+        assert invoke(*words) == 0
+        printed.add(capsys.readouterr().out)
+    (listed,) = printed
+    for name in ("rect-noise", "comp-flc", "kinematic", "ssl_robot", "radio.delay_frames", "V s/rad", "0.826"):
+        assert name in listed
+    assert max(map(len, listed.splitlines())) <= 140
+
+
+def test_schema_is_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert invoke("schema") == 0
+    schema = json.loads(capsys.readouterr().out)
+    assert schema["properties"]["radio"]["properties"]["delay_frames"]["maximum"] == 600
+
+
+def test_the_alpha_study_is_a_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With fewer conditions than a user gets, on the faster wheels."""
+    assert invoke("alpha", "--set", "radio.delay=1") == 2
+    assert "did you mean 'radio.delay_frames'" in capsys.readouterr().err
+    monkeypatch.setattr(alpha, "CONDITIONS", SMALL)
+    assert invoke("alpha", "--set", "wheels.model=contact-roller", "--out", tmp_path) == 0
+    assert "5th, 50th, 95th percentile" in capsys.readouterr().out
+    assert {p.name for p in tmp_path.iterdir()} == {"summary.json", "scenario.toml", "alpha.png"}
+    summary = strict(tmp_path / "summary.json")
+    assert summary["alpha"]["axes"]["charge"] == [0.15, 0.5, 1.0]
+    assert (tmp_path / "alpha.png").stat().st_size > 10_000
+
+
+def test_a_reader_that_goes_away_hears_no_complaint() -> None:
+    command = f"{sys.executable} -m omni_mj --list | head -1"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.startswith("scenarios")
+    assert done.stderr == ""
