@@ -1,1 +1,63 @@
-"""omni-mj: a MuJoCo testbed for the motion control of RoboCup Small Size League robots."""
+"""A MuJoCo testbed for the motion control of RoboCup Small Size League robots.
+
+import omni_mj as om
+
+rect = om.scenario("rect", plant="kinematic")
+result = om.run(rect, ["flc", "comp-flc"], seeds=range(5))
+print(result.table())
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from omni_control.controllers.base import Controller
+    from omni_control.errors import OmniError
+    from omni_mj.measure.result import Result
+    from omni_mj.scenarios.scenario import Scenario, scenario
+    from omni_mj.simulate.simulation import Simulation
+    from omni_mj.studies.alpha import alpha
+    from omni_mj.studies.compare import compare
+    from omni_mj.studies.run import run
+
+    __version__: str
+
+# Where each name is; imported when it is asked for, so that `omni-mj --help` waits for no physics.
+_HOMES = {
+    "Controller": "omni_control.controllers.base",
+    "OmniError": "omni_control.errors",
+    "Result": "omni_mj.measure.result",
+    "Scenario": "omni_mj.scenarios.scenario",
+    "Simulation": "omni_mj.simulate.simulation",
+    "alpha": "omni_mj.studies.alpha",
+    "compare": "omni_mj.studies.compare",
+    "run": "omni_mj.studies.run",
+    "scenario": "omni_mj.scenarios.scenario",
+}
+__all__ = [
+    "Controller",
+    "OmniError",
+    "Result",
+    "Scenario",
+    "Simulation",
+    "__version__",
+    "alpha",
+    "compare",
+    "run",
+    "scenario",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("omni-mj")
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = found = getattr(import_module(_HOMES[name]), name)
+    return found
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

@@ -3,19 +3,8 @@
 import signal
 from types import FrameType
 
-
-class StoppedError(Exception):
-    """A signal asked for the end.
-
-    Attributes:
-        reason: in a word, for messages.
-        exit_code: what a program that a signal ended returns by convention.
-    """
-
-    def __init__(self, number: int) -> None:
-        self.reason = "interrupted" if number == signal.SIGINT else "terminated"
-        self.exit_code = 128 + number
-        super().__init__(self.reason)
+from omni_mj.cli import console
+from omni_mj.studies.outcome import StoppedError
 
 
 class Interrupts:
@@ -32,7 +21,17 @@ class Interrupts:
     def check(self) -> None:
         """Raise `StoppedError` if a signal has come."""
         if self._received:
-            raise StoppedError(self._received)
+            raise StoppedError("interrupted" if self._received == signal.SIGINT else "terminated")
+
+    def end(self, stopped: str | None, left: str) -> None:
+        """End the program, if a signal stopped what it did; it returns what one that a signal ended does by convention.
+
+        Args:
+            stopped: the reason that a result gives, or None.
+            left: what is said of what there is.
+        """
+        if stopped:
+            console.fail(f"{stopped}; {left}", 128 + self._received)
 
     def __enter__(self) -> "Interrupts":
         self._before = {number: signal.getsignal(number) for number in self.HANDLED}

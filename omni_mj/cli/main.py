@@ -1,31 +1,41 @@
-"""The console script `omni-mj`: its subcommands, of which `run` may be left out."""
+"""The console script `omni-mj`: its commands, each imported when it is called; `run` may be left out."""
 
+from importlib import import_module
 from typing import NoReturn
 
 import click
 
 from omni_mj.cli import console
-from omni_mj.cli.run import run
-from omni_mj.show import report
-from omni_mj.studies import compare
+
+COMMANDS = ("run", "compare", "alpha", "report", "picture", "list", "schema")
 
 
-class _DefaultRun(click.Group):
-    """A group in which options alone mean `run`: omni-mj --scenario rect."""
+class _Commands(click.Group):
+    """A group whose commands are in files of their names; options alone mean `run`: omni-mj --scenario rect."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """See `click.Group`."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """See `click.Group`: imports the command's file."""
+        if cmd_name not in COMMANDS:
+            return None
+        command = import_module(f"omni_mj.cli.{cmd_name}").command
+        assert isinstance(command, click.Command)
+        return command
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        if args and args[0].startswith("-") and args[0] not in ctx.help_option_names:
+        """See `click.Group`."""
+        if args and args[0].startswith("-") and args[0] not in (*ctx.help_option_names, "--version"):
             args = ["run", *args]
         return super().parse_args(ctx, args)
 
 
-@click.group(cls=_DefaultRun)
+@click.group(cls=_Commands)
+@click.version_option(None, "--version", package_name="omni-mj", message="omni-mj %(version)s")
 def cli() -> None:
     """Motion control of RoboCup Small Size League robots on real physics."""
-
-
-for command in (run, compare.command, report.command):
-    cli.add_command(command)
 
 
 def main() -> NoReturn:

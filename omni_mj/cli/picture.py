@@ -1,31 +1,30 @@
-"""`python -m omni_mj.picture`: what the rerun viewer shows of a recording, without a display."""
+"""`omni-mj picture`: what the rerun viewer shows of a recording, without a display."""
 
 import re
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import click
-from rerun.experimental import ViewerClient
 
 from omni_control.errors import OmniError
-from omni_mj.cli import console
-from omni_mj.show.recording.timelines import TIME
-from omni_mj.show.recording.viewer import Viewer
+
+if TYPE_CHECKING:
+    from rerun.experimental import ViewerClient
 
 PATIENCE_S = 30.0  # for a viewer to load and draw
 STILL_S = 0.2  # between two looks that find no change
 T = TypeVar("T")
 
 
-@click.command()
+@click.command("picture")
 @click.argument("recording", type=click.Path(path_type=Path))
 @click.argument("out", type=click.Path(path_type=Path))
 @click.option("--time", "time_s", default=0.0, metavar="S", help="Where the time cursor stands. [0]")
 @click.option("--tab", "tabs", multiple=True, metavar="NAME", help="A tab to show; may be repeated.")
 @click.option("--size", default="1600x900", metavar="WxH", help="Of the window. [1600x900]")
-def picture(recording: Path, out: Path, time_s: float, tabs: tuple[str, ...], size: str) -> None:
+def command(recording: Path, out: Path, time_s: float, tabs: tuple[str, ...], size: str) -> None:
     """Draw RECORDING.rrd as the viewer shows it, and save the picture as OUT.png.
 
     It needs no display, but something that Vulkan draws with: Debian's mesa-vulkan-drivers will do.
@@ -34,6 +33,10 @@ def picture(recording: Path, out: Path, time_s: float, tabs: tuple[str, ...], si
         raise OmniError(f"--size must be like 1600x900, not {size}")
     if not recording.is_file():
         raise OmniError(f"there is no recording {recording}")
+    from rerun.experimental import ViewerClient
+
+    from omni_mj.show.recording.viewer import Viewer
+
     # From its standard input a viewer loads all of a recording; of a file that it opens, only what is in sight.
     viewer = Viewer("-", "--headless", "--window-size", size, file=recording)
     try:
@@ -46,7 +49,7 @@ def picture(recording: Path, out: Path, time_s: float, tabs: tuple[str, ...], si
     out.write_bytes(drawn)
 
 
-def take(viewer: ViewerClient, time_s: float, tabs: tuple[str, ...] = ()) -> bytes:
+def take(viewer: "ViewerClient", time_s: float, tabs: tuple[str, ...] = ()) -> bytes:
     """Return a PNG of a viewer's window, once it has loaded what it shows and no longer changes.
 
     Args:
@@ -57,6 +60,8 @@ def take(viewer: ViewerClient, time_s: float, tabs: tuple[str, ...] = ()) -> byt
     Raises:
         OmniError: no such tab, or the picture keeps changing.
     """
+    from omni_mj.show.recording.timelines import TIME
+
     _still(lambda: tuple(line.end for recording in viewer.get_state().recordings for line in recording.timelines), ())
     viewer.set_time(TIME, duration=time_s, play_state="paused")
     _show(viewer, tabs)
@@ -75,7 +80,7 @@ def _still(look: Callable[[], T], nothing: object) -> T:
     return now
 
 
-def _show(viewer: ViewerClient, tabs: tuple[str, ...]) -> None:
+def _show(viewer: "ViewerClient", tabs: tuple[str, ...]) -> None:
     """Make `tabs` the active ones of their containers, in the viewer's blueprint."""
     blueprint = viewer.get_blueprint().blueprint
     parts = {path: part for path, archetypes in blueprint.items() for part in archetypes.values()}
@@ -90,7 +95,3 @@ def _show(viewer: ViewerClient, tabs: tuple[str, ...]) -> None:
                 container["active_tab"] = path
     if tabs:
         viewer.set_blueprint(blueprint, of="recording")
-
-
-if __name__ == "__main__":
-    console.invoke(picture)

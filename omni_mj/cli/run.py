@@ -1,50 +1,48 @@
-"""`python -m omni_mj.run`: run a scenario, show its result, leave its files."""
+"""`omni-mj run`, or `python -m omni_mj.run`: run a scenario, show its result, leave its files."""
 
+import shlex
 import shutil
 import sys
-import time
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
 from omni_control.errors import OmniError
-from omni_mj.cli import console, folders
-from omni_mj.cli.interrupts import Interrupts, StoppedError
-from omni_mj.measure import events, paper, summary
-from omni_mj.plants import SimulationError
-from omni_mj.scenarios import scenario
-from omni_mj.scenarios.controllers import ControllerError
-from omni_mj.scenarios.plants import PLANTS
-from omni_mj.show import figures, listing, report
-from omni_mj.show.recording import FileRecording, LiveRecording, Recording, live
-from omni_mj.simulate.simulation import Simulation
+from omni_mj.cli import console, folders, options
+
+if TYPE_CHECKING:
+    from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.measure.result import Outcome, Result
+    from omni_mj.show.recording import Recording
+    from omni_mj.simulate.simulation import Simulation
 
 OUTPUTS = ("summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml", "figures", "report.html")
 
 
-@click.command()
-@click.option("--scenario", "scenario_name", metavar="NAME|FILE.toml", help="What to run.")
-@click.option("--controller", "controllers", metavar="NAME", multiple=True, help="May be repeated. [flc and comp-flc]")
-@click.option("--plant", metavar="|".join(PLANTS), help="What is driven. [mujoco]")
+@click.command("run")
+@click.option("--scenario", "name", metavar="NAME|FILE.toml", help="What to run.")
+@options.CONTROLLER
+@click.option("--plant", metavar="NAME|FILE.py:Class", help="What is driven. [mujoco]")
+@click.option("--robot", metavar="NAME|FILE.xml", help="Which robot it is. [ssl_robot]")
 @click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")
 @click.option("--seeds", type=int, metavar="N", help="How many seeds, counting up from the first. [1]")
-@click.option("--set", "overrides", metavar="SECTION.FIELD=VALUE", multiple=True, help="A setting; see --list.")
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="[runs/<scenario>-<UTC time>]")
-@click.option("--overwrite", is_flag=True, help="Replace the files of an earlier run in --out.")
+@options.SETTINGS
+@click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/<scenario>-<UTC time>]")
+@options.OVERWRITE
 @click.option("--record/--no-record", default=True, help="Write recording.rrd for the rerun viewer.")
 @click.option("--view", is_flag=True, help="Watch the run in a rerun viewer of its own.")
 @click.option("--connect", metavar="URL", help="Watch the run in a rerun viewer that is running.")
 @click.option("--figures/--no-figures", "draw", default=True, help="Draw the figures.")
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
-@click.option("--list", "show_list", is_flag=True, help="List scenarios, controllers and settings.")
-def run(
-    scenario_name: str | None,
+@options.QUIET
+@click.option("--list", "show_list", is_flag=True, help="List scenarios, controllers, plants and settings.")
+def command(
+    name: str | None,
     controllers: tuple[str, ...],
     plant: str | None,
+    robot: str | None,
     seed: int | None,
     seeds: int | None,
     overrides: tuple[str, ...],
@@ -59,97 +57,127 @@ def run(
 ) -> None:
     """Run a scenario with one or several controllers and compare them."""
     if show_list:
+        from omni_mj.show import listing
+
         listing.show()
         return
-    if scenario_name is None:
+    from omni_mj.scenarios import scenario
+    from omni_mj.studies import run
+
+    if name is None:
         raise OmniError(f"--scenario is missing; choose from {', '.join(scenario.builtin())}, or a .toml file")
-    head = {"controllers": controllers or None, "plant": plant, "seed": seed, "seeds": seeds}
-    chosen = scenario.load(scenario_name, overrides, {k: v for k, v in head.items() if v is not None})
-    viewers = [] if connect is None else [live.check(connect)]
-    viewers += [live.open_viewer()] if view else []
+    head = {"controllers": controllers or None, "plant": plant, "robot": robot, "seed": seed, "seeds": seeds}
+    chosen = scenario.load(name, overrides, {key: value for key, value in head.items() if value is not None})
+    simulation = run.prepare(chosen)
+    viewers = _viewers(view, connect)
     folder = folders.prepare(out, chosen.name, OUTPUTS, overwrite)
     with console.writing(folder):
-        execute(chosen, folder, record, draw, quiet, viewers)
+        execute(simulation, folder, record, draw, quiet, viewers)
 
 
 def execute(
-    chosen: scenario.Scenario, folder: Path, record: bool, draw: bool, quiet: bool, viewers: Sequence[str] = ()
+    simulation: "Simulation", folder: Path, record: bool, draw: bool, quiet: bool, viewers: Sequence[str] = ()
 ) -> None:
-    """Run `chosen`, shown by the `viewers` at these addresses; whatever ends it, what was recorded is in `folder`."""
-    started = time.perf_counter()
-    simulation = Simulation(chosen)
-    (folder / "scenario.toml").write_text(chosen.to_toml(), encoding="utf-8")
+    """Run a simulation, shown by the `viewers` at these addresses; what it leaves is in `folder`, whatever ends it.
+
+    Ctrl-C and SIGTERM end it between two frames; a second one ends the program at once.
+    """
+    from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.measure.result import write
+    from omni_mj.show import markdown
+    from omni_mj.studies import run
+
+    console.quiet_mujoco()
+    write(folder / "scenario.toml", simulation.scenario.to_toml())
     with ExitStack() as stack:
-        recordings: list[Recording] = [LiveRecording(url, simulation) for url in viewers]
-        recordings += [FileRecording(folder / "recording.rrd", simulation)] if record else []
+        recordings = _recordings(simulation, folder, record, viewers)
         for recording in recordings:
             stack.enter_context(recording)
-        stop = _simulate(simulation, recordings, quiet)
-        trajectory = simulation.trajectory
-        happened = events.find(trajectory, chosen.settings)
-        reason, wall_s = stop.reason if stop else None, time.perf_counter() - started
-        result = summary.summarise(chosen, trajectory, happened, wall_s, reason)
-        if trajectory.length:
-            trajectory.save(folder / "trajectory.parquet")
+        with Interrupts() as interrupts:
+            outcome = _drive(simulation, recordings, interrupts, quiet)
+        result = run.of(simulation, outcome)
+        result.repeat = shlex.join(["omni-mj", "run", "--scenario", str(folder / "scenario.toml")])
+        result.save(folder)
+        if simulation.log.length:
+            text = markdown.result(result.summary())
             for recording in recordings:
-                recording.finish(console.markdown_result(result))
-    if draw and trajectory.length:
-        title = f"{chosen.name} on the {chosen.plant} plant"
-        figures.save_all(trajectory, title, folder / "figures", chosen.settings, paper.TABLES.get(chosen.paper_table))
-    result["wall_s"] = round(time.perf_counter() - started, 3)
-    summary.save(result, folder / "summary.json")
-    report.write([folder], folder / "report.html")
+                recording.finish(text)
+    _draw(outcome, folder, draw)
     if not quiet:
-        _report(result, folder, record, draw)
-    if stop:
-        console.fail(f"{stop.reason}; what was recorded until then is in {folder}", stop.exit_code)
+        _report(result, folder)
+    interrupts.end(result.stopped, f"what was recorded until then is in {folder}")
+    console.fail_rows({simulation.scenario.name: outcome.failures})
 
 
-@dataclass(frozen=True)
-class _Stop:
-    """Why a run ended before its time."""
+def _viewers(view: bool, connect: str | None) -> list[str]:
+    """The addresses of the viewers in which the run is watched."""
+    if not view and connect is None:
+        return []
+    from omni_mj.show.recording import live
 
-    reason: str
-    exit_code: int
+    return [live.check(connect)] * (connect is not None) + [live.open_viewer() for _ in range(view)]
 
 
-def _simulate(simulation: Simulation, recordings: Sequence[Recording], quiet: bool) -> _Stop | None:
-    """Run to the end, recording in blocks; return why it stopped early, or None.
+def _recordings(simulation: "Simulation", folder: Path, record: bool, viewers: Sequence[str]) -> "list[Recording]":
+    if not record and not viewers:
+        return []
+    from omni_mj.show.recording import FileRecording, LiveRecording
 
-    Ctrl-C and SIGTERM end the run between two frames; a second one ends the program at once.
-    """
-    total = simulation.reference.frames
+    recordings: list[Recording] = [LiveRecording(url, simulation) for url in viewers]
+    return recordings + [FileRecording(folder / "recording.rrd", simulation)] * record
+
+
+def _drive(
+    simulation: "Simulation", recordings: "Sequence[Recording]", interrupts: "Interrupts", quiet: bool
+) -> "Outcome":
+    """Run to the end, recording in blocks."""
+    from omni_mj.studies.outcome import drive, total_frames
+
     try:
-        with Interrupts() as interrupts, console.progress(simulation.scenario.name, total, quiet) as show:
+        with console.progress(quiet) as begin:
+            show = begin(simulation.scenario.name, total_frames(simulation))
 
             def after_frame(frame: int) -> None:
                 interrupts.check()
-                show(frame + 1)
+                show(frame)
                 for recording in recordings:
                     recording.update()
 
-            simulation.run(after_frame)
-        return None
-    except (SimulationError, ControllerError) as error:
-        return _Stop(str(error), console.FAILED)
-    except StoppedError as error:
-        return _Stop(error.reason, error.exit_code)
+            return drive(simulation, after_frame)
     finally:
         for recording in recordings:
             recording.write()
 
 
-def _report(result: dict[str, Any], folder: Path, record: bool, draw: bool) -> None:
-    if result["results"]:
-        console.print_result(result)
-    print(f"{result['simulated_s']:.1f} s simulated in {result['wall_s']:.1f} s; results in {folder}/")
-    print(f"  report     {folder / 'report.html'}")
-    print(f"  numbers    {folder / 'summary.json'}, {folder / 'trajectory.parquet'}")
+def _draw(outcome: "Outcome", folder: Path, draw: bool) -> None:
+    """Draw the figures, if they are wanted, and write the report."""
+    from omni_mj.show import report
+
     if draw:
-        print(f"  figures    {folder / 'figures'}/")
+        from omni_mj.show import figures
+
+        figures.save_all(outcome, folder / "figures")
+    report.write([folder], folder / "report.html")
+
+
+def _report(result: "Result", folder: Path) -> None:
+    """Print the table, and what is in the folder."""
+    from omni_mj.measure.table import table
+    from omni_mj.show import terminal
+
+    (outcome,) = result.outcomes
+    if outcome.entry["results"]:
+        terminal.show(table(result.summary()))
+        console.print_events(outcome.entry)
+    print(f"{outcome.entry['simulated_s']:.1f} s simulated in {result.wall_s:.1f} s; results in {folder}/")
+    frames, figures, recording = (folder / name for name in ("trajectory.parquet", "figures", "recording.rrd"))
+    print(f"  report     {folder / 'report.html'}")
+    print(f"  numbers    {folder / 'summary.json'}" + f", {frames}" * frames.exists())
+    if figures.exists():
+        print(f"  figures    {figures}/")
     print(f"  repeat     {_program('python')} -m omni_mj.run --scenario {folder / 'scenario.toml'}")
-    if record:
-        print(f"  recording  {_program('rerun')} {folder / 'recording.rrd'}")
+    if recording.exists():
+        print(f"  recording  {_program('rerun')} {recording}")
 
 
 def _program(name: str) -> str:

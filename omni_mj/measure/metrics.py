@@ -1,86 +1,125 @@
-"""What is measured of a run: tracking errors, effort, settling, and the motor correction factor alpha that came out."""
+"""What is measured of each row of a log: errors, effort, settling, peaks, and the motor correction factor alpha."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import stdtrit
 
-from omni_control.kinematics import Array
+from omni_control.kinematics import Array, wrap_angle
 from omni_mj.scenarios.settings import PERIOD_S
-from omni_mj.simulate.log import Trajectory
+from omni_mj.simulate.log import Log
 
-AXES = ("x", "y")
+if TYPE_CHECKING:
+    from omni_mj.simulate.simulation import Failure
+
+AXES = ("x", "y", "distance", "heading")  # distance: in the plane
+UNITS = {"x": "m", "y": "m", "distance": "m", "heading": "rad"}
 STATISTICS = ("max", "mean", "rms")
+PEAKS = {"peak_voltage_v": "voltage_peak", "peak_current_a": "current_peak", "peak_winding_c": "winding"}
+ALPHA_AXES = ("x", "y")
 ALPHA_WINDOW_FRAMES = 15  # 0.25 s
 ALPHA_MIN_SPEED_M_S = 0.1  # below this mean commanded speed a window's ratio is mostly noise
 ALPHA_PERCENTILES = (5, 50, 95)
 SETTLED_M = 0.01
-CONFIDENCE = 0.95
 
 
-def absolute_errors(trajectory: Trajectory) -> Array:
-    """Distance from the true pose to the timed reference, (frames, controllers, seeds, 2) m, axes x and y."""
-    error: Array = np.abs(trajectory.channel("pose") - trajectory.channel("ref"))[..., :2]
-    return error
+def errors(log: Log) -> dict[str, Array]:
+    """Absolute difference between the true pose and the timed reference, axis of `AXES` -> (frames, n) m or rad.
+
+    Distance is that in the plane; headings that differ by full turns are equal. Not a number where a row has no frame.
+    """
+    difference = log.channel("pose") - log.channel("ref")
+    x, y = np.abs(difference[..., 0]), np.abs(difference[..., 1])
+    return {"x": x, "y": y, "distance": np.hypot(x, y), "heading": np.abs(wrap_angle(difference[..., 2]))}
 
 
-def error_statistics(trajectory: Trajectory) -> dict[str, Array]:
-    """Maximum, mean and root mean square of the absolute error over the frames, (controllers, seeds, 2) m each."""
-    error = absolute_errors(trajectory)
-    return {"max": error.max(0), "mean": error.mean(0), "rms": np.sqrt((error**2).mean(0))}
+def error_statistics(error: Array) -> dict[str, Array]:
+    """Maximum, mean and root mean square over the frames that each row has.
 
+    Args:
+        error: (frames, n), not a number where a row has no frame.
 
-def position_errors(trajectory: Trajectory) -> Array:
-    """Distance in the plane from the true position to the timed reference's, (frames, controllers, seeds) m."""
-    error = absolute_errors(trajectory)
-    distance: Array = np.hypot(error[..., 0], error[..., 1])
-    return distance
+    Returns:
+        Statistic of `STATISTICS` -> (n,), not a number for a row without any frame.
+    """
+    known = ~np.isnan(error)
+    frames = known.sum(0)
+    zeroed = np.where(known, error, 0.0)
+    with np.errstate(invalid="ignore"):  # no frames: 0 / 0
+        mean, rms = zeroed.sum(0) / frames, np.sqrt((zeroed**2).sum(0) / frames)
+    return {"max": np.where(frames > 0, zeroed.max(0, initial=0.0), np.nan), "mean": mean, "rms": rms}
 
 
 def control_effort(command: Array) -> Array:
     """Root mean square over the frames of the change of a command per second; smooth driving alone costs some.
 
     Args:
-        command: velocities sent (frames, ..., axes), m/s; before the first frame it is zero.
+        command: velocities sent (frames, ..., axes), m/s; before the first frame it is zero, and not a number where a
+            row has no frame.
 
     Returns:
         (...) m/s^2, of the magnitude over all axes.
     """
     change = np.diff(command, axis=0, prepend=np.zeros_like(command[:1])) / PERIOD_S
-    effort: Array = np.sqrt((change**2).sum(-1).mean(0))
+    squared = (change**2).sum(-1)
+    known = ~np.isnan(squared)
+    with np.errstate(invalid="ignore"):  # no frames: 0 / 0
+        effort: Array = np.sqrt(np.where(known, squared, 0.0).sum(0) / known.sum(0))
     return effort
 
 
 def settling_times(reference: Array, error: Array) -> Array:
-    """Time from the end of the reference's last move until the position error stays below 1 cm up to the last frame.
+    """Time from the end of the reference's last move until the error in the plane stays below 1 cm to the last frame.
 
     Args:
-        reference: poses of the timed reference, the same for all robots, (frames, 3).
-        error: position errors (frames, ...), m.
+        reference: poses of each row's timed reference, (frames, n, 3).
+        error: in the plane (frames, n), m; not a number where a row has no frame.
 
     Returns:
-        (...) s; zero for a robot that is that near from the end of the move on, not a number for one that is not in
-        the last frame.
+        (n,) s; zero for a robot that is that near from the end of the move on, not a number for one that is not in its
+        last frame.
     """
-    moves = np.flatnonzero((np.diff(reference, axis=0) != 0).any(-1))
-    rest = moves[-1] + 1 if moves.size else 0
-    frames = np.arange(1, len(error) + 1).reshape(-1, *[1] * (error.ndim - 1))
-    near_from = np.where(error >= SETTLED_M, frames, 0).max(0)  # the frame after the last that is not near
-    return np.where(near_from < len(error), np.maximum(near_from - rest, 0) * PERIOD_S, np.nan)
+    frames = np.arange(1, len(error) + 1)[:, None]
+    length = (~np.isnan(error)).sum(0)
+    change = np.diff(reference, axis=0)
+    moves = ((change != 0) & ~np.isnan(change)).any(-1)
+    rest = np.where(moves, frames[:-1], 0).max(0, initial=0)
+    near_from = np.where(error >= SETTLED_M, frames, 0).max(0, initial=0)  # after the last frame that is not near
+    return np.where(near_from < length, np.maximum(near_from - rest, 0) * PERIOD_S, np.nan)
 
 
-def confidence(values: Array) -> tuple[Array, Array]:
-    """Mean over the last axis, and half the width of its 95 % confidence interval by Student's t.
+def row_metrics(log: Log, failures: "Iterable[Failure]" = ()) -> dict[str, Array]:
+    """Each row in single numbers, name -> (n,).
 
-    Args:
-        values: independent samples (..., samples), at least one.
-
-    Returns:
-        Two arrays (...); not a number for the half width of a single sample.
+    `x_max_m`, `distance_mean_m`, `heading_rms_rad` and the like, `effort_m_s2`, `settle_s`, `greatest_at_s` (when the
+    error in the plane is greatest) and the peaks. A row that failed has errors without bound, so that no average gets
+    better by failing; what else it did in its time is not comparable: not a number, as for a row without any frame.
     """
-    n = values.shape[-1]
-    mean: Array = values.mean(-1)
-    if n == 1:
-        return mean, np.full_like(mean, np.nan)
-    return mean, stdtrit(n - 1, (1 + CONFIDENCE) / 2) * values.std(-1, ddof=1) / np.sqrt(n)
+    error = errors(log)
+    found = {
+        f"{axis}_{statistic}_{UNITS[axis]}": values
+        for axis in AXES
+        for statistic, values in error_statistics(error[axis]).items()
+    }
+    names = set(found)
+    found["effort_m_s2"] = control_effort(log.channel("command")[..., :2])
+    found["settle_s"] = settling_times(log.channel("ref"), error["distance"])
+    at = np.nan_to_num(error["distance"], nan=-1.0)
+    found["greatest_at_s"] = at.argmax(0) * PERIOD_S if log.length else np.full(len(log.rows), np.nan)
+    found |= {name: _peaks(log.channel(channel)) for name, channel in PEAKS.items()}
+    failed = [failure.row for failure in failures]
+    for name, values in found.items():
+        if name not in names:
+            values[log.lengths == 0] = np.nan
+        values[failed] = np.inf if name in names else np.nan
+    return found
+
+
+def _peaks(values: Array) -> Array:
+    """The largest of (frames, n, columns) per row; not a number where there is none."""
+    known = ~np.isnan(values)
+    peak: Array = np.where(known, values, -np.inf).max((0, 2), initial=-np.inf)
+    return np.where(known.any((0, 2)), peak, np.nan)
 
 
 def alpha_windows(position: Array, command: Array) -> Array:
@@ -101,15 +140,13 @@ def alpha_windows(position: Array, command: Array) -> Array:
     return np.divide(achieved, commanded, out=np.full_like(achieved, np.nan), where=moving)
 
 
-def alpha_percentiles(trajectory: Trajectory) -> list[dict[str, dict[str, float | None]]]:
-    """Per controller and axis the percentiles of `alpha_windows` over all seeds; None where nothing moved."""
-    alpha = alpha_windows(trajectory.channel("pose")[..., :2], trajectory.channel("applied")[..., :2])
-    result = []
-    for i in range(len(trajectory.controllers)):
-        axes: dict[str, dict[str, float | None]] = {}
-        for j, axis in enumerate(AXES):
-            values = alpha[:, i, :, j]
-            values = values[~np.isnan(values)]
-            axes[axis] = {f"p{p}": float(np.percentile(values, p)) if values.size else None for p in ALPHA_PERCENTILES}
-        result.append(axes)
-    return result
+def alpha_percentiles(log: Log, rows: np.ndarray) -> dict[str, dict[str, float | None]] | None:
+    """Per axis the percentiles of `alpha_windows` over some rows; None where nothing moved, or for a short log."""
+    if log.length <= ALPHA_WINDOW_FRAMES:
+        return None
+    alpha = alpha_windows(log.channel("pose")[:, rows, :2], log.channel("applied")[:, rows, :2])
+    axes: dict[str, dict[str, float | None]] = {}
+    for j, axis in enumerate(ALPHA_AXES):
+        values = alpha[..., j][~np.isnan(alpha[..., j])]
+        axes[axis] = {f"p{p}": float(np.percentile(values, p)) if values.size else None for p in ALPHA_PERCENTILES}
+    return axes

@@ -1,7 +1,12 @@
 """The paper's own results, tables 3 and 4: absolute position errors in metres."""
 
-# table -> controller -> axis -> statistic
-TABLES: dict[int, dict[str, dict[str, dict[str, float]]]] = {
+from functools import lru_cache
+
+from omni_mj.scenarios.scenario import Scenario, load
+
+Table = dict[str, dict[str, dict[str, float]]]  # controller -> axis -> statistic
+
+TABLES: dict[int, Table] = {
     3: {
         "flc": {"x": {"max": 0.03286, "mean": 0.0036}, "y": {"max": 0.07611, "mean": 0.0133}},
         "comp-flc": {"x": {"max": 0.02124, "mean": 0.00055}, "y": {"max": 0.03864, "mean": 0.0057}},
@@ -11,3 +16,22 @@ TABLES: dict[int, dict[str, dict[str, dict[str, float]]]] = {
         "comp-flc": {"x": {"max": 0.03007, "mean": 0.0074}, "y": {"max": 0.04111, "mean": 0.0010}},
     },
 }
+SCENARIOS = {3: "rect", 4: "rect-noise"}
+# What the robot shall do and what it meets; what its firmware and the team make of it may be tried.
+DEFINING = ("reference", "world", "disturbance", "radio")
+PLANT_PARTS = {"kinematic": ("kinematic",), "mujoco": ("carpet", "drive", "motor", "battery")}
+
+
+def table(scenario: Scenario) -> Table | None:
+    """The paper's table that reports what `scenario` runs; None where that is not the paper's experiment."""
+    if scenario.paper_table not in TABLES:
+        return None
+    own = _experiment(scenario.paper_table)
+    parts = (*DEFINING, *PLANT_PARTS.get(scenario.plant, ()))
+    same = all(getattr(scenario.settings, name) == getattr(own.settings, name) for name in parts)
+    return TABLES[scenario.paper_table] if same and scenario.robot == own.robot else None
+
+
+@lru_cache
+def _experiment(number: int) -> Scenario:
+    return load(SCENARIOS[number])

@@ -1,22 +1,52 @@
-"""summary.json: what was run and what came out, every figure of it recomputable from trajectory.parquet."""
+"""The summary of a study: what was run and what came out, every figure recomputable from the trajectories."""
 
-import dataclasses
-import json
 import platform
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from importlib.metadata import version
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from omni_mj.measure import metrics, paper
-from omni_mj.measure.events import Event
+from omni_control.kinematics import Array
+from omni_mj.measure import events, metrics, paper
+from omni_mj.measure.statistics import CONFIDENCE, Spread, plain, spread
+from omni_mj.measure.verdict import DEFINITIONS as VERDICTS
+from omni_mj.measure.verdict import verdict
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S
-from omni_mj.simulate.log import Trajectory
+from omni_mj.simulate.log import Log
+
+if TYPE_CHECKING:
+    from omni_mj.simulate.simulation import Failure
+
+FORMAT = 2
+Entry = dict[str, Any]  # what a summary says of one scenario
 
 DEFINITIONS = {
-    "error_m": "absolute difference of x_m and ref_x_m over all frames of a seed; median, min, max over seeds",
+    "error": (
+        "absolute difference between the true pose (x_m, y_m, heading_rad) and the timed reference (ref_x_m, ref_y_m,"
+        " ref_heading_rad), which is the same for all controllers: along x, along y, as distance in the plane, and of"
+        " the heading (to the nearest turn); maximum, mean and root mean square over all frames of a seed"
+    ),
+    "spread": (
+        "each seed's value, and over the seeds median, least, greatest and mean; plus_minus is half the"
+        f" {100 * CONFIDENCE:g} % confidence interval of the mean by Student's t, which one seed does not have"
+    ),
+    "failed": (
+        "rows that were stopped before their end: their errors count as infinite, so that a median can stand them and"
+        " a mean cannot; everything else of them is left out"
+    ),
+    "reduction_percent": "100 (1 - median of this controller / median of the first controller)",
+    "effort_m_s2": (
+        "root mean square over the frames of the change of the sent translational command per second; what following"
+        " the reference without any error needs is part of it"
+    ),
+    "settle_s": (
+        "time from the end of the reference's last move until the error in the plane stays below"
+        f" {100 * metrics.SETTLED_M:g} cm to the end of the run; over the seeds that settle"
+    ),
+    "greatest_at_s": "time at which the greatest error in the plane of a seed is reached",
     "alpha": (
         f"(x_m[k+n] - x_m[k]) / (T sum of applied_vx_m_s[k:k+n]) with n = {metrics.ALPHA_WINDOW_FRAMES}, T = 1/60 s;"
         " percentiles over all seeds and those k where the magnitude of applied_vx_m_s[k:k+n]'s mean is above"
@@ -24,67 +54,112 @@ DEFINITIONS = {
     ),
     "peak": (
         "over all seeds the largest of voltage_peak_v and current_peak_a, which cover every physics step and motor, and"
-        " of winding_1_c to winding_4_c"
+        " of the temperatures of the windings"
     ),
     "events": "the first frame of each kind, controller and seed",
-    "reduction_percent": "100 (1 - median of this controller / median of the first controller)",
+    **VERDICTS,
 }
 
 
-def summarise(
-    scenario: Scenario, trajectory: Trajectory, events: list[Event], wall_s: float, stopped: str | None
-) -> dict[str, Any]:
-    """The summary of a run; `stopped` says why it ended early, or is None."""
+def nothing_run(scenario: Scenario) -> Entry:
+    """The entry of a scenario that was not run, or not yet."""
     return {
-        "scenario": scenario.name,
-        "description": scenario.description,
-        "plant": scenario.plant,
-        "controllers": list(scenario.labels),
-        "seeds": scenario.seed_list,
-        "complete": stopped is None,
-        "stopped": stopped,
-        "frames": trajectory.length,
-        "simulated_s": trajectory.length * PERIOD_S,
+        "description": scenario.description, "plant": scenario.plant, "robot": scenario.robot,
+        "status": "not run", "reason": None, "frames": 0, "simulated_s": 0.0, "wall_s": 0.0,
+        "settings": scenario.settings.plain(), "paper_table": scenario.paper_table, "paper": paper.table(scenario),
+        "events": [], "failed": [], "results": {}, "verdict": None,
+    }  # fmt: skip
+
+
+def entry(
+    scenario: Scenario,
+    log: Log,
+    failures: "Iterable[Failure]",
+    measured: Mapping[str, Array],
+    wall_s: float,
+    stopped: str | None,
+    limits: Iterable[str] = (),
+    subject: str | None = None,
+) -> Entry:
+    """The entry of a scenario that was run.
+
+    Args:
+        scenario: what was run.
+        log: what was recorded.
+        failures: the rows that were stopped.
+        measured: what `metrics.row_metrics` says of it; empty where errors mean nothing.
+        wall_s: how long it took, s.
+        stopped: why it ended before its time, or None.
+        limits: controllers that are no competitors.
+        subject: the controller of which a verdict is asked for, or None.
+    """
+    failures = list(failures)
+    found = results(log, failures, measured) if measured and (log.length or failures) else {}
+    return nothing_run(scenario) | {
+        "status": "stopped" if stopped else "done",
+        "reason": stopped,
+        "frames": log.length,
+        "simulated_s": log.length * PERIOD_S,
         "wall_s": round(wall_s, 3),
-        "results": _results(scenario, trajectory) if trajectory.length else {},
-        "events": [dataclasses.asdict(event) for event in events],
-        "paper": paper.TABLES.get(scenario.paper_table),
-        "definitions": DEFINITIONS,
-        "settings": scenario.settings.plain(),
-        "versions": versions(),
-    }
-
-
-def _results(scenario: Scenario, trajectory: Trajectory) -> dict[str, Any]:
-    statistics = metrics.error_statistics(trajectory)
-    alpha = metrics.alpha_percentiles(trajectory) if trajectory.length > metrics.ALPHA_WINDOW_FRAMES else None
-    results: dict[str, Any] = {}
-    for i, controller in enumerate(scenario.labels):
-        error: dict[str, Any] = {}
-        reduction: dict[str, Any] = {}
-        for j, axis in enumerate(metrics.AXES):
-            error[axis] = {name: _spread(values[i, :, j]) for name, values in statistics.items()}
-            base = {name: float(np.median(values[0, :, j])) for name, values in statistics.items()}
-            reduction[axis] = {
-                name: 100 * (1 - error[axis][name]["median"] / base[name]) if base[name] else None for name in base
+        "events": [asdict(event) for event in events.find(log, failures)],
+        "failed": [
+            {
+                "controller": f.controller, "seed": f.seed, "place": log.rows[f.row].place,
+                "time_s": f.time_s, "cause": f.cause,
             }
-        results[controller] = {
-            "error_m": error,
-            "reduction_percent": reduction if i else None,
-            "alpha": alpha[i] if alpha else None,
-            "peak_voltage_v": _peak(trajectory.channel("voltage_peak")[:, i]),
-            "peak_current_a": _peak(trajectory.channel("current_peak")[:, i]),
-            "peak_winding_c": _peak(trajectory.channel("winding")[:, i]),
+            for f in failures
+        ],
+        "results": found,
+        "verdict": None if stopped else verdict(found, limits, subject),
+    }  # fmt: skip
+
+
+def results(log: Log, failures: "Iterable[Failure]", measured: Mapping[str, Array]) -> dict[str, Any]:
+    """Per controller its errors, effort, time to settle, alpha and peaks over its rows."""
+    failed = {failure.row for failure in failures}
+    found: dict[str, Any] = {}
+    base: dict[str, dict[str, Spread]] = {}
+    for controller in log.controllers:
+        rows = log.of(controller)
+        error = {
+            axis: {
+                statistic: spread(measured[f"{axis}_{statistic}_{metrics.UNITS[axis]}"][rows])
+                for statistic in metrics.STATISTICS
+            }
+            for axis in metrics.AXES
         }
-    return results
+        found[controller] = {
+            "error_m": {axis: error[axis] for axis in metrics.AXES if metrics.UNITS[axis] == "m"},
+            "error_rad": {axis: error[axis] for axis in metrics.AXES if metrics.UNITS[axis] == "rad"},
+            "reduction_percent": _reduction(error, base) if base else None,
+            **{name: spread(measured[name][rows]) for name in ("effort_m_s2", "settle_s", "greatest_at_s")},
+            "alpha": metrics.alpha_percentiles(log, rows),
+            **{name: _peak(measured[name][rows]) for name in metrics.PEAKS},
+            "failed": len(failed.intersection(rows.tolist())),
+        }
+        base = base or error
+    return found
 
 
-def _spread(values: np.ndarray) -> dict[str, float]:
-    return {"median": float(np.median(values)), "min": float(values.min()), "max": float(values.max())}
-
-
-def _peak(values: np.ndarray) -> float | None:
-    return None if np.isnan(values).all() else float(np.nanmax(values))
+def document(
+    entries: Mapping[str, Entry],
+    controllers: Iterable[str],
+    limits: Iterable[str],
+    seeds: Iterable[int],
+    *,
+    created: str,
+    wall_s: float,
+    complete: bool,
+    stopped: str | None,
+    subject: str | None,
+    repeat: str | None,
+) -> dict[str, Any]:
+    """The whole summary, of one scenario or several that were run with the same controllers and seeds."""
+    return {
+        "format": FORMAT, "created": created, "complete": complete, "stopped": stopped, "wall_s": round(wall_s, 3),
+        "repeat": repeat, "controllers": list(controllers), "limits": list(limits), "seeds": list(seeds),
+        "subject": subject, "scenarios": dict(entries), "definitions": DEFINITIONS, "versions": versions(),
+    }  # fmt: skip
 
 
 def versions() -> dict[str, str]:
@@ -93,6 +168,19 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {name: version(name) for name in packages}
 
 
-def save(summary: dict[str, Any], path: Path) -> None:
-    """Write the summary as strict JSON (no NaN)."""
-    path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+def _reduction(error: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, dict[str, float | None]]:
+    """By how much the medians are below the first controller's, %; None where there is none, or it is zero."""
+    return {
+        axis: {
+            name: None
+            if error[axis][name]["median"] is None or not base[axis][name]["median"]
+            else 100 * (1 - error[axis][name]["median"] / base[axis][name]["median"])
+            for name in metrics.STATISTICS
+        }
+        for axis in metrics.AXES
+    }
+
+
+def _peak(values: Array) -> float | None:
+    known = values[~np.isnan(values)]
+    return plain(known.max()) if known.size else None

@@ -1,28 +1,35 @@
-"""What --list shows: scenarios, controllers, and every setting with unit, default and range."""
+"""What there is to name: scenarios, controllers, plants, robots, and every setting with unit, default and range."""
 
 import json
-import sys
 import tomllib
 from typing import Any
 
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
-
-from omni_control.controllers import CONTROLLERS
-from omni_mj.scenarios import scenario
+from omni_control.controllers import CONTROLLERS, find
+from omni_mj.scenarios import robots
+from omni_mj.scenarios.plants import PLANTS
+from omni_mj.scenarios.scenario import builtin
 from omni_mj.scenarios.settings import every_setting
+from omni_mj.show import terminal
+
+HEADINGS = ["setting", "default", "unit", "allowed", "meaning"]
+WIDEST = [None, 20, 10, 24]  # columns of settings, in characters; the meaning has what is left
 
 
 def show() -> None:
     """Print the lists."""
-    console = Console(width=None if sys.stdout.isatty() else 140)
-    scenarios = {name: tomllib.loads(path.read_text(encoding="utf-8")) for name, path in scenario.builtin().items()}
-    _print(console, "scenarios (--scenario)", [[name, data.get("description", "")] for name, data in scenarios.items()])
-    trackers = [[name, (tracker.__doc__ or "").splitlines()[0]] for name, tracker in CONTROLLERS.items()]
-    _print(console, "controllers (--controller)", trackers)
-    rows = [[each.full, short(each.default), each.unit, each.allowed, each.doc] for each in every_setting()]
-    _print(console, "settings (--set section.field=value)", rows, ["setting", "default", "unit", "allowed", "meaning"])
+    scenarios = {name: tomllib.loads(path.read_text(encoding="utf-8")) for name, path in builtin().items()}
+    settings = [[s.full, short(s.default), s.unit, s.allowed, s.doc] for s in every_setting()]
+    for title, rows, widest in (
+        ("scenarios (--scenario)", [[name, data.get("description", "")] for name, data in scenarios.items()], [None]),
+        ("controllers (--controller)", [[name, _first_line(find(name))] for name in CONTROLLERS], [None]),
+        ("plants (--plant)", [[name] for name in PLANTS], []),
+        ("robots (--robot)", [[name] for name in robots.names()], []),
+        ("settings (--set section.field=value)", [HEADINGS, *settings], WIDEST),
+    ):
+        print(title)
+        for line in terminal.wrapped(rows, widest):
+            print(f"  {line}")
+        print()
 
 
 def short(value: Any) -> str:
@@ -30,11 +37,5 @@ def short(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value)
 
 
-def _print(console: Console, title: str, rows: list[list[str]], headings: list[str] | None = None) -> None:
-    table = Table(title=title, title_justify="left", title_style="bold", box=None, show_header=headings is not None)
-    for i in range(len(rows[0])):
-        table.add_column(headings[i] if headings else "", no_wrap=i == 0)
-    for row in rows:
-        table.add_row(*map(escape, row))
-    console.print(table)
-    console.print()
+def _first_line(kind: type) -> str:
+    return (kind.__doc__ or "").split("\n", 1)[0]

@@ -11,7 +11,6 @@ SHEET = Path(__file__).with_name("omni.mplstyle")
 REFERENCE = "#7F7F7F"
 BACKGROUND = "#C8C8C8"
 CONTROLLERS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#999933")
-AXES = ("#D55E00", "#0072B2", "#009E73", "#CC79A7")
 DASHES = (
     "-",
     (0, (4, 1.5)),
@@ -26,7 +25,7 @@ MARKERS = {"o": 5.0, "s": 5.0, "^": 5.5, "D": 4.5, "v": 5.5, "P": 6.5, "X": 6.5,
 
 
 def controller(index: int) -> str:
-    """Colour of a run's index-th controller."""
+    """Colour of a run's index-th controller; of a robot's index-th wheel where a plot shows one controller alone."""
     return CONTROLLERS[index % len(CONTROLLERS)]
 
 

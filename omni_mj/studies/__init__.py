@@ -1,1 +1,1 @@
-"""."""
+"""Studies: what is run to learn something; each gives a `Result`."""

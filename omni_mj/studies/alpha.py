@@ -1,31 +1,29 @@
-"""`python -m omni_mj.alpha`: how the motor correction factor alpha comes out of friction, heat, battery and lint.
+"""How the motor correction factor alpha comes out of friction, heat, battery and lint.
 
-Robots drive standard velocity profiles, each combination of conditions in a robot of its own; nothing but the firmware
-is between the profile and the wheels: no camera, no tracker, no dead time.
+Robots drive standard velocity profiles, each combination of conditions in a robot of its own, commanded step by step:
+no controller, no dead time, and a camera without noise, whose heading keeps the robots straight.
 """
 
 import itertools
-import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 
+from omni_control.controllers.base import Controller
 from omni_control.kinematics import Array
-from omni_mj.cli import console, folders
-from omni_mj.link.radio import Received
+from omni_mj.measure import summary
 from omni_mj.measure.metrics import ALPHA_PERCENTILES, ALPHA_WINDOW_FRAMES, alpha_windows
-from omni_mj.measure.summary import versions
-from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.scenarios import scenario
+from omni_mj.measure.result import Outcome, Result
+from omni_mj.scenarios.rows import Row
+from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, Settings
-from omni_mj.show import alpha_figure
+from omni_mj.simulate.simulation import Simulation
+from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
 
-Conditions = dict[str, tuple[float, ...]]
+Conditions = Mapping[str, Sequence[float]]
 CONDITIONS: Conditions = {
     "friction": (0.3, 0.4, 0.5, 0.7, 0.9, 1.0),
     "winding_c": (25.0, 75.0, 120.0),
@@ -39,6 +37,10 @@ PHASES = {"accelerating": range(2), "cruising": range(3, 6)}
 FRAMES = ALPHA_WINDOW_FRAMES * 6
 # What real robots meet, over which the paper's interval [0.7, 1] should come out.
 USUAL = {"friction": (0.5, 0.9), "winding_c": (25.0, 120.0), "charge": (0.15, 1.0), "lint": (0.065, 0.065)}
+
+
+class Profile(Controller):
+    """Stands where a controller would be named; what the robots are sent is the profile."""
 
 
 @dataclass(frozen=True)
@@ -64,8 +66,102 @@ class Study:
         """Mean of alpha over everything but one condition, in the order of its values."""
         axis = list(self.conditions).index(condition)
         both = np.concatenate([self.phase(name) for name in PHASES], axis=-1)
-        mean: Array = both.mean(tuple(i for i in range(both.ndim) if i != axis))
+        mean: Array = np.nanmean(both, axis=tuple(i for i in range(both.ndim) if i != axis))
         return mean
+
+    def percentiles(self) -> dict[str, float]:
+        """Of alpha under the usual conditions; none without them."""
+        usual = self.usual()
+        usual = usual[~np.isnan(usual)]
+        return {f"p{p}": round(float(np.percentile(usual, p)), 6) for p in ALPHA_PERCENTILES} if usual.size else {}
+
+    def report(self) -> dict[str, Any]:
+        """The study in plain values."""
+        return {
+            "definition": f"displacement achieved / commanded along the drive, windows of {ALPHA_WINDOW_FRAMES} frames",
+            "profile": {"speed_m_s": SPEED_M_S, "acceleration_m_s2": ACCELERATION_M_S2, "rate_hz": FRAME_RATE_HZ},
+            "axes": {**{name: list(values) for name, values in self.conditions.items()}, "direction": list(DIRECTIONS)},
+            "alpha": {name: _plain(self.phase(name).mean(-1)) for name in PHASES},
+            "windows": {name: [round(i * ALPHA_WINDOW_FRAMES * PERIOD_S, 6) for i in PHASES[name]] for name in PHASES},
+            "trends": {name: _plain(self.trend(name)) for name in self.conditions},
+            "usual": {"conditions": USUAL, **self.percentiles()},
+        }
+
+
+@dataclass
+class AlphaResult(Result):
+    """The result of the study; its rows hold conditions, direction and alpha.
+
+    Attributes:
+        study: alpha over the conditions; None of a study that was stopped.
+    """
+
+    study: Study | None = None
+
+    def summary(self) -> dict[str, Any]:
+        """That of any result, with the study as `alpha`."""
+        return super().summary() | {"alpha": self.study.report() if self.study else None}
+
+    def table(self) -> str:
+        """The trends, and the percentiles under usual conditions, as lines of text."""
+        return "\n".join(self.lines())
+
+    def lines(self) -> Iterator[str]:
+        """See `table`."""
+        if self.study is None:
+            return
+        yield "mean alpha over everything else"
+        width = max(map(len, self.study.conditions))
+        for name, values in self.study.conditions.items():
+            pairs = zip(values, self.study.trend(name), strict=True)
+            yield f"{name.ljust(width)}  " + "   ".join(f"{value:g}: {mean:.3f}" for value, mean in pairs)
+        if percentiles := self.study.percentiles():
+            bounds = ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in USUAL.items())
+            yield f"usual conditions ({bounds}):"
+            numbers = ", ".join(f"{value:.3f}" for value in percentiles.values())
+            yield f"  5th, 50th, 95th percentile of alpha: {numbers}"
+
+
+def alpha(
+    scenario: Scenario | str = "rect", conditions: Conditions | None = None, *, after_frame: AfterFrame = nothing
+) -> AlphaResult:
+    """Drive the profiles under all combinations of `conditions`.
+
+    Args:
+        scenario: everything else, or its name; its reference, radio and camera are left out.
+        conditions: values of `friction`, `winding_c`, `charge` and `lint`. [`CONDITIONS`] Hot windings come with a
+            housing as warm as it gets in equilibrium with them.
+        after_frame: called with each frame's number.
+
+    Returns:
+        alpha, whose windows are not a number for robots that failed.
+    """
+    started, conditions = time.perf_counter(), conditions or CONDITIONS
+    chosen = _without_loop(load(scenario) if isinstance(scenario, str) else scenario)
+    combinations = list(itertools.product(itertools.product(*conditions.values()), DIRECTIONS))
+    rows = [
+        Row(world, 0, Profile.__name__, chosen.seed, _under(chosen.settings, *values), chosen.robot)
+        for world, (values, _) in enumerate(combinations)
+    ]
+    heading = np.array([DIRECTIONS[direction] for _, direction in combinations])
+    simulation = Simulation(chosen, [Profile], rows=rows)
+    result = AlphaResult([Outcome.not_run(chosen)], [Profile.__name__], seeds=[chosen.seed])
+    try:
+        for frame, speed in enumerate([*profile(), 0.0]):  # the last only records where the profile led
+            simulation.step(np.pad(speed * heading, ((0, 0), (0, 1))))
+            after_frame(frame)
+    except StoppedError as error:
+        result.stopped = error.reason
+    result.wall_s = time.perf_counter() - started
+    result.complete = result.stopped is None
+    entry = summary.entry(chosen, simulation.log, simulation.failures, {}, result.wall_s, result.stopped)
+    measured: dict[str, np.ndarray] = {"direction": np.array([direction for _, direction in combinations])}
+    if result.complete:
+        result.study = Study(conditions, _alpha(simulation, heading, [len(values) for values in conditions.values()]))
+        flat = result.study.alpha.reshape(len(rows), -1)
+        measured |= {f"alpha_{name}": flat[:, list(windows)].mean(-1) for name, windows in PHASES.items()}
+    result.outcomes = [Outcome(chosen, entry, rows, simulation.failures, measured)]
+    return result
 
 
 def profile() -> Array:
@@ -73,45 +169,30 @@ def profile() -> Array:
     return np.minimum(SPEED_M_S, ACCELERATION_M_S2 * PERIOD_S * np.arange(1, FRAMES + 1))
 
 
-def run(
-    settings: Settings, conditions: Conditions = CONDITIONS, progress: Callable[[int], None] = lambda frame: None
-) -> Study:
-    """Drive the profiles under all combinations of `conditions`, everything else as in `settings`.
-
-    Hot windings come with a housing as warm as it gets in equilibrium with them.
-    """
-    rows = [_under(settings, *values) for values in itertools.product(*conditions.values()) for _ in DIRECTIONS]
-    heading = np.tile(list(DIRECTIONS.values()), (len(rows) // len(DIRECTIONS), 1))
-    plant = MujocoPlant(rows, np.zeros((len(rows), 3)), [0] * len(rows), FRAMES)
-    along = [np.zeros(len(rows))]
-    for frame, speed in enumerate(profile()):
-        plant.advance(frame, Received.at_once(np.pad(speed * heading, ((0, 0), (0, 1)))))
-        along.append((plant.pose()[:, :2] * heading).sum(1))
-        progress(frame + 1)
-    command = np.append(profile(), 0.0)[:, None] * np.ones(len(rows))
-    windows = alpha_windows(np.array(along), command)[::ALPHA_WINDOW_FRAMES]
-    shape = [len(values) for values in conditions.values()] + [len(DIRECTIONS), len(windows)]
-    return Study(conditions, windows.T.reshape(shape))
+def _alpha(simulation: Simulation, heading: Array, shape: Sequence[int]) -> Array:
+    """The factor along the drive, one window after the other, over conditions of this shape and directions."""
+    along = (simulation.log.channel("pose")[..., :2] * heading).sum(-1)
+    command = np.append(profile(), 0.0)[:, None] * np.ones(len(heading))
+    windows = alpha_windows(along, command)[::ALPHA_WINDOW_FRAMES]
+    return windows.T.reshape(*shape, len(DIRECTIONS), len(windows))
 
 
-def report(study: Study, settings: Settings, wall_s: float) -> dict[str, Any]:
-    """The study as what alpha.json holds."""
-    return {
-        "definition": f"displacement achieved / commanded along the drive, windows of {ALPHA_WINDOW_FRAMES} frames",
-        "profile": {"speed_m_s": SPEED_M_S, "acceleration_m_s2": ACCELERATION_M_S2, "rate_hz": FRAME_RATE_HZ},
-        "axes": {**study.conditions, "direction": list(DIRECTIONS)},
-        "alpha": {name: study.phase(name).mean(-1).round(6).tolist() for name in PHASES},
-        "windows": {name: [round(i * ALPHA_WINDOW_FRAMES * PERIOD_S, 6) for i in PHASES[name]] for name in PHASES},
-        "trends": {name: study.trend(name).round(6).tolist() for name in study.conditions},
-        "usual": {"conditions": USUAL, **_percentiles(study.usual())},
-        "firmware": settings.plain()["firmware"],
-        "wall_s": round(wall_s, 3),
-        "versions": versions(),
-    }
-
-
-def _percentiles(values: Array) -> dict[str, float]:
-    return {f"p{p}": round(float(np.percentile(values, p)), 6) for p in ALPHA_PERCENTILES}
+def _without_loop(scenario: Scenario) -> Scenario:
+    """The scenario without dead time, noise of the camera, and controllers; its reference is as long as the profile."""
+    settings = scenario.settings.replace(
+        reference={
+            "shape": "waypoints",
+            "waypoints": [[0, 0], [0, 0]],
+            "mode": "timed",
+            "settle_s": 2 * FRAMES * PERIOD_S,
+        },
+        radio={"delay_frames": 0, "jitter_frames": 0},
+        vision={"position_noise_m": 0, "heading_noise_rad": 0, "miss_probability": 0},
+        world={"places": [[0, 0, 0]]},
+    )
+    return scenario.replace(
+        name="alpha", description="where alpha comes from", paper_table=0, settings=settings, seeds=1
+    )
 
 
 def _under(settings: Settings, friction: float, winding_c: float, charge: float, lint: float) -> Settings:
@@ -129,24 +210,8 @@ def _inside(values: Sequence[float], bounds: tuple[float, float]) -> list[int]:
     return [i for i, value in enumerate(values) if bounds[0] <= value <= bounds[1]]
 
 
-@click.command("alpha")
-@click.option("--set", "overrides", metavar="SECTION.FIELD=VALUE", multiple=True, help="A setting; see run --list.")
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="[runs/alpha-<UTC time>]")
-@click.option("--overwrite", is_flag=True, help="Replace the files of an earlier study in --out.")
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
-def command(overrides: tuple[str, ...], out: Path | None, overwrite: bool, quiet: bool) -> None:
-    """Map alpha over carpet friction, winding temperature, battery charge and lint."""
-    settings = scenario.load("rect", overrides).settings
-    folder = folders.prepare(out, "alpha", ("alpha.json", "alpha.png"), overwrite)
-    started = time.perf_counter()
-    with console.progress("alpha", FRAMES, quiet) as show:
-        study = run(settings, progress=show)
-    result = report(study, settings, time.perf_counter() - started)
-    (folder / "alpha.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    alpha_figure.save(study, folder / "alpha.png")
-    if not quiet:
-        console.print_alpha(result, folder)
-
-
-if __name__ == "__main__":
-    console.invoke(command)
+def _plain(values: Array) -> Any:
+    """Nested lists, with None for what is not a number."""
+    rounded = values.round(6).astype(object)
+    rounded[np.isnan(values)] = None
+    return rounded.tolist()

@@ -1,156 +1,145 @@
-"""What a user must know of is said: windings too hot, a battery that gave up."""
+"""What a user must know of is said: rows that were stopped, windings too hot, a battery that gave up, and the rest."""
 
-import json
-import subprocess
-import sys
-from pathlib import Path
+from functools import cache
+from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
-from recorded import Recorded
+from logs import failure, filled, rows
 
 from omni_control.limits import CommandLimits
+from omni_control.reference.limits import MotionLimits
 from omni_mj.measure import events
-from omni_mj.scenarios import scenario
-from omni_mj.simulate.log import Trajectory
+from omni_mj.scenarios.scenario import load
+from omni_mj.scenarios.settings import Settings
+from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Simulation
 
-SHORT = ["reference.waypoints=[[0, 0], [0.5, 0]]", "reference.settle_s=0"]
+SHORT = ("reference.waypoints=[[0, 0], [0.5, 0]]", "reference.settle_s=0")
+AWAY = ("reference.waypoints=[[0, 0], [0.4, 0], [0.4, 0.2]]", "reference.settle_s=0")
+REST = {"vision_valid": True, "duty_peak": 0.5, "battery": 22.0, "winding": 25.0}
 
 
-def simulate(*overrides: str) -> tuple[Simulation, list[events.Event]]:
-    simulation = Simulation(scenario.load("rect", [*SHORT, *overrides]))
+@cache
+def simulated(*overrides: str) -> Simulation:
+    simulation = Simulation(load("rect", [*SHORT, *overrides]))
     simulation.run()
-    return simulation, events.find(simulation.trajectory, simulation.scenario.settings)
+    return simulation
 
 
-def test_an_ordinary_run_has_no_events() -> None:
-    assert simulate()[1] == []
+def settings(*overrides: str) -> Settings:
+    return load("rect", [*SHORT, *overrides]).settings
 
 
-def test_the_first_frame_above_the_limit_is_named() -> None:
-    # 25.02 deg C: the windings pass it after a few frames of driving.
-    simulation, found = simulate("motor.limit_c=25.02")
-    assert {e.controller for e in found} == {"flc", "comp-flc"}
-    for event in found:
-        i = simulation.scenario.controllers.index(event.controller)
-        hot = simulation.trajectory.channel("winding")[:, i, 0].max(-1) > 25.02
-        assert event.frame == np.flatnonzero(hot)[0] > 0
-        assert event.time_s == pytest.approx(event.frame / 60)
-        assert "25.02 deg C" in event.text
+def told(log: Log, *kinds: str) -> list[tuple[int, str]]:
+    return [(event.frame, event.text) for event in events.find_all(log) if event.kind in kinds]
 
 
-def test_an_empty_battery_stops_the_robot_and_says_so() -> None:
-    simulation, found = simulate("battery.charge=0.05")
-    assert all("gives no more power" in e.text for e in found)
-    assert len(found) == 2
-    end = simulation.trajectory.channel("wheel_speed")[-1]
-    assert np.abs(end).max() < 0.1
-
-
-def test_a_run_reports_events_everywhere(tmp_path: Path) -> None:
-    settings = [argument for s in [*SHORT, "motor.winding_c=126"] for argument in ("--set", s)]
-    command = [sys.executable, "-m", "omni_mj.run", "--scenario", "rect", *settings, "--out", str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
-    assert "note: 0.00 s, flc, seed 0: a winding is above 125 deg C" in done.stdout
-    assert done.stdout.count("note: ") == 2  # of which way-points and lost frames are none
-    summary = json.loads((tmp_path / "summary.json").read_text())
-    assert [e["controller"] for e in summary["events"]] == ["flc", "comp-flc"]
-    windings = pq.read_table(tmp_path / "trajectory.parquet", columns=["winding_1_c", "winding_4_c"])
-    assert summary["results"]["flc"]["peak_winding_c"] >= windings["winding_1_c"].to_numpy().max() * 0.99 > 120
-    recorded = Recorded(tmp_path / "recording.rrd")
-    for controller in ("flc", "comp-flc"):
-        texts = [row[0] for row in recorded.column(f"/events/{controller}", "TextLog:text")]
-        assert texts[0] == f"0.00 s  {controller}: a winding is above 125 deg C"
-        assert texts[-1].endswith(f"{controller}: way-point 1 of 1 reached")
-
-
-def track(frames: int) -> Trajectory:
-    """A robot at rest at the first way-point, seen, told nothing."""
-    trajectory = Trajectory(("flc",), [0], frames)
-    rest = {"pose": (0, 0, 0), "ref": (0, 0, 0), "command": (0, 0, 0), "vision_valid": True, "duty_peak": 0.5}
-    for frame in range(frames):
-        trajectory.write(frame, battery=22.0, winding=[25.0] * 4, **rest)
-    return trajectory
-
-
-def told(trajectory: Trajectory, kind: str, *overrides: str) -> list[tuple[int, str]]:
-    settings = scenario.load("rect", [*SHORT, *overrides]).settings
-    return [(e.frame, e.text) for e in events.find_all(trajectory, settings) if e.kind == kind]
+def constant(value: float, frames: int, at: Any, other: float) -> np.ndarray:
+    """A channel (frames, 1, 1) that is `value` but for `other` in the frames `at`."""
+    channel = np.full((frames, 1, 1), value)
+    channel[at] = other
+    return channel
 
 
 def test_a_robot_at_rest_has_no_events() -> None:
-    assert events.find_all(track(100), scenario.load("rect", SHORT).settings) == []
+    assert events.find_all(filled(rows(settings=settings()), 100, **REST)) == []
 
 
-@pytest.mark.parametrize(
-    ("axis", "limit", "unit"), [(0, 2.0, "m/s"), (1, 2.0, "m/s"), (2, 3.0, "rad/s")], ids=["x", "y", "turn"]
-)
-def test_a_command_at_its_limit_is_told_once_until_it_has_been_away(axis: int, limit: float, unit: str) -> None:
+def test_the_first_frame_above_the_limit_and_an_empty_battery_are_told_of_every_row() -> None:
+    """Each by its own settings; 25.02 deg C: the windings pass it after a few frames of driving."""
+    warm, empty = simulated("motor.limit_c=25.02").log, simulated("battery.charge=0.05").log
+    found = {(event.kind, event.controller): event for log in (warm, empty) for event in events.find(log)}
+    assert set(found) == {(kind, name) for kind in ("temperature", "battery") for name in ("flc", "comp-flc")}
+    for i, name in enumerate(("flc", "comp-flc")):
+        event = found["temperature", name]
+        hot = warm.channel("winding")[:, i].max(-1) > 25.02
+        assert event.frame == np.flatnonzero(hot)[0] > 0
+        assert event.time_s == pytest.approx(event.frame / 60)
+        assert "25.02 deg C" in event.text
+        assert found["battery", name].text == "the battery sank below 20.4 V and gives no more power"
+    assert np.abs(empty.channel("wheel_speed")[-1]).max() < 0.1
+    table = [*rows(("a",), (0, 1), settings("motor.limit_c=20")), *rows(("b",), (3,), settings())]
+    cold = filled(table, 2, **REST)
+    assert [(event.controller, event.seed) for event in events.find(cold)] == [("a", 0), ("a", 1)]
+
+
+def test_a_row_that_was_stopped_is_told_after_its_last_frame_and_nothing_else_of_it() -> None:
+    lengths = [30, 12]
+    log = filled(rows(("a", "b"), settings=settings()), 30, lengths, **REST)
+    stopped = events.Event(12, 0.2, "b", 0, "stopped", "stopped: toppled over")
+    assert events.find(log, [failure(log, 1)]) == [stopped]
+    assert events.find_all(log, [failure(log, 1)]) == [stopped]
+
+
+def test_a_command_at_its_limit_is_told_once_until_it_has_been_away() -> None:
     """At the limit in frames 10, 12 to 20, and 40: told in 10 and 40, a quarter of a second after 20."""
-    trajectory, command = track(60), np.zeros((60, 3))
-    command[[10, *range(12, 21), 40], axis] = -limit
-    for frame in range(60):
-        trajectory.write(frame, command=command[frame])
-    free = ["control.max_acceleration_m_s2=1000", "control.max_turn_acceleration_rad_s2=10000"]
-    limits = ["control.max_speed_m_s=2", "control.max_turn_rate_rad_s=3"]
-    text = f"the command is held back to {limit:g} {unit}"
-    assert told(trajectory, events.LIMIT, *free, *limits) == [(10, text), (40, text)]
+    free = ("control.max_acceleration_m_s2=1000", "control.max_turn_acceleration_rad_s2=10000")
+    table = rows(settings=settings(*free, "control.max_speed_m_s=2", "control.max_turn_rate_rad_s=3"))
+    for axis, limit, unit in ((0, 2.0, "m/s"), (1, 2.0, "m/s"), (2, 3.0, "rad/s")):
+        command = np.zeros((60, 1, 3))
+        command[[10, *range(12, 21), 40], :, axis] = -limit
+        text = f"the command is held back to {limit:g} {unit}"
+        assert told(filled(table, 60, command=command, **REST), events.LIMIT) == [(10, text), (40, text)]
 
 
 def test_a_command_that_changes_as_fast_as_it_may_is_told() -> None:
     """From rest to 3 m/s in frame 5, of which the limits let 4.7 m/s^2 through."""
-    trajectory, limits = track(40), CommandLimits(scenario.load("rect").settings.control, 1)
+    limits, last = CommandLimits([MotionLimits(3.7, 4.7, 26.0, 50.8)], 1 / 60), np.zeros((1, 3))
+    command = []
     for frame in range(40):
-        trajectory.write(frame, command=limits(np.array([[3.0 * (frame >= 5), 0, 0]])))
-    assert told(trajectory, events.LIMIT) == [(5, "the command is held back to 4.7 m/s^2")]
+        last = limits(np.array([[3.0 * (frame >= 5), 0, 0]]), last)
+        command.append(last)
+    log = filled(rows(settings=settings()), 40, command=np.array(command), **REST)
+    assert told(log, events.LIMIT) == [(5, "the command is held back to 4.7 m/s^2")]
 
 
-def test_frames_that_vision_misses_are_told() -> None:
-    trajectory = track(30)
-    for frame in (0, 7, 20, 21, 22, 29):
-        trajectory.write(frame, vision_valid=False)
-    trajectory.write(29, vision_valid=False)
+def test_frames_that_vision_misses_and_motors_that_take_all_of_the_battery_are_told() -> None:
+    valid = constant(True, 30, [0, 7, 20, 21, 22, 29], False)
+    log = filled(rows(settings=settings()), 30, **{**REST, "vision_valid": valid.astype(bool)})
     lost = "vision does not see the robot"
     again = (23, "vision sees the robot again after 3 frames")
-    assert told(trajectory, events.VISION) == [(0, lost), (7, lost), (20, lost), again, (29, lost)]
+    assert told(log, events.VISION) == [(0, lost), (7, lost), (20, lost), again, (29, lost)]
+    given_up = {"duty_peak": constant(0.5, 40, [8, 9, 39], 1.0), "battery": constant(22.0, 40, 39, 0.0)}
+    log = filled(rows(settings=settings()), 40, **{**REST, **given_up})
+    assert told(log, events.VOLTAGE) == [(8, "a motor takes all the battery's voltage")]
 
 
-def test_a_motor_that_takes_all_of_the_battery_is_told() -> None:
-    trajectory = track(40)
-    for frame in (8, 9):
-        trajectory.write(frame, duty_peak=1.0)
-    trajectory.write(39, duty_peak=1.0, battery=0.0)  # that battery gave up
-    text = "a motor takes all the battery's voltage"
-    assert told(trajectory, events.VOLTAGE) == [(8, text)]
-
-
-@pytest.mark.parametrize("mode", ["timed", "iterated"])
-def test_way_points_are_reached_within_2_cm_and_a_tenth_of_a_radian(mode: str) -> None:
+def test_way_points_are_reached_within_2_cm_and_a_tenth_of_a_radian() -> None:
     """Recomputed from the poses: the first frame near each in turn, on two laps over the same way-points."""
-    back = ["reference.waypoints=[[0, 0], [0.3, 0], [0, 0]]", "reference.laps=2"]
-    simulation, _ = simulate(*back, f"reference.mode={mode}")
-    found = events.find_all(simulation.trajectory, simulation.scenario.settings)
-    for i, controller in enumerate(simulation.trajectory.controllers):
-        own = [(e.frame, e.text) for e in found if (e.kind, e.controller) == (events.WAY_POINT, controller)]
-        x, y, heading = simulation.trajectory.channel("pose")[:, i, 0].T
-        expected, frame = [], 0
-        for k, goal in enumerate((0.3, 0.0, 0.3, 0.0), 1):
-            near = np.flatnonzero((np.hypot(x - goal, y) < 0.02) & (np.abs(heading) < 0.1))
-            if (near >= frame).any():
-                frame = int(near[near >= frame][0])
-                expected.append((frame, f"way-point {k} of 4 reached"))
-        assert own == expected
-        assert len(own) >= 3  # one that keeps no timetable is late
+    back = ("reference.waypoints=[[0, 0], [0.3, 0], [0, 0]]", "reference.laps=2")
+    for mode in ("timed", "iterated"):
+        simulation = simulated(*back, f"reference.mode={mode}")
+        found = events.find_all(simulation.log)
+        for i, controller in enumerate(simulation.log.controllers):
+            own = [(e.frame, e.text) for e in found if (e.kind, e.controller) == (events.WAY_POINT, controller)]
+            x, y, heading = simulation.log.channel("pose")[:, i].T
+            expected, frame = [], 0
+            for k, goal in enumerate((0.3, 0.0, 0.3, 0.0), 1):
+                near = np.flatnonzero((np.hypot(x - goal, y) < 0.02) & (np.abs(heading) < 0.1))
+                if (near >= frame).any():
+                    frame = int(near[near >= frame][0])
+                    expected.append((frame, f"way-point {k} of 4 reached"))
+            assert own == expected
+            assert len(own) >= 3  # one that keeps no timetable is late
 
 
-def test_events_do_not_depend_on_what_comes_after_them() -> None:
-    """Those of a run's first frames are those of the whole run in these frames."""
-    simulation, _ = simulate("reference.waypoints=[[0, 0], [0.4, 0], [0.4, 0.2]]", "motor.limit_c=25.02")
-    trajectory, settings = simulation.trajectory, simulation.scenario.settings
-    everything = events.find_all(trajectory, settings)
+def test_a_watch_tells_each_event_once_while_the_log_grows() -> None:
+    """Together those of the whole run: no event depends on what comes after its frame."""
+    simulation = Simulation(load("rect", [*AWAY, "motor.limit_c=25.02"]))
+    watches, heard = {}, []
+
+    def after_frame(frame: int) -> None:
+        if frame == 0:
+            watches.update({i: events.Watch(simulation.log, i) for i in range(2)})
+        if frame % 7 == 0 or frame == simulation.references[0].frames - 1:
+            fresh = [event for watch in watches.values() for event in watch.new(simulation.failures)]
+            assert all(event.frame <= frame for event in fresh)
+            heard.extend(fresh)
+
+    simulation.run(after_frame)
+    everything = events.find_all(simulation.log)
     assert {e.kind for e in everything} >= {events.TEMPERATURE, events.VISION, events.WAY_POINT}
-    for frames in range(1, trajectory.length, 7):
-        trajectory.length = frames
-        assert events.find_all(trajectory, settings) == [e for e in everything if e.frame < frames]
+    assert sorted(heard, key=lambda e: (e.frame, e.controller, e.text)) == sorted(
+        everything, key=lambda e: (e.frame, e.controller, e.text)
+    )

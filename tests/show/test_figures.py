@@ -1,42 +1,72 @@
 """The figures show what was recorded, tellable apart, as small files that are the same every time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import settings as tried
 from hypothesis import strategies as st
+from logs import failure, filled, rows
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from omni_mj.measure.paper import TABLES
-from omni_mj.scenarios.settings import PERIOD_S, ControlSettings, Settings
+from omni_mj.measure import metrics, summary
+from omni_mj.measure.result import Outcome
+from omni_mj.scenarios import scenario
+from omni_mj.scenarios.settings import PERIOD_S, ControlSettings
 from omni_mj.show import figures, style
-from omni_mj.show.figures import canvas, controller, paths, seeds, series
-from omni_mj.simulate.log import CHANNELS, Trajectory
+from omni_mj.show.figures import canvas, comparison, controller, heat, paths, seeds, series
+from omni_mj.show.figures.first import FirstRows
+from omni_mj.show.wheels import names_of
 
 FRAMES, SPEED, ALPHA = 240, 0.5, 0.8
+TURN = 0.02  # rad, by which each controller is turned per cm that it is off
 
 
-def made(controllers: int = 2, n_seeds: int = 3, frames: int = FRAMES, heat: bool = True) -> Trajectory:
-    """Robots that drive x, then turn a corner into y; the i-th controller is off by i cm and all achieve 0.8 of it."""
-    names = tuple(f"c{i}" for i in range(controllers))
-    trajectory = Trajectory(names, list(range(n_seeds)), frames)
-    n = controllers * n_seeds
+def made(
+    controllers: int = 2,
+    n_seeds: int = 3,
+    frames: int = FRAMES,
+    heat: bool = True,
+    failed: dict[int, int] | None = None,
+) -> Outcome:
+    """Robots that drive x, then turn a corner into y; the i-th controller is off by i cm and all achieve 0.8 of it.
+
+    `failed` are rows that stop after so many frames.
+    """
+    table = rows([f"c{i}" for i in range(controllers)], range(n_seeds))
     off = 0.01 * np.repeat(np.arange(controllers), n_seeds) + 0.001 * np.tile(np.arange(n_seeds), controllers)
-    velocity = np.where(np.arange(frames)[:, None] < frames / 2, (SPEED, 0.0), (0.0, SPEED))
-    ref = np.concatenate([np.zeros((1, 2)), np.cumsum(velocity, axis=0)[:-1]]) * PERIOD_S
-    for k in range(frames):
-        channels = {name: np.zeros((n, len(columns))) for name, columns in CHANNELS.items()}
-        channels["ref"][:, :2] = ref[k]
-        channels["pose"][:, :2] = ref[k] + off[:, None]
-        channels["command"][:, :2] = channels["applied"][:, :2] = velocity[k] / ALPHA
-        for name in ("winding", "housing"):
-            channels[name][:] = 25 + 0.1 * k if heat else np.nan
-        trajectory.write(k, **channels)
-    return trajectory
+    velocity = np.where(np.arange(frames)[:, None] < FRAMES / 2, (SPEED, 0.0), (0.0, SPEED))
+    ref = np.zeros((frames, len(table), 3))
+    ref[1:, :, :2] = (np.cumsum(velocity, axis=0)[:-1] * PERIOD_S)[:, None]
+    pose = ref + np.stack([off, off, 100 * TURN * off], axis=-1)
+    command = np.zeros((frames, len(table), 3))
+    command[..., :2] = velocity[:, None] / ALPHA
+    warm = (25 + 0.1 * np.arange(frames) if heat else np.full(frames, np.nan))[:, None, None]
+    ends = [(failed or {}).get(row, frames) for row in range(len(table))]
+    log = filled(
+        table, frames, ends, ref=ref, pose=pose, command=command, applied=command, alpha_hat=1.0, winding=warm,
+        housing=warm,
+    )  # fmt: skip
+    failures = [failure(log, row) for row in failed or {}]
+    chosen = scenario.load("rect", (), {"plant": "kinematic"})
+    measured = metrics.row_metrics(log, failures)
+    entry = summary.entry(chosen, log, failures, measured, 0.0, None)
+    return Outcome(chosen, entry, table, failures, measured, log)
+
+
+def first(outcome: Outcome) -> FirstRows:
+    assert outcome.log
+    return FirstRows(outcome.log, outcome.failures)
+
+
+def drawings(outcome: Outcome) -> dict[str, Callable[[], Figure]]:
+    return figures.drawings(first(outcome), outcome.entry, ControlSettings())
 
 
 def drawn(draw: Callable[[], Figure]) -> Figure:
@@ -48,56 +78,162 @@ def curves(axes: Axes, label: str) -> list[np.ndarray]:
     return [np.asarray(line.get_ydata()) for line in axes.get_lines() if line.get_label() == label]
 
 
-def test_each_figure_is_a_png_and_a_small_svg_the_same_every_time(tmp_path: Path) -> None:
-    for folder in ("a", "b"):
-        figures.save_all(made(), "a run", tmp_path / folder, paper=TABLES[3])
-    names = {f"{name}.{kind}" for name in figures.NAMES for kind in ("png", "svg")}
-    assert {path.name for path in (tmp_path / "a").iterdir()} == names
-    for name in names:
-        data = (tmp_path / "a" / name).read_bytes()
-        assert data == (tmp_path / "b" / name).read_bytes(), name
-        assert len(data) < 1_000_000
+def test_each_figure_is_a_png_and_a_small_svg_the_same_every_time(runs: list[Path], tmp_path: Path) -> None:
+    drawn_by_the_run = list((runs[0] / "figures").iterdir())
+    names = {f"{name}.{kind}" for name in figures.NAMES if name != "temperatures" for kind in ("png", "svg")}
+    assert {path.name for path in drawn_by_the_run} == names
+    assert max(path.stat().st_size for path in drawn_by_the_run) < 1_000_000
+    for stem in ("a", "b"):
+        with figures.matplotlib_style.context(style.SHEET):
+            canvas.save(series.error(first(made(frames=60))), tmp_path / stem)
+    for kind in ("png", "svg"):
+        assert (tmp_path / f"a.{kind}").read_bytes() == (tmp_path / f"b.{kind}").read_bytes()
 
 
 def test_what_a_run_has_no_data_for_is_not_drawn() -> None:
-    names = list(figures.drawings(made(1, n_seeds=2, heat=False), Settings(), None))
+    names = list(drawings(made(1, n_seeds=2, heat=False)))
     assert names == [name for name in figures.NAMES if name not in ("temperatures", "seeds")]
 
 
-@pytest.mark.parametrize("frames", [1, 2, 15, 16])
+@pytest.mark.parametrize("frames", [1, 16])
 def test_a_run_that_ended_at_once_can_be_drawn(frames: int) -> None:
-    for name, draw in figures.drawings(made(2, 3, frames), Settings(), None).items():
+    for name, draw in drawings(made(2, 3, frames)).items():
         if name not in figures.OF_THE_CONTROLLER:
             drawn(draw).draw_without_rendering()
 
 
 def test_the_curves_are_the_recorded_values() -> None:
-    """The i-th controller's error is i cm by construction, its command the velocity over alpha."""
-    errors, outputs = drawn(lambda: series.error(made())), drawn(lambda: series.output(made()))
+    """The i-th controller's error is i cm and i times 0.02 rad by construction, its command the velocity over alpha."""
+    errors, outputs = drawn(lambda: series.error(first(made()))), drawn(lambda: series.output(first(made())))
     for i in range(2):
         for axes in errors.axes[:2]:
             np.testing.assert_allclose(curves(axes, f"c{i}")[0], i, atol=1e-9)
+        np.testing.assert_allclose(curves(errors.axes[2], f"c{i}")[0], i * np.rad2deg(TURN), atol=1e-9)
         np.testing.assert_allclose(curves(outputs.axes[0], f"c{i}")[0][0], SPEED / ALPHA)
         np.testing.assert_allclose(curves(outputs.axes[1], f"c{i}")[0][-1], SPEED / ALPHA)
 
 
 def test_alpha_is_what_the_robots_achieved() -> None:
     """Robots that achieve 0.8 of their command have alpha 0.8, in every window that lies within one side."""
-    values = curves(drawn(lambda: series.alpha(made())).axes[0], "alpha over 15 frames")[0]
+    values = curves(drawn(lambda: series.alpha(first(made()))).axes[0], "alpha over 15 frames")[0]
     assert np.isnan(values[:15]).all()
     np.testing.assert_allclose(values[15 : FRAMES // 2 + 1], ALPHA, atol=1e-9)
 
 
-def test_boxes_hold_all_seeds() -> None:
-    """Seed j of controller i is off by i + 0.1 j cm: the medians are 0.1 and 1.1 cm."""
-    axes = drawn(lambda: seeds.seeds(made(), None)).axes[0]
-    medians = [line.get_xdata() for line in axes.get_lines() if line.get_linewidth() == pytest.approx(1.6)]
-    np.testing.assert_allclose(np.ravel(medians), [0.1, 0.1, 1.1, 1.1], atol=1e-9)
+def test_boxes_hold_all_seeds_that_did_not_fail() -> None:
+    """Seed j of controller i is off by i + 0.1 j cm: without the last of the last, medians are 0.1 and 1.05."""
+    axes = drawn(lambda: seeds.seeds(made(failed={5: 100}).entry, heading=True)).axes
+    found = []
+    for panel in axes:
+        lines = [line for line in panel.get_lines() if line.get_linewidth() == pytest.approx(1.6)]
+        found.append([np.asarray(line.get_xdata())[0] for line in lines])
+    x, y, plane, heading = np.array(found[:4])
+    np.testing.assert_allclose(x, [0.1, 1.05], atol=1e-9)
+    np.testing.assert_allclose(y, x, atol=1e-9)
+    np.testing.assert_allclose(plane, np.sqrt(2) * x, atol=1e-9)
+    np.testing.assert_allclose(heading, np.rad2deg(TURN) * x, atol=1e-9)
+    assert [label.get_text() for label in axes[0].get_yticklabels()] == ["c0", "c1\n(1 failed)"]
+
+
+def _of_the_second(name: str, axes: Axes, line: Line2D) -> bool:
+    """Whether a curve is that of the controller c1."""
+    if name in ("temperatures", "alpha"):  # where each controller has its own axes
+        return axes.get_title(loc="left").startswith("c1")
+    return bool(line.get_color() == style.controller(1))
+
+
+@pytest.mark.parametrize("controllers", [2, 5])
+def test_a_row_that_failed_is_drawn_up_to_there_and_says_so(
+    controllers: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    outcome = made(controllers, 1, failed={1: 90})
+    for name in figures.OVER_TIME:
+        figure = drawn(drawings(outcome)[name])
+        lines = [line for axes in figure.axes for line in axes.get_lines() if _of_the_second(name, axes, line)]
+        curves = [np.asarray(line.get_ydata(), float) for line in lines if len(line.get_ydata()) > 2]
+        ends = {np.flatnonzero(~np.isnan(curve))[-1] for curve in curves if not np.isnan(curve).all()}
+        assert ends == {89}, name
+    titles: list[str] = []
+    monkeypatch.setattr(canvas, "save", lambda figure, stem: titles.append(figure.get_suptitle()))
+    figures.save_all(outcome, tmp_path)
+    said = [title for title in titles if "c1 failed at 1.50 s: toppled over" in title]
+    assert len(said) == len(figures.OVER_TIME)
+
+
+def test_a_row_that_failed_leaves_room_for_the_others() -> None:
+    """It is off by 1 m when it is stopped; the others are off by up to 1 cm."""
+    outcome = made(3, 1, failed={2: 90})
+    assert outcome.log
+    outcome.log.channel("pose")[80:90, 2, 0] += 1.0
+    assert drawn(lambda: series.error(first(outcome))).axes[0].get_ylim()[1] < 2.0
+
+
+@pytest.mark.parametrize("count", [3, 6])
+def test_every_wheel_of_any_number_is_drawn(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    azimuths = 2 * np.pi * (np.arange(count) + 0.5) / count
+    monkeypatch.setattr(heat, "world", lambda robot: SimpleNamespace(kinematics=SimpleNamespace(azimuths=azimuths)))
+    log = type(made().log)(rows(["c0"]), count)
+    for _ in range(5):
+        log.write(np.array([True]), {}, winding=25.0 + np.arange(count)[None], housing=np.full((1, count), 25.0))
+    axes = drawn(lambda: heat.temperatures(FirstRows(log))).axes[0]
+    ends = [line.get_ydata()[-1] for line in axes.get_lines()]
+    np.testing.assert_allclose(ends, 25.0 + np.arange(count))
+    assert len({line.get_label() for line in axes.get_lines()}) == count
+
+
+def test_wheels_are_called_by_where_they_are() -> None:
+    tigers = names_of(np.deg2rad([60, 135, 225, 300]))
+    assert tigers == ("front left", "rear left", "rear right", "front right")
+    assert names_of(np.deg2rad([60, 180, 300])) == ("front left", "rear", "front right")
+    assert names_of(np.deg2rad([30, 60])) == ("front left (30°)", "front left (60°)")
+
+
+def spread(*values: float | None) -> dict[str, Any]:
+    """As in a summary; the half interval is a tenth of the mean."""
+    whole = None not in values
+    mean = float(np.mean(values)) if whole else None
+    return {"seeds": list(values), "mean": mean, "plus_minus": mean / 10 if mean and len(values) > 1 else None}
+
+
+def judged(errors: Sequence[float | None], settled: Sequence[float | None]) -> dict[str, Any]:
+    scaled = {stat: spread(*errors) for stat in ("max", "mean")}
+    return {"error_m": {"distance": scaled}, "error_rad": {"heading": scaled}, "effort_m_s2": spread(*errors),
+            "settle_s": spread(*settled)}  # fmt: skip
+
+
+def test_a_comparison_has_a_dot_where_each_mean_is(tmp_path: Path) -> None:
+    """Errors in cm and degrees, hollow for limits; what not every seed has is named, right of all the others."""
+    entries = {
+        "s1": {"plant": "mujoco", "results": {"a": judged([0.01, 0.03], [0.5, 0.7]), "b": judged([0.1, 0.3], [1, 1])}},
+        "s2": {"plant": "mujoco", "results": {"b": judged([0.2, None], [None, None])}},
+        "s3": {"plant": "mujoco", "results": {}},
+    }
+    document = {"scenarios": entries, "limits": ["a"]}
+    figure = drawn(lambda: comparison.comparison(comparison.with_results(entries), document["limits"]))
+    figure.draw_without_rendering()
+    scales = (100, 100, np.rad2deg(1), 1)
+    for axes, scale in zip(figure.axes, scales, strict=False):
+        dots = {
+            line.get_label(): np.asarray(line.get_xdata()) for line in axes.get_lines() if line.get_label()[0] != "_"
+        }
+        np.testing.assert_allclose(dots["a (limit)"], [0.02 * scale])
+        np.testing.assert_allclose(dots["b"][0], 0.2 * scale)
+        labels = {label.get_text(): x for label, x in zip(axes.get_xticklabels(), axes.get_xticks(), strict=True)}
+        assert dots["b"][1] == labels["failed"] == max(labels.values())
+        assert labels["failed"] > 0.22 * scale  # beyond the longest interval
+    settling = figure.axes[4]
+    assert [label.get_text() for label in settling.get_xticklabels()][-1] == "not"
+    hollow = [line.get_markerfacecolor() for line in figure.axes[0].get_lines() if line.get_label() == "a (limit)"]
+    assert hollow == ["white"]
+    assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == ["s1", "s2"]
+    figures.save_comparison(document, tmp_path / "compare")
+    assert {path.name for path in tmp_path.iterdir()} == {"compare.png", "compare.svg"}
+    assert figures.comparison_svg(entries).startswith(b"<?xml")
 
 
 def test_a_path_is_enlarged_at_its_corner() -> None:
     """The reference turns at (1, 0) m, and nowhere else."""
-    figure = drawn(lambda: paths.path(made()))
+    figure = drawn(lambda: paths.path(first(made())))
     corner = np.array([SPEED * FRAMES / 2 * PERIOD_S, 0.0])
     details = [axes for axes in figure.axes if "wide" in axes.get_title(loc="left")]
     inside = [a.get_xlim()[0] < corner[0] < a.get_xlim()[1] and a.get_ylim()[0] < 0 < a.get_ylim()[1] for a in details]
@@ -107,9 +243,9 @@ def test_a_path_is_enlarged_at_its_corner() -> None:
 
 def test_each_of_many_controllers_has_axes_of_its_own() -> None:
     for draw in (series.error, series.output, series.alpha):
-        titles = [axes.get_title(loc="left") for axes in drawn(lambda draw=draw: draw(made(8, 1))).axes]
+        titles = [axes.get_title(loc="left") for axes in drawn(lambda draw=draw: draw(first(made(8, 1)))).axes]
         for i in range(8):
-            assert sum(title.startswith(f"c{i}") for title in titles) == 2
+            assert sum(title.startswith(f"c{i}") for title in titles) == (2 if draw == series.alpha else 1)
 
 
 def test_controllers_are_tellable_without_colour() -> None:

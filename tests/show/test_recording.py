@@ -5,35 +5,77 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
 import numpy as np
+import pyarrow as pa
 import pytest
 from numpy.typing import NDArray
 from recorded import Recorded, record, rows, rrd
 
+from omni_control.controllers.base import Controller, Seen
 from omni_mj.scenarios import robots, scenario
 from omni_mj.show import field, style
+from omni_mj.show.recording import FileRecording
 from omni_mj.simulate.simulation import Simulation
 
 CONTROLLERS = ("flc", "comp-flc")
-RUN = [sys.executable, "-m", "omni_mj.run", "--no-figures", "--quiet"]
+WAY = "reference.waypoints=[[0, 0], [0.5, 0], [0.5, 0.3, 0.4], [0, 0.3], [0, 0]]"
+SHORT = "reference.waypoints=[[0, 0], [0.3, 0.2]]"
+
+
+@dataclass(frozen=True)
+class Driven:
+    """A run: its log as a table, and its recording read back."""
+
+    table: pa.Table
+    recorded: Recorded
+
+
+class Own(Controller):
+    """Records what it does to the error, and from frame 50 on how often it was asked."""
+
+    def command(self, frame: int, seen: Seen) -> NDArray:
+        target, speed = self.reference.at(frame, seen.pose)
+        pull = 3.0 * (target - seen.pose)
+        self.channels["pull"] = pull[:, :2]
+        if frame >= 50:
+            self.channels["asked"] = np.full(len(pull), float(frame))
+        return speed + pull
+
+
+class Breaks(Own):
+    """Fails in frame 70."""
+
+    def command(self, frame: int, seen: Seen) -> NDArray:
+        return super().command(frame, seen) if frame < 70 else np.full((len(seen.pose), 3), np.nan)
+
+
+def driven_by(path: Path, controllers: list[str | type[Controller]], *overrides: str, **head: object) -> Driven:
+    chosen = scenario.load("rect", list(overrides), {"plant": "kinematic", **head})
+    simulation = Simulation(chosen, controllers)
+    recorded = record(simulation, path)
+    return Driven(simulation.log.table(), recorded)
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run of the paper's rectangle."""
-    path = tmp_path_factory.mktemp("run")
-    simulation = Simulation(scenario.load("rect", ["wheels.model=contact-roller"]))
-    record(simulation, path / "recording.rrd")
-    simulation.trajectory.save(path / "trajectory.parquet")
-    return path
+def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
+    """A small rectangle with a turn in it, on real wheels."""
+    path = tmp_path_factory.mktemp("run") / "recording.rrd"
+    return driven_by(path, list(CONTROLLERS), WAY, "wheels.model=contact-roller", plant="mujoco")
 
 
 @pytest.fixture(scope="module")
-def recorded(folder: Path) -> Recorded:
-    return Recorded(folder / "recording.rrd")
+def recorded(driven: Driven) -> Recorded:
+    return driven.recorded
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory: pytest.TempPathFactory) -> Driven:
+    """Controllers with channels of their own, of which one fails."""
+    return driven_by(tmp_path_factory.mktemp("own") / "recording.rrd", ["flc", Own, Breaks], SHORT)
 
 
 def poses(recorded: Recorded, entity: str) -> NDArray:
@@ -46,10 +88,8 @@ def poses(recorded: Recorded, entity: str) -> NDArray:
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
 @pytest.mark.parametrize(("entity", "prefix"), [("robot", ""), ("vision", "vision_"), ("predicted", "predicted_")])
-def test_poses_are_those_of_the_table(
-    folder: Path, recorded: Recorded, controller: str, entity: str, prefix: str
-) -> None:
-    table = rows(folder, controller)
+def test_poses_are_those_of_the_table(driven: Driven, controller: str, entity: str, prefix: str) -> None:
+    recorded, table = driven.recorded, rows(driven.table, controller)
     expected = np.column_stack([table[f"{prefix}{name}"] for name in ("x_m", "y_m", "heading_rad")])
     known = np.flatnonzero(~np.isnan(expected[:, 0]))
     assert sorted(recorded.frames(f"/world/{controller}/{entity}")) == known.tolist()
@@ -57,10 +97,10 @@ def test_poses_are_those_of_the_table(
     np.testing.assert_allclose(poses(recorded, f"/world/{controller}/{entity}"), expected[known], atol=1e-6)
 
 
-def test_wheels_turn_by_the_angles_of_the_table(folder: Path, recorded: Recorded) -> None:
-    table, azimuths = rows(folder, "comp-flc"), np.deg2rad([60, 135, 225, 300])
+def test_wheels_turn_by_the_angles_of_the_table(driven: Driven) -> None:
+    table, azimuths = rows(driven.table, "comp-flc"), np.deg2rad([60, 135, 225, 300])
     for i, azimuth in enumerate(azimuths):
-        rows_ = recorded.column(f"/world/comp-flc/robot/wheel_{i + 1}", "Transform3D:quaternion")
+        rows_ = driven.recorded.column(f"/world/comp-flc/robot/wheel_{i + 1}", "Transform3D:quaternion")
         quaternion = np.array([row[0] for row in rows_])
         angle = table[f"wheel_angle_{i + 1}_rad"]
         # Axles point to the robot's centre, so that positive speeds drive it counter-clockwise.
@@ -69,10 +109,10 @@ def test_wheels_turn_by_the_angles_of_the_table(folder: Path, recorded: Recorded
         np.testing.assert_allclose(quaternion, turned, atol=1e-6)
 
 
-def test_the_path_leads_from_pose_to_pose(folder: Path, recorded: Recorded) -> None:
-    table = rows(folder, "flc")
+def test_the_path_leads_from_pose_to_pose(driven: Driven) -> None:
+    table = rows(driven.table, "flc")
     position = np.column_stack([table["x_m"], table["y_m"]])
-    segments = np.array([row[0] for row in recorded.column("/world/flc/path", "LineStrips3D:strips")])
+    segments = np.array([row[0] for row in driven.recorded.column("/world/flc/path", "LineStrips3D:strips")])
     np.testing.assert_allclose(segments[:, 1, :2], position, atol=1e-6)
     np.testing.assert_allclose(segments[1:, 0], segments[:-1, 1], atol=0)
 
@@ -104,6 +144,7 @@ def expected_series(t: dict[str, NDArray]) -> dict[str, NDArray]:
         "wheel/slip": [t[f"slip_{i}_m_s"] for i in wheels],
         "winding": [t[f"winding_{i}_c"] for i in wheels],
         "battery": [t["battery_v"]],
+        "error/distance": [100 * np.hypot(t["x_m"] - t["ref_x_m"], t["y_m"] - t["ref_y_m"])],
         "ahead": [100 * np.hypot(t["predicted_x_m"] - t["x_m"], t["predicted_y_m"] - t["y_m"])],
     }
     for axis, place, speed, scale in (
@@ -125,8 +166,8 @@ def expected_series(t: dict[str, NDArray]) -> dict[str, NDArray]:
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
-def test_every_time_series_follows_from_the_table(folder: Path, recorded: Recorded, controller: str) -> None:
-    expected = expected_series(rows(folder, controller))
+def test_every_time_series_follows_from_the_table(driven: Driven, controller: str) -> None:
+    recorded, expected = driven.recorded, expected_series(rows(driven.table, controller))
     found = {
         entity for entity in recorded.entities() if entity.startswith("/plots/") and controller in entity.split("/")
     }
@@ -160,7 +201,7 @@ def test_series_say_name_unit_and_rate_in_their_controllers_colour(recorded: Rec
 
 
 def test_the_robot_is_the_compiled_models_own_geometry(recorded: Recorded) -> None:
-    model = mujoco.MjModel.from_xml_path(str(robots.folder() / "ssl_robot_on_carpet.xml"))
+    model = mujoco.MjModel.from_xml_path(str(robots.model_path(robots.DEFAULT)))
     for i in range(1, 5):
         entity = f"/world/flc/robot/wheel_{i}/ellipsoids"
         sizes = np.array(recorded.static(entity, "Ellipsoids3D:half_sizes"))
@@ -169,8 +210,9 @@ def test_the_robot_is_the_compiled_models_own_geometry(recorded: Recorded) -> No
         np.testing.assert_allclose(sizes, model.geom_size[ids], rtol=1e-6)
         hub = recorded.static(f"/world/flc/robot/wheel_{i}/cylinders", "Cylinders3D:radii")
         assert hub == pytest.approx(model.geom(f"hub_{i}").size[:1])
-    of_chassis = model.geom_bodyid == model.body("chassis").id
-    chassis = np.flatnonzero(of_chassis & (model.geom_group < 3))  # a hull is not shown
+    hull_group = 3
+    own = model.geom_bodyid == model.body("chassis").id
+    chassis = np.flatnonzero(own & (model.geom_group < hull_group))
     kinds = [
         ("cylinders", "Cylinders3D:radii", mujoco.mjtGeom.mjGEOM_CYLINDER),
         ("boxs", "Boxes3D:half_sizes", mujoco.mjtGeom.mjGEOM_BOX),
@@ -206,11 +248,7 @@ def test_it_opens_paused_at_its_start_with_its_layout(recorded: Recorded) -> Non
     panel = [c.to_record_batch() for c in chunks if c.entity_path == "/time_panel" and c.is_static]
     paused = 1
     assert [b["TimePanelBlueprint:play_state"].to_pylist() for b in panel] == [[[paused]]]
-    names = {
-        c.to_record_batch()["ViewBlueprint:display_name"].to_pylist()[0][0]
-        for c in chunks
-        if c.entity_path.startswith("/view/") and "ViewBlueprint:display_name" in c.to_record_batch().schema.names
-    }
+    names = recorded.names()
     assert {"plan", "summary", "events", "settings", "tracking error in x, cm", "winding temperature, deg C"} <= names
 
 
@@ -220,7 +258,7 @@ def test_summary_settings_and_events_are_in_it(recorded: Recorded) -> None:
     assert "| comp-flc |" in summary
     settings = recorded.static("/settings", "TextDocument:text")[0]
     assert "| delay_frames | 6 | frames |" in settings
-    assert "**[[-1.0, -0.75, 0.0]" in settings  # the scenario's own way-points
+    assert "**((0.0, 0.0, 0.0), (0.5" in settings  # the scenario's own way-points
     texts = [row[0] for row in recorded.column("/events/comp-flc", "TextLog:text")]
     assert [text for text in texts if "way-point" in text][-1].endswith("comp-flc: way-point 4 of 4 reached")
 
@@ -233,39 +271,84 @@ def test_it_passes_reruns_verification_and_is_small(recorded: Recorded) -> None:
 
 def test_equal_runs_compare_equal_and_different_ones_do_not(tmp_path: Path) -> None:
     for name, seed in (("a", 0), ("b", 0), ("c", 1)):
-        short = ["reference.waypoints=[[0, 0], [0.3, 0.2]]", "wheels.model=contact-roller"]
-        record(Simulation(scenario.load("rect", short, {"seed": seed})), tmp_path / f"{name}.rrd")
+        driven_by(tmp_path / f"{name}.rrd", ["flc"], SHORT, seed=seed)
     a, b, c = (tmp_path / f"{name}.rrd" for name in "abc")
     assert rrd("compare", a, b).returncode == 0
     assert rrd("compare", a, c).returncode != 0
 
 
 def test_the_first_seed_is_recorded_and_no_wheels_where_there_are_none(tmp_path: Path) -> None:
-    options = [
-        "--plant",
-        "kinematic",
-        "--seed",
-        "3",
-        "--seeds",
-        "2",
-        "--set",
-        "reference.waypoints=[[0, 0], [0.3, 0.2]]",
-    ]
-    subprocess.run([*RUN, "--scenario", "rect", *options, "--out", tmp_path], check=True, timeout=60)
-    recorded = Recorded(tmp_path / "recording.rrd")
-    assert {entity.split("/")[2] for entity in recorded.entities() if "/plots/" in entity} == {
+    driven = driven_by(tmp_path / "recording.rrd", ["flc"], SHORT, seed=3, seeds=2)
+    assert {entity.split("/")[2] for entity in driven.recorded.entities() if "/plots/" in entity} == {
         "error", "velocity", "alpha", "ahead",
     }  # fmt: skip
-    driven = poses(recorded, "/world/flc/robot")
+    shown = poses(driven.recorded, "/world/flc/robot")
     for seed, equal in ((3, True), (4, False)):
-        table = rows(tmp_path, "flc", seed)
-        assert np.allclose(driven[:, 0], table["x_m"], atol=1e-6) == equal
+        assert np.allclose(shown[:, 0], rows(driven.table, "flc", seed)["x_m"], atol=1e-6) == equal
+
+
+def test_all_robots_of_a_controllers_first_world_are_drawn(tmp_path: Path) -> None:
+    """Each where it is, along its own reference, in a colour of its own."""
+    places = "world.places=[[0, 0, 0], [0.2, 1.0, 1.5707963267948966]]"
+    driven = driven_by(tmp_path / "recording.rrd", ["flc"], SHORT, places, seeds=2)
+    starts = driven.recorded.static("/world/reference/path", "LineStrips3D:strips")
+    assert [strip[0][:2] for strip in starts] == [[0, 0], pytest.approx([0.2, 1.0])]
+    for place in (0, 1):
+        table = rows(driven.table, "flc", 0, place)
+        expected = np.column_stack([table[name] for name in ("x_m", "y_m", "heading_rad")])
+        np.testing.assert_allclose(poses(driven.recorded, f"/world/flc/{place}/robot"), expected, atol=1e-6)
+        assert f"/plots/error/x/flc/{place}" in driven.recorded.entities()
+        targets = np.array(driven.recorded.column("/world/reference/target", "Points3D:positions"))[:, place, :2]
+        np.testing.assert_allclose(targets, np.column_stack([table["ref_x_m"], table["ref_y_m"]]), atol=1e-6)
+    colours = [driven.recorded.static(f"/world/flc/{place}/path", "LineStrips3D:colors") for place in (0, 1)]
+    assert colours[0] != colours[1]
+
+
+def test_channels_of_a_controllers_own_are_recorded_from_when_it_has_them(own: Driven) -> None:
+    found = {entity for entity in own.recorded.entities() if entity.startswith("/plots/own/")}
+    assert found == {f"/plots/own/{channel}/{name}" for channel in ("pull", "asked") for name in ("Own", "Breaks")}
+    table = rows(own.table, "Own")
+    pull = np.column_stack([table["own_pull_1"], table["own_pull_2"]])
+    np.testing.assert_array_equal(own.recorded.values("/plots/own/pull/Own"), pull)
+    asked = own.recorded.values("/plots/own/asked/Own")[:, 0]
+    np.testing.assert_array_equal(asked[-3:], table["own_asked"][-3:])
+    assert np.isnan(asked[:50]).all()
+    assert own.recorded.static("/plots/own/pull/Own", "SeriesLines:names") == ["Own 1 (60 Hz)", "Own 2 (60 Hz)"]
+    assert {"own", "pull", "asked"} <= own.recorded.names()
+
+
+def test_a_robot_that_failed_is_recorded_up_to_there_and_says_why(own: Driven) -> None:
+    assert sorted(own.recorded.frames("/world/Breaks/robot")) == list(range(70))
+    assert len(own.recorded.frames("/world/Own/robot")) > 100
+    said = [row[0] for row in own.recorded.column("/events/Breaks", "TextLog:text")]
+    assert next(text for text in said if "stopped" in text).startswith("1.17 s  Breaks: stopped: ")
+    assert len(said) == len(set(said))
+
+
+@pytest.mark.parametrize("before", [0, 40, 400])
+def test_a_simulation_that_is_reset_is_recorded_from_its_start(tmp_path: Path, before: int) -> None:
+    """However much of what was before has been sent: nothing, or a block, what is read back is the last run alone."""
+    simulation = Simulation(scenario.load("rect", ["reference.laps=2"], {"plant": "kinematic"}), ["flc"])
+    with FileRecording(tmp_path / "reset.rrd", simulation) as recording:
+        for _ in range(before):
+            simulation.step()
+            recording.update()
+        simulation.reset(seed=5)
+        for _ in range(350):
+            simulation.step()
+            recording.update()
+        recording.write()
+    recorded = Recorded(tmp_path / "reset.rrd")
+    assert sorted(recorded.frames("/world/flc/robot")) == list(range(350))
+    table = rows(simulation.log.table(), "flc", 5)
+    np.testing.assert_allclose(poses(recorded, "/world/flc/robot")[:, 0], table["x_m"], atol=1e-6)
+    assert "seed 5" in recorded.static("/settings", "TextDocument:text")[0]
 
 
 def test_a_killed_run_leaves_its_blocks(tmp_path: Path) -> None:
     """Killed while it writes, of every entity the same whole blocks of 300 frames are there, but for the last one."""
     options = ["--scenario", "rect", "--plant", "kinematic", "--set", "reference.laps=100", "--out", tmp_path]
-    process = subprocess.Popen([*RUN, *options])
+    process = subprocess.Popen([sys.executable, "-m", "omni_mj.run", "--no-figures", "--quiet", *options])
     path, deadline = tmp_path / "recording.rrd", time.monotonic() + 60
     while not (path.exists() and path.stat().st_size > 2e6) and time.monotonic() < deadline:
         time.sleep(0.02)
@@ -275,7 +358,7 @@ def test_a_killed_run_leaves_its_blocks(tmp_path: Path) -> None:
         recorded = Recorded(path)
     series = [e for e in recorded.entities() if "/plots/" in e or e.endswith("/robot")]
     lengths = {entity: len(recorded.frames(entity)) for entity in series}
-    assert len(series) == 2 * 11 + 2
+    assert len(series) == 2 * 12 + 2
     assert min(lengths.values()) >= 600
     assert max(lengths.values()) - min(lengths.values()) <= 300
     for entity in series:

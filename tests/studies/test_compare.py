@@ -1,255 +1,114 @@
-"""`omni-mj compare` as a user types it: its files, their numbers, what ends it."""
+"""Many scenarios in one result: the numbers are those of the runs, whatever else is compared."""
 
-import json
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
-from typing import Any
 
-import click
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
-import scipy.stats
-from matplotlib.image import imread
 
-from omni_mj.cli import console
-from omni_mj.cli.main import cli
-from omni_mj.cli.run import run
-from omni_mj.scenarios import scenario
+import omni_mj as om
+from omni_mj.measure.result import Outcome
+from omni_mj.studies.outcome import StoppedError
 
-COMPARE = [sys.executable, "-m", "omni_mj.compare"]
-SEEDS, FIRST = 3, 7
-CONTROLLERS = ("flc", "comp-flc", "adaptive-comp-flc")
-SCENARIOS = {
-    "there": '[reference]\nwaypoints = [[0, 0], [0.2, 0.1]]\nsettle_s = 0.5\n',
-    "bend": '[reference]\nwaypoints = [[0, 0], [0.15, 0], [0.15, 0.15]]\n\n[radio]\ndelay_frames = 4\n',
-}  # fmt: skip
-OWN = """
-from omni_control.controllers.base import Controller
+SEEDS = range(7, 10)
+CONTROLLERS = ("flc", "comp-flc", "oracle")
 
 
-class Cheat(Controller):
-    knows_truth = True
-
-    def command(self, frame, observed, sent):
-        if self.settings.delay_frames == 9:
-            raise RuntimeError("no such delay")
-        target, feed_forward = self.reference.at(frame, observed.pose)
-        return feed_forward + 4 * (target - observed.pose)
-"""
-
-
-def invoke(command: click.Command, *args: object) -> int:
-    """The exit code of a command in this process, which is quicker than one of its own."""
-    with pytest.raises(SystemExit) as end:
-        console.invoke(command, list(map(str, args)))
-    assert isinstance(end.value.code, int)
-    return end.value.code
-
-
-def strict(path: Path) -> Any:
-    """JSON without NaN and its like."""
-    return json.loads(path.read_text(), parse_constant=lambda name: pytest.fail(f"{name} in {path}"))
+def short(name: str, waypoints: list[list[float]], **sections: dict[str, object]) -> om.Scenario:
+    reference = {"waypoints": waypoints, "settle_s": 0.5}
+    return om.scenario("rect", plant="kinematic", reference=reference, **sections).replace(name=name)
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The scenarios, and a user's controller that is given the truth."""
-    folder = tmp_path_factory.mktemp("given")
-    for name, text in SCENARIOS.items():
-        (folder / f"{name}.toml").write_text(text)
-    (folder / "own.py").write_text(OWN)
-    return folder
+def scenarios() -> list[om.Scenario]:
+    there = short("there", [[0, 0], [0.2, 0.1]])
+    return [there, short("bend", [[0, 0], [0.15, 0], [0.15, 0.15]], radio={"delay_frames": 4})]
 
 
 @pytest.fixture(scope="module")
-def options(files: Path) -> list[str]:
-    given = [("--scenario", str(files / f"{name}.toml")) for name in SCENARIOS]
-    given += [("--controller", name) for name in (*CONTROLLERS, f"{files / 'own.py'}:Cheat")]
-    given += [("--plant", "kinematic"), ("--seeds", str(SEEDS)), ("--seed", str(FIRST))]
-    return [word for pair in given for word in pair]
+def result(scenarios: list[om.Scenario]) -> om.Result:
+    return om.compare(scenarios, CONTROLLERS, SEEDS, subject="comp-flc", keep=True)
 
 
-@pytest.fixture(scope="module")
-def done(options: list[str], tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """A comparison's folder, and what it printed."""
-    folder = tmp_path_factory.mktemp("compared")
-    command = [*COMPARE, *options, "--out", str(folder)]
-    process = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert (process.returncode, process.stderr) == (0, "")
-    return folder, process.stdout
+def test_every_outcome_is_that_of_the_run_of_its_scenario(result: om.Result, scenarios: list[om.Scenario]) -> None:
+    summary = result.summary()
+    assert (summary["controllers"], summary["limits"]) == (list(CONTROLLERS), ["oracle"])
+    assert (summary["seeds"], summary["complete"], summary["subject"]) == (list(SEEDS), True, "comp-flc")
+    frames = result.frames()
+    assert frames.column_names[0] == "scenario"
+    for each in scenarios:
+        alone = om.run(each, CONTROLLERS, SEEDS, subject="comp-flc")
+        entry, other = summary["scenarios"][each.name], alone.summary()["scenarios"][each.name]
+        assert entry | {"wall_s": 0} == other | {"wall_s": 0}
+        assert entry["status"] == "done"
+        assert "oracle" not in entry["verdict"]["errors"]["max"]["against"]
+        own = frames.filter([name == each.name for name in frames["scenario"].to_pylist()]).drop(["scenario"])
+        for name in own.column_names:
+            np.testing.assert_array_equal(own[name].to_pylist(), alone.frames()[name].to_pylist(), err_msg=name)
+    assert result["bend"].scenario.settings.radio.delay_frames == 4
+    table = result.table().splitlines()
+    assert [line.split()[0] for line in table[2:]] == ["there", "comp-flc", "oracle", "bend", "comp-flc", "oracle"]
 
 
-def test_it_leaves_json_markdown_and_a_figure_and_prints_the_table(done: tuple[Path, str]) -> None:
-    folder, printed = done
-    assert {p.name for p in folder.iterdir()} == {"compare.json", "compare.md", "compare.png", "compare.svg"}
-    result = strict(folder / "compare.json")
-    assert result["complete"]
-    assert [entry["status"] for entry in result["scenarios"].values()] == ["done", "done"]
-    assert (result["controllers"], result["limits"]) == ([*CONTROLLERS, "Cheat"], ["Cheat"])
-    markdown = (folder / "compare.md").read_text()
-    for text in ("there", "bend", "Cheat (limit)", "Verdicts on adaptive-comp-flc"):
-        assert text in printed
-        assert text in markdown
-    assert str(folder / "compare.json") in printed
-    image = imread(folder / "compare.png")
-    assert image.std() > 0.05
-    assert "<svg" in (folder / "compare.svg").read_text()
+def test_files_of_several_scenarios_are_named_after_them(result: om.Result, tmp_path: Path) -> None:
+    result.save(tmp_path)
+    kept = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    names = {f"{folder}/{name}.{kind}" for name in ("there", "bend") for folder, kind in
+             (("scenarios", "toml"), ("trajectories", "parquet"))}  # fmt: skip
+    assert kept == names | {"summary.json"}
+    assert om.scenario(tmp_path / "scenarios" / "bend.toml").seed_list == list(SEEDS)
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
-def test_every_number_can_be_recomputed_from_a_run(
-    name: str, files: Path, options: list[str], done: tuple[Path, str], tmp_path: Path
+def test_a_scenario_that_cannot_be_made_is_noted_and_the_others_go_on(
+    scenarios: list[om.Scenario], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The trajectories of `omni_mj.run` with the same options give each seed's numbers and, with scipy, the intervals.
+    from omni_mj.studies import compare
 
-    Sums over frames may be made in another order: 1e-12 is allowed.
-    """
-    same = ("--scenario", files / f"{name}.toml", *options[options.index("--controller") :])
-    assert invoke(run, *same, "--quiet", "--no-record", "--no-figures", "--out", tmp_path) == 0
-    table = pq.read_table(tmp_path / "trajectory.parquet")
-    results = strict(done[0] / "compare.json")["scenarios"][name]["results"]
-    assert list(results) == [*CONTROLLERS, "Cheat"]
-    for controller, result in results.items():
-        numbers = [of_a_seed(rows(table, controller, seed)) for seed in range(FIRST, FIRST + SEEDS)]
-        for key in numbers[0]:
-            spread = result
-            for part in key.split("."):
-                spread = spread[part]
-            values = [each[key] for each in numbers]
-            assert spread["seeds"] == pytest.approx(values, abs=1e-12), key
-            assert spread["mean"] == pytest.approx(sum(values) / SEEDS, abs=1e-12)
-            half = scipy.stats.t.ppf(0.975, SEEDS - 1) * np.std(values, ddof=1) / SEEDS**0.5
-            assert spread["plus_minus"] == pytest.approx(half, abs=1e-9)
+    made = compare.prepare
+
+    def prepare(scenario: om.Scenario, seeds: object) -> om.Simulation:
+        if scenario.name == "there":
+            raise om.OmniError("robots overlap\nat the start")
+        return made(scenario, seeds=seeds)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(compare, "prepare", prepare)
+    told = []
+    result = om.compare(scenarios, ("flc",), 1, after_scenario=lambda result, outcome: told.append(outcome))
+    entries = result.summary()["scenarios"]
+    assert [entry["status"] for entry in entries.values()] == ["failed", "done"]
+    assert entries["there"]["reason"] == "robots overlap at the start"
+    assert [outcome.scenario.name for outcome in told] == ["there", "bend"]
+    assert result.complete
+    assert [outcome.log for outcome in result.outcomes] == [None, None], "frames are kept where it is asked"
 
 
-def rows(table: pa.Table, controller: str, seed: int) -> dict[str, np.ndarray]:
-    chosen = table.filter(
-        pa.compute.and_(
-            pa.compute.equal(table["controller"].cast(pa.string()), controller), pa.compute.equal(table["seed"], seed)
-        )
-    ).sort_by("frame")
-    return {column: chosen[column].to_numpy() for column in chosen.column_names if column != "controller"}
+def test_what_is_stopped_keeps_what_was_done(scenarios: list[om.Scenario]) -> None:
+    """In the second scenario: it counts as not run, since half of it would not compare."""
+    done: list[Outcome] = []
+
+    def after_frame(frame: int) -> None:
+        if done and frame == 5:
+            raise StoppedError("interrupted")
+
+    result = om.compare(
+        scenarios, ("flc",), 2,
+        before_scenario=lambda simulation: after_frame,
+        after_scenario=lambda result, outcome: done.append(outcome),
+    )  # fmt: skip
+    assert (result.complete, result.stopped) == (False, "interrupted")
+    assert [outcome.entry["status"] for outcome in result.outcomes] == ["done", "not run"]
+
+    def at_once(frame: int) -> None:
+        raise StoppedError("terminated")
+
+    one = om.run(scenarios[0], after_frame=at_once).summary()
+    assert (one["complete"], one["stopped"], one["scenarios"]["there"]["frames"]) == (False, "terminated", 1)
 
 
-def of_a_seed(row: dict[str, np.ndarray]) -> dict[str, float]:
-    """The statistics, straight from their definitions; these runs all settle."""
-    ex, ey = abs(row["x_m"] - row["ref_x_m"]), abs(row["y_m"] - row["ref_y_m"])
-    errors = {"position": (ex**2 + ey**2) ** 0.5, "x": ex, "y": ey}
-    ax, ay = (np.diff(row[f"command_v{axis}_m_s"], prepend=0) * 60 for axis in "xy")
-    at_rest = (row["ref_x_m"] == row["ref_x_m"][-1]) & (row["ref_y_m"] == row["ref_y_m"][-1])
-    settled = [k for k in np.flatnonzero(at_rest) if (errors["position"][k:] < 0.01).all()]
-    return {
-        **{f"error_m.{name}.max": error.max() for name, error in errors.items()},
-        **{f"error_m.{name}.mean": error.sum() / len(error) for name, error in errors.items()},
-        "effort_m_s2": float(np.mean(ax**2 + ay**2)) ** 0.5,
-        "settle_s": (settled[0] - np.flatnonzero(at_rest)[0]) / 60,
-        "greatest_at_s": row["time_s"][errors["position"].argmax()],
-    }
-
-
-def test_the_same_command_gives_the_same_numbers_and_figure(
-    options: list[str], done: tuple[Path, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert invoke(cli, "compare", *options, "--quiet", "--out", tmp_path) == 0
-    assert capsys.readouterr() == ("", "")
-    first, second = (strict(folder / "compare.json") for folder in (done[0], tmp_path))
-    for result in (first, second):
-        for entry in (result, *result["scenarios"].values()):
-            assert entry.pop("wall_s") > 0
-        assert result.pop("created")
-    assert first == second
-    for name in ("compare.png", "compare.svg"):
-        assert (done[0] / name).read_bytes() == (tmp_path / name).read_bytes()
-
-
-def test_one_seed_has_no_interval_and_says_so(files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    one = ("--scenario", files / "there.toml", "--plant", "kinematic", "--seeds", 1, "--out", tmp_path)
-    assert invoke(cli, "compare", *one, "--set", "radio.delay_frames=2") == 0
-    assert "seed 0, no intervals" in capsys.readouterr().out
-    result = strict(tmp_path / "compare.json")
-    assert result["overrides"] == ["radio.delay_frames=2"]
-    assert result["controllers"] == list(CONTROLLERS), "all of them"
-    entry = result["scenarios"]["there"]
-    assert entry["settings"]["radio"]["delay_frames"] == 2
-    assert entry["results"]["flc"]["effort_m_s2"]["plus_minus"] is None
-    pairs = entry["verdict"]["errors"]["max"]["against"]
-    assert {pair["beyond_chance"] for pair in pairs.values()} == {None}
-
-
-def test_a_scenario_that_fails_is_noted_and_the_others_go_on(
-    options: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "late.toml").write_text("[radio]\ndelay_frames = 9\n")
-    assert invoke(cli, "compare", "--scenario", tmp_path / "late.toml", *options, "--out", tmp_path / "out") == 1
-    error = capsys.readouterr().err
-    assert error.startswith("error: 1 of 3 scenarios failed; late: Cheat failed in frame 0")
-    assert error.count("\n") == 1
-    result = strict(tmp_path / "out" / "compare.json")
-    assert [entry["status"] for entry in result["scenarios"].values()] == ["failed", "done", "done"]
-    assert "no such delay" in result["scenarios"]["late"]["reason"]
-    assert "- late: failed: Cheat failed" in (tmp_path / "out" / "compare.md").read_text()
-    assert (tmp_path / "out" / "compare.png").exists()
-
-
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_signal_leaves_what_was_done(number: int, code: int, files: Path, tmp_path: Path) -> None:
-    (tmp_path / "endless.toml").write_text("[reference]\nlaps = 1000\n")
-    out = tmp_path / "out"
-    given = ("--scenario", files / "there.toml", "--scenario", tmp_path / "endless.toml", "--out", out)
-    process = subprocess.Popen(
-        [*COMPARE, *map(str, given), "--plant", "kinematic", "--seeds", "2"],
-        stderr=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        text=True,
-        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),  # a background job's children ignore SIGINT
-    )
-    deadline = time.monotonic() + 60
-    while not (out / "compare.json").exists() or '"done"' not in (out / "compare.json").read_text():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-    process.send_signal(number)
-    _, stderr = process.communicate(timeout=60)
-    assert process.returncode == code, stderr
-    reason = "interrupted" if number == signal.SIGINT else "terminated"
-    assert stderr.splitlines()[-1] == f"error: {reason}; 1 of 2 scenarios are in {out}"
-    result = strict(out / "compare.json")
-    assert (result["complete"], result["stopped"]) == (False, reason)
-    assert [entry["status"] for entry in result["scenarios"].values()] == ["done", "not run"]
-    assert f"- endless: not run: {reason}" in (out / "compare.md").read_text()
-    assert {p.name for p in out.iterdir()} == {"compare.json", "compare.md", "compare.png", "compare.svg"}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["--scenario", "rekt"], "did you mean 'rect'"),
-        (["--scenario", "rect", "--scenario", "rect"], "two scenarios are called 'rect'"),
-        (["--controller", "comp-fcl"], "did you mean 'comp-flc'"),
-        (["--controller", "flc", "--controller", "flc"], "named twice"),
-        (["--plant", "mujocco"], "did you mean 'mujoco'"),
-        (["--seeds", "0"], "1 to 100000"),
-        (["--seed", "-1"], "from 0"),
-        (["--set", "radio.delay=3"], "did you mean 'radio.delay_frames'"),
-        (["--sead", "3"], "--seed"),
-    ],
-)
-def test_bad_input_is_one_line_that_says_what_is_allowed(
-    arguments: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert invoke(cli, "compare", *arguments, "--out", tmp_path / "out") == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert printed.err.count("\n") == 1
-    assert says in printed.err
-    assert not (tmp_path / "out").exists(), "bad input must not leave a folder"
-
-
-def test_help_says_that_the_long_scenario_must_be_named(capsys: pytest.CaptureFixture[str]) -> None:
-    assert invoke(cli, "compare", "--help") == 0
-    assert "but for the long heat" in " ".join(capsys.readouterr().out.split())
-    assert "heat" in scenario.builtin()
+def test_what_cannot_stand_in_one_table_is_refused(scenarios: list[om.Scenario]) -> None:
+    for given, words in (
+        ({"scenarios": scenarios[:1] * 2}, "two scenarios are called 'there'"),
+        ({"scenarios": scenarios, "controllers": ("flc", "p"), "subject": "lqr"}, "choose from flc, p"),
+        ({"scenarios": ["rekt"]}, "did you mean 'rect'"),
+    ):
+        with pytest.raises(om.OmniError, match=words):
+            om.compare(**given)

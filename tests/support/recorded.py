@@ -1,4 +1,4 @@
-"""What the tests of recordings share: reading an .rrd back, and the rows of the table beside it."""
+"""What the tests of recordings share: making an .rrd, reading it back, and the rows of the table beside it."""
 
 import subprocess
 import sys
@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
-from omni_mj.cli import console
-from omni_mj.measure import events, summary
+from omni_mj.show import markdown
 from omni_mj.show.recording import FileRecording
 from omni_mj.simulate.simulation import Simulation
+from omni_mj.studies import run
+from omni_mj.studies.outcome import drive
 
 RERUN = Path(sys.executable).with_name("rerun")
 
@@ -45,6 +46,17 @@ class Recorded:
         (batch,) = self.batches(entity, static=True)
         return batch[name].to_pylist()[0]
 
+    def names(self) -> set[str]:
+        """What views and containers are called in the layout that is in force."""
+        found = set()
+        for chunk in self.reader.stream(store=self.reader.blueprints()[-1]).to_chunks():
+            batch = chunk.to_record_batch()
+            for kind in ("View", "Container"):
+                name = f"{kind}Blueprint:display_name"
+                if name in batch.schema.names:
+                    found |= {row[0] for row in batch[name].to_pylist() if row}
+        return found
+
     def values(self, entity: str) -> NDArray:
         """A time series (frames, lines); not a number where there are no values."""
         rows = self.column(entity, "Scalars:scalars")
@@ -52,22 +64,22 @@ class Recorded:
         return np.array([row if row else [np.nan] * width for row in rows])
 
 
-def rows(folder: Path, controller: str, seed: int = 0) -> dict[str, NDArray]:
+def rows(table: pa.Table, controller: str, seed: int = 0, place: int = 0) -> dict[str, NDArray]:
     """The columns of a run's table for one robot."""
-    table = pq.read_table(folder / "trajectory.parquet")
-    chosen = pa.compute.equal(table["controller"].cast(pa.string()), controller)
-    table = table.filter(pa.compute.and_(chosen, pa.compute.equal(table["seed"], seed))).sort_by("frame")
+    chosen = pc.equal(table["controller"].cast(pa.string()), controller)
+    for name, value in (("seed", seed), ("place", place)):
+        chosen = pc.and_(chosen, pc.equal(table[name], value))
+    table = table.filter(chosen).sort_by("frame")
     return {name: table[name].to_numpy() for name in table.column_names if name != "controller"}
 
 
-def record(simulation: Simulation, path: Path) -> None:
+def record(simulation: Simulation, path: Path) -> Recorded:
     """Run a simulation to its end and record it, as the command does."""
     with FileRecording(path, simulation) as recording:
-        simulation.run(lambda frame: recording.update())
+        outcome = drive(simulation, lambda frame: recording.update())
         recording.write()
-        happened = events.find(simulation.trajectory, simulation.scenario.settings)
-        result = summary.summarise(simulation.scenario, simulation.trajectory, happened, 0.0, None)
-        recording.finish(console.markdown_result(result))
+        recording.finish(markdown.result(run.of(simulation, outcome).summary()))
+    return Recorded(path)
 
 
 def rrd(*arguments: str | Path) -> subprocess.CompletedProcess[str]:

@@ -1,70 +1,90 @@
-"""The figures of a run, drawn from its first seed, but for the box plots over all seeds."""
+"""The figures of a run, drawn from each controller's first row, but for the box plots over all seeds."""
 
 from collections.abc import Callable, Mapping
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from matplotlib import style as matplotlib_style
 from matplotlib.figure import Figure
 
-from omni_mj.scenarios.settings import Settings
+from omni_mj.scenarios.settings import ControlSettings
 from omni_mj.show import style
-from omni_mj.show.figures import comparison, controller, heat, paths, seeds, series
-from omni_mj.show.figures.canvas import save
-from omni_mj.simulate.log import Trajectory
+from omni_mj.show.figures import canvas, comparison, controller, heat, paths, seeds, series
+from omni_mj.show.figures.first import FirstRows
+
+if TYPE_CHECKING:
+    from omni_mj.measure.result import Outcome
 
 NAMES = ("path", "output", "error", "alpha", "temperatures", "seeds", "memberships", "surface")
+OVER_TIME = ("path", "output", "error", "alpha", "temperatures")
 OF_THE_CONTROLLER = ("memberships", "surface")
-PaperTable = dict[str, dict[str, dict[str, float]]]
 
 
-def save_all(
-    trajectory: Trajectory,
-    title: str,
-    folder: Path,
-    settings: Settings | None = None,
-    paper: PaperTable | None = None,
-) -> None:
-    """Write each figure that the run has data for into `folder`, as PNG and as SVG.
+def save_all(outcome: "Outcome", folder: Path) -> None:
+    """Write each figure that a scenario's outcome has data for into `folder`, as PNG and as SVG.
 
     Args:
-        trajectory: what was recorded, at least one frame.
-        title: scenario and plant, put into the titles of the figures that depend on them.
+        outcome: of the scenario; where nothing was recorded there is nothing to draw.
         folder: made if need be.
-        settings: those of the run: the fuzzy controller's ranges, the windings' limit. [the defaults]
-        paper: the table of the paper (see `paper.TABLES`) to mark in the box plots.
     """
-    folder.mkdir(exist_ok=True)
+    log, scenario = outcome.log, outcome.scenario
+    if log is None:
+        return
+    first = FirstRows(log, outcome.failures)
+    if not first.length:
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    title = f"{scenario.name} on the {scenario.plant} plant"
     with matplotlib_style.context(style.SHEET):
-        for name, draw in drawings(trajectory, settings or Settings(), paper).items():
+        for name, draw in drawings(first, outcome.entry, scenario.settings.control).items():
             figure = draw()
-            of_a_seed = "" if name == "seeds" else f", seed {trajectory.seeds[0]}"
-            heading = figure.get_suptitle() + ("" if name in OF_THE_CONTROLLER else f": {title}{of_a_seed}")
-            figure.suptitle(heading, x=0.01, ha="left")
-            save(figure, folder / name)
+            of_the_run = "" if name in OF_THE_CONTROLLER else f": {title}"
+            of_a_seed = f", seed {log.seeds[0]}" if name in OVER_TIME else ""
+            notes = first.said() if name in OVER_TIME else []
+            canvas.title(figure, figure.get_suptitle() + of_the_run + of_a_seed, notes)
+            canvas.save(figure, folder / name)
 
 
-def comparison_svg(summaries: Mapping[str, dict[str, Any]]) -> bytes:
-    """The figure that compares several runs, given their labels and summaries."""
+def save_comparison(summary: dict[str, Any], stem: Path) -> None:
+    """Draw what was done of a comparison into `stem`.png and `stem`.svg; nothing where nothing was.
+
+    Args:
+        summary: as saved, of several scenarios or one.
+        stem: of the files; their folder must exist.
+    """
+    entries = comparison.with_results(summary["scenarios"])
+    if entries:
+        with matplotlib_style.context(style.SHEET):
+            canvas.save(comparison.comparison(entries, summary["limits"]), stem)
+
+
+def comparison_svg(entries: Mapping[str, dict[str, Any]], limits: tuple[str, ...] = ()) -> bytes:
+    """The figure that compares scenarios or runs.
+
+    Args:
+        entries: label -> the summary's entry of a scenario; at least one has results.
+        limits: controllers that know the truth.
+    """
     file = BytesIO()
     with matplotlib_style.context(style.SHEET):
-        comparison.comparison(summaries).savefig(file, format="svg", metadata={"Date": None})
+        figure = comparison.comparison(comparison.with_results(entries), limits)
+        figure.savefig(file, format="svg", metadata={"Date": None})
     return file.getvalue()
 
 
-def drawings(trajectory: Trajectory, settings: Settings, paper: PaperTable | None) -> dict[str, Callable[[], Figure]]:
-    """The figures that the run has data for, by name, as functions that draw them."""
+def drawings(first: FirstRows, entry: dict[str, Any], control: ControlSettings) -> dict[str, Callable[[], Figure]]:
+    """The figures that a run has data for, by name, as functions that draw them."""
     figures: dict[str, Callable[[], Figure]] = {
-        "path": lambda: paths.path(trajectory),
-        "output": lambda: series.output(trajectory),
-        "error": lambda: series.error(trajectory),
-        "alpha": lambda: series.alpha(trajectory),
+        "path": lambda: paths.path(first),
+        "output": lambda: series.output(first),
+        "error": lambda: series.error(first),
+        "alpha": lambda: series.alpha(first),
     }
-    if heat.has_temperatures(trajectory):
-        figures["temperatures"] = lambda: heat.temperatures(trajectory, settings.motor.limit_c)
-    if len(trajectory.seeds) >= seeds.FEWEST:
-        figures["seeds"] = lambda: seeds.seeds(trajectory, paper)
-    figures["memberships"] = lambda: controller.memberships(settings.control)
-    figures["surface"] = lambda: controller.surface(settings.control)
+    if heat.has_temperatures(first):
+        figures["temperatures"] = lambda: heat.temperatures(first)
+    if len(first.log.seeds) >= seeds.FEWEST:
+        figures["seeds"] = lambda: seeds.seeds(entry, first.turns)
+    figures["memberships"] = lambda: controller.memberships(control)
+    figures["surface"] = lambda: controller.surface(control)
     return figures

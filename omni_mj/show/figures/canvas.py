@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import Literal
 
 import numpy as np
@@ -15,8 +16,11 @@ from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show import style
 
 TOGETHER = 3  # as many curves can be told apart in one pair of axes; more get axes each
+WIDTH_IN, COLUMN_IN = 8.0, 3.2  # of a figure with one or two columns, and of each column of one with more
+TITLE_PER_IN = 10  # letters of a title, at least
 BINS = 600  # along a curve, narrower than a dot of the printed figure
 MARKS = 12  # along a curve
+OFF_SCALE = 1.5  # as many times as far as the others a row that failed may stray and still be shown whole
 HALO = withStroke(linewidth=2.5, foreground="white")
 
 
@@ -27,11 +31,18 @@ def save(figure: Figure, stem: Path) -> None:
     figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None})
 
 
+def title(figure: Figure, text: str, notes: Sequence[str] = ()) -> None:
+    """Write the title, and notes on lines of their own below it, as long as the figure is wide."""
+    wide = round(TITLE_PER_IN * figure.get_figwidth())
+    lines = [text, *(line for note in notes for line in wrap(note, wide))]
+    figure.suptitle("\n".join(lines), x=0.01, ha="left")
+
+
 def over_time(
     length: int, rows: int, columns: int = 1, height: float = 2.2, sharey: Literal["none", "all", "col"] = "none"
 ) -> tuple[Figure, np.ndarray]:
     """A figure with axes (rows, columns) over the frames 0 to length - 1, with seconds on top, as in the paper."""
-    figure = Figure(figsize=(8, 0.9 + height * rows))
+    figure = Figure(figsize=(max(WIDTH_IN, COLUMN_IN * columns), 0.9 + height * rows))
     grid = figure.subplots(rows, columns, sharex=True, sharey=sharey, squeeze=False)
     grid[0, 0].set_xlim(0, max(length - 1, 1))
     for axes in grid[0]:
@@ -80,3 +91,19 @@ def mark_greatest(axes: Axes, values: Array, index: int, text: str) -> None:
         text, (frame, values[frame]), (0, 4), textcoords="offset points", ha=inward, va="bottom", fontsize=8,
         color=style.controller(index), annotation_clip=False, zorder=5, path_effects=[HALO],
     )  # fmt: skip
+
+
+def mark_failure(axes: Axes, frame: int, index: int, name: str) -> None:
+    """Draw a line where a controller's row was stopped."""
+    axes.axvline(frame, color=style.controller(index), lw=1, ls=(0, (1, 1)), zorder=2, label=f"{name} failed")
+
+
+def greatest(values: Array, failed: Sequence[int]) -> float:
+    """How far up axes must reach for non-negative values (frames, controllers), least so to tell those apart.
+
+    A controller that failed may be shown in part, so that the others remain to be seen.
+    """
+    most = np.nanmax(values, axis=0, initial=0.0)
+    whole = np.delete(most, list(failed))
+    top = float(most.max())
+    return min(top, OFF_SCALE * float(whole.max())) if whole.size and whole.max() > 0 else top

@@ -1,63 +1,145 @@
-"""Several runs side by side."""
+"""Scenarios or runs side by side: a dot per entry and controller, a panel per statistic."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from omni_mj.measure.metrics import AXES
+from omni_control.kinematics import Array
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
 
-WIDE = 20.0  # ratio of the greatest error to the least above which the axis is logarithmic
+Entry = dict[str, Any]  # of a scenario, in a summary
+LINE_IN = 0.1  # height of a controller's line
+GAP = 1.5  # between entries, in lines
+MANY = 200.0  # ratio of greatest to least above which 1, 2, 5 are too many ticks for a decade
+LEAST_MARGIN = 1.15  # ratio, on either side of a logarithmic panel
+UNKNOWN = "failed"  # the place of a value that not every seed has
 
 
-def comparison(summaries: Mapping[str, dict[str, Any]]) -> Figure:
-    """Maximum error of each run's controllers along x and y: the median over seeds, a line from least to greatest.
+@dataclass(frozen=True)
+class Panel:
+    """A statistic: its label, where a result has its spread, what 1 of it is in the label's unit, how it is shown."""
+
+    label: str
+    spread: Callable[[Entry], Entry]
+    scale: float = 1.0
+    logarithmic: bool = True
+    unknown: str = UNKNOWN
+
+
+PANELS = (
+    Panel("maximum error\nin the plane, cm", lambda result: result["error_m"]["distance"]["max"], 100.0),
+    Panel("mean error\nin the plane, cm", lambda result: result["error_m"]["distance"]["mean"], 100.0),
+    Panel("maximum error\nof heading, deg", lambda result: result["error_rad"]["heading"]["max"], 180 / np.pi),
+    Panel("effort\nin m/s²", lambda result: result["effort_m_s2"]),
+    Panel("time to settle\nin s", lambda result: result["settle_s"], logarithmic=False, unknown="not"),
+)
+
+
+def with_results(entries: Mapping[str, Entry]) -> dict[str, Entry]:
+    """Those of the entries that have results."""
+    return {label: entry for label, entry in entries.items() if entry["results"]}
+
+
+def comparison(entries: Mapping[str, Entry], limits: Iterable[str] = ()) -> Figure:
+    """Means over the seeds with their intervals; what not every seed has stands at "failed" or "not", at the right.
 
     Args:
-        summaries: run's label -> its summary; one without results is left out.
+        entries: label -> a scenario's entry of a summary, each with results; at least one.
+        limits: controllers that know the truth, drawn hollow.
     """
-    summaries = {label: summary for label, summary in summaries.items() if summary["results"]}
-    names = list(dict.fromkeys(name for summary in summaries.values() for name in summary["results"]))
-    rows = sum(len(summary["results"]) + 1 for summary in summaries.values())
-    figure = Figure(figsize=(8, 1.4 + 0.2 * rows))
-    grid = figure.subplots(1, 2, sharey=True)
-    medians = []
-    for axis, axes in zip(AXES, grid, strict=True):
-        top, middles = 0.0, []
-        for summary in summaries.values():
-            results = summary["results"]
-            middles.append(top + (len(results) + 1) / 2)
-            for y, (name, result) in enumerate(results.items(), 1):
-                spread = {key: 100 * value for key, value in result["error_m"][axis]["max"].items()}
-                i = names.index(name)
-                axes.plot([spread["min"], spread["max"]], [top + y] * 2, color=style.controller(i), lw=1.5)
-                dot = style.line(i)
-                axes.plot(
-                    spread["median"],
-                    top + y,
-                    label=name,
-                    **dot | {"linestyle": "none", "markersize": 1.5 * dot["markersize"]},
-                )
-                medians.append(spread["median"])
-            top += len(results) + 1
-            axes.axhline(top, color="#BBBBBB", lw=0.6)
-        axes.set_yticks(middles, list(summaries))
-        axes.set_ylim(top, 0)
-        axes.tick_params(axis="y", length=0)
+    names = list(dict.fromkeys(name for entry in entries.values() for name in entry["results"]))
+    sizes = [len(entry["results"]) + GAP for entry in entries.values()]
+    tops = np.concatenate([[0.0], np.cumsum(sizes)])
+    figure = Figure(figsize=(11, 1.7 + LINE_IN * tops[-1]))
+    grid = figure.subplots(1, len(PANELS), sharey=True)
+    found = [(name, result) for entry in entries.values() for name, result in entry["results"].items()]
+    inside = [(GAP + 1) / 2 + np.arange(len(entry["results"])) for entry in entries.values()]
+    lines = np.concatenate([top + each for top, each in zip(tops, inside, strict=False)])
+    drivers = np.array([names.index(name) for name, _ in found])
+    for axes, panel in zip(grid, PANELS, strict=True):
+        mean, half = _numbers([panel.spread(result) for _, result in found], panel.scale)
+        at = _scaled(axes, panel, mean, half)
+        for i, name in enumerate(names):
+            own = drivers == i
+            look = style.line(i) | {"linestyle": "none"}
+            if name in limits:
+                look |= {"markerfacecolor": "white", "markeredgecolor": look["color"], "markeredgewidth": 1.0}
+            low = np.maximum(mean - half, 1e-12)[own]  # an interval that reaches zero leaves a logarithmic panel
+            axes.hlines(lines[own], low, (mean + half)[own], color=look["color"], lw=1.2, zorder=2)
+            axes.plot(at[own], lines[own], label=name + " (limit)" * (name in limits), zorder=3, **look)
+        axes.set_xlabel(panel.label)
         axes.grid(axis="y", visible=False)
-        axes.set_xlabel(f"maximum error in ${axis}$ in cm")
-    for axes in grid:
-        axes.margins(x=0.06)
-        if min(medians) > 0 and max(medians) > WIDE * min(medians):
-            axes.set_xscale("log")
-            axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-            axes.xaxis.set_major_formatter("{x:g}")
-            axes.xaxis.set_minor_locator(NullLocator())
-        else:
-            axes.set_xlim(left=0)
-    canvas.legend(figure, list(grid))
-    figure.suptitle("Maximum errors", x=0.01, ha="left")
+        axes.tick_params(axis="y", length=0)
+        for top, bottom in list(pairwise(tops))[::2]:
+            axes.axhspan(top, bottom, color="#F4F4F4", lw=0, zorder=0)
+    grid[0].set_yticks((tops[:-1] + tops[1:]) / 2, list(entries))
+    grid[0].set_ylim(tops[-1], 0)
+    canvas.legend(figure, grid[0], 4)
+    canvas.title(figure, _title(entries))
     return figure
+
+
+def _title(entries: Mapping[str, Entry]) -> str:
+    """The plant, if it is the same for all, and what the numbers are the mean of."""
+    plants = {entry["plant"] for entry in entries.values()}
+    where = f" on the {plants.pop()} plant" if len(plants) == 1 else ""
+    counts = {len(r["effort_m_s2"]["seeds"]) for entry in entries.values() for r in entry["results"].values()}
+    if counts == {1}:
+        over = "one seed, no intervals"
+    else:
+        over = f"mean of {f'{counts.pop()}' if len(counts) == 1 else 'the'} seeds ± 95 % interval"
+    return f"Controllers compared{where}: {over}"
+
+
+def _numbers(spreads: list[Entry], scale: float) -> tuple[Array, Array]:
+    """Means, not a number where a seed has no value, and half intervals, zero where there are none."""
+    mean = [np.nan if spread["mean"] is None or None in spread["seeds"] else spread["mean"] for spread in spreads]
+    half = [spread["plus_minus"] or 0.0 for spread in spreads]
+    return scale * np.array(mean), scale * np.array(half)
+
+
+def _scaled(axes: Axes, panel: Panel, mean: Array, half: Array) -> Array:
+    """Scale a panel and return where its dots are: the means, and those unknown at a place right of them."""
+    unknown = np.isnan(mean)
+    known, around = mean[~unknown], half[~unknown]
+    if panel.logarithmic and known.size and known.min() > 0:
+        low, high = np.maximum(known - around, known / 2).min(), (known + around).max()
+        margin = max(LEAST_MARGIN, (high / low) ** 0.05)
+        low, high = low / margin, high * margin
+        place, end = _log_scale(axes, low, high), high
+    else:
+        end = float(np.max(known + around, initial=0.1))
+        axes.set_xlim(-0.05 * end, 1.05 * end)
+        place = 1.25 * end
+    if unknown.any():
+        _leave_room(axes, end, place, panel.unknown)
+    return np.where(unknown, place, mean)
+
+
+def _log_scale(axes: Axes, low: float, high: float) -> float:
+    """Make a panel logarithmic from `low` to `high`, and return what lies a quarter of that beyond."""
+    axes.set_xscale("log")
+    axes.set_xlim(low, high)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1,) if high > MANY * low else (1, 2, 5)))
+    axes.xaxis.set_major_formatter("{x:g}")
+    if high <= MANY * low:
+        axes.xaxis.set_minor_locator(NullLocator())
+    return high * (high / low) ** 0.25
+
+
+def _leave_room(axes: Axes, end: float, place: float, name: str) -> None:
+    """Make room right of the known values, which end at `end`, for a tick `name` at `place`."""
+    low = axes.get_xlim()[0]
+    ticks = [tick for tick in axes.get_xticks() if max(low, 0.0) <= tick <= end]
+    between = (end * place) ** 0.5 if axes.get_xscale() == "log" else (end + place) / 2
+    beyond = place * place / between if axes.get_xscale() == "log" else 2 * place - between
+    axes.set_xlim(low, beyond)
+    axes.set_xticks([*ticks, place], [*(f"{tick:g}" for tick in ticks), name])
+    axes.axvline(between, color="#888888", lw=0.8, ls=":")

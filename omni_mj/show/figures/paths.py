@@ -14,17 +14,17 @@ from omni_control.kinematics import Array, wrap_angle
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
-from omni_mj.simulate.log import Trajectory
+from omni_mj.show.figures.first import FirstRows
 
 FINER = 20  # points of the reference between two frames, so that its nearest point is near enough
 SHARP_RAD = 0.2  # change of direction within a frame that makes a corner
 COLUMNS = 4  # of enlarged corners, where each controller has its own
 
 
-def path(trajectory: Trajectory) -> Figure:
+def path(first: FirstRows) -> Figure:
     """The reference and the paths travelled (figures 7 and 10), with the worst corners enlarged."""
-    reference, pose = trajectory.channel("ref")[:, 0, 0, :2], trajectory.channel("pose")[:, :, 0, :2]
-    names, everyone = trajectory.controllers, range(len(trajectory.controllers))
+    reference, pose = first.reference[:, :2], first.channel("pose")[..., :2]
+    names, everyone = first.names, range(len(first.names))
     spots = _spots(reference, pose)
     if len(names) <= canvas.TOGETHER:
         figure = Figure(figsize=(8, 4.7))
@@ -48,6 +48,10 @@ def path(trajectory: Trajectory) -> Figure:
             axes.label_outer()
     _draw(overview, names, reference, pose, everyone)
     overview.plot(*reference[0], "o", color="black", ms=6, zorder=6, label="start")
+    for i in first.failed:
+        travelled = pose[~np.isnan(pose[:, i, 0]), i]
+        overview.plot(*travelled[-1:].T, "X", color=style.controller(i), ms=8, mec="black", zorder=6,
+                      label=f"{names[i]} failed")  # fmt: skip
     overview.margins(0.06)
     overview.set(xlabel="$x$ in m", ylabel="$y$ in m")
     for letter, (centre, half) in zip("AB", spots, strict=False):
@@ -86,7 +90,10 @@ def _spots(reference: Array, pose: Array) -> list[tuple[Array, float]]:
     """
     at = np.linspace(0, len(reference) - 1, FINER * len(reference))
     fine = np.stack([np.interp(at, np.arange(len(reference)), column) for column in reference.T], axis=-1)
-    astray = np.median(cKDTree(fine).query(pose)[0], axis=1)
+    known = ~np.isnan(pose).any(-1)
+    distance = np.where(known, 0.0, np.nan)
+    distance[known] = cKDTree(fine).query(pose[known])[0]
+    astray = np.nanmedian(distance, axis=1)
     nearby = maximum_filter1d(astray, FRAME_RATE_HZ)
     extent = float(max(np.ptp(reference, axis=0).max(), 0.01))
     rank = nearby + extent * _corners(reference) * (nearby > 0)

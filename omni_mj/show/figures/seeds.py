@@ -1,46 +1,76 @@
 """Box plots of the errors over the seeds."""
 
+from typing import Any
+
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from omni_mj.measure import metrics
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
-from omni_mj.simulate.log import Trajectory
 
 FEWEST = 3  # seeds that make a box
 MOST_DOTS = 60  # seeds beyond which single ones are not shown
 STATISTICS = {"max": "maximum", "mean": "mean"}
+# Axis -> where its errors are in a result, their name, their unit, and how many of that are 1 m or 1 rad.
+ERRORS = {
+    "x": ("error_m", "$x$", "cm", 100.0),
+    "y": ("error_m", "$y$", "cm", 100.0),
+    "distance": ("error_m", "the plane", "cm", 100.0),
+    "heading": ("error_rad", "heading", "deg", 180 / np.pi),
+}
+PANEL_IN = 2.7
 
 
-def seeds(trajectory: Trajectory, paper: dict[str, dict[str, dict[str, float]]] | None) -> Figure:
-    """Maximum and mean error of each controller and axis: a box from quartile to quartile, whiskers to the ends."""
-    statistics = metrics.error_statistics(trajectory)
-    names = trajectory.controllers
-    figure = Figure(figsize=(8, 1.6 + 2 * 0.36 * (len(names) + 1)))
-    grid = figure.subplots(2, 2, sharey=True)
-    rows = np.arange(len(names))[::-1]
-    spread = 0.16 * np.linspace(-1, 1, len(trajectory.seeds))  # one seed keeps its height in all boxes
+def seeds(entry: dict[str, Any], heading: bool) -> Figure:
+    """Maximum and mean error of each controller and axis: a box from quartile to quartile, whiskers to the ends.
+
+    Args:
+        entry: a scenario's, of the summary.
+        heading: whether there are errors of heading to be shown.
+    """
+    results, paper = entry["results"], entry["paper"] or {}
+    axes = [axis for axis in ERRORS if axis != "heading" or heading]
+    figure = Figure(figsize=(PANEL_IN * len(axes), 1.6 + 2 * 0.36 * (len(results) + 1)))
+    grid = figure.subplots(2, len(axes), sharey=True)
+    rows = np.arange(len(results))[::-1]
+    count = 0
     for (key, label), line in zip(STATISTICS.items(), grid, strict=True):
-        for j, axes in enumerate(line):
-            values = 100 * statistics[key][:, :, j]
-            boxes = axes.boxplot(
-                list(values), positions=rows, orientation="horizontal", widths=0.55, whis=(0, 100), showfliers=False,
-                patch_artist=True, medianprops={"color": "black", "linewidth": 1.6}, zorder=2,
-            )  # fmt: skip
-            for i, box in enumerate(boxes["boxes"]):
-                box.set(facecolor=style.controller(i) + "55", edgecolor=style.controller(i))
-                if len(trajectory.seeds) <= MOST_DOTS:
-                    axes.plot(values[i], rows[i] + spread, "o", ms=3, mew=0, color="#333333", zorder=3,
-                              label="a seed" if i == 0 else None)  # fmt: skip
-                if paper and names[i] in paper:
-                    axes.plot(100 * paper[names[i]][metrics.AXES[j]][key], rows[i], "D", ms=6, mec="black", mfc="white",
-                              zorder=4, label="the paper" if i == 0 else None)  # fmt: skip
-            axes.set_yticks(rows, names)
-            axes.margins(x=0.05)
-            axes.set_xlim(left=0)
-            axes.grid(axis="y", visible=False)
-            axes.set_xlabel(f"{label} |error| in ${metrics.AXES[j]}$ in cm")
-    canvas.legend(figure, grid[0, 0])
-    figure.suptitle(f"Errors over {len(trajectory.seeds)} seeds")
+        for axis, panel in zip(axes, line, strict=True):
+            part, name, unit, scale = ERRORS[axis]
+            for i, (controller, result) in enumerate(results.items()):
+                errors = result[part][axis][key]["seeds"]
+                count = max(count, len(errors))
+                _box(panel, scale * np.array(errors, float), rows[i], i)
+                printed = paper.get(controller, {}).get(axis)
+                if printed:
+                    panel.plot(scale * printed[key], rows[i], "D", ms=6, mec="black", mfc="white", zorder=4,
+                               label="the paper")  # fmt: skip
+            panel.margins(x=0.05)
+            panel.set_xlim(left=0)
+            panel.grid(axis="y", visible=False)
+            panel.set_xlabel(f"{label} |error| in {name}, {unit}")
+    grid[0, 0].set_yticks(rows, [_label(name, result["failed"]) for name, result in results.items()])
+    grid[0, 0].set_ylim(-0.6, len(results) - 0.4)
+    canvas.legend(figure, list(grid.flat))
+    figure.suptitle(f"Errors over {count} seeds")
     return figure
+
+
+def _box(axes: Axes, values: np.ndarray, row: int, index: int) -> None:
+    """Draw a controller's errors (seeds,), not a number where it failed."""
+    known = ~np.isnan(values)
+    if not known.any():
+        return
+    drawn = axes.boxplot(
+        [values[known]], positions=[row], orientation="horizontal", widths=0.55, whis=(0, 100), showfliers=False,
+        patch_artist=True, medianprops={"color": "black", "linewidth": 1.6}, zorder=2, manage_ticks=False,
+    )  # fmt: skip
+    drawn["boxes"][0].set(facecolor=style.controller(index) + "55", edgecolor=style.controller(index))
+    if len(values) <= MOST_DOTS:
+        spread = 0.16 * np.linspace(-1, 1, len(values))  # one seed keeps its height in all boxes
+        axes.plot(values[known], row + spread[known], "o", ms=3, mew=0, color="#333333", zorder=3, label="a seed")
+
+
+def _label(controller: str, failed: int) -> str:
+    return f"{controller}\n({failed} failed)" if failed else controller

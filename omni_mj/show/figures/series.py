@@ -8,45 +8,54 @@ from omni_mj.measure import metrics
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
-from omni_mj.simulate.log import Trajectory
+from omni_mj.show.figures.first import FirstRows
 
 PAPER_ALPHA = (0.7, 1.0)  # section 2
+ALPHA_AXES = ("x", "y")
 ESTIMATE = style.CONTROLLERS[5]
+# Axis of an error -> its label, its unit, and how many of that are 1 m or 1 rad.
+ERRORS = {
+    "x": ("$|x_r - x|$", "cm", 100.0),
+    "y": ("$|y_r - y|$", "cm", 100.0),
+    "heading": (r"$|\theta_r - \theta|$", "deg", 180 / np.pi),
+}
 
 
-def output(trajectory: Trajectory) -> Figure:
+def output(first: FirstRows) -> Figure:
     """Velocities commanded by the controllers (figures 8 and 11), over the reference's."""
-    poses = trajectory.channel("ref")[:, 0, 0]
+    poses = first.reference
     turns = np.ptp(poses[:, 2]) > 0
     reference = np.diff(poses, axis=0, append=poses[-1:]) * FRAME_RATE_HZ
     labels = ["$v_x$ in m/s", "$v_y$ in m/s", r"$\omega$ in rad/s"][: 3 if turns else 2]
-    figure = _compare(trajectory, trajectory.channel("command")[:, :, 0], labels, reference)
+    figure = _compare(first, first.channel("command"), labels, reference)
     figure.suptitle("Velocities commanded")
     return figure
 
 
-def error(trajectory: Trajectory) -> Figure:
-    """Absolute position errors (figures 9 and 12), with the greatest labelled."""
-    errors = 100 * metrics.absolute_errors(trajectory)[:, :, 0]
-    labels = [f"$|{axis}_r - {axis}|$ in cm" for axis in metrics.AXES]
-    figure = _compare(trajectory, errors, labels, None)
-    figure.suptitle("Absolute position errors")
+def error(first: FirstRows) -> Figure:
+    """Absolute errors of position (figures 9 and 12), and of heading if there are any, with the greatest labelled."""
+    axes = [axis for axis in ERRORS if axis != "heading" or first.turns]
+    errors = np.stack([ERRORS[axis][2] * first.errors(axis) for axis in axes], axis=-1)
+    figure = _compare(first, errors, [f"{ERRORS[axis][0]} in {ERRORS[axis][1]}" for axis in axes], None)
+    figure.suptitle("Absolute errors")
     return figure
 
 
-def alpha(trajectory: Trajectory) -> Figure:
+def alpha(first: FirstRows) -> Figure:
     """Displacement achieved over commanded in windows of 0.25 s, and the controllers' estimate of it."""
-    true = _alpha_at_the_end(trajectory)
-    estimate = trajectory.channel("alpha_hat")[:, :, 0]
-    figure, grid = canvas.over_time(trajectory.length, len(trajectory.controllers), 2, 1.5, "all")
-    for i, name in enumerate(trajectory.controllers):
+    true = _alpha_at_the_end(first)
+    estimate = first.channel("alpha_hat")
+    figure, grid = canvas.over_time(first.length, len(first.names), 2, 1.5, "all")
+    for i, name in enumerate(first.names):
         for j, axes in enumerate(grid[i]):
             axes.axhspan(*PAPER_ALPHA, color="#EEEEEE", lw=0, zorder=0, label="the paper's interval, 0.7 to 1")
-            estimates = bool((estimate[:, i, j] != 1).any())
+            estimates = bool((np.nan_to_num(estimate[:, i, j], nan=1.0) != 1).any())
             if estimates:
                 axes.plot(*canvas.thin(estimate[:, i, j]), color=ESTIMATE, lw=2.8, label="the controller's estimate")
             axes.plot(*canvas.thin(true[:, i, j]), color="black", lw=1, zorder=3, label="alpha over 15 frames")
-            axes.set_title(f"{name}, ${metrics.AXES[j]}$" + ("" if estimates else " (estimates none)"))
+            axes.set_title(f"{name}, ${ALPHA_AXES[j]}$" + ("" if estimates else " (estimates none)"))
+            if i in first.failed:
+                canvas.mark_failure(axes, _end(first, i), i, name)
         grid[i, 0].set_ylabel("alpha")
     grid[0, 0].set_ylim(*_alpha_limits(true))
     canvas.legend(figure, list(grid.flat))
@@ -54,9 +63,9 @@ def alpha(trajectory: Trajectory) -> Figure:
     return figure
 
 
-def _alpha_at_the_end(trajectory: Trajectory) -> Array:
+def _alpha_at_the_end(first: FirstRows) -> Array:
     """The alpha of the window that ends in each frame, (frames, controllers, 2); NaN before the first end."""
-    position, applied = trajectory.channel("pose")[:, :, 0, :2], trajectory.channel("applied")[:, :, 0, :2]
+    position, applied = first.channel("pose")[..., :2], first.channel("applied")[..., :2]
     alpha = np.full_like(position, np.nan)
     if len(alpha) > metrics.ALPHA_WINDOW_FRAMES:
         alpha[metrics.ALPHA_WINDOW_FRAMES :] = metrics.alpha_windows(position, applied)
@@ -70,17 +79,23 @@ def _alpha_limits(alpha: Array) -> tuple[float, float]:
     return max(0.0, min(0.6, low - 0.05)), min(2.0, max(1.1, high + 0.05))
 
 
-def _compare(trajectory: Trajectory, values: Array, labels: list[str], reference: Array | None) -> Figure:
+def _end(first: FirstRows, controller: int) -> int:
+    """The last frame that a controller's row has, or the first where it has none."""
+    return max(int(first.log.lengths[first.rows[controller]]) - 1, 0)
+
+
+def _compare(first: FirstRows, values: Array, labels: list[str], reference: Array | None) -> Figure:
     """All controllers' values (frames, controllers, axes): together, or when there are many each over the first.
 
     Without a reference, the values are errors: they start at zero and the greatest is written beside it.
     """
-    names = trajectory.controllers
+    names = first.names
     together = len(names) <= canvas.TOGETHER
     if together:
         figure, grid = canvas.over_time(len(values), len(labels))
     else:
         figure, grid = canvas.over_time(len(values), len(names), len(labels), 1.3, "col")
+    tops = [canvas.greatest(np.abs(values[..., j]), list(first.failed)) for j in range(len(labels))]
     for i, name in enumerate(names):
         for j, label in enumerate(labels):
             axes = grid[j, 0] if together else grid[i, j]
@@ -89,16 +104,29 @@ def _compare(trajectory: Trajectory, values: Array, labels: list[str], reference
                 axes.plot(*canvas.thin(reference[:, j]), color=style.BACKGROUND, lw=3.5, zorder=1, label="reference")
             if i and not together:
                 axes.plot(*canvas.thin(values[:, 0, j]), color=style.REFERENCE, lw=0.8, label=f"{names[0]}, to compare")
-            greatest = f"{values[:, i, j].max():.2f}"
-            if not together:
+            if together:
+                canvas.curve(axes, values[:, i, j], i, name)
+            else:
                 axes.plot(*canvas.thin(values[:, i, j]), color=style.controller(i), zorder=3)
-                axes.set_title(name if reference is not None else f"{name}, at most {greatest} cm")
-                continue
-            canvas.curve(axes, values[:, i, j], i, name)
-            if reference is None:
-                canvas.mark_greatest(axes, values[:, i, j], i, greatest)
+                axes.set_title(_title(first, i, j, values, label, reference is None))
+            if i in first.failed:
+                canvas.mark_failure(axes, _end(first, i), i, name)
+            elif together and reference is None:
+                canvas.mark_greatest(axes, values[:, i, j], i, f"{np.nanmax(values[:, i, j]):.2f}")
     if reference is None:
         for j, column in enumerate(grid[:, :1] if together else grid.T[:, :1]):
-            column[0].set_ylim(0, 1.15 * max(values[..., j].max(), 1e-9))
+            column[0].set_ylim(0, 1.15 * max(tops[j], 1e-9))
     canvas.legend(figure, list(grid.flat))
     return figure
+
+
+def _title(first: FirstRows, i: int, j: int, values: Array, label: str, of_errors: bool) -> str:
+    """What stands above the axes that a controller has for itself: its name over the first of them."""
+    name = first.names[i] if j == 0 else ""
+    if i in first.failed:
+        rest = "failed"
+    elif of_errors:
+        rest = f"at most {np.nanmax(values[:, i, j]):.2f} {label.split()[-1]}"
+    else:
+        rest = ""
+    return ", ".join(filter(None, (name, rest)))

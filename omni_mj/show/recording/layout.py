@@ -1,6 +1,6 @@
 """How the viewer lays out a recording: the scene, from the field and from beside a robot, time series, texts."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,25 +8,28 @@ import rerun.blueprint as rrb
 
 from omni_control.kinematics import Array
 from omni_mj.show.recording.scene import ABOVE, extent, pixel
-from omni_mj.show.recording.series import WHEEL_TAB, Plot
+from omni_mj.show.recording.series import Plot
+from omni_mj.show.recording.tabs import WHEEL_TAB
 from omni_mj.show.recording.timelines import FRAME, TIME
 
 
-def blueprint(controllers: tuple[str, ...], reference: Array, tabs: dict[str, list[Plot]], live: bool) -> rrb.Blueprint:
+def blueprint(
+    names: Sequence[str], paths: Sequence[Array], tabs: Mapping[str, Sequence[Plot]], live: bool
+) -> rrb.Blueprint:
     """Build the layout.
 
     Args:
-        controllers: their names.
-        reference: the timed reference's poses (frames, 3).
+        names: of the robots.
+        paths: the references that they follow, each (frames, 3).
         tabs: the plots under each tab.
         live: follow what is being recorded, instead of waiting at its start.
     """
-    low, high = extent(reference)
-    so_far = _so_far(controllers)
-    close = rrb.Tabs(*(_beside(name, so_far) for name in controllers), active_tab=_second(controllers))
+    low, high = extent(paths)
+    so_far = _so_far(names)
+    close = rrb.Tabs(*(_beside(name, so_far) for name in names), active_tab=_second(names))
     left = rrb.Vertical(
         _field(low, high, so_far),
-        rrb.Horizontal(_plan(controllers, low, high, so_far), close),
+        rrb.Horizontal(_plan(names, low, high, so_far), close),
         rrb.Tabs(
             rrb.TextDocumentView(origin="summary", name="summary"),
             rrb.TextLogView(
@@ -38,16 +41,16 @@ def blueprint(controllers: tuple[str, ...], reference: Array, tabs: dict[str, li
         ),
         row_shares=[5, 4, 2.3],
     )
-    right = rrb.Tabs(*(_plots(name, plots, controllers) for name, plots in tabs.items() if plots))
+    right = rrb.Tabs(*(_plots(name, plots, names) for name, plots in tabs.items() if plots))
     time = rrb.TimePanel(timeline=TIME, play_state="following" if live else "paused", state="collapsed")
     return rrb.Blueprint(rrb.Horizontal(left, right, column_shares=[1, 1]), time, collapse_panels=True)
 
 
-def _so_far(controllers: tuple[str, ...]) -> dict[Any, rrb.VisibleTimeRanges]:
+def _so_far(names: Sequence[str]) -> dict[Any, rrb.VisibleTimeRanges]:
     """Travelled paths are shown from the start to the time cursor, everything else at the time cursor."""
     start, now = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative()
     ranges = rrb.VisibleTimeRanges([rrb.VisibleTimeRange(line, start=start, end=now) for line in (FRAME, TIME)])
-    return {f"world/{name}/path": ranges for name in controllers}
+    return {f"world/{name}/path": ranges for name in names}
 
 
 def _field(low: Array, high: Array, overrides: dict[Any, rrb.VisibleTimeRanges]) -> rrb.Spatial3DView:
@@ -66,12 +69,12 @@ def _field(low: Array, high: Array, overrides: dict[Any, rrb.VisibleTimeRanges])
 
 
 def _plan(
-    controllers: tuple[str, ...], low: Array, high: Array, overrides: dict[Any, rrb.VisibleTimeRanges]
+    names: Sequence[str], low: Array, high: Array, overrides: dict[Any, rrb.VisibleTimeRanges]
 ) -> rrb.Spatial2DView:
     (left, bottom), (right, top) = pixel(*low), pixel(*high)
     return rrb.Spatial2DView(
         origin=ABOVE,
-        contents=["world/**", *(f"- world/{name}/name" for name in controllers)],
+        contents=["world/**", *(f"- world/{name}/name" for name in names)],
         name="plan",
         visual_bounds=rrb.VisualBounds2D(x_range=[left, right], y_range=[top, bottom]),
         overrides=overrides,
@@ -91,18 +94,18 @@ def _beside(name: str, overrides: dict[Any, rrb.VisibleTimeRanges]) -> rrb.Spati
     )
 
 
-def _plots(tab: str, plots: Iterable[Plot], controllers: tuple[str, ...]) -> rrb.Container:
+def _plots(tab: str, plots: Iterable[Plot], names: Sequence[str]) -> rrb.Container:
     if tab != WHEEL_TAB:
         return rrb.Vertical(*(_plot(plot, f"plots/{plot.entity}") for plot in plots), name=tab)
     single = (
-        rrb.Vertical(*(_plot(plot, f"plots/{plot.entity}/{name}") for plot in plots), name=name) for name in controllers
+        rrb.Vertical(*(_plot(plot, f"plots/{plot.entity}/{name}") for plot in plots), name=name) for name in names
     )
-    return rrb.Tabs(*single, name=tab, active_tab=_second(controllers))
+    return rrb.Tabs(*single, name=tab, active_tab=_second(names))
 
 
-def _second(controllers: tuple[str, ...]) -> int:
-    """Which controller is shown where there is room for one: not the first, with which others are compared."""
-    return min(1, len(controllers) - 1)
+def _second(names: Sequence[str]) -> int:
+    """Which robot is shown where there is room for one: not the first, with which others are compared."""
+    return min(1, len(names) - 1)
 
 
 def _plot(plot: Plot, origin: str) -> rrb.TimeSeriesView:

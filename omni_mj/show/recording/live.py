@@ -5,6 +5,7 @@ import re
 import sys
 
 import click
+import rerun as rr
 
 from omni_control.errors import OmniError
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
@@ -20,7 +21,7 @@ class LiveRecording(Recording):
 
     Args:
         url: of the viewer.
-        simulation: whose trajectory is shown.
+        simulation: whose log is shown.
     """
 
     def __init__(self, url: str, simulation: Simulation) -> None:
@@ -28,9 +29,9 @@ class LiveRecording(Recording):
         self._url = url
         if not answers(url):
             self._fail(RuntimeError("nobody answers"))
-            return
-        self._stream.connect_grpc(url, default_blueprint=self._blueprint())
-        self._begin()
+
+    def _connect(self, stream: rr.RecordingStream) -> None:
+        stream.connect_grpc(self._url, default_blueprint=self._blueprint())
 
     def _fail(self, failure: RuntimeError) -> None:
         if not self._failure:

@@ -7,7 +7,6 @@ import mujoco
 import numpy as np
 import rerun as rr
 
-from omni_mj.scenarios import robots
 from omni_mj.worlds import build
 from omni_mj.worlds.roles import Robot
 
@@ -30,13 +29,13 @@ def _at_rest(robot: str) -> tuple[mujoco.MjModel, mujoco.MjData, Robot]:
     return model, data, parts
 
 
-def wheel_mounts(robot: str = robots.DEFAULT) -> list[tuple[np.ndarray, np.ndarray]]:
+def wheel_mounts(robot: str) -> list[tuple[np.ndarray, np.ndarray]]:
     """Per wheel, the axle's position (3,) in m and its axis (3,), in the robot's frame."""
     _, data, parts = _at_rest(robot)
     return [(data.xanchor[joint].copy(), data.xaxis[joint].copy()) for joint in parts.joints]
 
 
-def log(stream: rr.RecordingStream, entity: str, colour: tuple[int, int, int], robot: str = robots.DEFAULT) -> None:
+def log(stream: rr.RecordingStream, entity: str, colour: tuple[int, int, int], robot: str) -> None:
     """Log chassis and wheels once, static, under `entity`; the cover in `colour` to tell robots apart."""
     model, _, parts = _at_rest(robot)
     own = np.flatnonzero(model.body_rootid == parts.chassis)

@@ -1,13 +1,15 @@
 """What the spatial views of a recording show: the field, the reference, robots, and where they are believed to be."""
 
+from collections.abc import Iterable, Sequence
+
 import numpy as np
 import rerun as rr
 
 from omni_control.kinematics import Array
 from omni_mj.show import field
 from omni_mj.show.recording import colours, robot_shape
-from omni_mj.show.recording.series import Track
-from omni_mj.show.recording.timelines import indexes
+from omni_mj.show.recording.robots import Robot, Track
+from omni_mj.show.recording.timelines import Frames, indexes
 
 ABOVE = "world/above"  # the camera of the plan view
 PIXELS_PER_M, CAMERA_HEIGHT_M = 500.0, 100.0  # from so high up there is hardly any perspective
@@ -24,55 +26,67 @@ def pixel(x: float, y: float) -> tuple[float, float]:
     return PIXELS_PER_M * (length / 2 + x), PIXELS_PER_M * (width / 2 - y)
 
 
-def extent(reference: Array) -> tuple[Array, Array]:
-    """Corners (2,) each of what a view should show, in m: the reference (frames, 3) with a margin."""
-    return reference[:, :2].min(0) - MARGIN_M, reference[:, :2].max(0) + MARGIN_M
+def extent(paths: Iterable[Array]) -> tuple[Array, Array]:
+    """Corners (2,) each of what a view should show, in m: references (frames, 3) with a margin."""
+    points = np.concatenate([path[:, :2] for path in paths])
+    return points.min(0) - MARGIN_M, points.max(0) + MARGIN_M
 
 
-def log_static(stream: rr.RecordingStream, controllers: tuple[str, ...], reference: Array) -> None:
-    """Log once what stays: the field, the reference's path (frames, 3), the robots' shapes, colours and names."""
+def log_static(stream: rr.RecordingStream, robots: Sequence[Robot], model: str, paths: Sequence[Array]) -> None:
+    """Log once what stays.
+
+    Args:
+        stream: of the recording.
+        robots: whose shapes, colours and names are logged.
+        model: which robot they are.
+        paths: the references that they follow, each (frames, 3), which lie on the carpet.
+    """
     stream.log("world", rr.ViewCoordinates.FLU, static=True)
     _log_field(stream)
     white, thin = [colours.REFERENCE], _points(0.7)
-    stream.log("world/reference/path", rr.LineStrips3D([_at(reference, 0.002)], colors=white, radii=thin), static=True)
+    strips = [_at(path, 0.002) for path in paths]
+    stream.log("world/reference/path", rr.LineStrips3D(strips, colors=white, radii=thin), static=True)
     stream.log("world/reference/target", rr.Points3D.from_fields(colors=white, radii=_points(3.5)), static=True)
-    (left, front), (right, _) = extent(reference)
-    for i, name in enumerate(controllers):
-        colour, entity, count = colours.of(i), f"world/{name}", len(controllers)
-        robot_shape.log(stream, f"{entity}/robot", colour)
+    (left, front), (right, _) = extent(paths)
+    for robot in robots:
+        entity, count = f"world/{robot.name}", len(robots)
+        robot_shape.log(stream, f"{entity}/robot", robot.colour, model)
         # Their names as a legend on the carpet: above robots so close to each other they would hide them.
-        row = i % 2 if count > CROWD else 0
-        place = [[left + (right - left) * (i + 0.5) / count, front - row * ROW_M, 0.01]]
+        row = robot.order % 2 if count > CROWD else 0
+        place = [[left + (right - left) * (robot.order + 0.5) / count, front - row * ROW_M, 0.01]]
         legend = rr.Points3D(
-            place, labels=[name], colors=[colours.pale(colour, 0.3)], radii=_points(4), show_labels=True
+            place, labels=[robot.name], colors=[colours.pale(robot.colour, 0.3)], radii=_points(4), show_labels=True
         )
         stream.log(f"{entity}/name", legend, static=True)
         # The first ones' paths are wider, to show beneath those that are drawn over them.
-        path = rr.LineStrips3D.from_fields(colors=[colour], radii=_points(1.0 + 0.4 * (count - 1 - i)))
-        stream.log(f"{entity}/path", path, static=True)
+        width = _points(1.0 + 0.4 * (count - 1 - robot.order))
+        stream.log(f"{entity}/path", rr.LineStrips3D.from_fields(colors=[robot.colour], radii=width), static=True)
 
 
-def send_target(stream: rr.RecordingStream, reference: Array, frames: Array) -> None:
-    """Send the timed reference's poses (frames, 3)."""
-    columns = rr.Points3D.columns(positions=_at(reference, 0.005))
+def send_targets(stream: rr.RecordingStream, paths: Sequence[Array], frames: Frames) -> None:
+    """Send where the references (frames, 3) are in `frames`; one that has come to its end stays there."""
+    now = np.stack([path[np.minimum(frames, len(path) - 1)] for path in paths], axis=1)
+    points = _at(now.reshape(-1, 3), 0.005)
+    columns = rr.Points3D.columns(positions=points).partition(np.full(len(frames), len(paths)))
     stream.send_columns("world/reference/target", indexes(frames), columns)
 
 
-def send(stream: rr.RecordingStream, name: str, index: int, track: Track, frames: Array) -> None:
-    """Send where the robot of the `index`-th controller, `name`, was in `frames`, and where it was believed to be."""
-    entity, time, pose = f"world/{name}", indexes(frames), track["pose"][frames]
-    stream.send_columns(f"{entity}/robot", time, _transform(_at(pose, index * TIE_M), pose[:, 2], _UP))
+def send(stream: rr.RecordingStream, robot: Robot, model: str, track: Track, frames: Frames) -> None:
+    """Send where a robot, of a `model`, was in `frames`, and where it was believed to be."""
+    entity, time, pose = f"world/{robot.name}", indexes(frames), track["pose"][frames]
+    lift = robot.order * TIE_M
+    stream.send_columns(f"{entity}/robot", time, _transform(_at(pose, lift), pose[:, 2], _UP))
     angles = np.nan_to_num(track["wheel_angle"][frames])  # the kinematic plant's wheels do not turn
-    for i, (position, axis) in enumerate(robot_shape.wheel_mounts()):
+    for i, (position, axis) in enumerate(robot_shape.wheel_mounts(model)):
         mount = np.broadcast_to(position, (len(frames), 3))
         stream.send_columns(f"{entity}/robot/wheel_{i + 1}", time, _transform(mount, angles[:, i], axis))
     # A segment per frame, from the frame before: the viewer shows those up to its time cursor.
     before = track["pose"][np.maximum(frames - 1, 0)]
-    height = 0.004 + index * TIE_M
+    height = 0.004 + lift
     segments = np.stack([_at(before, height), _at(pose, height)], axis=1, dtype=np.float32)
     stream.send_columns(f"{entity}/path", time, rr.LineStrips3D.columns(strips=segments))
-    _send_belief(stream, f"{entity}/vision", track["vision"], frames, _ring(colours.of(index)))
-    _send_belief(stream, f"{entity}/predicted", track["predicted"], frames, _ghost(colours.of(index)))
+    _send_belief(stream, f"{entity}/vision", track["vision"], frames, _ring(robot.colour))
+    _send_belief(stream, f"{entity}/predicted", track["predicted"], frames, _ghost(robot.colour))
 
 
 def _log_field(stream: rr.RecordingStream) -> None:
@@ -97,7 +111,7 @@ def _log_field(stream: rr.RecordingStream) -> None:
 
 
 def _send_belief(
-    stream: rr.RecordingStream, entity: str, pose: Array, frames: Array, shape: rr.ComponentColumnList
+    stream: rr.RecordingStream, entity: str, pose: Array, frames: Frames, shape: rr.ComponentColumnList
 ) -> None:
     """Send the frames in which a pose is known; its shape appears with the first of all."""
     known = np.flatnonzero(~np.isnan(pose[: frames[-1] + 1, 0]))

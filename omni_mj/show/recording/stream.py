@@ -1,4 +1,4 @@
-"""A recording: what a run's first seed does, all controllers in it, sent in blocks while the run goes on."""
+"""A recording: what the first robot of each controller does, sent in blocks while the run goes on."""
 
 import uuid
 from pathlib import Path
@@ -8,13 +8,15 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from omni_mj.measure import events
+from omni_control.kinematics import Array
+from omni_mj.measure.events import Watch
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
-from omni_mj.show.recording import scene, series, texts
+from omni_mj.show.recording import robots, scene, tabs, texts
 from omni_mj.show.recording.layout import blueprint
-from omni_mj.show.recording.series import Track
-from omni_mj.show.recording.timelines import indexes
+from omni_mj.show.recording.robots import Track
+from omni_mj.show.recording.timelines import Frames, indexes
 from omni_mj.simulate.simulation import Simulation
+from omni_mj.worlds.build import world
 
 APPLICATION = "omni-mj"
 
@@ -22,8 +24,11 @@ APPLICATION = "omni-mj"
 class Recording:
     """What files and viewers have in common; a context manager.
 
+    It begins with the first frame, when it is known which channels controllers record of their own; and anew when the
+    simulation was reset, without what was recorded before.
+
     Args:
-        simulation: whose trajectory is recorded.
+        simulation: whose log is recorded.
         block_frames: frames to send at a time; what a killed process loses at most.
         live: follow what is recorded, instead of waiting at its start.
     """
@@ -31,72 +36,117 @@ class Recording:
     def __init__(self, simulation: Simulation, block_frames: int, live: bool) -> None:
         rr.set_strict_mode(True)  # otherwise what rerun refuses is silently missing
         self._simulation, self._block_frames, self._live = simulation, block_frames, live
-        self._sent = 0
+        self._stream: rr.RecordingStream | None = None
+        self._log, self._sent = simulation.log, 0
         self._failure: str | None = None
-        self._controllers = simulation.scenario.labels
-        telemetry = vars(simulation.plant.telemetry())
-        absent = {name for name, values in telemetry.items() if np.isnan(values).all()}  # a plant may have no wheels
-        self._series = series.drawn(self._controllers, absent)
-        self._stream = rr.RecordingStream(APPLICATION, recording_id=uuid.uuid4())
-        self._stream.set_log_time_enabled(False)
 
     def __enter__(self) -> "Recording":
-        self._stream.__enter__()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        try:
-            self._stream.__exit__(kind, error, traceback)
-        except RuntimeError as failure:
-            self._fail(failure)
+        if stream := self._begun():
+            self._flush(stream)
+            stream.disconnect()
 
     def update(self) -> None:
         """Send what was recorded since the last time if it fills a block."""
-        if self._simulation.trajectory.length - self._sent >= self._block_frames:
+        if self._current() and self._log.length - self._sent >= self._block_frames:
             self.write()
 
     def write(self) -> None:
         """Send what was recorded since the last time, so that whatever ends the run leaves it readable."""
-        frames = np.arange(self._sent, self._simulation.trajectory.length)
-        if frames.size and not self._failure:
-            self._sent = int(frames[-1]) + 1
-            self._send(frames)
-            self._flush()
+        stream = self._current()
+        if stream and self._log.length > self._sent:
+            frames = np.arange(self._sent, self._log.length)
+            self._sent = self._log.length
+            self._send(stream, frames)
+            self._flush(stream)
 
     def finish(self, summary: str) -> None:
         """Send the result, a Markdown text."""
-        if not self._failure:
-            texts.log(self._stream, "summary", summary)
-            self._flush()
+        if stream := self._begun():
+            texts.log(stream, "summary", summary)
+            self._flush(stream)
+
+    def _connect(self, stream: rr.RecordingStream) -> None:
+        """Say where the stream leads."""
+        raise NotImplementedError
+
+    def _current(self) -> rr.RecordingStream | None:
+        """The stream of the simulation's present log, begun anew where that is another; see `_begun`."""
+        if self._stream and self._log is not self._simulation.log and self._simulation.log.length:
+            self._flush(self._stream)
+            self._stream.disconnect()
+            self._stream = None
+        return self._begun()
+
+    def _begun(self) -> rr.RecordingStream | None:
+        """The stream, begun if it is not; None if what is sent does not arrive."""
+        if not self._failure and self._stream is None:
+            self._begin()
+        return None if self._failure else self._stream
 
     def _begin(self) -> None:
-        """Send what stays."""
-        stream, chosen = self._stream, self._simulation.scenario
-        stream.send_recording_name(f"{chosen.name} on {chosen.plant}, seed {chosen.seed}")
-        scene.log_static(stream, self._controllers, self._simulation.reference.poses)
-        for line in self._series:
+        """Make a stream and send what stays."""
+        simulation = self._simulation
+        chosen, log = simulation.scenario, simulation.log
+        self._log, self._sent = log, 0
+        self._robots = robots.shown(log.rows)
+        followed = [simulation.references[robot.row] for robot in self._robots]
+        self._paths: list[Array] = [each.poses for each in {id(each): each for each in followed}.values()]
+        self._watches = [Watch(log, robot.row) for robot in self._robots]
+        telemetry = vars(simulation.plant.telemetry())
+        absent = {name for name, values in telemetry.items() if np.isnan(values).all()}  # a plant may have no wheels
+        wheels = world(log.rows[0].robot).kinematics
+        self._tabs = tabs.tabs(wheels, absent)
+        self._lines = tabs.drawn(self._tabs, self._robots, len(wheels.azimuths))
+        self._tabs[tabs.OWN_TAB] = tabs.own(log.columns)
+
+        stream = rr.RecordingStream(APPLICATION, recording_id=uuid.uuid4())
+        stream.set_log_time_enabled(False)
+        self._stream = stream
+        self._connect(stream)
+        seed = log.rows[0].seed
+        stream.send_recording_name(f"{chosen.name} on {chosen.plant}, seed {seed}")
+        scene.log_static(stream, self._robots, log.rows[0].robot, self._paths)
+        for line in self._lines:
             stream.log(line.entity, line.style(), static=True)
-        texts.log(stream, "settings", texts.settings(chosen))
+        texts.log(stream, "settings", texts.settings(chosen, log.controllers, seed))
         texts.log(stream, "summary", "The run has not ended; its summary follows.")
-        self._flush()
+        self._flush(stream)
 
-    def _send(self, frames: np.ndarray) -> None:
-        stream, trajectory, time = self._stream, self._simulation.trajectory, indexes(frames)
-        scene.send_target(stream, trajectory.channel("ref")[frames, 0, 0], frames)
-        happened = events.find_all(trajectory, self._simulation.scenario.settings)
-        tracks = [Track(trajectory, i) for i in range(len(self._controllers))]
-        for i, name in enumerate(self._controllers):
-            scene.send(stream, name, i, tracks[i], frames)
-            own = [event for event in happened if event.controller == name and event.frame >= frames[0]]
-            texts.send_events(stream, name, i, own)
-        for line in self._series:
-            stream.send_columns(line.entity, time, line.columns(tracks[line.controller], frames))
+    def _send(self, stream: rr.RecordingStream, frames: Frames) -> None:
+        scene.send_targets(stream, self._paths, frames)
+        self._add_own(stream, frames)
+        for robot, watch in zip(self._robots, self._watches, strict=True):
+            track = Track(self._log, robot.row)
+            texts.send_events(stream, robot, watch.new(self._simulation.failures))
+            recorded = frames[frames < track.length]
+            if recorded.size:
+                scene.send(stream, robot, self._log.rows[robot.row].robot, track, recorded)
+                for line in self._lines:
+                    if line.robot is robot:
+                        stream.send_columns(line.entity, indexes(recorded), line.columns(track, recorded))
 
-    def _flush(self) -> None:
+    def _add_own(self, stream: rr.RecordingStream, frames: Frames) -> None:
+        """Begin the lines of controllers' own channels that have come to hold numbers."""
+        plots = self._tabs[tabs.OWN_TAB]
+        more = [plot for plot in tabs.own(self._log.columns) if plot.entity not in {each.entity for each in plots}]
+        if more:
+            plots += more
+            stream.send_blueprint(self._blueprint(), make_active=self._live)
+        begun = {line.entity for line in self._lines}
+        for line in tabs.drawn({tabs.OWN_TAB: plots}, self._robots, 0):
+            values = self._log.channel(line.series.channel)[frames, line.robot.row]
+            if line.entity not in begun and not np.isnan(values).all():
+                stream.log(line.entity, line.style(), static=True)
+                self._lines.append(line)
+
+    def _flush(self, stream: rr.RecordingStream) -> None:
         try:
-            self._stream.flush()
+            stream.flush()
         except RuntimeError as failure:
             self._fail(failure)
 
@@ -105,9 +155,7 @@ class Recording:
         self._failure = self._failure or str(failure)
 
     def _blueprint(self) -> rrb.Blueprint:
-        present = {line.plot for line in self._series}
-        tabs = {tab: [plot for plot in plots if plot in present] for tab, plots in series.TABS.items()}
-        return blueprint(self._controllers, self._simulation.reference.poses, tabs, self._live)
+        return blueprint([robot.name for robot in self._robots], self._paths, self._tabs, self._live)
 
 
 class FileRecording(Recording):
@@ -115,14 +163,15 @@ class FileRecording(Recording):
 
     Args:
         path: of the file; its folder must exist.
-        simulation: whose trajectory is recorded.
+        simulation: whose log is recorded.
     """
 
     def __init__(self, path: Path, simulation: Simulation) -> None:
         super().__init__(simulation, block_frames=5 * FRAME_RATE_HZ, live=False)
         self._path = path
-        self._stream.save(path, default_blueprint=self._blueprint())
-        self._begin()
+
+    def _connect(self, stream: rr.RecordingStream) -> None:
+        stream.save(self._path, default_blueprint=self._blueprint())
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None

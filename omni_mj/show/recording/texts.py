@@ -1,33 +1,36 @@
 """The texts of a recording: the settings as Markdown tables, the events as a log."""
 
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+
 import numpy as np
 import rerun as rr
 
-from omni_mj.measure.events import BATTERY, LIMIT, TEMPERATURE, VISION, VOLTAGE, WAY_POINT, Event
-from omni_mj.scenarios.nested import plain
+from omni_mj.measure.events import BATTERY, LIMIT, STOPPED, TEMPERATURE, VISION, VOLTAGE, WAY_POINT, Event
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
-from omni_mj.show.recording import colours
+from omni_mj.show.recording.robots import Robot
 from omni_mj.show.recording.timelines import indexes
 
-LEVELS = {TEMPERATURE: "ERROR", BATTERY: "ERROR", LIMIT: "WARN", VOLTAGE: "WARN", VISION: "INFO", WAY_POINT: "INFO"}
+LEVELS = {
+    STOPPED: "ERROR", TEMPERATURE: "ERROR", BATTERY: "ERROR", LIMIT: "WARN", VOLTAGE: "WARN",
+    VISION: "INFO", WAY_POINT: "INFO",
+}  # fmt: skip
 
 
-def settings(scenario: Scenario) -> str:
+def settings(scenario: Scenario, controllers: Iterable[str], seed: int) -> str:
     """All settings in force, those that differ from the default in bold, as Markdown."""
     lines = [
         f"{scenario.description or scenario.name}",
         "",
-        f"Plant {scenario.plant}, controllers {', '.join(scenario.labels)}, seed {scenario.seed}. All series are"
+        f"Plant {scenario.plant}, controllers {', '.join(controllers)}, seed {seed}. All series are"
         f" sampled at {FRAME_RATE_HZ} Hz, the camera's frames. Settings that differ from the default are bold.",
     ]
-    section = None
-    for each, value in scenario.settings.items():
-        if each.section != section:
-            section = each.section
-            lines += ["", f"### {section}", "", "| setting | value | unit | meaning |", "| --- | --- | --- | --- |"]
-        shown = plain(value) if value == each.default else f"**{plain(value)}**"
-        lines.append(f"| {each.name} | {shown} | {each.unit} | {each.doc} |")
+    for section, items in groupby(scenario.settings.items(), key=lambda item: item[0].section):
+        lines += ["", f"### {section}", "", "| setting | value | unit | meaning |", "| --- | --- | --- | --- |"]
+        for setting, value in items:
+            shown = value if value == setting.default else f"**{value}**"
+            lines.append(f"| {setting.name} | {shown} | {setting.unit} | {setting.doc} |")
     return "\n".join(lines)
 
 
@@ -36,13 +39,13 @@ def log(stream: rr.RecordingStream, entity: str, markdown: str) -> None:
     stream.log(entity, rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN), static=True)
 
 
-def send_events(stream: rr.RecordingStream, name: str, index: int, happened: list[Event]) -> None:
-    """Send events of the `index`-th controller, `name`."""
+def send_events(stream: rr.RecordingStream, robot: Robot, happened: Sequence[Event]) -> None:
+    """Send what happened to a robot."""
     if happened:
         frames = np.array([event.frame for event in happened])
         columns = rr.TextLog.columns(
-            text=[f"{event.time_s:.2f} s  {name}: {event.text}" for event in happened],
+            text=[f"{event.time_s:.2f} s  {robot.name}: {event.text}" for event in happened],
             level=[LEVELS[event.kind] for event in happened],
-            color=[colours.of(index)] * len(happened),
+            color=[robot.colour] * len(happened),
         )
-        stream.send_columns(f"events/{name}", indexes(frames), columns)
+        stream.send_columns(f"events/{robot.name}", indexes(frames), columns)

@@ -1,0 +1,11 @@
+"""`omni-mj list`: what there is to name."""
+
+import click
+
+
+@click.command("list")
+def command() -> None:
+    """List scenarios, controllers, plants and settings."""
+    from omni_mj.show import listing
+
+    listing.show()

@@ -1,0 +1,204 @@
+"""What a study leaves: outcomes of its scenarios, as a summary, a table, Arrow tables and files."""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from omni_control.errors import OmniError
+from omni_mj.measure import summary
+from omni_mj.measure.table import table, text
+from omni_mj.scenarios.rows import Row
+from omni_mj.scenarios.scenario import Scenario
+from omni_mj.simulate.log import Log
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from omni_mj.simulate.simulation import Failure
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one scenario.
+
+    Attributes:
+        scenario: as it was run.
+        entry: what the summary says of it.
+        rows: the robots that were run.
+        failures: those that were stopped before their end, and why.
+        measured: numbers of each row, name -> (n,).
+        log: all that was recorded, where it was kept.
+    """
+
+    scenario: Scenario
+    entry: summary.Entry
+    rows: Sequence[Row] = ()
+    failures: "Sequence[Failure]" = ()
+    measured: Mapping[str, np.ndarray] = field(default_factory=dict)
+    log: Log | None = None
+
+    @classmethod
+    def not_run(cls, scenario: Scenario, reason: str | None = None) -> "Outcome":
+        """That of a scenario that has not been run, or that for a `reason` cannot be."""
+        entry = summary.nothing_run(scenario)
+        return cls(scenario, entry | {"status": "failed", "reason": reason} if reason else entry)
+
+
+@dataclass
+class Result:
+    """What a study leaves, or has so far.
+
+    Attributes:
+        outcomes: of each scenario, in the order in which they are run.
+        controllers: labels of those that were compared.
+        limits: those of them that are given the true state, and are no competitors.
+        seeds: of the random numbers.
+        subject: the controller of which verdicts were asked for, or None.
+        created: when the study began, ISO 8601.
+        wall_s: how long it took, s.
+        stopped: why it ended before its time, or None.
+        repeat: the command line that gives the same, where there is one.
+        complete: whether all that was asked for has been done.
+    """
+
+    outcomes: list[Outcome]
+    controllers: Sequence[str] = ()
+    limits: Sequence[str] = ()
+    seeds: Sequence[int] = ()
+    subject: str | None = None
+    created: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
+    wall_s: float = 0.0
+    stopped: str | None = None
+    repeat: str | None = None
+    complete: bool = False
+
+    @property
+    def failures(self) -> "list[Failure]":
+        """Every row that was stopped before its end."""
+        return [failure for outcome in self.outcomes for failure in outcome.failures]
+
+    def __getitem__(self, scenario: str) -> Outcome:
+        """The outcome of a scenario, by its name."""
+        return {outcome.scenario.name: outcome for outcome in self.outcomes}[scenario]
+
+    def summary(self) -> dict[str, Any]:
+        """What summary.json holds: every number, with its definition."""
+        return summary.document(
+            {outcome.scenario.name: outcome.entry for outcome in self.outcomes},
+            self.controllers,
+            self.limits,
+            self.seeds,
+            created=self.created,
+            wall_s=self.wall_s,
+            complete=self.complete,
+            stopped=self.stopped,
+            subject=self.subject,
+            repeat=self.repeat,
+        )
+
+    def table(self) -> str:
+        """The controllers' errors, effort and time to settle, as lines of text."""
+        return text(table(self.summary()))
+
+    def frames(self) -> "pa.Table":
+        """Everything that was recorded: one line per row and frame, after the scenario's name if there are several.
+
+        Raises:
+            OmniError: nothing was kept of the frames.
+        """
+        import pyarrow as pa
+
+        logs = {outcome.scenario.name: outcome.log for outcome in self.outcomes if outcome.log}
+        if not logs:
+            raise OmniError("no frames were kept; compare(..., keep=True) keeps them")
+        tables = [log.table() for log in logs.values()]
+        if len(self.outcomes) == 1:
+            return tables[0]
+        names = [pa.array([name] * each.num_rows, pa.string()) for name, each in zip(logs, tables, strict=True)]
+        tables = [each.add_column(0, "scenario", name) for each, name in zip(tables, names, strict=True)]
+        return pa.concat_tables(tables, promote_options="default").unify_dictionaries()
+
+    def rows(self) -> "pa.Table":
+        """One line per row: what it is, when and why it failed, the settings in which rows differ, and its numbers."""
+        import pyarrow as pa
+
+        lines = [line for outcome in self.outcomes for line in _lines(outcome)]
+        names = dict.fromkeys(name for line in lines for name in line)
+        differing = {
+            name for name in names if "." not in name or any(line.get(name) != lines[0].get(name) for line in lines)
+        }
+        columns = {name: [_plain(line.get(name)) for line in lines] for name in names if name in differing}
+        return pa.table({name: pa.array(values) for name, values in columns.items()})
+
+    def save(self, folder: str | Path) -> None:
+        """Write summary.json, the effective scenarios and, where they were kept, the frames; each whole or not at all.
+
+        One scenario leaves scenario.toml and trajectory.parquet; several scenarios/NAME.toml and
+        trajectories/NAME.parquet. Folders are made; files of the same names are replaced.
+        """
+        folder = Path(folder)
+        self.save_summary(folder)
+        for outcome in self.outcomes:
+            self.save_outcome(outcome, folder)
+
+    def save_summary(self, folder: Path) -> None:
+        """Write summary.json: strict JSON, in which nothing is not a number."""
+        folder.mkdir(parents=True, exist_ok=True)
+        write(folder / "summary.json", json.dumps(self.summary(), indent=2, allow_nan=False) + "\n")
+
+    def save_outcome(self, outcome: Outcome, folder: Path) -> None:
+        """Write a scenario as it was run and, where they were kept, its frames."""
+        name, several = outcome.scenario.name, len(self.outcomes) > 1
+        scenario = folder / "scenarios" / f"{name}.toml" if several else folder / "scenario.toml"
+        scenario.parent.mkdir(parents=True, exist_ok=True)
+        write(scenario, outcome.scenario.to_toml())
+        if outcome.log and outcome.log.length:
+            frames = folder / "trajectories" / f"{name}.parquet" if several else folder / "trajectory.parquet"
+            frames.parent.mkdir(exist_ok=True)
+            outcome.log.save(frames)
+
+
+def write(path: Path, content: str) -> None:
+    """Write a file that appears whole or not at all."""
+    partial = path.with_name(path.name + ".partial")
+    try:
+        partial.write_text(content, encoding="utf-8")
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _lines(outcome: Outcome) -> Iterator[dict[str, Any]]:
+    failures = {failure.row: failure for failure in outcome.failures}
+    flat: dict[int, dict[str, Any]] = {}  # of settings that rows share
+    for i, row in enumerate(outcome.rows):
+        failure = failures.get(i)
+        if id(row.settings) not in flat:
+            flat[id(row.settings)] = dict(_flat(row.settings.plain()))
+        yield {
+            "scenario": outcome.scenario.name,
+            "controller": row.controller,
+            "seed": row.seed,
+            "place": row.place,
+            "failed_at_s": failure.time_s if failure else None,
+            "cause": failure.cause if failure else None,
+            **flat[id(row.settings)],
+            **{name: values[i] for name, values in outcome.measured.items()},
+        }
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, json.dumps(value) if isinstance(value, list | tuple) else value
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,130 @@
+"""The one table of what came out: for the terminal, Markdown, recordings and plain text alike."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import degrees
+from typing import Any
+
+from omni_mj.measure.statistics import CONFIDENCE, Spread
+
+DASH = "\N{EN DASH}"
+PAPER = "paper's "  # before the names of controllers whose numbers the paper reports
+COLUMNS = {"x": ("x, cm", "error_m", 100.0), "y": ("y, cm", "error_m", 100.0)}
+COLUMNS |= {"distance": ("plane, cm", "error_m", 100.0), "heading": ("heading, °", "error_rad", degrees(1))}
+Summary = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Headings and rows of strings; the first `left` columns are aligned to the left."""
+
+    title: str
+    headings: list[str]
+    rows: list[list[str]]
+    left: int
+
+
+def table(summary: Summary) -> Table:
+    """The table of a summary: errors as maximum/mean, effort, time to settle, and the change against the first.
+
+    A number is that of the one seed, or the median over the seeds; but where several scenarios were run with several
+    seeds, distance in the plane is the mean and half its interval.
+    """
+    entries = {name: entry for name, entry in summary["scenarios"].items() if entry["results"]}
+    several = len(summary["scenarios"]) > 1
+    means = several and len(summary["seeds"]) > 1
+    first = next((next(iter(entry["results"])) for entry in entries.values()), "")
+    headings = ["scenario"] * several + ["controller", *(heading for heading, _, _ in COLUMNS.values())]
+    headings += ["effort, m/s²", "settled, s", f"vs {first}, %"]
+    rows = []
+    for name, entry in entries.items():
+        lines = [*_lines(summary, entry, means), *_paper_lines(entry)]
+        rows += [["" if i else name] * several + line for i, line in enumerate(lines)]
+    return Table(title(summary), headings, rows, 1 + several)
+
+
+def title(summary: Summary) -> str:
+    """What was run, and what the numbers are."""
+    seeds, names = summary["seeds"], list(summary["scenarios"])
+    plants = list(dict.fromkeys(entry["plant"] for entry in summary["scenarios"].values()))
+    what = names[0] if len(names) == 1 else "controllers compared"
+    if not seeds:
+        over = ""
+    elif len(seeds) == 1:
+        over = f", seed {seeds[0]}" + (", no intervals" if len(names) > 1 else "")
+    elif len(names) == 1:
+        over = f", median of {len(seeds)} seeds"
+    else:
+        over = f"; in the plane mean of {len(seeds)} seeds ± {100 * CONFIDENCE:g} % interval, otherwise medians"
+    return f"{what} on the {' and the '.join(plants)} plant{over}; maximum/mean"
+
+
+def text(given: Table) -> str:
+    """The table as lines of plain text."""
+    lines = [given.headings, *given.rows]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(given.headings))]
+    aligned = [
+        "  ".join(
+            cell.ljust(width) if i < given.left else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
+        for line in lines
+    ]
+    return "\n".join([given.title, *aligned])
+
+
+def label(summary: Summary, controller: str, result: Mapping[str, Any] | None = None) -> str:
+    """A controller's name, with what must be known of its numbers: limits, and how many seeds failed."""
+    remarks = ["limit"] if controller in summary["limits"] else []
+    if result and result["failed"]:
+        remarks.append(f"failed {result['failed']} of {len(result['effort_m_s2']['seeds'])}")
+    return f"{controller} ({', '.join(remarks)})" if remarks else controller
+
+
+def number(value: float | None, factor: float = 1.0, digits: int = 2) -> str:
+    """A number, or a dash where there is none."""
+    return DASH if value is None else f"{factor * value:.{digits}f}"
+
+
+def plus_minus(spread: Spread, factor: float = 1.0) -> str:
+    """The mean over the seeds and half its interval; a dash for what there is none of."""
+    if spread["mean"] is None:
+        return DASH
+    return f"{factor * spread['mean']:.2f}±{number(spread['plus_minus'], factor)}"
+
+
+def settled(spread: Spread) -> str:
+    """The time to settle, and how many of the seeds do; "not" where none does."""
+    if spread["median"] is None:
+        return "not"
+    known, seeds = sum(value is not None for value in spread["seeds"]), len(spread["seeds"])
+    return number(spread["median"]) + (f" ({known}/{seeds})" if known < seeds else "")
+
+
+def _lines(summary: Summary, entry: Mapping[str, Any], means: bool) -> Iterator[list[str]]:
+    for controller, result in entry["results"].items():
+        cells = [label(summary, controller, result)]
+        for axis, (_, key, factor) in COLUMNS.items():
+            error = result[key][axis]
+            if means and axis == "distance":
+                cells.append("/".join(plus_minus(error[s], factor) for s in ("max", "mean")))
+            else:
+                cells.append("/".join(number(error[s]["median"], factor) for s in ("max", "mean")))
+        cells += [number(result["effort_m_s2"]["median"]), settled(result["settle_s"])]
+        yield [*cells, _change(result["reduction_percent"])]
+
+
+def _change(reduction: Mapping[str, Any] | None) -> str:
+    """Of the medians of maximum and mean in the plane, against the first controller's."""
+    if reduction is None:
+        return ""
+    values = (reduction["distance"][s] for s in ("max", "mean"))
+    return "/".join(DASH if value is None else f"{-value:+.0f}" for value in values)
+
+
+def _paper_lines(entry: Mapping[str, Any]) -> Iterator[list[str]]:
+    for controller, error in (entry["paper"] or {}).items():
+        cells = [
+            "/".join(number(error[axis][s], 100) for s in ("max", "mean")) if axis in error else "" for axis in COLUMNS
+        ]
+        yield [PAPER + controller, *cells, "", "", ""]

@@ -1,0 +1,198 @@
+"""What a report is made of: summaries, figures and scenario files, read from folders and checked."""
+
+import base64
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from omni_control.errors import OmniError
+from omni_mj.scenarios.settings import every_setting
+from omni_mj.show import figures
+
+FORMAT = 2  # of the summaries that can be read
+TYPES = {".svg": "image/svg+xml", ".png": "image/png"}
+# What a summary, and what is said in it of a scenario, must hold, and as what.
+NUMBER, NOTHING = (int, float), type(None)
+PARTS: dict[str, type | tuple[type, ...]] = {
+    **dict.fromkeys(("controllers", "limits", "seeds"), list),
+    **dict.fromkeys(("scenarios", "definitions", "versions"), dict),
+    "complete": bool,
+    "stopped": (str, NOTHING),
+    "wall_s": NUMBER,
+}
+ENTRY_PARTS: dict[str, type | tuple[type, ...]] = {
+    **dict.fromkeys(("description", "plant", "robot", "status"), str),
+    **dict.fromkeys(("reason",), (str, NOTHING)),
+    **dict.fromkeys(("frames", "simulated_s", "wall_s", "paper_table"), NUMBER),
+    **dict.fromkeys(("events", "failed"), list),
+    **dict.fromkeys(("settings", "results"), dict),
+    **dict.fromkeys(("paper", "verdict"), (dict, NOTHING)),
+}
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A setting of a run; `known` says whether this version still has it, `changed` whether it is off its default."""
+
+    name: str
+    value: Any
+    default: Any
+    unit: str
+    doc: str
+    known: bool
+
+    @property
+    def changed(self) -> bool:
+        """Whether the value differs from the default."""
+        return self.known and self.value != self.default
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A drawn figure: its name, its image as a data URI."""
+
+    name: str
+    source: str
+
+
+@dataclass(frozen=True)
+class Run:
+    """A scenario that was run, or should have been.
+
+    Attributes:
+        label: what it is called in comparisons, unlike any other's.
+        name: of the scenario.
+        entry: what the summary says of it.
+        summary: the whole of that.
+        scenario: its TOML file, or nothing.
+        file: where that is in the folder.
+    """
+
+    label: str
+    name: str
+    entry: dict[str, Any]
+    summary: dict[str, Any]
+    scenario: str
+    file: str
+    figures: list[Figure]
+    settings: list[Setting]
+
+    @property
+    def seeds(self) -> list[int]:
+        """That it was run with."""
+        return self.summary["seeds"]
+
+    @property
+    def controllers(self) -> list[str]:
+        """That it was run with."""
+        return self.summary["controllers"]
+
+    @property
+    def limits(self) -> list[str]:
+        """The controllers that know the truth: no competitors."""
+        return self.summary["limits"]
+
+    @property
+    def complete(self) -> bool:
+        """Whether it was run to its end, some rows perhaps not."""
+        return self.entry["status"] == "done"
+
+    @property
+    def reason(self) -> str:
+        """Why it is not complete."""
+        return self.entry["reason"] or self.summary["stopped"] or "no reason is known"
+
+
+@dataclass(frozen=True)
+class Source:
+    """A folder: its label, its summary, and what was run."""
+
+    label: str
+    summary: dict[str, Any]
+    runs: list[Run]
+
+
+def read(folders: Sequence[Path]) -> list[Source]:
+    """Read what is in the folders of runs and comparisons.
+
+    Raises:
+        OmniError: one of them holds no summary, or one that cannot be read.
+    """
+    names = [folder.resolve().name for folder in folders]
+    unique = len(set(names)) == len(names)
+    labels = [name if unique else str(folder) for folder, name in zip(folders, names, strict=True)]
+    return [_source(folder, label, alone=len(folders) == 1) for folder, label in zip(folders, labels, strict=True)]
+
+
+def data_uri(image: bytes, kind: str) -> str:
+    """An image as an address that holds it; `kind` is the suffix of its file's name."""
+    return f"data:{TYPES[kind]};base64,{base64.b64encode(image).decode()}"
+
+
+def _source(folder: Path, label: str, alone: bool) -> Source:
+    summary = _summary(folder)
+    entries = summary["scenarios"]
+    several = len(entries) > 1
+    runs = []
+    for name, entry in entries.items():
+        called = label if not several else name if alone else f"{label}: {name}"
+        file = f"scenarios/{name}.toml" if several else "scenario.toml"
+        toml = folder / file
+        text = toml.read_text(encoding="utf-8", errors="replace") if toml.is_file() else ""
+        drawn = [] if several else _figures(folder)
+        runs.append(Run(called, name, entry, summary, text, file, drawn, _settings(entry)))
+    return Source(label, summary, runs)
+
+
+def _summary(folder: Path) -> dict[str, Any]:
+    path = folder / "summary.json"
+    try:
+        summary = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise OmniError(f"{folder} holds no run: {path.name}: {error.strerror}; give the folder of a run") from None
+    except ValueError as error:
+        raise OmniError(f"{path} is not a run's summary: {error}") from None
+    if isinstance(summary, dict) and "results" in summary and "format" not in summary:
+        raise OmniError(f"{path} is of format 1, which an older version of omni-mj wrote; make the run again")
+    if isinstance(summary, dict) and summary.get("format", FORMAT) != FORMAT:
+        raise OmniError(f"{path} is of format {summary['format']!r}; this version of omni-mj reads format {FORMAT}")
+    wrong = _wrong(summary, PARTS)
+    if not wrong:
+        for name, entry in summary["scenarios"].items():
+            wrong += [f"scenarios.{name}.{part}" for part in _wrong(entry, ENTRY_PARTS)]
+        wrong += [] if summary["scenarios"] else ["scenarios"]
+    if wrong:
+        raise OmniError(f"{path} is not a run's summary: {', '.join(wrong)} missing or wrong; make the run again")
+    return summary
+
+
+def _wrong(found: Any, parts: dict[str, type | tuple[type, ...]]) -> list[str]:
+    """Which parts something lacks, or has as something else."""
+    if not isinstance(found, dict):
+        return list(parts)
+    return [name for name, kind in parts.items() if name not in found or not isinstance(found[name], kind)]
+
+
+def _figures(folder: Path) -> list[Figure]:
+    found = []
+    for name in figures.NAMES:
+        paths = [folder / "figures" / f"{name}{kind}" for kind in TYPES]
+        found += [Figure(name, data_uri(path.read_bytes(), path.suffix)) for path in paths if path.is_file()][:1]
+    return found
+
+
+def _settings(entry: dict[str, Any]) -> list[Setting]:
+    """The settings in the entry's order, with what this version knows of them."""
+    known = {setting.full: setting for setting in every_setting()}
+    rows = []
+    for section, fields in entry["settings"].items():
+        for field, value in fields.items():
+            name = f"{section}.{field}"
+            if setting := known.get(name):
+                default = json.loads(json.dumps(setting.default))  # tuples are lists in a summary
+                rows.append(Setting(name, value, default, setting.unit, setting.doc, known=True))
+            else:
+                rows.append(Setting(name, value, None, "", "unknown to this version", known=False))
+    return rows

@@ -1,0 +1,71 @@
+"""What all studies are made of: a simulation that is run, and the outcome of it."""
+
+import time
+from collections.abc import Callable, Sequence
+
+from omni_control.controllers.base import Controller
+from omni_mj.measure import metrics, summary
+from omni_mj.measure.result import Outcome
+from omni_mj.scenarios.controllers import find, label
+from omni_mj.scenarios.scenario import Scenario
+from omni_mj.simulate.simulation import Simulation
+
+Kinds = Sequence[str | type[Controller]]
+AfterFrame = Callable[[int], None]
+
+
+class StoppedError(Exception):
+    """Raised by a callback between two frames: the study shall end here and keep what it has.
+
+    Attributes:
+        reason: in a word.
+    """
+
+    def __init__(self, reason: str) -> None:
+        self.reason = reason
+        super().__init__(reason)
+
+
+def nothing(_: object) -> None:
+    """What is called after a frame, or a scenario, where nobody wants to know."""
+
+
+def drive(simulation: Simulation, after_frame: AfterFrame = nothing, subject: str | None = None) -> Outcome:
+    """Run a simulation and measure what came of it.
+
+    Args:
+        simulation: at its start.
+        after_frame: called with each frame's number; it may raise `StoppedError`.
+        subject: the controller of which a verdict is asked for.
+
+    Returns:
+        The outcome with its log; of a run that was stopped, up to there.
+    """
+    started, stopped = time.perf_counter(), None
+    try:
+        simulation.run(after_frame)
+    except StoppedError as error:
+        stopped = error.reason
+    log, failures = simulation.log, list(simulation.failures)
+    measured = metrics.row_metrics(log, failures)
+    entry = summary.entry(
+        simulation.scenario,
+        log,
+        failures,
+        measured,
+        time.perf_counter() - started,
+        stopped,
+        limits(simulation.scenario),
+        subject,
+    )
+    return Outcome(simulation.scenario, entry, simulation.rows, failures, measured, log)
+
+
+def total_frames(simulation: Simulation) -> int:
+    """How many frames a simulation has from start to end."""
+    return max(reference.frames for reference in simulation.references)
+
+
+def limits(scenario: Scenario) -> list[str]:
+    """Labels of the controllers that are given the truth: no competitors."""
+    return [label(kind) for kind in scenario.controllers if find(kind).knows_truth]

@@ -1,0 +1,67 @@
+"""One scenario, all its controllers, side by side."""
+
+from collections.abc import Iterable, Sequence
+
+from omni_control.controllers.base import Controller
+from omni_mj.measure.result import Outcome, Result
+from omni_mj.scenarios.scenario import Scenario, load
+from omni_mj.simulate.simulation import Simulation
+from omni_mj.studies.outcome import AfterFrame, drive, limits, nothing
+
+
+def run(
+    scenario: Scenario | str,
+    controllers: Sequence[str | type[Controller]] | None = None,
+    seeds: Iterable[int] | None = None,
+    *,
+    subject: str | None = None,
+    after_frame: AfterFrame = nothing,
+) -> Result:
+    """Run a scenario with one or several controllers and compare them.
+
+    Args:
+        scenario: what is run, or its name.
+        controllers: names, `file.py:Class`, or classes derived from `Controller`. [the scenario's]
+        seeds: of the random numbers, the same for all controllers. [the scenario's]
+        subject: the controller of which a verdict is asked for.
+        after_frame: called with each frame's number.
+
+    Returns:
+        Everything that was recorded, measured; rows that failed are in it up to there.
+
+    Raises:
+        OmniError: there is no such scenario or controller, or one cannot be run.
+    """
+    simulation = prepare(scenario, controllers, seeds)
+    return of(simulation, drive(simulation, after_frame, subject), subject)
+
+
+def prepare(
+    scenario: Scenario | str,
+    controllers: Sequence[str | type[Controller]] | None = None,
+    seeds: Iterable[int] | None = None,
+) -> Simulation:
+    """The simulation that `run` runs, at its start."""
+    chosen = load(scenario) if isinstance(scenario, str) else scenario
+    if controllers is not None:
+        chosen = chosen.replace(controllers=tuple(controllers))
+    given = chosen.seed_list if seeds is None else list(seeds)
+    first, count = min(given, default=chosen.seed), max(len(given), 1)
+    if given == list(range(first, first + count)):
+        chosen = chosen.replace(seed=first, seeds=count)
+    return Simulation(chosen, seeds=given)
+
+
+def of(simulation: Simulation, outcome: Outcome, subject: str | None = None) -> Result:
+    """The result of one simulation."""
+    reason = outcome.entry["reason"]
+    return Result(
+        [outcome],
+        list(simulation.log.controllers),
+        limits(simulation.scenario),
+        simulation.log.seeds,
+        subject,
+        wall_s=outcome.entry["wall_s"],
+        stopped=reason,
+        complete=reason is None,
+    )

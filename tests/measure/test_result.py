@@ -1,0 +1,188 @@
+"""A result's summary, tables and files agree with each other and with what was recorded."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import scipy.stats
+from logs import failure, filled, rows
+
+import omni_mj as om
+from omni_control.errors import OmniError
+from omni_mj.measure import metrics, paper, summary
+from omni_mj.measure.result import Outcome, Result
+from omni_mj.measure.table import table
+
+SEEDS = (3, 4, 5)
+
+
+@pytest.fixture(scope="module")
+def result() -> om.Result:
+    """The default scenario on real physics, three seeds."""
+    return om.run("rect", seeds=SEEDS)
+
+
+@pytest.fixture(scope="module")
+def recorded(result: om.Result) -> dict[tuple[str, int], dict[str, np.ndarray]]:
+    """The frames of each controller and seed, column by column."""
+    lines: dict[tuple[str, int], dict[str, list[Any]]] = {}
+    columns = result.frames().to_pydict()
+    for i, key in enumerate(zip(columns.pop("controller"), columns.pop("seed"), strict=True)):
+        for name, values in columns.items():
+            lines.setdefault(key, {}).setdefault(name, []).append(values[i])
+    return {key: {name: np.array(values) for name, values in own.items()} for key, own in lines.items()}
+
+
+def of_a_row(row: dict[str, np.ndarray]) -> dict[str, float]:
+    """The statistics, straight from their definitions; these runs all settle."""
+    ex, ey = abs(row["x_m"] - row["ref_x_m"]), abs(row["y_m"] - row["ref_y_m"])
+    turn = np.exp(1j * (row["heading_rad"] - row["ref_heading_rad"]))
+    errors = {"x": ex, "y": ey, "distance": (ex**2 + ey**2) ** 0.5, "heading": abs(np.angle(turn))}
+    ax, ay = (np.diff(row[f"command_v{axis}_m_s"], prepend=0) * 60 for axis in "xy")
+    at_rest = (row["ref_x_m"] == row["ref_x_m"][-1]) & (row["ref_y_m"] == row["ref_y_m"][-1])
+    rest = int(np.flatnonzero(~at_rest)[-1]) + 1  # the rectangle also starts where it ends
+    settled = [k for k in range(rest, len(ex)) if (errors["distance"][k:] < 0.01).all()]
+    found = {
+        f"error_{'rad' if name == 'heading' else 'm'}.{name}.{key}": float(law(error))
+        for name, error in errors.items()
+        for key, law in {"max": max, "mean": np.mean, "rms": lambda e: np.mean(e**2) ** 0.5}.items()
+    }
+    found["effort_m_s2"] = float(np.mean(ax**2 + ay**2)) ** 0.5
+    found["settle_s"] = (settled[0] - rest) / 60
+    found["greatest_at_s"] = row["time_s"][errors["distance"].argmax()]
+    return found
+
+
+def test_every_number_of_the_summary_follows_from_the_frames(result: om.Result, recorded: Any) -> None:
+    """Sums over frames may be made in another order: 1e-12 is allowed; scipy gives the intervals."""
+    results = result.summary()["scenarios"]["rect"]["results"]
+    assert list(results) == ["flc", "comp-flc"]
+    for controller, found in results.items():
+        numbers = [of_a_row(recorded[controller, seed]) for seed in SEEDS]
+        for key in numbers[0]:
+            spread = found
+            for part in key.split("."):
+                spread = spread[part]
+            values = [each[key] for each in numbers]
+            half = scipy.stats.t.ppf(0.975, 2) * np.std(values, ddof=1) / 3**0.5
+            assert spread["seeds"] == pytest.approx(values, rel=1e-12, abs=1e-12), key
+            wanted = [np.median(values), min(values), max(values), sum(values) / 3, half]
+            assert list(spread.values())[1:] == pytest.approx(wanted, rel=1e-9, abs=1e-12), key
+        base = results["flc"]["error_rad"]["heading"]["max"]["median"]
+        reduction = found["reduction_percent"]
+        if controller != "flc":
+            ours = found["error_rad"]["heading"]["max"]["median"]
+            assert reduction["heading"]["max"] == pytest.approx(100 * (1 - ours / base))
+        assert (reduction is None) == (controller == "flc")
+
+
+def test_alpha_and_peaks_of_the_summary_follow_from_the_frames(result: om.Result, recorded: Any) -> None:
+    n = metrics.ALPHA_WINDOW_FRAMES
+    for controller, found in result.summary()["scenarios"]["rect"]["results"].items():
+        runs = [recorded[controller, seed] for seed in SEEDS]
+        for axis in "xy":
+            ratios = []
+            for r in runs:
+                for k in range(len(r["frame"]) - n):
+                    commanded = r[f"applied_v{axis}_m_s"][k : k + n].mean()
+                    if abs(commanded) > 0.1:
+                        ratios.append((r[f"{axis}_m"][k + n] - r[f"{axis}_m"][k]) / (commanded * n / 60))
+            # The library accumulates sums over the run where this averages windows: rounding, near 1e-12.
+            expected = list(np.percentile(ratios, [5, 50, 95]))
+            assert list(found["alpha"][axis].values()) == pytest.approx(expected, rel=1e-9)
+        assert found["peak_voltage_v"] == max(r["voltage_peak_v"].max() for r in runs)
+        assert found["peak_current_a"] == max(r["current_peak_a"].max() for r in runs)
+        assert found["peak_winding_c"] == max(r[f"winding_{i}_c"].max() for r in runs for i in "1234")
+        assert found["peak_voltage_v"] >= max(np.abs(r[f"voltage_{i}_v"]).max() for r in runs for i in "1234")
+
+
+def test_the_compensator_keeps_the_promise_of_the_paper(result: om.Result) -> None:
+    """At least the paper's reductions of the maximum error, to at most its figures (table 3)."""
+    entry = result.summary()["scenarios"]["rect"]
+    found = entry["results"]["comp-flc"]
+    for axis, least, most in (("x", 35, 0.021), ("y", 49, 0.039)):
+        assert found["reduction_percent"][axis]["max"] >= least
+        assert found["error_m"][axis]["max"]["median"] <= most
+    assert entry["paper"]["comp-flc"]["x"]["max"] == 0.02124
+
+
+def test_the_paper_stands_beside_its_own_experiment_only() -> None:
+    """Whatever drives it, on either plant; not with another path, dead time, carpet, disturbance or plant's alpha."""
+    for own in ({}, {"plant": "kinematic"}, {"controllers": ("lqr",), "control": {"lag_s": 0.1}, "seeds": 7}):
+        assert paper.table(om.scenario("rect", **own)) is paper.TABLES[3]
+        assert paper.table(om.scenario("rect-noise", **own)) is paper.TABLES[4]
+    for section, values, plants in (
+        ("reference", {"laps": 2}, ("mujoco", "kinematic")),
+        ("radio", {"delay_frames": 7}, ("mujoco", "kinematic")),
+        ("disturbance", {"velocity_m_s": 0.2}, ("mujoco", "kinematic")),
+        ("carpet", {"friction": 0.4}, ("mujoco",)),
+        ("kinematic", {"alpha_low": 0.8}, ("kinematic",)),
+    ):
+        for plant in ("mujoco", "kinematic"):
+            kept = paper.table(om.scenario("rect", plant=plant, **{section: values})) is not None
+            assert kept is (plant not in plants), (section, plant)
+    assert paper.table(om.scenario("circle")) is None
+
+
+def test_files_hold_the_same(result: om.Result, tmp_path: Path) -> None:
+    """Folders are made, what was there is replaced, and the scenario reads back as it was run."""
+    folder = tmp_path / "deep" / "down"
+    result.save(folder)
+    result.save(str(folder))
+    assert {p.name for p in folder.iterdir()} == {"summary.json", "scenario.toml", "trajectory.parquet"}
+    text = (folder / "summary.json").read_text()
+    assert json.loads(text, parse_constant=pytest.fail) == json.loads(json.dumps(result.summary()))
+    kept, frames = pq.read_table(folder / "trajectory.parquet"), result.frames()
+    assert kept.schema.equals(frames.schema)
+    for name in frames.column_names:
+        np.testing.assert_array_equal(kept[name].to_pylist(), frames[name].to_pylist(), err_msg=name)
+    again = om.scenario(folder / "scenario.toml")
+    assert (again.seed_list, again.controllers) == (list(SEEDS), ("flc", "comp-flc"))
+    assert again.settings == om.scenario("rect").settings
+
+
+def test_the_table_shows_medians_and_the_paper(result: om.Result) -> None:
+    found = result.summary()["scenarios"]["rect"]["results"]
+    lines = result.table().splitlines()
+    assert lines[0] == "rect on the mujoco plant, median of 3 seeds; maximum/mean"
+    for name, line in zip(("flc", "comp-flc"), lines[2:], strict=False):
+        x, heading = found[name]["error_m"]["x"], found[name]["error_rad"]["heading"]
+        cells = line.split()
+        assert cells[:2] == [name, f"{100 * x['max']['median']:.2f}/{100 * x['mean']['median']:.2f}"]
+        assert cells[4] == "/".join(f"{np.degrees(heading[key]['median']):.2f}" for key in ("max", "mean"))
+    change = [-round(found["comp-flc"]["reduction_percent"]["distance"][key]) for key in ("max", "mean")]
+    assert lines[3].endswith("/".join(f"{each:+d}" for each in change))
+    assert lines[4].split()[:4] == ["paper's", "flc", "3.29/0.36", "7.61/1.33"]
+    assert len(lines) == 6
+
+
+def test_rows_name_what_they_are_what_differs_and_what_became_of_them() -> None:
+    """Two settings of a sweep, of which one topples: in the table of rows, the summary and the text alike."""
+    chosen = om.scenario("rect", plant="kinematic")
+    slow = chosen.settings.replace(radio={"delay_frames": 9})
+    log = filled(
+        [*rows(("a", "b"), (0, 1), chosen.settings), *rows(("a", "b"), (2,), slow)], 30, [30, 30, 30, 8, 30, 30]
+    )
+    failures = [failure(log, 3)]
+    measured = metrics.row_metrics(log, failures)
+    entry = summary.entry(chosen, log, failures, measured, 1.0, None)
+    result = Result([Outcome(chosen, entry, log.rows, failures, measured, log)], ("a", "b"), (), (0, 1, 2))
+    lines = result.rows().to_pylist()
+    assert [(r["controller"], r["seed"], r["radio.delay_frames"]) for r in lines] == [
+        ("a", 0, 6), ("a", 1, 6), ("b", 0, 6), ("b", 1, 6), ("a", 2, 9), ("b", 2, 9)
+    ]  # fmt: skip
+    assert {name for name in lines[0] if "." in name} == {"radio.delay_frames"}
+    assert [(r["failed_at_s"], r["cause"]) for r in lines if r["cause"]] == [(8 / 60, "toppled over")]
+    assert [r["distance_max_m"] for r in lines] == [0, 0, 0, np.inf, 0, 0]
+    assert entry["failed"] == [
+        {"controller": "b", "seed": 1, "place": 0, "time_s": 8 / 60, "cause": "toppled over"}
+    ]  # fmt: skip
+    assert [found["failed"] for found in entry["results"].values()] == [0, 1]
+    assert "b (failed 1 of 3)" in result.table()
+    assert len(result.frames()) == 5 * 30 + 8
+    assert table(result.summary()).rows[1][3] == "0.00/0.00", "the median of three seeds stands one that failed"
+    with pytest.raises(OmniError, match="keep=True"):
+        Result([Outcome.not_run(chosen)]).frames()

@@ -1,0 +1,93 @@
+"""The Python API as it is printed."""
+
+import importlib
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import omni_mj as om
+
+PRINTED = """
+import omni_mj as om
+
+class Mine(om.Controller):
+    def command(self, frame, seen):             # seen.pose, seen.twist, ...: arrays over rows
+        target, speed = self.reference.at(frame, seen.pose)
+        return speed + 3.0 * (target - seen.pose)
+
+rect = om.scenario("rect", plant="kinematic", radio={"delay_frames": 9})   # raises om.OmniError, all errors at once
+result = om.run(rect, ["comp-flc", Mine], seeds=range(5))
+print(result.table()); result.save("runs/mine"); result.frames()     # an Arrow table
+sim = om.Simulation(rect, ["comp-flc"]); sim.reset(seed=0); sim.observe(); sim.step()
+"""
+
+
+def test_the_lines_run_as_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And are a user's own law: of Mine the command wanted is kept to, the controllers share the seeds' noise."""
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {"__name__": "printed"}
+    exec(PRINTED, names)
+    printed = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in printed[2:]] == ["comp-flc", "Mine"]
+    result, sim = names["result"], names["sim"]
+    assert isinstance(result, om.Result)
+    assert isinstance(sim, om.Simulation)
+    assert sim.frame == sim.log.length == 1
+    saved = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    assert saved == {f"runs/mine/{name}" for name in ("summary.json", "scenario.toml", "trajectory.parquet")}
+    frames = result.frames().to_pydict()
+    assert set(frames["controller"]) == {"comp-flc", "Mine"}
+    assert set(frames["seed"]) == set(range(5))
+    seen = np.array(frames["vision_x_m"]) - np.array(frames["x_m"])
+    half = len(seen) // 2
+    np.testing.assert_allclose(seen[:half], seen[half:], atol=1e-12)
+
+
+def test_names_at_the_top_are_few_and_stay_what_they_are() -> None:
+    """Whatever submodule is imported; and what is not there is said as of any module."""
+    assert len(dir(om)) <= 12
+    for module in ("omni_mj.run", "omni_mj.scenarios.scenario", "omni_mj.studies.run", "omni_mj.studies.compare"):
+        importlib.import_module(module)
+    for name in ("scenario", "run", "compare", "alpha"):
+        assert isinstance(getattr(om, name), types.FunctionType)
+    for name in ("Controller", "OmniError", "Scenario", "Simulation", "Result"):
+        assert isinstance(getattr(om, name), type)
+    assert om.__version__
+    with pytest.raises(AttributeError, match="'omni_mj' has no attribute 'simulate_all'"):
+        om.simulate_all  # noqa: B018
+    code = "import omni_mj.run; import omni_mj as om; print(om.run.__name__, om.run.__module__)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.split() == ["run", "omni_mj.studies.run"]
+
+
+def test_all_errors_are_said_at_once() -> None:
+    with pytest.raises(om.OmniError) as error:
+        om.scenario("rect", plant="mujocco", radio={"delay": 9, "jitter_frames": -1})
+    assert len(str(error.value).splitlines()) == 3
+
+
+def test_a_subject_is_judged_and_a_controller_that_raises_fails_alone() -> None:
+    """Its row is kept with time and cause; the other's numbers are those it has alone."""
+
+    class Late(om.Controller):
+        def command(self, frame: int, seen: object) -> np.ndarray:
+            if frame == 30:
+                raise RuntimeError("out of ideas")
+            return np.zeros((len(self.predicted), 3))
+
+    short = om.scenario("rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0]]})
+    both, alone = (om.run(short, kinds, range(2), subject="flc") for kinds in (["flc", Late], ["flc"]))
+    assert [(f.controller, f.seed, f.time_s) for f in both.failures] == [("Late", 0, 0.5), ("Late", 1, 0.5)]
+    assert all("out of ideas" in f.cause for f in both.failures)
+    entry, other = (result.summary()["scenarios"]["rect"] for result in (both, alone))
+    assert entry["results"]["flc"] == other["results"]["flc"]
+    assert entry["results"]["Late"]["failed"] == 2
+    assert entry["verdict"]["errors"]["max"]["beats"] == ["Late"]
+    assert both.complete
+    assert "Late (failed 2 of 2)" in both.table()
