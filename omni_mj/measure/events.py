@@ -3,7 +3,7 @@
 An event depends on nothing that comes after its frame, so that events can be told while a run goes on.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ from omni_control.kinematics import Array
 from omni_control.reference.curves import CURVES
 from omni_mj.scenarios import references
 from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, ControlSettings
+from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.simulate.log import Log
 
 if TYPE_CHECKING:
@@ -24,6 +24,9 @@ STOPPED, TEMPERATURE, BATTERY, LIMIT, VOLTAGE, VISION, WAY_POINT = KINDS = (
 )  # fmt: skip
 QUIET_FRAMES = FRAME_RATE_HZ // 4  # what was at a limit no longer ago than this has not left it
 ROUNDING = 1e-9  # relative, of a command that was scaled to a limit, and of a reference that arrives
+
+
+_Happening = tuple[int, str, str]  # frame, kind, text
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,12 @@ class Event:
 
 def find(log: Log, failures: "Iterable[Failure]" = ()) -> list[Event]:
     """What a user must know, once per row, in the order of time: rows that were stopped, temperature, battery."""
-    return _sorted(_must_know(log, range(len(log.rows)), failures))
+    found = list(_stopped(log, failures))
+    for i in range(len(log.rows)):
+        once, own = _Once(log.rows[i]), slice(log.lengths[i])
+        told = once.new(log.channel("winding")[own, i], log.channel("battery")[own, i, 0], 0)
+        found += [_event(log, i, *each) for each in told]
+    return _sorted(found)
 
 
 def find_all(log: Log, failures: "Iterable[Failure]" = ()) -> list[Event]:
@@ -56,21 +64,11 @@ def of_row(log: Log, row: int, failures: "Iterable[Failure]" = ()) -> list[Event
 
     A limit is met in the first frame at it, `QUIET_FRAMES` after the last.
     """
-    own = slice(log.lengths[row])
-    track = {name: log.channel(name)[own, row] for name in ("pose", "ref", "command", "vision_valid")}
-    duty, battery = (log.channel(name)[own, row, 0] for name in ("duty_peak", "battery"))
-    happened = [
-        *_limits(track["command"], log.rows[row].settings.control),
-        *((f, VOLTAGE, "a motor takes all the battery's voltage") for f in _met((duty >= 1) & (battery > 0))),
-        *_lost(track["vision_valid"][:, 0]),
-        *_reached(track["pose"], track["ref"], log.rows[row]),
-    ]
-    told = [_event(log, row, frame, kind, text) for frame, kind, text in happened]
-    return _sorted([*_must_know(log, [row], failures), *told])
+    return Watch(log, row).new(failures)
 
 
 class Watch:
-    """Tells what happens to a row while its log grows.
+    """Tells what happens to a row while its log grows, looking at each frame once.
 
     Args:
         log: of a simulation that goes on.
@@ -79,32 +77,70 @@ class Watch:
 
     def __init__(self, log: Log, row: int) -> None:
         self._log, self._row = log, row
-        self._told: set[Event] = set()
+        self._seen = 0
+        self._stopped = False
+        self._once = _Once(log.rows[row])
+        self._quiet: dict[str, _Quiet] = {}
+        self._command = np.zeros(3)
+        self._lost_at: int | None = None
+        self._way = _Way(log.rows[row])
 
     def new(self, failures: "Iterable[Failure]" = ()) -> list[Event]:
         """What happened since this was asked last, in the order of time."""
-        fresh = [event for event in of_row(self._log, self._row, failures) if event not in self._told]
-        self._told.update(fresh)
-        return fresh
+        log, row, start = self._log, self._row, self._seen
+        self._seen = int(log.lengths[row])
+        track = {
+            name: log.channel(name)[start : self._seen, row]
+            for name in ("pose", "ref", "command", "vision_valid", "duty_peak", "battery", "winding")
+        }
+        happened = [
+            *self._once.new(track["winding"], track["battery"][:, 0], start),
+            *self._limits(track["command"], start),
+            *self._full_voltage(track["duty_peak"][:, 0], track["battery"][:, 0], start),
+            *self._misses(track["vision_valid"][:, 0], start),
+            *self._way.reached(track["pose"], track["ref"], start),
+        ]
+        stopped = [] if self._stopped else list(_stopped(log, (each for each in failures if each.row == row)))
+        self._stopped |= bool(stopped)
+        return _sorted([*stopped, *(_event(log, row, *each) for each in happened)])
+
+    def _limits(self, command: Array, start: int) -> Iterator[_Happening]:
+        """Where commands (frames, 3) were held back by a limit of speed or acceleration."""
+        s = self._log.rows[self._row].settings.control
+        step = np.diff(command, axis=0, prepend=self._command[None]) / PERIOD_S
+        self._command = command[-1] if len(command) else self._command
+        for size, limit, unit in (
+            (np.hypot(*command[:, :2].T), s.max_speed_m_s, "m/s"),
+            (np.hypot(*step[:, :2].T), s.max_acceleration_m_s2, "m/s^2"),
+            (np.abs(command[:, 2]), s.max_turn_rate_rad_s, "rad/s"),
+            (np.abs(step[:, 2]), s.max_turn_acceleration_rad_s2, "rad/s^2"),
+        ):
+            for frame in self._met(unit, size >= limit * (1 - ROUNDING), start):
+                yield frame, LIMIT, f"the command is held back to {limit:g} {unit}"
+
+    def _full_voltage(self, duty: Array, battery: Array, start: int) -> Iterator[_Happening]:
+        for frame in self._met(VOLTAGE, (duty >= 1) & (battery > 0), start):
+            yield frame, VOLTAGE, "a motor takes all the battery's voltage"
+
+    def _met(self, name: str, active: np.ndarray, start: int) -> list[int]:
+        return self._quiet.setdefault(name, _Quiet()).met(active, start)
+
+    def _misses(self, valid: np.ndarray, start: int) -> Iterator[_Happening]:
+        """Where vision (frames,) lost sight of a robot, and where it saw one again that was away for several frames."""
+        change = np.diff(valid.astype(int), prepend=int(self._lost_at is None))
+        for frame in start + np.flatnonzero(change):
+            if self._lost_at is None:
+                self._lost_at = int(frame)
+                yield self._lost_at, VISION, "vision does not see the robot"
+            else:
+                away, self._lost_at = int(frame) - self._lost_at, None
+                if away > 1:
+                    yield int(frame), VISION, f"vision sees the robot again after {away} frames"
 
 
-def _must_know(log: Log, rows: Sequence[int], failures: "Iterable[Failure]") -> list[Event]:
-    limit = np.array([log.rows[i].settings.motor.limit_c for i in rows])
-    with np.errstate(invalid="ignore"):  # not a number where there are no motors, or no more frames
-        too_hot = np.asarray((log.channel("winding")[:, rows] > limit[:, None]).any(-1))
-    empty = np.asarray(log.channel("battery")[:, rows, 0] == 0)
-    stopped = [f for f in failures if f.row in rows]
-    found = [_event(log, f.row, round(f.time_s / PERIOD_S), STOPPED, f"stopped: {f.cause}") for f in stopped]
-    for k in np.flatnonzero(too_hot.any(0)).tolist():
-        text = f"a winding is above {limit[k]:g} deg C"
-        found.append(_event(log, rows[k], int(too_hot[:, k].argmax()), TEMPERATURE, text))
-    for k in np.flatnonzero(empty.any(0)).tolist():
-        text = f"the battery sank below {log.rows[rows[k]].settings.battery.cut_off_v:g} V and gives no more power"
-        found.append(_event(log, rows[k], int(empty[:, k].argmax()), BATTERY, text))
-    return found
-
-
-_Happening = tuple[int, str, str]  # frame, kind, text
+def _stopped(log: Log, failures: "Iterable[Failure]") -> Iterator[Event]:
+    for each in failures:
+        yield _event(log, each.row, round(each.time_s / PERIOD_S), STOPPED, f"stopped: {each.cause}")
 
 
 def _event(log: Log, i: int, frame: int, kind: str, text: str) -> Event:
@@ -116,58 +152,93 @@ def _sorted(events: Iterable[Event]) -> list[Event]:
     return sorted(events, key=lambda event: event.frame)
 
 
-def _met(active: np.ndarray) -> list[int]:
-    """Frames in which something becomes active that was not in the `QUIET_FRAMES` before."""
-    frames = np.flatnonzero(active)
-    return [int(f) for f in frames[np.diff(frames, prepend=-QUIET_FRAMES - 1) > QUIET_FRAMES]]
+class _Once:
+    """Tells what is told once: windings that are too hot, a battery that gave up."""
+
+    def __init__(self, row: Row) -> None:
+        self._limit_c, self._cut_off_v = row.settings.motor.limit_c, row.settings.battery.cut_off_v
+        self._told: set[str] = set()
+
+    def new(self, winding: Array, battery: Array, start: int) -> Iterator[_Happening]:
+        """What happened in the frames from `start` on: windings (frames, motors), deg C, and battery (frames,), V."""
+        with np.errstate(invalid="ignore"):  # not a number where there are no motors
+            too_hot = (winding > self._limit_c).any(-1)
+        for kind, happened, text in (
+            (TEMPERATURE, too_hot, f"a winding is above {self._limit_c:g} deg C"),
+            (BATTERY, battery == 0, f"the battery sank below {self._cut_off_v:g} V and gives no more power"),
+        ):
+            if happened.any() and kind not in self._told:
+                self._told.add(kind)
+                yield start + int(happened.argmax()), kind, text
 
 
-def _limits(command: Array, s: ControlSettings) -> Iterator[_Happening]:
-    """Where commands (frames, 3) were held back by a limit of speed or acceleration."""
-    step = np.diff(command, axis=0, prepend=np.zeros((1, 3))) / PERIOD_S
-    for size, limit, unit in (
-        (np.hypot(*command[:, :2].T), s.max_speed_m_s, "m/s"),
-        (np.hypot(*step[:, :2].T), s.max_acceleration_m_s2, "m/s^2"),
-        (np.abs(command[:, 2]), s.max_turn_rate_rad_s, "rad/s"),
-        (np.abs(step[:, 2]), s.max_turn_acceleration_rad_s2, "rad/s^2"),
-    ):
-        for frame in _met(size >= limit * (1 - ROUNDING)):
-            yield frame, LIMIT, f"the command is held back to {limit:g} {unit}"
+class _Quiet:
+    """Tells when something becomes active that was not in the `QUIET_FRAMES` before."""
+
+    def __init__(self) -> None:
+        self._last = -QUIET_FRAMES - 1
+
+    def met(self, active: np.ndarray, start: int) -> list[int]:
+        """The frames in which it does, of those (frames,) from `start` on."""
+        frames = start + np.flatnonzero(active)
+        fresh = frames[np.diff(frames, prepend=self._last) > QUIET_FRAMES]
+        self._last = int(frames[-1]) if frames.size else self._last
+        return fresh.tolist()
 
 
-def _lost(valid: np.ndarray) -> Iterator[_Happening]:
-    """Where vision (frames,) lost sight of a robot, and where it saw one again that was away for several frames."""
-    change = np.diff(valid.astype(int), prepend=1)
-    lost, seen = np.flatnonzero(change < 0), np.flatnonzero(change > 0)
-    yield from ((int(f), VISION, "vision does not see the robot") for f in lost)
-    for start, end in zip(lost, seen, strict=False):  # the last one may stay lost
-        if end - start > 1:
-            yield int(end), VISION, f"vision sees the robot again after {end - start} frames"
-
-
-def _reached(pose: Array, ref: Array, row: Row) -> Iterator[_Happening]:
-    """Where a robot reached a way-point, as close as the iterated reference asks for.
+class _Way:
+    """Tells when a robot reaches a way-point, as close as the iterated reference asks for.
 
     A robot passes a way-point between the timed reference's arrivals at the one before and the one after; one that
     plans anew in every frame keeps no timetable and passes them one after the other.
     """
-    settings = row.settings.reference
-    if settings.shape in CURVES:
-        return
-    plan = references.iterated(settings, 1, row.where)
-    arrivals, reached = [0], 0
-    for point in plan.waypoints[1:]:
-        there = np.flatnonzero(np.abs(ref[arrivals[-1] :] - point).max(-1) < ROUNDING)
-        if not there.size:
-            break
-        arrivals.append(arrivals[-1] + int(there[0]))
-    last = len(plan.waypoints) - 1
-    for i, point in enumerate(plan.waypoints[1 : len(arrivals) + 1], 1):
-        start, stop = arrivals[i - 1], arrivals[i + 1] if i + 1 < len(arrivals) else len(pose)
-        if settings.mode == "iterated":
-            start, stop = reached, len(pose)
-        offset = np.abs(pose[start:stop] - point)
-        near = (np.hypot(offset[:, 0], offset[:, 1]) < plan.arrival_radius) & (offset[:, 2] < plan.arrival_angle)
-        if near.any():
-            reached = start + int(near.argmax())
-            yield reached, WAY_POINT, f"way-point {i} of {last} reached"
+
+    def __init__(self, row: Row) -> None:
+        settings = row.settings.reference
+        self._timed = settings.mode == "timed"
+        plan = None if settings.shape in CURVES else references.iterated(settings, 1, row.where)
+        self._points = np.zeros((0, 3)) if plan is None else plan.waypoints
+        self._near = (0.0, 0.0) if plan is None else (plan.arrival_radius, plan.arrival_angle)
+        self._arrivals = [0]  # of the timed reference, at the way-points so far
+        self._ahead = [*range(1, len(self._points))]  # way-points that are yet to be reached
+        self._reached = 0  # frame in which the last was
+
+    def reached(self, pose: Array, ref: Array, start: int) -> Iterator[_Happening]:
+        """Way-points reached in the frames from `start` on, by the robot's poses (frames, 3) and the timed ones."""
+        self._arrive(ref, start)
+        end, last = start + len(pose), len(self._points) - 1
+        for i in list(self._ahead):
+            low, high = self._window(i)
+            if low is None:
+                break
+            low, stop = max(low, start), end if high is None else min(high, end)
+            near = self._is_near(pose[low - start : max(stop - start, 0)], self._points[i])
+            if near.any():
+                self._reached = low + int(near.argmax())
+                self._ahead.remove(i)
+                yield self._reached, WAY_POINT, f"way-point {i} of {last} reached"
+            elif high is not None and high <= end:
+                self._ahead.remove(i)  # too late
+            elif not self._timed:
+                break
+
+    def _window(self, i: int) -> tuple[int | None, int | None]:
+        """First frame in which a robot may reach the i-th way-point, and the first in which no more; None: not yet."""
+        if not self._timed:
+            return self._reached, None
+        known = len(self._arrivals)
+        return self._arrivals[i - 1] if i <= known else None, self._arrivals[i + 1] if i + 1 < known else None
+
+    def _arrive(self, ref: Array, start: int) -> None:
+        """Find the way-points at which the timed reference arrives in the frames from `start` on."""
+        for point in self._points[len(self._arrivals) :]:
+            since = max(self._arrivals[-1], start)
+            there = np.flatnonzero(np.abs(ref[since - start :] - point).max(-1) < ROUNDING)
+            if not there.size:
+                return
+            self._arrivals.append(since + int(there[0]))
+
+    def _is_near(self, pose: Array, point: Array) -> np.ndarray:
+        offset = np.abs(pose - point)
+        radius, angle = self._near
+        return (np.hypot(offset[:, 0], offset[:, 1]) < radius) & (offset[:, 2] < angle)

@@ -1,17 +1,18 @@
 """Parameters of controllers: what a scenario gives, checked against what the controllers have."""
 
-import math
 import sys
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from omni_control.errors import choose
+from omni_control.controllers import checked_parameters
+from omni_control.controllers.base import Controller
+from omni_control.errors import OmniError, choose
 from omni_mj.scenarios.checking import in_one, shown
 
 Value = float | int | bool | str
-_KINDS: dict[type, str] = {bool: "true or false", int: "a whole number", float: "a number", str: "a string"}
+_LARGEST = sys.float_info.max  # what is more is infinite, or a whole number of absurd length
 
 
 class Frozen(Mapping[str, Any]):
@@ -54,43 +55,33 @@ class Parameters(Frozen):
             errors += [
                 f"controller.{name}.{key} must be a number, true or false, or a string, not {shown(value)}"
                 for key, value in values.items()
-                if not isinstance(value, (int, float, str)) or (isinstance(value, float) and not math.isfinite(value))
+                if not (isinstance(value, str) or (isinstance(value, (int, float)) and abs(value) <= _LARGEST))
             ]
             kept[name] = Frozen(values)
         in_one(errors)
         super().__init__(kept)
 
-    def of(self, defaults: Mapping[str, Mapping[str, Value]]) -> "Parameters":
-        """The same as what controllers have for it: whole numbers become numbers where those are wanted.
+    def of(self, kinds: Mapping[str, type[Controller]]) -> "Parameters":
+        """The same as the controllers take them: a whole number becomes a number where one is wanted.
 
         Args:
-            defaults: of each controller that there is, by its label: parameter -> default.
+            kinds: the controllers that there are, by their labels.
 
         Raises:
-            OmniError: there is no such controller, or it has no such parameter, or a value is not of the kind of the
-                parameter's default; the message has a line for each.
+            OmniError: there is no such controller, or it has no such parameter, or a value is not of the parameter's
+                type; the message has a line for each.
         """
-        errors, kept = [], {}
+        errors: list[str] = []
+        kept: dict[str, dict[str, Value]] = {}
         for name, given in self.items():
-            if name not in defaults:
-                errors.append(f"unknown controller {name!r} in [controller.{name}]; {choose(name, defaults)}")
+            if name not in kinds:
+                errors.append(f"unknown controller {name!r} in [controller.{name}]; {choose(name, kinds)}")
                 continue
-            has = defaults[name]
-            wrong = [error for key, value in given.items() if (error := _error(name, key, value, has))]
-            errors += wrong
-            if not wrong:
-                kept[name] = {key: float(v) if type(has[key]) is float else v for key, v in given.items()}
+            kept[name] = {}
+            for key, value in given.items():
+                try:
+                    kept[name] |= checked_parameters(kinds[name], {key: value})
+                except OmniError as error:
+                    errors.append(f"controller.{name}.{key}: {error}")
         in_one(errors)
         return Parameters(**kept)
-
-
-def _error(name: str, key: str, value: Value, has: Mapping[str, Value]) -> str:
-    """What is wrong with a parameter, if anything."""
-    full = f"controller.{name}.{key}"
-    if not has:
-        return f"unknown parameter {full}; {name} has none"
-    if key not in has:
-        return f"unknown parameter {full}; {choose(full, [f'controller.{name}.{known}' for known in has])}"
-    kind = type(has[key])
-    fits = type(value) is kind or (kind is float and type(value) is int and abs(value) <= sys.float_info.max)
-    return "" if fits else f"{full} must be {_KINDS[kind]}, not {shown(value)}"

@@ -10,7 +10,7 @@ from typing import Any, Self
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from omni_control.controllers import CONTROLLERS, parameters
+from omni_control.controllers import CONTROLLERS
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError, choose
 from omni_mj.scenarios import controllers, robots
@@ -262,8 +262,7 @@ def _parameters(settings: Settings | Mapping[str, Any], kinds: Sequence[str | ty
     given = settings.controller if isinstance(settings, Settings) else settings.get("controller")
     if not given or not isinstance(given, Mapping) or kinds is None:
         return None
-    has = {controllers.label(kind): parameters(controllers.find(kind)) for kind in kinds}
-    return Parameters(**given).of(has)
+    return Parameters(**given).of(controllers.resolve(kinds))
 
 
 def _names_controller(kind: Any) -> bool:

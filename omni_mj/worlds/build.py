@@ -15,7 +15,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
-from omni_mj.scenarios import robots as files
+from omni_mj.scenarios import robots as models
 from omni_mj.worlds import contact_roller, roles
 from omni_mj.worlds.roles import Robot
 from omni_mj.worlds.wheels import Motor, WheelGeometry, kinematics, motor
@@ -68,9 +68,9 @@ class World:
 
 
 def world(
-    robot: str = files.DEFAULT,
+    robot: str = models.DEFAULT,
     places: int = 1,
-    scene: str = files.SCENE,
+    scene: str = models.SCENE,
     one_roller: bool = False,
     substeps: int = 1,
 ) -> World:
@@ -87,7 +87,7 @@ def world(
         OmniError: a file that is missing or no MJCF, a robot that lacks a part, a scene that lacks the carpet or has
             other solver options than rollers need.
     """
-    paths = files.model_path(robot).resolve(), files.scene_path(scene).resolve()
+    paths = models.model_path(robot).resolve(), models.scene_path(scene).resolve()
     changed = tuple(path.stat().st_mtime_ns for path in paths)  # a file edited since is read again
     return _world(*paths, changed, places, one_roller, substeps)
 

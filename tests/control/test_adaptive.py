@@ -51,48 +51,48 @@ def knows_the_latency(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("knows_the_latency")
-@pytest.mark.parametrize("delay", [0, 1, 6, 12])
-def test_a_robot_that_is_known_is_predicted_and_led_exactly(delay: int) -> None:
+def test_a_robot_that_is_known_is_predicted_and_led_exactly() -> None:
     """A second after alpha began to show, `predicted` is the true pose at the end of the latency.
 
     What was amiss until then dies out: to nothing in position, at 3 / s in heading.
     """
-    reference, alpha = timed(PATH), np.array([[0.8] * 3, [1.05] * 3, [0.6, 0.7, 0.9]])
-    run = drive(
-        controller(reference, 3, delay),
-        BodyFrame(np.zeros((3, 3)), delay, alpha, 0.0),
-        exact(3, reference.frames),
-        limits=limited,
-    )
-    known = LEAD + delay + SECOND
-    # The least squares of 60 frames and more, and 12 additions to poses of size 1.
-    np.testing.assert_allclose(run.alpha_hat[known:] - alpha, 0, atol=1e-7)
-    np.testing.assert_allclose(ahead(run, delay)[known:], 0, atol=1e-9)
-    off, settled = np.abs(run.pose - reference.poses[:, None]), known + 2 * SECOND
-    # The fuzzy controller's 15 / s leave 1e-13 of centimetres after two seconds: the rest is rounding.
-    assert off[settled:, :2, :2].max() < 1e-12
-    # Robots with axes that differ turn by w T / 2 on average within the frame for which commands are rotated.
-    assert off[settled:, 2, :2].max() < 3e-4
-    # Half a radian at the most, 3 s later exp(-9).
-    assert off[settled + SECOND :, :, 2].max() < 1e-4
+    for delay in (0, 1, 12):
+        reference, alpha = timed(PATH), np.array([[0.8] * 3, [1.05] * 3, [0.6, 0.7, 0.9]])
+        run = drive(
+            controller(reference, 3, delay),
+            BodyFrame(np.zeros((3, 3)), delay, alpha, 0.0),
+            exact(3, reference.frames),
+            limits=limited,
+        )
+        known = LEAD + delay + SECOND
+        # The least squares of 60 frames and more, and 12 additions to poses of size 1.
+        np.testing.assert_allclose(run.alpha_hat[known:] - alpha, 0, atol=1e-7)
+        np.testing.assert_allclose(ahead(run, delay)[known:], 0, atol=1e-9)
+        off, settled = np.abs(run.pose - reference.poses[:, None]), known + 2 * SECOND
+        # The fuzzy controller's 15 / s leave 1e-13 of centimetres after two seconds: the rest is rounding.
+        assert off[settled:, :2, :2].max() < 1e-12
+        # Robots with axes that differ turn by w T / 2 on average within the frame for which commands are rotated.
+        assert off[settled:, 2, :2].max() < 3e-4
+        # Half a radian at the most, 3 s later exp(-9).
+        assert off[settled + SECOND :, :, 2].max() < 1e-4
 
 
 @pytest.mark.usefixtures("knows_the_latency")
-@pytest.mark.parametrize("delay", [0, 6])
-def test_a_robot_with_dry_friction_that_is_known_is_predicted_exactly(delay: int) -> None:
+def test_a_robot_with_dry_friction_that_is_known_is_predicted_exactly() -> None:
     """On a way with one heading: the prediction of how far a robot turns leaves drag out.
 
     It is led to half a millimetre: from rest, friction is not what it is for a robot that moves.
     """
-    reference, alpha = timed(STRAIGHT), np.array([[0.8] * 3, [1.05] * 3, [0.6, 0.7, 0.9]])
-    plant = BodyFrame(np.array(STRAIGHT[:1] * 3), delay, alpha, 0.03)
-    adaptive = controller(reference, 3, delay, drag_m_s=0.04)
-    adaptive.plant._drag_sigma = 1e6  # nothing is believed of drag beforehand but the noise that it makes
-    run = drive(adaptive, plant, exact(3, reference.frames), limits=limited)
-    known = LEAD + delay + SECOND
-    np.testing.assert_allclose((run.alpha_hat[known:] - alpha)[..., :2], 0, atol=1e-7)
-    np.testing.assert_allclose(ahead(run, delay)[known:], 0, atol=1e-9)
-    assert np.abs(run.pose - reference.poses[:, None])[known + SECOND :].max() < 5e-4
+    for delay in [0, 6]:
+        reference, alpha = timed(STRAIGHT), np.array([[0.8] * 3, [1.05] * 3, [0.6, 0.7, 0.9]])
+        plant = BodyFrame(np.array(STRAIGHT[:1] * 3), delay, alpha, 0.03)
+        adaptive = controller(reference, 3, delay, drag_m_s=0.04)
+        adaptive.plant._drag_sigma = 1e6  # nothing is believed of drag beforehand but the noise that it makes
+        run = drive(adaptive, plant, exact(3, reference.frames), limits=limited)
+        known = LEAD + delay + SECOND
+        np.testing.assert_allclose((run.alpha_hat[known:] - alpha)[..., :2], 0, atol=1e-7)
+        np.testing.assert_allclose(ahead(run, delay)[known:], 0, atol=1e-9)
+        assert np.abs(run.pose - reference.poses[:, None])[known + SECOND :].max() < 5e-4
 
 
 def test_robots_told_wrong_are_found_out_and_tracked() -> None:
@@ -137,18 +137,18 @@ def test_neither_delay_nor_lag_works_as_well() -> None:
     assert np.median(run.latency_hat[LEAD + 2 * SECOND :], axis=0).max() < 1.0
 
 
-@pytest.mark.parametrize("delay", [0, 12])
-def test_the_reference_planned_anew_leads_through_all_way_points(delay: int) -> None:
+def test_the_reference_planned_anew_leads_through_all_way_points() -> None:
     """Iterated from the predicted pose it has no timetable; robots pass near every way-point and stop at the last."""
-    n, path = 3, np.array(PATH)
-    reference = IteratedReference(PATH, LIMITS, T, n, rest_frames=LEAD)
-    plant = BodyFrame(np.repeat(path[:1], n, axis=0), delay, [[1.0], [0.8], [0.6]], 0.01)
-    run = drive(controller(reference, n, delay, drag_m_s=0.04), plant, exact(n, 9 * SECOND), limits=limited)
-    for point in path[1:]:
-        # Within the 2 cm at which a way-point counts as reached, and as much that the prediction may be off.
-        assert np.hypot(*np.moveaxis(run.pose[..., :2] - point[:2], -1, 0)).min(0).max() < 0.04
-    np.testing.assert_allclose(run.pose[-1], np.repeat(path[-1:], n, axis=0), rtol=0, atol=0.005)
-    assert np.abs(run.sent[-1]).max() < 0.05
+    for delay in [0, 12]:
+        n, path = 3, np.array(PATH)
+        reference = IteratedReference(PATH, LIMITS, T, n, rest_frames=LEAD)
+        plant = BodyFrame(np.repeat(path[:1], n, axis=0), delay, [[1.0], [0.8], [0.6]], 0.01)
+        run = drive(controller(reference, n, delay, drag_m_s=0.04), plant, exact(n, 9 * SECOND), limits=limited)
+        for point in path[1:]:
+            # Within the 2 cm at which a way-point counts as reached, and as much that the prediction may be off.
+            assert np.hypot(*np.moveaxis(run.pose[..., :2] - point[:2], -1, 0)).min(0).max() < 0.04
+        np.testing.assert_allclose(run.pose[-1], np.repeat(path[-1:], n, axis=0), rtol=0, atol=0.005)
+        assert np.abs(run.sent[-1]).max() < 0.05
 
 
 def test_at_first_it_is_comp_flc() -> None:

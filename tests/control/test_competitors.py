@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from closed_loop import Lagged, T, commands_for, drive, seen_at
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from laws import LAW
+from laws import FEW
 from ways import KINDS, LIMITS, PATH, REST, TIMED, along, told
 
 from omni_control import TimedReference
@@ -30,7 +30,7 @@ def test_only_the_oracle_knows_the_truth_and_says_so() -> None:
 
 
 @each
-@settings(LAW, max_examples=8)
+@FEW
 @given(
     delay=st.integers(1, 7),
     wrong=st.sampled_from([-1, 0, 1]),
@@ -54,58 +54,58 @@ def test_stable_on_robots_that_are_weaker_and_slower_or_faster_than_told(
     assert np.abs(run.pose).max() < 0.2, "none swings out"
 
 
-@each_linear
-@both_references
-def test_without_dead_time_and_lag_the_linear_ones_follow_the_reference(name: str, kind: str) -> None:
+def test_without_dead_time_and_lag_the_linear_ones_follow_the_reference() -> None:
     """Nothing is late: robots that start on the path, and are as told, are sent the reference's velocity."""
-    # A planned path turns to the next way-point within 2 cm of one, here after 1.3 s.
-    frames = 60 if kind == "iterated" else TIMED.frames
-    run = drive(make(name, told(0, 0.0), along(kind), 1), Lagged(PATH[:1], 0, 0.0), frames)
-    # Roundings of poses of size 1.
-    np.testing.assert_allclose(run.pose[:, 0], TIMED.poses[:frames], rtol=0, atol=1e-12)
+    for name in LINEAR:
+        for kind in KINDS:
+            # A planned path turns to the next way-point within 2 cm of one, here after 1.3 s.
+            frames = 60 if kind == "iterated" else TIMED.frames
+            run = drive(make(name, told(0, 0.0), along(kind), 1), Lagged(PATH[:1], 0, 0.0), frames)
+            # Roundings of poses of size 1.
+            np.testing.assert_allclose(run.pose[:, 0], TIMED.poses[:frames], rtol=0, atol=1e-12)
 
 
-@each
-@both_references
-def test_the_mirror_image_of_a_task_is_done_by_mirrored_commands(name: str, kind: str) -> None:
+def test_the_mirror_image_of_a_task_is_done_by_mirrored_commands() -> None:
     """With y, headings and their noise mirrored, y and turn rates change their sign, and nothing else changes."""
-    rng, mirror = np.random.default_rng(0), np.array([1.0, -1.0, -1.0])
-    start, noise = rng.uniform(-0.1, 0.1, (3, 3)), rng.normal(0, 0.002, (120, 3, 3))
-    alpha = rng.uniform(0.7, 1, (3, 3))
-    runs = [
-        drive(
-            make(name, told(6, noisy=True), along(kind, 3, side), 3),
-            Lagged(side * start, 6, 0.02, alpha), side * noise,
-        ).sent
-        for side in (np.ones(3), mirror)
-    ]  # fmt: skip
-    # The oracle's sines, and centres of gravity, are rounded differently to the left and to the right.
-    np.testing.assert_allclose(runs[0], mirror * runs[1], rtol=0, atol=1e-9 if name == "oracle" else 0)
+    for name in COMPETITORS:
+        for kind in KINDS:
+            rng, mirror = np.random.default_rng(0), np.array([1.0, -1.0, -1.0])
+            start, noise = rng.uniform(-0.1, 0.1, (3, 3)), rng.normal(0, 0.002, (120, 3, 3))
+            alpha = rng.uniform(0.7, 1, (3, 3))
+            runs = [
+                drive(
+                    make(name, told(6, noisy=True), along(kind, 3, side), 3),
+                    Lagged(side * start, 6, 0.02, alpha), side * noise,
+                ).sent
+                for side in (np.ones(3), mirror)
+            ]  # fmt: skip
+            # The oracle's sines, and centres of gravity, are rounded differently to the left and to the right.
+            np.testing.assert_allclose(runs[0], mirror * runs[1], rtol=0, atol=1e-9 if name == "oracle" else 0)
 
 
-@each
-@pytest.mark.parametrize("turns", [-3, 1, 40])
-def test_headings_take_the_short_way(name: str, turns: int) -> None:
+def test_headings_take_the_short_way() -> None:
     """Full turns are no error, and from -3 to 3 rad a robot turns over pi."""
-    controller = make(name, told(0, 0.0), TimedReference([[0, 0, 3.0]], LIMITS, T), 2)
-    pose = np.array([[0, 0, 3.0 + 2 * np.pi * turns], [0, 0, -3.0]])
-    seen = seen_at(controller.told, pose, commands_for(controller), np.zeros((2, 3)), pose)
-    command = controller.command(0, seen)
-    # Forty turns are rounded at 3e-14 rad, times a gain of 30 / s.
-    assert abs(command[0, 2]) < 2e-12
-    assert command[1, 2] < 0
+    for name in COMPETITORS:
+        for turns in [-3, 1, 40]:
+            controller = make(name, told(0, 0.0), TimedReference([[0, 0, 3.0]], LIMITS, T), 2)
+            pose = np.array([[0, 0, 3.0 + 2 * np.pi * turns], [0, 0, -3.0]])
+            seen = seen_at(controller.told, pose, commands_for(controller), np.zeros((2, 3)), pose)
+            command = controller.command(0, seen)
+            # Forty turns are rounded at 3e-14 rad, times a gain of 30 / s.
+            assert abs(command[0, 2]) < 2e-12
+            assert command[1, 2] < 0
 
 
-@each_linear
-@pytest.mark.parametrize("lag", [0.0, 0.02])
-def test_predicted_is_the_pose_for_which_the_command_is_meant(name: str, lag: float) -> None:
+def test_predicted_is_the_pose_for_which_the_command_is_meant() -> None:
     """Of p that of now, of smith that at the end of the dead time, of lqr where a stop commanded then would end."""
-    delay, start = 6, np.array([[0.1, -0.05, 0.4]])
-    run = drive(make(name, told(delay, lag), TIMED, 1), Lagged(start, delay, lag), 120)
-    ahead = 0 if name == "p" else delay
-    meant = run.pose + lag * run.twist if name == "lqr" else run.pose
-    # Roundings of poses of size 1.
-    np.testing.assert_allclose(run.predicted[: 120 - ahead], meant[ahead:], rtol=0, atol=1e-13)
+    for name in LINEAR:
+        for lag in [0.0, 0.02]:
+            delay, start = 6, np.array([[0.1, -0.05, 0.4]])
+            run = drive(make(name, told(delay, lag), TIMED, 1), Lagged(start, delay, lag), 120)
+            ahead = 0 if name == "p" else delay
+            meant = run.pose + lag * run.twist if name == "lqr" else run.pose
+            # Roundings of poses of size 1.
+            np.testing.assert_allclose(run.predicted[: 120 - ahead], meant[ahead:], rtol=0, atol=1e-13)
 
 
 class Counted(TimedReference):
@@ -118,15 +118,15 @@ class Counted(TimedReference):
     asked: list[float | Array]
 
 
-@each
-def test_the_reference_is_asked_once_a_frame_for_the_time_when_the_command_acts(name: str) -> None:
+def test_the_reference_is_asked_once_a_frame_for_the_time_when_the_command_acts() -> None:
     """One that is planned anew moves on with every question. All but `p` look ahead by the latency."""
-    path = Counted(PATH.tolist(), LIMITS, T)
-    path.asked = []
-    drive(make(name, told(6, 0.02), path, 2), Lagged(np.zeros((2, 3)), 6, 0.02), 60)
-    ahead = np.array([np.broadcast_to(frame, (2, 3)) for frame in path.asked]) - np.arange(60)[:, None, None]
-    # The oracle finds the latency out. As long as nothing has moved yet, that tells of a longer one.
-    np.testing.assert_allclose(ahead, 0 if name == "p" else 7.2, rtol=0, atol=2 if name == "oracle" else 1e-12)
+    for name in COMPETITORS:
+        path = Counted(PATH.tolist(), LIMITS, T)
+        path.asked = []
+        drive(make(name, told(6, 0.02), path, 2), Lagged(np.zeros((2, 3)), 6, 0.02), 60)
+        ahead = np.array([np.broadcast_to(frame, (2, 3)) for frame in path.asked]) - np.arange(60)[:, None, None]
+        # The oracle finds the latency out. As long as nothing has moved yet, that tells of a longer one.
+        np.testing.assert_allclose(ahead, 0 if name == "p" else 7.2, rtol=0, atol=2 if name == "oracle" else 1e-12)
 
 
 def test_the_truth_is_never_worse_than_noise() -> None:

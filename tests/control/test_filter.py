@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from driven import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, drive, filtered
+from driven import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, driven, filtered
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
@@ -45,7 +45,7 @@ def textbook(measured: Array, displacement: Array, start: float, noise: float, w
 @given(seeds, st.floats(0, 0.9))
 def test_it_is_the_textbooks_kalman_filter(seed: int, missed: float) -> None:
     """With the process noise as it is stated: pose, twist, drift, sigma and innovations, gaps included, to 1e-9."""
-    _, measured, displacement = drive(seed, 120, 2, missed=missed)
+    _, measured, displacement = driven(seed, 120, 2, missed=missed)
     start = np.zeros((2, 3))
     said = filtered_as_stated(measured, displacement, start)
     for axis in range(3):
@@ -74,7 +74,7 @@ def test_a_perfect_robot_seen_perfectly_is_tracked_exactly(seed: int, missed: fl
 def test_with_its_noise_fixed_the_filter_is_linear(seed: int, share: float) -> None:
     """The same mixture of two observations and starts gives that mixture of the two estimates."""
     rng = np.random.default_rng(seed)
-    _, one, displacement = drive(seed, 60, 2)
+    _, one, displacement = driven(seed, 60, 2)
     start = rng.uniform(-0.3, 0.3, (2, 2, 3))
     other = one + rng.normal(0, 0.1, one.shape)
     a, b = filtered_as_stated(one, displacement, start[0]), filtered_as_stated(other, displacement, start[1])
@@ -91,7 +91,7 @@ def test_with_its_noise_fixed_the_filter_is_linear(seed: int, share: float) -> N
 @given(seeds, st.tuples(*[st.floats(-5, 5)] * 3))
 def test_neither_the_origin_nor_the_sign_of_the_axes_matters(seed: int, offset: tuple[float, ...]) -> None:
     """Poses moved by a constant, or mirrored with their commands, give estimates moved or mirrored."""
-    _, measured, displacement = drive(seed, 60, 2)
+    _, measured, displacement = driven(seed, 60, 2)
     start = measured[0] = np.zeros((2, 3))
     said = filtered(measured, displacement, start)
     mirrored = filtered(-measured, -displacement, -start)
@@ -135,7 +135,7 @@ def test_a_robot_that_faces_backwards_does_not_spin() -> None:
 
 def test_each_robots_each_axis_may_be_missed_by_itself() -> None:
     """What is seen of one axis says nothing of another: that alone is filtered, the others are carried on."""
-    _, measured, displacement = drive(0, 80, 2, missed=0.0)
+    _, measured, displacement = driven(0, 80, 2, missed=0.0)
     partly = measured.copy()
     partly[40:, 0, 1] = np.nan
     whole, said = (filtered(m, displacement, measured[0]) for m in (measured, partly))
@@ -152,7 +152,7 @@ def test_each_robots_each_axis_may_be_missed_by_itself() -> None:
 
 def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
     """A robot's estimate does not depend, in its last bit, on the others, nor on whether they are seen."""
-    _, measured, displacement = drive(3, 80, 9, missed=0.2)
+    _, measured, displacement = driven(3, 80, 9, missed=0.2)
     batch = filtered(measured, displacement, np.zeros((9, 3)))
     for i in range(9):
         alone = filtered(measured[:, i : i + 1], displacement[:, i : i + 1], np.zeros((1, 3)))

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from driven import GAIN_ERROR, NOISE, T, drive, filtered
-from hypothesis import given, settings
+from driven import GAIN_ERROR, NOISE, T, driven, filtered
+from hypothesis import given
 from hypothesis import strategies as st
+from laws import LAW
 from scipy.linalg import solve_discrete_are
 
 from omni_control.estimation.kalman import KalmanFilter
@@ -17,7 +18,7 @@ GAP = slice(200, 210)  # ten frames: what hides a robot behind another's arm
 @pytest.fixture(scope="module", params=[0.25, 1.0, 9.0])
 def certainty(request: pytest.FixtureRequest) -> tuple[Array, Array]:
     """Innovations, and errors of the pose, over their standard deviations; of robots surer or less sure than stated."""
-    true, measured, displacement = drive(1, FRAMES, ROBOTS, scale=request.param)
+    true, measured, displacement = driven(1, FRAMES, ROBOTS, scale=request.param)
     said = filtered(measured, displacement, true[0] - displacement[0])
     return said["normalised"][SETTLED:], (said["pose"] - true)[SETTLED:] / said["sigma"][SETTLED:]
 
@@ -47,7 +48,7 @@ def test_innovations_are_white(certainty: tuple[Array, Array]) -> None:
 
 def test_in_a_gap_sigma_grows_as_the_error_does_and_then_returns() -> None:
     """Not seen for ten frames: sigma grows in each, covers the error in each, and is what it was soon after."""
-    true, measured, displacement = drive(1, 300, 400, missed=0)
+    true, measured, displacement = driven(1, 300, 400, missed=0)
     measured[GAP] = np.nan
     said = filtered(measured, displacement, true[0] - displacement[0])
     sigma, error = said["sigma"], said["pose"] - true
@@ -76,7 +77,7 @@ def test_the_steady_sigma_of_a_robot_at_rest_solves_riccatis_equation() -> None:
         assert kalman.sigma[0, axis] == pytest.approx(expected, rel=0.1)
 
 
-@settings(deadline=None, max_examples=25, derandomize=True)
+@LAW
 @given(st.integers(0, 2**32 - 1), st.floats(1e-6, 1e3), st.floats(1e-6, 1.0))
 def test_certainty_stays_within_what_is_possible(seed: int, size: float, speed: float) -> None:
     """Whatever vision reports: never less sure than the noise of vision, nor of one that moved at will.

@@ -55,14 +55,14 @@ def position_error(run: Run, reference: TimedReference) -> Array:
     return np.hypot(off[:, 0], off[:, 1])
 
 
-@both_references
-def test_without_dead_time_both_controllers_are_the_same(kind: str) -> None:
+def test_without_dead_time_both_controllers_are_the_same() -> None:
     """With k_d = 0 there is nothing to compensate: the commands are bit-identical, whatever vision sees."""
-    rng = np.random.default_rng(0)
-    start, noise = rng.uniform(-0.1, 0.1, (4, 3)), rng.normal(0, 0.01, (FRAMES, 4, 3))
-    flc, comp_flc = (follow(make(name, Told(T, 0), along(kind, 4), 4), start, 0, noise) for name in FUZZY)
-    assert np.array_equal(flc.sent, comp_flc.sent)
-    assert np.array_equal(flc.predicted, comp_flc.predicted)
+    for kind in KINDS:
+        rng = np.random.default_rng(0)
+        start, noise = rng.uniform(-0.1, 0.1, (4, 3)), rng.normal(0, 0.01, (FRAMES, 4, 3))
+        flc, comp_flc = (follow(make(name, Told(T, 0), along(kind, 4), 4), start, 0, noise) for name in FUZZY)
+        assert np.array_equal(flc.sent, comp_flc.sent)
+        assert np.array_equal(flc.predicted, comp_flc.predicted)
 
 
 @both_references
@@ -94,27 +94,31 @@ def test_predicted_is_the_true_pose_at_the_end_of_the_dead_time(
     np.testing.assert_allclose(run.predicted[: FRAMES - delay], run.pose[delay:], rtol=0, atol=1e-12)
 
 
-@both_references
-def test_predicted_is_the_true_pose_once_alpha_is_known(kind: str) -> None:
+def test_predicted_is_the_true_pose_once_alpha_is_known() -> None:
     """A robot that moves at 0.8 and 0.7 of what it is told is predicted exactly after it has moved for a while."""
-    delay, alpha = 6, np.array([0.8, 0.7, 1.0])
-    run = follow(make("comp-flc", Told(T, delay), along(kind), 1), [[-0.05, 0.05, 0.2]], delay, alpha=alpha)
-    known = slice(60, FRAMES - delay)
-    # The estimate's error contracts with every frame of motion: below 1e-9 after a second.
-    np.testing.assert_allclose(run.alpha_hat[known, 0], np.broadcast_to(alpha, (54, 3)), rtol=0, atol=1e-9)
-    np.testing.assert_allclose(run.predicted[known], run.pose[60 + delay :], rtol=0, atol=1e-9)
+    for kind in KINDS:
+        delay, alpha = 6, np.array([0.8, 0.7, 1.0])
+        run = follow(make("comp-flc", Told(T, delay), along(kind), 1), [[-0.05, 0.05, 0.2]], delay, alpha=alpha)
+        known = slice(60, FRAMES - delay)
+        # The estimate's error contracts with every frame of motion: below 1e-9 after a second.
+        np.testing.assert_allclose(run.alpha_hat[known, 0], np.broadcast_to(alpha, (54, 3)), rtol=0, atol=1e-9)
+        np.testing.assert_allclose(run.predicted[known], run.pose[60 + delay :], rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("delay", [1, 3, 6, 9])
-def test_the_error_of_comp_flc_is_what_the_reference_runs_ahead_before_a_command_can_act(delay: int) -> None:
+def test_the_error_of_comp_flc_is_what_the_reference_runs_ahead_before_a_command_can_act() -> None:
     """On a perfect plant the error is largest in frame k_d: k_d (k_d + 1) / 2 units a T^2; it then dies out."""
-    reference = TimedReference([[0, 0, 0], [2, 1, 0]], LIMITS, T)
-    run = follow(make("comp-flc", Told(T, delay), reference, 1), np.zeros((1, 3)), delay, reference.frames)
-    error = position_error(run, reference)
-    # Roundings of poses of size 2.
-    assert error.max() == error[delay] == pytest.approx(delay * (delay + 1) / 2 * LIMITS.acceleration * T**2, abs=1e-14)
-    # A gain of 10 / s and more leaves at most 5/6 of the error in a frame: 4e-12 after 120 frames; 1e-9 is far above.
-    assert error[delay + 120 :].max() < 1e-9
+    for delay in [1, 3, 6, 9]:
+        reference = TimedReference([[0, 0, 0], [2, 1, 0]], LIMITS, T)
+        run = follow(make("comp-flc", Told(T, delay), reference, 1), np.zeros((1, 3)), delay, reference.frames)
+        error = position_error(run, reference)
+        # Roundings of poses of size 2.
+        assert (
+            error.max()
+            == error[delay]
+            == pytest.approx(delay * (delay + 1) / 2 * LIMITS.acceleration * T**2, abs=1e-14)
+        )
+        # A gain of 10 / s and more leaves 5/6 of the error in a frame or less: 4e-12 after 120 frames.
+        assert error[delay + 120 :].max() < 1e-9
 
 
 def fuzzy_velocity(error: float) -> float:
@@ -158,44 +162,44 @@ def test_comp_flc_beats_flc_with_the_papers_dead_time() -> None:
     assert mean["comp-flc"] < mean["flc"] / 10
 
 
-@both
-def test_on_the_reference_the_command_is_its_velocity(name: str) -> None:
+def test_on_the_reference_the_command_is_its_velocity() -> None:
     """A perfect robot without dead time that starts on the reference is told to move as the reference does."""
-    run = follow(make(name, Told(T, 0), TIMED, 1), PATH[:1], 0, TIMED.frames - 1)
-    # A pose error of 1e-15 m costs 15 / s times it; a difference of poses rounds at 4e-16 / T.
-    np.testing.assert_allclose(run.sent[:, 0], np.diff(TIMED.poses, axis=0) / T, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(run.pose[:, 0], TIMED.poses[:-1], rtol=0, atol=1e-13)
+    for name in FUZZY:
+        run = follow(make(name, Told(T, 0), TIMED, 1), PATH[:1], 0, TIMED.frames - 1)
+        # A pose error of 1e-15 m costs 15 / s times it; a difference of poses rounds at 4e-16 / T.
+        np.testing.assert_allclose(run.sent[:, 0], np.diff(TIMED.poses, axis=0) / T, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(run.pose[:, 0], TIMED.poses[:-1], rtol=0, atol=1e-13)
 
 
-@both
-def test_the_heading_returns_the_short_way_at_the_gain(name: str) -> None:
+def test_the_heading_returns_the_short_way_at_the_gain() -> None:
     """Proportional hold: the heading error shrinks by 1 - g T a frame, from -3 to 3 rad over pi and not over 0."""
-    gain = 5.0
-    reference = TimedReference([[0, 0, 3.0]], LIMITS, T)
-    run = follow(make(name, Told(T, 0, heading_gain=gain), reference, 1), [[0.0, 0.0, -3.0]], 0, 60)
-    error = (2 * np.pi - 6) * (1 - gain * T) ** np.arange(60)
-    # Roundings of angles of size 6.
-    np.testing.assert_allclose(run.pose[:, 0, 2], 3 - 2 * np.pi + error, rtol=0, atol=1e-14)
+    for name in FUZZY:
+        gain = 5.0
+        reference = TimedReference([[0, 0, 3.0]], LIMITS, T)
+        run = follow(make(name, Told(T, 0, heading_gain=gain), reference, 1), [[0.0, 0.0, -3.0]], 0, 60)
+        error = (2 * np.pi - 6) * (1 - gain * T) ** np.arange(60)
+        # Roundings of angles of size 6.
+        np.testing.assert_allclose(run.pose[:, 0, 2], 3 - 2 * np.pi + error, rtol=0, atol=1e-14)
 
 
-@both
-def test_whole_turns_of_the_heading_do_not_count(name: str) -> None:
+def test_whole_turns_of_the_heading_do_not_count() -> None:
     """Headings count full turns, which are no error: a robot that faces right is not told to turn."""
-    reference = TimedReference([[0, 0, 0.5]], LIMITS, T)
-    turned = [[0, 0, 0.5 + 2 * np.pi * turns] for turns in (-3, 1, 40)]
-    command = first_command(make(name, Told(T, 6), reference, 3), turned)
-    # Forty turns are rounded at 3e-14 rad, times the gain of 3 / s.
-    np.testing.assert_allclose(command, 0, atol=2e-13)
+    for name in FUZZY:
+        reference = TimedReference([[0, 0, 0.5]], LIMITS, T)
+        turned = [[0, 0, 0.5 + 2 * np.pi * turns] for turns in (-3, 1, 40)]
+        command = first_command(make(name, Told(T, 6), reference, 3), turned)
+        # Forty turns are rounded at 3e-14 rad, times the gain of 3 / s.
+        np.testing.assert_allclose(command, 0, atol=2e-13)
 
 
-@both
-def test_the_ranges_told_scale_the_correction(name: str) -> None:
+def test_the_ranges_told_scale_the_correction() -> None:
     """Beyond error_range_m from a resting reference the correction is 5/6 of speed_range_m_s, at its half one half."""
-    reference = TimedReference([[0, 0, 0]], LIMITS, T)
-    controller = make(name, Told(T, 0, error_range_m=0.4, speed_range_m_s=3.0), reference, 2)
-    command = first_command(controller, [[-0.5, 0.4, 0], [0.2, 0.0, 0]])
-    # Roundings of numbers of size 1.
-    np.testing.assert_allclose(command, [[2.5, -2.5, 0], [-1.5, 0, 0]], rtol=0, atol=1e-14)
+    for name in FUZZY:
+        reference = TimedReference([[0, 0, 0]], LIMITS, T)
+        controller = make(name, Told(T, 0, error_range_m=0.4, speed_range_m_s=3.0), reference, 2)
+        command = first_command(controller, [[-0.5, 0.4, 0], [0.2, 0.0, 0]])
+        # Roundings of numbers of size 1.
+        np.testing.assert_allclose(command, [[2.5, -2.5, 0], [-1.5, 0, 0]], rtol=0, atol=1e-14)
 
 
 def test_flc_believes_the_pose_of_now_and_the_nominal_robot() -> None:
@@ -207,9 +211,9 @@ def test_flc_believes_the_pose_of_now_and_the_nominal_robot() -> None:
     assert (run.alpha_hat == 1).all()
 
 
-@both
-def test_fuzzy_controllers_do_not_estimate_the_latency(name: str) -> None:
-    assert np.isnan(follow(make(name, Told(T, 6), TIMED, 2), np.zeros((2, 3)), 6, 10).latency_hat).all()
+def test_fuzzy_controllers_do_not_estimate_the_latency() -> None:
+    for name in FUZZY:
+        assert np.isnan(follow(make(name, Told(T, 6), TIMED, 2), np.zeros((2, 3)), 6, 10).latency_hat).all()
 
 
 def test_a_controller_that_says_nothing_of_itself_is_recorded_as_estimating_nothing() -> None:

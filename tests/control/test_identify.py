@@ -5,9 +5,9 @@ import copy
 import numpy as np
 import pytest
 from closed_loop import BodyFrame, T, believe_nothing
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from laws import LAW
+from laws import FEW, LAW
 
 from omni_control.delay import CommandsInFlight
 from omni_control.estimation.identify import ALPHA_BOUNDS, PlantIdentifier
@@ -57,23 +57,23 @@ def without_prior(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("without_prior")
-@pytest.mark.parametrize("dry", [True, False])
-def test_a_robot_of_the_model_is_found_exactly(dry: bool) -> None:
+def test_a_robot_of_the_model_is_found_exactly() -> None:
     """Latency to the half frame, alpha and drag to the rounding, where nothing is believed beforehand of the latter.
 
     With dry friction all axes answer at once: drag depends on the whole twist, which else is not that of one time.
     """
-    n, rng = 40, np.random.default_rng(0)
-    latency = rng.integers(2, 25, (n, 1)) / 2 + (0 if dry else rng.integers(-2, 3, (n, 3)) / 2) + np.zeros((n, 3))
-    alpha, drag = rng.uniform(0.45, 1.15, (n, 3)), rng.uniform(0, 0.07, (n, 3)) * dry
-    found = learn(
-        BodyFrame(rng.uniform(-3, 3, (n, 3)), latency, alpha, drag), white(rng, 2 * SECOND, n), drag_sigma=1e6
-    )
-    # 120 sums of numbers of size 1, divided by what drag explains beyond alpha: a hundredth.
-    np.testing.assert_allclose(found.latency, latency, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(found.alpha, alpha, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(found.drag, drag, rtol=0, atol=1e-9)
-    assert found.latency_sigma.max() < 1e-9
+    for dry in [True, False]:
+        n, rng = 40, np.random.default_rng(0)
+        latency = rng.integers(2, 25, (n, 1)) / 2 + (0 if dry else rng.integers(-2, 3, (n, 3)) / 2) + np.zeros((n, 3))
+        alpha, drag = rng.uniform(0.45, 1.15, (n, 3)), rng.uniform(0, 0.07, (n, 3)) * dry
+        found = learn(
+            BodyFrame(rng.uniform(-3, 3, (n, 3)), latency, alpha, drag), white(rng, 2 * SECOND, n), drag_sigma=1e6
+        )
+        # 120 sums of numbers of size 1, divided by what drag explains beyond alpha: a hundredth.
+        np.testing.assert_allclose(found.latency, latency, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(found.alpha, alpha, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(found.drag, drag, rtol=0, atol=1e-9)
+        assert found.latency_sigma.max() < 1e-9
 
 
 def test_two_seconds_of_ordinary_driving_show_latency_and_response() -> None:
@@ -121,27 +121,27 @@ def test_no_more_drag_is_found_than_is_thought_possible() -> None:
     assert (found.alpha[:, 0] < 0.95).all()
 
 
-@pytest.mark.parametrize("guess", [0.0, 1.2, 6.0, 7.2, 40.0])
-def test_latencies_compared_are_those_around_the_guess_that_exist(guess: float) -> None:
+def test_latencies_compared_are_those_around_the_guess_that_exist() -> None:
     """Half frames from seven below the guess, but not below nought, to seven above it; commands are kept for all."""
-    identifier = PlantIdentifier(1, T, guess, SHARP)
-    candidates = identifier.candidates
-    assert np.diff(candidates).tolist() == [0.5] * (len(candidates) - 1)
-    assert candidates[0] == max(0, np.floor(guess - 7))
-    assert guess + 7 - 0.5 < candidates[-1] <= guess + 7 + 0.5
-    assert candidates[-1] + 1 <= identifier.longest < candidates[-1] + 2.5
-    assert (identifier.latency == guess).all()
+    for guess in [0.0, 1.2, 6.0, 7.2, 40.0]:
+        identifier = PlantIdentifier(1, T, guess, SHARP)
+        candidates = identifier.candidates
+        assert np.diff(candidates).tolist() == [0.5] * (len(candidates) - 1)
+        assert candidates[0] == max(0, np.floor(guess - 7))
+        assert guess + 7 - 0.5 < candidates[-1] <= guess + 7 + 0.5
+        assert candidates[-1] + 1 <= identifier.longest < candidates[-1] + 2.5
+        assert (identifier.latency == guess).all()
 
 
-@pytest.mark.parametrize(("guess", "true"), [(0.0, 0.0), (0.0, 3.5), (30.0, 30.0), (30.0, 25.5)])
-def test_robots_that_answer_at_once_or_very_late_are_found(guess: float, true: float) -> None:
-    rng = np.random.default_rng(0)
-    found = learn(BodyFrame(np.zeros((3, 3)), true, 0.8, 0.0), white(rng, SECOND, 3), guess)
-    # White commands tell the latencies apart without doubt.
-    np.testing.assert_allclose(found.latency, true, rtol=0, atol=1e-9)
+def test_robots_that_answer_at_once_or_very_late_are_found() -> None:
+    for guess, true in [(0.0, 0.0), (0.0, 3.5), (30.0, 30.0), (30.0, 25.5)]:
+        rng = np.random.default_rng(0)
+        found = learn(BodyFrame(np.zeros((3, 3)), true, 0.8, 0.0), white(rng, SECOND, 3), guess)
+        # White commands tell the latencies apart without doubt.
+        np.testing.assert_allclose(found.latency, true, rtol=0, atol=1e-9)
 
 
-@settings(LAW, max_examples=8)
+@FEW
 @given(seeds, st.floats(0.1, 100))
 def test_at_standstill_nothing_is_learned(seed: int, times: float) -> None:
     """Whatever vision reports of robots that were told to stand, be it 13 cm off, moves no estimate.

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from laws import LAW
@@ -26,19 +25,15 @@ robots = st.builds(
 )
 
 
-@pytest.mark.parametrize(
-    ("twist", "rim"),
-    [
+def test_wheel_speeds_of_pure_motions_are_those_of_the_unit_circle() -> None:
+    """At 60, 135, 225, 300 deg the sines and cosines are known numbers; the rim speed is r times the wheel's."""
+    for twist, rim in [
         ((1, 0, 0), [-math.sqrt(3) / 2, -math.sqrt(2) / 2, math.sqrt(2) / 2, math.sqrt(3) / 2]),
         ((0, 1, 0), [1 / 2, -math.sqrt(2) / 2, -math.sqrt(2) / 2, 1 / 2]),
         ((0, 0, 1), [ARM, ARM, ARM, ARM]),
-    ],
-    ids=["forward", "left", "turn"],
-)
-def test_wheel_speeds_of_pure_motions_are_those_of_the_unit_circle(twist: tuple[int, ...], rim: list[float]) -> None:
-    """At 60, 135, 225, 300 deg the sines and cosines are known numbers; the rim speed is r times the wheel's."""
-    # A handful of roundings of numbers of size 1 / RADIUS = 37.
-    np.testing.assert_allclose(ROBOT.wheel_speeds(twist), np.array(rim) / RADIUS, rtol=0, atol=1e-13)
+    ]:
+        # A handful of roundings of numbers of size 1 / RADIUS = 37.
+        np.testing.assert_allclose(ROBOT.wheel_speeds(twist), np.array(rim) / RADIUS, rtol=0, atol=1e-13)
 
 
 @LAW

@@ -56,17 +56,17 @@ def gain_of(delay: int, lag: float) -> Array:
     return np.array(gains)
 
 
-@pytest.mark.parametrize("lag", [0.005, 0.02, 0.1])
-@pytest.mark.parametrize("delay", [0, 1, 6])
-def test_its_answer_is_the_optimal_gain_of_the_model_with_dead_time(delay: int, lag: float) -> None:
+def test_its_answer_is_the_optimal_gain_of_the_model_with_dead_time() -> None:
     """Gain and cost of the whole state solve its own Riccati equation, which the controller never set up."""
-    a, b, q, r = augmented(delay, lag)
-    p = solve_discrete_are(a, b, q, np.array([[r]]))
-    optimal = np.linalg.solve(r + b.T @ p @ b, b.T @ p @ a)[0]
-    gain = gain_of(delay, lag)
-    # The solver's accuracy; the gains are of size 10.
-    np.testing.assert_allclose(gain, optimal, rtol=0, atol=1e-8)
-    assert np.abs(np.linalg.eigvals(a - b @ gain[None])).max() < 1
+    for lag in [0.005, 0.02, 0.1]:
+        for delay in [0, 1, 6]:
+            a, b, q, r = augmented(delay, lag)
+            p = solve_discrete_are(a, b, q, np.array([[r]]))
+            optimal = np.linalg.solve(r + b.T @ p @ b, b.T @ p @ a)[0]
+            gain = gain_of(delay, lag)
+            # The solver's accuracy; the gains are of size 10.
+            np.testing.assert_allclose(gain, optimal, rtol=0, atol=1e-8)
+            assert np.abs(np.linalg.eigvals(a - b @ gain[None])).max() < 1
 
 
 @pytest.mark.parametrize(("delay", "lag"), [(0, 0.02), (1, 0.1), (6, 0.02)])
@@ -87,13 +87,13 @@ def test_no_other_gain_costs_less(delay: int, lag: float) -> None:
             assert cost(other).sum() > cost(best).sum()
 
 
-@pytest.mark.parametrize("ratio", [0.1, 1.0, 10.0, 100.0])
-def test_without_a_lag_the_gain_has_a_closed_form(ratio: float) -> None:
+def test_without_a_lag_the_gain_has_a_closed_form() -> None:
     """For x(k+1) = x(k) + T u, Q = w^2, r = 1: s^2 / (1 + s) = (w T)^2 and K T = s / (1 + s), s being T^2 times P."""
-    square = (ratio * T) ** 2
-    s = (square + np.sqrt(square**2 + 4 * square)) / 2
-    gain = lqr_gain(np.eye(1), np.array([T]), np.array([[ratio**2]]), 1.0)
-    assert gain == pytest.approx(np.array([s / (1 + s) / T]), rel=1e-9)
+    for ratio in [0.1, 1.0, 10.0, 100.0]:
+        square = (ratio * T) ** 2
+        s = (square + np.sqrt(square**2 + 4 * square)) / 2
+        gain = lqr_gain(np.eye(1), np.array([T]), np.array([[ratio**2]]), 1.0)
+        assert gain == pytest.approx(np.array([s / (1 + s) / T]), rel=1e-9)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -113,32 +113,32 @@ def test_the_dead_time_is_taken_out_of_the_loop(kind: str, start: tuple[float, .
     np.testing.assert_allclose(late[delay:], prompt, rtol=0, atol=1e-11)
 
 
-@pytest.mark.parametrize("delay", [0, 1, 6])
-def test_without_a_lag_it_follows_a_reference_exactly(delay: int) -> None:
+def test_without_a_lag_it_follows_a_reference_exactly() -> None:
     """A nominal robot without lag, given the reference's velocity of the time when it acts, is always on it."""
-    reference = TIMED.after_rest(delay)
-    run = drive(Lqr(told(delay, 0.0), reference, 1), Lagged(np.zeros((1, 3)), delay, 0.0), reference.frames)
-    # Roundings of poses of size 1, each corrected at once.
-    np.testing.assert_allclose(run.pose[:, 0], reference.poses, rtol=0, atol=1e-12)
+    for delay in [0, 1, 6]:
+        reference = TIMED.after_rest(delay)
+        run = drive(Lqr(told(delay, 0.0), reference, 1), Lagged(np.zeros((1, 3)), delay, 0.0), reference.frames)
+        # Roundings of poses of size 1, each corrected at once.
+        np.testing.assert_allclose(run.pose[:, 0], reference.poses, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("lag_frames", [1, 2, 6])
-@pytest.mark.parametrize("delay", [0, 6])
-def test_with_a_lag_it_follows_a_constant_acceleration_exactly(delay: int, lag_frames: int) -> None:
-    reference = TimedReference(STRAIGHT, LIMITS, T)
-    plant = Lagged(np.zeros((1, 3)), delay, lag_frames * T)
-    run = drive(Lqr(told(delay, lag_frames * T), reference, 1), plant, 220)
-    # Poles of 0.87 and less have forgotten the start after 200 frames.
-    np.testing.assert_allclose(run.pose[210:, 0], reference.poses[210:220], rtol=0, atol=1e-11)
+def test_with_a_lag_it_follows_a_constant_acceleration_exactly() -> None:
+    for lag_frames in [1, 2, 6]:
+        for delay in [0, 6]:
+            reference = TimedReference(STRAIGHT, LIMITS, T)
+            plant = Lagged(np.zeros((1, 3)), delay, lag_frames * T)
+            run = drive(Lqr(told(delay, lag_frames * T), reference, 1), plant, 220)
+            # Poles of 0.87 and less have forgotten the start after 200 frames.
+            np.testing.assert_allclose(run.pose[210:, 0], reference.poses[210:220], rtol=0, atol=1e-11)
 
 
-@pytest.mark.parametrize("alpha", [0.6, 0.8, 1.1])
-def test_a_weak_robot_has_no_lasting_error_at_constant_speed(alpha: float) -> None:
+def test_a_weak_robot_has_no_lasting_error_at_constant_speed() -> None:
     """What it falls short by is a constant disturbance then, which is estimated and added to the command."""
-    reference = TimedReference(STRAIGHT, MotionLimits(speed=1.0), T)
-    controller = Lqr(told(6), reference, 1)
-    run = drive(controller, Lagged(np.zeros((1, 3)), 6, 0.02, alpha), 900)
-    assert reference.poses[899, 0] < 20 - 1, "still under way"
-    # The estimate's loop has a gain of 1 - alpha and some 0.15 s a round: 0.4^(14 s / 0.15 s) is nothing but rounding.
-    np.testing.assert_allclose(run.pose[-1], reference.poses[899:900], rtol=0, atol=1e-10)
-    assert controller.disturbance[0, 0] == pytest.approx(1 - 1 / alpha)
+    for alpha in [0.6, 0.8, 1.1]:
+        reference = TimedReference(STRAIGHT, MotionLimits(speed=1.0), T)
+        controller = Lqr(told(6), reference, 1)
+        run = drive(controller, Lagged(np.zeros((1, 3)), 6, 0.02, alpha), 900)
+        assert reference.poses[899, 0] < 20 - 1, "still under way"
+        # The estimate's loop has a gain of 1 - alpha and some 0.15 s a round: 0.4^(14 s / 0.15 s) is only rounding.
+        np.testing.assert_allclose(run.pose[-1], reference.poses[899:900], rtol=0, atol=1e-10)
+        assert controller.disturbance[0, 0] == pytest.approx(1 - 1 / alpha)

@@ -67,7 +67,7 @@ def test_a_robot_the_same_in_all_directions_loses_speed_alone(
     assume(alpha * size >= lost)
     body = robots(alpha, drag).respond(turned(twist, heading)[None], np.array([heading]))[0]
     np.testing.assert_allclose(np.cross(body, twist), 0, atol=1e-12)
-    assert (body * twist >= 0).all()
+    assert body @ twist >= 0
     assert wheel_speed(body) == pytest.approx(alpha * size - lost, abs=1e-13)
 
 

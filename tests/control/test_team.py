@@ -14,7 +14,7 @@ from omni_control.estimation.kalman import KalmanFilter
 from omni_control.kinematics import Array
 from omni_control.limits import CommandLimits
 
-FRAMES = 60
+FRAMES = 40
 TIGHT = MotionLimits(0.5, 1.5, 1.0, 5.0)
 SAID = ("estimate", "predicted", "alpha_hat", "latency_hat")
 

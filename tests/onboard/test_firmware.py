@@ -1,5 +1,7 @@
 """The robot's firmware: equations 2 and 3 backwards, the PID law by hand, duties, encoder counts, gyro and vision."""
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,10 +12,11 @@ from omni_control.kinematics import Kinematics
 from omni_mj.link.radio import Received
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.scenarios.settings import FirmwareSettings, MotorSettings, SensorSettings, Settings
-from omni_mj.worlds.robot import Motor
+from omni_mj.worlds.wheels import Motor
 
 KINEMATICS = Kinematics(np.radians([60.0, 135, 225, 300]), arm=0.08, radius=0.0285)
 MOTOR = Motor(constant=0.036, resistance=0.942, gear=10 / 3)
+# Beyond what settings allow, and so not checked by them.
 UNLIMITED_V = 1e9
 FINE_COUNTS = 10**12  # an encoder whose steps vanish beside rounding
 FRAME_S = 1 / 60
@@ -37,8 +40,8 @@ class Robot:
     ) -> None:
         off = {"kp": 0.0, "ki": 0.0, "kd": 0.0, "feed_forward": 0.0, "turn_gain": 0.0, "heading_gain": 0.0}
         self.settings = Settings(
-            firmware=FirmwareSettings(**off | {"bias_gain": 0.0, "nominal_voltage_v": limit} | gains),  # type: ignore[arg-type]
-            sensors=SensorSettings(encoder_counts=counts),
+            firmware=FirmwareSettings.model_construct(**off | {"bias_gain": 0.0, "nominal_voltage_v": limit} | gains),
+            sensors=SensorSettings.model_construct(encoder_counts=counts),
             motor=MotorSettings(limit_c=limit_c),
         )
         self.firmware = Firmware([self.settings], KINEMATICS, MOTOR, np.array([heading]), timestep, FRAME_S)
@@ -96,28 +99,24 @@ def play(robot: Robot, errors: list[float]) -> list[float]:
 
 # By hand, errors 2, 3, -1 at a timestep of 0.5 s: P = e; I = the sum of e dt with the newest; D = the change / dt,
 # the error before the first step being 0.
-@pytest.mark.parametrize(
-    ("gains", "expected"),
-    [
+def test_pid_law() -> None:
+    for gains, expected in (
         ({"kp": 10.0}, [20.0, 30.0, -10.0]),
         ({"ki": 4.0}, [4.0, 10.0, 8.0]),
         ({"kd": 0.25}, [1.0, 0.5, -2.0]),
         ({"kp": 10.0, "ki": 4.0, "kd": 0.25}, [25.0, 40.5, -4.0]),
-    ],
-    ids=["P", "I", "D", "PID"],
-)
-def test_pid_law(gains: dict[str, float], expected: list[float]) -> None:
-    # Rounding in wanted - (wanted - e), and the fine encoder's last count of 4e-12 rad/s.
-    np.testing.assert_allclose(play(Robot(**gains, timestep=0.5), [2.0, 3.0, -1.0]), expected, atol=1e-9)
+    ):
+        # Rounding in wanted - (wanted - e), and the fine encoder's last count of 4e-12 rad/s.
+        np.testing.assert_allclose(play(Robot(**gains, timestep=0.5), [2.0, 3.0, -1.0]), expected, atol=1e-9)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_feed_forward_is_the_back_emf_at_the_wanted_speed(share: float) -> None:
+def test_feed_forward_is_the_back_emf_at_the_wanted_speed() -> None:
     command = np.array([1.0, -0.4, 3.0])
-    robot = Robot(feed_forward=share)
-    robot.obey(command)
-    # Speed constant of the motor, at the rotor, which turns 10/3 times as fast as the wheel; exact up to rounding.
-    np.testing.assert_allclose(robot.voltages(), share * 0.036 * 10 / 3 * rolling(command, 0.0), rtol=1e-9)
+    for share in (0.0, 0.5, 1.0):
+        robot = Robot(feed_forward=share)
+        robot.obey(command)
+        # Speed constant of the motor, at the rotor, which turns 10/3 times as fast as the wheel; exact up to rounding.
+        np.testing.assert_allclose(robot.voltages(), share * 0.036 * 10 / 3 * rolling(command, 0.0), rtol=1e-9)
 
 
 @settings(deadline=None, max_examples=30, derandomize=True)
@@ -146,42 +145,51 @@ def test_duty_is_the_share_of_the_nominal_battery(nominal: float, error: float) 
     np.testing.assert_allclose(duty, np.clip(error, -1, 1), atol=1e-9)
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-def test_the_limit_is_reached_and_left_alone_below(sign: int) -> None:
+def test_the_limit_is_reached_and_left_alone_below() -> None:
     # 1e-6: the fine encoder's last count.
-    assert play(Robot(kp=1.0, limit=5.0), [sign * 4.9, sign * 5.1, sign * 100.0]) == pytest.approx(
-        [sign * 4.9, sign * 5.0, sign * 5.0]
-    )
+    for sign in (1, -1):
+        voltages = play(Robot(kp=1.0, limit=5.0), [sign * 4.9, sign * 5.1, sign * 100.0])
+        assert voltages == pytest.approx([sign * 4.9, sign * 5.0, sign * 5.0])
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("saturated_steps", [1, 10, 1000])
-def test_integral_does_not_wind_up(sign: int, saturated_steps: int) -> None:
-    # k_i dt = 1 V per unit of error and step: the integral reaches 4 V, one more step of 4 would exceed the limit of 5.
-    robot = Robot(ki=2.0, timestep=0.5, limit=5.0)
-    assert play(robot, [sign * 4.0]) == pytest.approx([sign * 4.0])
-    assert play(robot, [sign * 4.0] * saturated_steps) == pytest.approx([sign * 5.0] * saturated_steps)
-    # However long that lasted: without error the integral's 4 V remain, and an opposite error counts at once.
-    assert play(robot, [0.0, sign * -1.0]) == pytest.approx([sign * 4.0, sign * 3.0])
+def test_integral_does_not_wind_up() -> None:
+    for sign, saturated_steps in itertools.product((1, -1), (1, 10, 300)):
+        # k_i dt = 1 V per unit of error and step: the integral reaches 4 V, one more step of 4 would exceed the 5 V.
+        robot = Robot(ki=2.0, timestep=0.5, limit=5.0)
+        assert play(robot, [sign * 4.0]) == pytest.approx([sign * 4.0])
+        assert play(robot, [sign * 4.0] * saturated_steps) == pytest.approx([sign * 5.0] * saturated_steps)
+        # However long that lasted: without error the integral's 4 V remain, and an opposite error counts at once.
+        assert play(robot, [0.0, sign * -1.0]) == pytest.approx([sign * 4.0, sign * 3.0])
 
 
-@pytest.mark.parametrize(("error", "remembered"), [(-1.0, -3.0), (1.0, 0.0)], ids=["points back", "pushes further"])
-def test_while_saturated_only_errors_that_point_back_are_integrated(error: float, remembered: float) -> None:
-    robot = Robot(ki=2.0, feed_forward=1.0, timestep=0.5, limit=5.0)
-    fast = np.array([0.0, 0.0, 50.0])  # its back-EMF, 0.12 V s/rad * 140 rad/s, is beyond the limit
-    robot.obey(fast)
-    for _ in range(3):
-        np.testing.assert_allclose(robot.voltages(rolling(fast, 0.0) - error), 5.0, rtol=1e-12)
-    # Then at rest and without error, what shows is the integral: k_i times three steps of 0.5 s, or nothing.
-    robot.obey(np.zeros(3))
-    np.testing.assert_allclose(robot.voltages(), remembered, atol=1e-9)
+def test_while_saturated_only_errors_that_point_back_are_integrated() -> None:
+    for error, remembered in ((-1.0, -3.0), (1.0, 0.0)):  # that points back, that pushes further
+        robot = Robot(ki=2.0, feed_forward=1.0, timestep=0.5, limit=5.0)
+        fast = np.array([0.0, 0.0, 50.0])  # its back-EMF, 0.12 V s/rad * 140 rad/s, is beyond the limit
+        robot.obey(fast)
+        for _ in range(3):
+            np.testing.assert_allclose(robot.voltages(rolling(fast, 0.0) - error), 5.0, rtol=1e-12)
+        # Then at rest and without error, what shows is the integral: k_i times three steps of 0.5 s, or nothing.
+        robot.obey(np.zeros(3))
+        np.testing.assert_allclose(robot.voltages(), remembered, atol=1e-9)
+
+
+def test_robots_of_any_number_of_wheels() -> None:
+    """The laws are those of each wheel; here three, and five."""
+    for wheels in (3, 5):
+        place = np.arange(wheels) * 2 * np.pi / wheels
+        chosen = Robot(kp=1.0).settings
+        firmware = Firmware([chosen] * 2, Kinematics(place, 0.1, 0.03), MOTOR, np.zeros(2), 1 / 960, FRAME_S)
+        firmware.receive(Received.at_once(np.array([[1.0, 0, 0], [0, 0, 3.0]])), np.full((2, wheels), 25.0))
+        voltage = firmware.duties(np.zeros(2), np.zeros((2, wheels))) * UNLIMITED_V
+        np.testing.assert_allclose(voltage, [-np.sin(place) / 0.03, np.full(wheels, 3.0 * 0.1 / 0.03)], atol=1e-9)
 
 
 def test_wheels_and_robots_have_their_own_integrals() -> None:
-    gains = FirmwareSettings(
+    gains = FirmwareSettings.model_construct(
         kp=0.0, ki=1.0, kd=0.0, feed_forward=0.0, turn_gain=0.0, heading_gain=0.0, nominal_voltage_v=UNLIMITED_V
     )
-    chosen = Settings(firmware=gains, sensors=SensorSettings(encoder_counts=FINE_COUNTS))
+    chosen = Settings(firmware=gains, sensors=SensorSettings.model_construct(encoder_counts=FINE_COUNTS))
     pid = Firmware([chosen, chosen], KINEMATICS, MOTOR, np.zeros(2), 0.5, FRAME_S)
     pid.receive(Received.at_once(np.zeros((2, 3))), np.full((2, 4), 25.0))
     pid.duties(np.zeros(2), np.zeros((2, 4)))

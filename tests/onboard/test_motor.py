@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from omni_mj.onboard.motors import Motors
+from omni_mj.scenarios import robots
 from omni_mj.scenarios.settings import MotorSettings
-from omni_mj.worlds import robot
+from omni_mj.worlds import build
 
 # The catalogue's rows, in SI.
 NOMINAL_V = 24.0
@@ -31,14 +32,14 @@ RPM = 60 / (2 * np.pi)
 
 def bench(timestep: float | None = None, massless_wheels: bool = False, held: bool = False) -> mujoco.MjModel:
     """The robot clamped in the air, without gear and lint: a wheel's inertia and the motor's own friction remain."""
-    spec = mujoco.MjSpec.from_file(str(robot.model_path()))
+    spec = mujoco.MjSpec.from_file(str(robots.model_path("ssl_robot")))
+    spec.delete(spec.key("home"))
     spec.delete(spec.joint("robot"))
     spec.option.gravity = [0, 0, 0]
-    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    if timestep:
-        spec.option.timestep = timestep
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+    spec.option.timestep = timestep or build.CYCLE_S
     for i in range(1, 5):
-        spec.joint(f"wheel_{i}").frictionloss = robot.numeric("motor_friction")
+        spec.joint(f"wheel_{i}").frictionloss = build.world().motor_friction
         if held:
             spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=f"wheel_{i}")
     if massless_wheels:
@@ -78,7 +79,7 @@ def run(
 ) -> Run:
     """Drive motor 1 at a voltage, from a speed of its shaft, against a load torque on its shaft."""
     data = mujoco.MjData(model)
-    motors = Motors(robot.motor(model), [settings or MotorSettings()], 1 / 60)
+    motors = Motors(build.world().motor, 4, [settings or MotorSettings()], 1 / 60)
     wheel = model.joint("wheel_1").dofadr[0]
     wheels = [model.joint(f"wheel_{i}").dofadr[0] for i in (1, 2, 3, 4)]
     data.qvel[wheel] = start_speed / GEAR
@@ -103,8 +104,8 @@ def time_constant(result: Run) -> float:
 
 def wheel_inertia() -> float:
     """Wheel with its rollers about the axle, kg m^2: the parallel axis theorem on the bodies of the model."""
-    model = robot.load_model()
-    wheel = model.body("wheel_1")
+    model = build.world().model
+    wheel = model.body("robot_1/wheel_1")
     total = float(wheel.inertia[0])
     for i in range(model.nbody):
         if model.body_parentid[i] == wheel.id:
@@ -124,22 +125,21 @@ def spin_up() -> Run:
 
 
 def test_python_reads_the_datasheets_numbers_from_the_model() -> None:
-    motor = robot.motor(robot.load_model())
+    motor = build.world().motor
     assert (motor.constant, motor.resistance) == (TORQUE_CONSTANT, RESISTANCE)
     assert motor.gear == pytest.approx(GEAR, rel=1e-8)  # nine digits in the file
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-def test_stall(sign: int) -> None:
-    model = bench()
-    data = mujoco.MjData(model)
-    data.ctrl[:] = sign * NOMINAL_V
-    mujoco.mj_forward(model, data)  # at rest, as a held shaft is
-    # 2 % and 3 %: K V / R is 0.1 % below the catalogue's torque, V / R 2 % below its current, rounded to 26 A.
-    np.testing.assert_allclose(data.actuator_force, sign * STALL_TORQUE, rtol=0.02)
-    np.testing.assert_allclose(data.actuator_force / TORQUE_CONSTANT, sign * STALL_CURRENT, rtol=0.03)
-    wheels = [model.joint(f"wheel_{i}").dofadr[0] for i in (1, 2, 3, 4)]
-    np.testing.assert_allclose(data.qfrc_actuator[wheels], sign * STALL_TORQUE * GEAR, rtol=0.02)
+def test_stall() -> None:
+    data = mujoco.MjData(BENCH)
+    wheels = [BENCH.joint(f"wheel_{i}").dofadr[0] for i in (1, 2, 3, 4)]
+    for sign in (1, -1):
+        data.ctrl[:] = sign * NOMINAL_V
+        mujoco.mj_forward(BENCH, data)  # at rest, as a held shaft is
+        # 2 % and 3 %: K V / R is 0.1 % below the catalogue's torque, V / R 2 % below its current, rounded to 26 A.
+        np.testing.assert_allclose(data.actuator_force, sign * STALL_TORQUE, rtol=0.02)
+        np.testing.assert_allclose(data.actuator_force / TORQUE_CONSTANT, sign * STALL_CURRENT, rtol=0.03)
+        np.testing.assert_allclose(data.qfrc_actuator[wheels], sign * STALL_TORQUE * GEAR, rtol=0.02)
 
 
 def test_a_full_battery_is_the_most_a_motor_gets() -> None:
@@ -152,7 +152,7 @@ def test_a_full_battery_is_the_most_a_motor_gets() -> None:
 
 def test_torque_constant_agrees_with_the_speed_constant() -> None:
     # One physical constant, printed twice; three digits each.
-    assert robot.motor(robot.load_model()).constant == pytest.approx(RPM / SPEED_CONSTANT_RPM_V, rel=2e-3)
+    assert build.world().motor.constant == pytest.approx(RPM / SPEED_CONSTANT_RPM_V, rel=2e-3)
 
 
 @pytest.mark.parametrize("voltage", [6.0, 12.0, -12.0, 24.0])

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from driving import FRAME_S, SIGMAS, with_settings
+from driving import FRAME_S, SIGMAS, rows, with_settings
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
@@ -19,10 +19,10 @@ from omni_mj.scenarios.settings import Settings
 def alphas(settings: list[Settings], seeds: list[int], frames: int) -> NDArray:
     """Alpha (frames, n, 3) to the last bit: the twist of robots that are told to move at 1."""
     n = len(seeds)
-    plant = KinematicPlant(settings, np.zeros((n, 3)), seeds, frames)
+    plant = KinematicPlant(rows(settings, seeds), np.zeros((n, 3)))
     result = np.empty((frames, n, 3))
     for frame in range(frames):
-        plant.advance(frame, Received.at_once(np.ones((n, 3))))
+        plant.advance(Received.at_once(np.ones((n, 3))))
         result[frame] = plant.twist()
     return result
 

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from driving import FRAME_S, SIGMAS, constant, drive, quiet, with_settings
+from driving import FRAME_S, SIGMAS, constant, drive, quiet, rows, with_settings
+from driving import mujoco as plant_of
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
@@ -24,7 +25,7 @@ def test_with_a_fixed_alpha_equation_7_is_a_sum(alpha: float, frames: int, seed:
     start = np.array([data.draw(st.tuples(*[st.floats(-10, 10)] * 3))])
     commands = np.random.default_rng(frames).normal(size=(frames, 1, 3))
     settings = with_settings(kinematic={"alpha_low": alpha, "alpha_high": alpha})
-    poses = drive(KinematicPlant([settings], start, [seed], frames), commands)
+    poses = drive(KinematicPlant(rows([settings], [seed]), start), commands)
     expected = start + FRAME_S * alpha * np.cumsum(commands, axis=0)
     # Rounding of 50 sums; a drawn alpha may be off the bounds by the last bit.
     np.testing.assert_allclose(poses[1:], expected, rtol=0, atol=1e-12)
@@ -33,7 +34,7 @@ def test_with_a_fixed_alpha_equation_7_is_a_sum(alpha: float, frames: int, seed:
 def test_alpha_is_uniform_between_its_bounds_and_new_in_every_frame_and_axis() -> None:
     frames = 5000
     settings = with_settings(kinematic={"alpha_low": 0.7, "alpha_high": 1.0})
-    poses = drive(KinematicPlant([settings], np.zeros((1, 3)), [4], frames), constant([1.0, 1.0, 1.0], frames, 1))
+    poses = drive(KinematicPlant(rows([settings], [4]), np.zeros((1, 3))), constant([1.0, 1.0, 1.0], frames, 1))
     alpha = np.diff(poses[:, 0], axis=0) / FRAME_S
     assert alpha.min() >= 0.7 - 1e-9  # differences of positions of up to 70 m
     assert alpha.max() <= 1.0 + 1e-9
@@ -49,7 +50,7 @@ def test_alpha_is_uniform_between_its_bounds_and_new_in_every_frame_and_axis() -
 def test_disturbance_is_uniform_with_the_amplitude_asked_for() -> None:
     frames, amplitude = 5000, 0.1
     settings = with_settings(disturbance={"velocity_m_s": amplitude})
-    poses = drive(KinematicPlant([settings], np.zeros((1, 3)), [9], frames), constant([0.0, 0.0, 0.0], frames, 1))
+    poses = drive(KinematicPlant(rows([settings], [9]), np.zeros((1, 3))), constant([0.0, 0.0, 0.0], frames, 1))
     velocity = np.diff(poses[:, 0], axis=0) / FRAME_S
     assert (velocity[:, 2] == 0).all()  # it acts on the position only
     drift = velocity[:, :2]
@@ -63,7 +64,7 @@ def test_disturbance_is_uniform_with_the_amplitude_asked_for() -> None:
 
 
 def test_the_kinematic_plant_has_no_wheels() -> None:
-    telemetry = vars(KinematicPlant([Settings()] * 3, np.zeros((3, 3)), [0, 1, 2], 1).telemetry())
+    telemetry = vars(KinematicPlant(rows([Settings()] * 3), np.zeros((3, 3))).telemetry())
     shapes = {name: (3,) if name.endswith("peak") or name == "battery" else (3, 4) for name in telemetry}
     assert {name: values.shape for name, values in telemetry.items()} == shapes
     assert all(np.isnan(values).all() for values in telemetry.values())
@@ -74,10 +75,10 @@ def test_the_kinematic_plant_has_no_wheels() -> None:
 
 @pytest.mark.parametrize("kind", [KinematicPlant, MujocoPlant])
 def test_poses_and_twists_handed_out_do_not_change_afterwards(kind: type[KinematicPlant] | type[MujocoPlant]) -> None:
-    plant = kind([Settings()], np.zeros((1, 3)), [0], 5)
+    plant = kind(rows([Settings()]), np.zeros((1, 3)))
     pose, twist = plant.pose(), plant.twist()
-    plant.advance(0, Received.at_once(np.ones((1, 3)), np.zeros(1)))
-    plant.advance(1, Received.at_once(np.ones((1, 3)), np.zeros(1)))
+    plant.advance(Received.at_once(np.ones((1, 3)), np.zeros(1)))
+    plant.advance(Received.at_once(np.ones((1, 3)), np.zeros(1)))
     for before, after in ((pose, plant.pose()), (twist, plant.twist())):
         assert (before == 0).all()
         assert (after != 0).all()
@@ -85,10 +86,10 @@ def test_poses_and_twists_handed_out_do_not_change_afterwards(kind: type[Kinemat
 
 def test_the_kinematic_plants_twist_is_that_of_the_frame_just_past() -> None:
     settings = with_settings(disturbance={"velocity_m_s": 0.3})
-    plant = KinematicPlant([settings] * 2, np.zeros((2, 3)), [0, 1], 20)
+    plant = KinematicPlant(rows([settings] * 2, [0, 1]), np.zeros((2, 3)))
     before = plant.pose()
-    for frame, command in enumerate(np.random.default_rng(0).normal(size=(20, 2, 3))):
-        plant.advance(frame, Received.at_once(command))
+    for command in np.random.default_rng(0).normal(size=(20, 2, 3)):
+        plant.advance(Received.at_once(command))
         # Rounding of poses of size 1, over T.
         np.testing.assert_allclose(plant.twist(), (plant.pose() - before) / FRAME_S, rtol=0, atol=1e-13)
         before = plant.pose()
@@ -97,12 +98,12 @@ def test_the_kinematic_plants_twist_is_that_of_the_frame_just_past() -> None:
 def test_the_mujoco_plants_twist_is_the_rate_of_its_pose_in_the_world() -> None:
     """Integrated, the twist of a robot that turns and curves is the way that it went, on whatever heading."""
     frames, start = 60, np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 2.5]])
-    plant = MujocoPlant([quiet()] * 2, start, [0, 0], frames)
+    plant = plant_of([quiet()] * 2, start)
     np.testing.assert_array_equal(plant.twist(), np.zeros((2, 3)))
     way = np.zeros((2, 3))
     for frame in range(frames):
         before = plant.twist()
-        plant.advance(frame, Received.at_once(np.tile([0.5 + 0.3 * math.sin(frame / 10), 0.5, 3.0], (2, 1))))
+        plant.advance(Received.at_once(np.tile([0.5 + 0.3 * math.sin(frame / 10), 0.5, 3.0], (2, 1))))
         way += (before + plant.twist()) / 2 * FRAME_S
     moved = plant.pose() - start
     # The trapezoidal rule over frames: 1 % of the way for what rollers and encoder counts shake within a frame.
@@ -111,11 +112,11 @@ def test_the_mujoco_plants_twist_is_the_rate_of_its_pose_in_the_world() -> None:
 
 
 def test_telemetry_handed_out_does_not_change_afterwards() -> None:
-    plant = MujocoPlant([Settings()], np.zeros((1, 3)), [0], 2)
-    plant.advance(0, Received.at_once(0.1 * np.ones((1, 3)), np.zeros(1)))
+    plant = plant_of([Settings()])
+    plant.advance(Received.at_once(0.1 * np.ones((1, 3)), np.zeros(1)))
     telemetry = plant.telemetry()
     before = {name: values.copy() for name, values in vars(telemetry).items()}
-    plant.advance(1, Received.at_once(-np.ones((1, 3)), np.zeros(1)))
+    plant.advance(Received.at_once(-np.ones((1, 3)), np.zeros(1)))
     later = vars(plant.telemetry())
     for name, values in vars(telemetry).items():
         np.testing.assert_array_equal(values, before[name], err_msg=name)
@@ -140,6 +141,6 @@ def test_settings_of_the_other_plant_change_nothing(
     kind: type[KinematicPlant] | type[MujocoPlant], foreign: dict[str, dict[str, float]]
 ) -> None:
     commands = constant([0.5, 0.2, 1.0], 15, 2)
-    default = drive(kind([Settings()] * 2, np.zeros((2, 3)), [3, 4], 15), commands)
-    changed = drive(kind([with_settings(**foreign)] * 2, np.zeros((2, 3)), [3, 4], 15), commands)
+    default = drive(kind(rows([Settings()] * 2, [3, 4]), np.zeros((2, 3))), commands)
+    changed = drive(kind(rows([with_settings(**foreign)] * 2, [3, 4]), np.zeros((2, 3))), commands)
     np.testing.assert_array_equal(changed, default)

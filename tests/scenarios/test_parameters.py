@@ -14,7 +14,7 @@ from typing import ClassVar
 from omni_control.controllers.base import Controller
 
 class Mine(Controller):
-    gain: float = 3.0
+    gain: float = 3
     window: int = 15
     fast: bool = False
     law: str = "linear"
@@ -45,17 +45,17 @@ def test_parameters_come_from_the_file_overrides_and_python(tmp_path: Path, mine
 def test_wrong_parameters_are_refused(tmp_path: Path, mine: str) -> None:
     for override, says in {
         "controller.Mien.gain=3": "unknown controller 'Mien' in [controller.Mien]; did you mean 'Mine'?",
-        "controller.Mine.gian=3": "unknown parameter controller.Mine.gian; did you mean 'controller.Mine.gain'?",
-        "controller.Mine.shape=3": "unknown parameter controller.Mine.shape",
-        "controller.Mine.count=3": "unknown parameter controller.Mine.count",
-        "controller.Mine._hidden=3": "unknown parameter controller.Mine._hidden",
-        "controller.Mine.gain=true": "controller.Mine.gain must be a number, not True",
-        "controller.Mine.gain=x": "controller.Mine.gain must be a number, not 'x'",
+        "controller.Mine.gian=3": "controller.Mine.gian: Mine has no parameter 'gian'; did you mean 'gain'?",
+        "controller.Mine.shape=3": "controller.Mine.shape: Mine has no parameter",
+        "controller.Mine.count=3": "controller.Mine.count: Mine has no parameter",
+        "controller.Mine._hidden=3": "controller.Mine._hidden: Mine has no parameter",
+        "controller.Mine.gain=true": "controller.Mine.gain: parameter gain of Mine must be a number, not True",
+        "controller.Mine.gain=x": "controller.Mine.gain: parameter gain of Mine must be a number, not 'x'",
         "controller.Mine.gain=nan": "controller.Mine.gain must be a number, true or false, or a string, not nan",
         "controller.Mine.gain=[1]": "controller.Mine.gain must be a number, true or false, or a string, not [1]",
-        "controller.Mine.window=1.0": "controller.Mine.window must be a whole number, not 1.0",
-        "controller.Mine.fast=1": "controller.Mine.fast must be true or false, not 1",
-        "controller.Mine.law=1": "controller.Mine.law must be a string, not 1",
+        "controller.Mine.window=1.0": "controller.Mine.window: parameter window of Mine must be a whole",
+        "controller.Mine.fast=1": "controller.Mine.fast: parameter fast of Mine must be ",
+        "controller.Mine.law=1": "controller.Mine.law: parameter law of Mine must be ",
     }.items():
         assert refusal(tmp_path, "", override, controllers=[mine]).startswith(says)
 
@@ -73,7 +73,7 @@ def test_all_wrong_parameters_are_said_at_once() -> None:
         )
     assert [line.split(";")[0] for line in str(error.value).splitlines()] == [
         "radio.delay_frames must be a whole number from 0 to 600 frames, not -1",
-        "controller.Own.gain must be a number, not 'x'",
-        "unknown parameter controller.Own.gian",
+        "controller.Own.gain: parameter gain of Own must be a number, not 'x'",
+        "controller.Own.gian: Own has no parameter 'gian'",
         "unknown controller 'flc' in [controller.flc]",
     ]

@@ -40,7 +40,7 @@ def test_what_a_model_gives_is_the_default_and_no_setting_overrules_it() -> None
 
 
 def test_a_robot_is_a_name_or_a_file(other: Path) -> None:
-    assert robots.names() == sorted(path.stem for path in robots.folder().glob("*.xml") if path.stem != "scene")
+    assert robots.names() == ["ssl_robot"]
     assert robots.model_path("ssl_robot") == robots.folder() / "ssl_robot.xml"
     assert robots.model_path(str(other)) == other
 

@@ -11,8 +11,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from omni_control.kinematics import Array
-from omni_mj.scenarios import scenario
-from omni_mj.scenarios.references import iterated_reference, timed_reference
+from omni_mj.scenarios import references, scenario
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S, ReferenceSettings
 from omni_mj.simulate.simulation import Simulation
@@ -26,7 +25,7 @@ ROBOT_M = 0.09  # radius of the largest robot, same
 def built_in(name: str) -> tuple[Scenario, Array]:
     """The scenario and its timed reference's poses (frames, 3)."""
     loaded = scenario.load(name)
-    return loaded, timed_reference(loaded.settings.reference).poses
+    return loaded, references.timed(loaded.settings.reference).poses
 
 
 @pytest.mark.parametrize("name", scenario.builtin())
@@ -62,8 +61,8 @@ def test_a_certain_robot_without_dead_time_drives_every_task_exactly(name: str) 
     ]
     simulation = Simulation(scenario.load(name, exact, {"plant": "kinematic", "controllers": ["flc", "comp-flc"]}))
     simulation.run()
-    errors = simulation.trajectory.channel("pose") - simulation.trajectory.channel("ref")
-    assert simulation.trajectory.length == len(built_in(name)[1])
+    errors = simulation.log.channel("pose") - simulation.log.channel("ref")
+    assert simulation.log.length == len(built_in(name)[1])
     np.testing.assert_allclose(errors, 0, rtol=0, atol=1e-9)
 
 
@@ -111,7 +110,7 @@ def test_the_sprint_is_four_metres_at_the_leagues_speed() -> None:
 
 def visits(**changes: object) -> Array:
     """The way-points (count, 3) of a random task, as an iterated reference knows them."""
-    return iterated_reference(ReferenceSettings(shape="random", **changes), 1).waypoints
+    return references.iterated(ReferenceSettings(shape="random", **changes), 1).waypoints
 
 
 @hypothesis_settings(deadline=None, max_examples=60, derandomize=True)
@@ -144,12 +143,12 @@ def test_one_seed_one_task_another_another() -> None:
 def test_all_seeds_of_a_run_see_the_same_task() -> None:
     """The run's seed is for its noise, not for its way-points."""
     first, other = (scenario.load("waypoints", (), {"seed": seed}).settings.reference for seed in (0, 1))
-    assert timed_reference(first).poses.tobytes() == timed_reference(other).poses.tobytes()
+    assert references.timed(first).poses.tobytes() == references.timed(other).poses.tobytes()
 
 
 def test_a_random_task_can_be_planned_anew_in_every_frame() -> None:
     """An iterated reference is given the way-points that the timed one drives through."""
     settings = scenario.load("waypoints", ["reference.mode=iterated"]).settings.reference
-    poses = timed_reference(settings).poses
-    for point in iterated_reference(settings, 2).waypoints:
+    poses = references.timed(settings).poses
+    for point in references.iterated(settings, 2).waypoints:
         assert (poses == point).all(1).any()

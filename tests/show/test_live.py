@@ -6,16 +6,20 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 from recorded import RERUN, Recorded, rrd
 
 from omni_control.errors import OmniError
-from omni_mj.show.recording import live
+from omni_mj.cli.run import command
+from omni_mj.scenarios import scenario
+from omni_mj.show.recording import FileRecording, LiveRecording, live
+from omni_mj.simulate.simulation import Simulation
 
-SHORT = ["--set", "reference.waypoints=[[0, 0], [0.5, 0.2]]", "--plant", "kinematic"]
+SHORT = "reference.waypoints=[[0, 0], [0.5, 0.2]]"
 
 
 class Listener:
@@ -51,16 +55,38 @@ def listener(tmp_path: Path) -> Iterator[Listener]:
     started.end()
 
 
-def run(*args: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "omni_mj.run", "--scenario", "rect", "--no-figures", "--quiet", *args]
-    kept = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120, env=kept | environment)
+def run(url: str, path: Path, *overrides: str, after_frame: Callable[[int], None] = lambda frame: None) -> None:
+    """Run on the kinematic plant, watched by the viewer at `url` and recorded into `path`, as the command does."""
+    simulation = Simulation(scenario.load("rect", overrides, {"plant": "kinematic"}))
+    with ExitStack() as stack:
+        recordings = [LiveRecording(url, simulation), FileRecording(path, simulation)]
+        for recording in recordings:
+            stack.enter_context(recording)
+
+        def update(frame: int) -> None:
+            after_frame(frame)
+            for recording in recordings:
+                recording.update()
+
+        simulation.run(update)
+        for recording in recordings:
+            recording.write()
+            recording.finish("done")
 
 
-def test_a_viewer_is_sent_what_is_recorded(listener: Listener, tmp_path: Path) -> None:
-    done = run(*SHORT, "--connect", listener.url, "--out", tmp_path / "run")
-    assert (done.returncode, done.stderr) == (0, "")
-    written = Recorded(tmp_path / "run" / "recording.rrd")
+def nobody() -> str:
+    """The address of a viewer that is not there."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return f"rerun+http://127.0.0.1:{free.getsockname()[1]}/proxy"
+
+
+def test_a_viewer_is_sent_what_is_recorded(
+    listener: Listener, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(listener.url, tmp_path / "recording.rrd", SHORT)
+    assert capsys.readouterr().err == ""
+    written = Recorded(tmp_path / "recording.rrd")
     deadline = time.monotonic() + 20
     while time.monotonic() < deadline and (
         not listener.path.exists() or listener.path.stat().st_size < written.path.stat().st_size
@@ -75,52 +101,37 @@ def test_a_viewer_is_sent_what_is_recorded(listener: Listener, tmp_path: Path) -
         assert sorted(heard.frames(entity)) == sorted(written.frames(entity)), entity
 
 
-def test_a_viewer_that_is_not_there_is_one_line(tmp_path: Path) -> None:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        url = f"rerun+http://127.0.0.1:{free.getsockname()[1]}/proxy"
-        done = run(*SHORT, "--connect", url, "--out", tmp_path)
-    assert done.returncode == 0
-    assert done.stderr == f"warning: no viewer at {url}; the run goes on without it\n"
+def test_a_viewer_that_is_not_there_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    url = nobody()
+    run(url, tmp_path / "recording.rrd", SHORT)
+    assert capsys.readouterr().err == f"warning: no viewer at {url}; the run goes on without it\n"
     assert rrd("verify", tmp_path / "recording.rrd").returncode == 0
 
 
-def test_a_viewer_that_goes_away_is_one_line(listener: Listener, tmp_path: Path) -> None:
-    options = [
-        "--set",
-        "reference.laps=8",
-        "--plant",
-        "kinematic",
-        "--connect",
+def test_a_viewer_that_goes_away_is_one_line(
+    listener: Listener, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It goes away in frame 200; the file has all 774 of the rectangle."""
+    run(
         listener.url,
-        "--out",
-        tmp_path / "run",
-    ]
-    command = [sys.executable, "-m", "omni_mj.run", "--scenario", "rect", "--no-figures", "--quiet", *options]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 60
-    while time.monotonic() < deadline and not (listener.path.exists() and listener.path.stat().st_size > 3e5):
-        time.sleep(0.02)
-    listener.end(signal.SIGKILL)
-    _, stderr = process.communicate(timeout=120)
-    assert process.returncode == 0
-    assert stderr == f"warning: no viewer at {listener.url}; the run goes on without it\n"
-    path = tmp_path / "run" / "recording.rrd"
-    assert rrd("verify", path).returncode == 0
-    assert max(Recorded(path).frames("/world/flc/robot")) > 5_000
+        tmp_path / "recording.rrd",
+        after_frame=lambda frame: listener.end(signal.SIGKILL) if frame == 200 else None,
+    )
+    assert capsys.readouterr().err == f"warning: no viewer at {listener.url}; the run goes on without it\n"
+    assert rrd("verify", tmp_path / "recording.rrd").returncode == 0
+    assert max(Recorded(tmp_path / "recording.rrd").frames("/world/flc/robot")) == 773
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux says by its environment whether there is a display")
-@pytest.mark.parametrize(
-    ("display", "said"), [({}, "--view needs a display"), ({"DISPLAY": ":987"}, "viewer does not start: ")]
-)
-def test_a_window_needs_a_display(tmp_path: Path, display: dict[str, str], said: str) -> None:
-    done = run(*SHORT, "--view", "--out", tmp_path / "run", **display)
-    assert done.returncode == 2
-    assert done.stderr.startswith("error: ")
-    assert said in done.stderr
-    assert done.stderr.count("\n") == 1
-    assert not (tmp_path / "run").exists()
+@pytest.mark.parametrize(("display", "said"), [(None, "--view needs a display"), (":987", "viewer does not start: ")])
+def test_a_window_needs_a_display(display: str | None, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    if display:
+        monkeypatch.setenv("DISPLAY", display)
+    with pytest.raises(OmniError, match=said) as error:
+        live.open_viewer()
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("url", ["", "localhost", "http://127.0.0.1:9876", "rerun+http://127.0.0.1/proxy"])
@@ -130,7 +141,7 @@ def test_an_address_that_is_none_is_bad_input(url: str) -> None:
 
 
 def test_bad_input_is_said_before_the_run(tmp_path: Path) -> None:
-    done = run(*SHORT, "--connect", "", "--out", tmp_path / "run")
-    assert done.returncode == 2
-    assert done.stderr.startswith("error: --connect needs")
+    arguments = ["--scenario", "rect", "--connect", "", "--out", str(tmp_path / "run")]
+    with pytest.raises(OmniError, match="--connect needs"):
+        command.main(arguments, standalone_mode=False)
     assert not (tmp_path / "run").exists()

@@ -2,15 +2,15 @@
 
 import json
 import re
-import subprocess
-import sys
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from omni_control.errors import OmniError
+from omni_mj.measure.paper import TABLES
 from omni_mj.scenarios.settings import Settings
 from omni_mj.show import report
 
@@ -52,24 +52,20 @@ class Page(HTMLParser):
         self.text += data
 
 
-@pytest.fixture(scope="module")
-def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Runs of the experiments of tables 3 and 4, shortened; the first has figures."""
-    base = tmp_path_factory.mktemp("runs")
-    for name, extra in {"rect": ("--seeds", "3"), "rect-noise": ("--no-figures",)}.items():
-        command = [sys.executable, "-m", "omni_mj.run", "--scenario", name, "--plant", "kinematic", "--no-record"]
-        command += ["--set", "reference.waypoints=[[0, 0], [0.4, 0.2], [0, 0.4]]", "--quiet", *extra]
-        subprocess.run([*command, "--out", str(base / name)], check=True, timeout=120)
-    return [base / "rect", base / "rect-noise"]
-
-
 def summary_of(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "summary.json").read_text())
 
 
-def copy(folder: Path, to: Path, **changed: Any) -> Path:
+def entry_of(folder: Path) -> dict[str, Any]:
+    (entry,) = summary_of(folder)["scenarios"].values()
+    return entry
+
+
+def copy(folder: Path, to: Path, name: str = "rect", **changed: Any) -> Path:
+    """A run's folder with another summary: `changed` is what is said of its scenario, here called `name`."""
     to.mkdir()
-    (to / "summary.json").write_text(json.dumps(summary_of(folder) | changed))
+    scenarios = {name: entry_of(folder) | changed}
+    (to / "summary.json").write_text(json.dumps(summary_of(folder) | {"scenarios": scenarios}))
     (to / "scenario.toml").write_text((folder / "scenario.toml").read_text())
     return to
 
@@ -80,37 +76,47 @@ def page(folders: list[Path], out: Path) -> tuple[str, Page]:
     return html, Page(html)
 
 
-def test_every_number_is_the_summarys(folders: list[Path], tmp_path: Path) -> None:
-    """Each number stands in full in its element; what a reader sees is it, rounded to two places, in cm for errors."""
-    summary = summary_of(folders[0])
-    _, seen = page(folders[:1], tmp_path / "report.html")
-    for result in summary["results"].values():
+def test_every_number_is_the_summarys(runs: list[Path], tmp_path: Path) -> None:
+    """Each number stands in full in its element; what a reader sees is it, rounded, in cm and degrees for errors."""
+    summary, entry = summary_of(runs[0]), entry_of(runs[0])
+    _, seen = page(runs[:1], tmp_path / "report.html")
+    for result in entry["results"].values():
+        for part, axes, factor in (("error_m", ("x", "y", "distance"), 100), ("error_rad", ("heading",), 180 / np.pi)):
+            for axis in axes:
+                for statistic in ("max", "mean"):
+                    for name in ("median", "min", "max"):
+                        value = result[part][axis][statistic][name]
+                        assert (value, f"{factor * value:.2f}") in seen.numbers
         for axis in ("x", "y"):
-            for statistic in ("max", "mean"):
-                for value in result["error_m"][axis][statistic].values():
-                    assert (value, f"{100 * value:.2f}") in seen.numbers
             for value in result["alpha"][axis].values():
                 assert (value, f"{value:.2f}") in seen.numbers
-    for axes in summary["paper"].values():
-        for statistics in axes.values():
-            for value in statistics.values():
-                assert (value, f"{100 * value:.2f}") in seen.numbers
+        assert (result["effort_m_s2"]["median"], f"{result['effort_m_s2']['median']:.2f}") in seen.numbers
     known = {float(v) for v in re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", json.dumps(summary))}
     assert {value for value, _ in seen.numbers} <= known
 
 
-def test_reductions_are_the_summarys_and_the_papers(folders: list[Path], tmp_path: Path) -> None:
-    """The paper states 35 % and 49 % (table 3), 34 % and 60 % (table 4) of the maximum error."""
-    for folder, stated in zip(folders, ((35, 49), (34, 60)), strict=True):
-        _, seen = page([folder], tmp_path / "report.html")
+def test_reductions_are_the_summarys_and_the_papers(runs: list[Path], tmp_path: Path) -> None:
+    """The paper states 35 % and 49 % (table 3), 34 % and 60 % (table 4) of the maximum error.
+
+    Its numbers stand there only where the summary has them.
+    """
+    for folder, number, stated in zip(runs, (3, 4), ((35, 49), (34, 60)), strict=True):
+        printed = copy(folder, tmp_path / f"{number}", paper=TABLES[number], paper_table=number)
+        _, seen = page([printed], tmp_path / "report.html")
+        _, without = page([copy(folder, tmp_path / f"{number}-without", paper=None)], tmp_path / "report.html")
+        assert "paper, cm" in seen.text
+        assert "paper, cm" not in without.text
         for axis, of_paper in zip("xy", stated, strict=True):
-            ours = summary_of(folder)["results"]["comp-flc"]["reduction_percent"][axis]["max"]
+            ours = entry_of(folder)["results"]["comp-flc"]["reduction_percent"][axis]["max"]
             for percent in (round(ours), of_paper):
                 assert f"{-percent:+d} %".replace("-", "\N{MINUS SIGN}") in seen.text
+            for controller in ("flc", "comp-flc"):
+                value = TABLES[number][controller][axis]["max"]
+                assert (value, f"{100 * value:.2f}") in seen.numbers
 
 
-def test_nothing_is_loaded_from_outside(folders: list[Path], tmp_path: Path) -> None:
-    html, seen = page(folders, tmp_path / "report.html")
+def test_nothing_is_loaded_from_outside(runs: list[Path], tmp_path: Path) -> None:
+    html, seen = page(runs, tmp_path / "report.html")
     assert seen.references
     assert all(reference.startswith(("#", "data:image/")) for reference in seen.references)
     assert not re.search(r"url\(|@import|<script", html)
@@ -118,52 +124,105 @@ def test_nothing_is_loaded_from_outside(folders: list[Path], tmp_path: Path) -> 
     assert len(set(seen.ids)) == len(seen.ids)
 
 
-def test_all_figures_of_a_run_are_in_it(folders: list[Path], tmp_path: Path) -> None:
-    drawn = {path.stem for path in (folders[0] / "figures").iterdir()}
-    _, seen = page(folders[:1], tmp_path / "report.html")
+def test_all_figures_of_a_run_are_in_it(runs: list[Path], tmp_path: Path) -> None:
+    drawn = {path.stem for path in (runs[0] / "figures").iterdir()}
+    _, seen = page(runs[:1], tmp_path / "report.html")
     assert {f"run1-{name}" for name in drawn} <= set(seen.ids)
     assert seen.tags.count("img") == len(drawn) == 7  # all but temperatures, which this plant has not
 
 
-def test_a_comparison_names_all_runs_and_what_differs(folders: list[Path], tmp_path: Path) -> None:
-    html, _ = page(folders, tmp_path / "report.html")
+def test_a_comparison_names_all_runs_and_what_differs(runs: list[Path], tmp_path: Path) -> None:
+    html, _ = page(runs, tmp_path / "report.html")
     comparison = html[html.index('id="comparison"') : html.index("<article")]
-    assert all(f">{folder.name}</a>" in comparison for folder in folders)
+    assert all(f">{folder.name}</a>" in comparison for folder in runs)
     assert "disturbance.velocity_m_s" in comparison
     assert "radio.delay_frames" not in comparison
 
 
-def test_what_a_user_wrote_is_text(folders: list[Path], tmp_path: Path) -> None:
-    results = {EVIL: summary_of(folders[0])["results"]["flc"]}
-    changed = {"description": EVIL, "scenario": EVIL, "controllers": [EVIL], "results": results}
-    html, seen = page([copy(folders[0], tmp_path / "evil", **changed)], tmp_path / "report.html")
+def test_a_comparison_is_a_matrix_with_its_figure_and_verdicts(comparison: Path, tmp_path: Path) -> None:
+    """Means over the seeds with half their intervals; the least of a row, but for limits, is bold."""
+    html, seen = page([comparison], tmp_path / "report.html")
+    summary = summary_of(comparison)
+    assert "Comparison of 2 scenarios" in seen.text
+    for name, entry in summary["scenarios"].items():
+        assert f">{name}</a>" in html
+        for result in entry["results"].values():
+            for statistic in ("max", "mean"):
+                spread = result["error_m"]["distance"][statistic]
+                for value in (spread["mean"], spread["plus_minus"]):
+                    assert (value, f"{100 * value:.2f}") in seen.numbers
+    bold = re.findall(r'<td class="n best"><data value="(.*?)"', html)
+    means = [
+        {name: result["error_m"]["distance"][statistic]["mean"] for name, result in entry["results"].items()}
+        for statistic in ("max", "mean")
+        for entry in summary["scenarios"].values()
+    ]
+    assert [float(value) for value in bold] == [min(row["flc"], row["p"]) for row in means]
+    assert seen.tags.count("img") == 1
+    assert "Verdicts on p" in seen.text
+    why_not = [text for entry in summary["scenarios"].values() for text in entry["verdict"]["why_not"]]
+    assert why_not
+    assert all(text in seen.text for text in why_not)
+
+
+def test_runs_and_comparisons_stand_side_by_side(runs: list[Path], comparison: Path, tmp_path: Path) -> None:
+    _, seen = page([*runs, comparison], tmp_path / "report.html")
+    assert "Comparison of 4 runs" in seen.text
+    assert {f"run{k}-results" for k in range(1, 5)} | {"source3-repeat"} <= set(seen.ids)
+    for label in ("rect", "compare: rect", "compare: rect-noise"):
+        assert label in seen.text
+
+
+def test_what_a_user_wrote_is_text(runs: list[Path], tmp_path: Path) -> None:
+    results = {EVIL: entry_of(runs[0])["results"]["flc"]}
+    failed = [{"controller": EVIL, "seed": 0, "place": 0, "time_s": 1.0, "cause": EVIL}]
+    folder = copy(runs[0], tmp_path / "evil", EVIL, description=EVIL, results=results, failed=failed)
+    (folder / "summary.json").write_text(json.dumps(summary_of(folder) | {"controllers": [EVIL]}))
+    html, seen = page([folder], tmp_path / "report.html")
     assert "script" not in seen.tags
     assert "<script" not in html
     assert seen.text.count(EVIL) > 3
 
 
-def test_an_incomplete_run_is_shown_as_such(folders: list[Path], tmp_path: Path) -> None:
-    nothing = {"complete": False, "stopped": "robot 1 became unstable", "results": {}, "frames": 0, "simulated_s": 0.0}
-    some = copy(folders[0], tmp_path / "some", complete=False, stopped="interrupted")
-    none = copy(folders[0], tmp_path / "none", **nothing)
-    for runs in ([none], [some], [some, none]):
-        _, seen = page(runs, tmp_path / "report.html")
-        assert seen.text.count("This run is incomplete.") == len(runs)
-        assert ("robot 1 became unstable" in seen.text) == (none in runs)
+def test_rows_that_failed_are_listed_with_their_cause(runs: list[Path], tmp_path: Path) -> None:
+    """Nobody's mean is told of whom a seed failed."""
+    results = entry_of(runs[0])["results"]
+    unknown = {"mean": None, "plus_minus": None, "max": None}
+    results["flc"]["failed"] = 1
+    for axis in ("x", "y", "distance"):
+        for statistic in results["flc"]["error_m"][axis]:
+            results["flc"]["error_m"][axis][statistic] |= unknown
+    failed = [{"controller": "flc", "seed": 2, "place": 0, "time_s": 1.25, "cause": "toppled over"}]
+    folder = copy(runs[0], tmp_path / "failed", results=results, failed=failed)
+    for folders in ([folder], [folder, runs[1]]):
+        _, seen = page(folders, tmp_path / "report.html")
+        assert "toppled over" in seen.text
+        assert (1.25, "1.25") in seen.numbers
+        assert "failed 1 of 3" in seen.text
 
 
-def test_what_is_not_known_is_a_dash(folders: list[Path], tmp_path: Path) -> None:
-    results = summary_of(folders[0])["results"]
+def test_an_incomplete_run_is_shown_as_such(runs: list[Path], tmp_path: Path) -> None:
+    some = copy(runs[0], tmp_path / "some", status="stopped", reason="interrupted")
+    none = copy(runs[0], tmp_path / "none", status="failed", reason="no such robot", results={}, frames=0)
+    waiting = copy(runs[0], tmp_path / "waiting", status="not run", results={})
+    for folders in ([none], [some], [waiting], [some, none, waiting]):
+        _, seen = page(folders, tmp_path / "report.html")
+        assert seen.text.count("This run is incomplete.") == len(folders)
+        assert ("no such robot" in seen.text) == (none in folders)
+
+
+def test_what_is_not_known_is_a_dash(runs: list[Path], tmp_path: Path) -> None:
+    results = entry_of(runs[0])["results"]
     results["flc"] |= {"alpha": None, "peak_voltage_v": None, "peak_current_a": float("nan")}
-    _, seen = page([copy(folders[0], tmp_path / "unknown", results=results)], tmp_path / "report.html")
+    _, seen = page([copy(runs[0], tmp_path / "unknown", results=results)], tmp_path / "report.html")
     assert "nan" not in seen.text.lower().split()
     assert "None" not in seen.text
     assert seen.text.count("\N{EN DASH}") > 8
 
 
-def test_settings_off_their_default_stand_out(folders: list[Path], tmp_path: Path) -> None:
-    html, _ = page(folders[:1], tmp_path / "report.html")
-    settings, defaults = summary_of(folders[0])["settings"], Settings().plain()
+def test_settings_off_their_default_stand_out(runs: list[Path], tmp_path: Path) -> None:
+    html, _ = page(runs[:1], tmp_path / "report.html")
+    settings, defaults = entry_of(runs[0])["settings"], json.loads(json.dumps(Settings().plain()))
     names = [(section, name) for section in settings for name in settings[section]]
     off = [f"{s}.{n}" for s, n in names if settings[s][n] != defaults[s][n]]
     shown = html[html.index("Settings that differ") : html.index("<details>")]
@@ -173,30 +232,31 @@ def test_settings_off_their_default_stand_out(folders: list[Path], tmp_path: Pat
     assert all(f"<code>{section}.{name}</code>" in html for section, name in names)
 
 
-@pytest.mark.parametrize("text", [None, "", "{", "[]", "{}", '{"scenario": 3}', '{"results": []}'])
-def test_a_folder_that_holds_no_run_is_refused_in_one_line(tmp_path: Path, text: str | None) -> None:
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (None, "holds no run"),
+        ("", "not a run's summary"),
+        ("{", "not a run's summary"),
+        ("[]", "controllers, limits"),
+        ('{"format": 2}', "controllers, limits"),
+        ('{"format": 3}', "of format 3; this version of omni-mj reads format 2"),
+        ('{"scenario": "rect", "results": {}}', "of format 1, which an older version of omni-mj wrote"),
+    ],
+)
+def test_a_folder_that_holds_no_run_is_refused_in_one_line(tmp_path: Path, text: str | None, said: str) -> None:
     if text is not None:
         (tmp_path / "summary.json").write_text(text)
-    with pytest.raises(OmniError, match="run"):
+    with pytest.raises(OmniError, match="run") as error:
         report.write([tmp_path], tmp_path / "report.html")
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
     assert not (tmp_path / "report.html").exists()
 
 
-def test_the_command_writes_into_the_runs_folder_or_where_it_is_told(folders: list[Path], tmp_path: Path) -> None:
-    report.command.main([str(folders[0])], standalone_mode=False)
-    assert (folders[0] / "report.html").is_file()
-    report.command.main([*map(str, folders), "--out", str(tmp_path / "both.html")], standalone_mode=False)
-    assert (tmp_path / "both.html").is_file()
-    before = (folders[0] / "summary.json").read_bytes()
-    for wrong in ([], [str(tmp_path)], [str(folders[0]), "--out", str(folders[0] / "summary.json")]):
-        with pytest.raises(OmniError):
-            report.command.main(wrong, standalone_mode=False)
-    assert (folders[0] / "summary.json").read_bytes() == before
-
-
-def test_a_users_mistake_is_one_line(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "omni_mj.report", str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 2
-    assert done.stderr.startswith("error: ")
-    assert done.stderr.count("\n") == 1
+def test_a_summary_that_lacks_something_is_refused(runs: list[Path], tmp_path: Path) -> None:
+    lacking = copy(runs[0], tmp_path / "lacking", settings=3)
+    empty = copy(runs[0], tmp_path / "empty", results={"flc": {}})
+    for folder, said in ((lacking, "scenarios.rect.settings"), (empty, "not of this version")):
+        with pytest.raises(OmniError, match=said):
+            report.write([folder], tmp_path / "report.html")

@@ -4,13 +4,14 @@ import json
 import re
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
+
+from omni_mj.show import report
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 FLAGS = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
@@ -35,26 +36,22 @@ def chromium(profile: Path, *args: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A short run with its report."""
+def folder(runs: list[Path], comparison: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A report about a run and a comparison."""
     base = tmp_path_factory.mktemp("browser")
-    command = ["-m", "omni_mj.run", "--scenario", "rect", "--plant", "kinematic", "--no-record", "--quiet"]
-    command += ["--set", "reference.waypoints=[[0, 0], [0.4, 0.2]]", "--out", str(base / "run")]
-    subprocess.run([sys.executable, *command], check=True, timeout=120)
-    subprocess.run([sys.executable, "-m", "omni_mj.report", base / "run"], check=True, timeout=120)
+    report.write([runs[0], comparison], base / "report.html")
     return base
 
 
 @pytest.mark.parametrize("width", [390, 1400])
-def test_all_figures_load_and_nothing_is_wider_than_the_window(folder: Path, width: int) -> None:
-    wrapper = folder / "run" / f"wrapper{width}.html"
+def test_all_figures_load_and_nothing_is_wider_than_the_window(folder: Path, runs: list[Path], width: int) -> None:
+    wrapper = folder / f"wrapper{width}.html"
     wrapper.write_text(WRAPPER.format(width=width))
     dom = chromium(folder / f"profile{width}", "--dump-dom", "--virtual-time-budget=20000", wrapper.as_uri())
     found = re.search(r'data-seen="(.*?)"', dom)
     assert found, "the report did not load"
     seen: dict[str, Any] = json.loads(found[1].replace("&quot;", '"'))
-    figures = list((folder / "run" / "figures").glob("*.svg"))
-    assert len(seen["images"]) == len(figures) >= 6
+    assert len(seen["images"]) == len(list((runs[0] / "figures").glob("*.svg"))) + 1
     assert all(complete and wide > 0 and right <= width for complete, wide, right in seen["images"])
     assert seen["overflow"] <= 0
     assert set(seen["inside"]) <= {"data:image"}
@@ -64,7 +61,7 @@ def test_all_figures_load_and_nothing_is_wider_than_the_window(folder: Path, wid
 def test_it_follows_the_colour_scheme(folder: Path, scheme: str, dark: bool) -> None:
     shot = folder / f"shot{scheme}.png"
     settings = ("--window-size=1000,800", f"--blink-settings=preferredColorScheme={scheme}")
-    chromium(folder / f"shot{scheme}", f"--screenshot={shot}", *settings, (folder / "run" / "report.html").as_uri())
+    chromium(folder / f"shot{scheme}", f"--screenshot={shot}", *settings, (folder / "report.html").as_uri())
     brightness = imread(shot)[..., :3].mean(-1)
     assert (np.median(brightness) < 0.2) == dark
     assert np.ptp(brightness) > 0.6  # there is something on it

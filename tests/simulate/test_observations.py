@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from simulating import Grid
+from simulating import PLANTS, Grid
 
 from omni_mj.scenarios import scenario
 from omni_mj.simulate.simulation import Simulation
@@ -53,7 +53,7 @@ def simulated(folder: Path, plant: str, *names: str, overrides: tuple[str, ...] 
     return simulation
 
 
-@pytest.mark.parametrize("plant", scenario.PLANTS)
+@pytest.mark.parametrize("plant", PLANTS)
 def test_controllers_see_vision_unless_they_know_the_truth(tmp_path: Path, plant: str) -> None:
     """Each controller is given its own rows, in every frame, and the commands that it sent the frame before."""
     simulation = simulated(tmp_path, plant, "Witness", "TrueWitness")

@@ -1,16 +1,15 @@
 """What the tests of the vision filter share: robots as the filter believes them to be, and all that it says of them."""
 
 import numpy as np
+from closed_loop import NOISE, T
 
 from omni_control.estimation.kalman import KalmanFilter
 from omni_control.kinematics import Array
 
-T = 1 / 60
-NOISE = (0.0013, 0.0013, 0.01)
 GAIN_ERROR, DRIFT, DRIFT_TIME_S = 0.06, (0.1, 0.1, 0.5), 0.5
 
 
-def drive(seed: int, frames: int, n: int, scale: float = 1.0, missed: float = 0.02) -> tuple[Array, Array, Array]:
+def driven(seed: int, frames: int, n: int, scale: float = 1.0, missed: float = 0.02) -> tuple[Array, Array, Array]:
     """True poses, poses seen and commanded displacements (frames, n, 3).
 
     The process noise has `scale` times the variance that the filter states; of the poses a share `missed` is not seen.

@@ -13,9 +13,10 @@ from driving import constant, drive, quiet
 from driving import mujoco as plant_of
 
 from omni_control.errors import OmniError
-from omni_mj.worlds import build, files
+from omni_mj.scenarios import robots
+from omni_mj.worlds import build
 
-ROBOT, SCENE = (files.path(name).read_text() for name in ("ssl_robot", "scene"))
+ROBOT, SCENE = ((robots.folder() / f"{name}.xml").read_text() for name in ("ssl_robot", "scene"))
 
 
 def arrays(model: mujoco.MjModel) -> dict[str, Any]:
@@ -31,7 +32,7 @@ def arrays(model: mujoco.MjModel) -> dict[str, Any]:
 
 
 def test_the_plain_file_is_the_world_of_one_robot() -> None:
-    plain = arrays(mujoco.MjModel.from_xml_path(str(files.folder() / "ssl_robot_on_carpet.xml")))
+    plain = arrays(mujoco.MjModel.from_xml_path(str(robots.folder() / "ssl_robot_on_carpet.xml")))
     built = arrays(build.world().model)
     assert plain.keys() == built.keys()
     assert len(plain) > 300
@@ -107,7 +108,7 @@ def write(tmp_path: Path) -> Callable[..., str]:
 def test_a_hull_and_walls_change_nothing_with_one_robot(write: Callable[..., str]) -> None:
     """Nor does it matter where the robot is: it drives through a wall that is not there for it."""
     bare = write(ROBOT, ('<geom name="hull"[^>]*>', ""))
-    start, command = [[4.9, 3.0, 0.4]], constant([1.0, 0.5, 1.0], 40, 1)
+    start, command = [[5.05, 3.0, 0.4]], constant([1.0, 0.5, 1.0], 20, 1)
     with_hull, without = (drive(plant_of([quiet()], start, robot=robot), command) for robot in ("ssl_robot", bare))
     np.testing.assert_array_equal(with_hull, without)
     assert with_hull[-1, 0, 0] > 5.2

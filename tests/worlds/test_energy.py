@@ -1,24 +1,24 @@
 """Electrical energy in is heat, friction and motion out."""
 
+import copy
 from itertools import pairwise
 from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
+from driving import FRAME_S, quiet
+from driving import mujoco as plant_of
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from omni_mj.link.radio import Received
-from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.scenarios.settings import PERIOD_S, PhysicsSettings, SensorSettings, Settings
-from omni_mj.worlds import robot
+from omni_mj.worlds import build
 
 RADIUS_M, MASS_KG = 0.0285, 2.3
 GRAVITY = 9.81
 # At a wheel, N m: the motor's no-load current, the gear, and lint as a share of a quarter of the weight at the rim.
 DRY_FRICTION = 0.036 * 0.238 * 60 / 18 + 0.003 + 0.065 * MASS_KG * GRAVITY / 4 * RADIUS_M
-QUIET = Settings(sensors=SensorSettings(gyro_noise_rad_s=0.0, gyro_bias_rad_s=0.0))
 
 
 class Tape:
@@ -29,9 +29,9 @@ class Tape:
         self._live = [batch.bind(name) for name in ("qpos", "qvel", "ctrl")]
         self.steps: list[list[NDArray]] = []
 
-    def step(self) -> None:
+    def step(self, worlds: None) -> None:
         self.steps.append([live[0].copy() for live in self._live])
-        self._batch.step()
+        self._batch.step(worlds)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._batch, name)
@@ -60,22 +60,21 @@ def contact_power(model: mujoco.MjModel, data: mujoco.MjData, velocity: NDArray)
 @pytest.mark.parametrize(("substeps", "tolerance"), [(1, 0.03), (4, 0.015)])
 def test_energy_audit_of_a_driven_robot(substeps: int, tolerance: float) -> None:
     frames = 75
-    plant = MujocoPlant([QUIET.replace(physics=PhysicsSettings(substeps=substeps))], np.zeros((1, 3)), [0], frames)
+    plant = plant_of([quiet(physics={"substeps": substeps})])
     plant._batch = tape = Tape(plant._batch)  # the plant hands out one instant a frame, the audit needs every step
     electrical, reported = 0.0, []
     for frame in range(frames):
         # Speeding up forward, curving away, braking hard, then backwards and turning: the end is in full motion.
-        time = frame * PERIOD_S
+        time = frame * FRAME_S
         twist = [1.8 * np.sin(4.5 * time), 0.8 * np.sin(3.0 * time), 4.0 * np.sin(6.0 * time)]
-        plant.advance(frame, Received.at_once(np.array([twist]), plant.pose()[:, 2]))
+        plant.advance(Received.at_once(np.array([twist]), plant.pose()[:, 2]))
         electrical += (plant._voltages * plant._currents).sum() / 960
         reported.append(plant.telemetry())
         np.testing.assert_array_equal(plant._currents[-1], reported[-1].current)
-    model = robot.load_model()
+    world = build.world(substeps=substeps)
+    model = copy.copy(world.model)
     model.actuator_ctrllimited[:] = 0
-    model.opt.timestep /= substeps
-    data = mujoco.MjData(model)
-    wheels = [model.joint(f"wheel_{i}").dofadr[0] for i in (1, 2, 3, 4)]
+    data, wheels = mujoco.MjData(model), world.robots[0].wheel_dofs
     timestep = model.opt.timestep
     heat, hinges, bearings, sliding, sinking = np.zeros(5)
     kinetic = []

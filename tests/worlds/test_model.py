@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from omni_mj.worlds import build, files, robot
+from omni_mj.scenarios import robots
+from omni_mj.worlds import build
 
 AZIMUTHS_DEG = (60, 135, 225, 300)
 ARM_M, RADIUS_M, ROLLER_RADIUS_M = 0.080, 0.0285, 0.006
@@ -16,7 +17,7 @@ WHEELS = (1, 2, 3, 4)
 
 @pytest.fixture(scope="module")
 def model() -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_path(str(files.folder() / "ssl_robot_on_carpet.xml"))
+    return mujoco.MjModel.from_xml_path(str(robots.folder() / "ssl_robot_on_carpet.xml"))
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +68,7 @@ def com_and_inertia(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[NDArray
 def test_each_file_opens_by_itself() -> None:
     """As MuJoCo's viewer does, which shows the robot by its keyframe."""
     for name in ("ssl_robot", "scene", "ssl_robot_on_carpet"):
-        model = mujoco.MjModel.from_xml_path(str(files.folder() / f"{name}.xml"))
+        model = mujoco.MjModel.from_xml_path(str(robots.folder() / f"{name}.xml"))
         data = mujoco.MjData(model)
         if name != "scene":
             mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
@@ -204,13 +205,20 @@ def test_only_the_rollers_touch_the_carpet(model: mujoco.MjModel) -> None:
 
 
 def test_dry_friction_at_the_wheels_is_the_sum_of_its_named_parts(model: mujoco.MjModel) -> None:
-    motor, gear, lint = (robot.numeric(name) for name in ("motor_friction", "drive.gear_friction_nm", "carpet.lint"))
+    motor, gear, lint = (
+        robots.numbers("ssl_robot")[name] for name in ("motor_friction", "drive.gear_friction_nm", "carpet.lint")
+    )
     # The motor's: what its no-load current's torque overcomes; exact.
     assert motor == pytest.approx(0.036 * 0.238 * 60 / 18, rel=1e-9)
     # Lint: a share of the load on a wheel, m g / 4, as a force at its rim. 0.1 % for the file's four digits.
     total = motor + gear + lint * model.body_mass.sum() * 9.81 / 4 * RADIUS_M
     for wheel in WHEELS:
         assert model.dof_frictionloss[model.joint(f"wheel_{wheel}").dofadr[0]] == pytest.approx(total, rel=1e-3)
+
+
+def test_the_rollers_are_damped_as_the_robots_default_says(model: mujoco.MjModel) -> None:
+    damped = model.dof_damping[model.dof_damping > 0]
+    np.testing.assert_array_equal(damped, robots.numbers("ssl_robot")["drive.roller_damping_nm_s"])
 
 
 def test_four_voltage_driven_motors_one_per_wheel(model: mujoco.MjModel) -> None:

@@ -3,26 +3,25 @@
 import mujoco
 import numpy as np
 import pytest
+from driving import FRAME_S, constant, drive, quiet
+from driving import mujoco as plant_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from omni_mj.link.radio import Received
-from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.scenarios.settings import PERIOD_S, CarpetSettings, SensorSettings, Settings
-from omni_mj.worlds import robot
-from omni_mj.worlds.wheels import WheelGeometry, contact_slip
+from omni_mj.worlds import build
+from omni_mj.worlds.wheels import contact_slip
 
 AZIMUTHS = np.radians([60, 135, 225, 300])
 ARM_M, RADIUS_M = 0.080, 0.0285
-QUIET = Settings(sensors=SensorSettings(gyro_noise_rad_s=0.0, gyro_bias_rad_s=0.0))
+ROBOT = build.world().robots[0]
 # Tangents along which positive wheel speeds push the robot, in its frame (equation 3).
 TANGENTS = np.stack([-np.sin(AZIMUTHS), np.cos(AZIMUTHS)], axis=1)
 
 
 @pytest.fixture(scope="module")
 def stand() -> tuple[mujoco.MjModel, mujoco.MjData]:
-    model = robot.load_model()
+    model = build.world().model
     return model, mujoco.MjData(model)
 
 
@@ -33,18 +32,14 @@ def pose_robot(
     model, data = stand
     mujoco.mj_resetData(model, data)
     data.qpos[:7] = [0.3, -0.2, -sunk, np.cos(heading / 2), 0, 0, np.sin(heading / 2)]
-    for i, angle in enumerate(angles):
-        data.qpos[model.joint(f"wheel_{i + 1}").qposadr[0]] = angle
+    data.qpos[ROBOT.wheel_qpos] = angles
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    wheels = [model.body(f"wheel_{i}").id for i in (1, 2, 3, 4)]
-    rollers = [np.flatnonzero(model.body_parentid == wheel) for wheel in wheels]
-    return model, data, [int(r[np.argmin(data.xpos[r, 2])]) for r in rollers]
+    return model, data, [int(r[np.argmin(data.xpos[r, 2])]) for r in ROBOT.rollers]
 
 
 def slip(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray:
-    geometry = WheelGeometry.of(model)
-    return contact_slip(geometry, robot.kinematics(model), data.qpos[None], data.qvel[None])[0]
+    return contact_slip(build.world().wheels, build.world().kinematics, data.qpos[None], data.qvel[None])[0]
 
 
 # Away from the angle between two rollers, where rounding decides which of them is the nearest.
@@ -64,7 +59,7 @@ def test_contact_slip_is_the_engines_velocity_of_the_roller_under_the_axle(
     data.qvel[2:5] = 0.0  # upright, and neither sinking nor tilting
     measured = []
     for i, roller in enumerate(bottom):
-        x, y, _ = data.body(f"wheel_{i + 1}").xpos
+        x, y, _ = data.xpos[ROBOT.wheels[i]]
         jacobian = np.zeros((3, model.nv))
         mujoco.mj_jac(model, data, jacobian, None, np.array([[x], [y], [0.0]]), roller)
         measured.append(np.linalg.norm((jacobian @ data.qvel)[:2]))
@@ -80,8 +75,8 @@ def roll(model: mujoco.MjModel, data: mujoco.MjData, bottom: list[int], heading:
     hub = twist[:2] + twist[2] * ARM_M * tangent
     data.qvel[:2], data.qvel[5] = twist[:2], twist[2]
     for i, roller in enumerate(bottom):
-        centre = data.body(f"wheel_{i + 1}").xpos
-        data.qvel[model.joint(f"wheel_{i + 1}").dofadr[0]] = hub[i] @ tangent[i] / centre[2]
+        centre = data.xpos[ROBOT.wheels[i]]
+        data.qvel[ROBOT.wheel_dofs[i]] = hub[i] @ tangent[i] / centre[2]
         # A roller turns about its axis n at the lever p from it: its surface moves by s n x p, to cancel the hub's
         # velocity along the axle.
         axis = data.xaxis[model.body(roller).jntadr[0]]
@@ -118,13 +113,11 @@ def test_contact_slip_is_the_speed_at_which_a_rolling_robot_is_pushed(
 def test_the_plant_reports_slip_where_there_is_some() -> None:
     # Told to be at 2 m/s at once on ice: for a tenth of a second the wheels spin at about that speed under a robot that
     # hardly moves. On carpet at rest, nothing slides.
-    ice = QUIET.replace(carpet=CarpetSettings(friction=0.02))
-    plant = MujocoPlant([ice, QUIET], np.zeros((2, 3)), [0, 0], 12)
-    for frame in range(12):
-        plant.advance(frame, Received.at_once(np.array([[2.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), np.zeros(2)))
+    plant = plant_of([quiet(carpet={"friction": 0.02}), quiet()])
+    drive(plant, constant([[2.0, 0.0, 0.0], [0.0, 0.0, 0.0]], 12, 2))
     telemetry = plant.telemetry()
     rims = np.abs(telemetry.wheel_speed[0]) * RADIUS_M
-    hub = np.abs(TANGENTS[:, 0]) * plant.pose()[0, 0] / (12 * PERIOD_S) * 2
+    hub = np.abs(TANGENTS[:, 0]) * plant.pose()[0, 0] / (12 * FRAME_S) * 2
     # 10 %: the robot's speed is taken as twice its mean, and rollers spin a little.
     np.testing.assert_allclose(telemetry.slip[0], rims - hub, rtol=0.1)
     assert telemetry.slip[0].min() > 1.0

@@ -4,20 +4,18 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from driving import FRAME_S, constant, drive, quiet
+from driving import mujoco as plant_of
 from numpy.typing import NDArray
 
-from omni_control.kinematics import Kinematics
-from omni_mj.link.radio import Received
-from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.scenarios.settings import PERIOD_S, SensorSettings, Settings
-from omni_mj.worlds import robot
+from omni_control.kinematics import world_to_body
+from omni_mj.worlds import build
 
 AZIMUTHS = np.radians([60, 135, 225, 300])
 ARM_M, RADIUS_M, MASS_KG = 0.080, 0.0285, 2.3
 GRAVITY = 9.81
 # At a wheel, N m: the motor's no-load current, the gear, and lint as a share of a quarter of the weight at the rim.
 DRY_FRICTION = 0.036 * 0.238 * 60 / 18 + 0.003 + 0.065 * MASS_KG * GRAVITY / 4 * RADIUS_M
-QUIET = Settings(sensors=SensorSettings(gyro_noise_rad_s=0.0, gyro_bias_rad_s=0.0))
 # Tangents along which positive wheel speeds push the robot, in its frame (equation 3).
 TANGENTS = np.stack([-np.sin(AZIMUTHS), np.cos(AZIMUTHS)], axis=1)
 
@@ -42,25 +40,19 @@ class Cruise:
 
 @pytest.fixture(scope="module")
 def cruise() -> Cruise:
-    n, start, frames = len(TWISTS), 30, 60
-    plant = MujocoPlant([QUIET] * n, np.zeros((n, 3)), [0] * n, start + frames)
-    for frame in range(start):
-        plant.advance(frame, Received.at_once(TWISTS, plant.pose()[:, 2]))
-    pose, wheel_angle = plant.pose(), plant.telemetry().wheel_angle
-    travelled = np.zeros((n, 3))
-    for frame in range(start, start + frames):
-        plant.advance(frame, Received.at_once(TWISTS, plant.pose()[:, 2]))
-        now = plant.pose()
-        step, heading = now - pose, (now + pose)[:, 2] / 2
-        c, s = np.cos(heading), np.sin(heading)
-        travelled += np.stack([c * step[:, 0] + s * step[:, 1], c * step[:, 1] - s * step[:, 0], step[:, 2]], axis=1)
-        pose = now
-    seconds = frames * PERIOD_S
+    n, frames = len(TWISTS), 45
+    plant = plant_of([quiet()] * n)
+    drive(plant, constant(TWISTS, 30, n))
+    wheel_angle = plant.telemetry().wheel_angle
+    poses = drive(plant, constant(TWISTS, frames, n))
+    steps, headings = np.diff(poses, axis=0), (poses[1:, :, 2] + poses[:-1, :, 2]) / 2
+    seconds = frames * FRAME_S
+    travelled = world_to_body(steps, headings).sum(0)
     return Cruise(travelled / seconds, (plant.telemetry().wheel_angle - wheel_angle) / seconds)
 
 
 def test_body_twist_is_that_of_the_measured_wheel_speeds(cruise: Cruise) -> None:
-    kinematics: Kinematics = robot.kinematics(robot.load_model())
+    kinematics = build.world().kinematics
     to_rim = np.array([1, 1, ARM_M])  # turns weigh as the speed of the rim
     error = (kinematics.body_twist(cruise.wheels) - cruise.twist) * to_rim
     # The wheels sink about 0.2 mm into the soft carpet, and MuJoCo's contact point lies halfway: an effective radius
@@ -92,19 +84,3 @@ def test_the_wheel_loop_droops_under_dry_friction(cruise: Cruise) -> None:
     np.testing.assert_allclose(cruise.twist[[0, 4], 0], [forward, -forward], rtol=0.02)
     turn = (SPEED - float(lag(np.array(SPEED))) / 2) / ARM_M
     np.testing.assert_allclose(cruise.twist[[8, 9], 2], [turn, -turn], rtol=0.02)
-
-
-def test_a_standing_robot_does_not_creep() -> None:
-    start = np.array([[0.0, 0.0, 0.0], [1.0, -2.0, 0.7], [-3.0, 1.0, 2.8]])
-    plant = MujocoPlant([QUIET] * 3, start, [0, 0, 0], 130)
-    stop = np.zeros((3, 3))
-    for frame in range(10):  # settling into the carpet
-        plant.advance(frame, Received.at_once(stop, plant.pose()[:, 2]))
-    settled = plant.pose()
-    for frame in range(10, 130):
-        plant.advance(frame, Received.at_once(stop, plant.pose()[:, 2]))
-    moved = np.abs(plant.pose() - settled)
-    # A hundredth of vision's noise (1.3 mm, 10 mrad) within two seconds.
-    assert moved[:, :2].max() < 13e-6
-    assert moved[:, 2].max() < 1e-4
-    assert np.abs(settled - start).max() < 1e-4  # nor does it jump when it settles
