@@ -55,8 +55,9 @@ def _so_far(names: Sequence[str]) -> dict[Any, rrb.VisibleTimeRanges]:
 
 def _field(low: Array, high: Array, overrides: dict[Any, rrb.VisibleTimeRanges]) -> rrb.Spatial3DView:
     centre, reach = (low + high) / 2, float(np.hypot(*(high - low)))
+    back = max(0.6 * reach, (high[1] - low[1]) / 2 + 0.28 * reach)  # behind the names, which lie at the front
     target = [centre[0], centre[1] - 0.07 * reach, 0.0]
-    position = [centre[0], centre[1] - 0.6 * reach, 0.42 * reach]
+    position = [centre[0], centre[1] - back, 0.42 * reach]
     eye = rrb.EyeControls3D(position=position, look_target=target, eye_up=[0, 0, 1])
     return rrb.Spatial3DView(
         origin="world",
