@@ -27,7 +27,8 @@ def command(overrides: tuple[str, ...], out: Path | None, overwrite: bool, quiet
 
         def after_frame(frame: int) -> None:
             interrupts.check()
-            console.quiet_mujoco() if frame == 0 else None
+            if frame == 0:
+                console.quiet_mujoco()
             show(frame)
 
         result = alpha.alpha(chosen, after_frame=after_frame)

@@ -98,7 +98,7 @@ def execute(
         result = run.of(simulation, outcome)
         result.repeat = shlex.join(["omni-mj", "run", "--scenario", str(folder / "scenario.toml")])
         result.save(folder)
-        if simulation.log.length:
+        if simulation.log.lengths.any():
             text = markdown.result(result.summary())
             for recording in recordings:
                 recording.finish(text)

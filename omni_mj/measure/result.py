@@ -157,7 +157,7 @@ class Result:
         scenario = folder / "scenarios" / f"{name}.toml" if several else folder / "scenario.toml"
         scenario.parent.mkdir(parents=True, exist_ok=True)
         write(scenario, outcome.scenario.to_toml())
-        if outcome.log and outcome.log.length:
+        if outcome.log and outcome.log.lengths.any():
             frames = folder / "trajectories" / f"{name}.parquet" if several else folder / "trajectory.parquet"
             frames.parent.mkdir(exist_ok=True)
             outcome.log.save(frames)

@@ -93,13 +93,13 @@ def entry(
         limits: controllers that are no competitors.
         subject: the controller of which a verdict is asked for, or None.
     """
-    failures = list(failures)
-    found = results(log, failures, measured) if measured and (log.length or failures) else {}
+    failures, frames = list(failures), int(log.lengths.max(initial=0))
+    found = results(log, failures, measured) if measured and (frames or failures) else {}
     return nothing_run(scenario) | {
         "status": "stopped" if stopped else "done",
         "reason": stopped,
-        "frames": log.length,
-        "simulated_s": log.length * PERIOD_S,
+        "frames": frames,
+        "simulated_s": frames * PERIOD_S,
         "wall_s": round(wall_s, 3),
         "events": [asdict(event) for event in events.find(log, failures)],
         "failed": [
