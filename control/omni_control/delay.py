@@ -1,7 +1,7 @@
 """Dead time: commands that are in flight, and the pose predicted to the end of it (equations 10 and 11)."""
 
-import copy
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -61,7 +61,7 @@ class CommandsInFlight:
         Raises:
             OmniError: more than are kept.
         """
-        part = copy.copy(self)
+        part = object.__new__(CommandsInFlight)
         part._sent = self.last(self.length if length is None else length)[:, rows]
         part._sent.flags.writeable = False
         part.length = part._end = len(part._sent)
@@ -82,20 +82,23 @@ class CommandsInFlight:
 
     def ahead(self, latency: float | Array) -> Array:
         """Share of each command kept that is still to act, (length, n, 3), for a latency (n, 3) in frames."""
-        return np.clip(latency - (self._age - 1), 0.0, 1.0)
+        return np.clip(latency - (_ages(self.length) - 1), 0.0, 1.0)
 
     def acted(self, latency: float | Array) -> Array:
         """Share of each command kept that acted in the frame just past, (length, n, 3), for a latency (n, 3)."""
-        return np.clip(latency - (self._age - 2), 0.0, 1.0) - self.ahead(latency)
+        return np.clip(latency - (_ages(self.length) - 2), 0.0, 1.0) - self.ahead(latency)
 
     def felt(self, latency: float | Array) -> Array:
         """Commands (n, 3) that acted in the frame just past, on its average, for a latency (n, 3) in frames."""
         return (self.acted(latency) * self.last(self.length)).sum(0)
 
-    @property
-    def _age(self) -> Array:
-        """Frames since each command kept was sent, (length, 1, 1): 1 for the newest."""
-        return np.arange(self.length, 0.0, -1)[:, None, None]
+
+@lru_cache
+def _ages(length: int) -> Array:
+    """Frames since each of so many commands was sent, (length, 1, 1): 1 for the newest."""
+    ages = np.arange(length, 0.0, -1)[:, None, None]
+    ages.flags.writeable = False
+    return ages
 
 
 def compensation(in_flight: Array, alpha: Array | float, period: float) -> Array:

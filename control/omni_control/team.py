@@ -115,20 +115,20 @@ class Team:
         """
         if self._known is None:
             raise OmniError("robots must be observed before they are commanded, in every frame")
-        wanted = np.zeros((self.n, 3))
+        wanted, failures = np.zeros((self.n, 3)), bool(self.failed.any())
         for controller, rows, memory in zip(self.controllers, self._rows, self._memory, strict=True):
-            if not self.failed[rows].all():
+            if not (failures and self.failed[rows].all()):
                 known = self._true if controller.knows_truth else self._known
                 assert known is not None, "checked when it was observed"
                 wanted[rows] = self._asked(
                     controller, rows, self._part(known, rows, memory, controller.told.delay_frames)
                 )
         wanted[self.failed] = 0.0
-        command = self.limited(wanted)
+        command = self._limits(wanted, self.last)
         command[self.failed] = 0.0
         self._record()
-        self.sent(command)
-        return command
+        self.last, self._known = command, None
+        return command.copy()
 
     def step(self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None) -> Array:
         """A whole frame, from what vision reports to commands (n, 3): `observe`, then `command`."""
@@ -165,12 +165,14 @@ class Team:
 
     def _asked(self, controller: Controller, rows: Rows, seen: Seen) -> Array:
         """What a controller commands its robots (n of it, 3); zero for those that fail now."""
-        robots = np.arange(self.n)[rows]
         try:
             wanted = answer(controller, self.frame, seen)
         except ControllerError as error:
-            self._fail(robots, error)
-            return np.zeros((len(robots), 3))
+            self._fail(np.arange(self.n)[rows], error)
+            return np.zeros_like(seen.pose)
+        if np.isfinite(wanted).all():
+            return wanted
+        robots = np.arange(self.n)[rows]
         wrong = np.asarray(~np.isfinite(wanted).all(1))
         if (wrong & ~self.failed[robots]).any():
             name, shape = type(controller).__name__, wanted.shape
@@ -187,10 +189,11 @@ class Team:
 
     def _record(self) -> None:
         """Put together what the controllers say of themselves."""
-        said = {name: np.full((self.n, 3), np.nan) for name in RECORDED}
+        said = {name: np.empty((self.n, 3)) for name in RECORDED}
         self.channels: dict[str, Array] = {}
+        failures = bool(self.failed.any())
         for controller, rows in zip(self.controllers, self._rows, strict=True):
-            if self.failed[rows].all():
+            if failures and self.failed[rows].all():  # what it says may have any shape
                 continue
             for name, table in said.items():
                 table[rows] = getattr(controller, name)
@@ -200,7 +203,7 @@ class Team:
                 missing = np.full((self.n, max(columns.shape[1] - table.shape[1], 0)), np.nan)
                 self.channels[name] = table = np.concatenate([table, missing], axis=1)
                 table[rows, : columns.shape[1]] = columns
-        for table in (*said.values(), *self.channels.values()):
+        for table in (*said.values(), *self.channels.values()) if failures else ():
             table[self.failed] = np.nan
         self.predicted, self.alpha_hat, self.latency_hat = (said[name] for name in RECORDED)
 

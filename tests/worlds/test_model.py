@@ -216,6 +216,11 @@ def test_dry_friction_at_the_wheels_is_the_sum_of_its_named_parts(model: mujoco.
         assert model.dof_frictionloss[model.joint(f"wheel_{wheel}").dofadr[0]] == pytest.approx(total, rel=1e-3)
 
 
+def test_the_rollers_are_damped_as_the_robots_default_says(model: mujoco.MjModel) -> None:
+    damped = model.dof_damping[model.dof_damping > 0]
+    np.testing.assert_array_equal(damped, robots.numbers("ssl_robot")["drive.roller_damping_nm_s"])
+
+
 def test_four_voltage_driven_motors_one_per_wheel(model: mujoco.MjModel) -> None:
     assert model.nu == 4
     assert (model.actuator_gaintype == mujoco.mjtGain.mjGAIN_DCMOTOR).all()

@@ -28,8 +28,7 @@ class AdaptiveCompFlc(Flc):
 
     def command(self, frame: int, seen: Seen) -> Array:
         """See `Controller`."""
-        plant = self.plant
-        sent = seen.sent.of(slice(None), plant.longest)
+        plant, sent = self.plant, seen.sent
         if self._filter is None:
             self._filter = KalmanFilter(seen.pose, self.told.period, self.noise)
         moved = self._displacement(self._filter.pose, sent, sent.acted(plant.latency))
@@ -41,7 +40,7 @@ class AdaptiveCompFlc(Flc):
         return plant.ask(self._wanted(frame, predicted), predicted[:, 2])
 
     def _displacement(self, pose: Array, sent: CommandsInFlight, share: Array) -> Array:
-        """Displacement (n, 3) from poses (n, 3) by a `share` (longest, n, 3) of the commands sent."""
+        """Displacement (n, 3) from poses (n, 3) by a `share` (kept, n, 3) of the commands kept."""
         period, commands = self.told.period, sent.last(sent.length)
         turning = (share * self.plant.alpha * commands)[..., 2] * period
         heading = pose[:, 2] + np.cumsum(turning, axis=0) - turning / 2

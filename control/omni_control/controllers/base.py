@@ -101,12 +101,11 @@ class Seen:
 
         Where dead times differ, the longest counts, and a command that has acted on a robot by then is zero.
         """
-        longest = int(np.max(self.delay_frames))
-        commands = self.sent.last(longest)
-        if np.ndim(self.delay_frames) == 0:
-            return commands
+        if not isinstance(self.delay_frames, np.ndarray):
+            return self.sent.last(self.delay_frames)
+        longest = int(self.delay_frames.max())
         age = np.arange(longest, 0, -1)[:, None, None]
-        return np.where(age <= np.asarray(self.delay_frames)[:, None], commands, 0.0)
+        return np.where(age <= self.delay_frames[:, None], self.sent.last(longest), 0.0)
 
     @property
     def arriving(self) -> Array:
