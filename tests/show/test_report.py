@@ -247,9 +247,8 @@ def test_settings_off_their_default_stand_out(runs: list[Path], tmp_path: Path) 
 def test_a_folder_that_holds_no_run_is_refused_in_one_line(tmp_path: Path, text: str | None, said: str) -> None:
     if text is not None:
         (tmp_path / "summary.json").write_text(text)
-    with pytest.raises(OmniError, match="run") as error:
+    with pytest.raises(OmniError, match=re.escape(said)) as error:
         report.write([tmp_path], tmp_path / "report.html")
-    assert said in str(error.value)
     assert "\n" not in str(error.value)
     assert not (tmp_path / "report.html").exists()
 

@@ -46,10 +46,13 @@ class Recorded:
         (batch,) = self.batches(entity, static=True)
         return batch[name].to_pylist()[0]
 
-    def names(self) -> set[str]:
-        """What views and containers are called in the layout that is in force."""
+    def layouts(self) -> list[set[str]]:
+        """What views and containers are called, in each layout that was sent."""
+        return [self._names(store) for store in self.reader.blueprints()]
+
+    def _names(self, store: Any) -> set[str]:
         found = set()
-        for chunk in self.reader.stream(store=self.reader.blueprints()[-1]).to_chunks():
+        for chunk in self.reader.stream(store=store).to_chunks():
             batch = chunk.to_record_batch()
             for kind in ("View", "Container"):
                 name = f"{kind}Blueprint:display_name"

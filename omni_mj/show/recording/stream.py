@@ -136,7 +136,7 @@ class Recording:
         more = [plot for plot in tabs.own(self._log.columns) if plot.entity not in {each.entity for each in plots}]
         if more:
             plots += more
-            stream.send_blueprint(self._blueprint(), make_active=self._live)
+            stream.send_blueprint(self._blueprint())
         begun = {line.entity for line in self._lines}
         for line in tabs.drawn({tabs.OWN_TAB: plots}, self._robots, 0):
             values = self._log.channel(line.series.channel)[frames, line.robot.row]
