@@ -47,7 +47,7 @@ def command(
     quiet: bool,
 ) -> None:
     """Compare controllers on many scenarios and seeds: errors, effort, time to settle."""
-    from omni_control.controllers import CONTROLLERS
+    from omni_control.registry import CONTROLLERS
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.measure.result import write
     from omni_mj.scenarios import scenario

@@ -62,10 +62,11 @@ def command(
         listing.show()
         return
     from omni_mj.scenarios import scenario
+    from omni_mj.scenarios.library import builtin
     from omni_mj.studies import run
 
     if name is None:
-        raise OmniError(f"--scenario is missing; choose from {', '.join(scenario.builtin())}, or a .toml file")
+        raise OmniError(f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file")
     head = {"controllers": controllers or None, "plant": plant, "robot": robot, "seed": seed, "seeds": seeds}
     chosen = scenario.load(name, overrides, {key: value for key, value in head.items() if value is not None})
     simulation = run.prepare(chosen)

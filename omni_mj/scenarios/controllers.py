@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from omni_control import controllers
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError, choose
+from omni_control.registry import CONTROLLERS
 from omni_mj.scenarios import user_files
 
 Kind = str | type[Controller]
@@ -19,10 +20,10 @@ def find(kind: Kind) -> type[Controller]:
     """
     if not isinstance(kind, str):
         return kind
-    if kind in controllers.CONTROLLERS:
+    if kind in CONTROLLERS:
         return controllers.find(kind)
     if not user_files.names_class(kind):
-        hint = choose(kind, sorted(controllers.CONTROLLERS))
+        hint = choose(kind, sorted(CONTROLLERS))
         raise OmniError(f"unknown controller {kind!r}; {hint}, or a class of yours: file.py:Class")
     return user_files.find(kind, "derived from omni_control.Controller", lambda found: issubclass(found, Controller))
 

@@ -10,17 +10,17 @@ from typing import Any, Self
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from omni_control.controllers import CONTROLLERS
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError, choose
-from omni_mj.scenarios import controllers, robots
+from omni_control.registry import CONTROLLERS
+from omni_mj.scenarios import controllers, models, robots
 from omni_mj.scenarios.checking import Checked, Setting, in_one, setting, shown
+from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.nested import merged
 from omni_mj.scenarios.parameters import Parameters
 from omni_mj.scenarios.plants import check_plant
 from omni_mj.scenarios.settings import Settings
 
-LIBRARY = Path(__file__).parent / "library"
 _NOTHING: Any = {}
 
 
@@ -36,7 +36,7 @@ class Scenario(Checked):
     description: str = setting("", "", "what it is, in a line")
     paper_table: int = setting(0, "", "the table of the paper (3 or 4) that reports the same experiment, or 0", 0, 4)
     plant: str = setting("mujoco", "", "what is driven: a plant that --list names, or file.py:Class")
-    robot: str = setting(robots.DEFAULT, "", "the name of a robot's model, or the path of an .xml file")
+    robot: str = setting(models.DEFAULT, "", "the name of a robot's model, or the path of an .xml file")
     controllers: tuple[str | type[Controller], ...] = setting(
         ("flc", "comp-flc"), "", "what drives it: names of controllers, or file.py:Class", 1
     )
@@ -144,7 +144,7 @@ class Scenario(Checked):
         errors, settings, parameters = [], given, None
         try:
             if isinstance(given, Mapping):
-                settings = Settings(**robots.completed(given, info.data.get("robot", robots.DEFAULT)))
+                settings = Settings(**robots.completed(given, info.data.get("robot", models.DEFAULT)))
         except OmniError as error:
             errors.append(str(error))
         try:
@@ -154,11 +154,6 @@ class Scenario(Checked):
         in_one(errors)
         assert isinstance(settings, Settings)
         return settings if parameters is None else settings.replace(controller=parameters)
-
-
-def builtin() -> dict[str, Path]:
-    """The scenarios that come with the package, by name."""
-    return {path.stem: path for path in sorted(LIBRARY.glob("*.toml"))}
 
 
 def scenario(

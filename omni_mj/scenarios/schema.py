@@ -14,6 +14,7 @@ from omni_mj.scenarios.settings import Settings
 
 PATH = Path(__file__).with_name("scenario.schema.json")
 _TYPES = {int: "integer", float: "number", bool: "boolean", str: "string"}
+UNIT = "x-unit"  # a keyword of our own, which others ignore
 _NAME = r"^[\w.-]+$"
 
 
@@ -61,6 +62,7 @@ def _field(setting: Setting) -> dict[str, Any]:
         "description": setting.doc + (f" [{setting.unit}]" if setting.unit else ""),
         **kind,
         **{name: limit for name, limit in limits.items() if limit is not None},
+        UNIT: setting.unit,
         "default": plain(setting.default),
     }
 

@@ -8,7 +8,7 @@ from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_v
 
 from omni_control.kinematics import Array
 from omni_control.reference.curves import CURVES
-from omni_mj.scenarios import robots
+from omni_mj.scenarios import models, robots
 from omni_mj.scenarios.checking import Checked, Poses, Setting, setting, shown
 from omni_mj.scenarios.nested import merged, plain
 from omni_mj.scenarios.parameters import Parameters
@@ -19,7 +19,7 @@ PERIOD_S = 1 / FRAME_RATE_HZ
 
 def of_robot(name: str) -> Callable[[], float]:
     """A default that is a robot's own, and stands in its model."""
-    return lambda: robots.numbers(robots.DEFAULT)[name]
+    return lambda: robots.numbers(models.DEFAULT)[name]
 
 
 def column(settings: Sequence[Any], name: str) -> Array:
@@ -282,11 +282,16 @@ class Settings(Checked):
                 yield from ((declared, getattr(section, declared.name)) for declared in section.declared())
 
 
+def _sections() -> dict[str, type[Checked]]:
+    """The class of each section, by name, but for the parameters of controllers."""
+    kinds = {name: field.annotation for name, field in Settings.model_fields.items()}
+    return {name: kind for name, kind in kinds.items() if isinstance(kind, type) and issubclass(kind, Checked)}
+
+
 def every_setting() -> list[Setting]:
     """What is declared of every setting of every section, in order."""
-    return [declared for declared, _ in Settings().items()]
+    return [declared for kind in _sections().values() for declared in kind.declared()]
 
 
-for _name, _field in Settings.model_fields.items():
-    if isinstance(_field.annotation, type) and issubclass(_field.annotation, Checked):
-        _field.annotation.section = _name
+for _name, _kind in _sections().items():
+    _kind.section = _name

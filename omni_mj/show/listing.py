@@ -1,16 +1,22 @@
-"""What there is to name: scenarios, controllers, plants, robots, and every setting with unit, default and range."""
+"""What there is to name: scenarios, controllers, plants, robots, and every setting with unit, default and range.
 
+It is read from files, the settings' from the JSON Schema beside them: importing what they are made with takes long.
+"""
+
+import ast
 import json
 import tomllib
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
-from omni_control.controllers import CONTROLLERS, find
-from omni_mj.scenarios import robots
+from omni_control.registry import CONTROLLERS
+from omni_mj.scenarios.library import builtin
+from omni_mj.scenarios.models import names as robots
 from omni_mj.scenarios.plants import PLANTS
-from omni_mj.scenarios.scenario import builtin
-from omni_mj.scenarios.settings import every_setting
 from omni_mj.show import terminal
 
+SCHEMA = Path(__file__).parents[1] / "scenarios" / "scenario.schema.json"
 HEADINGS = ["setting", "default", "unit", "allowed", "meaning"]
 WIDEST = [None, 20, 10, 24]  # columns of settings, in characters; the meaning has what is left
 
@@ -18,13 +24,12 @@ WIDEST = [None, 20, 10, 24]  # columns of settings, in characters; the meaning h
 def show() -> None:
     """Print the lists."""
     scenarios = {name: tomllib.loads(path.read_text(encoding="utf-8")) for name, path in builtin().items()}
-    settings = [[s.full, short(s.default), s.unit, s.allowed, s.doc] for s in every_setting()]
     for title, rows, widest in (
         ("scenarios (--scenario)", [[name, data.get("description", "")] for name, data in scenarios.items()], [None]),
-        ("controllers (--controller)", [[name, _first_line(find(name))] for name in CONTROLLERS], [None]),
-        ("plants (--plant)", [[name] for name in PLANTS], []),
-        ("robots (--robot)", [[name] for name in robots.names()], []),
-        ("settings (--set section.field=value)", [HEADINGS, *settings], WIDEST),
+        ("controllers (--controller)", [[name, _first_line(where)] for name, where in CONTROLLERS.items()], [None]),
+        ("plants (--plant)", [[name, _first_line(where)] for name, where in PLANTS.items()], [None]),
+        ("robots (--robot)", [[name] for name in robots()], []),
+        ("settings (--set section.field=value)", [HEADINGS, *settings()], WIDEST),
     ):
         print(title)
         for line in terminal.wrapped(rows, widest):
@@ -32,10 +37,48 @@ def show() -> None:
         print()
 
 
+def settings() -> list[list[str]]:
+    """Name, default, unit, range and meaning of every setting."""
+    sections = json.loads(SCHEMA.read_text(encoding="utf-8"))["properties"]
+    return [
+        [f"{section}.{name}", short(each["default"]), each["x-unit"], _allowed(each), _meaning(each)]
+        for section, fields in sections.items()
+        for name, each in fields.get("properties", {}).items()
+    ]
+
+
 def short(value: Any) -> str:
     """A setting's value as in a scenario file, but for the quotes of a string."""
     return value if isinstance(value, str) else json.dumps(value)
 
 
-def _first_line(kind: type) -> str:
-    return (kind.__doc__ or "").split("\n", 1)[0]
+def _allowed(field: dict[str, Any]) -> str:
+    if "enum" in field:
+        return ", ".join(field["enum"])
+    if field["type"] == "boolean":
+        return "true, false"
+    low, high = (next((field[key] for key in keys if key in field), None) for keys in _BOUNDS)
+    if low is None:
+        return ""
+    low, high = (f"{each:g}" if isinstance(each, float) else each for each in (low, high))
+    return f"at least {low}" if high is None else f"{low} to {high}"
+
+
+_BOUNDS = (("minimum", "minItems"), ("maximum", "maxItems"))
+
+
+def _meaning(field: dict[str, Any]) -> str:
+    return str(field["description"]).removesuffix(f" [{field['x-unit']}]")
+
+
+def _first_line(where: str) -> str:
+    """That of the docstring of a class named `module:Class`, which is not imported."""
+    module, _, name = where.partition(":")
+    top, *rest = module.split(".")
+    spec = find_spec(top)
+    assert spec is not None, "its own package"
+    assert spec.submodule_search_locations is not None
+    file = Path(spec.submodule_search_locations[0]).joinpath(*rest).with_suffix(".py")
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    kind = next(node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == name)
+    return (ast.get_docstring(kind) or "").split("\n", 1)[0]

@@ -5,8 +5,10 @@ import sys
 from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 from textwrap import wrap
+from typing import TYPE_CHECKING
 
-from omni_mj.measure.table import Table
+if TYPE_CHECKING:
+    from omni_mj.measure.table import Table
 
 PIPE_WIDTH = 140  # columns, where the output is no terminal
 NARROWEST = 20  # columns of a text that is wrapped
@@ -17,7 +19,7 @@ def width() -> int:
     return shutil.get_terminal_size().columns if sys.stdout.isatty() else PIPE_WIDTH
 
 
-def show(table: Table) -> None:
+def show(table: "Table") -> None:
     """Print a table, its title above it."""
     from rich.box import SIMPLE
     from rich.console import Console

@@ -4,11 +4,12 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from omni_control.controllers import CONTROLLERS
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError, choose
+from omni_control.registry import CONTROLLERS
 from omni_mj.measure.result import Outcome, Result
-from omni_mj.scenarios.scenario import Scenario, builtin, load
+from omni_mj.scenarios.library import builtin
+from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies.outcome import AfterFrame, StoppedError, drive, limits, nothing
 from omni_mj.studies.run import prepare

@@ -15,7 +15,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
-from omni_mj.scenarios import robots as models
+from omni_mj.scenarios import models
 from omni_mj.worlds import contact_roller, roles
 from omni_mj.worlds.roles import Robot
 from omni_mj.worlds.wheels import Motor, WheelGeometry, kinematics, motor

@@ -11,7 +11,7 @@ import pytest
 from commands import invoke, strict
 from matplotlib.image import imread
 
-from omni_mj.scenarios.scenario import builtin
+from omni_mj.scenarios.library import builtin
 
 COMPARE = [sys.executable, "-m", "omni_mj", "compare"]
 SEEDS, FIRST = 3, 7

@@ -9,8 +9,9 @@ from laws import FEW
 from ways import KINDS, LIMITS, PATH, REST, TIMED, along, told
 
 from omni_control import TimedReference
-from omni_control.controllers import CONTROLLERS, find, make
+from omni_control.controllers import find, make
 from omni_control.kinematics import Array
+from omni_control.registry import CONTROLLERS
 
 COMPETITORS = ("p", "smith", "lqr", "oracle")
 LINEAR = COMPETITORS[:-1]

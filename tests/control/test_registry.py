@@ -10,7 +10,8 @@ from closed_loop import T
 from ways import TIMED
 
 from omni_control import Controller, ControllerError, Kinematics, MotionLimits, OmniError, Told
-from omni_control.controllers import CONTROLLERS, checked_parameters, find, make, parameters
+from omni_control.controllers import checked_parameters, find, make, parameters
+from omni_control.registry import CONTROLLERS
 
 TOLD = Told(T, 6)
 
@@ -120,7 +121,8 @@ import sys
 from omni_control import *
 import omni_control, omni_control.errors
 assert set(omni_control.__all__) <= set(dir(omni_control)) and "Team" in globals()
-from omni_control.controllers import CONTROLLERS, find
+from omni_control.controllers import find
+from omni_control.registry import CONTROLLERS
 for name in CONTROLLERS: find(name)
 heavy = {name.split(".")[0] for name in sys.modules} & {"scipy", "mujoco", "omni_mj", "matplotlib"}
 assert not heavy, heavy

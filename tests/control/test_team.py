@@ -9,10 +9,11 @@ from closed_loop import BodyFrame, Plant, T, reported, vision
 from ways import KINDS, TIMED, along
 
 from omni_control import CommandsInFlight, Controller, ControllerError, MotionLimits, OmniError, Seen, Team, Told
-from omni_control.controllers import CONTROLLERS, make
+from omni_control.controllers import make
 from omni_control.estimation.kalman import KalmanFilter
 from omni_control.kinematics import Array
 from omni_control.limits import CommandLimits
+from omni_control.registry import CONTROLLERS
 
 FRAMES = 40
 TIGHT = MotionLimits(0.5, 1.5, 1.0, 5.0)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from omni_mj.onboard.motors import Motors
-from omni_mj.scenarios import robots
+from omni_mj.scenarios import models
 from omni_mj.scenarios.settings import MotorSettings
 from omni_mj.worlds import build
 
@@ -32,7 +32,7 @@ RPM = 60 / (2 * np.pi)
 
 def bench(timestep: float | None = None, massless_wheels: bool = False, held: bool = False) -> mujoco.MjModel:
     """The robot clamped in the air, without gear and lint: a wheel's inertia and the motor's own friction remain."""
-    spec = mujoco.MjSpec.from_file(str(robots.model_path("ssl_robot")))
+    spec = mujoco.MjSpec.from_file(str(models.model_path("ssl_robot")))
     spec.delete(spec.key("home"))
     spec.delete(spec.joint("robot"))
     spec.option.gravity = [0, 0, 0]

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from omni_control.errors import OmniError
-from omni_mj.scenarios import robots, scenario
+from omni_mj.scenarios import models, robots, scenario
 from omni_mj.scenarios.settings import Settings
 
 OTHER = """<mujoco><custom>
@@ -40,9 +40,9 @@ def test_what_a_model_gives_is_the_default_and_no_setting_overrules_it() -> None
 
 
 def test_a_robot_is_a_name_or_a_file(other: Path) -> None:
-    assert robots.names() == ["ssl_robot"]
-    assert robots.model_path("ssl_robot") == robots.folder() / "ssl_robot.xml"
-    assert robots.model_path(str(other)) == other
+    assert models.names() == ["ssl_robot"]
+    assert models.model_path("ssl_robot") == models.folder() / "ssl_robot.xml"
+    assert models.model_path(str(other)) == other
 
 
 def test_another_robots_numbers_are_the_base_of_its_scenarios(other: Path) -> None:

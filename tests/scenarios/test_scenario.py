@@ -16,12 +16,13 @@ from hypothesis import strategies as st
 from scenario_texts import SETTINGS, assign, load
 from scenario_texts import given as sections_of
 
-from omni_control.controllers import CONTROLLERS
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_control.reference.curves import CURVES
+from omni_control.registry import CONTROLLERS
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.checking import Setting
+from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.plants import PLANTS
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import Settings
@@ -30,8 +31,8 @@ from omni_mj.scenarios.settings import Settings
 
 
 def test_built_in_scenarios_load() -> None:
-    assert {"rect", "rect-noise"} <= set(scenario.builtin())
-    for name in scenario.builtin():
+    assert {"rect", "rect-noise"} <= set(builtin())
+    for name in builtin():
         loaded = scenario.load(name)
         assert loaded == scenario.scenario(name)
         assert loaded.name == name
@@ -115,7 +116,7 @@ def test_the_callers_head_goes_before_the_file(tmp_path: Path) -> None:
 
 
 def test_what_is_written_is_read_as_the_same(tmp_path: Path) -> None:
-    for name in scenario.builtin():
+    for name in builtin():
         loaded = scenario.load(name, ["firmware.ki=0.1", "wheels.model=contact-roller"], {"seed": 5, "seeds": 2})
         assert load(tmp_path, loaded.to_toml()) == loaded
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from omni_control.kinematics import Array
 from omni_mj.scenarios import references, scenario
+from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S, ReferenceSettings
 from omni_mj.simulate.simulation import Simulation
@@ -28,7 +29,7 @@ def built_in(name: str) -> tuple[Scenario, Array]:
     return loaded, references.timed(loaded.settings.reference).poses
 
 
-@pytest.mark.parametrize("name", scenario.builtin())
+@pytest.mark.parametrize("name", builtin())
 def test_every_task_is_a_drive_on_the_field(name: str) -> None:
     """Finite, from rest to rest, and the whole robot inside the lines."""
     loaded, poses = built_in(name)

@@ -6,7 +6,7 @@ from typing import Any
 
 from scenario_texts import SETTINGS
 
-from omni_mj.scenarios import scenario
+from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.schema import PATH, schema, text
 
 
@@ -46,7 +46,7 @@ def fits(value: Any, told: dict[str, Any]) -> bool:
 
 def test_the_library_fits_it_and_names_it() -> None:
     """In its first line, as editors understand."""
-    for path in scenario.builtin().values():
+    for path in builtin().values():
         lines = path.read_text(encoding="utf-8").splitlines()
         assert (path.parent / lines[0].removeprefix("#:schema ")).resolve() == PATH.resolve()
         assert fits(tomllib.loads("\n".join(lines)), schema()), path

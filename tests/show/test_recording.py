@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from recorded import Recorded, record, rows, rrd
 
 from omni_control.controllers.base import Controller, Seen
-from omni_mj.scenarios import robots, scenario
+from omni_mj.scenarios import models, scenario
 from omni_mj.show import field, style
 from omni_mj.show.recording import FileRecording
 from omni_mj.simulate.simulation import Simulation
@@ -201,7 +201,7 @@ def test_series_say_name_unit_and_rate_in_their_controllers_colour(recorded: Rec
 
 
 def test_the_robot_is_the_compiled_models_own_geometry(recorded: Recorded) -> None:
-    model = mujoco.MjModel.from_xml_path(str(robots.model_path(robots.DEFAULT)))
+    model = mujoco.MjModel.from_xml_path(str(models.model_path(models.DEFAULT)))
     for i in range(1, 5):
         entity = f"/world/flc/robot/wheel_{i}/ellipsoids"
         sizes = np.array(recorded.static(entity, "Ellipsoids3D:half_sizes"))

@@ -13,10 +13,10 @@ from driving import constant, drive, quiet
 from driving import mujoco as plant_of
 
 from omni_control.errors import OmniError
-from omni_mj.scenarios import robots
+from omni_mj.scenarios import models
 from omni_mj.worlds import build
 
-ROBOT, SCENE = ((robots.folder() / f"{name}.xml").read_text() for name in ("ssl_robot", "scene"))
+ROBOT, SCENE = ((models.folder() / f"{name}.xml").read_text() for name in ("ssl_robot", "scene"))
 
 
 def arrays(model: mujoco.MjModel) -> dict[str, Any]:
@@ -32,7 +32,7 @@ def arrays(model: mujoco.MjModel) -> dict[str, Any]:
 
 
 def test_the_plain_file_is_the_world_of_one_robot() -> None:
-    plain = arrays(mujoco.MjModel.from_xml_path(str(robots.folder() / "ssl_robot_on_carpet.xml")))
+    plain = arrays(mujoco.MjModel.from_xml_path(str(models.folder() / "ssl_robot_on_carpet.xml")))
     built = arrays(build.world().model)
     assert plain.keys() == built.keys()
     assert len(plain) > 300

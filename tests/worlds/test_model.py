@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from omni_mj.scenarios import robots
+from omni_mj.scenarios import models, robots
 from omni_mj.worlds import build
 
 AZIMUTHS_DEG = (60, 135, 225, 300)
@@ -17,7 +17,7 @@ WHEELS = (1, 2, 3, 4)
 
 @pytest.fixture(scope="module")
 def model() -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_path(str(robots.folder() / "ssl_robot_on_carpet.xml"))
+    return mujoco.MjModel.from_xml_path(str(models.folder() / "ssl_robot_on_carpet.xml"))
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,7 @@ def com_and_inertia(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[NDArray
 def test_each_file_opens_by_itself() -> None:
     """As MuJoCo's viewer does, which shows the robot by its keyframe."""
     for name in ("ssl_robot", "scene", "ssl_robot_on_carpet"):
-        model = mujoco.MjModel.from_xml_path(str(robots.folder() / f"{name}.xml"))
+        model = mujoco.MjModel.from_xml_path(str(models.folder() / f"{name}.xml"))
         data = mujoco.MjData(model)
         if name != "scene":
             mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)

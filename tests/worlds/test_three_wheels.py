@@ -7,7 +7,7 @@ import pytest
 from driving import FRAME_S, drive, mujoco, quiet, ramp
 
 from omni_control.kinematics import world_to_body
-from omni_mj.scenarios import robots
+from omni_mj.scenarios import models
 from omni_mj.worlds import build
 
 AZIMUTHS_DEG = (60, 180, 300)
@@ -16,7 +16,7 @@ AZIMUTHS_DEG = (60, 180, 300)
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Three wheels, 120 degrees apart, of 18 rollers each: the third and fourth wheel's places change, and one goes."""
-    text = robots.model_path("ssl_robot").read_text()
+    text = models.model_path("ssl_robot").read_text()
     text = re.sub(r'      <frame euler="0 0 300">.*?</frame>\n', "", text, flags=re.DOTALL)
     text = re.sub(r"<(dcmotor|jointpos) name=\"\w+_4\"[^>]*>", "", text)
     text = text.replace('euler="0 0 135"', 'euler="0 0 180"').replace('euler="0 0 225"', 'euler="0 0 300"')

@@ -10,19 +10,11 @@ from omni_control.controllers.base import Controller, Told
 from omni_control.controllers.checks import check_record, where
 from omni_control.errors import ControllerError, OmniError, choose
 from omni_control.reference import Reference
+from omni_control.registry import CONTROLLERS
 
 Parameter = bool | int | float | str
 Kind = TypeVar("Kind", bound=Controller)
 
-CONTROLLERS: dict[str, str] = {
-    "flc": "omni_control.controllers.flc:Flc",
-    "comp-flc": "omni_control.controllers.flc:CompFlc",
-    "adaptive-comp-flc": "omni_control.controllers.adaptive:AdaptiveCompFlc",
-    "p": "omni_control.controllers.classic:Proportional",
-    "smith": "omni_control.controllers.classic:Smith",
-    "lqr": "omni_control.controllers.lqr:Lqr",
-    "oracle": "omni_control.controllers.oracle:Oracle",
-}
 _WANTED = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
 
 
