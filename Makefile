@@ -17,7 +17,7 @@ check: $(VENV)/.installed-test
 	$(BIN)/mypy
 
 bench: $(VENV)/.installed-test
-	$(BIN)/python tests/bench_fuzzy.py
+	PYTHONPATH=tests/support $(BIN)/python tests/bench_fuzzy.py
 	$(BIN)/python tests/bench.py
 
 # A wheel, installed somewhere else and run there: the model and the scenarios must travel with it.

@@ -76,6 +76,7 @@ class Team:
         self._felt = math.ceil(latency.max()) + 1  # commands that may have acted in the frame just past
         self._memory = [max(c.memory_frames, math.ceil(c.told.latency_frames) + 1) for c in self.controllers]
         self._sent = CommandsInFlight(self.n, max(self._memory))
+        self._knows_truth = any(c.knows_truth for c in self.controllers)
 
         self.last, self.failed = np.zeros((self.n, 3)), np.zeros(self.n, bool)
         self._known: _Known | None = None  # until it is answered by commands
@@ -94,10 +95,10 @@ class Team:
         """
         seen = self._checked(measured, "what vision reports")
         seen[self.failed] = np.nan
-        if truth is not None:
-            self._true = self._held(*(self._checked(values, "the truth") for values in truth))
-        elif any(c.knows_truth for c in self.controllers):
+        if self._knows_truth and truth is None:
             raise OmniError("a controller of this team knows the truth, which must be given with what vision reports")
+        if self._knows_truth and truth is not None:
+            self._true = self._held(*(self._checked(values, "the truth") for values in truth))
 
         self.frame += 1
         self._sent.push(self.last)

@@ -44,10 +44,11 @@ class Radio:
     """
 
     def __init__(self, settings: Sequence[RadioSettings], seeds: Sequence[Seed]) -> None:
-        self._delay = column(settings, "delay_frames")[:, 0]
-        self._jitter = column(settings, "jitter_frames")[:, 0]
+        self._delay = column(settings, "delay_frames")[:, 0].astype(int)
+        self._jitter = column(settings, "jitter_frames")[:, 0].astype(int)
+        self._jitters = bool(self._jitter.any())
         self._late = Noise(seeds, Stream.RADIO_JITTER, lambda rng, count: rng.random((count, 1)))
-        longest = int((self._delay + self._jitter).max()) + 1
+        longest = (self._delay + self._jitter).max() + 1
         n = len(seeds)
         # Both are rings: the frame in which the newest packet was sent that arrives in a frame, and the packets sent.
         self._arriving = np.full((longest, n), -1)
@@ -60,10 +61,12 @@ class Radio:
         """Send commands (n, 3) and headings (n,); return what the robots hold in this frame."""
         frame, ring = self._frame, len(self._packets)
         self._frame += 1
-        self._packets[frame % ring] = np.column_stack([command, heading])
-        late = np.rint((2 * self._jitter + 1) * self._late.next()[:, 0] - (self._jitter + 0.5))
-        due = (frame + (self._delay + late).astype(int)) % ring
-        self._arriving[due, self._robots] = frame  # later ones overwrite: of two that arrive together the last sent
+        self._packets[frame % ring, :, :3], self._packets[frame % ring, :, 3] = command, heading
+        late = self._delay
+        if self._jitters:
+            late = late + np.rint((2 * self._jitter + 1) * self._late.next()[:, 0] - (self._jitter + 0.5)).astype(int)
+        # Later ones overwrite: of two that arrive together the last sent counts.
+        self._arriving[(frame + late) % ring, self._robots] = frame
         before, arrived = self._newest, self._arriving[frame % ring]
         self._newest = np.maximum(before, arrived)
         arrived[:] = -1

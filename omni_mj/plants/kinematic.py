@@ -30,7 +30,8 @@ class KinematicPlant:
         self._noise = Noise(seeds, Stream.DISTURBANCE, lambda rng, count: rng.uniform(-1, 1, (count, 2)))
         self._amplitude = column([row.settings.disturbance for row in rows], "velocity_m_s")
         self._pose = np.array(start, float)
-        self._twist = np.zeros_like(self._pose)
+        self._twist, self._disturbance = np.zeros((2, *self._pose.shape))
+        self._telemetry = Telemetry.of_no_wheels(len(rows))
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -43,14 +44,14 @@ class KinematicPlant:
     def advance(self, received: Received) -> dict[int, str]:
         """See `Plant`; what it moves in are world coordinates, whatever the heading."""
         alpha = np.clip(self._low + (self._high - self._low) * self._quantile.next(), self._low, self._high)
-        disturbance = np.pad(self._amplitude * self._noise.next(), ((0, 0), (0, 1)))
-        self._twist = alpha * received.command + disturbance
+        self._disturbance[:, :2] = self._amplitude * self._noise.next()
+        self._twist = alpha * received.command + self._disturbance
         self._pose = self._pose + PERIOD_S * self._twist
         return {}
 
     def telemetry(self) -> Telemetry:
         """See `Plant`: there are no wheels."""
-        return Telemetry.of_no_wheels(len(self._pose))
+        return self._telemetry
 
 
 class _AlphaQuantiles:

@@ -208,14 +208,15 @@ class MujocoPlant:
     def _check(self) -> dict[int, str]:
         """Find what has failed, stop it, and read the headings of the others."""
         causes: dict[int, str] = {}
-        for warning, meaning in _UNSTABLE.items():
+        warned = self._batch.warning[:, list(map(int, _UNSTABLE)), 1].any()
+        for warning, meaning in _UNSTABLE.items() if warned else ():
             broken = np.repeat(self._batch.warning[:, warning, 1] > 0, self._places) & ~self._failed
             text = f"became unstable: {meaning} (MuJoCo warning {mujoco.mjtWarning(warning).name})"
             causes |= {int(row): text for row in np.flatnonzero(broken) if int(row) not in causes}
         unstable = list(causes)
         w, x, y, z = self._quaternion.get().T
-        toppled = (x * x + y * y > TOPPLED) & ~self._failed
-        causes |= {int(row): "toppled over" for row in np.flatnonzero(toppled) if int(row) not in causes}
+        toppled = np.flatnonzero((x * x + y * y > TOPPLED) & ~self._failed)
+        causes |= {int(row): "toppled over" for row in toppled if int(row) not in causes}
         heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
         self._heading = self._heading + wrap_angle(heading - self._heading)
         if causes:

@@ -94,7 +94,7 @@ class Log:
         """Time of each frame (length,), s."""
         return np.arange(self.length, dtype=float) * PERIOD_S
 
-    def write(self, recorded: np.ndarray, own: Mapping[str, Array], **values: Any) -> None:
+    def write(self, recorded: np.ndarray, own: Mapping[str, Array], **values: np.ndarray) -> None:
         """Record a frame of the rows that are `recorded` (n,).
 
         Args:
@@ -104,11 +104,16 @@ class Log:
         """
         if self.length == self._room:
             self._make_room()
+        everyone = recorded.all()
         for name, value in own.items():
             self._add(OWN + name, np.shape(value)[-1])
         for name, value in {**values, **{OWN + name: value for name, value in own.items()}}.items():
-            columns = np.reshape(value, (len(self.rows), -1))[recorded]
-            self._data[name][self.length, recorded, : columns.shape[1]] = columns
+            columns = value if value.ndim == 2 else value[:, None]
+            room = self._data[name][self.length, :, : columns.shape[1]]
+            if everyone:
+                room[:] = columns
+            else:
+                room[recorded] = columns[recorded]
         self.length += 1
         self.lengths += recorded
 

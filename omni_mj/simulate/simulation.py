@@ -174,7 +174,7 @@ class Simulation:
         """Where the rows should be in this frame (n, 3)."""
         target = np.empty_like(self._pose)
         for reference, followers in self._followers:
-            target[followers] = reference.at(self.frame, self._pose[followers])[0]
+            target[followers] = reference.poses[min(self.frame, reference.frames - 1)]
         return target
 
     def _stop(self, rows: np.ndarray, cause: object) -> None:

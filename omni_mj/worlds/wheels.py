@@ -102,7 +102,7 @@ def contact_slip(wheels: WheelGeometry, kinematics: Kinematics, qpos: Array, qve
         qvel: MuJoCo's velocities (n, k - 1).
     """
     w, z = qpos[:, 3], qpos[:, 6]
-    body = world_to_body(np.column_stack([qvel[:, :2], qvel[:, 5]]), 2 * np.arctan2(z, w))
+    body = world_to_body(qvel[:, [0, 1, 5]], 2 * np.arctan2(z, w))
     vx, vy, turn = body[:, :1], body[:, 1:2], body[:, 2:]
     height = kinematics.radius + (qpos[:, 2:3] - wheels.height)
     angle = qpos[:, wheels.wheel_qpos]
@@ -110,7 +110,7 @@ def contact_slip(wheels: WheelGeometry, kinematics: Kinematics, qpos: Array, qve
     phi = nearest * wheels.pitch - angle
     count = wheels.roller_dofs.shape[1]
     dofs = wheels.roller_dofs[np.arange(len(wheels.wheel_qpos)), nearest.astype(int) % count]
-    spin = np.take_along_axis(qvel, dofs, axis=1)
+    spin = qvel[np.arange(len(qvel))[:, None], dofs]
     c, s = np.cos(kinematics.azimuths), np.sin(kinematics.azimuths)
     along_rim = c * vy - s * vx + kinematics.arm * turn - height * qvel[:, wheels.wheel_dofs]
     along_axle = c * vx + s * vy + spin * (height * np.cos(phi) - wheels.circle)
