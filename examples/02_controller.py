@@ -10,7 +10,7 @@ class Mine(om.Controller):
 
     gain: float = 3.0  # 1/s; set by controller={"Mine": {"gain": 5.0}}, or --set controller.Mine.gain=5
 
-    def command(self, frame: int, seen: "om.Seen") -> np.ndarray:
+    def command(self, frame: int, seen: om.Seen) -> np.ndarray:
         """Poses and commands are (n, 3): n robots at once, world frame."""
         target, speed = self.reference.at(frame + self.told.delay_frames, seen.arriving)
         self.channels["gap"] = np.hypot(*(target - seen.arriving)[:, :2].T)  # recorded as own_gap

@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from omni_control.controllers.base import Controller
+    from omni_control.controllers.base import Controller, Seen
     from omni_control.errors import OmniError
     from omni_mj.measure.result import Result
     from omni_mj.scenarios.scenario import Scenario, scenario
@@ -28,6 +28,7 @@ _HOMES = {
     "OmniError": "omni_control.errors",
     "Result": "omni_mj.measure.result",
     "Scenario": "omni_mj.scenarios.scenario",
+    "Seen": "omni_control.controllers.base",
     "Simulation": "omni_mj.simulate.simulation",
     "alpha": "omni_mj.studies.alpha",
     "compare": "omni_mj.studies.compare",
@@ -39,6 +40,7 @@ __all__ = [
     "OmniError",
     "Result",
     "Scenario",
+    "Seen",
     "Simulation",
     "__version__",
     "alpha",
