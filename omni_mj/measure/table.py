@@ -47,7 +47,7 @@ def title(summary: Summary) -> str:
     """What was run, and what the numbers are."""
     seeds, names = summary["seeds"], list(summary["scenarios"])
     plants = list(dict.fromkeys(entry["plant"] for entry in summary["scenarios"].values()))
-    what = names[0] if len(names) == 1 else "controllers compared"
+    what = names[0] if len(names) == 1 else "Controllers compared"
     if not seeds:
         over = ""
     elif len(seeds) == 1:
