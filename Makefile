@@ -1,9 +1,10 @@
-# make run: the paper's experiment · make test: all tests · make check: ruff and mypy · make bench: speed, as ratios
+# make run: the paper's experiment · make test: all tests · make check: ruff and mypy · make hooks: the same before each
+# commit · make bench: speed, as ratios
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: run test check bench wheel clean
+.PHONY: run test check hooks bench wheel clean
 
 run: $(VENV)/.installed
 	$(BIN)/python -m omni_mj.run --scenario rect --controller flc --controller comp-flc --controller adaptive-comp-flc
@@ -15,6 +16,10 @@ check: $(VENV)/.installed-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+hooks: $(VENV)/.installed-test
+	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt pre-commit
+	$(BIN)/pre-commit install
 
 bench: $(VENV)/.installed-test
 	PYTHONPATH=tests/support $(BIN)/python tests/bench_fuzzy.py

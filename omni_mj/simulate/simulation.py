@@ -179,9 +179,10 @@ class Simulation:
 
     def _stop(self, rows: np.ndarray, cause: object) -> None:
         """Stop rows that run, for a cause that can be said in words."""
+        reason = " ".join(str(cause).split())
         for i in rows[self._running[rows]]:
             row = self.rows[i]
-            self.failures.append(Failure(int(i), row.controller, row.seed, self.frame * PERIOD_S, str(cause)))
+            self.failures.append(Failure(int(i), row.controller, row.seed, self.frame * PERIOD_S, reason))
         self._running[rows] = False
 
     def _instead(self, command: Array) -> Array:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from omni_control.controllers.base import Controller
+from omni_control.errors import OmniError
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.simulate.simulation import Simulation
@@ -22,7 +23,7 @@ def run(
     Args:
         scenario: what is run, or its name.
         controllers: names, `file.py:Class`, or classes derived from `Controller`. [the scenario's]
-        seeds: of the random numbers, the same for all controllers. [the scenario's]
+        seeds: of the random numbers, counting up, the same for all controllers. [the scenario's]
         subject: the controller of which a verdict is asked for.
         after_frame: called with each frame's number.
 
@@ -30,7 +31,7 @@ def run(
         Everything that was recorded, measured; rows that failed are in it up to there.
 
     Raises:
-        OmniError: there is no such scenario or controller, or one cannot be run.
+        OmniError: there is no such scenario or controller, one cannot be run, or seeds that do not count up.
     """
     simulation = prepare(scenario, controllers, seeds)
     return of(simulation, drive(simulation, after_frame, subject), subject)
@@ -45,11 +46,16 @@ def prepare(
     chosen = load(scenario) if isinstance(scenario, str) else scenario
     if controllers is not None:
         chosen = chosen.replace(controllers=tuple(controllers))
-    given = chosen.seed_list if seeds is None else list(seeds)
-    first, count = min(given, default=chosen.seed), max(len(given), 1)
-    if given == list(range(first, first + count)):
-        chosen = chosen.replace(seed=first, seeds=count)
-    return Simulation(chosen, seeds=given)
+    if seeds is not None:
+        given = list(seeds)
+        first = given[0] if given else None
+        if first is None or given != list(range(first, first + len(given))):
+            raise OmniError(
+                "seeds must count up one by one, as range(5) does, or the scenario's file could not repeat the run,"
+                f" unlike {given}; om.Simulation takes any"
+            )
+        chosen = chosen.replace(seed=first, seeds=len(given))
+    return Simulation(chosen)
 
 
 def of(simulation: Simulation, outcome: Outcome, subject: str | None = None) -> Result:

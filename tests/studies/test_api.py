@@ -91,3 +91,9 @@ def test_a_subject_is_judged_and_a_controller_that_raises_fails_alone() -> None:
     assert entry["verdict"]["errors"]["max"]["beats"] == ["Late"]
     assert both.complete
     assert "Late (failed 2 of 2)" in both.table()
+
+
+def test_seeds_that_no_scenario_could_repeat_are_refused() -> None:
+    for seeds in ([3, 7], [], [2, 1]):
+        with pytest.raises(om.OmniError, match="count up one by one"):
+            om.run("rect", ["comp-flc"], seeds=seeds)
