@@ -93,7 +93,7 @@ class RadioSettings(Checked):
 
 
 class ControlSettings(Checked):
-    """The team's computer: what it believes of the robots, the trackers, and the limits of what they may command."""
+    """The team's computer: what it believes of the robots, the controllers, and the limits of what they may command."""
 
     delay_error_frames: int = setting(0, "frames", "what it believes the dead time to be, less the true", -600, 600)
     lag_s: float = setting(0.02, "s", "MuJoCo plant: what it believes the lag of the wheel loops to be", 0, 1)
