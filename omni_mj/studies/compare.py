@@ -12,7 +12,7 @@ from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies.outcome import AfterFrame, StoppedError, drive, limits, nothing
-from omni_mj.studies.run import prepare
+from omni_mj.studies.run import counted, prepare
 
 LEFT_OUT = ("heat",)  # many times as long as the others
 BeforeScenario = Callable[[Simulation], AfterFrame]
@@ -43,12 +43,13 @@ def compare(
         after_scenario: called with what there is so far, and the outcome that has come to it, with its frames.
 
     Raises:
-        OmniError: there is no such scenario or controller, two scenarios share a name, or the subject is not compared.
+        OmniError: there is no such scenario or controller, two scenarios share a name, the subject is not compared, or
+            seeds do not count up.
     """
     started = time.perf_counter()
     given = usual() if scenarios is None else scenarios
     kinds = tuple(CONTROLLERS if controllers is None else controllers)
-    numbers = list(range(seeds) if isinstance(seeds, int) else seeds)
+    numbers = counted(range(seeds) if isinstance(seeds, int) else seeds)
     chosen = [(load(each) if isinstance(each, str) else each).replace(controllers=kinds) for each in given]
     result = Result([Outcome.not_run(each) for each in chosen], seeds=numbers, subject=subject)
     if chosen:

@@ -47,15 +47,24 @@ def prepare(
     if controllers is not None:
         chosen = chosen.replace(controllers=tuple(controllers))
     if seeds is not None:
-        given = list(seeds)
-        first = given[0] if given else None
-        if first is None or given != list(range(first, first + len(given))):
-            raise OmniError(
-                "seeds must count up one by one, as range(5) does, or the scenario's file could not repeat the run,"
-                f" unlike {given}; om.Simulation takes any"
-            )
-        chosen = chosen.replace(seed=first, seeds=len(given))
+        numbers = counted(seeds)
+        chosen = chosen.replace(seed=numbers[0], seeds=len(numbers))
     return Simulation(chosen)
+
+
+def counted(seeds: Iterable[int]) -> list[int]:
+    """Seeds that count up one by one, as a scenario names them by the first and their number.
+
+    Raises:
+        OmniError: these do not.
+    """
+    given = list(seeds)
+    if not given or given != list(range(given[0], given[0] + len(given))):
+        raise OmniError(
+            "seeds must count up one by one, as range(5) does, or the scenario's file could not repeat the run,"
+            f" unlike {given}; om.Simulation takes any"
+        )
+    return given
 
 
 def of(simulation: Simulation, outcome: Outcome, subject: str | None = None) -> Result:
