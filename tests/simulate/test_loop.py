@@ -19,17 +19,17 @@ def assert_rows_equal(one: Grid, row: tuple[int, int], other: Grid, other_row: t
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_two_runs_are_identical(plant: str) -> None:
-    first = run(plant, RANDOM, seeds=3)
-    simulated = simulation(plant, RANDOM, seeds=3)
+    first = run(plant, RANDOM, seeds=2)
+    simulated = simulation(plant, RANDOM, seeds=2)
     for again in (finished(simulated), finished(simulated)):  # of a new simulation, and of one that was run before
-        for row in np.ndindex(2, 3):
+        for row in np.ndindex(2, 2):
             assert_rows_equal(first, row, again, row)
 
 
 @pytest.mark.parametrize("plant", PLANTS)
-@pytest.mark.parametrize("row", [(0, 0), (1, 2)])
+@pytest.mark.parametrize("row", [(0, 0), (1, 1)])
 def test_a_row_is_the_same_alone_and_among_others(plant: str, row: tuple[int, int]) -> None:
-    batch = run(plant, RANDOM, seeds=3)
+    batch = run(plant, RANDOM, seeds=2)
     controller, seed = row
     alone = run(plant, RANDOM, controllers=(batch.controllers[controller],), seed=batch.seeds[seed])
     assert_rows_equal(alone, (0, 0), batch, row)
@@ -37,16 +37,16 @@ def test_a_row_is_the_same_alone_and_among_others(plant: str, row: tuple[int, in
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_threads_do_not_change_a_row(threads: int) -> None:
-    simulated = simulation("mujoco", RANDOM, seeds=3)
+    simulated = simulation("mujoco", RANDOM, seeds=2)
     simulated.plant = MujocoPlant(simulated.rows, simulated.plant.pose(), threads=threads)
-    threaded, default = finished(simulated), run("mujoco", RANDOM, seeds=3)
-    for row in np.ndindex(2, 3):
+    threaded, default = finished(simulated), run("mujoco", RANDOM, seeds=2)
+    for row in np.ndindex(2, 2):
         assert_rows_equal(threaded, row, default, row)
 
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_seeds_differ_and_controllers_share_their_noise(plant: str) -> None:
-    trajectory = run(plant, RANDOM, seeds=3)
+    trajectory = run(plant, RANDOM, seeds=2)
     noise = (trajectory.channel("vision") - trajectory.channel("pose"))[..., :2]
     seen = trajectory.channel("vision_valid")[:, 0, :, 0]
     # Taking the pose off again rounds in the last bits of up to a metre.
