@@ -26,8 +26,9 @@ class _Commands(click.Group):
         return command
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """See `click.Group`."""
-        if args and args[0].startswith("-") and args[0] not in (*ctx.help_option_names, "--version"):
+        """See `click.Group`; nothing at all asks for help."""
+        args = args or ["--help"]
+        if args[0].startswith("-") and args[0] not in (*ctx.help_option_names, "--version"):
             args = ["run", *args]
         return super().parse_args(ctx, args)
 

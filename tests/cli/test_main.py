@@ -43,6 +43,8 @@ def test_what_is_listed_of_settings_is_what_is_declared_of_them() -> None:
 def test_help_names_every_command_and_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
     assert invoke("--help") == 0
     out = capsys.readouterr().out
+    assert invoke() == 0
+    assert capsys.readouterr().out == out
     assert all(f"\n  {name} " in out for name in COMMANDS)
     assert invoke("--version") == 0
     assert capsys.readouterr().out == f"omni-mj {om.__version__}\n"
