@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from omni_control.controllers.base import Controller, Seen
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, choose
 from omni_control.kinematics import Array
 from omni_mj.link.camera import Camera
 from omni_mj.link.radio import Radio
@@ -56,7 +56,7 @@ class Simulation:
         rows: the table of rows, where they are not all seeds of all controllers under the scenario's settings.
 
     Attributes:
-        scenario: as given.
+        scenario: as given, with these controllers.
         rows: the table of rows, n of them.
         references: the timed reference of each row, against which errors are measured.
         plant: what moves.
@@ -65,7 +65,7 @@ class Simulation:
         failures: the rows that were stopped before their end, in that order.
 
     Raises:
-        OmniError: there is no such controller, or the rows cannot share a plant.
+        OmniError: there is no such controller, one is named twice, or the rows cannot share a plant.
     """
 
     def __init__(
@@ -75,10 +75,13 @@ class Simulation:
         seeds: Iterable[int] | None = None,
         rows: Sequence[Row] | None = None,
     ) -> None:
-        self.scenario = scenario
-        self._kinds = resolve(scenario.controllers if controllers is None else controllers)
+        self.scenario = scenario if controllers is None else scenario.replace(controllers=tuple(controllers))
+        self._kinds = resolve(self.scenario.controllers)
         given = scenario.seed_list if seeds is None else list(seeds)
         self._table = rows or table(self._kinds, given, scenario.settings, scenario.robot)
+        for label in dict.fromkeys(row.controller for row in self._table):
+            if label not in self._kinds:
+                raise OmniError(f"a row names the controller {label!r}; {choose(label, self._kinds)}")
         self.reset()
 
     def reset(self, seed: int | None = None) -> None:

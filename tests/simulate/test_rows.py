@@ -52,6 +52,14 @@ def test_a_sweep_is_one_batch_of_the_runs_alone(plant: str) -> None:
     assert len(lengths) > 1, "routes of different lengths end at different times"
 
 
+def test_every_row_has_one_controller() -> None:
+    stranger = Row(0, 0, "comp-fcl", 0, RECT.settings, RECT.robot)
+    with pytest.raises(OmniError, match="did you mean 'comp-flc'"):
+        Simulation(RECT, ["flc", "comp-flc"], rows=[stranger])
+    with pytest.raises(OmniError, match="named twice"):
+        Simulation(RECT, ["flc", "flc"])
+
+
 def replace_plant(plant: str) -> scenario.Scenario:
     return scenario.load("rect", SHORT, {"plant": plant})
 
