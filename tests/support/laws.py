@@ -2,5 +2,5 @@
 
 from hypothesis import settings
 
-LAW = settings(deadline=None, max_examples=40, derandomize=True)
+LAW = settings(deadline=None, max_examples=30, derandomize=True)
 FEW = settings(LAW, max_examples=12)  # for a law whose every example is a drive
