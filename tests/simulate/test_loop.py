@@ -7,6 +7,7 @@ from simulating import COMPENSATED, DISTURBED, FLC, FRAME_S, IDEAL, PLANTS, Grid
 from omni_mj.plants.mujoco import MujocoPlant
 
 RANDOM = (*DISTURBED, "radio.jitter_frames=4")
+BRIEF = ("reference.waypoints=[[0,0],[0.2,0]]", "reference.settle_s=0.1")
 
 
 def assert_rows_equal(one: Grid, row: tuple[int, int], other: Grid, other_row: tuple[int, int]) -> None:
@@ -19,8 +20,8 @@ def assert_rows_equal(one: Grid, row: tuple[int, int], other: Grid, other_row: t
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_two_runs_are_identical(plant: str) -> None:
-    first = run(plant, RANDOM, seeds=2)
-    simulated = simulation(plant, RANDOM, seeds=2)
+    first = run(plant, RANDOM, seeds=2, route=BRIEF)
+    simulated = simulation(plant, RANDOM, seeds=2, route=BRIEF)
     for again in (finished(simulated), finished(simulated)):  # of a new simulation, and of one that was run before
         for row in np.ndindex(2, 2):
             assert_rows_equal(first, row, again, row)
@@ -29,24 +30,24 @@ def test_two_runs_are_identical(plant: str) -> None:
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize("row", [(0, 0), (1, 1)])
 def test_a_row_is_the_same_alone_and_among_others(plant: str, row: tuple[int, int]) -> None:
-    batch = run(plant, RANDOM, seeds=2)
+    batch = run(plant, RANDOM, seeds=2, route=BRIEF)
     controller, seed = row
-    alone = run(plant, RANDOM, controllers=(batch.controllers[controller],), seed=batch.seeds[seed])
+    alone = run(plant, RANDOM, controllers=(batch.controllers[controller],), seed=batch.seeds[seed], route=BRIEF)
     assert_rows_equal(alone, (0, 0), batch, row)
 
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_threads_do_not_change_a_row(threads: int) -> None:
-    simulated = simulation("mujoco", RANDOM, seeds=2)
+    simulated = simulation("mujoco", RANDOM, seeds=2, route=BRIEF)
     simulated.plant = MujocoPlant(simulated.rows, simulated.plant.pose(), threads=threads)
-    threaded, default = finished(simulated), run("mujoco", RANDOM, seeds=2)
+    threaded, default = finished(simulated), run("mujoco", RANDOM, seeds=2, route=BRIEF)
     for row in np.ndindex(2, 2):
         assert_rows_equal(threaded, row, default, row)
 
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_seeds_differ_and_controllers_share_their_noise(plant: str) -> None:
-    trajectory = run(plant, RANDOM, seeds=2)
+    trajectory = run(plant, RANDOM, seeds=2, route=BRIEF)
     noise = (trajectory.channel("vision") - trajectory.channel("pose"))[..., :2]
     seen = trajectory.channel("vision_valid")[:, 0, :, 0]
     # Taking the pose off again rounds in the last bits of up to a metre.

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from simulating import PLANTS, SHORT, simulation
+from simulating import PLANTS, simulation
 
 from omni_control.errors import OmniError
 from omni_mj.scenarios import scenario
@@ -13,7 +13,8 @@ from omni_mj.scenarios.rows import Row
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Simulation
 
-RECT = scenario.load("rect", SHORT)
+ROUTE = ("reference.waypoints=[[0,0],[0.25,0]]", "reference.settle_s=0.1")
+RECT = scenario.load("rect", ROUTE)
 
 
 def assert_row_equal(log: Log, row: int, other: Log, other_row: int) -> None:
@@ -61,7 +62,7 @@ def test_every_row_has_one_controller() -> None:
 
 
 def replace_plant(plant: str) -> scenario.Scenario:
-    return scenario.load("rect", SHORT, {"plant": plant})
+    return scenario.load("rect", ROUTE, {"plant": plant})
 
 
 USERS = """
@@ -171,7 +172,7 @@ def test_a_parameter_of_a_users_controller_can_be_set(users: dict[str, str], tmp
 def test_robots_of_one_world_drive_beside_each_other(plant: str) -> None:
     """Each place has its reference displaced by it, and noise of its own; the first has that of a world alone."""
     places = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.5 * np.pi]]
-    chosen = scenario.load("rect", [*SHORT, f"world.places={places}"], {"plant": plant})
+    chosen = scenario.load("rect", [*ROUTE, f"world.places={places}"], {"plant": plant})
     simulated = Simulation(chosen, ["comp-flc"], seeds=[0, 1])
     log = simulated.run()
     assert not simulated.failures
