@@ -137,8 +137,12 @@ class Team:
         return self.command()
 
     def limited(self, command: ArrayLike) -> Array:
-        """The commands (n, 3) that may be sent after the last, given those wanted; see `CommandLimits`."""
-        return self._limits(self._checked(command, "commands"), self.last)
+        """The commands (n, 3) that may be sent after the last, given those wanted; see `CommandLimits`.
+
+        Raises:
+            OmniError: they are not (n, 3) finite numbers.
+        """
+        return self._limits(self._checked(command, "commands", finite=True), self.last)
 
     def sent(self, command: ArrayLike) -> None:
         """Say that other commands (n, 3) were sent in this frame, such as a person's: controllers then count on them.

@@ -15,7 +15,7 @@ from omni_control.reference import (
     SampledReference,
     TimedReference,
 )
-from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, ReferenceSettings
+from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, ControlSettings, ReferenceSettings
 
 Where = tuple[float, float, float]
 ORIGIN: Where = (0.0, 0.0, 0.0)
@@ -49,8 +49,8 @@ def displaced(poses: Array, where: Where) -> Array:
     return rotated + np.array([x, y, heading])
 
 
-def motion_limits(s: ReferenceSettings) -> MotionLimits:
-    """The limits that the reference keeps."""
+def motion_limits(s: ReferenceSettings | ControlSettings) -> MotionLimits:
+    """The limits that the reference keeps, or those of what may be commanded."""
     return MotionLimits(s.max_speed_m_s, s.max_acceleration_m_s2, s.max_turn_rate_rad_s, s.max_turn_acceleration_rad_s2)
 
 

@@ -9,11 +9,11 @@ from omni_control.controllers import make
 from omni_control.controllers.base import Controller, Told
 from omni_control.errors import ControllerError
 from omni_control.kinematics import Array, Kinematics
-from omni_control.reference import MotionLimits, Reference
+from omni_control.reference import Reference
 from omni_control.team import Team
 from omni_mj.scenarios import references
 from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.settings import PERIOD_S, ControlSettings, Settings
+from omni_mj.scenarios.settings import PERIOD_S, Settings
 
 
 def assemble(
@@ -69,13 +69,8 @@ def told(settings: Settings, geometry: Kinematics, wheels: bool) -> Told:
         heading_gain=control.heading_gain,
         alpha_window_frames=control.alpha_window_frames,
         geometry=geometry,
-        limits=command_limits(control),
+        limits=references.motion_limits(control),
     )
-
-
-def command_limits(s: ControlSettings) -> MotionLimits:
-    """The limits of what may be commanded."""
-    return MotionLimits(s.max_speed_m_s, s.max_acceleration_m_s2, s.max_turn_rate_rad_s, s.max_turn_acceleration_rad_s2)
 
 
 def _reference(row: Row, n: int) -> Reference:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,16 +53,9 @@ def simulation(
 
 
 @cache
-def run(
-    plant: str,
-    overrides: tuple[str, ...] = (),
-    controllers: tuple[str, ...] = ("flc", "comp-flc"),
-    seed: int = 0,
-    seeds: int = 1,
-    name: str = "rect",
-    route: tuple[str, ...] = SHORT,
-) -> Grid:
-    return finished(simulation(plant, overrides, controllers, seed, seeds, name, route))
+def run(*what: Any, **more: Any) -> Grid:
+    """What came of `simulation`, which takes the same, run once for all who ask."""
+    return finished(simulation(*what, **more))
 
 
 def finished(simulated: Simulation, after_frame: Callable[[int], None] = lambda frame: None) -> Grid:
