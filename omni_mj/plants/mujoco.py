@@ -15,13 +15,15 @@ from omni_mj.link.radio import Received
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.motors import Motors
+from omni_mj.onboard.traction import EVERY, Traction
 from omni_mj.plants import Telemetry
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, Settings, column
-from omni_mj.worlds import build
+from omni_mj.worlds import build, roles
 from omni_mj.worlds.columns import Columns
-from omni_mj.worlds.contact_roller import Handover
-from omni_mj.worlds.wheels import contact_slip
+from omni_mj.worlds.shape import Shape
+from omni_mj.worlds.two_rollers import Handover
+from omni_mj.worlds.wheels import Motor, contact_slip
 
 TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2  # of the quaternion's x^2 + y^2: tilted by more than 45 degrees
 # MuJoCo resets an unstable simulation silently after one of these.
@@ -37,8 +39,8 @@ class MujocoPlant:
     """Robots with roller wheels on carpet; those of one world collide with each other and with its walls.
 
     Args:
-        rows: of all robots, those of one world one after the other by their places; every world has as many. Robot and
-            the sections wheels and physics of the settings must be the same for all.
+        rows: of all robots, those of one world one after the other by their places; every world has as many. What
+            their models are made of (`Shape`) and the physics must be the same for all.
         start: poses at the start, (n, 3).
         threads: of the physics; all cores by default. Results do not depend on it.
 
@@ -52,17 +54,17 @@ class MujocoPlant:
 
     def __init__(self, rows: Sequence[Row], start: Array, threads: int | None = None) -> None:
         settings, places = [row.settings for row in rows], _places(rows)
-        common = _common(rows)
-        one_roller = common.wheels.model == "contact-roller"
-        substeps = common.physics.substeps
-        self._world = world = build.world(rows[0].robot, places, one_roller=one_roller, substeps=substeps)
-        self._cycles, self._substeps = round(PERIOD_S / build.CYCLE_S), substeps
+        _check_alike(rows)
+        self._world = world = build.world(settings[0], places)
+        self._cycles, self._substeps = round(PERIOD_S / build.CYCLE_S), settings[0].physics.substeps
+        motor = Motor.of(settings[0])
         model = copy.copy(world.model)
         model.actuator_ctrllimited[:] = 0  # the battery limits, also where braking motors lift its voltage
         n, worlds = len(rows), len(rows) // places
         self._places = places
         self._batch = Batch(model, worlds, threads or min(worlds, os.cpu_count() or 1))
         self.geometry: Kinematics | None = world.kinematics
+        self._creeps = world.robots[0].slip_dofs.size > 0
         self._set_friction(settings)
         self._bind()
 
@@ -70,6 +72,7 @@ class MujocoPlant:
         self._heading = self._start[:, 2].copy()
         self._failed = np.zeros(n, bool)
         self._living: np.ndarray | None = None  # worlds that are stepped; None for all
+        self._angles, self._turn_rates = np.zeros((n, len(world.kinematics.azimuths))), np.zeros(n)
         self._stand(np.arange(worlds))
         if places > 1:
             self._check_start(rows)
@@ -84,9 +87,9 @@ class MujocoPlant:
         self._gyro_noise = Noise(seeds, Stream.GYRO_NOISE, lambda rng, count: rng.standard_normal((count, 1)))
 
         wheels = len(world.kinematics.azimuths)
-        self._motors = Motors(world.motor, wheels, [s.motor for s in settings], PERIOD_S)
+        self._motors = Motors(motor, wheels, [s.motor for s in settings], PERIOD_S)
         self._battery = Battery([s.battery for s in settings])
-        self._firmware = Firmware(settings, world.kinematics, world.motor, self._heading, build.CYCLE_S, PERIOD_S)
+        self._firmware = Firmware(settings, world.kinematics, motor, self._heading, build.CYCLE_S, PERIOD_S)
         self._duties, self._voltages, self._currents = np.zeros((3, self._cycles, n, wheels))
 
     def pose(self) -> Array:
@@ -99,26 +102,35 @@ class MujocoPlant:
 
     def advance(self, received: Received) -> dict[int, str]:
         """See `Plant`."""
-        motors, battery, handover = self._motors, self._battery, self._handover
-        self._push.set(self._force * self._pushes.next())
+        motors, battery, traction = self._motors, self._battery, self._traction
+        push = self._force * self._pushes.next()
         self._resistance.set(motors.resistance)
         self._constant.set(motors.constant)
         self._firmware.receive(received, motors.winding)
         gyro_error = (self._gyro_bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
         any_failed = self._failed.any()
         for k in range(self._cycles):
-            angles = self._encoders.get() if handover is None else self._encoders.get() + handover.sensor_offset
-            duty = self._firmware.duties(self._gyro.get()[:, 0] + gyro_error, angles)
+            duty = self._firmware.duties(self._turn_rates + gyro_error, self._angles)
             if any_failed:
                 duty[self._failed] = 0.0
             self._duties[k] = duty
             voltage = np.multiply(duty, battery.voltage[:, None], out=self._voltages[k])
             applied, self._currents[k] = motors.drive(voltage, self._wheel_speed.get())
             self._ctrl.set(applied)
-            for _ in range(self._substeps):
+            if k % EVERY == 0:
+                traction.travel(self._quaternion.get(), self._velocity.get(), self._load.get())
+                traction.wrench[:, :2] += push
+                self._wrench.set(traction.wrench)
+            for substep in range(self._substeps):
+                if self._creeps:
+                    traction.press(self._load.get())
+                    self._limit.set(traction.limit)
+                    self._impedance.set(traction.impedance)
                 self._batch.step(self._living)
-                if handover is not None:
-                    handover()
+                if substep == 0:  # what MuJoCo sensed at its start: a cycle ago, however many steps there are in it
+                    self._sense()
+                if self._handover is not None:
+                    self._handover()
             battery.load(duty, self._currents[k])
         motors.warm(self._currents)
         battery.discharge(PERIOD_S)
@@ -127,7 +139,7 @@ class MujocoPlant:
     def telemetry(self) -> Telemetry:
         """See `Plant`."""
         return Telemetry(
-            wheel_angle=(self._wheel_angle.get() if self._handover is None else self._handover.angle).copy(),
+            wheel_angle=self._wheel_angle.get().copy(),
             wheel_speed=self._wheel_speed.get().copy(),
             voltage=self._voltages[-1].copy(),
             current=self._currents[-1].copy(),
@@ -137,22 +149,36 @@ class MujocoPlant:
             winding=self._motors.winding,
             housing=self._motors.housing,
             battery=self._battery.voltage,
-            slip=contact_slip(self._world.wheels, self._world.kinematics, self._qpos.get(), self._qvel.get()),
+            slip=self._slip(),
         )
+
+    def _slip(self) -> Array:
+        world = self._world
+        if self._creeps:
+            return np.abs(self._slip_speed.get()) * world.kinematics.radius
+        return contact_slip(world.wheels, world.kinematics, self._qpos.get(), self._qvel.get())
+
+    def _sense(self) -> None:
+        self._angles[:], self._turn_rates[:] = self._encoders.get(), self._gyro.get()[:, 0]
 
     def _set_friction(self, settings: Sequence[Settings]) -> None:
         """Write each robot's friction of carpet, hinges and rollers into its world's copy of these model fields."""
-        world, carpet, drive = self._world, [s.carpet for s in settings], [s.drive for s in settings]
-        pairs = self._batch.expand("pair_friction")
-        for direction in range(2):
-            Columns(pairs[:, :, direction], world.pairs).set(column(carpet, "friction"))
-        wheels, radius = len(world.kinematics.azimuths), world.kinematics.radius
-        rolling = column(carpet, "lint") * world.weight / wheels * radius
-        gear = column(drive, "gear_friction_nm")
-        hinges = np.array([robot.wheel_dofs for robot in world.robots])
-        Columns(self._batch.expand("dof_frictionloss"), hinges).set(world.motor_friction + gear + rolling)
-        rollers = np.array([robot.roller_dofs.ravel() for robot in world.robots])
+        world, drive, robots = self._world, [s.drive for s in settings], self._world.robots
+        if not self._creeps:  # otherwise the slip hinges have it
+            pairs, friction = self._batch.expand("pair_friction"), column([s.carpet for s in settings], "friction")
+            for direction in range(2):
+                Columns(pairs[:, :, direction], world.pairs).set(friction)
+        hinges = Columns(self._batch.expand("dof_frictionloss"), np.array([robot.wheel_dofs for robot in robots]))
+        hinges.set(column(drive, "gear_friction_nm"))
+        rollers = np.array([robot.roller_dofs.ravel() for robot in robots])
         Columns(self._batch.expand("dof_damping"), rollers).set(column(drive, "roller_damping_nm_s"))
+        self._traction = Traction(
+            settings,
+            world.kinematics,
+            world.model.body_ipos[robots[0].chassis],
+            world.model.dof_invweight0[robots[0].slip_dofs] if self._creeps else np.ones(1),
+            world.model.opt.timestep,
+        )
 
     def _bind(self) -> None:
         """Find what is read and written in every step."""
@@ -171,11 +197,21 @@ class MujocoPlant:
         self._ctrl, gain = Columns(ctrl, motors), batch.expand("actuator_gainprm")
         self._resistance, self._constant = Columns(gain[:, :, 0], motors), Columns(gain[:, :, 1], motors)
         forces = batch.bind("xfrc_applied")
-        self._push = Columns(
-            forces.reshape(len(forces), -1), np.array([[6 * robot.chassis, 6 * robot.chassis + 1] for robot in robots])
-        )
-        rollers = Columns(qvel, np.array([robot.roller_dofs[:, 0] for robot in robots]))
-        self._handover = Handover(self._wheel_angle, rollers, world.pitch) if world.one_roller else None
+        wrench = np.array([range(6 * robot.chassis, 6 * robot.chassis + 6) for robot in robots])
+        self._wrench = Columns(forces.reshape(len(forces), -1), wrench)
+        self._load = Columns(sensors, world.loads)
+        self._handover: Handover | None = None
+        if self._creeps:
+            slips = np.array([robot.slip_dofs for robot in robots])
+            self._slip_speed = Columns(qvel, slips)
+            self._limit = Columns(batch.expand("dof_frictionloss"), slips)
+            self._impedance = Columns(batch.expand("dof_solimp")[:, :, 0], slips)
+            angles = Columns(qpos, np.array([robot.slip_qpos for robot in robots]))
+            bottom, following = (
+                Columns(qvel, np.array([robot.roller_dofs[:, k] for robot in robots])) for k in range(roles.KEPT)
+            )
+            if robots[0].rollers.shape[1] == roles.KEPT:
+                self._handover = Handover(self._wheel_angle, angles, (bottom, following), world.pitch)
 
     def _stand(self, worlds: np.ndarray) -> None:
         """Put the robots of some worlds where they start, at rest on their rollers; their sensors say so."""
@@ -189,7 +225,8 @@ class MujocoPlant:
         self._position.set(position)
         self._quaternion.set(quaternion)
         self._heading[rows] = heading
-        batch.forward(worlds, stage=mujoco.mjtStage.mjSTAGE_VEL.value)
+        batch.forward(worlds)
+        self._sense()
 
     def _check_start(self, rows: Sequence[Row]) -> None:
         """Refuse robots that start in each other or in a wall, which would throw them apart."""
@@ -242,15 +279,19 @@ def _places(rows: Sequence[Row]) -> int:
     return places
 
 
-def _common(rows: Sequence[Row]) -> Settings:
-    """Settings whose sections wheels and physics hold for all rows; raise OmniError if there are none."""
-    first = rows[0]
+def _check_alike(rows: Sequence[Row]) -> None:
+    """Raise OmniError unless all rows have the same model and physics."""
+    first = rows[0].settings
     for number, row in enumerate(rows):
         differ = [
-            name for name in ("wheels", "physics") if getattr(row.settings, name) != getattr(first.settings, name)
+            field
+            for field, one, other in (
+                ("body", row.settings.body, first.body),
+                ("wheels", row.settings.wheels, first.wheels),
+                ("physics", row.settings.physics, first.physics),
+                ("motor.gear or motor.rotor_inertia_kg_m2", Shape.of(row.settings), Shape.of(first)),
+            )
+            if one != other
         ]
-        if row.robot != first.robot:
-            differ.append("robot")
         if differ:
-            raise OmniError(f"rows 0 and {number} differ in {' and '.join(differ)}: one batch has one model")
-    return first.settings
+            raise OmniError(f"rows 0 and {number} differ in {' and '.join(differ[:3])}: one batch has one model")

@@ -15,12 +15,15 @@ SHOWN = 200  # characters of a wrong value in a message, at most
 _KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "a string"}
 
 
-def setting(default: Any, unit: str, doc: str, low: float | None = None, high: float | None = None) -> Any:
+def setting(
+    default: Any, unit: str, doc: str, low: float | None = None, high: float | None = None, several: bool = False
+) -> Any:
     """A field of a model with its unit, meaning and range; a callable default is read when needed.
 
-    The annotation says the rest: an int is whole, a Literal is a choice; of poses, `low` and `high` are how many.
+    The annotation says the rest: an int is whole, a Literal is a choice. Of `several` values, such as poses, `low` and
+    `high` are how many.
     """
-    bounds = ("min_length", "max_length") if isinstance(default, tuple) else ("ge", "le")
+    bounds = ("min_length", "max_length") if several or isinstance(default, tuple) else ("ge", "le")
     given: dict[str, Any] = {name: value for name, value in zip(bounds, (low, high), strict=True) if value is not None}
     given["default_factory" if callable(default) else "default"] = default
     return Field(description=doc, json_schema_extra={"unit": unit}, **given)
@@ -33,11 +36,12 @@ class Setting:
     Attributes:
         section: that it is in; empty for a field of the scenario itself.
         name: of the field.
-        kind: int, float, bool, str, or tuple for poses.
+        kind: int, float, bool, str, or tuple for several.
         default: its value where nothing else is given.
         unit, doc: its unit and meaning.
         low, high: its range, or how many poses there may be; None where there is no limit.
         choices: those there are, where one must be chosen.
+        poses: whether the several are poses; otherwise they are numbers.
     """
 
     section: str
@@ -49,6 +53,7 @@ class Setting:
     low: float | None
     high: float | None
     choices: tuple[str, ...]
+    poses: bool
 
     @property
     def full(self) -> str:
@@ -77,8 +82,10 @@ class Setting:
         """What is allowed, in words: 'a whole number from 0 to 600 frames'."""
         if self.choices:
             return " or ".join(self.choices)
-        if self.kind is tuple:
+        if self.poses:
             return f"a list of {self.allowed} poses [x, y] or [x, y, heading] in m and rad, within {REACH_M:g} m"
+        if self.kind is tuple:
+            return f"a list of {self.allowed} numbers in {self.unit}"
         kind = _KINDS.get(self.kind, self.kind.__name__)
         return f"{kind} from {self.allowed} {self.unit}".rstrip() if self.number else kind
 
@@ -137,6 +144,7 @@ class Checked(BaseModel):
             low=low,
             high=high,
             choices=get_args(field.annotation) if kind is Literal else (),
+            poses=kind is tuple and get_origin(get_args(field.annotation)[0]) is tuple,
         )
 
     @classmethod
@@ -153,7 +161,7 @@ class Checked(BaseModel):
             yield f"{name} is missing; give {cls._declared(name).wanted}"
         else:
             declared = cls._declared(name)
-            why = f"; {error['msg']}" if error["type"] == "pose" else f", not {shown(error['input'])}"
+            why = f"; {error['msg']}" if error["type"] in ("pose", "angles") else f", not {shown(error['input'])}"
             yield f"{declared.full} must be {declared.wanted}{why}"
 
     @field_validator("*", mode="before")
@@ -195,9 +203,21 @@ def _poses(value: Any) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(float(c) for c in point) + (0.0,) * (3 - len(point)) for point in points)
 
 
+def _angles(value: Any) -> tuple[float, ...]:
+    """Numbers from a list of them."""
+    numbers = value.tolist() if isinstance(value, np.ndarray) else value
+    if not isinstance(numbers, (list, tuple)):
+        raise PydanticCustomError("angles", "{value} is no list", {"value": shown(value)})
+    for number in numbers:
+        if not isinstance(number, (int, float)) or isinstance(number, bool) or not -360 <= number <= 360:
+            raise PydanticCustomError("angles", "{number} is none from -360 to 360", {"number": shown(number)})
+    return tuple(map(float, numbers))
+
+
 def _is_coordinate(value: Any) -> bool:
     number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
     return number and bool(-REACH_M <= value <= REACH_M)
 
 
 Poses = Annotated[tuple[tuple[float, float, float], ...], BeforeValidator(_poses)]
+Angles = Annotated[tuple[float, ...], BeforeValidator(_angles)]

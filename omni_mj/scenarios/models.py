@@ -1,12 +1,11 @@
-"""Where the models are: robots and scenes in MJCF, by name or anywhere else by path."""
+"""Where the models are: the robot's and the scene's MJCF."""
 
 from pathlib import Path
 
 from omni_control.errors import OmniError, choose
 
-DEFAULT = "ssl_robot"
+ROBOT = "ssl_robot"
 SCENE = "scene"
-_NO_ROBOTS = (SCENE, "ssl_robot_on_carpet")  # models that a robot stands in
 
 
 def folder() -> Path:
@@ -17,29 +16,14 @@ def folder() -> Path:
     """
     package = Path(__file__).parents[1]
     for found in (package.parent / "models", package / "models"):
-        if (found / f"{DEFAULT}.xml").is_file():
+        if (found / f"{ROBOT}.xml").is_file():
             return found
-    raise OmniError(f"models/{DEFAULT}.xml is missing from this installation of omni-mj; install it again")
+    raise OmniError(f"models/{ROBOT}.xml is missing from this installation of omni-mj; install it again")
 
 
-def names() -> list[str]:
-    """The robots that come with the package."""
-    return sorted(path.stem for path in folder().glob("*.xml") if path.stem not in _NO_ROBOTS)
-
-
-def model_path(robot: str) -> Path:
-    """The MJCF of a robot, given its name in the folder of models or the path of an .xml file.
-
-    Raises:
-        OmniError: there is no such robot or file.
-    """
-    if robot.endswith(".xml"):
-        if not (path := Path(robot)).is_file():
-            raise OmniError(f"there is no robot's model {path}")
-        return path
-    if robot not in names():
-        raise OmniError(f"unknown robot {robot!r}; {choose(robot, names())}, or a model of yours: file.xml")
-    return folder() / f"{robot}.xml"
+def robot_path() -> Path:
+    """The MJCF of a robot's shape."""
+    return folder() / f"{ROBOT}.xml"
 
 
 def scene_path(scene: str) -> Path:

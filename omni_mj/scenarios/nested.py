@@ -21,3 +21,8 @@ def plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: plain(each) for key, each in value.items()}
     return [plain(each) for each in value] if isinstance(value, tuple) else value
+
+
+def frozen(value: Any) -> Any:
+    """Tuples in place of lists."""
+    return tuple(frozen(each) for each in value) if isinstance(value, list) else value

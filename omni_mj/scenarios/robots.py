@@ -1,72 +1,91 @@
-"""The numbers that a robot's model gives for settings.
+"""Robots: what their files give for settings.
 
-A number under <custom> whose name is that of a setting, such as carpet.lint, is that setting's default for the robot.
-What the default robot gives depends on the robot, so that every other must give it too. Numbers whose names have no dot
-are for whoever reads the compiled model. The file alone is read, not what it includes.
+A robot is a TOML file of settings by section, like a scenario: they are the defaults of whatever that robot drives. What
+the default robot's file gives depends on the robot, so that every other must give it too.
 """
 
-import xml.etree.ElementTree as ElementTree
+import tomllib
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, choose
+from omni_mj.robots import builtin
 from omni_mj.scenarios.checking import in_one
-from omni_mj.scenarios.models import DEFAULT, model_path
 from omni_mj.scenarios.nested import merged
 
+DEFAULT = "tigers-v2016"
+DESCRIPTION = "description"  # the one key of a robot's file that is no section
 
-def numbers(robot: str) -> Mapping[str, float]:
-    """The numbers that a robot's model holds under <custom>, by name; see `model_path` for what a robot is.
+
+def robot_path(robot: str) -> Path:
+    """The file of a robot, given its name or the path of a .toml file.
 
     Raises:
-        OmniError: there is no such robot, its file is no XML, or a setting has something else than one number.
+        OmniError: there is no such robot or file.
     """
-    path = model_path(robot)
-    return _read(path, path.stat().st_mtime_ns)
+    if robot.endswith(".toml"):
+        if not (path := Path(robot)).is_file():
+            raise OmniError(f"there is no robot's file {path}")
+        return path
+    known = builtin()
+    if robot not in known:
+        raise OmniError(f"unknown robot {robot!r}; {choose(robot, known)}, or a file of yours: robot.toml")
+    return known[robot]
 
 
-def completed(sections: Mapping[str, Any], robot: str) -> dict[str, Any]:
-    """Sections of settings, and below them those values that the robot's model gives.
+def sections(robot: str) -> Mapping[str, Mapping[str, Any]]:
+    """The settings that a robot's file gives, by section and field; see `robot_path` for what a robot is.
+
+    Raises:
+        OmniError: there is no such robot, or its file is not TOML or holds something else than sections.
+    """
+    path = robot_path(robot)
+    return _read(path, path.stat().st_mtime_ns)[1]
+
+
+def description(robot: str) -> str:
+    """What a robot's file says it is, in a line.
+
+    Raises:
+        OmniError: as `sections`.
+    """
+    path = robot_path(robot)
+    return _read(path, path.stat().st_mtime_ns)[0]
+
+
+def completed(given: Mapping[str, Any], robot: str) -> dict[str, Any]:
+    """Sections of settings as `given`, and below them those values that the robot's file gives.
 
     Raises:
         OmniError: neither gives what depends on the robot; a line for each such setting.
     """
-    base: dict[str, Any] = {}
-    for name, value in numbers(robot).items():
-        section, dot, field = name.partition(".")
-        if dot:
-            base.setdefault(section, {})[field] = value
-    whole = merged(base, sections)
+    whole = merged(sections(robot), given)
     in_one(
-        [
-            f"{name} depends on the robot; give it in the scenario, or under <custom> in {model_path(robot)}"
-            for name in numbers(DEFAULT)
-            if "." in name and not _given(whole, *name.split("."))
-        ]
+        f"{section}.{field} depends on the robot; give it in the scenario, or in {robot_path(robot)}"
+        for section, fields in sections(DEFAULT).items()
+        for field in fields
+        if not _given(whole, section, field)
     )
     return whole
 
 
-def _given(sections: Mapping[str, Any], section: str, field: str) -> bool:
-    values = sections.get(section, {})
+def _given(whole: Mapping[str, Any], section: str, field: str) -> bool:
+    values = whole.get(section, {})
     return field in values if isinstance(values, Mapping) else True  # a whole section, or what is none at all
 
 
 @lru_cache
-def _read(path: Path, changed: int) -> Mapping[str, float]:
+def _read(path: Path, changed: int) -> tuple[str, Mapping[str, Mapping[str, Any]]]:
     try:
-        custom = ElementTree.parse(path).getroot().iterfind("custom/numeric")
-    except (OSError, ElementTree.ParseError) as error:
-        raise OmniError(f"cannot read the robot's model {path}: {error}") from None
-    found = {}
-    for numeric in custom:
-        name, text = numeric.get("name", ""), numeric.get("data", "")
-        try:
-            found[name] = float(text) if any(c in text for c in ".eE") else int(text)
-        except ValueError:
-            if "." in name:  # what is no setting may be several numbers, or none
-                raise OmniError(f"{name} in {path} must be one number, not {text!r}") from None
-    return MappingProxyType(found)
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise OmniError(f"cannot read the robot's file {path}: {error.strerror}") from None
+    except ValueError as error:
+        raise OmniError(f"the robot's file {path} is not valid TOML: {' '.join(str(error).split())}") from None
+    says = data.pop(DESCRIPTION, "")
+    if not isinstance(says, str) or not all(isinstance(section, dict) for section in data.values()):
+        raise OmniError(f"the robot's file {path} holds something else than a {DESCRIPTION} and sections of settings")
+    return says, MappingProxyType(data)

@@ -13,7 +13,7 @@ from pydantic import Field, ValidationInfo, field_validator
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError, choose
 from omni_control.registry import CONTROLLERS
-from omni_mj.scenarios import controllers, models, robots
+from omni_mj.scenarios import controllers, robots
 from omni_mj.scenarios.checking import Checked, Setting, in_one, setting, shown
 from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.nested import merged
@@ -27,7 +27,7 @@ _NOTHING: Any = {}
 class Scenario(Checked):
     """What is run: the settings in force, the plant, the robot, the controllers and the seeds.
 
-    Settings may be given as sections by name; they then start from the defaults that the robot's model gives.
+    Settings may be given as sections by name; they then start from the defaults that the robot's file gives.
     """
 
     unknown = "unknown name"
@@ -36,7 +36,7 @@ class Scenario(Checked):
     description: str = setting("", "", "what it is, in a line")
     paper_table: int = setting(0, "", "the table of the paper (3 or 4) that reports the same experiment, or 0", 0, 4)
     plant: str = setting("mujoco", "", "what is driven: a plant that --list names, or file.py:Class")
-    robot: str = setting(models.DEFAULT, "", "the name of a robot's model, or the path of an .xml file")
+    robot: str = setting(robots.DEFAULT, "", "the name of a robot, or the path of a robot's .toml file")
     controllers: tuple[str | type[Controller], ...] = setting(
         ("flc", "comp-flc"), "", "what drives it: names of controllers, or file.py:Class", 1
     )
@@ -106,7 +106,7 @@ class Scenario(Checked):
     @field_validator("robot")
     @classmethod
     def _robot(cls, robot: str) -> str:
-        robots.numbers(robot)
+        robots.sections(robot)
         return robot
 
     @field_validator("controllers", mode="before")
@@ -144,7 +144,7 @@ class Scenario(Checked):
         errors, settings, parameters = [], given, None
         try:
             if isinstance(given, Mapping):
-                settings = Settings(**robots.completed(given, info.data.get("robot", models.DEFAULT)))
+                settings = Settings(**robots.completed(given, info.data.get("robot", robots.DEFAULT)))
         except OmniError as error:
             errors.append(str(error))
         try:
@@ -171,7 +171,7 @@ def scenario(
     Args:
         name_or_path: one of those that come with the package, or a file.
         plant: what is driven: "mujoco", "kinematic", or `file.py:Class`.
-        robot: name of a model, or path of an .xml file.
+        robot: name of a robot, or path of its .toml file.
         controllers: names, classes derived from `omni_control.Controller`, or `file.py:Class`.
         seed: the first.
         seeds: how many.

@@ -55,7 +55,8 @@ def _field(setting: Setting) -> dict[str, Any]:
     kind = {"type": _TYPES.get(setting.kind, "array")}
     if setting.kind is tuple:
         pose = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 3}
-        limits = {"items": pose, "minItems": setting.low, "maxItems": setting.high}
+        item = pose if setting.poses else {"type": "number", "minimum": -360, "maximum": 360}
+        limits = {"items": item, "minItems": setting.low, "maxItems": setting.high}
     if setting.choices:
         limits = {"enum": list(setting.choices)}
     return {

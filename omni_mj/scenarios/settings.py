@@ -8,18 +8,19 @@ from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_v
 
 from omni_control.kinematics import Array
 from omni_control.reference.curves import CURVES
-from omni_mj.scenarios import models, robots
-from omni_mj.scenarios.checking import Checked, Poses, Setting, setting, shown
-from omni_mj.scenarios.nested import merged, plain
+from omni_mj.scenarios import robots
+from omni_mj.scenarios.checking import Angles, Checked, Poses, Setting, setting, shown
+from omni_mj.scenarios.nested import frozen, merged, plain
 from omni_mj.scenarios.parameters import Parameters
 
 FRAME_RATE_HZ = 60  # SSL-Vision's cameras; the clock of everything (paper, section 4)
 PERIOD_S = 1 / FRAME_RATE_HZ
 
 
-def of_robot(name: str) -> Callable[[], float]:
-    """A default that is a robot's own, and stands in its model."""
-    return lambda: robots.numbers(models.DEFAULT)[name]
+def of_robot(name: str) -> Callable[[], Any]:
+    """A default that is a robot's own, and stands in its file."""
+    section, field = name.split(".")
+    return lambda: frozen(robots.sections(robots.DEFAULT)[section][field])
 
 
 def column(settings: Sequence[Any], name: str) -> Array:
@@ -138,6 +139,10 @@ class SensorSettings(Checked):
 class MotorSettings(Checked):
     """What the model cannot hold of the motors: maxon EC 45 flat 50 W, catalogue page of the 24 V winding."""
 
+    constant_nm_a: float = setting(0.036, "N m/A", "torque constant, and so back-EMF per speed", 1e-4, 1)
+    resistance_ohm: float = setting(0.942, "ohm", "terminal resistance, phase to phase", 1e-3, 100)
+    rotor_inertia_kg_m2: float = setting(1.35e-5, "kg m^2", "inertia of the rotor", 1e-8, 1e-2)
+    gear: float = setting(60 / 18, "", "turns of the motor for one of the wheel", 0.1, 100)
     winding_c: float = setting(25.0, "deg C", "temperature of the windings at the start", -20, 200)
     housing_c: float = setting(25.0, "deg C", "temperature of the housings at the start", -20, 200)
     ambient_c: float = setting(25.0, "deg C", "temperature of the air", -20, 60)
@@ -166,9 +171,9 @@ class BatterySettings(Checked):
 class CarpetSettings(Checked):
     """The carpet under the rollers."""
 
-    friction: float = setting(0.8, "", "coefficient of friction, all rollers (the league's simulators)", 0.01, 5)
-    lint: float = setting(
-        of_robot("carpet.lint"), "", "rolling resistance in the pile, with lint on the wheels: share of the load", 0, 1
+    friction: float = setting(0.8, "", "coefficient of friction, all wheels (the league's simulators)", 0.01, 5)
+    pile: float = setting(
+        of_robot("carpet.pile"), "", "rolling resistance of its pile, against any motion: share of the load", 0, 1
     )
 
 
@@ -178,22 +183,52 @@ class PhysicsSettings(Checked):
     substeps: int = setting(1, "", "physics steps per cycle of the wheel loops, which is the model's 1/960 s", 1, 100)
 
 
-class WheelSettings(Checked):
-    """The wheels."""
+class BodySettings(Checked):
+    """The whole robot, wheels included."""
 
-    model: Literal["rollers", "contact-roller"] = setting(
-        "rollers", "", "rollers: all 16 of each; contact-roller: the one at the carpet, faster"
+    mass_kg: float = setting(of_robot("body.mass_kg"), "kg", "mass", 0.5, 20)
+    centre_x_m: float = setting(of_robot("body.centre_x_m"), "m", "centre of mass ahead of the wheels' centre", -0.1, 0.1)
+    centre_height_m: float = setting(of_robot("body.centre_height_m"), "m", "centre of mass above the carpet", 0.01, 0.15)
+    yaw_inertia_kg_m2: float = setting(
+        of_robot("body.yaw_inertia_kg_m2"), "kg m^2", "about the vertical axis through the centre of mass", 1e-4, 1
+    )
+    tilt_inertia_kg_m2: float = setting(
+        of_robot("body.tilt_inertia_kg_m2"), "kg m^2", "about any horizontal axis through it", 1e-4, 1
     )
 
 
+class WheelSettings(Checked):
+    """The wheels: where they are, what they are made of, and how they are computed."""
+
+    model: Literal["rollers", "two-rollers"] = setting(
+        "rollers", "", "rollers: all of each wheel; two-rollers: those at the carpet, faster"
+    )
+    creep: Literal["on", "off"] = setting(
+        "on", "", "on: rubber creeps under traction, as measured; off: wheels that do not, for comparison"
+    )
+    azimuths_deg: Angles = setting(
+        of_robot("wheels.azimuths_deg"), "deg", "where they are, counter-clockwise from straight ahead", 3, 8, several=True
+    )
+    arm_m: float = setting(of_robot("wheels.arm_m"), "m", "from the robot's centre to where they touch", 0.02, 0.5)
+    radius_m: float = setting(of_robot("wheels.radius_m"), "m", "radius", 0.01, 0.2)
+    rollers: int = setting(of_robot("wheels.rollers"), "", "rollers of a wheel", 8, 40)
+    roller_radius_m: float = setting(of_robot("wheels.roller_radius_m"), "m", "radius of a roller", 0.002, 0.05)
+
+
 class DriveSettings(Checked):
-    """Losses between motor and carpet."""
+    """What is between motor and carpet."""
 
     gear_friction_nm: float = setting(
         of_robot("drive.gear_friction_nm"), "N m", "dry friction of a gear, at the wheel", 0, 1
     )
+    roller_friction: float = setting(
+        of_robot("drive.roller_friction"), "", "dry friction of a roller's bearing, at its rim: share of the load", 0, 1
+    )
     roller_damping_nm_s: float = setting(
-        of_robot("drive.roller_damping_nm_s"), "N m s/rad", "of a roller's bearing", 0, 2e-5
+        of_robot("drive.roller_damping_nm_s"), "N m s/rad", "viscous friction of a roller's bearing", 0, 2e-5
+    )
+    creep_stiffness: float = setting(
+        of_robot("drive.creep_stiffness"), "", "traction over load that a slip of 1 would take, below friction", 0.1, 1e3
     )
 
 
@@ -245,6 +280,7 @@ class Settings(Checked):
     battery: BatterySettings = Field(default_factory=BatterySettings)
     drive: DriveSettings = Field(default_factory=DriveSettings)
     physics: PhysicsSettings = Field(default_factory=PhysicsSettings)
+    body: BodySettings = Field(default_factory=BodySettings)
     wheels: WheelSettings = Field(default_factory=WheelSettings)
     carpet: CarpetSettings = Field(default_factory=CarpetSettings)
     disturbance: DisturbanceSettings = Field(default_factory=DisturbanceSettings)

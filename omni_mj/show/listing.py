@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from omni_control.registry import CONTROLLERS
+from omni_mj import robots
 from omni_mj.scenarios.library import builtin
-from omni_mj.scenarios.models import names as robots
 from omni_mj.scenarios.plants import PLANTS
 from omni_mj.show import terminal
 
@@ -23,18 +23,23 @@ WIDEST = [None, 20, 10, 24]  # columns of settings, in characters; the meaning h
 
 def show() -> None:
     """Print the lists."""
-    scenarios = {name: tomllib.loads(path.read_text(encoding="utf-8")) for name, path in builtin().items()}
     for title, rows, widest in (
-        ("scenarios (--scenario)", [[name, data.get("description", "")] for name, data in scenarios.items()], [None]),
+        ("scenarios (--scenario)", _described(builtin()), [None]),
         ("controllers (--controller)", [[name, _first_line(where)] for name, where in CONTROLLERS.items()], [None]),
         ("plants (--plant)", [[name, _first_line(where)] for name, where in PLANTS.items()], [None]),
-        ("robots (--robot)", [[name] for name in robots()], []),
+        ("robots (--robot)", _described(robots.builtin()), [None]),
         ("settings (--set section.field=value)", [HEADINGS, *settings()], WIDEST),
     ):
         print(title)
         for line in terminal.wrapped(rows, widest):
             print(f"  {line}")
         print()
+
+
+def _described(files: dict[str, Path]) -> list[list[str]]:
+    """Names and descriptions of TOML files."""
+    read = {name: tomllib.loads(path.read_text(encoding="utf-8")) for name, path in files.items()}
+    return [[name, data.get("description", "")] for name, data in read.items()]
 
 
 def settings() -> list[list[str]]:

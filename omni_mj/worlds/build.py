@@ -1,9 +1,8 @@
 """Builds the world that robots drive in: a scene, n robots attached to it by prefix, and the contacts between them.
 
-What touches what is made here. Rollers touch the geom `carpet` of the scene by explicit pairs, whose parameters are
-those of <pair> in the main default class of the robot's file. Hulls (the robot's geoms of the class `hull`) are off as
-modelled; with more than one robot in a world they are switched on, and meet each other and every geom of the scene that
-collides: walls, and the carpet under a robot that has fallen.
+What touches what is made here. Rollers touch the geom `carpet` of the scene by explicit pairs (see `contact`). Hulls (the
+robot's geoms of the class `hull`) are off as modelled; with more than one robot in a world they are switched on, and
+meet each other and every geom of the scene that collides: walls, and the carpet under a robot that has fallen.
 """
 
 from dataclasses import dataclass
@@ -16,9 +15,12 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
 from omni_mj.scenarios import models
-from omni_mj.worlds import contact_roller, roles
-from omni_mj.worlds.roles import Robot
-from omni_mj.worlds.wheels import Motor, WheelGeometry, kinematics, motor
+from omni_mj.scenarios.settings import Settings, WheelSettings
+from omni_mj.worlds import roles, shape, two_rollers
+from omni_mj.worlds.contact import RIGID, STIFFEST, creeping
+from omni_mj.worlds.roles import Ids, Robot
+from omni_mj.worlds.shape import Shape
+from omni_mj.worlds.wheels import WheelGeometry
 
 CYCLE_S = 1 / 960  # of the wheel loops: 16 in a camera frame, each of one physics step or several
 SETTLING_S = 0.25
@@ -29,7 +31,7 @@ _SOLVER = {
     "integrator": (mujoco.mjtIntegrator.mjINT_EULER, "Euler"),
     "cone": (mujoco.mjtCone.mjCONE_ELLIPTIC, "elliptic"),
     "jacobian": (mujoco.mjtJacobian.mjJAC_SPARSE, "sparse"),
-    "impratio": (10.0, "10"),
+    "impratio": (45.0, "45"),
 }
 
 
@@ -43,11 +45,9 @@ class World:
         standing: positions (nq,) with every robot at rest at the origin, its weight on its rollers.
         kinematics: of each robot's wheels.
         wheels: where each robot's rollers are, for its slip.
-        motor: of each wheel.
-        motor_friction: dry friction of a motor at its wheel, N m.
         pairs: contacts of carpet and rollers, numbers of each robot's, (n, pairs).
-        pitch: angle between the rollers of the wheel as modelled, rad, however many the world has of them.
-        one_roller: whether only one roller a wheel is there (see `contact_roller`).
+        loads: addresses in sensordata of the forces on each robot's wheels in the direction of z, (n, wheels).
+        pitch: angle between the rollers of the whole wheel, rad.
     """
 
     model: mujoco.MjModel
@@ -55,11 +55,9 @@ class World:
     standing: Array
     kinematics: Kinematics
     wheels: WheelGeometry
-    motor: Motor
-    motor_friction: float
-    pairs: roles.Ids
+    pairs: Ids
+    loads: Ids
     pitch: float
-    one_roller: bool
 
     @property
     def weight(self) -> float:
@@ -68,71 +66,79 @@ class World:
 
 
 def world(
-    robot: str = models.DEFAULT,
-    places: int = 1,
-    scene: str = models.SCENE,
-    one_roller: bool = False,
-    substeps: int = 1,
+    settings: Settings | None = None, places: int = 1, scene: str = models.SCENE, substeps: int | None = None
 ) -> World:
     """A scene with robots on it, built once.
 
     Args:
-        robot: name or path of its MJCF file.
+        settings: of the robots; what their `Shape` says counts. [the default robot's]
         places: number of robots.
         scene: name or path of its MJCF file.
-        one_roller: leave one roller of each wheel (see `contact_roller`).
-        substeps: physics steps per cycle of the wheel loops.
+        substeps: physics steps per cycle of the wheel loops. [as in the settings]
 
     Raises:
-        OmniError: a file that is missing or no MJCF, a robot that lacks a part, a scene that lacks the carpet or has
-            other solver options than rollers need.
+        OmniError: numbers of which no robot can be made, a robot's or scene's file that lacks a part, or a scene that
+            has other solver options than rollers need.
     """
-    paths = models.model_path(robot).resolve(), models.scene_path(scene).resolve()
+    chosen = settings or Settings()
+    if chosen.wheels.creep == "off" and chosen.wheels.model != "rollers":
+        raise OmniError(f"wheels.creep = off needs wheels.model = rollers, not {chosen.wheels.model}")
+    paths = models.robot_path().resolve(), models.scene_path(scene).resolve()
     changed = tuple(path.stat().st_mtime_ns for path in paths)  # a file edited since is read again
-    return _world(*paths, changed, places, one_roller, substeps)
+    return _world(*paths, changed, Shape.of(chosen), places, substeps or chosen.physics.substeps)
+
+
+def kinematics(wheels: WheelSettings) -> Kinematics:
+    """Of a robot with these wheels."""
+    return Kinematics(np.radians(wheels.azimuths_deg) % (2 * np.pi), wheels.arm_m, wheels.radius_m)
 
 
 @lru_cache(maxsize=16)
-def _world(robot: Path, scene: Path, changed: tuple[int, ...], places: int, one_roller: bool, substeps: int) -> World:
-    part, whole = _read(robot), _read(scene)
+def _world(robot: Path, scene: Path, changed: tuple[int, ...], kind: Shape, places: int, substeps: int) -> World:
+    part, whole = shape.robot(kind, robot), _read(scene)
     _check_solver(whole, scene.name)
     if whole.geom("carpet") is None:
         raise OmniError(f"{scene.name}: no carpet; it is a geom of this name, on which the rollers roll")
     for key in list(part.keys):  # of another size than the world's
         part.delete(key)
     alone = _compile(part, robot.name)
-    found = roles.find(alone, robot.name)
-    if len(found) != 1:
-        raise OmniError(f"{robot.name}: {len(found)} robots; one file is one robot")
-    pitch = 2 * np.pi / found[0].rollers.shape[1]
-    touching = _name_rollers(part, found[0])
-    if one_roller:
-        touching = contact_roller.reduce(part, alone, found[0])
+    (found,) = roles.find(alone, robot.name)
+    creeps = found.slip_dofs.size > 0
+    contact = creeping(alone, found.rollers.ravel(), kind.body.mass_kg / len(found.wheels)) if creeps else RIGID
+    if kind.wheels.model == "two-rollers":
+        two_rollers.reduce(part, alone, found)
     if places > 1:
         _switch_on_hulls(part, robot.name)
+    rims = [alone.body(rim).name for rim in found.rims]
+    rollers = [geom.name for geom in part.geoms if geom.parent.name.startswith("roller_")]
     for place in range(places):
         prefix = f"robot_{place + 1}/"
         whole.attach(part.copy(), frame=whole.worldbody.add_frame(), prefix=prefix)
-        for geom in touching:
-            _add_pair(whole, part.default.pair, "carpet", prefix + geom)
+        for roller in rollers:
+            contact.add(whole, "carpet", prefix + roller)
+        for rim in rims:
+            _add_load_sensor(whole, prefix + rim)
+    whole.option.impratio = contact.impratio
     whole.option.timestep = whole.option.timestep / substeps
     model = _compile(whole, robot.name)
     robots = roles.find(model, robot.name)
+    for one in robots:  # backward Euler: a slip speed decays within a step
+        model.dof_solref[one.slip_dofs] = -1.0, -STIFFEST / model.opt.timestep
+        model.dof_solimp[one.slip_dofs, :2] = STIFFEST
     if places == 1:
         standing = _standing(model)
     else:
-        standing = _each_standing(model, robots, _world(robot, scene, changed, 1, one_roller, substeps))
+        standing = _each_standing(model, robots, _world(robot, scene, changed, kind, 1, substeps))
+    pitch = 2 * np.pi / kind.wheels.rollers
     return World(
         model=model,
         robots=robots,
         standing=standing,
-        kinematics=kinematics(alone, found[0], robot.name),
-        wheels=WheelGeometry.of(model, robots[0]),
-        motor=motor(alone, found[0], robot.name),
-        motor_friction=_motor_friction(alone, robot.name),
+        kinematics=kinematics(kind.wheels),
+        wheels=WheelGeometry.of(model, robots[0], pitch),
         pairs=_pairs(model, robots),
+        loads=_loads(model, places),
         pitch=pitch,
-        one_roller=one_roller,
     )
 
 
@@ -163,18 +169,6 @@ def _check_solver(scene: mujoco.MjSpec, file: str) -> None:
         raise OmniError(f"{file}: <option> differs from what rollers need; set {', '.join(wrong)}, as scene.xml does")
 
 
-def _name_rollers(robot: mujoco.MjSpec, found: Robot) -> list[str]:
-    """Names of the rollers' geoms, which pairs need: those without one are given one."""
-    rollers = set(found.rollers.ravel().tolist())
-    names = []
-    for body in robot.bodies:
-        if body.id in rollers:
-            for number, geom in enumerate(body.geoms):
-                geom.name = geom.name or f"{body.id}_{number}"
-                names.append(geom.name)
-    return names
-
-
 def _switch_on_hulls(robot: mujoco.MjSpec, file: str) -> None:
     hulls = [geom for geom in robot.geoms if geom.classname.name == "hull"]
     if not hulls:
@@ -183,31 +177,25 @@ def _switch_on_hulls(robot: mujoco.MjSpec, file: str) -> None:
         hull.contype = hull.conaffinity = 1
 
 
-def _add_pair(world: mujoco.MjSpec, like: mujoco.MjsPair, first: str, second: str) -> None:
-    world.add_pair(
-        geomname1=first,
-        geomname2=second,
-        condim=like.condim,
-        friction=like.friction,
-        solref=like.solref,
-        solreffriction=like.solreffriction,
-        solimp=like.solimp,
-        margin=like.margin,
-        gap=like.gap,
-    )
+def _add_load_sensor(world: mujoco.MjSpec, rim: str) -> None:
+    """Have the force between carpet and whatever is on a rim sensed, in the world's axes."""
+    sensor = world.add_sensor(name=f"load/{rim}")
+    sensor.type = mujoco.mjtSensor.mjSENS_CONTACT
+    sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_GEOM, "carpet"
+    sensor.reftype, sensor.refname = mujoco.mjtObj.mjOBJ_XBODY, rim
+    # Data: force alone; of all contacts their sum; one of it.
+    sensor.intprm[:3] = 1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), 3, 1
 
 
-def _pairs(model: mujoco.MjModel, robots: tuple[Robot, ...]) -> roles.Ids:
+def _loads(model: mujoco.MjModel, places: int) -> Ids:
+    sensors = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_CONTACT)
+    return np.asarray(model.sensor_adr[sensors].reshape(places, -1) + 2)  # z
+
+
+def _pairs(model: mujoco.MjModel, robots: tuple[Robot, ...]) -> Ids:
     """Numbers of each robot's pairs, (robots, pairs)."""
     roots = model.body_rootid[model.geom_bodyid[[model.pair_geom1, model.pair_geom2]]].max(0)  # the carpet's is lower
     return np.array([np.flatnonzero(roots == robot.chassis) for robot in robots])
-
-
-def _motor_friction(robot: mujoco.MjModel, file: str) -> float:
-    names = [robot.numeric(i).name for i in range(robot.nnumeric)]
-    if "motor_friction" not in names:
-        raise OmniError(f'{file}: <custom> lacks <numeric name="motor_friction">, dry friction at a wheel in N m')
-    return float(robot.numeric("motor_friction").data[0])
 
 
 def _standing(model: mujoco.MjModel) -> Array:

@@ -1,8 +1,9 @@
 """Where a robot's parts are in a compiled model, found by what they do, not by what they are called.
 
-A wheel is a hinge driven by a <dcmotor>, and wheels are numbered in the order of these; its rollers are the bodies on
-it that have a hinge of their own; its encoder is the <jointpos> sensor on its hinge. The body with the <freejoint> that
-carries the wheels is the chassis, and the <gyro> is the one on a site of it.
+A wheel is a hinge driven by a <dcmotor>, and wheels are numbered in the order of these. On its hub is one body, the rim,
+with or without a hinge to slip on; its rollers are the bodies on the rim that have a hinge of their own; its encoder is
+the <jointpos> sensor on its hinge. The body with the <freejoint> that carries the wheels is the chassis, and the <gyro>
+is the one on a site of it.
 """
 
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from omni_control.errors import OmniError
 
 Ids = NDArray[np.int_]
+KEPT = 2  # rollers of a wheel that is computed with those at the bottom alone (`two_rollers`)
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +30,8 @@ class Robot:
         wheel_qpos: addresses of their angles, (wheels,).
         wheel_dofs: addresses of their speeds, (wheels,).
         wheels: bodies, (wheels,).
+        rims: bodies, (wheels,).
+        slip_qpos, slip_dofs: addresses of the angles and speeds of the rims on the hubs, (wheels,), or none (0,).
         rollers: bodies, (wheels, rollers), the one at the bottom at the wheel angle 0 first, then in the order in which
             they come there as the wheel turns on.
         roller_dofs: addresses of their speeds, (wheels, rollers).
@@ -43,6 +47,9 @@ class Robot:
     wheel_qpos: Ids
     wheel_dofs: Ids
     wheels: Ids
+    rims: Ids
+    slip_qpos: Ids
+    slip_dofs: Ids
     rollers: Ids
     roller_dofs: Ids
     motors: Ids
@@ -81,7 +88,11 @@ def _robot(model: mujoco.MjModel, data: mujoco.MjData, chassis: int, motors: Ids
     for joint in joints:
         if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE:
             raise OmniError(f"{file}: the joint {model.joint(joint).name!r}, which a <dcmotor> drives, is no hinge")
-    rollers = [_rollers(model, data, int(joint), file) for joint in joints]
+    rims = np.array([_rim(model, int(joint), file) for joint in joints])
+    slips = model.body_jntadr[rims[model.body_jntnum[rims] == 1]]
+    if 0 < slips.size < rims.size:
+        raise OmniError(f"{file}: some rims have a hinge to slip on, and some have none")
+    rollers = [_rollers(model, data, int(joint), int(rim), file) for joint, rim in zip(joints, rims, strict=True)]
     if len({len(r) for r in rollers}) > 1:
         raise OmniError(f"{file}: wheels with different numbers of rollers: {[len(r) for r in rollers]}")
     own = np.flatnonzero(model.body_rootid[model.jnt_bodyid] == chassis)  # joints, one after the other
@@ -95,6 +106,9 @@ def _robot(model: mujoco.MjModel, data: mujoco.MjData, chassis: int, motors: Ids
         wheel_qpos=model.jnt_qposadr[joints],
         wheel_dofs=model.jnt_dofadr[joints],
         wheels=model.jnt_bodyid[joints],
+        rims=rims,
+        slip_qpos=model.jnt_qposadr[slips],
+        slip_dofs=model.jnt_dofadr[slips],
         rollers=np.array(rollers),
         roller_dofs=model.body_dofadr[np.array(rollers)],
         motors=motors,
@@ -103,17 +117,27 @@ def _robot(model: mujoco.MjModel, data: mujoco.MjData, chassis: int, motors: Ids
     )
 
 
-def _rollers(model: mujoco.MjModel, data: mujoco.MjData, joint: int, file: str) -> Ids:
+def _rim(model: mujoco.MjModel, joint: int, file: str) -> int:
+    wheel = model.jnt_bodyid[joint]
+    on_it = np.flatnonzero(model.body_parentid == wheel)
+    if len(on_it) != 1:
+        raise OmniError(f"{file}: the wheel {model.body(wheel).name!r} must carry one body, its rim, not {len(on_it)}")
+    return int(on_it[0])
+
+
+def _rollers(model: mujoco.MjModel, data: mujoco.MjData, joint: int, rim: int, file: str) -> Ids:
     """Bodies of a wheel's rollers, in the order in which they come to the bottom."""
     wheel = model.jnt_bodyid[joint]
     one_hinge = (model.body_jntnum == 1) & (model.jnt_type[model.body_jntadr] == mujoco.mjtJoint.mjJNT_HINGE)
-    bodies = np.flatnonzero((model.body_parentid == wheel) & one_hinge)
+    bodies = np.flatnonzero((model.body_parentid == rim) & one_hinge)
     if not bodies.size:
         raise OmniError(
-            f"{file}: the wheel {model.body(wheel).name!r} has no rollers; these are bodies on it with a hinge each"
+            f"{file}: the wheel {model.body(wheel).name!r} has no rollers; these are bodies on its rim with a hinge each"
         )
     spokes, axle, down = data.xpos[bodies] - data.xanchor[joint], data.xaxis[joint], np.array([0.0, 0.0, -1.0])
     ahead = np.arctan2(np.cross(spokes, down) @ axle, spokes @ down)  # how far the wheel must turn for each
+    if len(bodies) == KEPT:  # of a wheel whose other rollers are lumped
+        return bodies[np.argsort(np.abs(ahead))]
     pitch = 2 * np.pi / len(bodies)
     order = np.rint(ahead / pitch).astype(int) % len(bodies)
     apart = np.abs(ahead - np.rint(ahead / pitch) * pitch).max()

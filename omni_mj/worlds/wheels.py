@@ -1,55 +1,24 @@
-"""What is measured on a compiled robot: geometry of its wheels, its motor; and how fast the contact points slide."""
+"""How fast the contact points of wheels without creep slide."""
 
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, world_to_body
 from omni_mj.worlds.roles import Ids, Robot
 
 
 @dataclass(frozen=True)
 class Motor:
-    """The model's motor and gear: torque constant (N m/A = V s/rad), resistance (ohm), gear ratio."""
-
     constant: float
     resistance: float
     gear: float
 
-
-def motor(model: mujoco.MjModel, robot: Robot, file: str) -> Motor:
-    """Read the motor from the wheels' dcmotors, which must be alike; `file` is named in messages."""
-    resistance, constant = model.actuator_gainprm[robot.motors, :2].T
-    gear = model.actuator_gear[robot.motors, 0]
-    if any(np.ptp(values) > 0 for values in (resistance, constant, gear)):
-        raise OmniError(f"{file}: the <dcmotor>s of the wheels must be alike")
-    return Motor(float(constant[0]), float(resistance[0]), float(gear[0]))
-
-
-def kinematics(model: mujoco.MjModel, robot: Robot, file: str) -> Kinematics:
-    """Measure azimuths, arm and radius of the wheels on the robot as modelled, standing on a carpet at z = 0.
-
-    Raises:
-        OmniError: wheels for which equation 3 does not hold: at different distances, of different radii, or with axles
-            that do not point to the robot's centre. `file` is named.
-    """
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    axes = data.xmat[robot.chassis].reshape(3, 3)
-    centres = (data.xanchor[robot.joints] - data.xpos[robot.chassis]) @ axes
-    arm, radius = np.hypot(*centres[:, :2].T), data.xanchor[robot.joints, 2]
-    if np.ptp(arm) > 1e-5 or np.ptp(radius) > 1e-5:
-        raise OmniError(f"{file}: wheels at different distances ({arm} m) or of different radii ({radius} m)")
-    inward = -centres * [1, 1, 0] / arm[:, None]
-    if (bad := np.abs(data.xaxis[robot.joints] @ axes - inward).max(1) > 1e-4).any():
-        hinge = model.joint(robot.joints[np.argmax(bad)]).name
-        raise OmniError(
-            f"{file}: the axis of {hinge!r} must point to the robot's centre: a positive speed drives counter-clockwise"
-        )
-    azimuths = np.arctan2(centres[:, 1], centres[:, 0]) % (2 * np.pi)
-    return Kinematics(azimuths, float(arm[0]), float(radius[0]))
+    @classmethod
+    def of(cls, settings) -> "Motor":
+        m = settings.motor
+        return cls(m.constant_nm_a, m.resistance_ohm, m.gear)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,14 +44,14 @@ class WheelGeometry:
     height: float
 
     @classmethod
-    def of(cls, model: mujoco.MjModel, robot: Robot) -> "WheelGeometry":
-        """Read it from a compiled model."""
+    def of(cls, model: mujoco.MjModel, robot: Robot, pitch: float) -> "WheelGeometry":
+        """Read it from a compiled model, whose whole wheels have rollers `pitch` (rad) apart."""
         return cls(
             robot.roller_dofs - robot.dofs.start,
             robot.wheel_qpos - robot.qpos.start,
             robot.wheel_dofs - robot.dofs.start,
             float(np.linalg.norm(model.body_pos[robot.rollers[0, 0]])),
-            2 * np.pi / robot.rollers.shape[1],
+            pitch,
             float(model.qpos0[robot.qpos.start + 2]),
         )
 

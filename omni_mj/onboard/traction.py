@@ -1,0 +1,108 @@
+"""Between rubber and carpet: creep, Coulomb's limit and drag of every wheel.
+
+**Creep.** Rubber that comes into the contact is unstrained and leaves it strained, as in the brush model of a tyre (H. B.
+Pacejka, Tire and Vehicle Dynamics, chapter 3). In a contact of length l that travels at |v| over the carpet, a rim that
+slides at s against the direction of its pull strains the rubber by s t after the time t in the contact, s l/|v| at its
+end. With a stiffness k per length and strain its traction is f = k l^2 s / (2 |v|): slip speed and traction are
+proportional, and the slip falls as the travel grows fresh rubber faster. Contact length and stiffness grow with the load
+N so that k l^2 / 2 = C N, with one number C for a robot, its creep stiffness:
+
+    s = |v| f / (N C),    |f| <= mu N.
+
+|v| is the speed of the wheel's centre over the carpet in whatever direction, for rollers bring fresh rubber along the
+axle as well; a wheel that stands does not creep. A robot with W wheels whose directions have the cosines d_i, that
+speeds up at a, so is slower than its wheels by s/v = T a, T = W / (g C sum d_i^2): measured on robots of TIGERs Mannheim
+(`omni-mj slip`).
+
+**How it is computed.** A hinge between hub and rim slides; the contacts below do not. Its dry friction is the limit mu N
+R; and as a constraint a + Q tau = -w/h with Q = |v| / (h R^2 N C) it is, over a step h, backward Euler for the law
+above: the slip's angular speed becomes w = -h Q tau, for a torque tau = f R. In MuJoCo's words d = A / (A + Q) with the
+hinge's inverse inertia A. Load is that which the contacts carried in the step before.
+
+**Drag** acts where wheels touch, in proportion to load. The pile of the carpet is pressed down in front of a wheel and
+pushes against it, radially, so not about its axle: p N against the wheel's travel. Rollers turn on plain bearings as the
+wheel travels along its axle: b N against that. Both are forces on the body which the wheels must pull, and creep for.
+The bearing's goes through the contact, and leaves of the friction circle mu N only sqrt(mu^2 - b^2) N for the rim.
+Drag, travel and the carpet under a wheel change slowly, and are looked at every `EVERY` cycles.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from omni_control.kinematics import Array, Kinematics
+from omni_mj.scenarios.settings import Settings, column
+
+EVERY = 4  # cycles of the wheel loops
+AT_REST_M_S = 0.01  # below it, dry drag fades, and a robot comes to rest
+LEAST_LOAD_N = 1e-3  # of a wheel in the air
+
+
+class Traction:
+    """Wheels of n robots.
+
+    Args:
+        settings: one per robot.
+        kinematics: of the robots' wheels.
+        centre: of mass of the chassis, from the middle of the wheels' contacts, (3,) m.
+        inverse_inertia: of the slip hinges, (W,) 1/(kg m^2).
+        timestep: of the physics, s.
+
+    Attributes:
+        limit: highest dry friction of the slip hinges at the last load, (n, W) N m.
+        impedance: of the slip hinges' friction constraints, (n, W); MuJoCo keeps it within 0.0001 and 0.9999.
+        wrench: force and torque of the drag on the chassis, world frame, (n, 6) N and N m.
+    """
+
+    def __init__(
+        self,
+        settings: Sequence[Settings],
+        kinematics: Kinematics,
+        centre: Array,
+        inverse_inertia: Array,
+        timestep: float,
+    ) -> None:
+        shape = (len(settings), len(kinematics.azimuths))
+        carpet, drive = [s.carpet for s in settings], [s.drive for s in settings]
+        self._outward = np.exp(1j * kinematics.azimuths)
+        self._inward, self._turning = self._outward.conj(), 1j * kinematics.arm
+        self._centre, self._arm, self._radius = centre, kinematics.arm, kinematics.radius
+        self._friction = np.broadcast_to(column(carpet, "friction"), shape)
+        self._pile, self._bearing = column(carpet, "pile"), column(drive, "roller_friction")
+        stiffness = column(drive, "creep_stiffness")
+        self._creep = 1 / (timestep * kinematics.radius**2 * stiffness * inverse_inertia)
+        self.limit, self.impedance = np.zeros(shape), np.ones(shape)
+        self.wrench = np.zeros((shape[0], 6))
+        self._softness, self._rim_friction = np.zeros(shape), self._friction * kinematics.radius
+
+    def travel(self, quaternion: Array, velocity: Array, load: Array) -> None:
+        """Look at where robots go: drag, and how fast wheels travel.
+
+        Vectors of the plane are complex numbers here, of a wheel's frame with the part along the axle first.
+
+        Args:
+            quaternion: (n, 4), of robots that stand upright.
+            velocity: of the free joints, (n, 6).
+            load: of the wheels, (n, W) N.
+        """
+        heading = (quaternion[:, 0] + 1j * quaternion[:, 3]) ** 2
+        body = (velocity[:, 0] + 1j * velocity[:, 1]) * heading.conj()
+        wheel = body[:, None] * self._inward + self._turning * velocity[:, 5:6]
+        speed, axle = np.abs(wheel), wheel.real
+        held = self._bearing / np.maximum(np.abs(axle), AT_REST_M_S) * axle
+        drag = load * (self._pile / np.maximum(speed, AT_REST_M_S) * wheel + held)
+        force = -(drag @ self._outward)
+        world = force * heading
+        x, _, height = self._centre
+        wrench = self.wrench
+        wrench[:, 0], wrench[:, 1] = world.real, world.imag
+        wrench[:, 3], wrench[:, 4] = height * world.imag, -height * world.real
+        wrench[:, 5] = -self._arm * drag.imag.sum(1) - x * force.imag
+        self._softness = self._creep * speed
+        self._rim_friction = np.sqrt(np.maximum(self._friction**2 - held * held, 0.0)) * self._radius
+
+    def press(self, load: Array) -> None:
+        """Find limit and creep of the wheels under a load (n, W) in N."""
+        pressed = np.maximum(load, LEAST_LOAD_N)
+        np.multiply(self._rim_friction, pressed, out=self.limit)
+        np.divide(pressed, pressed + self._softness, out=self.impedance)

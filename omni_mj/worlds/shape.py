@@ -1,0 +1,179 @@
+"""A robot as a model: the MJCF of its shape, into which the numbers of its settings are written.
+
+models/ssl_robot.xml says what a robot is made of: chassis, hull, sensors, and a wheel of hub, rim and rollers. The
+settings say how large, how heavy, how many: sections `body` and `wheels`, and of the motor its gear and rotor. Of the
+file's wheels the first is copied for each azimuth; what the chassis weighs is what the wheels leave of the robot.
+"""
+
+import copy
+import math
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array
+from omni_mj.scenarios.settings import BodySettings, Settings, WheelSettings
+
+Element = ElementTree.Element
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What of its settings a robot's model depends on.
+
+    Args:
+        body: mass and inertia.
+        wheels: their geometry, and how they are computed.
+        gear: turns of the motor for one of the wheel.
+        rotor_inertia: of the motor, kg m^2.
+    """
+
+    body: BodySettings
+    wheels: WheelSettings
+    gear: float
+    rotor_inertia: float
+
+    @classmethod
+    def of(cls, settings: Settings) -> "Shape":
+        """That of a robot under these settings."""
+        return cls(settings.body, settings.wheels, settings.motor.gear, settings.motor.rotor_inertia_kg_m2)
+
+
+def robot(shape: Shape, file: Path) -> mujoco.MjSpec:
+    """The model of one robot.
+
+    Args:
+        shape: its numbers.
+        file: MJCF of its parts.
+
+    Raises:
+        OmniError: the file lacks a part, or the wheels weigh more than the robot.
+    """
+    root = _parsed(file)
+    _write_wheels(root, shape, file.name)
+    spec = _spec(root, file)
+    _balance(spec, shape.body, file.name)
+    return spec
+
+
+def _parsed(file: Path) -> Element:
+    try:
+        return ElementTree.parse(file).getroot()
+    except ElementTree.ParseError as error:
+        raise OmniError(f"{file.name}: {error}") from error
+
+
+def _spec(root: Element, file: Path) -> mujoco.MjSpec:
+    try:
+        spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+    except ValueError as error:
+        raise OmniError(f"{file.name}: {' '.join(str(error).split())}") from error
+    spec.modelfiledir = str(file.parent)
+    return spec
+
+
+def _write_wheels(root: Element, shape: Shape, file: str) -> None:
+    """Put a copy of the first wheel, with its motor and its encoder, where each wheel is."""
+    wheels, chassis = shape.wheels, _found(root, "worldbody/body", file)
+    frames = chassis.findall("frame")
+    pattern = _found(chassis, "frame", file)
+    for frame in frames:
+        chassis.remove(frame)
+    for element in root.findall("actuator/dcmotor")[1:]:
+        _found(root, "actuator", file).remove(element)
+    for element in root.findall("sensor/jointpos")[1:]:
+        _found(root, "sensor", file).remove(element)
+    for number, azimuth in enumerate(wheels.azimuths_deg, 1):
+        frame = _numbered(pattern, number)
+        frame.set("euler", f"0 0 {azimuth!r}")
+        _found(frame, "body", file).set("pos", f"{wheels.arm_m!r} 0 {wheels.radius_m!r}")
+        _write_rollers(frame, wheels, file)
+        chassis.append(frame)
+    for path in ("actuator/dcmotor", "sensor/jointpos"):
+        parent = _found(root, path.split("/")[0], file)
+        first = _found(root, path, file)
+        parent.remove(first)
+        parent.extend(_numbered(first, number) for number, _ in enumerate(wheels.azimuths_deg, 1))
+    motor = _found(root, "default/dcmotor", file)
+    motor.set("gear", repr(shape.gear))
+    motor.set("armature", repr(shape.rotor_inertia))
+
+
+def _write_rollers(frame: Element, wheels: WheelSettings, file: str) -> None:
+    """Make the rollers of a wheel close its circle; without creep, the rim is part of the hub."""
+    rim = _found(frame, "body/body", file)
+    if wheels.creep == "off":
+        rim.remove(_found(rim, "joint", file))
+    rollers = _found(rim, "replicate", file)
+    rollers.set("count", str(wheels.rollers))
+    rollers.set("euler", f"{360 / wheels.rollers!r} 0 0")
+    roller = _found(rollers, "body", file)
+    roller.set("pos", f"0 0 {wheels.roller_radius_m - wheels.radius_m!r}")
+    # A barrel: its profile's radius of curvature is the wheel's radius.
+    barrel = wheels.roller_radius_m, wheels.roller_radius_m, math.sqrt(wheels.radius_m * wheels.roller_radius_m)
+    _found(roller, "geom", file).set("size", " ".join(map(repr, barrel)))
+
+
+def _numbered(first: Element, number: int) -> Element:
+    """A copy of what belongs to wheel 1, named for another."""
+    element = copy.deepcopy(first)
+    for each in element.iter():
+        for name in ("name", "joint"):
+            if value := each.get(name):
+                each.set(name, value.replace("_1", f"_{number}"))
+    return element
+
+
+def _found(parent: Element, path: str, file: str) -> Element:
+    element = parent.find(path)
+    if element is None:
+        raise OmniError(f"{file}: <{parent.tag}> lacks {path}, as models/ssl_robot.xml has it")
+    return element
+
+
+def _balance(spec: mujoco.MjSpec, body: BodySettings, file: str) -> None:
+    """Give the chassis the mass and inertia that all other bodies leave it."""
+    (chassis,) = (each for each in spec.worldbody.bodies)
+    model = spec.compile()
+    others = [number for number in range(1, model.nbody) if number != chassis.id]
+    mass, centre, inertia = composite(model, others)
+    left = body.mass_kg - mass
+    whole = np.array([body.centre_x_m, 0.0, body.centre_height_m])
+    if left <= 0:
+        raise OmniError(f"body.mass_kg must be more than the {mass:.3f} kg of the wheels, not {body.mass_kg:g}")
+    at = (body.mass_kg * whole - mass * centre) / left
+    own = np.diag([body.tilt_inertia_kg_m2, body.tilt_inertia_kg_m2, body.yaw_inertia_kg_m2])
+    own = own - inertia - mass * _spread(centre - whole) - left * _spread(at - whole)
+    principal = np.linalg.eigvalsh(own)
+    if principal[0] <= 0 or principal[2] > principal[:2].sum():
+        raise OmniError(
+            f"body.yaw_inertia_kg_m2 and body.tilt_inertia_kg_m2 leave the chassis without its wheels the principal "
+            f"inertias {principal} kg m^2, which no body has"
+        )
+    chassis.explicitinertial = True
+    chassis.mass, chassis.ipos, chassis.iquat = left, at, [1.0, 0.0, 0.0, 0.0]
+    chassis.inertia = np.zeros(3)  # the compiler takes either this or the full matrix
+    chassis.fullinertia = own[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+
+
+def composite(model: mujoco.MjModel, bodies: Iterable[int]) -> tuple[float, Array, Array]:
+    """Mass, centre of mass (3,) and inertia (3, 3) about it of some bodies as modelled, in the world's frame."""
+    data, chosen = mujoco.MjData(model), list(bodies)
+    mujoco.mj_kinematics(model, data)
+    mass, at = model.body_mass[chosen], data.xipos[chosen]
+    centre = mass @ at / mass.sum()
+    inertia = np.zeros((3, 3))
+    for number, m, r in zip(chosen, mass, at - centre, strict=True):
+        axes = data.ximat[number].reshape(3, 3)
+        inertia += axes @ np.diag(model.body_inertia[number]) @ axes.T + m * _spread(r)
+    return float(mass.sum()), centre, inertia
+
+
+def _spread(r: Array) -> Array:
+    """Inertia of a unit mass at r about the origin, m^2."""
+    return np.asarray(r @ r * np.eye(3) - np.outer(r, r))
