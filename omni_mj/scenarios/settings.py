@@ -187,8 +187,12 @@ class BodySettings(Checked):
     """The whole robot, wheels included."""
 
     mass_kg: float = setting(of_robot("body.mass_kg"), "kg", "mass", 0.5, 20)
-    centre_x_m: float = setting(of_robot("body.centre_x_m"), "m", "centre of mass ahead of the wheels' centre", -0.1, 0.1)
-    centre_height_m: float = setting(of_robot("body.centre_height_m"), "m", "centre of mass above the carpet", 0.01, 0.15)
+    centre_x_m: float = setting(
+        of_robot("body.centre_x_m"), "m", "centre of mass ahead of the wheels' centre", -0.1, 0.1
+    )
+    centre_height_m: float = setting(
+        of_robot("body.centre_height_m"), "m", "centre of mass above the carpet", 0.01, 0.15
+    )
     yaw_inertia_kg_m2: float = setting(
         of_robot("body.yaw_inertia_kg_m2"), "kg m^2", "about the vertical axis through the centre of mass", 1e-4, 1
     )
@@ -207,7 +211,12 @@ class WheelSettings(Checked):
         "on", "", "on: rubber creeps under traction, as measured; off: wheels that do not, for comparison"
     )
     azimuths_deg: Angles = setting(
-        of_robot("wheels.azimuths_deg"), "deg", "where they are, counter-clockwise from straight ahead", 3, 8, several=True
+        of_robot("wheels.azimuths_deg"),
+        "deg",
+        "where they are, counter-clockwise from straight ahead",
+        3,
+        8,
+        several=True,
     )
     arm_m: float = setting(of_robot("wheels.arm_m"), "m", "from the robot's centre to where they touch", 0.02, 0.5)
     radius_m: float = setting(of_robot("wheels.radius_m"), "m", "radius", 0.01, 0.2)
@@ -228,7 +237,11 @@ class DriveSettings(Checked):
         of_robot("drive.roller_damping_nm_s"), "N m s/rad", "viscous friction of a roller's bearing", 0, 2e-5
     )
     creep_stiffness: float = setting(
-        of_robot("drive.creep_stiffness"), "", "traction over load that a slip of 1 would take, below friction", 0.1, 1e3
+        of_robot("drive.creep_stiffness"),
+        "",
+        "traction over load that a slip of 1 would take, below friction",
+        0.1,
+        1e3,
     )
 
 

@@ -22,7 +22,7 @@ from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.teams import assemble
-from omni_mj.worlds.build import world
+from omni_mj.worlds.build import kinematics
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class Simulation:
         self._seen: Seen | None = None
 
         start = np.array([reference.poses[0] for reference in self.references])
-        geometry = world(self.rows[0].robot).kinematics
+        geometry = kinematics(self.rows[0].settings.wheels)
         self.plant: Plant = find_plant(self.scenario.plant)(self.rows, start)
         self.camera = Camera([row.settings.vision for row in self.rows], noise)
         self.team = assemble(self.rows, self._kinds, start, geometry, self.plant.geometry is not None, self._stop)

@@ -19,7 +19,6 @@ radius at which it turns), a drag of its own at one roller a pitch. So the newco
 import mujoco
 import numpy as np
 
-from omni_control.kinematics import Array
 from omni_mj.worlds.columns import Columns
 from omni_mj.worlds.roles import KEPT, Robot
 from omni_mj.worlds.shape import composite

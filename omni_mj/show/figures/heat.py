@@ -7,7 +7,7 @@ from omni_mj.show import style
 from omni_mj.show.figures import canvas
 from omni_mj.show.figures.first import FirstRows
 from omni_mj.show.wheels import names_of
-from omni_mj.worlds.build import world
+from omni_mj.worlds.build import kinematics
 
 PARTS = ("winding", "housing")
 LEAST_SPAN_K = 1.0
@@ -28,7 +28,7 @@ def temperatures(first: FirstRows) -> Figure:
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
         for i, name in enumerate(first.names):
             axes, limit_c = grid[i, j], rows[i].settings.motor.limit_c
-            for motor, place in enumerate(names_of(world(rows[i].robot).kinematics.azimuths)):
+            for motor, place in enumerate(names_of(kinematics(rows[i].settings.wheels).azimuths)):
                 frames, kept = canvas.thin(values[:, i, motor])
                 step = max(len(kept) // 6, 1)
                 label = f"motor {motor + 1}, {place}"

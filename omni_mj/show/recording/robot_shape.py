@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import rerun as rr
 
+from omni_mj.scenarios.settings import Settings
 from omni_mj.worlds import build
 from omni_mj.worlds.roles import Robot
 
@@ -17,10 +18,13 @@ _CYLINDER, _BOX, _ELLIPSOID = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjG
 _SPHERE, _CAPSULE, _MESH = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_MESH
 
 
-@lru_cache(maxsize=4)
-def _at_rest(robot: str) -> tuple[mujoco.MjModel, mujoco.MjData, Robot]:
+def _at_rest(settings: Settings) -> tuple[mujoco.MjModel, mujoco.MjData, Robot]:
     """The model with the chassis over the origin, so that world coordinates are the robot's own."""
-    world = build.world(robot)
+    return _posed(build.world(settings))
+
+
+@lru_cache(maxsize=4)
+def _posed(world: build.World) -> tuple[mujoco.MjModel, mujoco.MjData, Robot]:
     model, parts = world.model, world.robots[0]
     data = mujoco.MjData(model)
     data.qpos[parts.qpos[:2]] = 0.0
@@ -29,17 +33,17 @@ def _at_rest(robot: str) -> tuple[mujoco.MjModel, mujoco.MjData, Robot]:
     return model, data, parts
 
 
-def wheel_mounts(robot: str) -> list[tuple[np.ndarray, np.ndarray]]:
+def wheel_mounts(robot: Settings) -> list[tuple[np.ndarray, np.ndarray]]:
     """Per wheel, the axle's position (3,) in m and its axis (3,), in the robot's frame."""
     _, data, parts = _at_rest(robot)
     return [(data.xanchor[joint].copy(), data.xaxis[joint].copy()) for joint in parts.joints]
 
 
-def log(stream: rr.RecordingStream, entity: str, colour: tuple[int, int, int], robot: str) -> None:
+def log(stream: rr.RecordingStream, entity: str, colour: tuple[int, int, int], robot: Settings) -> None:
     """Log chassis and wheels once, static, under `entity`; the cover in `colour` to tell robots apart."""
     model, _, parts = _at_rest(robot)
     own = np.flatnonzero(model.body_rootid == parts.chassis)
-    turning = np.concatenate([parts.wheels, parts.rollers.ravel()])
+    turning = np.concatenate([parts.wheels, parts.rims, parts.rollers.ravel()])
     _log_geoms(stream, f"{entity}/chassis", robot, np.setdiff1d(own, turning), np.zeros(3), colour)
     for i, (position, _) in enumerate(wheel_mounts(robot)):
         bodies = np.append(parts.rollers[i], parts.wheels[i])
@@ -49,7 +53,7 @@ def log(stream: rr.RecordingStream, entity: str, colour: tuple[int, int, int], r
 def _log_geoms(
     stream: rr.RecordingStream,
     entity: str,
-    robot: str,
+    robot: Settings,
     bodies: np.ndarray,
     origin: np.ndarray,
     colour: tuple[int, int, int],
@@ -86,7 +90,7 @@ def _log_geoms(
 def _log_mesh(
     stream: rr.RecordingStream,
     entity: str,
-    robot: str,
+    robot: Settings,
     geom: int,
     origin: np.ndarray,
     colour: tuple[int, int, int],

@@ -6,6 +6,7 @@ import numpy as np
 import rerun as rr
 
 from omni_control.kinematics import Array
+from omni_mj.scenarios.settings import Settings
 from omni_mj.show import field
 from omni_mj.show.recording import colours, robot_shape
 from omni_mj.show.recording.robots import Robot, Track
@@ -32,13 +33,13 @@ def extent(paths: Iterable[Array]) -> tuple[Array, Array]:
     return points.min(0) - MARGIN_M, points.max(0) + MARGIN_M
 
 
-def log_static(stream: rr.RecordingStream, robots: Sequence[Robot], model: str, paths: Sequence[Array]) -> None:
+def log_static(stream: rr.RecordingStream, robots: Sequence[Robot], settings: Settings, paths: Sequence[Array]) -> None:
     """Log once what stays.
 
     Args:
         stream: of the recording.
         robots: whose shapes, colours and names are logged.
-        model: which robot they are.
+        settings: of one of them; they are of one kind.
         paths: the references that they follow, each (frames, 3), which lie on the carpet.
     """
     stream.log("world", rr.ViewCoordinates.FLU, static=True)
@@ -50,7 +51,7 @@ def log_static(stream: rr.RecordingStream, robots: Sequence[Robot], model: str, 
     (left, front), (right, _) = extent(paths)
     for robot in robots:
         entity, count = f"world/{robot.name}", len(robots)
-        robot_shape.log(stream, f"{entity}/robot", robot.colour, model)
+        robot_shape.log(stream, f"{entity}/robot", robot.colour, settings)
         # Their names as a legend on the carpet: above robots so close to each other they would hide them.
         row = robot.order % 2 if count > CROWD else 0
         place = [[left + (right - left) * (robot.order + 0.5) / count, front - row * ROW_M, 0.01]]
@@ -71,13 +72,13 @@ def send_targets(stream: rr.RecordingStream, paths: Sequence[Array], frames: Fra
     stream.send_columns("world/reference/target", indexes(frames), columns)
 
 
-def send(stream: rr.RecordingStream, robot: Robot, model: str, track: Track, frames: Frames) -> None:
-    """Send where a robot, of a `model`, was in `frames`, and where it was believed to be."""
+def send(stream: rr.RecordingStream, robot: Robot, settings: Settings, track: Track, frames: Frames) -> None:
+    """Send where a robot, under these settings, was in `frames`, and where it was believed to be."""
     entity, time, pose = f"world/{robot.name}", indexes(frames), track["pose"][frames]
     lift = robot.order * TIE_M
     stream.send_columns(f"{entity}/robot", time, _transform(_at(pose, lift), pose[:, 2], _UP))
     angles = np.nan_to_num(track["wheel_angle"][frames])  # the kinematic plant's wheels do not turn
-    for i, (position, axis) in enumerate(robot_shape.wheel_mounts(model)):
+    for i, (position, axis) in enumerate(robot_shape.wheel_mounts(settings)):
         mount = np.broadcast_to(position, (len(frames), 3))
         stream.send_columns(f"{entity}/robot/wheel_{i + 1}", time, _transform(mount, angles[:, i], axis))
     # A segment per frame, from the frame before: the viewer shows those up to its time cursor.

@@ -16,7 +16,7 @@ from omni_mj.show.recording.layout import blueprint
 from omni_mj.show.recording.robots import Track
 from omni_mj.show.recording.timelines import Frames, indexes
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.worlds.build import world
+from omni_mj.worlds.build import kinematics
 
 APPLICATION = "omni-mj"
 
@@ -99,7 +99,7 @@ class Recording:
         self._watches = [Watch(log, robot.row) for robot in self._robots]
         telemetry = vars(simulation.plant.telemetry())
         absent = {name for name, values in telemetry.items() if np.isnan(values).all()}  # a plant may have no wheels
-        wheels = world(log.rows[0].robot).kinematics
+        wheels = kinematics(log.rows[0].settings.wheels)
         self._tabs = tabs.tabs(wheels, absent)
         self._lines = tabs.drawn(self._tabs, self._robots, len(wheels.azimuths))
         self._tabs[tabs.OWN_TAB] = tabs.own(log.columns)
@@ -110,7 +110,7 @@ class Recording:
         self._connect(stream)
         seed = log.rows[0].seed
         stream.send_recording_name(f"{chosen.name} on {chosen.plant}, seed {seed}")
-        scene.log_static(stream, self._robots, log.rows[0].robot, self._paths)
+        scene.log_static(stream, self._robots, log.rows[0].settings, self._paths)
         for line in self._lines:
             stream.log(line.entity, line.style(), static=True)
         texts.log(stream, "settings", texts.settings(chosen, log.controllers, seed))
@@ -125,7 +125,7 @@ class Recording:
             texts.send_events(stream, robot, watch.new(self._simulation.failures))
             recorded = frames[frames < track.length]
             if recorded.size:
-                scene.send(stream, robot, self._log.rows[robot.row].robot, track, recorded)
+                scene.send(stream, robot, self._log.rows[robot.row].settings, track, recorded)
                 for line in self._lines:
                     if line.robot is robot:
                         stream.send_columns(line.entity, indexes(recorded), line.columns(track, recorded))
