@@ -1,28 +1,28 @@
 """Between rubber and carpet: creep, Coulomb's limit and drag of every wheel.
 
-**Creep.** Rubber that comes into the contact is unstrained and leaves it strained, as in the brush model of a tyre (H. B.
-Pacejka, Tire and Vehicle Dynamics, chapter 3). In a contact of length l that travels at |v| over the carpet, a rim that
-slides at s against the direction of its pull strains the rubber by s t after the time t in the contact, s l/|v| at its
-end. With a stiffness k per length and strain its traction is f = k l^2 s / (2 |v|): slip speed and traction are
-proportional, and the slip falls as the travel grows fresh rubber faster. Contact length and stiffness grow with the load
-N so that k l^2 / 2 = C N, with one number C for a robot, its creep stiffness:
+**Creep.** Rubber that comes into the contact is unstrained and leaves it strained, as in the brush model of a tyre (H.
+B. Pacejka, Tire and Vehicle Dynamics, chapter 3). In a contact of length l that travels at |v| over the carpet, a rim
+that slides at s against the direction of its pull strains the rubber by s t after the time t in the contact, s l/|v| at
+its end. With a stiffness k per length and strain its traction is f = k l^2 s / (2 |v|): slip speed and traction are
+proportional, and the slip falls as the travel grows fresh rubber faster. Contact length and stiffness grow with the
+load N so that k l^2 / 2 = C N, with one number C for a robot, its creep stiffness:
 
     s = |v| f / (N C),    |f| <= mu N.
 
 |v| is the speed of the wheel's centre over the carpet in whatever direction, for rollers bring fresh rubber along the
 axle as well; a wheel that stands does not creep. A robot with W wheels whose directions have the cosines d_i, that
-speeds up at a, so is slower than its wheels by s/v = T a, T = W / (g C sum d_i^2): measured on robots of TIGERs Mannheim
-(`omni-mj slip`).
+speeds up at a, so is slower than its wheels by s/v = T a, T = W / (g C sum d_i^2): measured on robots of TIGERs
+Mannheim (`omni-mj slip`).
 
-**How it is computed.** A hinge between hub and rim slides; the contacts below do not. Its dry friction is the limit mu N
-R; and as a constraint a + Q tau = -w/h with Q = |v| / (h R^2 N C) it is, over a step h, backward Euler for the law
+**How it is computed.** A hinge between hub and rim slides; the contacts below do not. Its dry friction is the limit mu
+N R; and as a constraint a + Q tau = -w/h with Q = |v| / (h R^2 N C) it is, over a step h, backward Euler for the law
 above: the slip's angular speed becomes w = -h Q tau, for a torque tau = f R. In MuJoCo's words d = A / (A + Q) with the
 hinge's inverse inertia A. Load is that which the contacts carried in the step before.
 
 **Drag** acts where wheels touch, in proportion to load. The pile of the carpet is pressed down in front of a wheel and
-pushes against it, radially, so not about its axle: p N against the wheel's travel. Rollers turn on plain bearings as the
-wheel travels along its axle: b N against that. Both are forces on the body which the wheels must pull, and creep for.
-The bearing's goes through the contact, and leaves of the friction circle mu N only sqrt(mu^2 - b^2) N for the rim.
+pushes against it, radially, so not about its axle: p N against the wheel's travel. Rollers turn on plain bearings as
+the wheel travels along its axle: b N against that. Both are forces on the body which the wheels must pull, and creep
+for. The bearing's goes through the contact, and leaves of the friction circle mu N only sqrt(mu^2 - b^2) N for the rim.
 Drag, travel and the carpet under a wheel change slowly, and are looked at every `EVERY` cycles.
 """
 

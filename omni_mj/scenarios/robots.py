@@ -1,7 +1,7 @@
 """Robots: what their files give for settings.
 
-A robot is a TOML file of settings by section, like a scenario: they are the defaults of whatever that robot drives. What
-the default robot's file gives depends on the robot, so that every other must give it too.
+A robot is a TOML file of settings by section, like a scenario: they are the defaults of whatever that robot drives.
+What the default robot's file gives depends on the robot, so that every other must give it too.
 """
 
 import tomllib

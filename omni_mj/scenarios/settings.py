@@ -188,10 +188,10 @@ class BodySettings(Checked):
 
     mass_kg: float = setting(of_robot("body.mass_kg"), "kg", "mass", 0.5, 20)
     centre_x_m: float = setting(
-        of_robot("body.centre_x_m"), "m", "centre of mass ahead of the wheels' centre", -0.1, 0.1
+        of_robot("body.centre_x_m"), "m", "centre of mass, ahead of the middle", -0.1, 0.1
     )
     centre_height_m: float = setting(
-        of_robot("body.centre_height_m"), "m", "centre of mass above the carpet", 0.01, 0.15
+        of_robot("body.centre_height_m"), "m", "centre of mass, height", 0.01, 0.15
     )
     yaw_inertia_kg_m2: float = setting(
         of_robot("body.yaw_inertia_kg_m2"), "kg m^2", "about the vertical axis through the centre of mass", 1e-4, 1
@@ -213,7 +213,7 @@ class WheelSettings(Checked):
     azimuths_deg: Angles = setting(
         of_robot("wheels.azimuths_deg"),
         "deg",
-        "where they are, counter-clockwise from straight ahead",
+        "where they are, counter-clockwise from ahead",
         3,
         8,
         several=True,
@@ -239,7 +239,7 @@ class DriveSettings(Checked):
     creep_stiffness: float = setting(
         of_robot("drive.creep_stiffness"),
         "",
-        "traction over load that a slip of 1 would take, below friction",
+        "traction over load per slip, below friction",
         0.1,
         1e3,
     )

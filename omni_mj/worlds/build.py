@@ -1,8 +1,8 @@
 """Builds the world that robots drive in: a scene, n robots attached to it by prefix, and the contacts between them.
 
-What touches what is made here. Rollers touch the geom `carpet` of the scene by explicit pairs (see `contact`). Hulls (the
-robot's geoms of the class `hull`) are off as modelled; with more than one robot in a world they are switched on, and
-meet each other and every geom of the scene that collides: walls, and the carpet under a robot that has fallen.
+What touches what is made here. Rollers touch the geom `carpet` of the scene by explicit pairs (see `contact`). Hulls
+(the robot's geoms of the class `hull`) are off as modelled; with more than one robot in a world they are switched on,
+and meet each other and every geom of the scene that collides: walls, and the carpet under a robot that has fallen.
 """
 
 from dataclasses import dataclass

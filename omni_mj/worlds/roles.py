@@ -1,9 +1,9 @@
 """Where a robot's parts are in a compiled model, found by what they do, not by what they are called.
 
-A wheel is a hinge driven by a <dcmotor>, and wheels are numbered in the order of these. On its hub is one body, the rim,
-with or without a hinge to slip on; its rollers are the bodies on the rim that have a hinge of their own; its encoder is
-the <jointpos> sensor on its hinge. The body with the <freejoint> that carries the wheels is the chassis, and the <gyro>
-is the one on a site of it.
+A wheel is a hinge driven by a <dcmotor>, and wheels are numbered in the order of these. On its hub is one body, the
+rim, with or without a hinge to slip on; its rollers are the bodies on the rim that have a hinge of their own; its
+encoder is the <jointpos> sensor on its hinge. The body with the <freejoint> that carries the wheels is the chassis, and
+the <gyro> is the one on a site of it.
 """
 
 from dataclasses import dataclass
@@ -132,7 +132,7 @@ def _rollers(model: mujoco.MjModel, data: mujoco.MjData, joint: int, rim: int, f
     bodies = np.flatnonzero((model.body_parentid == rim) & one_hinge)
     if not bodies.size:
         raise OmniError(
-            f"{file}: the wheel {model.body(wheel).name!r} has no rollers; these are bodies on its rim with a hinge each"
+            f"{file}: the wheel {model.body(wheel).name!r} has no rollers, bodies on its rim with a hinge each"
         )
     spokes, axle, down = data.xpos[bodies] - data.xanchor[joint], data.xaxis[joint], np.array([0.0, 0.0, -1.0])
     ahead = np.arctan2(np.cross(spokes, down) @ axle, spokes @ down)  # how far the wheel must turn for each
