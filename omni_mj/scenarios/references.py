@@ -51,7 +51,10 @@ def displaced(poses: Array, where: Where) -> Array:
 
 def motion_limits(s: ReferenceSettings | ControlSettings) -> MotionLimits:
     """The limits that the reference keeps, or those of what may be commanded."""
-    return MotionLimits(s.max_speed_m_s, s.max_acceleration_m_s2, s.max_turn_rate_rad_s, s.max_turn_acceleration_rad_s2)
+    aside = s.max_side_acceleration_m_s2 or None if isinstance(s, ReferenceSettings) else None
+    return MotionLimits(
+        s.max_speed_m_s, s.max_acceleration_m_s2, s.max_turn_rate_rad_s, s.max_turn_acceleration_rad_s2, aside
+    )
 
 
 def _moving(settings: ReferenceSettings) -> SampledReference:

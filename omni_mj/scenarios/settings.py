@@ -42,9 +42,7 @@ class ReferenceSettings(Checked):
     )
     length_m: float = setting(2.0, "m", "curve, random: extent in x about the field's centre", 0.1, 20)
     width_m: float = setting(2.0, "m", "curve, random: extent in y", 0.1, 20)
-    heading: Literal["fixed", "tangent"] = setting(
-        "fixed", "", "curve: fixed: heading 0; tangent: facing along the path"
-    )
+    heading: Literal["fixed", "tangent"] = setting("fixed", "", "curve: fixed: heading 0; tangent: facing along it")
     count: int = setting(10, "", "random: number of way-points, the start included", 2, 1000)
     seed: int = setting(0, "", "random: what they are drawn from, the same for all seeds of a run", 0, 1_000_000)
     laps: int = setting(1, "", "how many times the way-points are visited, or the curve is driven", 1, 1000)
@@ -53,6 +51,7 @@ class ReferenceSettings(Checked):
     )
     max_speed_m_s: float = setting(3.159, "m/s", "highest speed of the reference (paper, section 2)", 0.01, 10)
     max_acceleration_m_s2: float = setting(0.826, "m/s^2", "highest acceleration (paper, section 2)", 0.01, 20)
+    max_side_acceleration_m_s2: float = setting(0.0, "m/s^2", "same, along the body's y; 0: as along its x", 0, 20)
     max_turn_rate_rad_s: float = setting(6.0, "rad/s", "highest turn rate of the reference", 0.01, 30)
     max_turn_acceleration_rad_s2: float = setting(12.0, "rad/s^2", "highest turn acceleration", 0.01, 200)
     lead_s: float = setting(0.25, "s", "rest before the first move; no command acts before the dead time", 0, 60)
@@ -66,6 +65,8 @@ class ReferenceSettings(Checked):
                 "reference.mode = iterated plans from way-point to way-point, of which a curve has none; "
                 f"reference.shape = {self.shape} needs reference.mode = timed"
             )
+        if 0 < self.max_side_acceleration_m_s2 < 0.01:
+            raise ValueError("reference.max_side_acceleration_m_s2 must be 0, for the same as ahead, or at least 0.01")
         return self
 
 

@@ -164,6 +164,8 @@ def agreed(values: dict[str, Any]) -> dict[str, Any]:
     )
     if values["reference.shape"] in CURVES:
         values["reference.mode"] = "timed"
+    if values["reference.max_side_acceleration_m_s2"] < 0.01:
+        values["reference.max_side_acceleration_m_s2"] = 0.0
     return sections_of(values)
 
 

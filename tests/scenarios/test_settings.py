@@ -9,8 +9,16 @@ import pytest
 from scenario_texts import NUMBERS, SETTINGS, SWITCHES, WHOLE, errors, given, value_of
 
 from omni_control.errors import OmniError
+from omni_mj.scenarios import references
 from omni_mj.scenarios import settings as module
-from omni_mj.scenarios.settings import CarpetSettings, RadioSettings, ReferenceSettings, Settings, column
+from omni_mj.scenarios.settings import (
+    CarpetSettings,
+    ControlSettings,
+    RadioSettings,
+    ReferenceSettings,
+    Settings,
+    column,
+)
 
 UNITS = {
     "_rad_s2": "rad/s^2", "_nm_s": "N m s/rad", "_rad_s": "rad/s", "_m_s2": "m/s^2", "_m_s": "m/s", "_rad": "rad",
@@ -185,3 +193,14 @@ def test_the_shapes_are_the_curves_and_two_more() -> None:
     """The declaration takes their names from where the curves are."""
     assert SETTINGS["reference.shape"].choices == ("waypoints", "random", *module.CURVES)
     assert ReferenceSettings(shape="eight").shape == "eight"
+
+
+def test_less_acceleration_sideways_is_passed_on_and_commands_know_none() -> None:
+    """Zero is the same as ahead; what is too little to arrive is refused."""
+    given_limits = {"max_acceleration_m_s2": 3.0, "max_side_acceleration_m_s2": 2.0}
+    limits = references.motion_limits(ReferenceSettings(**given_limits))
+    assert (limits.acceleration, limits.side_acceleration) == (3.0, 2.0)
+    assert references.motion_limits(ReferenceSettings(max_acceleration_m_s2=3.0)).side_acceleration is None
+    assert references.motion_limits(ControlSettings()).side_acceleration is None
+    with pytest.raises(OmniError, match=r"reference\.max_side_acceleration_m_s2 must be 0, .* at least 0\.01"):
+        ReferenceSettings(max_side_acceleration_m_s2=0.005)

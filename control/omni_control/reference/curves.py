@@ -6,11 +6,15 @@ acceleration along the path is z'/2 and that across it k z, k being the curvatur
 path changes by at most 2 k ds: where k hardly changes, steps along the curve can be taken in closed form. A pass
 forwards speeds up as hard as that allows, a pass backwards brakes as hard, and what is left is everywhere the highest
 speed possible (Bobrow, Dubowsky and Gibson 1985; by two passes, Pham and Pham 2018).
+
+Where a robot manages less acceleration aside than ahead, the circle of accelerations is an ellipse. Facing along the
+path, that across it counts as many times more: the same steps with a higher k. Facing ahead all the time, the whole
+plane can be stretched in y until the ellipse is a circle again: the same steps on a wider curve.
 """
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import cycle
 
@@ -67,12 +71,14 @@ class CurveReference(SampledReference):
     """Laps of a closed curve from rest to rest, as fast as the limits allow, in whole frames.
 
     The limits hold for the differences between sampled poses, since those are means of the velocity and acceleration
-    over a frame or two, and a mean vector is no longer than the longest it is made of. To end with a frame, and for the
-    little by which steps from cell to cell are off, the whole of it is driven slower.
+    over a frame or two, and a mean vector is no longer than the longest it is made of. To end with a frame, for the
+    little by which steps from cell to cell are off, and for what a body that turns within these frames would be asked
+    beyond its ellipse, the whole of it is driven slower.
 
     Args:
         curve: where to drive, from u = 0 on.
-        limits: velocity and acceleration limits; the acceleration is that along and across the path together.
+        limits: velocity and acceleration limits; the acceleration is that along and across the path together, in the
+            body's axes if it is not the same in all directions.
         period: length of a frame, s.
         laps: how often around, at least once.
         tangent: whether the robot faces along its path, within the limits of turning; otherwise its heading is 0.
@@ -104,51 +110,58 @@ class CurveReference(SampledReference):
 
 def _timetable(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> tuple[Array, Array, Array]:
     """The fastest drive: times at which parameters u of the curve are reached, those, and du/dt there."""
-    cells = _CELLS * math.ceil(max(curve.length / curve.width, curve.width / curve.length))
+    even = curve if tangent else replace(curve, width=limits.stretch * curve.width)  # where the limit is a circle
+    cells = _CELLS * math.ceil(max(even.length / even.width, even.width / even.length))
     lap = np.linspace(0, 2 * np.pi, cells + 1)
-    first, second = curve(lap, 1), curve(lap, 2)
-    stretch = np.abs(first)  # metres per u
-    step = lap[1] * (stretch[:-1] + stretch[1:]) / 2
-    curvature = np.maximum(np.abs((second / first).imag) / stretch, _STRAIGHT)
+    first, second = even(lap, 1), even(lap, 2)
+    metres = np.abs(first)  # per u
+    step = lap[1] * (metres[:-1] + metres[1:]) / 2
+    curvature = np.maximum(np.abs((second / first).imag) / metres, _STRAIGHT)
+    top = (limits.speed * (metres / np.abs(curve(lap, 1)))) ** 2
 
-    speed = np.sqrt(_fastest(step, curvature, limits, laps, tangent))
-    rate = speed / np.append(np.tile(stretch[:-1], laps), stretch[0])
+    speed = np.sqrt(_fastest(step, curvature, np.minimum(top[:-1], top[1:]), limits, laps, tangent))
+    rate = speed / np.append(np.tile(metres[:-1], laps), metres[0])
     u = lap[1] * np.arange(len(rate))
     return np.append(0, np.cumsum(2 * lap[1] / (rate[:-1] + rate[1:]))), u, rate
 
 
-def _fastest(step: Array, curvature: Array, limits: MotionLimits, laps: int, tangent: bool) -> Array:
+def _fastest(step: Array, curvature: Array, top: Array, limits: MotionLimits, laps: int, tangent: bool) -> Array:
     """Highest squares of speed (laps * cells + 1,), m^2/s^2, where cells meet, from rest to rest.
 
-    `step` (cells,) is their length in m, `curvature` (cells + 1,) the path's at their ends in 1/m, taken as positive.
+    `step` (cells,) is their length in m, `curvature` (cells + 1,) the path's at their ends in 1/m, taken as positive,
+    `top` (cells,) the square of the speed limit.
     """
     a = limits.acceleration
     turn_rate, turn_acceleration = (limits.turn_rate, limits.turn_acceleration) if tangent else (np.inf, np.inf)
+    aside = limits.stretch if tangent else 1.0  # how much more acceleration across the path counts
     bend = (curvature[:-1] + curvature[1:]) / 2
 
     # Facing along the path, the turn acceleration is k times the acceleration along it plus k'/k times that across it.
     # Its limits cut a strip out of the circle of radius a in which the acceleration must stay. Where the top of the
     # circle, all acceleration across, is cut off, the highest that is left is the corner, at this angle from the top.
-    slope = np.abs(np.diff(curvature)) / (step * bend)
+    slope = np.abs(np.diff(curvature)) / (step * bend) / aside
     corner = np.arccos(np.minimum(turn_acceleration / (a * np.hypot(bend, slope)), 1)) - np.arctan2(bend, slope)
     across = a * np.cos(np.maximum(corner, 0))
 
-    within = np.tile(np.minimum(np.minimum(across / bend, limits.speed**2), (turn_rate / bend) ** 2), laps)
+    within = np.tile(np.minimum(np.minimum(across / (aside * bend), top), (turn_rate / bend) ** 2), laps)
     highest = np.concatenate([[0], np.minimum(within[:-1], within[1:]), [0]])
-    forwards = _reachable(highest, step, curvature, a, turn_acceleration)
-    return _reachable(forwards[::-1], step[::-1], curvature[::-1], a, turn_acceleration)[::-1]
+    forwards = _reachable(highest, step, curvature, a, aside, turn_acceleration)
+    return _reachable(forwards[::-1], step[::-1], curvature[::-1], a, aside, turn_acceleration)[::-1]
 
 
-def _reachable(highest: Array, step: Array, curvature: Array, acceleration: float, turn_acceleration: float) -> Array:
+def _reachable(
+    highest: Array, step: Array, curvature: Array, acceleration: float, aside: float, turn_acceleration: float
+) -> Array:
     """Squares of speed (laps * cells + 1,) up to `highest` that can be reached from those before.
 
     From one end of a cell to the other, the angle of the acceleration changes by up to twice the angle that the path
-    turns, and the square of the turn rate by up to as much times the turn acceleration.
+    turns, `aside` times that if acceleration across it counts so often, and the square of the turn rate by up to twice
+    the angle times the turn acceleration.
     """
     bend = (curvature[:-1] + curvature[1:]) / 2
     turn = 2 * bend * step
     kept, gained = (curvature[:-1] / curvature[1:]) ** 2, turn_acceleration * turn / curvature[1:] ** 2
-    lap = np.stack([bend / acceleration, turn, kept, gained], axis=1).tolist()
+    lap = np.stack([aside * bend / acceleration, aside * turn, kept, gained], axis=1).tolist()
     reached = [z := float(highest[0])]
     for most, (scale, angle, keep, gain) in zip(highest[1:].tolist(), cycle(lap), strict=False):
         along_circle = math.sin(min(math.asin(min(scale * z, 1.0)) + angle, math.pi / 2)) / scale
@@ -173,9 +186,10 @@ def _poses(curve: Curve, u: Array, tangent: bool) -> Array:
 def _excess(poses: Array, limits: MotionLimits, period: float) -> float:
     """Factor by which a drive from rest to rest must take longer, for differences of its poses to keep the limits."""
     velocity = np.pad(np.diff(poses, axis=0) / period, ((1, 1), (0, 0)))
+    change = np.diff(velocity, axis=0) / period
+    change[:, :2] = limits.stretched(change[:, :2], poses[:, 2])
     (speed, turn_rate), (acceleration, turn_acceleration) = (
-        (np.hypot(rows[:, 0], rows[:, 1]).max(), np.abs(rows[:, 2]).max())
-        for rows in (velocity, np.diff(velocity, axis=0) / period)
+        (np.hypot(rows[:, 0], rows[:, 1]).max(), np.abs(rows[:, 2]).max()) for rows in (velocity, change)
     )
     return max(
         speed / limits.speed,

@@ -1,6 +1,10 @@
 """The limits of a motion, and the one rule by which a reference moves within them (section 3-A).
 
 `approach` moves a point towards a set-point as fast as the limits let it and stops it there exactly, in whole frames.
+
+Ahead and aside a robot's wheels push differently (section 3-A: "not the same because of the robot's structure"). What
+it manages in between is an ellipse about the axes of its body, and an ellipse is a circle in stretched coordinates:
+`MotionLimits.stretched` leads there, and what is true of vectors and one limit holds again.
 """
 
 from collections.abc import Sequence
@@ -17,12 +21,19 @@ class MotionLimits:
     """Limits of a reference or of commands: m/s and m/s^2 along the path, rad/s and rad/s^2 in heading.
 
     The defaults are those of the paper's reference (section 2), with a turn rate and acceleration to match.
+
+    Args:
+        speed, turn_rate, turn_acceleration: highest, whatever the direction.
+        acceleration: highest change of velocity per second, speeding up, braking or in bends.
+        side_acceleration: the same along the body's y axis; then `acceleration` is that along its x axis, and between
+            them is the ellipse. None: one limit for all directions. For references; commands know one limit only.
     """
 
     speed: float = 3.159
     acceleration: float = 0.826
     turn_rate: float = 6.0
     turn_acceleration: float = 12.0
+    side_acceleration: float | None = None
 
     def __post_init__(self) -> None:
         """Check the limits.
@@ -31,11 +42,52 @@ class MotionLimits:
             OmniError: a limit is not a positive number.
         """
         for name, value in vars(self).items():
-            if not 0 < value < np.inf:
+            if value is not None and not 0 < value < np.inf:
                 raise OmniError(f"the limit of {name.replace('_', ' ')} must be a positive number, not {value}")
 
+    @property
+    def stretch(self) -> float:
+        """How many times more acceleration is allowed ahead than aside."""
+        return 1.0 if self.side_acceleration is None else self.acceleration / self.side_acceleration
 
-def stopping_speed(distance: Array, acceleration: float, period: float) -> Array:
+    def stretched(self, vector: Array, heading: Array) -> Array:
+        """World accelerations (n, 2) of robots with `heading` (n,), as vectors (n, 2) that may be `acceleration` long.
+
+        They are turned into the body's axes, and y is stretched; with one limit for all directions, neither is needed.
+        """
+        if self.stretch == 1:
+            return vector
+        c, s = np.cos(heading), np.sin(heading)
+        x, y = vector[:, 0], vector[:, 1]
+        return np.stack([c * x + s * y, self.stretch * (c * y - s * x)], axis=1)
+
+    def on_the_way(self, offset: Array, heading: Array, later: Array) -> float | Array:
+        """Highest acceleration (n, 1) along world vectors `offset` (n, 2) at all headings from `heading` to `later`.
+
+        Away from the weaker axis of the body, the limit only rises, up to the other: of a range of headings, the lowest
+        is at one of its ends, or at the weaker axis if that comes to point along the offset.
+        """
+        if self.stretch == 1:
+            return self.acceleration
+        weaker = 0.0 if self.stretch < 1 else np.pi / 2
+        bearings = _bearing(offset) - np.stack([heading, later])
+        ends = self.acceleration / np.hypot(np.cos(bearings), self.stretch * np.sin(bearings))
+        before, after = np.floor((bearings - weaker) / np.pi)
+        lowest = self.acceleration / max(self.stretch, 1.0)
+        return np.where(before == after, ends.min(0), lowest)[:, None]
+
+    def onwards(self, offset: Array, heading: Array) -> float | Array:
+        """Largest component (n, 1) along world vectors `offset` (n, 2) of any acceleration allowed at `heading` (n,).
+
+        Between the axes the point of the ellipse that is farthest onwards lies beside the offset.
+        """
+        if self.stretch == 1:
+            return self.acceleration
+        bearing = _bearing(offset) - heading
+        return self.acceleration * np.hypot(np.cos(bearing), np.sin(bearing) / self.stretch)[:, None]
+
+
+def stopping_speed(distance: Array, acceleration: float | Array, period: float) -> Array:
     """Highest speed (m/s) from which `distance` (m, >= 0) is covered exactly while braking at most at `acceleration`.
 
     A point that moves s, s - 1, s - 2, ... units of a T^2 in successive frames of length T covers m (m + 1) / 2 in m
@@ -63,19 +115,41 @@ def approach(offset: Array, velocity: Array, speed: float, acceleration: float, 
         what leads past the set-point and the speed towards it, whose gain counts for no more than one frame's.
     """
     step = acceleration * period
+    change = _change(offset, velocity, np.minimum(speed, stopping_speed(_size(offset), acceleration, period)), step)
+    return velocity + change * (step / np.maximum(_size(change), step))
+
+
+def _change(offset: Array, velocity: Array, wanted: Array, gain: float | Array) -> Array:
+    """The change of velocity (n, d) that a frame would like to make, of which it makes as much as its limit allows.
+
+    Args:
+        offset: as for `approach`.
+        velocity: same.
+        wanted: speed (n, 1) towards the set-point.
+        gain: of that speed in a frame, at most. Nothing less than the largest of all changes allowed will do: what is
+            moving and can be stopped in this frame is, also if a rounding error is all that gives the offset direction.
+    """
     distance = _size(offset)
     direction = np.divide(offset, distance, out=np.zeros_like(offset), where=distance > 0)
     along = (velocity * direction).sum(-1, keepdims=True)
     across = velocity - along * direction
-    wanted = np.minimum(speed, stopping_speed(distance, acceleration, period))
-    change = np.minimum(wanted - along, step) * direction - across
-    return velocity + change * (step / np.maximum(_size(change), step))
+    return np.minimum(wanted - along, gain) * direction - across
 
 
 def approach_pose(pose: Array, twist: Array, target: Array, limits: MotionLimits, period: float) -> Array:
-    """`approach` for position and heading of (n, 3) poses, each within its own limits; headings count full turns."""
+    """`approach` for position and heading of (n, 3) poses, each within its own limits; headings count full turns.
+
+    Braking is planned with the lowest limit of the headings still to come, which rises as they become fewer, so that
+    what is planned can always be kept: exact if the robot does not turn, and no more than careful if it does. What a
+    frame changes is held against the heading that the robot has in it.
+    """
     offset = target - pose
-    xy = approach(offset[:, :2], twist[:, :2], limits.speed, limits.acceleration, period)
+    way, velocity, heading = offset[:, :2], twist[:, :2], pose[:, 2]
+    braking = limits.on_the_way(way, heading, target[:, 2])
+    wanted = np.minimum(limits.speed, stopping_speed(_size(way), braking, period))
+    change = _change(way, velocity, wanted, limits.onwards(way, heading) * period)
+    step = limits.acceleration * period
+    xy = velocity + change * (step / np.maximum(_size(limits.stretched(change, heading)), step))
     turn = approach(offset[:, 2:], twist[:, 2:], limits.turn_rate, limits.turn_acceleration, period)
     return np.concatenate([xy, turn], axis=1)
 
@@ -89,6 +163,10 @@ def checked_waypoints(waypoints: Sequence[Sequence[float]]) -> Array:
     if not len(waypoints) or any(len(point) != 3 for point in waypoints) or not np.isfinite(waypoints).all():
         raise OmniError("a reference needs at least one way-point, each three finite numbers [x, y, heading]")
     return np.array(waypoints, float)
+
+
+def _bearing(vector: Array) -> Array:
+    return np.arctan2(vector[:, 1], vector[:, 0])
 
 
 def _size(vector: Array) -> Array:
