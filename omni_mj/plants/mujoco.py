@@ -14,6 +14,7 @@ from omni_mj.link.noise import Noise, Stream
 from omni_mj.link.radio import Received
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
+from omni_mj.onboard.motor import Motor
 from omni_mj.onboard.motors import Motors
 from omni_mj.plants import Telemetry
 from omni_mj.scenarios.rows import Row
@@ -84,10 +85,12 @@ class MujocoPlant:
         self._gyro_noise = Noise(seeds, Stream.GYRO_NOISE, lambda rng, count: rng.standard_normal((count, 1)))
 
         wheels = len(world.kinematics.azimuths)
-        self._motors = Motors(world.motor, wheels, [s.motor for s in settings], PERIOD_S)
+        limit = column([s.firmware for s in settings], "current_limit_a")
+        self._motors = Motors([s.motor for s in settings], wheels, PERIOD_S, limit)
         self._battery = Battery([s.battery for s in settings])
-        self._firmware = Firmware(settings, world.kinematics, world.motor, self._heading, build.CYCLE_S, PERIOD_S)
-        self._duties, self._voltages, self._currents = np.zeros((3, self._cycles, n, wheels))
+        self._firmware = Firmware(settings, world.kinematics, self._heading, build.CYCLE_S, PERIOD_S)
+        self._speeds, self._voltages, self._currents = np.zeros((3, self._cycles, n, wheels))
+        self._supplies = np.zeros((self._cycles, n, 1))  # the battery's voltage of each step
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -111,28 +114,29 @@ class MujocoPlant:
             duty = self._firmware.duties(self._gyro.get()[:, 0] + gyro_error, angles)
             if any_failed:
                 duty[self._failed] = 0.0
-            self._duties[k] = duty
-            voltage = np.multiply(duty, battery.voltage[:, None], out=self._voltages[k])
-            applied, self._currents[k] = motors.drive(voltage, self._wheel_speed.get())
-            self._ctrl.set(applied)
+            self._speeds[k], self._supplies[k, :, 0] = self._wheel_speed.get(), battery.voltage
+            self._voltages[k], self._currents[k], told = motors.drive(duty * self._supplies[k], self._speeds[k])
+            self._ctrl.set(told)
             for _ in range(self._substeps):
                 self._batch.step(self._living)
                 if handover is not None:
                     handover()
-            battery.load(duty, self._currents[k])
-        motors.warm(self._currents)
+            battery.load(self._voltages[k], self._currents[k])
+        motors.warm(self._currents, self._speeds)
         battery.discharge(PERIOD_S)
         return self._check()
 
     def telemetry(self) -> Telemetry:
         """See `Plant`."""
+        voltages, supplies = np.abs(self._voltages), self._supplies
+        duties = np.divide(voltages, supplies, out=np.zeros_like(voltages), where=supplies > 0)
         return Telemetry(
             wheel_angle=(self._wheel_angle.get() if self._handover is None else self._handover.angle).copy(),
             wheel_speed=self._wheel_speed.get().copy(),
             voltage=self._voltages[-1].copy(),
             current=self._currents[-1].copy(),
-            duty_peak=np.abs(self._duties).max((0, 2)),
-            voltage_peak=np.abs(self._voltages).max((0, 2)),
+            duty_peak=np.minimum(duties, 1.0).max((0, 2)),
+            voltage_peak=voltages.max((0, 2)),
             current_peak=np.abs(self._currents).max((0, 2)),
             winding=self._motors.winding,
             housing=self._motors.housing,
@@ -141,7 +145,7 @@ class MujocoPlant:
         )
 
     def _set_friction(self, settings: Sequence[Settings]) -> None:
-        """Write each robot's friction of carpet, hinges and rollers into its world's copy of these model fields."""
+        """Write each robot's motors and its friction of carpet, hinges, rollers into its world's copy of the fields."""
         world, carpet, drive = self._world, [s.carpet for s in settings], [s.drive for s in settings]
         pairs = self._batch.expand("pair_friction")
         for direction in range(2):
@@ -150,9 +154,13 @@ class MujocoPlant:
         rolling = column(carpet, "lint") * world.weight / wheels * radius
         gear = column(drive, "gear_friction_nm")
         hinges = np.array([robot.wheel_dofs for robot in world.robots])
-        Columns(self._batch.expand("dof_frictionloss"), hinges).set(world.motor_friction + gear + rolling)
-        rollers = np.array([robot.roller_dofs.ravel() for robot in world.robots])
-        Columns(self._batch.expand("dof_damping"), rollers).set(column(drive, "roller_damping_nm_s"))
+        motors, actuators = [Motor.of(s.motor) for s in settings], np.array([robot.motors for robot in world.robots])
+        Columns(self._batch.expand("actuator_gear")[:, :, 0], actuators).set(column(motors, "gear"))
+        Columns(self._batch.expand("actuator_armature"), actuators).set(column(motors, "inertia"))
+        Columns(self._batch.expand("dof_frictionloss"), hinges).set(column(motors, "wheel_dry") + gear + rolling)
+        rollers, damping = np.array([robot.roller_dofs.ravel() for robot in world.robots]), "dof_damping"
+        Columns(self._batch.expand(damping), hinges).set(column(motors, "wheel_viscous"))
+        Columns(self._batch.expand(damping), rollers).set(column(drive, "roller_damping_nm_s"))
 
     def _bind(self) -> None:
         """Find what is read and written in every step."""
