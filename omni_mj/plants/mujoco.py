@@ -138,6 +138,7 @@ class MujocoPlant:
             duty_peak=np.minimum(duties, 1.0).max((0, 2)),
             voltage_peak=voltages.max((0, 2)),
             current_peak=np.abs(self._currents).max((0, 2)),
+            current_limited=self._motors.limited,
             winding=self._motors.winding,
             housing=self._motors.housing,
             battery=self._battery.voltage,
