@@ -14,7 +14,7 @@ from omni_mj.scenarios.settings import Settings
 
 FRAME_S = 1 / 60
 SIGMAS = 5  # of a statistic's own spread
-ROBOT = "ssl_robot"
+ROBOT = "tigers-v2016"
 
 
 def with_settings(**sections: dict[str, Any]) -> Settings:

@@ -13,7 +13,7 @@ from omni_control.errors import OmniError
 from omni_mj.worlds import build
 
 RADIUS_M, WALL_X_M, MASS_KG, GRAVITY = 0.090, 5.2, 2.3, 9.81
-WHEELS = ("rollers", "contact-roller")
+WHEELS = ("rollers", "two-rollers")
 
 
 @pytest.mark.parametrize("wheels", WHEELS)
