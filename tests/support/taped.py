@@ -51,6 +51,15 @@ class Tape:
         self.currents = np.concatenate(self.currents)
         return self
 
+    def hub_torque(self) -> NDArray:
+        """What motors and gears give to hubs and rotors, (steps, n, W) N m: currents times constants, less losses."""
+        plant, hubs = self._plant, self._plant._world.robots[0].wheel_dofs
+        gear = plant._world.model.actuator_gear[plant._world.robots[0].motors, 0]
+        friction, damping = (self._batch.expand(name)[:, hubs] for name in ("dof_frictionloss", "dof_damping"))
+        wheels = self.steps["wheels"]
+        currents = np.repeat(self.currents, len(wheels) // len(self.currents), axis=0)
+        return np.asarray(plant._constant.get() * gear * currents - friction * np.sign(wheels) - damping * wheels)
+
     def heading(self) -> NDArray:
         """(steps, n) of robots that are upright."""
         q = self.steps["quaternion"]
