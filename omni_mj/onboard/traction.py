@@ -68,7 +68,8 @@ class Traction:
         self._inward, self._turning = self._outward.conj(), 1j * kinematics.arm
         self._centre, self._arm, self._radius = centre, kinematics.arm, kinematics.radius
         self._friction = np.broadcast_to(column(carpet, "friction"), shape)
-        self._pile, self._bearing = column(carpet, "pile"), column(drive, "roller_friction")
+        self._pile, bearing = column(carpet, "pile"), column(drive, "roller_friction")
+        self._bearing = np.minimum(bearing, self._friction)  # on ice, rollers slide before they turn
         stiffness = column(drive, "creep_stiffness")
         self._creep = 1 / (timestep * kinematics.radius**2 * stiffness * inverse_inertia)
         self.limit, self.impedance = np.zeros(shape), np.ones(shape)
@@ -91,7 +92,7 @@ class Traction:
         speed, axle = np.abs(wheel), wheel.real
         held = self._bearing / np.maximum(np.abs(axle), AT_REST_M_S) * axle
         drag = load * (self._pile / np.maximum(speed, AT_REST_M_S) * wheel + held)
-        force = -(drag @ self._outward)
+        force = -np.einsum("ij,j->i", drag, self._outward)  # by itself for each row, as @ is not
         world = force * heading
         x, _, height = self._centre
         wrench = self.wrench
