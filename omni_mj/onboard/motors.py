@@ -24,6 +24,8 @@ class Motors:
         wheels: number of wheels of a robot.
         settings: one per robot.
         period: time between calls of `warm`, s.
+        strength: of each motor's magnets beside the datasheet's, a factor of the torque constant; what broadcasts to
+            (n, wheels).
 
     Attributes:
         winding, housing: temperatures, deg C, (n, wheels).
@@ -31,9 +33,17 @@ class Motors:
         constant: torque constant now, N m/A, (n, wheels).
     """
 
-    def __init__(self, motor: Motor, wheels: int, settings: Sequence[MotorSettings], period: float) -> None:
+    def __init__(
+        self,
+        motor: Motor,
+        wheels: int,
+        settings: Sequence[MotorSettings],
+        period: float,
+        strength: Array | float = 1.0,
+    ) -> None:
         self._motor = motor
         shape = (len(settings), wheels)
+        self._cold_constant = np.broadcast_to(motor.constant * strength, shape)
         self._ambient = column(settings, "ambient_c")
         self._copper, self._magnet = column(settings, "copper_per_k"), column(settings, "magnet_per_k")
         self._commutation = column(settings, "commutation_ohm_s") * motor.gear
@@ -85,7 +95,7 @@ class Motors:
 
     def _update(self) -> None:
         self.resistance = self._resistance_at(self.winding)
-        self.constant = self._motor.constant * (1 + self._magnet * (self.housing - REFERENCE_C))
+        self.constant = self._cold_constant * (1 + self._magnet * (self.housing - REFERENCE_C))
         self._speed_constant = self.constant * self._motor.gear
 
 
