@@ -1,4 +1,4 @@
-"""What happened in a run: rows that were stopped, windings too hot, a battery that gave up, limits, misses, way-points.
+"""What happened in a run: rows that were stopped, hot windings, a dead battery, limits, misses, way-points.
 
 An event depends on nothing that comes after its frame, so that events can be told while a run goes on.
 """
@@ -19,8 +19,8 @@ from omni_mj.simulate.log import Log
 if TYPE_CHECKING:
     from omni_mj.simulate.simulation import Failure
 
-STOPPED, TEMPERATURE, BATTERY, LIMIT, VOLTAGE, VISION, WAY_POINT = KINDS = (
-    "stopped", "temperature", "battery", "limit", "voltage", "vision", "way-point",
+STOPPED, TEMPERATURE, BATTERY, LIMIT, VOLTAGE, CURRENT, VISION, WAY_POINT = KINDS = (
+    "stopped", "temperature", "battery", "limit", "voltage", "current", "vision", "way-point",
 )  # fmt: skip
 QUIET_FRAMES = FRAME_RATE_HZ // 4  # what was at a limit no longer ago than this has not left it
 ROUNDING = 1e-9  # relative, of a command that was scaled to a limit, and of a reference that arrives
@@ -43,12 +43,16 @@ class Event:
 
 
 def find(log: Log, failures: "Iterable[Failure]" = ()) -> list[Event]:
-    """What a user must know, once per row, in the order of time: rows that were stopped, temperature, battery."""
+    """What a user must know, once per row, in the order of time: stopped rows, temperature, battery, driver limits."""
     found = list(_stopped(log, failures))
     for i in range(len(log.rows)):
         once, own = _Once(log.rows[i]), slice(log.lengths[i])
         told = once.new(log.channel("winding")[own, i], log.channel("battery")[own, i, 0], 0)
         found += [_event(log, i, *each) for each in told]
+        limited = log.channel("current_limited")[own, i] > 0
+        if limited.any():
+            frame, motor = np.argwhere(limited)[0]
+            found.append(_event(log, i, int(frame), CURRENT, _driver_limits(log.rows[i], int(motor))))
     return _sorted(found)
 
 
@@ -89,14 +93,13 @@ class Watch:
         """What happened since this was asked last, in the order of time."""
         log, row, start = self._log, self._row, self._seen
         self._seen = int(log.lengths[row])
-        track = {
-            name: log.channel(name)[start : self._seen, row]
-            for name in ("pose", "ref", "command", "vision_valid", "duty_peak", "battery", "winding")
-        }
+        names = "pose", "ref", "command", "vision_valid", "duty_peak", "current_limited", "battery", "winding"
+        track = {name: log.channel(name)[start : self._seen, row] for name in names}
         happened = [
             *self._once.new(track["winding"], track["battery"][:, 0], start),
             *self._limits(track["command"], start),
             *self._full_voltage(track["duty_peak"][:, 0], track["battery"][:, 0], start),
+            *self._held_back(track["current_limited"], start),
             *self._misses(track["vision_valid"][:, 0], start),
             *self._way.reached(track["pose"], track["ref"], start),
         ]
@@ -122,6 +125,13 @@ class Watch:
         for frame in self._met(VOLTAGE, (duty >= 1) & (battery > 0), start):
             yield frame, VOLTAGE, "a motor takes all the battery's voltage"
 
+    def _held_back(self, limited: Array, start: int) -> Iterator[_Happening]:
+        """Where drivers held back a motor's current, in shares (frames, motors) of each frame."""
+        for motor, share in enumerate(limited.T):
+            text = _driver_limits(self._log.rows[self._row], motor)
+            for frame in self._met(text, share > 0, start):
+                yield frame, CURRENT, text
+
     def _met(self, name: str, active: np.ndarray, start: int) -> list[int]:
         return self._quiet.setdefault(name, _Quiet()).met(active, start)
 
@@ -141,6 +151,10 @@ class Watch:
 def _stopped(log: Log, failures: "Iterable[Failure]") -> Iterator[Event]:
     for each in failures:
         yield _event(log, each.row, round(each.time_s / PERIOD_S), STOPPED, f"stopped: {each.cause}")
+
+
+def _driver_limits(row: Row, motor: int) -> str:
+    return f"the driver limits the current of motor {motor + 1} to {row.settings.firmware.current_limit_a:g} A"
 
 
 def _event(log: Log, i: int, frame: int, kind: str, text: str) -> Event:

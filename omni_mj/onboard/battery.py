@@ -32,16 +32,19 @@ class Battery:
         self._cut_off = column(settings, "cut_off_v")[:, 0]
         self.charge = column(settings, "charge")[:, 0].copy()
         self.alive = np.ones(len(settings), bool)
+        self._dead = np.zeros(len(settings))  # infinite once it is: of whatever power then, no current is drawn
         self._drawn, self._loads = np.zeros(len(settings)), 0
         self._open = self._cells * np.interp(self.charge, CHARGE, CELL_V)
         self.voltage, self._average = self._open.copy(), self._open.copy()
 
-    def load(self, duty: Array, current: Array) -> None:
-        """Sag under the motors' currents (n, wheels), A, at the duties (n, wheels) of drivers without loss.
+    def load(self, voltage: Array, current: Array) -> None:
+        """Sag under motors that have a `voltage` (n, wheels), V, at their terminals and a `current` (n, wheels), A.
 
-        A driver passes on power; braking motors charge the battery.
+        A driver passes on power without loss; braking motors charge the battery. What a motor generates beyond the
+        battery's voltage, and beside one that gives no more power, the driver burns.
         """
-        drawn = np.einsum("ij,ij->i", duty, current)
+        duty = voltage / (self.voltage + self._dead)[:, None]
+        drawn = np.einsum("ij,ij->i", np.minimum(np.maximum(duty, -1.0), 1.0), current)
         self._drawn += drawn
         self._loads += 1
         self.voltage = self._open - self._resistance * drawn
@@ -57,3 +60,4 @@ class Battery:
         self._average += (loaded - self._average) * min(period / CUT_OFF_S, 1.0)
         self.alive &= self._average > self._cut_off
         self._open[~self.alive] = self._resistance[~self.alive] = 0.0
+        self._dead[~self.alive] = np.inf

@@ -6,8 +6,8 @@ import numpy as np
 
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_mj.link.radio import Received
+from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios.settings import Settings, column
-from omni_mj.worlds.wheels import Motor
 
 DERATE_BAND_K = 10.0  # derating begins this far below the limit
 DERATED_CURRENT_A = 5.0  # twice the nominal current; allowed at the beginning of derating, none at the limit
@@ -54,12 +54,12 @@ class HeadingEstimate:
 class Firmware:
     """Inverse kinematics by the estimated heading, a turn-rate loop on the gyro, and one PID loop per wheel.
 
-    The loops reckon in volts of a nominal battery and command duties, so that a low battery weakens them.
+    The loops reckon in volts of a nominal battery and command duties, so that a low battery weakens them; of the motors
+    they know the datasheet, by which they feed the back-EMF forward.
 
     Args:
         settings: one per robot.
         kinematics: of the robot's wheels.
-        motor: constants of the datasheet, for the back-EMF that is fed forward.
         heading: at the start, (n,) rad.
         timestep: time between calls of `duties`, s.
         period: time between calls of `receive`, s.
@@ -69,24 +69,25 @@ class Firmware:
         self,
         settings: Sequence[Settings],
         kinematics: Kinematics,
-        motor: Motor,
         heading: Array,
         timestep: float,
         period: float,
     ) -> None:
         n, wheels, firmware = len(settings), len(kinematics.azimuths), [s.firmware for s in settings]
+        motors = [Motor.of(s.motor) for s in settings]
         self.estimate = HeadingEstimate(settings, heading, period)
-        self._motor, self._timestep = motor, timestep
+        self._resistance, self._speed_constant = column(motors, "resistance"), column(motors, "speed_constant")
+        self._timestep = timestep
         self._forward, self._left, self._turn = kinematics.matrix.T / kinematics.radius
         self._kp, self._ki, self._kd = (column(firmware, name) for name in ("kp", "ki", "kd"))
         self._integrates = bool(self._ki.any() or self._kd.any())
-        self._back_emf = column(firmware, "feed_forward") * motor.constant * motor.gear
+        self._back_emf = column(firmware, "feed_forward") * self._speed_constant
         self._nominal = column(firmware, "nominal_voltage_v")
         self._turn_gain = column(firmware, "turn_gain")[:, 0]
         self._derate = column(firmware, "derate").astype(bool)
         self._hot = column([s.motor for s in settings], "limit_c")
         self._swing: Array | None = None
-        counts = column([s.sensors for s in settings], "encoder_counts") * motor.gear / (2 * np.pi)
+        counts = column([s.sensors for s in settings], "encoder_counts") * column(motors, "gear") / (2 * np.pi)
         self._counts_per_rad, self._rate_per_count = counts, 1 / (counts * timestep)
         self._last_count: Array | None = None
         self._integral, self._last_error = np.zeros((2, n, wheels))
@@ -110,7 +111,7 @@ class Firmware:
         if self._derate.any():
             left = np.clip((self._hot - winding) / DERATE_BAND_K, 0, 1)
             current = np.where(self._derate & (left < 1), left * DERATED_CURRENT_A, np.inf)
-            self._swing = self._motor.resistance * current
+            self._swing = self._resistance * current
 
     def duties(self, gyro: Array, encoders: Array) -> Array:
         """Return the motors' duties (n, wheels) in [-1, 1].
@@ -131,7 +132,7 @@ class Firmware:
         if self._integrates:
             voltage = self._integrate(voltage, error)
         if self._swing is not None:
-            back_emf = self._motor.constant * self._motor.gear * (wanted - error)
+            back_emf = self._speed_constant * (wanted - error)
             voltage = np.clip(voltage, back_emf - self._swing, back_emf + self._swing)
         return np.minimum(np.maximum(voltage / self._nominal, -1.0), 1.0)
 

@@ -1,4 +1,4 @@
-"""A motor per wheel: current from voltage and speed, heat from current, resistance and torque from temperature."""
+"""A motor per wheel and its driver: current from voltage and speed, held to a limit; heat; what heat changes."""
 
 from collections.abc import Sequence
 
@@ -6,108 +6,129 @@ import numpy as np
 from scipy.linalg import expm
 
 from omni_control.kinematics import Array
-from omni_mj.scenarios.settings import MotorSettings, column
-from omni_mj.worlds.wheels import Motor
+from omni_mj.onboard.motor import Motor
+from omni_mj.scenarios.motor_settings import MotorSettings
+from omni_mj.scenarios.settings import column
 
 REFERENCE_C = 25.0  # at which the datasheet gives resistance and torque constant
 
 
 class Motors:
-    """Motors of n robots, each with two thermal nodes: winding and housing.
+    """Motors of n robots, each with a driver that limits its current and two thermal nodes: winding and housing.
 
-    The winding takes up its copper's i^2 R and passes it to the housing, which passes it to the air (thermal
-    resistances and time constants of the datasheet). Copper's resistance rises with the winding's temperature; the
-    magnets, which turn in the housing, weaken with the housing's.
+    The winding takes up its copper's i^2 R and passes it to the housing. The housing takes up what is lost in the
+    stator's iron and the bearings, commutation's X |w| i^2 and friction's (dry + viscous |w|) |w|, and passes all of it
+    to the air (thermal resistances and time constants of the datasheet). Copper's resistance rises with the winding's
+    temperature; the magnets, which turn in the housing, weaken with the housing's.
 
     Args:
-        motor: constants at 25 deg C, from the model.
-        wheels: number of wheels of a robot.
         settings: one per robot.
+        wheels: number of wheels of a robot.
         period: time between calls of `warm`, s.
-        strength: of each motor's magnets beside the datasheet's, a factor of the torque constant; what broadcasts to
-            (n, wheels).
+        limit: highest current that a driver lets through, either way, A; what broadcasts to (n, wheels).
+        strength: of each motor's magnets beside the datasheet's, a factor of the torque constant; the same.
 
     Attributes:
         winding, housing: temperatures, deg C, (n, wheels).
         resistance: terminal resistance now, ohm, (n, wheels).
         constant: torque constant now, N m/A, (n, wheels).
+        limited: share of the steps of the period just past in which the driver held the current back, (n, wheels).
     """
 
     def __init__(
         self,
-        motor: Motor,
-        wheels: int,
         settings: Sequence[MotorSettings],
+        wheels: int,
         period: float,
+        limit: Array | float = np.inf,
         strength: Array | float = 1.0,
     ) -> None:
-        self._motor = motor
-        shape = (len(settings), wheels)
-        self._cold_constant = np.broadcast_to(motor.constant * strength, shape)
+        shape, motors = (len(settings), wheels), [Motor.of(s) for s in settings]
+        self._cold_resistance, self._gear = column(motors, "resistance"), column(motors, "gear")
+        self._cold_constant = np.broadcast_to(column(motors, "constant") * strength, shape)
+        self._commutation = column(motors, "commutation") * self._gear  # per speed of the wheel
+        self._dry, self._viscous = column(motors, "wheel_dry"), column(motors, "wheel_viscous")
+        self._limit = np.broadcast_to(np.asarray(limit, float), shape)
         self._ambient = column(settings, "ambient_c")
         self._copper, self._magnet = column(settings, "copper_per_k"), column(settings, "magnet_per_k")
-        self._commutation = column(settings, "commutation_ohm_s") * motor.gear
         self.winding = np.broadcast_to(column(settings, "winding_c"), shape).copy()
         self.housing = np.broadcast_to(column(settings, "housing_c"), shape).copy()
+        self.limited, self._held_back = np.zeros((2, *shape))
         conduction = {s: _conduction(s, period) for s in set(settings)}
         self._conduction = np.stack([conduction[s] for s in settings], axis=-1)[..., None]
         self._update()
 
-    def drive(self, voltage: Array, wheel_speed: Array) -> tuple[Array, Array]:
+    def drive(self, voltage: Array, wheel_speed: Array) -> tuple[Array, Array, Array]:
         """Find what a voltage does at a speed.
 
-        The datasheet's nominal point lies below the line from no-load speed to stall: commutation costs voltage that
-        grows with current and speed, R(w) = R + X |w|. The dcmotor actuator knows a constant R, so it is given the
-        voltage that drives the same current through that.
+        The driver is an ideal chopper: where a current would be beyond its limit, driving or braking, it gives the
+        terminals the voltage at which it is not, whatever battery and temperature are.
+
+        The dcmotor actuator knows a constant R in place of R + X |w|, so it is told the voltage that drives the same
+        current through that.
 
         Args:
-            voltage: at the terminals, V, (n, wheels).
+            voltage: wanted at the terminals, V, (n, wheels).
             wheel_speed: rad/s, (n, wheels).
 
         Returns:
-            The dcmotor's voltage (n, wheels) and the current (n, wheels) in A.
+            Voltage at the terminals and current in A, both (n, wheels), and the dcmotor's voltage (n, wheels).
         """
         back_emf = self._speed_constant * wheel_speed
-        current = (voltage - back_emf) / (self.resistance + self._commutation * np.abs(wheel_speed))
-        drop = current * self.resistance
-        return back_emf + drop, current
+        resistance = self.resistance + self._commutation * np.abs(wheel_speed)
+        current = (voltage - back_emf) / resistance
+        over = np.abs(current) > self._limit
+        if np.count_nonzero(over):
+            current = np.where(over, np.copysign(self._limit, current), current)
+            voltage = np.where(over, back_emf + current * resistance, voltage)
+            self._held_back += over
+        return voltage, current, back_emf + current * self.resistance
 
-    def warm(self, currents: Array) -> None:
-        """Let the copper losses of a period's currents (steps, n, wheels) in A change temperatures and constants."""
-        square = (currents**2).mean(0)
-        winding, _ = self._conduct(square * self.resistance)
+    def warm(self, currents: Array, wheel_speeds: Array) -> None:
+        """Let the losses of a period change temperatures and constants.
+
+        Args:
+            currents: of the period's steps (steps, n, wheels), A.
+            wheel_speeds: the same, rad/s.
+        """
+        squares, speeds = currents**2, np.abs(wheel_speeds)
+        square = squares.mean(0)
+        # Where speed and current swing together, the mean of the product is not the product of the means.
+        outer = (speeds * (self._commutation * squares + self._dry + self._viscous * speeds)).mean(0)
+        winding, _ = self._conduct(square * self.resistance, outer)
         # The resistance rises during the period: its mean makes the step exact to second order.
         mean = (self.resistance + self._resistance_at(winding)) / 2
-        self.winding, self.housing = self._conduct(square * mean)
+        self.winding, self.housing = self._conduct(square * mean, outer)
+        self.limited, self._held_back = self._held_back / len(currents), np.zeros_like(self.limited)
         self._update()
 
-    def _conduct(self, heat: Array) -> tuple[Array, Array]:
-        """Temperatures of windings and housings after a period of `heat` (n, wheels) in W."""
-        (a, b), (c, d), (e, f) = np.moveaxis(self._conduction, 0, 1)
+    def _conduct(self, inner: Array, outer: Array) -> tuple[Array, Array]:
+        """Temperatures of windings and housings after a period of heat (n, wheels) in W into each."""
         winding, housing = self.winding - self._ambient, self.housing - self._ambient
+        (a, b), (c, d), (e, f), (g, h) = np.moveaxis(self._conduction, 0, 1)
         return (
-            self._ambient + (a * winding + c * housing + e * heat),
-            self._ambient + (b * winding + d * housing + f * heat),
+            self._ambient + (a * winding + c * housing + e * inner + g * outer),
+            self._ambient + (b * winding + d * housing + f * inner + h * outer),
         )
 
     def _resistance_at(self, winding: Array) -> Array:
-        return self._motor.resistance * (1 + self._copper * (winding - REFERENCE_C))
+        return self._cold_resistance * (1 + self._copper * (winding - REFERENCE_C))
 
     def _update(self) -> None:
         self.resistance = self._resistance_at(self.winding)
         self.constant = self._cold_constant * (1 + self._magnet * (self.housing - REFERENCE_C))
-        self._speed_constant = self.constant * self._motor.gear
+        self._speed_constant = self.constant * self._gear
 
 
 def _conduction(s: MotorSettings, period: float) -> Array:
-    """Exact solution of the two nodes over one period (s) with constant heat into the winding.
+    """Exact solution of the two nodes over one period (s) with constant heat into each.
 
     Returns:
-        (2, 3): temperatures over ambient of winding and housing, from those before and from the heat in W.
+        (2, 4): temperatures over ambient of winding and housing, from those before and from the heats in W.
     """
     inner, outer = 1 / s.winding_housing_k_w, 1 / s.housing_ambient_k_w
-    rates = np.zeros((3, 3))
-    rates[0] = np.array([-inner, inner, 1.0]) / s.winding_j_k
-    rates[1] = np.array([inner, -inner - outer, 0.0]) / s.housing_j_k
+    rates = np.zeros((4, 4))
+    rates[0] = np.array([-inner, inner, 1.0, 0.0]) / s.winding_j_k
+    rates[1] = np.array([inner, -inner - outer, 0.0, 1.0]) / s.housing_j_k
     solution: Array = expm(rates * period)
     return solution[:2]

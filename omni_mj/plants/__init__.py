@@ -15,7 +15,8 @@ class Telemetry:
 
     wheel_angle (n, W) rad, wheel_speed (n, W) rad/s, voltage (n, W) V, current (n, W) A; and the largest magnitudes
     over the motors and the physics steps of the frame just past: duty_peak (n,), 1 where a motor had all of the
-    battery's voltage, voltage_peak (n,) V, current_peak (n,) A.
+    battery's voltage, voltage_peak (n,) V, current_peak (n,) A. current_limited (n, W): the share of these steps in
+    which the driver held a motor's current back.
     Temperatures of windings and housings (n, W) in deg C, the battery's voltage under load (n,) in V, and the speed at
     which the wheels' contact points slide over the carpet, slip (n, W) m/s.
     """
@@ -27,6 +28,7 @@ class Telemetry:
     duty_peak: Array
     voltage_peak: Array
     current_peak: Array
+    current_limited: Array
     winding: Array
     housing: Array
     battery: Array

@@ -14,6 +14,7 @@ from omni_mj.link.noise import Noise, Stream
 from omni_mj.link.radio import Received
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
+from omni_mj.onboard.motor import Motor
 from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import EVERY, Traction
 from omni_mj.plants import Telemetry, batches
@@ -23,7 +24,7 @@ from omni_mj.scenarios.settings import PERIOD_S, Settings, column
 from omni_mj.worlds import build, roles
 from omni_mj.worlds.columns import Columns
 from omni_mj.worlds.two_rollers import Handover
-from omni_mj.worlds.wheels import Motor, contact_slip
+from omni_mj.worlds.wheels import contact_slip
 
 TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2  # of the quaternion's x^2 + y^2: tilted by more than 45 degrees
 # MuJoCo resets an unstable simulation silently after one of these.
@@ -58,7 +59,6 @@ class MujocoPlant:
         batches.check(rows)
         self._world = world = build.world(settings[0], places)
         self._cycles, self._substeps = round(PERIOD_S / build.CYCLE_S), settings[0].physics.substeps
-        motor = Motor.of(settings[0])
         model = copy.copy(world.model)
         model.actuator_ctrllimited[:] = 0  # the battery limits, also where braking motors lift its voltage
         n, worlds = len(rows), len(rows) // places
@@ -91,10 +91,12 @@ class MujocoPlant:
         self._gyro_noise = Noise(seeds, Stream.GYRO_NOISE, lambda rng, count: rng.standard_normal((count, 1)))
 
         wheels = len(world.kinematics.azimuths)
-        self._motors = Motors(motor, wheels, [s.motor for s in settings], PERIOD_S, self.drawn.strength)
+        limit = column([s.firmware for s in settings], "current_limit_a")
+        self._motors = Motors([s.motor for s in settings], wheels, PERIOD_S, limit, self.drawn.strength)
         self._battery = Battery([s.battery for s in settings])
-        self._firmware = Firmware(settings, world.kinematics, motor, self._heading, build.CYCLE_S, PERIOD_S)
-        self._duties, self._voltages, self._currents = np.zeros((3, self._cycles, n, wheels))
+        self._firmware = Firmware(settings, world.kinematics, self._heading, build.CYCLE_S, PERIOD_S)
+        self._speeds, self._voltages, self._currents = np.zeros((3, self._cycles, n, wheels))
+        self._supplies = np.zeros((self._cycles, n, 1))  # the battery's voltage of each step
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -117,10 +119,9 @@ class MujocoPlant:
             duty = self._firmware.duties(self._turn_rates + gyro_error, self._angles)
             if any_failed:
                 duty[self._failed] = 0.0
-            self._duties[k] = duty
-            voltage = np.multiply(duty, battery.voltage[:, None], out=self._voltages[k])
-            applied, self._currents[k] = motors.drive(voltage, self._wheel_speed.get())
-            self._ctrl.set(applied)
+            self._speeds[k], self._supplies[k, :, 0] = self._wheel_speed.get(), battery.voltage
+            self._voltages[k], self._currents[k], told = motors.drive(duty * self._supplies[k], self._speeds[k])
+            self._ctrl.set(told)
             if k % EVERY == 0:
                 traction.travel(self._position.get(), self._quaternion.get(), self._velocity.get(), self._load.get())
                 traction.wrench[:, :2] += push
@@ -135,21 +136,24 @@ class MujocoPlant:
                     self._sense()
                 if self._handover is not None:
                     self._handover()
-            battery.load(duty, self._currents[k])
-        motors.warm(self._currents)
+            battery.load(self._voltages[k], self._currents[k])
+        motors.warm(self._currents, self._speeds)
         battery.discharge(PERIOD_S)
         return self._check()
 
     def telemetry(self) -> Telemetry:
         """See `Plant`."""
+        voltages, supplies = np.abs(self._voltages), self._supplies
+        duties = np.divide(voltages, supplies, out=np.zeros_like(voltages), where=supplies > 0)
         return Telemetry(
             wheel_angle=self._wheel_angle.get().copy(),
             wheel_speed=self._wheel_speed.get().copy(),
             voltage=self._voltages[-1].copy(),
             current=self._currents[-1].copy(),
-            duty_peak=np.abs(self._duties).max((0, 2)),
-            voltage_peak=np.abs(self._voltages).max((0, 2)),
+            duty_peak=np.minimum(duties, 1.0).max((0, 2)),
+            voltage_peak=voltages.max((0, 2)),
             current_peak=np.abs(self._currents).max((0, 2)),
+            current_limited=self._motors.limited,
             winding=self._motors.winding,
             housing=self._motors.housing,
             battery=self._battery.voltage,
@@ -166,17 +170,19 @@ class MujocoPlant:
         self._angles[:], self._turn_rates[:] = self._encoders.get(), self._gyro.get()[:, 0]
 
     def _set_friction(self, settings: Sequence[Settings]) -> None:
-        """Write each robot's friction of carpet, hinges and rollers into its world's copy of these model fields."""
+        """Write each robot's friction into its world's copy of the model's fields."""
         world, drive, drawn = self._world, [s.drive for s in settings], self.drawn
         robots, n = world.robots, len(settings)
         if not self._creeps:  # otherwise the slip hinges have it
             pairs, friction = self._batch.expand("pair_friction"), column([s.carpet for s in settings], "friction")
             for direction in range(2):
                 Columns(pairs[:, :, direction], world.pairs).set(friction)
-        hinges = Columns(self._batch.expand("dof_frictionloss"), np.array([robot.wheel_dofs for robot in robots]))
-        hinges.set(column(drive, "gear_friction_nm"))
+        motors, hubs = [Motor.of(s.motor) for s in settings], np.array([robot.wheel_dofs for robot in robots])
+        dry, damping = self._batch.expand("dof_frictionloss"), self._batch.expand("dof_damping")
+        Columns(dry, hubs).set(column(motors, "wheel_dry") + column(drive, "gear_friction_nm"))
+        Columns(damping, hubs).set(column(motors, "wheel_viscous"))
         rollers = np.array([robot.roller_dofs.ravel() for robot in robots])
-        Columns(self._batch.expand("dof_damping"), rollers).set(column(drive, "roller_damping_nm_s"))
+        Columns(damping, rollers).set(column(drive, "roller_damping_nm_s"))
         centre = world.model.body_ipos[robots[0].chassis] + np.column_stack([drawn.centre, np.zeros(n)])
         inertia = world.model.dof_invweight0[robots[0].slip_dofs] if self._creeps else np.ones(1)
         timestep = world.model.opt.timestep

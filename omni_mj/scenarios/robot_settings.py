@@ -1,17 +1,9 @@
 """Settings of the robot's body and wheels, of the carpet under them, and of what varies from robot to robot."""
 
-from collections.abc import Callable
-from typing import Any, Literal
+from typing import Literal
 
-from omni_mj.scenarios import robots
 from omni_mj.scenarios.checking import Angles, Checked, Patches, setting
-from omni_mj.scenarios.nested import frozen
-
-
-def of_robot(name: str) -> Callable[[], Any]:
-    """A default that is a robot's own, and stands in its file."""
-    section, field = name.split(".")
-    return lambda: frozen(robots.sections(robots.DEFAULT)[section][field])
+from omni_mj.scenarios.robots import of_robot
 
 
 class BodySettings(Checked):

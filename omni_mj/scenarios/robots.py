@@ -5,7 +5,7 @@ What the default robot's file gives depends on the robot, so that every other mu
 """
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -14,7 +14,7 @@ from typing import Any
 from omni_control.errors import OmniError, choose
 from omni_mj.robots import builtin
 from omni_mj.scenarios.checking import in_one
-from omni_mj.scenarios.nested import merged
+from omni_mj.scenarios.nested import frozen, merged
 
 DEFAULT = "tigers-v2016"
 DESCRIPTION = "description"  # the one key of a robot's file that is no section
@@ -54,6 +54,12 @@ def description(robot: str) -> str:
     """
     path = robot_path(robot)
     return _read(path, path.stat().st_mtime_ns)[0]
+
+
+def of_robot(name: str) -> Callable[[], Any]:
+    """A setting's default that is a robot's own: what the default robot's file gives for `section.field`."""
+    section, field = name.split(".")
+    return lambda: frozen(sections(DEFAULT)[section][field])
 
 
 def completed(given: Mapping[str, Any], robot: str) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_v
 from omni_control.kinematics import Array
 from omni_control.reference.curves import CURVES
 from omni_mj.scenarios.checking import Checked, Poses, Setting, setting, shown
+from omni_mj.scenarios.motor_settings import MotorSettings
 from omni_mj.scenarios.nested import merged, plain
 from omni_mj.scenarios.parameters import Parameters
 from omni_mj.scenarios.robot_settings import (
@@ -126,6 +127,9 @@ class FirmwareSettings(Checked):
     turn_gain: float = setting(1.0, "", "turn rate added per error of the turn rate that the gyro shows", 0, 10)
     heading_gain: float = setting(2.0, "1/s", "heading corrected per difference to vision's", 0, 30)
     bias_gain: float = setting(0.5, "1/s^2", "gyro bias corrected per difference to vision's heading", 0, 100)
+    current_limit_a: float = setting(
+        9.0, "A", "highest current that a motor's driver lets through (TIGERs v2020: 9.0 A, drive_ctrl.c)", 0.1, 1e3
+    )
     derate: bool = setting(False, "", "limit the current of a motor that nears its highest winding temperature")
 
 
@@ -135,28 +139,6 @@ class SensorSettings(Checked):
     encoder_counts: int = setting(8192, "", "counts per revolution of a motor (TIGERs: 2048 lines)", 1, 1_000_000)
     gyro_noise_rad_s: float = setting(0.005, "rad/s", "standard deviation of the gyro over a frame", 0, 10)
     gyro_bias_rad_s: float = setting(0.01, "rad/s", "standard deviation of its bias, one per seed", 0, 10)
-
-
-class MotorSettings(Checked):
-    """What the model cannot hold of the motors: maxon EC 45 flat 50 W, catalogue page of the 24 V winding."""
-
-    constant_nm_a: float = setting(0.036, "N m/A", "torque constant, and so back-EMF per speed", 1e-4, 1)
-    resistance_ohm: float = setting(0.942, "ohm", "terminal resistance, phase to phase", 1e-3, 100)
-    rotor_inertia_kg_m2: float = setting(1.35e-5, "kg m^2", "inertia of the rotor", 1e-8, 1e-2)
-    gear: float = setting(60 / 18, "", "turns of the motor for one of the wheel", 0.1, 100)
-    winding_c: float = setting(25.0, "deg C", "temperature of the windings at the start", -20, 200)
-    housing_c: float = setting(25.0, "deg C", "temperature of the housings at the start", -20, 200)
-    ambient_c: float = setting(25.0, "deg C", "temperature of the air", -20, 60)
-    limit_c: float = setting(125.0, "deg C", "highest permissible temperature of the windings", 0, 300)
-    winding_housing_k_w: float = setting(8.28, "K/W", "thermal resistance from winding to housing", 0.01, 1e3)
-    housing_ambient_k_w: float = setting(1.57, "K/W", "thermal resistance from housing to air", 0.01, 1e3)
-    winding_j_k: float = setting(3.48, "J/K", "heat capacity of the winding: 28.8 s / 8.28 K/W", 0.01, 1e4)
-    housing_j_k: float = setting(49.9, "J/K", "heat capacity of the housing: 78.3 s / 1.57 K/W", 0.01, 1e5)
-    copper_per_k: float = setting(0.00393, "1/K", "rise of the winding's resistance (copper)", 0, 0.1)
-    magnet_per_k: float = setting(-0.001, "1/K", "change of the torque constant (NdFeB, typical)", -0.01, 0)
-    commutation_ohm_s: float = setting(
-        1.27e-3, "ohm s/rad", "commutation's resistance per motor speed; fits the datasheet's nominal point", 0, 1
-    )
 
 
 class BatterySettings(Checked):

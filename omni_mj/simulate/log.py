@@ -21,7 +21,7 @@ def channels(wheels: int) -> dict[str, tuple[str, ...]]:
     """Channel -> its columns in a table, for robots with as many wheels.
 
     A row of the table describes the instant of a frame; `applied` acts from there to the next frame, the peaks are
-    those since the frame before.
+    those since the frame before, `current_limited` a share of that time.
     """
     each = [str(i + 1) for i in range(wheels)]
     return {
@@ -41,6 +41,7 @@ def channels(wheels: int) -> dict[str, tuple[str, ...]]:
         "duty_peak": ("duty_peak",),
         "voltage_peak": ("voltage_peak_v",),
         "current_peak": ("current_peak_a",),
+        "current_limited": tuple(f"current_limited_{i}" for i in each),
         "winding": tuple(f"winding_{i}_c" for i in each),
         "housing": tuple(f"housing_{i}_c" for i in each),
         "battery": ("battery_v",),

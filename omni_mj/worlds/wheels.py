@@ -6,23 +6,7 @@ import mujoco
 import numpy as np
 
 from omni_control.kinematics import Array, Kinematics, world_to_body
-from omni_mj.scenarios.settings import Settings
 from omni_mj.worlds.roles import Ids, Robot
-
-
-@dataclass(frozen=True)
-class Motor:
-    """The motor and gear: torque constant (N m/A = V s/rad), resistance (ohm), gear ratio."""
-
-    constant: float
-    resistance: float
-    gear: float
-
-    @classmethod
-    def of(cls, settings: Settings) -> "Motor":
-        """Of a robot."""
-        m = settings.motor
-        return cls(m.constant_nm_a, m.resistance_ohm, m.gear)
 
 
 @dataclass(frozen=True, eq=False)

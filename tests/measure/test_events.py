@@ -17,7 +17,7 @@ from omni_mj.simulate.simulation import Simulation
 
 SHORT = ("reference.waypoints=[[0, 0], [0.5, 0]]", "reference.settle_s=0")
 AWAY = ("reference.waypoints=[[0, 0], [0.4, 0], [0.4, 0.2]]", "reference.settle_s=0")
-REST = {"vision_valid": True, "duty_peak": 0.5, "battery": 22.0, "winding": 25.0}
+REST = {"vision_valid": True, "duty_peak": 0.5, "current_limited": 0.0, "battery": 22.0, "winding": 25.0}
 
 
 @cache
@@ -103,6 +103,19 @@ def test_frames_that_vision_misses_and_motors_that_take_all_of_the_battery_are_t
     given_up = {"duty_peak": constant(0.5, 40, [8, 9, 39], 1.0), "battery": constant(22.0, 40, 39, 0.0)}
     log = filled(rows(settings=settings()), 40, **{**REST, **given_up})
     assert told(log, events.VOLTAGE) == [(8, "a motor takes all the battery's voltage")]
+
+
+def test_drivers_that_limit_a_current_are_told_with_the_motor() -> None:
+    """Motor 2 in frames 8, 9 and 39, motor 4 in 9: each once until it has been away; the first of each row to all."""
+    limited = np.zeros((40, 1, 4))
+    limited[[8, 9, 39], :, 1], limited[9, :, 3] = 1 / 16, 1.0
+    table = rows(("a", "b"), settings=settings("firmware.current_limit_a=7.5"))
+    log = filled(table, 40, **{**REST, "current_limited": limited})
+    texts = [f"the driver limits the current of motor {motor} to 7.5 A" for motor in (2, 4)]
+    expected = [(8, texts[0]), (9, texts[1]), (39, texts[0])]
+    assert [(e.frame, e.text) for e in events.of_row(log, 1) if e.kind == events.CURRENT] == expected
+    first = [(e.controller, e.frame, e.kind, e.text) for e in events.find(log)]
+    assert first == [("a", 8, "current", texts[0]), ("b", 8, "current", texts[0])]
 
 
 def test_way_points_are_reached_within_2_cm_and_a_tenth_of_a_radian() -> None:

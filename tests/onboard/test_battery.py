@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from driving import FRAME_S, constant, drive, quiet
+from driving import COMMUTATION, FRAME_S, GEAR, constant, drive, hinge_friction, quiet
 from driving import mujoco as plant_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
+from scipy.optimize import brentq
 
 from omni_mj.onboard.battery import Battery
 from omni_mj.plants.mujoco import MujocoPlant
@@ -55,22 +56,48 @@ def test_the_terminals_sag_by_resistance_times_the_current_drawn(
     one = battery(charge=charge, cells=cells, resistance_ohm=resistance)
     rest = float(one.voltage[0])
     assert rest == pytest.approx(cells / 6 * open_circuit(charge))
-    one.load(np.array([duty]), np.array([current]))
+    one.load(np.array([duty]) * rest, np.array([current]))
     voltage = float(one.voltage[0])
     # A driver without loss passes on power, V_b i_b = sum of (d V_b) i: what it draws, and Ohm's law on that.
     drawn = sum(d * i for d, i in zip(duty, current, strict=True))
     assert voltage == pytest.approx(rest - resistance * drawn, abs=1e-9)
-    motors = sum(d * voltage * i for d, i in zip(duty, current, strict=True))
-    assert (rest - voltage) / resistance * voltage == pytest.approx(motors, abs=1e-6) if resistance > 1e-3 else True
+
+
+@settings(deadline=None, max_examples=60, derandomize=True)
+@given(charge=unit, resistance=st.floats(1e-3, 0.1), duty=four_duties, current=four_currents)
+def test_what_leaves_the_battery_is_the_power_at_the_motors_terminals(
+    charge: float, resistance: float, duty: list[float], current: list[float]
+) -> None:
+    one = battery(charge=charge, resistance_ohm=resistance)
+    rest = float(one.voltage[0])
+    for _ in range(2):  # terminals of drivers that keep their duties while the battery sags
+        before = one.voltage[:, None].copy()
+        one.load(np.array([duty]) * before, np.array([current]))
+    ampere, motors = (rest - one.voltage[0]) / resistance, (np.array(duty) * one.voltage[0]) @ current
+    assert ampere * one.voltage[0] == pytest.approx(motors, abs=1e-6)
+
+
+def test_it_takes_nothing_beyond_its_voltage_and_nothing_once_it_is_dead() -> None:
+    # A motor at 50 V: of its 50 V * -4 A a battery of 22.2 V takes 22.2 V * -4 A; the driver burns the rest.
+    one = battery(charge=0.5, resistance_ohm=0.1)
+    one.load(np.array([[50.0, 0, 0, 0]]), np.array([[-4.0, 0, 0, 0]]))
+    assert one.voltage[0] == pytest.approx(22.2 + 0.4, rel=1e-12)
+    dead = battery(charge=0.5, cut_off_v=23.0)
+    for _ in range(2):
+        discharge(dead, np.zeros((120, 1)))
+        charge = dead.charge[0]
+    dead.load(np.full((1, 4), 5.0), np.full((1, 4), -9.0))
+    dead.discharge(FRAME_S)
+    assert (dead.alive[0], dead.voltage[0], dead.charge[0]) == (False, 0.0, charge)
 
 
 def discharge(one: Battery, drawn: NDArray) -> NDArray:
     """States of charge (frames,) under battery currents (frames, steps)."""
-    duty = np.array([[1.0, 0.0, 0.0, 0.0]])
+    all_of_it = np.array([[1.0, 0.0, 0.0, 0.0]])
     charges = []
     for frame in drawn:
         for ampere in frame:
-            one.load(duty, np.array([[ampere, 0.0, 0.0, 0.0]]))
+            one.load(all_of_it * one.voltage[:, None], np.array([[ampere, 0.0, 0.0, 0.0]]))
         one.discharge(FRAME_S)
         charges.append(float(one.charge[0]))
     return np.array(charges)
@@ -93,7 +120,7 @@ def test_a_battery_gives_its_capacity() -> None:
     one = battery(charge=1.0, capacity_ah=1.3, cut_off_v=0.0, resistance_ohm=0.0)
     for second in range(361):
         assert (one.charge[0] > 1e-9) == (second < 360)
-        one.load(np.array([[1.0, 0, 0, 0]]), np.array([[13.0, 0, 0, 0]]))
+        one.load(np.array([[1.0, 0, 0, 0]]) * one.voltage, np.array([[13.0, 0, 0, 0]]))
         one.discharge(1.0)
     assert one.charge[0] == 0.0
 
@@ -148,7 +175,7 @@ def test_batteries_are_each_robots_own() -> None:
     chosen = [BatterySettings(charge=1.0, resistance_ohm=0.1), BatterySettings(charge=0.5, cells=4, cut_off_v=0.0)]
     two = Battery(chosen)
     duty, current = np.array([[0.5] * 4, [1.0] * 4]), np.array([[2.0] * 4, [-1.0] * 4])
-    two.load(duty, current)
+    two.load(duty * two.voltage[:, None], current)
     np.testing.assert_allclose(two.voltage, [25.2 - 0.1 * 4, 4 * 3.7 + 0.08 * 4])
 
 
@@ -169,13 +196,17 @@ def turn(chosen: list[Settings], rate: float, frames: int) -> MujocoPlant:
 def steady_speed(wanted: float, battery_v: float) -> float:
     """Wheel speed at which the loop's voltage, as far as the battery gives it, just bears the dry friction.
 
-    (K g W + k_p (W - w)) V_b / V_n = K g w + (R + X g w) T / (K g), linear in w, with the torque T of motor, gear and
-    lint (0.065 of a quarter of the weight) at the wheel.
+    (K g W + k_p (W - w)) V_b / V_n = K g w + (R + X g w) T(w) / (K g), with the torque T of motor, gear and lint at the
+    wheel. A full battery drives it beyond what is wanted.
     """
-    back_emf, kp, share = 0.036 * 60 / 18, 0.3, battery_v / 22.2
-    torque = 0.036 * 0.238 * 60 / 18 + 0.003 + 0.065 * 2.3 * 9.81 / 4 * 0.0285
-    current = torque / back_emf
-    return (wanted * (back_emf + kp) * share - 0.942 * current) / (back_emf + kp * share + 1.27e-3 * 60 / 18 * current)
+    back_emf, kp, share = 0.036 * GEAR, 0.3, battery_v / 22.2
+
+    def missing(speed: float) -> float:
+        current = float(hinge_friction(speed)) / back_emf
+        told = (wanted * back_emf + kp * (wanted - speed)) * share
+        return told - back_emf * speed - (0.942 + COMMUTATION * GEAR * speed) * current
+
+    return float(brentq(missing, 0.0, 2 * wanted))
 
 
 def test_a_low_battery_weakens_the_wheel_loop() -> None:
@@ -221,10 +252,10 @@ def test_the_battery_feeds_the_motors_without_loss_but_its_own() -> None:
     resistance, frames, speed = 0.3, 90, 12.0
     plant = turn([robot_with(charge=0.5, resistance_ohm=resistance, cut_off_v=0.0)], speed, frames)
     telemetry = plant.telemetry()
-    # Steady: (V_oc - V_b) / R_b is what it gives, and times V_b the four motors' power. A second and a half of 6 W
+    # Steady: (V_oc - V_b) / R_b is what it gives, and times V_b the four motors' power. A second and a half of 4 W
     # takes 0.1 permille of the charge, or 0.1 mV.
     ampere = (22.2 - telemetry.battery[0]) / resistance
     motors = (telemetry.voltage * telemetry.current).sum()
     # 2 %: the encoder's counts change voltages from step to step, and the terminals' is a step newer.
     assert ampere * telemetry.battery[0] == pytest.approx(motors, rel=0.02)
-    assert ampere > 0.2
+    assert ampere > 0.15

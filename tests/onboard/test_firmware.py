@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from omni_control.kinematics import Kinematics
 from omni_mj.link.radio import Received
 from omni_mj.onboard.firmware import Firmware
-from omni_mj.scenarios.settings import FirmwareSettings, MotorSettings, SensorSettings, Settings
-from omni_mj.worlds.wheels import Motor
+from omni_mj.scenarios.motor_settings import MotorSettings
+from omni_mj.scenarios.settings import FirmwareSettings, SensorSettings, Settings
 
 KINEMATICS = Kinematics(np.radians([60.0, 135, 225, 300]), arm=0.08, radius=0.0285)
-MOTOR = Motor(constant=0.036, resistance=0.942, gear=10 / 3)
 # Beyond what settings allow, and so not checked by them.
 UNLIMITED_V = 1e9
 FINE_COUNTS = 10**12  # an encoder whose steps vanish beside rounding
@@ -44,7 +43,7 @@ class Robot:
             sensors=SensorSettings.model_construct(encoder_counts=counts),
             motor=MotorSettings(limit_c=limit_c),
         )
-        self.firmware = Firmware([self.settings], KINEMATICS, MOTOR, np.array([heading]), timestep, FRAME_S)
+        self.firmware = Firmware([self.settings], KINEMATICS, np.array([heading]), timestep, FRAME_S)
         self.angle = np.zeros(4)
         self.limit, self.timestep = limit, timestep
         self.firmware.duties(STILL, self.angle[None])  # at rest, where the encoders begin to count
@@ -179,7 +178,7 @@ def test_robots_of_any_number_of_wheels() -> None:
     for wheels in (3, 5):
         place = np.arange(wheels) * 2 * np.pi / wheels
         chosen = Robot(kp=1.0).settings
-        firmware = Firmware([chosen] * 2, Kinematics(place, 0.1, 0.03), MOTOR, np.zeros(2), 1 / 960, FRAME_S)
+        firmware = Firmware([chosen] * 2, Kinematics(place, 0.1, 0.03), np.zeros(2), 1 / 960, FRAME_S)
         firmware.receive(Received.at_once(np.array([[1.0, 0, 0], [0, 0, 3.0]])), np.full((2, wheels), 25.0))
         voltage = firmware.duties(np.zeros(2), np.zeros((2, wheels))) * UNLIMITED_V
         np.testing.assert_allclose(voltage, [-np.sin(place) / 0.03, np.full(wheels, 3.0 * 0.1 / 0.03)], atol=1e-9)
@@ -190,7 +189,7 @@ def test_wheels_and_robots_have_their_own_integrals() -> None:
         kp=0.0, ki=1.0, kd=0.0, feed_forward=0.0, turn_gain=0.0, heading_gain=0.0, nominal_voltage_v=UNLIMITED_V
     )
     chosen = Settings(firmware=gains, sensors=SensorSettings.model_construct(encoder_counts=FINE_COUNTS))
-    pid = Firmware([chosen, chosen], KINEMATICS, MOTOR, np.zeros(2), 0.5, FRAME_S)
+    pid = Firmware([chosen, chosen], KINEMATICS, np.zeros(2), 0.5, FRAME_S)
     pid.receive(Received.at_once(np.zeros((2, 3))), np.full((2, 4), 25.0))
     pid.duties(np.zeros(2), np.zeros((2, 4)))
     errors = np.arange(8.0).reshape(2, 4)
@@ -199,9 +198,20 @@ def test_wheels_and_robots_have_their_own_integrals() -> None:
         np.testing.assert_allclose(voltage, 0.5 * step * errors, atol=1e-9)
 
 
+def test_the_back_emf_is_that_of_each_robots_own_motor() -> None:
+    """Fed forward, and where derating ends: by the datasheet's constant and gear of the row."""
+    one, other = Robot(feed_forward=1.0).settings, Robot(feed_forward=1.0).settings
+    other = other.replace(motor={"gear": 3.0, "nominal_rpm": 5000.0})
+    both = Firmware([one, other], KINEMATICS, np.zeros(2), 1 / 960, FRAME_S)
+    both.receive(Received.at_once(np.tile([0.0, 0.0, 1.0], (2, 1))), np.full((2, 4), 25.0))
+    voltage = both.duties(np.zeros(2), np.zeros((2, 4))) * UNLIMITED_V
+    expected = 0.036 * np.array([[10 / 3], [3.0]]) * 0.08 / 0.0285
+    np.testing.assert_allclose(voltage, np.tile(expected, 4), rtol=1e-9)
+
+
 def test_robots_obey_their_own_gains() -> None:
     chosen = [Robot(**gains).settings for gains in ({"kp": 1.0}, {"kp": 2.0}, {"feed_forward": 1.0}, {"ki": 960.0})]
-    together = Firmware(chosen, KINEMATICS, MOTOR, np.zeros(4), 1 / 960, FRAME_S)
+    together = Firmware(chosen, KINEMATICS, np.zeros(4), 1 / 960, FRAME_S)
     together.receive(Received.at_once(np.tile([0.0, 0.0, 1.0], (4, 1))), np.full((4, 4), 25.0))
     voltage = together.duties(np.zeros(4), np.zeros((4, 4))) * UNLIMITED_V
     # P, twice P, back-EMF, and an integral that one step fills: of the same wanted speed, l w / r.
@@ -231,7 +241,7 @@ def test_rates_come_from_whole_counts_and_lose_none(speeds: list[float], counts:
 @given(st.floats(-100, 100))
 def test_an_encoder_starts_where_the_wheel_stands(angle: float) -> None:
     chosen = Robot(kp=1.0, counts=8192).settings
-    firmware = Firmware([chosen], KINEMATICS, MOTOR, np.zeros(1), 1 / 960, FRAME_S)
+    firmware = Firmware([chosen], KINEMATICS, np.zeros(1), 1 / 960, FRAME_S)
     firmware.receive(Received.at_once(np.zeros((1, 3))), COLD)
     # A wheel at rest has no speed, wherever it stands.
     for _ in range(3):

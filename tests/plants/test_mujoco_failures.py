@@ -54,22 +54,23 @@ def test_a_robot_that_topples_leaves_the_others_bits_alone(wheels: str) -> None:
 def test_a_robot_that_topples_among_others_stays_where_it_fell_with_its_motors_off() -> None:
     start = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
     plant = plant_of([quiet(**ORDINARY), quiet(**GRIPPING)], start, [1, 2], places=2)
-    poses, failed = run(plant, (1,))
+    poses, failed = run(plant, (1,), FRAMES + 20)  # until it lies still
     assert {row: cause for row, (_, cause) in failed.items()} == {1: "toppled over"}
     frame = failed[1][0]
     telemetry = plant.telemetry()
     assert (telemetry.voltage[1] == 0).all()
     assert (np.abs(telemetry.voltage[0]) > 0).any()
-    # From 1 m/s it slides and rolls on for some centimetres.
-    assert np.abs(poses[-1, 1, :2] - poses[frame, 1, :2]).max() < 0.3
+    # From 1.4 m/s or less it slides on: v^2 / (2 g 0.3) with the hull's friction of 0.3 is 0.33 m, rollers slide too.
+    assert np.abs(poses[-1, 1, :2] - poses[frame, 1, :2]).max() < 0.4
     # It lies on the carpet, on its hull, not in it: no contact of the world is deeper than a hard one.
     model, data = plant._batch.get_model(0), plant._batch.get_data(0)
     mujoco.mj_forward(model, data)
     assert {model.geom(g).name for contact in data.contact for g in contact.geom} >= {"carpet", "robot_2/hull"}
     assert min(contact.dist for contact in data.contact) > -5e-3
-    # The other drives as it does alone, to rounding (see test_meeting).
-    alone, _ = run(plant_of([quiet(**ORDINARY)], seeds=[1]), ())
-    np.testing.assert_allclose(poses[:, 0], alone[:, 0], rtol=0, atol=1e-4)
+    # The other drives as it does alone, to the solver's tolerance (see test_meeting), which is one for the world: the
+    # forces on a robot that falls make it coarse. With a tolerance of 1e-10 in place of 1e-8, the two differ by 1e-9.
+    alone, _ = run(plant_of([quiet(**ORDINARY)], seeds=[1]), (), FRAMES + 20)
+    np.testing.assert_allclose(poses[:, 0], alone[:, 0], rtol=0, atol=3e-4)
 
 
 @pytest.mark.parametrize("x", [math.nan, 1e11], ids=["not a number", "too far"])

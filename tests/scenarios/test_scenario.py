@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from scenario_texts import SETTINGS, assign, load
+from scenario_texts import SETTINGS, SHEET, assign, load
 from scenario_texts import given as sections_of
 
 from omni_control.controllers.base import Controller
@@ -166,6 +166,8 @@ def agreed(values: dict[str, Any]) -> dict[str, Any]:
         values["reference.mode"] = "timed"
     if values["reference.max_side_acceleration_m_s2"] < 0.01:
         values["reference.max_side_acceleration_m_s2"] = 0.0
+    share = min(max(values["motor.nominal_voltage_v"] / 24, 0.1), 10)
+    values |= {name: SETTINGS[name].default * (share if name in SHEET[:4] else 1) for name in SHEET}
     return sections_of(values)
 
 

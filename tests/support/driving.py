@@ -15,6 +15,14 @@ from omni_mj.scenarios.settings import Settings
 FRAME_S = 1 / 60
 SIGMAS = 5  # of a statistic's own spread
 ROBOT = "ssl_robot"
+GEAR = 60 / 18
+# ohm s/rad, from the motor's nominal row: of 24 V, 0.942 ohm * 2.52 A and 0.036 V s/rad * 541.4 rad/s leave 2.136 V.
+NOMINAL_RAD_S = 5170 * np.pi / 30
+COMMUTATION = (24 - 0.942 * 2.52 - 0.036 * NOMINAL_RAD_S) / (2.52 * NOMINAL_RAD_S)
+# Of the motor, N m and N m s/rad at the wheel: torque constant x no-load current x gear, of which a quarter is dry; the
+# rest is there at the no-load speed, 6250 rpm of the motor.
+DRY, VISCOUS = 0.25 * 0.036 * 0.238 * GEAR, 0.75 * 0.036 * 0.238 * GEAR / (6250 * np.pi / 30 / GEAR)
+LINT = 0.065 * 2.3 * 9.81 / 4 * 0.0285  # share of a quarter of the weight, at the rim
 
 
 def with_settings(**sections: dict[str, Any]) -> Settings:
@@ -64,6 +72,11 @@ def drive(plant: Plant, commands: NDArray, age: NDArray | int = 0) -> NDArray:
 def constant(command: ArrayLike, frames: int, n: int) -> NDArray:
     """The same commands, (3,) or (n, 3), in every frame."""
     return np.broadcast_to(np.asarray(command, float), (frames, n, 3))
+
+
+def hinge_friction(wheel_speed: ArrayLike) -> NDArray:
+    """Torque in N m that motor, gear (0.003 N m) and lint of the default robot cost at a wheel's speed, rad/s."""
+    return DRY + VISCOUS * np.abs(np.asarray(wheel_speed)) + 0.003 + LINT
 
 
 def ramp(twists: ArrayLike, acceleration: ArrayLike, frames: int) -> NDArray:

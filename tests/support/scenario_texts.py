@@ -13,6 +13,11 @@ from omni_mj.scenarios.settings import Settings, every_setting
 SETTINGS = {each.full: each for each in every_setting()}
 NUMBERS = {name: each for name, each in SETTINGS.items() if each.number}
 SWITCHES = [name for name, each in SETTINGS.items() if each.kind is bool]
+# Rows of a motor's datasheet that no motor has one without the other; the first four scale together at one current.
+SHEET = [
+    *("motor.nominal_voltage_v", "motor.constant_nm_a", "motor.nominal_torque_nm", "motor.resistance_ohm"),
+    *("motor.no_load_rpm", "motor.no_load_current_a", "motor.nominal_rpm", "motor.nominal_current_a"),
+]
 WHOLE = [name for name, each in NUMBERS.items() if each.kind is int]
 
 

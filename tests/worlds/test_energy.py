@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from driving import FRAME_S, quiet
+from driving import COMMUTATION, DRY, FRAME_S, GEAR, LINT, VISCOUS, hinge_friction, quiet
 from driving import mujoco as plant_of
 from mujoco.batch import Batch
 from numpy.typing import NDArray
@@ -15,10 +15,7 @@ from numpy.typing import NDArray
 from omni_mj.link.radio import Received
 from omni_mj.worlds import build
 
-RADIUS_M, MASS_KG = 0.0285, 2.3
 GRAVITY = 9.81
-# At a wheel, N m: the motor's no-load current, the gear, and lint as a share of a quarter of the weight at the rim.
-DRY_FRICTION = 0.036 * 0.238 * 60 / 18 + 0.003 + 0.065 * MASS_KG * GRAVITY / 4 * RADIUS_M
 
 
 class Tape:
@@ -75,6 +72,8 @@ def test_energy_audit_of_a_driven_robot(substeps: int, tolerance: float) -> None
     model = copy.copy(world.model)
     model.actuator_ctrllimited[:] = 0
     data, wheels = mujoco.MjData(model), world.robots[0].wheel_dofs
+    bearing = model.dof_damping.copy()  # of the rollers
+    model.dof_frictionloss[wheels], model.dof_damping[wheels] = DRY + 0.003 + LINT, VISCOUS
     timestep = model.opt.timestep
     heat, hinges, bearings, sliding, sinking = np.zeros(5)
     kinetic = []
@@ -87,9 +86,9 @@ def test_energy_audit_of_a_driven_robot(substeps: int, tolerance: float) -> None
         # Over a step forces are constant and do work on the mean velocity.
         mean = (qvel + after) / 2
         current = data.actuator_force / 0.036
-        heat += (current**2 * (0.942 + 1.27e-3 * np.abs(qvel[wheels]) * 60 / 18)).sum() * timestep
-        hinges += DRY_FRICTION * np.abs(mean[wheels]).sum() * timestep
-        bearings += (model.dof_damping * mean**2).sum() * timestep
+        heat += (current**2 * (0.942 + COMMUTATION * GEAR * np.abs(qvel[wheels]))).sum() * timestep
+        hinges += (hinge_friction(mean[wheels]) * np.abs(mean[wheels])).sum() * timestep
+        bearings += (bearing * mean**2).sum() * timestep
         slid, sunk = contact_power(model, data, mean)
         sliding, sinking = sliding + slid * timestep, sinking + sunk * timestep
     lifted = weight * (tape.steps[-1][0][2] - tape.steps[0][0][2])

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from driving import FRAME_S, constant, drive, quiet
+from driving import COMMUTATION, FRAME_S, GEAR, constant, drive, hinge_friction, quiet
 from driving import mujoco as plant_of
 from numpy.typing import NDArray
 
@@ -12,10 +12,7 @@ from omni_control.kinematics import world_to_body
 from omni_mj.worlds import build
 
 AZIMUTHS = np.radians([60, 135, 225, 300])
-ARM_M, RADIUS_M, MASS_KG = 0.080, 0.0285, 2.3
-GRAVITY = 9.81
-# At a wheel, N m: the motor's no-load current, the gear, and lint as a share of a quarter of the weight at the rim.
-DRY_FRICTION = 0.036 * 0.238 * 60 / 18 + 0.003 + 0.065 * MASS_KG * GRAVITY / 4 * RADIUS_M
+ARM_M, RADIUS_M = 0.080, 0.0285
 # Tangents along which positive wheel speeds push the robot, in its frame (equation 3).
 TANGENTS = np.stack([-np.sin(AZIMUTHS), np.cos(AZIMUTHS)], axis=1)
 
@@ -69,15 +66,15 @@ def test_each_wheel_rolls_without_slip(cruise: Cruise) -> None:
     assert (np.abs(RADIUS_M * cruise.wheels - along) <= 0.01 * fastest).all()
 
 
-def test_the_wheel_loop_droops_under_dry_friction(cruise: Cruise) -> None:
-    # At a constant speed each motor's current overcomes the dry friction of motor, gear and lint, and the voltage its
+def test_the_wheel_loop_droops_under_friction(cruise: Cruise) -> None:
+    # At a constant speed each motor's current overcomes the friction of motor, gear and lint, and the voltage its
     # drop: (K gear + k_p) (wanted - w) = (R + X gear |w|) I. In a turn all wheels lag by that, and the turn-rate loop,
     # g = 1, halves it; driving forward, the lag is that of the mean of the pulls, weighted by the tangents.
-    friction_current = DRY_FRICTION / (0.036 * 60 / 18)
     along = np.abs(TANGENTS[:, 0])
 
     def lag(rims: NDArray) -> NDArray:
-        return (0.942 + 1.27e-3 * 60 / 18 * rims / RADIUS_M) * friction_current / (0.036 * 60 / 18 + 0.3) * RADIUS_M
+        current = hinge_friction(rims / RADIUS_M) / (0.036 * GEAR)
+        return (0.942 + COMMUTATION * GEAR * rims / RADIUS_M) * current / (0.036 * GEAR + 0.3) * RADIUS_M
 
     # 2 %: effective radius, rolling losses and the battery's sag, which are not in this balance.
     forward = SPEED - (lag(SPEED * along) * along).sum() / (along**2).sum()

@@ -6,7 +6,7 @@ from itertools import groupby
 import numpy as np
 import rerun as rr
 
-from omni_mj.measure.events import BATTERY, LIMIT, STOPPED, TEMPERATURE, VISION, VOLTAGE, WAY_POINT, Event
+from omni_mj.measure.events import BATTERY, CURRENT, LIMIT, STOPPED, TEMPERATURE, VISION, VOLTAGE, WAY_POINT, Event
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show.recording.robots import Robot
@@ -14,7 +14,7 @@ from omni_mj.show.recording.timelines import indexes
 
 LEVELS = {
     STOPPED: "ERROR", TEMPERATURE: "ERROR", BATTERY: "ERROR", LIMIT: "WARN", VOLTAGE: "WARN",
-    VISION: "INFO", WAY_POINT: "INFO",
+    CURRENT: "WARN", VISION: "INFO", WAY_POINT: "INFO",
 }  # fmt: skip
 
 
