@@ -42,7 +42,7 @@ def rolled_out(chosen: list[Settings], speed: float = 1.2, frames: int = 18) -> 
 
 
 def expected(chosen: Settings, direction: NDArray, tape: Tape) -> float:
-    """Deceleration, m/s^2, by d'Alembert: each wheel's drag on its share of the weight, hubs and rotors with the mass."""
+    """Deceleration, m/s^2, by d'Alembert: drag of each wheel under its load; hubs and rotors add to the mass."""
     hubs = tape._plant._world.robots[0].wheel_dofs
     friction = float(tape._batch.expand("dof_frictionloss")[0, hubs[0]])  # of the motor, where there is some
     along, aside = np.abs(TANGENTS @ direction), np.abs(OUTWARD @ direction)
