@@ -57,7 +57,7 @@ def test_the_first_frame_above_the_limit_and_an_empty_battery_are_told_of_every_
         assert event.frame == np.flatnonzero(hot)[0] > 0
         assert event.time_s == pytest.approx(event.frame / 60)
         assert "25.02 deg C" in event.text
-        assert found["battery", name].text == "the battery sank below 20.4 V and gives no more power"
+        assert found["battery", name].text == "the battery sank below 13.6 V and gives no more power"
     assert np.abs(empty.channel("wheel_speed")[-1]).max() < 0.1
     table = [*rows(("a",), (0, 1), settings("motor.limit_c=20")), *rows(("b",), (3,), settings())]
     cold = filled(table, 2, **REST)
