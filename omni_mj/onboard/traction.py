@@ -96,7 +96,9 @@ class Traction:
         body = (velocity[:, 0] + 1j * velocity[:, 1]) * heading.conj()
         wheel = body[:, None] * self._inward + self._turning * velocity[:, 5:6]
         speed, axle = np.abs(wheel), wheel.real
-        held = self._bearing / np.maximum(np.abs(axle), AT_REST_M_S) * axle
+        friction = self._carpet.friction(position, heading) * self._grip
+        bearing = np.minimum(self._bearing, friction)  # on ice, rollers slide before they turn
+        held = bearing / np.maximum(np.abs(axle), AT_REST_M_S) * axle
         direction = wheel / np.maximum(speed, AT_REST_M_S)
         drag = load * (self._carpet.pile(direction, heading) * direction + held)
         force = -(drag * self._outward).sum(1)  # a matrix product would round by the number of rows
@@ -107,7 +109,6 @@ class Traction:
         wrench[:, 3], wrench[:, 4] = height * world.imag, -height * world.real
         wrench[:, 5] = -self._arm * drag.imag.sum(1) - x * force.imag + y * force.real
         self._softness = self._creep * speed
-        friction = self._carpet.friction(position, heading) * self._grip
         self._rim_friction = np.sqrt(np.maximum(friction**2 - held * held, 0.0)) * self._radius
 
     def press(self, load: Array) -> None:

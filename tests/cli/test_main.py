@@ -58,7 +58,7 @@ def test_list_names_what_there_is_however_it_is_asked(capsys: pytest.CaptureFixt
         assert invoke(*words) == 0
         printed.add(capsys.readouterr().out)
     (listed,) = printed
-    for name in ("rect-noise", "comp-flc", "kinematic", "ssl_robot", "radio.delay_frames", "V s/rad", "0.826"):
+    for name in ("rect-noise", "comp-flc", "kinematic", "tigers-v2016", "radio.delay_frames", "V s/rad", "0.826"):
         assert name in listed
     assert max(map(len, listed.splitlines())) <= 140
 
@@ -76,7 +76,7 @@ def test_the_alpha_study_is_a_command(
     assert invoke("alpha", "--set", "radio.delay=1") == 2
     assert "did you mean 'radio.delay_frames'" in capsys.readouterr().err
     monkeypatch.setattr(alpha, "CONDITIONS", SMALL)
-    assert invoke("alpha", "--set", "wheels.model=contact-roller", "--out", tmp_path) == 0
+    assert invoke("alpha", "--set", "wheels.model=two-rollers", "--out", tmp_path) == 0
     assert "5th, 50th, 95th percentile" in capsys.readouterr().out
     assert {p.name for p in tmp_path.iterdir()} == {"summary.json", "scenario.toml", "alpha.png"}
     summary = strict(tmp_path / "summary.json")
