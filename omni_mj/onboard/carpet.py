@@ -25,7 +25,7 @@ class Carpet:
     """
 
     def __init__(self, settings: Sequence[CarpetSettings], wheels: Plane) -> None:
-        self._wheels = wheels
+        self._wheels, self._outward = wheels, wheels / np.abs(wheels)
         self._friction = np.broadcast_to(column(settings, "friction"), (len(settings), len(wheels)))
         self._pile, self._nap = column(settings, "pile"), column(settings, "nap")
         self._fibres = np.exp(-1j * np.radians(column(settings, "nap_deg")))
@@ -50,10 +50,14 @@ class Carpet:
                 friction = np.where(np.abs(at - (x + 1j * y)) < radius, other, friction)
         return friction
 
-    def pile(self, direction: Plane) -> Array:
-        """Rolling resistance of the pile over load, (n, 1) or (n, W), for wheels that travel in a direction.
+    def pile(self, direction: Plane, heading: Plane) -> Array:
+        """Rolling resistance of the pile over load, (n, 1) or (n, W).
 
         Args:
-            direction: of travel, unit vectors (n, W), world frame; shorter ones for wheels that come to rest.
+            direction: in which wheels travel, (n, W) unit vectors, axle first; shorter ones where wheels come to rest.
+            heading: of the robots, unit vectors (n,).
         """
-        return self._pile * (1 + self._nap * (direction * self._fibres).real) if self._leans else self._pile
+        if not self._leans:
+            return self._pile
+        cosine = (direction * self._outward * (heading[:, None] * self._fibres)).real
+        return self._pile * (1 + self._nap * cosine)

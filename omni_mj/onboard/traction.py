@@ -99,9 +99,8 @@ class Traction:
         friction = self._carpet.friction(position, heading) * self._grip
         bearing = np.minimum(self._bearing, friction)  # on ice, rollers slide before they turn
         held = bearing / np.maximum(np.abs(axle), AT_REST_M_S) * axle
-        moving = np.maximum(speed, AT_REST_M_S)
-        pile = self._carpet.pile(wheel / moving * self._outward * heading[:, None])
-        drag = load * (pile / moving * wheel + held)
+        direction = wheel / np.maximum(speed, AT_REST_M_S)
+        drag = load * (self._carpet.pile(direction, heading) * direction + held)
         force = -(drag * self._outward).sum(1)  # a matrix product would round by the number of rows
         world = force * heading
         x, y, height = self._centre

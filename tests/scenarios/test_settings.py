@@ -13,7 +13,6 @@ from omni_mj.scenarios import references
 from omni_mj.scenarios import settings as module
 from omni_mj.scenarios.robot_settings import CarpetSettings
 from omni_mj.scenarios.settings import (
-    CarpetSettings,
     ControlSettings,
     RadioSettings,
     ReferenceSettings,
@@ -118,6 +117,21 @@ def test_poses_are_lists_of_two_or_three_coordinates(name: str) -> None:
         assert "poses [x, y] or [x, y, heading] in m and rad, within 100 m" in line
     (line,) = errors(**given({name: [[0, 0], [1]]}))
     assert line.endswith("; [1] is not one")
+
+
+def test_patches_are_lists_of_a_centre_a_radius_and_a_friction() -> None:
+    made = Settings(carpet={"patches": [[0, 1, 0.5, 0.3], (2, -3, 1, 5)]})
+    assert made.carpet.patches == ((0.0, 1.0, 0.5, 0.3), (2.0, -3.0, 1.0, 5.0))
+    assert Settings(carpet={"patches": np.array([[0, 1, 0.5, 0.3]])}).carpet.patches == ((0.0, 1.0, 0.5, 0.3),)
+    patches = [[0, 0, 1], [0, 0, 1, 1, 1], [0, 0, 0, 1], [0, 0, -1, 1], [0, 0, 1, 0], [0, 0, 1, 5.1], [101, 0, 1, 1]]
+    for wrong in [3, [1, 2, 3, 4], [[0, 0, 1, 0.5]] * 51, *([patch] for patch in [*patches, [0, 0, 1, True], "abcd"])]:
+        (line,) = errors(carpet={"patches": wrong})
+        assert line.startswith(
+            "carpet.patches must be a list of 0 to 50 patches [x, y, radius, friction] in m, within 100 m, of friction "
+            "0.01 to 5"
+        )
+    (line,) = errors(carpet={"patches": [[0, 0, 1, 1], [0, 0, 0, 1]]})
+    assert line.endswith("; [0, 0, 0, 1] is not one")
 
 
 def test_all_that_is_wrong_is_said_at_once() -> None:

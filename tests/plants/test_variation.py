@@ -1,0 +1,299 @@
+"""What sets robots and carpets apart: how it is drawn, and the laws by which it acts."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from driving import FRAME_S, SIGMAS, constant, drive, quiet, ramp, rows, with_settings
+from driving import mujoco as plant_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from omni_control.errors import OmniError
+from omni_mj import run, scenario
+from omni_mj.onboard.carpet import Carpet
+from omni_mj.onboard.traction import Traction
+from omni_mj.plants.variation import Drawn
+from omni_mj.scenarios.robot_settings import CarpetSettings, VariationSettings
+from omni_mj.scenarios.settings import Settings
+from omni_mj.worlds import build
+
+MODELS = ["rollers", "two-rollers"]
+ALL = {"friction": 0.1, "wear_m": 0.0005, "motor_constant": 0.05, "mass": 0.1, "centre_m": 0.005}
+NO_DRAG: dict[str, Any] = {"drive": {"roller_friction": 0.0}, "carpet": {"pile": 0.0}}
+GRAVITY = 9.81
+
+
+def drawn(seeds: range | list[int], **variation: float) -> Drawn:
+    return Drawn.of(rows([with_settings(variation=variation)] * len(seeds), list(seeds)))
+
+
+def flat(one: Drawn) -> NDArray:
+    return np.column_stack(list(one.columns().values()))
+
+
+# --- how it is drawn ---
+
+
+def test_a_seed_draws_the_same_whatever_else_is_drawn() -> None:
+    """Another seed, or place in a world, draws others; a wider spread stretches what is drawn."""
+    together, alone = flat(drawn(range(5), **ALL)), flat(drawn([3], **ALL))
+    np.testing.assert_array_equal(together[3:4], alone)
+    assert not (together[0] == together[1]).any()
+    pair = flat(Drawn.of(rows([with_settings(variation=ALL)] * 2, [3, 3], places=2)))
+    np.testing.assert_array_equal(pair[0], alone[0])
+    assert not (pair[0] == pair[1]).any()
+    wider = drawn([3], **{**ALL, "friction": 0.2})
+    np.testing.assert_array_equal(wider.wear, drawn([3], **ALL).wear)
+    np.testing.assert_allclose(wider.friction - 1, 2 * (drawn([3], **ALL).friction - 1), rtol=1e-12)
+
+
+def test_spreads_are_those_asked_for() -> None:
+    """Standard errors: of a mean s/sqrt(n), of a deviation s/sqrt(2n) for normal numbers, s/sqrt(5n) for others."""
+    robots = drawn(range(1500), **ALL)
+    # A normal number that is cut at 3 deviations has a deviation of 0.9866.
+    for values, middle, name in (
+        (robots.friction, 1, "friction"),
+        (robots.strength, 1, "motor_constant"),
+        (robots.mass, 1, "mass"),
+        (robots.centre, 0, "centre_m"),
+    ):
+        sigma, n = 0.9866 * ALL[name], values.size
+        assert abs(values.mean() - middle) < SIGMAS * sigma / np.sqrt(n), name
+        assert abs(values.std() - sigma) < SIGMAS * sigma / np.sqrt(2 * n), name
+        assert np.abs(values - middle).max() <= 3 * ALL[name] * (1 + 1e-12), name
+    wear, n = robots.wear / ALL["wear_m"], robots.wear.size
+    assert wear.min() >= 0
+    assert wear.max() <= 1
+    assert abs(wear.mean() - 1 / 2) < SIGMAS / np.sqrt(12 * n)
+    assert abs(wear.std() - 1 / np.sqrt(12)) < SIGMAS / np.sqrt(60 * n)
+    # Four wheels, two axes: each its own.
+    correlation = np.corrcoef(flat(robots).T) - np.eye(flat(robots).shape[1])
+    assert np.abs(correlation).max() < SIGMAS / np.sqrt(1500)
+
+
+def test_nothing_is_drawn_unless_asked_for() -> None:
+    assert drawn(range(3)).columns() == {}
+    assert set(drawn([0], mass=0.1).columns()) == {*drawn([0], **ALL).columns()}
+
+
+def test_a_summary_says_what_was_drawn_for_whom() -> None:
+    """Each seed's robot once, though several controllers drive it; no robot on a plant without wheels."""
+    short = scenario("worn", reference={"waypoints": [[0, 0], [0.05, 0]]}, wheels={"model": "two-rollers"})
+    result = run(short, ["flc", "comp-flc"], seeds=[3, 4])
+    (entry,) = result.summary()["scenarios"].values()
+    expected = drawn([3, 4], **dict(short.settings.variation)).columns()
+    for i, told in enumerate(entry["drawn"]):
+        assert told == {"seed": 3 + i, "place": 0, **{name: values[i] for name, values in expected.items()}}
+    assert result.rows()["friction_1"].to_pylist() == [*expected["friction_1"]] * 2
+    new = short.settings.replace(variation=VariationSettings())
+    for alike in (short.replace(plant="kinematic"), short.replace(settings=new)):
+        (entry,) = run(alike, ["flc"], seeds=[3]).summary()["scenarios"].values()
+        assert entry["drawn"] == []
+
+
+# --- rows ---
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_row_does_not_depend_on_what_others_vary(model: str) -> None:
+    """To the last bit, alone and in a batch whose fields are each robot's own, and so for one that varies nothing."""
+    used = {"nap": 0.4, "nap_deg": 30.0, "patches": [[0.1, 0, 0.2, 0.3], [0.3, 0.1, 0.1, 0.05]]}
+    varied: list[dict[str, Any]] = [{}, {"variation": ALL, "carpet": used}, {"variation": {"friction": 0.2}}]
+    own = [with_settings(wheels={"model": model}, **each) for each in varied]
+    commands = ramp([[1.5, 0.3, 2.0]] * 3, 3.0, 20)
+    together = drive(plant_of(own, seeds=[4, 5, 6]), commands)
+    for i, each in enumerate(own):
+        alone = drive(plant_of([each], seeds=[4 + i]), commands[:, :1])
+        np.testing.assert_array_equal(alone[:, 0], together[:, i])
+
+
+# --- robots ---
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_worn_wheels_roll_at_their_own_radius_and_stand_as_new_ones(model: str) -> None:
+    """Without drag, and with rubber that hardly creeps: every wheel's way is its angle times its own radius."""
+    free = {**NO_DRAG, "drive": {"roller_friction": 0.0, "creep_stiffness": 1e3}, "wheels": {"model": model}}
+    plant = plant_of([quiet(variation={"wear_m": wear}, **free) for wear in (0.0, 0.0, 1e-3, 1e-3)], seeds=[0, 0, 1, 2])
+    commands = ramp([[0.5, 0, 0], [0, 0.5, 0]] * 2, 1.0, 40)
+    before = drive(plant, commands)[-1]
+    turned, way = -plant.telemetry().wheel_angle, np.zeros((4, 4))
+    for _ in range(30):
+        after = drive(plant, commands[-4:])[-1]
+        x, y, angle = (after - before).T
+        heading = (after + before)[:, 2] / 2
+        body = np.column_stack([np.cos(heading) * x + np.sin(heading) * y, np.cos(heading) * y - np.sin(heading) * x])
+        way += np.column_stack([body, angle]) @ plant.geometry.matrix.T
+        before = after
+    turned += plant.telemetry().wheel_angle
+    radius = way / turned
+    assert np.ptp(plant.drawn.wear[2:]) > 5e-4
+    # 0.05 % of the radius between new and worn, which differ by 3 %; both roll at 0.1 % less than their radius, on
+    # polygons of rollers.
+    np.testing.assert_allclose(radius[2:] - radius[:2], -plant.drawn.wear[2:], atol=5e-4 * 0.0285)
+    standing = plant_of([quiet(variation={"wear_m": wear}, **free) for wear in (0.0, 1e-3)], [[0, 0, 0]] * 2, [0, 1])
+    drive(standing, constant([0, 0, 0], 30, 2))
+    new, worn = standing._load.get()
+    np.testing.assert_allclose(worn, new, rtol=0.01)  # at rest the springs still swing by less
+    assert np.abs(standing.pose()).max() < 1e-4
+
+
+def test_a_wheel_that_slides_pulls_by_its_own_friction() -> None:
+    """All wheels spin: the robot turns up by sum(mu_i N_i) arm, and drifts by the sum of the wheels' pulls."""
+    share, mu, frames = 0.3, 0.1, 14
+    base = {"firmware": {"kp": 1.0, "turn_gain": 0.0}, "drive": NO_DRAG["drive"]}
+    carpet = {"friction": mu, "pile": 0.0}
+    chosen = [quiet(carpet=carpet, variation={"friction": each}, **base) for each in (0.0, *[share] * 4)]
+    plant = plant_of(chosen, seeds=range(5))
+    drive(plant, constant([0, 0, 0], 30, 5))
+    load = plant._load.get()[0].copy()  # at rest
+    poses = drive(plant, constant([0, 0, 25.0], frames, 5))
+    assert plant.telemetry().slip.min() > 0.5
+    # Second differences: what is gained from frame 4 on, when all wheels slide.
+    place, heading = poses[..., 0] + 1j * poses[..., 1], poses[..., 2]
+    moved, turned = (each[-1] - each[4] - (each[4] - each[3]) * (frames - 4) for each in (place, heading))
+    friction, azimuths = plant.drawn.friction, plant.geometry.azimuths
+    # Divided by the new robot's, whose inertia with all that turns along is the same. 1.5 %: the net pull, 0.3 m/s^2 at
+    # 45 mm under the centre of mass, moves up to 5 % of a wheel's load to another, and only some of it is turning.
+    np.testing.assert_allclose(turned / turned[0], (friction @ load) / load.sum(), rtol=0.015)
+    pulls = mu * (friction * load) @ np.exp(1j * (azimuths + np.pi / 2)) / (load.sum() / GRAVITY)
+    frame = np.arange(4, frames)[:, None]
+    expected = FRAME_S**2 * ((frames - frame) * pulls * np.exp(1j * heading[4:-1])).sum(0)
+    # 7 % of the farthest: loads, as above, and 1 % for rims that turn along; new wheels pull on the spot.
+    np.testing.assert_allclose(moved, expected, atol=0.07 * np.abs(expected).max())
+
+
+def test_magnets_set_torque_and_speed() -> None:
+    """Wheels that spin freely at full voltage turn at it over their own constant; at rest they pull by it."""
+    motor = {"no_load_current_a": 0.0}
+    slick = {"carpet": {"friction": 0.01}, "drive": {"gear_friction_nm": 0.0, "roller_friction": 0.0}}
+    plant = plant_of([quiet(motor=motor, variation={"motor_constant": 0.1}, **slick)] * 3, seeds=range(3))
+    drive(plant, constant([0, 0, 100.0], 30, 3))
+    told, sheet = plant.telemetry(), Settings().motor
+    constants = plant.drawn.strength * sheet.constant_nm_a
+    assert (told.duty_peak == 1).all()
+    # 0.5 %: what is left of friction 0.01 and of the run-up, and magnets that warm up by 2 K.
+    np.testing.assert_allclose(told.voltage, constants * sheet.gear * told.wheel_speed, rtol=5e-3)
+    np.testing.assert_allclose(plant._motors.constant, constants, rtol=2e-3)
+
+
+def test_mass_and_centre_are_carried_by_the_wheels() -> None:
+    """The loads' sum is the weight, their middle the centre of mass, which the wheels dilute."""
+    plant = plant_of([quiet(variation={"mass": 0.1, "centre_m": 0.005})] * 4, seeds=range(4))
+    drive(plant, constant([0, 0, 0], 60, 4))
+    load, body = plant._load.get(), Settings().body
+    wheels = sum(plant._world.model.body_mass) - plant._world.model.body_mass[plant._world.robots[0].chassis]
+    chassis = (body.mass_kg - wheels) * plant.drawn.mass[:, 0]
+    np.testing.assert_allclose(load.sum(1), (chassis + wheels) * GRAVITY, rtol=1e-3)
+    feet = plant.geometry.arm * np.column_stack([np.cos(plant.geometry.azimuths), np.sin(plant.geometry.azimuths)])
+    middle = load @ feet / load.sum(1)[:, None]
+    as_built = (body.mass_kg * np.array([body.centre_x_m, 0]) - wheels * feet.mean(0)) / (body.mass_kg - wheels)
+    moments = chassis[:, None] * (as_built + plant.drawn.centre) + wheels * feet.mean(0)
+    np.testing.assert_allclose(middle, moments / (chassis + wheels)[:, None], atol=5e-5)  # a hundredth of its spread
+
+
+def test_a_heavier_robot_is_pushed_less() -> None:
+    """Pushed on ice from rest, by the same random force: ways are as one over the masses."""
+    ice = {"carpet": {"friction": 0.01, "pile": 0.0}, "disturbance": {"force_n": 30.0}, "drive": NO_DRAG["drive"]}
+    plant = plant_of([quiet(variation={"mass": each}, **ice) for each in (0.0, 0.3)], seeds=[2, 2])
+    x = drive(plant, constant([0, 0, 0], 8, 2))[-1]
+    more = (plant.drawn.mass - 1)[:, 0] * plant._world.model.body_mass[plant._world.robots[0].chassis]
+    masses = Settings().body.mass_kg + more
+    assert abs(masses[1] - masses[0]) > 0.1
+    # 3 %: ice of friction 0.01 takes 0.26 of some 17 N.
+    np.testing.assert_allclose(np.hypot(*x[1, :2]) / np.hypot(*x[0, :2]), masses[0] / masses[1], rtol=0.03)
+
+
+# --- carpets ---
+
+
+angles = st.floats(-4, 4)
+
+
+@settings(deadline=None, max_examples=40, derandomize=True)
+@given(angles, angles, st.floats(0.02, 3), st.floats(0, 1), st.floats(-360, 360))
+def test_the_pile_drags_by_the_angle_to_its_fibres(
+    way: float, heading: float, speed: float, nap: float, fibres: float
+) -> None:
+    """Whatever the heading, and beside a row whose fibres stand upright."""
+    carpets: list[dict[str, Any]] = [{"pile": 0.1, "nap": nap, "nap_deg": fibres}, {"pile": 0.2}]
+    own = [with_settings(carpet=carpet, drive=NO_DRAG["drive"]) for carpet in carpets]
+    traction = Traction(own, build.kinematics(own[0].wheels), np.zeros(3), np.ones(4), 1e-3)
+    quaternion = np.tile([np.cos(heading / 2), 0, 0, np.sin(heading / 2)], (2, 1))
+    velocity = np.zeros((2, 6))
+    velocity[:, :2] = speed * np.cos(way), speed * np.sin(way)
+    traction.travel(np.zeros((2, 3)), quaternion, velocity, np.array([[7.0, 5.0, 6.0, 8.0]] * 2))
+    force = traction.wrench[:, :2] @ [1, 1j]
+    expected = 26 * np.array([0.1 * (1 + nap * np.cos(way - np.radians(fibres))), 0.2])
+    np.testing.assert_allclose(force, -expected * np.exp(1j * way), atol=1e-12)
+
+
+def test_a_robot_follows_its_wheels_worse_against_the_fibres() -> None:
+    """Wheels creep alike, by k of their travel: k C sum(N d^2) = p (1 +- nap) sum(N), d being the wheels' cosines."""
+    pile, nap = 0.1, 0.5
+    stiff = {"firmware": {"kp": 1.0, "ki": 20.0, "turn_gain": 0.0}, "drive": {"roller_friction": 0.0}}
+    chosen = quiet(carpet={"pile": pile, "nap": nap, "nap_deg": 90.0}, wheels={"model": "two-rollers"}, **stiff)
+    headings = np.radians([90.0, -90.0])  # against the fibres and with them
+    plant = plant_of([chosen] * 2, [[0, 0, heading] for heading in headings])
+    twists = 0.8 * np.column_stack([np.cos(headings), np.sin(headings), np.zeros(2)])
+    commands = ramp(twists, 2.0, 60)
+    drive(plant, commands)
+    poses, rims = [], []
+    for _ in range(30):
+        poses.append(drive(plant, commands[-1:])[-1])
+        rims.append(plant.telemetry().wheel_speed * plant.geometry.radius)
+    speed = np.linalg.norm(np.array(poses[-1] - poses[0])[:, :2], axis=1) / (29 * FRAME_S)
+    wheels = np.mean(rims, 0) @ np.linalg.pinv(plant.geometry.matrix).T
+    against, along = wheels[:, 0] / speed - 1
+    load, cosines = plant._load.get()[0], plant.geometry.matrix[:, 0]
+    # What rollers cost, viscous and as polygons, is in both. 2 %: loads swing, and creep is some of the travel.
+    expected = 2 * nap * pile * load.sum() / (chosen.drive.creep_stiffness * load @ cosines**2)
+    assert against - along == pytest.approx(expected, rel=0.02)
+
+
+def test_friction_is_that_of_the_last_patch_under_a_wheel() -> None:
+    """Wheels 0.1 m ahead and aside; rows with none, one, and several patches."""
+    patches = [(), ((1.0, 0.0, 0.5, 0.3),), ((1.0, 0.0, 0.5, 0.3), (1.0, 0.2, 0.3, 0.6))]
+    carpet = Carpet([CarpetSettings(friction=0.8, patches=each) for each in patches], np.array([0.1, 0.1j]))
+    for position, heading, expected in (
+        ([0.45, 0, 0], 0.0, [[0.8, 0.8], [0.3, 0.8], [0.3, 0.8]]),
+        ([0.45, 0, 0], np.pi, [[0.8, 0.8], [0.8, 0.8], [0.8, 0.8]]),
+        ([1.0, 0, 0], 0.0, [[0.8, 0.8], [0.3, 0.3], [0.6, 0.6]]),
+        ([1.0, -0.15, 0], 0.0, [[0.8, 0.8], [0.3, 0.3], [0.3, 0.6]]),
+    ):
+        found = carpet.friction(np.array([position] * 3), np.full(3, np.exp(1j * heading)))
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_a_robot_on_a_patch_slides_as_on_carpet_of_its_friction_and_brakes_at_its_edge() -> None:
+    edge = 0.15  # of a patch so large that it is straight
+    chosen = [
+        quiet(carpet=carpet, firmware={"kp": 1.0})
+        for carpet in (
+            {"friction": 0.2},
+            {"friction": 0.8, "patches": [[0, 0, 5.0, 0.2]]},
+            {"friction": 0.8, "patches": [[edge - 50, 0, 50.0, 0.2]]},
+        )
+    ]
+    plant = plant_of(chosen)
+    poses = drive(plant, constant([2.0, 0.0, 0.0], 60, 3))
+    np.testing.assert_array_equal(poses[:, 0], poses[:, 1])
+    x = poses[:, 2, 0]
+    front, rear = plant.geometry.arm * np.cos(plant.geometry.azimuths[:2])
+    on, off = np.flatnonzero(x + front < edge), np.flatnonzero(x + rear > edge)
+    np.testing.assert_array_equal(poses[on[:-1], 2], poses[on[:-1], 0])
+    gained = np.diff(x, 2) / FRAME_S**2
+    # Four times the friction, less the same drag.
+    assert gained[off[0] : off[0] + 2].min() > 4 * gained[on[5:-3]].max() > 0
+
+
+@pytest.mark.parametrize(
+    "varied",
+    [{"variation": {"friction": 0.1}}, {"variation": {"wear_m": 1e-4}}, {"carpet": {"patches": [[0, 0, 1, 0.5]]}}],
+)
+def test_wheels_without_creep_are_all_alike(varied: dict[str, Any]) -> None:
+    with pytest.raises(OmniError, match=r"^variation.friction, variation.wear_m and carpet.patches need wheels.creep"):
+        plant_of([quiet(wheels={"creep": "off"}, **varied)])
+    plant_of([quiet(wheels={"creep": "off"}, variation={"mass": 0.1, "centre_m": 0.01, "motor_constant": 0.1})])
