@@ -26,7 +26,7 @@ OUTPUTS = ("summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml
 @click.option("--scenario", "name", metavar="NAME|FILE.toml", help="What to run.")
 @options.CONTROLLER
 @click.option("--plant", metavar="NAME|FILE.py:Class", help="What is driven. [mujoco]")
-@click.option("--robot", metavar="NAME|FILE.xml", help="Which robot it is. [ssl_robot]")
+@click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [tigers-v2016]")
 @click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")
 @click.option("--seeds", type=int, metavar="N", help="How many seeds, counting up from the first. [1]")
 @options.SETTINGS

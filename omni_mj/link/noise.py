@@ -22,6 +22,7 @@ class Stream(IntEnum):
     GYRO_BIAS = 4
     GYRO_NOISE = 5
     RADIO_JITTER = 6
+    VARIATION = 7
 
 
 class Noise:

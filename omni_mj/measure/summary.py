@@ -56,6 +56,11 @@ DEFINITIONS = {
         "over all seeds the largest of voltage_peak_v and current_peak_a, which cover every physics step and motor, and"
         " of the temperatures of the windings"
     ),
+    "drawn": (
+        "what [variation] drew for the robot of a seed at a place, numbered by wheels: factors of friction, torque"
+        " constant and of the mass that the wheels carry, what wheels have lost of their radius, the shift of the"
+        " middle of that mass"
+    ),
     "events": "the first frame of each kind, controller and seed",
     **VERDICTS,
 }
@@ -67,7 +72,7 @@ def nothing_run(scenario: Scenario) -> Entry:
         "description": scenario.description, "plant": scenario.plant, "robot": scenario.robot,
         "status": "not run", "reason": None, "frames": 0, "simulated_s": 0.0, "wall_s": 0.0,
         "settings": scenario.settings.plain(), "paper_table": scenario.paper_table, "paper": paper.table(scenario),
-        "events": [], "failed": [], "results": {}, "verdict": None,
+        "drawn": [], "events": [], "failed": [], "results": {}, "verdict": None,
     }  # fmt: skip
 
 
@@ -80,6 +85,7 @@ def entry(
     stopped: str | None,
     limits: Iterable[str] = (),
     subject: str | None = None,
+    drawn: Mapping[str, Array] | None = None,
 ) -> Entry:
     """The entry of a scenario that was run.
 
@@ -92,6 +98,7 @@ def entry(
         stopped: why it ended before its time, or None.
         limits: controllers that are no competitors.
         subject: the controller of which a verdict is asked for, or None.
+        drawn: what sets the rows' robots apart, name -> (n,).
     """
     failures, frames = list(failures), int(log.lengths.max(initial=0))
     found = results(log, failures, measured) if measured and (frames or failures) else {}
@@ -101,6 +108,7 @@ def entry(
         "frames": frames,
         "simulated_s": frames * PERIOD_S,
         "wall_s": round(wall_s, 3),
+        "drawn": _each_robot(log, drawn) if drawn else [],
         "events": [asdict(event) for event in events.find(log, failures)],
         "failed": [
             {
@@ -166,6 +174,15 @@ def versions() -> dict[str, str]:
     """Versions of Python and of the packages that decide the result."""
     packages = ("omni-mj", "mujoco", "numpy", "rerun-sdk", "pyarrow")
     return {"python": platform.python_version()} | {name: version(name) for name in packages}
+
+
+def _each_robot(log: Log, drawn: Mapping[str, Array]) -> list[dict[str, Any]]:
+    """What was drawn for each seed and place, which is the same for all controllers."""
+    first = {(row.seed, row.place): i for i, row in reversed(list(enumerate(log.rows)))}
+    return [
+        {"seed": seed, "place": place, **{name: plain(values[i]) for name, values in drawn.items()}}
+        for (seed, place), i in sorted(first.items())
+    ]
 
 
 def _reduction(error: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, dict[str, float | None]]:

@@ -20,7 +20,8 @@ above: the slip's angular speed becomes w = -h Q tau, for a torque tau = f R. In
 hinge's inverse inertia A. Load is that which the contacts carried in the step before.
 
 **Drag** acts where wheels touch, in proportion to load. The pile of the carpet is pressed down in front of a wheel and
-pushes against it, radially, so not about its axle: p N against the wheel's travel. Rollers turn on plain bearings as
+pushes against it, radially, so not about its axle: p N against the wheel's travel, more against the fibres than with
+them (`omni_mj.onboard.carpet`). Rollers turn on plain bearings as
 the wheel travels along its axle: b N against that. Both are forces on the body which the wheels must pull, and creep
 for. The bearing's goes through the contact, and leaves of the friction circle mu N only sqrt(mu^2 - b^2) N for the rim.
 Drag, travel and the carpet under a wheel change slowly, and are looked at every `EVERY` cycles.
@@ -31,6 +32,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from omni_control.kinematics import Array, Kinematics
+from omni_mj.onboard.carpet import Carpet
 from omni_mj.scenarios.settings import Settings, column
 
 EVERY = 4  # cycles of the wheel loops
@@ -44,9 +46,11 @@ class Traction:
     Args:
         settings: one per robot.
         kinematics: of the robots' wheels.
-        centre: of mass of the chassis, from the middle of the wheels' contacts, (3,) m.
+        centre: of mass of the chassis, from the middle of the wheels' contacts, (n, 3) or (3,) m.
         inverse_inertia: of the slip hinges, (W,) 1/(kg m^2).
         timestep: of the physics, s.
+        grip: friction of each wheel beside the carpet's, a factor; what broadcasts to (n, W).
+        wear: what each wheel has lost of its radius, m; the same.
 
     Attributes:
         limit: highest dry friction of the slip hinges at the last load, (n, W) N m.
@@ -61,26 +65,29 @@ class Traction:
         centre: Array,
         inverse_inertia: Array,
         timestep: float,
+        grip: Array | float = 1.0,
+        wear: Array | float = 0.0,
     ) -> None:
         shape = (len(settings), len(kinematics.azimuths))
-        carpet, drive = [s.carpet for s in settings], [s.drive for s in settings]
+        drive = [s.drive for s in settings]
         self._outward = np.exp(1j * kinematics.azimuths)
         self._inward, self._turning = self._outward.conj(), 1j * kinematics.arm
-        self._centre, self._arm, self._radius = centre, kinematics.arm, kinematics.radius
-        self._friction = np.broadcast_to(column(carpet, "friction"), shape)
-        self._pile, self._bearing = column(carpet, "pile"), column(drive, "roller_friction")
+        self._carpet, self._grip = Carpet([s.carpet for s in settings], kinematics.arm * self._outward), grip
+        self._centre, self._arm = np.broadcast_to(centre, (shape[0], 3)).T, kinematics.arm
+        self._radius, self._bearing = kinematics.radius - wear, column(drive, "roller_friction")
         stiffness = column(drive, "creep_stiffness")
-        self._creep = 1 / (timestep * kinematics.radius**2 * stiffness * inverse_inertia)
+        self._creep = 1 / (timestep * self._radius**2 * stiffness * inverse_inertia)
         self.limit, self.impedance = np.zeros(shape), np.ones(shape)
         self.wrench = np.zeros((shape[0], 6))
-        self._softness, self._rim_friction = np.zeros(shape), self._friction * kinematics.radius
+        self._softness, self._rim_friction = np.zeros((2, *shape))
 
-    def travel(self, quaternion: Array, velocity: Array, load: Array) -> None:
-        """Look at where robots go: drag, and how fast wheels travel.
+    def travel(self, position: Array, quaternion: Array, velocity: Array, load: Array) -> None:
+        """Look at where robots are and go: carpet, drag, and how fast wheels travel.
 
         Vectors of the plane are complex numbers here, of a wheel's frame with the part along the axle first.
 
         Args:
+            position: (n, 3) m.
             quaternion: (n, 4), of robots that stand upright.
             velocity: of the free joints, (n, 6).
             load: of the wheels, (n, W) N.
@@ -89,17 +96,21 @@ class Traction:
         body = (velocity[:, 0] + 1j * velocity[:, 1]) * heading.conj()
         wheel = body[:, None] * self._inward + self._turning * velocity[:, 5:6]
         speed, axle = np.abs(wheel), wheel.real
-        held = self._bearing / np.maximum(np.abs(axle), AT_REST_M_S) * axle
-        drag = load * (self._pile / np.maximum(speed, AT_REST_M_S) * wheel + held)
-        force = -(drag @ self._outward)
+        friction = self._carpet.friction(position, heading) * self._grip
+        bearing = np.minimum(self._bearing, friction)  # on ice, rollers slide before they turn
+        held = bearing / np.maximum(np.abs(axle), AT_REST_M_S) * axle
+        moving = np.maximum(speed, AT_REST_M_S)
+        pile = self._carpet.pile(wheel / moving * self._outward * heading[:, None])
+        drag = load * (pile / moving * wheel + held)
+        force = -(drag * self._outward).sum(1)  # a matrix product would round by the number of rows
         world = force * heading
-        x, _, height = self._centre
+        x, y, height = self._centre
         wrench = self.wrench
         wrench[:, 0], wrench[:, 1] = world.real, world.imag
         wrench[:, 3], wrench[:, 4] = height * world.imag, -height * world.real
-        wrench[:, 5] = -self._arm * drag.imag.sum(1) - x * force.imag
+        wrench[:, 5] = -self._arm * drag.imag.sum(1) - x * force.imag + y * force.real
         self._softness = self._creep * speed
-        self._rim_friction = np.sqrt(np.maximum(self._friction**2 - held * held, 0.0)) * self._radius
+        self._rim_friction = np.sqrt(np.maximum(friction**2 - held * held, 0.0)) * self._radius
 
     def press(self, load: Array) -> None:
         """Find limit and creep of the wheels under a load (n, W) in N."""

@@ -17,12 +17,12 @@ from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.motor import Motor
 from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import EVERY, Traction
-from omni_mj.plants import Telemetry
+from omni_mj.plants import Telemetry, batches
+from omni_mj.plants.variation import Drawn
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, Settings, column
 from omni_mj.worlds import build, roles
 from omni_mj.worlds.columns import Columns
-from omni_mj.worlds.shape import Shape
 from omni_mj.worlds.two_rollers import Handover
 from omni_mj.worlds.wheels import contact_slip
 
@@ -46,16 +46,17 @@ class MujocoPlant:
         threads: of the physics; all cores by default. Results do not depend on it.
 
     Attributes:
-        geometry: of the wheels.
+        geometry: of the wheels, as they are when new.
+        drawn: what the robots' seeds drew for them.
 
     Raises:
-        OmniError: rows that one batch cannot hold, a robot that starts in another or in a wall, or a robot's file that
-            lacks a part (see `build.world`).
+        OmniError: rows that one batch cannot hold (see `batches`), a robot that starts in another or in a wall, or a
+            robot's file that lacks a part (see `build.world`).
     """
 
     def __init__(self, rows: Sequence[Row], start: Array, threads: int | None = None) -> None:
-        settings, places = [row.settings for row in rows], _places(rows)
-        _check_alike(rows)
+        settings, places = [row.settings for row in rows], batches.places(rows)
+        batches.check(rows)
         self._world = world = build.world(settings[0], places)
         self._cycles, self._substeps = round(PERIOD_S / build.CYCLE_S), settings[0].physics.substeps
         model = copy.copy(world.model)
@@ -65,6 +66,9 @@ class MujocoPlant:
         self._batch = Batch(model, worlds, threads or min(worlds, os.cpu_count() or 1))
         self.geometry: Kinematics | None = world.kinematics
         self._creeps = world.robots[0].slip_dofs.size > 0
+        self.drawn = Drawn.of(rows)
+        self.drawn.write(self._batch, world)
+        self._radius = world.kinematics.radius - self.drawn.wear
         self._set_friction(settings)
         self._bind()
 
@@ -88,7 +92,7 @@ class MujocoPlant:
 
         wheels = len(world.kinematics.azimuths)
         limit = column([s.firmware for s in settings], "current_limit_a")
-        self._motors = Motors([s.motor for s in settings], wheels, PERIOD_S, limit)
+        self._motors = Motors([s.motor for s in settings], wheels, PERIOD_S, limit, self.drawn.strength)
         self._battery = Battery([s.battery for s in settings])
         self._firmware = Firmware(settings, world.kinematics, self._heading, build.CYCLE_S, PERIOD_S)
         self._speeds, self._voltages, self._currents = np.zeros((3, self._cycles, n, wheels))
@@ -119,7 +123,7 @@ class MujocoPlant:
             self._voltages[k], self._currents[k], told = motors.drive(duty * self._supplies[k], self._speeds[k])
             self._ctrl.set(told)
             if k % EVERY == 0:
-                traction.travel(self._quaternion.get(), self._velocity.get(), self._load.get())
+                traction.travel(self._position.get(), self._quaternion.get(), self._velocity.get(), self._load.get())
                 traction.wrench[:, :2] += push
                 self._wrench.set(traction.wrench)
             for substep in range(self._substeps):
@@ -159,7 +163,7 @@ class MujocoPlant:
     def _slip(self) -> Array:
         world = self._world
         if self._creeps:
-            return np.abs(self._slip_speed.get()) * world.kinematics.radius
+            return np.abs(self._slip_speed.get()) * self._radius
         return contact_slip(world.wheels, world.kinematics, self._qpos.get(), self._qvel.get())
 
     def _sense(self) -> None:
@@ -167,7 +171,8 @@ class MujocoPlant:
 
     def _set_friction(self, settings: Sequence[Settings]) -> None:
         """Write each robot's friction into its world's copy of the model's fields."""
-        world, drive, robots = self._world, [s.drive for s in settings], self._world.robots
+        world, drive, drawn = self._world, [s.drive for s in settings], self.drawn
+        robots, n = world.robots, len(settings)
         if not self._creeps:  # otherwise the slip hinges have it
             pairs, friction = self._batch.expand("pair_friction"), column([s.carpet for s in settings], "friction")
             for direction in range(2):
@@ -178,13 +183,10 @@ class MujocoPlant:
         Columns(damping, hubs).set(column(motors, "wheel_viscous"))
         rollers = np.array([robot.roller_dofs.ravel() for robot in robots])
         Columns(damping, rollers).set(column(drive, "roller_damping_nm_s"))
-        self._traction = Traction(
-            settings,
-            world.kinematics,
-            world.model.body_ipos[robots[0].chassis],
-            world.model.dof_invweight0[robots[0].slip_dofs] if self._creeps else np.ones(1),
-            world.model.opt.timestep,
-        )
+        centre = world.model.body_ipos[robots[0].chassis] + np.column_stack([drawn.centre, np.zeros(n)])
+        inertia = world.model.dof_invweight0[robots[0].slip_dofs] if self._creeps else np.ones(1)
+        timestep = world.model.opt.timestep
+        self._traction = Traction(settings, world.kinematics, centre, inertia, timestep, drawn.friction, drawn.wear)
 
     def _bind(self) -> None:
         """Find what is read and written in every step."""
@@ -274,30 +276,3 @@ class MujocoPlant:
         over = self._failed.reshape(-1, self._places).all(1)
         self._batch.bind("qvel")[over] = 0.0
         self._living = np.flatnonzero(~over)
-
-
-def _places(rows: Sequence[Row]) -> int:
-    """Robots per world; raise OmniError unless every world has as many, one after the other."""
-    places = max(row.place for row in rows) + 1
-    worlds = [row.world for row in rows[::places]]
-    if [(row.world, row.place) for row in rows] != [(world, place) for world in worlds for place in range(places)]:
-        raise OmniError("the rows of a batch must be those of one world after the other, all with as many places")
-    return places
-
-
-def _check_alike(rows: Sequence[Row]) -> None:
-    """Raise OmniError unless all rows have the same model and physics."""
-    first = rows[0].settings
-    for number, row in enumerate(rows):
-        differ = [
-            field
-            for field, one, other in (
-                ("body", row.settings.body, first.body),
-                ("wheels", row.settings.wheels, first.wheels),
-                ("physics", row.settings.physics, first.physics),
-                ("motor.gear or motor.rotor_inertia_kg_m2", Shape.of(row.settings), Shape.of(first)),
-            )
-            if one != other
-        ]
-        if differ:
-            raise OmniError(f"rows 0 and {number} differ in {' and '.join(differ[:3])}: one batch has one model")

@@ -11,8 +11,13 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from omni_control.errors import OmniError, choose
 
 REACH_M = 100.0  # the farthest coordinate of a pose, either way
+FRICTIONS = 0.01, 5.0  # of a patch, from and to
 SHOWN = 200  # characters of a wrong value in a message, at most
 _KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "a string"}
+_LISTED = {  # several values, by how many numbers each has
+    3: f"poses [x, y] or [x, y, heading] in m and rad, within {REACH_M:g} m",
+    4: f"patches [x, y, radius, friction] in m, within {REACH_M:g} m, of friction {FRICTIONS[0]:g} to {FRICTIONS[1]:g}",
+}
 
 
 def setting(
@@ -41,7 +46,7 @@ class Setting:
         unit, doc: its unit and meaning.
         low, high: its range, or how many poses there may be; None where there is no limit.
         choices: those there are, where one must be chosen.
-        poses: whether the several are poses; otherwise they are numbers.
+        numbers: how many each of the several values has: 3 a pose, 4 a patch; 1 where they are no lists themselves.
     """
 
     section: str
@@ -53,7 +58,7 @@ class Setting:
     low: float | None
     high: float | None
     choices: tuple[str, ...]
-    poses: bool
+    numbers: int
 
     @property
     def full(self) -> str:
@@ -82,10 +87,8 @@ class Setting:
         """What is allowed, in words: 'a whole number from 0 to 600 frames'."""
         if self.choices:
             return " or ".join(self.choices)
-        if self.poses:
-            return f"a list of {self.allowed} poses [x, y] or [x, y, heading] in m and rad, within {REACH_M:g} m"
         if self.kind is tuple:
-            return f"a list of {self.allowed} numbers in {self.unit}"
+            return f"a list of {self.allowed} {_LISTED.get(self.numbers, f'numbers in {self.unit}')}"
         kind = _KINDS.get(self.kind, self.kind.__name__)
         return f"{kind} from {self.allowed} {self.unit}".rstrip() if self.number else kind
 
@@ -144,7 +147,7 @@ class Checked(BaseModel):
             low=low,
             high=high,
             choices=get_args(field.annotation) if kind is Literal else (),
-            poses=kind is tuple and get_origin(get_args(field.annotation)[0]) is tuple,
+            numbers=len(get_args(get_args(field.annotation)[0])) or 1 if kind is tuple else 1,
         )
 
     @classmethod
@@ -161,7 +164,11 @@ class Checked(BaseModel):
             yield f"{name} is missing; give {cls._declared(name).wanted}"
         else:
             declared = cls._declared(name)
-            why = f"; {error['msg']}" if error["type"] in ("pose", "angles") else f", not {shown(error['input'])}"
+            why = (
+                f"; {error['msg']}"
+                if error["type"] in ("pose", "patch", "angles")
+                else f", not {shown(error['input'])}"
+            )
             yield f"{declared.full} must be {declared.wanted}{why}"
 
     @field_validator("*", mode="before")
@@ -203,6 +210,16 @@ def _poses(value: Any) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(float(c) for c in point) + (0.0,) * (3 - len(point)) for point in points)
 
 
+def _patches(value: Any) -> tuple[tuple[float, ...], ...]:
+    """Patches from lists of a centre, a radius and a friction."""
+    patches = value.tolist() if isinstance(value, np.ndarray) else value
+    for patch in patches if isinstance(patches, (list, tuple)) else [patches]:
+        known = isinstance(patch, (list, tuple)) and len(patch) == 4 and all(map(_is_coordinate, patch))
+        if not known or patch[2] <= 0 or not FRICTIONS[0] <= patch[3] <= FRICTIONS[1]:
+            raise PydanticCustomError("patch", "{patch} is not one", {"patch": shown(patch)})
+    return tuple(tuple(map(float, patch)) for patch in patches)
+
+
 def _angles(value: Any) -> tuple[float, ...]:
     """Numbers from a list of them."""
     numbers = value.tolist() if isinstance(value, np.ndarray) else value
@@ -220,4 +237,5 @@ def _is_coordinate(value: Any) -> bool:
 
 
 Poses = Annotated[tuple[tuple[float, float, float], ...], BeforeValidator(_poses)]
+Patches = Annotated[tuple[tuple[float, float, float, float], ...], BeforeValidator(_patches)]
 Angles = Annotated[tuple[float, ...], BeforeValidator(_angles)]

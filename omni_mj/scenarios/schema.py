@@ -54,8 +54,10 @@ def _field(setting: Setting) -> dict[str, Any]:
     limits: dict[str, Any] = {"minimum": setting.low, "maximum": setting.high}
     kind = {"type": _TYPES.get(setting.kind, "array")}
     if setting.kind is tuple:
-        pose = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 3}
-        item = pose if setting.poses else {"type": "number", "minimum": -360, "maximum": 360}
+        item: dict[str, Any] = {"type": "number", "minimum": -360, "maximum": 360}
+        if setting.numbers > 1:  # a pose may do without its heading
+            least = 2 if setting.numbers == 3 else setting.numbers
+            item = {"type": "array", "items": {"type": "number"}, "minItems": least, "maxItems": setting.numbers}
         limits = {"items": item, "minItems": setting.low, "maxItems": setting.high}
     if setting.choices:
         limits = {"enum": list(setting.choices)}

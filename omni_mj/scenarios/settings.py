@@ -8,11 +8,17 @@ from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_v
 
 from omni_control.kinematics import Array
 from omni_control.reference.curves import CURVES
-from omni_mj.scenarios.checking import Angles, Checked, Poses, Setting, setting, shown
+from omni_mj.scenarios.checking import Checked, Poses, Setting, setting, shown
 from omni_mj.scenarios.motor_settings import MotorSettings
 from omni_mj.scenarios.nested import merged, plain
 from omni_mj.scenarios.parameters import Parameters
-from omni_mj.scenarios.robots import of_robot
+from omni_mj.scenarios.robot_settings import (
+    BodySettings,
+    CarpetSettings,
+    DriveSettings,
+    VariationSettings,
+    WheelSettings,
+)
 
 FRAME_RATE_HZ = 60  # SSL-Vision's cameras; the clock of everything (paper, section 4)
 PERIOD_S = 1 / FRAME_RATE_HZ
@@ -145,77 +151,10 @@ class BatterySettings(Checked):
     cut_off_v: float = setting(20.4, "V", "below it, over a second, the battery gives no more power", 0, 60)
 
 
-class CarpetSettings(Checked):
-    """The carpet under the rollers."""
-
-    friction: float = setting(0.8, "", "coefficient of friction, all wheels (the league's simulators)", 0.01, 5)
-    pile: float = setting(
-        of_robot("carpet.pile"), "", "rolling resistance of its pile, against any motion: share of the load", 0, 1
-    )
-
-
 class PhysicsSettings(Checked):
     """The integration."""
 
     substeps: int = setting(1, "", "physics steps per cycle of the wheel loops, which is the model's 1/960 s", 1, 100)
-
-
-class BodySettings(Checked):
-    """The whole robot, wheels included."""
-
-    mass_kg: float = setting(of_robot("body.mass_kg"), "kg", "mass", 0.5, 20)
-    centre_x_m: float = setting(of_robot("body.centre_x_m"), "m", "centre of mass, ahead of the middle", -0.1, 0.1)
-    centre_height_m: float = setting(of_robot("body.centre_height_m"), "m", "centre of mass, height", 0.01, 0.15)
-    yaw_inertia_kg_m2: float = setting(
-        of_robot("body.yaw_inertia_kg_m2"), "kg m^2", "about the vertical axis through the centre of mass", 1e-4, 1
-    )
-    tilt_inertia_kg_m2: float = setting(
-        of_robot("body.tilt_inertia_kg_m2"), "kg m^2", "about any horizontal axis through it", 1e-4, 1
-    )
-
-
-class WheelSettings(Checked):
-    """The wheels: where they are, what they are made of, and how they are computed."""
-
-    model: Literal["rollers", "two-rollers"] = setting(
-        "rollers", "", "rollers: all of each wheel; two-rollers: those at the carpet, faster"
-    )
-    creep: Literal["on", "off"] = setting(
-        "on", "", "on: rubber creeps under traction, as measured; off: wheels that do not, for comparison"
-    )
-    azimuths_deg: Angles = setting(
-        of_robot("wheels.azimuths_deg"),
-        "deg",
-        "where they are, counter-clockwise from ahead",
-        3,
-        8,
-        several=True,
-    )
-    arm_m: float = setting(of_robot("wheels.arm_m"), "m", "from the robot's centre to where they touch", 0.02, 0.5)
-    radius_m: float = setting(of_robot("wheels.radius_m"), "m", "radius", 0.01, 0.2)
-    rollers: int = setting(of_robot("wheels.rollers"), "", "rollers of a wheel", 8, 40)
-    roller_radius_m: float = setting(of_robot("wheels.roller_radius_m"), "m", "radius of a roller", 0.002, 0.05)
-
-
-class DriveSettings(Checked):
-    """What is between motor and carpet."""
-
-    gear_friction_nm: float = setting(
-        of_robot("drive.gear_friction_nm"), "N m", "dry friction of a gear, at the wheel", 0, 1
-    )
-    roller_friction: float = setting(
-        of_robot("drive.roller_friction"), "", "dry friction of a roller's bearing, at its rim: share of the load", 0, 1
-    )
-    roller_damping_nm_s: float = setting(
-        of_robot("drive.roller_damping_nm_s"), "N m s/rad", "viscous friction of a roller's bearing", 0, 2e-5
-    )
-    creep_stiffness: float = setting(
-        of_robot("drive.creep_stiffness"),
-        "",
-        "traction over load per slip, below friction",
-        0.1,
-        1e3,
-    )
 
 
 class DisturbanceSettings(Checked):
@@ -269,6 +208,7 @@ class Settings(Checked):
     body: BodySettings = Field(default_factory=BodySettings)
     wheels: WheelSettings = Field(default_factory=WheelSettings)
     carpet: CarpetSettings = Field(default_factory=CarpetSettings)
+    variation: VariationSettings = Field(default_factory=VariationSettings)
     disturbance: DisturbanceSettings = Field(default_factory=DisturbanceSettings)
     kinematic: KinematicSettings = Field(default_factory=KinematicSettings)
     world: WorldSettings = Field(default_factory=WorldSettings)

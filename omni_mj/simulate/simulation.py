@@ -117,6 +117,12 @@ class Simulation:
         """Whether every row has come to the end of its reference, or was stopped before."""
         return not self._recorded.any()
 
+    @property
+    def drawn(self) -> dict[str, Array]:
+        """What sets the rows' robots apart, name -> (n,); nothing where all are alike, or the plant draws nothing."""
+        columns: dict[str, Array] = self.plant.drawn.columns() if hasattr(self.plant, "drawn") else {}
+        return columns
+
     def run(self, after_frame: Callable[[int], None] = lambda frame: None) -> Log:
         """Run from the start to the end; `after_frame` is called with each frame's number once it is in the log."""
         if self.frame:

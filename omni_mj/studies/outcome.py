@@ -47,7 +47,7 @@ def drive(simulation: Simulation, after_frame: AfterFrame = nothing, subject: st
     except StoppedError as error:
         stopped = error.reason
     log, failures = simulation.log, list(simulation.failures)
-    measured = metrics.row_metrics(log, failures)
+    measured, drawn = metrics.row_metrics(log, failures), simulation.drawn
     entry = summary.entry(
         simulation.scenario,
         log,
@@ -57,8 +57,9 @@ def drive(simulation: Simulation, after_frame: AfterFrame = nothing, subject: st
         stopped,
         limits(simulation.scenario),
         subject,
+        drawn,
     )
-    return Outcome(simulation.scenario, entry, simulation.rows, failures, measured, log)
+    return Outcome(simulation.scenario, entry, simulation.rows, failures, {**measured, **drawn}, log)
 
 
 def total_frames(simulation: Simulation) -> int:

@@ -15,7 +15,8 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
 from omni_mj.scenarios import models
-from omni_mj.scenarios.settings import Settings, WheelSettings
+from omni_mj.scenarios.robot_settings import WheelSettings
+from omni_mj.scenarios.settings import Settings
 from omni_mj.worlds import roles, shape, two_rollers
 from omni_mj.worlds.contact import RIGID, STIFFEST, creeping
 from omni_mj.worlds.roles import Ids, Robot

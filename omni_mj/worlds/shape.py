@@ -17,7 +17,8 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.scenarios.settings import BodySettings, Settings, WheelSettings
+from omni_mj.scenarios.robot_settings import BodySettings, WheelSettings
+from omni_mj.scenarios.settings import Settings
 
 Element = ElementTree.Element
 

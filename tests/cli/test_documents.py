@@ -17,7 +17,7 @@ DOCUMENTS = {
     "CONTRIBUTING.md": {
         "mine/summary.json": "Mine",
         "toy/summary.json": "toy.py:Toy",
-        "three/summary.json": "three.xml",
+        "three/summary.json": "three.toml",
     },
 }
 

@@ -58,7 +58,7 @@ def test_list_names_what_there_is_however_it_is_asked(capsys: pytest.CaptureFixt
         assert invoke(*words) == 0
         printed.add(capsys.readouterr().out)
     (listed,) = printed
-    for name in ("rect-noise", "comp-flc", "kinematic", "ssl_robot", "radio.delay_frames", "V s/rad", "0.826"):
+    for name in ("rect-noise", "comp-flc", "kinematic", "tigers-v2016", "radio.delay_frames", "V s/rad", "0.826"):
         assert name in listed
     assert max(map(len, listed.splitlines())) <= 140
 

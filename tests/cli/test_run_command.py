@@ -57,7 +57,7 @@ def test_the_effective_scenario_repeats_the_run_bit_for_bit(tmp_path: Path, caps
     options = ("--seed", 7, "--seeds", 2, "--controller", "comp-flc", "--set", "radio.delay_frames=3")
     for plant in ("kinematic", "mujoco"):
         a, b = tmp_path / plant / "a", tmp_path / plant / "b"
-        given = ("--scenario", "rect-noise", *SHORT, "--plant", plant, "--robot", "ssl_robot", *options)
+        given = ("--scenario", "rect-noise", *SHORT, "--plant", plant, "--robot", "tigers-v2016", *options)
         assert invoke(*given, *BARE, "--out", a) == 0
         assert invoke("--scenario", a / "scenario.toml", *BARE, "--out", b) == 0
         assert {p.name for p in a.iterdir()} == FILES - {"recording.rrd", "figures"}
@@ -77,7 +77,7 @@ def test_bad_input_is_a_line_each_that_says_what_is_allowed(tmp_path: Path, caps
         ("--scenario rekt", "did you mean 'rect'"),
         ("--scenario missing.toml", "missing.toml"),
         ("--scenario rect --plant mujocco", "did you mean 'mujoco'"),
-        ("--scenario rect --robot ssl_robo", "did you mean 'ssl_robot'"),
+        ("--scenario rect --robot tigers-v201", "did you mean 'tigers-v2016'"),
         ("--scenario rect --controller comp-fcl", "did you mean 'comp-flc'"),
         ("--scenario rect --controller flc --controller flc", "named twice"),
         ("--scenario rect --seeds 0", "1 to 100000"),

@@ -76,7 +76,7 @@ def test_whoever_failed_is_behind_everybody_who_did_not() -> None:
 def compared(results: dict[str, Any], limits: list[str], subject: str | None) -> dict[str, Any]:
     """What `omni-mj compare` would write of one scenario that was run and one that could not be."""
     entry = {
-        "description": "one | two", "plant": "mujoco", "robot": "ssl_robot", "status": "done", "reason": None,
+        "description": "one | two", "plant": "mujoco", "robot": "tigers-v2016", "status": "done", "reason": None,
         "frames": FRAMES, "simulated_s": 1.0, "wall_s": 1.0, "settings": {}, "paper_table": 0, "paper": None,
         "events": [], "failed": [], "results": results, "verdict": verdict(results, limits, subject),
     }  # fmt: skip

@@ -81,7 +81,7 @@ def test_friction_is_the_models_unless_set() -> None:
 def test_disturbing_force_pushes_a_sliding_robot_by_newtons_law() -> None:
     frames, n, force = 40, 20, 50.0
     # Of the wheels nothing is asked here, so that the faster ones do.
-    settings = quiet(carpet={"friction": 0.01}, disturbance={"force_n": force}, wheels={"model": "contact-roller"})
+    settings = quiet(carpet={"friction": 0.01}, disturbance={"force_n": force}, wheels={"model": "two-rollers"})
     plant = plant_of([settings] * n, seeds=range(n))
     position = drive(plant, constant([0.0, 0.0, 0.0], frames, n))[..., :2]
     # A force constant within each frame gives x(k+1) - 2 x(k) + x(k-1) = T^2 (a(k) + a(k-1)) / 2.
@@ -116,7 +116,7 @@ def test_neither_threads_nor_the_batch_change_a_bit() -> None:
 
 
 def test_settings_are_each_robots_own() -> None:
-    one = quiet(carpet={"friction": 0.3, "lint": 0.2}, motor={"winding_c": 100.0}, radio={"delay_frames": 3})
+    one = quiet(carpet={"friction": 0.3, "pile": 0.2}, motor={"winding_c": 100.0}, radio={"delay_frames": 3})
     other = quiet(battery={"charge": 1.0}, firmware={"kp": 0.1, "ki": 1.0}, drive={"gear_friction_nm": 0.02})
     ages = np.array([3, 0, 2])
     commands = np.random.default_rng(2).normal(scale=1.0, size=(15, 3, 3))
@@ -129,7 +129,7 @@ def test_settings_are_each_robots_own() -> None:
 def test_a_weak_battery_limits_the_wheels_to_its_back_emf() -> None:
     # One cell, nearly flat, without inner resistance: 3.4 V, which never sag.
     battery = {"cells": 1, "charge": 0.05, "resistance_ohm": 0.0, "cut_off_v": 0.0, "capacity_ah": 100.0}
-    losses = {"carpet": {"lint": 0.0}, "drive": {"gear_friction_nm": 0.0}, "motor": {"copper_per_k": 0.0}}
+    losses = {"carpet": {"pile": 0.0}, "drive": {"gear_friction_nm": 0.0}, "motor": {"copper_per_k": 0.0}}
     plant = plant_of([quiet(battery=battery, **losses)])
     drive(plant, constant([0.0, 0.0, 26.0], 60, 1))
     telemetry = plant.telemetry()

@@ -128,7 +128,7 @@ def test_telemetry_handed_out_does_not_change_afterwards() -> None:
     [
         (
             KinematicPlant,
-            {"disturbance": {"force_n": 50.0}, "firmware": {"kp": 0.0}, "carpet": {"friction": 0.1, "lint": 0.2}}
+            {"disturbance": {"force_n": 50.0}, "firmware": {"kp": 0.0}, "carpet": {"friction": 0.1, "pile": 0.2}}
             | {"motor": {"winding_c": 120.0}, "battery": {"charge": 0.1}, "sensors": {"gyro_bias_rad_s": 1.0}},
         ),
         (

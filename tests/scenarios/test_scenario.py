@@ -62,7 +62,7 @@ def test_an_empty_file_is_the_defaults_under_the_files_name(tmp_path: Path) -> N
 
 def test_head_fields_are_read(tmp_path: Path) -> None:
     toml = (
-        'name = "mine"\ndescription = "what it is"\npaper_table = 4\nplant = "kinematic"\nrobot = "ssl_robot"\n'
+        'name = "mine"\ndescription = "what it is"\npaper_table = 4\nplant = "kinematic"\nrobot = "tigers-v2016"\n'
         'controllers = ["comp-flc"]\nseed = 7\nseeds = 3\n'
     )
     loaded = load(tmp_path, toml)
@@ -117,7 +117,7 @@ def test_the_callers_head_goes_before_the_file(tmp_path: Path) -> None:
 
 def test_what_is_written_is_read_as_the_same(tmp_path: Path) -> None:
     for name in builtin():
-        loaded = scenario.load(name, ["firmware.ki=0.1", "wheels.model=contact-roller"], {"seed": 5, "seeds": 2})
+        loaded = scenario.load(name, ["firmware.ki=0.1", "wheels.model=two-rollers"], {"seed": 5, "seeds": 2})
         assert load(tmp_path, loaded.to_toml()) == loaded
 
 
@@ -148,6 +148,8 @@ def value_of(setting: Setting) -> st.SearchStrategy[Any]:
         return st.sampled_from(setting.choices)
     if setting.kind is bool:
         return st.booleans()
+    if setting.kind is tuple and setting.unit == "deg":
+        return st.lists(st.floats(-360, 360), min_size=3, max_size=8)
     if setting.kind is tuple:
         coordinate = st.floats(-100, 100)
         return st.lists(st.tuples(coordinate, coordinate, coordinate), min_size=2, max_size=5)

@@ -11,6 +11,7 @@ from scenario_texts import NUMBERS, SETTINGS, SHEET, SWITCHES, WHOLE, errors, gi
 from omni_control.errors import OmniError
 from omni_mj.scenarios import references
 from omni_mj.scenarios import settings as module
+from omni_mj.scenarios.robot_settings import CarpetSettings
 from omni_mj.scenarios.settings import (
     CarpetSettings,
     ControlSettings,

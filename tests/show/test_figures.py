@@ -171,7 +171,7 @@ def test_a_row_that_failed_leaves_room_for_the_others() -> None:
 @pytest.mark.parametrize("count", [3, 6])
 def test_every_wheel_of_any_number_is_drawn(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     azimuths = 2 * np.pi * (np.arange(count) + 0.5) / count
-    monkeypatch.setattr(heat, "world", lambda robot: SimpleNamespace(kinematics=SimpleNamespace(azimuths=azimuths)))
+    monkeypatch.setattr(heat, "kinematics", lambda wheels: SimpleNamespace(azimuths=azimuths))
     log = type(made().log)(rows(["c0"]), count)
     for _ in range(5):
         log.write(np.array([True]), {}, winding=25.0 + np.arange(count)[None], housing=np.full((1, count), 25.0))

@@ -64,7 +64,7 @@ def driven_by(path: Path, controllers: list[str | type[Controller]], *overrides:
 def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
     """A small rectangle with a turn in it, on real wheels."""
     path = tmp_path_factory.mktemp("run") / "recording.rrd"
-    return driven_by(path, list(CONTROLLERS), WAY, "wheels.model=contact-roller", plant="mujoco")
+    return driven_by(path, list(CONTROLLERS), WAY, "wheels.model=two-rollers", plant="mujoco")
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +135,7 @@ def expected_series(t: dict[str, NDArray]) -> dict[str, NDArray]:
         c * t["applied_vx_m_s"] + s * t["applied_vy_m_s"],
         c * t["applied_vy_m_s"] - s * t["applied_vx_m_s"],
     )
-    turn = 0.080 * t["applied_w_rad_s"]  # at the wheels, 80 mm from the centre
+    turn = 0.083 * t["applied_w_rad_s"]  # at the wheels, 83 mm from the centre
     rim = [-np.sin(a) * forward + np.cos(a) * left + turn for a in np.deg2rad([60, 135, 225, 300])]
     series = {
         "wheel/speed": [*(v / 0.0285 for v in rim), *(t[f"wheel_speed_{i}_rad_s"] for i in wheels)],
@@ -201,7 +201,7 @@ def test_series_say_name_unit_and_rate_in_their_controllers_colour(recorded: Rec
 
 
 def test_the_robot_is_the_compiled_models_own_geometry(recorded: Recorded) -> None:
-    model = mujoco.MjModel.from_xml_path(str(models.model_path(models.DEFAULT)))
+    model = mujoco.MjModel.from_xml_path(str(models.robot_path()))
     for i in range(1, 5):
         entity = f"/world/flc/robot/wheel_{i}/ellipsoids"
         sizes = np.array(recorded.static(entity, "Ellipsoids3D:half_sizes"))

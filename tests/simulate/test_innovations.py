@@ -17,7 +17,7 @@ CASES = {
     "kinematic, disturbance": ("rect-noise", "kinematic", 10, ()),
     "kinematic, gaps": ("rect", "kinematic", 10, GAPS),
     "mujoco": ("rect", "mujoco", 4, CORNER),
-    "mujoco, gaps": ("rect", "mujoco", 4, (*CORNER, *GAPS, "wheels.model=contact-roller")),
+    "mujoco, gaps": ("rect", "mujoco", 4, (*CORNER, *GAPS, "wheels.model=two-rollers")),
 }
 
 

@@ -24,7 +24,7 @@ LEGS = {AHEAD: "[[-1, -0.75, 0], [1, -0.75, 0]]", ASIDE: "[[-1, -0.75, 0], [-1, 
 CONSTANT = ("kinematic.alpha_low=0.85", "kinematic.alpha_high=0.85")
 ANEW = ("kinematic.alpha_time_s=0",)  # the default of the setting: uniform in [0.7, 1], new in every frame
 LASTING = ()  # as in the scenario: the same distribution, lasting for 10 s
-MUJOCO = ("wheels.model=contact-roller",)  # 0.4 of the cost; finds what full wheels do to 0.02 frames
+MUJOCO = ("wheels.model=two-rollers",)  # 0.4 of the cost; finds what full wheels do to 0.02 frames
 
 
 def drive(plant: str, delay: int, axis: int, seeds: int, overrides: tuple[str, ...]) -> Grid:

@@ -14,7 +14,7 @@ from omni_mj.scenarios.settings import Settings
 
 FRAME_S = 1 / 60
 SIGMAS = 5  # of a statistic's own spread
-ROBOT = "ssl_robot"
+ROBOT = "tigers-v2016"
 GEAR = 60 / 18
 # ohm s/rad, from the motor's nominal row: of 24 V, 0.942 ohm * 2.52 A and 0.036 V s/rad * 541.4 rad/s leave 2.136 V.
 NOMINAL_RAD_S = 5170 * np.pi / 30

@@ -19,7 +19,7 @@ def rows(
     """All seeds of one controller after those of the one before."""
     named = [(controller, seed) for controller in controllers for seed in seeds]
     chosen = Settings() if settings is None else settings
-    return [Row(world, 0, controller, seed, chosen, "ssl_robot") for world, (controller, seed) in enumerate(named)]
+    return [Row(world, 0, controller, seed, chosen, "tigers-v2016") for world, (controller, seed) in enumerate(named)]
 
 
 def filled(

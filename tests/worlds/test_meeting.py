@@ -5,6 +5,7 @@ import copy
 import mujoco
 import numpy as np
 import pytest
+from default_robot import MASS_KG
 from driving import constant, drive, quiet, ramp
 from driving import mujoco as plant_of
 from numpy.typing import NDArray
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 from omni_control.errors import OmniError
 from omni_mj.worlds import build
 
-RADIUS_M, WALL_X_M, MASS_KG, GRAVITY = 0.090, 5.2, 2.3, 9.81
-WHEELS = ("rollers", "contact-roller")
+RADIUS_M, WALL_X_M = 0.090, 5.2  # of a robot; of the wall
+WHEELS = ("rollers", "two-rollers")
 
 
 @pytest.mark.parametrize("wheels", WHEELS)
@@ -45,7 +46,7 @@ def collide(speed: float, aside: float) -> tuple[NDArray, NDArray, float]:
     """
     world = build.world(places=2)
     model = copy.copy(world.model)
-    model.pair_friction[:, :2] = 1e-5
+    model.pair_dim[:] = 1  # without friction
     model.dof_frictionloss[:] = 0
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     data = mujoco.MjData(model)
@@ -68,8 +69,9 @@ def collide(speed: float, aside: float) -> tuple[NDArray, NDArray, float]:
 def test_a_collision_conserves_momentum(speed: float, aside: float) -> None:
     momenta, energies, depth = collide(speed, aside)
     total = momenta.sum(1)
-    # Nothing else acts in the plane but friction, 1e-5 of a load that is a few times the weight while robots rock.
-    np.testing.assert_allclose(total - total[0], 0, atol=1e-3)
+    # Nothing else acts in the plane. A step's momentum is at the pose of its beginning: centres 45 mm up of robots that
+    # rock at 4 rad/s are off by m h w^2 dt = 2 mN s.
+    np.testing.assert_allclose(total - total[0], 0, atol=2e-3)
     normal = np.array([np.sqrt(4 * RADIUS_M**2 - aside**2), aside]) / (2 * RADIUS_M)  # where circles meet
     before, after = ((momenta[i, 1] - momenta[i, 0]) @ normal for i in (0, -1))
     assert before == pytest.approx(-2 * MASS_KG * speed * normal[0], rel=1e-2)

@@ -1,8 +1,9 @@
-"""The speed at which contact points slide, against the engine and against imposed motion."""
+"""The speed at which contact points of wheels without creep slide, against the engine and against imposed motion."""
 
 import mujoco
 import numpy as np
 import pytest
+from default_robot import ARM_M, AZIMUTHS, RADIUS_M, TANGENTS
 from driving import FRAME_S, constant, drive, quiet
 from driving import mujoco as plant_of
 from hypothesis import given, settings
@@ -12,16 +13,14 @@ from numpy.typing import NDArray
 from omni_mj.worlds import build
 from omni_mj.worlds.wheels import contact_slip
 
-AZIMUTHS = np.radians([60, 135, 225, 300])
-ARM_M, RADIUS_M = 0.080, 0.0285
-ROBOT = build.world().robots[0]
-# Tangents along which positive wheel speeds push the robot, in its frame (equation 3).
-TANGENTS = np.stack([-np.sin(AZIMUTHS), np.cos(AZIMUTHS)], axis=1)
+OLD = quiet(wheels={"creep": "off"})
+WORLD = build.world(OLD)
+ROBOT = WORLD.robots[0]
 
 
 @pytest.fixture(scope="module")
 def stand() -> tuple[mujoco.MjModel, mujoco.MjData]:
-    model = build.world().model
+    model = WORLD.model
     return model, mujoco.MjData(model)
 
 
@@ -39,7 +38,7 @@ def pose_robot(
 
 
 def slip(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray:
-    return contact_slip(build.world().wheels, build.world().kinematics, data.qpos[None], data.qvel[None])[0]
+    return contact_slip(WORLD.wheels, WORLD.kinematics, data.qpos[None], data.qvel[None])[0]
 
 
 # Away from the angle between two rollers, where rounding decides which of them is the nearest.
@@ -113,7 +112,7 @@ def test_contact_slip_is_the_speed_at_which_a_rolling_robot_is_pushed(
 def test_the_plant_reports_slip_where_there_is_some() -> None:
     # Told to be at 2 m/s at once on ice: for a tenth of a second the wheels spin at about that speed under a robot that
     # hardly moves. On carpet at rest, nothing slides.
-    plant = plant_of([quiet(carpet={"friction": 0.02}), quiet()])
+    plant = plant_of([OLD.replace(carpet={"friction": 0.02}), OLD])
     drive(plant, constant([[2.0, 0.0, 0.0], [0.0, 0.0, 0.0]], 12, 2))
     telemetry = plant.telemetry()
     rims = np.abs(telemetry.wheel_speed[0]) * RADIUS_M

@@ -19,8 +19,8 @@ _SPHERE, _CAPSULE, _MESH = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_C
 
 
 def _at_rest(settings: Settings) -> tuple[mujoco.MjModel, mujoco.MjData, Robot]:
-    """The model with the chassis over the origin, so that world coordinates are the robot's own."""
-    return _posed(build.world(settings))
+    """The model of whole wheels with the chassis over the origin, so that world coordinates are the robot's own."""
+    return _posed(build.world(settings.replace(wheels={"model": "rollers"})))
 
 
 @lru_cache(maxsize=4)

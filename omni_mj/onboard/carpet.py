@@ -1,0 +1,59 @@
+"""What the carpet is like where a wheel is, and in the direction in which it goes."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omni_control.kinematics import Array
+from omni_mj.scenarios.robot_settings import CarpetSettings
+from omni_mj.scenarios.settings import column
+
+Plane = NDArray[np.complex128]  # vectors of the plane as complex numbers, x first
+
+
+class Carpet:
+    """Carpets of n robots with W wheels, each in a world of its own or sharing one.
+
+    Friction is that of the last patch that covers a wheel's middle, or else the carpet's. Fibres lean: a wheel that
+    travels against them is dragged more than one that travels with them. To first order in the lean the drag of the
+    pile is p (1 + nap cos(angle between travel and the direction straight against the fibres)).
+
+    Args:
+        settings: one per robot.
+        wheels: where wheels touch, from the robot's middle, in its frame, (W,) m.
+    """
+
+    def __init__(self, settings: Sequence[CarpetSettings], wheels: Plane) -> None:
+        self._wheels = wheels
+        self._friction = np.broadcast_to(column(settings, "friction"), (len(settings), len(wheels)))
+        self._pile, self._nap = column(settings, "pile"), column(settings, "nap")
+        self._fibres = np.exp(-1j * np.radians(column(settings, "nap_deg")))
+        self._leans = bool(self._nap.any())
+        self._patches = np.zeros((max(len(s.patches) for s in settings), 4, len(settings), 1))
+        self._patches[:, 2] = -1.0  # a radius within which nothing is
+        for robot, each in enumerate(settings):
+            if each.patches:
+                self._patches[: len(each.patches), :, robot, 0] = each.patches
+
+    def friction(self, position: Array, heading: Plane) -> Array:
+        """Coefficient of friction under each wheel, (n, W).
+
+        Args:
+            position: of the robots, (n, 2 or more) m, world frame.
+            heading: unit vectors (n,).
+        """
+        friction = self._friction
+        if len(self._patches):
+            at = (position[:, 0] + 1j * position[:, 1])[:, None] + heading[:, None] * self._wheels
+            for x, y, radius, other in self._patches:
+                friction = np.where(np.abs(at - (x + 1j * y)) < radius, other, friction)
+        return friction
+
+    def pile(self, direction: Plane) -> Array:
+        """Rolling resistance of the pile over load, (n, 1) or (n, W), for wheels that travel in a direction.
+
+        Args:
+            direction: of travel, unit vectors (n, W), world frame; shorter ones for wheels that come to rest.
+        """
+        return self._pile * (1 + self._nap * (direction * self._fibres).real) if self._leans else self._pile

@@ -1,0 +1,45 @@
+"""The rows that can share a batch of worlds."""
+
+from collections.abc import Sequence
+
+from omni_control.errors import OmniError
+from omni_mj.scenarios.rows import Row
+from omni_mj.worlds.shape import Shape
+
+
+def places(rows: Sequence[Row]) -> int:
+    """Robots per world.
+
+    Raises:
+        OmniError: not every world has as many, one after the other.
+    """
+    count = max(row.place for row in rows) + 1
+    worlds = [row.world for row in rows[::count]]
+    if [(row.world, row.place) for row in rows] != [(world, place) for world in worlds for place in range(count)]:
+        raise OmniError("the rows of a batch must be those of one world after the other, all with as many places")
+    return count
+
+
+def check(rows: Sequence[Row]) -> None:
+    """Check what the rows' robots are made of.
+
+    Raises:
+        OmniError: they differ in their model or the physics, or one has wheels without creep and what needs creep.
+    """
+    first = rows[0].settings
+    for number, row in enumerate(rows):
+        differ = [
+            field
+            for field, one, other in (
+                ("body", row.settings.body, first.body),
+                ("wheels", row.settings.wheels, first.wheels),
+                ("physics", row.settings.physics, first.physics),
+                ("motor.gear or motor.rotor_inertia_kg_m2", Shape.of(row.settings), Shape.of(first)),
+            )
+            if one != other
+        ]
+        if differ:
+            raise OmniError(f"rows 0 and {number} differ in {' and '.join(differ[:3])}: one batch has one model")
+        varied = row.settings.variation
+        if row.settings.wheels.creep == "off" and (varied.friction or varied.wear_m or row.settings.carpet.patches):
+            raise OmniError("variation.friction, variation.wear_m and carpet.patches need wheels.creep = on")

@@ -1,0 +1,114 @@
+"""What sets one robot apart from another of its kind: drawn from its seed, once and for all.
+
+Friction, magnets and mass are drawn as factors, the centre of mass as a shift: normal numbers, cut at 3 deviations, so
+that no wheel gets nonsense. Wear only takes away, and rings are changed when they are worn: at any time a wheel may be
+anywhere between new and due, so that what it has lost is uniform.
+
+Wear takes rubber from the rollers. The axle is set as much lower, so that all wheels carry what they carried when new.
+With axles where they were, two wheels across from each other that have lost 0.13 mm would carry nothing, for the spring
+between roller and carpet gives way by 0.07 mm (`omni_mj.worlds.contact`); a real pile, a guess, by a millimetre or so.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from mujoco.batch import Batch
+
+from omni_control.kinematics import Array
+from omni_mj.link.noise import Noise, Stream
+from omni_mj.scenarios.rows import Row
+from omni_mj.scenarios.settings import column
+from omni_mj.worlds.build import World
+from omni_mj.worlds.columns import Columns
+
+CUT = 3.0  # deviations
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """What is peculiar to each of n robots with W wheels.
+
+    Attributes:
+        friction: of each wheel beside the carpet's, a factor, (n, W).
+        wear: what each wheel has lost of its radius, (n, W) m.
+        strength: of each motor's magnets beside the datasheet's, a factor, (n, W).
+        mass: of what the wheels carry beside the settings', a factor, (n, 1).
+        centre: of its mass, shift ahead and aside, (n, 2) m.
+    """
+
+    friction: Array
+    wear: Array
+    strength: Array
+    mass: Array
+    centre: Array
+
+    @classmethod
+    def of(cls, rows: Sequence[Row]) -> "Drawn":
+        """What the seeds of these rows, which have as many wheels each, draw for them."""
+        from scipy.special import ndtr, ndtri
+
+        varied = [row.settings.variation for row in rows]
+        wheels = len(rows[0].settings.wheels.azimuths_deg)
+        seeds = [row.noise_seed for row in rows]
+        uniform = Noise(seeds, Stream.VARIATION, lambda rng, count: rng.random((count, 3 + 3 * wheels))).next()
+        tail = ndtr(-CUT)
+        normal = ndtri(tail + (1 - 2 * tail) * uniform)
+        body, friction, motors, wear = np.split(np.arange(3 + 3 * wheels), 3 + wheels * np.arange(3))
+        return cls(
+            friction=1 + column(varied, "friction") * normal[:, friction],
+            wear=column(varied, "wear_m") * uniform[:, wear],
+            strength=1 + column(varied, "motor_constant") * normal[:, motors],
+            mass=1 + column(varied, "mass") * normal[:, body[:1]],
+            centre=column(varied, "centre_m") * normal[:, body[1:]],
+        )
+
+    def columns(self) -> dict[str, Array]:
+        """Numbers of each row, name -> (n,); none if robots are all alike."""
+        columns = {
+            **{f"friction_{wheel}": values for wheel, values in enumerate(self.friction.T, 1)},
+            **{f"wear_{wheel}_m": values for wheel, values in enumerate(self.wear.T, 1)},
+            **{f"motor_constant_{wheel}": values for wheel, values in enumerate(self.strength.T, 1)},
+            "mass": self.mass[:, 0],
+            "centre_x_m": self.centre[:, 0],
+            "centre_y_m": self.centre[:, 1],
+        }
+        typical = dict.fromkeys(columns, 0.0) | dict.fromkeys((n for n in columns if not n.endswith("_m")), 1.0)
+        return columns if any((values != typical[name]).any() for name, values in columns.items()) else {}
+
+    def write(self, batch: Batch, world: World) -> None:
+        """Write wear, mass and centre into each robot's copy of the model's fields, where any robot has some.
+
+        Constants that MuJoCo derives from them are left as they are: these scale the contacts and the slip hinges,
+        which shall be the same for all.
+        """
+        if self.wear.any():
+            self._wear_down(batch, world)
+        if (self.mass != 1).any() or self.centre.any():
+            self._weigh(batch, world)
+
+    def _wear_down(self, batch: Batch, world: World) -> None:
+        model, first = world.model, world.robots[0]
+        height = Columns(batch.expand("body_pos")[:, :, 2], np.array([robot.wheels for robot in world.robots]))
+        height.set(model.body_pos[first.wheels, 2] - self.wear)
+        geoms = np.array([model.body_geomadr[robot.rollers].ravel() for robot in world.robots])
+        wear = np.repeat(self.wear, first.rollers.shape[1], axis=1)
+        roller, wheel = model.geom_size[geoms[0], 0], world.kinematics.radius
+        # A barrel's profile is curved as the wheel (see `shape`): its half length squared is the product of the radii.
+        shorter = np.sqrt((1 - wear / roller) * (1 - wear / wheel))
+        sizes = batch.expand("geom_size")
+        for axis, size in enumerate((roller - wear, roller - wear, model.geom_size[geoms[0], 2] * shorter)):
+            Columns(sizes[:, :, axis], geoms).set(size)
+
+    def _weigh(self, batch: Batch, world: World) -> None:
+        """Change the chassis: its mass, its inertia in proportion, its centre."""
+        model, chassis = world.model, np.array([[robot.chassis] for robot in world.robots])
+        one = int(chassis[0, 0])
+        more = model.body_mass[one] * (self.mass - 1)
+        for name in ("body_mass", "body_subtreemass"):
+            Columns(batch.expand(name), chassis).set(getattr(model, name)[one] + more)
+        centre, inertia = batch.expand("body_ipos"), batch.expand("body_inertia")
+        for axis in range(2):
+            Columns(centre[:, :, axis], chassis).set(model.body_ipos[one, axis] + self.centre[:, [axis]])
+        for axis in range(3):
+            Columns(inertia[:, :, axis], chassis).set(model.body_inertia[one, axis] * self.mass)

@@ -1,0 +1,90 @@
+"""What the tests of contacts share: a plant whose every physics step is kept."""
+
+from typing import Any
+
+import numpy as np
+from default_robot import CONTACTS
+from numpy.typing import ArrayLike, NDArray
+
+from omni_mj.link.radio import Received
+from omni_mj.plants.mujoco import MujocoPlant
+
+
+class Tape:
+    """Stands between a plant of robots alone in their worlds and its batch, and keeps what is said of each step.
+
+    Attributes:
+        steps: after each step, by name: `position` (n, 3), `quaternion` (n, 4), `velocity` (n, 6) of the free joint,
+            `wheels` and `slips`, speeds of hubs and of rims on them (n, W) rad/s, `load` (n, W) N in the step.
+        currents: of each cycle, (n, W) A.
+    """
+
+    def __init__(self, plant: MujocoPlant) -> None:
+        self._batch, self._plant = plant._batch, plant
+        self.steps: dict[str, Any] = {}
+        self.currents: Any = []
+        plant._batch = self  # type: ignore[assignment]
+
+    def step(self, worlds: NDArray | None) -> None:
+        self._batch.step(worlds)
+        plant = self._plant
+        for name, columns in (
+            ("position", plant._position),
+            ("quaternion", plant._quaternion),
+            ("velocity", plant._velocity),
+            ("wheels", plant._wheel_speed),
+            ("slips", plant._slip_speed),
+            ("load", plant._load),
+        ):
+            self.steps.setdefault(name, []).append(columns.get().copy())
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._batch, name)
+
+    def drive(self, commands: ArrayLike) -> "Tape":
+        """Drive under commands (frames, n, 3), vision seeing the true heading; no robot may fail."""
+        plant = self._plant
+        for command in np.asarray(commands, float):
+            assert plant.advance(Received(command, plant.pose()[:, 2], np.zeros(len(command), int))) == {}
+            self.currents.append(plant._currents.copy())
+        self.steps = {name: np.array(values) for name, values in self.steps.items()}
+        self.currents = np.concatenate(self.currents)
+        return self
+
+    def hub_torque(self) -> NDArray:
+        """What motors and gears give to hubs and rotors, (steps, n, W) N m: currents times constants, less losses."""
+        plant, hubs = self._plant, self._plant._world.robots[0].wheel_dofs
+        gear = plant._world.model.actuator_gear[plant._world.robots[0].motors, 0]
+        friction, damping = (self._batch.expand(name)[:, hubs] for name in ("dof_frictionloss", "dof_damping"))
+        wheels = self.steps["wheels"]
+        currents = np.repeat(self.currents, len(wheels) // len(self.currents), axis=0)
+        return np.asarray(plant._constant.get() * gear * currents - friction * np.sign(wheels) - damping * wheels)
+
+    def heading(self) -> NDArray:
+        """(steps, n) of robots that are upright."""
+        q = self.steps["quaternion"]
+        return np.unwrap(2 * np.arctan2(q[..., 3], q[..., 0]), axis=0)
+
+    def twist(self) -> NDArray:
+        """Speeds forward and to the left, and turn rate, (steps, n, 3)."""
+        v, c, s = self.steps["velocity"], np.cos(self.heading()), np.sin(self.heading())
+        return np.stack([c * v[..., 0] + s * v[..., 1], c * v[..., 1] - s * v[..., 0], v[..., 5]], axis=-1)
+
+    def travel(self) -> NDArray:
+        """Velocities of the wheels' centres over the carpet, along the robot's axes, (steps, n, W, 2)."""
+        twist = self.twist()
+        turning = twist[..., 2, None, None] * np.stack([-CONTACTS[:, 1], CONTACTS[:, 0]], axis=1)
+        return np.asarray(twist[..., None, :2] + turning)
+
+    def lift(self) -> NDArray:
+        """How far each wheel is above where it stood at first, (steps, n, W) m."""
+        w, x, y, z = np.moveaxis(self.steps["quaternion"], -1, 0)
+        forward, left = 2 * (x * z - w * y), 2 * (y * z + w * x)  # heights per distance along the robot's axes
+        slope = np.stack([forward, left], axis=-1) @ CONTACTS.T
+        height = self.steps["position"][..., 2, None] + slope
+        return np.asarray(height - height[0])
+
+    def tilt(self) -> NDArray:
+        """Angle between the robot's axis and the vertical, (steps, n) rad."""
+        q = self.steps["quaternion"]
+        return np.asarray(2 * np.arcsin(np.hypot(q[..., 1], q[..., 2])))

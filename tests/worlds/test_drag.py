@@ -1,0 +1,94 @@
+"""What slows a robot that rolls: carpet, rollers' bearings and gears, each in proportion to what it should be."""
+
+import numpy as np
+import pytest
+from default_robot import GRAVITY, OUTWARD, RADIUS_M, TANGENTS
+from driving import mujoco, quiet
+from numpy.typing import NDArray
+from taped import Tape
+
+from omni_mj.scenarios.settings import Settings
+
+HUB_INERTIA = 9e-6 + 1e-6 + 16 * (0.0015 * 0.0225**2 + 6e-8)  # models/ssl_robot.xml; hub and rim
+DIRECTIONS = np.array([[1.0, 0.0], [0.0, 1.0], [0.7071, 0.7071], [-1.0, 0.0]])
+NAMES = ("forward", "left", "diagonal", "backward")
+# As the sections of settings, each alone and all together.
+DRAGS = {
+    "pile": (0.1, 0.0, 0.0),
+    "bearings": (0.0, 0.06, 0.0),
+    "gears": (0.0, 0.0, 0.02),
+    "all": (0.08, 0.04, 0.01),
+}
+
+
+def settings(pile: float, bearing: float, gear: float, **sections: dict[str, float]) -> Settings:
+    drive = {"roller_friction": bearing, "gear_friction_nm": gear, "roller_damping_nm_s": 0.0}
+    # Motors that nothing moves: no current at any speed.
+    return quiet(carpet={"pile": pile}, drive=drive, **sections)
+
+
+def rolled_out(chosen: list[Settings], speed: float = 1.2, frames: int = 18) -> Tape:
+    """Robots that roll at a speed, one in each of the directions for each setting, their motors' circuits open."""
+    directions = np.tile(DIRECTIONS, (len(chosen), 1))
+    plant = mujoco([each for each in chosen for _ in DIRECTIONS])
+    world, velocity = plant._world, plant._batch.bind("qvel")
+    velocity[:, :2] = speed * directions
+    velocity[:, world.robots[0].wheel_dofs] = speed * directions @ TANGENTS.T / RADIUS_M
+    plant._batch.bind("qvel")[:] = velocity
+    plant._motors.drive = lambda voltage, wheel_speed: (  # type: ignore[method-assign]
+        plant._constant.get() * world.model.actuator_gear[0, 0] * wheel_speed, np.zeros_like(wheel_speed)
+    )  # fmt: skip
+    return Tape(plant).drive(np.zeros((frames, len(directions), 3)))
+
+
+def expected(chosen: Settings, direction: NDArray, tape: Tape) -> float:
+    """Deceleration, m/s^2, by d'Alembert: drag of each wheel under its load; hubs and rotors add to the mass."""
+    hubs = tape._plant._world.robots[0].wheel_dofs
+    friction = float(tape._batch.expand("dof_frictionloss")[0, hubs[0]])  # of the motor, where there is some
+    along, aside = np.abs(TANGENTS @ direction), np.abs(OUTWARD @ direction)
+    mass = chosen.body.mass_kg
+    inertia = HUB_INERTIA + chosen.motor.rotor_inertia_kg_m2 * chosen.motor.gear**2
+    load = mass * GRAVITY / 4
+    force = (chosen.carpet.pile + chosen.drive.roller_friction * aside) * load + friction * along / RADIUS_M
+    return float(force.sum() / (mass + (inertia * along**2).sum() / RADIUS_M**2))
+
+
+def decelerations(tape: Tape) -> NDArray:
+    """Along each row's direction, m/s^2, after the start has been forgotten."""
+    speed = (tape.twist()[96:, :, :2] * np.tile(DIRECTIONS, (tape.twist().shape[1] // 4, 1))).sum(-1)
+    return np.asarray(-np.polyfit(np.arange(len(speed)) / 960, speed, 1)[0])
+
+
+@pytest.mark.parametrize("name", DRAGS)
+def test_a_robot_rolls_out_as_its_drags_say(name: str) -> None:
+    chosen = settings(*DRAGS[name])
+    tape = rolled_out([chosen])
+    measured = decelerations(tape)
+    law = [expected(chosen, direction, tape) for direction in DIRECTIONS]
+    # The closed form shares the weight equally; rolling on carpet that yields, and spinning up rollers that come down
+    # (0.9 g v each, two_rollers.py), cost about 0.05 m/s^2 more, and nothing less: 1 %.
+    assert (measured > 0.99 * np.array(law)).all(), dict(zip(NAMES, measured / law, strict=True))
+    assert measured == pytest.approx(law, rel=0.03, abs=0.07)
+
+
+def test_without_drag_a_robot_rolls_on() -> None:
+    """At 1.2 m/s, spinning up rollers costs a hundredth of what its carpet would."""
+    assert np.abs(decelerations(rolled_out([settings(0.0, 0.0, 0.0)]))).max() < 0.07
+
+
+def test_carpet_and_bearings_brake_in_proportion_to_load() -> None:
+    """Twice the mass rolls out alike."""
+    light, heavy = (settings(0.1, 0.05, 0.0, body={"mass_kg": m, "tilt_inertia_kg_m2": 0.0075}) for m in (2.65, 5.3))
+    few, many = (decelerations(rolled_out([each])) * each.body.mass_kg for each in (light, heavy))
+    # Hubs and rotors turn with either: 9 % of the light robot's inertia along its wheels, half of that of the heavy.
+    turning = HUB_INERTIA + Settings().motor.rotor_inertia_kg_m2 * Settings().motor.gear ** 2
+    added = turning * ((TANGENTS @ DIRECTIONS.T) ** 2).sum(0) / RADIUS_M**2
+    light_inertia, heavy_inertia = 1 + added / light.body.mass_kg, 1 + added / heavy.body.mass_kg
+    assert many * heavy_inertia == pytest.approx(2 * few * light_inertia, rel=0.02)
+
+
+def test_a_robot_comes_to_rest_and_stays() -> None:
+    """Dry drag fades below a centimetre per second: it stops, and does not tremble."""
+    tape = rolled_out([Settings()], speed=0.4, frames=70)
+    assert np.abs(tape.twist()[-240:, :, :2]).max() < 1e-3
+    assert (np.abs(tape.steps["position"][-1] - tape.steps["position"][-240])[:, :2] < 2e-5).all()

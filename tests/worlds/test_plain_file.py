@@ -1,0 +1,77 @@
+"""The models as plain MJCF: of the same numbers as the world that is built for the default robot."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from omni_mj.scenarios import models
+from omni_mj.scenarios.settings import Settings
+from omni_mj.worlds import build, shape
+from omni_mj.worlds.shape import Shape
+from omni_mj.worlds.wheels import Motor
+
+DIGITS = 1e-6  # of the numbers in the files
+
+
+def arrays(model: mujoco.MjModel) -> dict[str, Any]:
+    """Every array and number of a model by name, options included; not names and keyframes."""
+    skipped = ("_", "name", "key_", "nname", "nkey", "nbuffer", "signature")
+    values = {}
+    for owner, prefix in ((model, ""), (model.opt, "opt."), (model.stat, "stat.")):
+        for name in dir(owner):
+            value = getattr(owner, name) if not name.startswith(skipped) else None
+            if isinstance(value, np.ndarray | int | float):
+                values[prefix + name] = value
+    return values
+
+
+def written(numbers: Any) -> str:
+    """As in the file."""
+    return " ".join(f"{number:.9g}" if abs(number) > 1e-15 else "0" for number in np.atleast_1d(numbers))
+
+
+def expected() -> list[str]:
+    """What must stand in ssl_robot.xml, for the settings of the default robot."""
+    settings = Settings()
+    wheels, motor, world = settings.wheels, Motor.of(settings), build.world()
+    (chassis,) = shape.robot(Shape.of(settings), models.robot_path()).worldbody.bodies
+    pair = {name: getattr(world.model, f"pair_{name}")[0] for name in ("solref", "solimp", "solreffriction")}
+    barrel = wheels.roller_radius_m, wheels.roller_radius_m, np.sqrt(wheels.radius_m * wheels.roller_radius_m)
+    return [
+        f'<inertial pos="{written(chassis.ipos)}" mass="{written(chassis.mass)}"',
+        f'fullinertia="{written(chassis.fullinertia)}"',
+        *(f'<frame euler="0 0 {written(azimuth)}">' for azimuth in wheels.azimuths_deg),
+        *(f'name="wheel_{i + 1}" pos="{written([wheels.arm_m, 0, wheels.radius_m])}"' for i in range(4)),
+        f'<replicate count="{wheels.rollers}" euler="{written(360 / wheels.rollers)} 0 0">',
+        f'pos="{written([0, 0, wheels.roller_radius_m - wheels.radius_m])}" euler="90 0 0"',
+        f'<geom type="ellipsoid" size="{written(barrel)}"',
+        f'damping="{written(settings.drive.roller_damping_nm_s)}"',
+        f'motorconst="{written(motor.constant)}" resistance="{written(motor.resistance)}" gear="{written(motor.gear)}"',
+        f'armature="{written(settings.motor.rotor_inertia_kg_m2)}"',
+        f'solref="{written(pair["solref"])}"',
+        f'solimp="{written(pair["solimp"][:3])}"',
+        f'solreffriction="{written(pair["solreffriction"])}"',
+    ]
+
+
+def test_the_plain_file_holds_the_default_robots_numbers() -> None:
+    """omni_mj/robots says them, models/ssl_robot.xml repeats them for those who open it without omni-mj."""
+    text = " ".join(models.robot_path().read_text().split())
+    missing = [line for line in expected() if line not in text]
+    assert not missing, "models/ssl_robot.xml must be changed to hold these:\n" + "\n".join(missing)
+
+
+def test_the_plain_file_is_the_world_of_one_robot() -> None:
+    """But for the sensors of load, which the build adds, and what is written in every step."""
+    plain = arrays(mujoco.MjModel.from_xml_path(str(models.folder() / "ssl_robot_on_carpet.xml")))
+    built = arrays(build.world().model)
+    assert plain.keys() == built.keys()
+    assert len(plain) > 300
+    own = plain["nsensor"]
+    assert built["nsensor"] == own + 4
+    counts = {"nsensor", "nsensordata"}
+    for name in plain.keys() - counts:
+        share: NDArray = built[name][:own] if name.startswith("sensor_") else built[name]
+        np.testing.assert_allclose(share, plain[name], rtol=DIGITS, atol=1e-12, err_msg=name)
