@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from scipy.signal import cont2discrete
+from scipy.signal import cont2discrete, lfilter
 
 from omni_mj.measure.response import Profile, Response, measure
 
@@ -18,11 +18,7 @@ def linear(profile: Profile, numerator: list[float], denominator: list[float]) -
     """Of a robot whose speed follows the command by this transfer function; exact for commands held over a frame."""
     system = [*numerator], [*denominator, 0.0]  # the way is the integral of the speed
     (num,), den, _ = cont2discrete(system, T)
-    way = np.zeros(len(profile.command()) + 1)
-    for k in range(len(way)):  # the difference equation
-        past = [way[k - i] if k >= i else 0.0 for i in range(1, len(den))]
-        told = [profile.command()[k - i] if 0 <= k - i < len(way) - 1 else 0.0 for i in range(len(num))]
-        way[k] = num @ told - den[1:] @ past
+    way = lfilter(num, den, np.append(profile.command(), 0.0))
     return measure(profile, way[:, None])
 
 
