@@ -1,4 +1,4 @@
-"""`omni-mj alpha`: where the motor correction factor alpha comes from."""
+"""`omni-mj alpha`: gain and lag of a robot's motion, and where they come from."""
 
 from pathlib import Path
 
@@ -6,24 +6,25 @@ import click
 
 from omni_mj.cli import console, folders, options
 
-OUTPUTS = ("summary.json", "scenario.toml", "alpha.png")
+OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "alpha.png")
 
 
 @click.command("alpha")
+@click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [tigers-v2016]")
 @options.SETTINGS
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/alpha-<UTC time>]")
 @options.OVERWRITE
 @options.QUIET
-def command(overrides: tuple[str, ...], out: Path | None, overwrite: bool, quiet: bool) -> None:
-    """Map alpha over carpet friction, winding temperature, battery charge and lint."""
+def command(robot: str | None, overrides: tuple[str, ...], out: Path | None, overwrite: bool, quiet: bool) -> None:
+    """Measure how a robot follows its commands: gain and lag apart, and what takes how much of them."""
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.scenarios import scenario
     from omni_mj.studies import alpha
 
-    chosen = scenario.load("rect", overrides)
+    chosen = scenario.load("rect", overrides, {"robot": robot} if robot else None)
     folder = folders.prepare(out, "alpha", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
-        show = begin("alpha", alpha.FRAMES + 1)
+        show = begin("alpha", alpha.total_frames(chosen))
 
         def after_frame(frame: int) -> None:
             interrupts.check()
@@ -43,4 +44,4 @@ def command(overrides: tuple[str, ...], out: Path | None, overwrite: bool, quiet
         left = ", ".join(output for output in OUTPUTS if (folder / output).exists())
         print(f"results in {folder}/ ({left}) after {result.wall_s:.0f} s")
     interrupts.end(result.stopped, f"nothing was measured; what there is is in {folder}")
-    console.fail_rows({"alpha": result.failures})
+    console.fail_rows({outcome.scenario.name: outcome.failures for outcome in result.outcomes})

@@ -1,99 +1,44 @@
-"""How the motor correction factor alpha comes out of friction, heat, battery and lint.
+"""How robots follow their commands, and why not better: gain and lag apart, and where they come from.
 
-Robots drive standard velocity profiles, each combination of conditions in a robot of its own, commanded step by step:
-no controller, no dead time, and a camera without noise, whose heading keeps the robots straight.
+The paper's motor correction factor alpha is a ratio of ways, achieved over commanded, in a window of time. A robot that
+is late shows a small one whenever it speeds up, however much of its speed it reaches in the end: alpha alone does not
+tell gain from lag. So robots drive standard profiles, from which both are measured apart (`measure.response`):
+
+- under conditions that are changed one by one;
+- worn, with every combination of causes, which says how much of gain and lag each takes (`conditions.shares`);
+
+and a controller drives robots around paths, which shows the alpha that a team would see (`in_use`).
 """
 
 import itertools
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from omni_control.controllers.base import Controller
-from omni_control.kinematics import Array
 from omni_mj.measure import summary
-from omni_mj.measure.metrics import ALPHA_PERCENTILES, ALPHA_WINDOW_FRAMES, alpha_windows
+from omni_mj.measure.response import NAMES, Response
 from omni_mj.measure.result import Outcome, Result
-from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario, load
-from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, Settings
-from omni_mj.simulate.simulation import Simulation
+from omni_mj.studies import drives, in_use
+from omni_mj.studies.alpha_findings import Study
+from omni_mj.studies.conditions import CAUSES, CONDITIONS, PROFILE, Conditions, changed, combinations
+from omni_mj.studies.drives import DIRECTIONS, Commanded, Drives
+from omni_mj.studies.in_use import InUse
 from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
 
-Conditions = Mapping[str, Sequence[float]]
-CONDITIONS: Conditions = {
-    "friction": (0.3, 0.4, 0.5, 0.7, 0.9, 1.0),
-    "winding_c": (25.0, 75.0, 120.0),
-    "charge": (1.0, 0.5, 0.15),
-    "lint": (0.03, 0.065, 0.15),
-}
-DIRECTIONS = {"x": (1.0, 0.0), "y": (0.0, 1.0), "diagonal": (0.5**0.5, 0.5**0.5)}
-SPEED_M_S, ACCELERATION_M_S2 = 1.5, 3.0
-# The windows of 0.25 s: the ramp takes two, then the profile cruises; what follows a change of slope is left out.
-PHASES = {"accelerating": range(2), "cruising": range(3, 6)}
-FRAMES = ALPHA_WINDOW_FRAMES * 6
-# What real robots meet, over which the paper's interval [0.7, 1] should come out.
-USUAL = {"friction": (0.5, 0.9), "winding_c": (25.0, 120.0), "charge": (0.15, 1.0), "lint": (0.065, 0.065)}
-
-
-class Profile(Controller):
-    """Stands where a controller would be named; what the robots are sent is the profile."""
-
-
-@dataclass(frozen=True)
-class Study:
-    """alpha over friction, winding temperature, charge, lint, direction and window, in this order of axes.
-
-    `conditions` are the values of the first four.
-    """
-
-    conditions: Conditions
-    alpha: Array
-
-    def phase(self, name: str) -> Array:
-        """The windows of one phase."""
-        return self.alpha[..., list(PHASES[name])]
-
-    def usual(self) -> Array:
-        """Both phases under the conditions of `USUAL`, flat."""
-        inside = np.ix_(*(_inside(values, USUAL[name]) for name, values in self.conditions.items()))
-        return np.concatenate([self.phase(name)[inside].ravel() for name in PHASES])
-
-    def trend(self, condition: str) -> Array:
-        """Mean of alpha over everything but one condition, in the order of its values."""
-        axis = list(self.conditions).index(condition)
-        both = np.concatenate([self.phase(name) for name in PHASES], axis=-1)
-        mean: Array = np.nanmean(both, axis=tuple(i for i in range(both.ndim) if i != axis))
-        return mean
-
-    def percentiles(self) -> dict[str, float]:
-        """Of alpha under the usual conditions; none without them."""
-        usual = self.usual()
-        usual = usual[~np.isnan(usual)]
-        return {f"p{p}": round(float(np.percentile(usual, p)), 6) for p in ALPHA_PERCENTILES} if usual.size else {}
-
-    def report(self) -> dict[str, Any]:
-        """The study in plain values."""
-        return {
-            "definition": f"displacement achieved / commanded along the drive, windows of {ALPHA_WINDOW_FRAMES} frames",
-            "profile": {"speed_m_s": SPEED_M_S, "acceleration_m_s2": ACCELERATION_M_S2, "rate_hz": FRAME_RATE_HZ},
-            "axes": {**{name: list(values) for name, values in self.conditions.items()}, "direction": list(DIRECTIONS)},
-            "alpha": {name: _plain(self.phase(name).mean(-1)) for name in PHASES},
-            "windows": {name: [round(i * ALPHA_WINDOW_FRAMES * PERIOD_S, 6) for i in PHASES[name]] for name in PHASES},
-            "trends": {name: _plain(self.trend(name)) for name in self.conditions},
-            "usual": {"conditions": USUAL, **self.percentiles()},
-        }
+TASKS = ("rect", "league")
+BASE, COMBINED = "as it is", "causes combined"  # groups of drives, beside those of conditions
 
 
 @dataclass
 class AlphaResult(Result):
-    """The result of the study; its rows hold conditions, direction and alpha.
+    """The result of the study; its rows hold settings, direction, profile and response of each drive.
 
     Attributes:
-        study: alpha over the conditions; None of a study that was stopped.
+        study: what was found; None of a study that was stopped.
     """
 
     study: Study | None = None
@@ -103,115 +48,85 @@ class AlphaResult(Result):
         return super().summary() | {"alpha": self.study.report() if self.study else None}
 
     def table(self) -> str:
-        """The trends, and the percentiles under usual conditions, as lines of text."""
-        return "\n".join(self.lines())
-
-    def lines(self) -> Iterator[str]:
-        """See `table`."""
-        if self.study is None:
-            return
-        yield "mean alpha over everything else"
-        width = max(map(len, self.study.conditions))
-        for name, values in self.study.conditions.items():
-            pairs = zip(values, self.study.trend(name), strict=True)
-            yield f"{name.ljust(width)}  " + "   ".join(f"{value:g}: {mean:.3f}" for value, mean in pairs)
-        if percentiles := self.study.percentiles():
-            bounds = ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in USUAL.items())
-            yield f"usual conditions ({bounds}):"
-            numbers = ", ".join(f"{value:.3f}" for value in percentiles.values())
-            yield f"  5th, 50th, 95th percentile of alpha: {numbers}"
+        """What was found, as lines of text."""
+        return self.study.text() if self.study else ""
 
 
 def alpha(
-    scenario: Scenario | str = "rect", conditions: Conditions | None = None, *, after_frame: AfterFrame = nothing
+    scenario: Scenario | str = "rect",
+    conditions: Conditions | None = None,
+    tasks: Sequence[str] | None = None,
+    *,
+    after_frame: AfterFrame = nothing,
 ) -> AlphaResult:
-    """Drive the profiles under all combinations of `conditions`.
+    """Study how robots follow their commands.
 
     Args:
-        scenario: everything else, or its name; its reference, radio and camera are left out.
-        conditions: values of `friction`, `winding_c`, `charge` and `lint`. [`CONDITIONS`] Hot windings come with a
-            housing as warm as it gets in equilibrium with them.
-        after_frame: called with each frame's number.
+        scenario: the robot and all its settings, or its name. Its reference is left out, and of the standard profiles
+            its radio and the camera's noise as well.
+        conditions: those that are changed one by one, with their values. [`CONDITIONS`]
+        tasks: scenarios around whose paths a controller drives robots under usual conditions. [`TASKS`]
+        after_frame: called after each frame with its number of `total_frames`.
 
     Returns:
-        alpha, whose windows are not a number for robots that failed.
+        Gain and lag, not a number for robots that failed, their causes, and alpha in use.
+
+    Raises:
+        OmniError: there is no such scenario or condition, or the plant has no wheels.
     """
-    started, conditions = time.perf_counter(), conditions or CONDITIONS
-    chosen = _without_loop(load(scenario) if isinstance(scenario, str) else scenario)
-    combinations = list(itertools.product(itertools.product(*conditions.values()), DIRECTIONS))
-    rows = [
-        Row(world, 0, Profile.__name__, chosen.seed, _under(chosen.settings, *values), chosen.robot)
-        for world, (values, _) in enumerate(combinations)
-    ]
-    heading = np.array([DIRECTIONS[direction] for _, direction in combinations])
-    simulation = Simulation(chosen, [Profile], rows=rows)
-    result = AlphaResult([Outcome.not_run(chosen)], [Profile.__name__], seeds=[chosen.seed])
+    started, values = time.perf_counter(), CONDITIONS if conditions is None else conditions
+    chosen = _named(load(scenario) if isinstance(scenario, str) else scenario)
+    profiles = Drives(chosen, _groups(chosen, values))
+    paths = {task: InUse(chosen, task) for task in (TASKS if tasks is None else tasks)}
+    parts: list[Drives | InUse] = [profiles, *paths.values()]
+    result = AlphaResult([Outcome.not_run(chosen)], [Commanded.__name__], seeds=[chosen.seed])
+    number = itertools.count()
     try:
-        for frame, speed in enumerate([*profile(), 0.0]):  # the last only records where the profile led
-            simulation.step(np.pad(speed * heading, ((0, 0), (0, 1))))
-            after_frame(frame)
+        for part in parts:
+            part.run(lambda _: after_frame(next(number)))
     except StoppedError as error:
         result.stopped = error.reason
     result.wall_s = time.perf_counter() - started
     result.complete = result.stopped is None
-    entry = summary.entry(chosen, simulation.log, simulation.failures, {}, result.wall_s, result.stopped)
-    measured: dict[str, np.ndarray] = {"direction": np.array([direction for _, direction in combinations])}
+    measured = dict(profiles.driven)
     if result.complete:
-        result.study = Study(conditions, _alpha(simulation, heading, [len(values) for values in conditions.values()]))
-        flat = result.study.alpha.reshape(len(rows), -1)
-        measured |= {f"alpha_{name}": flat[:, list(windows)].mean(-1) for name, windows in PHASES.items()}
-    result.outcomes = [Outcome(chosen, entry, rows, simulation.failures, measured)]
+        body = profiles.body()
+        result.study = _study(values, profiles, body, paths)
+        measured |= {name: getattr(body, name) for name in NAMES}
+    result.outcomes = [_outcome(part, result, measured if part is profiles else {}) for part in parts]
     return result
 
 
-def profile() -> Array:
-    """The commanded speed in each frame, m/s: a ramp, then constant."""
-    return np.minimum(SPEED_M_S, ACCELERATION_M_S2 * PERIOD_S * np.arange(1, FRAMES + 1))
+def total_frames(scenario: Scenario, conditions: Conditions | None = None, tasks: Sequence[str] | None = None) -> int:
+    """How many frames `alpha` simulates, one after the other."""
+    groups = _groups(scenario, CONDITIONS if conditions is None else conditions)
+    return drives.frames(groups) + sum(in_use.frames(scenario, task) for task in (TASKS if tasks is None else tasks))
 
 
-def _alpha(simulation: Simulation, heading: Array, shape: Sequence[int]) -> Array:
-    """The factor along the drive, one window after the other, over conditions of this shape and directions."""
-    along = (simulation.log.channel("pose")[..., :2] * heading).sum(-1)
-    command = np.append(profile(), 0.0)[:, None] * np.ones(len(heading))
-    windows = alpha_windows(along, command)[::ALPHA_WINDOW_FRAMES]
-    return windows.T.reshape(*shape, len(DIRECTIONS), len(windows))
+def _groups(scenario: Scenario, conditions: Conditions) -> drives.Groups:
+    settings = scenario.settings
+    return {
+        BASE: [(settings, PROFILE)],
+        **{name: [changed(settings, name, value) for value in values] for name, values in conditions.items()},
+        COMBINED: [(each, PROFILE) for each in combinations(settings)],
+    }
 
 
-def _without_loop(scenario: Scenario) -> Scenario:
-    """The scenario without dead time, noise of the camera, and controllers; its reference is as long as the profile."""
-    settings = scenario.settings.replace(
-        reference={
-            "shape": "waypoints",
-            "waypoints": [[0, 0], [0, 0]],
-            "mode": "timed",
-            "settle_s": 2 * FRAMES * PERIOD_S,
-        },
-        radio={"delay_frames": 0, "jitter_frames": 0},
-        vision={"position_noise_m": 0, "heading_noise_rad": 0, "miss_probability": 0},
-        world={"places": [[0, 0, 0]]},
-    )
-    return scenario.replace(
-        name="alpha", description="where alpha comes from", paper_table=0, settings=settings, seeds=1
-    )
+def _study(conditions: Conditions, profiles: Drives, body: Response, paths: Mapping[str, InUse]) -> Study:
+    found = profiles.grouped(body)
+    base = found.pop(BASE).at(0)
+    shape = (2,) * len(CAUSES) + (len(DIRECTIONS),)
+    last = found.pop(COMBINED)
+    combined = Response(*(getattr(last, name).reshape(shape) for name in NAMES))
+    wheels = profiles.grouped(profiles.wheels())[COMBINED].at(-1)
+    return Study(conditions, base, found, combined, wheels, {task: path.percentiles() for task, path in paths.items()})
 
 
-def _under(settings: Settings, friction: float, winding_c: float, charge: float, lint: float) -> Settings:
-    motor = settings.motor
-    share = motor.housing_ambient_k_w / (motor.housing_ambient_k_w + motor.winding_housing_k_w)
-    housing_c = motor.ambient_c + share * (winding_c - motor.ambient_c)
-    return settings.replace(
-        carpet={"friction": friction, "lint": lint},
-        motor={"winding_c": winding_c, "housing_c": housing_c},
-        battery={"charge": charge},
-    )
+def _named(scenario: Scenario) -> Scenario:
+    return scenario.replace(name="alpha", description="gain and lag, and their causes", paper_table=0, seeds=1)
 
 
-def _inside(values: Sequence[float], bounds: tuple[float, float]) -> list[int]:
-    return [i for i, value in enumerate(values) if bounds[0] <= value <= bounds[1]]
-
-
-def _plain(values: Array) -> Any:
-    """Nested lists, with None for what is not a number."""
-    rounded = values.round(6).astype(object)
-    rounded[np.isnan(values)] = None
-    return rounded.tolist()
+def _outcome(part: Drives | InUse, result: AlphaResult, measured: Mapping[str, np.ndarray]) -> Outcome:
+    log, failures = part.simulation.log, list(part.simulation.failures)
+    entry = summary.entry(part.scenario, log, failures, {}, result.wall_s, result.stopped)
+    return Outcome(part.scenario, entry, part.rows, failures, measured)

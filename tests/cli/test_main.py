@@ -13,10 +13,10 @@ from omni_mj.cli.main import COMMANDS
 from omni_mj.scenarios.nested import plain
 from omni_mj.scenarios.settings import every_setting
 from omni_mj.show import listing
-from omni_mj.studies import alpha
+from omni_mj.studies import alpha, conditions
 
 HEAVY = ("mujoco", "scipy", "pyarrow", "rerun", "matplotlib", "jinja2", "numpy", "pydantic")
-SMALL = {"friction": (0.4, 0.8), "winding_c": (25.0, 120.0), "charge": (0.15, 0.5, 1.0), "lint": (0.065,)}
+SMALL = {"charge": (0.15, 1.0), "speed_m_s": (1.0,)}
 
 
 def test_help_version_list_and_schema_import_nothing_heavy() -> None:
@@ -76,11 +76,16 @@ def test_the_alpha_study_is_a_command(
     assert invoke("alpha", "--set", "radio.delay=1") == 2
     assert "did you mean 'radio.delay_frames'" in capsys.readouterr().err
     monkeypatch.setattr(alpha, "CONDITIONS", SMALL)
-    assert invoke("alpha", "--set", "wheels.model=two-rollers", "--out", tmp_path) == 0
-    assert "5th, 50th, 95th percentile" in capsys.readouterr().out
+    monkeypatch.setattr(alpha, "TASKS", ())
+    monkeypatch.delitem(conditions.CAUSES, "heat")
+    monkeypatch.delitem(conditions.CAUSES, "battery")
+    assert invoke("alpha", "--robot", "nobody") == 2
+    assert "unknown robot 'nobody'" in capsys.readouterr().err
+    assert invoke("alpha", "--robot", "tigers-v2016", "--set", "wheels.model=two-rollers", "--out", tmp_path) == 0
+    assert "share of creep" in capsys.readouterr().out
     assert {p.name for p in tmp_path.iterdir()} == {"summary.json", "scenario.toml", "alpha.png"}
     summary = strict(tmp_path / "summary.json")
-    assert summary["alpha"]["axes"]["charge"] == [0.15, 0.5, 1.0]
+    assert summary["alpha"]["changed"]["charge"]["values"] == [0.15, 1.0]
     assert (tmp_path / "alpha.png").stat().st_size > 10_000
 
 

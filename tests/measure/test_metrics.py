@@ -108,3 +108,15 @@ def test_windows_of_alpha_are_ratios_of_displacements() -> None:
         assert found is not None
         assert all(value == pytest.approx(0.8) for axis in found.values() for value in axis.values())
     assert metrics.alpha_percentiles(filled(rows(), 15), np.array([0])) is None
+
+
+def test_alpha_of_the_driven_leaves_out_windows_near_standstill() -> None:
+    """A robot that achieves 0.8 of its command 0.1 s late: what begins at rest would show much less."""
+    command = np.where((np.arange(120) >= 20) & (np.arange(120) < 90), 0.5, 0.0)[:, None]
+    late = np.concatenate([np.zeros((6, 1)), command[:-6]])
+    position = 0.8 * np.cumsum(np.concatenate([[[0.0]], late[:-1]]), axis=0) / 60
+    every, driven = metrics.alpha_windows(position, command), metrics.driven_alpha(position, command)
+    assert np.nanmin(every) < 0.5
+    first, last = 20 + metrics.ALPHA_START_FRAMES, 90 - metrics.ALPHA_WINDOW_FRAMES
+    assert np.flatnonzero(~np.isnan(driven[:, 0])).tolist() == list(range(first, last + 1))
+    assert driven[first : last + 1] == pytest.approx(0.8)

@@ -1,4 +1,4 @@
-"""alpha comes out of the physics: in the interval that real robots show, and with the physical trends."""
+"""Gain and lag come out of the physics: by the laws of creep and drag, and with shares that add up."""
 
 import re
 from collections.abc import Iterator
@@ -6,74 +6,149 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
 
 import omni_control
 import omni_mj as om
-from omni_mj.studies import alpha
+from omni_mj.measure.response import NAMES
+from omni_mj.studies import alpha, alpha_findings, conditions
+from omni_mj.studies.outcome import StoppedError
+
+CHANGED = {"acceleration_m_s2": (3.0,), "pile": (0.2,), "winding_c": (120.0,), "charge": (1.0,)}
+FORWARD, SIDEWAYS, _ = range(3)
 
 
 @pytest.fixture(scope="module")
-def corners() -> alpha.Study:
-    """The extremes of every condition, on the faster wheels."""
-    ends = {"friction": (0.3, 0.8), "winding_c": (25.0, 120.0), "charge": (0.15, 1.0), "lint": (0.03, 0.15)}
-    study = om.alpha(om.scenario("rect", wheels={"model": "contact-roller"}), ends).study
-    assert study is not None
-    return study
+def result() -> alpha.AlphaResult:
+    """More of some conditions than the robot has as it is, on the faster wheels."""
+    return om.alpha(om.scenario("rect", wheels={"model": "two-rollers"}), CHANGED, tasks=("rect",))
 
 
 @pytest.fixture(scope="module")
-def usual() -> alpha.AlphaResult:
-    """Some usual conditions."""
-    return om.alpha(
-        conditions={
-            "friction": (0.5, 0.7, 0.9),
-            "winding_c": (25.0, 120.0),
-            "charge": (0.15, 0.5, 1.0),
-            "lint": (0.065,),
-        }
-    )
+def study(result: alpha.AlphaResult) -> alpha_findings.Study:
+    assert result.study is not None
+    return result.study
 
 
-def test_hotter_emptier_slipperier_and_more_lint_all_lower_alpha(corners: alpha.Study) -> None:
-    for condition, sign in (("friction", 1), ("winding_c", -1), ("charge", 1), ("lint", -1)):
-        low, high = corners.trend(condition)
-        # A hundredth: what the weakest of them moves, and ten times what rounding and rollers do.
-        assert sign * (high - low) > 0.01, condition
+def softness(settings: om.Scenario) -> np.ndarray:
+    """T forward and sideways, s^2/m: W / (g C sum of d^2) with the wheels' direction cosines d (onboard.traction)."""
+    wheels, drive = settings.settings.wheels, settings.settings.drive
+    azimuths = np.radians(wheels.azimuths_deg)
+    squares = np.array([(np.sin(azimuths) ** 2).sum(), (np.cos(azimuths) ** 2).sum()])
+    of_both: np.ndarray = len(azimuths) / (9.81 * drive.creep_stiffness * squares)
+    return of_both
 
 
-def test_alpha_is_lowest_while_accelerating(corners: alpha.Study) -> None:
-    assert (corners.phase("accelerating").mean(-1) < corners.phase("cruising").mean(-1)).all()
+def test_creep_alone_takes_what_its_law_says(study: alpha_findings.Study) -> None:
+    """Its lag is T g^2 U / 2, beside the wheel loops'; the slope of the ramp that of T a s^2 + s / g = 1."""
+    found, speed = conditions.PROFILE, conditions.PROFILE.speed_m_s
+    both, curve = slice(0, 2), softness(om.scenario("rect"))
+    creep = {name: study.shares(name)["creep"]["alone"][both] for name in NAMES}
+    gain = study.loop.steady[both] + creep["steady"]
+    # What accelerates the robot leans on some wheels more than others, and the law has their mean.
+    np.testing.assert_allclose(creep["lag_s"], curve * gain**2 * speed / 2, rtol=0.1)
+    curve = curve * found.acceleration_m_s2
+    slope = (np.sqrt(1 + 4 * curve) - 1) / (2 * curve)
+    np.testing.assert_allclose(study.loop.speeding_up[both] + creep["speeding_up"], slope, atol=0.05)
 
 
-def test_alpha_lies_where_the_paper_saw_it(usual: alpha.AlphaResult) -> None:
-    """The paper reports [0.7, 1]; the bounds are wider than that by what the conditions chosen may shift."""
-    assert usual.study is not None
-    p5, p95 = np.percentile(usual.study.usual(), [5, 95])
-    assert 0.65 <= p5 <= 0.85
-    assert 0.95 <= p95 <= 1.03
+def test_lag_does_not_depend_on_acceleration_but_the_gain_of_speeding_up_does(study: alpha_findings.Study) -> None:
+    slow, fast = study.base, study.changed["acceleration_m_s2"].at(0)
+    np.testing.assert_allclose(fast.lag_s[:2], slow.lag_s[:2], rtol=0.05)  # of 60 to 100 ms: rollers ripple
+    np.testing.assert_allclose(fast.steady, slow.steady, atol=0.005)
+    assert (fast.speeding_up < slow.speeding_up - 0.02).all()
+    assert (fast.speeding_up < fast.steady - 0.02).all()
 
 
-def test_rows_hold_conditions_direction_and_alpha(usual: alpha.AlphaResult) -> None:
-    """One line per robot, from which the trends follow; percentiles are in the summary and the table."""
-    rows = usual.rows().to_pylist()
-    assert usual.study is not None
-    assert len(rows) == 3 * 2 * 3 * 3
-    assert {name for name in rows[0] if "." in name} == {
-        "carpet.friction",
-        "motor.winding_c",
-        "motor.housing_c",
-        "battery.charge",
-    }
-    for value, mean in zip((0.5, 0.7, 0.9), usual.study.trend("friction"), strict=True):
-        of = [
-            (2 * r["alpha_accelerating"] + 3 * r["alpha_cruising"]) / 5 for r in rows if r["carpet.friction"] == value
-        ]
-        assert np.mean(of) == pytest.approx(mean, rel=1e-12)
-    summary = usual.summary()
+def test_robots_creep_more_sideways(study: alpha_findings.Study) -> None:
+    """Where fewer wheels pull, see `softness`."""
+    for each in (study.base, study.worn):
+        assert each.steady[SIDEWAYS] < each.steady[FORWARD]
+        assert each.lag_s[SIDEWAYS] > each.lag_s[FORWARD]
+
+
+def test_more_pile_less_charge_and_heat_cost_what_they_can(study: alpha_findings.Study) -> None:
+    """Pile and charge the gain; heat, which takes stiffness from the wheel loops, lag."""
+    for name, sign in (("pile", -1), ("charge", 1)):
+        assert (sign * (study.changed[name].steady[0] - study.base.steady) > 0.01).all(), name
+    assert (study.changed["winding_c"].lag_s[0] > study.base.lag_s + 0.001).all()
+
+
+def test_what_wheels_do_not_lose_slips(study: alpha_findings.Study) -> None:
+    """Creep is between wheels and carpet: with it they turn hardly slower, and the robot does by most of its share."""
+    assert (study.wheels.steady > study.worn.steady + 0.02).all()
+    assert (study.wheels.lag_s < study.worn.lag_s).all()
+
+
+def test_shares_add_up_to_what_all_causes_do(study: alpha_findings.Study) -> None:
+    for name in NAMES:
+        added = sum(each["share"] for each in study.shares(name).values())
+        np.testing.assert_allclose(added, getattr(study.worn, name) - getattr(study.loop, name), atol=1e-12)
+
+
+@given(
+    arrays.arrays(float, (2,) * len(conditions.CAUSES), elements=st.floats(-1, 1)),
+    st.sampled_from(range(len(conditions.CAUSES))),
+)
+def test_shares_are_fair(values: np.ndarray, idle: int) -> None:
+    """They add up; what adds nothing has none; two that only act together share alike."""
+    found = [each["share"] for each in conditions.shares(values).values()]
+    assert sum(found) == pytest.approx(values.flat[-1] - values.flat[0], abs=1e-12)
+    first = np.take(values, [0], idle)
+    of_idle = list(conditions.shares(np.concatenate([first, first], axis=idle)).values())[idle]
+    assert [of_idle[how] for how in ("share", "alone", "last")] == pytest.approx([0, 0, 0], abs=1e-12)
+    together = np.zeros_like(values)
+    together[1, 1] = 0.5
+    both = list(conditions.shares(together).values())
+    assert [each["share"] for each in both] == pytest.approx([0.25, 0.25, 0, 0], abs=1e-12)
+    assert [both[0][how] for how in ("alone", "last")] == pytest.approx([0, 0.5])
+
+
+def test_in_use_alpha_lies_below_the_steady_gain_when_speeding_up_and_above_it_when_braking(
+    study: alpha_findings.Study,
+) -> None:
+    for axis, found in study.in_use["rect"].items():
+        steady = study.base.steady[["forward", "sideways"].index(axis)]
+        assert found["p5"] < steady < found["p95"]
+        assert found["p5"] < found["p50"] < found["p95"]
+
+
+def test_rows_summary_and_table_say_the_same(result: alpha.AlphaResult, study: alpha_findings.Study) -> None:
+    """One line per robot: settings, direction, profile and response."""
+    rows = result.rows().to_pylist()
+    drives = [row for row in rows if row["direction"] is not None]
+    assert len(drives) == 3 * (1 + len(CHANGED) + 2 ** len(conditions.CAUSES))
+    full = [row for row in drives if row["battery.charge"] == 1.0]
+    assert [row["direction"] for row in full] == ["forward", "sideways", "diagonal"]
+    assert [row["lag_s"] for row in full] == pytest.approx(study.changed["charge"].lag_s[0])
+    summary = result.summary()
     assert summary["complete"]
-    assert np.shape(summary["alpha"]["alpha"]["cruising"]) == (3, 2, 3, 1, 3)
-    assert f"{summary['alpha']['usual']['p50']:.3f}" in usual.table()
-    assert summary["scenarios"]["alpha"]["failed"] == []
+    found = summary["alpha"]["changed"]["charge"]["steady"][0]
+    assert found == pytest.approx(study.changed["charge"].steady[0], abs=1e-6)
+    assert summary["alpha"]["in_use"]["rect"] == study.in_use["rect"]
+    assert [entry["failed"] for entry in summary["scenarios"].values()] == [[], []]
+    assert f"{study.base.steady[0]:.3f}" in result.table().splitlines()[2]
+
+
+def test_what_cannot_be_studied_is_said() -> None:
+    with pytest.raises(om.OmniError, match="unknown condition 'lint'"):
+        om.alpha(conditions={"lint": (0.1,)})
+    with pytest.raises(om.OmniError, match="the plant 'kinematic' has none"):
+        om.alpha(om.scenario("rect", plant="kinematic"), {})
+
+
+def test_a_study_that_is_stopped_has_found_nothing() -> None:
+    def stop(frame: int) -> None:
+        if frame == 3:
+            raise StoppedError("interrupted")
+
+    stopped = om.alpha(om.scenario("rect", wheels={"model": "two-rollers"}), {}, after_frame=stop)
+    assert (stopped.study, stopped.stopped, stopped.table()) == (None, "interrupted", "")
+    summary = stopped.summary()
+    assert summary["alpha"] is None
+    assert {entry["status"] for entry in summary["scenarios"].values()} == {"stopped"}
 
 
 def sources() -> Iterator[Path]:

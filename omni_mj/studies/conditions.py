@@ -1,0 +1,135 @@
+"""What alpha is studied under: conditions one by one, causes in all combinations, and what a robot meets in use."""
+
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from omni_control.errors import OmniError, choose
+from omni_control.kinematics import Array
+from omni_mj.measure.response import Profile
+from omni_mj.scenarios.motor_settings import RAD_S
+from omni_mj.scenarios.settings import Settings
+
+Conditions = Mapping[str, Sequence[float]]
+PROFILE = Profile(speed_m_s=1.5, acceleration_m_s2=2.0)  # the fastest with which TIGERs Mannheim identify their robots
+CONDITIONS: Conditions = {
+    "speed_m_s": (0.5, 1.0, 1.5, 2.0),
+    "acceleration_m_s2": (1.0, 2.0, 3.0, 4.0),
+    "friction": (0.5, 0.6, 0.8, 1.0),
+    "creep_stiffness": (1.5, 2.5, 5.0, 1000.0),
+    "pile": (0.0, 0.05, 0.1, 0.15),
+    "winding_c": (25.0, 75.0, 120.0),
+    "charge": (1.0, 0.5, 0.15),
+}
+LABELS = {
+    "speed_m_s": "speed, m/s",
+    "acceleration_m_s2": "acceleration, m/s²",
+    "friction": "carpet friction",
+    "creep_stiffness": "creep stiffness",
+    "pile": "pile, share of load",
+    "winding_c": "winding, °C",
+    "charge": "battery charge",
+}
+# What robots meet: dusty to clean carpet, from the first minute of a game to the last.
+USUAL: Conditions = {"friction": (0.6, 0.8), "winding_c": (25.0, 120.0), "charge": (1.0, 0.15)}
+WORN = {"winding_c": 120.0, "charge": 0.15}  # at the end of a game; the rest as the scenario has it
+
+CAUSES: dict[str, Callable[[Settings], Settings]] = {  # and how a robot is freed of each
+    "creep": lambda s: s.replace(drive={"creep_stiffness": 1000.0}),
+    "drag": lambda s: s.replace(
+        carpet={"pile": 0.0}, drive={"roller_friction": 0.0, "gear_friction_nm": 0.0}, motor=_without_friction(s)
+    ),
+    "heat": lambda s: under(s, "winding_c", 25.0),
+    "battery": lambda s: s.replace(battery={"charge": 0.5, "resistance_ohm": 0.0}),
+}
+
+
+def changed(settings: Settings, condition: str, value: float) -> tuple[Settings, Profile]:
+    """Settings, and the profile to drive, with another value of one condition.
+
+    Raises:
+        OmniError: there is no such condition.
+    """
+    if condition in vars(PROFILE):
+        return settings, replace(PROFILE, **{condition: value})
+    return under(settings, condition, value), PROFILE
+
+
+def under(settings: Settings, condition: str, value: float) -> Settings:
+    """Settings with another value of a condition that is one of the robot or the carpet.
+
+    Hot windings come with a housing as warm as it gets in equilibrium with them.
+
+    Raises:
+        OmniError: there is no such condition.
+    """
+    motor = settings.motor
+    share = motor.housing_ambient_k_w / (motor.housing_ambient_k_w + motor.winding_housing_k_w)
+    housing_c = motor.ambient_c + share * (value - motor.ambient_c)
+    sections: dict[str, Any] = {
+        "friction": {"carpet": {"friction": value}},
+        "creep_stiffness": {"drive": {"creep_stiffness": value}},
+        "pile": {"carpet": {"pile": value}},
+        "winding_c": {"motor": {"winding_c": value, "housing_c": housing_c}},
+        "charge": {"battery": {"charge": value}},
+    }
+    if condition not in sections:
+        raise OmniError(f"unknown condition {condition!r}; {choose(condition, [*vars(PROFILE), *sections])}")
+    return settings.replace(**sections[condition])
+
+
+def usual(settings: Settings) -> list[Settings]:
+    """Settings under all combinations of `USUAL`."""
+    every = itertools.product(*USUAL.values())
+    return [_under_all(settings, dict(zip(USUAL, values, strict=True))) for values in every]
+
+
+def combinations(settings: Settings) -> list[Settings]:
+    """A worn robot with every combination of `CAUSES`, from none to all; the last of them changes first."""
+    worn, found = _under_all(settings, WORN), []
+    for present in itertools.product((False, True), repeat=len(CAUSES)):
+        left = worn
+        for free, stays in zip(CAUSES.values(), present, strict=True):
+            left = left if stays else free(left)
+        found.append(left)
+    return found
+
+
+def shares(values: Array) -> dict[str, dict[str, Array]]:
+    """How much of what all causes do together is each one's.
+
+    Args:
+        values: with every combination of causes, an axis of two for each (without, with), then any others.
+
+    Returns:
+        For each cause what adding it changes: `alone`, to a robot without any; `last`, to one with all others; and the
+        mean over all orders in which they could be added one by one, its `share` (L. S. Shapley, A Value for n-Person
+        Games, 1953). Shares add up to what all do together.
+    """
+    count = len(CAUSES)
+    found = {}
+    for i, cause in enumerate(CAUSES):
+        added = np.take(values, 1, i) - np.take(values, 0, i)  # over the combinations of the others
+        weight = [
+            math.factorial(sum(others)) * math.factorial(count - 1 - sum(others)) / math.factorial(count)
+            for others in itertools.product((0, 1), repeat=count - 1)
+        ]
+        steps = added.reshape(len(weight), *values.shape[count:])
+        found[cause] = {"share": np.tensordot(weight, steps, 1), "alone": steps[0], "last": steps[-1]}
+    return found
+
+
+def _under_all(settings: Settings, conditions: Mapping[str, float]) -> Settings:
+    for condition, value in conditions.items():
+        settings = under(settings, condition, value)
+    return settings
+
+
+def _without_friction(settings: Settings) -> dict[str, float]:
+    """A motor's no-load row, had it no friction: as fast as its back-EMF lets it."""
+    motor = settings.motor
+    return {"no_load_current_a": 0.0, "no_load_rpm": motor.nominal_voltage_v / motor.constant_nm_a / RAD_S}
