@@ -97,6 +97,7 @@ class MujocoPlant:
         self._firmware = Firmware(settings, world.kinematics, self._heading, build.CYCLE_S, PERIOD_S)
         self._speeds, self._voltages, self._currents = np.zeros((3, self._cycles, n, wheels))
         self._supplies = np.zeros((self._cycles, n, 1))  # the battery's voltage of each step
+        self._held: Array | None = None
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -117,6 +118,8 @@ class MujocoPlant:
         any_failed = self._failed.any()
         for k in range(self._cycles):
             duty = self._firmware.duties(self._turn_rates + gyro_error, self._angles)
+            if self._held is not None:
+                self._hold(duty, self._held)
             if any_failed:
                 duty[self._failed] = 0.0
             self._speeds[k], self._supplies[k, :, 0] = self._wheel_speed.get(), battery.voltage
@@ -141,6 +144,20 @@ class MujocoPlant:
         battery.discharge(PERIOD_S)
         return self._check()
 
+    @property
+    def currents(self) -> Array:
+        """Of the motors in each cycle of the frame just past, (cycles, n, wheels) A."""
+        return self._currents
+
+    def hold(self, current: Array | None) -> None:
+        """Have drivers hold currents from now on, whatever the firmware asks; with none, a robot rolls out.
+
+        Args:
+            current: (n, wheels) A, as far as the battery's voltage drives it; not a number where the firmware shall
+                drive. None for all.
+        """
+        self._held = None if current is None or np.isnan(current).all() else np.array(current, float)
+
     def telemetry(self) -> Telemetry:
         """See `Plant`."""
         voltages, supplies = np.abs(self._voltages), self._supplies
@@ -159,6 +176,12 @@ class MujocoPlant:
             battery=self._battery.voltage,
             slip=self._slip(),
         )
+
+    def _hold(self, duty: Array, current: Array) -> None:
+        """Overwrite the duties of motors that are held at a current."""
+        wanted, supply = self._motors.voltage(current, self._wheel_speed.get()), self._battery.voltage[:, None]
+        held = np.divide(wanted, supply, out=np.zeros_like(wanted), where=supply > 0)
+        np.copyto(duty, np.clip(held, -1.0, 1.0), where=~np.isnan(current))
 
     def _slip(self) -> Array:
         world = self._world
