@@ -15,7 +15,7 @@ from omni_mj.scenarios.nested import plain
 from omni_mj.scenarios.settings import every_setting
 from omni_mj.show import listing
 from omni_mj.studies import alpha
-from omni_mj.studies.slip import study
+from omni_mj.studies.slip import checks, study
 from omni_mj.studies.slip.moves import straight
 
 HEAVY = ("mujoco", "scipy", "pyarrow", "rerun", "matplotlib", "jinja2", "numpy", "pydantic")
@@ -98,8 +98,9 @@ def test_the_slip_study_is_a_command(
     ):
         assert invoke("slip", *words, "--out", tmp_path / "bad") == 2
         assert says in capsys.readouterr().err
-    moves = [straight("forward", 1.0, rolls_out=out) for out in (False, True)]
+    moves = [straight("forward", 1.5, rolls_out=out) for out in (False, True)]
     monkeypatch.setattr(study, "identification", lambda: moves)
+    monkeypatch.setattr(checks, "MOVES", checks.MOVES[4:6])
     own = tmp_path / "own.toml"
     own.write_text(robots.robot_path("tigers-v2016").read_text())
     out = tmp_path / "out"

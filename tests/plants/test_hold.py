@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from driving import constant, drive, mujoco, quiet
 
-SETTINGS = quiet(wheels={"model": "two-rollers"})
+SETTINGS = quiet(wheels={"model": "two-rollers"}, carpet={"pile": 0.05}, drive={"roller_friction": 0.05})
 FORWARD = (1.0, 0.0, 0.0)
 
 
@@ -18,7 +18,7 @@ def test_a_robot_let_go_carries_no_current_and_rolls_on_while_the_other_brakes()
     drive(plant, constant((0, 0, 0), 15, 2))
     let_go, braked = plant.twist()[:, 0]
     np.testing.assert_allclose(plant.currents[:, 0], 0, atol=1e-12)  # rounding of duty times voltage
-    assert let_go > 0.4
+    assert let_go > 0.3
     assert abs(braked) < 0.05
     plant.hold(None)
     drive(plant, constant((0, 0, 0), 18, 2))

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 import omni_mj as om
+from omni_mj.robots import builtin
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.studies.slip import SlipResult
+from omni_mj.studies.slip.figures import Robot
+from omni_mj.studies.slip.law import AXES
 from omni_mj.studies.slip.moves import Move, identification, straight
 
 MOVES = (
@@ -15,32 +18,52 @@ MOVES = (
     Move("turning", 8.0, 12.0, 0.5, rolls_out=True),
 )
 MODEL = {"model": "two-rollers"}
+# A robot that stays as it is while those that come with the package learn from measurements.
+FIXED = {
+    "body": {"mass_kg": 2.65, "centre_x_m": 0.0, "centre_height_m": 0.045, "yaw_inertia_kg_m2": 0.0139},
+    "drive": {"gear_friction_nm": 0.003, "roller_friction": 0.03, "roller_damping_nm_s": 2e-6, "creep_stiffness": 2.3},
+    "carpet": {"pile": 0.1, "friction": 0.8},
+}
 
 
 def driven(moves: tuple[Move, ...] = MOVES, **sections: dict[str, object]) -> SlipResult:
     wheels = MODEL | sections.pop("wheels", {})
-    result = om.slip([om.scenario("rect", wheels=wheels, **sections)], moves, check=False)
+    result = om.slip([om.scenario("rect", wheels=wheels, **FIXED, **sections)], moves, check=False)
     assert result.failures == []
     return result
 
 
 @pytest.fixture(scope="module")
-def default() -> SlipResult:
-    """The default robot, seen with noise."""
+def fixed() -> SlipResult:
+    """Seen with noise."""
     return driven()
 
 
-def test_the_default_robot_slips_as_the_law_says(default: SlipResult) -> None:
-    """What the law leaves out (see there): up to 0.01 of K, and 5 % of T; 8 % in turning, where T |u| is small."""
-    (robot,) = default.robots.values()
-    for axis, share in (("forward", 0.05), ("sideways", 0.05), ("turning", 0.08)):
-        assert robot.law[f"gain_{axis}"] - 0.01 < robot.measured[f"gain_{axis}"] < robot.law[f"gain_{axis}"], axis
-        assert robot.measured[f"time_{axis}"] == pytest.approx(robot.law[f"time_{axis}"], rel=share), axis
+def check_law(robot: Robot) -> None:
+    """What the law leaves out (see there): up to 0.014 of K; of T up to 5 % and 0.002 s^2/m less, up to 4 % more."""
+    for axis in AXES:
+        gain, time = (robot.law[f"{what}_{axis}"] for what in ("gain", "time"))
+        assert gain - 0.014 < robot.measured[f"gain_{axis}"] < gain, axis
+        assert 0.95 * time - 0.002 < robot.measured[f"time_{axis}"] < 1.04 * time, axis
 
 
-def test_noise_of_vision_and_the_faster_wheels_change_nothing(default: SlipResult) -> None:
+def test_a_robot_slips_as_the_law_says(fixed: SlipResult) -> None:
+    (robot,) = fixed.robots.values()
+    check_law(robot)
+
+
+@pytest.mark.parametrize("name", builtin())
+def test_robots_of_the_package_slip_as_the_law_says(name: str) -> None:
+    """And roll out so, within 8 %: bearings' viscous part and the spinning up of rollers."""
+    (robot,) = om.slip([name], MOVES, check=False).robots.values()
+    check_law(robot)
+    for axis in ("forward", "turning"):
+        assert robot.measured[f"drag_{axis}"] == pytest.approx(robot.law[f"drag_{axis}"], rel=0.08), axis
+
+
+def test_noise_of_vision_and_the_faster_wheels_change_nothing(fixed: SlipResult) -> None:
     """Acceleration is integrated, and vision only corrects: 1.3 mm of noise are 1 mm/s, 0.1 % of the speed."""
-    (noisy,) = default.robots.values()
+    (noisy,) = fixed.robots.values()
     quiet = {"position_noise_m": 0.0, "heading_noise_rad": 0.0, "miss_probability": 0.0}
     (exact,) = driven(vision=quiet, wheels={"model": "rollers"}).robots.values()
     for name, value in exact.measured.items():
@@ -57,20 +80,22 @@ def test_without_creep_wheels_do_not_slip() -> None:
         assert robot.measured[f"time_{axis}"] == pytest.approx(0, abs=0.003)
 
 
-def test_drag_of_a_roll_out_is_that_of_pile_bearings_and_gears(default: SlipResult) -> None:
-    """From the robot's numbers: drag through the contacts and of gears, over the mass and the rotors' inertia.
+def test_drag_of_a_roll_out_is_that_of_pile_bearings_gears_and_motors(fixed: SlipResult) -> None:
+    """By hand: 2.60 N of pile, 0.46 N of bearings and 0.33 of gears and 0.29 to 0.30 of motors slow 2.65 + 0.46 kg.
 
-    8 %: viscous bearings and the spinning up of rollers, 0.1 to 0.2 N of 3.3.
+    Motors: (1.9 to 2.1 mN m each behind 3.33:1 at the wheels' mean speed of 20 rad/s). 8 % as above.
     """
-    (robot,) = default.robots.values()
-    settings = default.outcomes[0].scenario.settings
+    (robot,) = fixed.robots.values()
+    settings = fixed.outcomes[0].scenario.settings
     motor, wheels = settings.motor, settings.wheels
-    turned = np.abs(np.sin(np.radians(wheels.azimuths_deg)))  # how fast each wheel turns for 1 m/s forward
-    weight, radius = 9.81 * settings.body.mass_kg, wheels.radius_m
-    axles = np.abs(np.cos(np.radians(wheels.azimuths_deg)))
-    bearings = settings.drive.roller_friction * weight * np.array([0.293, 0.207, 0.207, 0.293]) @ axles
-    drag = settings.carpet.pile * weight + bearings + settings.drive.gear_friction_nm / radius * turned.sum()
-    rotors = motor.rotor_inertia_kg_m2 * motor.gear**2 / radius**2 * (turned**2).sum()
+    across, along = (np.abs(each(np.radians(wheels.azimuths_deg))) for each in (np.sin, np.cos))
+    weight = 9.81 * settings.body.mass_kg
+    bearings = settings.drive.roller_friction * weight * np.array([0.293, 0.207, 0.207, 0.293]) @ along
+    speed = 0.6 * across / wheels.radius_m * motor.gear  # of the motors at 0.6 m/s
+    motors = motor.gear * (motor.dry_friction_nm + motor.viscous_friction_nm_s * speed)
+    hubs = (settings.drive.gear_friction_nm + motors) @ across / wheels.radius_m
+    drag = settings.carpet.pile * weight + bearings + hubs
+    rotors = motor.rotor_inertia_kg_m2 * motor.gear**2 / wheels.radius_m**2 * (across**2).sum()
     deceleration = robot.fitted["deceleration"][2]
     assert deceleration == pytest.approx(drag / (settings.body.mass_kg + rotors), rel=0.08)
     assert robot.measured["drag_forward"] == pytest.approx(2.65 * deceleration)
@@ -92,15 +117,15 @@ def test_the_moves_are_those_that_were_published() -> None:
         assert move.accelerating(frames).sum() == pytest.approx(abs(move.speed) / move.acceleration / PERIOD_S, abs=2)
 
 
-def test_results_have_a_row_a_move_and_stand_beside_what_was_published(default: SlipResult) -> None:
-    rows = default.rows().to_pylist()
+def test_results_have_a_row_a_move_and_stand_beside_what_was_published(fixed: SlipResult) -> None:
+    rows = fixed.rows().to_pylist()
     assert [row["move"] for row in rows] == [move.kind for move in MOVES]
     assert rows[0]["gain"] is not None
-    summary = default.summary()
+    summary = fixed.summary()
     found = summary["slip"]["robots"]["tigers-v2016"]["quantities"]["time_forward"]
     assert found["published"] == 0.06
     assert found["deviation_percent"] == pytest.approx(100 * (found["measured"] / 0.06 - 1))
-    assert "T forward" in default.table()
+    assert "T forward" in fixed.table()
     assert summary["complete"]
 
 
@@ -112,10 +137,9 @@ def test_robots_that_are_not_there_or_named_twice_are_refused() -> None:
 
 
 def test_a_robot_that_falls_is_left_out_and_told() -> None:
-    """Its centre of mass is so high that it topples; the figures are those of nothing."""
-    body = {"centre_height_m": 0.15, "tilt_inertia_kg_m2": 0.02}
-    tall = om.scenario("rect", wheels=MODEL, body=body, carpet={"friction": 2.0})
-    result = om.slip([tall], [straight("forward", 1.5, rolls_out=False, acceleration=9.0)], check=False)
+    """It is pushed over; there are no figures of it, and no open loop that would need them."""
+    pushed = om.scenario("rect", wheels=MODEL, disturbance={"force_n": 1000.0})
+    result = om.slip([pushed], [straight("forward", 1.5, rolls_out=True)])
     (failure,) = result.failures
     assert failure.cause == "toppled over"
     (robot,) = result.robots.values()

@@ -105,10 +105,11 @@ def figures(name: str, settings: Settings, moves: Sequence[Move], record: Record
     living[[failure.row for failure in record.simulation.failures]] = False
     turning = kinds == "turning"
     lever = np.where(turning, arm, 1.0)  # of speeds in m/s
+    rolling = np.where(turning, body, np.hypot(record.body[..., 0], record.body[..., 1]))  # a robot let go may turn
     for i in np.flatnonzero(living).tolist():
         move, used = moves[i], slice(moves[i].frames)
         if move.rolls_out:
-            slowing, line = fit_drag(body[used, i], free[used, i], PERIOD_S, AT_REST / lever[i])
+            slowing, line = fit_drag(rolling[used, i], free[used, i], PERIOD_S, AT_REST / lever[i])
             fitted["deceleration"][i] = slowing
             fitted["deceleration_at_rest"][i], fitted["deceleration_per_speed"][i] = line
         if move.kind in AXES and (turning[i] or not move.rolls_out):
@@ -140,7 +141,7 @@ def figures(name: str, settings: Settings, moves: Sequence[Move], record: Record
         f"{what}_{axis}": float(values[i])
         for what, values in (("gain", law.gain), ("time", law.time))
         for axis, i in AXES.items()
-    }
+    } | {f"drag_{axis}": float((inertia if i == 2 else mass) * law.deceleration[i]) for axis, i in AXES.items()}
     return Robot(name, list(moves), fitted, measured, closed, wheels, body)
 
 

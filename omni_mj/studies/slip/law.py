@@ -27,10 +27,15 @@ A fit over a whole move weighs speeding up (a > 0) and braking alike, over which
 
 so that a law with T l |u| in place of T |u| has K = 1 / (1 + T0 l M / J) and again T = K^2 T0.
 
+**Rolling out** without current, drag through the contacts and friction of hubs, tau for gear, motor and wheel bearings,
+slow the body and what turns with the hubs, of the inertia I:
+
+    deceleration = (D_j + sum |d_ij| tau / R) / (m + sum d_ij^2 I / R^2).
+
 Loads are those of a body at rest on equal springs, N_i = a + b x_i + c y_i; what shifts in speeding up shifts back in
 braking. Left out, with what it changes: bearings' viscous friction and the spinning up of rollers, 0.1 to 0.2 N at
-1 m/s, and a rolling radius 0.1 % small (K less by up to 0.01); mass that turns with the rims, 1 to 2 % (T); wheel loops
-that are not stiff where loads differ, 3 % (T); and the 1 ms in TIGERs' law, which is 0.001 s^2/m of T at 1 m/s.
+1 m/s, and a rolling radius 0.1 % small (K less by up to 0.014); mass that turns with the rims, 1 to 2 % (T); wheel
+loops that are not stiff where loads differ, 3 % (T); and the 1 ms in TIGERs' law, 0.001 s^2/m of T at 1 m/s.
 """
 
 from dataclasses import dataclass
@@ -38,11 +43,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from omni_control.kinematics import Array
+from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios.settings import Settings
 from omni_mj.worlds.build import kinematics
 
 GRAVITY_M_S2 = 9.81
 AXES = {"forward": 0, "sideways": 1, "turning": 2}
+ROLLING = np.array([0.5, 0.5, 3.5])  # half of the mean speed of the moves, m/s and rad/s
 
 
 @dataclass(frozen=True)
@@ -51,10 +58,12 @@ class Expected:
 
     Attributes:
         drag: through the contacts, N, N and N m.
+        deceleration: of a roll-out, m/s^2 and rad/s^2, at the speeds of `ROLLING`.
         gain, time: K and T as TIGERs fit them, T in s^2/m; without creep 1 and 0.
     """
 
     drag: Array
+    deceleration: Array
     gain: Array
     time: Array
 
@@ -70,7 +79,12 @@ def expected(settings: Settings) -> Expected:
     softness = np.linalg.inv(directions.T @ (load[:, None] * directions)) / settings.drive.creep_stiffness
     time = inertia * np.diag(softness) * creeps
     gain = 1 / (1 + time * np.array([1.0, 1.0, arm]) * drag / inertia)
-    return Expected(drag, gain, gain**2 * time)
+    motor, radius = Motor.of(settings.motor), wheels.radius
+    turning = np.abs(directions) / radius * ROLLING  # of the wheels, rad/s
+    friction = settings.drive.gear_friction_nm + motor.wheel_dry + motor.wheel_viscous * turning
+    hubs = (np.abs(directions) * friction).sum(0) / radius
+    rotors = motor.inertia * motor.gear**2 / radius**2 * (directions**2).sum(0)
+    return Expected(drag, (drag + hubs) / (inertia + rotors), gain, gain**2 * time)
 
 
 def loads(settings: Settings) -> Array:

@@ -25,7 +25,9 @@ class Moves(Controller):
 
 @dataclass(frozen=True)
 class Record:
-    """What n robots log in F frames, taken in the middle of each, body frame.
+    """What n robots log in F frames, body frame: means over a frame each.
+
+    Means, since commands are new in every frame, and what wheels do in it is no straight line.
 
     Attributes:
         wheels: twist by the encoders, (F, n, 3).
@@ -58,23 +60,21 @@ def drive(scenario: Scenario, commands: Array, held: Array | None = None, after_
     plant = simulation.plant
     assert isinstance(plant, MujocoPlant)
     wheels = len(kinematics(chosen.settings.wheels).azimuths)
-    twists, currents = [plant.twist().copy()], list[Array]()
+    currents = list[Array]()
     try:
         for frame, command in enumerate([*commands, np.zeros((n, 3))]):  # the last only records where the others led
             if held is not None and frame < frames:
                 plant.hold(np.broadcast_to(held[frame].reshape(n, -1), (n, wheels)))
             simulation.step(command)
-            twists.append(plant.twist().copy())
             currents.append(plant.currents.mean(0))
             after_frame(frame)
     except StoppedError as error:
         stopped = error.reason
     log = simulation.log
-    pose, done = log.channel("pose"), log.length - 1
     return Record(
         by_encoders(log.channel("wheel_angle"), chosen.settings),
-        by_filter(log.channel("vision"), np.array(twists)[: done + 1], pose[..., 2]),
-        by_currents(np.array(currents)[:done], chosen.settings),
+        by_filter(log.channel("vision"), log.channel("pose")),
+        by_currents(np.array(currents)[: log.length - 1], chosen.settings),
         simulation,
         stopped,
     )
@@ -87,30 +87,27 @@ def by_encoders(angles: Array, settings: Settings) -> Array:
     return kinematics(settings.wheels).body_twist(np.diff(counts, axis=0) / (per_rad * PERIOD_S))
 
 
-def by_filter(vision: Array, twist: Array, heading: Array) -> Array:
-    """Body twists (F, n, 3) as a robot's filter has them: acceleration integrated, and corrected by vision.
+def by_filter(vision: Array, pose: Array) -> Array:
+    """Mean body twists (F, n, 3) in each frame as a robot's filter has them: acceleration integrated, vision corrects.
 
     TIGERs fit to the velocity of their robots' filter of gyro, accelerometer and vision. Our robots have no
-    accelerometer; the change of the true velocity stands for it, and the true turn rate and heading for those of the
-    gyro, whose noise is 0.1 % of what turns here.
+    accelerometer. What it would give, integrated, is how the robot moved but for an error of the velocity: that and the
+    position's are what the filter holds here, and what the noise of vision disturbs. The true heading stands for the
+    gyro's, whose noise is 0.1 % of what turns here.
 
     Args:
         vision: poses seen (F + 1, n, 3), not a number where there were none.
-        twist: true (F + 1, n, 3), world frame.
-        heading: (F + 1, n) rad.
+        pose: true (F + 1, n, 3).
     """
-    position, velocity = vision[0, :, :2].copy(), twist[0, :, :2].copy()
-    filtered = twist.copy()
-    for k in range(1, len(vision)):
-        gained = twist[k, :, :2] - twist[k - 1, :, :2]
-        position += PERIOD_S * (velocity + gained / 2)
-        wrong = np.nan_to_num(vision[k, :, :2] - position)
+    mean = np.diff(pose, axis=0) / PERIOD_S
+    position, velocity = np.zeros((2, *pose[0, :, :2].shape))
+    for k in range(len(mean)):
+        mean[k, :, :2] += velocity
+        position += PERIOD_S * velocity
+        wrong = np.nan_to_num(vision[k + 1, :, :2] - pose[k + 1, :, :2] - position)
         position += 2 * _DAMPING * _RATE * PERIOD_S * wrong
-        velocity += gained + _RATE**2 * PERIOD_S * wrong
-        filtered[k, :, :2] = velocity
-    body = world_to_body(filtered, heading)
-    middle: Array = (body[1:] + body[:-1]) / 2
-    return middle
+        velocity += _RATE**2 * PERIOD_S * wrong
+    return world_to_body(mean, (pose[1:, :, 2] + pose[:-1, :, 2]) / 2)
 
 
 def by_currents(currents: Array, settings: Settings) -> Array:
