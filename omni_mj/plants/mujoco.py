@@ -48,6 +48,7 @@ class MujocoPlant:
     Attributes:
         geometry: of the wheels, as they are when new.
         drawn: what the robots' seeds drew for them.
+        currents: of the motors in each cycle of the frame just past, (cycles, n, wheels) A.
 
     Raises:
         OmniError: rows that one batch cannot hold (see `batches`), a robot that starts in another or in a wall, or a
@@ -95,7 +96,7 @@ class MujocoPlant:
         self._motors = Motors([s.motor for s in settings], wheels, PERIOD_S, limit, self.drawn.strength)
         self._battery = Battery([s.battery for s in settings])
         self._firmware = Firmware(settings, world.kinematics, self._heading, build.CYCLE_S, PERIOD_S)
-        self._speeds, self._voltages, self._currents = np.zeros((3, self._cycles, n, wheels))
+        self._speeds, self._voltages, self.currents = np.zeros((3, self._cycles, n, wheels))
         self._supplies = np.zeros((self._cycles, n, 1))  # the battery's voltage of each step
         self._held: Array | None = None
 
@@ -123,7 +124,7 @@ class MujocoPlant:
             if any_failed:
                 duty[self._failed] = 0.0
             self._speeds[k], self._supplies[k, :, 0] = self._wheel_speed.get(), battery.voltage
-            self._voltages[k], self._currents[k], told = motors.drive(duty * self._supplies[k], self._speeds[k])
+            self._voltages[k], self.currents[k], told = motors.drive(duty * self._supplies[k], self._speeds[k])
             self._ctrl.set(told)
             if k % EVERY == 0:
                 traction.travel(self._position.get(), self._quaternion.get(), self._velocity.get(), self._load.get())
@@ -139,15 +140,10 @@ class MujocoPlant:
                     self._sense()
                 if self._handover is not None:
                     self._handover()
-            battery.load(self._voltages[k], self._currents[k])
-        motors.warm(self._currents, self._speeds)
+            battery.load(self._voltages[k], self.currents[k])
+        motors.warm(self.currents, self._speeds)
         battery.discharge(PERIOD_S)
         return self._check()
-
-    @property
-    def currents(self) -> Array:
-        """Of the motors in each cycle of the frame just past, (cycles, n, wheels) A."""
-        return self._currents
 
     def hold(self, current: Array | None) -> None:
         """Have drivers hold currents from now on, whatever the firmware asks; with none, a robot rolls out.
@@ -166,10 +162,10 @@ class MujocoPlant:
             wheel_angle=self._wheel_angle.get().copy(),
             wheel_speed=self._wheel_speed.get().copy(),
             voltage=self._voltages[-1].copy(),
-            current=self._currents[-1].copy(),
+            current=self.currents[-1].copy(),
             duty_peak=np.minimum(duties, 1.0).max((0, 2)),
             voltage_peak=voltages.max((0, 2)),
-            current_peak=np.abs(self._currents).max((0, 2)),
+            current_peak=np.abs(self.currents).max((0, 2)),
             current_limited=self._motors.limited,
             winding=self._motors.winding,
             housing=self._motors.housing,
