@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from omni_mj.studies.alpha import alpha
     from omni_mj.studies.compare import compare
     from omni_mj.studies.run import run
+    from omni_mj.studies.slip import slip
 
     __version__: str
 
@@ -34,6 +35,7 @@ _HOMES = {
     "compare": "omni_mj.studies.compare",
     "run": "omni_mj.studies.run",
     "scenario": "omni_mj.scenarios.scenario",
+    "slip": "omni_mj.studies.slip",
 }
 __all__ = [
     "Controller",
@@ -47,6 +49,7 @@ __all__ = [
     "compare",
     "run",
     "scenario",
+    "slip",
 ]
 
 

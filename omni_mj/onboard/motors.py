@@ -84,6 +84,12 @@ class Motors:
             self._held_back += over
         return voltage, current, back_emf + current * self.resistance
 
+    def voltage(self, current: Array, wheel_speed: Array) -> Array:
+        """The voltage at the terminals, V, that drives a current (n, wheels) in A: the inverse of `drive`."""
+        resistance = self.resistance + self._commutation * np.abs(wheel_speed)
+        volts: Array = self._speed_constant * wheel_speed + current * resistance
+        return volts
+
     def warm(self, currents: Array, wheel_speeds: Array) -> None:
         """Let the losses of a period change temperatures and constants.
 

@@ -48,6 +48,7 @@ class MujocoPlant:
     Attributes:
         geometry: of the wheels, as they are when new.
         drawn: what the robots' seeds drew for them.
+        currents: of the motors in each cycle of the frame just past, (cycles, n, wheels) A.
 
     Raises:
         OmniError: rows that one batch cannot hold (see `batches`), a robot that starts in another or in a wall, or a
@@ -95,8 +96,9 @@ class MujocoPlant:
         self._motors = Motors([s.motor for s in settings], wheels, PERIOD_S, limit, self.drawn.strength)
         self._battery = Battery([s.battery for s in settings])
         self._firmware = Firmware(settings, world.kinematics, self._heading, build.CYCLE_S, PERIOD_S)
-        self._speeds, self._voltages, self._currents = np.zeros((3, self._cycles, n, wheels))
+        self._speeds, self._voltages, self.currents = np.zeros((3, self._cycles, n, wheels))
         self._supplies = np.zeros((self._cycles, n, 1))  # the battery's voltage of each step
+        self._held: Array | None = None
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -117,10 +119,12 @@ class MujocoPlant:
         any_failed = self._failed.any()
         for k in range(self._cycles):
             duty = self._firmware.duties(self._turn_rates + gyro_error, self._angles)
+            if self._held is not None:
+                self._hold(duty, self._held)
             if any_failed:
                 duty[self._failed] = 0.0
             self._speeds[k], self._supplies[k, :, 0] = self._wheel_speed.get(), battery.voltage
-            self._voltages[k], self._currents[k], told = motors.drive(duty * self._supplies[k], self._speeds[k])
+            self._voltages[k], self.currents[k], told = motors.drive(duty * self._supplies[k], self._speeds[k])
             self._ctrl.set(told)
             if k % EVERY == 0:
                 traction.travel(self._position.get(), self._quaternion.get(), self._velocity.get(), self._load.get())
@@ -136,10 +140,19 @@ class MujocoPlant:
                     self._sense()
                 if self._handover is not None:
                     self._handover()
-            battery.load(self._voltages[k], self._currents[k])
-        motors.warm(self._currents, self._speeds)
+            battery.load(self._voltages[k], self.currents[k])
+        motors.warm(self.currents, self._speeds)
         battery.discharge(PERIOD_S)
         return self._check()
+
+    def hold(self, current: Array | None) -> None:
+        """Have drivers hold currents from now on, whatever the firmware asks; with none, a robot rolls out.
+
+        Args:
+            current: (n, wheels) A, as far as the battery's voltage drives it; not a number where the firmware shall
+                drive. None for all.
+        """
+        self._held = None if current is None or np.isnan(current).all() else np.array(current, float)
 
     def telemetry(self) -> Telemetry:
         """See `Plant`."""
@@ -149,16 +162,22 @@ class MujocoPlant:
             wheel_angle=self._wheel_angle.get().copy(),
             wheel_speed=self._wheel_speed.get().copy(),
             voltage=self._voltages[-1].copy(),
-            current=self._currents[-1].copy(),
+            current=self.currents[-1].copy(),
             duty_peak=np.minimum(duties, 1.0).max((0, 2)),
             voltage_peak=voltages.max((0, 2)),
-            current_peak=np.abs(self._currents).max((0, 2)),
+            current_peak=np.abs(self.currents).max((0, 2)),
             current_limited=self._motors.limited,
             winding=self._motors.winding,
             housing=self._motors.housing,
             battery=self._battery.voltage,
             slip=self._slip(),
         )
+
+    def _hold(self, duty: Array, current: Array) -> None:
+        """Overwrite the duties of motors that are held at a current."""
+        wanted, supply = self._motors.voltage(current, self._wheel_speed.get()), self._battery.voltage[:, None]
+        held = np.divide(wanted, supply, out=np.zeros_like(wanted), where=supply > 0)
+        np.copyto(duty, np.clip(held, -1.0, 1.0), where=~np.isnan(current))
 
     def _slip(self) -> Array:
         world = self._world

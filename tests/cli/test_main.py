@@ -10,10 +10,13 @@ from commands import invoke, strict
 
 import omni_mj as om
 from omni_mj.cli.main import COMMANDS
+from omni_mj.scenarios import robots
 from omni_mj.scenarios.nested import plain
 from omni_mj.scenarios.settings import every_setting
 from omni_mj.show import listing
 from omni_mj.studies import alpha, conditions
+from omni_mj.studies.slip import checks, study
+from omni_mj.studies.slip.moves import straight
 
 HEAVY = ("mujoco", "scipy", "pyarrow", "rerun", "matplotlib", "jinja2", "numpy", "pydantic")
 SMALL = {"charge": (0.15, 1.0), "speed_m_s": (1.0,)}
@@ -87,6 +90,36 @@ def test_the_alpha_study_is_a_command(
     summary = strict(tmp_path / "summary.json")
     assert summary["alpha"]["changed"]["charge"]["values"] == [0.15, 1.0]
     assert (tmp_path / "alpha.png").stat().st_size > 10_000
+
+
+def test_the_slip_study_is_a_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With fewer moves than a user gets, and a robot of the user's own, with which nothing published is compared."""
+    for words, says in (
+        (("--robot", "tigers"), "unknown robot 'tigers'"),
+        (("--set", "radio.delay=1"), "did you mean 'radio.delay_frames'"),
+        (("--set", "wheels.creep=off"), "wheels.creep = off needs wheels.model = rollers"),
+    ):
+        assert invoke("slip", *words, "--out", tmp_path / "bad") == 2
+        assert says in capsys.readouterr().err
+    moves = [straight("forward", 1.5, rolls_out=out) for out in (False, True)]
+    monkeypatch.setattr(study, "identification", lambda: moves)
+    monkeypatch.setattr(checks, "MOVES", checks.MOVES[4:6])
+    own = tmp_path / "own.toml"
+    own.write_text(robots.robot_path("tigers-v2016").read_text())
+    out = tmp_path / "out"
+    assert invoke("slip", "--robot", "tigers-v2016", "--robot", own, "--out", out) == 0
+    printed = capsys.readouterr().out
+    assert "TIGERs Mannheim, Firmware" in printed
+    assert "own; nothing published" in printed
+    assert "0.75 m/s²" in printed
+    assert {p.name for p in out.iterdir()} == {"summary.json", "scenarios", "slip.png"}
+    found = strict(out / "summary.json")["slip"]["robots"]
+    ours, theirs = (found[name]["quantities"]["gain_forward"] for name in ("own", "tigers-v2016"))
+    assert ours["measured"] == theirs["measured"]
+    assert (ours["published"], theirs["published"]) == (None, 0.9)
+    assert (out / "slip.png").stat().st_size > 10_000
 
 
 def test_a_reader_that_goes_away_hears_no_complaint() -> None:

@@ -146,7 +146,7 @@ def test_the_battery_gives_the_power_at_the_terminals_while_the_driver_limits() 
     for _ in range(30):
         before = plant._battery.charge[0]
         plant.advance(Received.at_once(np.array([[-FULL_SPEED, 0.0, 0.0]]), plant.pose()[:, 2]))
-        power = (plant._voltages * plant._currents).sum((1, 2))
+        power = (plant._voltages * plant.currents).sum((1, 2))
         drawn = power / plant._supplies[:, 0, 0]  # each step's current is the motors' power over that step's voltage
         given = (before - plant._battery.charge[0]) * capacity * 3600
         assert given == pytest.approx(drawn.mean() * FRAME_S, abs=1e-9)

@@ -46,7 +46,7 @@ class Tape:
         plant = self._plant
         for command in np.asarray(commands, float):
             assert plant.advance(Received(command, plant.pose()[:, 2], np.zeros(len(command), int))) == {}
-            self.currents.append(plant._currents.copy())
+            self.currents.append(plant.currents.copy())
         self.steps = {name: np.array(values) for name, values in self.steps.items()}
         self.currents = np.concatenate(self.currents)
         return self

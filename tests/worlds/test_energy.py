@@ -65,9 +65,9 @@ def test_energy_audit_of_a_driven_robot(substeps: int, tolerance: float) -> None
         time = frame * FRAME_S
         twist = [1.8 * np.sin(4.5 * time), 0.8 * np.sin(3.0 * time), 4.0 * np.sin(6.0 * time)]
         plant.advance(Received.at_once(np.array([twist]), plant.pose()[:, 2]))
-        electrical += (plant._voltages * plant._currents).sum() / 960
+        electrical += (plant._voltages * plant.currents).sum() / 960
         reported.append(plant.telemetry())
-        np.testing.assert_array_equal(plant._currents[-1], reported[-1].current)
+        np.testing.assert_array_equal(plant.currents[-1], reported[-1].current)
     world = build.world(substeps=substeps)
     model = copy.copy(world.model)
     model.actuator_ctrllimited[:] = 0

@@ -1,0 +1,56 @@
+"""`omni-mj slip`: how robots slip, beside what was measured on real ones."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+
+from omni_mj.cli import console, folders, options
+
+OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "slip.png")
+
+
+@click.command("slip")
+@click.option("--robot", "robots", metavar="NAME|FILE.toml", multiple=True, help="May be repeated. [all there are]")
+@options.SETTINGS
+@click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/slip-<UTC time>]")
+@options.OVERWRITE
+@options.QUIET
+def command(
+    robots: tuple[str, ...], overrides: tuple[str, ...], out: Path | None, overwrite: bool, quiet: bool
+) -> None:
+    """Identify gain, slip, drag and efficiency of robots as TIGERs Mannheim do."""
+    from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.robots import builtin
+    from omni_mj.scenarios import scenario
+    from omni_mj.studies import slip
+
+    faster = ("wheels.model=two-rollers", *overrides)  # unless told otherwise
+    chosen = [scenario.load("rect", faster, {"robot": robot}) for robot in robots or builtin()]
+    folder = folders.prepare(out, "slip", OUTPUTS, overwrite)
+    with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
+
+        def before_robot(name: str, frames: int) -> Callable[[int], None]:
+            show = begin(name, frames)
+
+            def after_frame(frame: int) -> None:
+                interrupts.check()
+                if frame == 0:
+                    console.quiet_mujoco()
+                show(frame)
+
+            return after_frame
+
+        result = slip.slip(chosen, before_robot=before_robot)
+    with console.writing(folder):
+        result.save(folder)
+        if result.robots:
+            from omni_mj.show import slip_figure
+
+            slip_figure.save(result.robots, folder / "slip.png")
+    if not quiet:
+        print(result.table())
+        left = ", ".join(output for output in OUTPUTS if (folder / output).exists())
+        print(f"results in {folder}/ ({left}) after {result.wall_s:.0f} s")
+    interrupts.end(result.stopped, f"what there is is in {folder}")
+    console.fail_rows({outcome.scenario.name: outcome.failures for outcome in result.outcomes})

@@ -1,0 +1,150 @@
+"""A robot's figures from its record: what is fitted to each move, and the means over moves."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from omni_control.kinematics import Array
+from omni_mj.measure.statistics import plain
+from omni_mj.scenarios.settings import PERIOD_S, Settings
+from omni_mj.studies.slip.fits import AT_REST, efficiency, fit_drag, fit_law
+from omni_mj.studies.slip.law import AXES, expected
+from omni_mj.studies.slip.moves import Move
+from omni_mj.studies.slip.published import PUBLISHED
+from omni_mj.studies.slip.record import Record
+
+# Name -> what it is called, unit, digits behind the point.
+QUANTITIES = {
+    "gain_forward": ("gain K forward", "", 3),
+    "gain_sideways": ("gain K sideways", "", 3),
+    "gain_turning": ("gain K turning", "", 3),
+    "time_forward": ("T forward", "s²/m", 4),
+    "time_sideways": ("T sideways", "s²/m", 4),
+    "time_turning": ("T turning", "s²/m", 4),
+    "drag_forward": ("roll-out drag forward", "N", 2),
+    "drag_sideways": ("roll-out drag sideways", "N", 2),
+    "drag_diagonal": ("roll-out drag diagonal", "N", 2),
+    "drag_turning": ("roll-out drag turning", "N m", 3),
+    "efficiency_plateau": ("efficiency, speed held", "", 3),
+    "efficiency_accelerating": ("efficiency, accelerating", "", 3),
+    "efficiency": ("efficiency", "", 3),
+    "efficiency_turning": ("efficiency turning", "", 3),
+}
+FITTED = (
+    "gain", "time", "deceleration", "deceleration_at_rest", "deceleration_per_speed", "efficiency_plateau",
+    "efficiency_accelerating",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What came out of one robot.
+
+    Attributes:
+        name: of the robot.
+        moves: that it drove, n of them.
+        fitted: by the names of `FITTED`, (n,) each; not a number where a move does not tell.
+        measured: by the names of `QUANTITIES`; not a number where nothing tells.
+        law: the same, of what the law of creep says in closed form.
+        wheels, body: speed along each move by the encoders, and of the body, (F, n).
+    """
+
+    name: str
+    moves: Sequence[Move]
+    fitted: Mapping[str, Array]
+    measured: Mapping[str, float]
+    law: Mapping[str, float]
+    wheels: Array
+    body: Array
+
+    @property
+    def published(self) -> Mapping[str, float]:
+        """What its team measured, by the names of `QUANTITIES`."""
+        return PUBLISHED[self.name].values if self.name in PUBLISHED else {}
+
+    def deviation(self, quantity: str) -> float:
+        """Of what was measured from what was published, %."""
+        return 100 * (self.measured[quantity] / self.published.get(quantity, float("nan")) - 1)
+
+    def report(self) -> dict[str, Any]:
+        """Its figures in plain values, None for what there is none of."""
+        return {
+            "source": PUBLISHED[self.name].source if self.name in PUBLISHED else None,
+            "quantities": {
+                name: {
+                    "unit": unit,
+                    "measured": plain(self.measured[name]),
+                    "law": plain(self.law.get(name, float("nan"))),
+                    "published": self.published.get(name),
+                    "deviation_percent": plain(self.deviation(name)),
+                }
+                for name, (_, unit, _) in QUANTITIES.items()
+            },
+        }
+
+
+def masses(name: str, settings: Settings) -> tuple[float, float]:
+    """Mass and yaw inertia that turn decelerations into drag: those of its team's fit, where it has published one."""
+    body = settings.body
+    if name not in PUBLISHED:
+        return body.mass_kg, body.yaw_inertia_kg_m2
+    mass = PUBLISHED[name].mass_kg
+    return mass, PUBLISHED[name].inertia_share * mass * settings.wheels.arm_m**2
+
+
+def figures(name: str, settings: Settings, moves: Sequence[Move], record: Record) -> Robot:
+    """Fit everything that the record tells."""
+    ways = np.array([np.copysign(1.0, move.speed) * move.direction for move in moves])
+    wheels, body, force = ((values * ways).sum(-1) for values in (record.wheels, record.body, record.force))
+    arm, frames, kinds = settings.wheels.arm_m, len(wheels), np.array([move.kind for move in moves])
+    fitted = {each: np.full(len(moves), np.nan) for each in FITTED}
+    free = np.array([move.free(frames) for move in moves]).T
+    living = np.ones(len(moves), bool)
+    living[[failure.row for failure in record.simulation.failures]] = False
+    turning = kinds == "turning"
+    lever = np.where(turning, arm, 1.0)  # of speeds in m/s
+    rolling = np.where(turning, body, np.hypot(record.body[..., 0], record.body[..., 1]))  # a robot let go may turn
+    for i in np.flatnonzero(living).tolist():
+        move, used = moves[i], slice(moves[i].frames)
+        if move.rolls_out:
+            slowing, line = fit_drag(rolling[used, i], free[used, i], PERIOD_S, AT_REST / lever[i])
+            fitted["deceleration"][i] = slowing
+            fitted["deceleration_at_rest"][i], fitted["deceleration_per_speed"][i] = line
+        if move.kind in AXES and (turning[i] or not move.rolls_out):
+            along = np.hypot(*record.wheels[used, i, :2].T) + arm * np.abs(record.wheels[used, i, 2]) * turning[i]
+            found = fit_law(wheels[used, i], along, body[used, i], PERIOD_S)
+            fitted["gain"][i], fitted["time"][i] = found.gain, found.time
+    measured = {f"{what}_{axis}": _mean(fitted[what][kinds == axis]) for what in ("gain", "time") for axis in AXES}
+    mass, inertia = masses(name, settings)
+    for kind in (*AXES, "diagonal"):
+        weight = inertia if kind == "turning" else mass
+        measured[f"drag_{kind}"] = weight * _mean(fitted["deceleration"][kinds == kind])
+    for i in np.flatnonzero(living & free.any(0) & ((kinds == "forward") | turning)).tolist():
+        fitted["efficiency_plateau"][i], fitted["efficiency_accelerating"][i] = efficiency(
+            body[:, i],
+            np.abs(force[:, i]),
+            moves[i].holding(frames),
+            moves[i].accelerating(frames),
+            measured[f"drag_{kinds[i]}"],
+            inertia if turning[i] else mass,
+            PERIOD_S,
+        )
+    plateau, accelerating = fitted["efficiency_plateau"], fitted["efficiency_accelerating"]
+    measured["efficiency_plateau"] = _mean(plateau[~turning])
+    measured["efficiency_accelerating"] = _mean(accelerating[~turning])
+    measured["efficiency"] = (measured["efficiency_plateau"] + measured["efficiency_accelerating"]) / 2
+    measured["efficiency_turning"] = (_mean(plateau[turning]) + _mean(accelerating[turning])) / 2
+    law = expected(settings)
+    closed = {
+        f"{what}_{axis}": float(values[i])
+        for what, values in (("gain", law.gain), ("time", law.time))
+        for axis, i in AXES.items()
+    } | {f"drag_{axis}": float((inertia if i == 2 else mass) * law.deceleration[i]) for axis, i in AXES.items()}
+    return Robot(name, list(moves), fitted, measured, closed, wheels, body)
+
+
+def _mean(values: Array) -> float:
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if known.size else float("nan")

@@ -1,0 +1,110 @@
+"""The fits of TIGERs Mannheim (`identifyBotModelV2.m` of Sumatra), on samples of one move.
+
+u is what the wheels do, v what the robot does along a move; both are sampled in the middle of each frame.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_banded
+from scipy.optimize import least_squares
+
+from omni_control.kinematics import Array
+
+FLOOR_S = 0.001  # beside T |u|, in their law
+SUBSTEPS = 4  # of a frame
+SETTLING = 3  # samples that are left out after a change: 50 ms
+AT_REST = 0.05  # m/s: a roll-out is looked at until then
+
+
+@dataclass(frozen=True)
+class Law:
+    """v' = (K u - v) / (T |u| + 1 ms): gain K, and T in s^2/m."""
+
+    gain: float
+    time: float
+
+
+def follow(law: Law, u: Array, speed: Array, period: float) -> Array:
+    """What the law makes of wheels that start at rest.
+
+    Between two samples wheels are taken to speed up evenly; in each quarter of a frame the law is solved exactly, with
+    the T |u| of its middle.
+
+    Args:
+        law: gain and time.
+        u: velocity by the wheels along one axis, (F,).
+        speed: magnitude of the wheels' velocity, m/s, (F,).
+        period: of the samples, s.
+
+    Returns:
+        v, (F,).
+    """
+    frames, step = np.arange(len(u)), period / SUBSTEPS
+    edges = np.arange(SUBSTEPS * (len(u) - 1) + 1) / SUBSTEPS
+    wanted, travelled = law.gain * np.interp(edges, frames, u), np.interp(edges, frames, speed)
+    lag = law.time * (travelled[1:] + travelled[:-1]) / 2 + FLOOR_S
+    kept = np.exp(-step / lag)
+    gained = wanted[1:] - kept * wanted[:-1] - lag / step * (1 - kept) * np.diff(wanted)
+    bands = np.ones((2, len(edges)))  # v_1 - kept v_0 = gained, for all steps at once
+    bands[1, :-1] = -kept
+    v: Array = solve_banded((1, 0), bands, np.append(0.0, gained))
+    return v[::SUBSTEPS]
+
+
+def fit_law(u: Array, speed: Array, v: Array, period: float) -> Law:
+    """K and T by least squares over the whole move, from standing still to standing still again; see `follow`."""
+
+    def wrong_by(parameters: Array) -> Array:
+        return follow(Law(*parameters), u, speed, period) - v
+
+    return Law(*map(float, least_squares(wrong_by, [1.0, 0.1], bounds=(0.0, np.inf)).x))
+
+
+def fit_drag(v: Array, free: np.ndarray, period: float, at_rest: float = AT_REST) -> tuple[float, Array]:
+    """How a robot rolls out.
+
+    Args:
+        v: speed along the move, (F,), positive.
+        free: in which samples the motors carry no current, (F,).
+        period: of the samples, s.
+        at_rest: speed below which nothing is looked at.
+
+    Returns:
+        The mean deceleration, which is theirs since none of their robots had a viscous part, and the line (2,) of
+        deceleration at rest and its slope over speed, 1/s. Not a number if there are too few samples.
+    """
+    rolling = v[free][SETTLING:]
+    slow = np.flatnonzero(rolling < at_rest)
+    rolling = rolling[: slow[0]] if slow.size else rolling
+    if len(rolling) < SETTLING:
+        return float("nan"), np.full(2, np.nan)
+    slowing = -np.diff(rolling) / period
+    middle = (rolling[1:] + rolling[:-1]) / 2
+    line, *_ = np.linalg.lstsq(np.stack([np.ones_like(middle), middle], axis=1), slowing, rcond=None)
+    return float(slowing.mean()), line
+
+
+def efficiency(
+    v: Array, force: Array, holding: np.ndarray, accelerating: np.ndarray, drag: float, mass: float, period: float
+) -> tuple[float, float]:
+    """What the body shows of the force that the motors' currents should give: while speed is held, and while it grows.
+
+    Held: drag over mean force. Growing: mean of (mass acceleration + drag) / force. The drag is that of a roll-out,
+    with motors and gears in it.
+
+    Args:
+        v: speed along the move, (F,), positive.
+        force: magnitude of the force by the currents, (F,).
+        holding: in which samples the speed is held, (F,).
+        accelerating: in which it grows, (F,).
+        drag: N.
+        mass: kg; or of a turning robot a torque, and its inertia.
+        period: of the samples, s.
+    """
+    held = np.flatnonzero(holding)[SETTLING:]
+    growing = np.flatnonzero(accelerating)[SETTLING:]
+    growth = (v[growing] - v[growing - 1]) / period
+    # Mean force of the two frames between whose middles the speed grew.
+    pulling = (force[growing] + force[growing - 1]) / 2
+    return drag / float(force[held].mean()), float(((mass * growth + drag) / pulling).mean())

@@ -1,0 +1,141 @@
+"""Driving moves and seeing them as the robot's own log does: encoders, the filter of its velocity, motors' currents."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from omni_control.controllers.base import Controller
+from omni_control.kinematics import Array, world_to_body
+from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.scenarios.rows import Row
+from omni_mj.scenarios.scenario import Scenario
+from omni_mj.scenarios.settings import PERIOD_S, Settings
+from omni_mj.simulate.simulation import Simulation
+from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
+from omni_mj.worlds.build import kinematics
+
+# With which vision corrects the integrated acceleration: a filter of second order, 2 rad/s, damped by 0.7.
+_RATE, _DAMPING = 2.0, 0.7
+
+
+class Moves(Controller):
+    """Stands where a controller would be named; what the robots are sent are the moves."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """What n robots log in F frames, body frame: means over a frame each.
+
+    Means, since commands are new in every frame, and what wheels do in it is no straight line.
+
+    Attributes:
+        wheels: twist by the encoders, (F, n, 3).
+        body: twist by the filter of acceleration, gyro and vision, (F, n, 3).
+        force: force and torque that the currents should give through the motors' datasheet, (F, n, 3) N and N m.
+        simulation: that was run.
+        stopped: why it ended before its time, or None.
+    """
+
+    wheels: Array
+    body: Array
+    force: Array
+    simulation: Simulation
+    stopped: str | None
+
+
+def drive(scenario: Scenario, commands: Array, held: Array | None = None, after_frame: AfterFrame = nothing) -> Record:
+    """Send robots commands, a row each.
+
+    Args:
+        scenario: the robot and all else.
+        commands: twists (F, n, 3), world frame; robots start with heading 0.
+        held: currents (F, n) or (F, n, wheels) A that drivers hold instead; not a number where there is none.
+        after_frame: called with each frame's number; it may raise `StoppedError`.
+    """
+    frames, n, _ = commands.shape
+    chosen = _open_loop(scenario, frames + 2)
+    rows = [Row(i, 0, Moves.__name__, chosen.seed + i, chosen.settings, chosen.robot) for i in range(n)]
+    simulation, stopped = Simulation(chosen, [Moves], rows=rows), None
+    plant = simulation.plant
+    assert isinstance(plant, MujocoPlant)
+    wheels = len(kinematics(chosen.settings.wheels).azimuths)
+    currents = list[Array]()
+    try:
+        for frame, command in enumerate([*commands, np.zeros((n, 3))]):  # the last only records where the others led
+            if held is not None and frame < frames:
+                plant.hold(np.broadcast_to(held[frame].reshape(n, -1), (n, wheels)))
+            simulation.step(command)
+            currents.append(plant.currents.mean(0))
+            after_frame(frame)
+    except StoppedError as error:
+        stopped = error.reason
+    log = simulation.log
+    return Record(
+        by_encoders(log.channel("wheel_angle"), chosen.settings),
+        by_filter(log.channel("vision"), log.channel("pose")),
+        by_currents(np.array(currents)[: log.length - 1], chosen.settings),
+        simulation,
+        stopped,
+    )
+
+
+def by_encoders(angles: Array, settings: Settings) -> Array:
+    """Body twists (F, n, 3) from wheel angles (F + 1, n, wheels) in rad, in counts, over a frame each."""
+    per_rad = settings.sensors.encoder_counts * settings.motor.gear / (2 * np.pi)
+    counts = np.floor(angles * per_rad)
+    return kinematics(settings.wheels).body_twist(np.diff(counts, axis=0) / (per_rad * PERIOD_S))
+
+
+def by_filter(vision: Array, pose: Array) -> Array:
+    """Mean body twists (F, n, 3) in each frame as a robot's filter has them: acceleration integrated, vision corrects.
+
+    TIGERs fit to the velocity of their robots' filter of gyro, accelerometer and vision. Our robots have no
+    accelerometer. What it would give, integrated, is how the robot moved but for an error of the velocity: that and the
+    position's are what the filter holds here, and what the noise of vision disturbs. The true heading stands for the
+    gyro's, whose noise is 0.1 % of what turns here.
+
+    Args:
+        vision: poses seen (F + 1, n, 3), not a number where there were none.
+        pose: true (F + 1, n, 3).
+    """
+    mean = np.diff(pose, axis=0) / PERIOD_S
+    position, velocity = np.zeros((2, *pose[0, :, :2].shape))
+    for k in range(len(mean)):
+        mean[k, :, :2] += velocity
+        position += PERIOD_S * velocity
+        wrong = np.nan_to_num(vision[k + 1, :, :2] - pose[k + 1, :, :2] - position)
+        position += 2 * _DAMPING * _RATE * PERIOD_S * wrong
+        velocity += _RATE**2 * PERIOD_S * wrong
+    return world_to_body(mean, (pose[1:, :, 2] + pose[:-1, :, 2]) / 2)
+
+
+def by_currents(currents: Array, settings: Settings) -> Array:
+    """Force and torque on the body (F, n, 3) from mean currents (F, n, wheels) in A: J^T (i k gear / R)."""
+    wheels, motor = kinematics(settings.wheels), settings.motor
+    pull = currents * (motor.constant_nm_a * motor.gear / wheels.radius)
+    force: Array = (pull[..., None] * wheels.matrix).sum(-2)
+    return force
+
+
+def shares(force: Sequence[float], settings: Settings) -> Array:
+    """Currents (wheels,) in A that should give a force and torque (3,) on the body, the smallest ones."""
+    wheels, motor = kinematics(settings.wheels), settings.motor
+    pull: Array = np.linalg.pinv(wheels.matrix.T) @ np.asarray(force)
+    return pull * (wheels.radius / (motor.constant_nm_a * motor.gear))
+
+
+def _open_loop(scenario: Scenario, frames: int) -> Scenario:
+    """The scenario without dead time and controllers, alone on the carpet, as long as `frames`."""
+    settings = scenario.settings.replace(
+        reference={
+            "shape": "waypoints",
+            "waypoints": [[0, 0], [0, 0]],
+            "mode": "timed",
+            "lead_s": 0.0,
+            "settle_s": frames * PERIOD_S,
+        },
+        radio={"delay_frames": 0, "jitter_frames": 0},
+        world={"places": [[0, 0, 0]]},
+    )
+    return scenario.replace(settings=settings, plant="mujoco", paper_table=0, seeds=1)
