@@ -108,7 +108,7 @@ def test_creep_does_not_depend_on_the_step() -> None:
         tape = Tape(mujoco([free(physics={"substeps": substeps})] * 2)).drive(ramp(TWISTS[:2], 2.0, 35))
         twist, hubs = (values[substeps * 16 * 20 :] for values in (tape.twist(), tape.steps["wheels"]))
         slips = tape.steps["slips"][substeps * 16 * 20 :] * RADIUS_M
-        lags.append((np.abs(slips).mean((0, 2)) / [twist[:, 0, 0].mean(), twist[:, 1, 1].mean()]))
+        lags.append(np.abs(slips).mean((0, 2)) / [twist[:, 0, 0].mean(), twist[:, 1, 1].mean()])
         assert np.abs(hubs).max() > 10
     # 2 %: the ripple of the loads differs with the step.
     assert lags[1:] == pytest.approx(np.tile(lags[0], (1, 1)), rel=0.02)

@@ -5,9 +5,9 @@ import copy
 import mujoco
 import numpy as np
 import pytest
+from default_robot import MASS_KG
 from driving import constant, drive, quiet, ramp
 from driving import mujoco as plant_of
-from default_robot import MASS_KG
 from numpy.typing import NDArray
 
 from omni_control.errors import OmniError

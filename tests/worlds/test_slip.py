@@ -3,9 +3,9 @@
 import mujoco
 import numpy as np
 import pytest
+from default_robot import ARM_M, AZIMUTHS, RADIUS_M, TANGENTS
 from driving import FRAME_S, constant, drive, quiet
 from driving import mujoco as plant_of
-from default_robot import ARM_M, AZIMUTHS, RADIUS_M, TANGENTS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
