@@ -96,7 +96,7 @@ def test_dead_time_costs_the_uncompensated_controller_more_and_more_on_the_ideal
 
 def test_dead_time_costs_the_uncompensated_controller_more_and_more_on_the_mujoco_plant() -> None:
     none, short, long = (errors(run("mujoco", (f"radio.delay_frames={d}",)))[:, 0] for d in (0, 3, 6))
-    # As above, with noise, and with wheels that creep, which late or not costs 12 mm: that is not the dead time's, and no
+    # As above, with noise, and with wheels that creep, which late or not costs 12 mm: that is not the dead time's; no
     # compensator of a dead time takes it away.
     assert none[FLC] < short[FLC] < long[FLC]
     assert long[FLC] > 2 * none[FLC]

@@ -5,6 +5,7 @@ from typing import Any
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from plain import arrays
 
 from omni_mj.scenarios import models
 from omni_mj.scenarios.settings import Settings
@@ -13,18 +14,6 @@ from omni_mj.worlds.shape import Shape
 from omni_mj.worlds.wheels import Motor
 
 DIGITS = 1e-6  # of the numbers in the files
-
-
-def arrays(model: mujoco.MjModel) -> dict[str, Any]:
-    """Every array and number of a model by name, options included; not names and keyframes."""
-    skipped = ("_", "name", "key_", "nname", "nkey", "nbuffer", "signature")
-    values = {}
-    for owner, prefix in ((model, ""), (model.opt, "opt."), (model.stat, "stat.")):
-        for name in dir(owner):
-            value = getattr(owner, name) if not name.startswith(skipped) else None
-            if isinstance(value, np.ndarray | int | float):
-                values[prefix + name] = value
-    return values
 
 
 def written(numbers: Any) -> str:

@@ -1,0 +1,134 @@
+"""The faster wheel is the same physics: what it weighs, what it bears, how it drives and slips, where it leads."""
+
+from itertools import pairwise
+
+import mujoco
+import numpy as np
+import pytest
+from default_robot import RADIUS_M
+from driving import FRAME_S, constant, drive, quiet, ramp
+from driving import mujoco as plant_of
+from numpy.typing import NDArray
+from taped import Tape
+
+from omni_control.kinematics import Array
+from omni_mj.link.radio import Received
+from omni_mj.worlds import build
+
+FAST = {"model": "two-rollers"}
+EITHER = (quiet(), quiet(wheels=FAST))
+STIFF = {"kp": 1.0, "ki": 20.0, "turn_gain": 0.0}
+
+
+def inertia(world: build.World, turned: float) -> Array:
+    """Mass matrix without the rollers' own degrees of freedom, with all wheels turned by an angle."""
+    model, robot = world.model, world.robots[0]
+    data = mujoco.MjData(model)
+    data.qpos[robot.wheel_qpos] = turned
+    mujoco.mj_forward(model, data)
+    full = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, full)
+    dofs = [*range(6), *robot.wheel_dofs, *robot.slip_dofs]
+    return full[np.ix_(dofs, dofs)]
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.1, 0.3])
+def test_robots_with_either_wheel_weigh_and_turn_the_same(turned: float) -> None:
+    worlds = [build.world(each) for each in EITHER]
+    assert [world.model.nv for world in worlds] == [78, 22]
+    assert [world.model.npair for world in worlds] == [64, 8]
+    # Equal up to rounding: lumping moves nothing, and a mass matrix at rest knows nothing of the rollers' own spin.
+    assert inertia(worlds[1], turned) == pytest.approx(inertia(worlds[0], turned), rel=1e-9, abs=1e-12)
+
+
+@pytest.fixture(scope="module")
+def tapes() -> list[Tape]:
+    """Ramps of 1 and 3 m/s^2 in x, y and diagonally, a turn, and driving while turning; on both wheels."""
+    twists = np.array(
+        [[1.0, 0, 0], [0, 1.0, 0], [0.8, -0.8, 0], [1.5, 0, 0], [0, 1.5, 0], [0, 0, 6.0], [0.8, 0.3, 5.0]]
+    )
+    commands = ramp(twists, [1.0, 1.0, 1.0, 3.0, 3.0, 12.0, 4.0], 75)
+    return [Tape(plant_of([each] * 7)).drive(commands) for each in EITHER]
+
+
+def rms(values: NDArray) -> NDArray:
+    """Over steps and wheels, of each row."""
+    return np.asarray(np.sqrt((values**2).mean((0, 2))))
+
+
+def test_torque_height_and_rolling_radius_agree_within_half_a_per_cent(tapes: list[Tape]) -> None:
+    window = slice(16 * 15, None)
+    torque, height, radius = [], [], []
+    for tape in tapes:
+        twist, hubs = tape.twist()[window], tape.steps["wheels"][window]
+        torque.append(np.abs(tape.currents[window]).mean((0, 2)))
+        height.append(RADIUS_M + tape.steps["position"][window, :, 2].mean(0))
+        rims = (hubs + tape.steps["slips"][window]).mean(0)
+        travelled = np.linalg.pinv(tape._plant._world.kinematics.matrix) @ rims[..., None]
+        along = twist.mean(0) / np.linalg.norm(twist.mean(0), axis=1, keepdims=True)
+        radius.append((twist.mean(0) * along).sum(1) / (travelled[..., 0] * along).sum(1))
+    assert torque[1] == pytest.approx(torque[0], rel=0.005)
+    assert height[1] == pytest.approx(height[0], rel=0.005)
+    assert radius[1] == pytest.approx(radius[0], rel=0.005)
+
+
+def test_slip_agrees_within_a_tenth(tapes: list[Tape]) -> None:
+    full, fast = (tape.steps["slips"] * RADIUS_M for tape in tapes)
+    assert rms(full).min() > 0.01
+    assert rms(fast) == pytest.approx(rms(full), rel=0.1)
+    assert (rms(fast - full) < 0.1 * rms(full)).all()
+
+
+def test_velocities_agree(tapes: list[Tape]) -> None:
+    """Within 0.5 % rms of the highest speed."""
+    full, fast = (tape.twist() for tape in tapes)
+    assert (rms(fast - full) < 0.005 * np.linalg.norm(full, axis=2).max(0)).all()
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.5], ids=["rect", "square-spin"])
+def test_a_rectangle_is_driven_alike(turn: float) -> None:
+    """Held on its way by true poses: paths within 0.3 mm rms of each other, slips within a tenth."""
+    corners = np.array([[0, 0, 0], [0.4, 0, turn], [0.4, 0.3, 2 * turn], [0, 0.3, 3 * turn], [0, 0, 4 * turn]])
+    share = (1 - np.cos(np.pi * np.arange(45) / 45)) / 2  # from rest to rest, at up to 3.5 m/s^2
+    way = np.concatenate([a + share[:, None] * (b - a) for a, b in pairwise(corners)])
+    speed = np.diff(way, axis=0, append=way[-1:]) / FRAME_S
+    paths, slips = [], []
+    for chosen in EITHER:
+        plant, path, slip = plant_of([chosen]), [], []
+        for wanted, ahead in zip(way, speed, strict=True):
+            path.append(plant.pose()[0])
+            plant.advance(Received.at_once((ahead + 3.0 * (wanted - path[-1]))[None], plant.pose()[:, 2]))
+            slip.append(plant.telemetry().slip)
+        paths.append(np.array(path))
+        slips.append(rms(np.array(slip))[0])
+    apart = paths[1] - paths[0]
+    assert np.sqrt((apart[:, :2] ** 2).sum(1).mean()) < 0.3e-3
+    assert slips[1] == pytest.approx(slips[0], rel=0.1)
+
+
+@pytest.mark.parametrize("friction", [0.3, 0.8])
+def test_sliding_robots_go_the_same_way(friction: float) -> None:
+    """Told to be at 3 m/s at once; within 1 % of the way."""
+    commands = constant([[3.0, 0, 0], [0, 3.0, 0], [-2.1, 2.1, 0]], 30, 3)
+    poses = [
+        drive(plant_of([quiet(carpet={"friction": friction}, firmware=STIFF, wheels=each)] * 3), commands)[..., :2]
+        for each in ({}, FAST)
+    ]
+    way = np.linalg.norm(poses[0][-1], axis=1)
+    assert (np.linalg.norm(poses[1] - poses[0], axis=2).max(0) < 0.01 * way).all()
+
+
+def test_the_encoder_knows_nothing_of_the_hand_over() -> None:
+    """The hub's angle is the integral of its speed in every step, over many hand-overs and in either direction."""
+    plant = plant_of([quiet(wheels=FAST)] * 2)
+    start = plant.telemetry().wheel_angle
+    tape = Tape(plant).drive(constant([[0.6, 0, 0], [0, 0, -5.0]], 60, 2))
+    turned = plant.telemetry().wheel_angle - start
+    assert (np.abs(turned) > 10).all()
+    assert turned == pytest.approx(tape.steps["wheels"].sum(0) / 960, abs=1e-9)  # Euler's rule, up to rounding
+    # The rims have been turned back from their hubs by whole pitches, and what they slid is left.
+    slips = plant._batch.bind("qpos")[:, plant._world.robots[0].slip_qpos]
+    slid = tape.steps["slips"].sum(0) / 960
+    back = (slips - slid) / plant._world.pitch
+    assert back == pytest.approx(np.rint(back), abs=1e-6)
+    assert np.abs(back).max() > 20
