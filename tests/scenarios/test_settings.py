@@ -13,7 +13,6 @@ from omni_mj.scenarios import references
 from omni_mj.scenarios import settings as module
 from omni_mj.scenarios.robot_settings import CarpetSettings
 from omni_mj.scenarios.settings import (
-    CarpetSettings,
     ControlSettings,
     RadioSettings,
     ReferenceSettings,
