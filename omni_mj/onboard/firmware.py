@@ -10,7 +10,7 @@ from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios.settings import Settings, column
 
 DERATE_BAND_K = 10.0  # derating begins this far below the limit
-DERATED_CURRENT_A = 5.0  # twice the nominal current; allowed at the beginning of derating, none at the limit
+DERATED = 2.0  # nominal currents; allowed at the beginning of derating, none at the limit
 
 
 class HeadingEstimate:
@@ -86,6 +86,7 @@ class Firmware:
         self._turn_gain = column(firmware, "turn_gain")[:, 0]
         self._derate = column(firmware, "derate").astype(bool)
         self._hot = column([s.motor for s in settings], "limit_c")
+        self._derated = DERATED * column([s.motor for s in settings], "nominal_current_a")
         self._swing: Array | None = None
         counts = column([s.sensors for s in settings], "encoder_counts") * column(motors, "gear") / (2 * np.pi)
         self._counts_per_rad, self._rate_per_count = counts, 1 / (counts * timestep)
@@ -110,7 +111,7 @@ class Firmware:
         self._turn_rate = command[:, 2] * (1 + self._turn_gain)
         if self._derate.any():
             left = np.clip((self._hot - winding) / DERATE_BAND_K, 0, 1)
-            current = np.where(self._derate & (left < 1), left * DERATED_CURRENT_A, np.inf)
+            current = np.where(self._derate & (left < 1), left * self._derated, np.inf)
             self._swing = self._resistance * current
 
     def duties(self, gyro: Array, encoders: Array) -> Array:

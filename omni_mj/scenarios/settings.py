@@ -19,6 +19,7 @@ from omni_mj.scenarios.robot_settings import (
     VariationSettings,
     WheelSettings,
 )
+from omni_mj.scenarios.robots import of_robot
 
 FRAME_RATE_HZ = 60  # SSL-Vision's cameras; the clock of everything (paper, section 4)
 PERIOD_S = 1 / FRAME_RATE_HZ
@@ -123,12 +124,14 @@ class FirmwareSettings(Checked):
     ki: float = setting(0.0, "V/rad", "voltage per integrated error", 0, 1000)
     kd: float = setting(0.0, "V s^2/rad", "voltage per rate of the error", 0, 1)
     feed_forward: float = setting(1.0, "", "share of the wanted speed's back-EMF that is fed forward", 0, 2)
-    nominal_voltage_v: float = setting(22.2, "V", "battery voltage that it reckons with (6S LiPo, TIGERs)", 1, 60)
+    nominal_voltage_v: float = setting(
+        of_robot("firmware.nominal_voltage_v"), "V", "battery voltage that it reckons with", 1, 60
+    )
     turn_gain: float = setting(1.0, "", "turn rate added per error of the turn rate that the gyro shows", 0, 10)
     heading_gain: float = setting(2.0, "1/s", "heading corrected per difference to vision's", 0, 30)
     bias_gain: float = setting(0.5, "1/s^2", "gyro bias corrected per difference to vision's heading", 0, 100)
     current_limit_a: float = setting(
-        9.0, "A", "highest current that a motor's driver lets through (TIGERs v2020: 9.0 A, drive_ctrl.c)", 0.1, 1e3
+        of_robot("firmware.current_limit_a"), "A", "highest current that a motor's driver lets through", 0.1, 1e3
     )
     derate: bool = setting(False, "", "limit the current of a motor that nears its highest winding temperature")
 
@@ -136,19 +139,25 @@ class FirmwareSettings(Checked):
 class SensorSettings(Checked):
     """The sensors on the robot."""
 
-    encoder_counts: int = setting(8192, "", "counts per revolution of a motor (TIGERs: 2048 lines)", 1, 1_000_000)
+    encoder_counts: int = setting(
+        of_robot("sensors.encoder_counts"), "", "counts per revolution of a motor", 1, 1_000_000
+    )
     gyro_noise_rad_s: float = setting(0.005, "rad/s", "standard deviation of the gyro over a frame", 0, 10)
     gyro_bias_rad_s: float = setting(0.01, "rad/s", "standard deviation of its bias, one per seed", 0, 10)
 
 
 class BatterySettings(Checked):
-    """The battery: 6S LiPo (TIGERs)."""
+    """The battery: LiPo."""
 
-    charge: float = setting(0.5, "", "state of charge at the start: 1 full (25.2 V), 0.5 nominal (22.2 V)", 0, 1)
-    cells: int = setting(6, "", "cells in series", 1, 6)
-    capacity_ah: float = setting(1.3, "Ah", "capacity", 0.01, 100)
-    resistance_ohm: float = setting(0.08, "ohm", "internal resistance: cells, wires and connectors", 0, 1)
-    cut_off_v: float = setting(20.4, "V", "below it, over a second, the battery gives no more power", 0, 60)
+    charge: float = setting(0.5, "", "state of charge at the start: 1 full (4.2 V a cell), 0.5 nominal (3.7 V)", 0, 1)
+    cells: int = setting(of_robot("battery.cells"), "", "cells in series", 1, 6)
+    capacity_ah: float = setting(of_robot("battery.capacity_ah"), "Ah", "capacity", 0.01, 100)
+    resistance_ohm: float = setting(
+        of_robot("battery.resistance_ohm"), "ohm", "internal resistance: cells, wires and connectors", 0, 1
+    )
+    cut_off_v: float = setting(
+        of_robot("battery.cut_off_v"), "V", "below it, over a second, the battery gives no more power", 0, 60
+    )
 
 
 class PhysicsSettings(Checked):

@@ -2,19 +2,19 @@
 
 import numpy as np
 import pytest
-from driving import COMMUTATION, FRAME_S, GEAR, constant, drive, quiet
+from driving import FRAME_S, constant, drive, quiet
 from driving import mujoco as plant_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from maxon import MAXON, sheet
 from numpy.typing import NDArray
 
 from omni_mj.link.radio import Received
 from omni_mj.onboard.motors import Motors
 from omni_mj.plants import Telemetry
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.scenarios.motor_settings import MotorSettings
 
-LIMIT_A = 9.0  # the default: TIGERs v2020
+LIMIT_A = 9.0  # the default robot's
 FULL_SPEED = 3.0  # m/s
 
 
@@ -30,12 +30,12 @@ FULL_SPEED = 3.0  # m/s
 def test_the_voltage_moves_no_farther_than_the_limit_asks(
     voltage: float, speed: float, winding: float, housing: float, limit: float, strength: float
 ) -> None:
-    chosen = MotorSettings(winding_c=winding, housing_c=housing)
+    chosen = sheet(winding_c=winding, housing_c=housing)
     motors = Motors([chosen], 4, FRAME_S, limit, strength)
     terminals, current, _ = motors.drive(np.full((1, 4), voltage), np.full((1, 4), speed))
     # Kirchhoff by hand, with copper and magnets at their temperatures: what would flow, cut at the limit either way.
-    resistance = 0.942 * (1 + 0.00393 * (winding - 25)) + COMMUTATION * GEAR * abs(speed)
-    back_emf = 0.036 * strength * (1 - 0.001 * (housing - 25)) * GEAR * speed
+    resistance = 0.942 * (1 + 0.00393 * (winding - 25)) + MAXON.commutation * MAXON.gear * abs(speed)
+    back_emf = 0.036 * strength * (1 - 0.001 * (housing - 25)) * MAXON.gear * speed
     free = (voltage - back_emf) / resistance
     np.testing.assert_allclose(current, np.clip(free, -limit, limit), rtol=1e-9, atol=1e-9)
     assert np.abs(current).max() <= limit
@@ -51,7 +51,7 @@ def test_the_voltage_moves_no_farther_than_the_limit_asks(
 
 def test_motors_are_each_their_own() -> None:
     """Rows with other datasheets, limits and magnets: together as alone."""
-    sheets = [MotorSettings(), MotorSettings(gear=1.0, resistance_ohm=0.65, dry_share=0.5, winding_c=90.0)]
+    sheets = [sheet(), sheet(gear=1.0, resistance_ohm=0.65, dry_share=0.5, winding_c=90.0)]
     limits, strength = np.array([[9.0], [3.0]]), np.array([[1.0, 0.9, 1.1, 1.0], [1.0] * 4])
     together = Motors(sheets, 4, FRAME_S, limits, strength)
     voltage, speed = np.linspace(-20, 20, 8).reshape(2, 4), np.linspace(60, -30, 8).reshape(2, 4)
@@ -71,7 +71,7 @@ def test_motors_are_each_their_own() -> None:
 
 
 def test_limited_is_the_share_of_the_periods_steps() -> None:
-    motors, still = Motors([MotorSettings()], 2, FRAME_S, 10.0), np.zeros((1, 2))
+    motors, still = Motors([sheet()], 2, FRAME_S, 10.0), np.zeros((1, 2))
     for strong, share in ((4, 0.25), (0, 0.0), (16, 1.0)):
         currents = [motors.drive(np.array([[24.0 * (k < strong), 1.0]]), still)[1] for k in range(16)]
         motors.warm(np.array(currents), np.zeros((16, 1, 2)))
@@ -154,6 +154,6 @@ def test_the_battery_gives_the_power_at_the_terminals_while_the_driver_limits() 
         limited += plant.telemetry().current_limited.max()
     assert limited > 0.5
     assert heat > 0.01 * energy
-    # All that leaves the cells, at 22.2 V less the few mV of this half second, is the motors' and the battery's heat.
+    # All that leaves the cells, at 14.8 V less the few mV of this half second, is the motors' and the battery's heat.
     # 0.5 %: the terminals sag a step after the current.
-    assert (start - plant._battery.charge[0]) * capacity * 3600 * 22.2 == pytest.approx(energy + heat, rel=5e-3)
+    assert (start - plant._battery.charge[0]) * capacity * 3600 * 14.8 == pytest.approx(energy + heat, rel=5e-3)

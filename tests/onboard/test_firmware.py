@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from maxon import sheet
 from numpy.typing import NDArray
 
 from omni_control.kinematics import Kinematics
 from omni_mj.link.radio import Received
 from omni_mj.onboard.firmware import Firmware
-from omni_mj.scenarios.motor_settings import MotorSettings
 from omni_mj.scenarios.settings import FirmwareSettings, SensorSettings, Settings
 
 KINEMATICS = Kinematics(np.radians([60.0, 135, 225, 300]), arm=0.08, radius=0.0285)
@@ -26,7 +26,7 @@ finite = st.floats(-10, 10)
 
 
 class Robot:
-    """One robot's firmware with all gains off but those given, and wheels that turn as told."""
+    """One robot's firmware for motors of 24 V, all gains off but those given, and wheels that turn as told."""
 
     def __init__(
         self,
@@ -41,7 +41,7 @@ class Robot:
         self.settings = Settings(
             firmware=FirmwareSettings.model_construct(**off | {"bias_gain": 0.0, "nominal_voltage_v": limit} | gains),
             sensors=SensorSettings.model_construct(encoder_counts=counts),
-            motor=MotorSettings(limit_c=limit_c),
+            motor=sheet(limit_c=limit_c),
         )
         self.firmware = Firmware([self.settings], KINEMATICS, np.array([heading]), timestep, FRAME_S)
         self.angle = np.zeros(4)
@@ -275,8 +275,8 @@ def test_derating_limits_the_current_of_a_motor_near_its_limit(speed: float, err
     voltage = robot.voltages(speed)
     current = (voltage - 0.12 * speed) / 0.942  # of the datasheet's motor on a nominal battery
     asked = (0.12 * wanted + error - 0.12 * speed) / 0.942
-    # 5 A, twice the nominal current, from 10 K below the limit, falling to none at 125 deg C; never more than asked.
-    allowed = np.inf if winding <= 115 else 5.0 * max(0.0, (125 - winding) / 10)
+    # Twice the nominal 2.52 A from 10 K below the limit, falling to none at 125 deg C; never more than asked.
+    allowed = np.inf if winding <= 115 else 5.04 * max(0.0, (125 - winding) / 10)
     assert current[0] == pytest.approx(np.clip(asked, -allowed, allowed), abs=1e-5)  # 1e9 V, encoder's last count
     np.testing.assert_allclose(current[1:], asked, atol=1e-5)  # the others' windings are cold
 

@@ -3,33 +3,33 @@
 import mujoco
 import numpy as np
 import pytest
-from driving import COMMUTATION, DRY, GEAR, VISCOUS
+from driving import constant, drive, rows
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motor_bench import FINE_STEP, Run, bench, run
+from maxon import MAXON, ROBOTS, RPM, SHEET, sheet
+from motor_bench import CLAMPED, FINE_STEP, Run, bench, run
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from omni_mj.onboard.motor import Motor
 from omni_mj.onboard.motors import Motors
-from omni_mj.scenarios.motor_settings import MotorSettings
+from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.scenarios import models, scenario
+from omni_mj.scenarios.settings import Settings
 from omni_mj.worlds import build
 
-# The catalogue's rows, in SI.
-NOMINAL_V = 24.0
-STALL_TORQUE, STALL_CURRENT = 0.918, 26.0
-NO_LOAD_RPM, NO_LOAD_CURRENT = 6250.0, 0.238
-NOMINAL_TORQUE, NOMINAL_RPM, NOMINAL_CURRENT = 91.1e-3, 5170.0, 2.52
+# The catalogue's rows, in SI; those that settings have are in the sheet.
+NOMINAL_V, NOMINAL_CURRENT, NOMINAL_TORQUE = 24.0, 2.52, 91.1e-3
+NO_LOAD_RPM, NO_LOAD_CURRENT, NOMINAL_RPM = 6250.0, 0.238, 5170.0
 TORQUE_CONSTANT, RESISTANCE, ROTOR_INERTIA = 0.036, 0.942, 135e-7
+STALL_TORQUE, STALL_CURRENT = 0.918, 26.0
 SPEED_CONSTANT_RPM_V = 265.0
 TIME_CONSTANT = 9.79e-3
-# Friction at the motor's shaft: N m, and N m s/rad.
-SHAFT_DRY, SHAFT_VISCOUS = DRY / GEAR, VISCOUS / GEAR**2
+GEAR, COMMUTATION = MAXON.gear, MAXON.commutation
+SHAFT_DRY, SHAFT_VISCOUS = MAXON.dry, MAXON.viscous
 # A motor whose nominal row lies on the line of resistance and torque constant: no commutation, but for 1e-6 ohm s.
-ON_THE_LINE = MotorSettings(nominal_rpm=5736.0)
-
-RPM = 60 / (2 * np.pi)
+ON_THE_LINE = sheet(nominal_rpm=5736.0)
 
 
 BENCH = bench()
@@ -43,12 +43,12 @@ def time_constant(result: Run) -> float:
 
 
 def wheel_inertia() -> float:
-    """Wheel with its rollers about the axle, kg m^2: the parallel axis theorem on the bodies of the model."""
-    model = build.world().model
-    wheel = model.body("robot_1/wheel_1")
-    total = float(wheel.inertia[0])
+    """Hub with rim and rollers about the axle, kg m^2: the parallel axis theorem on the bodies of the model."""
+    model = build.world(CLAMPED).model
+    wheel, rim = (model.body(f"robot_1/{name}_1") for name in ("wheel", "rim"))
+    total = float(wheel.inertia[0] + rim.inertia[0])
     for i in range(model.nbody):
-        if model.body_parentid[i] == wheel.id:
+        if model.body_parentid[i] == rim.id:
             # The roller's own axis is tangential: about the axle, one of its two equal, larger moments counts.
             total += float(model.body_inertia[i].max() + model.body_mass[i] * (model.body_pos[i] ** 2).sum())
     return total
@@ -81,17 +81,27 @@ def spin_up() -> Run:
 
 
 def test_settings_and_model_hold_the_datasheets_numbers() -> None:
-    world, motor = build.world(), Motor.of(MotorSettings())
+    world, motor = build.world(Settings(motor=SHEET)), Motor.of(sheet())
     actuators = world.robots[0].motors
-    for constants in (motor, world.motor):
-        assert (constants.constant, constants.resistance) == (TORQUE_CONSTANT, RESISTANCE)
-        assert constants.gear == pytest.approx(GEAR, rel=1e-8)  # nine digits in the file
+    assert (motor.constant, motor.resistance, motor.gear) == (TORQUE_CONSTANT, RESISTANCE, 60 / 18)
     assert motor.inertia == ROTOR_INERTIA
     np.testing.assert_array_equal(world.model.actuator_armature[actuators], ROTOR_INERTIA)
+    np.testing.assert_allclose(world.model.actuator_gear[actuators, 0], GEAR, rtol=1e-12)
     assert motor.commutation == pytest.approx(COMMUTATION, rel=1e-12)
     assert (motor.dry, motor.viscous) == pytest.approx((SHAFT_DRY, SHAFT_VISCOUS), rel=1e-12)
-    assert (motor.wheel_dry, motor.wheel_viscous) == pytest.approx((DRY, VISCOUS), rel=1e-12)
+    assert (motor.wheel_dry, motor.wheel_viscous) == pytest.approx((SHAFT_DRY * GEAR, SHAFT_VISCOUS * GEAR**2))
     assert motor.dry + motor.viscous * NO_LOAD_RPM / RPM == pytest.approx(TORQUE_CONSTANT * NO_LOAD_CURRENT, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_plant_drives_each_robots_own_motor(name: str) -> None:
+    """What the engine reckons with, in a plant that has driven a cold robot for a frame, is the sheet's."""
+    cold = scenario.scenario("rect", robot=name).settings
+    plant, own = MujocoPlant(rows([cold], robot=name), np.zeros((1, 3))), ROBOTS[name]
+    drive(plant, constant([0.5, 0.0, 0.0], 1, 1))
+    model = plant._batch.get_model(0)
+    np.testing.assert_allclose(model.actuator_gainprm[:, :2], [[own.resistance, own.constant]] * 4, rtol=1e-12)
+    np.testing.assert_allclose(model.actuator_gear[:, 0], own.gear, rtol=1e-12)
 
 
 def test_stall() -> None:
@@ -106,17 +116,19 @@ def test_stall() -> None:
         np.testing.assert_allclose(data.qfrc_actuator[wheels], sign * STALL_TORQUE * GEAR, rtol=0.02)
 
 
-def test_a_full_battery_is_the_most_a_motor_gets() -> None:
-    model = bench()
+def test_the_robots_file_by_itself_has_its_motor_and_its_full_battery() -> None:
+    model, settings = mujoco.MjModel.from_xml_path(str(models.robot_path())), Settings()
     data = mujoco.MjData(model)
     data.ctrl[:] = 100.0
     mujoco.mj_forward(model, data)
-    np.testing.assert_allclose(data.actuator_force, TORQUE_CONSTANT * 25.2 / RESISTANCE)  # 6 cells of 4.2 V
+    own = ROBOTS["tigers-v2016"]
+    full = 4.2 * settings.battery.cells
+    np.testing.assert_allclose(data.actuator_force, own.constant * full / own.resistance)
 
 
 def test_torque_constant_agrees_with_the_speed_constant() -> None:
     # One physical constant, printed twice; three digits each.
-    assert build.world().motor.constant == pytest.approx(RPM / SPEED_CONSTANT_RPM_V, rel=2e-3)
+    assert Motor.of(sheet()).constant == pytest.approx(RPM / SPEED_CONSTANT_RPM_V, rel=2e-3)
 
 
 @pytest.mark.parametrize("voltage", [6.0, 12.0, -12.0, 24.0])
@@ -134,7 +146,7 @@ def test_no_load_point_of_the_datasheet(spin_up: Run) -> None:
 
 def test_nominal_current_at_nominal_voltage_and_speed() -> None:
     turning = np.full((1, 4), NOMINAL_RPM / RPM / GEAR)
-    voltage, current, _ = Motors([MotorSettings()], 4, 1 / 60).drive(np.full((1, 4), NOMINAL_V), turning)
+    voltage, current, _ = Motors([sheet()], 4, 1 / 60).drive(np.full((1, 4), NOMINAL_V), turning)
     # What commutation is derived from: exact.
     np.testing.assert_allclose(current, NOMINAL_CURRENT, rtol=1e-9)
     np.testing.assert_array_equal(voltage, NOMINAL_V)
@@ -172,11 +184,8 @@ def test_a_load_of_the_stall_torque_within_2_percent_stops_the_motor(share: floa
 @settings(deadline=None, max_examples=40, derandomize=True)
 @given(st.floats(-25, 25), st.floats(-700, 700), st.floats(0.3, 1.79))
 def test_the_engine_drives_the_current_that_is_reported(voltage: float, speed: float, resistance: float) -> None:
-    result = run(BENCH, 1 / 960, voltage, start_speed=speed, settings=MotorSettings(resistance_ohm=resistance))
-    # Kirchhoff on the current that makes the engine's torque, commutation's drop included; exact up to rounding, but
-    # for speeds whose back-EMF with its drop is beyond the range of the actuator's voltage.
-    if abs(TORQUE_CONSTANT * speed) > 25:
-        return
+    result = run(BENCH, 1 / 960, voltage, start_speed=speed, settings=sheet(resistance_ohm=resistance))
+    # Kirchhoff on the current that makes the engine's torque, commutation's drop included; exact up to rounding.
     current = result.current[0]
     back_emf = TORQUE_CONSTANT * speed
     # The nominal row leaves commutation what the resistance does not take.

@@ -5,6 +5,7 @@ import math
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from maxon import SHEET, sheet
 
 from omni_control.errors import OmniError
 from omni_mj.scenarios.motor_settings import MotorSettings
@@ -64,15 +65,15 @@ def test_the_rows_of_a_motor_give_its_constants_back(
 )
 def test_rows_that_no_motor_has_are_named(rows: dict[str, float], message: str) -> None:
     with pytest.raises(OmniError, match=message) as error:
-        MotorSettings(**rows)
+        sheet(**rows)
     assert len(str(error.value).splitlines()) == 1
     with pytest.raises(OmniError, match=message):
-        load("rect", [f"motor.{name}={value}" for name, value in rows.items()])
+        load("rect", [f"motor.{name}={value}" for name, value in (SHEET | rows).items()])
 
 
 def test_all_that_is_wrong_with_a_sheet_is_said_at_once() -> None:
     with pytest.raises(OmniError) as error:
-        MotorSettings(nominal_voltage_v=12.0, nominal_torque_nm=1.0)
+        sheet(nominal_voltage_v=12.0, nominal_torque_nm=1.0)
     assert len(str(error.value).splitlines()) == 3
 
 

@@ -100,10 +100,10 @@ def test_the_square_spin_turns_half_a_turn_a_side_while_driving() -> None:
 
 
 def test_the_sprint_is_four_metres_at_the_leagues_speed() -> None:
-    """There and back, reaching 3 m/s on the way."""
+    """There and back, reaching 2.5 m/s on the way."""
     _, poses = built_in("sprint")
     assert np.ptp(poses, axis=0) == pytest.approx([4, 0, 0], abs=1e-9)  # a reference snaps to a way-point from there
-    assert np.abs(np.diff(poses[:, 0])).max() / PERIOD_S == pytest.approx(3)
+    assert np.abs(np.diff(poses[:, 0])).max() / PERIOD_S == pytest.approx(2.5)
 
 
 # --- way-points at random ---

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from maxon import MAXON
 from numpy.typing import ArrayLike, NDArray
 
 from omni_mj.link.radio import Received
@@ -15,13 +16,9 @@ from omni_mj.scenarios.settings import Settings
 FRAME_S = 1 / 60
 SIGMAS = 5  # of a statistic's own spread
 ROBOT = "tigers-v2016"
-GEAR = 60 / 18
-# ohm s/rad, from the motor's nominal row: of 24 V, 0.942 ohm * 2.52 A and 0.036 V s/rad * 541.4 rad/s leave 2.136 V.
-NOMINAL_RAD_S = 5170 * np.pi / 30
-COMMUTATION = (24 - 0.942 * 2.52 - 0.036 * NOMINAL_RAD_S) / (2.52 * NOMINAL_RAD_S)
-# Of the motor, N m and N m s/rad at the wheel: torque constant x no-load current x gear, of which a quarter is dry; the
-# rest is there at the no-load speed, 6250 rpm of the motor.
-DRY, VISCOUS = 0.25 * 0.036 * 0.238 * GEAR, 0.75 * 0.036 * 0.238 * GEAR / (6250 * np.pi / 30 / GEAR)
+# Of the motor of 24 V, at the wheel.
+GEAR, COMMUTATION = MAXON.gear, MAXON.commutation
+DRY, VISCOUS = MAXON.gear * MAXON.dry, MAXON.gear**2 * MAXON.viscous
 LINT = 0.065 * 2.3 * 9.81 / 4 * 0.0285  # share of a quarter of the weight, at the rim
 
 
