@@ -43,10 +43,10 @@ def test_every_task_is_a_drive_on_the_field(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_the_tasks_are_there_and_take_8_to_20_seconds(name: str) -> None:
+def test_the_tasks_are_there_and_take_8_to_25_seconds(name: str) -> None:
     """Long enough to show a controller, short enough to try ten seeds of it."""
     _, poses = built_in(name)
-    assert 8 <= (len(poses) - 1) * PERIOD_S <= 20
+    assert 8 <= (len(poses) - 1) * PERIOD_S <= 25
 
 
 @pytest.mark.parametrize("name", TASKS)
