@@ -31,6 +31,8 @@ def robot_path(robot: str) -> Path:
             raise OmniError(f"there is no robot's file {path}")
         return path
     known = builtin()
+    if robot.endswith(".xml"):
+        raise OmniError(f"a robot is a .toml file of settings, not {robot!r}; {choose(robot, known)}, or robot.toml")
     if robot not in known:
         raise OmniError(f"unknown robot {robot!r}; {choose(robot, known)}, or a file of yours: robot.toml")
     return known[robot]

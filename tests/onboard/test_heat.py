@@ -1,18 +1,14 @@
-"""Heat in the motors: two nodes against an ODE solver, closed forms and the datasheet; what it does to the drive."""
+"""Heat in the motors: two nodes against an ODE solver, closed forms and the datasheet."""
 
 import numpy as np
 import pytest
-from driving import FRAME_S, constant, drive, quiet
-from driving import mujoco as plant_of
+from driving import FRAME_S
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from maxon import MAXON, OWN, ROBOTS, SHEET, Reckoned, sheet
+from maxon import MAXON, ROBOTS, SHEET, sheet
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from omni_control.kinematics import Kinematics
-from omni_mj.link.radio import Received
-from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.motors import Motors
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.motor_settings import MotorSettings
@@ -24,12 +20,6 @@ WINDING_TIME, MOTOR_TIME = 28.8, 78.3
 WINDING_J_K, HOUSING_J_K = 3.48, 49.9  # heat capacities: time constant over resistance, to three digits
 HIGHEST_C = 125.0
 NOMINAL_CURRENT, NOMINAL_SPEED = 2.52, 5170 * np.pi / 30 * 18 / 60  # A, and rad/s of the wheel
-
-
-def outer_loss(current: NDArray | float, wheel_speed: NDArray | float, motor: Reckoned = MAXON) -> NDArray:
-    """Heat of a housing, W: commutation's X |w| i^2, and the power of dry and viscous friction."""
-    speed = np.abs(np.asarray(wheel_speed))
-    return (motor.series(speed) - motor.resistance) * np.square(current) + motor.friction(speed) * speed
 
 
 def hold(motors: Motors, current: float, periods: int, speed: float = 0.0) -> tuple[NDArray, NDArray]:
@@ -81,7 +71,7 @@ def test_five_minutes_of_duty_cycle_against_an_ode_solver() -> None:
         currents, turning = ripple * level, ripple[::-1] * speed
         for _ in range(segment):
             motors.warm(currents, turning)
-        heat = (currents**2).mean(0), outer_loss(currents, turning).mean(0)
+        heat = (currents**2).mean(0), MAXON.outer_loss(currents, turning).mean(0)
         state = solve_ivp(rates, (0, segment * FRAME_S), state, args=heat, rtol=1e-8, atol=1e-8).y[:, -1]
         winding, housing = state.reshape(2, n, 4)
         # The bound asked of the model, 0.1 K: resistance is held for a frame, in which a winding warms by up to 0.2 K.
@@ -98,7 +88,7 @@ def test_steady_state_is_the_closed_form(current: float, speed: float, ambient: 
     # Periods far beyond the time constants: each is a step of a fixed-point iteration on the winding's resistance,
     # whose factor i^2 R_25 c (R_th1 + R_th2) is 0.45 at most.
     winding, housing = hold(Motors([chosen], 4, 3600.0), current, 60, speed)
-    expected = steady(current, ambient, float(outer_loss(current, speed)))
+    expected = steady(current, ambient, float(MAXON.outer_loss(current, speed)))
     np.testing.assert_allclose(winding[-1], expected[0], atol=1e-6)
     np.testing.assert_allclose(housing[-1], expected[1], atol=1e-6)
 
@@ -123,7 +113,7 @@ def settled(name: str, share: float) -> tuple[float, float]:
     motor, own = scenario.scenario("rect", robot=name).settings.motor, ROBOTS[name]
     current, speed = share * own.nominal_current, own.nominal_speed / own.gear
     winding, _ = hold(Motors([motor], 4, 60.0), current, 60, speed)
-    return float(winding[-1, 0]), steady(current, 25.0, float(outer_loss(current, speed, own)), own.resistance)[0]
+    return float(winding[-1, 0]), steady(current, 25.0, float(own.outer_loss(current, speed)), own.resistance)[0]
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -208,7 +198,7 @@ def test_heat_is_conserved() -> None:
     motors, period = Motors([sheet()], 4, FRAME_S), FRAME_S
     winding, housing = hold(motors, 4.0, 60 * 60, 100.0)
     resistance = 0.942 * (1 + COPPER_PER_K * (winding - 25))
-    produced = ((16.0 * resistance[:-1]).sum(0) + len(winding[1:]) * outer_loss(4.0, 100.0)) * period
+    produced = ((16.0 * resistance[:-1]).sum(0) + len(winding[1:]) * MAXON.outer_loss(4.0, 100.0)) * period
     left = np.trapezoid(housing - 25, dx=period, axis=0) / HOUSING_AMBIENT
     stored = WINDING_J_K * (winding[-1] - 25) + HOUSING_J_K * (housing[-1] - 25)
     assert (stored > 0.1 * produced).all()
@@ -239,87 +229,3 @@ def test_a_hot_motor_stalls_weaker_and_runs_faster() -> None:
     speed = 12.0 / (0.93 * 0.036 * 60 / 18)
     np.testing.assert_allclose(hot.drive(voltage, np.full((1, 4), speed))[1], 0.0, atol=1e-9)
     assert (cold.drive(voltage, np.full((1, 4), speed))[1] < -0.1).all()
-
-
-def test_heat_reaches_the_engines_motors() -> None:
-    # Robots whose windings and magnets are cold and hot, against the same command from rest: for one frame, in which
-    # the wheels hardly turn, the torque and so the way is that of the voltage, K / R.
-    hot = quiet(motor={"winding_c": 125.0, "housing_c": 95.0})
-    plant = plant_of([quiet(), hot])
-    drive(plant, constant([0.3, 0.0, 0.0], 1, 2))
-    cold_peak, hot_peak = plant.telemetry().current_peak
-    assert hot_peak == pytest.approx(cold_peak / 1.393, rel=1e-3)  # the first step, wheels at rest
-    speed = plant.telemetry().wheel_speed
-    assert (np.abs(speed[1]) < 0.97 * np.abs(speed[0])).all()
-    drive(plant, constant([0.3, 0.0, 0.0], 59, 2))
-    # And for good: a proportional loop with hot motors droops more.
-    x = plant.pose()[:, 0]
-    assert 0.5 * x[0] < x[1] < x[0] - 1e-3
-
-
-def test_the_plants_windings_follow_the_currents_that_it_reports() -> None:
-    spin_up, frames = 30, 150
-    # Small heat capacities, that two seconds warm by tens of kelvins; stiff gears, that take amperes for a steady turn,
-    # in which the current at the end of a frame, the one reported, is that of the whole frame: encoders of more than
-    # the robot's 2048 counts, of which one is half an ampere.
-    light, hardy, fine = {"winding_j_k": 1.0, "housing_j_k": 10.0}, {"cut_off_v": 0.0}, {"encoder_counts": 8192}
-    plant = plant_of(
-        [quiet(motor=light, battery=hardy, sensors=fine, drive={"gear_friction_nm": f}) for f in (0.2, 0.4)]
-    )
-    currents, outer, temperatures = [], [], []
-    for command in constant([0.0, 0.0, 12.0], frames, 2):
-        drive(plant, command[None])
-        telemetry = plant.telemetry()
-        currents.append(telemetry.current.copy())
-        outer.append(outer_loss(telemetry.current, telemetry.wheel_speed, OWN))
-        temperatures.append(np.concatenate([telemetry.winding.ravel(), telemetry.housing.ravel()]))
-    start = temperatures[spin_up - 1]
-
-    def rates(time: float, state: NDArray) -> NDArray:
-        winding, housing = state.reshape(2, 2, 4)
-        frame = spin_up + min(int(time / FRAME_S), frames - spin_up - 1)
-        heat = currents[frame] ** 2 * OWN.resistance * (1 + COPPER_PER_K * (winding - 25))
-        inward, outward = (winding - housing) / WINDING_HOUSING, (housing - 25) / HOUSING_AMBIENT
-        return np.concatenate([(heat - inward).ravel() / 1.0, (inward + outer[frame] - outward).ravel() / 10.0])
-
-    ends = (np.arange(frames - spin_up) + 1) * FRAME_S
-    solution = solve_ivp(rates, (0, ends[-1]), start, t_eval=ends, max_step=FRAME_S, rtol=1e-6).y.T
-    rise = np.array(temperatures[spin_up:]) - start
-    assert rise[:, 12:].max() > 0.02
-    assert rise[:, :4].max() > 5
-    assert rise[:, 4:8].max() > 20
-    # 2 % of each robot's largest rise: rollers and encoder counts modulate the current within a frame.
-    for robot in (slice(0, 4), slice(4, 8), slice(8, 12), slice(12, 16)):
-        expected = (solution - start)[:, robot]
-        np.testing.assert_allclose(rise[:, robot], expected, rtol=0, atol=0.02 * expected.max())
-
-
-def push(derate: bool, speeds: NDArray, error: float, battery_v: NDArray, minutes: float) -> NDArray:
-    """Hottest winding (frames, n) of robots whose wheels the carpet holds `error` rad/s below what they are told."""
-    n = len(speeds)
-    kinematics = Kinematics(np.radians([60.0, 135, 225, 300]), arm=0.08, radius=0.0285)
-    loops = {"derate": derate, "turn_gain": 0.0, "nominal_voltage_v": 22.2}
-    chosen = [quiet(motor=SHEET, firmware=loops)] * n
-    firmware = Firmware(chosen, kinematics, np.zeros(n), FRAME_S, FRAME_S)
-    motors = Motors([each.motor for each in chosen], 4, FRAME_S)
-    commands = np.stack([0 * speeds, 0 * speeds, (speeds + error) * 0.0285 / 0.08], axis=1)
-    turning = np.tile(speeds[:, None], 4)
-    angle, hottest = 0 * turning, []
-    for _ in range(round(minutes * 60 / FRAME_S)):
-        angle = angle + turning * FRAME_S
-        firmware.receive(Received.at_once(commands), motors.winding)
-        duty = firmware.duties(np.zeros(n), angle)
-        motors.warm(motors.drive(duty * battery_v[:, None], turning)[1][None], turning[None])
-        hottest.append(motors.winding.max(1))
-    return np.array(hottest)
-
-
-def test_derating_keeps_the_winding_below_its_limit() -> None:
-    """Against a wall and at 1.7 m/s, with an empty, a nominal and a full battery."""
-    speeds, battery_v = np.repeat([0.0, 60.0], 3), np.tile([20.4, 22.2, 25.2], 2)
-    # Twenty rad/s behind, a k_p of 0.3 drives 6 V into less than an ohm: the winding passes its limit within seconds.
-    assert (push(False, speeds, 20.0, battery_v, 0.5)[-1] > HIGHEST_C).all()
-    limited = push(True, speeds, 20.0, battery_v, 1.0).max(0)
-    assert (limited < HIGHEST_C).all()
-    # It limits no more than it must: the motor is used up to within the band where derating begins.
-    assert (limited > HIGHEST_C - 10).all()

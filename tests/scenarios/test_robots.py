@@ -9,6 +9,7 @@ from omni_control.errors import OmniError
 from omni_mj import robots as shipped
 from omni_mj.scenarios import robots, scenario
 from omni_mj.scenarios.settings import Settings
+from omni_mj.worlds import build
 
 DEFAULT = shipped.builtin()[robots.DEFAULT].read_text()
 
@@ -28,7 +29,7 @@ def changed(text: str, **values: str) -> str:
 @pytest.fixture
 def other(tmp_path: Path) -> Path:
     path = tmp_path / "other.toml"
-    path.write_text(changed(DEFAULT, gear_friction_nm="0.01", pile="0.15") + "\n[sensors]\nencoder_counts = 1024\n")
+    path.write_text(changed(DEFAULT, gear_friction_nm="0.01", pile="0.15", encoder_counts="1024"))
     return path
 
 
@@ -40,10 +41,42 @@ def test_the_default_robot_is_what_settings_are_by_default() -> None:
             assert given == (tuple(value) if isinstance(value, list) else value), (section, field)
 
 
-def test_every_robot_that_comes_along_is_whole_and_says_what_it_is() -> None:
-    for name in shipped.builtin():
-        assert robots.description(name)
-        assert scenario.scenario("rect", robot=name).robot == name
+def test_three_robots_come_along() -> None:
+    assert set(shipped.builtin()) == {"tigers-v2016", "tigers-v2020", "tigers-v2020-planetary"}
+
+
+@pytest.mark.parametrize("name", shipped.builtin())
+def test_every_robot_that_comes_along_is_whole_and_drives_what_it_says(name: str) -> None:
+    assert robots.description(name)
+    made = scenario.scenario("rect", robot=name)
+    assert made.robot == name
+    for section, fields in robots.sections(name).items():
+        for field, value in fields.items():
+            given = getattr(getattr(made.settings, section), field)
+            assert given == (tuple(value) if isinstance(value, list) else value), (section, field)
+
+
+@pytest.mark.parametrize("name", shipped.builtin())
+def test_every_robots_numbers_fit_together(name: str) -> None:
+    """What one number says of another: cells and volts, body and wheels, motor and battery, drags and friction."""
+    s = scenario.scenario("rect", robot=name).settings
+    assert s.firmware.nominal_voltage_v == pytest.approx(3.7 * s.battery.cells)  # LiPo
+    assert 3.2 * s.battery.cells <= s.battery.cut_off_v <= 3.5 * s.battery.cells
+    # A disc whose mass is within the wheels: 1/2 m r^2 with the arm as r at least, a ring's m r^2 at most.
+    disc = s.body.mass_kg * s.wheels.arm_m**2
+    assert 0.5 * disc < s.body.yaw_inertia_kg_m2 < disc
+    # In every direction along the floor half of a flat disc's, and more for its height.
+    assert s.body.tilt_inertia_kg_m2 > s.body.yaw_inertia_kg_m2 / 2
+    assert s.drive.roller_friction < s.carpet.friction
+    # The league's limit (SSL rules): 180 mm across.
+    assert s.wheels.arm_m < 0.09
+    # At the nominal battery it reaches the reference's speed in its fastest direction: back-EMF of the motor at 3 m/s.
+    rotor = 3.0 / s.wheels.radius_m * s.motor.gear
+    assert s.motor.constant_nm_a * rotor < s.firmware.nominal_voltage_v
+    # And it is built and stands with its weight on its wheels.
+    world = build.world(s)
+    assert world.weight == pytest.approx(s.body.mass_kg * 9.81, rel=1e-9)
+    assert world.kinematics.arm == s.wheels.arm_m
 
 
 def test_a_robot_is_a_name_or_a_file(other: Path) -> None:
@@ -52,8 +85,9 @@ def test_a_robot_is_a_name_or_a_file(other: Path) -> None:
     for wrong, says in (
         ("tigers-v201", "unknown robot 'tigers-v201'; did you mean 'tigers-v2016'"),
         ("nowhere/mine.toml", "there is no robot's file nowhere/mine.toml"),
+        ("models/ssl_robot.xml", r"a robot is a \.toml file of settings, not 'models/ssl_robot\.xml'; choose from "),
     ):
-        with pytest.raises(OmniError, match=says):
+        with pytest.raises(OmniError, match=f"^{says}.*$"):
             scenario.scenario("rect", robot=wrong)
 
 

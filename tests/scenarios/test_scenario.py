@@ -152,6 +152,9 @@ def value_of(setting: Setting) -> st.SearchStrategy[Any]:
         return st.lists(st.floats(-360, 360), min_size=3, max_size=8)
     if setting.kind is tuple:
         coordinate = st.floats(-100, 100)
+        if setting.numbers == 4:
+            patch = st.tuples(coordinate, coordinate, st.floats(0.001, 100), st.floats(0.01, 5))
+            return st.lists(patch, max_size=5)
         return st.lists(st.tuples(coordinate, coordinate, coordinate), min_size=2, max_size=5)
     return (st.integers if setting.kind is int else st.floats)(setting.low, setting.high)
 

@@ -60,6 +60,11 @@ class Reckoned:
         """Resistance with commutation's part, ohm."""
         return self.resistance + self.commutation * self.gear * np.abs(wheel_speed)
 
+    def outer_loss(self, current: Any, wheel_speed: Any) -> Any:
+        """Heat of a housing, W: commutation's X |w| i^2, and the power of dry and viscous friction."""
+        drop = self.series(wheel_speed) - self.resistance
+        return drop * np.square(current) + self.friction(wheel_speed) * np.abs(wheel_speed)
+
 
 def reckoned(rows: Mapping[str, float]) -> Reckoned:
     """The nominal row, of which resistance and back-EMF leave a voltage for commutation; the no-load row's torque."""
