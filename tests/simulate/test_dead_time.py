@@ -96,7 +96,7 @@ def test_dead_time_costs_the_uncompensated_controller_more_and_more_on_the_ideal
 
 def test_dead_time_costs_the_uncompensated_controller_more_and_more_on_the_mujoco_plant() -> None:
     none, short, long = (errors(run("mujoco", (f"radio.delay_frames={d}",)))[:, 0] for d in (0, 3, 6))
-    # As above, with noise, and creep that costs a centimetre without any delay: 10, 15 and 27 mm; compensated 10, 10, 9.
+    # As above, with noise, and creep that costs a centimetre without delay: 10, 15, 27 mm; compensated 10, 10, 9.
     assert none[FLC] < short[FLC] < long[FLC]
     assert long[FLC] > 2 * none[FLC]
     assert short[COMPENSATED] < 0.8 * short[FLC]
