@@ -70,6 +70,25 @@ def test_the_body_is_slower_than_its_wheels_by_t_times_its_acceleration(driven: 
         assert behind[axis] == pytest.approx(lag[axis], rel=0.07)
 
 
+def test_at_a_constant_speed_wheels_creep_for_the_drag() -> None:
+    """v / u = K = 1 - T D / m: what brakes the body must be pulled through the wheels, what brakes hubs must not."""
+    settings = [free().replace(carpet={"pile": pile}) for pile in (0.0, 0.0, 0.12, 0.12)]
+    tape = Tape(mujoco(settings)).drive(ramp(np.tile(TWISTS[:2] / 1.5, (2, 1)), 4.0, 75))
+    b, window = np.column_stack([TANGENTS, 4 * [ARM_M]]), slice(-480, None)
+    twist, hubs = tape.twist()[window].mean(0), tape.steps["wheels"][window].mean(0)
+    wheels = RADIUS_M * hubs @ np.linalg.pinv(b).T
+
+    def behind(row: int) -> float:
+        return float(wheels[row, row % 2] / twist[row, row % 2] - 1)
+
+    for row in (0, 1):
+        load = tape.steps["load"][window, 2 + row].mean(0)
+        drag = np.append(0.12 * MASS_KG * GRAVITY * (np.arange(2) == row), 0.0)
+        expected = np.linalg.solve(b.T * load @ b, drag)[row] / STIFFNESS
+        # Less what the rolling radius, 0.1 % below the nominal one, and carpet that yields cost without pile. 2 %.
+        assert behind(2 + row) - behind(row) == pytest.approx(expected, rel=0.02)
+
+
 def test_speeds_are_those_of_the_laws_own_differential_equation(driven: Tape) -> None:
     """Hubs, rims and body in one equation, solved by scipy, under the torques that the plant's motors gave."""
     start, end = 16 * 5, 16 * 35

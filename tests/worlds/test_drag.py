@@ -96,3 +96,9 @@ def test_a_robot_comes_to_rest_and_stays() -> None:
     tape = rolled_out([Settings()], speed=0.4, frames=70)
     assert np.abs(tape.twist()[-240:, :, :2]).max() < 1e-3
     assert (np.abs(tape.steps["position"][-1] - tape.steps["position"][-240])[:, :2] < 2e-5).all()
+
+
+def test_the_default_robot_rolls_out_as_published() -> None:
+    """TIGERs publish 4.44 N for their v2016, forward: 10 %, for mass times deceleration or with what turns in it."""
+    tape = rolled_out([quiet()])
+    assert decelerations(tape)[0] * Settings().body.mass_kg == pytest.approx(4.44, rel=0.1)

@@ -4,18 +4,20 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from driving import COMMUTATION, FRAME_S, GEAR, constant, drive, hinge_friction, quiet
+from default_robot import ARM_M, RADIUS_M, TANGENTS
+from driving import FRAME_S, constant, drive, quiet
 from driving import mujoco as plant_of
 from numpy.typing import NDArray
 
 from omni_control.kinematics import world_to_body
+from omni_mj.scenarios.settings import Settings
 from omni_mj.worlds import build
 
-AZIMUTHS = np.radians([60, 135, 225, 300])
-ARM_M, RADIUS_M = 0.080, 0.0285
-# Tangents along which positive wheel speeds push the robot, in its frame (equation 3).
-TANGENTS = np.stack([-np.sin(AZIMUTHS), np.cos(AZIMUTHS)], axis=1)
-
+# No drag: at a constant speed there is nothing to creep for, and wheels roll.
+FREE = {
+    "carpet": {"pile": 0.0},
+    "drive": {"roller_friction": 0.0, "roller_damping_nm_s": 0.0, "gear_friction_nm": 0.02},
+}
 EIGHT_DIRECTIONS = np.radians(np.arange(0, 360, 45))
 SPEED = 0.5
 # Eight translations, and both turns at the same rim speed.
@@ -33,27 +35,30 @@ class Cruise:
 
     twist: NDArray  # (n, 3)
     wheels: NDArray  # (n, 4) rad/s
+    friction: float  # dry, of motor and gear, at a wheel, N m
 
 
 @pytest.fixture(scope="module")
 def cruise() -> Cruise:
     n, frames = len(TWISTS), 45
-    plant = plant_of([quiet()] * n)
+    plant = plant_of([quiet(**FREE)] * n)
     drive(plant, constant(TWISTS, 30, n))
     wheel_angle = plant.telemetry().wheel_angle
     poses = drive(plant, constant(TWISTS, frames, n))
     steps, headings = np.diff(poses, axis=0), (poses[1:, :, 2] + poses[:-1, :, 2]) / 2
     seconds = frames * FRAME_S
     travelled = world_to_body(steps, headings).sum(0)
-    return Cruise(travelled / seconds, (plant.telemetry().wheel_angle - wheel_angle) / seconds)
+    hub = plant._world.robots[0].wheel_dofs[0]
+    friction = float(plant._batch.expand("dof_frictionloss")[0, hub])
+    return Cruise(travelled / seconds, (plant.telemetry().wheel_angle - wheel_angle) / seconds, friction)
 
 
 def test_body_twist_is_that_of_the_measured_wheel_speeds(cruise: Cruise) -> None:
     kinematics = build.world().kinematics
     to_rim = np.array([1, 1, ARM_M])  # turns weigh as the speed of the rim
     error = (kinematics.body_twist(cruise.wheels) - cruise.twist) * to_rim
-    # The wheels sink about 0.2 mm into the soft carpet, and MuJoCo's contact point lies halfway: an effective radius
-    # 0.4 % below the nominal one. The rest of the 0.5 % is slip.
+    # The wheels sink into the soft carpet, and MuJoCo's contact point lies halfway: an effective radius 0.2 % below the
+    # nominal one. The rest of the 0.5 % is creep for what rolling on carpet that yields costs.
     assert (np.linalg.norm(error, axis=1) <= 0.005 * np.linalg.norm(cruise.twist * to_rim, axis=1)).all()
 
 
@@ -62,19 +67,20 @@ def test_each_wheel_rolls_without_slip(cruise: Cruise) -> None:
     # than the least squares of equation 3, which would average opposite slips away.
     along = cruise.twist[:, :2] @ TANGENTS.T + ARM_M * cruise.twist[:, 2:]
     fastest = np.abs(along).max(axis=1, keepdims=True)
-    # 1 % of the fastest wheel: the effective radius (0.4 %), and the lightly loaded wheels' slip.
+    # 1 % of the fastest wheel: the effective radius, and the lightly loaded wheels' creep.
     assert (np.abs(RADIUS_M * cruise.wheels - along) <= 0.01 * fastest).all()
 
 
-def test_the_wheel_loop_droops_under_friction(cruise: Cruise) -> None:
-    # At a constant speed each motor's current overcomes the friction of motor, gear and lint, and the voltage its
-    # drop: (K gear + k_p) (wanted - w) = (R + X gear |w|) I. In a turn all wheels lag by that, and the turn-rate loop,
-    # g = 1, halves it; driving forward, the lag is that of the mean of the pulls, weighted by the tangents.
-    along = np.abs(TANGENTS[:, 0])
+def test_the_wheel_loop_droops_under_dry_friction(cruise: Cruise) -> None:
+    # At a constant speed each motor's current overcomes the dry friction of motor and gear, and the voltage its drop:
+    # (K gear + k_p) (wanted - w) = (R + X gear |w|) I. In a turn all wheels lag by that, and the turn-rate loop, g = 1,
+    # halves it; driving forward, the lag is that of the mean of the pulls, weighted by the tangents.
+    motor = Settings().motor
+    constant, along = motor.constant_nm_a * motor.gear, np.abs(TANGENTS[:, 0])
 
     def lag(rims: NDArray) -> NDArray:
-        current = hinge_friction(rims / RADIUS_M) / (0.036 * GEAR)
-        return (0.942 + COMMUTATION * GEAR * rims / RADIUS_M) * current / (0.036 * GEAR + 0.3) * RADIUS_M
+        resistance = motor.resistance_ohm + motor.commutation_ohm_s * motor.gear * rims / RADIUS_M
+        return resistance * cruise.friction / constant / (constant + 0.3) * RADIUS_M
 
     # 2 %: effective radius, rolling losses and the battery's sag, which are not in this balance.
     forward = SPEED - (lag(SPEED * along) * along).sum() / (along**2).sum()
