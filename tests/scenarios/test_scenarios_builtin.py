@@ -158,7 +158,7 @@ def test_a_random_task_can_be_planned_anew_in_every_frame() -> None:
 
 
 def test_slippery_asks_for_nine_tenths_of_what_its_carpet_gives() -> None:
-    """Wheels must speed the robot up and pull what pile and rollers' bearings drag, each wheel by its share of weight."""
+    """Wheels must speed the robot up and pull what pile and bearings drag, each by its share of the weight."""
     settings = scenario.scenario("slippery").settings
     azimuths, friction = np.radians(settings.wheels.azimuths_deg), settings.carpet.friction
     limits = traction_limits(kinematics(settings.wheels), friction, settings.body.centre_height_m)
