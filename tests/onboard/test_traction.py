@@ -26,7 +26,7 @@ def traction(pile: float = 0.1, bearing: float = 0.03, friction: float = 0.8, in
 
 def travelled(made: Traction, heading: float, twist: np.ndarray, load: np.ndarray) -> Traction:
     quaternion = np.array([[np.cos(heading / 2), 0, 0, np.sin(heading / 2)]])
-    made.travel(quaternion, np.array([[twist[0], twist[1], 0.3, 0, 0, twist[2]]]), load[None])
+    made.travel(np.zeros((1, 3)), quaternion, np.array([[twist[0], twist[1], 0.3, 0, 0, twist[2]]]), load[None])
     made.press(load[None])
     return made
 
@@ -91,11 +91,12 @@ def test_rows_are_computed_each_by_itself() -> None:
     """To the bit, however many there are."""
     rng = np.random.default_rng(0)
     settings = [with_settings(carpet={"pile": float(p)}) for p in rng.uniform(0, 0.3, 9)]
-    quaternion, velocity, load = rng.normal(size=(9, 4)), rng.normal(size=(9, 6)), rng.uniform(0, 9, (9, 4))
+    position, quaternion, velocity = (rng.normal(size=(9, k)) for k in (3, 4, 6))
+    load = rng.uniform(0, 9, (9, 4))
 
     def wrench(rows: slice) -> np.ndarray:
         made = Traction(settings[rows], KINEMATICS, CENTRE, np.full(4, 8e4), STEP)
-        made.travel(quaternion[rows], velocity[rows], load[rows])
+        made.travel(position[rows], quaternion[rows], velocity[rows], load[rows])
         made.press(load[rows])
         return np.column_stack([made.wrench, made.limit, made.impedance])
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driving import FRAME_S, SIGMAS, constant, drive, quiet, ramp, rows, with_settings
+from driving import FRAME_S, SIGMAS, STIFF, constant, drive, quiet, ramp, rows, with_settings
 from driving import mujoco as plant_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -143,7 +143,7 @@ def test_worn_wheels_roll_at_their_own_radius_and_stand_as_new_ones(model: str) 
 def test_a_wheel_that_slides_pulls_by_its_own_friction() -> None:
     """All wheels spin: the robot turns up by sum(mu_i N_i) arm, and drifts by the sum of the wheels' pulls."""
     share, mu, frames = 0.3, 0.1, 14
-    base = {"firmware": {"kp": 1.0, "turn_gain": 0.0}, "drive": NO_DRAG["drive"]}
+    base = {"firmware": {"kp": 0.4, "turn_gain": 0.0}, "drive": NO_DRAG["drive"]}
     carpet = {"friction": mu, "pile": 0.0}
     chosen = [quiet(carpet=carpet, variation={"friction": each}, **base) for each in (0.0, *[share] * 4)]
     plant = plant_of(chosen, seeds=range(5))
@@ -233,7 +233,7 @@ def test_the_pile_drags_by_the_angle_to_its_fibres(
 def test_a_robot_follows_its_wheels_worse_against_the_fibres() -> None:
     """Wheels creep alike, by k of their travel: k C sum(N d^2) = p (1 +- nap) sum(N), d being the wheels' cosines."""
     pile, nap = 0.1, 0.5
-    stiff = {"firmware": {"kp": 1.0, "ki": 20.0, "turn_gain": 0.0}, "drive": {"roller_friction": 0.0}}
+    stiff = {"firmware": STIFF, "drive": {"roller_friction": 0.0}}
     chosen = quiet(carpet={"pile": pile, "nap": nap, "nap_deg": 90.0}, wheels={"model": "two-rollers"}, **stiff)
     headings = np.radians([90.0, -90.0])  # against the fibres and with them
     plant = plant_of([chosen] * 2, [[0, 0, heading] for heading in headings])
@@ -270,7 +270,7 @@ def test_friction_is_that_of_the_last_patch_under_a_wheel() -> None:
 def test_a_robot_on_a_patch_slides_as_on_carpet_of_its_friction_and_brakes_at_its_edge() -> None:
     edge = 0.15  # of a patch so large that it is straight
     chosen = [
-        quiet(carpet=carpet, firmware={"kp": 1.0})
+        quiet(carpet=carpet, firmware={"kp": 0.4})
         for carpet in (
             {"friction": 0.2},
             {"friction": 0.8, "patches": [[0, 0, 5.0, 0.2]]},

@@ -11,11 +11,13 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from omni_control.kinematics import Array
+from omni_control.traction import traction_limits
 from omni_mj.scenarios import references, scenario
 from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S, ReferenceSettings
 from omni_mj.simulate.simulation import Simulation
+from omni_mj.worlds.build import kinematics
 
 TASKS = ("circle", "eight", "square-spin", "sprint", "waypoints")
 FIELD_M = (9.0, 6.0)  # division B, RoboCup-SSL rules
@@ -153,3 +155,15 @@ def test_a_random_task_can_be_planned_anew_in_every_frame() -> None:
     poses = references.timed(settings).poses
     for point in references.iterated(settings, 2).waypoints:
         assert (poses == point).all(1).any()
+
+
+def test_slippery_asks_for_nine_tenths_of_what_its_carpet_gives() -> None:
+    """Wheels must speed the robot up and pull what pile and bearings drag, each by its share of the weight."""
+    settings = scenario.scenario("slippery").settings
+    azimuths, friction = np.radians(settings.wheels.azimuths_deg), settings.carpet.friction
+    limits = traction_limits(kinematics(settings.wheels), friction, settings.body.centre_height_m)
+    shares = np.linalg.pinv([np.ones(4), np.cos(azimuths), np.sin(azimuths)]) @ [1.0, 0.0, 0.0]
+    asked = settings.reference.max_acceleration_m_s2, settings.reference.max_side_acceleration_m_s2
+    for limit, wanted, along_axles in zip(limits, asked, np.abs([np.cos(azimuths), np.sin(azimuths)]), strict=True):
+        drag = 9.81 * (settings.carpet.pile + settings.drive.roller_friction * shares @ along_axles)
+        assert (wanted + drag) / limit == pytest.approx(0.9, abs=0.01)

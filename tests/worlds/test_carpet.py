@@ -5,14 +5,14 @@ import copy
 import numpy as np
 import pytest
 from default_robot import COM_HEIGHT_M, CONTACTS, GRAVITY, TANGENTS
-from driving import FRAME_S, constant, drive, quiet, ramp
+from driving import FRAME_S, STIFF, constant, drive, quiet, ramp
 from driving import mujoco as plant_of
 from numpy.typing import NDArray
 
 from omni_mj.worlds import build
 
 # A stiff wheel loop, so that what is seen is the contact and not the firmware.
-STIFF = {"firmware": {"kp": 1.0, "ki": 20.0, "turn_gain": 0.0}}
+SHARP = {"firmware": STIFF}
 
 
 def test_a_robot_that_stands_or_has_stopped_does_not_creep() -> None:
@@ -42,7 +42,7 @@ def test_friction_wheel_angles_and_loads_limit_the_acceleration() -> None:
                 a = friction * float(pull @ load)
             expected.append(a)
     free = {"roller_friction": 0.0, "roller_damping_nm_s": 0.0}
-    settings = [quiet(carpet={"friction": f, "pile": 0.0}, drive=free, **STIFF) for f in frictions for _ in range(2)]
+    settings = [quiet(carpet={"friction": f, "pile": 0.0}, drive=free, **SHARP) for f in frictions for _ in range(2)]
     commands = constant([[3.6, 0, 0], [0, 3.6, 0]] * 3, 16, 6)
     poses = drive(plant_of(settings), commands)
     # From the second frame, when the wheels spin, to where they still do.

@@ -6,7 +6,7 @@ import mujoco as mj
 import numpy as np
 import pytest
 from default_robot import ARM_M, COM_HEIGHT_M, CONTACTS, GRAVITY, MASS_KG, RADIUS_M, TANGENTS
-from driving import mujoco, quiet, ramp
+from driving import STIFF, mujoco, quiet, ramp
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from taped import Tape
@@ -14,7 +14,6 @@ from taped import Tape
 from omni_mj.scenarios.settings import Settings
 from omni_mj.worlds import build
 
-STIFF = {"kp": 1.0, "ki": 20.0, "turn_gain": 0.0}
 STIFFNESS = 2.5
 HUB_INERTIA = 9e-6  # models/ssl_robot.xml
 RIM_INERTIA = 1e-6 + 16 * (0.0015 * 0.0225**2 + 6e-8)

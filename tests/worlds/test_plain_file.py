@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from plain import arrays
 
+from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios import models
 from omni_mj.scenarios.settings import Settings
 from omni_mj.worlds import build, shape
 from omni_mj.worlds.shape import Shape
-from omni_mj.worlds.wheels import Motor
 
 DIGITS = 1e-6  # of the numbers in the files
 
@@ -24,9 +24,11 @@ def written(numbers: Any) -> str:
 def expected() -> list[str]:
     """What must stand in ssl_robot.xml, for the settings of the default robot."""
     settings = Settings()
-    wheels, motor, world = settings.wheels, Motor.of(settings), build.world()
+    wheels, motor, world = settings.wheels, Motor.of(settings.motor), build.world()
     (chassis,) = shape.robot(Shape.of(settings), models.robot_path()).worldbody.bodies
     pair = {name: getattr(world.model, f"pair_{name}")[0] for name in ("solref", "solimp", "solreffriction")}
+    dry = motor.wheel_dry + settings.drive.gear_friction_nm
+    at_rest = settings.carpet.friction * settings.body.mass_kg * 9.81 / 4 * wheels.radius_m  # of a rim
     barrel = wheels.roller_radius_m, wheels.roller_radius_m, np.sqrt(wheels.radius_m * wheels.roller_radius_m)
     return [
         f'<inertial pos="{written(chassis.ipos)}" mass="{written(chassis.mass)}"',
@@ -36,6 +38,8 @@ def expected() -> list[str]:
         f'<replicate count="{wheels.rollers}" euler="{written(360 / wheels.rollers)} 0 0">',
         f'pos="{written([0, 0, wheels.roller_radius_m - wheels.radius_m])}" euler="90 0 0"',
         f'<geom type="ellipsoid" size="{written(barrel)}"',
+        f'frictionloss="{written(dry)}" damping="{written(motor.wheel_viscous)}"',
+        f'frictionloss="{written(at_rest)}"',
         f'damping="{written(settings.drive.roller_damping_nm_s)}"',
         f'motorconst="{written(motor.constant)}" resistance="{written(motor.resistance)}" gear="{written(motor.gear)}"',
         f'armature="{written(settings.motor.rotor_inertia_kg_m2)}"',

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from default_robot import CONTACTS, MASS_KG, OUTWARD, RADIUS_M, TANGENTS
-from driving import constant, mujoco, quiet, ramp
+from driving import STIFF, constant, mujoco, quiet, ramp
 from numpy.typing import NDArray
 from taped import Tape
 
@@ -11,8 +11,6 @@ from omni_control.errors import OmniError
 from omni_mj.link.radio import Received
 from omni_mj.scenarios.settings import Settings
 
-# A stiff wheel loop, so that the carpet is the limit and not the firmware; nothing else that would slow the robot.
-STIFF = {"kp": 1.0, "ki": 20.0, "turn_gain": 0.0}
 FORWARD, LEFT, DIAGONAL, TURN = np.array([[1, 0, 0], [0, 1, 0], [0.7, 0.7, 0], [0, 0, 12.0]])
 MODELS = ("rollers", "two-rollers")
 # Rim and rollers roll with the body however the hub spins: I / R^2 along each tangent.
@@ -21,6 +19,7 @@ ROLLING_KG = MASS_KG + RIM_INERTIA / RADIUS_M**2 * (TANGENTS**2).sum(0)
 
 
 def stiff(friction: float, **sections: dict[str, object]) -> Settings:
+    """So that the carpet is the limit and not the firmware."""
     return quiet(carpet={"friction": friction} | sections.pop("carpet", {}), firmware=STIFF, **sections)
 
 

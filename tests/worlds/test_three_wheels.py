@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from driving import FRAME_S, drive, mujoco, quiet, ramp
+from driving import FRAME_S, STIFF, drive, mujoco, quiet, ramp
 
 from omni_control.kinematics import world_to_body
 from omni_mj.worlds import build
@@ -24,8 +24,7 @@ def test_it_drives_where_its_kinematics_say(wheels: str) -> None:
     """Forward, sideways and turning: the body's twist is that of wheels that roll and creep, and as commanded."""
     # A carpet and rollers without drag, so that at a constant speed there is nothing to creep for.
     free = {"carpet": {"pile": 0.0}, "drive": {"roller_friction": 0.0}}
-    stiff = {"kp": 1.0, "ki": 20.0, "turn_gain": 0.0}
-    chosen = quiet(firmware=stiff, wheels=THREE | {"model": wheels}, **free)
+    chosen = quiet(firmware=STIFF, wheels=THREE | {"model": wheels}, **free)
     twists = np.array([[0.5, 0, 0], [0, 0.5, 0], [0, 0, 6.0]])
     plant = mujoco([chosen] * 3)
     commands = ramp(twists, [2.0, 2.0, 24.0], 75)

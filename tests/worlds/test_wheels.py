@@ -13,10 +13,11 @@ from omni_control.kinematics import world_to_body
 from omni_mj.scenarios.settings import Settings
 from omni_mj.worlds import build
 
-# No drag: at a constant speed there is nothing to creep for, and wheels roll.
+# No drag, so that at a constant speed there is nothing to creep for but wheels that pull against each other, as they do
+# where they droop differently; and rubber that hardly creeps for that.
 FREE = {
     "carpet": {"pile": 0.0},
-    "drive": {"roller_friction": 0.0, "roller_damping_nm_s": 0.0, "gear_friction_nm": 0.02},
+    "drive": {"roller_friction": 0.0, "roller_damping_nm_s": 0.0, "gear_friction_nm": 0.02, "creep_stiffness": 1e3},
 }
 EIGHT_DIRECTIONS = np.radians(np.arange(0, 360, 45))
 SPEED = 0.5
@@ -58,8 +59,8 @@ def test_body_twist_is_that_of_the_measured_wheel_speeds(cruise: Cruise) -> None
     to_rim = np.array([1, 1, ARM_M])  # turns weigh as the speed of the rim
     error = (kinematics.body_twist(cruise.wheels) - cruise.twist) * to_rim
     # The wheels sink into the soft carpet, and MuJoCo's contact point lies halfway: an effective radius 0.2 % below the
-    # nominal one. The rest of the 0.5 % is creep for what rolling on carpet that yields costs.
-    assert (np.linalg.norm(error, axis=1) <= 0.005 * np.linalg.norm(cruise.twist * to_rim, axis=1)).all()
+    # nominal one. The rest of the 0.3 % is polygons of rollers.
+    assert (np.linalg.norm(error, axis=1) <= 0.003 * np.linalg.norm(cruise.twist * to_rim, axis=1)).all()
 
 
 def test_each_wheel_rolls_without_slip(cruise: Cruise) -> None:
@@ -67,8 +68,8 @@ def test_each_wheel_rolls_without_slip(cruise: Cruise) -> None:
     # than the least squares of equation 3, which would average opposite slips away.
     along = cruise.twist[:, :2] @ TANGENTS.T + ARM_M * cruise.twist[:, 2:]
     fastest = np.abs(along).max(axis=1, keepdims=True)
-    # 1 % of the fastest wheel: the effective radius, and the lightly loaded wheels' creep.
-    assert (np.abs(RADIUS_M * cruise.wheels - along) <= 0.01 * fastest).all()
+    # 0.3 % of the fastest wheel: as above.
+    assert (np.abs(RADIUS_M * cruise.wheels - along) <= 0.003 * fastest).all()
 
 
 def test_the_wheel_loop_droops_under_dry_friction(cruise: Cruise) -> None:
