@@ -109,7 +109,10 @@ def test_the_slip_study_is_a_command(
     own = tmp_path / "own.toml"
     own.write_text(robots.robot_path("tigers-v2016").read_text())
     out = tmp_path / "out"
-    assert invoke("slip", "--robot", "tigers-v2016", "--robot", own, "--out", out) == 0
+    assert (
+        invoke("slip", "--robot", "tigers-v2016", "--robot", own, "--set", "wheels.model=two-rollers", "--out", out)
+        == 0
+    )
     printed = capsys.readouterr().out
     assert "TIGERs Mannheim, Firmware" in printed
     assert "own; nothing published" in printed

@@ -9,7 +9,6 @@ from laws import LAW
 from omni_control.estimation.identify import ALPHA_BOUNDS, ARM_M, SLOW_M_S, PlantIdentifier, direction
 from omni_control.kinematics import Array
 
-DRAG_HIGHEST = 0.08  # twice what is told by default
 T = 1 / 60
 DRAG_HIGHEST = 0.08  # m/s: twice what is believed of it by default
 
