@@ -1,4 +1,4 @@
-"""The practical limit: the best controller at hand, with the truth in place of vision."""
+"""What noise costs: the best controller at hand, with the truth in place of vision."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ from omni_control.reference import Reference
 
 
 class Oracle(AdaptiveCompFlc):
-    """oracle: no competitor, but the practical limit: adaptive-comp-flc that knows the true state in every frame.
+    """oracle: no competitor: adaptive-comp-flc that knows the true state in every frame.
 
     What it loses to a perfect robot is the price of the dead time alone: of what has changed since, and of what it
     could not know before it had moved. From true poses it identifies the latency, alpha and drag that it is not told.
