@@ -25,14 +25,7 @@ def command(robot: str | None, overrides: tuple[str, ...], out: Path | None, ove
     folder = folders.prepare(out, "alpha", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
         show = begin("alpha", alpha.total_frames(chosen))
-
-        def after_frame(frame: int) -> None:
-            interrupts.check()
-            if frame == 0:
-                console.quiet_mujoco()
-            show(frame)
-
-        result = alpha.alpha(chosen, after_frame=after_frame)
+        result = alpha.alpha(chosen, after_frame=console.checked(interrupts.check, show))
     with console.writing(folder):
         result.save(folder)
         if result.study:
@@ -40,8 +33,6 @@ def command(robot: str | None, overrides: tuple[str, ...], out: Path | None, ove
 
             alpha_figure.save(result.study, folder / "alpha.png")
     if not quiet:
-        print(result.table())
-        left = ", ".join(output for output in OUTPUTS if (folder / output).exists())
-        print(f"results in {folder}/ ({left}) after {result.wall_s:.0f} s")
+        console.tell(result, folder, OUTPUTS)
     interrupts.end(result.stopped, f"nothing was measured; what there is is in {folder}")
     console.fail_rows({outcome.scenario.name: outcome.failures for outcome in result.outcomes})

@@ -78,13 +78,8 @@ def command(
             nonlocal count
             count += 1
             console.quiet_mujoco()
-            show = begin(f"{simulation.scenario.name} ({count} of {len(chosen)})", total_frames(simulation))
-
-            def after_frame(frame: int) -> None:
-                interrupts.check()
-                show(frame)
-
-            return after_frame
+            title = f"{simulation.scenario.name} ({count} of {len(chosen)})"
+            return console.checked(interrupts.check, begin(title, total_frames(simulation)))
 
         def after_scenario(result: "Result", outcome: "Outcome") -> None:
             save(result)

@@ -12,6 +12,7 @@ import click
 from omni_control.errors import OmniError
 
 if TYPE_CHECKING:
+    from omni_mj.measure.result import Result
     from omni_mj.simulate.simulation import Failure
 
 BAD_INPUT, FAILED = 2, 1
@@ -71,6 +72,25 @@ def quiet_mujoco() -> None:
         log = mujoco.MjLogConfig.get()
         log.logto_file = log.logto_console = False
         log.set()
+
+
+def checked(check: Callable[[], None], show: Callable[[int], None]) -> Callable[[int], None]:
+    """What to call with each frame's number: it checks whether to stop, and shows how far it is."""
+
+    def after_frame(frame: int) -> None:
+        check()
+        if frame == 0:
+            quiet_mujoco()
+        show(frame)
+
+    return after_frame
+
+
+def tell(result: "Result", folder: Path, outputs: Iterable[str]) -> None:
+    """Print a study's table, and which of its outputs are in the folder."""
+    print(result.table())
+    left = ", ".join(output for output in outputs if (folder / output).exists())
+    print(f"results in {folder}/ ({left}) after {result.wall_s:.0f} s")
 
 
 @contextmanager

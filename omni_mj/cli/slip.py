@@ -31,15 +31,7 @@ def command(
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
 
         def before_robot(name: str, frames: int) -> Callable[[int], None]:
-            show = begin(name, frames)
-
-            def after_frame(frame: int) -> None:
-                interrupts.check()
-                if frame == 0:
-                    console.quiet_mujoco()
-                show(frame)
-
-            return after_frame
+            return console.checked(interrupts.check, begin(name, frames))
 
         result = slip.slip(chosen, before_robot=before_robot)
     with console.writing(folder):
@@ -49,8 +41,6 @@ def command(
 
             slip_figure.save(result.robots, folder / "slip.png")
     if not quiet:
-        print(result.table())
-        left = ", ".join(output for output in OUTPUTS if (folder / output).exists())
-        print(f"results in {folder}/ ({left}) after {result.wall_s:.0f} s")
+        console.tell(result, folder, OUTPUTS)
     interrupts.end(result.stopped, f"what there is is in {folder}")
     console.fail_rows({outcome.scenario.name: outcome.failures for outcome in result.outcomes})

@@ -238,7 +238,7 @@ class MujocoPlant:
                 Columns(qvel, np.array([robot.roller_dofs[:, k] for robot in robots])) for k in range(roles.KEPT)
             )
             if robots[0].rollers.shape[1] == roles.KEPT:
-                self._handover = Handover(self._wheel_angle, angles, (bottom, following), world.pitch)
+                self._handover = Handover(self._wheel_angle, angles, (bottom, following), world.wheels.pitch)
 
     def _stand(self, worlds: np.ndarray) -> None:
         """Put the robots of some worlds where they start, at rest on their rollers; their sensors say so."""

@@ -14,9 +14,9 @@ from omni_control.errors import OmniError
 from omni_mj.measure.response import NAMES, Profile, Response, measure
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
-from omni_mj.scenarios.settings import PERIOD_S, Settings
+from omni_mj.scenarios.settings import Settings
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.outcome import AfterFrame
+from omni_mj.studies.outcome import AfterFrame, standing
 
 DIRECTIONS = {"forward": (1.0, 0.0), "sideways": (0.0, 1.0), "diagonal": (0.5**0.5, 0.5**0.5)}
 Groups = Mapping[str, Sequence[tuple[Settings, Profile]]]
@@ -101,12 +101,10 @@ def frames(groups: Groups) -> int:
 
 def _undisturbed(settings: Settings, length: int) -> Settings:
     """Without dead time, noise and limits of the command; the reference lasts as many frames."""
-    rest = {"shape": "waypoints", "waypoints": [[0, 0], [0, 0]], "mode": "timed", "settle_s": length * PERIOD_S}
-    return settings.replace(
-        reference=rest,
+    return standing(
+        settings,
+        length,
         control={"max_speed_m_s": 20, "max_acceleration_m_s2": 1000},
-        radio={"delay_frames": 0, "jitter_frames": 0},
         vision={"position_noise_m": 0, "heading_noise_rad": 0, "miss_probability": 0},
         disturbance={"force_n": 0},
-        world={"places": [[0, 0, 0]]},
     )

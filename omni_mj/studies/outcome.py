@@ -2,12 +2,14 @@
 
 import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from omni_control.controllers.base import Controller
 from omni_mj.measure import metrics, summary
 from omni_mj.measure.result import Outcome
 from omni_mj.scenarios.controllers import find, label
 from omni_mj.scenarios.scenario import Scenario
+from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.simulate.simulation import Simulation
 
 Kinds = Sequence[str | type[Controller]]
@@ -28,6 +30,23 @@ class StoppedError(Exception):
 
 def nothing(_: object) -> None:
     """What is called after a frame, or a scenario, where nobody wants to know."""
+
+
+def standing(settings: Settings, frames: int, **sections: Any) -> Settings:
+    """Settings for robots that are commanded from outside, each alone and without dead time.
+
+    Args:
+        settings: all else.
+        frames: for how many the reference, which rests, lasts at least.
+        sections: further values, by section and field.
+    """
+    rest = {"shape": "waypoints", "waypoints": [[0, 0], [0, 0]], "mode": "timed", "settle_s": frames * PERIOD_S}
+    return settings.replace(
+        reference={**rest, **sections.pop("reference", {})},
+        radio={"delay_frames": 0, "jitter_frames": 0},
+        world={"places": [[0, 0, 0]]},
+        **sections,
+    )
 
 
 def drive(simulation: Simulation, after_frame: AfterFrame = nothing, subject: str | None = None) -> Outcome:

@@ -48,7 +48,6 @@ class World:
         wheels: where each robot's rollers are, for its slip.
         pairs: contacts of carpet and rollers, numbers of each robot's, (n, pairs).
         loads: addresses in sensordata of the forces on each robot's wheels in the direction of z, (n, wheels).
-        pitch: angle between the rollers of the whole wheel, rad.
     """
 
     model: mujoco.MjModel
@@ -58,7 +57,6 @@ class World:
     wheels: WheelGeometry
     pairs: Ids
     loads: Ids
-    pitch: float
 
     @property
     def weight(self) -> float:
@@ -130,16 +128,14 @@ def _world(robot: Path, scene: Path, changed: tuple[int, ...], kind: Shape, plac
         standing = _standing(model)
     else:
         standing = _each_standing(model, robots, _world(robot, scene, changed, kind, 1, substeps))
-    pitch = 2 * np.pi / kind.wheels.rollers
     return World(
         model=model,
         robots=robots,
         standing=standing,
         kinematics=kinematics(kind.wheels),
-        wheels=WheelGeometry.of(model, robots[0], pitch),
+        wheels=WheelGeometry.of(model, robots[0], 2 * np.pi / kind.wheels.rollers),
         pairs=_pairs(model, robots),
         loads=_loads(model, places),
-        pitch=pitch,
     )
 
 

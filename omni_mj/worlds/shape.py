@@ -81,25 +81,13 @@ def _spec(root: Element, file: Path) -> mujoco.MjSpec:
 def _write_wheels(root: Element, shape: Shape, file: str) -> None:
     """Put a copy of the first wheel, with its motor and its encoder, where each wheel is."""
     wheels, chassis = shape.wheels, _found(root, "worldbody/body", file)
-    frames = chassis.findall("frame")
-    pattern = _found(chassis, "frame", file)
-    for frame in frames:
-        chassis.remove(frame)
-    for element in root.findall("actuator/dcmotor")[1:]:
-        _found(root, "actuator", file).remove(element)
-    for element in root.findall("sensor/jointpos")[1:]:
-        _found(root, "sensor", file).remove(element)
-    for number, azimuth in enumerate(wheels.azimuths_deg, 1):
-        frame = _numbered(pattern, number)
+    count = len(wheels.azimuths_deg)
+    for azimuth, frame in zip(wheels.azimuths_deg, _repeat_first(chassis, "frame", count, file), strict=True):
         frame.set("euler", f"0 0 {azimuth!r}")
         _found(frame, "body", file).set("pos", f"{wheels.arm_m!r} 0 {wheels.radius_m!r}")
         _write_rollers(frame, wheels, file)
-        chassis.append(frame)
-    for path in ("actuator/dcmotor", "sensor/jointpos"):
-        parent = _found(root, path.split("/")[0], file)
-        first = _found(root, path, file)
-        parent.remove(first)
-        parent.extend(_numbered(first, number) for number, _ in enumerate(wheels.azimuths_deg, 1))
+    _repeat_first(root, "actuator/dcmotor", count, file)
+    _repeat_first(root, "sensor/jointpos", count, file)
     motor = _found(root, "default/dcmotor", file)
     motor.set("gear", repr(shape.gear))
     motor.set("armature", repr(shape.rotor_inertia))
@@ -118,6 +106,17 @@ def _write_rollers(frame: Element, wheels: WheelSettings, file: str) -> None:
     # A barrel: its profile's radius of curvature is the wheel's radius.
     barrel = wheels.roller_radius_m, wheels.roller_radius_m, math.sqrt(wheels.radius_m * wheels.roller_radius_m)
     _found(roller, "geom", file).set("size", " ".join(map(repr, barrel)))
+
+
+def _repeat_first(root: Element, path: str, count: int, file: str) -> list[Element]:
+    """Put copies of the first element at a path, one for each wheel, in the place of all that are there."""
+    first = _found(root, path, file)
+    parent = _found(root, path.rpartition("/")[0] or ".", file)
+    for each in root.findall(path):
+        parent.remove(each)
+    copies = [_numbered(first, number) for number in range(1, count + 1)]
+    parent.extend(copies)
+    return copies
 
 
 def _numbered(first: Element, number: int) -> Element:
@@ -156,10 +155,15 @@ def _balance(spec: mujoco.MjSpec, body: BodySettings, file: str) -> None:
             f"body.yaw_inertia_kg_m2 and body.tilt_inertia_kg_m2 leave the chassis without its wheels the principal "
             f"inertias {principal} kg m^2, which no body has"
         )
-    chassis.explicitinertial = True
-    chassis.mass, chassis.ipos, chassis.iquat = left, at, [1.0, 0.0, 0.0, 0.0]
-    chassis.inertia = np.zeros(3)  # the compiler takes either this or the full matrix
-    chassis.fullinertia = own[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    weigh(chassis, left, at, own)
+
+
+def weigh(body: mujoco.MjsBody, mass: float, centre: Array, inertia: Array) -> None:
+    """Give a body its mass, centre of mass (3,) and inertia (3, 3) about it, in its own frame."""
+    body.explicitinertial = True
+    body.mass, body.ipos, body.iquat = mass, centre, [1.0, 0.0, 0.0, 0.0]
+    body.inertia = np.zeros(3)  # the compiler takes either this or the full matrix
+    body.fullinertia = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
 
 def composite(model: mujoco.MjModel, bodies: Iterable[int]) -> tuple[float, Array, Array]:

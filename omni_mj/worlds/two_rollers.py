@@ -21,7 +21,7 @@ import numpy as np
 
 from omni_mj.worlds.columns import Columns
 from omni_mj.worlds.roles import KEPT, Robot
-from omni_mj.worlds.shape import composite
+from omni_mj.worlds.shape import composite, weigh
 
 
 def reduce(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot) -> None:
@@ -41,10 +41,7 @@ def reduce(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot) -> None:
         others = rollers[KEPT:].tolist()
         mass, centre, inertia = composite(model, [int(rim), *others])
         axes = data.xmat[rim].reshape(3, 3)
-        body, own = bodies[rim], axes.T @ inertia @ axes
-        body.mass, body.ipos, body.iquat = mass, axes.T @ (centre - data.xpos[rim]), [1.0, 0.0, 0.0, 0.0]
-        body.inertia = np.zeros(3)  # the compiler takes either this or the full matrix
-        body.fullinertia = own[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        weigh(bodies[rim], mass, axes.T @ (centre - data.xpos[rim]), axes.T @ inertia @ axes)
         gone += [bodies[roller] for roller in others]
     for roller in gone:
         spec.delete(roller)

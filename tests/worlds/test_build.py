@@ -64,7 +64,7 @@ def test_a_roller_is_at_the_bottom_when_its_turn_has_come() -> None:
     data = mujoco.MjData(world.model)
     robot = world.robots[0]
     for turn in range(16):
-        data.qpos[robot.wheel_qpos] = turn * world.pitch
+        data.qpos[robot.wheel_qpos] = turn * world.wheels.pitch
         mujoco.mj_kinematics(world.model, data)
         lowest = robot.rollers[np.arange(4), data.xpos[robot.rollers, 2].argmin(1)]
         assert lowest.tolist() == robot.rollers[:, turn].tolist()

@@ -131,6 +131,6 @@ def test_the_encoder_knows_nothing_of_the_hand_over() -> None:
     # The rims have been turned back from their hubs by whole pitches, and what they slid is left.
     slips = plant._batch.bind("qpos")[:, plant._world.robots[0].slip_qpos]
     slid = tape.steps["slips"].sum(0) / 960
-    back = (slips - slid) / plant._world.pitch
+    back = (slips - slid) / plant._world.wheels.pitch
     assert back == pytest.approx(np.rint(back), abs=1e-6)
     assert np.abs(back).max() > 20

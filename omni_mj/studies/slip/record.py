@@ -12,7 +12,7 @@ from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
+from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing, standing
 from omni_mj.worlds.build import kinematics
 
 # With which vision corrects the integrated acceleration: a filter of second order, 2 rad/s, damped by 0.7.
@@ -127,15 +127,5 @@ def shares(force: Sequence[float], settings: Settings) -> Array:
 
 def _open_loop(scenario: Scenario, frames: int) -> Scenario:
     """The scenario without dead time and controllers, alone on the carpet, as long as `frames`."""
-    settings = scenario.settings.replace(
-        reference={
-            "shape": "waypoints",
-            "waypoints": [[0, 0], [0, 0]],
-            "mode": "timed",
-            "lead_s": 0.0,
-            "settle_s": frames * PERIOD_S,
-        },
-        radio={"delay_frames": 0, "jitter_frames": 0},
-        world={"places": [[0, 0, 0]]},
-    )
+    settings = standing(scenario.settings, frames, reference={"lead_s": 0.0})
     return scenario.replace(settings=settings, plant="mujoco", paper_table=0, seeds=1)
