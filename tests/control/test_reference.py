@@ -8,26 +8,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
+from routes import SNAP_M, T, is_led_past_every_way_point, paths, poses
 
 from omni_control import IteratedReference, MotionLimits, TimedReference
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 
-T = 1 / 60
 LIMITS = MotionLimits()
 
 
-def micro(limit: float) -> st.SearchStrategy[float]:
-    """Numbers on a grid of 1e-6, so that way-points coincide or are farther apart than a reference's snap."""
-    return st.integers(-int(limit * 1e6), int(limit * 1e6)).map(lambda i: i / 1e6)
-
-
-poses = st.tuples(micro(3), micro(3), micro(7))
-paths = st.lists(poses, min_size=2, max_size=4)
 limits = st.builds(MotionLimits, st.floats(0.3, 4), st.floats(0.3, 6), st.floats(1, 10), st.floats(3, 40))
 
-# The last frame of a leg is put on the way-point from at most 1e-9 away, a change of velocity of 1e-9 / T.
-SNAP_M = 1e-9
 SPEED_SLACK = 2 * SNAP_M / T
 ACCELERATION_SLACK = 4 * SNAP_M / T**2
 
@@ -192,20 +183,7 @@ def test_a_perfect_robot_is_led_past_every_way_point_to_rest_on_the_last(
     path: list[tuple[float, ...]], limit: MotionLimits
 ) -> None:
     """It passes within the arrival radius of each, in order, and ends on the last with nothing left to cover."""
-    timed = TimedReference(path, limit, T)
-    iterated = IteratedReference(path, limit, T, n=1)
-    pose, seen, twist = np.array([path[0]]), 0, np.zeros((1, 3))
-    # It need not stop at a way-point, but may overrun one at speed: per way-point, once more the time to stop.
-    overrun = limit.speed / limit.acceleration + limit.turn_rate / limit.turn_acceleration
-    for frame in range(timed.frames + len(path) * math.ceil(overrun / T)):
-        _, twist = iterated.at(frame, pose)
-        if seen < len(path) and np.hypot(*(pose[0] - path[seen])[:2]) < iterated.arrival_radius:
-            seen += 1
-        pose = pose + twist * T
-    assert seen == len(path)
-    # The last step before rest covers what is left exactly, to the rounding of poses of size 7.
-    np.testing.assert_allclose(pose[0], path[-1], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(twist, 0, atol=1e-12 / T)
+    is_led_past_every_way_point(path, limit)
 
 
 @LAW

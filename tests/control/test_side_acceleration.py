@@ -7,23 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import FEW, LAW
+from routes import SNAP_M, T, is_led_past_every_way_point, paths, poses
 
 from omni_control import CURVES, CurveReference, IteratedReference, MotionLimits, TimedReference
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.reference.limits import approach_pose, stopping_speed
 
-T = 1 / 60
-SNAP_M = 1e-9  # a leg's last frame is put on the way-point from as near as this
-
-
-def micro(limit: float) -> st.SearchStrategy[float]:
-    """Numbers on a grid of 1e-6, so that way-points coincide or are farther apart than a reference's snap."""
-    return st.integers(-int(limit * 1e6), int(limit * 1e6)).map(lambda i: i / 1e6)
-
-
-poses = st.tuples(micro(3), micro(3), micro(7))
-paths = st.lists(poses, min_size=2, max_size=4)
 positive = st.floats(0.3, 6)
 limits = st.builds(MotionLimits, st.floats(0.3, 4), positive, st.floats(1, 10), st.floats(3, 40), positive)
 velocities = st.tuples(*[st.floats(-3, 3)] * 2, st.floats(-6, 6))
@@ -135,20 +125,7 @@ def test_a_perfect_robot_is_led_past_every_way_point_to_rest_on_the_last(
     path: list[tuple[float, ...]], limit: MotionLimits
 ) -> None:
     """Planned anew in each frame as well, with what is left of a corner to brake in another direction."""
-    timed, iterated = TimedReference(path, limit, T), IteratedReference(path, limit, T, n=1)
-    pose, seen, twist = np.array([path[0]]), 0, np.zeros((1, 3))
-    weakest = min(limit.acceleration, limit.side_acceleration)
-    # It may overrun a way-point at speed: per way-point, once more the time to stop.
-    overrun = limit.speed / weakest + limit.turn_rate / limit.turn_acceleration
-    for frame in range(timed.frames + len(path) * math.ceil(overrun / T)):
-        _, twist = iterated.at(frame, pose)
-        if seen < len(path) and np.hypot(*(pose[0] - path[seen])[:2]) < iterated.arrival_radius:
-            seen += 1
-        pose = pose + twist * T
-    assert seen == len(path)
-    # The last step before rest covers what is left exactly, to the rounding of poses of size 7.
-    np.testing.assert_allclose(pose[0], path[-1], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(twist, 0, atol=1e-12 / T)
+    is_led_past_every_way_point(path, limit)
 
 
 @LAW
