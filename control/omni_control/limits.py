@@ -31,3 +31,22 @@ def _clip(vector: Array, translation: Array, rotation: Array) -> Array:
     size = np.sqrt((vector[:, :2] ** 2).sum(1, keepdims=True))
     scale = np.minimum(1.0, translation / np.maximum(size, 1e-300))
     return np.concatenate([vector[:, :2] * scale, np.clip(vector[:, 2:], -rotation, rotation)], axis=1)
+
+
+def within_rate(wanted: Array, step: float) -> Array:
+    """The middle one of successive commands, changed so that none need change by more than `step` from one to the next.
+
+    Of all sequences that keep to the step, the one that stays nearest to those wanted (least largest difference) is
+    the mean of the highest below and the lowest above them (E. J. McShane, Bull. Amer. Math. Soc. 40, 1934, for
+    functions of bounded slope). It is the same where they keep to it, and leads symmetrically over a jump.
+
+    Args:
+        wanted: commands of an odd number of frames, (frames, ...), the middle one being that of now.
+        step: largest change of a component per frame.
+
+    Returns:
+        (...), the component-wise nearest.
+    """
+    frames = len(wanted)
+    reach = step * np.abs(np.arange(frames) - frames // 2).reshape(-1, *[1] * (wanted.ndim - 1))
+    return ((wanted + reach).min(0) + (wanted - reach).max(0)) / 2

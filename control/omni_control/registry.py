@@ -3,6 +3,7 @@
 CONTROLLERS: dict[str, str] = {
     "flc": "omni_control.controllers.flc:Flc",
     "comp-flc": "omni_control.controllers.flc:CompFlc",
+    "comp-flc-lag": "omni_control.controllers.flc:CompFlcLag",
     "adaptive-comp-flc": "omni_control.controllers.adaptive:AdaptiveCompFlc",
     "p": "omni_control.controllers.classic:Proportional",
     "smith": "omni_control.controllers.classic:Smith",

@@ -102,6 +102,9 @@ class ControlSettings(Checked):
     delay_error_frames: int = setting(0, "frames", "what it believes the dead time to be, less the true", -600, 600)
     lag_s: float = setting(0.02, "s", "MuJoCo plant: what it believes the lag of the wheel loops to be", 0, 1)
     drag_m_s: float = setting(0.04, "m/s", "MuJoCo plant: what it believes dry friction may cost of the speed", 0, 1)
+    creep_s2_m: float = setting(
+        0.05, "s^2/m", "MuJoCo plant: what it believes wheels to creep, forward (TIGERs: 0.038 to 0.06)", 0, 1
+    )
 
     error_range_m: float = setting(0.1, "m", "input range of the fuzzy controller (paper, section 4)", 1e-6, 10)
     speed_range_m_s: float = setting(1.0, "m/s", "output range of the fuzzy controller (paper, section 4)", 1e-6, 10)

@@ -28,6 +28,7 @@ class Told:
         lag_s: time constant of the robots' wheel loops, s; as far as the team knows it.
         position_noise_m, heading_noise_rad: standard deviation of what vision sees, per axis.
         drag_m_s: what dry friction may cost the robots of their speed, m/s.
+        creep_s2_m: how much of their speed wheels creep per acceleration, forward, s^2/m: T of `estimation.motion`.
         error_range_m, speed_range_m_s: ranges of the fuzzy controller, m and m/s.
         heading_gain: turn rate per heading error of the heading hold, 1/s.
         alpha_window_frames: window of the estimate of alpha (equation 8), frames.
@@ -44,6 +45,7 @@ class Told:
     position_noise_m: float = 0.0013
     heading_noise_rad: float = 0.01
     drag_m_s: float = 0.04
+    creep_s2_m: float = 0.05
     error_range_m: float = 0.1
     speed_range_m_s: float = 1.0
     heading_gain: float = 3.0
@@ -54,7 +56,7 @@ class Told:
     def __post_init__(self) -> None:
         """Check the numbers; those of the fuzzy controller are checked where it is made."""
         wrong = [] if 0 < self.period < math.inf else [f"period must be a positive number of s, not {self.period}"]
-        for name in ("lag_s", "position_noise_m", "heading_noise_rad", "drag_m_s"):
+        for name in ("lag_s", "position_noise_m", "heading_noise_rad", "drag_m_s", "creep_s2_m"):
             if not 0 <= getattr(self, name) < math.inf:
                 wrong.append(f"{name} must be a number from 0 on, not {getattr(self, name)}")
         for name, low in (("delay_frames", 0), ("alpha_window_frames", 1)):

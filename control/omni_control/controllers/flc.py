@@ -1,5 +1,7 @@
 """The paper's controllers: FLC, and comp-FLC, which compensates the dead time."""
 
+import math
+
 import numpy as np
 
 from omni_control.controllers.base import Controller, Seen, Told
@@ -24,7 +26,7 @@ class Flc(Controller):
         """See `Controller`."""
         return self.track(frame, seen.pose)
 
-    def track(self, frame: int, pose: Array) -> Array:
+    def track(self, frame: float, pose: Array) -> Array:
         """Command (n, 3) that brings robots which are at `pose` (n, 3) in `frame` to the reference of that frame."""
         self.predicted = pose
         target, feed_forward = self.reference.at(frame, pose)
@@ -38,12 +40,31 @@ class CompFlc(Flc):
 
     def __init__(self, told: Told, reference: Reference, n: int) -> None:
         super().__init__(told, reference, n)
-        window, delay = told.alpha_window_frames, told.delay_frames
-        self.memory_frames = window + delay
-        self.alpha = AlphaEstimator(n, window, delay, told.period)
+        self.latency = self.latency_told(told)
+        window, whole = told.alpha_window_frames, round(self.latency)
+        self.memory_frames = window + math.ceil(self.latency)
+        self.alpha = AlphaEstimator(n, window, whole, told.period)
+
+    @staticmethod
+    def latency_told(told: Told) -> float:
+        """Time from a command to its effect that is compensated, frames."""
+        return told.delay_frames
 
     def command(self, frame: int, seen: Seen) -> Array:
         """See `Controller`."""
         self.alpha_hat[:, :2] = self.alpha.update(seen.pose[:, :2], seen.sent)
-        predicted = seen.pose + compensation(seen.in_flight, self.alpha_hat, self.told.period)
-        return self.track(frame + self.told.delay_frames, predicted)
+        in_flight = seen.sent.ahead(self.latency) * seen.sent.last(seen.sent.length)
+        predicted = seen.pose + compensation(in_flight, self.alpha_hat, self.told.period)
+        return self.track(frame + self.latency, predicted)
+
+
+class CompFlcLag(CompFlc):
+    """comp-flc-lag: comp-FLC that is told all of the latency, the dead time and the lag of the wheel loops.
+
+    The paper's compensator knows the radio's dead time only; all others here are told the lag too.
+    """
+
+    @staticmethod
+    def latency_told(told: Told) -> float:
+        """See `CompFlc`."""
+        return told.latency_frames

@@ -1,156 +1,208 @@
-"""How robots answer to commands, identified while they drive: latency, motor correction factors and drag.
+"""Where robots are and how they answer to commands, found together while they drive: an extended Kalman filter.
 
-Equation 7 knows a gain alpha and a dead time that is given. A real robot answers late, by the radio's dead time and
-the lag of its wheel loops; a little weakly, by alpha; and loses a constant speed to dry friction. A model with a gain
-alone takes lag and friction for a gain that swings between speeding up and braking. In the body frame, per axis:
-
-    displacement in a frame = T (alpha u - drag direction(u)),   u: the command that acted, sent `latency` ago
+The law is that of `motion`. Its parameters wander and return: each is a process that forgets exponentially and whose
+stationary distribution is what was believed before anything was seen, so that what shows nothing of a parameter, such as
+rest, or driving along the other axis, leads back to the belief. Axes are believed to be alike, and learn from each other.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from omni_control.delay import CommandsInFlight
-from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
+from omni_control.estimation import motion
+from omni_control.estimation.motion import Motion, Plane, pairs, plane
+from omni_control.kinematics import Array, Kinematics
 
-STEP_FRAMES = 0.5  # between the latencies compared
-REACH_FRAMES = 7  # how far from the guess they lie
-LATENCY_SIGMA_FRAMES = 3.0  # of the guess
-AXES_SIGMA_FRAMES = 0.7  # of the difference between driving forward and sideways
-ALPHA_SIGMA = 0.15  # of alpha = 1
-SLOW_M_S = 0.05  # below it dry friction is not yet all of it
-ARM_M = 0.08  # from the centre to the wheels: 79 to 83 mm in teams' robots
-ALPHA_BOUNDS = (0.4, 1.2)
-MEMORY = 0.99  # of evidence, per frame
-GAIN_ERROR, NOISE_FLOOR = 0.05, np.array([3e-4, 3e-4, 5e-3])  # of a frame's displacement: relative, and m and rad
+KEPT_S = 12.0  # after which parameters are what was believed
+COMPASS_S = 2.0  # same, of the compass error, which a robot's own filter corrects
+COMPASS_RAD = 0.02  # its standard deviation
+EFFORT, EFFORT_SIGMA, EFFORTS_ALIKE = 1.1, 0.12, 0.5  # alpha 0.8 to 1
+CREEP_SIGMA, CREEPS_ALIKE = 0.35, 0.8  # relative: of four published robots, 20 % forward and 30 % sideways
+FRICTION, FRICTION_SIGMA = 0.8, 0.4  # of what it is told to be at most
+LATENCY_FRAMES = 2.0  # standard deviation of what the dead time is told wrong by
+LAG_SHARE, LAG_SIGMA = 0.75, 0.5  # lag forward of the mean over all directions; relative
+ACCELERATION_M_S2 = 0.35  # standard deviation of what the law does not know of v'
+PUSH_M_S, PUSH_S = 0.02, 0.5  # standard deviation of b, and the time after which it is forgotten
+SURPRISE_FRAMES = 10  # over which it is averaged
+MOST_SURPRISED = 30.0
+EVIDENT_M_S = 0.1  # below it a robot may be held by dry friction and shows nothing of its parameters
+REACH_FRAMES = 4, 5  # how far the latency may be below and above what it is told
+LEAST_LAG_S = 1e-3
+STATES = 6 + motion.COUNT  # position, velocity, push; parameters
 
 
-def direction(twist: Array) -> Array:
-    """How dry friction opposes body twists (..., 3): their direction, shorter for what hardly moves.
-
-    Turning counts by the speed of the wheels. [1, 0, 0] for driving forward, [0, 0, 1 / ARM_M] for turning on the spot.
-    """
-    speed = np.sqrt((twist[..., :2] ** 2).sum(-1) + (ARM_M * twist[..., 2]) ** 2)
-    return twist / np.maximum(speed, SLOW_M_S)[..., None]
-
-
-class PlantIdentifier:
-    """Posterior mean of the model above for n robots, over a bank of latencies.
-
-    For each latency the displacement that vision saw is regressed on what commands of that age explain. Both are
-    whitened by the steady-state filter of a random walk seen with noise: they leak with its gain, and weigh by the
-    variance of its innovations. Evidence is forgotten exponentially, also at standstill: within seconds the estimates
-    then return towards what was believed at the start.
+class Identifier:
+    """Positions, velocities and parameters of n robots.
 
     Args:
-        n: robots.
+        position: at the start, (n,) m.
         period: length of a frame T, s.
-        guess_frames: what the latency is believed to be.
-        noise: standard deviation of what vision reports, per axis (3,), m and rad.
-        drag_m_s: what dry friction is believed to cost of the speed (standard deviation), m/s; at most twice that is
-            found, and as much is taken for the noise with which a robot moves.
+        delay_frames: dead time as it is told.
+        noise: standard deviation of what vision reports, m.
+        lag, creep, friction: what is told of wheel loops (s), creep forward (s^2/m) and dry friction (m/s); zero where
+            there is none.
+        geometry: of the wheels, or None.
 
     Attributes:
-        latency: from a command to its effect forward, sideways and turning, frames, (n, 3).
-        latency_sigma: its standard deviation, as far as the model holds, frames, (n, 3).
-        alpha: motor correction factors, (n, 3).
-        drag: speed lost to dry friction when driving forward, sideways, and at the wheels when turning, m/s, (n, 3).
+        position, velocity, push: (n,) m, m/s, m/s.
+        motion: the law, with the parameters found.
+        variance: of all states, (n, 14, 14).
+        surprise: square of the innovations over what the filter expects, (n,); 1 for a robot that keeps to the law.
+        longest: commands that must be kept.
     """
 
-    def __init__(self, n: int, period: float, guess_frames: float, noise: ArrayLike, drag_m_s: float = 0.04) -> None:
-        lowest = max(0.0, np.floor(guess_frames - REACH_FRAMES))
-        self.candidates = np.arange(lowest, guess_frames + REACH_FRAMES + STEP_FRAMES, STEP_FRAMES)
-        self.longest = int(np.ceil(self.candidates[-1])) + 1  # commands that must be kept
-        self._period = period
-        self._older = self.candidates.astype(int)
-        self._share = (self.candidates - self._older)[:, None, None]
-        self._noise = np.maximum(np.asarray(noise, float), (1e-5, 1e-5, 1e-4)) ** 2
-        self._drag_sigma = max(drag_m_s, 1e-6)
-        self._floor = (NOISE_FLOOR + period * drag_m_s * np.array([1, 1, 0])) ** 2
-        self._prior = ((self.candidates - guess_frames) / LATENCY_SIGMA_FRAMES)[:, None, None] ** 2
-        shape = (len(self.candidates), n, 3)
-        self._felt, self._rubbed = np.zeros((2, *shape))  # displacement of unit alpha, and of unit drag
-        self._moved = np.zeros((n, 3))
-        self._uncertain = np.tile(self._noise, (n, 1))
-        self._sums = np.zeros((5, *shape))
-        self._last = np.full((n, 3), np.nan)
-        self.latency = np.full((n, 3), float(guess_frames))
-        self.latency_sigma = np.full((n, 3), LATENCY_SIGMA_FRAMES)
-        self.alpha, self.drag = np.ones((n, 3)), np.zeros((n, 3))
+    def __init__(
+        self,
+        position: Plane,
+        period: float,
+        delay_frames: int,
+        noise: float,
+        lag: float,
+        creep: float,
+        friction: float,
+        geometry: Kinematics | None = None,
+    ) -> None:
+        n = len(position)
+        self.position, self.velocity, self.push = position.copy(), np.zeros(n, complex), np.zeros(n, complex)
+        self._softness = softness = motion.softness(geometry)
+        self._period, self._delay, self._noise = period, delay_frames, max(noise, 1e-4) ** 2
+        lag = max(LAG_SHARE * lag, LEAST_LAG_S)
+        self._believed = np.array([0, EFFORT, EFFORT, creep, softness * creep, FRICTION * friction, 0, lag])
+        self.motion = Motion(np.tile(self._believed, (n, 1)), geometry)
+        below, above = min(REACH_FRAMES[0], delay_frames), REACH_FRAMES[1]
+        self.longest = delay_frames + above + 3
+        self._lowest = np.array([-0.2, 0.85, 0.85, 0, 0, 0, -below, LEAST_LAG_S])
+        self._highest = np.array([0.2, 1.9, 1.9, 0.2, 0.35, 0.15, above, 0.1])
 
-    def update(self, measured: Array, heading: Array, sent: CommandsInFlight) -> None:
+        sigma = np.array(
+            [
+                COMPASS_RAD,
+                EFFORT_SIGMA,
+                EFFORT_SIGMA,
+                *(CREEP_SIGMA * self._believed[motion.CREEP] + 1e-6),
+                FRICTION_SIGMA * friction + 1e-6,
+                LATENCY_FRAMES,
+                LAG_SIGMA * (lag - LEAST_LAG_S) + 1e-6,
+            ]
+        )
+        alike = np.eye(motion.COUNT)
+        alike[1, 2] = alike[2, 1] = EFFORTS_ALIKE
+        alike[3, 4] = alike[4, 3] = CREEPS_ALIKE
+        belief = alike * np.outer(sigma, sigma)
+        kept = np.full(motion.COUNT, KEPT_S)
+        kept[motion.COMPASS] = COMPASS_S
+        self._keep, self._keep_push = np.exp(-period / kept), np.exp(-period / PUSH_S)
+        renewed = np.sqrt(1 - self._keep**2)
+        self._forget = belief * np.outer(renewed, renewed)
+        self._restless = np.array([ACCELERATION_M_S2 * period, PUSH_M_S * np.sqrt(1 - self._keep_push**2)]) ** 2
+        self.variance = np.zeros((n, STATES, STATES))
+        self.variance[:, [0, 1], [0, 1]] = self._noise
+        self.variance[:, 6:, 6:] = belief
+        self.surprise = np.ones(n)
+
+    @property
+    def latency(self) -> Array:
+        """Time from when a command is sent until it begins to act, (n,) frames."""
+        return self._delay + self.motion.parameters[:, motion.LATENCY]
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviation of the parameters, (n, 8)."""
+        return np.sqrt(np.maximum(np.diagonal(self.variance, axis1=1, axis2=2)[:, 6:], 0.0))
+
+    def step(
+        self, position: Plane, velocity: Plane, command: Plane, heading: Plane, duration: float | Array
+    ) -> tuple[Plane, Plane]:
+        """Positions and velocities (n,) after a `duration`, s, one or (n, 1), with a command; see `Motion.step`."""
+        step = self.motion.step(velocity, command * self._turned() + self.push, heading, duration)
+        return position + plane(step.moved) * heading, plane(step.velocity) * heading
+
+    def ask(self, command: Plane) -> Plane:
+        """What to send, (n,), so that commands (n,) of the law act: without what pushes, and by the robot's compass."""
+        return (command - self.push) * self._turned().conj()
+
+    def update(self, measured: Plane, heading: Array, sent: CommandsInFlight) -> None:
         """Take in a frame.
 
         Args:
-            measured: poses seen by vision (n, 3), not a number where a robot was not seen.
-            heading: estimated headings in the middle of the frame just past (n,), rad.
+            measured: positions seen by vision (n,), not a number where a robot was not seen.
+            heading: in the middle of the frame just past, (n,) rad.
             sent: commands up to the frame before, `longest` of them at least.
         """
-        commands = world_to_body(sent.last(self.longest)[::-1], heading)
-        older = self._older
-        u = (1 - self._share) * commands[older] + self._share * commands[np.minimum(older + 1, self.longest - 1)]
-        seen, known = ~np.isnan(measured), ~np.isnan(self._last)  # displacements count from where it was first seen
-        self._felt += np.where(known, self._period * u, 0.0)
-        self._rubbed -= np.where(known, self._period * direction(u), 0.0)
-        step = np.where(seen & known, measured - self._last, 0.0)
-        step[:, 2] = wrap_angle(step[:, 2])
-        self._last = np.where(seen, measured, self._last)
-        self._moved += world_to_body(step, heading)
+        period, law, ahead = self._period, self.motion, np.exp(1j * heading)
+        acting, older = self._acted(sent)
+        arrived = acting * self._turned()
+        step = law.step(self.velocity, arrived + self.push, ahead, period)
+        self.variance = self._passed(step, arrived, older - acting, ahead)
+        self.position = self.position + plane(step.moved) * ahead
+        self.velocity = plane(step.velocity) * ahead
+        self.push = self._keep_push * self.push
+        law.parameters = self._believed + self._keep * (law.parameters - self._believed)
+        self._correct(measured)
 
-        size = self._period * np.abs(u).mean(0)
-        self._uncertain = self._uncertain + (GAIN_ERROR * size) ** 2 + self._floor
-        variance = self._uncertain + self._noise
-        gain, weight = np.where(seen, self._uncertain / variance, 0.0), np.where(seen, 1 / variance, 0.0)
-        self._collect(weight, np.where(seen, MEMORY, 1.0))
-        for leaky in (self._felt, self._rubbed, self._moved):
-            leaky *= 1 - gain
-        self._uncertain = (1 - gain) * self._uncertain
-        self._solve()
+    def _turned(self) -> Plane:
+        """How a robot's compass turns its commands, unit vectors (n,)."""
+        return np.exp(-1j * self.motion.parameters[:, motion.COMPASS])
 
-    def respond(self, command: Array, heading: Array) -> Array:
-        """Body twists (..., n, 3) in answer to world-frame commands (..., n, 3) of robots at `heading` (..., n)."""
-        body = world_to_body(command, heading)
-        moved, lost = self.alpha * body, self.drag * direction(body)
-        return moved - np.clip(lost, -np.abs(moved), np.abs(moved))  # friction stops, but does not push back
+    def _acted(self, sent: CommandsInFlight) -> tuple[Plane, Plane]:
+        """Commands (n,) that acted in the frame just past, on its average, and those sent a frame before them."""
+        commands = sent.last(self.longest)
+        acting, older = (
+            (sent.acted(latency[:, None])[-self.longest :] * commands).sum(0)
+            for latency in (self.latency, self.latency + 1)
+        )
+        return plane(acting[:, :2]), plane(older[:, :2])
 
-    def ask(self, velocity: Array, heading: Array) -> Array:
-        """Commands (n, 3) to which robots answer with the world-frame twists (n, 3).
+    def _passed(self, step: motion.Step, arrived: Plane, later: Plane, ahead: Plane) -> Array:
+        """The variance (n, 14, 14) after a step, to first order.
 
-        The inverse of `respond`, but for creeping, and for axes that differ so much that the answer bends away.
+        What a parameter changes in the law acts like a command: of effort -v, of creep -g^2 |v| v', of lag -v', of
+        friction against the motion, of latency the difference of successive commands.
         """
-        body = world_to_body(velocity, heading)
-        body = (body + self.drag * direction(body)) / self.alpha
-        return body_to_world(body, heading)
+        n, back, period = len(arrived), ahead.conj(), self._period
+        effort, before = self.motion.effort, pairs(self.velocity * back)
+        speed, change = np.abs(self.velocity), (before - step.velocity) / period
+        acts = np.zeros((n, STATES - 2, 2))  # of velocity, push and parameters, in the body's axes
+        acts[:, 0] = acts[:, 2] = pairs(back)
+        acts[:, 1] = acts[:, 3] = pairs(1j * back)
+        acts[:, 4] = pairs(-1j * arrived * back)
+        acts[:, 5, 0], acts[:, 6, 1] = -(before + step.velocity).T / 2
+        acts[:, 7, 0], acts[:, 8, 1] = (effort**2 * speed[:, None] * change).T
+        acts[:, 9] = -step.rubbing
+        acts[:, 10] = pairs(later * self._turned() * back)
+        acts[:, 11] = change * (1.0, self._softness)
+        acts[:, 4:] *= np.minimum(speed / EVIDENT_M_S, 1.0)[:, None, None] ** 2
+        moved, gained = np.empty_like(acts), np.empty_like(acts)
+        moved[:, :2], gained[:, :2] = step.carried[:, None], step.decay[:, None]
+        moved[:, 2:], gained[:, 2:] = ((period - step.carried) / effort)[:, None], ((1 - step.decay) / effort)[:, None]
+        passed = np.zeros((n, STATES, STATES))
+        passed[:, [0, 1], [0, 1]] = 1.0
+        passed[:, 0:2, 2:] = pairs(plane(acts * moved) * ahead[:, None]).swapaxes(1, 2)
+        passed[:, 2:4, 2:] = pairs(plane(acts * gained) * ahead[:, None]).swapaxes(1, 2)
+        passed[:, [4, 5], [4, 5]] = self._keep_push
+        passed[:, range(6, STATES), range(6, STATES)] = self._keep
+        variance: Array = passed @ self.variance @ passed.swapaxes(1, 2)
+        restless = np.clip(self.surprise, 1.0, MOST_SURPRISED)[:, None] * self._restless
+        variance[:, [2, 3], [2, 3]] += restless[:, :1]
+        variance[:, [4, 5], [4, 5]] += restless[:, 1:]
+        variance[:, 6:, 6:] += self._forget
+        return variance
 
-    def _collect(self, weight: Array, memory: Array) -> None:
-        """Add a frame's evidence to the sums of the regression."""
-        felt, rubbed = weight * self._felt, weight * self._rubbed
-        self._sums *= memory
-        self._sums += (
-            felt * self._felt, felt * self._rubbed, rubbed * self._rubbed, felt * self._moved, rubbed * self._moved
-        )  # fmt: skip
-
-    def _solve(self) -> None:
-        """Best alpha and drag for each latency, with their priors; then the mean over the latencies."""
-        ff, fr, rr, fm, rm = self._sums
-        ff, fm, rr = ff + ALPHA_SIGMA**-2, fm + ALPHA_SIGMA**-2, rr + self._drag_sigma**-2
-        drag = np.clip((ff * rm - fr * fm) / (ff * rr - fr**2), 0.0, 2 * self._drag_sigma)
-        alpha = np.clip((fm - fr * drag) / ff, *ALPHA_BOUNDS)
-        # Twice the negative logarithm of the likelihood, but for what is the same for all latencies.
-        cost = ff * alpha**2 + 2 * fr * alpha * drag + rr * drag**2 - 2 * fm * alpha - 2 * rm * drag
-        _, mean, variance = self._believe(cost + self._prior)
-        # Forward and sideways differ only by the lag of the wheel loops: each is a guess for the other.
-        other, spread = mean[:, 1::-1], variance[:, 1::-1] + AXES_SIGMA_FRAMES**2
-        prior = np.repeat(self._prior, cost.shape[1], axis=1)
-        prior = np.concatenate([(self.candidates[:, None, None] - other) ** 2 / spread, prior], axis=-1)
-        belief, self.latency, variance = self._believe(cost + prior)
-        self.latency_sigma = np.sqrt(variance)
-        self.alpha, self.drag = (belief * alpha).sum(0), (belief * drag).sum(0)
-
-    def _believe(self, cost: Array) -> tuple[Array, Array, Array]:
-        """Probability of each latency (candidates, n, 3), mean and variance (n, 3), for a cost -2 log p."""
-        belief = np.exp(-0.5 * (cost - cost.min(0)))
-        belief /= belief.sum(0)
-        candidates = self.candidates[:, None, None]
-        mean = (belief * candidates).sum(0)
-        return belief, mean, (belief * (candidates - mean) ** 2).sum(0)
+    def _correct(self, measured: Plane) -> None:
+        """Correct all states by the positions (n,) that vision reports, one axis after the other."""
+        seen = ~np.isnan(measured)
+        innovation = pairs(np.where(seen, measured, self.position) - self.position)
+        variance, state, surprise = self.variance, np.zeros((len(measured), STATES)), np.zeros(len(measured))
+        for axis in range(2):
+            weight = np.where(seen, 1 / (variance[:, axis, axis] + self._noise), 0.0)
+            gain, left = weight[:, None] * variance[:, :, axis], innovation[:, axis] - state[:, axis]
+            surprise += weight * left**2 / 2
+            state += gain * left[:, None]
+            variance = variance - gain[:, :, None] * variance[:, axis, None, :]
+        self.variance = (variance + variance.swapaxes(1, 2)) / 2
+        self.surprise = np.where(
+            seen, self.surprise + (np.minimum(surprise, 50.0) - self.surprise) / SURPRISE_FRAMES, self.surprise
+        )
+        self.position = self.position + plane(state[:, 0:2])
+        self.velocity = self.velocity + plane(state[:, 2:4])
+        self.push = self.push + plane(state[:, 4:6])
+        self.motion.parameters = np.clip(self.motion.parameters + state[:, 6:], self._lowest, self._highest)

@@ -1,0 +1,142 @@
+r"""How a robot on wheels that creep answers to the velocities that it is commanded: the law, a step of it, its inverse.
+
+Per axis i of the body (forward, to the left), with u the command that acts, in the body's axes, and v the velocity:
+
+    (tau_i + g_i^2 T_i |v|) v'_i = u_i + b_i - c_i n_i - g_i v_i
+
+g = 1 / alpha     command per speed: drag must be pulled, and pulling creeps; the motor correction factor's inverse
+T                 creep: rubber that pulls slides in proportion to its travel. In the convention of those who measured it
+                  on robots, v = u / g - T |u| v', so that T is in s^2/m (TIGERs Mannheim: 0.04 to 0.06 forward, 0.08 to
+                  0.16 sideways)
+tau               lag of the wheel loops, s
+c                 speed that dry friction costs, m/s, against the direction of motion n
+b                 whatever else pushes, as a velocity: a slope, a push, a wheel that is weak
+
+The robot turns commands into its body by its own compass, which differs by an angle delta from the heading that vision
+sees: u arrives turned by -delta. A command acts `latency` frames after it was sent.
+
+Wheels share a force more easily forward than sideways: with direction cosines d_k of the wheels' drive along an axis,
+creep, lag, and what drag costs through the lag, are in proportion to 1 / sum d_k^2.
+
+Vectors of the plane are complex numbers here, x + iy; components along the body's axes are pairs.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omni_control.kinematics import Array, Kinematics
+
+Plane = NDArray[np.complex128]
+
+NAMES = ("compass", "effort", "effort", "creep", "creep", "friction", "latency", "lag")
+COMPASS, EFFORT, CREEP, FRICTION, LATENCY, LAG = 0, slice(1, 3), slice(3, 5), slice(5, 6), 6, slice(7, 8)
+COUNT = len(NAMES)
+
+SLOW_M_S = 0.1  # below it, the command tells more of the direction in which friction acts than the velocity does
+RUBBED_M_S = 0.05  # speed from which dry friction is all there
+STARTING_M_S = 0.01  # same, of a motion that is asked for: it must be overcome before there is any
+
+
+def pairs(vector: Plane) -> Array:
+    """Vectors (...) as pairs of components (..., 2)."""
+    return np.ascontiguousarray(vector).view(float).reshape(*vector.shape, 2)
+
+
+def plane(components: Array) -> Plane:
+    """Pairs of components (..., 2) as vectors (...)."""
+    return np.ascontiguousarray(components).view(complex)[..., 0]
+
+
+class Step(NamedTuple):
+    """What n robots do in a time with a command, in the axes of the body that they have in the middle of it.
+
+    Attributes:
+        moved: displacement (n, 2), m.
+        velocity: at the end, (n, 2), m/s.
+        decay: of a velocity, to its share at the end (n, 2).
+        carried: way made of a velocity in that decay, (n, 2), s.
+        rubbing: what dry friction of 1 costs, along the direction in which it acts, (n, 2).
+    """
+
+    moved: Array
+    velocity: Array
+    decay: Array
+    carried: Array
+    rubbing: Array
+
+
+class Motion:
+    """The law for n robots, each with parameters of its own.
+
+    Args:
+        parameters: (n, 8), in the order of `NAMES`: compass error in rad; effort g, forward and sideways; creep T the
+            same, s^2/m; friction c, forward, m/s; latency beyond what is known, frames; lag tau, forward, s.
+        geometry: of the wheels; None: that of most robots of the league.
+    """
+
+    def __init__(self, parameters: Array, geometry: Kinematics | None = None) -> None:
+        self.parameters = parameters
+        self._gives = np.array([1.0, softness(geometry)])
+
+    @property
+    def lags(self) -> Array:
+        """Lag tau of the wheel loops, forward and sideways, (n, 2), s."""
+        return self.parameters[:, LAG] * self._gives
+
+    @property
+    def effort(self) -> Array:
+        """Command per speed g, forward and sideways, (n, 2)."""
+        return self.parameters[:, EFFORT]
+
+    def lag(self, speed: Array) -> Array:
+        """Lag of robots (n, 2) that drive at `speed` (..., n), with axes before as that: tau + g^2 T |v|, s."""
+        p = self.parameters
+        slack = p[:, EFFORT] ** 2 * p[:, CREEP]
+        return self.lags + slack * speed[..., None]
+
+    def step(self, velocity: Plane, command: Plane, heading: Plane, duration: float | Array) -> Step:
+        """Go on for a `duration`, s, one or (n, 1).
+
+        Args:
+            velocity: (n,) m/s, world frame.
+            command: the one that acts, (n,) m/s, world frame, as sent; what else pushes is added to it.
+            heading: unit vectors (n,), in the middle of the step.
+        """
+        back, speed = heading.conj(), np.abs(velocity)
+        v, u = pairs(velocity * back), pairs(command * back)
+        effort = self.effort
+        lag = self.lag(speed) / effort
+        decay = np.exp(-duration / lag)
+        rubbing = self._rubbing(v, u, speed)
+        final = (u - self.parameters[:, FRICTION] * rubbing) / effort
+        excess, carried = v - final, (1 - decay) * lag
+        return Step(duration * final + excess * carried, final + excess * decay, decay, carried, rubbing)
+
+    def ask(self, before: Plane, after: Plane, heading: Plane, duration: float) -> Plane:
+        """Commands (..., n), world frame, that lead from velocities `before` to `after`, both (..., n), in a `duration`.
+
+        The inverse of `step`, with `heading` (..., n) as there; compass and what else pushes are left to the caller.
+        """
+        back = heading.conj()
+        v, later, mean = pairs(before * back), pairs(after * back), (before + after) / 2
+        effort = self.effort
+        decay = np.exp(-duration * effort / self.lag(np.abs(before)))
+        towards = pairs(mean * back) / np.maximum(np.abs(mean), STARTING_M_S)[..., None]
+        rubbed = self.parameters[:, FRICTION] * self._gives * towards
+        return plane((later - decay * v) * effort / (1 - decay) + rubbed) * heading
+
+    def _rubbing(self, velocity: Array, command: Array, speed: Array) -> Array:
+        """Against what dry friction acts (n, 2): the motion, or what a robot that hardly moves is told to do."""
+        towards = velocity + command * np.maximum(0.0, 1 - speed / SLOW_M_S)[:, None]
+        size = np.sqrt((towards**2).sum(1))
+        return self._gives * towards / np.maximum(size, RUBBED_M_S)[:, None]
+
+
+def softness(geometry: Kinematics | None) -> float:
+    """How many times more than forward a robot gives way sideways."""
+    if geometry is None:
+        return 5 / 3  # wheels at 60, 135, 225 and 300 degrees
+    forward, sideways = (geometry.matrix[:, :2] ** 2).sum(0)
+    return float(forward / sideways)
