@@ -15,7 +15,7 @@ from omni_control.kinematics import Array, wrap_angle
 from omni_control.limits import within_rate
 from omni_control.reference import Reference
 
-LOOK_FRAMES = 8  # ahead and back, over which a command that changes too fast is spread
+LOOK_FRAMES = 10  # ahead and back, over which a command that changes too fast is spread
 RATE_SHARE = 0.75  # of what commands may change by, that the reference may ask for; the rest is the feedback's
 STIFFNESS = 12.0  # 1/s: of the fuzzy controller near zero error, for which the damping is made
 
@@ -78,7 +78,10 @@ class AdaptiveCompFlc(Flc):
         period, law, now = self.told.period, self.plant.motion, LOOK_FRAMES + 1
         poses, twists = self.reference.preview(frame + self.plant.latency - now, self.predicted, 2 * now + 1)
         speeds = plane(twists[..., :2])
-        edges, turns = (speeds[:-1] + speeds[1:]) / 2, (twists[now - 1 : now + 1, :, 2] + twists[now : now + 2, :, 2]) / 2
+        edges, turns = (
+            (speeds[:-1] + speeds[1:]) / 2,
+            (twists[now - 1 : now + 1, :, 2] + twists[now : now + 2, :, 2]) / 2,
+        )
         middles = poses[1:-1, :, 2] + twists[1:-1, :, 2] * period / 2
         facing = np.exp(1j * (middles + (heading - poses[now, :, 2])))  # as the robot will, not as it should
         asked = pairs(law.ask(edges[:-1], edges[1:], facing, period))
@@ -90,7 +93,9 @@ class AdaptiveCompFlc(Flc):
         error = plane(poses[now, :, :2]) - position
         corrected = plane(self.fuzzy(pairs(error))) + plane(damping * late) * facing[now - 1]
         across = pairs(self.plant.ask(planned + corrected))
-        turn = self.turning.ask(*turns) + self.told.heading_gain * wrap_angle(poses[now, :, 2] - heading)
+        turn = self.turning.ask(*(rates[:-1] + rates[1:]) / 2) + self.told.heading_gain * wrap_angle(
+            poses[now, :, 2] - heading
+        )
         return np.concatenate([across, turn[:, None]], axis=1)
 
     def _record(self) -> None:
@@ -110,6 +115,7 @@ class AdaptiveCompFlc(Flc):
             "friction_sigma": sigma[:, motion.FRICTION],
             "compass": found[:, motion.COMPASS],
             "compass_sigma": sigma[:, motion.COMPASS],
+            "sliding": plant.sliding,
             "surprise": plant.surprise,
         }
 

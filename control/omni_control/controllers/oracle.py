@@ -1,6 +1,5 @@
 """What noise costs: the best controller at hand, with the truth in place of vision."""
 
-
 from omni_control.controllers.adaptive import AdaptiveCompFlc
 from omni_control.controllers.base import Told
 from omni_control.reference import Reference

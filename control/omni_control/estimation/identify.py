@@ -1,8 +1,14 @@
 """Where robots are and how they answer to commands, found together while they drive: an extended Kalman filter.
 
 The law is that of `motion`. Its parameters wander and return: each is a process that forgets exponentially and whose
-stationary distribution is what was believed before anything was seen, so that what shows nothing of a parameter, such as
-rest, or driving along the other axis, leads back to the belief. Axes are believed to be alike, and learn from each other.
+stationary distribution is what was believed before anything was seen, so that what shows nothing of a parameter, such
+as rest, or driving along the other axis, leads back to the belief. Axes are believed to be alike, and learn from each
+other.
+
+Where a robot does not do what is asked of it, because its wheels slide or somebody pushes it, commands show little of
+the parameters. That is told by innovations larger than the filter expects, and, of sliding, by an acceleration that
+stays away: what the law asked for, and what vision has had to take from it, both over a few frames. Velocity is then
+left to vision, and parameters are kept as they are, all but creep, which is the slip that grows with acceleration.
 """
 
 import numpy as np
@@ -26,8 +32,13 @@ SURPRISE_FRAMES = 10  # over which it is averaged
 MOST_SURPRISED = 30.0
 EVIDENT_M_S = 0.1  # below it a robot may be held by dry friction and shows nothing of its parameters
 REACH_FRAMES = 4, 5  # how far the latency may be below and above what it is told
+SLIDING_FRAMES = 8  # over which accelerations asked for and missing are averaged
+ASKED_M_S2, MISSING_M_S2, MISSING_SHARE = 1.0, 0.5, 0.3  # of them, from which on wheels are taken to slide
+BEGINS_FRAMES, ENDS_S = 4.0, 0.5  # in which that is believed, and not believed any more
+SURPRISING = 1.5  # from which on parameters count on less
 LEAST_LAG_S = 1e-3
 STATES = 6 + motion.COUNT  # position, velocity, push; parameters
+_NOT_CREEP = [4, 5, 6, 9, 10, 11]  # parameters, counted from the velocity on
 
 
 class Identifier:
@@ -47,6 +58,7 @@ class Identifier:
         motion: the law, with the parameters found.
         variance: of all states, (n, 14, 14).
         surprise: square of the innovations over what the filter expects, (n,); 1 for a robot that keeps to the law.
+        sliding: how far wheels are believed to slide, (n,): 0 not, 1 certainly.
         longest: commands that must be kept.
     """
 
@@ -97,7 +109,9 @@ class Identifier:
         self.variance = np.zeros((n, STATES, STATES))
         self.variance[:, [0, 1], [0, 1]] = self._noise
         self.variance[:, 6:, 6:] = belief
-        self.surprise = np.ones(n)
+        self.surprise, self.sliding = np.ones(n), np.zeros(n)
+        self._asked: Plane = np.zeros(n, complex)
+        self._missing: Plane = np.zeros(n, complex)
 
     @property
     def latency(self) -> Array:
@@ -133,11 +147,14 @@ class Identifier:
         arrived = acting * self._turned()
         step = law.step(self.velocity, arrived + self.push, ahead, period)
         self.variance = self._passed(step, arrived, older - acting, ahead)
+        asked = (plane(step.velocity) * ahead - self.velocity) / period
         self.position = self.position + plane(step.moved) * ahead
         self.velocity = plane(step.velocity) * ahead
         self.push = self._keep_push * self.push
         law.parameters = self._believed + self._keep * (law.parameters - self._believed)
+        unaided = self.velocity
         self._correct(measured)
+        self._feel(asked, (unaided - self.velocity) / period)
 
     def _turned(self) -> Plane:
         """How a robot's compass turns its commands, unit vectors (n,)."""
@@ -170,7 +187,9 @@ class Identifier:
         acts[:, 9] = -step.rubbing
         acts[:, 10] = pairs(later * self._turned() * back)
         acts[:, 11] = change * (1.0, self._softness)
-        acts[:, 4:] *= np.minimum(speed / EVIDENT_M_S, 1.0)[:, None, None] ** 2
+        acts[:, 4:] *= (np.minimum(speed / EVIDENT_M_S, 1.0) ** 2)[:, None, None]
+        obeys = (1 - self.sliding) * np.minimum(SURPRISING / self.surprise, 1.0) ** 2
+        acts[:, _NOT_CREEP] *= obeys[:, None, None]
         moved, gained = np.empty_like(acts), np.empty_like(acts)
         moved[:, :2], gained[:, :2] = step.carried[:, None], step.decay[:, None]
         moved[:, 2:], gained[:, 2:] = ((period - step.carried) / effort)[:, None], ((1 - step.decay) / effort)[:, None]
@@ -186,6 +205,21 @@ class Identifier:
         variance[:, [4, 5], [4, 5]] += restless[:, 1:]
         variance[:, 6:, 6:] += self._forget
         return variance
+
+    def _feel(self, asked: Plane, missing: Plane) -> None:
+        """Find whether wheels slide.
+
+        Args:
+            asked: acceleration of the law in the frame just past, (n,) m/s^2.
+            missing: what vision took from it, the same.
+        """
+        self._asked = self._asked + (asked - self._asked) / SLIDING_FRAMES
+        self._missing = self._missing + (missing - self._missing) / SLIDING_FRAMES
+        size = np.maximum(np.abs(self._asked), ASKED_M_S2)
+        along = (self._missing * self._asked.conj()).real / size
+        slides = along > np.maximum(MISSING_M_S2, MISSING_SHARE * size)
+        ends = np.exp(-self._period / ENDS_S)
+        self.sliding = np.where(slides, self.sliding + (1 - self.sliding) / BEGINS_FRAMES, ends * self.sliding)
 
     def _correct(self, measured: Plane) -> None:
         """Correct all states by the positions (n,) that vision reports, one axis after the other."""

@@ -4,13 +4,12 @@ Per axis i of the body (forward, to the left), with u the command that acts, in 
 
     (tau_i + g_i^2 T_i |v|) v'_i = u_i + b_i - c_i n_i - g_i v_i
 
-g = 1 / alpha     command per speed: drag must be pulled, and pulling creeps; the motor correction factor's inverse
-T                 creep: rubber that pulls slides in proportion to its travel. In the convention of those who measured it
-                  on robots, v = u / g - T |u| v', so that T is in s^2/m (TIGERs Mannheim: 0.04 to 0.06 forward, 0.08 to
-                  0.16 sideways)
-tau               lag of the wheel loops, s
-c                 speed that dry friction costs, m/s, against the direction of motion n
-b                 whatever else pushes, as a velocity: a slope, a push, a wheel that is weak
+g = 1 / alpha   command per speed, the inverse of the motor correction factor: drag must be pulled, and pulling creeps
+T               creep: rubber that pulls slides in proportion to its travel. In the convention of those who measured it on
+                robots, v = u / g - T |u| v', in s^2/m (TIGERs Mannheim: 0.04 to 0.06 forward, 0.08 to 0.16 sideways)
+tau             lag of the wheel loops, s
+c               speed that dry friction costs, m/s, against the direction of motion n
+b               whatever else pushes, as a velocity: a slope, a push, a wheel that is weak
 
 The robot turns commands into its body by its own compass, which differs by an angle delta from the heading that vision
 sees: u arrives turned by -delta. A command acts `latency` frames after it was sent.
@@ -97,12 +96,13 @@ class Motion:
         return self.lags + slack * speed[..., None]
 
     def step(self, velocity: Plane, command: Plane, heading: Plane, duration: float | Array) -> Step:
-        """Go on for a `duration`, s, one or (n, 1).
+        """Go on for a while.
 
         Args:
             velocity: (n,) m/s, world frame.
             command: the one that acts, (n,) m/s, world frame, as sent; what else pushes is added to it.
             heading: unit vectors (n,), in the middle of the step.
+            duration: s, one or (n, 1).
         """
         back, speed = heading.conj(), np.abs(velocity)
         v, u = pairs(velocity * back), pairs(command * back)
@@ -115,7 +115,7 @@ class Motion:
         return Step(duration * final + excess * carried, final + excess * decay, decay, carried, rubbing)
 
     def ask(self, before: Plane, after: Plane, heading: Plane, duration: float) -> Plane:
-        """Commands (..., n), world frame, that lead from velocities `before` to `after`, both (..., n), in a `duration`.
+        """Commands (..., n), world frame, that lead from velocities `before` to `after`, (..., n), in a `duration`.
 
         The inverse of `step`, with `heading` (..., n) as there; compass and what else pushes are left to the caller.
         """
