@@ -78,10 +78,7 @@ class AdaptiveCompFlc(Flc):
         period, law, now = self.told.period, self.plant.motion, LOOK_FRAMES + 1
         poses, twists = self.reference.preview(frame + self.plant.latency - now, self.predicted, 2 * now + 1)
         speeds = plane(twists[..., :2])
-        edges, turns = (
-            (speeds[:-1] + speeds[1:]) / 2,
-            (twists[now - 1 : now + 1, :, 2] + twists[now : now + 2, :, 2]) / 2,
-        )
+        edges, rates = (speeds[:-1] + speeds[1:]) / 2, twists[now - 1 : now + 2, :, 2]
         middles = poses[1:-1, :, 2] + twists[1:-1, :, 2] * period / 2
         facing = np.exp(1j * (middles + (heading - poses[now, :, 2])))  # as the robot will, not as it should
         asked = pairs(law.ask(edges[:-1], edges[1:], facing, period))

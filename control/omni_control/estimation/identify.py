@@ -74,7 +74,9 @@ class Identifier:
         geometry: Kinematics | None = None,
     ) -> None:
         n = len(position)
-        self.position, self.velocity, self.push = position.copy(), np.zeros(n, complex), np.zeros(n, complex)
+        self.position: Plane = position.copy()
+        self.velocity: Plane = np.zeros(n, complex)
+        self.push: Plane = np.zeros(n, complex)
         self._softness = softness = motion.softness(geometry)
         self._period, self._delay, self._noise = period, delay_frames, max(noise, 1e-4) ** 2
         lag = max(LAG_SHARE * lag, LEAST_LAG_S)

@@ -5,8 +5,8 @@ Per axis i of the body (forward, to the left), with u the command that acts, in 
     (tau_i + g_i^2 T_i |v|) v'_i = u_i + b_i - c_i n_i - g_i v_i
 
 g = 1 / alpha   command per speed, the inverse of the motor correction factor: drag must be pulled, and pulling creeps
-T               creep: rubber that pulls slides in proportion to its travel. In the convention of those who measured it on
-                robots, v = u / g - T |u| v', in s^2/m (TIGERs Mannheim: 0.04 to 0.06 forward, 0.08 to 0.16 sideways)
+T               creep: rubber that pulls slides in proportion to its travel. In the convention of those who measured it
+                on robots, v = u / g - T |u| v', in s^2/m (TIGERs Mannheim: 0.04 to 0.06 forward, 0.08 to 0.16 sideways)
 tau             lag of the wheel loops, s
 c               speed that dry friction costs, m/s, against the direction of motion n
 b               whatever else pushes, as a velocity: a slope, a push, a wheel that is weak
