@@ -33,7 +33,7 @@ def nothing(_: object) -> None:
 
 
 def standing(settings: Settings, frames: int, **sections: Any) -> Settings:
-    """Settings for robots that are commanded from outside, each alone and without dead time.
+    """Settings for robots that are commanded from outside, each alone, without dead time and faults.
 
     Args:
         settings: all else.
@@ -45,6 +45,7 @@ def standing(settings: Settings, frames: int, **sections: Any) -> Settings:
         reference={**rest, **sections.pop("reference", {})},
         radio={"delay_frames": 0, "jitter_frames": 0},
         world={"places": [[0, 0, 0]]},
+        fault=(),
         **sections,
     )
 
