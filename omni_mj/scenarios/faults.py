@@ -5,7 +5,7 @@ A kind is a class here, and one small function where it acts: of what happens to
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import field_validator
@@ -206,18 +206,27 @@ def misfits(faults: Iterable[Fault], settings: "Settings") -> Iterator[str]:
             yield f"fault {number}: {fault.kind} {why}"
 
 
-def check_plant(faults: Iterable[Fault], plant: str) -> None:
-    """See that a plant knows all that shall happen; one of a user's names the kinds in its attribute `faults`.
+def known(plant: str) -> list[str]:
+    """The kinds that a plant knows; one of a user's names them in its attribute `faults`.
+
+    Raises:
+        OmniError: there is no such plant.
+    """
+    own = () if plant in PLANTS else getattr(find_plant(plant), "faults", ())
+    return [name for name, kind in KINDS.items() if kind.plants is None or plant in kind.plants or name in own]
+
+
+def check_plant(faults: Sequence[Fault], plant: str) -> None:
+    """See that a plant knows all that shall happen.
 
     Raises:
         OmniError: it does not; a line for each fault.
     """
-    own = () if plant in PLANTS else getattr(find_plant(plant), "faults", ())
-    known = [name for name, kind in KINDS.items() if kind.plants is None or plant in kind.plants or name in own]
+    kinds = known(plant) if faults else []
     in_one(
-        f"fault {number}: the plant {plant} has no {fault.kind}; it has {', '.join(known)}"
+        f"fault {number}: the plant {plant} has no {fault.kind}; it has {', '.join(kinds)}"
         for number, fault in enumerate(faults, 1)
-        if fault.kind not in known
+        if fault.kind not in kinds
     )
 
 

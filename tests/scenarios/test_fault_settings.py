@@ -24,6 +24,7 @@ from omni_mj.scenarios.schema import schema
 from omni_mj.scenarios.settings import Settings
 from omni_mj.show import listing
 from omni_mj.simulate.simulation import Simulation
+from omni_mj.studies.compare import usual
 
 PUSH: dict[str, Any] = {"kind": "push", "at": 3, "for": 0.2, "force_n": 20.0, "direction_deg": 90}
 USUAL = {"kind", "at", "for"}
@@ -181,6 +182,14 @@ def test_a_users_plant_names_the_kinds_that_it_knows(tmp_path: Path) -> None:
     om.scenario("rect", plant=f"{tmp_path / 'toy.py'}:Toy", fault=[PUSH])
     with pytest.raises(OmniError, match=r"Bare has no push; it has delay, vision-out$"):
         om.scenario("rect", plant=f"{tmp_path / 'toy.py'}:Bare", fault=[PUSH])
+
+
+def test_what_is_compared_happens_on_its_plant() -> None:
+    """All scenarios on the one with wheels; on the other those without faults, and the radio's and the camera's."""
+    assert {"rect", "fault-push", "fault-delay", "fault-vision"} <= set(usual("mujoco"))
+    assert set(usual("mujoco")) - set(usual("kinematic")) == {
+        f"fault-{name}" for name in ("push", "tilt", "friction", "payload", "motor")
+    }
 
 
 # --- told ---
