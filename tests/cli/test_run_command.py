@@ -76,7 +76,7 @@ def test_what_happens_in_a_run_is_repeated_and_told(tmp_path: Path, capsys: pyte
     faults = '[[fault]]\nkind = "vision-out"\nat = 0.2\nfor = 0.1\n\n[[fault]]\nkind = "delay"\nat = 0.4\nto = 9\n'
     (tmp_path / "met.toml").write_text('plant = "kinematic"\n[reference]\nwaypoints = [[0, 0], [0.2, 0]]\n\n' + faults)
     a, b = tmp_path / "a", tmp_path / "b"
-    assert invoke("run", "--scenario", tmp_path / "met.toml", "--no-figures", "--out", a) == 0
+    assert invoke("run", "--scenario", tmp_path / "met.toml", "--controller", "flc", "--no-figures", "--out", a) == 0
     printed = capsys.readouterr().out
     assert "worst, cm" in printed
     assert "dead time of 9 frames, from 0.4 s on" in printed

@@ -40,7 +40,7 @@ def exchanged(radio: Radio, commands: NDArray, headings: NDArray) -> tuple[NDArr
     return np.array(command), np.array(heading), np.array(age)
 
 
-@settings(deadline=None, max_examples=30, derandomize=True)
+@settings(deadline=None, max_examples=15, derandomize=True)
 @given(st.lists(st.tuples(st.integers(0, 12), delays), min_size=1, max_size=3))
 def test_packets_take_the_dead_time_of_the_frame_in_which_they_are_sent(robots: list[tuple[int, list[Delay]]]) -> None:
     """Against a list of arrivals: a robot holds the newest of the packets that have arrived."""

@@ -46,7 +46,7 @@ tables = st.sampled_from(list(KINDS.values())).flatmap(
 
 
 @hypothesis_settings(
-    deadline=None, max_examples=60, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    deadline=None, max_examples=20, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(st.lists(tables, max_size=4))
 def test_faults_survive_writing_and_reading_and_fit_the_schema(tmp_path: Path, drawn: list[dict[str, Any]]) -> None:
