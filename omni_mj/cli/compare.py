@@ -56,7 +56,7 @@ def command(
     from omni_mj.studies.outcome import total_frames
 
     controllers = controllers or tuple(CONTROLLERS)
-    names = names or compare.usual()
+    names = names or compare.usual(plant)
     head = {"controllers": controllers, "plant": plant, "seed": seed, "seeds": seeds}
     chosen = [scenario.load(name, overrides, head) for name in names]
     compare.check(chosen, subject)

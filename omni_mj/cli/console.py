@@ -145,8 +145,8 @@ def writing(folder: Path) -> Iterator[None]:
 
 
 def print_events(entry: Mapping[str, Any]) -> None:
-    """Print the first events of a summary's entry."""
-    events = [event for event in entry["events"] if event["kind"] != "stopped"]  # which end the program, and say so
+    """Print the first events of a summary's entry, but for faults, which have a table, and rows that failed."""
+    events = [event for event in entry["events"] if event["kind"] not in ("stopped", "fault")]
     for event in events[:EVENTS_SHOWN]:
         print(f"note: {event['time_s']:.2f} s, {event['controller']}, seed {event['seed']}: {event['text']}")
     if (more := len(events) - EVENTS_SHOWN) > 0:

@@ -163,12 +163,16 @@ def _draw(outcome: "Outcome", folder: Path, draw: bool) -> None:
 
 def _report(result: "Result", folder: Path) -> None:
     """Print the table, and what is in the folder."""
+    from omni_mj.measure import recovery
     from omni_mj.measure.table import table
     from omni_mj.show import terminal
 
     (outcome,) = result.outcomes
     if outcome.entry["results"]:
-        terminal.show(table(result.summary()))
+        summary = result.summary()
+        terminal.show(table(summary))
+        if recovered := recovery.table(summary):
+            terminal.show(recovered)
         console.print_events(outcome.entry)
     print(f"{outcome.entry['simulated_s']:.1f} s simulated in {result.wall_s:.1f} s; results in {folder}/")
     frames, figures, recording = (folder / name for name in ("trajectory.parquet", "figures", "recording.rrd"))

@@ -6,6 +6,8 @@ import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.link.noise import Noise, Seed, Stream
+from omni_mj.link.schedule import Schedule
+from omni_mj.scenarios.faults import Fault, VisionOut
 from omni_mj.scenarios.settings import VisionSettings, column
 
 
@@ -15,9 +17,12 @@ class Camera:
     Args:
         settings: noise and misses, one per row.
         seeds: one per row; rows with the same seed see the same noise.
+        faults: of each row, of which `vision-out` hides it. [none]
     """
 
-    def __init__(self, settings: Sequence[VisionSettings], seeds: Sequence[Seed]) -> None:
+    def __init__(
+        self, settings: Sequence[VisionSettings], seeds: Sequence[Seed], faults: Sequence[Sequence[Fault]] = ()
+    ) -> None:
         noise = [column(settings, name) for name in ("position_noise_m", "position_noise_m", "heading_noise_rad")]
         self._sigma = np.concatenate(noise, axis=1)
         self._noise = Noise(seeds, Stream.VISION_NOISE, lambda rng, count: rng.standard_normal((count, 3)))
@@ -25,6 +30,7 @@ class Camera:
         self._probability = column(settings, "miss_probability")[:, 0]
         self._gap = column(settings, "miss_frames")[:, 0]
         self._since = np.full(len(seeds), np.inf)  # frames since the last gap began
+        self._schedule, self._out = Schedule(faults, VisionOut), np.zeros(len(seeds), bool)
         self._frame = 0
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
@@ -32,9 +38,12 @@ class Camera:
         begins = self._misses.next()[:, 0] < self._probability
         if self._frame == 0:
             begins[:] = False  # a robot is placed where the camera sees it
+        if (active := self._schedule.at(self._frame)) is not None:
+            self._out[:] = False
+            self._out[[row for row, _ in active.of(VisionOut)]] = True
         self._frame += 1
         self._since = np.where(begins, 0.0, self._since + 1)
-        seen = self._since >= self._gap
+        seen = (self._since >= self._gap) & ~self._out
         measured = pose + self._sigma * self._noise.next()
         measured[:, 2] = wrap_angle(measured[:, 2])
         measured[~seen] = np.nan

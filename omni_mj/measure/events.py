@@ -1,4 +1,4 @@
-"""What happened in a run: rows that were stopped, hot windings, a dead battery, limits, misses, way-points.
+"""What happened in a run: rows that were stopped, faults, hot windings, a dead battery, limits, misses, way-points.
 
 An event depends on nothing that comes after its frame, so that events can be told while a run goes on.
 """
@@ -12,6 +12,7 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_control.reference.curves import CURVES
 from omni_mj.scenarios import references
+from omni_mj.scenarios.faults import span
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.simulate.log import Log
@@ -19,8 +20,8 @@ from omni_mj.simulate.log import Log
 if TYPE_CHECKING:
     from omni_mj.simulate.simulation import Failure
 
-STOPPED, TEMPERATURE, BATTERY, LIMIT, VOLTAGE, CURRENT, VISION, WAY_POINT = KINDS = (
-    "stopped", "temperature", "battery", "limit", "voltage", "current", "vision", "way-point",
+STOPPED, TEMPERATURE, BATTERY, LIMIT, VOLTAGE, CURRENT, VISION, WAY_POINT, FAULT = KINDS = (
+    "stopped", "temperature", "battery", "limit", "voltage", "current", "vision", "way-point", "fault",
 )  # fmt: skip
 QUIET_FRAMES = FRAME_RATE_HZ // 4  # what was at a limit no longer ago than this has not left it
 ROUNDING = 1e-9  # relative, of a command that was scaled to a limit, and of a reference that arrives
@@ -43,12 +44,12 @@ class Event:
 
 
 def find(log: Log, failures: "Iterable[Failure]" = ()) -> list[Event]:
-    """What a user must know, once per row, in the order of time: stopped rows, temperature, battery, driver limits."""
+    """What a user must know of each row, in the order of time: stopped rows, faults; once, heat, battery, drivers."""
     found = list(_stopped(log, failures))
     for i in range(len(log.rows)):
         once, own = _Once(log.rows[i]), slice(log.lengths[i])
         told = once.new(log.channel("winding")[own, i], log.channel("battery")[own, i, 0], 0)
-        found += [_event(log, i, *each) for each in told]
+        found += [_event(log, i, *each) for each in (*told, *_faults(log.rows[i], 0, int(log.lengths[i])))]
         limited = log.channel("current_limited")[own, i] > 0
         if limited.any():
             frame, motor = np.argwhere(limited)[0]
@@ -97,6 +98,7 @@ class Watch:
         track = {name: log.channel(name)[start : self._seen, row] for name in names}
         happened = [
             *self._once.new(track["winding"], track["battery"][:, 0], start),
+            *_faults(log.rows[row], start, self._seen),
             *self._limits(track["command"], start),
             *self._full_voltage(track["duty_peak"][:, 0], track["battery"][:, 0], start),
             *self._held_back(track["current_limited"], start),
@@ -151,6 +153,14 @@ class Watch:
 def _stopped(log: Log, failures: "Iterable[Failure]") -> Iterator[Event]:
     for each in failures:
         yield _event(log, each.row, round(each.time_s / PERIOD_S), STOPPED, f"stopped: {each.cause}")
+
+
+def _faults(row: Row, start: int, stop: int) -> Iterator[_Happening]:
+    """What began and ended in the frames from `start` until before `stop`."""
+    for fault in row.settings.fault:
+        for frame, does in zip(span(fault), ("begins", "ends"), strict=True):
+            if start <= frame < stop:
+                yield int(frame), FAULT, f"{does}: {fault.text}"
 
 
 def _driver_limits(row: Row, motor: int) -> str:

@@ -18,7 +18,7 @@ TABLES: dict[int, Table] = {
 }
 SCENARIOS = {3: "rect", 4: "rect-noise"}
 # What the robot shall do and what it meets; what its firmware and the team make of it may be tried.
-DEFINING = ("reference", "world", "disturbance", "radio")
+DEFINING = ("reference", "world", "disturbance", "radio", "fault")
 PLANT_PARTS = {"kinematic": ("kinematic",), "mujoco": ("carpet", "drive", "motor", "battery", "body", "wheels")}
 
 

@@ -129,10 +129,9 @@ class Result:
 
         lines = [line for outcome in self.outcomes for line in _lines(outcome)]
         names = dict.fromkeys(name for line in lines for name in line)
-        differing = {
-            name for name in names if "." not in name or any(line.get(name) != lines[0].get(name) for line in lines)
-        }
-        columns = {name: [_plain(line.get(name)) for line in lines] for name in names if name in differing}
+        settings = {name for name in names if "." in name or name == "fault"}
+        same = {name for name in settings if all(line.get(name) == lines[0].get(name) for line in lines)}
+        columns = {name: [_plain(line.get(name)) for line in lines] for name in names if name not in same}
         return pa.table({name: pa.array(values) for name, values in columns.items()})
 
     def save(self, folder: str | Path) -> None:

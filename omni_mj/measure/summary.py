@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.measure import events, metrics, paper
+from omni_mj.measure import events, metrics, paper, recovery
 from omni_mj.measure.statistics import CONFIDENCE, Spread, plain, spread
 from omni_mj.measure.verdict import DEFINITIONS as VERDICTS
 from omni_mj.measure.verdict import verdict
@@ -61,7 +61,8 @@ DEFINITIONS = {
         " constant and of the mass that the wheels carry, what wheels have lost of their radius, the shift of the"
         " middle of that mass"
     ),
-    "events": "the first frame of each kind, controller and seed",
+    "events": "the first frame of each kind, controller and seed; of faults each beginning and end",
+    **recovery.DEFINITIONS,
     **VERDICTS,
 }
 
@@ -93,7 +94,7 @@ def entry(
         scenario: what was run.
         log: what was recorded.
         failures: the rows that were stopped.
-        measured: what `metrics.row_metrics` says of it; empty where errors mean nothing.
+        measured: what `metrics` and `recovery` say of its rows; empty where errors mean nothing.
         wall_s: how long it took, s.
         stopped: why it ended before its time, or None.
         limits: controllers that are no competitors.
@@ -123,7 +124,7 @@ def entry(
 
 
 def results(log: Log, failures: "Iterable[Failure]", measured: Mapping[str, Array]) -> dict[str, Any]:
-    """Per controller its errors, effort, time to settle, alpha and peaks over its rows."""
+    """Per controller its errors, effort, time to settle, recovery from faults, alpha and peaks over its rows."""
     failed = {failure.row for failure in failures}
     found: dict[str, Any] = {}
     base: dict[str, dict[str, Spread]] = {}
@@ -141,6 +142,7 @@ def results(log: Log, failures: "Iterable[Failure]", measured: Mapping[str, Arra
             "error_rad": {axis: error[axis] for axis in metrics.AXES if metrics.UNITS[axis] == "rad"},
             "reduction_percent": _reduction(error, base) if base else None,
             **{name: spread(measured[name][rows]) for name in ("effort_m_s2", "settle_s", "greatest_at_s")},
+            "recovery": recovery.results(log, controller, measured),
             "alpha": metrics.alpha_percentiles(log, rows),
             **{name: _peak(measured[name][rows]) for name in metrics.PEAKS},
             "failed": len(failed.intersection(rows.tolist())),

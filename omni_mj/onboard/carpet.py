@@ -36,6 +36,10 @@ class Carpet:
             if each.patches:
                 self._patches[: len(each.patches), :, robot, 0] = each.patches
 
+    def become(self, friction: Array) -> None:
+        """From now on have other coefficients of friction, (n, 1), but in the patches."""
+        self._friction = np.broadcast_to(friction, self._friction.shape)
+
     def friction(self, position: Array, heading: Plane) -> Array:
         """Coefficient of friction under each wheel, (n, W).
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from omni_control.kinematics import Array, Kinematics, wrap_angle
-from omni_mj.link.radio import Received
+from omni_mj.link.radio import Received, longest
 from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios.settings import Settings, column
 
@@ -32,8 +32,8 @@ class HeadingEstimate:
         firmware = [s.firmware for s in settings]
         self._heading_gain = column(firmware, "heading_gain")[:, 0]
         self._bias_gain = column(firmware, "bias_gain")[:, 0]
-        longest = max(s.radio.delay_frames + s.radio.jitter_frames for s in settings)
-        self._past = np.tile(self.heading, (longest + 1, 1))
+        oldest = max(longest(s.radio, s.fault) for s in settings)
+        self._past = np.tile(self.heading, (oldest + 1, 1))
         self._frame = 0
 
     def turn(self, rate: Array, timestep: float) -> None:

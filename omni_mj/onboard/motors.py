@@ -45,7 +45,8 @@ class Motors:
     ) -> None:
         shape, motors = (len(settings), wheels), [Motor.of(s) for s in settings]
         self._cold_resistance, self._gear = column(motors, "resistance"), column(motors, "gear")
-        self._cold_constant = np.broadcast_to(column(motors, "constant") * strength, shape)
+        self._new_constant = np.broadcast_to(column(motors, "constant") * strength, shape)
+        self._cold_constant = self._new_constant
         self._commutation = column(motors, "commutation") * self._gear  # per speed of the wheel
         self._dry, self._viscous = column(motors, "wheel_dry"), column(motors, "wheel_viscous")
         self._limit = np.broadcast_to(np.asarray(limit, float), shape)
@@ -56,6 +57,11 @@ class Motors:
         self.limited, self._held_back = np.zeros((2, *shape))
         conduction = {s: _conduction(s, period) for s in set(settings)}
         self._conduction = np.stack([conduction[s] for s in settings], axis=-1)[..., None]
+        self._update()
+
+    def weaken(self, share: Array) -> None:
+        """From now on have a share (n, wheels) of the magnets' field at the start."""
+        self._cold_constant = self._new_constant * share
         self._update()
 
     def drive(self, voltage: Array, wheel_speed: Array) -> tuple[Array, Array, Array]:

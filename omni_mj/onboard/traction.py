@@ -53,6 +53,8 @@ class Traction:
         wear: what each wheel has lost of its radius, m; the same.
 
     Attributes:
+        carpet: under them.
+        centre: of mass of the chassis, as given, (n, 3) m; what a robot carries may move it.
         limit: highest dry friction of the slip hinges at the last load, (n, W) N m.
         impedance: of the slip hinges' friction constraints, (n, W); MuJoCo keeps it within 0.0001 and 0.9999.
         wrench: force and torque of the drag on the chassis, world frame, (n, 6) N and N m.
@@ -72,8 +74,8 @@ class Traction:
         drive = [s.drive for s in settings]
         self._outward = np.exp(1j * kinematics.azimuths)
         self._inward, self._turning = self._outward.conj(), 1j * kinematics.arm
-        self._carpet, self._grip = Carpet([s.carpet for s in settings], kinematics.arm * self._outward), grip
-        self._centre, self._arm = np.broadcast_to(centre, (shape[0], 3)).T, kinematics.arm
+        self.carpet, self._grip = Carpet([s.carpet for s in settings], kinematics.arm * self._outward), grip
+        self.centre, self._arm = np.broadcast_to(centre, (shape[0], 3)), kinematics.arm
         self._radius, self._bearing = kinematics.radius - wear, column(drive, "roller_friction")
         stiffness = column(drive, "creep_stiffness")
         self._creep = 1 / (timestep * self._radius**2 * stiffness * inverse_inertia)
@@ -96,14 +98,14 @@ class Traction:
         body = (velocity[:, 0] + 1j * velocity[:, 1]) * heading.conj()
         wheel = body[:, None] * self._inward + self._turning * velocity[:, 5:6]
         speed, axle = np.abs(wheel), wheel.real
-        friction = self._carpet.friction(position, heading) * self._grip
+        friction = self.carpet.friction(position, heading) * self._grip
         bearing = np.minimum(self._bearing, friction)  # on ice, rollers slide before they turn
         held = bearing / np.maximum(np.abs(axle), AT_REST_M_S) * axle
         direction = wheel / np.maximum(speed, AT_REST_M_S)
-        drag = load * (self._carpet.pile(direction, heading) * direction + held)
+        drag = load * (self.carpet.pile(direction, heading) * direction + held)
         force = -(drag * self._outward).sum(1)  # a matrix product would round by the number of rows
         world = force * heading
-        x, y, height = self._centre
+        x, y, height = self.centre.T
         wrench = self.wrench
         wrench[:, 0], wrench[:, 1] = world.real, world.imag
         wrench[:, 3], wrench[:, 4] = height * world.imag, -height * world.real

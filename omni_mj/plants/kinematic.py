@@ -7,7 +7,9 @@ import numpy as np
 from omni_control.kinematics import Array, Kinematics
 from omni_mj.link.noise import Noise, Seed, Stream
 from omni_mj.link.radio import Received
+from omni_mj.link.schedule import Schedule
 from omni_mj.plants import Telemetry
+from omni_mj.scenarios.faults import Alpha
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, column
 
@@ -31,6 +33,8 @@ class KinematicPlant:
         self._amplitude = column([row.settings.disturbance for row in rows], "velocity_m_s")
         self._pose = np.array(start, float)
         self._twist, self._disturbance = np.zeros((2, *self._pose.shape))
+        self._schedule, self._frame = Schedule([row.settings.fault for row in rows], Alpha), 0
+        self._given: Array | None = None  # alpha where a fault gives it, otherwise not a number, (n, 1)
         self._telemetry = Telemetry.of_no_wheels(len(rows))
 
     def pose(self) -> Array:
@@ -44,6 +48,13 @@ class KinematicPlant:
     def advance(self, received: Received) -> dict[int, str]:
         """See `Plant`; what it moves in are world coordinates, whatever the heading."""
         alpha = np.clip(self._low + (self._high - self._low) * self._quantile.next(), self._low, self._high)
+        if (active := self._schedule.at(self._frame)) is not None:
+            self._given = np.full((len(alpha), 1), np.nan)
+            for row, fault in active.of(Alpha):
+                self._given[row] = fault.to
+        if self._given is not None:
+            alpha = np.where(np.isnan(self._given), alpha, self._given)
+        self._frame += 1
         self._disturbance[:, :2] = self._amplitude * self._noise.next()
         self._twist = alpha * received.command + self._disturbance
         self._pose = self._pose + PERIOD_S * self._twist

@@ -18,6 +18,7 @@ from omni_mj.onboard.motor import Motor
 from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import EVERY, Traction
 from omni_mj.plants import Telemetry, batches
+from omni_mj.plants.faults import Faults
 from omni_mj.plants.variation import Drawn
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, Settings, column
@@ -94,6 +95,9 @@ class MujocoPlant:
         wheels = len(world.kinematics.azimuths)
         limit = column([s.firmware for s in settings], "current_limit_a")
         self._motors = Motors([s.motor for s in settings], wheels, PERIOD_S, limit, self.drawn.strength)
+        self._faults: Faults | None = None
+        if any(s.fault for s in settings):
+            self._faults = Faults(rows, self._batch, world, self._traction, self._motors)
         self._battery = Battery([s.battery for s in settings])
         self._firmware = Firmware(settings, world.kinematics, self._heading, build.CYCLE_S, PERIOD_S)
         self._speeds, self._voltages, self.currents = np.zeros((3, self._cycles, n, wheels))
@@ -111,12 +115,15 @@ class MujocoPlant:
     def advance(self, received: Received) -> dict[int, str]:
         """See `Plant`."""
         motors, battery, traction = self._motors, self._battery, self._traction
-        push = self._force * self._pushes.next()
+        push, gyro_bias, any_failed = self._force * self._pushes.next(), self._gyro_bias, self._failed.any()
+        if self._faults is not None:
+            self._faults.begin()
+            push, gyro_bias = push + self._faults.push, gyro_bias + self._faults.gyro
+            push[self._failed] = 0.0
         self._resistance.set(motors.resistance)
         self._constant.set(motors.constant)
         self._firmware.receive(received, motors.winding)
-        gyro_error = (self._gyro_bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
-        any_failed = self._failed.any()
+        gyro_error = (gyro_bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
         for k in range(self._cycles):
             duty = self._firmware.duties(self._turn_rates + gyro_error, self._angles)
             if self._held is not None:

@@ -21,17 +21,23 @@ _LISTED = {  # several values, by how many numbers each has
 
 
 def setting(
-    default: Any, unit: str, doc: str, low: float | None = None, high: float | None = None, several: bool = False
+    default: Any,
+    unit: str,
+    doc: str,
+    low: float | None = None,
+    high: float | None = None,
+    several: bool = False,
+    alias: str | None = None,
 ) -> Any:
-    """A field of a model with its unit, meaning and range; a callable default is read when needed.
+    """A field of a model with its unit, meaning and range; a callable default is read when needed, `...` is none.
 
     The annotation says the rest: an int is whole, a Literal is a choice. Of `several` values, such as poses, `low` and
-    `high` are how many.
+    `high` are how many. `alias` is what it is called where Python would not have its name.
     """
     bounds = ("min_length", "max_length") if several or isinstance(default, tuple) else ("ge", "le")
     given: dict[str, Any] = {name: value for name, value in zip(bounds, (low, high), strict=True) if value is not None}
     given["default_factory" if callable(default) else "default"] = default
-    return Field(description=doc, json_schema_extra={"unit": unit}, **given)
+    return Field(description=doc, json_schema_extra={"unit": unit}, alias=alias, **given)
 
 
 @dataclass(frozen=True)
@@ -42,7 +48,7 @@ class Setting:
         section: that it is in; empty for a field of the scenario itself.
         name: of the field.
         kind: int, float, bool, str, or tuple for several.
-        default: its value where nothing else is given.
+        default: its value where nothing else is given; None where it must be.
         unit, doc: its unit and meaning.
         low, high: its range, or how many poses there may be; None where there is no limit.
         choices: those there are, where one must be chosen.
@@ -122,12 +128,21 @@ class Checked(BaseModel):
         Raises:
             OmniError: a value is not allowed.
         """
-        return type(self)(**{**dict(self), **values})
+        return type(self)(**{**self.values(), **values})
+
+    def values(self) -> dict[str, Any]:
+        """Its values, by the names that files have for them."""
+        return {known: getattr(self, name) for known, name in self._names().items()}
 
     @classmethod
     def declared(cls) -> list[Setting]:
         """What the declarations of its fields say."""
         return [cls._declared(name) for name in cls.model_fields]
+
+    @classmethod
+    def _names(cls) -> dict[str, str]:
+        """What fields are called in files -> and in Python."""
+        return {field.alias or name: name for name, field in cls.model_fields.items()}
 
     @classmethod
     def _declared(cls, name: str) -> Setting:
@@ -139,7 +154,7 @@ class Checked(BaseModel):
         )
         return Setting(
             section=cls.section,
-            name=name,
+            name=field.alias or name,
             kind=str if kind is Literal else kind,
             default=None if field.is_required() else field.get_default(call_default_factory=True),
             unit=str(field.json_schema_extra["unit"]) if isinstance(field.json_schema_extra, dict) else "",
@@ -158,12 +173,13 @@ class Checked(BaseModel):
             yield from str(error["ctx"]["error"]).splitlines()
         elif error["type"] == "extra_forbidden":
             prefix = f"{cls.section}." if cls.section else ""
-            known = [prefix + field for field in cls.model_fields]
+            known = [prefix + each for each in cls._names()]
             yield f"{cls.unknown} {prefix + name}; {choose(prefix + name, known)}"
-        elif error["type"] == "missing":
-            yield f"{name} is missing; give {cls._declared(name).wanted}"
         else:
-            declared = cls._declared(name)
+            declared = cls._declared(cls._names()[name])
+            if error["type"] == "missing":
+                yield f"{declared.full} is missing; give {declared.wanted}"
+                return
             why = (
                 f"; {error['msg']}"
                 if error["type"] in ("pose", "patch", "angles")

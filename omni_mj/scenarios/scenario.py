@@ -13,7 +13,7 @@ from pydantic import Field, ValidationInfo, field_validator
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError, choose
 from omni_control.registry import CONTROLLERS
-from omni_mj.scenarios import controllers, robots
+from omni_mj.scenarios import controllers, faults, robots
 from omni_mj.scenarios.checking import Checked, Setting, in_one, setting, shown
 from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.nested import merged
@@ -76,11 +76,13 @@ class Scenario(Checked):
         """
         head = dict(self) | {"controllers": [controllers.written(kind) for kind in self.controllers]}
         sections = self.settings.plain()
-        named = sections.pop("controller")
-        tables = {**sections, **{f"controller.{_key(name)}": values for name, values in named.items()}}
+        named, happening = sections.pop("controller"), sections.pop("fault")
+        tables = [(f"[{name}]", values) for name, values in sections.items()]
+        tables += [(f"[controller.{_key(name)}]", values) for name, values in named.items()]
+        tables += [("[[fault]]", values) for values in happening]
         lines = [f"{each.name} = {_toml(head[each.name])}" for each in self.declared()]
-        for table, values in tables.items():
-            lines += ["", f"[{table}]", *(f"{_key(name)} = {_toml(value)}" for name, value in values.items())]
+        for heading, values in tables:
+            lines += ["", heading, *(f"{_key(name)} = {_toml(value)}" for name, value in values.items())]
         return "\n".join(lines) + "\n"
 
     @field_validator("name")
@@ -138,7 +140,7 @@ class Scenario(Checked):
     @field_validator("settings", mode="before")
     @classmethod
     def _settings(cls, given: Any, info: ValidationInfo) -> Settings:
-        """Settings from sections, and parameters that are those of the controllers; all errors of both."""
+        """Settings from sections, parameters that the controllers have, faults that the plant knows; all errors."""
         if not isinstance(given, (Mapping, Settings)):
             raise ValueError(f"settings must be Settings, or sections by name, not {shown(given)}")
         errors, settings, parameters = [], given, None
@@ -149,6 +151,11 @@ class Scenario(Checked):
             errors.append(str(error))
         try:
             parameters = _parameters(given, info.data.get("controllers"))
+        except OmniError as error:
+            errors.append(str(error))
+        try:
+            if isinstance(settings, Settings) and "plant" in info.data:
+                faults.check_plant(settings.fault, info.data["plant"])
         except OmniError as error:
             errors.append(str(error))
         in_one(errors)

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from omni_mj.scenarios import faults
 from omni_mj.scenarios.checking import Checked, Setting
 from omni_mj.scenarios.nested import plain
 from omni_mj.scenarios.scenario import Scenario
@@ -28,13 +29,13 @@ def schema() -> dict[str, Any]:
     head["name"]["pattern"] = _NAME
     head["paper_table"]["enum"] = [0, 3, 4]
     head["controllers"] |= {"items": {"type": "string"}, "uniqueItems": True}
-    sections = {name: _section(field.annotation) for name, field in Settings.model_fields.items()}
+    sections = {name: _section(field.annotation) for name, field in Settings.model_fields.items() if name != "fault"}
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         "title": "a scenario of omni-mj",
         "type": "object",
         "additionalProperties": False,
-        "properties": {**head, **sections},
+        "properties": {**head, **sections, "fault": _faults()},
     }
 
 
@@ -48,6 +49,16 @@ def _section(kind: Any) -> dict[str, Any]:
         "additionalProperties": False,
         "properties": {each.name: _field(each) for each in kind.declared()},
     }
+
+
+def _faults() -> dict[str, Any]:
+    kinds = []
+    for name, kind in faults.KINDS.items():
+        told = _section(kind)
+        fields = told["properties"]
+        fields["kind"]["enum"] = [name]
+        kinds.append(told | {"required": [each for each in fields if each == "kind" or "default" not in fields[each]]})
+    return {"description": "what happens while a run goes on", "type": "array", "items": {"oneOf": kinds}}
 
 
 def _field(setting: Setting) -> dict[str, Any]:
@@ -66,7 +77,7 @@ def _field(setting: Setting) -> dict[str, Any]:
         **kind,
         **{name: limit for name, limit in limits.items() if limit is not None},
         UNIT: setting.unit,
-        "default": plain(setting.default),
+        **({} if setting.default is None else {"default": plain(setting.default)}),
     }
 
 

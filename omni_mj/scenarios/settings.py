@@ -8,7 +8,10 @@ from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_v
 
 from omni_control.kinematics import Array
 from omni_control.reference.curves import CURVES
-from omni_mj.scenarios.checking import Checked, Poses, Setting, setting, shown
+from omni_mj.scenarios import faults
+from omni_mj.scenarios.checking import Checked, Poses, Setting, in_one, setting, shown
+from omni_mj.scenarios.clock import FRAME_RATE_HZ as FRAME_RATE_HZ
+from omni_mj.scenarios.clock import PERIOD_S as PERIOD_S
 from omni_mj.scenarios.motor_settings import MotorSettings
 from omni_mj.scenarios.nested import merged, plain
 from omni_mj.scenarios.parameters import Parameters
@@ -20,9 +23,6 @@ from omni_mj.scenarios.robot_settings import (
     WheelSettings,
 )
 from omni_mj.scenarios.robots import of_robot
-
-FRAME_RATE_HZ = 60  # SSL-Vision's cameras; the clock of everything (paper, section 4)
-PERIOD_S = 1 / FRAME_RATE_HZ
 
 
 def column(settings: Sequence[Any], name: str) -> Array:
@@ -199,7 +199,7 @@ class WorldSettings(Checked):
 
 
 class Settings(Checked):
-    """All sections; `controller` holds those of controllers' parameters.
+    """All sections; `controller` holds those of controllers' parameters, `fault` what happens in a run.
 
     Each is given as a model, or as its fields that differ from the defaults: `Settings(radio={"delay_frames": 9})`.
     """
@@ -225,17 +225,25 @@ class Settings(Checked):
     kinematic: KinematicSettings = Field(default_factory=KinematicSettings)
     world: WorldSettings = Field(default_factory=WorldSettings)
     controller: Parameters = Field(default_factory=Parameters)
+    fault: tuple[faults.Fault, ...] = ()
 
     @field_validator("*", mode="before")
     @classmethod
     def _section(cls, value: Any, info: ValidationInfo) -> Any:
         name = str(info.field_name)
+        if name == "fault":
+            return faults.made(value)
         kind: Any = cls.model_fields[name].annotation
         if isinstance(value, kind):
             return value
         if not isinstance(value, Mapping):
             raise ValueError(f"{name} is a section: write [{name}] and its fields below, not {shown(value)}")
         return kind(**value)
+
+    @model_validator(mode="after")
+    def _can_happen(self) -> Self:
+        in_one(faults.misfits(self.fault, self))
+        return self
 
     def replace(self, **sections: Any) -> Self:
         """A copy with other values: `settings.replace(radio={"delay_frames": 9}, carpet=CarpetSettings())`.
@@ -245,9 +253,10 @@ class Settings(Checked):
         """
         return type(self)(**merged(dict(self), sections))
 
-    def plain(self) -> dict[str, dict[str, Any]]:
-        """All values by section and field, as TOML and JSON hold them."""
-        return {name: plain(dict(section)) for name, section in self}
+    def plain(self) -> dict[str, Any]:
+        """All values by section and field, and the faults as a list, as TOML and JSON hold them."""
+        sections = {name: plain(dict(section)) for name, section in self if name != "fault"}
+        return sections | {"fault": [plain(each.values()) for each in self.fault]}
 
     def items(self) -> Iterator[tuple[Setting, Any]]:
         """Every setting's declaration and value, but for the parameters of controllers."""

@@ -29,6 +29,7 @@ def show() -> None:
         ("plants (--plant)", [[name, _first_line(where)] for name, where in PLANTS.items()], [None]),
         ("robots (--robot)", _described(robots.builtin()), [None]),
         ("settings (--set section.field=value)", [HEADINGS, *settings()], WIDEST),
+        ("faults, what happens in a run ([[fault]] in a scenario's file)", [HEADINGS, *faults()], WIDEST),
     ):
         print(title)
         for line in terminal.wrapped(rows, widest):
@@ -44,12 +45,39 @@ def _described(files: dict[str, Path]) -> list[list[str]]:
 
 def settings() -> list[list[str]]:
     """Name, default, unit, range and meaning of every setting."""
-    sections = json.loads(SCHEMA.read_text(encoding="utf-8"))["properties"]
     return [
-        [f"{section}.{name}", short(each["default"]), each["x-unit"], _allowed(each), _meaning(each)]
-        for section, fields in sections.items()
-        for name, each in fields.get("properties", {}).items()
+        line for section, fields in _schema().items() for line in _fields(f"{section}.", fields.get("properties", {}))
     ]
+
+
+def faults() -> list[list[str]]:
+    """The same of every kind of fault: what all have, then each kind and what it has besides."""
+    kinds = [each["properties"] for each in _schema()["fault"]["items"]["oneOf"]]
+    common = {name: each for name, each in kinds[0].items() if all(kind.get(name) == each for kind in kinds)}
+    lines = _fields("", common)
+    for fields in kinds:
+        kind = fields["kind"]
+        lines.append([f"kind = {kind['default']}", "", "", "", _meaning(kind)])
+        lines += _fields("  ", {name: each for name, each in fields.items() if name not in {"kind", *common}})
+    return lines
+
+
+def _schema() -> dict[str, Any]:
+    properties: dict[str, Any] = json.loads(SCHEMA.read_text(encoding="utf-8"))["properties"]
+    return properties
+
+
+def _fields(prefix: str, fields: dict[str, Any]) -> list[list[str]]:
+    return [_line(prefix + name, each) for name, each in fields.items()]
+
+
+def _line(name: str, field: dict[str, Any]) -> list[str]:
+    return [name, _default(field), field["x-unit"], _allowed(field), _meaning(field)]
+
+
+def _default(field: dict[str, Any]) -> str:
+    """As in a scenario file; nothing for what must be given."""
+    return short(field["default"]) if "default" in field else ""
 
 
 def short(value: Any) -> str:

@@ -14,7 +14,7 @@ from omni_control.kinematics import Array
 from omni_mj.link.camera import Camera
 from omni_mj.link.radio import Radio
 from omni_mj.plants import Plant
-from omni_mj.scenarios import references
+from omni_mj.scenarios import faults, references
 from omni_mj.scenarios.controllers import resolve
 from omni_mj.scenarios.plants import find_plant
 from omni_mj.scenarios.rows import Row, table
@@ -65,7 +65,8 @@ class Simulation:
         failures: the rows that were stopped before their end, in that order.
 
     Raises:
-        OmniError: there is no such controller, one is named twice, or the rows cannot share a plant.
+        OmniError: there is no such controller, one is named twice, the rows cannot share a plant, or it does not know
+            what shall happen to one of them.
     """
 
     def __init__(
@@ -82,6 +83,8 @@ class Simulation:
         for label in dict.fromkeys(row.controller for row in self._table):
             if label not in self._kinds:
                 raise OmniError(f"a row names the controller {label!r}; {choose(label, self._kinds)}")
+        for settings in {id(row.settings): row.settings for row in self._table}.values():
+            faults.check_plant(settings.fault, self.scenario.plant)
         self.reset()
 
     def reset(self, seed: int | None = None) -> None:
@@ -101,9 +104,10 @@ class Simulation:
         start = np.array([reference.poses[0] for reference in self.references])
         geometry = kinematics(self.rows[0].settings.wheels)
         self.plant: Plant = find_plant(self.scenario.plant)(self.rows, start)
-        self.camera = Camera([row.settings.vision for row in self.rows], noise)
+        happening = [row.settings.fault for row in self.rows]
+        self.camera = Camera([row.settings.vision for row in self.rows], noise, happening)
         self.team = assemble(self.rows, self._kinds, start, geometry, self.plant.geometry is not None, self._stop)
-        self.radio = Radio([row.settings.radio for row in self.rows], noise)
+        self.radio = Radio([row.settings.radio for row in self.rows], noise, happening)
         self.log = Log(self.rows, len(geometry.azimuths))
         self._frames = np.array([reference.frames for reference in self.references])
         distinct = {id(reference): reference for reference in self.references}

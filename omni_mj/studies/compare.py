@@ -8,6 +8,7 @@ from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError, choose
 from omni_control.registry import CONTROLLERS
 from omni_mj.measure.result import Outcome, Result
+from omni_mj.scenarios.faults import known
 from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.simulate.simulation import Simulation
@@ -67,9 +68,11 @@ def compare(
     return result
 
 
-def usual() -> tuple[str, ...]:
-    """The scenarios that are compared unless others are named."""
-    return tuple(name for name in builtin() if name not in LEFT_OUT)
+def usual(plant: str = "mujoco") -> tuple[str, ...]:
+    """The scenarios that are compared unless others are named, but for those with faults that the plant has none of."""
+    kinds = known(plant)
+    there = (name for name in builtin() if name not in LEFT_OUT)
+    return tuple(name for name in there if all(fault.kind in kinds for fault in load(name).settings.fault))
 
 
 def check(chosen: Sequence[Scenario], subject: str | None) -> None:

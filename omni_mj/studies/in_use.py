@@ -52,5 +52,7 @@ def frames(scenario: Scenario, task: str) -> int:
 
 
 def _on_path(scenario: Scenario, task: str) -> Scenario:
-    settings = scenario.settings.replace(reference=load(task).settings.reference, world={"places": [[0, 0, 0]]})
+    settings = scenario.settings.replace(
+        reference=load(task).settings.reference, world={"places": [[0, 0, 0]]}, fault=()
+    )
     return scenario.replace(name=task, controllers=(CONTROLLER,), paper_table=0, settings=settings, seeds=1)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from omni_control.controllers.base import Controller
-from omni_mj.measure import metrics, summary
+from omni_mj.measure import metrics, recovery, summary
 from omni_mj.measure.result import Outcome
 from omni_mj.scenarios.controllers import find, label
 from omni_mj.scenarios.scenario import Scenario
@@ -33,7 +33,7 @@ def nothing(_: object) -> None:
 
 
 def standing(settings: Settings, frames: int, **sections: Any) -> Settings:
-    """Settings for robots that are commanded from outside, each alone and without dead time.
+    """Settings for robots that are commanded from outside, each alone, without dead time and faults.
 
     Args:
         settings: all else.
@@ -45,6 +45,7 @@ def standing(settings: Settings, frames: int, **sections: Any) -> Settings:
         reference={**rest, **sections.pop("reference", {})},
         radio={"delay_frames": 0, "jitter_frames": 0},
         world={"places": [[0, 0, 0]]},
+        fault=(),
         **sections,
     )
 
@@ -67,6 +68,7 @@ def drive(simulation: Simulation, after_frame: AfterFrame = nothing, subject: st
         stopped = error.reason
     log, failures = simulation.log, list(simulation.failures)
     measured, drawn = metrics.row_metrics(log, failures), simulation.drawn
+    measured |= recovery.row_metrics(log, failures)
     entry = summary.entry(
         simulation.scenario,
         log,

@@ -148,7 +148,7 @@ def _balance(spec: mujoco.MjSpec, body: BodySettings, file: str) -> None:
         raise OmniError(f"body.mass_kg must be more than the {mass:.3f} kg of the wheels, not {body.mass_kg:g}")
     at = (body.mass_kg * whole - mass * centre) / left
     own = np.diag([body.tilt_inertia_kg_m2, body.tilt_inertia_kg_m2, body.yaw_inertia_kg_m2])
-    own = own - inertia - mass * _spread(centre - whole) - left * _spread(at - whole)
+    own = own - inertia - mass * spread(centre - whole) - left * spread(at - whole)
     principal = np.linalg.eigvalsh(own)
     if principal[0] <= 0 or principal[2] > principal[:2].sum():
         raise OmniError(
@@ -175,10 +175,10 @@ def composite(model: mujoco.MjModel, bodies: Iterable[int]) -> tuple[float, Arra
     inertia = np.zeros((3, 3))
     for number, m, r in zip(chosen, mass, at - centre, strict=True):
         axes = data.ximat[number].reshape(3, 3)
-        inertia += axes @ np.diag(model.body_inertia[number]) @ axes.T + m * _spread(r)
+        inertia += axes @ np.diag(model.body_inertia[number]) @ axes.T + m * spread(r)
     return float(mass.sum()), centre, inertia
 
 
-def _spread(r: Array) -> Array:
+def spread(r: Array) -> Array:
     """Inertia of a unit mass at r about the origin, m^2."""
     return np.asarray(r @ r * np.eye(3) - np.outer(r, r))

@@ -71,6 +71,34 @@ def test_the_effective_scenario_repeats_the_run_bit_for_bit(tmp_path: Path, caps
     assert capsys.readouterr() == ("", "")
 
 
+def test_what_happens_in_a_run_is_repeated_and_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """How controllers recover below the table; settings and events in report and recording; faults are no notes."""
+    faults = '[[fault]]\nkind = "vision-out"\nat = 0.2\nfor = 0.1\n\n[[fault]]\nkind = "delay"\nat = 0.4\nto = 9\n'
+    (tmp_path / "met.toml").write_text('plant = "kinematic"\n[reference]\nwaypoints = [[0, 0], [0.2, 0]]\n\n' + faults)
+    a, b = tmp_path / "a", tmp_path / "b"
+    assert invoke("run", "--scenario", tmp_path / "met.toml", "--controller", "flc", "--no-figures", "--out", a) == 0
+    printed = capsys.readouterr().out
+    assert "worst, cm" in printed
+    assert "dead time of 9 frames, from 0.4 s on" in printed
+    assert "note" not in printed
+    assert invoke("run", "--scenario", a / "scenario.toml", *BARE, "--out", b) == 0
+    assert (a / "scenario.toml").read_text() == (b / "scenario.toml").read_text()
+    first, second = (strict(folder / "summary.json")["scenarios"]["met"] for folder in (a, b))
+    assert first["results"] == second["results"]
+    assert [fault["kind"] for fault in first["settings"]["fault"]] == ["vision-out", "delay"]
+    told = [event["text"] for event in first["events"] if event["controller"] == "flc"]
+    unseen, late = "camera that does not see the robot", "dead time of 9 frames"
+    assert told == [f"begins: {unseen}", f"ends: {unseen}", f"begins: {late}"]
+    report = (a / "report.html").read_text()
+    assert "<code>fault</code>" in report
+    assert f"begins: {late}" in report
+    batches = [chunk.to_record_batch() for chunk in RrdReader(a / "recording.rrd").stream().to_chunks()]
+    columns = [batch.column(name) for batch in batches for name in batch.schema.names if name.startswith("Text")]
+    texts = [str(text) for column in columns for text in column.to_pylist()]
+    assert any(f"- {late}, from 0.4 s on" in text for text in texts), "settings"
+    assert any(f"flc: begins: {late}" in text for text in texts), "events"
+
+
 def test_bad_input_is_a_line_each_that_says_what_is_allowed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for arguments, *says in (
         ("", "--scenario is missing"),

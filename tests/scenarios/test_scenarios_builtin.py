@@ -12,10 +12,12 @@ from hypothesis import strategies as st
 
 from omni_control.kinematics import Array
 from omni_control.traction import traction_limits
+from omni_mj.measure import recovery
 from omni_mj.scenarios import references, scenario
+from omni_mj.scenarios.faults import Friction, span
 from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.scenario import Scenario
-from omni_mj.scenarios.settings import PERIOD_S, ReferenceSettings
+from omni_mj.scenarios.settings import PERIOD_S, ReferenceSettings, Settings
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.worlds.build import kinematics
 
@@ -157,13 +159,43 @@ def test_a_random_task_can_be_planned_anew_in_every_frame() -> None:
         assert (poses == point).all(1).any()
 
 
-def test_slippery_asks_for_nine_tenths_of_what_its_carpet_gives() -> None:
-    """Wheels must speed the robot up and pull what pile and bearings drag, each by its share of the weight."""
-    settings = scenario.scenario("slippery").settings
-    azimuths, friction = np.radians(settings.wheels.azimuths_deg), settings.carpet.friction
+def shares_asked(settings: Settings, friction: float) -> list[float]:
+    """Of what wheels can push ahead and aside, what they must: to speed up, and what pile and bearings drag.
+
+    Each wheel by its share of the weight.
+    """
+    azimuths = np.radians(settings.wheels.azimuths_deg)
     limits = traction_limits(kinematics(settings.wheels), friction, settings.body.centre_height_m)
     shares = np.linalg.pinv([np.ones(4), np.cos(azimuths), np.sin(azimuths)]) @ [1.0, 0.0, 0.0]
     asked = settings.reference.max_acceleration_m_s2, settings.reference.max_side_acceleration_m_s2
-    for limit, wanted, along_axles in zip(limits, asked, np.abs([np.cos(azimuths), np.sin(azimuths)]), strict=True):
-        drag = 9.81 * (settings.carpet.pile + settings.drive.roller_friction * shares @ along_axles)
-        assert (wanted + drag) / limit == pytest.approx(0.9, abs=0.01)
+    axles = np.abs([np.cos(azimuths), np.sin(azimuths)])
+    drags = 9.81 * (settings.carpet.pile + settings.drive.roller_friction * axles @ shares)
+    return [(wanted + drag) / limit for limit, wanted, drag in zip(limits, asked, drags, strict=True)]
+
+
+def test_slippery_asks_for_nine_tenths_of_what_its_carpet_gives() -> None:
+    settings = scenario.scenario("slippery").settings
+    assert shares_asked(settings, settings.carpet.friction) == pytest.approx([0.9, 0.9], abs=0.01)
+
+
+# --- what happens in them ---
+
+
+def test_a_carpet_that_becomes_slippery_can_be_driven_all_the_same() -> None:
+    """About half of what wheels can push before, most of it after."""
+    settings = scenario.scenario("fault-friction").settings
+    (fault,) = settings.fault
+    assert isinstance(fault, Friction)
+    assert shares_asked(settings, settings.carpet.friction) == pytest.approx([0.50, 0.55], abs=0.01)
+    assert shares_asked(settings, fault.to) == pytest.approx([0.78, 0.88], abs=0.01)
+
+
+@pytest.mark.parametrize("name", [name for name in builtin() if name.startswith("fault-")])
+def test_faults_happen_on_the_first_side_of_the_rectangle(name: str) -> None:
+    """While the robot drives; of those that end, what comes after is seen before the corner."""
+    loaded, poses = built_in(name)
+    corner = int(np.flatnonzero(poses[:, 1] > poses[0, 1])[0])
+    (fault,) = loaded.settings.fault
+    start, end = span(fault)
+    assert poses[start, 0] > poses[start - 1, 0]
+    assert math.isinf(end) or end + recovery.AFTER_S / PERIOD_S <= corner

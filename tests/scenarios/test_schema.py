@@ -2,9 +2,8 @@
 
 import json
 import tomllib
-from typing import Any
 
-from scenario_texts import SETTINGS
+from scenario_texts import SETTINGS, fits
 
 from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.schema import PATH, schema, text
@@ -30,20 +29,6 @@ def test_every_setting_is_in_it_with_its_unit_range_and_default() -> None:
             assert told["enum"] == list(each.choices)
 
 
-def fits(value: Any, told: dict[str, Any]) -> bool:
-    """Whether a value is what a schema allows, as far as ours use JSON Schema."""
-    kinds = {"object": dict, "array": list, "string": str, "integer": int, "number": (int, float), "boolean": bool}
-    if not isinstance(value, kinds[told["type"]]) or value not in told.get("enum", [value]):
-        return False
-    if isinstance(value, dict):
-        known = told.get("properties", {})
-        return value.keys() <= known.keys() and all(fits(each, known[name]) for name, each in value.items())
-    if isinstance(value, list):
-        count = told.get("minItems", 0) <= len(value) <= told.get("maxItems", len(value))
-        return count and all(fits(each, told["items"]) for each in value)
-    return isinstance(value, str) or told.get("minimum", value) <= value <= told.get("maximum", value)
-
-
 def test_the_library_fits_it_and_names_it() -> None:
     """In its first line, as editors understand."""
     for path in builtin().values():
@@ -55,5 +40,9 @@ def test_the_library_fits_it_and_names_it() -> None:
         "[radio]\ndelay = 1",
         'seeds = "1"',
         "[reference]\nwaypoints = [[0, 0]]",
+        "[fault]\nkind = 'vision-out'\nat = 1",
+        "[[fault]]\nkind = 'vision'\nat = 1",
+        "[[fault]]\nkind = 'push'\nat = 1",
+        "[[fault]]\nkind = 'delay'\nat = 1\nto = 601",
     ):
         assert not fits(tomllib.loads(wrong), schema())

@@ -61,3 +61,21 @@ def errors(**sections: Any) -> list[str]:
     with pytest.raises(OmniError) as error:
         Settings(**sections)
     return str(error.value).splitlines()
+
+
+def fits(value: Any, told: dict[str, Any]) -> bool:
+    """Whether a value is what a schema allows, as far as ours use JSON Schema."""
+    if "oneOf" in told:
+        return sum(fits(value, each) for each in told["oneOf"]) == 1
+    kinds = {"object": dict, "array": list, "string": str, "integer": int, "number": (int, float), "boolean": bool}
+    if not isinstance(value, kinds[told["type"]]) or value not in told.get("enum", [value]):
+        return False
+    if isinstance(value, dict):
+        known = told.get("properties", {})
+        return {*told.get("required", ())} <= value.keys() <= known.keys() and all(
+            fits(each, known[name]) for name, each in value.items()
+        )
+    if isinstance(value, list):
+        count = told.get("minItems", 0) <= len(value) <= told.get("maxItems", len(value))
+        return count and all(fits(each, told["items"]) for each in value)
+    return isinstance(value, str) or told.get("minimum", value) <= value <= told.get("maximum", value)

@@ -6,16 +6,17 @@ from itertools import groupby
 import numpy as np
 import rerun as rr
 
-from omni_mj.measure.events import BATTERY, CURRENT, LIMIT, STOPPED, TEMPERATURE, VISION, VOLTAGE, WAY_POINT, Event
+from omni_mj.measure import events
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show.recording.robots import Robot
 from omni_mj.show.recording.timelines import indexes
 
 LEVELS = {
-    STOPPED: "ERROR", TEMPERATURE: "ERROR", BATTERY: "ERROR", LIMIT: "WARN", VOLTAGE: "WARN",
-    CURRENT: "WARN", VISION: "INFO", WAY_POINT: "INFO",
-}  # fmt: skip
+    **dict.fromkeys((events.STOPPED, events.TEMPERATURE, events.BATTERY), "ERROR"),
+    **dict.fromkeys((events.LIMIT, events.VOLTAGE, events.CURRENT, events.FAULT), "WARN"),
+    **dict.fromkeys((events.VISION, events.WAY_POINT), "INFO"),
+}
 
 
 def settings(scenario: Scenario, controllers: Iterable[str], seed: int) -> str:
@@ -31,6 +32,8 @@ def settings(scenario: Scenario, controllers: Iterable[str], seed: int) -> str:
         for setting, value in items:
             shown = value if value == setting.default else f"**{value}**"
             lines.append(f"| {setting.name} | {shown} | {setting.unit} | {setting.doc} |")
+    lines += ["", "### fault", ""] * bool(scenario.settings.fault)
+    lines += [f"- {fault.told}" for fault in scenario.settings.fault]
     return "\n".join(lines)
 
 
@@ -39,7 +42,7 @@ def log(stream: rr.RecordingStream, entity: str, markdown: str) -> None:
     stream.log(entity, rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN), static=True)
 
 
-def send_events(stream: rr.RecordingStream, robot: Robot, happened: Sequence[Event]) -> None:
+def send_events(stream: rr.RecordingStream, robot: Robot, happened: Sequence[events.Event]) -> None:
     """Send what happened to a robot."""
     if happened:
         frames = np.array([event.frame for event in happened])

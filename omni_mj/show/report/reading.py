@@ -188,6 +188,9 @@ def _settings(entry: dict[str, Any]) -> list[Setting]:
     known = {setting.full: setting for setting in every_setting()}
     rows = []
     for section, fields in entry["settings"].items():
+        if isinstance(fields, list):  # the faults
+            rows.append(Setting(section, fields, [], "", "what happens while a run goes on", known=True))
+            continue
         for field, value in fields.items():
             name = f"{section}.{field}"
             if setting := known.get(name):

@@ -1,0 +1,44 @@
+"""Which faults of which rows are going on, frame by frame."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from omni_mj.scenarios.faults import Fault, span
+
+Kind = TypeVar("Kind", bound=Fault)
+
+
+@dataclass(frozen=True)
+class Active:
+    """Those that go on: (row, fault), row by row, in a row in the order in which its scenario has them."""
+
+    faults: Sequence[tuple[int, Fault]]
+
+    def of(self, kind: type[Kind]) -> Iterator[tuple[int, Kind]]:
+        """Those of a kind."""
+        return ((row, fault) for row, fault in self.faults if isinstance(fault, kind))
+
+
+class Schedule:
+    """Tells what goes on in the frames in which that changes; in all others it costs a look into a set.
+
+    Args:
+        faults: of each row.
+        kinds: those that matter to whoever asks.
+
+    Attributes:
+        kinds: those of them that happen to any row.
+    """
+
+    def __init__(self, faults: Sequence[Sequence[Fault]], *kinds: type[Fault]) -> None:
+        own = [(row, fault) for row, each in enumerate(faults) for fault in each if isinstance(fault, kinds)]
+        self.kinds = tuple(kind for kind in kinds if any(isinstance(fault, kind) for _, fault in own))
+        self._spans = [(row, fault, *span(fault)) for row, fault in own]
+        self._changes = {frame for *_, start, end in self._spans for frame in (start, end)}
+
+    def at(self, frame: int) -> Active | None:
+        """What goes on from this frame on; None if that is what went on before."""
+        if frame not in self._changes:
+            return None
+        return Active([(row, fault) for row, fault, start, end in self._spans if start <= frame < end])
