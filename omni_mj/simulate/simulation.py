@@ -21,7 +21,7 @@ from omni_mj.scenarios.rows import Row, table
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.simulate.log import Log
-from omni_mj.simulate.teams import assemble
+from omni_mj.simulate.teams import Follow, assemble
 from omni_mj.worlds.build import kinematics
 
 
@@ -54,6 +54,7 @@ class Simulation:
         controllers: names, `file.py:Class` or classes. [the scenario's]
         seeds: of the random numbers, a row each per controller. [the scenario's]
         rows: the table of rows, where they are not all seeds of all controllers under the scenario's settings.
+        follow: what a controller's rows, given by their numbers, are to follow in place of what their settings say.
 
     Attributes:
         scenario: as given, with these controllers.
@@ -74,6 +75,7 @@ class Simulation:
         controllers: Iterable[str | type[Controller]] | None = None,
         seeds: Iterable[int] | None = None,
         rows: Sequence[Row] | None = None,
+        follow: Follow | None = None,
     ) -> None:
         self.scenario = scenario if controllers is None else scenario.replace(controllers=tuple(controllers))
         self._kinds = resolve(self.scenario.controllers)
@@ -82,6 +84,7 @@ class Simulation:
         for label in dict.fromkeys(row.controller for row in self._table):
             if label not in self._kinds:
                 raise OmniError(f"a row names the controller {label!r}; {choose(label, self._kinds)}")
+        self._follow = follow
         self.reset()
 
     def reset(self, seed: int | None = None) -> None:
@@ -102,7 +105,8 @@ class Simulation:
         geometry = kinematics(self.rows[0].settings.wheels)
         self.plant: Plant = find_plant(self.scenario.plant)(self.rows, start)
         self.camera = Camera([row.settings.vision for row in self.rows], noise)
-        self.team = assemble(self.rows, self._kinds, start, geometry, self.plant.geometry is not None, self._stop)
+        wheels = self.plant.geometry is not None
+        self.team = assemble(self.rows, self._kinds, start, geometry, wheels, self._stop, self._follow)
         self.radio = Radio([row.settings.radio for row in self.rows], noise)
         self.log = Log(self.rows, len(geometry.azimuths))
         self._frames = np.array([reference.frames for reference in self.references])
