@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from omni_control.controllers.base import Controller
+from omni_control.errors import OmniError, choose
 from omni_control.registry import CONTROLLERS
 from omni_mj.measure import summary
 from omni_mj.measure.result import Outcome, Result
@@ -55,13 +56,16 @@ def loop(
         after_frame: called with each frame's number of `drive.FRAMES`; it may raise `StoppedError`.
 
     Raises:
-        OmniError: there is no such scenario or controller.
+        OmniError: there is no such scenario, controller or case.
     """
     started = time.perf_counter()
     chosen = load(scenario) if isinstance(scenario, str) else scenario
     kinds = tuple(usual() if controllers is None else controllers)
     chosen = chosen.replace(name="loop", description="step responses and margins", paper_table=0, controllers=kinds)
     names = tuple(CASES if cases is None else cases)
+    for name in names:
+        if name not in CASES:
+            raise OmniError(f"unknown case {name!r}; {choose(name, CASES)}")
     drive = Drive(chosen, {name: CASES[name] for name in names})
     result = LoopResult([Outcome.not_run(chosen)], chosen.labels, limits(chosen), chosen.seed_list)
     try:

@@ -44,7 +44,8 @@ def loop_gain(command: Array, disturbance: Array) -> Gains:
     """
     wanted, added = _spectra(command), _spectra(disturbance)
     crossed = (wanted * added.conj()).sum((0, 1)), ((wanted + added) * added.conj()).sum((0, 1))
-    gain: Gains = -crossed[0] / crossed[1]
+    with np.errstate(invalid="ignore"):  # of rows that failed
+        gain: Gains = -crossed[0] / crossed[1]
     return gain
 
 
@@ -89,4 +90,5 @@ def margins(gain: Gains, frequency: Array = FREQUENCIES) -> Margins:
 
 def differs(gain: Gains, other: Gains) -> float:
     """By how much two gains (tones,) of a loop differ: root mean square of the change of 1 + L, over 1 + L."""
-    return float(np.sqrt((np.abs((other - gain) / (1 + gain)) ** 2).mean()))
+    with np.errstate(invalid="ignore"):
+        return float(np.sqrt((np.abs((other - gain) / (1 + gain)) ** 2).mean()))
