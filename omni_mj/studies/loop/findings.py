@@ -157,4 +157,4 @@ class Findings:
 
 
 def _cell(value: float, factor: float, digits: int) -> str:
-    return DASH if np.isnan(value) else f"{factor * value:.{digits}f}"
+    return DASH if np.isnan(value) else f"{round(factor * value, digits) + 0.0:.{digits}f}"  # never -0
