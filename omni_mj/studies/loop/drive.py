@@ -79,21 +79,21 @@ class Drive:
             wanted = team.command()
             sent = wanted.copy()
             sent[rows, self._axis] += disturbance
-            team.sent(sent)  # as if before, too: the team's limit on changes is not the disturbance's
+            team.sent(sent)  # as if in the frame before, so that the limit on changes lets the disturbance through
             simulation.step(sent)
             team.sent(wanted)
             after_frame(frame)
 
     def position(self) -> Array:
-        """Along each row's axis: what was asked less, half the difference of each pair; see `_answers`, m."""
+        """Where robots were along the axis asked, half the difference of each pair, m; shaped as `_answers` is."""
         return self._answers(self._along("pose"))
 
     def command(self) -> Array:
-        """What the team commanded along it; likewise, m/s."""
+        """What the team commanded along it, likewise, m/s."""
         return self._answers(self._along("command") - self.disturbance)
 
     def disturbed(self) -> Array:
-        """What was added to it; likewise, m/s."""
+        """What was added to that, likewise, m/s."""
         return self._answers(self.disturbance)
 
     def _along(self, channel: str) -> Array:
