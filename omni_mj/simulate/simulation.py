@@ -21,7 +21,7 @@ from omni_mj.scenarios.rows import Row, table
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.simulate.log import Log
-from omni_mj.simulate.teams import assemble
+from omni_mj.simulate.teams import Follow, assemble
 from omni_mj.worlds.build import kinematics
 
 
@@ -54,6 +54,7 @@ class Simulation:
         controllers: names, `file.py:Class` or classes. [the scenario's]
         seeds: of the random numbers, a row each per controller. [the scenario's]
         rows: the table of rows, where they are not all seeds of all controllers under the scenario's settings.
+        follow: what a controller's rows, given by their numbers, are to follow in place of what their settings say.
 
     Attributes:
         scenario: as given, with these controllers.
@@ -75,6 +76,7 @@ class Simulation:
         controllers: Iterable[str | type[Controller]] | None = None,
         seeds: Iterable[int] | None = None,
         rows: Sequence[Row] | None = None,
+        follow: Follow | None = None,
     ) -> None:
         self.scenario = scenario if controllers is None else scenario.replace(controllers=tuple(controllers))
         self._kinds = resolve(self.scenario.controllers)
@@ -85,6 +87,7 @@ class Simulation:
                 raise OmniError(f"a row names the controller {label!r}; {choose(label, self._kinds)}")
         for settings in {id(row.settings): row.settings for row in self._table}.values():
             faults.check_plant(settings.fault, self.scenario.plant)
+        self._follow = follow
         self.reset()
 
     def reset(self, seed: int | None = None) -> None:
@@ -104,9 +107,9 @@ class Simulation:
         start = np.array([reference.poses[0] for reference in self.references])
         geometry = kinematics(self.rows[0].settings.wheels)
         self.plant: Plant = find_plant(self.scenario.plant)(self.rows, start)
-        happening = [row.settings.fault for row in self.rows]
+        happening, wheels = [row.settings.fault for row in self.rows], self.plant.geometry is not None
         self.camera = Camera([row.settings.vision for row in self.rows], noise, happening)
-        self.team = assemble(self.rows, self._kinds, start, geometry, self.plant.geometry is not None, self._stop)
+        self.team = assemble(self.rows, self._kinds, start, geometry, wheels, self._stop, self._follow)
         self.radio = Radio([row.settings.radio for row in self.rows], noise, happening)
         self.log = Log(self.rows, len(geometry.azimuths))
         self._frames = np.array([reference.frames for reference in self.references])

@@ -15,6 +15,8 @@ from omni_mj.scenarios import references
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 
+Follow = Callable[[np.ndarray], Reference]
+
 
 def assemble(
     rows: Sequence[Row],
@@ -23,6 +25,7 @@ def assemble(
     geometry: Kinematics,
     wheels: bool,
     on_failure: Callable[[np.ndarray, ControllerError], None],
+    follow: Follow | None = None,
 ) -> Team:
     """Make the controllers of all rows and the team around them.
 
@@ -33,6 +36,7 @@ def assemble(
         geometry: of the robots' wheels.
         wheels: whether the plant has any, whose lag and friction the team reckons with.
         on_failure: told the rows of a controller that fails, and why.
+        follow: what rows, by their numbers, are to follow in place of what their settings say.
     """
     together: dict[tuple[object, ...], list[int]] = {}
     for i, row in enumerate(rows):
@@ -41,7 +45,8 @@ def assemble(
     made, unmade, members = list[Controller](), list[np.ndarray](), [np.array(group) for group in together.values()]
     for group in members:
         row, n = rows[group[0]], len(group)
-        known, reference = told(row.settings, geometry, wheels), _reference(row, n)
+        known = told(row.settings, geometry, wheels)
+        reference = _reference(row, n) if follow is None else follow(group)
         try:
             made.append(make(kinds[row.controller], known, reference, n, dict(_parameters(row))))
         except ControllerError as error:

@@ -1,0 +1,60 @@
+"""`omni-mj loop`: step responses and margins of controllers, measured on the plant."""
+
+from pathlib import Path
+
+import click
+
+from omni_mj.cli import console, folders, options
+
+OUTPUTS = ("summary.json", "scenario.toml", "loop.png", "loop.svg")
+
+
+@click.command("loop")
+@click.option(
+    "--controller", "controllers", metavar="NAME|FILE.py:Class", multiple=True,
+    help="May be repeated. [all that come with the program, but for the oracle]",
+)  # fmt: skip
+@click.option("--scenario", "name", metavar="NAME|FILE.toml", default="rect", help="Whose settings count. [rect]")
+@click.option("--plant", metavar="NAME|FILE.py:Class", help="What is driven. [mujoco]")
+@click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [tigers-v2016]")
+@click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")
+@click.option("--seeds", type=int, metavar="N", help="How many seeds, over which is averaged. [1]")
+@options.SETTINGS
+@click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/loop-<UTC time>]")
+@options.OVERWRITE
+@options.QUIET
+def command(
+    controllers: tuple[str, ...],
+    name: str,
+    plant: str | None,
+    robot: str | None,
+    seed: int | None,
+    seeds: int | None,
+    overrides: tuple[str, ...],
+    out: Path | None,
+    overwrite: bool,
+    quiet: bool,
+) -> None:
+    """Measure how control loops answer a step, and their gain, phase and delay margins."""
+    from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.scenarios import scenario
+    from omni_mj.studies.loop import loop, study
+    from omni_mj.studies.loop.drive import FRAMES
+
+    head = {"plant": plant, "robot": robot, "seed": seed, "seeds": seeds, "controllers": controllers or study.usual()}
+    faster = ("wheels.model=two-rollers", *overrides)  # unless told otherwise
+    chosen = scenario.load(name, faster, {key: value for key, value in head.items() if value is not None})
+    folder = folders.prepare(out, "loop", OUTPUTS, overwrite)
+    with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
+        show = begin("loop", FRAMES)
+        result = loop(chosen, chosen.controllers, after_frame=console.checked(interrupts.check, show))
+    with console.writing(folder):
+        result.save(folder)
+        if result.findings:
+            from omni_mj.show import loop_figure
+
+            loop_figure.save(result.findings, folder / "loop")
+    if not quiet:
+        console.tell(result, folder, OUTPUTS)
+    interrupts.end(result.stopped, f"nothing was measured; what there is is in {folder}")
+    console.fail_rows({outcome.scenario.name: outcome.failures for outcome in result.outcomes})

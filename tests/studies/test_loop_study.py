@@ -1,0 +1,223 @@
+"""The loop study measures what python-control computes, where a loop is known in closed form."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import control
+import omni_mj as om
+from omni_mj.measure.table import DASH
+from omni_mj.scenarios.scenario import Scenario
+from omni_mj.studies.loop import LoopResult, excitation, loop
+from omni_mj.studies.loop.drive import STEP, STEP_M, WARM_UP, Drive
+from omni_mj.studies.loop.excitation import FREQUENCIES
+from omni_mj.studies.loop.motion import CASES, Case, Motion
+from omni_mj.studies.loop.step import measure
+from omni_mj.studies.loop.transfer import margins
+from omni_mj.studies.outcome import StoppedError
+
+T, DELAY = 1 / 60, 6
+# Equation 7 without doubt: no noise, a robot that does as told, limits out of the way.
+IDEAL = {
+    "vision": {"position_noise_m": 0.0, "heading_noise_rad": 0.0, "miss_probability": 0.0},
+    "kinematic": {"alpha_low": 1.0, "alpha_high": 1.0},
+    "control": {"max_acceleration_m_s2": 1000.0},
+}
+# K by the rules that the controllers state: SIMC for a latency of 7 frames, and of one; the fuzzy law's at zero error.
+GAINS = {"p": 30 / 7, "smith": 30.0, "comp-flc": 15.0}
+REST, ACROSS = "rest, forward", "driving, across"
+
+
+def proportional(gain: float, delay: int = DELAY) -> control.TransferFunction:
+    """K T z^-d / (z - 1): an integrator that holds its input for a frame and is d frames late."""
+    return control.tf([gain * T], np.r_[1, -1, np.zeros(delay)], T)
+
+
+def predicting(gain: float, delay: int = DELAY) -> control.TransferFunction:
+    """The same with a predictor that knows all: K G z^-d / (1 + K G (1 - z^-d)) with G = T / (z - 1)."""
+    denominator = np.zeros(delay + 2)
+    denominator[:2] = 1, gain * T - 1
+    denominator[-1] -= gain * T
+    return control.tf([gain * T], denominator, T)
+
+
+EXACT = {"p": proportional(GAINS["p"]), "smith": predicting(GAINS["smith"]), "comp-flc": predicting(GAINS["comp-flc"])}
+
+
+def gains(system: control.TransferFunction) -> NDArray[np.complex128]:
+    return np.asarray(system(np.exp(1j * FREQUENCIES * T)))
+
+
+def ideal(**sections: dict[str, object]) -> Scenario:
+    return om.scenario("rect", plant="kinematic", **(IDEAL | sections))
+
+
+def stop_at(last: int) -> Callable[[int], None]:
+    def after_frame(frame: int) -> None:
+        if frame == last:
+            raise StoppedError("interrupted")
+
+    return after_frame
+
+
+@pytest.fixture(scope="module")
+def small() -> Iterator[LoopResult]:
+    """Disturbed so little that the fuzzy law is a gain, on the plant of which all is known."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(excitation, "RMS_M_S", 0.001)
+        yield loop(ideal(), list(GAINS), [REST, ACROSS])
+
+
+@given(gain=st.floats(1.6, 15), delay=st.integers(4, 9), predicts=st.booleans())
+@settings(max_examples=25)
+@pytest.mark.filterwarnings("ignore:(divide by zero|invalid value):RuntimeWarning")  # of an integrator at zero
+def test_margins_are_those_of_python_control(gain: float, delay: int, predicts: bool) -> None:
+    """Interpolated between `FREQUENCIES`; where they end, a phase that turns later is not seen."""
+    if not predicts:
+        gain = min(gain, 0.9 / (T * (2 * delay + 1)))  # of pi/2, where the loop begins to oscillate
+    system = (predicting if predicts else proportional)(gain, delay)
+    most, phase, distance, at, crossover, _ = control.stability_margins(system)
+    found = margins(gains(system))
+    if FREQUENCIES[0] < crossover:
+        assert found.crossover == pytest.approx(crossover, rel=0.005)
+        assert found.phase == pytest.approx(phase, abs=0.1)
+        assert found.delay == pytest.approx(np.radians(phase) / crossover, rel=0.005)
+    if at < FREQUENCIES[-1]:
+        assert found.gain == pytest.approx(most, rel=0.015)
+    assert found.sensitivity == pytest.approx(1 / distance, rel=0.015)
+
+
+@pytest.mark.parametrize("name", GAINS)
+def test_what_is_measured_is_the_closed_form(small: LoopResult, name: str) -> None:
+    """At each frequency within what the filter of vision, whose gain is 0.99 and not 1, and the fuzzy law's bend leave.
+
+    Driving as at rest; but for comp-flc, which then estimates alpha, and that is a loop of its own.
+    """
+    assert small.findings is not None
+    for case in (REST,) if name == "comp-flc" else (REST, ACROSS):
+        found = small.findings.loops[case][name]
+        np.testing.assert_allclose(found.gains[0], gains(EXACT[name]), rtol=0.02 if name == "comp-flc" else 0.01)
+        most, phase, distance, *_ = control.stability_margins(EXACT[name])
+        assert found.margins(0).phase == pytest.approx(phase, abs=1)
+        assert found.margins(0).gain == pytest.approx(most, rel=0.04)
+        assert found.margins(0).sensitivity == pytest.approx(1 / distance, rel=0.03)
+
+
+def test_p_has_the_margins_of_its_rule(small: LoopResult) -> None:
+    """Half a radian less than a right angle, and pi, with the half frame that it counts for a dead time badly known."""
+    assert small.findings is not None
+    found = small.findings.loops[REST]["p"].margins()
+    assert found.phase - np.degrees(found.crossover * T / 2) == pytest.approx(90 - np.degrees(0.5), abs=0.2)
+    assert found.gain * 6.5 / 7 == pytest.approx(np.pi, rel=0.01)
+
+
+def test_steps_are_those_of_the_closed_loop(small: LoopResult) -> None:
+    """By python-control, frame by frame: nothing is limited here, and the filter has nothing to say."""
+    assert small.findings is not None
+    for name in ("p", "smith"):
+        _, wanted = control.step_response(control.feedback(EXACT[name]), T * np.arange(STEP))
+        for case in (REST, ACROSS):
+            moved = small.findings.loops[case][name].moved
+            np.testing.assert_allclose(moved / (STEP_M * np.array([1, 2])), wanted[:, None].repeat(2, 1), atol=1e-6)
+
+
+@given(damping=st.floats(0.3, 0.9), rate=st.floats(3, 12))
+@settings(max_examples=10)
+def test_figures_of_a_step_are_those_of_python_control(damping: float, rate: float) -> None:
+    """Times to a frame: it samples, and counts from another one."""
+    system = control.tf([rate**2], [1, 2 * damping * rate, rate**2])
+    time = T * np.arange(600)
+    info, found = control.step_info(system, T=time), measure(0.05 * control.step_response(system, time)[1], 0.05)
+    assert found.rise == pytest.approx(info["RiseTime"], abs=1.01 * T)
+    assert 100 * found.overshoot == pytest.approx(info["Overshoot"], abs=0.2)
+    assert found.within_2_percent == pytest.approx(info["SettlingTime"], abs=1.01 * T)
+    assert found.within_5_mm <= found.within_2_percent
+    assert found.left == pytest.approx(0, abs=1e-5)
+
+
+def test_a_loop_bears_as_much_more_dead_time_as_its_margin_says(small: LoopResult) -> None:
+    """The team is not told of it; after three seconds an error has died out, or grown."""
+    assert small.findings is not None
+    frames = small.findings.loops[REST]["p"].margins().delay / T
+    assert frames == pytest.approx(15.5, abs=0.1)
+    for more, dies_out in ((int(frames), True), (int(frames) + 1, False)):
+        late = ideal(radio={"delay_frames": DELAY + more}, control={**IDEAL["control"], "delay_error_frames": -more})
+        drive = Drive(late.replace(controllers=("p",)), {REST: CASES[REST]})
+        drive.disturbance[:] = 0
+        with pytest.raises(StoppedError):
+            drive.run(stop_at(WARM_UP + 600))
+        error = np.abs(drive.position()[WARM_UP:, 0, 0, 0, 0] - STEP_M)
+        assert (error[400:].max() < error[200:400].max()) == dies_out
+
+
+@given(st.lists(st.sampled_from(list(CASES.values())), min_size=1, max_size=4), st.floats(0, 500))
+@settings(max_examples=25)
+def test_a_motion_jumps_and_its_twists_do_not(cases: list[Case], frame: float) -> None:
+    """Twists lead from pose to pose, however frames are given; asked row by row it answers the same."""
+    motion, pose = Motion(cases), np.zeros((len(cases), 3))
+    part = motion.of(np.arange(len(cases)))
+    here, twist = part.at(frame, pose)
+    later, _ = part.at(np.full((len(cases), 3), frame + 1), pose)
+    np.testing.assert_allclose(here + T * twist, later, atol=1e-9)
+    poses, twists = part.preview(np.full(len(cases), frame), pose, 3)
+    np.testing.assert_array_equal(poses[:2], [here, later])
+    motion.jump[:, 1] = 0.05
+    jumped, same = part.at(frame, pose)
+    np.testing.assert_array_equal(same, twist)
+    np.testing.assert_allclose(jumped - here, np.tile([0, 0.05, 0], (len(cases), 1)), atol=1e-12)
+    alone = [motion.of(np.array([i])).at(frame, pose[:1])[0][0] for i in range(len(cases))]
+    np.testing.assert_array_equal(alone, jumped)
+    assert (np.abs(twists[..., 0]) < 1.26).all()
+    standing = [i for i, case in enumerate(cases) if not case.drives]
+    assert not here[standing].any()
+
+
+def test_rows_summary_and_table_say_the_same(small: LoopResult) -> None:
+    assert small.findings is not None
+    rows = small.rows().to_pylist()
+    assert len(rows) == len(GAINS) * 2 * 2 * 2
+    asked = {(row["controller"], row["case"], row["strength"], row["sign"]): row for row in rows}
+    summary = small.summary()
+    assert summary["complete"]
+    for name in GAINS:
+        told = summary["loop"]["cases"][ACROSS][name]["strengths"][1]
+        row = asked[name, ACROSS, 2, -1]
+        for part in ("step", "margins"):
+            assert told[part] == {figure: row[figure] for figure in told[part]}
+    line = next(line for line in small.table().splitlines() if line.startswith(REST))
+    assert line.split()[2] == "p"
+    assert f"{asked['p', REST, 2, 1]['phase']:.0f}" in line.split()
+
+
+def test_noise_of_vision_falls_out_and_a_controller_that_fails_spoils_nobodys_figures() -> None:
+    """What p does of a step is within 0.1 mm of the closed form, where vision errs by 1.3 mm."""
+
+    class Raises(om.Controller):
+        def command(self, frame: int, seen: om.Seen) -> NDArray[np.float64]:
+            if frame == WARM_UP + 30:
+                raise RuntimeError("out of ideas")
+            return np.zeros((len(self.predicted), 3))
+
+    result = loop(ideal(vision={"miss_probability": 0.02}), ["p", Raises], [REST])
+    assert result.findings is not None
+    loops = result.findings.loops[REST]
+    _, wanted = control.step_response(control.feedback(EXACT["p"]), T * np.arange(STEP))
+    np.testing.assert_allclose(loops["p"].moved[:, 1], 2 * STEP_M * wanted, atol=1e-4)
+    assert {failure.controller for failure in result.failures} == {"Raises"}
+    told = result.summary()["loop"]["cases"][REST]["Raises"]["strengths"][0]
+    assert set(told["margins"].values()) == set(told["step"].values()) == {None}
+    assert result.table().splitlines()[-1].split()[1:] == [DASH] * 11
+
+
+def test_a_study_that_is_stopped_has_found_nothing_and_what_there_is_not_is_said() -> None:
+    stopped = loop(ideal(), ["p"], [REST], after_frame=stop_at(3))
+    assert (stopped.findings, stopped.stopped, stopped.table()) == (None, "interrupted", "")
+    assert stopped.summary()["loop"] is None
+    with pytest.raises(om.OmniError, match="unknown case 'rest'"):
+        loop(ideal(), ["p"], ["rest"])
+    with pytest.raises(om.OmniError, match="unknown controller 'pp'"):
+        loop(ideal(), ["pp"])
