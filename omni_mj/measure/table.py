@@ -12,7 +12,7 @@ DASH = "\N{EN DASH}"
 PAPER = "paper's "  # before the names of controllers whose numbers the paper reports
 COLUMNS = {"x": ("x, cm", "error_m", 100.0), "y": ("y, cm", "error_m", 100.0)}
 COLUMNS |= {"distance": ("plane, cm", "error_m", 100.0), "heading": ("heading, °", "error_rad", degrees(1))}
-EFFORT = "excess effort, m/s²"  # above what the reference needs: the same scale in all scenarios
+EFFORT = "excess, m/s²"  # effort above what the reference needs: one scale for all scenarios
 Summary = Mapping[str, Any]
 
 

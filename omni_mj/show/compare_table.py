@@ -26,7 +26,7 @@ def show(summary: Summary) -> None:
     if found.rows:
         terminal.show(found)
         print("settled: s after the end of the reference's last move (how many seeds of all do, where not all)")
-        print("excess effort: above what the reference itself needs; compare.md has the definitions\n")
+        print("excess: command effort above what the reference itself needs; compare.md has the definitions\n")
     verdicts = verdict_table(summary)
     if verdicts.rows:
         terminal.show(verdicts)

@@ -22,7 +22,6 @@ GAP = 1.5  # between entries, in lines
 MANY = 200.0  # ratio of greatest to least above which 1, 2, 5 are too many ticks for a decade
 LEAST_MARGIN = 1.15  # ratio, on either side of a logarithmic panel
 UNKNOWN = "failed"  # the place of a value that not every seed has
-LINES = {"limit": "-", "limit without noise": (0, (1, 1))}
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,7 @@ def _limits(axes: Axes, panel: Panel, entries: Iterable[Entry], tops: Array) -> 
             value = panel.spread({"error_m": errors})["mean"]
             if value is not None:
                 drawn.append(panel.scale * value)
-                axes.vlines(drawn[-1], top, bottom, color="black", lw=1.4, ls=LINES[name], zorder=2.5, label=name)
+                canvas.mark_limit(axes, drawn[-1], name, (top, bottom))
     return drawn
 
 
