@@ -40,7 +40,8 @@ DEFINITIONS = {
         "of a scenario, those that were run; of the summary, those that might have been: they are added in blocks until"
         " half the intervals of all competitors' maximum and mean error in the plane are at most half_width times their"
         " means, leaving out those that failed in a seed; where half_width is 0 or nothing, all are run. A seed's"
-        " numbers are the same either way; stopping so makes intervals a little too narrow: 92.5 to 95 % for 95 %"
+        " numbers are the same either way; stopping so makes intervals a little too narrow: of normal errors, 92.5 to"
+        " 95 % hold the mean"
     ),
     "spread": (
         "each seed's value, and over the seeds median, least, greatest and mean; plus_minus is half the"

@@ -98,6 +98,16 @@ def test_holm_lets_few_studies_of_equals_claim_anything() -> None:
     assert (p <= 0.05).any(-1).mean() == pytest.approx(1 - 0.95**10, abs=0.03)
 
 
+def test_stopping_when_it_is_precise_enough_hardly_spoils_an_interval() -> None:
+    """Of 3000 experiments with normal errors whose spread is a tenth of their mean, up to 20 seeds in blocks of 5, the
+    worst that `precise` tells of: 92.5 % of the intervals hold the mean (standard deviation 0.5 %, 4 of it allowed)."""
+    covered = []
+    for values in np.random.default_rng(2).normal(1.0, 0.1, (3000, 20)):
+        found = next(each for n in (5, 10, 15, 20) if precise([each := spread(values[:n])], 0.05) or n == 20)
+        covered.append(abs(found["mean"] - 1.0) < found["plus_minus"])
+    assert abs(np.mean(covered) - 0.925) < 4 * math.sqrt(0.925 * 0.075 / 3000)
+
+
 def test_means_are_known_well_enough_when_the_widest_interval_is() -> None:
     """Half of it against the mean; zero is known, and what failed never will be."""
     wide, narrow = spread(np.array([1.0, 2.0, 3.0])), spread(np.array([2.0, 2.001, 2.002]))
