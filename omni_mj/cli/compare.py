@@ -25,8 +25,22 @@ KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet")  # t
 )  # fmt: skip
 @click.option("--controller", "controllers", metavar="NAME|FILE.py:Class", multiple=True, help="May be repeated. [all]")
 @click.option("--plant", metavar="NAME", default="mujoco", help="What is driven. [mujoco]")
-@click.option("--seeds", type=int, metavar="N", default=5, help="How many seeds, counting up from the first. [5]")
+@click.option("--seeds", type=int, metavar="N", default=20, help="How many seeds at most, from the first on. [20]")
+@click.option(
+    "--half-width",
+    type=float,
+    metavar="SHARE",
+    default=0.05,
+    help="Half the 95 % interval of a competitor's mean error, as a share of it, that is enough; 0: all seeds. [0.05]",
+)
 @click.option("--seed", type=int, metavar="S", default=0, help="First seed of the random numbers. [0]")
+@click.option(
+    "--limits",
+    "limits_file",
+    type=options.FOLDER,
+    metavar="FILE.json",
+    help="What is possible on these scenarios, to stand beside: errors by scenario.",
+)
 @options.SUBJECT
 @options.SETTINGS
 @click.option("--trajectories", is_flag=True, help="Keep all frames: DIR/trajectories/<scenario>.parquet.")
@@ -38,7 +52,9 @@ def command(
     controllers: tuple[str, ...],
     plant: str,
     seeds: int,
+    half_width: float,
     seed: int,
+    limits_file: Path | None,
     subject: str | None,
     overrides: tuple[str, ...],
     trajectories: bool,
@@ -46,9 +62,10 @@ def command(
     overwrite: bool,
     quiet: bool,
 ) -> None:
-    """Compare controllers on many scenarios and seeds: errors, effort, time to settle."""
+    """Compare controllers on many scenarios: errors, effort, time to settle, over as many seeds as it takes."""
     from omni_control.registry import CONTROLLERS
     from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.measure import limits
     from omni_mj.measure.result import write
     from omni_mj.scenarios import scenario
     from omni_mj.show import compare_table
@@ -59,11 +76,13 @@ def command(
     names = names or compare.usual(plant)
     head = {"controllers": controllers, "plant": plant, "seed": seed, "seeds": seeds}
     chosen = [scenario.load(name, overrides, head) for name in names]
-    compare.check(chosen, subject)
-    repeat = ["--plant", plant, "--seeds", str(seeds), "--seed", str(seed)]
+    compare.check(chosen, subject, half_width)
+    limits_of = limits.read(limits_file) if limits_file else limits.unknown
+    repeat = ["--plant", plant, "--seeds", str(seeds), "--half-width", f"{half_width:g}", "--seed", str(seed)]
     for option, values in (("--scenario", names), ("--controller", controllers), ("--set", overrides)):
         repeat += [word for value in values for word in (option, value)]
-    repeat += ["--subject", subject] if subject else []
+    for option, value in (("--subject", subject), ("--limits", limits_file)):
+        repeat += [option, str(value)] if value else []
     folder = folders.prepare(out, "compare", (*OUTPUTS, *KEPT), overwrite)
 
     def save(result: "Result") -> None:
@@ -72,22 +91,21 @@ def command(
         write(folder / "compare.md", compare_table.markdown(result.summary()))
 
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
-        count = 0
 
-        def before_scenario(simulation: "Simulation") -> "AfterFrame":
-            nonlocal count
-            count += 1
+        def before_block(simulation: "Simulation") -> "AfterFrame":
             console.quiet_mujoco()
-            title = f"{simulation.scenario.name} ({count} of {len(chosen)})"
+            run, own = simulation.scenario, simulation.log.seeds
+            number = [each.name for each in chosen].index(run.name) + 1
+            title = f"{run.name} ({number} of {len(chosen)}), seeds {own[0]} to {own[-1]}"
             return console.checked(interrupts.check, begin(title, total_frames(simulation)))
 
-        def after_scenario(result: "Result", outcome: "Outcome") -> None:
+        def after_block(result: "Result", outcome: "Outcome") -> None:
             save(result)
             result.save_outcome(outcome if trajectories else replace(outcome, log=None), folder)
 
         result = compare.compare(
-            chosen, controllers, range(seed, seed + seeds), subject,
-            before_scenario=before_scenario, after_scenario=after_scenario,
+            chosen, controllers, range(seed, seed + seeds), subject, half_width=half_width, limits_of=limits_of,
+            before_block=before_block, after_block=after_block,
         )  # fmt: skip
     with console.writing(folder):
         save(result)

@@ -12,9 +12,11 @@ from omni_mj.simulate.log import Log
 if TYPE_CHECKING:
     from omni_mj.simulate.simulation import Failure
 
-AXES = ("x", "y", "distance", "heading")  # distance: in the plane
-UNITS = {"x": "m", "y": "m", "distance": "m", "heading": "rad"}
-STATISTICS = ("max", "mean", "rms")
+AXES = ("x", "y", "distance", "along", "across", "heading")  # distance: in the plane; along and across: the path
+UNITS = dict.fromkeys(AXES, "m") | {"heading": "rad"}
+PERCENTILE = 99
+STATISTICS = ("max", f"p{PERCENTILE}", "mean", "rms")
+STILL_M = 1e-6  # from the frame before to the frame after: 30 um/s, at which a reference has no direction
 PEAKS = {"peak_voltage_v": "voltage_peak", "peak_current_a": "current_peak", "peak_winding_c": "winding"}
 ALPHA_AXES = ("x", "y")
 ALPHA_WINDOW_FRAMES = 15  # 0.25 s
@@ -27,15 +29,51 @@ SETTLED_M = 0.01
 def errors(log: Log) -> dict[str, Array]:
     """Absolute difference between the true pose and the timed reference, axis of `AXES` -> (frames, n) m or rad.
 
-    Distance is that in the plane; headings that differ by full turns are equal. Not a number where a row has no frame.
+    Distance is that in the plane; along is the part of it in the direction of `travel`, across the part to the left of
+    that; headings that differ by full turns are equal. Not a number where a row has no frame.
     """
-    difference = log.channel("pose") - log.channel("ref")
-    x, y = np.abs(difference[..., 0]), np.abs(difference[..., 1])
-    return {"x": x, "y": y, "distance": np.hypot(x, y), "heading": np.abs(wrap_angle(difference[..., 2]))}
+    reference = log.channel("ref")
+    difference = log.channel("pose") - reference
+    x, y, turn = np.moveaxis(difference, -1, 0)
+    cosine, sine = np.moveaxis(travel(reference[..., :2]), -1, 0)
+    return {
+        "x": np.abs(x),
+        "y": np.abs(y),
+        "distance": np.hypot(x, y),
+        "along": np.abs(cosine * x + sine * y),
+        "across": np.abs(cosine * y - sine * x),
+        "heading": np.abs(wrap_angle(turn)),
+    }
+
+
+def travel(reference: Array) -> Array:
+    """The direction in which timed references travel: from the frame before to the frame after.
+
+    At rest it is the last direction, before the first move that of the first, and x where there is no move at all.
+
+    Args:
+        reference: positions (frames, n, 2), m; not a number where a row has no frame.
+
+    Returns:
+        Unit vectors (frames, n, 2).
+    """
+    if not len(reference):
+        return np.empty_like(reference)
+    before, after = (
+        np.concatenate(ends) for ends in ((reference[:1], reference[:-1]), (reference[1:], reference[-1:]))
+    )
+    step = np.where(np.isnan(after), reference, after) - before
+    length = np.hypot(step[..., :1], step[..., 1:])
+    moves = length > STILL_M
+    along_x = np.broadcast_to((1.0, 0.0), step.shape).copy()
+    unit = np.divide(step, length, out=along_x, where=moves)
+    last = np.maximum.accumulate(np.where(moves, np.arange(len(step))[:, None, None], -1))
+    direction: Array = np.take_along_axis(unit, np.where(last < 0, moves.argmax(0), last), axis=0)
+    return direction
 
 
 def error_statistics(error: Array) -> dict[str, Array]:
-    """Maximum, mean and root mean square over the frames that each row has.
+    """Maximum, 99th percentile, mean and root mean square over the frames that each row has.
 
     Args:
         error: (frames, n), not a number where a row has no frame.
@@ -48,11 +86,20 @@ def error_statistics(error: Array) -> dict[str, Array]:
     zeroed = np.where(known, error, 0.0)
     with np.errstate(invalid="ignore"):  # no frames: 0 / 0
         mean, rms = zeroed.sum(0) / frames, np.sqrt((zeroed**2).sum(0) / frames)
-    return {"max": np.where(frames > 0, zeroed.max(0, initial=0.0), np.nan), "mean": mean, "rms": rms}
+    greatest = np.where(frames > 0, zeroed.max(0, initial=0.0), np.nan)
+    return dict(zip(STATISTICS, (greatest, _percentile(error, frames > 0), mean, rms), strict=True))
+
+
+def _percentile(error: Array, rows: np.ndarray) -> Array:
+    """Of the `rows` (n,) that have frames, linear between the two nearest; not a number for the others."""
+    found = np.full(len(rows), np.nan)
+    if rows.any():
+        found[rows] = np.nanpercentile(error[:, rows], PERCENTILE, axis=0)
+    return found
 
 
 def control_effort(command: Array) -> Array:
-    """Root mean square over the frames of the change of a command per second; smooth driving alone costs some.
+    """Root mean square over the frames of the change of a command per second.
 
     Args:
         command: velocities sent (frames, ..., axes), m/s; before the first frame it is zero, and not a number where a
@@ -69,6 +116,28 @@ def control_effort(command: Array) -> Array:
     return effort
 
 
+def excess_effort(command: Array, reference: Array) -> Array:
+    """What `control_effort` is above that of the reference's own velocities, as a root of the squares' difference.
+
+    Squares, since that of a command is the reference's plus that of all that is added to it, as far as the two are
+    unrelated. It compares no frame with another, so that it is the same however early a controller sends what the
+    reference needs; a difference frame by frame would depend on a dead time and a lag that controllers believe in
+    each their own way. Who asks for less than the reference has none.
+
+    Args:
+        command: translational velocities sent (frames, n, 2), m/s.
+        reference: positions of each row's timed reference (frames, n, 2), m.
+
+    Returns:
+        (n,) m/s^2; zero for the reference's own velocities, whenever they are sent.
+    """
+    after = np.concatenate([reference[1:], reference[-1:]])
+    velocity = (np.where(np.isnan(after), reference, after) - reference) / PERIOD_S
+    squares = control_effort(command) ** 2 - control_effort(velocity) ** 2
+    excess: Array = np.sqrt(np.maximum(squares, 0.0))
+    return excess
+
+
 def settling_times(reference: Array, error: Array) -> Array:
     """Time from the end of the reference's last move until the error in the plane stays below 1 cm to the last frame.
 
@@ -77,8 +146,8 @@ def settling_times(reference: Array, error: Array) -> Array:
         error: in the plane (frames, n), m; not a number where a row has no frame.
 
     Returns:
-        (n,) s; zero for a robot that is that near from the end of the move on, not a number for one that is not in its
-        last frame.
+        (n,) s; zero for a robot that is that near from the end of the move on, infinite for one that is not in its last
+        frame: it never settles; not a number for one without any frame.
     """
     frames = np.arange(1, len(error) + 1)[:, None]
     length = (~np.isnan(error)).sum(0)
@@ -86,15 +155,17 @@ def settling_times(reference: Array, error: Array) -> Array:
     moves = ((change != 0) & ~np.isnan(change)).any(-1)
     rest = np.where(moves, frames[:-1], 0).max(0, initial=0)
     near_from = np.where(error >= SETTLED_M, frames, 0).max(0, initial=0)  # after the last frame that is not near
-    return np.where(near_from < length, np.maximum(near_from - rest, 0) * PERIOD_S, np.nan)
+    times = np.where(near_from < length, np.maximum(near_from - rest, 0) * PERIOD_S, np.inf)
+    return np.where(length > 0, times, np.nan)
 
 
 def row_metrics(log: Log, failures: "Iterable[Failure]" = ()) -> dict[str, Array]:
     """Each row in single numbers, name -> (n,).
 
-    `x_max_m`, `distance_mean_m`, `heading_rms_rad` and the like, `effort_m_s2`, `settle_s`, `greatest_at_s` (when the
-    error in the plane is greatest) and the peaks. A row that failed has errors without bound, so that no average gets
-    better by failing; what else it did in its time is not comparable: not a number, as for a row without any frame.
+    `x_max_m`, `distance_mean_m`, `across_p99_m`, `heading_rms_rad` and the like, `effort_m_s2`, `excess_effort_m_s2`,
+    `settle_s`, `greatest_at_s` (when the error in the plane is greatest) and the peaks. A row that failed has errors,
+    efforts and a time to settle without bound, so that no average gets better by failing; when its error was greatest
+    and its peaks are not comparable: not a number, as for a row without any frame.
     """
     error = errors(log)
     found = {
@@ -102,17 +173,18 @@ def row_metrics(log: Log, failures: "Iterable[Failure]" = ()) -> dict[str, Array
         for axis in AXES
         for statistic, values in error_statistics(error[axis]).items()
     }
-    names = set(found)
-    found["effort_m_s2"] = control_effort(log.channel("command")[..., :2])
-    found["settle_s"] = settling_times(log.channel("ref"), error["distance"])
+    command, reference = log.channel("command")[..., :2], log.channel("ref")
+    found["effort_m_s2"] = control_effort(command)
+    found["excess_effort_m_s2"] = excess_effort(command, reference[..., :2])
+    found["settle_s"] = settling_times(reference, error["distance"])
+    unbounded = set(found)
     at = np.nan_to_num(error["distance"], nan=-1.0)
     found["greatest_at_s"] = at.argmax(0) * PERIOD_S if log.length else np.full(len(log.rows), np.nan)
     found |= {name: _peaks(log.channel(channel)) for name, channel in PEAKS.items()}
     failed = [failure.row for failure in failures]
     for name, values in found.items():
-        if name not in names:
-            values[log.lengths == 0] = np.nan
-        values[failed] = np.inf if name in names else np.nan
+        values[log.lengths == 0] = np.nan
+        values[failed] = np.inf if name in unbounded else np.nan
     return found
 
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.measure.metrics import errors
-from omni_mj.measure.statistics import spread
-from omni_mj.measure.table import Table, number, settled
+from omni_mj.measure.statistics import Spread, spread
+from omni_mj.measure.table import Table, number
 from omni_mj.scenarios.faults import span
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.simulate.log import Log
@@ -31,7 +31,7 @@ DEFINITIONS = {
     ),
     RECOVERY: (
         f"time from the first frame of a fault until the error in the plane is below {100 * NEAR_M:g} cm and stays so"
-        " for the rest of that; zero for a robot that never was farther, none for one that does not come back"
+        " for the rest of that; zero for a robot that never was farther, without bound for one that does not come back"
     ),
 }
 
@@ -40,7 +40,7 @@ def row_metrics(log: Log, failures: "Iterable[Failure]" = ()) -> dict[str, Array
     """Each row's `fault_1_excursion_m`, `fault_1_recovery_s` and so on, name -> (n,); nothing without faults.
 
     Faults are numbered as in the row's settings. Not a number of a fault that a row does not have or did not come to;
-    of a row that failed the excursion is infinite, as its errors are, and it does not recover.
+    of a row that failed the excursion is infinite, as its errors are, and so is the time of one that does not recover.
     """
     failed = {failure.row for failure in failures}
     count = max((len(row.settings.fault) for row in log.rows), default=0)
@@ -52,7 +52,7 @@ def row_metrics(log: Log, failures: "Iterable[Failure]" = ()) -> dict[str, Array
             last = min(end + AFTER_S * FRAME_RATE_HZ, float(log.lengths[row]))
             error = distance[start : int(last), row]
             if row in failed:
-                found[_name(i, EXCURSION)][row] = np.inf
+                found[_name(i, EXCURSION)][row] = found[_name(i, RECOVERY)][row] = np.inf
             elif error.size:
                 found[_name(i, EXCURSION)][row], found[_name(i, RECOVERY)][row] = error.max(), _recovery(error)
     return found
@@ -99,15 +99,19 @@ def _lines(summary: Mapping[str, Any]) -> Iterator[list[str]]:
         last = ""
         for _, controller, fault in sorted(told, key=lambda each: each[0]):
             name, last = fault["fault"] if fault["fault"] != last else "", fault["fault"]
-            yield [name, controller, number(fault[EXCURSION]["median"], 100), settled(fault[RECOVERY])]
+            yield [name, controller, number(fault[EXCURSION]["median"], 100), _recovered(fault[RECOVERY])]
 
 
 def _recovery(error: Array) -> float:
-    """From errors (frames,) in m: s until they are small for good; not a number if the last is not."""
+    """From errors (frames,) in m: s until they are small for good; infinite if the last is not."""
     far = np.flatnonzero(error >= NEAR_M)
     frames = int(far[-1]) + 1 if far.size else 0
-    return frames * PERIOD_S if frames < len(error) else math.nan
+    return frames * PERIOD_S if frames < len(error) else math.inf
 
 
 def _name(i: int, what: str) -> str:
     return f"fault_{i + 1}_{what}"
+
+
+def _recovered(spread: Spread) -> str:
+    return "never" if spread["median"] is None else number(spread["median"])

@@ -33,6 +33,7 @@ class Outcome:
         failures: those that were stopped before their end, and why.
         measured: numbers of each row, name -> (n,).
         log: all that was recorded, where it was kept.
+        drawn: what sets the rows' robots apart, name -> (n,).
     """
 
     scenario: Scenario
@@ -41,6 +42,7 @@ class Outcome:
     failures: "Sequence[Failure]" = ()
     measured: Mapping[str, np.ndarray] = field(default_factory=dict)
     log: Log | None = None
+    drawn: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @classmethod
     def not_run(cls, scenario: Scenario, reason: str | None = None) -> "Outcome":
@@ -56,19 +58,21 @@ class Result:
     Attributes:
         outcomes: of each scenario, in the order in which they are run.
         controllers: labels of those that were compared.
-        limits: those of them that are given the true state, and are no competitors.
-        seeds: of the random numbers.
+        informed: those of them that are given the true state, and are no competitors.
+        seeds: of the random numbers, as many as there may be.
         subject: the controller of which verdicts were asked for, or None.
         created: when the study began, ISO 8601.
         wall_s: how long it took, s.
         stopped: why it ended before its time, or None.
         repeat: the command line that gives the same, where there is one.
         complete: whether all that was asked for has been done.
+        half_width: share of competitors' mean errors to which half their intervals shall come down, for which seeds
+            are added; None where all are run.
     """
 
     outcomes: list[Outcome]
     controllers: Sequence[str] = ()
-    limits: Sequence[str] = ()
+    informed: Sequence[str] = ()
     seeds: Sequence[int] = ()
     subject: str | None = None
     created: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
@@ -76,6 +80,7 @@ class Result:
     stopped: str | None = None
     repeat: str | None = None
     complete: bool = False
+    half_width: float | None = None
 
     @property
     def failures(self) -> "list[Failure]":
@@ -91,7 +96,7 @@ class Result:
         return summary.document(
             {outcome.scenario.name: outcome.entry for outcome in self.outcomes},
             self.controllers,
-            self.limits,
+            self.informed,
             self.seeds,
             created=self.created,
             wall_s=self.wall_s,
@@ -99,6 +104,7 @@ class Result:
             stopped=self.stopped,
             subject=self.subject,
             repeat=self.repeat,
+            half_width=self.half_width,
         )
 
     def table(self) -> str:
@@ -187,7 +193,7 @@ def _lines(outcome: Outcome) -> Iterator[dict[str, Any]]:
             "failed_at_s": failure.time_s if failure else None,
             "cause": failure.cause if failure else None,
             **flat[id(row.settings)],
-            **{name: values[i] for name, values in outcome.measured.items()},
+            **{name: values[i] for name, values in {**outcome.measured, **outcome.drawn}.items()},
         }
 
 

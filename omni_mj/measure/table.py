@@ -1,16 +1,18 @@
 """The one table of what came out: for the terminal, Markdown, recordings and plain text alike."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sized
 from dataclasses import dataclass
 from math import degrees
 from typing import Any
 
+from omni_mj.measure import limits
 from omni_mj.measure.statistics import CONFIDENCE, Spread
 
 DASH = "\N{EN DASH}"
 PAPER = "paper's "  # before the names of controllers whose numbers the paper reports
 COLUMNS = {"x": ("x, cm", "error_m", 100.0), "y": ("y, cm", "error_m", 100.0)}
 COLUMNS |= {"distance": ("plane, cm", "error_m", 100.0), "heading": ("heading, °", "error_rad", degrees(1))}
+EFFORT = "excess, m/s²"  # effort above what the reference needs: one scale for all scenarios
 Summary = Mapping[str, Any]
 
 
@@ -28,35 +30,45 @@ def table(summary: Summary) -> Table:
     """The table of a summary: errors as maximum/mean, effort, time to settle, and the change against the first.
 
     A number is that of the one seed, or the median over the seeds; but where several scenarios were run with several
-    seeds, distance in the plane is the mean and half its interval.
+    seeds, distance in the plane is the mean and half its interval. Limits that are known, and what the paper has,
+    follow the controllers.
     """
     entries = {name: entry for name, entry in summary["scenarios"].items() if entry["results"]}
     several = len(summary["scenarios"]) > 1
-    means = several and len(summary["seeds"]) > 1
     first = next((next(iter(entry["results"])) for entry in entries.values()), "")
-    headings = ["scenario"] * several + ["controller", *(heading for heading, _, _ in COLUMNS.values())]
-    headings += ["effort, m/s²", "settled, s", f"vs {first}, %"]
+    headings = ["scenario", "seeds"] * several + ["controller", *(heading for heading, _, _ in COLUMNS.values())]
+    headings += [EFFORT, "settled, s", f"vs {first}, %"]
     rows = []
     for name, entry in entries.items():
-        lines = [*_lines(summary, entry, means), *_paper_lines(entry)]
-        rows += [["" if i else name] * several + line for i, line in enumerate(lines)]
-    return Table(title(summary), headings, rows, 1 + several)
+        means = several and len(entry["seeds"]) > 1
+        lines = [*_lines(summary, entry, means), *_limit_lines(entry, means), *_paper_lines(entry)]
+        rows += [
+            ["" if i else name, "" if i else f"{len(entry['seeds'])}"] * several + line for i, line in enumerate(lines)
+        ]
+    return Table(title(summary), headings, rows, 1 + 2 * several)
 
 
 def title(summary: Summary) -> str:
     """What was run, and what the numbers are."""
-    seeds, names = summary["seeds"], list(summary["scenarios"])
-    plants = list(dict.fromkeys(entry["plant"] for entry in summary["scenarios"].values()))
+    names, entries = list(summary["scenarios"]), list(summary["scenarios"].values())
+    plants = list(dict.fromkeys(entry["plant"] for entry in entries))
     what = names[0] if len(names) == 1 else "Controllers compared"
+    seeds = [entry["seeds"] for entry in entries if entry["seeds"]]
     if not seeds:
         over = ""
-    elif len(seeds) == 1:
-        over = f", seed {seeds[0]}" + (", no intervals" if len(names) > 1 else "")
+    elif max(map(len, seeds)) == 1:
+        over = f", seed {seeds[0][0]}" + (", no intervals" if len(names) > 1 else "")
     elif len(names) == 1:
-        over = f", median of {len(seeds)} seeds"
+        over = f", median of {len(seeds[0])} seeds"
     else:
-        over = f"; in the plane mean of {len(seeds)} seeds ± {100 * CONFIDENCE:g} % interval, otherwise medians"
+        over = f"; in the plane mean of {counted(seeds)} seeds ± {100 * CONFIDENCE:g} % interval, otherwise medians"
     return f"{what} on the {' and the '.join(plants)} plant{over}; maximum/mean"
+
+
+def counted(seeds: Iterable[Sized]) -> str:
+    """How many seeds several scenarios were run with: 20, or 5 to 20."""
+    counts = sorted(map(len, seeds))
+    return f"{counts[0]}" if counts[0] == counts[-1] else f"{counts[0]} to {counts[-1]}"
 
 
 def text(given: Table) -> str:
@@ -74,8 +86,8 @@ def text(given: Table) -> str:
 
 
 def label(summary: Summary, controller: str, result: Mapping[str, Any] | None = None) -> str:
-    """A controller's name, with what must be known of its numbers: limits, and how many seeds failed."""
-    remarks = ["limit"] if controller in summary["limits"] else []
+    """A controller's name, with what must be known of its numbers: if it knows the truth, how many seeds failed."""
+    remarks = ["informed"] if controller in summary["informed"] else []
     if result and result["failed"]:
         remarks.append(f"failed {result['failed']} of {len(result['effort_m_s2']['seeds'])}")
     return f"{controller} ({', '.join(remarks)})" if remarks else controller
@@ -93,25 +105,35 @@ def plus_minus(spread: Spread, factor: float = 1.0) -> str:
     return f"{factor * spread['mean']:.2f}±{number(spread['plus_minus'], factor)}"
 
 
-def settled(spread: Spread) -> str:
-    """The time to settle, and how many of the seeds do; "not" where none does."""
-    if spread["median"] is None:
-        return "not"
-    known, seeds = sum(value is not None for value in spread["seeds"]), len(spread["seeds"])
-    return number(spread["median"]) + (f" ({known}/{seeds})" if known < seeds else "")
+def settled(result: Mapping[str, Any]) -> str:
+    """The median time to settle, or "never"; and how many of the seeds do, where not all do."""
+    spread, count = result["settle_s"], len(result["settle_s"]["seeds"])
+    of = "" if result["settled"] == count else f" ({result['settled']}/{count})"
+    return ("never" if spread["median"] is None else number(spread["median"])) + of
 
 
 def _lines(summary: Summary, entry: Mapping[str, Any], means: bool) -> Iterator[list[str]]:
     for controller, result in entry["results"].items():
-        cells = [label(summary, controller, result)]
-        for axis, (_, key, factor) in COLUMNS.items():
-            error = result[key][axis]
-            if means and axis == "distance":
-                cells.append("/".join(plus_minus(error[s], factor) for s in ("max", "mean")))
-            else:
-                cells.append("/".join(number(error[s]["median"], factor) for s in ("max", "mean")))
-        cells += [number(result["effort_m_s2"]["median"]), settled(result["settle_s"])]
+        cells = [label(summary, controller, result), *_errors(result, means)]
+        cells += [number(result["excess_effort_m_s2"]["median"]), settled(result)]
         yield [*cells, _change(result["reduction_percent"])]
+
+
+def _limit_lines(entry: Mapping[str, Any], means: bool) -> Iterator[list[str]]:
+    for name, errors in limits.of(entry).items():
+        yield [name, *_errors({"error_m": errors}, means), "", "", ""]
+
+
+def _errors(result: Mapping[str, Any], means: bool) -> Iterator[str]:
+    """Maximum and mean of each column, as far as the result has them."""
+    for axis, (_, key, factor) in COLUMNS.items():
+        error = result.get(key, {}).get(axis)
+        if error is None:
+            yield ""
+        elif means and axis == "distance":
+            yield "/".join(plus_minus(error[s], factor) for s in ("max", "mean"))
+        else:
+            yield "/".join(number(error[s]["median"], factor) for s in ("max", "mean"))
 
 
 def _change(reduction: Mapping[str, Any] | None) -> str:

@@ -1,25 +1,39 @@
-"""Verdicts on one controller, the subject: whom it beats, whom it does not, and by how much."""
+"""Verdicts on one controller, the subject: whom it beats, whom it does not, by how much, and whether by chance."""
 
 from collections.abc import Iterable, Mapping
 from math import inf
 from typing import Any
 
-from omni_mj.measure.statistics import CONFIDENCE, Spread, paired
+import numpy as np
+
+from omni_mj.measure import limits
+from omni_mj.measure.statistics import CONFIDENCE, Spread, holm, paired
 
 ERRORS = {"max": "maximum", "mean": "mean"}  # of the distance in the plane
+CHANCE = 1 - CONFIDENCE
 Results = Mapping[str, Any]
+Entry = Mapping[str, Any]
 
 DEFINITIONS = {
     "verdict": (
-        "by the means over the seeds of the error in the plane, against every other controller that is no limit; a"
+        "by the means over the seeds of the error in the plane, against every other controller that is not informed; a"
         " controller of which a seed failed has no mean, and is behind all that have one"
     ),
-    "paired": (
+    "p": (
         "each seed's noise is the same for all controllers, so that two of them are compared by their differences seed"
-        f" by seed; within chance: the {100 * CONFIDENCE:g} % interval of the mean difference holds zero, or one seed"
-        " gives no interval"
+        " by seed: p is that of Student's test of the mean difference, two-sided, and plus_minus half its"
+        f" {100 * CONFIDENCE:g} % interval, neither corrected for the number of verdicts; one seed, or one that failed,"
+        " gives none"
     ),
-    "limit": "a controller that is given the true state: what could be reached at best, not a competitor",
+    "p_adjusted": (
+        "p by Holm's method over the family of all verdicts that have one: all scenarios that were done, all rivals,"
+        " maximum and mean error. beyond_chance is whether it is at most"
+        f" {100 * CHANCE:g} %: so likely is it at most that any difference beyond chance is by chance after all"
+    ),
+    "informed": (
+        "a controller that is given the true state in place of vision: no competitor; what it reaches is no limit of"
+        " what is possible, which is given as limit where it is known"
+    ),
 }
 
 
@@ -41,66 +55,108 @@ def mean(result: Mapping[str, Any], statistic: str) -> float:
     return inf if value is None else value
 
 
-def verdict(results: Results, limits: Iterable[str], subject: str | None) -> dict[str, Any] | None:
-    """How the subject fares against every other competitor.
+def errors_of(results: Results, informed: Iterable[str]) -> list[Spread]:
+    """The errors by which competitors are judged; those of the informed where there is nobody else."""
+    names = [name for name in results if name not in set(informed)] or list(results)
+    return [error(results[name], statistic) for name in names for statistic in ERRORS]
+
+
+def verdicts(
+    entries: Mapping[str, Entry], informed: Iterable[str], subject: str | None
+) -> dict[str, dict[str, Any] | None]:
+    """How the subject fares against every other competitor, in every scenario that was run to its end.
 
     Args:
-        results: of a scenario, as in a summary.
-        limits: controllers that are no competitors.
+        entries: scenario -> its entry in a summary.
+        informed: controllers that are no competitors.
         subject: whose verdict is asked for, any controller's.
 
     Returns:
-        None where the subject, or everybody else, was not run. Otherwise `of`, the subject; `errors`, for max and mean
-        each: `against` (other -> ratio, paired difference and whether it is beyond chance), `best` (the best of the
-        others), `beats` and `loses_to` (names; as good as is not beaten); and `why_not`, a sentence for each error and
-        competitor that is not beaten.
+        Scenario -> verdict, None where the subject, or everybody else, was not run. Otherwise `of`, the subject;
+        `errors`, for max and mean each: `against` (other -> ratio, paired difference, its p, also adjusted for the
+        number of all verdicts, and whether it is beyond chance), `best` (the best of the others), `beats` and
+        `loses_to` (names; as good as is not beaten); and `why_not`, a sentence for each error and competitor that is
+        not beaten.
     """
-    limits = list(limits)
-    rivals = [name for name in results if name != subject and name not in limits]
-    if subject is None or subject not in results or not rivals:
+    informed = list(informed)
+    found = {name: _judged(entry, informed, subject) for name, entry in entries.items()}
+    _correct(
+        pair
+        for verdict in found.values()
+        for errors in (verdict["errors"].values() if verdict else ())
+        for pair in errors["against"].values()
+    )
+    for name, verdict in found.items():
+        if verdict:
+            verdict["why_not"] = _why_not(entries[name], verdict, informed)
+    return found
+
+
+def _judged(entry: Entry, informed: list[str], subject: str | None) -> dict[str, Any] | None:
+    """A verdict before it is corrected."""
+    results = entry["results"]
+    rivals = [name for name in results if name != subject and name not in informed]
+    if subject is None or subject not in results or not rivals or entry["status"] != "done":
         return None
     errors: dict[str, Any] = {}
-    why_not = []
     for statistic in ERRORS:
         ours = mean(results[subject], statistic)
-        against = {name: _pair(results[subject], results[name], statistic) for name in rivals}
         lost = [name for name in rivals if mean(results[name], statistic) <= ours]
         errors[statistic] = {
-            "against": against,
+            "against": {name: _pair(results[subject], results[name], statistic) for name in rivals},
             "best": best(results, rivals, statistic),
             "beats": [name for name in rivals if name not in lost],
             "loses_to": lost,
         }
-        why_not += [_why_not(results, subject, name, statistic, against[name], limits) for name in lost]
-    return {"of": subject, "errors": errors, "why_not": why_not}
+    return {"of": subject, "errors": errors, "why_not": []}
 
 
 def _pair(ours: Mapping[str, Any], theirs: Mapping[str, Any], statistic: str) -> dict[str, Any]:
-    difference, half, beyond = paired(error(ours, statistic), error(theirs, statistic))
+    difference, half, p = paired(error(ours, statistic), error(theirs, statistic))
     a, b = mean(ours, statistic), mean(theirs, statistic)
     ratio = a / b if 0 < b < inf and a < inf else None
-    return {"ratio": ratio, "difference_m": difference, "plus_minus_m": half, "beyond_chance": beyond}
+    return {
+        "ratio": ratio, "difference_m": difference, "plus_minus_m": half,
+        "p": p, "p_adjusted": None, "beyond_chance": None,
+    }  # fmt: skip
 
 
-def _why_not(
-    results: Results, subject: str, rival: str, statistic: str, pair: Mapping[str, Any], limits: Iterable[str]
-) -> str:
-    """In words: by how much the rival is better, when the errors are greatest, and what could be reached at best."""
-    ours, theirs = (_words(results[name], statistic) for name in (subject, rival))
-    text = f"{ERRORS[statistic]} error {ours}, that of {rival} {theirs}"
-    if pair["difference_m"] is not None and not pair["beyond_chance"]:
-        text += ", a difference within chance"
-    when, others = (results[name]["greatest_at_s"]["median"] for name in (subject, rival))
-    known = mean(results[subject], statistic) < inf and mean(results[rival], statistic) < inf
-    if statistic == "max" and known:
-        text += f"; reached {when:.2f} s after the start, that of {rival} {others:.2f} s (median over the seeds)"
-    for name in limits:
-        if name in results:
-            text += f"; {name}, a limit: {_words(results[name], statistic)}"
-    return text
+def _correct(pairs: Iterable[dict[str, Any]]) -> None:
+    """Fill in what depends on the number of all pairs."""
+    tested = [pair for pair in pairs if pair["p"] is not None]
+    for pair, p in zip(tested, holm(np.array([pair["p"] for pair in tested])), strict=True):
+        pair |= {"p_adjusted": float(p), "beyond_chance": bool(p <= CHANCE)}
+
+
+def _why_not(entry: Entry, verdict: Mapping[str, Any], informed: Iterable[str]) -> list[str]:
+    """In words: by how much each rival that is not beaten is better, when errors are greatest, what else is known."""
+    results, subject, sentences = entry["results"], verdict["of"], []
+    for statistic, errors in verdict["errors"].items():
+        known = [
+            f"{name}, which knows the truth: {_words(results[name], statistic)}" for name in informed if name in results
+        ]
+        known += [f"the {name}: {_cm(found['distance'][statistic])}" for name, found in limits.of(entry).items()]
+        for rival in errors["loses_to"]:
+            theirs, pair = _words(results[rival], statistic), errors["against"][rival]
+            text = f"{ERRORS[statistic]} error {_words(results[subject], statistic)}, that of {rival} {theirs}"
+            if pair["difference_m"] is not None and not pair["beyond_chance"]:
+                text += ", a difference within chance"
+            sentences.append("; ".join([text, *_when(results[subject], results[rival], rival, statistic), *known]))
+    return sentences
+
+
+def _when(ours: Mapping[str, Any], theirs: Mapping[str, Any], rival: str, statistic: str) -> list[str]:
+    """When the greatest errors are reached, if it is those that are compared, and nobody failed."""
+    if statistic != "max" or inf in (mean(ours, statistic), mean(theirs, statistic)):
+        return []
+    when, others = (result["greatest_at_s"]["median"] for result in (ours, theirs))
+    return [f"reached {when:.2f} s after the start, that of {rival} {others:.2f} s (median over the seeds)"]
 
 
 def _words(result: Mapping[str, Any], statistic: str) -> str:
-    value = error(result, statistic)["mean"]
-    seeds = len(error(result, statistic)["seeds"])
-    return f"unknown ({result['failed']} of {seeds} failed)" if value is None else f"{100 * value:.2f} cm"
+    value = error(result, statistic)
+    return _cm(value) if value["mean"] is not None else f"unknown ({result['failed']} of {len(value['seeds'])} failed)"
+
+
+def _cm(value: Spread) -> str:
+    return "unknown" if value["mean"] is None else f"{100 * value['mean']:.2f} cm"

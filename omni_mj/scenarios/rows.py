@@ -46,3 +46,9 @@ def table(controllers: Iterable[str], seeds: Iterable[int], settings: Settings, 
         for world, (controller, seed) in enumerate(worlds)
         for place in range(len(settings.world.places))
     ]
+
+
+def numbers(rows: Iterable[Row], of: Iterable[Row]) -> list[int]:
+    """Which rows of a table are those `of` another, by controller, seed and place, which must be in it."""
+    known = {(row.controller, row.seed, row.place): i for i, row in enumerate(rows)}
+    return [known[row.controller, row.seed, row.place] for row in of]

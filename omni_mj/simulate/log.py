@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.scenarios.rows import Row
+from omni_mj.scenarios.rows import Row, numbers
 from omni_mj.scenarios.settings import PERIOD_S
 
 if TYPE_CHECKING:
@@ -71,6 +71,26 @@ class Log:
         self._room = 0
         self._data: dict[str, np.ndarray] = {}
         self._make_room()
+
+    @classmethod
+    def joined(cls, logs: "Sequence[Log]", rows: Sequence[Row]) -> "Log":
+        """One log of what was recorded in several, as if all rows had run together.
+
+        Args:
+            logs: of robots with as many wheels.
+            rows: all rows, in their order; each has the controller, seed and place of one in the logs, no other has.
+        """
+        found = cls(rows, len(logs[0].columns["winding"]))
+        found.length = max(log.length for log in logs)
+        while found._room < found.length:
+            found._make_room()
+        for log in logs:
+            own = numbers(rows, log.rows)
+            found.lengths[own] = log.lengths
+            for name, titles in log.columns.items():
+                found._add(name, len(titles))
+                found._data[name][: log.length, own, : len(titles)] = log.channel(name)
+        return found
 
     @property
     def controllers(self) -> tuple[str, ...]:

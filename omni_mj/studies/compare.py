@@ -3,64 +3,84 @@
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from math import isfinite
 
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError, choose
 from omni_control.registry import CONTROLLERS
+from omni_mj.measure import limits
 from omni_mj.measure.result import Outcome, Result
-from omni_mj.scenarios.faults import known
+from omni_mj.measure.statistics import precise
+from omni_mj.measure.verdict import errors_of
+from omni_mj.scenarios import faults
+from omni_mj.scenarios.checking import in_one
 from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.outcome import AfterFrame, StoppedError, drive, limits, nothing
+from omni_mj.studies.outcome import AfterFrame, StoppedError, drive, informed, joined, nothing
 from omni_mj.studies.run import counted, prepare
 
 LEFT_OUT = ("heat",)  # many times as long as the others
-BeforeScenario = Callable[[Simulation], AfterFrame]
+MOST_SEEDS, BLOCK = 20, 5  # of a scenario, and how many more at a time
+# Of a mean: enough to tell apart two that differ by 7 %, or by less where they share their noise. With 10 % `worn`
+# would stop at 5 seeds, before the first robot (of seed 8) that is so worn that errors are ten times as large.
+HALF_WIDTH = 0.05
+BeforeBlock = Callable[[Simulation], AfterFrame]
 
 
 def compare(
     scenarios: Sequence[Scenario | str] | None = None,
     controllers: Sequence[str | type[Controller]] | None = None,
-    seeds: int | Iterable[int] = 5,
+    seeds: int | Iterable[int] = MOST_SEEDS,
     subject: str | None = None,
     keep: bool = False,
     *,
-    before_scenario: BeforeScenario = lambda simulation: nothing,
-    after_scenario: Callable[[Result, Outcome], None] = lambda result, outcome: None,
+    half_width: float = HALF_WIDTH,
+    limits_of: limits.LimitsOf = limits.unknown,
+    before_block: BeforeBlock = lambda simulation: nothing,
+    after_block: Callable[[Result, Outcome], None] = lambda result, outcome: None,
 ) -> Result:
     """Run controllers on many scenarios and seeds.
 
-    A scenario that cannot be run is noted, and the others go on.
+    Each scenario is run with blocks of 5 seeds, until the competitors' maximum and mean errors in the plane are known
+    as well as asked for, or there are no more; its numbers are those of all these seeds at once. A scenario that cannot
+    be run is noted, and the others go on.
 
     Args:
         scenarios: what is run, or names. [all that come with the package, but for the long heat]
         controllers: names, `file.py:Class`, or classes derived from `Controller`. [all that come with the package]
-        seeds: of the random numbers, or how many, counting up from 0.
+        seeds: of the random numbers, or how many, counting up from 0: as many as there may be.
         subject: the controller of which verdicts are asked for.
         keep: whether to keep all frames.
-        before_scenario: called with each simulation before it is run; what it returns is called after each frame, and
+        half_width: half the 95 % interval of a mean, as a share of it, that is good enough; 0 for all seeds.
+        limits_of: a scenario -> what is known of its limits, as `measure.limits` says.
+        before_block: called with each simulation before it is run; what it returns is called after each frame, and
             may raise `StoppedError`.
-        after_scenario: called with what there is so far, and the outcome that has come to it, with its frames.
+        after_block: called with what there is so far, and the outcome that has come to it or has grown, with its
+            frames.
 
     Raises:
-        OmniError: there is no such scenario or controller, two scenarios share a name, the subject is not compared, or
-            seeds do not count up.
+        OmniError: there is no such scenario or controller, two scenarios share a name, the subject is not compared,
+            seeds do not count up, or the half width is none.
     """
     started = time.perf_counter()
     given = usual() if scenarios is None else scenarios
     kinds = tuple(CONTROLLERS if controllers is None else controllers)
     numbers = counted(range(seeds) if isinstance(seeds, int) else seeds)
     chosen = [(load(each) if isinstance(each, str) else each).replace(controllers=kinds) for each in given]
-    result = Result([Outcome.not_run(each) for each in chosen], seeds=numbers, subject=subject)
+    check(chosen, subject, half_width)
+    known = [limits_of(each) or {} for each in chosen]
+    result = Result([_with(Outcome.not_run(each), own) for each, own in zip(chosen, known, strict=True)], seeds=numbers)
+    result.subject, result.half_width = subject, half_width
     if chosen:
-        result.controllers, result.limits = list(chosen[0].labels), limits(chosen[0])
-    check(chosen, subject)
+        result.controllers, result.informed = list(chosen[0].labels), informed(chosen[0])
     try:
-        for i, outcome in enumerate(_outcomes(chosen, numbers, subject, before_scenario)):
-            result.outcomes[i] = outcome if keep else replace(outcome, log=None)
-            result.wall_s = time.perf_counter() - started
-            after_scenario(result, outcome)
+        for i, each in enumerate(chosen):
+            for grown in _growing(each, numbers, half_width, before_block):
+                outcome = _with(grown, known[i])
+                result.outcomes[i] = outcome if keep else replace(outcome, log=None)
+                result.wall_s = time.perf_counter() - started
+                after_block(result, outcome)
         result.complete = True
     except StoppedError as error:
         result.stopped = error.reason
@@ -70,36 +90,56 @@ def compare(
 
 def usual(plant: str = "mujoco") -> tuple[str, ...]:
     """The scenarios that are compared unless others are named, but for those with faults that the plant has none of."""
-    kinds = known(plant)
+    kinds = faults.known(plant)
     there = (name for name in builtin() if name not in LEFT_OUT)
     return tuple(name for name in there if all(fault.kind in kinds for fault in load(name).settings.fault))
 
 
-def check(chosen: Sequence[Scenario], subject: str | None) -> None:
+def check(chosen: Sequence[Scenario], subject: str | None, half_width: float = HALF_WIDTH) -> None:
     """See that scenarios, all with the same controllers, can stand in one table.
 
     Raises:
-        OmniError: two of them share a name, or the subject is none of the controllers.
+        OmniError: two of them share a name, the subject is none of the controllers, or the half width is no share; a
+            line for each.
     """
     names = [each.name for each in chosen]
-    for name in names:
-        if names.count(name) > 1:
-            raise OmniError(f"two scenarios are called {name!r}; give each once, or files with another name in them")
+    errors = [
+        f"two scenarios are called {name!r}; give each once, or files with another name in them"
+        for name in names
+        if names.count(name) > 1
+    ]
     if subject is not None and chosen and subject not in chosen[0].labels:
-        raise OmniError(f"the subject {subject!r} is not among the controllers; {choose(subject, chosen[0].labels)}")
+        errors.append(f"the subject {subject!r} is not among the controllers; {choose(subject, chosen[0].labels)}")
+    if not isfinite(half_width) or half_width < 0:
+        errors.append(f"the half width must be a share of the mean such as 0.05, or 0 for all seeds, not {half_width}")
+    in_one(errors)
 
 
-def _outcomes(
-    chosen: Iterable[Scenario], seeds: Sequence[int], subject: str | None, before: BeforeScenario
-) -> Iterator[Outcome]:
-    """Those of the scenarios that are run to their end, or cannot be, one after the other."""
-    for each in chosen:
+def _growing(scenario: Scenario, seeds: Sequence[int], half_width: float, before: BeforeBlock) -> Iterator[Outcome]:
+    """What there is of a scenario after each block of seeds, up to those that are enough, or that it cannot be run.
+
+    Raises:
+        StoppedError: in a block, which then counts for nothing.
+    """
+    block = BLOCK if half_width else len(seeds)
+    parts: list[Outcome] = []
+    for first in range(0, len(seeds), block):
         try:
-            simulation = prepare(each, seeds=seeds)
+            simulation = prepare(scenario, seeds=seeds[first : first + block])
         except OmniError as error:
-            yield Outcome.not_run(each, " ".join(str(error).split()))
-            continue
-        outcome = drive(simulation, before(simulation), subject)
-        if stopped := outcome.entry["reason"]:  # not all of it was run: its numbers would not compare
+            yield Outcome.not_run(scenario, " ".join(str(error).split()))
+            return
+        parts.append(drive(simulation, before(simulation)))
+        if stopped := parts[-1].entry["reason"]:  # not all of it was run: its numbers would not compare
             raise StoppedError(stopped)
-        yield outcome
+        outcome, run = joined(parts), first + len(parts[-1].entry["seeds"])
+        if run == len(seeds) or precise(errors_of(outcome.entry["results"], informed(scenario)), half_width):
+            yield outcome
+            return
+        unfinished = {"status": "stopped", "reason": f"{run} of at most {len(seeds)} seeds were run"}
+        yield replace(outcome, entry=outcome.entry | unfinished)
+
+
+def _with(outcome: Outcome, known: limits.Known) -> Outcome:
+    """The outcome, with the limits that are known of its scenario."""
+    return replace(outcome, entry=outcome.entry | {key: known.get(key) for key in limits.LIMITS})

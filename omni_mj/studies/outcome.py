@@ -1,16 +1,22 @@
 """What all studies are made of: a simulation that is run, and the outcome of it."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from omni_control.controllers.base import Controller
+from omni_control.kinematics import Array
 from omni_mj.measure import metrics, recovery, summary
 from omni_mj.measure.result import Outcome
+from omni_mj.scenarios import rows
 from omni_mj.scenarios.controllers import find, label
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S, Settings
-from omni_mj.simulate.simulation import Simulation
+from omni_mj.simulate.log import Log
+from omni_mj.simulate.simulation import Failure, Simulation
 
 Kinds = Sequence[str | type[Controller]]
 AfterFrame = Callable[[int], None]
@@ -50,13 +56,12 @@ def standing(settings: Settings, frames: int, **sections: Any) -> Settings:
     )
 
 
-def drive(simulation: Simulation, after_frame: AfterFrame = nothing, subject: str | None = None) -> Outcome:
+def drive(simulation: Simulation, after_frame: AfterFrame = nothing) -> Outcome:
     """Run a simulation and measure what came of it.
 
     Args:
         simulation: at its start.
         after_frame: called with each frame's number; it may raise `StoppedError`.
-        subject: the controller of which a verdict is asked for.
 
     Returns:
         The outcome with its log; of a run that was stopped, up to there.
@@ -66,21 +71,47 @@ def drive(simulation: Simulation, after_frame: AfterFrame = nothing, subject: st
         simulation.run(after_frame)
     except StoppedError as error:
         stopped = error.reason
-    log, failures = simulation.log, list(simulation.failures)
-    measured, drawn = metrics.row_metrics(log, failures), simulation.drawn
-    measured |= recovery.row_metrics(log, failures)
-    entry = summary.entry(
-        simulation.scenario,
-        log,
+    wall_s = time.perf_counter() - started
+    return _measured(simulation.scenario, simulation.log, simulation.failures, simulation.drawn, wall_s, stopped)
+
+
+def joined(parts: Sequence[Outcome]) -> Outcome:
+    """The outcome of a scenario that was run with some of its seeds after the others: that of all at once.
+
+    Args:
+        parts: at least one, each whole, with its log; their seeds count up from one to the next.
+    """
+    if len(parts) == 1:
+        return parts[0]
+    logs = [part.log for part in parts if part.log]
+    seeds = [seed for log in logs for seed in log.seeds]
+    scenario = parts[0].scenario.replace(seeds=len(seeds))
+    table = rows.table(logs[0].controllers, seeds, scenario.settings, scenario.robot)
+    own = [rows.numbers(table, part.rows) for part in parts]
+    order = np.argsort(np.concatenate(own))
+    drawn = {name: np.concatenate([part.drawn[name] for part in parts])[order] for name in parts[0].drawn}
+    failures = [replace(f, row=here[f.row]) for part, here in zip(parts, own, strict=True) for f in part.failures]
+    return _measured(
+        scenario,
+        Log.joined(logs, table),
         failures,
-        measured,
-        time.perf_counter() - started,
-        stopped,
-        limits(simulation.scenario),
-        subject,
         drawn,
+        sum(part.entry["wall_s"] for part in parts),
     )
-    return Outcome(simulation.scenario, entry, simulation.rows, failures, {**measured, **drawn}, log)
+
+
+def _measured(
+    scenario: Scenario,
+    log: Log,
+    failures: Iterable[Failure],
+    drawn: Mapping[str, Array],
+    wall_s: float,
+    stopped: str | None = None,
+) -> Outcome:
+    failures = sorted(failures, key=lambda failure: (failure.time_s, failure.row))  # whatever the batch
+    measured = metrics.row_metrics(log, failures) | recovery.row_metrics(log, failures)
+    entry = summary.entry(scenario, log, failures, measured, wall_s, stopped, drawn)
+    return Outcome(scenario, entry, log.rows, failures, measured, log, drawn)
 
 
 def total_frames(simulation: Simulation) -> int:
@@ -88,6 +119,6 @@ def total_frames(simulation: Simulation) -> int:
     return max(reference.frames for reference in simulation.references)
 
 
-def limits(scenario: Scenario) -> list[str]:
+def informed(scenario: Scenario) -> list[str]:
     """Labels of the controllers that are given the truth: no competitors."""
     return [label(kind) for kind in scenario.controllers if find(kind).knows_truth]

@@ -7,7 +7,7 @@ from omni_control.errors import OmniError
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.outcome import AfterFrame, drive, limits, nothing
+from omni_mj.studies.outcome import AfterFrame, drive, informed, nothing
 
 
 def run(
@@ -34,7 +34,7 @@ def run(
         OmniError: there is no such scenario or controller, one cannot be run, or seeds that do not count up.
     """
     simulation = prepare(scenario, controllers, seeds)
-    return of(simulation, drive(simulation, after_frame, subject), subject)
+    return of(simulation, drive(simulation, after_frame), subject)
 
 
 def prepare(
@@ -73,7 +73,7 @@ def of(simulation: Simulation, outcome: Outcome, subject: str | None = None) -> 
     return Result(
         [outcome],
         list(simulation.log.controllers),
-        limits(simulation.scenario),
+        informed(simulation.scenario),
         simulation.log.seeds,
         subject,
         wall_s=outcome.entry["wall_s"],

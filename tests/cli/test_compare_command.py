@@ -1,5 +1,6 @@
 """`omni-mj compare` as a user types it: its files, what it prints, what ends it."""
 
+import json
 import signal
 import subprocess
 import sys
@@ -76,10 +77,10 @@ def test_it_leaves_a_summary_markdown_and_a_figure_and_prints_the_table(done: tu
     result = strict(folder / "summary.json")
     assert result["complete"]
     assert [entry["status"] for entry in result["scenarios"].values()] == ["done", "done"]
-    assert (result["controllers"], result["limits"]) == ([*CONTROLLERS, "Cheat"], ["Cheat"])
+    assert (result["controllers"], result["informed"]) == ([*CONTROLLERS, "Cheat"], ["Cheat"])
     assert result["seeds"] == list(range(FIRST, FIRST + SEEDS))
     markdown = (folder / "compare.md").read_text()
-    for text in ("there", "bend", "Cheat (limit)", "Verdicts on comp-flc"):
+    for text in ("there", "bend", "Cheat (informed)", "Verdicts on comp-flc"):
         assert text in printed
         assert text in markdown
     assert str(folder / "summary.json") in printed
@@ -104,6 +105,33 @@ def test_the_same_command_gives_the_same_numbers_and_figure_and_keeps_frames_whe
         table = pq.read_table(tmp_path / "trajectories" / f"{name}.parquet")
         assert table.num_rows == SEEDS * 3 * entry["frames"]
         assert (tmp_path / "scenarios" / f"{name}.toml").exists()
+
+
+def test_limits_from_a_file_stand_beside_and_what_it_lacks_is_named(
+    options: list[str], done: tuple[Path, str], tmp_path: Path, capsys: pytest.CaptureFixture[str], undrawn: None
+) -> None:
+    """Here the errors of a controller stand for those of a limit."""
+    errors = strict(done[0] / "summary.json")["scenarios"]["there"]["results"]["Cheat"]["error_m"]
+    (tmp_path / "limits.json").write_text(json.dumps({"there": {"limit": errors}}))
+    given = (*options, "--half-width", "0", "--limits", tmp_path / "limits.json", "--out", tmp_path / "out")
+    assert invoke("compare", *given) == 0
+    assert "limit" in [line.split()[0] for line in capsys.readouterr().out.splitlines() if line.split()]
+    found = strict(tmp_path / "out" / "summary.json")
+    assert (found["half_width"], f"--half-width 0 --seed {FIRST}" in found["repeat"]) == (0, True)
+    assert [entry["limit"] for entry in found["scenarios"].values()] == [errors, None]
+    assert "| Cheat (informed) | limit |" in (tmp_path / "out" / "compare.md").read_text()
+    cells = {"x": errors["x"], "y": errors["y"] | {"max": {}}, "along": errors["along"], "across": errors["across"]}
+    for text, *says in (
+        ("{", "not valid JSON"),
+        ("[]", "must hold scenarios by name"),
+        ('{"a": {"best": 3}, "b": {}}', "a must hold limit or limit_without_noise", "b must hold"),
+        (json.dumps({"there": {"limit": cells}}), "there.limit must hold y.max, distance.max, distance.p99"),
+    ):
+        (tmp_path / "limits.json").write_text(text)
+        assert invoke("compare", "--limits", tmp_path / "limits.json", "--out", tmp_path / "none") == 2
+        lines = capsys.readouterr().err.splitlines()
+        assert len(lines) == len(says)
+        assert all(said in line for said, line in zip(says, lines, strict=True)), lines
 
 
 def test_one_seed_has_no_interval_and_says_so(
@@ -174,6 +202,9 @@ def test_bad_input_is_a_line_that_says_what_is_allowed(tmp_path: Path, capsys: p
         ("--controller flc --controller flc", "named twice"),
         ("--plant mujocco", "did you mean 'mujoco'"),
         ("--seeds 0", "1 to 100000"),
+        ("--half-width -1", "a share of the mean such as 0.05"),
+        ("--half-width few", "not a valid float"),
+        ("--limits nowhere.json", "cannot read limits nowhere.json"),
         ("--seed -1", "from 0 to"),
         ("--set radio.delay=3", "did you mean 'radio.delay_frames'"),
         ("--sead 3", "--seed"),

@@ -48,7 +48,7 @@ def test_excursion_and_recovery_are_those_until_two_seconds_after(
 ) -> None:
     found = recovery.row_metrics(filled(rows(settings=met(PUSH)), 300, pose=strayed(300, **spans)))
     assert found["fault_1_excursion_m"] == pytest.approx([excursion], abs=1e-12)
-    assert found["fault_1_recovery_s"] == pytest.approx([np.nan if recovered is None else recovered], nan_ok=True)
+    assert found["fault_1_recovery_s"] == pytest.approx([np.inf if recovered is None else recovered])
 
 
 def test_a_fault_that_goes_on_is_looked_at_until_the_end_of_the_run() -> None:
@@ -56,9 +56,8 @@ def test_a_fault_that_goes_on_is_looked_at_until_the_end_of_the_run() -> None:
     pose = strayed(300, late=(200, 290, 0.1))
     found = recovery.row_metrics(filled(rows(settings=met(PUSH, TILT)), 300, pose=pose))
     assert {name: values[0] for name, values in found.items()} == pytest.approx(
-        {"fault_1_excursion_m": 0.1, "fault_1_recovery_s": np.nan, "fault_2_excursion_m": 0.1}
-        | {"fault_2_recovery_s": 110 * FRAME_S},
-        nan_ok=True,
+        {"fault_1_excursion_m": 0.1, "fault_1_recovery_s": np.inf, "fault_2_excursion_m": 0.1}
+        | {"fault_2_recovery_s": 110 * FRAME_S}
     )
 
 
@@ -69,7 +68,7 @@ def test_rows_that_failed_did_not_recover_and_those_without_a_fault_have_nothing
     log = filled(table, 300, [300, 100, 300, 40])
     found = recovery.row_metrics(log, [failure(log, 1)])
     np.testing.assert_array_equal(found["fault_1_excursion_m"], [0.0, np.inf, np.nan, np.nan])
-    np.testing.assert_array_equal(found["fault_1_recovery_s"], [0.0, np.nan, np.nan, np.nan])
+    np.testing.assert_array_equal(found["fault_1_recovery_s"], [0.0, np.inf, np.nan, np.nan])
     assert recovery.row_metrics(filled(rows(), 10)) == {}
 
 

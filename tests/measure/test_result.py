@@ -36,11 +36,25 @@ def recorded(result: om.Result) -> dict[tuple[str, int], dict[str, np.ndarray]]:
     return {key: {name: np.array(values) for name, values in own.items()} for key, own in lines.items()}
 
 
+def along_and_across(off: list[complex], path: list[complex]) -> tuple[np.ndarray, np.ndarray]:
+    """Magnitudes of complex errors' parts in the direction of travel, and to the left of it."""
+    steps = [b - a for a, b in zip(path[:1] + path[:-1], path[1:] + path[-1:], strict=True)]
+    direction = next(step for step in steps if abs(step) > 1e-6)
+    parts = []
+    for error, step in zip(off, steps, strict=True):
+        direction = step if abs(step) > 1e-6 else direction
+        parts.append(error / direction * abs(direction))
+    return abs(np.real(parts)), abs(np.imag(parts))
+
+
 def of_a_row(row: dict[str, np.ndarray]) -> dict[str, float]:
     """The statistics, straight from their definitions; these runs all settle."""
     ex, ey = abs(row["x_m"] - row["ref_x_m"]), abs(row["y_m"] - row["ref_y_m"])
+    path = row["ref_x_m"] + 1j * row["ref_y_m"]
+    along, across = along_and_across(list(row["x_m"] + 1j * row["y_m"] - path), list(path))
     turn = np.exp(1j * (row["heading_rad"] - row["ref_heading_rad"]))
-    errors = {"x": ex, "y": ey, "distance": (ex**2 + ey**2) ** 0.5, "heading": abs(np.angle(turn))}
+    errors = {"x": ex, "y": ey, "distance": (ex**2 + ey**2) ** 0.5, "along": along, "across": across}
+    errors["heading"] = abs(np.angle(turn))
     ax, ay = (np.diff(row[f"command_v{axis}_m_s"], prepend=0) * 60 for axis in "xy")
     at_rest = (row["ref_x_m"] == row["ref_x_m"][-1]) & (row["ref_y_m"] == row["ref_y_m"][-1])
     rest = int(np.flatnonzero(~at_rest)[-1]) + 1  # the rectangle also starts where it ends
@@ -48,9 +62,12 @@ def of_a_row(row: dict[str, np.ndarray]) -> dict[str, float]:
     found = {
         f"error_{'rad' if name == 'heading' else 'm'}.{name}.{key}": float(law(error))
         for name, error in errors.items()
-        for key, law in {"max": max, "mean": np.mean, "rms": lambda e: np.mean(e**2) ** 0.5}.items()
-    }
+        for key, law in {"max": max, "p99": lambda e: np.quantile(e, 0.99), "mean": np.mean,
+                         "rms": lambda e: np.mean(e**2) ** 0.5}.items()
+    }  # fmt: skip
+    needed = np.diff(np.diff(path, prepend=path[0], append=path[-1])) * 60**2
     found["effort_m_s2"] = float(np.mean(ax**2 + ay**2)) ** 0.5
+    found["excess_effort_m_s2"] = float(np.mean(ax**2 + ay**2) - np.mean(abs(needed) ** 2)) ** 0.5
     found["settle_s"] = (settled[0] - rest) / 60
     found["greatest_at_s"] = row["time_s"][errors["distance"].argmax()]
     return found

@@ -81,16 +81,17 @@ def test_every_number_is_the_summarys(runs: list[Path], tmp_path: Path) -> None:
     summary, entry = summary_of(runs[0]), entry_of(runs[0])
     _, seen = page(runs[:1], tmp_path / "report.html")
     for result in entry["results"].values():
-        for part, axes, factor in (("error_m", ("x", "y", "distance"), 100), ("error_rad", ("heading",), 180 / np.pi)):
-            for axis in axes:
-                for statistic in ("max", "mean"):
+        for part, factor in (("error_m", 100), ("error_rad", 180 / np.pi)):
+            for axis in result[part]:
+                for statistic in ("max", "p99", "mean"):
                     for name in ("median", "min", "max"):
                         value = result[part][axis][statistic][name]
                         assert (value, f"{factor * value:.2f}") in seen.numbers
         for axis in ("x", "y"):
             for value in result["alpha"][axis].values():
                 assert (value, f"{value:.2f}") in seen.numbers
-        assert (result["effort_m_s2"]["median"], f"{result['effort_m_s2']['median']:.2f}") in seen.numbers
+        for effort in (result["effort_m_s2"]["median"], result["excess_effort_m_s2"]["median"]):
+            assert (effort, f"{effort:.2f}") in seen.numbers
     known = {float(v) for v in re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", json.dumps(summary))}
     assert {value for value, _ in seen.numbers} <= known
 
@@ -140,21 +141,21 @@ def test_a_comparison_names_all_runs_and_what_differs(runs: list[Path], tmp_path
 
 
 def test_a_comparison_is_a_matrix_with_its_figure_and_verdicts(comparison: Path, tmp_path: Path) -> None:
-    """Means over the seeds with half their intervals; the least of a row, but for limits, is bold."""
+    """Means over the seeds with half their intervals; the least of a row, but for the informed, is bold."""
     html, seen = page([comparison], tmp_path / "report.html")
     summary = summary_of(comparison)
     assert "Comparison of 2 scenarios" in seen.text
     for name, entry in summary["scenarios"].items():
         assert f">{name}</a>" in html
         for result in entry["results"].values():
-            for statistic in ("max", "mean"):
+            for statistic in ("max", "p99", "mean"):
                 spread = result["error_m"]["distance"][statistic]
                 for value in (spread["mean"], spread["plus_minus"]):
                     assert (value, f"{100 * value:.2f}") in seen.numbers
     bold = re.findall(r'<td class="n best"><data value="(.*?)"', html)
     means = [
         {name: result["error_m"]["distance"][statistic]["mean"] for name, result in entry["results"].items()}
-        for statistic in ("max", "mean")
+        for statistic in ("max", "p99", "mean")
         for entry in summary["scenarios"].values()
     ]
     assert [float(value) for value in bold] == [min(row["flc"], row["p"]) for row in means]
@@ -163,6 +164,25 @@ def test_a_comparison_is_a_matrix_with_its_figure_and_verdicts(comparison: Path,
     why_not = [text for entry in summary["scenarios"].values() for text in entry["verdict"]["why_not"]]
     assert why_not
     assert all(text in seen.text for text in why_not)
+
+
+def test_known_limits_and_who_never_settles_are_shown(comparison: Path, tmp_path: Path) -> None:
+    """A limit is a column of the matrices; one scenario of two has one."""
+    summary = summary_of(comparison)
+    entry = summary["scenarios"]["rect"]
+    entry["limit"] = entry["results"]["oracle"]["error_m"]
+    never = {"seeds": [0.5, None, None], **dict.fromkeys(("median", "mean", "plus_minus"))}
+    entry["results"]["flc"] |= {"settled": 1, "settle_s": never}
+    (tmp_path / "limited").mkdir()
+    (tmp_path / "limited" / "summary.json").write_text(json.dumps(summary))
+    html, _ = page([tmp_path / "limited"], tmp_path / "report.html")
+    matrices = [rest.split("</table>")[0] for rest in html.split('<table class="matrix">')[1:]]
+    for matrix, statistic in zip(matrices, ("max", "p99", "mean"), strict=True):
+        assert re.findall(r'<th scope="col" class="n">(\w+)', matrix) == ["flc", "p", "oracle", "limit"]
+        values = [re.findall(r'<td class="n[^"]*">(?:<data value="(.*?)")?', line) for line in matrix.split("<tr>")[2:]]
+        known = entry["limit"]["distance"][statistic]["mean"]
+        assert [row[3] for row in values] == [f"{known}", ""]
+    assert "never<small>settled 1 of 3</small>" in html
 
 
 def test_runs_and_comparisons_stand_side_by_side(runs: list[Path], comparison: Path, tmp_path: Path) -> None:
@@ -238,9 +258,9 @@ def test_settings_off_their_default_stand_out(runs: list[Path], tmp_path: Path) 
         (None, "holds no run"),
         ("", "not a run's summary"),
         ("{", "not a run's summary"),
-        ("[]", "controllers, limits"),
-        ('{"format": 2}', "controllers, limits"),
-        ('{"format": 3}', "of format 3; this version of omni-mj reads format 2"),
+        ("[]", "controllers, informed"),
+        ('{"format": 3}', "controllers, informed"),
+        ('{"format": 2}', "of format 2; this version of omni-mj reads format 3"),
         ('{"scenario": "rect", "results": {}}', "of format 1, which an older version of omni-mj wrote"),
     ],
 )

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import omni_mj as om
+from omni_mj.measure import summary
 from omni_mj.measure.result import Outcome
-from omni_mj.studies.outcome import StoppedError
+from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
 
 SEEDS = range(7, 10)
 CONTROLLERS = ("flc", "comp-flc", "oracle")
@@ -30,16 +31,19 @@ def result(scenarios: list[om.Scenario]) -> om.Result:
 
 
 def test_every_outcome_is_that_of_the_run_of_its_scenario(result: om.Result, scenarios: list[om.Scenario]) -> None:
-    summary = result.summary()
-    assert (summary["controllers"], summary["limits"]) == (list(CONTROLLERS), ["oracle"])
-    assert (summary["seeds"], summary["complete"], summary["subject"]) == (list(SEEDS), True, "comp-flc")
+    found = result.summary()
+    assert (found["controllers"], found["informed"]) == (list(CONTROLLERS), ["oracle"])
+    assert (found["seeds"], found["complete"], found["subject"]) == (list(SEEDS), True, "comp-flc")
     frames = result.frames()
     assert frames.column_names[0] == "scenario"
     for each in scenarios:
         alone = om.run(each, CONTROLLERS, SEEDS, subject="comp-flc")
-        entry, other = summary["scenarios"][each.name], alone.summary()["scenarios"][each.name]
-        assert entry | {"wall_s": 0} == other | {"wall_s": 0}
-        assert entry["status"] == "done"
+        entry, other = found["scenarios"][each.name], alone.summary()["scenarios"][each.name]
+        apart = {"wall_s": 0, "verdict": None}  # which depends on how many other verdicts there are
+        assert entry | apart == other | apart
+        assert (entry["status"], entry["seeds"]) == ("done", list(SEEDS))
+        pair, of_one = (each["verdict"]["errors"]["max"]["against"]["flc"] for each in (entry, other))
+        assert of_one["p"] == pair["p"] <= of_one["p_adjusted"] <= pair["p_adjusted"]
         assert "oracle" not in entry["verdict"]["errors"]["max"]["against"]
         own = frames.filter([name == each.name for name in frames["scenario"].to_pylist()]).drop(["scenario"])
         for name in own.column_names:
@@ -72,7 +76,7 @@ def test_a_scenario_that_cannot_be_made_is_noted_and_the_others_go_on(
 
     monkeypatch.setattr(compare, "prepare", prepare)
     told = []
-    result = om.compare(scenarios, ("flc",), 1, after_scenario=lambda result, outcome: told.append(outcome))
+    result = om.compare(scenarios, ("flc",), 1, after_block=lambda result, outcome: told.append(outcome))
     entries = result.summary()["scenarios"]
     assert [entry["status"] for entry in entries.values()] == ["failed", "done"]
     assert entries["there"]["reason"] == "robots overlap at the start"
@@ -91,8 +95,8 @@ def test_what_is_stopped_keeps_what_was_done(scenarios: list[om.Scenario]) -> No
 
     result = om.compare(
         scenarios, ("flc",), 2,
-        before_scenario=lambda simulation: after_frame,
-        after_scenario=lambda result, outcome: done.append(outcome),
+        before_block=lambda simulation: after_frame,
+        after_block=lambda result, outcome: done.append(outcome),
     )  # fmt: skip
     assert (result.complete, result.stopped) == (False, "interrupted")
     assert [outcome.entry["status"] for outcome in result.outcomes] == ["done", "not run"]
@@ -104,11 +108,133 @@ def test_what_is_stopped_keeps_what_was_done(scenarios: list[om.Scenario]) -> No
     assert (one["complete"], one["stopped"], one["scenarios"]["there"]["frames"]) == (False, "terminated", 1)
 
 
+class Feed(om.Controller):
+    """The reference's own velocities, a dead time early, whatever becomes of it."""
+
+    def command(self, frame: int, seen: om.Seen) -> np.ndarray:
+        return self.reference.at(frame + self.told.delay_frames, seen.pose)[1]
+
+
+class Failing(Feed):
+    """The same up to frame 20."""
+
+    def command(self, frame: int, seen: om.Seen) -> np.ndarray:
+        if frame == 20:
+            raise RuntimeError("as told")
+        return super().command(frame, seen)
+
+
+@pytest.mark.parametrize(("plant", "seeds"), [("kinematic", 12), ("mujoco", 6)])
+def test_seeds_in_blocks_give_the_numbers_of_all_at_once(plant: str, seeds: int) -> None:
+    """To the last bit, with a controller that fails, robots of which each is its own, and two in a world: half widths
+    that nobody's errors have ask for all seeds, in blocks of five; a half width of zero runs all of them at once."""
+    places = [[0, 0, 0], [0, 1, 0]] if plant == "kinematic" else [[0, 0, 0]]
+    chosen = om.scenario(
+        "rect-noise", plant=plant, reference={"waypoints": [[0, 0], [0.1, 0.05]], "settle_s": 0.1},
+        world={"places": places}, variation={"friction": 0.1}, wheels={"model": "two-rollers"},
+    )  # fmt: skip
+    blocks: list[list[int]] = []
+
+    def before_block(simulation: om.Simulation) -> AfterFrame:
+        blocks.append(simulation.log.seeds)
+        return nothing
+
+    kinds = ("comp-flc", Failing)
+    grown = om.compare([chosen], kinds, seeds, keep=True, half_width=1e-9, before_block=before_block)
+    assert blocks == [list(range(seeds))[i : i + 5] for i in range(0, seeds, 5)]
+    whole = om.compare([chosen], kinds, seeds, keep=True, half_width=0.0, before_block=before_block)
+    assert blocks[-1] == list(range(seeds))
+    entry, other = (each.summary()["scenarios"]["rect-noise"] | {"wall_s": 0} for each in (grown, whole))
+    assert entry == other
+    assert entry["seeds"] == list(range(seeds))
+    assert len(entry["failed"]) == entry["results"]["Failing"]["failed"] == seeds * len(places)
+    assert len(entry["drawn"]) == (seeds if plant == "mujoco" else 0)
+    assert grown["rect-noise"].scenario == whole["rect-noise"].scenario
+    assert grown["rect-noise"].rows == whole["rect-noise"].rows
+    assert grown["rect-noise"].failures == whole["rect-noise"].failures
+    for ours, theirs in ((grown.rows(), whole.rows()), (grown.frames(), whole.frames())):
+        assert ours.column_names == theirs.column_names
+        for name in ours.column_names:
+            np.testing.assert_array_equal(ours[name].to_pylist(), theirs[name].to_pylist(), err_msg=name)
+
+
+def test_seeds_are_added_until_competitors_are_known_well_enough(scenarios: list[om.Scenario]) -> None:
+    """A half width between that of 5 and that of 10 seeds asks for 10; of whom knows the truth it asks for none."""
+    entries: list[summary.Entry] = []
+    om.compare(
+        scenarios[:1],
+        CONTROLLERS,
+        10,
+        half_width=1e-9,
+        after_block=lambda result, outcome: entries.append(outcome.entry),
+    )
+    five, ten = entries
+    before, after = (
+        max(
+            spread["plus_minus"] / spread["mean"]
+            for name in ("flc", "comp-flc")
+            for spread in (entry["results"][name]["error_m"]["distance"][s] for s in ("max", "mean"))
+        )
+        for entry in entries
+    )
+    assert after < before
+    told = []
+    result = om.compare(
+        scenarios[:1], CONTROLLERS, half_width=(before * after) ** 0.5,
+        after_block=lambda result, outcome: told.append(
+            (outcome.entry["status"], outcome.entry["reason"], len(outcome.entry["seeds"]))
+        ),
+    )  # fmt: skip
+    assert told == [("stopped", "5 of at most 20 seeds were run", 5), ("done", None, 10)]
+    found = result.summary()
+    assert found["scenarios"]["there"] | {"wall_s": 0} == ten | {"wall_s": 0}
+    assert (found["seeds"], found["half_width"]) == (list(range(20)), (before * after) ** 0.5)
+    enough = om.compare(scenarios[:1], CONTROLLERS, half_width=before * 1.001).summary()["scenarios"]["there"]
+    assert enough["results"] == five["results"]
+
+
+def test_blocks_that_were_run_are_kept_when_the_next_is_stopped(scenarios: list[om.Scenario]) -> None:
+    """As a scenario that is not done, without a verdict."""
+    done: list[Outcome] = []
+
+    def after_frame(frame: int) -> None:
+        if len(done) == 2:
+            raise StoppedError("interrupted")
+
+    result = om.compare(
+        scenarios[:1], ("flc", "comp-flc"), 20, "flc", half_width=1e-9,
+        before_block=lambda simulation: after_frame, after_block=lambda result, outcome: done.append(outcome),
+    )  # fmt: skip
+    entry = result.summary()["scenarios"]["there"]
+    assert (result.stopped, result.complete) == ("interrupted", False)
+    assert (entry["status"], entry["reason"]) == ("stopped", "10 of at most 20 seeds were run")
+    assert (len(entry["results"]["flc"]["settle_s"]["seeds"]), entry["verdict"]) == (10, None)
+
+
+def test_sending_the_references_own_velocities_is_no_effort_of_ones_own(scenarios: list[om.Scenario]) -> None:
+    """As team and radio have it; a root of a difference of squares is good to 1e-6."""
+    result = om.compare(scenarios, (Feed, "p"), 2).summary()["scenarios"]
+    for entry in result.values():
+        assert entry["results"]["Feed"]["effort_m_s2"]["min"] > 0.5
+        assert entry["results"]["Feed"]["excess_effort_m_s2"]["max"] < 1e-6
+
+
+def test_limits_that_are_known_stand_in_the_summary(result: om.Result, scenarios: list[om.Scenario]) -> None:
+    errors = result.summary()["scenarios"]["there"]["results"]["oracle"]["error_m"]
+    given = {"there": {"limit": errors}, "bend": None}
+    found = om.compare(scenarios, ("flc",), 1, limits_of=lambda scenario: given[scenario.name]).summary()["scenarios"]
+    assert [(entry["limit"], entry["limit_without_noise"]) for entry in found.values()] == [
+        (errors, None),
+        (None, None),
+    ]
+
+
 def test_what_cannot_stand_in_one_table_is_refused(scenarios: list[om.Scenario]) -> None:
     for given, words in (
         ({"scenarios": scenarios[:1] * 2}, "two scenarios are called 'there'"),
         ({"scenarios": scenarios, "controllers": ("flc", "p"), "subject": "lqr"}, "choose from flc, p"),
         ({"scenarios": ["rekt"]}, "did you mean 'rect'"),
+        ({"scenarios": scenarios, "half_width": -0.1}, "must be a share of the mean such as 0.05"),
     ):
         with pytest.raises(om.OmniError, match=words):
             om.compare(**given)

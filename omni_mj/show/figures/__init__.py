@@ -56,19 +56,19 @@ def save_comparison(summary: dict[str, Any], stem: Path) -> None:
     entries = comparison.with_results(summary["scenarios"])
     if entries:
         with matplotlib_style.context(style.SHEET):
-            canvas.save(comparison.comparison(entries, summary["limits"]), stem)
+            canvas.save(comparison.comparison(entries, summary["informed"]), stem)
 
 
-def comparison_svg(entries: Mapping[str, dict[str, Any]], limits: tuple[str, ...] = ()) -> bytes:
+def comparison_svg(entries: Mapping[str, dict[str, Any]], informed: tuple[str, ...] = ()) -> bytes:
     """The figure that compares scenarios or runs.
 
     Args:
         entries: label -> the summary's entry of a scenario; at least one has results.
-        limits: controllers that know the truth.
+        informed: controllers that know the truth.
     """
     file = BytesIO()
     with matplotlib_style.context(style.SHEET):
-        figure = comparison.comparison(comparison.with_results(entries), limits)
+        figure = comparison.comparison(comparison.with_results(entries), informed)
         figure.savefig(file, format="svg", metadata={"Date": None})
     return file.getvalue()
 

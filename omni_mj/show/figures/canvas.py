@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 from textwrap import wrap
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib import rcParams
@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from omni_control.kinematics import Array
+from omni_mj.measure.limits import LIMITS
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show import style
 
@@ -24,6 +25,7 @@ TITLE_PER_IN = 10  # letters of a title, at least
 BINS = 600  # along a curve, narrower than a dot of the printed figure
 MARKS = 12  # along a curve
 OFF_SCALE = 1.5  # as many times as far as the others a row that failed may stray and still be shown whole
+LIMIT_DASHES = dict(zip(LIMITS.values(), ("-", (0, (1, 1))), strict=True))
 HALO = withStroke(linewidth=2.5, foreground="white")
 
 
@@ -102,6 +104,15 @@ def mark_greatest(axes: Axes, values: Array, index: int, text: str) -> None:
 def mark_failure(axes: Axes, frame: int, index: int, name: str) -> None:
     """Draw a line where a controller's row was stopped."""
     axes.axvline(frame, color=style.controller(index), lw=1, ls=(0, (1, 1)), zorder=2, label=f"{name} failed")
+
+
+def mark_limit(axes: Axes, value: float, name: str, span: tuple[float, float] | None = None) -> None:
+    """Draw the line of a limit that is called `name`, from one place to another up the axes, or all the way."""
+    look: dict[str, Any] = {"color": "black", "lw": 1.4, "ls": LIMIT_DASHES[name], "zorder": 2.5, "label": name}
+    if span is None:
+        axes.axvline(value, **look)
+    else:
+        axes.vlines(value, *span, **look)
 
 
 def greatest(values: Array, failed: Sequence[int]) -> float:

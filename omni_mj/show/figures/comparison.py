@@ -1,4 +1,4 @@
-"""Scenarios or runs side by side: a dot per entry and controller, a panel per statistic."""
+"""Scenarios or runs side by side: a dot per entry and controller, a panel per statistic; limits as lines."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -11,6 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
 from omni_control.kinematics import Array
+from omni_mj.measure import limits
+from omni_mj.measure.table import counted
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
 
@@ -31,14 +33,15 @@ class Panel:
     scale: float = 1.0
     logarithmic: bool = True
     unknown: str = UNKNOWN
+    limited: bool = False  # whether a limit has it too
 
 
 PANELS = (
-    Panel("maximum error\nin the plane, cm", lambda result: result["error_m"]["distance"]["max"], 100.0),
-    Panel("mean error\nin the plane, cm", lambda result: result["error_m"]["distance"]["mean"], 100.0),
+    Panel("maximum error\nin the plane, cm", lambda result: result["error_m"]["distance"]["max"], 100.0, limited=True),
+    Panel("mean error\nin the plane, cm", lambda result: result["error_m"]["distance"]["mean"], 100.0, limited=True),
     Panel("maximum error\nof heading, deg", lambda result: result["error_rad"]["heading"]["max"], 180 / np.pi),
-    Panel("effort\nin m/s²", lambda result: result["effort_m_s2"]),
-    Panel("time to settle\nin s", lambda result: result["settle_s"], logarithmic=False, unknown="not"),
+    Panel("excess effort\nin m/s²", lambda result: result["excess_effort_m_s2"]),
+    Panel("time to settle\nin s", lambda result: result["settle_s"], logarithmic=False, unknown="never"),
 )
 
 
@@ -47,12 +50,12 @@ def with_results(entries: Mapping[str, Entry]) -> dict[str, Entry]:
     return {label: entry for label, entry in entries.items() if entry["results"]}
 
 
-def comparison(entries: Mapping[str, Entry], limits: Iterable[str] = ()) -> Figure:
-    """Means over the seeds with their intervals; what not every seed has stands at "failed" or "not", at the right.
+def comparison(entries: Mapping[str, Entry], informed: Iterable[str] = ()) -> Figure:
+    """Means over the seeds with their intervals; what not every seed has stands at "failed" or "never", at the right.
 
     Args:
         entries: label -> a scenario's entry of a summary, each with results; at least one.
-        limits: controllers that know the truth, drawn hollow.
+        informed: controllers that know the truth, drawn hollow.
     """
     names = list(dict.fromkeys(name for entry in entries.values() for name in entry["results"]))
     sizes = [len(entry["results"]) + GAP for entry in entries.values()]
@@ -65,15 +68,16 @@ def comparison(entries: Mapping[str, Entry], limits: Iterable[str] = ()) -> Figu
     drivers = np.array([names.index(name) for name, _ in found])
     for axes, panel in zip(grid, PANELS, strict=True):
         mean, half = _numbers([panel.spread(result) for _, result in found], panel.scale)
-        at = _scaled(axes, panel, mean, half)
+        lowest = _limits(axes, panel, entries.values(), tops) if panel.limited else []
+        at = _scaled(axes, panel, mean, half, lowest)
         for i, name in enumerate(names):
             own = drivers == i
             look = style.line(i) | {"linestyle": "none"}
-            if name in limits:
+            if name in informed:
                 look |= {"markerfacecolor": "white", "markeredgecolor": look["color"], "markeredgewidth": 1.0}
             low = np.maximum(mean - half, 1e-12)[own]  # an interval that reaches zero leaves a logarithmic panel
             axes.hlines(lines[own], low, (mean + half)[own], color=look["color"], lw=1.2, zorder=2)
-            axes.plot(at[own], lines[own], label=name + " (limit)" * (name in limits), zorder=3, **look)
+            axes.plot(at[own], lines[own], label=name + " (informed)" * (name in informed), zorder=3, **look)
         axes.set_xlabel(panel.label)
         axes.grid(axis="y", visible=False)
         axes.tick_params(axis="y", length=0)
@@ -90,11 +94,8 @@ def _title(entries: Mapping[str, Entry]) -> str:
     """The plant, if it is the same for all, and what the numbers are the mean of."""
     plants = {entry["plant"] for entry in entries.values()}
     where = f" on the {plants.pop()} plant" if len(plants) == 1 else ""
-    counts = {len(r["effort_m_s2"]["seeds"]) for entry in entries.values() for r in entry["results"].values()}
-    if counts == {1}:
-        over = "one seed, no intervals"
-    else:
-        over = f"mean of {f'{counts.pop()}' if len(counts) == 1 else 'the'} seeds ± 95 % interval"
+    number = counted(entry["seeds"] for entry in entries.values())
+    over = "one seed, no intervals" if number == "1" else f"mean of {number} seeds ± 95 % interval"
     return f"Controllers compared{where}: {over}"
 
 
@@ -105,10 +106,26 @@ def _numbers(spreads: list[Entry], scale: float) -> tuple[Array, Array]:
     return scale * np.array(mean), scale * np.array(half)
 
 
-def _scaled(axes: Axes, panel: Panel, mean: Array, half: Array) -> Array:
-    """Scale a panel and return where its dots are: the means, and those unknown at a place right of them."""
+def _limits(axes: Axes, panel: Panel, entries: Iterable[Entry], tops: Array) -> list[float]:
+    """Draw the limits that are known as lines over their entries, and return where they are."""
+    drawn = []
+    for entry, (top, bottom) in zip(entries, pairwise(tops), strict=True):
+        for name, errors in limits.of(entry).items():
+            value = panel.spread({"error_m": errors})["mean"]
+            if value is not None:
+                drawn.append(panel.scale * value)
+                canvas.mark_limit(axes, drawn[-1], name, (top, bottom))
+    return drawn
+
+
+def _scaled(axes: Axes, panel: Panel, mean: Array, half: Array, shown: list[float]) -> Array:
+    """Scale a panel and return where its dots are: the means, and those unknown at a place right of them.
+
+    Besides, what is `shown` is to be seen.
+    """
     unknown = np.isnan(mean)
-    known, around = mean[~unknown], half[~unknown]
+    known = np.concatenate([mean[~unknown], shown])
+    around = np.concatenate([half[~unknown], np.zeros(len(shown))])
     if panel.logarithmic and known.size and known.min() > 0:
         low, high = np.maximum(known - around, known / 2).min(), (known + around).max()
         margin = max(LEAST_MARGIN, (high / low) ** 0.05)

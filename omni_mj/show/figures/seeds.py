@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from omni_mj.measure import limits
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
 
@@ -46,6 +47,9 @@ def seeds(entry: dict[str, Any], heading: bool) -> Figure:
                 if printed:
                     panel.plot(scale * printed[key], rows[i], "D", ms=6, mec="black", mfc="white", zorder=4,
                                label="the paper")  # fmt: skip
+            for known, errors in limits.of(entry).items():
+                if part == "error_m" and errors[axis][key]["median"] is not None:
+                    canvas.mark_limit(panel, scale * errors[axis][key]["median"], known)
             panel.margins(x=0.05)
             panel.set_xlim(left=0)
             panel.grid(axis="y", visible=False)

@@ -58,5 +58,5 @@ def _comparison(runs: Sequence[Run]) -> str | None:
     entries = {run.label: run.entry for run in runs if run.entry["results"]}
     if len(entries) < 2:
         return None
-    limits = dict.fromkeys(name for run in runs for name in run.limits)
-    return data_uri(figures.comparison_svg(entries, tuple(limits)), ".svg")
+    informed = dict.fromkeys(name for run in runs for name in run.informed)
+    return data_uri(figures.comparison_svg(entries, tuple(informed)), ".svg")

@@ -6,9 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from omni_mj.measure import limits
 from omni_mj.show.report.reading import Run
 
-STATISTICS = {"max": "Maximum error", "mean": "Mean error"}
+STATISTICS = {"max": "Maximum error", "p99": "99th percentile of the error", "mean": "Mean error"}
+MAIN = ("max", "mean")  # of which the paper reports, and verdicts are given
 DASH, MINUS = "\N{EN DASH}", "\N{MINUS SIGN}"
 UNITS = {"_v": "V", "_a": "A", "_c": "°C", "_w": "W", "_j": "J", "_s": "s", "_m": "m", "_m_s": "m/s", "_percent": "%"}
 
@@ -28,6 +30,8 @@ AXES = {
     "x": Axis("x", "in x", "error_m", "cm", 100.0),
     "y": Axis("y", "in y", "error_m", "cm", 100.0),
     "distance": Axis("in the plane", "in the plane", "error_m", "cm", 100.0),
+    "along": Axis("along the path", "along the path", "error_m", "cm", 100.0),
+    "across": Axis("across the path", "across the path", "error_m", "cm", 100.0),
     "heading": Axis("heading", "of heading", "error_rad", "deg", 180 / math.pi),
 }
 
@@ -62,12 +66,13 @@ def errors(entry: Mapping[str, Any]) -> dict[str, dict[str, dict[str, Cell]]]:
 
 
 def matrix(runs: Sequence[Run], statistic: str) -> tuple[list[str], list[tuple[Run, list[dict[str, Any] | None]]]]:
-    """Errors in the plane of all runs: the controllers, and for each run their spreads, None where one was not run."""
+    """Errors in the plane: the controllers and known limits, and for each run their spreads, None for what it lacks."""
     names = list(dict.fromkeys(name for run in runs for name in run.entry["results"] or run.controllers))
+    names += dict.fromkeys(name for run in runs for name in limits.of(run.entry))
     rows = []
     for run in runs:
-        found = {name: result["error_m"]["distance"][statistic] for name, result in run.entry["results"].items()}
-        rows.append((run, [found.get(name) for name in names]))
+        errors = {name: result["error_m"] for name, result in run.entry["results"].items()} | limits.of(run.entry)
+        rows.append((run, [errors[name]["distance"][statistic] if name in errors else None for name in names]))
     return names, rows
 
 
@@ -77,7 +82,7 @@ def best(run: Run, statistic: str, axis: str = "distance") -> str | None:
     means = {
         name: result[part][axis][statistic]["mean"]
         for name, result in run.entry["results"].items()
-        if name not in run.limits
+        if name not in run.informed
     }
     return min((name for name in means if means[name] is not None), key=lambda name: means[name], default=None)
 
@@ -106,7 +111,7 @@ def _cell(results: Mapping[str, Any], paper: Mapping[str, Any], controller: str,
     greatest = max((spread["median"] for spread in spreads.values() if spread["median"] is not None), default=0.0)
     error = spreads[controller]
     reductions = results[controller]["reduction_percent"] or {}
-    printed = {c: axes[name][statistic] for c, axes in paper.items() if name in axes}
+    printed = {c: axes[name][statistic] for c, axes in paper.items() if statistic in axes.get(name, ())}
     base = next(iter(printed.values()), None)
     of_paper = printed.get(controller)
     first = next(iter(printed), None) == controller

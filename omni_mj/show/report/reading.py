@@ -11,12 +11,12 @@ from omni_control.errors import OmniError
 from omni_mj.scenarios.settings import every_setting
 from omni_mj.show import figures
 
-FORMAT = 2  # of the summaries that can be read
+FORMAT = 3  # of the summaries that can be read
 TYPES = {".svg": "image/svg+xml", ".png": "image/png"}
 # What a summary, and what is said in it of a scenario, must hold, and as what.
 NUMBER, NOTHING = (int, float), type(None)
 PARTS: dict[str, type | tuple[type, ...]] = {
-    **dict.fromkeys(("controllers", "limits", "seeds"), list),
+    **dict.fromkeys(("controllers", "informed", "seeds"), list),
     **dict.fromkeys(("scenarios", "definitions", "versions"), dict),
     "complete": bool,
     "stopped": (str, NOTHING),
@@ -26,7 +26,7 @@ ENTRY_PARTS: dict[str, type | tuple[type, ...]] = {
     **dict.fromkeys(("description", "plant", "robot", "status"), str),
     **dict.fromkeys(("reason",), (str, NOTHING)),
     **dict.fromkeys(("frames", "simulated_s", "wall_s", "paper_table"), NUMBER),
-    **dict.fromkeys(("events", "failed"), list),
+    **dict.fromkeys(("seeds", "events", "failed"), list),
     **dict.fromkeys(("settings", "results"), dict),
     **dict.fromkeys(("paper", "verdict"), (dict, NOTHING)),
 }
@@ -81,8 +81,8 @@ class Run:
 
     @property
     def seeds(self) -> list[int]:
-        """That it was run with."""
-        return self.summary["seeds"]
+        """That it was run with; where it was not run, those that it might have been."""
+        return self.entry["seeds"] or self.summary["seeds"]
 
     @property
     def controllers(self) -> list[str]:
@@ -90,9 +90,9 @@ class Run:
         return self.summary["controllers"]
 
     @property
-    def limits(self) -> list[str]:
+    def informed(self) -> list[str]:
         """The controllers that know the truth: no competitors."""
-        return self.summary["limits"]
+        return self.summary["informed"]
 
     @property
     def complete(self) -> bool:

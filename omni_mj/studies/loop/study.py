@@ -17,7 +17,7 @@ from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.studies.loop.drive import STEP_M, STRENGTHS, Drive
 from omni_mj.studies.loop.findings import Findings
 from omni_mj.studies.loop.motion import CASES
-from omni_mj.studies.outcome import AfterFrame, StoppedError, limits, nothing
+from omni_mj.studies.outcome import AfterFrame, StoppedError, informed, nothing
 
 
 @dataclass
@@ -67,7 +67,7 @@ def loop(
         if name not in CASES:
             raise OmniError(f"unknown case {name!r}; {choose(name, CASES)}")
     drive = Drive(chosen, {name: CASES[name] for name in names})
-    result = LoopResult([Outcome.not_run(chosen)], chosen.labels, limits(chosen), chosen.seed_list)
+    result = LoopResult([Outcome.not_run(chosen)], chosen.labels, informed(chosen), chosen.seed_list)
     try:
         drive.run(after_frame)
     except StoppedError as error:
