@@ -38,7 +38,7 @@ BEGINS_FRAMES, ENDS_S = 4.0, 0.5  # in which that is believed, and not believed 
 SURPRISING = 1.5  # from which on parameters count on less
 LEAST_LAG_S = 1e-3
 STATES = 6 + motion.COUNT  # position, velocity, push; parameters
-_NOT_CREEP = [4, 5, 6, 9, 10, 11]  # parameters, counted from the velocity on
+_IS_CREEP = np.isin(np.arange(motion.COUNT), np.arange(motion.COUNT)[motion.CREEP])
 
 
 class Identifier:
@@ -107,7 +107,9 @@ class Identifier:
         self._keep, self._keep_push = np.exp(-period / kept), np.exp(-period / PUSH_S)
         renewed = np.sqrt(1 - self._keep**2)
         self._forget = belief * np.outer(renewed, renewed)
-        self._restless = np.array([ACCELERATION_M_S2 * period, PUSH_M_S * np.sqrt(1 - self._keep_push**2)]) ** 2
+        restless = np.array([ACCELERATION_M_S2 * period, PUSH_M_S * np.sqrt(1 - self._keep_push**2)]) ** 2
+        self._restless = np.repeat(restless, 2)  # of velocity and push
+        self._kept = np.concatenate([[1, 1, 0, 0], [self._keep_push] * 2, self._keep])  # of each state, by itself
         self.variance = np.zeros((n, STATES, STATES))
         self.variance[:, [0, 1], [0, 1]] = self._noise
         self.variance[:, 6:, 6:] = belief
@@ -164,12 +166,10 @@ class Identifier:
 
     def _acted(self, sent: CommandsInFlight) -> tuple[Plane, Plane]:
         """Commands (n,) that acted in the frame just past, on its average, and those sent a frame before them."""
-        commands = sent.last(self.longest)
-        acting, older = (
-            (sent.acted(latency[:, None])[-self.longest :] * commands).sum(0)
-            for latency in (self.latency, self.latency + 1)
-        )
-        return plane(acting[:, :2]), plane(older[:, :2])
+        count = self.longest - 1
+        share, commands = sent.acted(self.latency[:, None])[-count:], sent.last(self.longest)[..., :2]
+        acting, older = (share * commands[1:]).sum(0), (share * commands[:-1]).sum(0)
+        return plane(acting), plane(older)
 
     def _passed(self, step: motion.Step, arrived: Plane, later: Plane, ahead: Plane) -> Array:
         """The variance (n, 14, 14) after a step, to first order.
@@ -181,30 +181,27 @@ class Identifier:
         effort, before = self.motion.effort, pairs(self.velocity * back)
         speed, change = np.abs(self.velocity), (before - step.velocity) / period
         acts = np.zeros((n, STATES - 2, 2))  # of velocity, push and parameters, in the body's axes
-        acts[:, 0] = acts[:, 2] = pairs(back)
-        acts[:, 1] = acts[:, 3] = pairs(1j * back)
+        acts[:, 0:3:2], acts[:, 1:4:2] = pairs(back)[:, None], pairs(1j * back)[:, None]
         acts[:, 4] = pairs(-1j * arrived * back)
         acts[:, 5, 0], acts[:, 6, 1] = -(before + step.velocity).T / 2
         acts[:, 7, 0], acts[:, 8, 1] = (effort**2 * speed[:, None] * change).T
         acts[:, 9] = -step.rubbing
         acts[:, 10] = pairs(later * self._turned() * back)
         acts[:, 11] = change * (1.0, self._softness)
-        acts[:, 4:] *= (np.minimum(speed / EVIDENT_M_S, 1.0) ** 2)[:, None, None]
-        obeys = (1 - self.sliding) * np.minimum(SURPRISING / self.surprise, 1.0) ** 2
-        acts[:, _NOT_CREEP] *= obeys[:, None, None]
-        moved, gained = np.empty_like(acts), np.empty_like(acts)
-        moved[:, :2], gained[:, :2] = step.carried[:, None], step.decay[:, None]
-        moved[:, 2:], gained[:, 2:] = ((period - step.carried) / effort)[:, None], ((1 - step.decay) / effort)[:, None]
+        evident = np.minimum(speed / EVIDENT_M_S, 1.0) ** 2
+        obeys = evident * (1 - self.sliding) * np.minimum(SURPRISING / self.surprise, 1.0) ** 2
+        acts[:, 4:] *= np.where(_IS_CREEP, evident[:, None], obeys[:, None])[..., None]
+        effect = np.empty((2, *acts.shape))  # on position and velocity
+        effect[0, :, :2], effect[1, :, :2] = step.carried[:, None], step.decay[:, None]
+        effect[0, :, 2:] = ((period - step.carried) / effort)[:, None]
+        effect[1, :, 2:] = ((1 - step.decay) / effort)[:, None]
         passed = np.zeros((n, STATES, STATES))
-        passed[:, [0, 1], [0, 1]] = 1.0
-        passed[:, 0:2, 2:] = pairs(plane(acts * moved) * ahead[:, None]).swapaxes(1, 2)
-        passed[:, 2:4, 2:] = pairs(plane(acts * gained) * ahead[:, None]).swapaxes(1, 2)
-        passed[:, [4, 5], [4, 5]] = self._keep_push
-        passed[:, range(6, STATES), range(6, STATES)] = self._keep
+        passed.reshape(n, -1)[:, :: STATES + 1] = self._kept
+        both = pairs(plane(acts * effect) * ahead[:, None])
+        passed[:, 0:2, 2:], passed[:, 2:4, 2:] = both[0].swapaxes(1, 2), both[1].swapaxes(1, 2)
         variance: Array = passed @ self.variance @ passed.swapaxes(1, 2)
-        restless = np.clip(self.surprise, 1.0, MOST_SURPRISED)[:, None] * self._restless
-        variance[:, [2, 3], [2, 3]] += restless[:, :1]
-        variance[:, [4, 5], [4, 5]] += restless[:, 1:]
+        restless = np.minimum(np.maximum(self.surprise, 1.0), MOST_SURPRISED)[:, None] * self._restless
+        variance.reshape(n, -1)[:, 2 * (STATES + 1) : 6 * (STATES + 1) : STATES + 1] += restless
         variance[:, 6:, 6:] += self._forget
         return variance
 

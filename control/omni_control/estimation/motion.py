@@ -73,27 +73,30 @@ class Motion:
         parameters: (n, 8), in the order of `NAMES`: compass error in rad; effort g, forward and sideways; creep T the
             same, s^2/m; friction c, forward, m/s; latency beyond what is known, frames; lag tau, forward, s.
         geometry: of the wheels; None: that of most robots of the league.
+
+    Attributes:
+        effort: command per speed g, forward and sideways, (n, 2).
+        lags: tau of the wheel loops, the same, s.
     """
 
     def __init__(self, parameters: Array, geometry: Kinematics | None = None) -> None:
-        self.parameters = parameters
         self._gives = np.array([1.0, softness(geometry)])
+        self.parameters = parameters
 
     @property
-    def lags(self) -> Array:
-        """Lag tau of the wheel loops, forward and sideways, (n, 2), s."""
-        return self.parameters[:, LAG] * self._gives
+    def parameters(self) -> Array:
+        """As given."""
+        return self._parameters
 
-    @property
-    def effort(self) -> Array:
-        """Command per speed g, forward and sideways, (n, 2)."""
-        return self.parameters[:, EFFORT]
+    @parameters.setter
+    def parameters(self, parameters: Array) -> None:
+        self._parameters, self.effort = parameters, parameters[:, EFFORT]
+        self.lags, self._friction = parameters[:, LAG] * self._gives, parameters[:, FRICTION]
+        self._slack = self.effort**2 * parameters[:, CREEP]
 
     def lag(self, speed: Array) -> Array:
         """Lag of robots (n, 2) that drive at `speed` (..., n), with axes before as that: tau + g^2 T |v|, s."""
-        p = self.parameters
-        slack = p[:, EFFORT] ** 2 * p[:, CREEP]
-        return self.lags + slack * speed[..., None]
+        return self.lags + self._slack * speed[..., None]
 
     def step(self, velocity: Plane, command: Plane, heading: Plane, duration: float | Array) -> Step:
         """Go on for a while.
@@ -110,7 +113,7 @@ class Motion:
         lag = self.lag(speed) / effort
         decay = np.exp(-duration / lag)
         rubbing = self._rubbing(v, u, speed)
-        final = (u - self.parameters[:, FRICTION] * rubbing) / effort
+        final = (u - self._friction * rubbing) / effort
         excess, carried = v - final, (1 - decay) * lag
         return Step(duration * final + excess * carried, final + excess * decay, decay, carried, rubbing)
 
@@ -124,8 +127,7 @@ class Motion:
         effort = self.effort
         decay = np.exp(-duration * effort / self.lag(np.abs(before)))
         towards = pairs(mean * back) / np.maximum(np.abs(mean), STARTING_M_S)[..., None]
-        rubbed = self.parameters[:, FRICTION] * self._gives * towards
-        return plane((later - decay * v) * effort / (1 - decay) + rubbed) * heading
+        return plane((later - decay * v) * effort / (1 - decay) + self._friction * self._gives * towards) * heading
 
     def _rubbing(self, velocity: Array, command: Array, speed: Array) -> Array:
         """Against what dry friction acts (n, 2): the motion, or what a robot that hardly moves is told to do."""

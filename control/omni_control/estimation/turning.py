@@ -46,6 +46,7 @@ class Turning:
         sigma = np.array([BIAS_RAD_S, 1e-6 + LAG_SIGMA * lag, EFFORT_SIGMA])
         keep = np.exp(-period / np.array([BIAS_S, KEPT_S, KEPT_S]))
         self._keep, self._forget = keep, np.append([0.0, (RATE_RAD_S2 * period) ** 2], sigma**2 * (1 - keep**2))
+        self._kept = np.append([1.0, 0.0], keep)  # of each state, by itself
         self.variance = np.zeros((n, 5, 5))
         self.variance[:, range(5), range(5)] = np.append([self._noise, 0.0], sigma**2)
 
@@ -81,9 +82,9 @@ class Turning:
         # A change of bias, lag or effort acts like a command of: 1, -w', -w.
         acts = np.stack([np.ones_like(rate), (self.rate - rate) / period, -(self.rate + rate) / 2], axis=1)
         passed = np.zeros_like(self.variance)
-        passed[:, 0, 0], passed[:, 0, 1], passed[:, 1, 1] = 1.0, carried, decay
+        passed.reshape(-1, 25)[:, ::6] = self._kept
+        passed[:, 0, 1], passed[:, 1, 1] = carried, decay
         passed[:, 0, 2:], passed[:, 1, 2:] = moved[:, None] * acts, gained[:, None] * acts
-        passed[:, range(2, 5), range(2, 5)] = self._keep
         keep = self._keep
         state = np.stack(
             [
@@ -96,7 +97,7 @@ class Turning:
             axis=1,
         )
         variance = passed @ self.variance @ passed.swapaxes(1, 2)
-        variance[:, range(5), range(5)] += self._forget
+        variance.reshape(-1, 25)[:, ::6] += self._forget
 
         seen = ~np.isnan(measured)
         surprise = np.where(seen, wrap_angle(np.where(seen, measured, heading) - heading), 0.0)
