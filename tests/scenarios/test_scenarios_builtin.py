@@ -15,7 +15,7 @@ from omni_control.traction import traction_limits
 from omni_mj.scenarios import references, scenario
 from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.scenario import Scenario
-from omni_mj.scenarios.settings import PERIOD_S, ReferenceSettings
+from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.worlds.build import kinematics
 
@@ -28,7 +28,7 @@ ROBOT_M = 0.09  # radius of the largest robot, same
 def built_in(name: str) -> tuple[Scenario, Array]:
     """The scenario and its timed reference's poses (frames, 3)."""
     loaded = scenario.load(name)
-    return loaded, references.timed(loaded.settings.reference).poses
+    return loaded, references.timed(loaded.settings).poses
 
 
 @pytest.mark.parametrize("name", builtin())
@@ -113,7 +113,7 @@ def test_the_sprint_is_four_metres_at_the_leagues_speed() -> None:
 
 def visits(**changes: object) -> Array:
     """The way-points (count, 3) of a random task, as an iterated reference knows them."""
-    return references.iterated(ReferenceSettings(shape="random", **changes), 1).waypoints
+    return references.iterated(Settings(reference={"shape": "random", **changes}), 1).waypoints
 
 
 @hypothesis_settings(deadline=None, max_examples=60, derandomize=True)
@@ -145,13 +145,13 @@ def test_one_seed_one_task_another_another() -> None:
 
 def test_all_seeds_of_a_run_see_the_same_task() -> None:
     """The run's seed is for its noise, not for its way-points."""
-    first, other = (scenario.load("waypoints", (), {"seed": seed}).settings.reference for seed in (0, 1))
+    first, other = (scenario.load("waypoints", (), {"seed": seed}).settings for seed in (0, 1))
     assert references.timed(first).poses.tobytes() == references.timed(other).poses.tobytes()
 
 
 def test_a_random_task_can_be_planned_anew_in_every_frame() -> None:
     """An iterated reference is given the way-points that the timed one drives through."""
-    settings = scenario.load("waypoints", ["reference.mode=iterated"]).settings.reference
+    settings = scenario.load("waypoints", ["reference.mode=iterated"]).settings
     poses = references.timed(settings).poses
     for point in references.iterated(settings, 2).waypoints:
         assert (poses == point).all(1).any()

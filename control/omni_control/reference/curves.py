@@ -10,6 +10,9 @@ speed possible (Bobrow, Dubowsky and Gibson 1985; by two passes, Pham and Pham 2
 Where a robot manages less acceleration aside than ahead, the circle of accelerations is an ellipse. Facing along the
 path, that across it counts as many times more: the same steps with a higher k. Facing ahead all the time, the whole
 plane can be stretched in y until the ellipse is a circle again: the same steps on a wider curve.
+
+Where jerk is limited, the timetable is smoothed: at each frame the mean of where it is in some frames up to then, which
+is on the curve as well. How many frames are best is tried out. `docs/reference.md` says what that costs.
 """
 
 import math
@@ -23,10 +26,16 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.reference.limits import MotionLimits
+from omni_control.reference.program import Lap, fastest
 from omni_control.reference.timed import SampledReference
+from omni_control.traction import WheelLimits
 
 _CELLS = 1000  # in a lap, times the figure's length over its width: the finer, the sharper its bends
 _STRAIGHT = 1e-9  # 1/m, for a curvature of zero, by which one cannot divide
+_WINDOWS = 24  # lengths of smoothing that are tried
+_ROUNDING = 1e-9
+_LESS = 1.005
+_FEWER = 300  # cells where a linear program is solved
 
 
 @dataclass(frozen=True)
@@ -99,13 +108,35 @@ class CurveReference(SampledReference):
     ) -> None:
         if laps < 1:
             raise OmniError(f"a curve must be driven at least once, not {laps} times")
-        time, u, rate = _timetable(curve, limits, laps, tangent)
-        frames, excess = math.ceil(time[-1] / period), math.inf
-        while excess > 1 + 1e-9:  # rounding
-            poses = _poses(curve, _parameter(np.linspace(0, time[-1], frames + 1), time, u, rate), tangent)
-            excess = _excess(poses, limits, period)
-            frames = math.ceil(frames * excess)
+        poses = _driven(curve, _timetable(curve, limits, laps, tangent), limits, period, tangent)
+        if limits.wheels is not None and max(limits.wheels.shares(poses, period)) > 1 + _ROUNDING:
+            poses = _on_wheels(curve, limits, limits.wheels, period, laps, tangent)
         super().__init__(np.concatenate([poses, np.repeat(poses[-1:], settle_frames, axis=0)]), period)
+
+
+def _driven(
+    curve: Curve, timetable: tuple[Array, Array, Array], limits: MotionLimits, period: float, tangent: bool
+) -> Array:
+    """Poses (frames, 3) by a timetable, smoothed, and stretched until they keep all limits but those of the wheels."""
+    time, u, rate = timetable
+    # From full acceleration one way to the other takes 2 a / j; bends add to the jerk.
+    swing = max(
+        limits.acceleration / (limits.jerk or np.inf), limits.turn_acceleration / (limits.turn_jerk or np.inf) * tangent
+    )
+    longest = 3 * swing / period
+    best: Array | None = None
+    for window in sorted({max(round(longest * part / _WINDOWS), 1) for part in range(1, _WINDOWS + 1)}):
+        frames, excess = math.ceil(time[-1] / period), math.inf
+        while excess > 1 + _ROUNDING and (best is None or frames + window <= len(best)):
+            at = _parameter(np.linspace(0, time[-1], frames + 1), time, u, rate)
+            smoothed = np.convolve(np.pad(at, window - 1, mode="edge"), np.full(window, 1 / window), "valid")
+            poses = _poses(curve, smoothed, tangent)
+            excess = limits.excess(poses, period)
+            frames = math.ceil(frames * excess)
+        if excess <= 1 + _ROUNDING and (best is None or len(poses) < len(best)):
+            best = poses
+    assert best is not None
+    return best
 
 
 def _timetable(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> tuple[Array, Array, Array]:
@@ -119,10 +150,43 @@ def _timetable(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> 
     curvature = np.maximum(np.abs((second / first).imag) / metres, _STRAIGHT)
     top = (limits.speed * (metres / np.abs(curve(lap, 1)))) ** 2
 
-    speed = np.sqrt(_fastest(step, curvature, np.minimum(top[:-1], top[1:]), limits, laps, tangent))
-    rate = speed / np.append(np.tile(metres[:-1], laps), metres[0])
+    return _clocked(_fastest(step, curvature, np.minimum(top[:-1], top[1:]), limits, laps, tangent), metres, lap, laps)
+
+
+def _clocked(squares: Array, metres: Array, lap: Array, laps: int) -> tuple[Array, Array, Array]:
+    """The timetable of squares of speed (laps * cells + 1,) at the ends of the cells between parameters `lap`."""
+    rate = np.sqrt(squares) / np.append(np.tile(metres[:-1], laps), metres[0])
     u = lap[1] * np.arange(len(rate))
     return np.append(0, np.cumsum(2 * lap[1] / (rate[:-1] + rate[1:]))), u, rate
+
+
+def _on_wheels(
+    curve: Curve, limits: MotionLimits, wheels: WheelLimits, period: float, laps: int, tangent: bool
+) -> Array:
+    """Poses (frames, 3) of the fastest drive in whole frames where wheels cannot do at once what each limit allows."""
+    share = 1.0  # of what wheels can do, to be asked in each cell: less, if smoothing and whole frames ask for more
+    while True:
+        timetable = _timetable_on_wheels(curve, limits, wheels, share, laps, tangent)
+        poses = _driven(curve, timetable, limits, period, tangent)
+        if (asked := max(wheels.shares(poses, period))) <= 1 + _ROUNDING:
+            return poses
+        share /= max(asked, _LESS)
+
+
+def _timetable_on_wheels(
+    curve: Curve, limits: MotionLimits, wheels: WheelLimits, share: float, laps: int, tangent: bool
+) -> tuple[Array, Array, Array]:
+    """When to be where, as `_timetable`, with so large a share asked of what wheels can do at once."""
+    cells = min(_FEWER * math.ceil(max(curve.length / curve.width, curve.width / curve.length)), _CELLS)
+    lap = np.linspace(0, 2 * np.pi, cells + 1)
+    first, second = curve(lap, 1), curve(lap, 2)
+    metres, middle = np.abs(first), curve((lap[:-1] + lap[1:]) / 2, 1)
+    step, bend = lap[1] * (metres[:-1] + metres[1:]) / 2, (second / first).imag / metres
+    towards = np.ones(cells) + 0j if tangent else middle / np.abs(middle)
+    cells_of = Lap(
+        step, np.stack([towards.real, towards.imag], axis=1), (bend[:-1] + bend[1:]) / 2, np.diff(bend) / step, tangent
+    )
+    return _clocked(fastest(cells_of, limits, wheels, share, laps), metres, lap, laps)
 
 
 def _fastest(step: Array, curvature: Array, top: Array, limits: MotionLimits, laps: int, tangent: bool) -> Array:
@@ -181,19 +245,3 @@ def _poses(curve: Curve, u: Array, tangent: bool) -> Array:
     point = curve(u)
     heading = np.unwrap(np.angle(curve(u, 1))) if tangent else np.zeros_like(u)
     return np.stack([point.real, point.imag, heading], axis=1)
-
-
-def _excess(poses: Array, limits: MotionLimits, period: float) -> float:
-    """Factor by which a drive from rest to rest must take longer, for differences of its poses to keep the limits."""
-    velocity = np.pad(np.diff(poses, axis=0) / period, ((1, 1), (0, 0)))
-    change = np.diff(velocity, axis=0) / period
-    change[:, :2] = limits.stretched(change[:, :2], poses[:, 2])
-    (speed, turn_rate), (acceleration, turn_acceleration) = (
-        (np.hypot(rows[:, 0], rows[:, 1]).max(), np.abs(rows[:, 2]).max()) for rows in (velocity, change)
-    )
-    return max(
-        speed / limits.speed,
-        turn_rate / limits.turn_rate,
-        math.sqrt(acceleration / limits.acceleration),
-        math.sqrt(turn_acceleration / limits.turn_acceleration),
-    )
