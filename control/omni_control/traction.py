@@ -14,6 +14,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
+from typing import Literal
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, world_to_body
 
 GRAVITY = 9.81  # m/s^2
+_NEAR = 2  # cells
 _PARALLEL = 1e-9  # two wheels that do the same span no face
 
 
@@ -104,11 +106,16 @@ class WheelLimits:
         Raises:
             OmniError: see above.
         """
-        if (needed := float(self._dragged.max())) >= 1:
+        if self.drag_share >= 1:
             raise OmniError(
                 f"on a carpet of friction {self.friction:g} wheels cannot pull what drags them, "
-                f"{needed:.3g} times what they can"
+                f"{self.drag_share:.3g} times what they can"
             )
+
+    @property
+    def drag_share(self) -> float:
+        """How much of their friction drag may take, wherever they go: an upper bound, some per cent too high."""
+        return float(self._dragged.max())
 
     def shares(self, poses: Array, period: float) -> tuple[float, float]:
         """How much of their friction and of their rim speed a drive asks of the wheels at most; 1 is all of it.
@@ -118,11 +125,11 @@ class WheelLimits:
             period: length of a frame, s.
         """
         heading, velocity = poses[:, 2], np.diff(poses, axis=0) / period
-        rims = self._rims(world_to_body(velocity, (heading[1:] + heading[:-1]) / 2))
+        rims = self.rims(world_to_body(velocity, (heading[1:] + heading[:-1]) / 2))
         velocity = np.pad(velocity, ((1, 1), (0, 0)))
         asked = world_to_body(np.diff(velocity, axis=0) / period, heading)
         travel = world_to_body((velocity[1:] + velocity[:-1]) / 2, heading)
-        return float(self.friction_share(asked, travel).max()), float(np.abs(rims).max(initial=0) / self.rim_speed)
+        return float(self.friction_share(asked, travel).max()), float(rims.max(initial=0) / self.rim_speed)
 
     def friction_share(self, acceleration: Array, travel: Array) -> Array:
         """How much of their friction wheels need (n,) for body accelerations (n, 3), travelling at twists (n, 3)."""
@@ -147,12 +154,13 @@ class WheelLimits:
         reach += self.gyration**2 * turn_acceleration * turning
         return float(((1 - self._dragged[reach > 0]) / reach[reach > 0]).min())
 
-    def _rims(self, twist: Array) -> Array:
-        return twist @ self.kinematics.matrix.T
+    def rims(self, twist: Array) -> Array:
+        """Speeds of the rims (n, wheels) in m/s, either way, at body twists (n, 3)."""
+        return np.abs(twist @ self.kinematics.matrix.T)
 
     def _drag(self, travel: Array) -> Array:
         """What the carpet does to the body, [ax, ay, moment per mass] (n, 3), against its travel at twists (n, 3)."""
-        along, across = self._rims(travel), travel @ self._axles.T
+        along, across = travel @ self.kinematics.matrix.T, travel @ self._axles.T
         load, speed = self.gravity * self._loads[0], np.hypot(along, across)
         pile = np.divide(self.pile, speed, out=np.zeros_like(speed), where=speed > 0)
         against = pile * across + self.roller_friction * np.sign(across)
@@ -203,3 +211,12 @@ class WheelLimits:
         levers = self.kinematics.arm * np.stack([np.cos(azimuths), np.sin(azimuths)])
         spread = np.linalg.pinv(np.vstack([np.ones(len(azimuths)), levers]))
         return spread[:, 0], np.pad(-self.centre_height * spread[:, 1:], ((0, 0), (0, 1)))
+
+
+def around(dragged: Array, ends: Literal["edge", "wrap"]) -> Array:
+    """The most of what drag takes (cells, faces) in cells close by along a path that ends, or comes round again.
+
+    Where a path crosses the direction of an axle, rollers' bearings drag the other way, which may be within a frame.
+    """
+    padded = np.pad(dragged, ((_NEAR, _NEAR), (0, 0)), mode=ends)
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEAR + 1, axis=0).max(-1))

@@ -83,22 +83,24 @@ def reference_limits(settings: Settings) -> MotionLimits:
 
 
 def _wheels(settings: Settings) -> WheelLimits | None:
-    """What the wheels can do on a carpet of the friction believed, the rest being as the settings of the robot say."""
-    friction, body = settings.reference.friction, settings.body
+    """What may be asked of wheels on a carpet of the friction believed, the rest being as the robot's settings say."""
+    friction, share, body = settings.reference.friction, settings.reference.wheel_share, settings.body
     if not friction:
         return None
     try:
         return WheelLimits(
             settings.wheels.kinematics,
-            friction,
+            share * friction,
             math.sqrt(body.yaw_inertia_kg_m2 / body.mass_kg),
             body.centre_height_m,
             settings.carpet.pile,
             settings.drive.roller_friction,
-            _rim_speed(settings),
+            share * _rim_speed(settings),
         )
     except OmniError as error:
-        raise OmniError(f"reference.friction = {friction:g}: {error}; 0 leaves the wheels out of account") from None
+        raise OmniError(
+            f"reference.friction = {friction:g} (0: wheels not regarded), wheel_share = {share:g}: {error}"
+        ) from None
 
 
 def _rim_speed(settings: Settings) -> float:

@@ -61,7 +61,10 @@ class ReferenceSettings(Checked):
     )
     max_turn_jerk_rad_s3: float = setting(0.0, "rad/s^3", "highest change of the turn acceleration; same", 0, 1e5)
     friction: float = setting(
-        0.8, "", "what the team believes of the carpet: no more is asked than wheels can do on it; 0: any", 0, 5
+        0.8, "", "believed of the carpet: what wheels cannot do on it is driven slower; 0: wheels not regarded", 0, 5
+    )
+    wheel_share: float = setting(
+        0.85, "", "how much of what wheels can do the reference asks at most; the rest is for the controller", 0.1, 1
     )
     lead_s: float = setting(0.25, "s", "rest before the first move; no command acts before the dead time", 0, 60)
     dwell_s: float = setting(0.0, "s", "rest at each way-point", 0, 60)

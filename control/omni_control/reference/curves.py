@@ -10,9 +10,6 @@ speed possible (Bobrow, Dubowsky and Gibson 1985; by two passes, Pham and Pham 2
 Where a robot manages less acceleration aside than ahead, the circle of accelerations is an ellipse. Facing along the
 path, that across it counts as many times more: the same steps with a higher k. Facing ahead all the time, the whole
 plane can be stretched in y until the ellipse is a circle again: the same steps on a wider curve.
-
-Where jerk is limited, the timetable is smoothed: at each frame the mean of where it is in some frames up to then, which
-is on the curve as well. How many frames are best is tried out. `docs/reference.md` says what that costs.
 """
 
 import math
@@ -28,13 +25,11 @@ from omni_control.kinematics import Array
 from omni_control.reference.limits import MotionLimits
 from omni_control.reference.program import Lap, fastest
 from omni_control.reference.timed import SampledReference
+from omni_control.reference.timetable import Timetable, bearable, driven, driven_on_wheels
 from omni_control.traction import WheelLimits
 
 _CELLS = 1000  # in a lap, times the figure's length over its width: the finer, the sharper its bends
 _STRAIGHT = 1e-9  # 1/m, for a curvature of zero, by which one cannot divide
-_WINDOWS = 24  # lengths of smoothing that are tried
-_ROUNDING = 1e-9
-_LESS = 1.005
 _FEWER = 300  # cells where a linear program is solved
 
 
@@ -79,15 +74,10 @@ CURVES: dict[str, Callable[[float, float], Curve]] = {
 class CurveReference(SampledReference):
     """Laps of a closed curve from rest to rest, as fast as the limits allow, in whole frames.
 
-    The limits hold for the differences between sampled poses, since those are means of the velocity and acceleration
-    over a frame or two, and a mean vector is no longer than the longest it is made of. To end with a frame, for the
-    little by which steps from cell to cell are off, and for what a body that turns within these frames would be asked
-    beyond its ellipse, the whole of it is driven slower.
-
     Args:
         curve: where to drive, from u = 0 on.
-        limits: velocity and acceleration limits; the acceleration is that along and across the path together, in the
-            body's axes if it is not the same in all directions.
+        limits: of velocity, acceleration and jerk; the acceleration is that along and across the path together, in the
+            body's axes if it is not the same in all directions. Drives keep them as `driven` says.
         period: length of a frame, s.
         laps: how often around, at least once.
         tangent: whether the robot faces along its path, within the limits of turning; otherwise its heading is 0.
@@ -108,39 +98,16 @@ class CurveReference(SampledReference):
     ) -> None:
         if laps < 1:
             raise OmniError(f"a curve must be driven at least once, not {laps} times")
-        poses = _driven(curve, _timetable(curve, limits, laps, tangent), limits, period, tangent)
-        if limits.wheels is not None and max(limits.wheels.shares(poses, period)) > 1 + _ROUNDING:
-            poses = _on_wheels(curve, limits, limits.wheels, period, laps, tangent)
+        path = partial(_poses, curve, tangent)
+        poses = driven(path, _timetable(curve, limits, laps, tangent), limits, period)
+        if limits.wheels is not None and not bearable(poses, limits, period):
+            plan = partial(_timetable_on_wheels, curve, limits, limits.wheels, laps, tangent)
+            poses = driven_on_wheels(path, plan, limits, limits.wheels, period)
         super().__init__(np.concatenate([poses, np.repeat(poses[-1:], settle_frames, axis=0)]), period)
 
 
-def _driven(
-    curve: Curve, timetable: tuple[Array, Array, Array], limits: MotionLimits, period: float, tangent: bool
-) -> Array:
-    """Poses (frames, 3) by a timetable, smoothed, and stretched until they keep all limits but those of the wheels."""
-    time, u, rate = timetable
-    # From full acceleration one way to the other takes 2 a / j; bends add to the jerk.
-    swing = max(
-        limits.acceleration / (limits.jerk or np.inf), limits.turn_acceleration / (limits.turn_jerk or np.inf) * tangent
-    )
-    longest = 3 * swing / period
-    best: Array | None = None
-    for window in sorted({max(round(longest * part / _WINDOWS), 1) for part in range(1, _WINDOWS + 1)}):
-        frames, excess = math.ceil(time[-1] / period), math.inf
-        while excess > 1 + _ROUNDING and (best is None or frames + window <= len(best)):
-            at = _parameter(np.linspace(0, time[-1], frames + 1), time, u, rate)
-            smoothed = np.convolve(np.pad(at, window - 1, mode="edge"), np.full(window, 1 / window), "valid")
-            poses = _poses(curve, smoothed, tangent)
-            excess = limits.excess(poses, period)
-            frames = math.ceil(frames * excess)
-        if excess <= 1 + _ROUNDING and (best is None or len(poses) < len(best)):
-            best = poses
-    assert best is not None
-    return best
-
-
-def _timetable(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> tuple[Array, Array, Array]:
-    """The fastest drive: times at which parameters u of the curve are reached, those, and du/dt there."""
+def _timetable(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> Timetable:
+    """The fastest drive within the limits of velocity and acceleration."""
     even = curve if tangent else replace(curve, width=limits.stretch * curve.width)  # where the limit is a circle
     cells = _CELLS * math.ceil(max(even.length / even.width, even.width / even.length))
     lap = np.linspace(0, 2 * np.pi, cells + 1)
@@ -150,43 +117,29 @@ def _timetable(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> 
     curvature = np.maximum(np.abs((second / first).imag) / metres, _STRAIGHT)
     top = (limits.speed * (metres / np.abs(curve(lap, 1)))) ** 2
 
-    return _clocked(_fastest(step, curvature, np.minimum(top[:-1], top[1:]), limits, laps, tangent), metres, lap, laps)
+    return _clocked(
+        _fastest(step, curvature, np.minimum(top[:-1], top[1:]), limits, laps, tangent), metres, lap[1], laps
+    )
 
 
-def _clocked(squares: Array, metres: Array, lap: Array, laps: int) -> tuple[Array, Array, Array]:
-    """The timetable of squares of speed (laps * cells + 1,) at the ends of the cells between parameters `lap`."""
-    rate = np.sqrt(squares) / np.append(np.tile(metres[:-1], laps), metres[0])
-    u = lap[1] * np.arange(len(rate))
-    return np.append(0, np.cumsum(2 * lap[1] / (rate[:-1] + rate[1:]))), u, rate
-
-
-def _on_wheels(
-    curve: Curve, limits: MotionLimits, wheels: WheelLimits, period: float, laps: int, tangent: bool
-) -> Array:
-    """Poses (frames, 3) of the fastest drive in whole frames where wheels cannot do at once what each limit allows."""
-    share = 1.0  # of what wheels can do, to be asked in each cell: less, if smoothing and whole frames ask for more
-    while True:
-        timetable = _timetable_on_wheels(curve, limits, wheels, share, laps, tangent)
-        poses = _driven(curve, timetable, limits, period, tangent)
-        if (asked := max(wheels.shares(poses, period))) <= 1 + _ROUNDING:
-            return poses
-        share /= max(asked, _LESS)
+def _clocked(squares: Array, metres: Array, step: float, laps: int) -> Timetable:
+    """The timetable of squares of speed (laps * cells + 1,) at parameters a `step` apart."""
+    return Timetable.of_rates(step, np.sqrt(squares) / np.append(np.tile(metres[:-1], laps), metres[0]))
 
 
 def _timetable_on_wheels(
-    curve: Curve, limits: MotionLimits, wheels: WheelLimits, share: float, laps: int, tangent: bool
-) -> tuple[Array, Array, Array]:
-    """When to be where, as `_timetable`, with so large a share asked of what wheels can do at once."""
+    curve: Curve, limits: MotionLimits, wheels: WheelLimits, laps: int, tangent: bool, share: float
+) -> Timetable:
+    """The fastest drive that asks for so large a share of what wheels can do at once."""
     cells = min(_FEWER * math.ceil(max(curve.length / curve.width, curve.width / curve.length)), _CELLS)
-    lap = np.linspace(0, 2 * np.pi, cells + 1)
-    first, second = curve(lap, 1), curve(lap, 2)
-    metres, middle = np.abs(first), curve((lap[:-1] + lap[1:]) / 2, 1)
-    step, bend = lap[1] * (metres[:-1] + metres[1:]) / 2, (second / first).imag / metres
+    u = np.linspace(0, 2 * np.pi, cells + 1)
+    first, second, middle = curve(u, 1), curve(u, 2), curve((u[:-1] + u[1:]) / 2, 1)
+    metres = np.abs(first)
+    step, bend = u[1] * (metres[:-1] + metres[1:]) / 2, (second / first).imag / metres
     towards = np.ones(cells) + 0j if tangent else middle / np.abs(middle)
-    cells_of = Lap(
-        step, np.stack([towards.real, towards.imag], axis=1), (bend[:-1] + bend[1:]) / 2, np.diff(bend) / step, tangent
-    )
-    return _clocked(fastest(cells_of, limits, wheels, share, laps), metres, lap, laps)
+    axes = np.stack([towards.real, towards.imag], axis=1)
+    lap = Lap(step, axes, (bend[:-1] + bend[1:]) / 2, np.diff(bend) / step, tangent)
+    return _clocked(fastest(lap, limits, wheels, share, laps), metres, u[1], laps)
 
 
 def _fastest(step: Array, curvature: Array, top: Array, limits: MotionLimits, laps: int, tangent: bool) -> Array:
@@ -233,14 +186,7 @@ def _reachable(
     return np.array(reached)
 
 
-def _parameter(time: Array, node_time: Array, u: Array, rate: Array) -> Array:
-    """Parameters of the curve at times, du/dt being linear in time between nodes."""
-    i = np.clip(np.searchsorted(node_time, time, side="right") - 1, 0, len(u) - 2)
-    since, duration = time - node_time[i], node_time[i + 1] - node_time[i]
-    return u[i] + since * (rate[i] + since / duration * (rate[i + 1] - rate[i]) / 2)
-
-
-def _poses(curve: Curve, u: Array, tangent: bool) -> Array:
+def _poses(curve: Curve, tangent: bool, u: Array) -> Array:
     """Poses (frames, 3) at parameters `u` (frames,); headings count full turns."""
     point = curve(u)
     heading = np.unwrap(np.angle(curve(u, 1))) if tangent else np.zeros_like(u)

@@ -10,13 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.reference.limits import MotionLimits
-from omni_control.traction import WheelLimits
+from omni_control.traction import WheelLimits, around
 
 _SIDES = 32  # of the polygon inside the ellipse of accelerations, which is 0.5 % smaller
-_NEAR = 2  # cells either way: bearings of rollers drag the other way from one to the next, which may be in a frame
 _FEW = 3  # laps: the first, the last, and one for all between them
 
 
@@ -42,10 +40,7 @@ class Lap:
 def fastest(lap: Lap, limits: MotionLimits, wheels: WheelLimits, share: float, laps: int) -> Array:
     """Highest squares of speed (laps * cells + 1,), m^2/s^2, where cells meet, from rest to rest.
 
-    All limits hold but those of jerk, and of what wheels can do so large a share is asked.
-
-    Raises:
-        OmniError: the wheels can go nowhere.
+    All limits hold but those of jerk, and of what wheels can do so large a share is asked: more than what drags them.
     """
     # Here, since it takes longer to import than all else together.
     from scipy.optimize import linprog
@@ -62,10 +57,8 @@ def fastest(lap: Lap, limits: MotionLimits, wheels: WheelLimits, share: float, l
     highest = np.tile(top, few)
     highest = np.concatenate([[0], np.minimum(highest[:-1], highest[1:]), [0]])
     between = np.stack([0 * highest, highest], axis=1)
-    found = linprog(-np.ones(n + 1), matrix, np.tile(most, few).ravel(), bounds=between).x
-    if found is None:
-        raise OmniError(f"on a carpet of friction {wheels.friction:g} wheels hardly pull what drags them along a curve")
-    z = np.maximum(found, 0)
+    found = linprog(-np.ones(n + 1), matrix, np.tile(most, few).ravel(), bounds=between)
+    z = np.maximum(found.x, 0)
     return np.concatenate([z[:cells], *[z[cells : 2 * cells]] * (laps - few), z[cells:]])
 
 
@@ -77,11 +70,14 @@ def _bounds(lap: Lap, limits: MotionLimits, wheels: WheelLimits, share: float) -
     turning = np.array([[0, 0, 1], [0, 0, -1]]) / limits.turn_acceleration
     travel = np.column_stack([lap.towards, lap.bend * lap.turns])
     faces, dragged = wheels.faces(travel)
-    dragged = np.max([np.roll(dragged, cells, axis=0) for cells in range(-_NEAR, _NEAR + 1)], axis=0)
     rows = np.concatenate([ellipse, turning, faces])
     ones = np.ones(len(lap.step))
-    most = [*np.repeat([np.cos(np.pi / _SIDES) * ones], _SIDES, axis=0), ones, ones, *(share - dragged.T)]
-    rims = np.abs(travel @ wheels.kinematics.matrix.T).max(1)
+    most = [
+        *np.repeat([np.cos(np.pi / _SIDES) * ones], _SIDES, axis=0),
+        ones,
+        ones,
+        *(share - around(dragged, "wrap").T),
+    ]
     turn_rate = np.abs(travel[:, 2])
-    slowest = np.maximum(turn_rate / limits.turn_rate, rims / (share * wheels.rim_speed))
+    slowest = np.maximum(turn_rate / limits.turn_rate, wheels.rims(travel).max(1) / (share * wheels.rim_speed))
     return rows, np.array(most), np.maximum(slowest, 1 / limits.speed) ** -2.0
