@@ -73,6 +73,7 @@ def motion_limits(s: ReferenceSettings | ControlSettings) -> MotionLimits:
     )
 
 
+@lru_cache(maxsize=256)
 def reference_limits(settings: Settings) -> MotionLimits:
     """All limits that the reference keeps: those of its settings, and what they let the robot's wheels do at once.
 

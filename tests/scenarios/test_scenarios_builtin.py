@@ -12,11 +12,13 @@ from hypothesis import strategies as st
 
 from omni_control.kinematics import Array
 from omni_control.traction import traction_limits
+from omni_mj import robots
 from omni_mj.scenarios import references, scenario
 from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.simulate.simulation import Simulation
+from omni_mj.studies.slip.law import expected
 from omni_mj.worlds.build import kinematics
 
 TASKS = ("circle", "eight", "square-spin", "sprint", "waypoints")
@@ -155,6 +157,32 @@ def test_a_random_task_can_be_planned_anew_in_every_frame() -> None:
     poses = references.timed(settings).poses
     for point in references.iterated(settings, 2).waypoints:
         assert (poses == point).all(1).any()
+
+
+@pytest.mark.parametrize("name", builtin())
+def test_no_task_is_slowed_by_what_wheels_can_do(name: str) -> None:
+    """On the carpet that teams believe in, every robot's wheels do what the limits of motion ask."""
+    for robot in robots.builtin():
+        loaded = scenario.load(name, (), {"robot": robot}).settings
+        wheels = references.reference_limits(loaded).wheels
+        poses = references.timed(loaded.replace(reference={"friction": 0.0})).poses
+        assert wheels is not None
+        assert max(wheels.shares(poses, PERIOD_S)) <= 1
+
+
+@pytest.mark.parametrize("robot", robots.builtin())
+def test_the_smooth_league_leaves_a_quarter_of_what_may_be_commanded(robot: str) -> None:
+    """Wheels that creep are told u = (1 + T d) v + (tau + T v) a, whose rate is highest where braking begins.
+
+    With T and drag d of the law of creep; docs/reference.md derives it.
+    """
+    settings = scenario.load("league-smooth", (), {"robot": robot}).settings
+    task, told, law = settings.reference, settings.control, expected(settings)
+    slope, dragged = (law.time / law.gain**2)[:2], law.drag[:2] / settings.body.mass_kg
+    a, v = np.array([task.max_acceleration_m_s2, task.max_side_acceleration_m_s2]), task.max_speed_m_s
+    assert (v * (1 + slope * (a + dragged)) + told.lag_s * a <= 0.75 * told.max_speed_m_s).all()
+    braking = a * (1 + slope * (dragged - a)) + task.max_jerk_m_s3 * (told.lag_s + slope * v)
+    assert (braking <= 0.76 * told.max_acceleration_m_s2).all()
 
 
 def test_slippery_asks_for_nine_tenths_of_what_its_carpet_gives() -> None:

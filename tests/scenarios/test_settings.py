@@ -212,6 +212,38 @@ def test_the_shapes_are_the_curves_and_two_more() -> None:
     assert ReferenceSettings(shape="eight").shape == "eight"
 
 
+def test_limits_of_jerk_are_passed_on_to_references_that_can_keep_them() -> None:
+    """Zero is none; what plans anew cannot, and says so, with whatever else is wrong, each in a line."""
+    limits = references.motion_limits(ReferenceSettings(max_jerk_m_s3=8.0, max_turn_jerk_rad_s3=90.0))
+    assert (limits.jerk, limits.turn_jerk) == (8.0, 90.0)
+    none = references.motion_limits(ReferenceSettings())
+    assert none.jerk is None
+    assert none.turn_jerk is None
+    with pytest.raises(OmniError) as error:
+        ReferenceSettings(
+            mode="iterated", max_jerk_m_s3=8.0, max_turn_jerk_rad_s3=0.05, max_side_acceleration_m_s2=0.005
+        )
+    lines = str(error.value).splitlines()
+    assert len(lines) == 4
+    for name in ("max_jerk_m_s3 needs reference.mode = timed", "max_turn_jerk_rad_s3 must be 0", "max_side_accel"):
+        assert any(f"reference.{name}" in line for line in lines)
+
+
+def test_what_wheels_can_do_is_that_of_the_robot_on_the_carpet_believed() -> None:
+    """Not on the one it drives on; and none without a belief."""
+    settings = Settings(carpet={"friction": 0.4}, body={"mass_kg": 2.0, "yaw_inertia_kg_m2": 0.0098})
+    wheels = references.reference_limits(settings).wheels
+    assert wheels is not None
+    assert wheels.friction == pytest.approx(0.85 * 0.8)
+    assert wheels.gyration == pytest.approx(0.07)
+    assert wheels.kinematics == settings.wheels.kinematics
+    # 14.8 V less 0.464 ohm times 1.7 A, by 0.0251 V s/rad and 3.33 : 1, of which 85 % are asked.
+    assert wheels.rim_speed == pytest.approx(0.85 * 0.0285 * (14.8 - 0.464 * 1.70) / (0.0251 * 3.3333), rel=1e-3)
+    assert references.reference_limits(settings.replace(reference={"friction": 0.0})).wheels is None
+    with pytest.raises(OmniError, match=r"^reference\.friction = 0\.2 .* wheels cannot pull what drags them"):
+        references.timed(settings.replace(reference={"friction": 0.2}))
+
+
 def test_less_acceleration_sideways_is_passed_on_and_commands_know_none() -> None:
     """Zero is the same as ahead; what is too little to arrive is refused."""
     given_limits = {"max_acceleration_m_s2": 3.0, "max_side_acceleration_m_s2": 2.0}
