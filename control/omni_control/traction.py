@@ -22,7 +22,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, world_to_body
 
 GRAVITY = 9.81  # m/s^2
-_NEAR = 2  # cells
+_NEAR = 2  # cells either way
 _PARALLEL = 1e-9  # two wheels that do the same span no face
 
 
@@ -88,7 +88,8 @@ class WheelLimits:
         gravity: m/s^2.
 
     Raises:
-        OmniError: the robot does not stand on these wheels, or they cannot even pull what drags them.
+        OmniError: a number is not what it can be, the robot does not stand on these wheels, or they cannot even pull
+            what drags them.
     """
 
     kinematics: Kinematics
@@ -106,6 +107,12 @@ class WheelLimits:
         Raises:
             OmniError: see above.
         """
+        for name in ("friction", "gyration", "rim_speed", "gravity"):
+            if not getattr(self, name) > 0:
+                raise OmniError(f"the {name.replace('_', ' ')} of wheels must be positive, not {getattr(self, name)}")
+        for name in ("centre_height", "pile", "roller_friction"):
+            if not getattr(self, name) >= 0:
+                raise OmniError(f"the {name.replace('_', ' ')} of wheels must not be below 0: {getattr(self, name)}")
         if self.drag_share >= 1:
             raise OmniError(
                 f"on a carpet of friction {self.friction:g} wheels cannot pull what drags them, "
@@ -203,7 +210,7 @@ class WheelLimits:
 
     @cached_property
     def _loads(self) -> tuple[Array, Array]:
-        """Shares of the weight (wheels,) that wheels bear at rest, and loads (wheels, 3) per mass that q shifts.
+        """Shares of the weight (wheels,) that wheels bear at rest, and what accelerations add, (wheels, 3) per mass.
 
         Equal springs under a rigid body: of all loads in balance those with the least squares.
         """

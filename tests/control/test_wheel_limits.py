@@ -146,6 +146,12 @@ def test_what_is_spared_for_all_at_once_is_enough_for_each(
             assert robot.friction_share(asked, way).max() <= 1 + 1e-9
 
 
+def test_numbers_that_cannot_be_are_refused() -> None:
+    for name, bad in (("friction", 0.0), ("gyration", -1.0), ("rim_speed", math.nan), ("pile", -0.1)):
+        with pytest.raises(OmniError, match=f"the {name.replace('_', ' ')} of wheels must"):
+            replace(TIGERS, **{name: bad})
+
+
 def test_wheels_that_cannot_pull_what_drags_them_are_refused() -> None:
     with pytest.raises(OmniError, match=r"friction 0.2 wheels cannot pull what drags them, 1\.\d+ times"):
         replace(TIGERS, friction=0.2)
@@ -188,13 +194,22 @@ def test_a_way_stays_within_what_wheels_can(
 
 
 @FEW
-@given(st.sampled_from(list(CURVES)), st.floats(0.8, 4), st.floats(0.8, 4), limits, wheels, st.booleans())
+@given(st.sampled_from(list(CURVES)), st.floats(0.7, 1), limits, wheels, st.booleans())
 def test_a_curve_stays_within_what_wheels_can(
-    shape: str, length: float, width: float, limit: MotionLimits, robot: WheelLimits, tangent: bool
+    shape: str, length: float, limit: MotionLimits, robot: WheelLimits, tangent: bool
 ) -> None:
-    reference = CurveReference(CURVES[shape](length, width), replace(limit, wheels=robot), T, 1, tangent)
+    reference = CurveReference(CURVES[shape](length, 1.0), replace(limit, wheels=robot), T, 1, tangent)
     assert_within(robot, reference.poses)
     assert limit.excess(reference.poses, T) <= 1 + 1e-8
+
+
+def test_many_laps_stay_within_what_wheels_can() -> None:
+    """Also where those between the first and the last are taken to be alike; and no lap costs more than the first."""
+    limit, circle = MotionLimits(3.0, 8.0, wheels=TIGERS), CURVES["circle"](1.0, 1.0)
+    one, five = (CurveReference(circle, limit, T, laps).poses for laps in (1, 5))
+    assert_within(TIGERS, five)
+    assert limit.excess(five, T) <= 1 + 1e-8
+    assert len(five) < 5 * len(one)
 
 
 @LAW
@@ -206,7 +221,7 @@ def test_what_is_planned_anew_stays_within_what_wheels_can(
     limit = replace(limit, jerk=None, wheels=robot)
     reference, rng = IteratedReference(path, limit, T, n=3), np.random.default_rng(seed)
     pose, last = np.repeat([path[0]], 3, axis=0), np.zeros((3, 3))
-    for frame in range(60):
+    for frame in range(40):
         _, twist = reference.at(frame, pose)
         z, by = (twist - last) / T, np.exp(-1j * pose[:, 2])
         asked, travel = (
