@@ -159,7 +159,7 @@ class WheelLimits:
         ahead, aside, turning = np.abs(self._faces[0]).T
         reach = np.hypot(acceleration * ahead, side_acceleration * aside)
         reach += self.gyration**2 * turn_acceleration * turning
-        return float(((1 - self._dragged[reach > 0]) / reach[reach > 0]).min())
+        return float(1 / (reach / (1 - self._dragged)).max())
 
     def rims(self, twist: Array) -> Array:
         """Speeds of the rims (n, wheels) in m/s, either way, at body twists (n, 3)."""
