@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         TimedReference,
     )
     from omni_control.team import Team
+    from omni_control.traction import WheelLimits
 
 _HOME = {
     "CURVES": "reference",
@@ -39,6 +40,7 @@ _HOME = {
     "Team": "team",
     "TimedReference": "reference",
     "Told": "controllers.base",
+    "WheelLimits": "traction",
 }
 
 __all__ = [
@@ -57,6 +59,7 @@ __all__ = [
     "Team",
     "TimedReference",
     "Told",
+    "WheelLimits",
 ]
 
 

@@ -1,23 +1,33 @@
-"""What wheels can push on a carpet: the acceleration that friction allows, which limits what is worth asking for.
+"""What wheels can do at once: push a robot and turn it, within what friction allows, and roll, within their speed.
 
 Wheels that slide give no more than Coulomb's friction along their rims, mu times what they bear, and across them their
-rollers give nothing. The forces must add up to one in the direction wanted and to no moment, or the robot would turn.
-The most of it is a linear program. What wheels bear is what statics leaves them, which is not the same for all: of
-wheels at 60, 135, 225 and 300 degrees those in front stand nearer below the centre and bear 29 % of the weight each,
-those behind 21 %.
+rollers give nothing. So each adds a segment, there and back along what its push does to the body, [ax, ay, moment], and
+all together give the sum of these segments: a zonotope, each of whose faces is spanned by two of them (McMullen 1971,
+On zonotopes). Which side of its faces a demand lies on says whether there are forces for it, and how much is left.
+
+What wheels bear is what statics leaves them, which is not the same for all: of wheels at 60, 135, 225 and 300 degrees
+those in front stand nearer below the centre and bear 29 % of the weight each, those behind 21 %. What they must push
+besides the body is what drags it: see `WheelLimits`.
 """
 
 import math
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from typing import Literal
 
 import numpy as np
-from scipy.optimize import linprog
 
 from omni_control.errors import OmniError
-from omni_control.kinematics import Array, Kinematics
+from omni_control.kinematics import Array, Kinematics, world_to_body
+
+GRAVITY = 9.81  # m/s^2
+_NEAR = 2  # cells either way
+_PARALLEL = 1e-9  # two wheels that do the same span no face
 
 
 def traction_limits(
-    kinematics: Kinematics, friction: float, centre_height: float = 0.0, gravity: float = 9.81
+    kinematics: Kinematics, friction: float, centre_height: float = 0.0, gravity: float = GRAVITY
 ) -> tuple[float, float]:
     """Highest acceleration (forward, sideways) in m/s^2, along the body's x and y axes, for speeding up and braking.
 
@@ -41,7 +51,7 @@ def traction_limits(
 
 
 def traction(
-    kinematics: Kinematics, friction: float, bearing: float, centre_height: float = 0.0, gravity: float = 9.81
+    kinematics: Kinematics, friction: float, bearing: float, centre_height: float = 0.0, gravity: float = GRAVITY
 ) -> float:
     """Highest acceleration without turning towards `bearing` (rad from the body's x axis), m/s^2; 0 if there is none.
 
@@ -57,30 +67,163 @@ def traction(
     Raises:
         OmniError: the robot does not stand on these wheels.
     """
-    wheels, direction = len(kinematics.azimuths), np.array([math.cos(bearing), math.sin(bearing)])
-    standing, shifting = _loads(kinematics, direction, centre_height)
-    if standing.min() <= 0:
-        raise OmniError("the wheels do not stand around the robot's centre, so that it would topple")
-    # Unknown are the forces along the rims and the acceleration a that they give, all per mass.
-    pushed = np.column_stack([kinematics.matrix.T, [*-direction, 0.0]])
-    shifted = -friction * shifting
-    borne = [np.column_stack([sign * np.eye(wheels), shifted]) for sign in (1, -1)]
-    found = linprog(
-        [0.0] * wheels + [-1.0],
-        A_ub=np.vstack(borne),
-        b_ub=np.tile(friction * gravity * standing, 2),
-        A_eq=pushed,
-        b_eq=np.zeros(3),
-        bounds=[(None, None)] * wheels + [(0, None)],
-    )
-    return float(found.x[-1])
+    wheels = WheelLimits(kinematics, friction, gyration=1.0, centre_height=centre_height, gravity=gravity)
+    towards = np.array([[math.cos(bearing), math.sin(bearing), 0.0]])
+    return float(1 / wheels.friction_share(towards, np.zeros((1, 3))).max())
 
 
-def _loads(kinematics: Kinematics, direction: Array, centre_height: float) -> tuple[Array, Array]:
-    """Shares of the weight (wheels,) that wheels bear at rest, and loads per mass and acceleration that are added.
+@dataclass(frozen=True)
+class WheelLimits:
+    """What wheels can do at once, as a team believes it. Motors are taken to be strong enough.
 
-    Four equal springs, or any number, under a rigid body: of all loads in balance those with the least squares.
+    Args:
+        kinematics: of the wheels; the centre of mass is over their middle.
+        friction: coefficient of friction between rollers and carpet.
+        gyration: the robot's radius of gyration about the vertical axis, m: the root of its inertia over its mass.
+        centre_height: as for `traction_limits`.
+        pile: what the carpet resists against the travel of each wheel, a share of its load.
+        roller_friction: what the rollers' bearings resist against travel along its axle, same; it also takes its part
+            of the circle of friction.
+        rim_speed: highest speed of a rim, m/s.
+        gravity: m/s^2.
+
+    Raises:
+        OmniError: a number is not what it can be, the robot does not stand on these wheels, or they cannot even pull
+            what drags them.
     """
-    levers = kinematics.arm * np.stack([np.cos(kinematics.azimuths), np.sin(kinematics.azimuths)])
-    spread = np.linalg.pinv(np.vstack([np.ones(len(kinematics.azimuths)), levers]))
-    return spread[:, 0], -centre_height * spread[:, 1:] @ direction
+
+    kinematics: Kinematics
+    friction: float
+    gyration: float
+    centre_height: float = 0.0
+    pile: float = 0.0
+    roller_friction: float = 0.0
+    rim_speed: float = np.inf
+    gravity: float = GRAVITY
+
+    def __post_init__(self) -> None:
+        """Check that anything can be driven with them.
+
+        Raises:
+            OmniError: see above.
+        """
+        for name in ("friction", "gyration", "rim_speed", "gravity"):
+            if not getattr(self, name) > 0:
+                raise OmniError(f"the {name.replace('_', ' ')} of wheels must be positive, not {getattr(self, name)}")
+        for name in ("centre_height", "pile", "roller_friction"):
+            if not getattr(self, name) >= 0:
+                raise OmniError(f"the {name.replace('_', ' ')} of wheels must not be below 0: {getattr(self, name)}")
+        if self.drag_share >= 1:
+            raise OmniError(
+                f"on a carpet of friction {self.friction:g} wheels cannot pull what drags them, "
+                f"{self.drag_share:.3g} times what they can"
+            )
+
+    @property
+    def drag_share(self) -> float:
+        """How much of their friction drag may take, wherever they go: an upper bound, some per cent too high."""
+        return float(self._dragged.max())
+
+    def shares(self, poses: Array, period: float) -> tuple[float, float]:
+        """How much of their friction and of their rim speed a drive asks of the wheels at most; 1 is all of it.
+
+        Args:
+            poses: one per frame, (frames, 3), from rest to rest; accelerations are second differences of them.
+            period: length of a frame, s.
+        """
+        heading, velocity = poses[:, 2], np.diff(poses, axis=0) / period
+        rims = self.rims(world_to_body(velocity, (heading[1:] + heading[:-1]) / 2))
+        velocity = np.pad(velocity, ((1, 1), (0, 0)))
+        asked = world_to_body(np.diff(velocity, axis=0) / period, heading)
+        travel = world_to_body((velocity[1:] + velocity[:-1]) / 2, heading)
+        return float(self.friction_share(asked, travel).max()), float(rims.max(initial=0) / self.rim_speed)
+
+    def friction_share(self, acceleration: Array, travel: Array) -> Array:
+        """How much of their friction wheels need (n,) for body accelerations (n, 3), travelling at twists (n, 3)."""
+        rows, dragged = self.faces(travel)
+        return np.asarray((acceleration @ rows.T + dragged).max(1))
+
+    def faces(self, travel: Array) -> tuple[Array, Array]:
+        """Rows (faces, 3) and (n, faces): of friction, body accelerations a (n, 3) take the highest of rows a + those.
+
+        The latter are what drag takes of it while the wheels travel at twists (n, 3).
+        """
+        allowed, pushed = self._faces
+        return allowed * [1.0, 1.0, self.gyration**2], -self._drag(travel) @ pushed.T
+
+    def spare(self, acceleration: float, side_acceleration: float, turn_acceleration: float) -> float:
+        """How many times these wheels can do at once, whatever the directions, while anything drags them.
+
+        The accelerations in m/s^2 are those ahead and aside, with the ellipse between them, that in rad/s^2 either way.
+        """
+        ahead, aside, turning = np.abs(self._faces[0]).T
+        reach = np.hypot(acceleration * ahead, side_acceleration * aside)
+        reach += self.gyration**2 * turn_acceleration * turning
+        return float(1 / (reach / (1 - self._dragged)).max())
+
+    def rims(self, twist: Array) -> Array:
+        """Speeds of the rims (n, wheels) in m/s, either way, at body twists (n, 3)."""
+        return np.abs(twist @ self.kinematics.matrix.T)
+
+    def _drag(self, travel: Array) -> Array:
+        """What the carpet does to the body, [ax, ay, moment per mass] (n, 3), against its travel at twists (n, 3)."""
+        along, across = travel @ self.kinematics.matrix.T, travel @ self._axles.T
+        load, speed = self.gravity * self._loads[0], np.hypot(along, across)
+        pile = np.divide(self.pile, speed, out=np.zeros_like(speed), where=speed > 0)
+        against = pile * across + self.roller_friction * np.sign(across)
+        return -(load * pile * along) @ self.kinematics.matrix - (load * against) @ self._axles
+
+    @cached_property
+    def _faces(self) -> tuple[Array, Array]:
+        """What the faces of the zonotope allow, two times (faces, 3): those times a, less these times drag, up to 1.
+
+        Of a wheel k, m_k = [-sin, cos, arm] is what its push does per force, and its load is g n_k + s_k a, the second
+        part being what the acceleration a = [ax, ay, gyration^2 b] shifts. Along a normal v, a zonotope of these pushes
+        reaches sum |m_k v| mu (g n_k + s_k a), and has to reach v (a - drag). Nor do wheels bear less than nothing.
+        """
+        pushes, (standing, shifting) = self.kinematics.matrix, self._loads
+        if standing.min() <= 0:
+            raise OmniError("the wheels do not stand around the robot's centre, so that it would topple")
+        spanned = np.array([np.cross(*pair) for pair in combinations(pushes, 2)])
+        spanned = spanned[np.linalg.norm(spanned, axis=1) > _PARALLEL]
+        normals = np.concatenate([spanned, -spanned])
+        grip = math.sqrt(max(self.friction**2 - self.roller_friction**2, _PARALLEL))
+        reach = grip * np.abs(normals @ pushes.T)
+        pushed = np.concatenate([normals, np.zeros_like(shifting)])
+        borne = np.concatenate([reach, np.eye(len(standing))])
+        most = self.gravity * (borne @ standing)[:, None]
+        return (pushed - borne @ shifting) / most, pushed / most
+
+    @cached_property
+    def _dragged(self) -> Array:
+        """The most that drag takes of what each face allows (faces,), every wheel going the worst way."""
+        pushed = self._faces[1]
+        along, across = np.abs(pushed @ self.kinematics.matrix.T), np.abs(pushed @ self._axles.T)
+        taken = self.pile * np.hypot(along, across) + self.roller_friction * across
+        return np.asarray(taken @ (self.gravity * self._loads[0]))
+
+    @cached_property
+    def _axles(self) -> Array:
+        """What forces along the axles, outwards, do to the body: (wheels, 3) as the rims' in `Kinematics.matrix`."""
+        azimuths = self.kinematics.azimuths
+        return np.stack([np.cos(azimuths), np.sin(azimuths), np.zeros_like(azimuths)], axis=1)
+
+    @cached_property
+    def _loads(self) -> tuple[Array, Array]:
+        """Shares of the weight (wheels,) that wheels bear at rest, and what accelerations add, (wheels, 3) per mass.
+
+        Equal springs under a rigid body: of all loads in balance those with the least squares.
+        """
+        azimuths = self.kinematics.azimuths
+        levers = self.kinematics.arm * np.stack([np.cos(azimuths), np.sin(azimuths)])
+        spread = np.linalg.pinv(np.vstack([np.ones(len(azimuths)), levers]))
+        return spread[:, 0], np.pad(-self.centre_height * spread[:, 1:], ((0, 0), (0, 1)))
+
+
+def around(dragged: Array, ends: Literal["edge", "wrap"]) -> Array:
+    """The most of what drag takes (cells, faces) in cells close by along a path that ends, or comes round again.
+
+    Where a path crosses the direction of an axle, rollers' bearings drag the other way, which may be within a frame.
+    """
+    padded = np.pad(dragged, ((_NEAR, _NEAR), (0, 0)), mode=ends)
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEAR + 1, axis=0).max(-1))

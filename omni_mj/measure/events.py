@@ -220,7 +220,7 @@ class _Way:
     def __init__(self, row: Row) -> None:
         settings = row.settings.reference
         self._timed = settings.mode == "timed"
-        plan = None if settings.shape in CURVES else references.iterated(settings, 1, row.where)
+        plan = None if settings.shape in CURVES else references.iterated(row.settings, 1, row.where)
         self._points = np.zeros((0, 3)) if plan is None else plan.waypoints
         self._near = (0.0, 0.0) if plan is None else (plan.arrival_radius, plan.arrival_angle)
         self._arrivals = [0]  # of the timed reference, at the way-points so far

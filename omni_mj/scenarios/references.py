@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
+from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.reference import (
     CURVES,
@@ -15,28 +17,35 @@ from omni_control.reference import (
     SampledReference,
     TimedReference,
 )
-from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, ControlSettings, ReferenceSettings
+from omni_control.traction import GRAVITY, WheelLimits
+from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, ControlSettings, ReferenceSettings, Settings
 
 Where = tuple[float, float, float]
 ORIGIN: Where = (0.0, 0.0, 0.0)
 
 
-@lru_cache(maxsize=256)
-def timed(settings: ReferenceSettings, where: Where = ORIGIN) -> SampledReference:
+def timed(settings: Settings, where: Where = ORIGIN) -> SampledReference:
     """The reference that is known in advance, against which errors are measured.
 
     Args:
-        settings: what is to be driven.
+        settings: what is to be driven, and by what robot.
         where: pose [x, y, heading] in m and rad by which all of it is displaced.
+
+    Raises:
+        OmniError: on a carpet as slippery as `reference.friction` says, nobody can drive it.
     """
-    reference = _moving(settings).after_rest(_lead_frames(settings))
-    return reference if where == ORIGIN else SampledReference(displaced(reference.poses, where), PERIOD_S)
+    return _timed(settings.reference, reference_limits(settings), where)
 
 
-def iterated(settings: ReferenceSettings, n: int, where: Where = ORIGIN) -> IteratedReference:
-    """The reference that is planned anew in every frame for `n` robots; for way-points only."""
-    visits = displaced(np.array(_visits(settings)), where)
-    return IteratedReference(visits.tolist(), motion_limits(settings), PERIOD_S, n, rest_frames=_lead_frames(settings))
+def iterated(settings: Settings, n: int, where: Where = ORIGIN) -> IteratedReference:
+    """The reference that is planned anew in every frame for `n` robots; for way-points only.
+
+    Raises:
+        OmniError: as `timed`.
+    """
+    task = settings.reference
+    visits = displaced(np.array(_visits(task)), where)
+    return IteratedReference(visits.tolist(), reference_limits(settings), PERIOD_S, n, rest_frames=_lead_frames(task))
 
 
 def displaced(poses: Array, where: Where) -> Array:
@@ -50,19 +59,72 @@ def displaced(poses: Array, where: Where) -> Array:
 
 
 def motion_limits(s: ReferenceSettings | ControlSettings) -> MotionLimits:
-    """The limits that the reference keeps, or those of what may be commanded."""
-    aside = s.max_side_acceleration_m_s2 or None if isinstance(s, ReferenceSettings) else None
-    return MotionLimits(
-        s.max_speed_m_s, s.max_acceleration_m_s2, s.max_turn_rate_rad_s, s.max_turn_acceleration_rad_s2, aside
+    """The limits that the reference keeps whatever the robot, or those of what may be commanded."""
+    limits = MotionLimits(
+        s.max_speed_m_s, s.max_acceleration_m_s2, s.max_turn_rate_rad_s, s.max_turn_acceleration_rad_s2
+    )
+    if isinstance(s, ControlSettings):
+        return limits
+    return replace(
+        limits,
+        side_acceleration=s.max_side_acceleration_m_s2 or None,
+        jerk=s.max_jerk_m_s3 or None,
+        turn_jerk=s.max_turn_jerk_rad_s3 or None,
     )
 
 
-def _moving(settings: ReferenceSettings) -> SampledReference:
-    limits, settle_frames = motion_limits(settings), round(settings.settle_s * FRAME_RATE_HZ)
-    if settings.shape in CURVES:
-        curve = CURVES[settings.shape](settings.length_m, settings.width_m)
-        return CurveReference(curve, limits, PERIOD_S, settings.laps, settings.heading == "tangent", settle_frames)
-    return TimedReference(_visits(settings), limits, PERIOD_S, round(settings.dwell_s * FRAME_RATE_HZ), settle_frames)
+@lru_cache(maxsize=256)
+def reference_limits(settings: Settings) -> MotionLimits:
+    """All limits that the reference keeps: those of its settings, and what they let the robot's wheels do at once.
+
+    Raises:
+        OmniError: on a carpet of the friction believed, the robot's wheels cannot drive it.
+    """
+    return replace(motion_limits(settings.reference), wheels=_wheels(settings))
+
+
+def _wheels(settings: Settings) -> WheelLimits | None:
+    """What may be asked of wheels on a carpet of the friction believed, the rest being as the robot's settings say."""
+    friction, share, body = settings.reference.friction, settings.reference.wheel_share, settings.body
+    if not friction:
+        return None
+    try:
+        return WheelLimits(
+            settings.wheels.kinematics,
+            share * friction,
+            math.sqrt(body.yaw_inertia_kg_m2 / body.mass_kg),
+            body.centre_height_m,
+            settings.carpet.pile,
+            settings.drive.roller_friction,
+            share * _rim_speed(settings),
+        )
+    except OmniError as error:
+        raise OmniError(
+            f"reference.friction = {friction:g} (0: wheels not regarded), wheel_share = {share:g}: {error}"
+        ) from None
+
+
+def _rim_speed(settings: Settings) -> float:
+    """Up to where the nominal battery drives the current that a wheel's share of friction takes; at least half way."""
+    motor, volts = settings.motor, settings.firmware.nominal_voltage_v
+    push = settings.reference.friction * settings.body.mass_kg * GRAVITY / len(settings.wheels.azimuths_deg)
+    current = motor.no_load_current_a + push * settings.wheels.radius_m / (motor.gear * motor.constant_nm_a)
+    back_emf = max(volts - motor.resistance_ohm * current, volts / 2)
+    return back_emf / (motor.constant_nm_a * motor.gear) * settings.wheels.radius_m
+
+
+@lru_cache(maxsize=256)
+def _timed(task: ReferenceSettings, limits: MotionLimits, where: Where) -> SampledReference:
+    reference = _moving(task, limits).after_rest(_lead_frames(task))
+    return reference if where == ORIGIN else SampledReference(displaced(reference.poses, where), PERIOD_S)
+
+
+def _moving(task: ReferenceSettings, limits: MotionLimits) -> SampledReference:
+    settle_frames = round(task.settle_s * FRAME_RATE_HZ)
+    if task.shape in CURVES:
+        curve = CURVES[task.shape](task.length_m, task.width_m)
+        return CurveReference(curve, limits, PERIOD_S, task.laps, task.heading == "tangent", settle_frames)
+    return TimedReference(_visits(task), limits, PERIOD_S, round(task.dwell_s * FRAME_RATE_HZ), settle_frames)
 
 
 def _lead_frames(settings: ReferenceSettings) -> int:

@@ -2,6 +2,9 @@
 
 from typing import Literal
 
+import numpy as np
+
+from omni_control.kinematics import Kinematics
 from omni_mj.scenarios.checking import Angles, Checked, Patches, setting
 from omni_mj.scenarios.robots import of_robot
 
@@ -41,6 +44,11 @@ class WheelSettings(Checked):
     radius_m: float = setting(of_robot("wheels.radius_m"), "m", "radius", 0.01, 0.2)
     rollers: int = setting(of_robot("wheels.rollers"), "", "rollers of a wheel", 8, 40)
     roller_radius_m: float = setting(of_robot("wheels.roller_radius_m"), "m", "radius of a roller", 0.002, 0.05)
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """Of a robot with these wheels."""
+        return Kinematics(np.radians(self.azimuths_deg) % (2 * np.pi), self.arm_m, self.radius_m)
 
 
 class DriveSettings(Checked):

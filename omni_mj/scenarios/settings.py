@@ -56,20 +56,43 @@ class ReferenceSettings(Checked):
     max_side_acceleration_m_s2: float = setting(0.0, "m/s^2", "same, along the body's y; 0: as along its x", 0, 20)
     max_turn_rate_rad_s: float = setting(6.0, "rad/s", "highest turn rate of the reference", 0.01, 30)
     max_turn_acceleration_rad_s2: float = setting(12.0, "rad/s^2", "highest turn acceleration", 0.01, 200)
+    max_jerk_m_s3: float = setting(
+        0.0, "m/s^3", "highest change of the acceleration; 0: any. Not for iterated: disturbances set its pace", 0, 1e4
+    )
+    max_turn_jerk_rad_s3: float = setting(0.0, "rad/s^3", "highest change of the turn acceleration; same", 0, 1e5)
+    friction: float = setting(
+        0.8, "", "believed of the carpet: what wheels cannot do on it is driven slower; 0: wheels not regarded", 0, 5
+    )
+    wheel_share: float = setting(
+        0.85, "", "how much of what wheels can do the reference asks at most; the rest is for the controller", 0.1, 1
+    )
     lead_s: float = setting(0.25, "s", "rest before the first move; no command acts before the dead time", 0, 60)
     dwell_s: float = setting(0.0, "s", "rest at each way-point", 0, 60)
     settle_s: float = setting(1.0, "s", "rest at the end", 0, 60)
 
     @model_validator(mode="after")
     def _plannable(self) -> Self:
+        if wrong := "\n".join(self._contradictions()):
+            raise ValueError(wrong)
+        return self
+
+    def _contradictions(self) -> Iterator[str]:
+        """What no reference can be, a line each."""
         if self.mode == "iterated" and self.shape in CURVES:
-            raise ValueError(
+            yield (
                 "reference.mode = iterated plans from way-point to way-point, of which a curve has none; "
                 f"reference.shape = {self.shape} needs reference.mode = timed"
             )
         if 0 < self.max_side_acceleration_m_s2 < 0.01:
-            raise ValueError("reference.max_side_acceleration_m_s2 must be 0, for the same as ahead, or at least 0.01")
-        return self
+            yield "reference.max_side_acceleration_m_s2 must be 0, for the same as ahead, or at least 0.01"
+        for name in ("max_jerk_m_s3", "max_turn_jerk_rad_s3"):
+            if 0 < (jerk := getattr(self, name)) < 0.1:
+                yield f"reference.{name} must be 0, for none, or at least 0.1"
+            if jerk and self.mode == "iterated":
+                yield (
+                    f"reference.{name} needs reference.mode = timed: iterated plans anew in each frame from where the "
+                    "robot is, which disturbances change at once"
+                )
 
 
 class VisionSettings(Checked):

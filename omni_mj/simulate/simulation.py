@@ -99,7 +99,7 @@ class Simulation:
         shift = 0 if seed is None else seed - min(row.seed for row in self._table)
         self.rows = [replace(row, seed=row.seed + shift) for row in self._table]
         n, noise = len(self.rows), [row.noise_seed for row in self.rows]
-        self.references = [references.timed(row.settings.reference, row.where) for row in self.rows]
+        self.references = [references.timed(row.settings, row.where) for row in self.rows]
         self.frame, self.failures = 0, list[Failure]()
         self._running = np.ones(n, bool)
         self._seen: Seen | None = None

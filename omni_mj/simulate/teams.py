@@ -40,8 +40,9 @@ def assemble(
     """
     together: dict[tuple[object, ...], list[int]] = {}
     for i, row in enumerate(rows):
-        key = row.controller, told(row.settings, geometry, wheels), row.settings.reference, row.where
-        together.setdefault((*key, _parameters(row)), []).append(i)
+        way = row.settings.reference, references.reference_limits(row.settings), row.where
+        key = row.controller, told(row.settings, geometry, wheels), way, _parameters(row)
+        together.setdefault(key, []).append(i)
     made, unmade, members = list[Controller](), list[np.ndarray](), [np.array(group) for group in together.values()]
     for group in members:
         row, n = rows[group[0]], len(group)
@@ -80,10 +81,9 @@ def told(settings: Settings, geometry: Kinematics, wheels: bool) -> Told:
 
 
 def _reference(row: Row, n: int) -> Reference:
-    settings = row.settings.reference
-    if settings.mode == "iterated":
-        return references.iterated(settings, n, row.where)
-    return references.timed(settings, row.where)
+    if row.settings.reference.mode == "iterated":
+        return references.iterated(row.settings, n, row.where)
+    return references.timed(row.settings, row.where)
 
 
 def _parameters(row: Row) -> tuple[tuple[str, float | bool | str], ...]:

@@ -48,7 +48,7 @@ class InUse:
 
 def frames(scenario: Scenario, task: str) -> int:
     """How many frames it takes."""
-    return references.timed(_on_path(scenario, task).settings.reference).frames
+    return references.timed(_on_path(scenario, task).settings).frames
 
 
 def _on_path(scenario: Scenario, task: str) -> Scenario:

@@ -89,7 +89,7 @@ def world(
 
 def kinematics(wheels: WheelSettings) -> Kinematics:
     """Of a robot with these wheels."""
-    return Kinematics(np.radians(wheels.azimuths_deg) % (2 * np.pi), wheels.arm_m, wheels.radius_m)
+    return wheels.kinematics
 
 
 @lru_cache(maxsize=16)

@@ -91,6 +91,26 @@ def test_a_turning_leg_takes_no_longer_than_at_its_weakest_heading(
 
 
 @LAW
+@given(poses, poses, st.floats(0.5, 4), st.floats(0.5, 1), st.floats(0.3, 4))
+def test_a_turning_leg_is_hardly_slower_than_can_be(
+    start: tuple[float, ...], end: tuple[float, ...], ahead: float, ratio: float, speed: float
+) -> None:
+    """Straight there, turning as it does: speeds are up to what all frames before add, and all after can brake.
+
+    Braking is planned with the lowest limit of the headings to come. Of 750 legs with limits from 1 : 2 to 1 : 1 that
+    cost 0.1 % of the time in the mean and 4.8 % at most.
+    """
+    limit = MotionLimits(speed, ahead, side_acceleration=ratio * ahead)
+    reference = TimedReference([start, end], limit, T)
+    turning = TimedReference([(0, 0, start[2]), (0, 0, end[2])], limit, T).frames
+    frames = math.floor((reference.frames - 1) * 0.95) - 2
+    bearing = math.atan2(end[1] - start[1], end[0] - start[0])
+    gained = along(bearing - reference.poses[: max(frames, 0), 2], limit) * T
+    speeds = np.minimum(np.cumsum(gained)[:-1], np.cumsum(gained[::-1])[-2::-1])
+    assert frames < turning or np.minimum(speed, speeds).sum() * T < math.dist(start[:2], end[:2])
+
+
+@LAW
 @given(poses, st.floats(-14, 14), limits)
 def test_the_limit_on_the_way_is_the_lowest_of_all_headings_to_come(
     offset: tuple[float, ...], turn: float, limit: MotionLimits

@@ -171,6 +171,9 @@ def agreed(values: dict[str, Any]) -> dict[str, Any]:
         values["reference.mode"] = "timed"
     if values["reference.max_side_acceleration_m_s2"] < 0.01:
         values["reference.max_side_acceleration_m_s2"] = 0.0
+    for jerk in ("reference.max_jerk_m_s3", "reference.max_turn_jerk_rad_s3"):
+        if values[jerk] < 0.1 or values["reference.mode"] == "iterated":
+            values[jerk] = 0.0
     share = min(max(values["motor.nominal_voltage_v"] / 24, 0.1), 10)
     values |= {name: SETTINGS[name].default * (share if name in SHEET[:4] else 1) for name in SHEET}
     return sections_of(values)

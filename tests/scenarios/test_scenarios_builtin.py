@@ -12,13 +12,15 @@ from hypothesis import strategies as st
 
 from omni_control.kinematics import Array
 from omni_control.traction import traction_limits
+from omni_mj import robots
 from omni_mj.measure import recovery
 from omni_mj.scenarios import references, scenario
 from omni_mj.scenarios.faults import Friction, span
 from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.scenario import Scenario
-from omni_mj.scenarios.settings import PERIOD_S, ReferenceSettings, Settings
+from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.simulate.simulation import Simulation
+from omni_mj.studies.slip.law import expected
 from omni_mj.worlds.build import kinematics
 
 TASKS = ("circle", "eight", "square-spin", "sprint", "waypoints")
@@ -30,7 +32,7 @@ ROBOT_M = 0.09  # radius of the largest robot, same
 def built_in(name: str) -> tuple[Scenario, Array]:
     """The scenario and its timed reference's poses (frames, 3)."""
     loaded = scenario.load(name)
-    return loaded, references.timed(loaded.settings.reference).poses
+    return loaded, references.timed(loaded.settings).poses
 
 
 @pytest.mark.parametrize("name", builtin())
@@ -115,7 +117,7 @@ def test_the_sprint_is_four_metres_at_the_leagues_speed() -> None:
 
 def visits(**changes: object) -> Array:
     """The way-points (count, 3) of a random task, as an iterated reference knows them."""
-    return references.iterated(ReferenceSettings(shape="random", **changes), 1).waypoints
+    return references.iterated(Settings(reference={"shape": "random", **changes}), 1).waypoints
 
 
 @hypothesis_settings(deadline=None, max_examples=60, derandomize=True)
@@ -147,16 +149,42 @@ def test_one_seed_one_task_another_another() -> None:
 
 def test_all_seeds_of_a_run_see_the_same_task() -> None:
     """The run's seed is for its noise, not for its way-points."""
-    first, other = (scenario.load("waypoints", (), {"seed": seed}).settings.reference for seed in (0, 1))
+    first, other = (scenario.load("waypoints", (), {"seed": seed}).settings for seed in (0, 1))
     assert references.timed(first).poses.tobytes() == references.timed(other).poses.tobytes()
 
 
 def test_a_random_task_can_be_planned_anew_in_every_frame() -> None:
     """An iterated reference is given the way-points that the timed one drives through."""
-    settings = scenario.load("waypoints", ["reference.mode=iterated"]).settings.reference
+    settings = scenario.load("waypoints", ["reference.mode=iterated"]).settings
     poses = references.timed(settings).poses
     for point in references.iterated(settings, 2).waypoints:
         assert (poses == point).all(1).any()
+
+
+@pytest.mark.parametrize("name", builtin())
+def test_no_task_is_slowed_by_what_wheels_can_do(name: str) -> None:
+    """On the carpet that teams believe in, every robot's wheels do what the limits of motion ask."""
+    for robot in robots.builtin():
+        loaded = scenario.load(name, (), {"robot": robot}).settings
+        wheels = references.reference_limits(loaded).wheels
+        poses = references.timed(loaded.replace(reference={"friction": 0.0})).poses
+        assert wheels is not None
+        assert max(wheels.shares(poses, PERIOD_S)) <= 1
+
+
+@pytest.mark.parametrize("robot", robots.builtin())
+def test_the_smooth_league_leaves_a_quarter_of_what_may_be_commanded(robot: str) -> None:
+    """Wheels that creep are told u = (1 + T d) v + (tau + T v) a, whose rate is highest where braking begins.
+
+    With T and drag d of the law of creep; docs/reference.md derives it.
+    """
+    settings = scenario.load("league-smooth", (), {"robot": robot}).settings
+    task, told, law = settings.reference, settings.control, expected(settings)
+    slope, dragged = (law.time / law.gain**2)[:2], law.drag[:2] / settings.body.mass_kg
+    a, v = np.array([task.max_acceleration_m_s2, task.max_side_acceleration_m_s2]), task.max_speed_m_s
+    assert (v * (1 + slope * (a + dragged)) + told.lag_s * a <= 0.75 * told.max_speed_m_s).all()
+    braking = a * (1 + slope * (dragged - a)) + task.max_jerk_m_s3 * (told.lag_s + slope * v)
+    assert (braking <= 0.76 * told.max_acceleration_m_s2).all()
 
 
 def shares_asked(settings: Settings, friction: float) -> list[float]:

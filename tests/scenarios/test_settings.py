@@ -23,7 +23,7 @@ from omni_mj.scenarios.settings import (
 UNITS = {
     "_rad_s2": "rad/s^2", "_nm_s": "N m s/rad", "_rad_s": "rad/s", "_m_s2": "m/s^2", "_m_s": "m/s", "_rad": "rad",
     "_nm_a": "N m/A", "_kg_m2": "kg m^2", "_rpm": "rpm", "_a": "A", "_ohm": "ohm",
-    "_per_k": "1/K", "_j_k": "J/K", "_k_w": "K/W", "_nm": "N m", "_ah": "Ah",
+    "_s2_m": "s^2/m", "_per_k": "1/K", "_j_k": "J/K", "_k_w": "K/W", "_nm": "N m", "_ah": "Ah",
     "_frames": "frames", "_c": "deg C", "_v": "V", "_n": "N", "_m": "m", "_s": "s",
 }  # fmt: skip
 # What a setting at its bounds needs of another.
@@ -210,6 +210,38 @@ def test_the_shapes_are_the_curves_and_two_more() -> None:
     """The declaration takes their names from where the curves are."""
     assert SETTINGS["reference.shape"].choices == ("waypoints", "random", *module.CURVES)
     assert ReferenceSettings(shape="eight").shape == "eight"
+
+
+def test_limits_of_jerk_are_passed_on_to_references_that_can_keep_them() -> None:
+    """Zero is none; what plans anew cannot, and says so, with whatever else is wrong, each in a line."""
+    limits = references.motion_limits(ReferenceSettings(max_jerk_m_s3=8.0, max_turn_jerk_rad_s3=90.0))
+    assert (limits.jerk, limits.turn_jerk) == (8.0, 90.0)
+    none = references.motion_limits(ReferenceSettings())
+    assert none.jerk is None
+    assert none.turn_jerk is None
+    with pytest.raises(OmniError) as error:
+        ReferenceSettings(
+            mode="iterated", max_jerk_m_s3=8.0, max_turn_jerk_rad_s3=0.05, max_side_acceleration_m_s2=0.005
+        )
+    lines = str(error.value).splitlines()
+    assert len(lines) == 4
+    for name in ("max_jerk_m_s3 needs reference.mode = timed", "max_turn_jerk_rad_s3 must be 0", "max_side_accel"):
+        assert any(f"reference.{name}" in line for line in lines)
+
+
+def test_what_wheels_can_do_is_that_of_the_robot_on_the_carpet_believed() -> None:
+    """Not on the one it drives on; and none without a belief."""
+    settings = Settings(carpet={"friction": 0.4}, body={"mass_kg": 2.0, "yaw_inertia_kg_m2": 0.0098})
+    wheels = references.reference_limits(settings).wheels
+    assert wheels is not None
+    assert wheels.friction == pytest.approx(0.85 * 0.8)
+    assert wheels.gyration == pytest.approx(0.07)
+    assert wheels.kinematics == settings.wheels.kinematics
+    # 14.8 V less 0.464 ohm times 1.7 A, by 0.0251 V s/rad and 3.33 : 1, of which 85 % are asked.
+    assert wheels.rim_speed == pytest.approx(0.85 * 0.0285 * (14.8 - 0.464 * 1.70) / (0.0251 * 3.3333), rel=1e-3)
+    assert references.reference_limits(settings.replace(reference={"friction": 0.0})).wheels is None
+    with pytest.raises(OmniError, match=r"^reference\.friction = 0\.2 .* wheels cannot pull what drags them"):
+        references.timed(settings.replace(reference={"friction": 0.2}))
 
 
 def test_less_acceleration_sideways_is_passed_on_and_commands_know_none() -> None:

@@ -133,7 +133,12 @@ def test_a_robot_that_topples_is_stopped_and_the_others_keep_their_bits() -> Non
     rough = RECT.settings.replace(
         carpet={"friction": 3.0},
         control={"max_acceleration_m_s2": 100.0},
-        reference={"max_acceleration_m_s2": 20.0, "max_speed_m_s": 3.0, "waypoints": [[0, 0], [3, 0], [0, 0]]},
+        reference={
+            "friction": 0.0,
+            "max_acceleration_m_s2": 20.0,
+            "max_speed_m_s": 3.0,
+            "waypoints": [[0, 0], [3, 0], [0, 0]],
+        },
         radio={"delay_frames": 0},
     )
     calm = RECT.settings

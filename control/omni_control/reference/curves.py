@@ -23,10 +23,14 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.reference.limits import MotionLimits
+from omni_control.reference.program import Lap, fastest
 from omni_control.reference.timed import SampledReference
+from omni_control.reference.timetable import Timetable, bearable, driven, driven_on_wheels
+from omni_control.traction import WheelLimits
 
 _CELLS = 1000  # in a lap, times the figure's length over its width: the finer, the sharper its bends
 _STRAIGHT = 1e-9  # 1/m, for a curvature of zero, by which one cannot divide
+_FEWER = 300  # cells where a linear program is solved
 
 
 @dataclass(frozen=True)
@@ -70,15 +74,10 @@ CURVES: dict[str, Callable[[float, float], Curve]] = {
 class CurveReference(SampledReference):
     """Laps of a closed curve from rest to rest, as fast as the limits allow, in whole frames.
 
-    The limits hold for the differences between sampled poses, since those are means of the velocity and acceleration
-    over a frame or two, and a mean vector is no longer than the longest it is made of. To end with a frame, for the
-    little by which steps from cell to cell are off, and for what a body that turns within these frames would be asked
-    beyond its ellipse, the whole of it is driven slower.
-
     Args:
         curve: where to drive, from u = 0 on.
-        limits: velocity and acceleration limits; the acceleration is that along and across the path together, in the
-            body's axes if it is not the same in all directions.
+        limits: of velocity, acceleration and jerk; the acceleration is that along and across the path together, in the
+            body's axes if it is not the same in all directions. Drives keep them as `driven` says.
         period: length of a frame, s.
         laps: how often around, at least once.
         tangent: whether the robot faces along its path, within the limits of turning; otherwise its heading is 0.
@@ -99,17 +98,16 @@ class CurveReference(SampledReference):
     ) -> None:
         if laps < 1:
             raise OmniError(f"a curve must be driven at least once, not {laps} times")
-        time, u, rate = _timetable(curve, limits, laps, tangent)
-        frames, excess = math.ceil(time[-1] / period), math.inf
-        while excess > 1 + 1e-9:  # rounding
-            poses = _poses(curve, _parameter(np.linspace(0, time[-1], frames + 1), time, u, rate), tangent)
-            excess = _excess(poses, limits, period)
-            frames = math.ceil(frames * excess)
+        path = partial(_poses, curve, tangent)
+        poses = driven(path, _timetable(curve, limits, laps, tangent), limits, period)
+        if limits.wheels is not None and not bearable(poses, limits, period):
+            plan = partial(_timetable_on_wheels, curve, limits, limits.wheels, laps, tangent)
+            poses = driven_on_wheels(path, plan, limits, limits.wheels, period)
         super().__init__(np.concatenate([poses, np.repeat(poses[-1:], settle_frames, axis=0)]), period)
 
 
-def _timetable(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> tuple[Array, Array, Array]:
-    """The fastest drive: times at which parameters u of the curve are reached, those, and du/dt there."""
+def _timetable(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> Timetable:
+    """The fastest drive within the limits of velocity and acceleration."""
     even = curve if tangent else replace(curve, width=limits.stretch * curve.width)  # where the limit is a circle
     cells = _CELLS * math.ceil(max(even.length / even.width, even.width / even.length))
     lap = np.linspace(0, 2 * np.pi, cells + 1)
@@ -119,10 +117,29 @@ def _timetable(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> 
     curvature = np.maximum(np.abs((second / first).imag) / metres, _STRAIGHT)
     top = (limits.speed * (metres / np.abs(curve(lap, 1)))) ** 2
 
-    speed = np.sqrt(_fastest(step, curvature, np.minimum(top[:-1], top[1:]), limits, laps, tangent))
-    rate = speed / np.append(np.tile(metres[:-1], laps), metres[0])
-    u = lap[1] * np.arange(len(rate))
-    return np.append(0, np.cumsum(2 * lap[1] / (rate[:-1] + rate[1:]))), u, rate
+    return _clocked(
+        _fastest(step, curvature, np.minimum(top[:-1], top[1:]), limits, laps, tangent), metres, lap[1], laps
+    )
+
+
+def _clocked(squares: Array, metres: Array, step: float, laps: int) -> Timetable:
+    """The timetable of squares of speed (laps * cells + 1,) at parameters a `step` apart."""
+    return Timetable.of_rates(step, np.sqrt(squares) / np.append(np.tile(metres[:-1], laps), metres[0]))
+
+
+def _timetable_on_wheels(
+    curve: Curve, limits: MotionLimits, wheels: WheelLimits, laps: int, tangent: bool, share: float
+) -> Timetable:
+    """The fastest drive that asks for so large a share of what wheels can do at once."""
+    cells = min(_FEWER * math.ceil(max(curve.length / curve.width, curve.width / curve.length)), _CELLS)
+    u = np.linspace(0, 2 * np.pi, cells + 1)
+    first, second, middle = curve(u, 1), curve(u, 2), curve((u[:-1] + u[1:]) / 2, 1)
+    metres = np.abs(first)
+    step, bend = u[1] * (metres[:-1] + metres[1:]) / 2, (second / first).imag / metres
+    towards = np.ones(cells) + 0j if tangent else middle / np.abs(middle)
+    axes = np.stack([towards.real, towards.imag], axis=1)
+    lap = Lap(step, axes, (bend[:-1] + bend[1:]) / 2, np.diff(bend) / step, tangent)
+    return _clocked(fastest(lap, limits, wheels, share, laps), metres, u[1], laps)
 
 
 def _fastest(step: Array, curvature: Array, top: Array, limits: MotionLimits, laps: int, tangent: bool) -> Array:
@@ -169,31 +186,8 @@ def _reachable(
     return np.array(reached)
 
 
-def _parameter(time: Array, node_time: Array, u: Array, rate: Array) -> Array:
-    """Parameters of the curve at times, du/dt being linear in time between nodes."""
-    i = np.clip(np.searchsorted(node_time, time, side="right") - 1, 0, len(u) - 2)
-    since, duration = time - node_time[i], node_time[i + 1] - node_time[i]
-    return u[i] + since * (rate[i] + since / duration * (rate[i + 1] - rate[i]) / 2)
-
-
-def _poses(curve: Curve, u: Array, tangent: bool) -> Array:
+def _poses(curve: Curve, tangent: bool, u: Array) -> Array:
     """Poses (frames, 3) at parameters `u` (frames,); headings count full turns."""
     point = curve(u)
     heading = np.unwrap(np.angle(curve(u, 1))) if tangent else np.zeros_like(u)
     return np.stack([point.real, point.imag, heading], axis=1)
-
-
-def _excess(poses: Array, limits: MotionLimits, period: float) -> float:
-    """Factor by which a drive from rest to rest must take longer, for differences of its poses to keep the limits."""
-    velocity = np.pad(np.diff(poses, axis=0) / period, ((1, 1), (0, 0)))
-    change = np.diff(velocity, axis=0) / period
-    change[:, :2] = limits.stretched(change[:, :2], poses[:, 2])
-    (speed, turn_rate), (acceleration, turn_acceleration) = (
-        (np.hypot(rows[:, 0], rows[:, 1]).max(), np.abs(rows[:, 2]).max()) for rows in (velocity, change)
-    )
-    return max(
-        speed / limits.speed,
-        turn_rate / limits.turn_rate,
-        math.sqrt(acceleration / limits.acceleration),
-        math.sqrt(turn_acceleration / limits.turn_acceleration),
-    )

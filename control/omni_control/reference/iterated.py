@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.reference.limits import MotionLimits, approach_pose, checked_waypoints
 
@@ -35,8 +36,12 @@ class IteratedReference:
     It goes on by a step whenever it is asked for another frame than the last time; a robot that asks for the same frame
     again is given the same answer.
 
+    Where a robot must go next, and how much it must turn meanwhile, depends on what disturbs it: so limits are eased
+    beforehand until the wheels can do all that is left at once, whatever the directions. Jerk is not limited, since the
+    disturbances that are answered come at once.
+
     Raises:
-        OmniError: no way-points, or one that is not three finite numbers.
+        OmniError: no way-points, or one that is not three finite numbers; a limit of jerk.
     """
 
     def __init__(
@@ -49,9 +54,11 @@ class IteratedReference:
         arrival_angle: float = 0.1,
         rest_frames: int = 0,
     ) -> None:
+        if limits.jerk or limits.turn_jerk:
+            raise OmniError("a reference that is planned anew in every frame cannot limit jerk: disturbances decide it")
         self.waypoints = checked_waypoints(waypoints)
         self.waypoints.flags.writeable = False
-        self.limits, self.period = limits, period
+        self.limits, self.period = limits.at_once(), period
         self.arrival_radius, self.arrival_angle = arrival_radius, arrival_angle
         start = np.repeat(self.waypoints[:1], n, axis=0)
         first = np.minimum(np.ones(n, int), len(waypoints) - 1)

@@ -7,13 +7,15 @@ it manages in between is an ellipse about the axes of its body, and an ellipse i
 `MotionLimits.stretched` leads there, and what is true of vectors and one limit holds again.
 """
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
+from omni_control.traction import WheelLimits
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,12 @@ class MotionLimits:
         speed, turn_rate, turn_acceleration: highest, whatever the direction.
         acceleration: highest change of velocity per second, speeding up, braking or in bends.
         side_acceleration: the same along the body's y axis; then `acceleration` is that along its x axis, and between
-            them is the ellipse. None: one limit for all directions. For references; commands know one limit only.
+            them is the ellipse. None: one limit for all directions.
+        jerk: highest change of the acceleration, a vector in the world, per second, m/s^3. None: no limit.
+        turn_jerk: the same of the turn acceleration, rad/s^3.
+        wheels: what driving and turning may ask of the wheels together, beside the limits of each. None: not regarded.
+
+    The last four are for references; commands know one limit of acceleration only.
     """
 
     speed: float = 3.159
@@ -34,6 +41,9 @@ class MotionLimits:
     turn_rate: float = 6.0
     turn_acceleration: float = 12.0
     side_acceleration: float | None = None
+    jerk: float | None = None
+    turn_jerk: float | None = None
+    wheels: WheelLimits | None = None
 
     def __post_init__(self) -> None:
         """Check the limits.
@@ -42,7 +52,7 @@ class MotionLimits:
             OmniError: a limit is not a positive number.
         """
         for name, value in vars(self).items():
-            if value is not None and not 0 < value < np.inf:
+            if isinstance(value, float | int) and not 0 < value < np.inf:
                 raise OmniError(f"the limit of {name.replace('_', ' ')} must be a positive number, not {value}")
 
     @property
@@ -60,6 +70,50 @@ class MotionLimits:
         c, s = np.cos(heading), np.sin(heading)
         x, y = vector[:, 0], vector[:, 1]
         return np.stack([c * x + s * y, self.stretch * (c * y - s * x)], axis=1)
+
+    def excess(self, poses: Array, period: float) -> float:
+        """Factor by which a drive from rest to rest must take longer, for differences of its poses to keep the limits.
+
+        Those of the wheels are not looked at: see `WheelLimits.shares`.
+
+        Args:
+            poses: one per frame, (frames, 3).
+            period: length of a frame, s.
+        """
+        velocity = np.pad(np.diff(poses, axis=0) / period, ((2, 2), (0, 0)))
+        change = np.diff(velocity, axis=0) / period
+        jerk, turn_jerk = _largest(np.diff(change, axis=0) / period)
+        change[1:-1, :2] = self.stretched(change[1:-1, :2], poses[:, 2])
+        (speed, turn_rate), (acceleration, turn_acceleration) = _largest(velocity), _largest(change)
+        return max(
+            speed / self.speed,
+            turn_rate / self.turn_rate,
+            math.sqrt(acceleration / self.acceleration),
+            math.sqrt(turn_acceleration / self.turn_acceleration),
+            math.cbrt(jerk / (self.jerk or np.inf)),
+            math.cbrt(turn_jerk / (self.turn_jerk or np.inf)),
+        )
+
+    def eased(self, acceleration: float, speed: float = 1.0) -> "MotionLimits":
+        """The same with accelerations and speeds, of turning too, that are so many times as high."""
+        aside = self.side_acceleration and self.side_acceleration * acceleration
+        return replace(
+            self,
+            speed=self.speed * speed,
+            turn_rate=self.turn_rate * speed,
+            acceleration=self.acceleration * acceleration,
+            turn_acceleration=self.turn_acceleration * acceleration,
+            side_acceleration=aside,
+        )
+
+    def at_once(self) -> "MotionLimits":
+        """The same, eased until the wheels can do all that they allow at once, whatever the directions."""
+        if self.wheels is None:
+            return self
+        side = self.side_acceleration or self.acceleration
+        spare = self.wheels.spare(self.acceleration, side, self.turn_acceleration)
+        rims = self.speed + self.wheels.kinematics.arm * self.turn_rate
+        return self.eased(min(spare, 1.0), min(self.wheels.rim_speed / rims, 1.0))
 
     def on_the_way(self, offset: Array, heading: Array, later: Array) -> float | Array:
         """Highest acceleration (n, 1) along world vectors `offset` (n, 2) at all headings from `heading` to `later`.
@@ -163,6 +217,11 @@ def checked_waypoints(waypoints: Sequence[Sequence[float]]) -> Array:
     if not len(waypoints) or any(len(point) != 3 for point in waypoints) or not np.isfinite(waypoints).all():
         raise OmniError("a reference needs at least one way-point, each three finite numbers [x, y, heading]")
     return np.array(waypoints, float)
+
+
+def _largest(rows: Array) -> tuple[float, float]:
+    """Sizes of the longest translation and of the largest rotation of rows (n, 3)."""
+    return float(np.hypot(rows[:, 0], rows[:, 1]).max()), float(np.abs(rows[:, 2]).max())
 
 
 def _bearing(vector: Array) -> Array:

@@ -7,7 +7,8 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_control.reference.limits import MotionLimits, approach_pose, checked_waypoints
+from omni_control.reference.legs import leg
+from omni_control.reference.limits import MotionLimits, checked_waypoints
 
 
 class SampledReference:
@@ -88,19 +89,9 @@ class TimedReference(SampledReference):
         points = checked_waypoints(waypoints)
         legs: dict[bytes, Array] = {}  # laps repeat their legs
         poses = [points[:1]]
-        for leg in pairwise(points):
-            key = np.array(leg).tobytes()
+        for ends in pairwise(points):
+            key = np.array(ends).tobytes()
             if key not in legs:
-                legs[key] = _leg(*leg, limits, period)
-            poses += [legs[key], np.repeat(leg[1][None], dwell_frames, axis=0)]
+                legs[key] = leg(*ends, limits, period)
+            poses += [legs[key], np.repeat(ends[1][None], dwell_frames, axis=0)]
         super().__init__(np.concatenate([*poses, np.repeat(points[-1:], settle_frames, axis=0)]), period)
-
-
-def _leg(start: Array, end: Array, limits: MotionLimits, period: float) -> Array:
-    """Poses (frames, 3) after `start` up to and including `end`, from rest to rest."""
-    pose, twist, poses = start[None], np.zeros((1, 3)), []
-    while max(np.abs(end - pose).max(), np.abs(twist).max()) > 1e-9:  # nm: beyond it there is only rounding
-        twist = approach_pose(pose, twist, end[None], limits, period)
-        pose = pose + twist * period
-        poses.append(pose[0])
-    return np.array([*poses[:-1], end] if poses else poses).reshape(-1, 3)
