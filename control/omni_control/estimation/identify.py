@@ -30,6 +30,7 @@ ACCELERATION_M_S2 = 0.35  # standard deviation of what the law does not know of 
 PUSH_M_S, PUSH_S = 0.02, 0.5  # standard deviation of b, and the time after which it is forgotten
 SURPRISE_FRAMES = 10  # over which it is averaged
 MOST_SURPRISED = 30.0
+SPREAD_FRAMES = 0.5, 2.0  # of latencies, over which the change of commands is taken
 EVIDENT_M_S = 0.1  # below it a robot may be held by dry friction and shows nothing of its parameters
 REACH_FRAMES = 4, 5  # how far the latency may be below and above what it is told
 SLIDING_FRAMES = 8  # over which accelerations asked for and missing are averaged
@@ -83,7 +84,7 @@ class Identifier:
         self._believed = np.array([0, EFFORT, EFFORT, creep, softness * creep, FRICTION * friction, 0, lag])
         self.motion = Motion(np.tile(self._believed, (n, 1)), geometry)
         below, above = min(REACH_FRAMES[0], delay_frames), REACH_FRAMES[1]
-        self.longest = delay_frames + above + 3
+        self.longest = delay_frames + above + 4
         self._lowest = np.array([-0.2, 0.85, 0.85, 0, 0, 0, -below, LEAST_LAG_S])
         self._highest = np.array([0.2, 1.9, 1.9, 0.2, 0.35, 0.15, above, 0.1])
 
@@ -145,10 +146,10 @@ class Identifier:
             sent: commands up to the frame before, `longest` of them at least.
         """
         period, law, ahead = self._period, self.motion, np.exp(1j * heading)
-        acting, older = self._acted(sent)
+        acting, per_frame = self._acted(sent)
         arrived = acting * self._turned()
         step = law.step(self.velocity, arrived + self.push, ahead, period)
-        self.variance = self._passed(step, arrived, older - acting, ahead)
+        self.variance = self._passed(step, arrived, per_frame, ahead)
         asked = (plane(step.velocity) * ahead - self.velocity) / period
         self.position = self.position + plane(step.moved) * ahead
         self.velocity = plane(step.velocity) * ahead
@@ -163,13 +164,19 @@ class Identifier:
         return np.exp(-1j * self.motion.parameters[:, motion.COMPASS])
 
     def _acted(self, sent: CommandsInFlight) -> tuple[Plane, Plane]:
-        """Commands (n,) that acted in the frame just past, on its average, and those sent a frame before them."""
-        commands = sent.last(self.longest)
-        acting, older = (
-            (sent.acted(latency[:, None])[-self.longest :] * commands).sum(0)
-            for latency in (self.latency, self.latency + 1)
+        """Commands (n,) that acted in the frame just past, on its average, and how they change per frame of latency.
+
+        The change is that over as much as is not known of the latency: how commands jump from one frame to the next
+        tells nothing of a robot that answers some frames sooner or later.
+        """
+        latency, commands = self.latency, sent.last(self.longest)
+        spread = np.clip(self.sigma[:, motion.LATENCY], *SPREAD_FRAMES)
+        sooner, later = np.maximum(latency - spread, 0.0), latency + spread
+        acting, early, late = (
+            plane((sent.acted(frames[:, None])[-self.longest :] * commands)[..., :2].sum(0))
+            for frames in (latency, sooner, later)
         )
-        return plane(acting[:, :2]), plane(older[:, :2])
+        return acting, (late - early) / (later - sooner)
 
     def _passed(self, step: motion.Step, arrived: Plane, later: Plane, ahead: Plane) -> Array:
         """The variance (n, 14, 14) after a step, to first order.
