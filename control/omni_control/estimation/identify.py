@@ -28,6 +28,7 @@ LATENCY_FRAMES = 2.0  # standard deviation of what the dead time is told wrong b
 LAG_SHARE, LAG_SIGMA = 0.75, 0.5  # lag forward of the mean over all directions; relative
 ACCELERATION_M_S2 = 0.35  # standard deviation of what the law does not know of v'
 PUSH_M_S, PUSH_S = 0.02, 0.5  # standard deviation of b, and the time after which it is forgotten
+NOISE_FRAMES, ROUGHEST = 60.0, 25.0  # over which the noise of vision is averaged; of a frame, relative
 SURPRISE_FRAMES = 10  # over which it is averaged
 MOST_SURPRISED = 30.0
 SPREAD_FRAMES = 0.5, 2.0  # of latencies, over which the change of commands is taken
@@ -79,7 +80,9 @@ class Identifier:
         self.velocity: Plane = np.zeros(n, complex)
         self.push: Plane = np.zeros(n, complex)
         self._softness = softness = motion.softness(geometry)
-        self._period, self._delay, self._noise = period, delay_frames, max(noise, 1e-4) ** 2
+        self._period, self._delay, self._told = period, delay_frames, max(noise, 1e-4) ** 2
+        self.noise = np.full(n, self._told)
+        self._last: list[Plane] = [np.full(n, np.nan, complex)] * 3
         lag = max(LAG_SHARE * lag, LEAST_LAG_S)
         self._believed = np.array([0, EFFORT, EFFORT, creep, softness * creep, FRICTION * friction, 0, lag])
         self.motion = Motion(np.tile(self._believed, (n, 1)), geometry)
@@ -110,7 +113,7 @@ class Identifier:
         self._forget = belief * np.outer(renewed, renewed)
         self._restless = np.array([ACCELERATION_M_S2 * period, PUSH_M_S * np.sqrt(1 - self._keep_push**2)]) ** 2
         self.variance = np.zeros((n, STATES, STATES))
-        self.variance[:, [0, 1], [0, 1]] = self._noise
+        self.variance[:, [0, 1], [0, 1]] = self._told
         self.variance[:, 6:, 6:] = belief
         self.surprise, self.sliding = np.ones(n), np.zeros(n)
         self._asked: Plane = np.zeros(n, complex)
@@ -156,6 +159,7 @@ class Identifier:
         self.push = self._keep_push * self.push
         law.parameters = self._believed + self._keep * (law.parameters - self._believed)
         unaided = self.velocity
+        self._doubt(measured)
         self._correct(measured)
         self._feel(asked, (unaided - self.velocity) / period)
 
@@ -230,13 +234,24 @@ class Identifier:
         ends = np.exp(-self._period / ENDS_S)
         self.sliding = np.where(slides, self.sliding + (1 - self.sliding) / BEGINS_FRAMES, ends * self.sliding)
 
+    def _doubt(self, measured: Plane) -> None:
+        """Find how large the noise of vision is, by third differences of positions (n,), which motion hardly shows in.
+
+        Of white noise their variance is 20 times its own; of an acceleration that jumps by 5 m/s^2 they are 1.4 mm.
+        """
+        before = self._last
+        rough = np.abs(measured - 3 * before[0] + 3 * before[1] - before[2]) ** 2 / 40
+        change = (np.minimum(rough, ROUGHEST * self.noise) - self.noise) / NOISE_FRAMES
+        self.noise = self.noise + np.where(np.isnan(rough), 0.0, change)
+        self._last = [measured, *before[:2]]
+
     def _correct(self, measured: Plane) -> None:
         """Correct all states by the positions (n,) that vision reports, one axis after the other."""
-        seen = ~np.isnan(measured)
+        seen, noise = ~np.isnan(measured), np.maximum(self.noise, self._told)
         innovation = pairs(np.where(seen, measured, self.position) - self.position)
         variance, state, surprise = self.variance, np.zeros((len(measured), STATES)), np.zeros(len(measured))
         for axis in range(2):
-            weight = np.where(seen, 1 / (variance[:, axis, axis] + self._noise), 0.0)
+            weight = np.where(seen, 1 / (variance[:, axis, axis] + noise), 0.0)
             gain, left = weight[:, None] * variance[:, :, axis], innovation[:, axis] - state[:, axis]
             surprise += weight * left**2 / 2
             state += gain * left[:, None]
