@@ -67,10 +67,14 @@ class AdaptiveCompFlc(Flc):
         commands = sent.last(count)
         durations, across, turns = left * self.told.period, plane(commands[..., :2]), commands[..., 2]
         for duration, command, turn in zip(durations, across, turns, strict=True):
-            later, rate = turning.step(heading, rate, turn, duration)
+            acts = (
+                duration > 0
+            )  # not on robots that answer sooner than others, which nothing may touch, not even rounding
+            later, faster = turning.step(heading, rate, turn, duration)
             middle = np.exp(0.5j * (heading + later))
-            position, velocity = plant.step(position, velocity, command, middle, duration[:, None])
-            heading = later
+            moved, gained = plant.step(position, velocity, command, middle, duration[:, None])
+            heading, rate = np.where(acts, later, heading), np.where(acts, faster, rate)
+            position, velocity = np.where(acts, moved, position), np.where(acts, gained, velocity)
         return position, velocity, heading
 
     def _wanted(self, frame: int, position: Plane, velocity: Plane, heading: Array) -> Array:

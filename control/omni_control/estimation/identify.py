@@ -27,9 +27,12 @@ FRICTION, FRICTION_SIGMA = 0.8, 0.4  # of what it is told to be at most
 LATENCY_FRAMES = 2.0  # standard deviation of what the dead time is told wrong by
 LAG_SHARE, LAG_SIGMA = 0.75, 0.5  # lag forward of the mean over all directions; relative
 ACCELERATION_M_S2 = 0.35  # standard deviation of what the law does not know of v'
+UNKNOWN_SHARE = 0.3  # same, of the acceleration that it asks for; all of it where wheels slide
 PUSH_M_S, PUSH_S = 0.02, 0.5  # standard deviation of b, and the time after which it is forgotten
+NOISE_FRAMES, ROUGHEST = 60.0, 25.0  # over which the noise of vision is averaged; of a frame, relative
 SURPRISE_FRAMES = 10  # over which it is averaged
 MOST_SURPRISED = 30.0
+SPREAD_FRAMES = 0.5, 2.0  # of latencies, over which the change of commands is taken
 EVIDENT_M_S = 0.1  # below it a robot may be held by dry friction and shows nothing of its parameters
 REACH_FRAMES = 4, 5  # how far the latency may be below and above what it is told
 SLIDING_FRAMES = 8  # over which accelerations asked for and missing are averaged
@@ -78,12 +81,14 @@ class Identifier:
         self.velocity: Plane = np.zeros(n, complex)
         self.push: Plane = np.zeros(n, complex)
         self._softness = softness = motion.softness(geometry)
-        self._period, self._delay, self._noise = period, delay_frames, max(noise, 1e-4) ** 2
+        self._period, self._delay, self._told = period, delay_frames, max(noise, 1e-4) ** 2
+        self.noise = np.full(n, self._told)
+        self._last: list[Plane] = [np.full(n, np.nan, complex)] * 3
         lag = max(LAG_SHARE * lag, LEAST_LAG_S)
         self._believed = np.array([0, EFFORT, EFFORT, creep, softness * creep, FRICTION * friction, 0, lag])
         self.motion = Motion(np.tile(self._believed, (n, 1)), geometry)
         below, above = min(REACH_FRAMES[0], delay_frames), REACH_FRAMES[1]
-        self.longest = delay_frames + above + 3
+        self.longest = delay_frames + above + 4
         self._lowest = np.array([-0.2, 0.85, 0.85, 0, 0, 0, -below, LEAST_LAG_S])
         self._highest = np.array([0.2, 1.9, 1.9, 0.2, 0.35, 0.15, above, 0.1])
 
@@ -111,7 +116,7 @@ class Identifier:
         self._restless = np.repeat(restless, 2)  # of velocity and push
         self._kept = np.concatenate([[1, 1, 0, 0], [self._keep_push] * 2, self._keep])  # of each state, by itself
         self.variance = np.zeros((n, STATES, STATES))
-        self.variance[:, [0, 1], [0, 1]] = self._noise
+        self.variance[:, [0, 1], [0, 1]] = self._told
         self.variance[:, 6:, 6:] = belief
         self.surprise, self.sliding = np.ones(n), np.zeros(n)
         self._asked: Plane = np.zeros(n, complex)
@@ -147,16 +152,17 @@ class Identifier:
             sent: commands up to the frame before, `longest` of them at least.
         """
         period, law, ahead = self._period, self.motion, np.exp(1j * heading)
-        acting, older = self._acted(sent)
+        acting, per_frame = self._acted(sent)
         arrived = acting * self._turned()
         step = law.step(self.velocity, arrived + self.push, ahead, period)
-        self.variance = self._passed(step, arrived, older - acting, ahead)
+        self.variance = self._passed(step, arrived, per_frame, ahead)
         asked = (plane(step.velocity) * ahead - self.velocity) / period
         self.position = self.position + plane(step.moved) * ahead
         self.velocity = plane(step.velocity) * ahead
         self.push = self._keep_push * self.push
         law.parameters = self._believed + self._keep * (law.parameters - self._believed)
         unaided = self.velocity
+        self._doubt(measured)
         self._correct(measured)
         self._feel(asked, (unaided - self.velocity) / period)
 
@@ -165,11 +171,19 @@ class Identifier:
         return np.exp(-1j * self.motion.parameters[:, motion.COMPASS])
 
     def _acted(self, sent: CommandsInFlight) -> tuple[Plane, Plane]:
-        """Commands (n,) that acted in the frame just past, on its average, and those sent a frame before them."""
-        count = self.longest - 1
-        share, commands = sent.acted(self.latency[:, None])[-count:], sent.last(self.longest)[..., :2]
-        acting, older = (share * commands[1:]).sum(0), (share * commands[:-1]).sum(0)
-        return plane(acting), plane(older)
+        """Commands (n,) that acted in the frame just past, on its average, and how they change per frame of latency.
+
+        The change is that over as much as is not known of the latency: how commands jump from one frame to the next
+        tells nothing of a robot that answers some frames sooner or later.
+        """
+        latency, commands = self.latency, sent.last(self.longest)
+        spread = np.clip(self.sigma[:, motion.LATENCY], *SPREAD_FRAMES)
+        sooner, later = np.maximum(latency - spread, 0.0), latency + spread
+        acting, early, late = (
+            plane((sent.acted(frames[:, None])[-self.longest :] * commands)[..., :2].sum(0))
+            for frames in (latency, sooner, later)
+        )
+        return acting, (late - early) / (later - sooner)
 
     def _passed(self, step: motion.Step, arrived: Plane, later: Plane, ahead: Plane) -> Array:
         """The variance (n, 14, 14) after a step, to first order.
@@ -201,6 +215,8 @@ class Identifier:
         passed[:, 0:2, 2:], passed[:, 2:4, 2:] = both[0].swapaxes(1, 2), both[1].swapaxes(1, 2)
         variance: Array = passed @ self.variance @ passed.swapaxes(1, 2)
         restless = np.minimum(np.maximum(self.surprise, 1.0), MOST_SURPRISED)[:, None] * self._restless
+        doubted = (UNKNOWN_SHARE + self.sliding) / ACCELERATION_M_S2
+        restless[:, :2] *= (1 + doubted**2 * (change**2).sum(1))[:, None]
         variance.reshape(n, -1)[:, 2 * (STATES + 1) : 6 * (STATES + 1) : STATES + 1] += restless
         variance[:, 6:, 6:] += self._forget
         return variance
@@ -220,13 +236,24 @@ class Identifier:
         ends = np.exp(-self._period / ENDS_S)
         self.sliding = np.where(slides, self.sliding + (1 - self.sliding) / BEGINS_FRAMES, ends * self.sliding)
 
+    def _doubt(self, measured: Plane) -> None:
+        """Find how large the noise of vision is, by third differences of positions (n,), which motion hardly shows in.
+
+        Of white noise their variance is 20 times its own; of an acceleration that jumps by 5 m/s^2 they are 1.4 mm.
+        """
+        before = self._last
+        rough = np.abs(measured - 3 * before[0] + 3 * before[1] - before[2]) ** 2 / 40
+        change = (np.minimum(rough, ROUGHEST * self.noise) - self.noise) / NOISE_FRAMES
+        self.noise = self.noise + np.where(np.isnan(rough), 0.0, change)
+        self._last = [measured, *before[:2]]
+
     def _correct(self, measured: Plane) -> None:
         """Correct all states by the positions (n,) that vision reports, one axis after the other."""
-        seen = ~np.isnan(measured)
+        seen, noise = ~np.isnan(measured), np.maximum(self.noise, self._told)
         innovation = pairs(np.where(seen, measured, self.position) - self.position)
         variance, state, surprise = self.variance, np.zeros((len(measured), STATES)), np.zeros(len(measured))
         for axis in range(2):
-            weight = np.where(seen, 1 / (variance[:, axis, axis] + self._noise), 0.0)
+            weight = np.where(seen, 1 / (variance[:, axis, axis] + noise), 0.0)
             gain, left = weight[:, None] * variance[:, :, axis], innovation[:, axis] - state[:, axis]
             surprise += weight * left**2 / 2
             state += gain * left[:, None]

@@ -33,7 +33,6 @@ NAMES = ("compass", "effort", "effort", "creep", "creep", "friction", "latency",
 COMPASS, EFFORT, CREEP, FRICTION, LATENCY, LAG = 0, slice(1, 3), slice(3, 5), slice(5, 6), 6, slice(7, 8)
 COUNT = len(NAMES)
 
-SLOW_M_S = 0.1  # below it, the command tells more of the direction in which friction acts than the velocity does
 RUBBED_M_S = 0.05  # speed from which dry friction is all there
 STARTING_M_S = 0.01  # same, of a motion that is asked for: it must be overcome before there is any
 
@@ -112,7 +111,11 @@ class Motion:
         effort = self.effort
         lag = self.lag(speed) / effort
         decay = np.exp(-duration / lag)
-        rubbing = self._rubbing(v, u, speed)
+        gained = (1 - decay) / effort
+        rubbed = self._friction * self._gives
+        free = decay * v + gained * u  # velocity at the end, which friction stops, but does not turn back
+        size = np.maximum(np.sqrt((free**2).sum(1))[:, None], np.maximum(RUBBED_M_S, gained * rubbed))
+        rubbing = self._gives * free / size
         final = (u - self._friction * rubbing) / effort
         excess, carried = v - final, (1 - decay) * lag
         return Step(duration * final + excess * carried, final + excess * decay, decay, carried, rubbing)
@@ -128,12 +131,6 @@ class Motion:
         decay = np.exp(-duration * effort / self.lag(np.abs(before)))
         towards = pairs(mean * back) / np.maximum(np.abs(mean), STARTING_M_S)[..., None]
         return plane((later - decay * v) * effort / (1 - decay) + self._friction * self._gives * towards) * heading
-
-    def _rubbing(self, velocity: Array, command: Array, speed: Array) -> Array:
-        """Against what dry friction acts (n, 2): the motion, or what a robot that hardly moves is told to do."""
-        towards = velocity + command * np.maximum(0.0, 1 - speed / SLOW_M_S)[:, None]
-        size = np.sqrt((towards**2).sum(1))
-        return self._gives * towards / np.maximum(size, RUBBED_M_S)[:, None]
 
 
 def softness(geometry: Kinematics | None) -> float:
