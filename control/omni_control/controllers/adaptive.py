@@ -67,9 +67,7 @@ class AdaptiveCompFlc(Flc):
         commands = sent.last(count)
         durations, across, turns = left * self.told.period, plane(commands[..., :2]), commands[..., 2]
         for duration, command, turn in zip(durations, across, turns, strict=True):
-            acts = (
-                duration > 0
-            )  # not on robots that answer sooner than others, which nothing may touch, not even rounding
+            acts = duration > 0  # not on robots that answer sooner than others: not even rounding may touch them
             later, faster = turning.step(heading, rate, turn, duration)
             middle = np.exp(0.5j * (heading + later))
             moved, gained = plant.step(position, velocity, command, middle, duration[:, None])
