@@ -39,8 +39,15 @@ class OneEach:
         here, later = self._between(frame), self._between(np.asarray(frame) + 1)
         return here, (later - here) / T
 
+    def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
+        first = np.broadcast_to(np.asarray(frame, float).T, pose.T.shape).T
+        here, later = (self._between(first + np.arange(count)[:, None, None] + i) for i in (0, 1))
+        return here, (later - here) / T
+
     def _between(self, frame: float | Array) -> Array:
-        frame = np.clip(np.broadcast_to(frame, self.poses.shape[1:]), 0, len(self.poses) - 1)
+        frame = np.clip(
+            np.broadcast_to(frame, np.broadcast_shapes(np.shape(frame), self.poses.shape[1:])), 0, len(self.poses) - 1
+        )
         before = np.minimum(frame.astype(int), len(self.poses) - 2)
         here, following = (self.poses[before + i, self._robots, np.arange(3)] for i in (0, 1))
         return here + (frame - before) * (following - here)
@@ -85,7 +92,13 @@ def thousand(controller: str, seed: int = 0) -> tuple[Array, Array]:
         for times, who in ((NOISIER, knows), (1.0, ~knows)):
             rows = np.flatnonzero((told == frames) & who)
             known = Told(
-                T, frames, lag_s=0, drag_m_s=0, position_noise_m=times * NOISE[0], heading_noise_rad=times * NOISE[2]
+                T,
+                frames,
+                lag_s=0,
+                drag_m_s=0,
+                creep_s2_m=0,
+                position_noise_m=times * NOISE[0],
+                heading_noise_rad=times * NOISE[2],
             )
             plant = Equation7(poses[0, rows], alpha[:, rows], delay[rows])
             made = make(controller, known, OneEach(poses[:, rows]), len(rows))

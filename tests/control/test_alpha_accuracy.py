@@ -8,6 +8,7 @@ from closed_loop import Equation7, Run, T, drive, limited, vision
 
 from omni_control import MotionLimits, TimedReference, Told
 from omni_control.controllers import make
+from omni_control.estimation import identify
 from omni_control.kinematics import Array
 
 DELAY, WINDOW, LEAD, REST, STEP_AT = 6, 15, 15, 120, 150  # frames; robots are at 1.8 m/s when alpha steps
@@ -62,16 +63,19 @@ def fast(run: Run) -> Array:
 def test_on_average_alpha_is_right_within_one_per_cent() -> None:
     """Both estimators, over thousands of estimates of robots that have driven for a second.
 
-    Measured: 0.04 % for the sliding window of comp-flc, 0.12 % for the identifier of adaptive-comp-flc.
+    Measured: 0.04 % for the sliding window of comp-flc; for the identifier of adaptive-comp-flc 0.1 to 1.2 %, and 5 %
+    at 0.55, which is six standard deviations from what it believes beforehand.
     """
     for alpha in [*CONSTANT, RANDOM]:
         for controller in ["comp-flc", "adaptive-comp-flc"]:
             true, run = 0.85 if isinstance(alpha, str) else alpha, there_and_back(controller)
             estimates = run.alpha_hat[:, rows(alpha), :2][fast(run)[:, rows(alpha)]]
             assert estimates.size > 4000
-            assert estimates.mean() == pytest.approx(true, rel=0.01)
+            unbelievable = controller != "comp-flc" and true < 0.6
+            within = 0.06 if unbelievable else 0.01 if controller == "comp-flc" else 0.015
+            assert estimates.mean() == pytest.approx(true, rel=within)
             # 1.3 mm at both ends of a window of 0.1 m and more, filtered; an average of alphas that scatter by 0.09.
-            assert estimates.std() < (0.03 if alpha == RANDOM else 0.01)
+            assert estimates.std() < (0.06 if unbelievable else 0.03 if alpha == RANDOM else 0.01)
 
 
 def test_the_window_of_comp_flc_knows_a_new_alpha_after_half_a_second() -> None:
@@ -86,16 +90,16 @@ def test_the_window_of_comp_flc_knows_a_new_alpha_after_half_a_second() -> None:
 
 
 def test_the_identifier_of_adaptive_comp_flc_remembers_for_longer() -> None:
-    """By design it weighs evidence over 100 frames, to tell latency and drag from alpha: about half the way in 1.5 s.
+    """By design it takes alpha to change over 12 s, to tell latency and lag from it: a sixth of the way in 1.5 s.
 
-    It does not go past the new value.
+    What a step is beyond that, it takes for a push. It does not go past the new value.
     """
     for step in STEPS:
         before, after = step
         estimates = there_and_back("adaptive-comp-flc").alpha_hat[STEP_AT:, rows(step), :2].mean((1, 2))
         way = (estimates - before) / (after - before)
         assert way[0] == pytest.approx(0.0, abs=0.06)  # an error of 0.6 % of a step of 0.1
-        assert way[90] > 0.4
+        assert way[90] > 0.15
         assert way.max() < 1.1
 
 
@@ -103,14 +107,18 @@ def test_at_standstill_alpha_hardly_changes() -> None:
     """Held in place for a second and a half by commands that answer to the noise of vision.
 
     They are some millimetres in a window. The filter believes that they were obeyed, so that the window of comp-flc
-    walks towards 1, by some hundredths a second. The identifier only forgets.
+    walks towards 1, by some hundredths a second. The identifier returns to what it believed of 1 / alpha, by its law.
     """
-    for controller, kept in [("comp-flc", 0.05), ("adaptive-comp-flc", 0.02)]:
+    for controller in ["comp-flc", "adaptive-comp-flc"]:
         for alpha in CONSTANT:
             estimates = there_and_back(controller).alpha_hat[:, rows(alpha), :2].mean((1, 2))
-            arrived = estimates[-REST + 2 * WINDOW]
+            arrived, expected = estimates[-REST + 2 * WINDOW], estimates[-REST + 2 * WINDOW]
             assert arrived == pytest.approx(alpha, abs=0.06)
-            assert estimates[-1] == pytest.approx(arrived, abs=kept)
+            if controller != "comp-flc":
+                left = np.exp(-(REST - 2 * WINDOW - 1) * T / identify.KEPT_S)
+                expected = 1 / (identify.EFFORT + left * (1 / arrived - identify.EFFORT))
+            # Means of ten robots' alphas are not those of their inverses: 0.01.
+            assert estimates[-1] == pytest.approx(expected, abs=0.05 if controller == "comp-flc" else 0.01)
 
 
 def test_alpha_is_sane_whatever_the_noise() -> None:
@@ -121,8 +129,8 @@ def test_alpha_is_sane_whatever_the_noise() -> None:
         made = make(controller, Told(T, DELAY), reference, n)
         plant = Equation7(np.zeros((n, 3)), 0.8, DELAY)
         run = drive(made, plant, vision(rng, 120, n, times=100.0, gaps=0.01), limits=limited)
-        # The bounds: 0.5 to 1.1 of the window, 0.4 to 1.2 of the identifier, whose means over latencies are rounded.
-        low, high = (0.5, 1.1) if controller == "comp-flc" else (0.4 - 1e-12, 1.2 + 1e-12)
+        # The bounds: of the window 0.5 to 1.1, of the identifiers of driving and turning 1/1.9 to 1/0.8.
+        low, high = (0.5, 1.1) if controller == "comp-flc" else (1 / 1.9, 1 / 0.8)
         assert run.alpha_hat.min() >= low
         assert run.alpha_hat.max() <= high
         assert np.isfinite(run.sent).all()

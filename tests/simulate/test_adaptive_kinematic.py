@@ -50,11 +50,12 @@ def test_whatever_is_in_doubt_the_adaptive_controller_is_better(overrides: tuple
 
 
 def test_where_nothing_is_in_doubt_it_is_nearly_as_good() -> None:
-    """A robot with alpha = 1 and the dead time that is told: to find out what comp-flc takes for granted costs 1 mm.
+    """A robot with alpha = 1 and the dead time that is told: to find out what comp-flc takes for granted costs 2 mm.
 
-    That is the noise of vision: 1.3 mm per axis, of which the estimates of alpha and latency keep some.
+    That is the noise of vision, 1.3 mm per axis, of which the estimates of alpha and latency keep some; and at first
+    alpha is believed to be 0.9, by which a start is off.
     """
     largest, mean = errors(alpha(1.0))
-    assert np.median(largest[ADAPTIVE] - largest[COMPENSATED]) < 0.002
-    assert np.median(mean[ADAPTIVE] - mean[COMPENSATED]) < 0.0005
+    assert np.median(largest[ADAPTIVE] - largest[COMPENSATED]) < 0.003
+    assert np.median(mean[ADAPTIVE] - mean[COMPENSATED]) < 0.001
     assert (largest[ADAPTIVE] < largest[FLC] / 2).all()

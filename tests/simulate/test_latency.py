@@ -17,7 +17,7 @@ from omni_mj.measure.response import Profile, measure
 from omni_mj.scenarios.settings import Settings
 
 TOLD, LEAD = 6, 15
-DELAYS = (2, 3, 4, 6, 8, 10, 12)
+DELAYS = (2, 3, 4, 6, 8, 10)  # told up to 4 frames wrong: no more is thought possible
 AFTER_TWO_SECONDS = LEAD + 120
 AHEAD, ASIDE = 0, 1
 LEGS = {AHEAD: "[[-1, -0.75, 0], [1, -0.75, 0]]", ASIDE: "[[-1, -0.75, 0], [-1, 1.25, 0]]"}
@@ -25,9 +25,9 @@ CONSTANT = ("kinematic.alpha_low=0.85", "kinematic.alpha_high=0.85")
 ANEW = ("kinematic.alpha_time_s=0",)  # the default of the setting: uniform in [0.7, 1], new in every frame
 LASTING = ()  # as in the scenario: the same distribution, lasting for 10 s
 RIGID, CREEPING = 1000.0, Settings().drive.creep_stiffness  # of wheels that hardly creep, and as they are
+SLIP = 0.068, 0.103  # s^2/m, of the default robot, by the fits of TIGERs Mannheim (docs/slip.md)
 SPEEDS = np.array([0.5, 1.0])  # m/s
 PROFILES = [Profile(speed, 2.0) for speed in SPEEDS]  # at 3 m/s^2 aside, stiff wheels slide where they bear least
-TOP_SPEED = 1.29  # m/s, of the two seconds
 MUJOCO = ("wheels.model=two-rollers",)  # 0.4 of the cost; finds what full wheels do to 0.02 frames
 
 
@@ -52,27 +52,27 @@ def errors_on_the_kinematic_plant(alpha: tuple[str, ...]) -> NDArray:
     return np.array([found(drive("kinematic", delay, AHEAD, 30, alpha), AHEAD) - delay for delay in DELAYS])
 
 
-@pytest.mark.parametrize(("alpha", "share"), [(CONSTANT, 1.0), (ANEW, 0.87), (LASTING, 0.65)])
-def test_on_the_kinematic_plant_the_dead_time_is_found_within_half_a_frame(
-    alpha: tuple[str, ...], share: float
-) -> None:
-    """The median of 30 seeds at each dead time in any case, and most of all seeds, by what alpha does.
+@pytest.mark.parametrize("alpha", [CONSTANT, ANEW, LASTING])
+def test_on_the_kinematic_plant_the_dead_time_is_found(alpha: tuple[str, ...]) -> None:
+    """Told wrong by up to two frames, within half a frame in the median of 30 seeds, by up to four, within one.
 
-    Of 100 seeds, all are within half a frame where alpha is constant (0.7, 0.85 or 1; 90 % within a sixth), 92 % where
-    it is new in every frame, and 71 % where it lasts for 10 s: an alpha that changes while a robot speeds up looks
-    like a latency. Shares of 210 spread by 3 %.
+    Of all seeds nine in ten are within a frame, whatever alpha does: one that changes while a robot speeds up looks
+    like a latency. Shares of 180 spread by 2 %.
     """
     error = errors_on_the_kinematic_plant(alpha)
-    assert np.abs(np.median(error, axis=1)).max() < 0.5
-    assert (np.abs(error) < 0.5).mean() >= share
+    medians = np.abs(np.median(error, axis=1))
+    assert medians.max() < 0.8
+    assert medians[[abs(delay - TOLD) <= 2 for delay in DELAYS]].max() < 0.5
+    assert (np.abs(error) < 1.0).mean() > 0.86
 
 
-def test_nothing_is_left_of_the_guess() -> None:
-    """From 4 frames too few to 6 too many: the latency found is no nearer to the one told where that is far off."""
+def test_little_is_left_of_the_guess() -> None:
+    """Whose standard deviation is 1.2 frames, against that of two seconds of evidence, 0.3 to 0.45.
+
+    It weighs 0.3^2 / (0.3^2 + 1.2^2) = 6 % to 12 %.
+    """
     medians = np.median(errors_on_the_kinematic_plant(CONSTANT), axis=1)
-    slope = np.polyfit(DELAYS, medians, 1)[0]
-    # A guess that weighed a tenth would leave -0.1; 7 medians of 30 errors of 0.1 frames spread by 0.003 a frame.
-    assert abs(slope) < 0.02
+    assert -0.13 < np.polyfit(DELAYS, medians, 1)[0] < 0.0
 
 
 @pytest.mark.parametrize("jitter", [1, 2, 3])
@@ -148,22 +148,17 @@ def _loads_and_cosines(axis: int) -> tuple[NDArray, NDArray]:
     return loads, np.abs([np.sin(azimuths), np.cos(azimuths)][axis])
 
 
-@pytest.mark.parametrize("delay", [2, 6, 12])
 @pytest.mark.parametrize("axis", [AHEAD, ASIDE])
-def test_on_wheels_that_hardly_creep_dead_time_and_lag_are_found_within_half_a_frame(axis: int, delay: int) -> None:
-    """The effective latency: the dead time, and the lag of driving, of which 1.2 are told."""
-    expected = delay + responses(axis, RIGID)[1].mean()
-    rigid = (*MUJOCO, f"drive.creep_stiffness={RIGID}")
-    error = found(drive("mujoco", delay, axis, 5, rigid), axis) - expected
-    assert abs(np.median(error)) < 0.5
-    assert np.abs(error).max() < 1.0
+def test_on_wheels_that_creep_dead_time_and_creep_are_told_apart(axis: int) -> None:
+    """The latency is that of wheels that do not creep, half a frame; creep what `omni-mj slip` finds, within 25 %.
 
-
-@pytest.mark.parametrize("axis", [AHEAD, ASIDE])
-def test_on_wheels_that_creep_one_latency_is_found_for_a_lag_that_grows_with_speed(axis: int) -> None:
-    """It lies between the lag of standstill and T g v more, that at the highest speed; there is no single true one."""
-    without = responses(axis, RIGID)[1].mean()
-    gain = responses(axis, CREEPING)[0].max()
-    latency = found(drive("mujoco", TOLD, axis, 5, MUJOCO), axis) - TOLD
-    assert (latency > without + 0.5).all()
-    assert (latency < without + _creep_time(axis) * gain**2 * TOP_SPEED / FRAME_S).all()
+    And both, in most of five seeds, within two and a half of the standard deviations that the identifier gives.
+    """
+    lag, creep = responses(axis, RIGID)[1].mean(), SLIP[axis]
+    trajectory = drive("mujoco", TOLD, axis, 5, MUJOCO)
+    late = found(trajectory, axis) - TOLD - lag
+    slip, unsure = (trajectory.channel(name)[-1, 0, :, axis] for name in ("own_creep", "own_creep_sigma"))
+    assert np.abs(late).max() < 0.5
+    np.testing.assert_allclose(slip, creep, rtol=0.25)
+    assert np.median(np.abs(slip - creep) / unsure) < 2.5
+    assert np.median(np.abs(late) / trajectory.channel("own_latency_sigma")[-1, 0, :, 0]) < 2.5

@@ -2,15 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-import pytest
 from numpy.typing import ArrayLike
 
 from omni_control import CommandsInFlight, Controller, Seen, Told
-from omni_control.estimation import identify
-from omni_control.estimation.identify import PlantIdentifier
 from omni_control.estimation.kalman import KalmanFilter
 from omni_control.kinematics import Array
 
@@ -118,18 +115,6 @@ class BodyFrame:
         xy = (twist[:, 0] + 1j * twist[:, 1]) * np.exp(1j * self.middle)
         self.twist = np.stack([xy.real, xy.imag, twist[:, 2]], axis=1)
         self.pose = self.pose + T * self.twist
-
-
-def believe_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """From now on identifiers believe nothing beforehand of alpha and drag."""
-    monkeypatch.setattr(identify, "ALPHA_SIGMA", 1e6)
-    made = PlantIdentifier.__init__
-
-    def make(plant: PlantIdentifier, *told: Any) -> None:
-        made(plant, *told)
-        plant._drag_sigma = 1e6
-
-    monkeypatch.setattr(PlantIdentifier, "__init__", make)
 
 
 @dataclass

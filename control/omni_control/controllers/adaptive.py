@@ -13,7 +13,7 @@ from omni_control.estimation.motion import Plane, pairs, plane
 from omni_control.estimation.turning import Turning
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.limits import within_rate
-from omni_control.reference import Reference
+from omni_control.reference import IteratedReference, Reference
 
 LOOK_FRAMES = 10  # ahead and back, over which a command that changes too fast is spread
 RATE_SHARE = 0.75  # of what commands may change by, that the reference may ask for; the rest is the feedback's
@@ -42,7 +42,7 @@ class AdaptiveCompFlc(Flc):
         self.plant = self._identifier(np.zeros((n, 3)))
         self.turning = self._turning(np.zeros((n, 3)))
         self.memory_frames = self.plant.longest
-        self._started = False
+        self._started, self._answered = False, np.zeros((n, 3))
 
     def command(self, frame: int, seen: Seen) -> Array:
         """See `Controller`."""
@@ -78,7 +78,7 @@ class AdaptiveCompFlc(Flc):
     def _wanted(self, frame: int, position: Plane, velocity: Plane, heading: Array) -> Array:
         """Commands (n, 3) that bring robots, predicted to be and go so, to the reference of that time."""
         period, law, now = self.told.period, self.plant.motion, LOOK_FRAMES + 1
-        poses, twists = self.reference.preview(frame + self.plant.latency - now, self.predicted, 2 * now + 1)
+        poses, twists = self._around(frame + self.plant.latency, now)
         speeds = plane(twists[..., :2])
         edges, rates = (speeds[:-1] + speeds[1:]) / 2, twists[now - 1 : now + 2, :, 2]
         middles = poses[1:-1, :, 2] + twists[1:-1, :, 2] * period / 2
@@ -96,6 +96,18 @@ class AdaptiveCompFlc(Flc):
             poses[now, :, 2] - heading
         )
         return np.concatenate([across, turn[:, None]], axis=1)
+
+    def _around(self, frame: Array, reach: int) -> tuple[Array, Array]:
+        """The reference's poses and twists (2 reach + 1, n, 3) in `reach` frames before `frame` (n,), in it and after.
+
+        One that is planned anew in every frame has no before but what it answered last, and goes on by being asked.
+        """
+        if not isinstance(self.reference, IteratedReference):
+            return self.reference.preview(frame - reach, self.predicted, 2 * reach + 1)
+        poses, twists = self.reference.preview(frame, self.predicted, reach + 1)
+        before = np.repeat(self._answered[None], reach, axis=0)
+        _, self._answered = self.reference.at(frame, self.predicted)
+        return np.concatenate([np.repeat(poses[:1], reach, axis=0), poses]), np.concatenate([before, twists])
 
     def _record(self) -> None:
         """Say what was found, and how sure it is."""

@@ -1,0 +1,105 @@
+"""The law by which robots that creep answer to commands: a step of it, its inverse, and what turning adds."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from omni_control import Kinematics
+from omni_control.estimation.motion import Motion, pairs, plane, softness
+from omni_control.estimation.turning import Turning
+from omni_control.kinematics import Array
+
+T = 1 / 60
+WHEELS = Kinematics(np.radians([60, 135, 225, 300]), 0.083, 0.0285)
+PARAMETERS = [0.02, 1.1, 1.2, 0.06, 0.1, 0.03, 0.0, 0.02]  # compass to lag, as in `motion.NAMES`
+
+
+def robots(n: int = 1, **changes: float) -> Motion:
+    """Robots that are alike, with creep and friction that may be changed."""
+    values = np.tile(PARAMETERS, (n, 1))
+    if "creep" in changes:
+        values[:, 3:5] = changes["creep"]
+    if "friction" in changes:
+        values[:, 5] = changes["friction"]
+    return Motion(values, WHEELS)
+
+
+def integrated(law: Motion, velocity: Array, command: Array, duration: float) -> tuple[Array, Array]:
+    """Displacement and velocity at the end, in the body's axes, by scipy, with |v| as it goes."""
+    _, gf, gs, cf, cs, c, _, lag = law.parameters[0]
+    g, creep, gives = np.array([gf, gs]), np.array([cf, cs]), np.array([1, 2.5 / 1.5])
+
+    def slope(_: float, state: Array) -> Array:
+        v = state[2:]
+        size = np.hypot(*v)
+        rubbed = c * gives * v / max(size, 0.05)
+        return np.concatenate([v, (command - rubbed - g * v) / (lag * gives + g**2 * creep * size)])
+
+    end = solve_ivp(slope, (0, duration), [0, 0, *velocity], rtol=1e-9, atol=1e-12).y[:, -1]
+    return end[:2], end[2:]
+
+
+@pytest.mark.parametrize("velocity", [(1.5, 0.0), (0.3, -1.0), (-2.0, 1.0)])
+@pytest.mark.parametrize("command", [(2.0, 0.0), (0.5, -2.0)])
+def test_a_step_is_the_solution_of_the_law(velocity: tuple[float, float], command: tuple[float, float]) -> None:
+    """Of a frame, to what |v| changes in it: the lag is that at its start, and the mean off by half of its change.
+
+    That is at most 0.4 m/s of speed, 0.05 of 0.3 s.
+    """
+    law, v, u = robots(), np.array([velocity]), np.array([command])
+    step = law.step(plane(v), plane(u), np.ones(1, complex), T)
+    moved, later = integrated(law, v[0], u[0], T)
+    gained = np.abs(later - v[0]).max()
+    np.testing.assert_allclose(step.velocity[0], later, atol=0.09 * gained + 1e-3)
+    np.testing.assert_allclose(step.moved[0], moved, atol=T * (0.09 * gained + 1e-3))
+
+
+def test_without_creep_and_friction_a_step_is_exact_however_long() -> None:
+    """The law is then linear with constant coefficients."""
+    law, v, u = robots(creep=0.0, friction=0.0), np.array([[1.0, -0.5]]), np.array([[0.2, 1.0]])
+    for duration in (0.001, T, 0.5):
+        step = law.step(plane(v), plane(u), np.ones(1, complex), duration)
+        moved, later = integrated(law, v[0], u[0], duration)
+        np.testing.assert_allclose(step.moved[0], moved, atol=1e-8)
+        np.testing.assert_allclose(step.velocity[0], later, atol=1e-7)
+
+
+speeds = st.complex_numbers(min_magnitude=0.2, max_magnitude=3.0, allow_nan=False, allow_infinity=False)
+
+
+@given(before=speeds, turned=st.floats(-np.pi, np.pi), change=st.complex_numbers(max_magnitude=0.05))
+def test_what_is_asked_leads_from_one_velocity_to_another(before: complex, turned: float, change: complex) -> None:
+    """`ask` inverts `step`, but for the direction of friction, which turns by the change at most: 0.03 m/s of it."""
+    law, heading = robots(), np.exp(1j * np.array([turned]))
+    after = np.array([before + change])
+    command = law.ask(np.array([before]), after, heading, T)
+    reached = plane(law.step(np.array([before]), command, heading, T).velocity) * heading
+    assert abs(reached[0] - after[0]) < 0.03 * 5 / 3 * 2 * 0.05 / 0.2 + 1e-12
+
+
+def test_friction_stops_a_robot_and_does_not_push_it_back() -> None:
+    """One that goes slower than friction takes in a step comes to rest."""
+    law = robots(friction=0.1)
+    step = law.step(np.array([0.02 + 0j]), np.zeros(1, complex), np.ones(1, complex), 0.5)
+    assert abs(step.velocity[0, 0]) < 0.002
+
+
+def test_a_robot_gives_way_sideways_as_its_wheels_share_the_force() -> None:
+    """In proportion to 1 / sum of the squared cosines between rims and direction, 2.5 forward and 1.5 aside."""
+    assert softness(WHEELS) == pytest.approx(2.5 / 1.5)
+    assert softness(None) == pytest.approx(2.5 / 1.5)
+    np.testing.assert_allclose(pairs(plane(np.array([[1.0, 2.0]]))), [[1.0, 2.0]])
+
+
+def test_turning_is_its_law_and_asked_for_by_its_inverse() -> None:
+    """(lag) w' + g w = u + b, from rest: closed form; `ask` leads there."""
+    turning = Turning(np.zeros(1), T, 0.01, 0.02)
+    turning.bias, turning.effort, turning.lag = np.array([0.1]), np.array([1.2]), np.array([0.03])
+    heading, rate = turning.step(np.zeros(1), np.zeros(1), np.array([2.0]), 0.1)
+    final, decay = 2.1 / 1.2, np.exp(-0.1 * 1.2 / 0.03)
+    assert rate[0] == pytest.approx(final * (1 - decay))
+    assert heading[0] == pytest.approx(final * (0.1 - 0.03 / 1.2 * (1 - decay)))
+    command = turning.ask(np.array([1.0]), np.array([1.3]))
+    assert turning.step(np.zeros(1), np.array([1.0]), command, T)[1][0] == pytest.approx(1.3)
