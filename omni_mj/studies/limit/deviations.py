@@ -48,7 +48,7 @@ class Deviations:
         """Those of a robot that follows its commands with a lag, and nothing more is known of."""
         keep = np.exp(-PERIOD_S / lag_s) if lag_s else 0.0
         slide = lag_s * (1 - keep) / PERIOD_S  # share of a frame's way that the speed before decides
-        push = np.array([1 - slide, slide - (1 - slide) * keep])
+        push = np.array([1 - slide, slide - keep])
         return cls(
             np.broadcast_to(keep * np.eye(3), (frames, 3, 3)),
             np.broadcast_to(push[:, None, None, None] * np.eye(3), (ORDER, frames, 3, 3)),

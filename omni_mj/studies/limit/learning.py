@@ -30,9 +30,10 @@ STEPS = (1.0, 0.5)  # shares of a planned change that are tried side by side
 SMALLEST_STEP = 1 / 64
 WEIGHTS = (0.1, 0.03, 0.01, 0.003)  # of the regulator: stiffer after an attempt that is better, softer if none was
 SOFTER = 4.0  # times the weight, for the smaller steps
-PROBE = np.array([0.05, 0.05, 0.25])  # by which commands are disturbed, m/s and rad/s ...
-PROBE_M = 0.02  # ... and less, to a fifth, where errors are smaller than that
-PROBED, PROBES = 3, 3  # so many attempts at the least, with so many rows each
+# By which commands are disturbed, m/s and rad/s. Less than half of it, and feedback on what is not foreseen would be
+# taken for cause and effect.
+PROBE = np.array([0.07, 0.07, 0.35])
+PROBED, PROBES = 2, 3  # so many attempts at the least, with so many rows each
 HELD = 0.5  # share of what was promised, below which deviations are told anew
 ENOUGH_M = 5e-5  # as good as what was promised
 HEADING_M = 0.01  # per rad: what a wrong heading counts beside the plane
@@ -109,9 +110,11 @@ class Learner:
             self.best[aim] = Best(asked, sent, poses, errors, np.full(robots, np.inf))
 
     def learn(self, attempts: int) -> None:
-        """Begin with what controllers do, and go on from there."""
+        """Begin with what controllers do, go on from there, and tell how robots depart from the best run."""
         self._be_taught()
+        self._explore()
         self._go_on(attempts)
+        self._explore()
 
     def learn_on(self, scenario: Scenario, attempts: int) -> None:
         """Go on with the same robots on other wheels, or the like."""
@@ -119,16 +122,18 @@ class Learner:
         for best in self.best.values():
             best.merit[:], best.step[:] = np.inf, 1.0
         self._judge(self._try(self._unchanged(), WEIGHTS[-1], 0, "own wheels"))
-        self._go_on(attempts, len(WEIGHTS))
+        self._go_on(attempts)
 
-    def _go_on(self, attempts: int, before: int = 0) -> None:
-        """Attempt after attempt, of which there were some `before`, until they gain nothing any more."""
-        idle, probe = 0, before == 0
-        for number in range(before, before + attempts):
+    def _explore(self) -> None:
+        """Tell from runs near the best, and from no others, how robots depart from it."""
+        self._told.clear()
+        self._try((self.best["max"].sent, self.best["max"].poses), WEIGHTS[0], PROBES, "departures")
+
+    def _go_on(self, attempts: int) -> None:
+        """Attempt after attempt, until they gain nothing any more."""
+        idle, first, probe = 0, len(self.history), len(self.history) == 1
+        for number in range(first, first + attempts):
             weight = WEIGHTS[self._stiffness]
-            if number == 0:  # nothing is known that could be planned with
-                self._try(self._unchanged(), WEIGHTS[0], PROBES, "attempt 0")
-                continue
             was = self._merits()
             planned, promised = self._planned()
             self._judge(self._try(planned, weight, PROBES if probe else 0, f"attempt {number}"))
@@ -184,8 +189,7 @@ class Learner:
 
     def _probes(self, shape: tuple[int, ...]) -> Array:
         """Random changes of commands, of two frames each."""
-        share = np.clip(self._merits()[0] / PROBE_M, 0.2, 1.0)
-        white = share * PROBE * self._random.standard_normal(shape)
+        white = PROBE * self._random.standard_normal(shape)
         white[1:] += white[:-1].copy()
         return white / np.sqrt(2)
 

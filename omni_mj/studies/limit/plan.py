@@ -29,6 +29,7 @@ RELAXED = 1.6  # Boyd et al., section 3.4.3
 # `rect` and `league`: ten times more or less cost a few per cent.
 PULL = {"max": (1.0, 2e-5, 2e-4, 2e-8), "mean": (1.0, 2e-4, 2e-3, 2e-8)}
 TINY_M = 1e-9
+_SCALE = np.array([1.0, 1.0, ARM_M])
 
 
 class Planner:
@@ -41,14 +42,14 @@ class Planner:
 
     def __init__(self, deviations: Deviations, limits: MotionLimits) -> None:
         frames = deviations.frames
-        self._scale = np.array([1.0, 1.0, ARM_M])
-        scale = sp.diags(np.tile(self._scale, frames))
-        back = sp.diags(np.tile(1 / self._scale, frames))
+        scale, back = (sp.diags(np.tile(by, frames)) for by in (_SCALE, 1 / _SCALE))
         poses, commands = deviations.operators()
-        self._poses, self._commands = scale @ poses @ back, scale @ commands @ back
-        self._change = sp.kron(sp.eye(frames) - sp.eye(frames, k=-1), sp.eye(3)).tocsc()
-        self._highest = limits.speed, limits.turn_rate * ARM_M
-        self._step = limits.acceleration * PERIOD_S, limits.turn_acceleration * ARM_M * PERIOD_S
+        self._poses, self._commands = (scale @ poses @ back).tocsc(), (scale @ commands @ back).tocsc()
+        self._limits = [
+            None,
+            (limits.speed, limits.turn_rate * ARM_M),
+            (limits.acceleration * PERIOD_S, limits.turn_acceleration * ARM_M * PERIOD_S),
+        ]
 
     def improve(self, errors: Array, commands: Array, aim: Aim) -> tuple[Array, Array]:
         """Plan for n runs.
@@ -63,107 +64,96 @@ class Planner:
         """
         from scipy.sparse.linalg import splu
 
-        frames, n, _ = errors.shape
-        shape = frames, n, 3
-        start, sent = ((values * self._scale).transpose(0, 2, 1).reshape(-1, n) for values in (errors, commands))
-        size = np.hypot(errors[..., 0], errors[..., 1])
-        typical = float(np.median(size.max(0) if aim == "max" else size.mean(0)))
-        share = 1 / max(typical, TINY_M)
+        start, sent = (np.ascontiguousarray((values * _SCALE).swapaxes(1, 2)) for values in (errors, commands))
+        frames, _, n = start.shape
+        size = np.hypot(start[:, 0], start[:, 1])
+        share = 1 / max(float(np.median(size.max(0) if aim == "max" else size.mean(0))), TINY_M)
         pull = share * np.array(PULL[aim])
-        system = self._system(pull)
-        solve = splu(system).solve
+        solve = splu(self._system(pull)).solve
 
-        changes = self._change @ sent
-        kept = [start.copy(), sent.copy(), changes.copy()]
-        owed = [np.zeros_like(start) for _ in kept]
-        change = moved = np.zeros_like(start)
+        # Errors, commands and their changes: as they follow from each other, and as they are liked or allowed.
+        base = [start, sent, _changes(sent)]
+        kept, owed = [values.copy() for values in base], [np.zeros_like(start) for _ in base]
+        right, change = np.zeros((frames, 3, 3, n)), np.zeros_like(start)
         for _ in range(STEPS):
-            wanted = [k - o for k, o in zip(kept, owed, strict=True)]
-            right = pull[1] * (wanted[1] - sent) + self._change.T @ (pull[2] * (wanted[2] - changes))
-            both = solve(_interleaved(right, pull[0] * (wanted[0] - start), np.zeros_like(start)))
-            change, moved = _apart(both)
-            reached = (start + moved, sent + change, changes + self._change @ change)
-            for i, now in enumerate(reached):
-                mixed = RELAXED * now + (1 - RELAXED) * kept[i] + owed[i]
-                vectors = mixed.reshape(frames, 3, n).transpose(0, 2, 1)
-                fixed = self._nearest(i, vectors, aim, share)
-                kept[i] = fixed.transpose(0, 2, 1).reshape(-1, n)
+            poses, speeds, changes = (k - o - b for k, o, b in zip(kept, owed, base, strict=True))
+            right[:, 0] = pull[1] * speeds + pull[2] * _changed(changes)
+            right[:, 1] = pull[0] * poses
+            both = solve(right.reshape(-1, n)).reshape(right.shape)
+            change = both[:, 0]
+            for i, now in enumerate((both[:, 1], change, _changes(change))):
+                mixed = RELAXED * (base[i] + now) + (1 - RELAXED) * kept[i] + owed[i]
+                kept[i] = self._nearest(i, mixed, aim, 1 / share)
                 owed[i] = mixed - kept[i]
-        planned = (sent + change).reshape(frames, 3, n).transpose(0, 2, 1)
-        planned = self._allowed(planned)
-        follow = splu(self._poses.tocsc()).solve
-        moved = follow(self._commands @ (planned.transpose(0, 2, 1).reshape(-1, n) - sent))
-        expected = (start + moved).reshape(frames, 3, n).transpose(0, 2, 1)
-        assert planned.shape == expected.shape == shape
-        return planned / self._scale, expected / self._scale
+        planned = self._allowed(sent + change)
+        moved = splu(self._poses).solve(self._commands @ (planned - sent).reshape(-1, n)).reshape(start.shape)
+        return planned.swapaxes(1, 2) / _SCALE, (start + moved).swapaxes(1, 2) / _SCALE
 
     def _system(self, pull: Array) -> sp.csc_matrix:
         """Conditions of the least, for changes, poses and multipliers of each frame side by side: a band."""
         size = self._poses.shape[0]
-        unit = sp.eye(size)
-        commands = (pull[3] + pull[1]) * unit + pull[2] * (self._change.T @ self._change)
+        unit, frames = sp.eye(size), size // 3
+        change = sp.kron(sp.eye(frames) - sp.eye(frames, k=-1), sp.eye(3))
+        commands = (pull[3] + pull[1]) * unit + pull[2] * (change.T @ change)
         blocks = [
             [commands, None, -self._commands.T],
             [None, pull[0] * unit, self._poses.T],
             [-self._commands, self._poses, None],
         ]
-        order = _order(size)
+        order = np.arange(3 * size).reshape(3, -1, 3).swapaxes(0, 1).ravel()
         return sp.bmat(blocks).tocsc()[order][:, order].tocsc()
 
-    def _nearest(self, which: int, vectors: Array, aim: Aim, share: float) -> Array:
-        """Errors that `aim` likes better, or commands or their changes that are allowed, near vectors (F, n, 3)."""
-        plane, turn = vectors[..., :2], vectors[..., 2:]
-        if which:
-            limits = self._highest if which == 1 else self._step
-            return np.concatenate([_within(plane, limits[0]), _within(turn, limits[1])], axis=-1)
-        shrink = _flatten if aim == "max" else _soften
-        return np.concatenate([shrink(plane, 1 / share), shrink(turn, 1 / share)], axis=-1)
+    def _nearest(self, which: int, vectors: Array, aim: Aim, by: float) -> Array:
+        """Errors that `aim` likes better, or commands or their changes that are allowed, near vectors (F, 3, n)."""
+        plane, turn = vectors[:, :2], vectors[:, 2:]
+        if limits := self._limits[which]:
+            return np.concatenate([_within(plane, limits[0]), _within(turn, limits[1])], axis=1)
+        shrink = flatten if aim == "max" else soften
+        return np.concatenate([shrink(plane, by), shrink(turn, by)], axis=1)
 
     def _allowed(self, commands: Array) -> Array:
-        """The commands (F, n, 3) as limits would let them pass; see `CommandLimits`."""
-        last, passed = np.zeros_like(commands[0]), np.empty_like(commands)
-        for k, wanted in enumerate(commands):
-            plane, turn = _within(wanted[..., :2], self._highest[0]), _within(wanted[..., 2:], self._highest[1])
-            step = np.concatenate([plane, turn], axis=-1) - last
-            step = np.concatenate([_within(step[..., :2], self._step[0]), _within(step[..., 2:], self._step[1])], -1)
-            passed[k] = last = last + step
+        """The commands (F, 3, n) as limits would let them pass; see `CommandLimits`."""
+        last, passed = np.zeros_like(commands[:1]), np.empty_like(commands)
+        for k in range(len(commands)):
+            wanted = self._nearest(1, commands[k : k + 1], "max", 0.0)
+            passed[k : k + 1] = last = last + self._nearest(2, wanted - last, "max", 0.0)
         return passed
 
 
-def _within(vectors: Array, length: float | Array) -> Array:
-    """Vectors (..., d), those that are longer cut to a length."""
-    return vectors * np.minimum(1.0, length / np.maximum(_size(vectors), 1e-300))
-
-
-def _soften(vectors: Array, by: float) -> Array:
-    """The proximal map of the sum of lengths: each shorter by as much."""
+def soften(vectors: Array, by: float) -> Array:
+    """The proximal map of the sum of lengths of vectors (F, d, n) over F: each is made shorter by as much."""
     return vectors * np.maximum(0.0, 1 - by / np.maximum(_size(vectors), 1e-300))
 
 
-def _flatten(vectors: Array, by: float) -> Array:
-    """The proximal map of the greatest length over the first axis: the longest are cut to one level, by `by` in all."""
+def flatten(vectors: Array, by: float) -> Array:
+    """The proximal map of the greatest length of vectors (F, d, n) over F: the longest are cut to one level.
+
+    What is cut off adds up to `by`.
+    """
     size = _size(vectors)
     falling = -np.sort(-size, axis=0)
-    count = np.arange(1, len(size) + 1).reshape(-1, *[1] * (size.ndim - 1))
-    levels = (np.cumsum(falling, axis=0) - by) / count
-    level = np.maximum(levels.max(0), 0.0)  # of all, the one that its own count of vectors reaches is the greatest
-    return _within(vectors, level)
+    levels = (np.cumsum(falling, axis=0) - by) / np.arange(1, len(size) + 1)[:, None, None]
+    return _within(vectors, np.maximum(levels.max(0), 0.0))  # of all, the level that its own count reaches is greatest
+
+
+def _within(vectors: Array, length: float | Array) -> Array:
+    """Vectors (F, d, n), those that are longer cut to a length."""
+    return vectors * np.minimum(1.0, length / np.maximum(_size(vectors), 1e-300))
 
 
 def _size(vectors: Array) -> Array:
-    return np.sqrt((vectors**2).sum(-1, keepdims=True))
+    return np.abs(vectors) if vectors.shape[1] == 1 else np.hypot(vectors[:, :1], vectors[:, 1:])
 
 
-def _order(size: int) -> np.ndarray:
-    """Where changes, poses and multipliers go when they are put side by side frame by frame."""
-    return np.arange(3 * size).reshape(3, -1, 3).transpose(1, 0, 2).ravel()
+def _changes(values: Array) -> Array:
+    """Of values (F, ...) from frame to frame, from zero on."""
+    changes = values.copy()
+    changes[1:] -= values[:-1]
+    return changes
 
 
-def _interleaved(changes: Array, poses: Array, multipliers: Array) -> Array:
-    return np.concatenate([changes, poses, multipliers])[_order(len(changes))]
-
-
-def _apart(both: Array) -> tuple[Array, Array]:
-    frames, n = len(both) // 9, both.shape[1]
-    parts = both.reshape(frames, 3, 3, n)
-    return parts[:, 0].reshape(-1, n), parts[:, 1].reshape(-1, n)
+def _changed(changes: Array) -> Array:
+    """The transpose of `_changes`."""
+    values = changes.copy()
+    values[:-1] -= changes[1:]
+    return values
