@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
@@ -22,6 +22,7 @@ def lengths(values: Array) -> Array:
     return np.hypot(values[..., 0], values[..., 1])
 
 
+@settings(deadline=None, max_examples=50, derandomize=True)
 @given(vectors, st.floats(0.01, 10))
 def test_the_longest_are_cut_to_one_level(given_: Array, by: float) -> None:
     """Moreau: what is cut off is the projection on vectors whose lengths add up to `by`, so that all of it is used.
@@ -41,6 +42,7 @@ def test_the_longest_are_cut_to_one_level(given_: Array, by: float) -> None:
     np.testing.assert_allclose(cross, 0, atol=1e-9)  # directions stay
 
 
+@settings(deadline=None, max_examples=50, derandomize=True)
 @given(vectors, st.floats(0.01, 10))
 def test_each_is_made_shorter(given_: Array, by: float) -> None:
     left = soften(given_[:, :, None], by)[:, :, 0]

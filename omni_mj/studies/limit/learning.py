@@ -32,12 +32,12 @@ WEIGHTS = (0.1, 0.03, 0.01, 0.003)  # of the regulator: stiffer after an attempt
 SOFTER = 4.0  # times the weight, for the smaller steps
 # By which commands are disturbed, m/s and rad/s. Less than half of it, and feedback on what is not foreseen would be
 # taken for cause and effect.
-PROBE = np.array([0.07, 0.07, 0.35])
+PROBE = np.array([0.1, 0.1, 0.5])
 PROBED, PROBES = 2, 3  # so many attempts at the least, with so many rows each
 HELD = 0.5  # share of what was promised, below which deviations are told anew
 ENOUGH_M = 5e-5  # as good as what was promised
 HEADING_M = 0.01  # per rad: what a wrong heading counts beside the plane
-ASTRAY = 4.0  # times the error of the best: rows beyond it tell nothing of runs near it
+ASTRAY, ASTRAY_M = 4.0, 0.05  # times the error of the best row: those beyond both tell nothing of runs near it
 PATIENCE, PROGRESS, PROGRESS_M = 3, 0.04, 2e-5  # learning ends after as many attempts that gained less
 
 
@@ -198,7 +198,7 @@ class Learner:
         robots, farthest = len(self.seeds), merits(made.errors, "max")
         for robot in range(robots):
             rows = sorted(range(robot, len(farthest), robots), key=lambda i: farthest[i])
-            rows = [i for i in rows if farthest[i] < ASTRAY * min(self.best["max"].merit[robot], farthest[rows[0]])]
+            rows = [i for i in rows if farthest[i] < max(ASTRAY * farthest[rows[0]], ASTRAY_M)]
             if len(rows) > 1:
                 first, others = rows[:1], rows[1:]
                 poses, sent = (values[:, others] - values[:, first] for values in (made.poses, made.sent))

@@ -24,7 +24,8 @@ SEEDS, FIRST_SEED = 5, 1_000_000  # of practice, counted on from the scenario's
 WEIGHTS = (0.001, 0.003, 0.01, 0.03)  # of the regulator, that are tried
 USUAL = 0.01
 ALIKE_M = 2e-4  # maxima of runs that are no farther apart are alike under noise
-FACTOR, ROUNDS = 3.0, 4  # by which unknowns are made larger and smaller, and how often
+# By which factor an unknown is made larger or smaller, how often at the most, and for what gain.
+FACTOR, ROUNDS, WORTH = 4.0, 6, 0.005
 
 
 @dataclass(frozen=True)
@@ -49,12 +50,15 @@ class Skill:
         unknowns: how much of what is unknown.
         policies: the best by each aim.
         tried: the aims' merits of each policy in practice, m.
+        foreseen: root mean square, m, by which positions in which commands act are off those predicted: what is left is
+            not for feedback to mend.
     """
 
     deviations: Deviations
     unknowns: Unknowns
     policies: dict[Aim, Policy]
     tried: dict[Policy, dict[Aim, float]]
+    foreseen: float
 
 
 def leader(
@@ -91,6 +95,7 @@ def practise(scenario: Scenario, deviations: Deviations, best: dict[Aim, Best], 
         scenario, seeds, leader(scenario, deviations, unknowns, best, [usual], robots), begin("noise", frames)
     )
     unknowns = tuned(scenario, deviations, best["mean"], robots, made, unknowns)
+    foreseen = foresight(scenario, deviations, best["mean"], robots, made, [unknowns], arm=0.0)
     policies = [Policy(aim, weight) for aim in _distinct(best) for weight in WEIGHTS]
     leads = leader(scenario, deviations, unknowns, best, policies, robots)
     made = attempt(scenario, seeds * len(policies), leads, begin("feedback", frames))
@@ -101,6 +106,7 @@ def practise(scenario: Scenario, deviations: Deviations, best: dict[Aim, Best], 
         unknowns,
         {aim: policies[int(typical[aim].argmin())] for aim in AIMS},
         {policy: {aim: float(typical[aim][i]) for aim in AIMS} for i, policy in enumerate(policies)},
+        float(foreseen[0]),
     )
 
 
@@ -123,31 +129,24 @@ def tuned(
         made: what came of that.
         unknowns: to begin with.
     """
-    found, alone = np.inf, unknowns
     for _ in range(ROUNDS):
         tried = [unknowns]
         for name in TUNED:
             tried += [replace(unknowns, **{name: getattr(unknowns, name) * factor}) for factor in (1 / FACTOR, FACTOR)]
         surprise = foresight(scenario, deviations, best, robots, made, tried)
-        now, less, more = surprise[0], surprise[1::2], surprise[2::2]
-        if now >= found:  # all changes at once were worse than one alone
-            return alone
-        if surprise.min() >= now:
-            return unknowns
-        found, alone = surprise.min(), tried[int(surprise.argmin())]
-        factors = np.where(np.minimum(less, more) < now, np.where(less < more, 1 / FACTOR, FACTOR), 1.0)
-        changed = {name: getattr(unknowns, name) * float(factor) for name, factor in zip(TUNED, factors, strict=True)}
-        unknowns = replace(unknowns, **changed)
-    return alone
+        if surprise[0] - surprise.min() < WORTH * surprise[0]:
+            break
+        unknowns = tried[int(surprise.argmin())]
+    return unknowns
 
 
 def foresight(
     scenario: Scenario, deviations: Deviations, best: Best, robots: np.ndarray, made: Attempts,
-    tried: Sequence[Unknowns],
+    tried: Sequence[Unknowns], arm: float = ARM_M,
 ) -> Array:  # fmt: skip
     """Root mean square, m, of what poses in which commands act were off those predicted, for each of some unknowns.
 
-    Headings count at an arm's length.
+    Headings count at the length of an `arm`, m.
     """
     n, several, delay = len(robots), len(tried), deviations.delay
     repeat = np.tile(np.arange(n), several)
@@ -160,6 +159,6 @@ def foresight(
         ahead = predictor.see(made.measured[k, repeat], made.headings[k, repeat])[:, POSE]
         predictor.sent(made.sent[k, repeat])
         off = made.poses[k + delay, repeat] - poses[k + delay] - ahead
-        squares += (off[:, :2] ** 2).sum(1) + (ARM_M * off[:, 2]) ** 2
+        squares += (off[:, :2] ** 2).sum(1) + (arm * off[:, 2]) ** 2
         counted += 1
     return np.sqrt(squares.reshape(several, n).mean(1) / max(counted, 1))

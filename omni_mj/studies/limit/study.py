@@ -30,7 +30,8 @@ DEFINITIONS = {
     "limit without noise": "least error found of robots that nothing disturbs and that see the truth: of the plant",
     "max, mean": "each the least: where another run has a lower mean than that with the lowest maximum, it is its",
     "attempts": "least maximum and mean of the error in the plane, m, without noise, after each attempt (median robot)",
-    "foreseen": "as `unknowns`: standard deviations per frame of what makes poses best predicted",
+    "unknowns": "standard deviations per frame of what is not foreseen, by which poses are predicted best",
+    "foreseen_m": "root mean square by which positions are off those predicted when commands act: no feedback mends it",
     "practice": "median over seeds of practice of maximum and mean, m, of runs led along at each weight of feedback",
 }
 
@@ -62,6 +63,7 @@ class LimitResult(Result):
         }
         if self.skill:
             learned["unknowns"] = {name: plain(value) for name, value in asdict(self.skill.unknowns).items()}
+            learned["foreseen_m"] = self.skill.foreseen
             learned["practice"] = [{**asdict(policy), **merits} for policy, merits in self.skill.tried.items()]
             learned["led_along"] = {aim: asdict(policy) for aim, policy in self.skill.policies.items()}
         return super().summary() | {"limit": learned}
@@ -77,11 +79,13 @@ class LimitResult(Result):
             if len(error["max"]["seeds"]) > 1:
                 both = " / ".join(plus_minus(error[statistic], 100) for statistic in ("max", "mean"))
                 yield f"{name}: maximum / mean in the plane, mean over seeds: {both} cm"
-        first, last = self.history[0], self.history[-1]
+        first, last = ((100 * each["max"], 100 * each["mean"]) for each in (self.history[0], self.history[-1]))
         yield (
-            f"without noise in {len(self.history) - 1} attempts from {100 * first['max']:.2f}/{100 * first['mean']:.2f}"
-            f" to {100 * last['max']:.4f}/{100 * last['mean']:.4f} cm"
+            f"without noise, in {len(self.history) - 1} attempts: from {first[0]:.2f}/{first[1]:.2f}"
+            f" to {last[0]:.4f}/{last[1]:.4f} cm in the plane"
         )
+        if self.skill:
+            yield f"with noise, places are foreseen within {100 * self.skill.foreseen:.3f} cm rms when a command acts"
 
 
 def limit(
