@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from omni_mj.simulate.simulation import Simulation
     from omni_mj.studies.alpha import alpha
     from omni_mj.studies.compare import compare
+    from omni_mj.studies.limit import limit
     from omni_mj.studies.run import run
     from omni_mj.studies.slip import slip
 
@@ -33,6 +34,7 @@ _HOMES = {
     "Simulation": "omni_mj.simulate.simulation",
     "alpha": "omni_mj.studies.alpha",
     "compare": "omni_mj.studies.compare",
+    "limit": "omni_mj.studies.limit",
     "run": "omni_mj.studies.run",
     "scenario": "omni_mj.scenarios.scenario",
     "slip": "omni_mj.studies.slip",
@@ -47,6 +49,7 @@ __all__ = [
     "__version__",
     "alpha",
     "compare",
+    "limit",
     "run",
     "scenario",
     "slip",

@@ -1,0 +1,65 @@
+"""`omni-mj limit`: what is possible on a plant, which no controller can be better than."""
+
+import shlex
+from pathlib import Path
+
+import click
+
+from omni_mj.cli import console, folders, options
+
+OUTPUTS = ("summary.json", "scenario.toml", "trajectory.parquet", "limit.png")
+
+
+@click.command("limit")
+@click.argument("name", metavar="SCENARIO")
+@click.option("--plant", metavar="NAME", help="What is driven. [the scenario's]")
+@click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [the scenario's]")
+@options.SETTINGS
+@click.option("--seeds", type=int, metavar="N", default=20, help="How many seeds show what noise costs. [20]")
+@click.option("--seed", type=int, metavar="S", default=0, help="First seed of the random numbers. [0]")
+@click.option("--iterations", type=int, metavar="N", default=16, help="Attempts to learn from, at the most. [16]")
+@click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/limit-<scenario>-<UTC time>]")
+@options.OVERWRITE
+@options.QUIET
+def command(
+    name: str,
+    plant: str | None,
+    robot: str | None,
+    overrides: tuple[str, ...],
+    seeds: int,
+    seed: int,
+    iterations: int,
+    out: Path | None,
+    overwrite: bool,
+    quiet: bool,
+) -> None:
+    """Find out what is possible: without noise, by learning the way; with noise, by feedback along it."""
+    from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.scenarios import scenario
+    from omni_mj.studies import limit
+
+    head = {"plant": plant, "robot": robot, "seed": seed, "seeds": seeds}
+    chosen = scenario.load(name, overrides, {key: value for key, value in head.items() if value is not None})
+    limit.check(chosen, iterations)
+    folder = folders.prepare(out, f"limit-{chosen.name}", OUTPUTS, overwrite)
+    with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
+        result = limit.limit(
+            chosen,
+            chosen.seed_list,
+            iterations,
+            begin=lambda title, frames: console.checked(interrupts.check, begin(title, frames)),
+        )
+    words = [name, "--seeds", str(seeds), "--seed", str(seed), "--iterations", str(iterations)]
+    words += [word for option, value in (("--plant", plant), ("--robot", robot)) if value for word in (option, value)]
+    words += [word for override in overrides for word in ("--set", override)]
+    result.repeat = shlex.join(["omni-mj", "limit", *words])
+    with console.writing(folder):
+        result.save(folder)
+        if result.complete:
+            from omni_mj.show import limit_figure
+
+            limit_figure.save(result, folder / "limit.png")
+    if not quiet:
+        console.tell(result, folder, OUTPUTS)
+    interrupts.end(result.stopped, f"no limit was found; what there is is in {folder}")
+    console.fail_rows({outcome.scenario.name: outcome.failures for outcome in result.outcomes})
