@@ -82,11 +82,11 @@ class CommandsInFlight:
 
     def ahead(self, latency: float | Array) -> Array:
         """Share of each command kept that is still to act, (length, n, 3), for a latency (n, 3) in frames."""
-        return np.clip(latency - (_ages(self.length) - 1), 0.0, 1.0)
+        return np.minimum(np.maximum(latency - (_ages(self.length) - 1), 0.0), 1.0)
 
     def acted(self, latency: float | Array) -> Array:
         """Share of each command kept that acted in the frame just past, (length, n, 3), for a latency (n, 3)."""
-        return np.clip(latency - (_ages(self.length) - 2), 0.0, 1.0) - self.ahead(latency)
+        return np.maximum(1 - np.abs(latency - (_ages(self.length) - 1)), 0.0)
 
     def felt(self, latency: float | Array) -> Array:
         """Commands (n, 3) that acted in the frame just past, on its average, for a latency (n, 3) in frames."""

@@ -21,12 +21,14 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+_PAST_HALF_A_TURN = np.nextafter(-np.pi, 0)
+
 
 def wrap_angle(angle: ArrayLike) -> Array:
     """Return `angle` (rad, any shape) mapped into (-pi, pi]."""
     angle = np.asarray(angle, float)
     wrapped = angle - 2 * np.pi * np.ceil(angle / (2 * np.pi) - 0.5)
-    return np.clip(wrapped, np.nextafter(-np.pi, 0), np.pi)  # rounding may have led just past the ends
+    return np.minimum(np.maximum(wrapped, _PAST_HALF_A_TURN), np.pi)  # rounding may have led just past the ends
 
 
 def body_to_world(twist: ArrayLike, heading: ArrayLike) -> Array:

@@ -103,3 +103,39 @@ def test_turning_is_its_law_and_asked_for_by_its_inverse() -> None:
     assert heading[0] == pytest.approx(final * (0.1 - 0.03 / 1.2 * (1 - decay)))
     command = turning.ask(np.array([1.0]), np.array([1.3]))
     assert turning.step(np.zeros(1), np.array([1.0]), command, T)[1][0] == pytest.approx(1.3)
+
+
+def test_following_commands_is_step_after_step() -> None:
+    """Robots whose commands act for differing times, some for none; sums in another order differ by roundings."""
+    rng, n, count = np.random.default_rng(2), 5, 9
+    law = Motion(rng.uniform([-0.1, 0.9, 0.9, 0, 0, 0, 0, 0.002], [0.1, 1.4, 1.4, 0.1, 0.2, 0.1, 1, 0.05], (n, 8)))
+    commands = plane(rng.normal(0, 1.5, (count, n, 2)))
+    headings, durations = np.exp(1j * rng.normal(0, 2, (count, n))), T * rng.uniform(0, 1, (count, n))
+    durations[:4] *= rng.integers(0, 2, (4, n))
+    start = velocity = plane(rng.normal(0, 1, (n, 2)))
+    moved = np.zeros(n, complex)
+    for command, heading, duration in zip(commands, headings, durations, strict=True):
+        step = law.step(velocity, command, heading, duration[:, None])
+        moved, velocity = moved + plane(step.moved) * heading, plane(step.velocity) * heading
+    followed = law.follow(start, commands, headings, durations)
+    np.testing.assert_allclose(followed, (moved, velocity), rtol=0, atol=1e-14)
+    stayed = law.follow(start, commands, headings, 0 * durations)
+    assert np.array_equal(stayed, (np.zeros(n), start)), "commands that act for no time change nothing"
+    none = law.follow(start, commands[:0], headings[:0], durations[:0])
+    assert np.array_equal(none, stayed)
+
+
+def test_turning_follows_commands_step_after_step() -> None:
+    """The same of headings."""
+    rng, n, count = np.random.default_rng(3), 4, 9
+    turning = Turning(rng.normal(0, 9, n), T, 0.01, 0.02)
+    turning.rate, turning.bias, turning.effort = rng.normal(0, 3, n), rng.normal(0, 0.1, n), rng.uniform(0.9, 1.2, n)
+    commands, durations = rng.normal(0, 3, (count, n)), T * rng.uniform(0, 1, (count, n))
+    durations[:4] *= rng.integers(0, 2, (4, n))
+    heading, rate, headings = turning.heading, turning.rate, [turning.heading]
+    for command, duration in zip(commands, durations, strict=True):
+        heading, rate = turning.step(heading, rate, command, duration)
+        headings.append(heading)
+    followed = turning.follow(commands, durations)
+    np.testing.assert_allclose(followed, headings, rtol=0, atol=1e-13)  # roundings of headings of 20 rad
+    assert np.array_equal(turning.follow(commands, 0 * durations), np.repeat(turning.heading[None], count + 1, axis=0))

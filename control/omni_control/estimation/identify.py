@@ -41,6 +41,8 @@ BEGINS_FRAMES, ENDS_S = 4.0, 0.5  # in which that is believed, and not believed 
 SURPRISING = 1.5  # from which on parameters count on less
 LEAST_LAG_S = 1e-3
 STATES = 6 + motion.COUNT  # position, velocity, push; parameters
+_UNITS = np.array([1, 1j, 1, 1j])  # the world's axes, of velocity and of push
+_IDENTITY, _COFACTORS = np.eye(2), np.array([[1.0, -1.0], [-1.0, 1.0]])
 _IS_CREEP = np.isin(np.arange(motion.COUNT), np.arange(motion.COUNT)[motion.CREEP])
 
 
@@ -113,6 +115,7 @@ class Identifier:
         renewed = np.sqrt(1 - self._keep**2)
         self._forget = belief * np.outer(renewed, renewed)
         restless = np.array([ACCELERATION_M_S2 * period, PUSH_M_S * np.sqrt(1 - self._keep_push**2)]) ** 2
+        self._lasting = np.array([period, 1.0])[:, None, None, None]  # what a command moves and gains without lag
         self._restless = np.repeat(restless, 2)  # of velocity and push
         self._kept = np.concatenate([[1, 1, 0, 0], [self._keep_push] * 2, self._keep])  # of each state, by itself
         self.variance = np.zeros((n, STATES, STATES))
@@ -132,12 +135,11 @@ class Identifier:
         """Standard deviation of the parameters, (n, 8)."""
         return np.sqrt(np.maximum(np.diagonal(self.variance, axis1=1, axis2=2)[:, 6:], 0.0))
 
-    def step(
-        self, position: Plane, velocity: Plane, command: Plane, heading: Plane, duration: float | Array
-    ) -> tuple[Plane, Plane]:
-        """Positions and velocities (n,) after a `duration`, s, one or (n, 1), with a command; see `Motion.step`."""
-        step = self.motion.step(velocity, command * self._turned() + self.push, heading, duration)
-        return position + plane(step.moved) * heading, plane(step.velocity) * heading
+    def follow(self, commands: Plane, headings: Plane, durations: Array) -> tuple[Plane, Plane]:
+        """Positions and velocities (n,) after commands (count, n) that are still to act; see `Motion.follow`."""
+        arriving = commands * self._turned() + self.push
+        moved, velocity = self.motion.follow(self.velocity, arriving, headings, durations)
+        return self.position + moved, velocity
 
     def ask(self, command: Plane) -> Plane:
         """What to send, (n,), so that commands (n,) of the law act: without what pushes, and by the robot's compass."""
@@ -152,16 +154,15 @@ class Identifier:
             sent: commands up to the frame before, `longest` of them at least.
         """
         period, law, ahead = self._period, self.motion, np.exp(1j * heading)
-        acting, per_frame = self._acted(sent)
-        arrived = acting * self._turned()
+        (acting, per_frame), turned = self._acted(sent), self._turned()
+        arrived = acting * turned
         step = law.step(self.velocity, arrived + self.push, ahead, period)
-        self.variance = self._passed(step, arrived, per_frame, ahead)
-        asked = (plane(step.velocity) * ahead - self.velocity) / period
-        self.position = self.position + plane(step.moved) * ahead
-        self.velocity = plane(step.velocity) * ahead
+        self.variance = self._passed(step, arrived, per_frame * turned, ahead)
+        unaided = plane(step.velocity) * ahead
+        asked = (unaided - self.velocity) / period
+        self.position, self.velocity = self.position + plane(step.moved) * ahead, unaided
         self.push = self._keep_push * self.push
         law.parameters = self._believed + self._keep * (law.parameters - self._believed)
-        unaided = self.velocity
         self._doubt(measured)
         self._correct(measured)
         self._feel(asked, (unaided - self.velocity) / period)
@@ -176,13 +177,12 @@ class Identifier:
         The change is that over as much as is not known of the latency: how commands jump from one frame to the next
         tells nothing of a robot that answers some frames sooner or later.
         """
-        latency, commands = self.latency, sent.last(self.longest)
-        spread = np.clip(self.sigma[:, motion.LATENCY], *SPREAD_FRAMES)
+        latency, number = self.latency, 6 + motion.LATENCY
+        sigma = np.sqrt(np.maximum(self.variance[:, number, number], 0.0))
+        spread = np.minimum(np.maximum(sigma, SPREAD_FRAMES[0]), SPREAD_FRAMES[1])
         sooner, later = np.maximum(latency - spread, 0.0), latency + spread
-        acting, early, late = (
-            plane((sent.acted(frames[:, None])[-self.longest :] * commands)[..., :2].sum(0))
-            for frames in (latency, sooner, later)
-        )
+        shares = sent.acted(np.array([latency, sooner, later]))[-self.longest :]
+        acting, early, late = (shares * plane(sent.last(self.longest)[..., :2])[:, None]).sum(0)
         return acting, (late - early) / (later - sooner)
 
     def _passed(self, step: motion.Step, arrived: Plane, later: Plane, ahead: Plane) -> Array:
@@ -191,28 +191,26 @@ class Identifier:
         What a parameter changes in the law acts like a command: of effort -v, of creep -g^2 |v| v', of lag -v', of
         friction against the motion, of latency the difference of successive commands.
         """
-        n, back, period = len(arrived), ahead.conj(), self._period
-        effort, before = self.motion.effort, pairs(self.velocity * back)
+        n, back, period = len(arrived), ahead.conj()[:, None], self._period
+        effort, before = self.motion.effort, pairs(self.velocity * back[:, 0])
         speed, change = np.abs(self.velocity), (before - step.velocity) / period
         acts = np.zeros((n, STATES - 2, 2))  # of velocity, push and parameters, in the body's axes
-        acts[:, 0:3:2], acts[:, 1:4:2] = pairs(back)[:, None], pairs(1j * back)[:, None]
-        acts[:, 4] = pairs(-1j * arrived * back)
+        turning_in = np.array([arrived, later]).T * (-1j, 1)
+        acts[:, :4], acts[:, 4:11:6] = pairs(_UNITS * back), pairs(turning_in * back)
         acts[:, 5, 0], acts[:, 6, 1] = -(before + step.velocity).T / 2
         acts[:, 7, 0], acts[:, 8, 1] = (effort**2 * speed[:, None] * change).T
         acts[:, 9] = -step.rubbing
-        acts[:, 10] = pairs(later * self._turned() * back)
         acts[:, 11] = change * (1.0, self._softness)
         evident = np.minimum(speed / EVIDENT_M_S, 1.0) ** 2
         obeys = evident * (1 - self.sliding) * np.minimum(SURPRISING / self.surprise, 1.0) ** 2
         acts[:, 4:] *= np.where(_IS_CREEP, evident[:, None], obeys[:, None])[..., None]
         effect = np.empty((2, *acts.shape))  # on position and velocity
-        effect[0, :, :2], effect[1, :, :2] = step.carried[:, None], step.decay[:, None]
-        effect[0, :, 2:] = ((period - step.carried) / effort)[:, None]
-        effect[1, :, 2:] = ((1 - step.decay) / effort)[:, None]
+        left = np.array([step.carried, step.decay])[:, :, None]
+        effect[:, :, :2], effect[:, :, 2:] = left, (self._lasting - left) / effort[:, None]
         passed = np.zeros((n, STATES, STATES))
         passed.reshape(n, -1)[:, :: STATES + 1] = self._kept
-        both = pairs(plane(acts * effect) * ahead[:, None])
-        passed[:, 0:2, 2:], passed[:, 2:4, 2:] = both[0].swapaxes(1, 2), both[1].swapaxes(1, 2)
+        both = pairs(plane(acts * effect) * ahead[:, None])  # (2, n, 12, 2)
+        passed[:, :4, 2:] = both.transpose(1, 0, 3, 2).reshape(n, 4, STATES - 2)
         variance: Array = passed @ self.variance @ passed.swapaxes(1, 2)
         restless = np.minimum(np.maximum(self.surprise, 1.0), MOST_SURPRISED)[:, None] * self._restless
         doubted = (UNKNOWN_SHARE + self.sliding) / ACCELERATION_M_S2
@@ -248,21 +246,19 @@ class Identifier:
         self._last = [measured, *before[:2]]
 
     def _correct(self, measured: Plane) -> None:
-        """Correct all states by the positions (n,) that vision reports, one axis after the other."""
-        seen, noise = ~np.isnan(measured), np.maximum(self.noise, self._told)
+        """Correct all states by the positions (n,) that vision reports."""
+        seen, of_position = ~np.isnan(measured), self.variance[:, :2]
         innovation = pairs(np.where(seen, measured, self.position) - self.position)
-        variance, state, surprise = self.variance, np.zeros((len(measured), STATES)), np.zeros(len(measured))
-        for axis in range(2):
-            weight = np.where(seen, 1 / (variance[:, axis, axis] + noise), 0.0)
-            gain, left = weight[:, None] * variance[:, :, axis], innovation[:, axis] - state[:, axis]
-            surprise += weight * left**2 / 2
-            state += gain * left[:, None]
-            variance = variance - gain[:, :, None] * variance[:, axis, None, :]
+        expected = of_position[:, :, :2] + np.maximum(self.noise, self._told)[:, None, None] * _IDENTITY
+        area = expected[:, 0, 0] * expected[:, 1, 1] - expected[:, 0, 1] ** 2
+        inverse = expected[:, ::-1, ::-1] * _COFACTORS * np.where(seen, 1 / area, 0.0)[:, None, None]
+        weighed = (inverse * innovation[:, None]).sum(2)
+        state, surprise = (of_position * weighed[..., None]).sum(1), (innovation * weighed).sum(1) / 2
+        variance = self.variance - of_position.swapaxes(1, 2) @ (inverse @ of_position)
         self.variance = (variance + variance.swapaxes(1, 2)) / 2
-        self.surprise = np.where(
-            seen, self.surprise + (np.minimum(surprise, 50.0) - self.surprise) / SURPRISE_FRAMES, self.surprise
-        )
-        self.position = self.position + plane(state[:, 0:2])
-        self.velocity = self.velocity + plane(state[:, 2:4])
-        self.push = self.push + plane(state[:, 4:6])
-        self.motion.parameters = np.clip(self.motion.parameters + state[:, 6:], self._lowest, self._highest)
+        change = np.where(seen, np.minimum(surprise, 50.0) - self.surprise, 0.0)
+        self.surprise = self.surprise + change / SURPRISE_FRAMES
+        position, velocity, push = plane(state[:, :6].reshape(-1, 3, 2)).T
+        self.position, self.velocity, self.push = self.position + position, self.velocity + velocity, self.push + push
+        parameters = np.maximum(self.motion.parameters + state[:, 6:], self._lowest)
+        self.motion.parameters = np.minimum(parameters, self._highest)

@@ -35,6 +35,7 @@ COUNT = len(NAMES)
 
 RUBBED_M_S = 0.05  # speed from which dry friction is all there
 STARTING_M_S = 0.01  # same, of a motion that is asked for: it must be overcome before there is any
+_ONE, _RUBBED = np.ones(()), np.full((), RUBBED_M_S)  # numpy would have to convert Python's in each step
 
 
 def pairs(vector: Plane) -> Array:
@@ -119,6 +120,41 @@ class Motion:
         final = (u - self._friction * rubbing) / effort
         excess, carried = v - final, (1 - decay) * lag
         return Step(duration * final + excess * carried, final + excess * decay, decay, carried, rubbing)
+
+    def follow(self, velocity: Plane, commands: Plane, headings: Plane, durations: Array) -> tuple[Plane, Plane]:
+        """Displacements and velocities (n,), world frame, after one command and its duration after another.
+
+        As by `step` after `step`, but all that does not depend on velocities is done for all steps at once. Commands
+        that act for no time change nothing, not even by rounding.
+
+        Args:
+            velocity: (n,) m/s.
+            commands: (count, n) m/s, as for `step`.
+            headings: unit vectors (count, n), in the middle of each.
+            durations: (count, n) s.
+        """
+        effort, period = self.effort, durations[..., None]
+        ahead = np.where(period > 0, headings[..., None], 1.0)  # (count, n, 1), of which a view as real is a pair
+        into = ahead.conj()
+        towards = (commands[..., None] * into).view(float) / effort  # where commands lead without friction
+        into[1:] *= ahead[:-1]  # from one step's axes into the next one's
+        lag, slower, rubbed = self.lags / effort, self._slack / effort, self._friction * self._gives / effort
+        steps, reached = [], velocity[:, None]
+        for turn, target, until in zip(into, towards, -period, strict=True):
+            before, lags = (reached * turn).view(float), lag + slower * np.abs(reached)
+            decay = np.exp(until / lags)
+            kept, rest = decay * before, _ONE - decay
+            free = kept + rest * target
+            size = np.maximum(np.abs(free.view(complex)), np.maximum(_RUBBED, rest * rubbed))
+            final = target - rubbed * free / size
+            after = kept + rest * final
+            steps.append((before, lags, final, after))
+            reached = after.view(complex)
+        if not steps:
+            return np.zeros_like(velocity), velocity
+        before, lags, final, after = np.array(steps).swapaxes(0, 1)
+        moved = (period * final + lags * (before - after)).view(complex) * ahead
+        return np.add.accumulate(moved)[-1, :, 0], (reached * ahead[-1])[:, 0]
 
     def ask(self, before: Plane, after: Plane, heading: Plane, duration: float) -> Plane:
         """Commands (..., n), world frame, that lead from velocities `before` to `after`, (..., n), in a `duration`.

@@ -40,8 +40,9 @@ class Turning:
     def __init__(self, heading: Array, period: float, noise: float, lag: float) -> None:
         n = len(heading)
         self.heading, self.rate, self.bias = heading.copy(), np.zeros(n), np.zeros(n)
-        self._believed = max(LAG_SHARE * lag, LEAST_LAG_S)
-        self.lag, self.effort = np.full(n, self._believed), np.ones(n)
+        believed = max(LAG_SHARE * lag, LEAST_LAG_S)
+        self._belief = np.array([0.0, believed, 1.0])  # of bias, lag and effort
+        self.lag, self.effort = np.full(n, believed), np.ones(n)
         self._period, self._noise = period, max(noise, 1e-3) ** 2
         sigma = np.array([BIAS_RAD_S, 1e-6 + LAG_SIGMA * lag, EFFORT_SIGMA])
         keep = np.exp(-period / np.array([BIAS_S, KEPT_S, KEPT_S]))
@@ -62,6 +63,20 @@ class Turning:
         excess = rate - final
         return heading + duration * final + excess * (1 - decay) * lag, final + excess * decay
 
+    def follow(self, commands: Array, durations: Array) -> Array:
+        """Headings (count + 1, n) from now on, after one command (count, n) and its duration (count, n) after another.
+
+        As by `step` after `step`; commands that act for no time change nothing, not even by rounding.
+        """
+        lag = self.lag / self.effort
+        decay, final = np.exp(-durations / lag), (commands + self.bias) / self.effort
+        rates = [self.rate]
+        for kept, gained in zip(decay, (1 - decay) * final, strict=True):
+            rates.append(kept * rates[-1] + gained)
+        reached = np.array(rates)
+        moved = durations * final + lag * (reached[:-1] - reached[1:])
+        return np.add.accumulate(np.concatenate([self.heading[None], moved]))
+
     def ask(self, before: Array, after: Array) -> Array:
         """Commands (n,) that lead from rates `before` to `after` in a frame: the inverse of `step`, rad/s."""
         decay = np.exp(-self._period * self.effort / self.lag)
@@ -80,28 +95,20 @@ class Turning:
         gained, moved = (1 - decay) / self.effort, (period - carried) / self.effort  # by a command of 1
         heading, rate = self.step(self.heading, self.rate, command, period)
         # A change of bias, lag or effort acts like a command of: 1, -w', -w.
-        acts = np.stack([np.ones_like(rate), (self.rate - rate) / period, -(self.rate + rate) / 2], axis=1)
+        acts = np.array([np.ones_like(rate), (self.rate - rate) / period, -(self.rate + rate) / 2])
         passed = np.zeros_like(self.variance)
         passed.reshape(-1, 25)[:, ::6] = self._kept
         passed[:, 0, 1], passed[:, 1, 1] = carried, decay
-        passed[:, 0, 2:], passed[:, 1, 2:] = moved[:, None] * acts, gained[:, None] * acts
-        keep = self._keep
-        state = np.stack(
-            [
-                heading,
-                rate,
-                keep[0] * self.bias,
-                self._believed + keep[1] * (self.lag - self._believed),
-                1 + keep[2] * (self.effort - 1),
-            ],
-            axis=1,
-        )
+        passed[:, :2, 2:] = (np.array([moved, gained])[:, None] * acts).transpose(2, 0, 1)
+        state = np.array([heading, rate, self.bias, self.lag, self.effort]).T
+        state[:, 2:] = self._belief + self._keep * (state[:, 2:] - self._belief)
         variance = passed @ self.variance @ passed.swapaxes(1, 2)
         variance.reshape(-1, 25)[:, ::6] += self._forget
 
         seen = ~np.isnan(measured)
-        surprise = np.where(seen, wrap_angle(np.where(seen, measured, heading) - heading), 0.0)
+        surprise = np.where(seen, wrap_angle(measured - heading), 0.0)
         gain = np.where(seen, 1 / (variance[:, 0, 0] + self._noise), 0.0)[:, None] * variance[:, :, 0]
         self.variance = variance - gain[:, :, None] * variance[:, 0, None, :]
         self.heading, self.rate, self.bias, lag, effort = (state + gain * surprise[:, None]).T
-        self.lag, self.effort = np.clip(lag, LEAST_LAG_S, LONGEST_LAG_S), np.clip(effort, *EFFORT_BOUNDS)
+        self.lag = np.minimum(np.maximum(lag, LEAST_LAG_S), LONGEST_LAG_S)
+        self.effort = np.minimum(np.maximum(effort, EFFORT_BOUNDS[0]), EFFORT_BOUNDS[1])

@@ -51,9 +51,12 @@ class SampledReference:
         first = np.asarray(frame)
         first = first[..., None] if first.ndim == 1 else first
         start = np.maximum(first + np.arange(count)[:, None, None], 0)
-        here, later = self._between(start), self._between(start + 1)
+        here, later = self._between(np.array([start, start + 1]))
         shape = (count, *pose.shape)
-        return np.broadcast_to(here, shape), np.broadcast_to((later - here) / self.period, shape)
+        twists = (later - here) / self.period
+        if here.shape == shape:
+            return here, twists
+        return np.broadcast_to(here, shape), np.broadcast_to(twists, shape)
 
     def _between(self, frame: Array) -> Array:
         last = self.frames - 1

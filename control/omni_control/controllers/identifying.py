@@ -1,0 +1,139 @@
+"""What controllers share that identify their robots while they drive them: what is found, said, and comes next."""
+
+import math
+from abc import abstractmethod
+from typing import NamedTuple
+
+import numpy as np
+
+from omni_control.controllers.base import Controller, Seen, Told
+from omni_control.delay import CommandsInFlight
+from omni_control.estimation import motion
+from omni_control.estimation.identify import Identifier
+from omni_control.estimation.motion import Plane, pairs, plane
+from omni_control.estimation.turning import Turning
+from omni_control.kinematics import Array, wrap_angle
+from omni_control.reference import IteratedReference, Reference
+
+
+class Arrival(NamedTuple):
+    """How n robots are predicted to be when the command that is being computed begins to act.
+
+    Attributes:
+        position, velocity: (n,) m and m/s, world frame.
+        heading: (n,) rad; counts full turns.
+    """
+
+    position: Plane
+    velocity: Plane
+    heading: Array
+
+
+class Identifying(Controller):
+    """A controller that identifies latency, alpha, slip, dry friction and compass error online; write `wanted`.
+
+    Pose and velocity are predicted to when the command will act, by the law of `estimation.motion` with what was found.
+
+    Attributes:
+        noise: standard deviation of what it sees, per axis of a pose.
+        plant: the robots and their law, as identified.
+        turning: how they turn.
+    """
+
+    def __init__(self, told: Told, reference: Reference, n: int) -> None:
+        super().__init__(told, reference, n)
+        self.noise = told.vision_noise
+        self.plant = self._identifier(np.zeros((n, 3)))
+        self.turning = self._turning(np.zeros((n, 3)))
+        self.memory_frames = self.plant.longest
+        self._started, self._answered = False, np.zeros((n, 3))
+
+    @abstractmethod
+    def wanted(self, frame: int, arrival: Arrival) -> Array:
+        """Commands (n, 3) for robots that will have arrived like that when they act; see `Controller.command`."""
+
+    def command(self, frame: int, seen: Seen) -> Array:
+        """See `Controller`."""
+        if not self._started:
+            self._started, self.plant, self.turning = True, self._identifier(seen.pose), self._turning(seen.pose)
+        plant, turning = self.plant, self.turning
+        before = turning.heading
+        felt = seen.sent.felt(plant.latency[:, None])
+        turning.update(seen.measured[:, 2], felt[:, 2])
+        plant.update(plane(seen.measured[:, :2]), (before + turning.heading) / 2, seen.sent)
+        arrival = self._predict(seen.sent)
+        self.predicted = np.concatenate([pairs(arrival.position), arrival.heading[:, None]], axis=1)
+        self._record()
+        return self.wanted(frame, arrival)
+
+    def _predict(self, sent: CommandsInFlight) -> Arrival:
+        """How the commands that are still to act leave the robots."""
+        latency = self.plant.latency
+        count = math.ceil(latency.max())
+        commands, left = sent.last(count), sent.ahead(latency[:, None])[sent.length - count :, :, 0]
+        durations = left * self.told.period
+        headings = self.turning.follow(commands[..., 2], durations)
+        middles = np.exp(0.5j * (headings[:-1] + headings[1:]))
+        position, velocity = self.plant.follow(plane(commands[..., :2]), middles, durations)
+        return Arrival(position, velocity, headings[-1])
+
+    def around(self, frame: Array, back: int, on: int) -> tuple[Array, Array]:
+        """The reference's poses and twists (back + 1 + on, n, 3) from before `frame` (n,) until after it.
+
+        One that is planned anew in every frame has no before but what it answered last, and goes on by being asked.
+        """
+        if not isinstance(self.reference, IteratedReference):
+            return self.reference.preview(frame - back, self.predicted, back + 1 + on)
+        poses, twists = self.reference.preview(frame, self.predicted, 1 + on)
+        before = np.repeat(self._answered[None], back, axis=0)
+        _, self._answered = self.reference.at(frame, self.predicted)
+        return np.concatenate([np.repeat(poses[:1], back, axis=0), poses]), np.concatenate([before, twists])
+
+    def turn(self, rates: Array, target: Array, heading: Array) -> Array:
+        """Turn rates (n,) to command: the inverse of how robots turn, and a heading hold.
+
+        Args:
+            rates: of the reference in the frame before, in the one in which the command acts, and after it, (3, n).
+            target: heading of the reference when it begins to act, (n,) rad.
+            heading: predicted for that time, (n,) rad.
+        """
+        asked = self.turning.ask(*(rates[:-1] + rates[1:]) / 2)
+        return asked + self.told.heading_gain * wrap_angle(target - heading)
+
+    def _record(self) -> None:
+        """Say what was found, and how sure it is."""
+        plant, turning = self.plant, self.turning
+        found, sigma = plant.motion.parameters, plant.sigma
+        lag = np.concatenate([plant.motion.lags, turning.lag[:, None]], axis=1)
+        self.alpha_hat = 1 / np.concatenate([plant.motion.effort, turning.effort[:, None]], axis=1)
+        self.latency_hat = plant.latency[:, None] + lag / self.told.period
+        effort_sigma = np.concatenate([sigma[:, motion.EFFORT], turning.sigma[:, 4:]], axis=1)
+        self.channels = {
+            "alpha_sigma": self.alpha_hat**2 * effort_sigma,
+            "latency_sigma": sigma[:, motion.LATENCY],
+            "lag": lag,
+            "creep": found[:, motion.CREEP],
+            "creep_sigma": sigma[:, motion.CREEP],
+            "friction": found[:, motion.FRICTION],
+            "friction_sigma": sigma[:, motion.FRICTION],
+            "compass": found[:, motion.COMPASS],
+            "compass_sigma": sigma[:, motion.COMPASS],
+            "sliding": plant.sliding,
+            "surprise": plant.surprise,
+        }
+
+    def _identifier(self, pose: Array) -> Identifier:
+        told = self.told
+        return Identifier(
+            plane(pose[:, :2]),
+            told.period,
+            told.delay_frames,
+            self.noise[0],
+            told.lag_s,
+            told.creep_s2_m,
+            told.drag_m_s,
+            told.geometry,
+        )
+
+    def _turning(self, pose: Array) -> Turning:
+        return Turning(pose[:, 2], self.told.period, self.noise[2], self.told.lag_s)
