@@ -97,12 +97,66 @@ def test_turning_is_its_law_and_asked_for_by_its_inverse() -> None:
     """(lag) w' + g w = u + b, from rest: closed form; `ask` leads there."""
     turning = Turning(np.zeros(1), T, 0.01, 0.02)
     turning.bias, turning.effort, turning.lag = np.array([0.1]), np.array([1.2]), np.array([0.03])
-    heading, rate = turning.step(np.zeros(1), np.zeros(1), np.array([2.0]), 0.1)
+    rest = np.zeros(1)
+    heading, rate = turning.step(rest, rest, np.array([2.0]), 0.1, rest)
     final, decay = 2.1 / 1.2, np.exp(-0.1 * 1.2 / 0.03)
     assert rate[0] == pytest.approx(final * (1 - decay))
     assert heading[0] == pytest.approx(final * (0.1 - 0.03 / 1.2 * (1 - decay)))
-    command = turning.ask(np.array([1.0]), np.array([1.3]))
-    assert turning.step(np.zeros(1), np.array([1.0]), command, T)[1][0] == pytest.approx(1.3)
+    command = turning.ask(np.array([1.0]), np.array([1.3]), rest)
+    assert turning.step(rest, np.array([1.0]), command, T, rest)[1][0] == pytest.approx(1.3)
+
+
+def test_wheels_creep_and_rub_in_turning_as_in_driving() -> None:
+    """Against wheels: each rim slips by |travel| f / (N C), and loses the same speed to friction; gyro loop of gain 1.
+
+    Driving forward at v: T |v| v' of slip and c of speed. From a wheel's force and loss follow those of turning, through
+    the inverse kinematics; the loop sees the rate that is missing and asks for as much again, which leaves half.
+    """
+    turning = Turning(np.zeros(1), T, 0.01, 0.0, 0.04, WHEELS)
+    turning.effort, turning.lag, turning.creep = np.ones(1), np.full(1, 1e-9), np.array([0.06])
+    turning.friction /= 0.8  # believed to be 80 % of what it may be
+    drive, inertia = WHEELS.matrix[:, 0], 0.7 * WHEELS.arm**2  # per mass
+    lost = 0.04 / WHEELS.body_twist(np.sign(drive) / WHEELS.radius)[0]  # of each rim, so that forward 0.04 are
+    spinning = WHEELS.body_twist(np.full(4, lost / WHEELS.radius))[2]
+    assert turning.friction[0] == pytest.approx(spinning / 2)
+    # T: pulling forward with v' = 1, the share d / sum d^2 of the mass at each wheel; rims slip by that times `soft`.
+    soft = 0.06 * (drive**2).sum()
+    speed, change = 1.5, 2.0
+    rims = soft * speed * change * inertia / WHEELS.arm / 4 * np.ones(4)
+    slip = WHEELS.body_twist(rims / WHEELS.radius)[2]
+    late = turning._answer(np.zeros(1), np.array([speed]))[0]
+    assert late[0] * change == pytest.approx(slip / 2)
+    driving, _, on_the_spot = (turning.step(np.zeros(1), np.zeros(1), np.array([u]), 1.0, np.array([v]))[1][0]
+                               for u, v in ((0.5, 3.0), (0.0, 0.0), (2.0, 0.0)))  # fmt: skip
+    assert on_the_spot == pytest.approx(2.0 - spinning / 2), "all wheels rub against the turn"
+    assert driving == pytest.approx(0.5, rel=0.01), "wheels that drive rub against that"
+
+
+@pytest.mark.parametrize("spinning", [True, False])
+def test_turning_is_identified(spinning: bool) -> None:
+    """Friction and effort of robots that turn on the spot; lag by creep of those that drive at 1.5 m/s meanwhile.
+
+    The robots are integrated in 20 steps a frame, with friction by rate. Friction is found within 0.03 of 0.17 rad/s
+    (vision's 0.01 rad over some seconds), effort within 2 %, the rate of robots that speed up within 0.1 rad/s.
+    """
+    rng, n, frames = np.random.default_rng(5), 10, 480
+    lag, effort, friction, creep, speed = 0.008, 1.04, 0.17, 0.06, 0.0 if spinning else 1.5
+    found = Turning(np.zeros(n), T, 0.01, 0.02, 0.04, WHEELS)
+    found.creep = np.full(n, creep)
+    late = lag + 0.5 * 0.7 * 0.625 * creep * speed
+    heading, rate, off = np.zeros(n), np.zeros(n), []
+    for k in range(frames):
+        command = np.full(n, 3.0 * np.sin(2 * np.pi * k * T / 2.5))
+        for _ in range(20):
+            rubbed = friction * np.tanh(rate / 0.05) * spinning
+            rate = rate + T / 20 * (command - rubbed - effort * rate) / late
+            heading = heading + T / 20 * rate
+        found.update(heading + rng.normal(0, 0.01, n), command, np.full(n, speed))
+        off.append(found.rate - rate)
+    assert np.sqrt(np.mean(np.square(off[120:]))) < 0.1
+    assert found.effort.mean() == pytest.approx(effort, abs=0.02)
+    if spinning:
+        assert found.friction.mean() == pytest.approx(friction, abs=0.03)
 
 
 def test_following_commands_is_step_after_step() -> None:
@@ -130,12 +184,15 @@ def test_turning_follows_commands_step_after_step() -> None:
     rng, n, count = np.random.default_rng(3), 4, 9
     turning = Turning(rng.normal(0, 9, n), T, 0.01, 0.02)
     turning.rate, turning.bias, turning.effort = rng.normal(0, 3, n), rng.normal(0, 0.1, n), rng.uniform(0.9, 1.2, n)
+    turning.friction, turning.creep, speed = rng.uniform(0, 0.2, n), rng.uniform(0, 0.1, n), rng.uniform(0, 2, n)
     commands, durations = rng.normal(0, 3, (count, n)), T * rng.uniform(0, 1, (count, n))
     durations[:4] *= rng.integers(0, 2, (4, n))
     heading, rate, headings = turning.heading, turning.rate, [turning.heading]
     for command, duration in zip(commands, durations, strict=True):
-        heading, rate = turning.step(heading, rate, command, duration)
+        heading, rate = turning.step(heading, rate, command, duration, speed)
         headings.append(heading)
-    followed = turning.follow(commands, durations)
+    speeds = np.tile(speed, (count, 1))
+    followed = turning.follow(commands, durations, speeds)
     np.testing.assert_allclose(followed, headings, rtol=0, atol=1e-13)  # roundings of headings of 20 rad
-    assert np.array_equal(turning.follow(commands, 0 * durations), np.repeat(turning.heading[None], count + 1, axis=0))
+    stayed = turning.follow(commands, 0 * durations, speeds)
+    assert np.array_equal(stayed, np.repeat(turning.heading[None], count + 1, axis=0))

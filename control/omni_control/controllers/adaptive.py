@@ -53,5 +53,5 @@ class AdaptiveCompFlc(Identifying):
         error = plane(poses[now, :, :2]) - position
         corrected = plane(self.fuzzy(pairs(error))) + plane(damping * late) * facing[now - 1]
         across = pairs(self.plant.ask(planned + corrected))
-        turn = self.turn(twists[now - 1 : now + 2, :, 2], poses[now, :, 2], heading)
+        turn = self.turn(twists[now - 1 : now + 2, :, 2], np.abs(edges[now - 1]), poses[now, :, 2], heading)
         return np.concatenate([across, turn[:, None]], axis=1)

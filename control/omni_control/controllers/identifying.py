@@ -59,8 +59,9 @@ class Identifying(Controller):
         plant, turning = self.plant, self.turning
         before = turning.heading
         felt = seen.sent.felt(plant.latency[:, None])
-        turning.update(seen.measured[:, 2], felt[:, 2])
+        turning.update(seen.measured[:, 2], felt[:, 2], np.abs(plant.velocity))
         plant.update(plane(seen.measured[:, :2]), (before + turning.heading) / 2, seen.sent)
+        turning.creep = plant.motion.parameters[:, motion.CREEP][:, 0]
         arrival = self._predict(seen.sent)
         self.predicted = np.concatenate([pairs(arrival.position), arrival.heading[:, None]], axis=1)
         self._record()
@@ -72,7 +73,7 @@ class Identifying(Controller):
         count = math.ceil(latency.max())
         commands, left = sent.last(count), sent.ahead(latency[:, None])[sent.length - count :, :, 0]
         durations = left * self.told.period
-        headings = self.turning.follow(commands[..., 2], durations)
+        headings = self.turning.follow(commands[..., 2], durations, np.abs(plane(commands[..., :2])))
         middles = np.exp(0.5j * (headings[:-1] + headings[1:]))
         position, velocity = self.plant.follow(plane(commands[..., :2]), middles, durations)
         return Arrival(position, velocity, headings[-1])
@@ -89,15 +90,16 @@ class Identifying(Controller):
         _, self._answered = self.reference.at(frame, self.predicted)
         return np.concatenate([np.repeat(poses[:1], back, axis=0), poses]), np.concatenate([before, twists])
 
-    def turn(self, rates: Array, target: Array, heading: Array) -> Array:
+    def turn(self, rates: Array, speed: Array, target: Array, heading: Array) -> Array:
         """Turn rates (n,) to command: the inverse of how robots turn, and a heading hold.
 
         Args:
             rates: of the reference in the frame before, in the one in which the command acts, and after it, (3, n).
+            speed: of the reference when the command begins to act, (n,) m/s.
             target: heading of the reference when it begins to act, (n,) rad.
             heading: predicted for that time, (n,) rad.
         """
-        asked = self.turning.ask(*(rates[:-1] + rates[1:]) / 2)
+        asked = self.turning.ask(*(rates[:-1] + rates[1:]) / 2, speed)
         return asked + self.told.heading_gain * wrap_angle(target - heading)
 
     def _record(self) -> None:
@@ -107,7 +109,7 @@ class Identifying(Controller):
         lag = np.concatenate([plant.motion.lags, turning.lag[:, None]], axis=1)
         self.alpha_hat = 1 / np.concatenate([plant.motion.effort, turning.effort[:, None]], axis=1)
         self.latency_hat = plant.latency[:, None] + lag / self.told.period
-        effort_sigma = np.concatenate([sigma[:, motion.EFFORT], turning.sigma[:, 4:]], axis=1)
+        effort_sigma = np.concatenate([sigma[:, motion.EFFORT], turning.sigma[:, 4:5]], axis=1)
         self.channels = {
             "alpha_sigma": self.alpha_hat**2 * effort_sigma,
             "latency_sigma": sigma[:, motion.LATENCY],
@@ -136,4 +138,5 @@ class Identifying(Controller):
         )
 
     def _turning(self, pose: Array) -> Turning:
-        return Turning(pose[:, 2], self.told.period, self.noise[2], self.told.lag_s)
+        told = self.told
+        return Turning(pose[:, 2], told.period, self.noise[2], told.lag_s, told.drag_m_s, told.geometry)

@@ -1,23 +1,38 @@
 """How robots turn, and the heading that they have: a Kalman filter that knows the commands.
 
-    tau w' = u + b - g w
+    (tau + g T_w s) w' = u + b - c_w n - g w        s = sqrt(v^2 + (l w)^2),   n = l w / s
 
 u is the turn rate that acts, g the command per rate (the inverse of the motor correction factor alpha_3), tau the lag,
 and b what else turns the robot: the gyro's bias, a wheel that is weak, a centre of mass beside the middle.
+
+Wheels at an arm l travel at s. They creep the more the faster that is, so that a robot turns later while it drives; and
+dry friction, which acts against their travel, costs turn rate as far as turning is what they travel for. Both are those
+of driving forward (`motion`; direction cosines d of the wheels' drive) for a body of yaw inertia J that turns:
+
+    T_w = share T J / (m l^2) mean(d^2)       c_w = share c / l mean(d^2) / mean(|d|)
+
+A loop on the gyro of gain k, of which every robot has one, leaves 1 / (1 + k) of them and of tau. Rates follow commands
+so soon that s and n are told by the commands, of whole runs at once.
 """
 
 import numpy as np
 
-from omni_control.kinematics import Array, wrap_angle
+from omni_control.kinematics import Array, Kinematics, wrap_angle
 
 BIAS_RAD_S, BIAS_S = 0.05, 1.0  # standard deviation of b, and the time after which it is forgotten
-EFFORT_SIGMA = 0.05  # of g = 1
-LAG_SHARE = 0.7  # of the wheel loops' lag, which a gyro's loop makes quicker
-LAG_SIGMA = 0.3  # of the lag, relative to that of the wheel loops, and s
+EFFORT, EFFORT_SIGMA = 1.02, 0.05
+GYRO_SHARE = 0.5  # that a gyro's loop leaves: gain 1
+LAG_SHARE = 0.8  # of the mean lag over all directions, without such a loop
+LAG_SIGMA = 0.3  # of the lag, relative to that of the wheel loops
+FRICTION, FRICTION_SIGMA = 0.8, 0.6  # of what it is told to be at most, and relative to that
 KEPT_S = 12.0  # after which parameters are what was believed
 RATE_RAD_S2 = 1.5  # standard deviation of what the law does not know of w'
 LEAST_LAG_S = 1e-3
-EFFORT_BOUNDS, LONGEST_LAG_S = (0.8, 1.5), 0.1
+LEAST, MOST = np.array([LEAST_LAG_S, 0.8, 0.0]), np.array([0.1, 1.5, 0.8])  # of lag, effort and friction
+STATES = 6  # heading, rate, bias; lag, effort, friction
+INERTIA = 0.7  # J / (m l^2): TIGERs Mannheim's for their robots
+ARM_M, MEAN_COSINE, MEAN_SQUARE = 0.08, 0.787, 5 / 8  # of most robots: wheels at 60, 135, 225 and 300 degrees
+RUBBED_M_S = 0.01  # travel of wheels from which dry friction is all there
 
 
 class Turning:
@@ -28,87 +43,123 @@ class Turning:
         period: length of a frame, s.
         noise: standard deviation of the heading that vision reports, rad.
         lag: what the lag of the wheel loops is believed to be, s.
+        friction: what dry friction may cost robots that drive forward of their speed, m/s.
+        geometry: of the wheels; None: that of most robots of the league.
 
     Attributes:
         heading, rate: (n,) rad and rad/s; headings count full turns.
+        creep: that of driving forward T, as others know it, (n,) s^2/m.
         bias: b, (n,) rad/s.
         lag: tau, (n,) s.
         effort: g, (n,).
-        variance: of heading, rate, bias, lag and effort, (n, 5, 5).
+        friction: c_w, (n,) rad/s.
+        variance: of heading, rate, bias, lag, effort and friction, (n, 6, 6).
     """
 
-    def __init__(self, heading: Array, period: float, noise: float, lag: float) -> None:
+    def __init__(
+        self,
+        heading: Array,
+        period: float,
+        noise: float,
+        lag: float,
+        friction: float = 0.0,
+        geometry: Kinematics | None = None,
+    ) -> None:
         n = len(heading)
-        self.heading, self.rate, self.bias = heading.copy(), np.zeros(n), np.zeros(n)
-        believed = max(LAG_SHARE * lag, LEAST_LAG_S)
-        self._belief = np.array([0.0, believed, 1.0])  # of bias, lag and effort
-        self.lag, self.effort = np.full(n, believed), np.ones(n)
+        cosines = None if geometry is None else geometry.matrix[:, 0]
+        self._arm = ARM_M if geometry is None else geometry.arm
+        square = MEAN_SQUARE if cosines is None else float((cosines**2).mean())
+        size = MEAN_COSINE if cosines is None else float(np.abs(cosines).mean())
+        self._creeps = GYRO_SHARE * INERTIA * square
+        friction *= GYRO_SHARE / self._arm * square / size
+        lag *= GYRO_SHARE
+        self._belief = np.array([0.0, max(LAG_SHARE * lag, LEAST_LAG_S), EFFORT, FRICTION * friction])
+        self.heading, self.rate, self.creep = heading.copy(), np.zeros(n), np.zeros(n)
+        self.bias, self.lag, self.effort, self.friction = np.tile(self._belief[:, None], n)
         self._period, self._noise = period, max(noise, 1e-3) ** 2
-        sigma = np.array([BIAS_RAD_S, 1e-6 + LAG_SIGMA * lag, EFFORT_SIGMA])
-        keep = np.exp(-period / np.array([BIAS_S, KEPT_S, KEPT_S]))
+        sigma = np.array([BIAS_RAD_S, LAG_SIGMA * lag + 1e-6, EFFORT_SIGMA, FRICTION_SIGMA * friction + 1e-6])
+        keep = np.exp(-period / np.array([BIAS_S, KEPT_S, KEPT_S, KEPT_S]))
         self._keep, self._forget = keep, np.append([0.0, (RATE_RAD_S2 * period) ** 2], sigma**2 * (1 - keep**2))
         self._kept = np.append([1.0, 0.0], keep)  # of each state, by itself
-        self.variance = np.zeros((n, 5, 5))
-        self.variance[:, range(5), range(5)] = np.append([self._noise, 0.0], sigma**2)
+        self.variance = np.zeros((n, STATES, STATES))
+        self.variance[:, range(STATES), range(STATES)] = np.append([self._noise, 0.0], sigma**2)
 
     @property
     def sigma(self) -> Array:
-        """Standard deviation of heading, rate, bias, lag and effort, (n, 5)."""
+        """Standard deviation of heading, rate, bias, lag, effort and friction, (n, 6)."""
         return np.sqrt(np.maximum(np.diagonal(self.variance, axis1=1, axis2=2), 0.0))
 
-    def step(self, heading: Array, rate: Array, command: Array, duration: float | Array) -> tuple[Array, Array]:
-        """Headings and rates (n,) after a `duration`, s, one or (n,), with a `command` (n,) in rad/s."""
-        lag = self.lag / self.effort
-        decay, final = np.exp(-duration / lag), (command + self.bias) / self.effort
-        excess = rate - final
-        return heading + duration * final + excess * (1 - decay) * lag, final + excess * decay
+    def _answer(self, command: Array, speed: Array) -> tuple[Array, Array, Array]:
+        """Of robots (..., n) that are commanded and drive like that: time constants (s), final rates, and n."""
+        rim = self._arm * command
+        travel = np.sqrt(speed**2 + rim**2)
+        late = self.lag / self.effort + self.effort * self._creeps * self.creep * travel
+        rubbing = rim / np.maximum(travel, np.maximum(RUBBED_M_S, self._arm * self.friction))  # stops, no more
+        return late, (command + self.bias - self.friction * rubbing) / self.effort, rubbing
 
-    def follow(self, commands: Array, durations: Array) -> Array:
-        """Headings (count + 1, n) from now on, after one command (count, n) and its duration (count, n) after another.
+    def step(
+        self, heading: Array, rate: Array, command: Array, duration: float | Array, speed: Array
+    ) -> tuple[Array, Array]:
+        """Headings and rates after a while.
+
+        Args:
+            heading, rate: before, (n,) rad and rad/s.
+            command: turn rates that act, (n,) rad/s.
+            duration: s, one or (n,).
+            speed: at which robots drive, (n,) m/s.
+        """
+        late, final, _ = self._answer(command, speed)
+        decay, excess = np.exp(-duration / late), rate - final
+        return heading + duration * final + excess * (1 - decay) * late, final + excess * decay
+
+    def follow(self, commands: Array, durations: Array, speeds: Array) -> Array:
+        """Headings (count + 1, n) from now on, after commands, each with its duration and speed (count, n).
 
         As by `step` after `step`; commands that act for no time change nothing, not even by rounding.
         """
-        lag = self.lag / self.effort
-        decay, final = np.exp(-durations / lag), (commands + self.bias) / self.effort
+        late, final, _ = self._answer(commands, speeds)
+        decay = np.exp(-durations / late)
         rates = [self.rate]
         for kept, gained in zip(decay, (1 - decay) * final, strict=True):
             rates.append(kept * rates[-1] + gained)
         reached = np.array(rates)
-        moved = durations * final + lag * (reached[:-1] - reached[1:])
+        moved = durations * final + late * (reached[:-1] - reached[1:])
         return np.add.accumulate(np.concatenate([self.heading[None], moved]))
 
-    def ask(self, before: Array, after: Array) -> Array:
-        """Commands (n,) that lead from rates `before` to `after` in a frame: the inverse of `step`, rad/s."""
-        decay = np.exp(-self._period * self.effort / self.lag)
-        return (after - decay * before) * self.effort / (1 - decay) - self.bias
+    def ask(self, before: Array, after: Array, speed: Array) -> Array:
+        """Commands (n,) that lead from rates `before` to `after`, rad/s, in a frame, at a `speed`; see `step`."""
+        late, _, rubbing = self._answer((before + after) / 2, speed)
+        decay = np.exp(-self._period / late)
+        return (after - decay * before) * self.effort / (1 - decay) - self.bias + self.friction * rubbing
 
-    def update(self, measured: Array, command: Array) -> None:
+    def update(self, measured: Array, command: Array, speed: Array) -> None:
         """Take in a frame.
 
         Args:
             measured: headings seen by vision (n,) rad, not a number where a robot was not seen.
             command: turn rates that acted since the frame before, (n,) rad/s.
+            speed: at which robots drove meanwhile, (n,) m/s.
         """
-        period, lag = self._period, self.lag / self.effort
-        decay = np.exp(-period / lag)
-        carried = (1 - decay) * lag
+        period, (late, _, rubbing) = self._period, self._answer(command, speed)
+        decay = np.exp(-period / late)
+        carried = (1 - decay) * late
         gained, moved = (1 - decay) / self.effort, (period - carried) / self.effort  # by a command of 1
-        heading, rate = self.step(self.heading, self.rate, command, period)
-        # A change of bias, lag or effort acts like a command of: 1, -w', -w.
-        acts = np.array([np.ones_like(rate), (self.rate - rate) / period, -(self.rate + rate) / 2])
+        heading, rate = self.step(self.heading, self.rate, command, period, speed)
+        # A change of bias, lag, effort or friction acts like a command of: 1, -w', -w, -n.
+        acts = np.array([np.ones_like(rate), (self.rate - rate) / period, -(self.rate + rate) / 2, -rubbing])
         passed = np.zeros_like(self.variance)
-        passed.reshape(-1, 25)[:, ::6] = self._kept
+        passed.reshape(-1, STATES**2)[:, :: STATES + 1] = self._kept
         passed[:, 0, 1], passed[:, 1, 1] = carried, decay
         passed[:, :2, 2:] = (np.array([moved, gained])[:, None] * acts).transpose(2, 0, 1)
-        state = np.array([heading, rate, self.bias, self.lag, self.effort]).T
+        state = np.array([heading, rate, self.bias, self.lag, self.effort, self.friction]).T
         state[:, 2:] = self._belief + self._keep * (state[:, 2:] - self._belief)
         variance = passed @ self.variance @ passed.swapaxes(1, 2)
-        variance.reshape(-1, 25)[:, ::6] += self._forget
+        variance.reshape(-1, STATES**2)[:, :: STATES + 1] += self._forget
 
         seen = ~np.isnan(measured)
         surprise = np.where(seen, wrap_angle(measured - heading), 0.0)
         gain = np.where(seen, 1 / (variance[:, 0, 0] + self._noise), 0.0)[:, None] * variance[:, :, 0]
         self.variance = variance - gain[:, :, None] * variance[:, 0, None, :]
-        self.heading, self.rate, self.bias, lag, effort = (state + gain * surprise[:, None]).T
-        self.lag = np.minimum(np.maximum(lag, LEAST_LAG_S), LONGEST_LAG_S)
-        self.effort = np.minimum(np.maximum(effort, EFFORT_BOUNDS[0]), EFFORT_BOUNDS[1])
+        state += gain * surprise[:, None]
+        state[:, 3:] = np.minimum(np.maximum(state[:, 3:], LEAST), MOST)
+        self.heading, self.rate, self.bias, self.lag, self.effort, self.friction = state.T
