@@ -109,8 +109,8 @@ def test_turning_is_its_law_and_asked_for_by_its_inverse() -> None:
 def test_wheels_creep_and_rub_in_turning_as_in_driving() -> None:
     """Against wheels: each rim slips by |travel| f / (N C), and loses the same speed to friction; gyro loop of gain 1.
 
-    Driving forward at v: T |v| v' of slip and c of speed. From a wheel's force and loss follow those of turning, through
-    the inverse kinematics; the loop sees the rate that is missing and asks for as much again, which leaves half.
+    Driving forward at v: T |v| v' of slip and c of speed. From a wheel's force and loss follow those of turning,
+    through the inverse kinematics; the loop sees the rate that is missing and asks for it again, which leaves half.
     """
     turning = Turning(np.zeros(1), T, 0.01, 0.0, 0.04, WHEELS)
     turning.effort, turning.lag, turning.creep = np.ones(1), np.full(1, 1e-9), np.array([0.06])

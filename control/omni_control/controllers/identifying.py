@@ -99,7 +99,8 @@ class Identifying(Controller):
             target: heading of the reference when it begins to act, (n,) rad.
             heading: predicted for that time, (n,) rad.
         """
-        asked = self.turning.ask(*(rates[:-1] + rates[1:]) / 2, speed)
+        before, after = (rates[:-1] + rates[1:]) / 2
+        asked = self.turning.ask(before, after, speed)
         return asked + self.told.heading_gain * wrap_angle(target - heading)
 
     def _record(self) -> None:

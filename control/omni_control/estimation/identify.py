@@ -7,8 +7,9 @@ other.
 
 Where a robot does not do what is asked of it, because its wheels slide or somebody pushes it, commands show little of
 the parameters. That is told by innovations larger than the filter expects, and, of sliding, by an acceleration that
-stays away: what the law asked for, and what vision has had to take from it, both over a few frames. Velocity is then
-left to vision, and parameters are kept as they are, all but creep, which is the slip that grows with acceleration.
+stays away: what the law asked for, and what vision has had to take from it, both over a few frames. Parameters then
+are again what they were before it began, since until then it was taken for theirs; velocity is left to vision, and
+parameters are kept, all but creep, which is the slip that grows with acceleration.
 """
 
 import numpy as np
@@ -38,6 +39,7 @@ REACH_FRAMES = 4, 5  # how far the latency may be below and above what it is tol
 SLIDING_FRAMES = 8  # over which accelerations asked for and missing are averaged
 ASKED_M_S2, MISSING_M_S2, MISSING_SHARE = 1.0, 0.5, 0.3  # of them, from which on wheels are taken to slide
 BEGINS_FRAMES, ENDS_S = 4.0, 0.5  # in which that is believed, and not believed any more
+MISTAKEN_FRAMES = 14  # before sliding is believed, in which it was taken for other parameters
 SURPRISING = 1.5  # from which on parameters count on less
 LEAST_LAG_S = 1e-3
 STATES = 6 + motion.COUNT  # position, velocity, push; parameters
@@ -122,6 +124,7 @@ class Identifier:
         self.variance[:, [0, 1], [0, 1]] = self._told
         self.variance[:, 6:, 6:] = belief
         self.surprise, self.sliding = np.ones(n), np.zeros(n)
+        self._past: list[Array] = []  # parameters in the last frames
         self._asked: Plane = np.zeros(n, complex)
         self._missing: Plane = np.zeros(n, complex)
 
@@ -220,7 +223,7 @@ class Identifier:
         return variance
 
     def _feel(self, asked: Plane, missing: Plane) -> None:
-        """Find whether wheels slide.
+        """Find whether wheels slide, and take back what was learned when they began to.
 
         Args:
             asked: acceleration of the law in the frame just past, (n,) m/s^2.
@@ -232,7 +235,11 @@ class Identifier:
         along = (self._missing * self._asked.conj()).real / size
         slides = along > np.maximum(MISSING_M_S2, MISSING_SHARE * size)
         ends = np.exp(-self._period / ENDS_S)
+        was = self.sliding
         self.sliding = np.where(slides, self.sliding + (1 - self.sliding) / BEGINS_FRAMES, ends * self.sliding)
+        self._past = [*self._past[1 - MISTAKEN_FRAMES :], self.motion.parameters]
+        begins = (was < 0.5) & (self.sliding >= 0.5)
+        self.motion.parameters = np.where(begins[:, None], self._past[0], self.motion.parameters)
 
     def _doubt(self, measured: Plane) -> None:
         """Find how large the noise of vision is, by third differences of positions (n,), which motion hardly shows in.

@@ -28,7 +28,7 @@ FRICTION, FRICTION_SIGMA = 0.8, 0.6  # of what it is told to be at most, and rel
 KEPT_S = 12.0  # after which parameters are what was believed
 RATE_RAD_S2 = 1.5  # standard deviation of what the law does not know of w'
 LEAST_LAG_S = 1e-3
-LEAST, MOST = np.array([LEAST_LAG_S, 0.8, 0.0]), np.array([0.1, 1.5, 0.8])  # of lag, effort and friction
+LEAST, MOST = np.array([LEAST_LAG_S, 0.8, 0.0]), np.array([0.1, 1.9, 0.8])  # of lag, effort and friction
 STATES = 6  # heading, rate, bias; lag, effort, friction
 INERTIA = 0.7  # J / (m l^2): TIGERs Mannheim's for their robots
 ARM_M, MEAN_COSINE, MEAN_SQUARE = 0.08, 0.787, 5 / 8  # of most robots: wheels at 60, 135, 225 and 300 degrees
@@ -103,7 +103,8 @@ class Turning:
         """Headings and rates after a while.
 
         Args:
-            heading, rate: before, (n,) rad and rad/s.
+            heading: before, (n,) rad.
+            rate: before, (n,) rad/s.
             command: turn rates that act, (n,) rad/s.
             duration: s, one or (n,).
             speed: at which robots drive, (n,) m/s.
