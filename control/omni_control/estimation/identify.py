@@ -9,7 +9,8 @@ Where a robot does not do what is asked of it, because its wheels slide or someb
 the parameters. That is told by innovations larger than the filter expects, and, of sliding, by an acceleration that
 stays away: what the law asked for, and what vision has had to take from it, both over a few frames. Parameters then
 are again what they were before it began, since until then it was taken for theirs; velocity is left to vision, and
-parameters are kept, all but creep, which is the slip that grows with acceleration.
+parameters are kept, all but creep, which is the slip that grows with acceleration. What does not pass within a second
+is no sliding, but a robot that has become another, and is learned.
 """
 
 import numpy as np
@@ -40,6 +41,7 @@ SLIDING_FRAMES = 8  # over which accelerations asked for and missing are average
 ASKED_M_S2, MISSING_M_S2, MISSING_SHARE = 1.0, 0.5, 0.3  # of them, from which on wheels are taken to slide
 BEGINS_FRAMES, ENDS_S = 4.0, 0.5  # in which that is believed, and not believed any more
 MISTAKEN_FRAMES = 14  # before sliding is believed, in which it was taken for other parameters
+PASSES_S, SHRINKS = 1.03, 4.0  # how long it may last, and by how much faster than it grew that time shrinks
 SURPRISING = 1.5  # from which on parameters count on less
 LEAST_LAG_S = 1e-3
 STATES = 6 + motion.COUNT  # position, velocity, push; parameters
@@ -125,6 +127,7 @@ class Identifier:
         self.variance[:, 6:, 6:] = belief
         self.surprise, self.sliding = np.ones(n), np.zeros(n)
         self._past: list[Array] = []  # parameters in the last frames
+        self._lasts = np.zeros(n)  # s, for how long acceleration has been missing
         self._asked: Plane = np.zeros(n, complex)
         self._missing: Plane = np.zeros(n, complex)
 
@@ -236,7 +239,10 @@ class Identifier:
         slides = along > np.maximum(MISSING_M_S2, MISSING_SHARE * size)
         ends = np.exp(-self._period / ENDS_S)
         was = self.sliding
-        self.sliding = np.where(slides, self.sliding + (1 - self.sliding) / BEGINS_FRAMES, ends * self.sliding)
+        shrunk = np.maximum(self._lasts - SHRINKS * self._period, 0.0)
+        self._lasts = np.where(slides, self._lasts + self._period, shrunk)
+        passing = slides & (self._lasts < PASSES_S)
+        self.sliding = np.where(passing, self.sliding + (1 - self.sliding) / BEGINS_FRAMES, ends * self.sliding)
         self._past = [*self._past[1 - MISTAKEN_FRAMES :], self.motion.parameters]
         begins = (was < 0.5) & (self.sliding >= 0.5)
         self.motion.parameters = np.where(begins[:, None], self._past[0], self.motion.parameters)

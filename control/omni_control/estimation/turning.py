@@ -32,7 +32,7 @@ LEAST, MOST = np.array([LEAST_LAG_S, 0.8, 0.0]), np.array([0.1, 1.9, 0.8])  # of
 STATES = 6  # heading, rate, bias; lag, effort, friction
 INERTIA = 0.7  # J / (m l^2): TIGERs Mannheim's for their robots
 ARM_M, MEAN_COSINE, MEAN_SQUARE = 0.08, 0.787, 5 / 8  # of most robots: wheels at 60, 135, 225 and 300 degrees
-RUBBED_M_S = 0.01  # travel of wheels from which dry friction is all there
+RUBBED_M_S = 0.03  # travel of wheels from which dry friction is all there
 
 
 class Turning:
