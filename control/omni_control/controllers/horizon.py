@@ -58,29 +58,28 @@ def horizon(
     moved = plane(period * towards + lag * (before - after)) * facing
     missed = pairs(moved - (positions[1:] - positions[:-1]))
 
-    gained, pushed = (1 - decay) / law.effort, (period - carried) / law.effort
-    onwards = _turned(np.concatenate([carried, decay], axis=-1), facing)  # (N, n, 4, 2): of e_v on e_p and e_v
-    driven = _turned(np.concatenate([pushed, gained], axis=-1), facing)  # the same of a command
-    way, speed = np.zeros((2, n, 2, 2 * frames + 1))  # the last column is what happens without commands
-    way[:, :, -1], speed[:, :, -1] = pairs(error), pairs(late)
-    reached = np.empty((frames + 1, n, 2, 2 * frames + 1))
+    maps = np.stack([carried, decay, (period - carried) / law.effort, (1 - decay) / law.effort, lag], axis=2)
+    onwards = np.zeros((frames, n, 5, 5))  # of e_p, e_v and 1, one row each of both axes
+    onwards[..., range(5), range(5)] = 1.0
+    turned = _turned(maps, facing)  # (N, n, 10, 2)
+    onwards[..., :2, 2:4], onwards[..., 2:4, 2:4], onwards[..., :2, 4] = turned[..., :2, :], turned[..., 2:4, :], missed
+    driven, last = turned[..., 4:8, :], turned[-1, :, 8:]
+
+    table = np.zeros((frames + 1, n, 5, 2 * frames + 1))  # by commands, and, in the last column, without them
+    table[0, :, :2, -1], table[0, :, 2:4, -1], table[..., 4, -1] = pairs(error), pairs(late), 1.0
     for k in range(frames):
-        both = onwards[k] @ speed
-        way, speed = way + both[:, :2], both[:, 2:]
-        way[:, :, -1] += missed[k]
-        way[:, :, 2 * k : 2 * k + 2], speed[:, :, 2 * k : 2 * k + 2] = driven[k, :, :2], driven[k, :, 2:]
-        reached[k] = way
-    reached[frames] = way + _turned(lag[-1], facing[-1]) @ speed
-    table = reached.transpose(1, 0, 2, 3).reshape(n, 2 * frames + 2, 2 * frames + 1)
-    return Horizon(law.ask(velocities[:-1], velocities[1:], facing, period), table[:, :, -1], table[:, :, :-1])
+        np.matmul(onwards[k], table[k], out=table[k + 1])
+        table[k + 1, :, :4, 2 * k : 2 * k + 2] = driven[k]
+    ends = table[-1, :, :2] + last @ table[-1, :, 2:4]
+    errors = np.concatenate([table[1:, :, :2], ends[None]]).swapaxes(0, 1).reshape(n, 2 * frames + 2, -1)
+    return Horizon(law.ask(velocities[:-1], velocities[1:], facing, period), errors[:, :, -1], errors[:, :, :-1])
 
 
-def _turned(along: Array, facing: Plane) -> Array:
-    """Maps that scale pairs along the body's axes, m maps (..., 2 m), as matrices of the world (..., 2 m, 2)."""
-    ahead = pairs(facing)
-    left = pairs(1j * facing)
-    maps = along.reshape(*facing.shape, -1, 2)[..., None, None, :]  # (..., m, 1, 1, 2)
-    axes = np.stack([ahead[..., :, None] * ahead[..., None, :], left[..., :, None] * left[..., None, :]], axis=-1)
-    return (maps[..., 0] * axes[..., None, :, :, 0] + maps[..., 1] * axes[..., None, :, :, 1]).reshape(
-        *facing.shape, -1, 2
-    )
+def _turned(scales: Array, facing: Plane) -> Array:
+    """Maps that scale by (..., m, 2) along the body's axes, as matrices (..., 2 m, 2) of the world, row under row."""
+    double = pairs(facing**2)[..., None, :]  # cosine and sine of twice the heading
+    mean, half = scales.sum(-1) / 2, (scales[..., 0] - scales[..., 1]) / 2
+    matrices = np.empty((*scales.shape, 2))
+    matrices[..., 0, 0], matrices[..., 1, 1] = mean + half * double[..., 0], mean - half * double[..., 0]
+    matrices[..., 0, 1] = matrices[..., 1, 0] = half * double[..., 1]
+    return matrices.reshape(*facing.shape, -1, 2)

@@ -10,7 +10,7 @@ from omni_control.estimation.motion import pairs, plane
 from omni_control.kinematics import Array
 from omni_control.reference import Reference
 
-FRAMES = 24  # N: 0.4 s, in which an error falls to exp(-15 / s * 0.4 s) = 0.2 %
+FRAMES = 20  # N: a third of a second, in which an error falls to exp(-15 / s * 0.33 s) = 0.7 %
 STIFFNESS = 1.5  # in speed ranges per error range: 15/s, the gain of the fuzzy controller at zero error
 STILL_M_S = 0.01  # speed of the reference below which its way has no direction
 
@@ -19,7 +19,7 @@ class Mpc(Identifying):
     """mpc: model predictive control with preview, on the identified law, within the limits of commands.
 
     Robots are predicted to when the command will act, as by adaptive-comp-flc. From there on the law is made linear
-    about the reference (`controllers.horizon`), and the commands of the next N = 24 frames are chosen to minimise
+    about the reference (`controllers.horizon`), and the commands of the next N = 20 frames are chosen to minimise
 
         sum over the ends of N frames of |e_p|^2 + sum over N frames of |w|^2 / k^2 + |e_p + (lag / g) e_v|^2 / (2 k T)
 
