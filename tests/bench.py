@@ -16,6 +16,9 @@ from omni_mj.worlds import build
 
 ROUNDS = 3  # the fastest of these counts: other work on the machine only ever adds time
 
+DRIVE = ["reference.waypoints=[[0, 0], [1, 0.5]]", "reference.settle_s=0"]
+CONTROLLERS = "adaptive-comp-flc", "mpc"  # the costliest
+
 
 def fastest(prepare: Callable[[], Callable[[], object]]) -> float:
     """Seconds of the fastest of a few rounds of the work that `prepare` sets up."""
@@ -47,8 +50,7 @@ class Tape:
 
 def report(robots: int) -> None:
     """Compare the plant, and the whole loop around it, with the same motion by bare steps of the same model."""
-    drive = ["reference.waypoints=[[0, 0], [1, 0.5]]", "reference.settle_s=0"]
-    chosen = scenario.load("rect", drive, {"seeds": robots, "controllers": ("comp-flc",)})
+    chosen = scenario.load("rect", DRIVE, {"seeds": robots, "controllers": ("comp-flc",)})
     taped = Simulation(chosen)
     assert isinstance(taped.plant, MujocoPlant)
     tape = Tape(taped.plant._batch)
@@ -83,8 +85,49 @@ def report(robots: int) -> None:
     print(f"{robots:6d} {driven / steps:10.2f} {whole / steps:10.2f}", flush=True)
 
 
+class Clock:
+    """Calls a function, and adds up the CPU time that it takes, s."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function, self.time = function, 0.0
+
+    def __call__(self, *given: Any) -> Any:
+        """Call it."""
+        start = time.process_time()
+        answer = self._function(*given)
+        self.time += time.process_time() - start
+        return answer
+
+
+def report_controllers(robots: int) -> None:
+    """Compare controllers with the bare steps of the robots that they drive, in the same run, both in CPU time."""
+    shares = []
+    for name in CONTROLLERS:
+        chosen = scenario.load("rect", DRIVE, {"seeds": robots, "controllers": (name,)})
+        times = []
+        for _ in range(ROUNDS if robots == 1 else 1):  # many take long enough for other work to be averaged out
+            simulation = Simulation(chosen)
+            (controller,) = simulation.team.controllers
+            assert isinstance(simulation.plant, MujocoPlant)
+            tape = Tape(simulation.plant._batch)
+            simulation.plant._batch = tape
+            command, steps = Clock(controller.command), Clock(tape.step)
+            controller.command, tape.step = command, steps  # type: ignore[method-assign]
+            simulation.run()
+            assert not simulation.failures
+            times.append((command.time, steps.time))
+        commanding, stepping = np.min(times, axis=0)
+        frames = simulation.frame
+        shares += [f"{commanding / stepping:20.3f}", f"{1e3 * commanding / frames:10.2f}"]
+    print(f"{robots:6d}", *shares, flush=True)
+
+
 if __name__ == "__main__":
     print("time over that of bare steps of the same model")
     print("robots      plant       loop")
     for n in (1, 2, 16, 64):
         report(n)
+    print("\nCPU time of a controller over that of bare steps of the same robots, and ms per frame")
+    print("robots", *(f"{name:>20s}         ms" for name in CONTROLLERS))
+    for n in (1, 64):
+        report_controllers(n)

@@ -23,7 +23,13 @@ KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet")  # t
     "--scenario", "names", metavar="NAME|FILE.toml", multiple=True,
     help="May be repeated. [all that come with the program, but for the long heat]",
 )  # fmt: skip
-@click.option("--controller", "controllers", metavar="NAME|FILE.py:Class", multiple=True, help="May be repeated. [all]")
+@click.option(
+    "--controller",
+    "controllers",
+    metavar="NAME|FILE.py:Class",
+    multiple=True,
+    help="May be repeated. [all that are installed]",
+)
 @click.option("--plant", metavar="NAME", default="mujoco", help="What is driven. [mujoco]")
 @click.option("--seeds", type=int, metavar="N", default=20, help="How many seeds at most, from the first on. [20]")
 @click.option(
@@ -63,7 +69,7 @@ def command(
     quiet: bool,
 ) -> None:
     """Compare controllers on many scenarios: errors, effort, time to settle, over as many seeds as it takes."""
-    from omni_control.registry import CONTROLLERS
+    from omni_control.registry import available
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.measure import limits
     from omni_mj.measure.result import write
@@ -72,7 +78,7 @@ def command(
     from omni_mj.studies import compare
     from omni_mj.studies.outcome import total_frames
 
-    controllers = controllers or tuple(CONTROLLERS)
+    controllers = controllers or available()
     names = names or compare.usual(plant)
     head = {"controllers": controllers, "plant": plant, "seed": seed, "seeds": seeds}
     chosen = [scenario.load(name, overrides, head) for name in names]

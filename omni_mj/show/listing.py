@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from omni_control.registry import CONTROLLERS
+from omni_control.registry import CONTROLLERS, missing
 from omni_mj import robots
 from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.plants import PLANTS
@@ -25,7 +25,7 @@ def show() -> None:
     """Print the lists."""
     for title, rows, widest in (
         ("scenarios (--scenario)", _described(builtin()), [None]),
-        ("controllers (--controller)", [[name, _first_line(where)] for name, where in CONTROLLERS.items()], [None]),
+        ("controllers (--controller)", _controllers(), [None]),
         ("plants (--plant)", [[name, _first_line(where)] for name, where in PLANTS.items()], [None]),
         ("robots (--robot)", _described(robots.builtin()), [None]),
         ("settings (--set section.field=value)", [HEADINGS, *settings()], WIDEST),
@@ -35,6 +35,14 @@ def show() -> None:
         for line in terminal.wrapped(rows, widest):
             print(f"  {line}")
         print()
+
+
+def _controllers() -> list[list[str]]:
+    """Names and first lines of the controllers, with a remark on those that cannot be made here."""
+    remarks = {
+        name: f" (needs {package}: pip install 'omni-mj[{name}]')" for name in CONTROLLERS if (package := missing(name))
+    }
+    return [[name, _first_line(where) + remarks.get(name, "")] for name, where in CONTROLLERS.items()]
 
 
 def _described(files: dict[str, Path]) -> list[list[str]]:

@@ -1,6 +1,6 @@
 """Colours, line styles and markers shared by figures and recordings.
 
-The colours are Okabe and Ito's, then two of Tol's: distinct to the colour-blind. In grey some of them fall together;
+The colours are Okabe and Ito's, then three of Tol's: distinct to the colour-blind. In grey some of them fall together;
 there a controller is known by its line style and marker.
 """
 
@@ -10,7 +10,7 @@ from typing import Any
 SHEET = Path(__file__).with_name("omni.mplstyle")
 REFERENCE = "#7F7F7F"
 BACKGROUND = "#C8C8C8"
-CONTROLLERS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#999933")
+CONTROLLERS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#999933", "#332288")
 DASHES = (
     "-",
     (0, (4, 1.5)),
@@ -20,8 +20,10 @@ DASHES = (
     (0, (6, 1, 1, 1, 1, 1)),
     "-",
     (0, (2, 1)),
+    (0, (3, 1, 3, 1, 1, 1)),
 )
-MARKERS = {"o": 5.0, "s": 5.0, "^": 5.5, "D": 4.5, "v": 5.5, "P": 6.5, "X": 6.5, "*": 8.5}  # and sizes that look alike
+# Markers, and sizes that look alike.
+MARKERS = {"o": 5.0, "s": 5.0, "^": 5.5, "D": 4.5, "v": 5.5, "P": 6.5, "X": 6.5, "*": 8.5, "p": 6.0}
 
 
 def controller(index: int) -> str:

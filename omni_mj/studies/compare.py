@@ -7,7 +7,7 @@ from math import isfinite
 
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError, choose
-from omni_control.registry import CONTROLLERS
+from omni_control.registry import available
 from omni_mj.measure import limits
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.measure.statistics import precise
@@ -48,7 +48,8 @@ def compare(
 
     Args:
         scenarios: what is run, or names. [all that come with the package, but for the long heat]
-        controllers: names, `file.py:Class`, or classes derived from `Controller`. [all that come with the package]
+        controllers: names, `file.py:Class`, or classes derived from `Controller`. [all that come with the package, but
+            for those that need what is not installed]
         seeds: of the random numbers, or how many, counting up from 0: as many as there may be.
         subject: the controller of which verdicts are asked for.
         keep: whether to keep all frames.
@@ -65,7 +66,7 @@ def compare(
     """
     started = time.perf_counter()
     given = usual() if scenarios is None else scenarios
-    kinds = tuple(CONTROLLERS if controllers is None else controllers)
+    kinds = tuple(available() if controllers is None else controllers)
     numbers = counted(range(seeds) if isinstance(seeds, int) else seeds)
     chosen = [(load(each) if isinstance(each, str) else each).replace(controllers=kinds) for each in given]
     check(chosen, subject, half_width)

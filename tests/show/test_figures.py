@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from omni_control.registry import CONTROLLERS
 from omni_mj.measure import metrics, summary
 from omni_mj.measure.result import Outcome
 from omni_mj.scenarios import scenario
@@ -266,9 +267,9 @@ def test_each_of_many_controllers_has_axes_of_its_own() -> None:
 
 
 def test_controllers_are_tellable_without_colour() -> None:
-    lines = [style.line(i) for i in range(8)]
-    assert len({str(line["linestyle"]) + line["marker"] for line in lines}) == 8
-    assert len({line["marker"] for line in lines}) == 8
+    lines = [style.line(i) for i in range(len(CONTROLLERS))]  # all that come along, in one comparison
+    assert len({str(line["linestyle"]) + line["marker"] for line in lines}) == len(lines)
+    assert len({line["marker"] for line in lines}) == len({line["color"] for line in lines}) == len(lines)
     assert len({str(line["linestyle"]) for line in lines[: canvas.TOGETHER]}) == canvas.TOGETHER
 
 

@@ -10,7 +10,7 @@ from omni_control.controllers.base import Controller, Told
 from omni_control.controllers.checks import check_record, where
 from omni_control.errors import ControllerError, OmniError, choose
 from omni_control.reference import Reference
-from omni_control.registry import CONTROLLERS
+from omni_control.registry import CONTROLLERS, missing
 
 Parameter = bool | int | float | str
 Kind = TypeVar("Kind", bound=Controller)
@@ -22,10 +22,13 @@ def find(name: str) -> type[Controller]:
     """The class of the controller called `name`.
 
     Raises:
-        OmniError: there is no such controller.
+        OmniError: there is no such controller, or a package that it needs is not installed.
     """
     if name not in CONTROLLERS:
         raise OmniError(f"unknown controller {name!r}; {choose(name, sorted(CONTROLLERS))}")
+    if package := missing(name):
+        get = f"pip install 'omni-mj[{name}]'"
+        raise OmniError(f"controller {name!r} needs the package {package}, which is not installed; get it by {get}")
     module, _, class_name = CONTROLLERS[name].partition(":")
     return getattr(import_module(module), class_name)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from omni_control.controllers.base import Told
+from omni_control.controllers.base import Seen, Told
 from omni_control.controllers.identifying import Arrival, Identifying
 from omni_control.estimation.motion import pairs, plane
 from omni_control.fuzzy.rules import FuzzyLaw
@@ -35,7 +35,7 @@ class AdaptiveCompFlc(Identifying):
         super().__init__(told, reference, n)
         self.fuzzy = FuzzyLaw(told.error_range_m, told.speed_range_m_s)
 
-    def wanted(self, frame: int, arrival: Arrival) -> Array:
+    def wanted(self, frame: int, seen: Seen, arrival: Arrival) -> Array:
         """See `Identifying`."""
         period, law, now = self.told.period, self.plant.motion, LOOK_FRAMES + 1
         position, velocity, heading = arrival

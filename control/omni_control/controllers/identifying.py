@@ -1,7 +1,6 @@
 """What controllers share that identify their robots while they drive them: what is found, said, and comes next."""
 
 import math
-from abc import abstractmethod
 from typing import NamedTuple
 
 import numpy as np
@@ -48,9 +47,9 @@ class Identifying(Controller):
         self.memory_frames = self.plant.longest
         self._started, self._answered = False, np.zeros((n, 3))
 
-    @abstractmethod
-    def wanted(self, frame: int, arrival: Arrival) -> Array:
+    def wanted(self, frame: int, seen: Seen, arrival: Arrival) -> Array:
         """Commands (n, 3) for robots that will have arrived like that when they act; see `Controller.command`."""
+        raise NotImplementedError
 
     def command(self, frame: int, seen: Seen) -> Array:
         """See `Controller`."""
@@ -65,7 +64,7 @@ class Identifying(Controller):
         arrival = self._predict(seen.sent)
         self.predicted = np.concatenate([pairs(arrival.position), arrival.heading[:, None]], axis=1)
         self._record()
-        return self.wanted(frame, arrival)
+        return self.wanted(frame, seen, arrival)
 
     def _predict(self, sent: CommandsInFlight) -> Arrival:
         """How the commands that are still to act leave the robots."""

@@ -143,13 +143,13 @@ class Identifier:
 
     def follow(self, commands: Plane, headings: Plane, durations: Array) -> tuple[Plane, Plane]:
         """Positions and velocities (n,) after commands (count, n) that are still to act; see `Motion.follow`."""
-        arriving = commands * self._turned() + self.push
+        arriving = commands * self.turned() + self.push
         moved, velocity = self.motion.follow(self.velocity, arriving, headings, durations)
         return self.position + moved, velocity
 
     def ask(self, command: Plane) -> Plane:
         """What to send, (n,), so that commands (n,) of the law act: without what pushes, and by the robot's compass."""
-        return (command - self.push) * self._turned().conj()
+        return (command - self.push) * self.turned().conj()
 
     def update(self, measured: Plane, heading: Array, sent: CommandsInFlight) -> None:
         """Take in a frame.
@@ -160,7 +160,7 @@ class Identifier:
             sent: commands up to the frame before, `longest` of them at least.
         """
         period, law, ahead = self._period, self.motion, np.exp(1j * heading)
-        (acting, per_frame), turned = self._acted(sent), self._turned()
+        (acting, per_frame), turned = self._acted(sent), self.turned()
         arrived = acting * turned
         step = law.step(self.velocity, arrived + self.push, ahead, period)
         self.variance = self._passed(step, arrived, per_frame * turned, ahead)
@@ -173,7 +173,7 @@ class Identifier:
         self._correct(measured)
         self._feel(asked, (unaided - self.velocity) / period)
 
-    def _turned(self) -> Plane:
+    def turned(self) -> Plane:
         """How a robot's compass turns its commands, unit vectors (n,)."""
         return np.exp(-1j * self.motion.parameters[:, motion.COMPASS])
 

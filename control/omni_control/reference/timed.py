@@ -62,8 +62,12 @@ class SampledReference:
         last = self.frames - 1
         frame = np.minimum(frame, last)
         frame = frame[..., None] if frame.ndim < 2 else frame
-        before, axis = frame.astype(int), np.arange(3)
-        here, following = self.poses[before, axis], self.poses[np.minimum(before + 1, last), axis]
+        before = frame.astype(int)
+        after = np.minimum(before + 1, last)
+        if frame.shape[-1] == 1:  # one for all components: whole rows are found several times as fast
+            here, following = self.poses[before[..., 0]], self.poses[after[..., 0]]
+        else:
+            here, following = self.poses[before, range(3)], self.poses[after, range(3)]
         return here + (frame - before) * (following - here)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError, choose
-from omni_control.registry import CONTROLLERS
+from omni_control.registry import available
 from omni_mj.measure import summary
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.scenarios.controllers import find
@@ -90,7 +90,7 @@ def loop(
 
 def usual() -> tuple[str, ...]:
     """The controllers that are measured unless others are named."""
-    return tuple(name for name in CONTROLLERS if not find(name).knows_truth)
+    return tuple(name for name in available() if not find(name).knows_truth)
 
 
 def _measured(findings: Findings, drive: Drive) -> dict[str, np.ndarray]:
