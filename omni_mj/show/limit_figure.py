@@ -78,8 +78,8 @@ def _errors(result: "LimitResult", axes: Axes) -> None:
     offset = log.channel("pose") - log.channel("ref")
     distance = 100 * np.hypot(offset[..., 0], offset[..., 1])
     time = PERIOD_S * np.arange(len(distance))
-    for i, name in enumerate((LIMIT, WITHOUT_NOISE)):
-        part = distance[:, log.of(name)]
+    for i, (name, label) in enumerate(((LIMIT, result.whose["max"]), (WITHOUT_NOISE, WITHOUT_NOISE))):
+        part = distance[:, log.of(label)]
         axes.plot(time, np.median(part, axis=1), color=style.controller(i), label=name)
         if part.shape[1] > 1:
             axes.fill_between(time, part.min(1), part.max(1), color=style.controller(i), alpha=0.2, lw=0)
