@@ -103,14 +103,24 @@ def beside(study: Entry | None, seeds: Sequence[int]) -> dict[str, Any]:
     """What stands in the entry of a scenario that was run with some seeds: errors by the keys of `LIMITS`, or None.
 
     Of the limit's errors, those with the same seeds, where it has all of them: what they have in store is the same for
-    everybody.
+    everybody. The study's controllers, which came near the limit, may be better on these.
     """
     if study is None:
         return dict.fromkeys(LIMITS)
     results, theirs = study["results"], list(study["seeds"])
     shared = seeds and set(seeds) <= set(theirs)
     same = [theirs.index(seed) for seed in seeds] if shared else list(range(len(theirs)))
-    return {key: _over(results[label]["error_m"], same, len(theirs)) for key, label in LIMITS.items()}
+    errors = {name: _over(result["error_m"], same, len(theirs)) for name, result in results.items()}
+    still = errors.pop(LIMITS["limit_without_noise"])
+    worst, usual = (min(errors.values(), key=lambda each: _mean(each, statistic)) for statistic in STATISTICS)
+    least = {axis: usual[axis] | {"max": worst[axis]["max"]} for axis in usual}
+    return {"limit": least, "limit_without_noise": still}
+
+
+def _mean(errors: Mapping[str, Any], statistic: str) -> float:
+    """Mean over the seeds of the error in the plane, m; infinite where one of them failed."""
+    value = errors["distance"][statistic]["mean"]
+    return np.inf if value is None else float(value)
 
 
 def _over(errors: Mapping[str, Any], chosen: Sequence[int], count: int) -> dict[str, dict[str, Spread]]:

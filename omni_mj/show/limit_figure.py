@@ -59,7 +59,7 @@ def _learning(result: "LimitResult", axes: Axes) -> None:
         axes.axvline(result.own_from - 0.5, color=style.REFERENCE, lw=0.8, ls="--")
     axes.set(xlabel="attempt", ylabel="error in the plane, cm")
     axes.margins(x=0.02)
-    axes.legend(loc="upper right", ncols=2)
+    axes.legend(loc="upper right", ncols=2, frameon=True, edgecolor="none", framealpha=0.9)
 
 
 def _command(reference: np.ndarray, command: np.ndarray, label: str, axes: Axes) -> None:

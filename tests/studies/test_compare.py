@@ -239,6 +239,11 @@ def test_limits_that_are_known_stand_in_the_summary(study: dict[str, Any], scena
                 wanted = [each[i] for i in theirs] if key == "limit" else each
                 assert there[key]["distance"][statistic]["seeds"] == wanted
                 assert there[key]["distance"][statistic]["mean"] == pytest.approx(np.mean(wanted))
+        rival = next(name for name in own if not name.startswith("limit"))
+        beaten = {**own, "limit": own[rival], rival: own["limit"]}
+        other = {**study, "scenarios": {"there": {**study["scenarios"]["there"], "results": beaten}}}
+        best = om.compare(scenarios[:1], ("p",), seeds, half_width=0, known=[other])["there"].entry["limit"]
+        assert best == there["limit"], "whoever is better"
         for name, ratios in there["over_limit"].items():
             for statistic, ratio in ratios.items():
                 mean = there["results"][name]["error_m"]["distance"][statistic]["mean"]
