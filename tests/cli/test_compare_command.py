@@ -107,14 +107,17 @@ def test_the_same_command_gives_the_same_numbers_and_figure_and_keeps_frames_whe
 
 
 def test_what_the_limit_command_leaves_stands_beside(
-    files: Path, options: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Beside the one scenario of two whose limit is known: ratios in the table, lines in the figure."""
-    limited = tmp_path / "limit-there"
-    words = (files / "there.toml", "--plant", "kinematic", "--seeds", SEEDS, "--seed", FIRST, "--iterations", 2)
-    line = [*COMPARE[:-1], "limit", *map(str, words), "--quiet", "--out", str(limited)]
+    tiny, limited = tmp_path / "tiny.toml", tmp_path / "limit-tiny"
+    tiny.write_text("[reference]\nwaypoints = [[0, 0], [0.05, 0.02]]\nsettle_s = 0.1\n")
+    common = ["--plant", "kinematic", "--seeds", str(SEEDS), "--seed", str(FIRST)]
+    line = [*COMPARE[:-1], "limit", str(tiny), *common, "--iterations", "2", "--quiet", "--out", str(limited)]
     process = subprocess.run(line, capture_output=True, text=True, timeout=120, check=False)
     assert (process.returncode, process.stderr) == (0, "")
+    options = [word for path in (tiny, files / "there.toml") for word in ("--scenario", str(path))] + common
+    options += [word for name in CONTROLLERS for word in ("--controller", name)]
     given = ["--half-width", "0", "--limits", str(limited)]
     line = [*COMPARE, *options, *given, "--out", str(tmp_path / "out")]
     process = subprocess.run(line, capture_output=True, text=True, timeout=120, check=False)
@@ -124,15 +127,12 @@ def test_what_the_limit_command_leaves_stands_beside(
     found = strict(tmp_path / "out" / "summary.json")
     assert (found["half_width"], f"--half-width 0 --seed {FIRST}" in found["repeat"]) == (0, True)
     assert f"--limits {limited}" in found["repeat"]
-    entries = found["scenarios"]
-    assert (
-        entries["there"]["limit"]
-        == strict(limited / "summary.json")["scenarios"]["there"]["results"]["limit"]["error_m"]
-    )
-    assert [entries["bend"][key] for key in ("limit", "over_limit")] == [None, None]
-    assert all(ratio > 1 for ratio in entries["there"]["over_limit"]["comp-flc"].values())
+    entries, own = found["scenarios"], strict(limited / "summary.json")["scenarios"]["tiny"]["results"]
+    assert entries["tiny"]["limit"] == own["limit"]["error_m"]
+    assert [entries["there"][key] for key in ("limit", "over_limit")] == [None, None]
+    assert all(ratio > 1 for ratio in entries["tiny"]["over_limit"]["comp-flc"].values())
     markdown = (tmp_path / "out" / "compare.md").read_text()
-    assert "| Cheat (informed) | limit | limit without noise |" in markdown
+    assert "| comp-flc | limit | limit without noise |" in markdown
     assert "| over limit |" in markdown
     drawn = (tmp_path / "out" / "compare.svg").read_text()
     assert "<!-- limit -->" in drawn
@@ -140,7 +140,7 @@ def test_what_the_limit_command_leaves_stands_beside(
 
     other = ("--set", "radio.delay_frames=5", "--limits", limited / "summary.json", "--out", tmp_path / "none")
     assert invoke("compare", *options, *other) == 2
-    wanted = "error: the limit of 'there' is another's: found with radio.delay_frames = 6, not 5"
+    wanted = "error: the limit of 'tiny' is another's: found with radio.delay_frames = 6, not 5"
     assert capsys.readouterr().err.splitlines() == [wanted]
     (tmp_path / "no.json").write_text("{")
     (tmp_path / "stopped.json").write_text('{"limit": {}, "scenarios": {"there": {}}, "stopped": "interrupted"}')
