@@ -42,10 +42,11 @@ KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet")  # t
 @click.option("--seed", type=int, metavar="S", default=0, help="First seed of the random numbers. [0]")
 @click.option(
     "--limits",
-    "limits_file",
+    "found",
     type=options.FOLDER,
-    metavar="FILE.json",
-    help="What is possible on these scenarios, to stand beside: errors by scenario.",
+    metavar="DIR",
+    multiple=True,
+    help="What omni-mj limit found for one of the scenarios, to stand beside. May be repeated.",
 )
 @options.SUBJECT
 @options.SETTINGS
@@ -60,7 +61,7 @@ def command(
     seeds: int,
     half_width: float,
     seed: int,
-    limits_file: Path | None,
+    found: tuple[Path, ...],
     subject: str | None,
     overrides: tuple[str, ...],
     trajectories: bool,
@@ -83,12 +84,12 @@ def command(
     head = {"controllers": controllers, "plant": plant, "seed": seed, "seeds": seeds}
     chosen = [scenario.load(name, overrides, head) for name in names]
     compare.check(chosen, subject, half_width)
-    limits_of = limits.read(limits_file) if limits_file else limits.unknown
+    studies = [limits.read(path) for path in found]
+    limits.known(studies, chosen)  # before there is a folder
     repeat = ["--plant", plant, "--seeds", str(seeds), "--half-width", f"{half_width:g}", "--seed", str(seed)]
-    for option, values in (("--scenario", names), ("--controller", controllers), ("--set", overrides)):
-        repeat += [word for value in values for word in (option, value)]
-    for option, value in (("--subject", subject), ("--limits", limits_file)):
-        repeat += [option, str(value)] if value else []
+    several = {"--scenario": names, "--controller": controllers, "--limits": found, "--set": overrides}
+    repeat += [str(word) for option, values in several.items() for value in values for word in (option, value)]
+    repeat += ["--subject", subject] if subject else []
     folder = folders.prepare(out, "compare", (*OUTPUTS, *KEPT), overwrite)
 
     def save(result: "Result") -> None:
@@ -110,7 +111,7 @@ def command(
             result.save_outcome(outcome if trajectories else replace(outcome, log=None), folder)
 
         result = compare.compare(
-            chosen, controllers, range(seed, seed + seeds), subject, half_width=half_width, limits_of=limits_of,
+            chosen, controllers, range(seed, seed + seeds), subject, half_width=half_width, known=studies,
             before_block=before_block, after_block=after_block,
         )  # fmt: skip
     with console.writing(folder):

@@ -83,7 +83,7 @@ DEFINITIONS = {
     ),
     "events": "the first frame of each kind, controller and seed; of faults each beginning and end",
     **recovery.DEFINITIONS,
-    "limit": limits.DEFINITION,
+    **limits.DEFINITIONS,
     **VERDICTS,
 }
 
@@ -94,7 +94,8 @@ def nothing_run(scenario: Scenario) -> Entry:
         "description": scenario.description, "plant": scenario.plant, "robot": scenario.robot,
         "status": "not run", "reason": None, "seeds": [], "frames": 0, "simulated_s": 0.0, "wall_s": 0.0,
         "settings": scenario.settings.plain(), "paper_table": scenario.paper_table, "paper": paper.table(scenario),
-        "drawn": [], "events": [], "failed": [], "results": {}, **dict.fromkeys(limits.LIMITS), "verdict": None,
+        "drawn": [], "events": [], "failed": [], "results": {}, **dict.fromkeys(limits.LIMITS),
+        "over_limit": None, "verdict": None,
     }  # fmt: skip
 
 
@@ -186,11 +187,12 @@ def document(
     """The whole summary, with verdicts, of one scenario or several that were run with the same controllers."""
     informed = list(informed)
     judged = verdicts(entries, informed, subject)
+    more = {name: {"over_limit": limits.over(entry), "verdict": judged[name]} for name, entry in entries.items()}
     return {
         "format": FORMAT, "created": created, "complete": complete, "stopped": stopped, "wall_s": round(wall_s, 3),
         "repeat": repeat, "controllers": list(controllers), "informed": informed, "seeds": list(seeds),
         "half_width": half_width, "subject": subject,
-        "scenarios": {name: {**entry, "verdict": judged[name]} for name, entry in entries.items()},
+        "scenarios": {name: {**entry, **more[name]} for name, entry in entries.items()},
         "definitions": DEFINITIONS, "versions": versions(),
     }  # fmt: skip
 

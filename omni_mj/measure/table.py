@@ -12,6 +12,7 @@ DASH = "\N{EN DASH}"
 PAPER = "paper's "  # before the names of controllers whose numbers the paper reports
 COLUMNS = {"x": ("x, cm", "error_m", 100.0), "y": ("y, cm", "error_m", 100.0)}
 COLUMNS |= {"distance": ("plane, cm", "error_m", 100.0), "heading": ("heading, °", "error_rad", degrees(1))}
+OVER = "over limit"  # maximum and mean in the plane
 EFFORT = "excess, m/s²"  # effort above what the reference needs: one scale for all scenarios
 Summary = Mapping[str, Any]
 
@@ -31,19 +32,22 @@ def table(summary: Summary) -> Table:
 
     A number is that of the one seed, or the median over the seeds; but where several scenarios were run with several
     seeds, distance in the plane is the mean and half its interval. Limits that are known, and what the paper has,
-    follow the controllers.
+    follow the controllers; how many times the limit these are is the last column, of means over the seeds.
     """
     entries = {name: entry for name, entry in summary["scenarios"].items() if entry["results"]}
     several = len(summary["scenarios"]) > 1
     first = next((next(iter(entry["results"])) for entry in entries.values()), "")
     headings = ["scenario", "seeds"] * several + ["controller", *(heading for heading, _, _ in COLUMNS.values())]
     headings += [EFFORT, "settled, s", f"vs {first}, %"]
+    limited = any(entry.get("over_limit") for entry in entries.values())
+    headings += [OVER] * limited
     rows = []
     for name, entry in entries.items():
         means = several and len(entry["seeds"]) > 1
         lines = [*_lines(summary, entry, means), *_limit_lines(entry, means), *_paper_lines(entry)]
         rows += [
-            ["" if i else name, "" if i else f"{len(entry['seeds'])}"] * several + line for i, line in enumerate(lines)
+            ["" if i else name, "" if i else f"{len(entry['seeds'])}"] * several + line[: None if limited else -1]
+            for i, line in enumerate(lines)
         ]
     return Table(title(summary), headings, rows, 1 + 2 * several)
 
@@ -116,12 +120,12 @@ def _lines(summary: Summary, entry: Mapping[str, Any], means: bool) -> Iterator[
     for controller, result in entry["results"].items():
         cells = [label(summary, controller, result), *_errors(result, means)]
         cells += [number(result["excess_effort_m_s2"]["median"]), settled(result)]
-        yield [*cells, _change(result["reduction_percent"])]
+        yield [*cells, _change(result["reduction_percent"]), _over((entry.get("over_limit") or {}).get(controller))]
 
 
 def _limit_lines(entry: Mapping[str, Any], means: bool) -> Iterator[list[str]]:
     for name, errors in limits.of(entry).items():
-        yield [name, *_errors({"error_m": errors}, means), "", "", ""]
+        yield [name, *_errors({"error_m": errors}, means), "", "", "", ""]
 
 
 def _errors(result: Mapping[str, Any], means: bool) -> Iterator[str]:
@@ -144,9 +148,14 @@ def _change(reduction: Mapping[str, Any] | None) -> str:
     return "/".join(DASH if value is None else f"{-value:+.0f}" for value in values)
 
 
+def _over(ratios: Mapping[str, float | None] | None) -> str:
+    """How many times the limit's maximum and mean a controller's are."""
+    return "/".join(number(ratio, digits=1) for ratio in ratios.values()) if ratios else ""
+
+
 def _paper_lines(entry: Mapping[str, Any]) -> Iterator[list[str]]:
     for controller, error in (entry["paper"] or {}).items():
         cells = [
             "/".join(number(error[axis][s], 100) for s in ("max", "mean")) if axis in error else "" for axis in COLUMNS
         ]
-        yield [PAPER + controller, *cells, "", "", ""]
+        yield [PAPER + controller, *cells, "", "", "", ""]

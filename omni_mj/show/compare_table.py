@@ -5,7 +5,7 @@ from functools import partial
 from typing import Any
 
 from omni_mj.measure import limits
-from omni_mj.measure.table import DASH, Table, label, number, plus_minus, table
+from omni_mj.measure.table import DASH, OVER, Table, label, number, plus_minus, table
 from omni_mj.measure.verdict import CHANCE, ERRORS, best
 from omni_mj.show import markdown as md
 from omni_mj.show import terminal
@@ -26,6 +26,8 @@ def show(summary: Summary) -> None:
     if found.rows:
         terminal.show(found)
         print("settled: s after the end of the reference's last move (how many seeds of all do, where not all)")
+        if found.headings[-1] == OVER:
+            print(f"{OVER}: maximum/mean in the plane, mean over the seeds, over that of the limit")
         print("excess: command effort above what the reference itself needs; compare.md has the definitions\n")
     verdicts = verdict_table(summary)
     if verdicts.rows:

@@ -59,7 +59,7 @@ def _learning(result: "LimitResult", axes: Axes) -> None:
         axes.axvline(result.own_from - 0.5, color=style.REFERENCE, lw=0.8, ls="--")
     axes.set(xlabel="attempt", ylabel="error in the plane, cm")
     axes.margins(x=0.02)
-    axes.legend(loc="upper right", ncols=2)
+    axes.legend(loc="upper right", ncols=2, frameon=True, edgecolor="none", framealpha=0.9)
 
 
 def _command(reference: np.ndarray, command: np.ndarray, label: str, axes: Axes) -> None:
@@ -78,8 +78,8 @@ def _errors(result: "LimitResult", axes: Axes) -> None:
     offset = log.channel("pose") - log.channel("ref")
     distance = 100 * np.hypot(offset[..., 0], offset[..., 1])
     time = PERIOD_S * np.arange(len(distance))
-    for i, name in enumerate((LIMIT, WITHOUT_NOISE)):
-        part = distance[:, log.of(name)]
+    for i, (name, label) in enumerate(((LIMIT, result.whose["max"]), (WITHOUT_NOISE, WITHOUT_NOISE))):
+        part = distance[:, log.of(label)]
         axes.plot(time, np.median(part, axis=1), color=style.controller(i), label=name)
         if part.shape[1] > 1:
             axes.fill_between(time, part.min(1), part.max(1), color=style.controller(i), alpha=0.2, lw=0)

@@ -36,7 +36,7 @@ def compare(
     keep: bool = False,
     *,
     half_width: float = HALF_WIDTH,
-    limits_of: limits.LimitsOf = limits.unknown,
+    known: Iterable[limits.Study] = (),
     before_block: BeforeBlock = lambda simulation: nothing,
     after_block: Callable[[Result, Outcome], None] = lambda result, outcome: None,
 ) -> Result:
@@ -54,7 +54,7 @@ def compare(
         subject: the controller of which verdicts are asked for.
         keep: whether to keep all frames.
         half_width: half the 95 % interval of a mean, as a share of it, that is good enough; 0 for all seeds.
-        limits_of: a scenario -> what is known of its limits, as `measure.limits` says.
+        known: summaries of studies that found the limits of scenarios, to stand beside: `om.limit(...).summary()`.
         before_block: called with each simulation before it is run; what it returns is called after each frame, and
             may raise `StoppedError`.
         after_block: called with what there is so far, and the outcome that has come to it or has grown, with its
@@ -62,7 +62,7 @@ def compare(
 
     Raises:
         OmniError: there is no such scenario or controller, two scenarios share a name, the subject is not compared,
-            seeds do not count up, or the half width is none.
+            seeds do not count up, the half width is none, or a limit is that of something else.
     """
     started = time.perf_counter()
     given = usual() if scenarios is None else scenarios
@@ -70,15 +70,15 @@ def compare(
     numbers = counted(range(seeds) if isinstance(seeds, int) else seeds)
     chosen = [(load(each) if isinstance(each, str) else each).replace(controllers=kinds) for each in given]
     check(chosen, subject, half_width)
-    known = [limits_of(each) or {} for each in chosen]
-    result = Result([_with(Outcome.not_run(each), own) for each, own in zip(chosen, known, strict=True)], seeds=numbers)
+    studies = limits.known(known, chosen)
+    result = Result([Outcome.not_run(each) for each in chosen], seeds=numbers)
     result.subject, result.half_width = subject, half_width
     if chosen:
         result.controllers, result.informed = list(chosen[0].labels), informed(chosen[0])
     try:
         for i, each in enumerate(chosen):
             for grown in _growing(each, numbers, half_width, before_block):
-                outcome = _with(grown, known[i])
+                outcome = _with(grown, studies[i])
                 result.outcomes[i] = outcome if keep else replace(outcome, log=None)
                 result.wall_s = time.perf_counter() - started
                 after_block(result, outcome)
@@ -141,6 +141,6 @@ def _growing(scenario: Scenario, seeds: Sequence[int], half_width: float, before
         yield replace(outcome, entry=outcome.entry | unfinished)
 
 
-def _with(outcome: Outcome, known: limits.Known) -> Outcome:
+def _with(outcome: Outcome, study: limits.Entry | None) -> Outcome:
     """The outcome, with the limits that are known of its scenario."""
-    return replace(outcome, entry=outcome.entry | {key: known.get(key) for key in limits.LIMITS})
+    return replace(outcome, entry=outcome.entry | limits.beside(study, outcome.entry["seeds"]))

@@ -1,6 +1,5 @@
 """`omni-mj compare` as a user types it: its files, what it prints, what ends it."""
 
-import json
 import signal
 import subprocess
 import sys
@@ -107,31 +106,53 @@ def test_the_same_command_gives_the_same_numbers_and_figure_and_keeps_frames_whe
         assert (tmp_path / "scenarios" / f"{name}.toml").exists()
 
 
-def test_limits_from_a_file_stand_beside_and_what_it_lacks_is_named(
-    options: list[str], done: tuple[Path, str], tmp_path: Path, capsys: pytest.CaptureFixture[str], undrawn: None
+def test_what_the_limit_command_leaves_stands_beside(
+    files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Here the errors of a controller stand for those of a limit."""
-    errors = strict(done[0] / "summary.json")["scenarios"]["there"]["results"]["Cheat"]["error_m"]
-    (tmp_path / "limits.json").write_text(json.dumps({"there": {"limit": errors}}))
-    given = (*options, "--half-width", "0", "--limits", tmp_path / "limits.json", "--out", tmp_path / "out")
-    assert invoke("compare", *given) == 0
-    assert "limit" in [line.split()[0] for line in capsys.readouterr().out.splitlines() if line.split()]
+    """Beside the one scenario of two whose limit is known: ratios in the table, lines in the figure."""
+    tiny, limited = tmp_path / "tiny.toml", tmp_path / "limit-tiny"
+    tiny.write_text("[reference]\nwaypoints = [[0, 0], [0.05, 0.02]]\nsettle_s = 0.1\n")
+    common = ["--plant", "kinematic", "--seeds", str(SEEDS), "--seed", str(FIRST)]
+    line = [*COMPARE[:-1], "limit", str(tiny), *common, "--iterations", "2", "--quiet", "--out", str(limited)]
+    process = subprocess.run(line, capture_output=True, text=True, timeout=120, check=False)
+    assert (process.returncode, process.stderr) == (0, "")
+    options = [word for path in (tiny, files / "there.toml") for word in ("--scenario", str(path))] + common
+    options += [word for name in CONTROLLERS for word in ("--controller", name)]
+    given = ["--half-width", "0", "--limits", str(limited)]
+    line = [*COMPARE, *options, *given, "--out", str(tmp_path / "out")]
+    process = subprocess.run(line, capture_output=True, text=True, timeout=120, check=False)
+    assert (process.returncode, process.stderr) == (0, "")
+    assert "limit" in [line.split()[0] for line in process.stdout.splitlines() if line.split()]
+    assert "over limit: maximum/mean in the plane" in process.stdout
     found = strict(tmp_path / "out" / "summary.json")
     assert (found["half_width"], f"--half-width 0 --seed {FIRST}" in found["repeat"]) == (0, True)
-    assert [entry["limit"] for entry in found["scenarios"].values()] == [errors, None]
-    assert "| Cheat (informed) | limit |" in (tmp_path / "out" / "compare.md").read_text()
-    cells = {"x": errors["x"], "y": errors["y"] | {"max": {}}, "along": errors["along"], "across": errors["across"]}
-    for text, *says in (
-        ("{", "not valid JSON"),
-        ("[]", "must hold scenarios by name"),
-        ('{"a": {"best": 3}, "b": {}}', "a must hold limit or limit_without_noise", "b must hold"),
-        (json.dumps({"there": {"limit": cells}}), "there.limit must hold y.max, distance.max, distance.p99"),
+    assert f"--limits {limited}" in found["repeat"]
+    entries, own = found["scenarios"], strict(limited / "summary.json")["scenarios"]["tiny"]["results"]
+    assert entries["tiny"]["limit"] == own["limit"]["error_m"]
+    assert [entries["there"][key] for key in ("limit", "over_limit")] == [None, None]
+    assert all(ratio > 1 for ratio in entries["tiny"]["over_limit"]["comp-flc"].values())
+    markdown = (tmp_path / "out" / "compare.md").read_text()
+    assert "| comp-flc | limit | limit without noise |" in markdown
+    assert "| over limit |" in markdown
+    drawn = (tmp_path / "out" / "compare.svg").read_text()
+    assert "<!-- limit -->" in drawn
+    assert "<!-- limit without noise -->" in drawn
+
+    other = ("--set", "radio.delay_frames=5", "--limits", limited / "summary.json", "--out", tmp_path / "none")
+    assert invoke("compare", *options, *other) == 2
+    wanted = "error: the limit of 'tiny' is another's: found with radio.delay_frames = 6, not 5"
+    assert capsys.readouterr().err.splitlines() == [wanted]
+    (tmp_path / "no.json").write_text("{")
+    (tmp_path / "stopped.json").write_text('{"limit": {}, "scenarios": {"there": {}}, "stopped": "interrupted"}')
+    for path, says in (
+        (tmp_path / "no.json", "not valid JSON"),
+        (tmp_path / "out", "holds no limit; give the folder that omni-mj limit SCENARIO --out FOLDER leaves"),
+        (tmp_path / "stopped.json", "was not found: interrupted"),
     ):
-        (tmp_path / "limits.json").write_text(text)
-        assert invoke("compare", "--limits", tmp_path / "limits.json", "--out", tmp_path / "none") == 2
-        lines = capsys.readouterr().err.splitlines()
-        assert len(lines) == len(says)
-        assert all(said in line for said, line in zip(says, lines, strict=True)), lines
+        assert invoke("compare", *options, "--limits", path, "--out", tmp_path / "none") == 2
+        (error,) = capsys.readouterr().err.splitlines()
+        assert says in error
+    assert not (tmp_path / "none").exists()
 
 
 def test_one_seed_has_no_interval_and_says_so(
@@ -204,7 +225,7 @@ def test_bad_input_is_a_line_that_says_what_is_allowed(tmp_path: Path, capsys: p
         ("--seeds 0", "1 to 100000"),
         ("--half-width -1", "a share of the mean such as 0.05"),
         ("--half-width few", "not a valid float"),
-        ("--limits nowhere.json", "cannot read limits nowhere.json"),
+        ("--limits nowhere.json", "cannot read the limit in nowhere.json"),
         ("--seed -1", "from 0 to"),
         ("--set radio.delay=3", "did you mean 'radio.delay_frames'"),
         ("--sead 3", "--seed"),

@@ -161,7 +161,7 @@ def test_known_limits_stand_beside_the_controllers() -> None:
         "|  | flc | mine | limit | limit without noise |",
         "| rect | **3.00±0.00** | 4.00±0.00 | 2.00±0.00 | 0.10±0.00 |",
         "| rect | 3.00/3.00 | 4.00/4.00 | 2.00/2.00 | 0.10/0.10 |",
-        "|  |  | limit | 2.00/2.00 | 2.00/2.00 | 2.00±0.00/2.00±0.00 |  |  |  |  |",
+        "|  |  | limit | 2.00/2.00 | 2.00/2.00 | 2.00±0.00/2.00±0.00 |  |  |  |  |  |",
     ):
         assert line in lines, line
 

@@ -1,6 +1,7 @@
 """Many scenarios in one result: the numbers are those of the runs, whatever else is compared."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -219,14 +220,69 @@ def test_sending_the_references_own_velocities_is_no_effort_of_ones_own(scenario
         assert entry["results"]["Feed"]["excess_effort_m_s2"]["max"] < 1e-6
 
 
-def test_limits_that_are_known_stand_in_the_summary(result: om.Result, scenarios: list[om.Scenario]) -> None:
-    errors = result.summary()["scenarios"]["there"]["results"]["oracle"]["error_m"]
-    given = {"there": {"limit": errors}, "bend": None}
-    found = om.compare(scenarios, ("flc",), 1, limits_of=lambda scenario: given[scenario.name]).summary()["scenarios"]
-    assert [(entry["limit"], entry["limit_without_noise"]) for entry in found.values()] == [
-        (errors, None),
-        (None, None),
-    ]
+@pytest.fixture(scope="module")
+def study(scenarios: list[om.Scenario]) -> dict[str, Any]:
+    """What a study of the first one's limit says."""
+    return om.limit(scenarios[0], SEEDS, iterations=2).summary()
+
+
+def test_limits_that_are_known_stand_in_the_summary(study: dict[str, Any], scenarios: list[om.Scenario]) -> None:
+    """Of the seeds that were run, or, where the limit has not all of them, of its own: as many times the mean."""
+    own = study["scenarios"]["there"]["results"]
+    for seeds, theirs in ((range(8, 10), [1, 2]), (range(9, 12), [0, 1, 2])):
+        found = om.compare(scenarios, ("flc", "p"), seeds, half_width=0, known=[study]).summary()["scenarios"]
+        there, bend = found["there"], found["bend"]
+        assert [bend["limit"], bend["limit_without_noise"], bend["over_limit"]] == [None] * 3
+        for key, label in (("limit", "limit"), ("limit_without_noise", "limit without noise")):
+            for statistic in ("max", "mean"):
+                each = own[label]["error_m"]["distance"][statistic]["seeds"]
+                wanted = [each[i] for i in theirs] if key == "limit" else each
+                assert there[key]["distance"][statistic]["seeds"] == wanted
+                assert there[key]["distance"][statistic]["mean"] == pytest.approx(np.mean(wanted))
+        rival = next(name for name in own if not name.startswith("limit"))
+        beaten = {**own, "limit": own[rival], rival: own["limit"]}
+        other = {**study, "scenarios": {"there": {**study["scenarios"]["there"], "results": beaten}}}
+        best = om.compare(scenarios[:1], ("p",), seeds, half_width=0, known=[other])["there"].entry["limit"]
+        assert best == there["limit"], "whoever is better"
+        for name, ratios in there["over_limit"].items():
+            for statistic, ratio in ratios.items():
+                mean = there["results"][name]["error_m"]["distance"][statistic]["mean"]
+                assert ratio == pytest.approx(mean / there["limit"]["distance"][statistic]["mean"])
+                assert ratio > 1
+
+
+class Gentle(om.Controller):
+    """Proportional control, of as much as is asked for."""
+
+    share: float = 1.0
+
+    def command(self, frame: int, seen: om.Seen) -> np.ndarray:
+        target, speed = self.reference.at(frame, seen.pose)
+        return self.share * (speed + 3 * (target - seen.pose))
+
+
+def test_a_limit_of_something_else_is_none(study: dict[str, Any], scenarios: list[om.Scenario]) -> None:
+    """What differs is named; what controllers are told does not, and of two studies that counts which fits."""
+    there = scenarios[0]
+    turned = short("there", [[0, 0], [0.2, 0.2]])
+    other = short("there", [[0, 0], [0.2, 0.1]], radio={"delay_frames": 3}, vision={"position_noise_m": 0.002})
+    robot = om.scenario("rect", robot="tigers-v2020").replace(name="there")
+    for given, *words in (
+        (turned, "reference.waypoints = [[0.0, 0.0, 0.0], [0.2, 0.1, 0.0]], not"),
+        (other, "radio.delay_frames = 6, not 3", "vision.position_noise_m = 0.0013, not 0.002"),
+        (robot, "on the kinematic plant, not mujoco", "for robot tigers-v2016, not tigers-v2020"),
+        (scenarios[1], "a limit is given of 'there', which is not compared"),
+    ):
+        with pytest.raises(om.OmniError) as error:
+            om.compare([given], ("flc",), 1, known=[study])
+        assert all(word in str(error.value) for word in words), error.value
+        assert len(str(error.value).splitlines()) == 1
+    own = short("there", [[0, 0], [0.2, 0.1]], controller={"Gentle": {"share": 0.7}}, controllers=(Gentle,))
+    entry = study["scenarios"]["there"]
+    both = [{**study, "scenarios": {"there": {**entry, "settings": other.settings.plain(), "results": {}}}}, study]
+    for fitting in (there, own):
+        found = om.compare([fitting], (Gentle,), SEEDS, known=both, half_width=0)["there"].entry
+        assert found["limit"] == entry["results"]["limit"]["error_m"]
 
 
 def test_what_cannot_stand_in_one_table_is_refused(scenarios: list[om.Scenario]) -> None:

@@ -13,7 +13,7 @@ from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies.limit.attempts import Learned, led
 from omni_mj.studies.limit.deviations import Deviations
 from omni_mj.studies.limit.follower import Follower, regulator
-from omni_mj.studies.limit.predictor import COMPASS, POSE, Predictor
+from omni_mj.studies.limit.predictor import COMPASS, GAIN, POSE, Predictor
 from omni_mj.studies.limit.unknowns import Unknowns
 
 LAG_S, DELAY = 0.05, 3
@@ -99,6 +99,24 @@ def test_poses_are_predicted_as_well_as_can_be() -> None:
     before = q / 2 + np.sqrt(q**2 / 4 + q * r)
     off = (poses[frames - 1] - ahead[:, POSE])[:, :2]
     assert off.var() == pytest.approx(before * r / (before + r) + DELAY * q, rel=0.12)
+
+
+def test_what_firmware_and_carpet_do_to_a_command_is_undone() -> None:
+    """A command c that a gain g makes larger and a compass error a turns does what was planned, without feedback:
+
+    (1 + g) c + a (c_y, -c_x) = u; the rounds in which it is found leave |g|^6 of it, 6e-5 of u.
+    """
+    frames, n, gain, compass = 20, 2, -0.2, 0.05
+    settings = om.scenario("rect").settings
+    planned = np.tile([1.0, -0.5, 0.0], (frames, n, 1))
+    deviations = Deviations.prior(frames, DELAY, 0.0)
+    still = Unknowns(*[1e-9] * 5)
+    predictor = Predictor(deviations, planned, np.zeros((frames, n, 3)), settings, still, firmware=False)
+    predictor.state[:, GAIN], predictor.state[:, COMPASS] = gain, compass
+    follower = Follower(predictor, np.zeros((frames, 1, 3, 9)), np.zeros(n, int))
+    sent = follower(np.full((n, 3), np.nan), np.zeros(n))
+    wanted = np.linalg.solve([[1 + gain, compass], [-compass, 1 + gain]], [1.0, -0.5])
+    np.testing.assert_allclose(sent[:, :2], np.tile(wanted, (n, 1)), rtol=3e-4)
 
 
 def test_the_filter_sees_the_compass_error_of_the_firmware() -> None:

@@ -1,25 +1,29 @@
 """The limit is one: no controller gets below it, and where its value is known in closed form, it is that."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 
 import omni_mj as om
 from omni_control import controllers
 from omni_control.registry import CONTROLLERS
 from omni_mj.scenarios.settings import PERIOD_S
-from omni_mj.studies.limit import LIMIT, WITHOUT_NOISE, LimitResult, learning
+from omni_mj.show import limit_figure
+from omni_mj.studies.limit import LIMIT, WITHOUT_NOISE, LimitResult, learning, practice, rivals
 from omni_mj.studies.limit.attempts import quiet
 from omni_mj.studies.limit.learning import Learner
 from omni_mj.studies.outcome import StoppedError, nothing
 
 ROUTE = {
-    "waypoints": [[0, 0], [0.15, 0.05, 0.2]],
+    "waypoints": [[0, 0], [0.08, 0.03, 0.1]],
     "max_acceleration_m_s2": 3.0,
-    "lead_s": 0.15,
-    "settle_s": 0.15,
-}
+    "lead_s": 0.12,
+    "settle_s": 0.05,
+}  # 34 frames, of which the dead time is six
+LONGER = {"reference": {**ROUTE, "waypoints": [[0, 0], [0.15, 0.05, 0.2]], "lead_s": 0.15, "settle_s": 0.15}}
 SLOW = {"alpha_time_s": 10.0}
 PLANTS: dict[str, dict[str, Any]] = {
     "kinematic": {"plant": "kinematic", "kinematic": SLOW},
@@ -29,12 +33,25 @@ SEEDS = 2
 
 
 def route(plant: str, **sections: Any) -> om.Scenario:
-    return om.scenario("rect", reference=ROUTE, **PLANTS[plant], **sections)
+    return om.scenario("rect", **{"reference": ROUTE, **PLANTS[plant], **sections})
 
 
 @pytest.fixture(scope="module", params=PLANTS)
 def found(request: pytest.FixtureRequest) -> LimitResult:
-    return om.limit(route(request.param), SEEDS, iterations=3)
+    return studied(route(request.param))
+
+
+def studied(scenario: om.Scenario) -> LimitResult:
+    """Of fewer seeds of practice than usual, to save time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(practice, "SEEDS", 2)
+        return om.limit(scenario, SEEDS, iterations=3 if scenario.plant == "mujoco" else 2)
+
+
+def practised(result: LimitResult) -> tuple[Any, Any]:
+    """What the package's controllers and those that learned did in practice."""
+    assert result.skill is not None
+    return result.skill.rivals, list(result.skill.tried.values())
 
 
 def silent(title: str, frames: int) -> Any:
@@ -61,6 +78,31 @@ def test_no_controller_gets_below_it(found: LimitResult) -> None:
         assert still[statistic] < 1.1 * value, "where commands are at their limits, noise may be lucky"
 
 
+def test_who_comes_near_shows_what_it_can() -> None:
+    """Within a factor of two by the maximum or the mean, and the best by each, though it be far; not who failed."""
+    learned = [{"max": 2.0, "mean": 3.0}, {"max": 3.0, "mean": 1.0}]
+    by = {"near": (3.9, 9.0), "other": (9.0, 1.9), "far": (4.1, 2.1), "failed": (np.inf, np.inf)}
+    given: dict[str, Any] = {name: dict(zip(("max", "mean"), each, strict=True)) for name, each in by.items()}
+    assert rivals.near(given, learned) == ["near", "other"]
+    assert rivals.near({name: given[name] for name in ("far", "failed")}, learned) == ["far"]
+
+
+def test_a_controller_that_is_better_is_the_limit(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Here one that is told the truth, where vision is so noisy that nobody else sees anything: it says whose it is."""
+    monkeypatch.setattr(rivals, "competitors", lambda: ["oracle"])
+    monkeypatch.setattr(practice, "WEIGHTS", (0.01, 0.03))
+    blind = route("kinematic", vision={"position_noise_m": 0.05, "heading_noise_rad": 0.5})
+    result = om.limit(blind, SEEDS, iterations=2)
+    assert result.summary()["limit"]["of"] == {"max": "oracle", "mean": "oracle"}
+    theirs = om.run(blind, ["oracle"], range(SEEDS)).summary()["scenarios"]["rect"]["results"]["oracle"]["error_m"]
+    found = result.summary()["scenarios"]["rect"]["results"]
+    assert found[LIMIT]["error_m"] == found["oracle"]["error_m"] == theirs
+    for error in ("maximum", "mean"):
+        assert f"the limit of the {error} is that of oracle: learning found nothing lower" in result.table()
+    limit_figure.save(result, tmp_path / "limit.png")
+    assert imread(tmp_path / "limit.png").std() > 0.05
+
+
 def test_what_was_learned_is_shown_bit_for_bit(found: LimitResult) -> None:
     """In a batch with other robots, from the commands that it holds."""
     (outcome,) = found.outcomes
@@ -68,7 +110,9 @@ def test_what_was_learned_is_shown_bit_for_bit(found: LimitResult) -> None:
     assert error["max"]["median"] == found.history[-1]["max"]
     assert error["mean"]["median"] == pytest.approx(found.history[-1]["mean"], rel=1e-12)  # added in another order
     assert len(outcome.entry["results"][LIMIT]["error_m"]["x"]["max"]["seeds"]) == SEEDS
-    assert set(outcome.entry["results"]) == {LIMIT, WITHOUT_NOISE}
+    assert set(outcome.entry["results"]) == {LIMIT, WITHOUT_NOISE, *rivals.near(*practised(found))}
+    assert list(found.controllers) == list(outcome.entry["results"])
+    assert found.summary()["limit"]["of"] == {"max": "learned", "mean": "learned"}
 
 
 def test_learning_never_goes_back(found: LimitResult) -> None:
@@ -80,7 +124,7 @@ def test_it_is_the_same_every_time(found: LimitResult) -> None:
     """Told of one plant, to save the time of the other; on both, rows are the same in every batch."""
     (outcome,) = found.outcomes
     if outcome.scenario.plant == "kinematic":
-        again = om.limit(outcome.scenario, SEEDS, iterations=3)
+        again = studied(outcome.scenario)
         assert again.table() == found.table()
         for aim, commands in again.commands.items():
             np.testing.assert_array_equal(commands, found.commands[aim])
@@ -102,7 +146,7 @@ def test_robots_that_differ_learn_each_for_itself(monkeypatch: pytest.MonkeyPatc
     """Of one teacher, to save time: both get better by half, with commands of their own."""
     monkeypatch.setattr(learning, "TEACHERS", ("comp-flc",))
     monkeypatch.setattr(learning, "PROBES", 1)
-    learner = Learner(quiet(route("mujoco", variation={"mass": 0.1, "centre_m": 0.01})), [0, 1], silent)
+    learner = Learner(quiet(route("mujoco", variation={"mass": 0.1, "centre_m": 0.01}, **LONGER)), [0, 1], silent)
     learner.learn(2)
     assert (learner.best["mean"].merit < 0.5 * learner.history[0]["mean"]).all()
     assert np.abs(np.diff(learner.best["mean"].sent, axis=1)).max() > 0.01

@@ -13,6 +13,9 @@ from omni_mj.studies.limit.deviations import Deviations
 from omni_mj.studies.limit.plan import ARM_M
 from omni_mj.studies.limit.predictor import POSE, SPEED, Predictor
 
+# What a disturbance does to a command is a share of it, at most 0.2 or so: what as many rounds leave is nothing.
+ROUNDS = 5
+
 
 class Follower:
     """Called once a frame for n robots.
@@ -36,8 +39,10 @@ class Follower:
         state = np.concatenate([ahead[:, POSE], ahead[:, SPEED], felt], axis=1)
         gains = self._gains[min(self._frame, len(self._gains) - 1), self._which]
         self._frame += 1
-        wanted = -(gains * state[:, None]).sum(-1)
-        return predictor.planned + wanted - predictor.disturbed(ahead, predictor.planned)
+        wanted = command = predictor.planned - (gains * state[:, None]).sum(-1)
+        for _ in range(ROUNDS):
+            command = wanted - predictor.disturbed(ahead, command)
+        return command
 
     def sent(self, command: Array) -> None:
         """See `Predictor.sent`."""

@@ -5,13 +5,14 @@ that for which the poses in which commands act are predicted best. Which of the 
 stiffly, is tried.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.scenarios.scenario import Scenario
+from omni_mj.studies.limit import rivals
 from omni_mj.studies.limit.attempts import Attempts, Leader, attempt
 from omni_mj.studies.limit.deviations import Deviations
 from omni_mj.studies.limit.follower import Follower, regulator
@@ -21,7 +22,9 @@ from omni_mj.studies.limit.predictor import POSE, Predictor
 from omni_mj.studies.limit.unknowns import TUNED, Unknowns
 
 SEEDS, FIRST_SEED = 5, 1_000_000  # of practice, counted on from the scenario's
-WEIGHTS = (0.001, 0.003, 0.01, 0.03)  # of the regulator, that are tried
+WEIGHTS = (0.001, 0.003, 0.01, 0.03)  # of the regulator, that are tried first
+# Beyond them, where the best is at an end and better than the next by such a share: by which factor, and how far.
+FARTHER, LEAST, MOST, WORTH_TRYING = 10**0.5, 1e-5, 0.3, 0.02
 USUAL = 0.01
 ALIKE_M = 2e-4  # maxima of runs that are no farther apart are alike under noise
 # By which factor an unknown is made larger or smaller, how often at the most, and for what gain.
@@ -50,6 +53,7 @@ class Skill:
         unknowns: how much of what is unknown.
         policies: the best by each aim.
         tried: the aims' merits of each policy in practice, m.
+        rivals: the same of the package's controllers.
         foreseen: root mean square, m, by which positions in which commands act are off those predicted: what is left is
             not for feedback to mend.
     """
@@ -58,6 +62,7 @@ class Skill:
     unknowns: Unknowns
     policies: dict[Aim, Policy]
     tried: dict[Policy, dict[Aim, float]]
+    rivals: dict[str, dict[Aim, float]]
     foreseen: float
 
 
@@ -96,18 +101,29 @@ def practise(scenario: Scenario, deviations: Deviations, best: dict[Aim, Best], 
     )
     unknowns = tuned(scenario, deviations, best["mean"], robots, made, unknowns)
     foreseen = foresight(scenario, deviations, best["mean"], robots, made, [unknowns], arm=0.0)
+    tried: dict[Policy, dict[Aim, float]] = {}
     policies = [Policy(aim, weight) for aim in _distinct(best) for weight in WEIGHTS]
-    leads = leader(scenario, deviations, unknowns, best, policies, robots)
-    made = attempt(scenario, seeds * len(policies), leads, begin("feedback", frames))
-    found = {aim: merits(made.errors, aim).reshape(len(policies), -1) for aim in AIMS}
-    typical = {aim: np.median(values, axis=1) for aim, values in found.items()}
-    return Skill(
-        deviations,
-        unknowns,
-        {aim: policies[int(typical[aim].argmin())] for aim in AIMS},
-        {policy: {aim: float(typical[aim][i]) for aim in AIMS} for i, policy in enumerate(policies)},
-        float(foreseen[0]),
-    )
+    while policies:
+        leads = leader(scenario, deviations, unknowns, best, policies, robots)
+        made = attempt(scenario, seeds * len(policies), leads, begin("feedback", frames))
+        found = {aim: merits(made.errors, aim).reshape(len(policies), -1).mean(1) for aim in AIMS}
+        tried |= {policy: {aim: float(found[aim][i]) for aim in AIMS} for i, policy in enumerate(policies)}
+        chosen = {aim: min(tried, key=lambda policy: tried[policy][aim]) for aim in AIMS}
+        policies = _farther(tried)
+    return Skill(deviations, unknowns, chosen, tried, rivals.tried(scenario, seeds, begin), float(foreseen[0]))
+
+
+def _farther(tried: Mapping[Policy, Mapping[Aim, float]]) -> list[Policy]:
+    """Policies beyond those tried, where the best is at an end and better than what is next to it."""
+    more = []
+    for aim in AIMS:
+        best = min(tried, key=lambda policy: tried[policy][aim])
+        alike = sorted((policy for policy in tried if policy.run == best.run), key=lambda policy: policy.weight)
+        for end, by in ((alike, 1 / FARTHER), (alike[::-1], FARTHER)):
+            gains = tried[best][aim] < (1 - WORTH_TRYING) * tried[end[1]][aim]
+            if best == end[0] and gains and LEAST < best.weight * by < MOST:
+                more.append(replace(best, weight=best.weight * by))
+    return list(dict.fromkeys(more))
 
 
 def _distinct(best: dict[Aim, Best]) -> tuple[Aim, ...]:

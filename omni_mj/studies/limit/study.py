@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +13,11 @@ from omni_mj.measure import metrics, summary
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.measure.statistics import plain
 from omni_mj.measure.table import plus_minus
+from omni_mj.measure.verdict import ERRORS, mean
 from omni_mj.scenarios.scenario import Scenario, load
+from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Simulation
+from omni_mj.studies.limit import rivals
 from omni_mj.studies.limit.attempts import Learned, Table, Together, led, quiet, row
 from omni_mj.studies.limit.learning import Begin, Learner
 from omni_mj.studies.limit.plan import AIMS, Aim
@@ -29,10 +32,13 @@ DEFINITIONS = {
     "limit": "least error found of robots that know the plant, and see no more than any controller: of information",
     "limit without noise": "least error found of robots that nothing disturbs and that see the truth: of the plant",
     "max, mean": "each the least: where another run has a lower mean than that with the lowest maximum, it is its",
+    "of": "whose the maximum and mean of the limit are: of robots that learned, or of a controller that was better",
     "attempts": "least maximum and mean of the error in the plane, m, without noise, after each attempt (median robot)",
     "unknowns": "standard deviations per frame of what is not foreseen, by which poses are predicted best",
     "foreseen_m": "root mean square by which positions are off those predicted when commands act: no feedback mends it",
-    "practice": "median over seeds of practice of maximum and mean, m, of runs led along at each weight of feedback",
+    "practice": "mean over seeds of practice of maximum and mean, m, of runs led along at each weight of feedback",
+    "rivals": "the same of the package's controllers that see what any team sees; those that come near, and the best,"
+    " drive the seeds of the limit too",
 }
 
 
@@ -47,12 +53,14 @@ class LimitResult(Result):
         commands: that were learned, by aim, (F, L, 3), world frame, m/s and rad/s: one robot if all are alike,
             otherwise one per seed.
         skill: what practice under noise left; None of a study that was stopped before.
+        whose: the label in the log of those whose errors the limit's are.
     """
 
     history: Sequence[Mapping[Aim, float]] = ()
     own_from: int = 0
     commands: Mapping[Aim, Array] = field(default_factory=dict)
     skill: Skill | None = None
+    whose: Mapping[Aim, str] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
         """That of any result, with what was learned as `limit`."""
@@ -65,12 +73,17 @@ class LimitResult(Result):
             learned["unknowns"] = {name: plain(value) for name, value in asdict(self.skill.unknowns).items()}
             learned["foreseen_m"] = self.skill.foreseen
             learned["practice"] = [{**asdict(policy), **merits} for policy, merits in self.skill.tried.items()]
+            learned["rivals"] = self.skill.rivals
+            learned["of"] = {aim: self._whose(aim) for aim in self.whose}
             learned["led_along"] = {aim: asdict(policy) for aim, policy in self.skill.policies.items()}
         return super().summary() | {"limit": learned}
 
     def table(self) -> str:
         """The limits' errors, and how they were found, as lines of text."""
         return "\n".join([super().table(), *self._lines()]) if self.complete else ""
+
+    def _whose(self, aim: Aim) -> str:
+        return "learned" if self.whose[aim].startswith(LIMIT) else self.whose[aim]
 
     def _lines(self) -> Iterator[str]:
         (outcome,) = self.outcomes
@@ -79,6 +92,9 @@ class LimitResult(Result):
             if len(error["max"]["seeds"]) > 1:
                 both = " / ".join(plus_minus(error[statistic], 100) for statistic in ("max", "mean"))
                 yield f"{name}: maximum / mean in the plane, mean over seeds: {both} cm"
+        for aim in AIMS:
+            if (name := self._whose(aim)) != "learned":
+                yield f"the limit of the {ERRORS[aim]} is that of {name}: learning found nothing lower"
         first, last = ((100 * each["max"], 100 * each["mean"]) for each in (self.history[0], self.history[-1]))
         yield (
             f"without noise, in {len(self.history) - 1} attempts: from {first[0]:.2f}/{first[1]:.2f}"
@@ -158,7 +174,8 @@ def _study(result: LimitResult, chosen: Scenario, seeds: Sequence[int], iteratio
     if own:
         learner.learn_on(quiet(chosen), own - 1)
     result.skill, result.commands = skill, {aim: best.asked for aim, best in learner.best.items()}
-    result.outcomes = [_shown(chosen, seeds, learner, skill, begin, started)]
+    outcome, result.whose = _shown(chosen, seeds, learner, skill, begin, started)
+    result.outcomes, result.controllers = [outcome], list(outcome.entry["results"])
 
 
 def _faster(scenario: Scenario) -> Scenario:
@@ -177,8 +194,8 @@ def _robots(scenario: Scenario, seeds: Sequence[int]) -> list[int]:
 
 def _shown(
     chosen: Scenario, seeds: Sequence[int], learner: Learner, skill: Skill, begin: Begin, started: float
-) -> Outcome:
-    """Have robots show what they can: under noise, each seed, and without, each robot that learned."""
+) -> tuple[Outcome, dict[Aim, str]]:
+    """Have robots show what they can: under noise, each seed, and without, each robot that learned; and rivals."""
     calm, robots = quiet(chosen), np.arange(len(seeds)) % len(learner.seeds)
     policies = list(dict.fromkeys(skill.policies.values()))
     labels = [LIMIT, f"{LIMIT}, mean"][: len(policies)]
@@ -186,26 +203,37 @@ def _shown(
     still = [WITHOUT_NOISE, f"{WITHOUT_NOISE}, mean"]
     rows += [(calm, seed, label) for label in still for seed in learner.seeds]
     leads = leader(chosen, skill.deviations, skill.unknowns, learner.best, policies, robots)
-    table = Table(np.concatenate([learner.best[aim].asked for aim in AIMS], axis=1))
+    tables = Table(np.concatenate([learner.best[aim].asked for aim in AIMS], axis=1))
     kinds = [type(label, (Learned,), {}) for label in (*labels, *still)]
     simulation = Simulation(
         chosen, kinds, rows=[row(each, i, seed, label) for i, (each, seed, label) in enumerate(rows)]
     )
-    both = Together([(leads, len(policies) * len(seeds)), (table, len(still) * len(learner.seeds))])
+    both = Together([(leads, len(policies) * len(seeds)), (tables, len(still) * len(learner.seeds))])
     led(simulation, both, begin("limits", len(learner.reference)))
-    log, failures = simulation.log, list(simulation.failures)
-    measured, drawn = metrics.row_metrics(log, failures), simulation.drawn
-    wall = time.perf_counter() - started
+    names = rivals.near(skill.rivals, list(skill.tried.values()))
+    beside = Simulation(chosen, names, seeds=seeds)
+    beside.run(begin("controllers", len(learner.reference)))
+
+    parts, table = (simulation, beside), [*simulation.rows]
+    table += [replace(each, world=i) for i, each in enumerate(beside.rows, len(table))]
+    log = Log.joined([part.log for part in parts], table)
+    failures = [*simulation.failures]
+    failures += [replace(failure, row=failure.row + len(simulation.rows)) for failure in beside.failures]
+    drawn = {name: np.concatenate([part.drawn[name] for part in parts]) for name in simulation.drawn}
+    measured, wall = metrics.row_metrics(log, failures), time.perf_counter() - started
     entry = summary.entry(chosen, log, failures, measured, wall, None, drawn=drawn)
-    results = entry["results"]
-    entry |= {"results": {name: _least(results, name) for name in (LIMIT, WITHOUT_NOISE)}, "verdict": None}
-    return Outcome(chosen, entry, simulation.rows, failures, {**measured, **drawn}, log)
+    results = {name: {**result, "reduction_percent": None} for name, result in entry["results"].items()}
+    least, whose = _least(results, [*labels, *names])
+    found = {LIMIT: least, WITHOUT_NOISE: _least(results, still)[0], **{name: results[name] for name in names}}
+    entry |= {"results": found, "verdict": None}
+    return Outcome(chosen, entry, table, failures, {**measured, **drawn}, log), whose
 
 
-def _least(results: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """What was found by both aims: the maximum of the one, mean and root mean square of the other."""
-    one, other = results[name], results.get(f"{name}, mean", results[name])
-    found = {**one, "reduction_percent": None}
+def _least(results: Mapping[str, Any], names: Sequence[str]) -> tuple[dict[str, Any], dict[Aim, str]]:
+    """What was found by both aims: the maximum of the one, all else of errors of the other; and who these are."""
+    whose: dict[Aim, str] = {aim: min(names, key=lambda name: mean(results[name], aim)) for aim in AIMS}
+    one, other = results[whose["max"]], results[whose["mean"]]
+    found = {**one}
     for key in ("error_m", "error_rad"):
         found[key] = {axis: other[key][axis] | {"max": one[key][axis]["max"]} for axis in one[key]}
-    return found
+    return found, whose
