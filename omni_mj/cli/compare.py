@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from omni_mj.studies.outcome import AfterFrame
 
 OUTPUTS = ("summary.json", "compare.md", "compare.png", "compare.svg")
-KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet", "provenance.json", "sources")
+KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet", *folders.PROVENANCE)
 
 
 @click.command("compare")

@@ -7,7 +7,7 @@ import click
 
 from omni_mj.cli import console, folders, options
 
-OUTPUTS = ("summary.json", "scenario.toml", "trajectory.parquet", "limit.png", "provenance.json", "sources")
+OUTPUTS = ("summary.json", "scenario.toml", "trajectory.parquet", "limit.png", *folders.PROVENANCE)
 
 
 @click.command("limit")
@@ -44,7 +44,7 @@ def command(
     limit.check(chosen, iterations)
     folder = folders.prepare(out, f"limit-{chosen.name}", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
-        record.save(folder, "limit", console.command_line(), [chosen])
+        record.save(folder, "limit", console.command_line(), [chosen], given={"iterations": iterations})
         result = limit.limit(
             chosen,
             chosen.seed_list,

@@ -19,10 +19,8 @@ if TYPE_CHECKING:
     from omni_mj.show.recording import Recording
     from omni_mj.simulate.simulation import Simulation
 
-OUTPUTS = (
-    *("summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml", "figures", "report.html"),
-    *("provenance.json", "sources"),
-)
+RESULTS = ("summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml", "figures", "report.html")
+OUTPUTS = (*RESULTS, *folders.PROVENANCE)
 
 
 @click.command("run")

@@ -17,7 +17,15 @@ from omni_mj.scenarios import robots, scenario
 from omni_mj.scenarios.checking import in_one
 from omni_mj.scenarios.scenario import Scenario
 
-PARTS = {"study": str, "frames_kept": bool, "scenarios": dict, "modules": list, "versions": dict, "source": dict}
+PARTS = {
+    "study": str,
+    "given": dict,
+    "frames_kept": bool,
+    "scenarios": dict,
+    "modules": list,
+    "versions": dict,
+    "source": dict,
+}
 
 
 class Folder:

@@ -1,7 +1,7 @@
 """Writes down what a run is made of: provenance.json, and copies of what is the user's own in sources/."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -14,12 +14,18 @@ from omni_mj.scenarios import controllers, plants, robots, user_files
 from omni_mj.scenarios.scenario import Scenario
 
 FORMAT = 1
-FILE, SOURCES = "provenance.json", "sources"
-OUTPUTS = (FILE, SOURCES)  # of a folder
+FILE, SOURCES = "provenance.json", "sources"  # also in `omni_mj.cli.folders`, which must not import what this does
 MODULES = "modules"  # folder in that of the sources, for modules that a user's files import
 
 
-def save(folder: Path, study: str, command: str | None, scenarios: Sequence[Scenario], frames: bool = True) -> None:
+def save(
+    folder: Path,
+    study: str,
+    command: str | None,
+    scenarios: Sequence[Scenario],
+    frames: bool = True,
+    given: Mapping[str, Any] | None = None,
+) -> None:
     """Write what is about to be run.
 
     Args:
@@ -28,6 +34,7 @@ def save(folder: Path, study: str, command: str | None, scenarios: Sequence[Scen
         command: the command line.
         scenarios: what is run.
         frames: whether trajectories are kept.
+        given: what the study was given beside scenarios.
 
     Raises:
         OmniError: a user's file has gone.
@@ -38,7 +45,7 @@ def save(folder: Path, study: str, command: str | None, scenarios: Sequence[Scen
     found["versions"] |= modules.versions(shelf.python)
     content = {
         "format": FORMAT, "study": study, "command": command,
-        "began": datetime.now(UTC).isoformat(timespec="seconds"), "frames_kept": frames,
+        "began": datetime.now(UTC).isoformat(timespec="seconds"), "frames_kept": frames, "given": dict(given or {}),
         "scenarios": described, "modules": shelf.modules(), **found,
     }  # fmt: skip
     write(folder / FILE, json.dumps(content, indent=2, ensure_ascii=False) + "\n")

@@ -13,10 +13,11 @@ from omni_mj.provenance import frames, here
 from omni_mj.provenance.folder import Folder, importable
 from omni_mj.provenance.record import MODULES, SOURCES
 from omni_mj.scenarios.scenario import Scenario
+from omni_mj.studies.limit import limit
 from omni_mj.studies.outcome import AfterFrame, StoppedError, drive, nothing, total_frames
 from omni_mj.studies.run import prepare
 
-STUDIES = ("run", "compare")  # that can be run again from their scenarios alone
+STUDIES = ("run", "compare", "limit")  # whose frames, or numbers of the summary, can be compared
 RESULTS = ("failed", "drawn", "events", "results")  # what a summary says of a scenario that its frames decide
 TOLD = 3  # numbers of the summary that are named
 Begin = Callable[[str, int], AfterFrame]
@@ -69,7 +70,7 @@ def repeat(path: Path, begin: Begin = lambda title, count: nothing) -> Repetitio
             scenarios = {name: folder.scenario(name, copies) for name in entries}
             for name, chosen in scenarios.items():
                 several = f"{name}: " if folder.several else ""
-                _compare(folder, name, _again(chosen, entries[name], begin), copies, found, several)
+                _compare(folder, name, _again(folder.record, chosen, entries[name], begin), copies, found, several)
     skipped = [name for name in folder.summary["scenarios"] if name not in entries]
     found.notes += [f"{name} was not run: there is nothing to compare with" for name in skipped]
     if stopped := folder.summary["stopped"]:
@@ -85,8 +86,10 @@ def repeat(path: Path, begin: Begin = lambda title, count: nothing) -> Repetitio
     return found
 
 
-def _again(chosen: Scenario, entry: Mapping[str, Any], begin: Begin) -> Outcome:
+def _again(record: Mapping[str, Any], chosen: Scenario, entry: Mapping[str, Any], begin: Begin) -> Outcome:
     """Run a scenario as far as it was run."""
+    if record["study"] == "limit":
+        return limit(chosen, chosen.seed_list, record["given"]["iterations"], begin=begin).outcomes[0]
     simulation = prepare(chosen)
     count = entry["frames"] if entry["status"] == "stopped" else None
     show = begin(chosen.name, count or total_frames(simulation))
