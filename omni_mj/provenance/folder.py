@@ -1,6 +1,7 @@
 """Reads back what a folder says was run, from copies that are what they were."""
 
 import json
+import os
 import sys
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -100,7 +101,8 @@ class Folder:
         try:
             return scenario.load(str(file), (), head)
         except OmniError as error:
-            lines = [f"this version cannot run {file}: {line}" for line in str(error).splitlines()]
+            told = str(error).replace(f"{copies}{os.sep}", f"{self.path}{os.sep}")  # not where it was copied to
+            lines = [f"{file} cannot be run here: {line}" for line in told.splitlines()]
             raise OmniError("\n".join([*lines, *here.differences(self.record)])) from None
 
     def _files(self) -> Iterator[tuple[str, Mapping[str, Any]]]:

@@ -13,6 +13,7 @@ from typing import Any
 
 import omni_control
 from omni_mj.measure.summary import versions
+from omni_mj.provenance import modules
 from omni_mj.scenarios import models
 
 SOURCE = (".py", ".toml", ".xml")  # suffixes of what a result can depend on
@@ -30,6 +31,8 @@ def differences(recorded: Mapping[str, Any]) -> list[str]:
     here, lines = environment(), []
     for part in ("versions", "source", "machine"):
         ours, theirs = here[part], recorded.get(part) or {}
+        if part == "versions":  # what a user's files import is recorded too
+            ours |= modules.installed(theirs.keys() - ours.keys())
         for name in dict.fromkeys([*theirs, *ours]):
             if ours.get(name) == theirs.get(name):
                 continue

@@ -3,7 +3,7 @@
 import ast
 import sys
 import sysconfig
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from pathlib import Path
@@ -36,9 +36,14 @@ def versions(sources: Mapping[str, bytes]) -> dict[str, str]:
     """Versions of the packages of others that sources import: name of the package as it is installed -> version."""
     names = set[str]().union(*map(_imported, sources.values())) - {*sys.stdlib_module_names, *OURS}
     others = {name for name in names if name in sys.modules and not list(_files(name, sys.modules[name]))}
-    found: dict[str, str] = {}
     homes = packages_distributions() if others else {}
-    for package in sorted({package for name in others for package in homes.get(name, ())}):
+    return installed({package for name in others for package in homes.get(name, ())})
+
+
+def installed(packages: Iterable[str]) -> dict[str, str]:
+    """Versions of those packages that are installed."""
+    found: dict[str, str] = {}
+    for package in sorted(packages):
         with suppress(PackageNotFoundError):
             found[package] = version(package)
     return found

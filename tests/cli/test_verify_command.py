@@ -22,6 +22,7 @@ OMNI = [sys.executable, "-m", "omni_mj"]
 SHORT = ("--set", "reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]", "--set", "reference.settle_s=0.1")
 BARE = ("--no-record", "--no-figures", "--quiet")
 MINE = '''
+import click
 from shared.gains import GAIN
 
 import omni_mj as om
@@ -139,7 +140,7 @@ def test_a_folder_holds_what_was_run(made: Path) -> None:
     for each in files:
         assert sha256((made / each["file"]).read_bytes()).hexdigest() == each["sha256"]
     assert (made / "sources/mine.py").read_text() == MINE
-    assert {"python", "mujoco", "numpy", "scipy", "rerun-sdk"} <= set(record["versions"])
+    assert {"python", "mujoco", "numpy", "scipy", "rerun-sdk", "click"} <= set(record["versions"])
     assert set(record["source"]) == {"omni_mj", "omni_control", "models"}
     assert record["machine"]["CPU"]
     assert record["command"].startswith("omni-mj run --scenario rect-noise --set 'reference.waypoints=")
