@@ -131,12 +131,13 @@ def _failures(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[s
 
 
 def _numbers(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
-    """The summary's numbers that differ."""
-    old, new = (dict(_flat({part: entry[part] for part in RESULTS})) for entry in (recorded, now))
-    missing = object()
-    differ = [key for key in dict.fromkeys([*old, *new]) if old.get(key, missing) != new.get(key, missing)]
-    for key in differ[:TOLD]:
-        yield f"summary.json: {key} is {json.dumps(old.get(key))} in the run, {json.dumps(new.get(key))} here"
+    """What the summary says and is not so here; results that only this version has are not among it."""
+    old, new = (dict(_flat({part: entry.get(part) for part in RESULTS})) for entry in (recorded, now))
+    keys = dict.fromkeys([*old, *(key for key in new if not key.startswith("results."))])
+    texts = {key: [json.dumps(each[key]) if key in each else "not there" for each in (old, new)] for key in keys}
+    differ = {key: both for key, both in texts.items() if both[0] != both[1]}
+    for key, (before, after) in list(differ.items())[:TOLD]:
+        yield f"summary.json: {key} is {before} in the run, {after} here"
     if (more := len(differ) - TOLD) > 0:
         yield f"summary.json: {more} more values differ"
 
