@@ -185,9 +185,26 @@ def _record(path: Path) -> dict[str, Any]:
     if record["format"] != FORMAT:
         raise OmniError(f"{file} is of format {record['format']!r}; this version of omni-mj reads format {FORMAT}")
     wrong = [name for name, kind in PARTS.items() if not isinstance(record.get(name), kind)]
+    wrong = wrong or [name for name, said in record["scenarios"].items() if not _whole(said)]
+    wrong = wrong or [name for name in ("modules",) if not all(_names_file(each) for each in record[name])]
     if wrong:
         raise OmniError(f"{file} does not say what was run: {', '.join(wrong)} missing or wrong; make the run again")
     return record
+
+
+def _whole(said: Any) -> bool:
+    """Whether a scenario's plant, robot and controllers are there, each with a name and, where it has one, its file."""
+    if not isinstance(said, dict) or not isinstance(said.get("controllers"), list):
+        return False
+    named = [said.get("plant"), said.get("robot"), *said["controllers"]]
+    if not all(isinstance(each, dict) and isinstance(each.get("name"), str) for each in named):
+        return False
+    classes = [each for each in (said["plant"], *said["controllers"]) if "file" in each]
+    return all(_names_file(each) and "class" in each for each in classes) and _names_file(said["robot"])
+
+
+def _names_file(entry: Any) -> bool:
+    return isinstance(entry, dict) and all(isinstance(entry.get(name), str) for name in ("file", "sha256"))
 
 
 def _kind(entry: Mapping[str, Any], copies: Path) -> str:
