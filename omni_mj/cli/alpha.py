@@ -6,7 +6,7 @@ import click
 
 from omni_mj.cli import console, folders, options
 
-OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "alpha.png")
+OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "alpha.png", *folders.PROVENANCE)
 
 
 @click.command("alpha")
@@ -18,12 +18,14 @@ OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "alpha.png")
 def command(robot: str | None, overrides: tuple[str, ...], out: Path | None, overwrite: bool, quiet: bool) -> None:
     """Measure how a robot follows its commands: gain and lag apart, and what takes how much of them."""
     from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.provenance import record
     from omni_mj.scenarios import scenario
     from omni_mj.studies import alpha
 
     chosen = scenario.load("rect", overrides, {"robot": robot} if robot else None)
     folder = folders.prepare(out, "alpha", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
+        record.save(folder, "alpha", console.command_line(), [chosen], frames=False)
         show = begin("alpha", alpha.total_frames(chosen))
         result = alpha.alpha(chosen, after_frame=console.checked(interrupts.check, show))
     with console.writing(folder):

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from omni_mj.studies.outcome import AfterFrame
 
 OUTPUTS = ("summary.json", "compare.md", "compare.png", "compare.svg")
-KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet")  # the latter two of a single scenario
+KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet", *folders.PROVENANCE)
 
 
 @click.command("compare")
@@ -74,6 +74,7 @@ def command(
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.measure import limits
     from omni_mj.measure.result import write
+    from omni_mj.provenance import record
     from omni_mj.scenarios import scenario
     from omni_mj.show import compare_table
     from omni_mj.studies import compare
@@ -98,6 +99,7 @@ def command(
         write(folder / "compare.md", compare_table.markdown(result.summary()))
 
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
+        record.save(folder, "compare", console.command_line(), chosen, trajectories)
 
         def before_block(simulation: "Simulation") -> "AfterFrame":
             console.quiet_mujoco()

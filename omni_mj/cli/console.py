@@ -1,6 +1,7 @@
 """What a user sees on the terminal: errors in a line each, progress."""
 
 import os
+import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -23,7 +24,9 @@ PROGRESS_STEP = 12  # frames from one look of the progress bar to the next
 def invoke(command: click.Command, args: list[str] | None = None) -> NoReturn:
     """Run a click command and exit: 0 on success, 2 for bad input, 1 for a failure; each error is a line on stderr."""
     try:
-        code = command.main(args=args, prog_name=_program(command), standalone_mode=False)
+        words = sys.argv[1:] if args is None else args
+        line = shlex.join([*_program(command).split(), *words])
+        code = command.main(args=words, prog_name=_program(command), standalone_mode=False, obj=line)
     except click.exceptions.Abort:
         fail("interrupted", 130)
     except OmniError as error:
@@ -41,6 +44,12 @@ def invoke(command: click.Command, args: list[str] | None = None) -> NoReturn:
 
 def _program(command: click.Command) -> str:
     return "omni-mj" if isinstance(command, click.Group) else f"python -m omni_mj.{command.name}"
+
+
+def command_line() -> str | None:
+    """The command that goes on, as it was given; None outside of any."""
+    context = click.get_current_context(silent=True)
+    return None if context is None else context.obj
 
 
 def fail(message: str, code: int) -> NoReturn:

@@ -8,6 +8,11 @@ from pathlib import Path
 
 from omni_control.errors import OmniError
 
+PROVENANCE = (
+    "provenance.json",
+    "sources",
+)  # what says what was run, of which `omni_mj.provenance.record` has the names
+
 
 def prepare(out: Path | None, name: str, outputs: Iterable[str], overwrite: bool) -> Path:
     """Return a folder for results, made if need be.

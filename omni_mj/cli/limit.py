@@ -7,7 +7,7 @@ import click
 
 from omni_mj.cli import console, folders, options
 
-OUTPUTS = ("summary.json", "scenario.toml", "trajectory.parquet", "limit.png")
+OUTPUTS = ("summary.json", "scenario.toml", "trajectory.parquet", "limit.png", *folders.PROVENANCE)
 
 
 @click.command("limit")
@@ -35,6 +35,7 @@ def command(
 ) -> None:
     """Find out what is possible: without noise, by learning the way; with noise, by feedback along it."""
     from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.provenance import record
     from omni_mj.scenarios import scenario
     from omni_mj.studies import limit
 
@@ -43,6 +44,7 @@ def command(
     limit.check(chosen, iterations)
     folder = folders.prepare(out, f"limit-{chosen.name}", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
+        record.save(folder, "limit", console.command_line(), [chosen], given={"iterations": iterations})
         result = limit.limit(
             chosen,
             chosen.seed_list,

@@ -6,7 +6,7 @@ import click
 
 from omni_mj.cli import console, folders, options
 
-OUTPUTS = ("summary.json", "scenario.toml", "loop.png", "loop.svg")
+OUTPUTS = ("summary.json", "scenario.toml", "loop.png", "loop.svg", *folders.PROVENANCE)
 
 
 @click.command("loop")
@@ -37,6 +37,7 @@ def command(
 ) -> None:
     """Measure how control loops answer a step, and their gain, phase and delay margins."""
     from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.provenance import record
     from omni_mj.scenarios import scenario
     from omni_mj.studies.loop import loop, study
     from omni_mj.studies.loop.drive import FRAMES
@@ -46,6 +47,7 @@ def command(
     chosen = scenario.load(name, faster, {key: value for key, value in head.items() if value is not None})
     folder = folders.prepare(out, "loop", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
+        record.save(folder, "loop", console.command_line(), [chosen], frames=False)
         show = begin("loop", FRAMES)
         result = loop(chosen, chosen.controllers, after_frame=console.checked(interrupts.check, show))
     with console.writing(folder):

@@ -7,7 +7,7 @@ import click
 
 from omni_mj.cli import console
 
-COMMANDS = ("run", "compare", "limit", "alpha", "slip", "loop", "report", "picture", "list", "schema")
+COMMANDS = ("run", "compare", "limit", "alpha", "slip", "loop", "verify", "report", "picture", "list", "schema")
 
 
 class _Commands(click.Group):

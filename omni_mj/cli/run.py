@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from omni_mj.show.recording import Recording
     from omni_mj.simulate.simulation import Simulation
 
-OUTPUTS = ("summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml", "figures", "report.html")
+RESULTS = ("summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml", "figures", "report.html")
+OUTPUTS = (*RESULTS, *folders.PROVENANCE)
 
 
 @click.command("run")
@@ -85,11 +86,13 @@ def execute(
     """
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.measure.result import write
+    from omni_mj.provenance import record as provenance
     from omni_mj.show import markdown
     from omni_mj.studies import run
 
     console.quiet_mujoco()
     write(folder / "scenario.toml", simulation.scenario.to_toml())
+    provenance.save(folder, "run", console.command_line(), [simulation.scenario])
     with ExitStack() as stack:
         recordings = _recordings(simulation, folder, record, viewers)
         for recording in recordings:

@@ -7,7 +7,7 @@ import click
 
 from omni_mj.cli import console, folders, options
 
-OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "slip.png")
+OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "slip.png", *folders.PROVENANCE)
 
 
 @click.command("slip")
@@ -21,6 +21,7 @@ def command(
 ) -> None:
     """Identify gain, slip, drag and efficiency of robots as TIGERs Mannheim do."""
     from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.provenance import record
     from omni_mj.robots import builtin
     from omni_mj.scenarios import scenario
     from omni_mj.studies import slip
@@ -36,6 +37,8 @@ def command(
         result = slip.slip(chosen, before_robot=before_robot)
     with console.writing(folder):
         result.save(folder)
+        driven = [outcome.scenario for outcome in result.outcomes]  # each under the name of its robot
+        record.save(folder, "slip", console.command_line(), driven, frames=False)
         if result.robots:
             from omni_mj.show import slip_figure
 

@@ -2,8 +2,9 @@
 
 import platform
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import asdict
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -199,8 +200,11 @@ def document(
 
 def versions() -> dict[str, str]:
     """Versions of Python and of the packages that decide the result."""
-    packages = ("omni-mj", "mujoco", "numpy", "rerun-sdk", "pyarrow")
-    return {"python": platform.python_version()} | {name: version(name) for name in packages}
+    found = {"python": platform.python_version()}
+    for name in ("omni-mj", "mujoco", "numpy", "scipy", "rerun-sdk", "pyarrow", "piqp"):
+        with suppress(PackageNotFoundError):  # piqp is an extra
+            found[name] = version(name)
+    return found
 
 
 def _each_robot(log: Log, drawn: Mapping[str, Array]) -> list[dict[str, Any]]:

@@ -5,11 +5,14 @@ import inspect
 import sys
 from collections.abc import Callable
 from functools import lru_cache
+from importlib.abc import SourceLoader
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from omni_control.errors import OmniError, choose
+
+_SOURCE = "__omni_source__"  # a module's attribute: the bytes that it was made of
 
 
 def names_class(name: str) -> bool:
@@ -42,6 +45,16 @@ def find(name: str, what: str, fits: Callable[[type], bool]) -> type[Any]:
     return own[class_name]
 
 
+def source(name: str) -> bytes:
+    """The source of the class named `file.py:Class`, as it was run.
+
+    Raises:
+        OmniError: as `find`.
+    """
+    data: bytes = vars(_run(Path(name.rpartition(":")[0])))[_SOURCE]
+    return data
+
+
 def _run(path: Path) -> ModuleType:
     """Run a Python file as a module, once as long as it does not change."""
     if not path.is_file():
@@ -54,11 +67,14 @@ def _run(path: Path) -> ModuleType:
 def _module(file: Path, path: Path, state: tuple[int, int]) -> ModuleType:
     spec = importlib.util.spec_from_file_location(f"omni_user_{file.stem}", file)
     assert spec is not None, "a .py file has a loader"
-    assert spec.loader is not None
+    assert isinstance(spec.loader, SourceLoader)
     module = importlib.util.module_from_spec(spec)
     sys.modules[module.__name__] = module  # where dataclasses look up the annotations of their module
     try:
-        spec.loader.exec_module(module)
+        # What is run must be what is recorded; the loader's exec_module may run bytecode of an older file instead.
+        data = file.read_bytes()
+        vars(module)[_SOURCE] = data
+        exec(spec.loader.source_to_code(data, str(file)), vars(module))
     except Exception as error:
         reason = " ".join(str(error).split())
         raise OmniError(f"{path} cannot be run: {type(error).__name__}: {reason}") from error

@@ -16,7 +16,7 @@ from omni_mj.scenarios.library import builtin
 COMPARE = [sys.executable, "-m", "omni_mj", "compare"]
 SEEDS, FIRST = 3, 7
 CONTROLLERS = ("flc", "comp-flc")
-FILES = {"summary.json", "compare.md", "compare.png", "compare.svg"}
+FILES = {"summary.json", "compare.md", "compare.png", "compare.svg", "provenance.json", "sources"}
 SCENARIOS = {
     "there": '[reference]\nwaypoints = [[0, 0], [0.2, 0.1]]\nsettle_s = 0.5\n',
     "bend": '[reference]\nwaypoints = [[0, 0], [0.15, 0], [0.15, 0.15]]\n\n[radio]\ndelay_frames = 4\n',

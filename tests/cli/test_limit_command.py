@@ -16,13 +16,15 @@ def test_the_limit_is_a_command(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert invoke("limit", *words) == 0
     printed = capsys.readouterr().out
     assert [line.split("  ")[0] for line in printed.splitlines()[2:4]] == ["limit", "limit without noise"]
-    files = {"summary.json", "scenario.toml", "trajectory.parquet", "limit.png"}
+    files = {"summary.json", "scenario.toml", "trajectory.parquet", "limit.png", "provenance.json", "sources"}
     assert {path.name for path in out.iterdir()} == files
     summary = strict(out / "summary.json")
     assert summary["seeds"] == [3, 4]
     assert summary["complete"]
     assert len(summary["limit"]["attempts"]) >= 2
     assert min(imread(out / "limit.png").shape[:2]) > 800
+    assert invoke("verify", out) == 0
+    assert capsys.readouterr().out.startswith("repeats: ")
     assert summary["repeat"].startswith("omni-mj limit rect --seeds 2 --seed 3 --iterations 2 --plant kinematic --set")
 
 

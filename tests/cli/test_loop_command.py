@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from commands import invoke, strict
 
+from omni_mj.cli import folders
 from omni_mj.studies.loop import study
 from omni_mj.studies.loop.motion import CASES
 
@@ -27,7 +28,13 @@ def test_the_loop_study_is_a_command(
     printed = capsys.readouterr().out
     assert "on the kinematic plant" in printed
     assert "driving, across" in printed
-    assert {p.name for p in out.iterdir()} == {"summary.json", "scenario.toml", "loop.png", "loop.svg"}
+    assert {p.name for p in out.iterdir()} == {
+        "summary.json",
+        "scenario.toml",
+        "loop.png",
+        "loop.svg",
+        *folders.PROVENANCE,
+    }
     found = strict(out / "summary.json")["loop"]["cases"]["rest, forward"]["p"]["strengths"][1]["margins"]
     assert f"{found['phase']:.0f}" in printed.splitlines()[2].split()
     assert (out / "loop.png").stat().st_size > 10_000

@@ -9,6 +9,7 @@ import pytest
 from commands import invoke, strict
 
 import omni_mj as om
+from omni_mj.cli import folders
 from omni_mj.cli.main import COMMANDS
 from omni_mj.scenarios import robots
 from omni_mj.scenarios.nested import plain
@@ -86,7 +87,7 @@ def test_the_alpha_study_is_a_command(
     assert "unknown robot 'nobody'" in capsys.readouterr().err
     assert invoke("alpha", "--robot", "tigers-v2016", "--set", "wheels.model=two-rollers", "--out", tmp_path) == 0
     assert "share of creep" in capsys.readouterr().out
-    assert {p.name for p in tmp_path.iterdir()} == {"summary.json", "scenario.toml", "alpha.png"}
+    assert {p.name for p in tmp_path.iterdir()} == {"summary.json", "scenario.toml", "alpha.png", *folders.PROVENANCE}
     summary = strict(tmp_path / "summary.json")
     assert summary["alpha"]["changed"]["charge"]["values"] == [0.15, 1.0]
     assert (tmp_path / "alpha.png").stat().st_size > 10_000
@@ -117,7 +118,7 @@ def test_the_slip_study_is_a_command(
     assert "TIGERs Mannheim, Firmware" in printed
     assert "own; nothing published" in printed
     assert "0.75 m/s²" in printed
-    assert {p.name for p in out.iterdir()} == {"summary.json", "scenarios", "slip.png"}
+    assert {p.name for p in out.iterdir()} == {"summary.json", "scenarios", "slip.png", *folders.PROVENANCE}
     found = strict(out / "summary.json")["slip"]["robots"]
     ours, theirs = (found[name]["quantities"]["gain_forward"] for name in ("own", "tigers-v2016"))
     assert ours["measured"] == theirs["measured"]

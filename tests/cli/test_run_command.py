@@ -19,6 +19,7 @@ RUN = [sys.executable, "-m", "omni_mj.run"]
 SHORT = ("--set", "reference.waypoints=[[0, 0], [0.1, 0]]", "--set", "reference.settle_s=0.1")
 BARE = ("--quiet", "--no-record", "--no-figures")
 FILES = {"summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml", "figures", "report.html"}
+FILES |= {"provenance.json", "sources"}
 BAD = """
 import omni_mj as om
 

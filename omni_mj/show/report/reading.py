@@ -7,29 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from omni_control.errors import OmniError
+from omni_mj.measure import reading
 from omni_mj.scenarios.settings import every_setting
 from omni_mj.show import figures
 
-FORMAT = 3  # of the summaries that can be read
 TYPES = {".svg": "image/svg+xml", ".png": "image/png"}
-# What a summary, and what is said in it of a scenario, must hold, and as what.
-NUMBER, NOTHING = (int, float), type(None)
-PARTS: dict[str, type | tuple[type, ...]] = {
-    **dict.fromkeys(("controllers", "informed", "seeds"), list),
-    **dict.fromkeys(("scenarios", "definitions", "versions"), dict),
-    "complete": bool,
-    "stopped": (str, NOTHING),
-    "wall_s": NUMBER,
-}
-ENTRY_PARTS: dict[str, type | tuple[type, ...]] = {
-    **dict.fromkeys(("description", "plant", "robot", "status"), str),
-    **dict.fromkeys(("reason",), (str, NOTHING)),
-    **dict.fromkeys(("frames", "simulated_s", "wall_s", "paper_table"), NUMBER),
-    **dict.fromkeys(("seeds", "events", "failed"), list),
-    **dict.fromkeys(("settings", "results"), dict),
-    **dict.fromkeys(("paper", "verdict"), (dict, NOTHING)),
-}
 
 
 @dataclass(frozen=True)
@@ -132,7 +114,7 @@ def data_uri(image: bytes, kind: str) -> str:
 
 
 def _source(folder: Path, label: str, alone: bool) -> Source:
-    summary = _summary(folder)
+    summary = reading.read(folder)
     entries = summary["scenarios"]
     several = len(entries) > 1
     runs = []
@@ -144,35 +126,6 @@ def _source(folder: Path, label: str, alone: bool) -> Source:
         drawn = [] if several else _figures(folder)
         runs.append(Run(called, name, entry, summary, text, file, drawn, _settings(entry)))
     return Source(label, summary, runs)
-
-
-def _summary(folder: Path) -> dict[str, Any]:
-    path = folder / "summary.json"
-    try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise OmniError(f"{folder} holds no run: {path.name}: {error.strerror}; give the folder of a run") from None
-    except ValueError as error:
-        raise OmniError(f"{path} is not a run's summary: {error}") from None
-    if isinstance(summary, dict) and "results" in summary and "format" not in summary:
-        raise OmniError(f"{path} is of format 1, which an older version of omni-mj wrote; make the run again")
-    if isinstance(summary, dict) and summary.get("format", FORMAT) != FORMAT:
-        raise OmniError(f"{path} is of format {summary['format']!r}; this version of omni-mj reads format {FORMAT}")
-    wrong = _wrong(summary, PARTS)
-    if not wrong:
-        for name, entry in summary["scenarios"].items():
-            wrong += [f"scenarios.{name}.{part}" for part in _wrong(entry, ENTRY_PARTS)]
-        wrong += [] if summary["scenarios"] else ["scenarios"]
-    if wrong:
-        raise OmniError(f"{path} is not a run's summary: {', '.join(wrong)} missing or wrong; make the run again")
-    return summary
-
-
-def _wrong(found: Any, parts: dict[str, type | tuple[type, ...]]) -> list[str]:
-    """Which parts something lacks, or has as something else."""
-    if not isinstance(found, dict):
-        return list(parts)
-    return [name for name, kind in parts.items() if name not in found or not isinstance(found[name], kind)]
 
 
 def _figures(folder: Path) -> list[Figure]:

@@ -1,0 +1,25 @@
+"""`omni-mj verify DIR`: whether a run gives the same again, here."""
+
+from pathlib import Path
+
+import click
+
+from omni_mj.cli import console, options
+
+
+@click.command("verify")
+@click.argument("folder", metavar="DIR", type=options.FOLDER)
+@options.QUIET
+def command(folder: Path, quiet: bool) -> None:
+    """Run again what a folder holds, wherever it is now, and compare bit for bit."""
+    from omni_mj.provenance import repeat
+
+    with console.progress(quiet) as begin:
+        found = repeat.repeat(folder, lambda title, count: console.checked(lambda: None, begin(title, count)))
+    if not found.repeats:
+        console.fail("\n".join([f"{folder} does not repeat", *found.differences, *found.notes]), console.FAILED)
+    if not quiet:
+        compared = f"{found.frames} frames identical bit for bit" if found.frames else "the summary's numbers identical"
+        print(f"repeats: {found.rows} rows, {compared}")
+        for note in found.notes:
+            print(f"note: {note}")

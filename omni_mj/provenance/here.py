@@ -1,0 +1,111 @@
+"""What is here that a result depends on, beside what is run: versions, the package's own source, the machine.
+
+No names of users, hosts or folders are in it.
+"""
+
+import hashlib
+import os
+import platform
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import omni_control
+from omni_mj.measure.summary import versions
+from omni_mj.provenance import modules
+from omni_mj.scenarios import models
+
+SOURCE = (".py", ".toml", ".xml")  # suffixes of what a result can depend on
+GIT_S = 5.0  # that git may take, s
+_PACKAGE = Path(__file__).parents[1]
+
+
+def environment() -> dict[str, Any]:
+    """Versions, hashes of the package's source, its commit where it is a checkout, the machine."""
+    return {"versions": versions(), "source": source(), "git": git(), "machine": machine()}
+
+
+def differences(recorded: Mapping[str, Any]) -> list[str]:
+    """In what this is not the environment that was recorded, a line each."""
+    here, lines = environment(), []
+    for part in ("versions", "source", "machine"):
+        ours, theirs = here[part], recorded.get(part) or {}
+        if part == "versions":  # what a user's files import is recorded too
+            ours |= modules.installed(theirs.keys() - ours.keys())
+        for name in dict.fromkeys([*theirs, *ours]):
+            if ours.get(name) == theirs.get(name):
+                continue
+            if part == "source":
+                lines.append(f"the source of {name} is another than in the run")
+            else:
+                lines.append(
+                    f"{name} was {theirs.get(name) or 'not recorded'} in the run, is {_or_none(ours, name)} here"
+                )
+    ours, theirs = (_commit(each) for each in (here["git"], recorded.get("git")))
+    return [*lines, f"the run was of {theirs}, here is {ours}"] if ours != theirs else lines
+
+
+def digest(data: bytes) -> str:
+    """Its SHA-256, in hexadecimal digits."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def source() -> dict[str, str]:
+    """A hash over names and contents of the files of each package, and of the models."""
+    control, own = Path(omni_control.__file__).parent, models.folder()
+    return {"omni_mj": _hash(_PACKAGE, own), "omni_control": _hash(control), "models": _hash(own)}
+
+
+def git() -> dict[str, Any] | None:
+    """The commit of the checkout that this package is in, and whether files in it were changed since; None in no such.
+
+    Of files, those count that are part of the source: of the packages and models.
+    """
+    root = _PACKAGE.parent
+    if not (root / ".git").exists():
+        return None
+    # A git that calls us, as for a hook, tells its own about another checkout by such variables.
+    plain = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
+
+    def ask(*words: str) -> str:
+        command = ["git", "--no-optional-locks", "-C", str(root), *words]
+        done = subprocess.run(command, env=plain, capture_output=True, text=True, timeout=GIT_S, check=True)
+        return done.stdout.strip()
+
+    try:
+        commit, changed = ask("rev-parse", "HEAD"), ask("status", "--porcelain", "--", "omni_mj", "control", "models")
+    except (OSError, subprocess.SubprocessError):
+        return None  # without git, or in a checkout of somebody else's
+    return {"commit": commit, "changed": bool(changed)}
+
+
+def machine() -> dict[str, str]:
+    """The processor and the system's library of mathematics, on which last bits may depend."""
+    libc = " ".join(word for word in platform.libc_ver() if word)
+    return {"CPU": _cpu(), "architecture": platform.machine(), "system": platform.system(), "C library": libc}
+
+
+def _hash(folder: Path, *without: Path) -> str:
+    files = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.suffix in SOURCE}
+    kept = {name: path for name, path in files.items() if not any(path.is_relative_to(other) for other in without)}
+    return digest("".join(f"{digest(kept[name].read_bytes())} {name}\n" for name in sorted(kept)).encode())
+
+
+def _cpu() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+        names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+        return names[0] if names else platform.processor()
+    except OSError:
+        return platform.processor()
+
+
+def _commit(found: Mapping[str, Any] | None) -> str:
+    if not found:
+        return "no commit that is known"
+    return f"commit {found['commit'][:12]}" + ", changed since" * bool(found["changed"])
+
+
+def _or_none(values: Mapping[str, str], name: str) -> str:
+    return values.get(name) or "not there"

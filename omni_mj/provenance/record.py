@@ -1,0 +1,104 @@
+"""Writes down what a run is made of: provenance.json, and copies of what is the user's own in sources/."""
+
+import json
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from omni_control import controllers as known_controllers
+from omni_control.registry import CONTROLLERS
+from omni_mj.measure.result import write
+from omni_mj.provenance import here, modules
+from omni_mj.scenarios import controllers, plants, robots, user_files
+from omni_mj.scenarios.scenario import Scenario
+
+FORMAT = 1
+FILE, SOURCES = "provenance.json", "sources"  # also in `omni_mj.cli.folders`, which must not import what this does
+MODULES = "modules"  # folder in that of the sources, for modules that a user's files import
+
+
+def save(
+    folder: Path,
+    study: str,
+    command: str | None,
+    scenarios: Sequence[Scenario],
+    frames: bool = True,
+    given: Mapping[str, Any] | None = None,
+) -> None:
+    """Write what is about to be run.
+
+    Args:
+        folder: of the run, which is there.
+        study: the command's name.
+        command: the command line.
+        scenarios: what is run.
+        frames: whether trajectories are kept.
+        given: what the study was given beside scenarios.
+
+    Raises:
+        OmniError: a user's file has gone.
+    """
+    shelf = _Shelf(folder)
+    described = {each.name: _scenario(each, shelf) for each in scenarios}
+    found = here.environment()
+    found["versions"] |= modules.versions(shelf.python)
+    content = {
+        "format": FORMAT, "study": study, "command": command,
+        "began": datetime.now(UTC).isoformat(timespec="seconds"), "frames_kept": frames, "given": dict(given or {}),
+        "scenarios": described, "modules": shelf.modules(), **found,
+    }  # fmt: skip
+    write(folder / FILE, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
+
+
+class _Shelf:
+    """The folder of sources: a copy of each file, once."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._kept: dict[str, bytes] = {}
+
+    def put(self, name: str, data: bytes) -> dict[str, str]:
+        """Keep a file; where it is in the run's folder, and its hash. Others of its name have a folder each."""
+        place, number = f"{SOURCES}/{name}", 1
+        while self._kept.get(place, data) != data:
+            number += 1
+            place = f"{SOURCES}/{number}/{name}"
+        self._kept[place] = data
+        path = self._folder / place
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+        return {"file": place, "sha256": here.digest(data)}
+
+    @property
+    def python(self) -> dict[str, bytes]:
+        """The Python sources that are kept."""
+        return {place: data for place, data in self._kept.items() if place.endswith(".py")}
+
+    def modules(self) -> list[dict[str, str]]:
+        """Keep the modules that the sources import."""
+        files = {name: path for data in self.python.values() for name, path in modules.own(data).items()}
+        return [self.put(f"{MODULES}/{name}", path.read_bytes()) for name, path in files.items()]
+
+
+def _scenario(scenario: Scenario, shelf: _Shelf) -> dict[str, Any]:
+    path = robots.robot_path(scenario.robot)
+    name = path.name if scenario.robot.endswith(".toml") else scenario.robot
+    return {
+        "plant": _class(scenario.plant, shelf) if scenario.plant not in plants.PLANTS else {"name": scenario.plant},
+        "robot": {"name": name, **shelf.put(path.name, path.read_bytes())},
+        "controllers": [_controller(kind, scenario, shelf) for kind in scenario.controllers],
+    }
+
+
+def _controller(kind: controllers.Kind, scenario: Scenario, shelf: _Shelf) -> dict[str, Any]:
+    found, label = controllers.find(kind), controllers.label(kind)
+    own = {} if kind in CONTROLLERS else _class(controllers.written(kind), shelf)
+    values = known_controllers.parameters(found) | dict(scenario.settings.controller.get(label, {}))
+    return {"name": label, "class": found.__qualname__, **own, "parameters": values}
+
+
+def _class(name: str, shelf: _Shelf) -> dict[str, Any]:
+    """What is said of a class of the user's own, by its name as in `user_files`."""
+    file, _, class_name = name.rpartition(":")
+    return {"name": class_name, "class": class_name, **shelf.put(Path(file).name, user_files.source(name))}
