@@ -8,8 +8,9 @@ from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_v
 
 from omni_control.kinematics import Array
 from omni_control.reference.curves import CURVES
-from omni_mj.scenarios import faults
+from omni_mj.scenarios import faults, robot_checks
 from omni_mj.scenarios.checking import Checked, Poses, Setting, in_one, setting, shown
+from omni_mj.scenarios.clock import CYCLE_RATE_HZ as CYCLE_RATE_HZ
 from omni_mj.scenarios.clock import FRAME_RATE_HZ as FRAME_RATE_HZ
 from omni_mj.scenarios.clock import PERIOD_S as PERIOD_S
 from omni_mj.scenarios.motor_settings import MotorSettings
@@ -140,12 +141,15 @@ class ControlSettings(Checked):
 
 
 class FirmwareSettings(Checked):
-    """What runs on the robot: wheel loops, one PID per wheel at 960 Hz, with gains at the wheel, and heading.
+    """What runs on the robot: wheel loops, one PID per wheel, with gains at the wheel, and heading.
 
     By default the wheel loops are proportional with feed-forward, as in the firmware of TIGERs (k_i = 0) and
     RoboJackets.
     """
 
+    rate_hz: int = setting(
+        CYCLE_RATE_HZ, "Hz", "rate of the wheel and turn-rate loops: 960 divided by a whole number", 60, CYCLE_RATE_HZ
+    )
     kp: float = setting(0.3, "V s/rad", "voltage per error of the wheel speed", 0, 100)
     ki: float = setting(0.0, "V/rad", "voltage per integrated error", 0, 1000)
     kd: float = setting(0.0, "V s^2/rad", "voltage per rate of the error", 0, 1)
@@ -160,6 +164,18 @@ class FirmwareSettings(Checked):
         of_robot("firmware.current_limit_a"), "A", "highest current that a motor's driver lets through", 0.1, 1e3
     )
     derate: bool = setting(False, "", "limit the current of a motor that nears its highest winding temperature")
+
+    @field_validator("rate_hz")
+    @classmethod
+    def _divides_the_clock(cls, rate: int) -> int:
+        if CYCLE_RATE_HZ % rate:
+            rates = [CYCLE_RATE_HZ // n for n in range(1, 17) if CYCLE_RATE_HZ % n == 0]
+            nearest = min(rates, key=lambda each: abs(each - rate))
+            raise ValueError(
+                f"firmware.rate_hz must divide the {CYCLE_RATE_HZ} Hz of the physics ({', '.join(map(str, rates))}), "
+                f"not {rate}; the nearest is {nearest}"
+            )
+        return rate
 
 
 class SensorSettings(Checked):
@@ -265,7 +281,7 @@ class Settings(Checked):
 
     @model_validator(mode="after")
     def _can_happen(self) -> Self:
-        in_one(faults.misfits(self.fault, self))
+        in_one([*faults.misfits(self.fault, self), *robot_checks.robot(self)])
         return self
 
     def replace(self, **sections: Any) -> Self:
