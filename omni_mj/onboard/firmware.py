@@ -129,15 +129,13 @@ class Firmware:
             return self._loops(gyro, encoders)
         due = self._calls % self._every == 0
         self._calls += 1
-        if due.any():
-            # All reckon, elementwise, and those whose turn it is keep what came out.
-            before = self.estimate.heading.copy(), self._last_count, self._integral, self._last_error
-            duties = self._loops(gyro, encoders)
-            np.copyto(self._held, duties, where=due)
-            heading, count, integral, error = before
+        if due.any():  # all reckon, elementwise; those whose turn it is keep what came out
+            heading, counts = self.estimate.heading.copy(), self._last_count
+            integral, error = self._integral, self._last_error
+            np.copyto(self._held, self._loops(gyro, encoders), where=due)
             np.copyto(self.estimate.heading, heading, where=~due[:, 0])
-            if count is not None:
-                self._last_count = np.where(due, self._last_count, count)
+            if counts is not None and self._last_count is not None:
+                self._last_count = np.where(due, self._last_count, counts)
             self._integral = np.where(due, self._integral, integral)
             self._last_error = np.where(due, self._last_error, error)
         return self._held.copy()

@@ -9,7 +9,7 @@ FULL_CELL_V = 4.2  # of a LiPo cell
 GRAVITY_M_S2 = 9.81
 ENVELOPE_M = 0.09  # radius that the league's rules allow
 HEIGHT_M = 0.15  # and the height
-# What a robot's weight presses its rollers into the carpet (omni_mj.worlds.contact, 2.65 kg on four wheels), rounded up.
+# By which a robot's weight presses rollers into the carpet (omni_mj.worlds.contact, 2.65 kg on 4 wheels), rounded up.
 SINKS_M = 7e-5
 
 
@@ -29,16 +29,17 @@ def wheels(given: Any) -> Iterator[str]:
     radius, roller, count = given.radius_m, given.roller_radius_m, given.rollers
     if 2 * roller >= radius:
         yield (
-            f"wheels.roller_radius_m = {roller:g} leaves no room for an axle in a wheel of wheels.radius_m = {radius:g}; "
-            "it must be below half of that"
+            f"wheels.roller_radius_m = {roller:g} leaves no room for an axle in a wheel of wheels.radius_m = "
+            f"{radius:g}; it must be below half of that"
         )
         return
     # A barrel thins from its middle to its ends, half a pitch away: there its radius is R cos(pi/n) - (R - r).
     needed = math.pi / math.acos(1 - roller / radius)
     if count <= needed:
         yield (
-            f"wheels.rollers = {count} of wheels.roller_radius_m = {roller:g} do not close a wheel of wheels.radius_m = "
-            f"{radius:g}: their ends do not meet; it takes {math.floor(needed) + 1} at least, or thicker ones"
+            f"wheels.rollers = {count} of wheels.roller_radius_m = {roller:g} do not close a wheel of "
+            f"wheels.radius_m = {radius:g}: their ends do not meet; it takes {math.floor(needed) + 1} at least, or "
+            "thicker ones"
         )
     elif given.model == "two-rollers" and radius - depth(radius, roller, math.tau / count) < SINKS_M:
         yield (
@@ -49,7 +50,7 @@ def wheels(given: Any) -> Iterator[str]:
 
 
 def _overlapping(azimuths: Sequence[float], arm: float, radius: float, roller: float) -> Iterator[str]:
-    """Wheels are discs as thick as their rollers; neighbours meet where their inner sides, lines in the plane, cross."""
+    """Wheels are discs as thick as their rollers; neighbours meet where their inner sides, lines, cross."""
     around = sorted(azimuth % 360 for azimuth in azimuths)
     for one, other in pairwise([*around, around[0] + 360]):
         between = math.radians(other - one) / 2
@@ -58,8 +59,8 @@ def _overlapping(azimuths: Sequence[float], arm: float, radius: float, roller: f
         if (arm - roller) * math.tan(between) < radius:
             least = f"{roller + radius / math.tan(between):.3g} at least" if between > 0.01 else "none is enough"
             yield (
-                f"wheels.azimuths_deg: the wheels at {one:g} and {other % 360:g} deg overlap with wheels.arm_m = {arm:g} "
-                f"and wheels.radius_m = {radius:g}; place them apart, or give another arm ({least})"
+                f"wheels.azimuths_deg: the wheels at {one:g} and {other % 360:g} deg overlap with wheels.arm_m = "
+                f"{arm:g} and wheels.radius_m = {radius:g}; place them apart, or give another arm ({least})"
             )
 
 
@@ -79,8 +80,8 @@ def robot(settings: Any) -> Iterator[str]:
     inside = support(placed.azimuths_deg, placed.arm_m, body.centre_x_m)
     if inside <= 0:
         yield (
-            f"body.centre_x_m = {body.centre_x_m:g} is {-inside * 1e3:.3g} mm outside the polygon of the wheels' contacts "
-            "(wheels.azimuths_deg, wheels.arm_m): the robot would tip over as it stands; it must be inside"
+            f"body.centre_x_m = {body.centre_x_m:g} is {-inside * 1e3:.3g} mm outside the polygon of the wheels' "
+            "contacts (wheels.azimuths_deg, wheels.arm_m): the robot would tip over as it stands; it must be inside"
         )
     if body.yaw_inertia_kg_m2 > 2 * body.tilt_inertia_kg_m2:
         yield (
@@ -93,8 +94,8 @@ def robot(settings: Any) -> Iterator[str]:
         inertia, most = getattr(body, f"{name}_inertia_kg_m2"), body.mass_kg * farthest**2
         if inertia > most:
             yield (
-                f"body.{name}_inertia_kg_m2 = {inertia:g} is more than body.mass_kg = {body.mass_kg:g} has if all of it "
-                f"is {farthest * 1e3:.0f} mm away, at the robot's edge; at most {most:.3g}"
+                f"body.{name}_inertia_kg_m2 = {inertia:g} is more than body.mass_kg = {body.mass_kg:g} has if all of "
+                f"it is {farthest * 1e3:.0f} mm away, at the robot's edge; at most {most:.3g}"
             )
     if battery.cut_off_v >= (full := FULL_CELL_V * battery.cells):
         yield (
