@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from omni_mj.studies.alpha import alpha
     from omni_mj.studies.compare import compare
     from omni_mj.studies.limit import limit
+    from omni_mj.studies.robot import robot
     from omni_mj.studies.run import run
     from omni_mj.studies.slip import slip
 
@@ -35,6 +36,7 @@ _HOMES = {
     "alpha": "omni_mj.studies.alpha",
     "compare": "omni_mj.studies.compare",
     "limit": "omni_mj.studies.limit",
+    "robot": "omni_mj.studies.robot",
     "run": "omni_mj.studies.run",
     "scenario": "omni_mj.scenarios.scenario",
     "slip": "omni_mj.studies.slip",
@@ -50,6 +52,7 @@ __all__ = [
     "alpha",
     "compare",
     "limit",
+    "robot",
     "run",
     "scenario",
     "slip",

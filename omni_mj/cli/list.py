@@ -5,7 +5,7 @@ import click
 
 @click.command("list")
 def command() -> None:
-    """List scenarios, controllers, plants and settings."""
+    """List scenarios, controllers, plants, robots and settings."""
     from omni_mj.show import listing
 
     listing.show()

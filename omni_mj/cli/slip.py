@@ -11,7 +11,9 @@ OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "slip.png", *folders.PR
 
 
 @click.command("slip")
-@click.option("--robot", "robots", metavar="NAME|FILE.toml", multiple=True, help="May be repeated. [all there are]")
+@click.option(
+    "--robot", "robots", metavar="NAME|FILE.toml", multiple=True, help="May be repeated. [those that were measured]"
+)
 @options.SETTINGS
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/slip-<UTC time>]")
 @options.OVERWRITE
@@ -22,12 +24,12 @@ def command(
     """Identify gain, slip, drag and efficiency of robots as TIGERs Mannheim do."""
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.provenance import record
-    from omni_mj.robots import builtin
     from omni_mj.scenarios import scenario
     from omni_mj.studies import slip
+    from omni_mj.studies.slip.published import PUBLISHED
 
     faster = ("wheels.model=two-rollers", *overrides)  # unless told otherwise
-    chosen = [scenario.load("rect", faster, {"robot": robot}) for robot in robots or builtin()]
+    chosen = [scenario.load("rect", faster, {"robot": robot}) for robot in robots or PUBLISHED]
     folder = folders.prepare(out, "slip", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
 

@@ -1,4 +1,4 @@
-"""What runs on the robot: from a received world-frame velocity to the motors' duties, 960 times a second."""
+"""What runs on the robot: from a received world-frame velocity to the motors' duties, up to 960 times a second."""
 
 from collections.abc import Sequence
 
@@ -36,8 +36,8 @@ class HeadingEstimate:
         self._past = np.tile(self.heading, (oldest + 1, 1))
         self._frame = 0
 
-    def turn(self, rate: Array, timestep: float) -> None:
-        """Turn for `timestep` (s) at what the gyro shows less its bias, `rate` (n,) in rad/s."""
+    def turn(self, rate: Array, timestep: Array | float) -> None:
+        """Turn for `timestep` (s; one, or (n,)) at what the gyro shows less its bias, `rate` (n,) in rad/s."""
         self.heading += rate * timestep
 
     def correct(self, seen: Array, age: np.ndarray) -> None:
@@ -55,7 +55,8 @@ class Firmware:
     """Inverse kinematics by the estimated heading, a turn-rate loop on the gyro, and one PID loop per wheel.
 
     The loops reckon in volts of a nominal battery and command duties, so that a low battery weakens them; of the motors
-    they know the datasheet, by which they feed the back-EMF forward.
+    they know the datasheet, by which they feed the back-EMF forward. Loops slower than the calls look at sensors and
+    reckon in every k-th call only, and hold their duties between (`firmware.rate_hz`).
 
     Args:
         settings: one per robot.
@@ -77,7 +78,10 @@ class Firmware:
         motors = [Motor.of(s.motor) for s in settings]
         self.estimate = HeadingEstimate(settings, heading, period)
         self._resistance, self._speed_constant = column(motors, "resistance"), column(motors, "speed_constant")
-        self._timestep = timestep
+        # Calls from one run of each robot's loops to the next; those of tests may be further apart than the loops'.
+        self._every = np.maximum(1.0, np.rint(1 / (column(firmware, "rate_hz") * timestep)))
+        self._timestep, self._calls = self._every * timestep, 0
+        self._held: Array | None = None if (self._every == 1).all() else np.zeros((n, wheels))
         self._forward, self._left, self._turn = kinematics.matrix.T / kinematics.radius
         self._kp, self._ki, self._kd = (column(firmware, name) for name in ("kp", "ki", "kd"))
         self._integrates = bool(self._ki.any() or self._kd.any())
@@ -89,7 +93,7 @@ class Firmware:
         self._derated = DERATED * column([s.motor for s in settings], "nominal_current_a")
         self._swing: Array | None = None
         counts = column([s.sensors for s in settings], "encoder_counts") * column(motors, "gear") / (2 * np.pi)
-        self._counts_per_rad, self._rate_per_count = counts, 1 / (counts * timestep)
+        self._counts_per_rad, self._rate_per_count = counts, 1 / (counts * self._timestep)
         self._last_count: Array | None = None
         self._integral, self._last_error = np.zeros((2, n, wheels))
         self._along_x = self._along_y = np.zeros((n, wheels))
@@ -121,8 +125,25 @@ class Firmware:
             gyro: turn rate (n,), rad/s.
             encoders: wheel angles (n, wheels), rad.
         """
+        if self._held is None:
+            return self._loops(gyro, encoders)
+        due = self._calls % self._every == 0
+        self._calls += 1
+        if due.any():  # all reckon, elementwise; those whose turn it is keep what came out
+            heading, counts = self.estimate.heading.copy(), self._last_count
+            integral, error = self._integral, self._last_error
+            np.copyto(self._held, self._loops(gyro, encoders), where=due)
+            np.copyto(self.estimate.heading, heading, where=~due[:, 0])
+            if counts is not None and self._last_count is not None:
+                self._last_count = np.where(due, self._last_count, counts)
+            self._integral = np.where(due, self._integral, integral)
+            self._last_error = np.where(due, self._last_error, error)
+        return self._held.copy()
+
+    def _loops(self, gyro: Array, encoders: Array) -> Array:
+        """What the loops make of the sensors when they run."""
         rate = gyro - self.estimate.bias
-        self.estimate.turn(rate, self._timestep)
+        self.estimate.turn(rate, self._timestep[:, 0])
         wanted = self._wheel_speeds(rate)
         count = np.floor(encoders * self._counts_per_rad)
         if self._last_count is None:  # wherever the wheels stand when the robot is switched on

@@ -1,10 +1,12 @@
 """Settings of the robot's body and wheels, of the carpet under them, and of what varies from robot to robot."""
 
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
+from pydantic import model_validator
 
 from omni_control.kinematics import Kinematics
+from omni_mj.scenarios import robot_checks
 from omni_mj.scenarios.checking import Angles, Checked, Patches, setting
 from omni_mj.scenarios.robots import of_robot
 
@@ -49,6 +51,12 @@ class WheelSettings(Checked):
     def kinematics(self) -> Kinematics:
         """Of a robot with these wheels."""
         return Kinematics(np.radians(self.azimuths_deg) % (2 * np.pi), self.arm_m, self.radius_m)
+
+    @model_validator(mode="after")
+    def _are_wheels(self) -> Self:
+        if wrong := "\n".join(robot_checks.wheels(self)):
+            raise ValueError(wrong)
+        return self
 
 
 class DriveSettings(Checked):

@@ -6,18 +6,45 @@ What the default robot's file gives depends on the robot, so that every other mu
 
 import tomllib
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from omni_control.errors import OmniError, choose
 from omni_mj.robots import builtin
 from omni_mj.scenarios.checking import in_one
 from omni_mj.scenarios.nested import frozen, merged
 
+if TYPE_CHECKING:
+    from omni_mj.scenarios.settings import Settings
+
 DEFAULT = "tigers-v2016"
 DESCRIPTION = "description"  # the one key of a robot's file that is no section
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot that was read and checked; whatever takes the name of a robot takes this too.
+
+    Args:
+        name: as it was asked for: a name, or the path of a .toml file.
+        path: its file.
+        description: what the file says it is, in a line.
+        settings: what it drives with if nothing else is said: the file's, and the defaults of all others.
+        facts: what follows from its numbers; see `om.robot`.
+    """
+
+    name: str
+    path: Path
+    description: str
+    settings: "Settings"
+    facts: Mapping[str, float]
+
+    def __str__(self) -> str:
+        """Its description, and a line for each fact."""
+        return "\n".join([f"{self.name}: {self.description}", *(f"  {k} {v:.3g}" for k, v in self.facts.items())])
 
 
 def robot_path(robot: str) -> Path:

@@ -105,6 +105,11 @@ class Scenario(Checked):
         check_plant(plant)
         return plant
 
+    @field_validator("robot", mode="before")
+    @classmethod
+    def _named(cls, robot: Any) -> Any:
+        return robot.name if isinstance(robot, robots.Robot) else str(robot) if isinstance(robot, Path) else robot
+
     @field_validator("robot")
     @classmethod
     def _robot(cls, robot: str) -> str:
@@ -167,7 +172,7 @@ def scenario(
     name_or_path: str | Path,
     *,
     plant: str | None = None,
-    robot: str | None = None,
+    robot: str | Path | robots.Robot | None = None,
     controllers: Sequence[str | type[Controller]] | None = None,
     seed: int | None = None,
     seeds: int | None = None,
@@ -178,7 +183,7 @@ def scenario(
     Args:
         name_or_path: one of those that come with the package, or a file.
         plant: what is driven: "mujoco", "kinematic", or `file.py:Class`.
-        robot: name of a robot, or path of its .toml file.
+        robot: name of a robot, path of its .toml file, or what `om.robot` gave.
         controllers: names, classes derived from `omni_control.Controller`, or `file.py:Class`.
         seed: the first.
         seeds: how many.

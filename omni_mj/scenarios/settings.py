@@ -8,10 +8,12 @@ from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_v
 
 from omni_control.kinematics import Array
 from omni_control.reference.curves import CURVES
-from omni_mj.scenarios import faults
+from omni_mj.scenarios import faults, robot_checks
 from omni_mj.scenarios.checking import Checked, Poses, Setting, in_one, setting, shown
+from omni_mj.scenarios.clock import CYCLE_RATE_HZ as CYCLE_RATE_HZ
 from omni_mj.scenarios.clock import FRAME_RATE_HZ as FRAME_RATE_HZ
 from omni_mj.scenarios.clock import PERIOD_S as PERIOD_S
+from omni_mj.scenarios.firmware_settings import FirmwareSettings
 from omni_mj.scenarios.motor_settings import MotorSettings
 from omni_mj.scenarios.nested import merged, plain
 from omni_mj.scenarios.parameters import Parameters
@@ -139,29 +141,6 @@ class ControlSettings(Checked):
     max_turn_acceleration_rad_s2: float = setting(50.8, "rad/s^2", "highest change of it (same)", 0.01, 1e4)
 
 
-class FirmwareSettings(Checked):
-    """What runs on the robot: wheel loops, one PID per wheel at 960 Hz, with gains at the wheel, and heading.
-
-    By default the wheel loops are proportional with feed-forward, as in the firmware of TIGERs (k_i = 0) and
-    RoboJackets.
-    """
-
-    kp: float = setting(0.3, "V s/rad", "voltage per error of the wheel speed", 0, 100)
-    ki: float = setting(0.0, "V/rad", "voltage per integrated error", 0, 1000)
-    kd: float = setting(0.0, "V s^2/rad", "voltage per rate of the error", 0, 1)
-    feed_forward: float = setting(1.0, "", "share of the wanted speed's back-EMF that is fed forward", 0, 2)
-    nominal_voltage_v: float = setting(
-        of_robot("firmware.nominal_voltage_v"), "V", "battery voltage that it reckons with", 1, 60
-    )
-    turn_gain: float = setting(1.0, "", "turn rate added per error of the turn rate that the gyro shows", 0, 10)
-    heading_gain: float = setting(2.0, "1/s", "heading corrected per difference to vision's", 0, 30)
-    bias_gain: float = setting(0.5, "1/s^2", "gyro bias corrected per difference to vision's heading", 0, 100)
-    current_limit_a: float = setting(
-        of_robot("firmware.current_limit_a"), "A", "highest current that a motor's driver lets through", 0.1, 1e3
-    )
-    derate: bool = setting(False, "", "limit the current of a motor that nears its highest winding temperature")
-
-
 class SensorSettings(Checked):
     """The sensors on the robot."""
 
@@ -265,7 +244,7 @@ class Settings(Checked):
 
     @model_validator(mode="after")
     def _can_happen(self) -> Self:
-        in_one(faults.misfits(self.fault, self))
+        in_one([*faults.misfits(self.fault, self), *robot_checks.robot(self)])
         return self
 
     def replace(self, **sections: Any) -> Self:

@@ -16,14 +16,14 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
 from omni_mj.scenarios import models
 from omni_mj.scenarios.robot_settings import WheelSettings
-from omni_mj.scenarios.settings import Settings
+from omni_mj.scenarios.settings import CYCLE_RATE_HZ, Settings
 from omni_mj.worlds import roles, shape, two_rollers
 from omni_mj.worlds.contact import RIGID, STIFFEST, creeping
 from omni_mj.worlds.roles import Ids, Robot
 from omni_mj.worlds.shape import Shape
 from omni_mj.worlds.wheels import WheelGeometry
 
-CYCLE_S = 1 / 960  # of the wheel loops: 16 in a camera frame, each of one physics step or several
+CYCLE_S = 1 / CYCLE_RATE_HZ  # of the wheel loops: 16 in a camera frame, each of one physics step or several
 SETTLING_S = 0.25
 
 # What rollers need of the solver; why is said in models/scene.xml.

@@ -14,6 +14,7 @@ BLOCK = re.compile(r"^```(sh|toml|python) ?(\S*)\n(.*?)^```", re.MULTILINE | re.
 DOCUMENTS = {
     "docs/tour.md": {"runs.html": "late", "compared/compare.md": "Gentle"},
     "docs/python.md": {"runs/mine/summary.json": "comp-flc"},
+    "docs/robots.md": {"robot.schema.json": "azimuths_deg"},
     "CONTRIBUTING.md": {
         "mine/summary.json": "Mine",
         "toy/summary.json": "toy.py:Toy",

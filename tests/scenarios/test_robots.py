@@ -41,8 +41,9 @@ def test_the_default_robot_is_what_settings_are_by_default() -> None:
             assert given == (tuple(value) if isinstance(value, list) else value), (section, field)
 
 
-def test_three_robots_come_along() -> None:
-    assert set(shipped.builtin()) == {"tigers-v2016", "tigers-v2020", "tigers-v2020-planetary"}
+def test_seven_robots_come_along() -> None:
+    tigers = {"tigers-v2016", "tigers-v2020", "tigers-v2020-planetary"}
+    assert set(shipped.builtin()) == tigers | {"robojackets", "roboteam-twente", "ssl-a-team", "ubc-thunderbots"}
 
 
 @pytest.mark.parametrize("name", shipped.builtin())
@@ -61,7 +62,7 @@ def test_every_robots_numbers_fit_together(name: str) -> None:
     """What one number says of another: cells and volts, body and wheels, motor and battery, drags and friction."""
     s = scenario.scenario("rect", robot=name).settings
     assert s.firmware.nominal_voltage_v == pytest.approx(3.7 * s.battery.cells)  # LiPo
-    assert 3.2 * s.battery.cells <= s.battery.cut_off_v <= 3.5 * s.battery.cells
+    assert 3.0 * s.battery.cells <= s.battery.cut_off_v <= 3.5 * s.battery.cells
     # A disc whose mass is within the wheels: 1/2 m r^2 with the arm as r at least, a ring's m r^2 at most.
     disc = s.body.mass_kg * s.wheels.arm_m**2
     assert 0.5 * disc < s.body.yaw_inertia_kg_m2 < disc

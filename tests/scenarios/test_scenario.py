@@ -74,8 +74,8 @@ def test_head_fields_are_read(tmp_path: Path) -> None:
 
 
 def test_whole_numbers_serve_where_a_number_is_wanted(tmp_path: Path) -> None:
-    value = load(tmp_path, assign("battery.cut_off_v", "20")).settings.battery.cut_off_v
-    assert value == 20.0
+    value = load(tmp_path, assign("battery.cut_off_v", "13")).settings.battery.cut_off_v
+    assert value == 13.0
     assert isinstance(value, float)
 
 
@@ -174,6 +174,8 @@ def agreed(values: dict[str, Any]) -> dict[str, Any]:
     for jerk in ("reference.max_jerk_m_s3", "reference.max_turn_jerk_rad_s3"):
         if values[jerk] < 0.1 or values["reference.mode"] == "iterated":
             values[jerk] = 0.0
+    kept = ("body.", "wheels.", "battery.cells", "battery.cut_off_v", "firmware.rate_hz")
+    values |= {name: each.default for name, each in SETTINGS.items() if name.startswith(kept)}
     share = min(max(values["motor.nominal_voltage_v"] / 24, 0.1), 10)
     values |= {name: SETTINGS[name].default * (share if name in SHEET[:4] else 1) for name in SHEET}
     return sections_of(values)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import omni_mj as om
-from omni_mj.robots import builtin
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.studies.slip import SlipResult
 from omni_mj.studies.slip.figures import Robot
 from omni_mj.studies.slip.law import AXES
 from omni_mj.studies.slip.moves import Move, identification, straight
+from omni_mj.studies.slip.published import PUBLISHED
 
 MOVES = (
     straight("forward", 1.0, rolls_out=False),
@@ -52,7 +52,7 @@ def test_a_robot_slips_as_the_law_says(fixed: SlipResult) -> None:
     check_law(robot)
 
 
-@pytest.mark.parametrize("name", builtin())
+@pytest.mark.parametrize("name", PUBLISHED)
 def test_robots_of_the_package_slip_as_the_law_says(name: str) -> None:
     """And roll out so, within 8 %: bearings' viscous part and the spinning up of rollers."""
     (robot,) = om.slip([name], MOVES, check=False).robots.values()

@@ -143,9 +143,10 @@ def test_what_a_robots_model_lacks_is_named_with_its_file(made_of: Callable[...,
 
 
 def test_what_no_robot_can_be_is_refused_in_a_line() -> None:
+    light = {"mass_kg": 0.5, "yaw_inertia_kg_m2": 2e-3, "tilt_inertia_kg_m2": 2e-3}
     for sections, message in (
         (
-            {"body": {"mass_kg": 0.5}, "wheels": {"rollers": 40, "azimuths_deg": [0, 50, 100, 150, 200, 250, 300]}},
+            {"body": light, "wheels": {"rollers": 40, "azimuths_deg": [0, 50, 100, 150, 200, 250, 300]}},
             "more than",
         ),
         ({"body": {"yaw_inertia_kg_m2": 1e-3}}, "principal inertias"),

@@ -13,12 +13,13 @@ from omni_control.errors import OmniError
 from omni_mj.measure import summary
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.measure.table import DASH, Table, text
-from omni_mj.robots import builtin
+from omni_mj.scenarios import robots as described
 from omni_mj.scenarios.scenario import Scenario, scenario
 from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
 from omni_mj.studies.slip.checks import FRAMES, Checks, checks
 from omni_mj.studies.slip.figures import QUANTITIES, Robot, figures
 from omni_mj.studies.slip.moves import Move, identification, longest
+from omni_mj.studies.slip.published import PUBLISHED
 from omni_mj.studies.slip.record import Moves, Record, drive
 
 BeforeRobot = Callable[[str, int], AfterFrame]
@@ -67,7 +68,7 @@ class SlipResult(Result):
 
 
 def slip(
-    robots: Sequence[Scenario | str] | None = None,
+    robots: Sequence[Scenario | described.Robot | str] | None = None,
     moves: Sequence[Move] | None = None,
     *,
     check: bool = True,
@@ -76,8 +77,8 @@ def slip(
     """Identify how robots slip, as TIGERs Mannheim identified theirs.
 
     Args:
-        robots: names or files of robots; or scenarios, whose robot, settings and seed are meant. [all that come with
-            the package, on the faster wheels]
+        robots: names or files of robots; or scenarios, whose robot, settings and seed are meant. [those that
+            were measured, on the faster wheels]
         moves: that each robot drives. [`identification()`]
         check: whether to try what other teams tell of acceleration, too; it takes drag and efficiency forward.
         before_robot: called with each robot's name and the number of frames to come; what it returns is called after
@@ -87,7 +88,7 @@ def slip(
         OmniError: there is no such robot, or one is named twice.
     """
     started, driven = time.perf_counter(), list(identification() if moves is None else moves)
-    chosen = [_chosen(each) for each in (builtin() if robots is None else robots)]
+    chosen = [_chosen(each) for each in (PUBLISHED if robots is None else robots)]
     names = [each.name for each in chosen]
     for name in names:
         if names.count(name) > 1:
@@ -136,9 +137,9 @@ def _outcome(record: Record, wall_s: float, measured: dict[str, np.ndarray]) -> 
     return Outcome(simulation.scenario, entry, simulation.rows, simulation.failures, measured)
 
 
-def _chosen(robot: Scenario | str) -> Scenario:
+def _chosen(robot: Scenario | described.Robot | str) -> Scenario:
     """What is driven, under the robot's name."""
-    if isinstance(robot, str):
+    if not isinstance(robot, Scenario):
         robot = scenario("rect", robot=robot, wheels={"model": "two-rollers"})
     name = re.sub(r"[^\w.-]+", "-", Path(robot.robot).stem if robot.robot.endswith(".toml") else robot.robot)
     return robot.replace(name=name, description="how it slips")

@@ -1,0 +1,61 @@
+"""A robot by name or file, read, completed and checked as a whole."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from omni_control.errors import OmniError
+from omni_control.traction import traction_limits
+from omni_mj.scenarios import robots
+from omni_mj.scenarios.robot_checks import GRAVITY_M_S2, support
+from omni_mj.scenarios.robots import Robot
+from omni_mj.scenarios.settings import Settings
+from omni_mj.worlds import build
+
+
+def robot(name_or_path: str | Path) -> Robot:
+    """Read a robot, check every number of it, and build it once, so that what is wrong with it is said now.
+
+    What it gives may be passed wherever a robot's name may. Its `facts`:
+
+        mass_kg               with the wheels
+        top_speed_ahead_m_s   at which the back-EMF of the fastest wheel is the firmware's nominal voltage; and aside
+        grip_ahead_m_s2       acceleration at which the wheels begin to slide on `carpet.friction`; and aside
+        tips_at_m_s2          acceleration, in the worst direction, at which a wheel lifts
+
+    Args:
+        name_or_path: of a robot that comes with the package, or the path of a .toml file.
+
+    Raises:
+        OmniError: there is no such robot, its file is no robot's, lacks something, or its numbers contradict each other
+            or physics; a line for each.
+    """
+    name = str(name_or_path)
+    path, says = robots.robot_path(name), robots.description(name)
+    settings = Settings(**robots.completed({}, name))
+    try:
+        build.world(settings)
+    except OmniError as error:
+        raise OmniError(f"{path}: {error}") from None
+    return Robot(name, path, says, settings, _facts(settings))
+
+
+def _facts(settings: Settings) -> Mapping[str, float]:
+    body, wheels, motor = settings.body, settings.wheels, settings.motor
+    kinematics = wheels.kinematics
+    fastest = settings.firmware.nominal_voltage_v / (motor.constant_nm_a * motor.gear) * wheels.radius_m
+    ahead, aside = fastest / np.abs(kinematics.matrix[:, :2]).max(0)
+    grip_ahead, grip_aside = traction_limits(kinematics, settings.carpet.friction, body.centre_height_m)
+    inside = support(wheels.azimuths_deg, wheels.arm_m, body.centre_x_m)
+    return MappingProxyType(
+        {
+            "mass_kg": body.mass_kg,
+            "top_speed_ahead_m_s": float(ahead),
+            "top_speed_aside_m_s": float(aside),
+            "grip_ahead_m_s2": float(grip_ahead),
+            "grip_aside_m_s2": float(grip_aside),
+            "tips_at_m_s2": inside / body.centre_height_m * GRAVITY_M_S2,
+        }
+    )
