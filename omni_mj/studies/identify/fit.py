@@ -20,6 +20,7 @@ from scipy.optimize import least_squares
 
 from omni_control.kinematics import Array
 from omni_mj.studies.identify import law
+from omni_mj.studies.identify.predict import first_states
 from omni_mj.studies.identify.segments import Segments
 
 SCALES = np.array([0.01, 0.1, 0.1, 0.05, 0.05, 0.02, 0.02, 0.05, 0.05])
@@ -88,8 +89,8 @@ def fit(segments: Segments, start: Array, fixed: Sequence[str] = (), turning: bo
         lambda x: problem.at(x)[1].reshape(-1, len(free)),
         bounds=(low, high),
         x_scale=SCALES[picked][free],
-        ftol=1e-7,
-        xtol=1e-6,
+        ftol=1e-5,
+        xtol=1e-5,
         gtol=1e-9,
         max_nfev=40,
     )
@@ -115,7 +116,7 @@ class _Problem:
         self.nudges = np.array([0, NUDGE] if turning else [0, NUDGE, 1j * NUDGE])
         self.measured = segments.angle if turning else segments.position
         self.taken = 2 * self.width * len(segments)  # numbers that are free in stretches
-        self._first = first_velocities(segments, self.measured)
+        self._first = first_states(segments, self.measured)[1]
         self._last: tuple[bytes, tuple[Array, Array, np.ndarray]] | None = None
 
     def at(self, x: Array) -> tuple[Array, Array, np.ndarray]:
@@ -161,17 +162,6 @@ class _Problem:
         if self.width == 1:
             return values.real.astype(float)
         return np.ascontiguousarray(values, complex).view(float)
-
-
-def first_velocities(segments: Segments, measured: np.ndarray) -> np.ndarray:
-    """Velocities at the first sample (S,), by a parabola through the first quarter second or 6 samples."""
-    time, first = segments.time, np.zeros(len(segments), measured.dtype)
-    for i, there in enumerate(segments.there):
-        at = np.flatnonzero(there)
-        near = at[: max(6, int((time[i, at] < time[i, 0] + 0.25).sum()))]
-        t = time[i, near] - time[i, 0]
-        first[i] = np.linalg.lstsq(np.stack([np.ones_like(t), t, t**2], 1), measured[i, near], rcond=None)[0][1]
-    return first
 
 
 def _errors(residual: Array, jacobian: Array, segments: Segments, taken: int) -> Array:

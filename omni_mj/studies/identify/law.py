@@ -5,7 +5,7 @@ It is that of `omni_control.estimation.motion`, per axis of the body, with lags 
     (tau_i + g_i^2 T_i |v|) v'_i = u_i - c n_i - g_i v_i,        u = the input of `latency` ago, turned by -compass.
 
 Inputs act from their line to the next. Between the times at which poses were measured, and inputs change, the law is
-solved exactly with the lag of the step's beginning; steps are 1/50 s at most. Turning is the same law along one axis,
+solved exactly with the lag of the step's beginning; steps are 1/29 s at most. Turning is the same law along one axis,
 without creep and friction.
 """
 

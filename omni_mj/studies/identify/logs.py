@@ -168,7 +168,9 @@ def _log(name: str, columns: Mapping[str, np.ndarray]) -> Log:
     log.pose[:, 2] = _continuous(pose[:, 2])
     for piece in log.pieces()[1:]:
         before, after = time[piece.start - 1], time[piece.start]
-        log.notes.append(f"{name}: a gap of {after - before:.3g} s at {before:.3f} s; what is on its two sides is apart")
+        log.notes.append(
+            f"{name}: a gap of {after - before:.3g} s at {before:.3f} s; what is on its two sides is apart"
+        )
     return log
 
 
@@ -215,7 +217,9 @@ def _units(log: Log) -> None:
     if _fast(np.hypot(*log.command[:, :2].T), 10):
         raise OmniError(f"{log.name}: commands of {np.abs(log.command[:, :2]).max():.0f} m/s; are they in mm/s?")
     if _fast(np.abs(log.command[:, 2]), 60):
-        raise OmniError(f"{log.name}: turn rates of {np.abs(log.command[:, 2]).max():.0f} rad/s; are they in degrees/s?")
+        raise OmniError(
+            f"{log.name}: turn rates of {np.abs(log.command[:, 2]).max():.0f} rad/s; are they in degrees/s?"
+        )
 
 
 def _fast(values: Array, limit: float) -> bool:
