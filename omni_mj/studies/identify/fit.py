@@ -3,7 +3,8 @@
 Output errors are fitted: positions predicted from the first sample to the last of each stretch, against positions
 measured. What is free in each stretch alone, its first pose and velocity, is solved for in each evaluation (variable
 projection, with Kaufman's Jacobian: Kaufman 1975, BIT 15, 49), so that scipy's `least_squares` sees the law's
-parameters only.
+parameters only. The first velocity is tied, weakly, to that of a parabola through the first poses: of a robot that
+starts from rest the law forgets it at once.
 
 What the law does not know lasts for more than one sample, so that errors as from white noise would be too small.
 Standard errors are those of Newey and West (1987, Econometrica 55, 703): scores are summed over lags of up to 1/2 s
@@ -28,6 +29,7 @@ STEPS = np.array([1e-4, 1e-3, 1e-3, 1e-3, 1e-3, 2e-4, 2e-4, 1e-3, 1e-3])  # of f
 LOW = np.array([-0.3, 0.4, 0.4, -0.2, -0.2, 1e-3, 1e-3, -0.2, -1.0])
 HIGH = np.array([0.6, 2.5, 2.5, 0.8, 0.8, 0.6, 0.6, 0.4, 1.0])
 OF_TURNING = np.array([0, 1, 5])  # scales, steps and bounds of the parameters of turning
+TRUSTED_S = 0.015  # weight of the first velocity that a parabola shows: 1.5 mm of noise to 0.1 m/s
 NUDGE = 0.02  # of velocities at the start, m/s and rad/s
 MEMORY_S = 0.5  # lags of scores that are summed
 LAGS = 10  # of residuals, that are tested
@@ -95,6 +97,7 @@ def fit(segments: Segments, start: Array, fixed: Sequence[str] = (), turning: bo
         max_nfev=40,
     )
     residual, jacobian, velocity = problem.at(found.x)
+    residual, jacobian = residual[:, :-1], jacobian[:, :-1]
     value, error, bound = np.array(start, float), np.zeros(len(names)), np.zeros(len(names), bool)
     value[free] = found.x
     error[free] = _errors(residual, jacobian, segments, problem.taken)
@@ -120,7 +123,7 @@ class _Problem:
         self._last: tuple[bytes, tuple[Array, Array, np.ndarray]] | None = None
 
     def at(self, x: Array) -> tuple[Array, Array, np.ndarray]:
-        """Residuals (S, m, width), Jacobian (S, m, width, n), velocities (S, m)."""
+        """Residuals (S, m + 1, width), Jacobian (S, m + 1, width, n), velocities (S, m); the last are of the tie."""
         if self._last is None or self._last[0] != x.tobytes():
             self._last = x.tobytes(), self._at(x)
         return self._last[1]
@@ -132,7 +135,7 @@ class _Problem:
         _, _, found = self._projected(np.tile(parameters, (k, 1)), self._first, k)
         sets = np.tile(parameters, (k + n, 1))
         sets[k + np.arange(n), self.free] += self.steps[self.free]
-        return self._projected(sets, self._first + found, k)[:2] + (self._velocity,)
+        return (*self._projected(sets, self._first + found, k)[:2], self._velocity)
 
     def _projected(self, sets: Array, first: np.ndarray, k: int) -> tuple[Array, Array, np.ndarray]:
         """Residuals, derivatives by the parameters after the k-th set, and by how much first velocities are wrong."""
@@ -144,18 +147,24 @@ class _Problem:
         measured = self._flat(np.where(there, self.measured, 0)[:, None])[:, 0]
         ones = self._flat(np.stack([there, 1j * there] if self.width == 2 else [there], 1))
         columns = np.concatenate([ones, (flat[:, 1:k] - flat[:, :1]) / NUDGE], 1)  # (S, 2 width, m width)
-        q, r = np.linalg.qr(columns.swapaxes(1, 2))
+        tied = np.zeros((len(there), 2 * self.width, self.width))
+        tied[:, self.width :] = TRUSTED_S * np.eye(self.width)
+        q, r = np.linalg.qr(np.concatenate([columns, tied], 2).swapaxes(1, 2))
 
-        def without(values: Array) -> Array:  # (S, p, m width)
-            return values - np.einsum("sij,spj->spi", q, np.einsum("sij,spi->spj", q, values))
+        def without(values: Array, off: Array) -> Array:  # (S, p, m width + width)
+            both = np.concatenate([values, off], 2)
+            return both - np.einsum("sij,spj->spi", q, np.einsum("sij,spi->spj", q, both))
 
         wrong = (flat[:, 0] - measured)[:, None]
-        solved = np.linalg.solve(r, -np.einsum("sij,si->sj", q, wrong[:, 0])[..., None])[..., 0]
+        away = TRUSTED_S * self._flat((first - self._first)[:, None, None])
+        both = np.concatenate([wrong, away], 2)[:, 0]
+        solved = np.linalg.solve(r, -np.einsum("sij,si->sj", q, both)[..., None])[..., 0]
         velocities = solved[:, self.width :]
         change = velocities[:, 0] + (1j * velocities[:, 1] if self.width == 2 else 0)
-        slopes = without((flat[:, k:] - flat[:, :1]) / self.steps[self.free][: flat.shape[1] - k, None])
-        shape = len(there), there.shape[1], self.width
-        return without(wrong).reshape(shape), slopes.swapaxes(1, 2).reshape(*shape, -1), change
+        slopes = (flat[:, k:] - flat[:, :1]) / self.steps[self.free][: flat.shape[1] - k, None]
+        slopes = without(slopes, np.zeros((*slopes.shape[:2], self.width)))
+        shape = len(there), there.shape[1] + 1, self.width
+        return without(wrong, away).reshape(shape), slopes.swapaxes(1, 2).reshape(*shape, -1), change
 
     def _flat(self, values: np.ndarray) -> Array:
         """(S, p, m) as real numbers (S, p, m width)."""

@@ -6,7 +6,7 @@
 | `x_m, y_m, heading_rad` | the pose that was measured, world frame; empty where there was none |
 | `vx_cmd_world_m_s, vy_cmd_world_m_s, w_cmd_rad_s` | commanded velocity along the field's axes |
 | `vx_cmd_body_m_s, vy_cmd_body_m_s, w_cmd_rad_s` | or along the robot's own, x forward, y to the left |
-| `wheel_1_rad, ...` or `wheel_1_rad_s, ...` | angles, or speeds, of the wheels behind the gear, in the robot file's order |
+| `wheel_1_rad, ...` or `wheel_1_rad_s, ...` | angles, or speeds, of the wheels behind the gear, in the file's order |
 
 Our own trajectory.parquet is one too: of it `vision_*`, where valid, `command_*` and `wheel_angle_*` are taken, each
 controller, seed and place by itself.
@@ -14,6 +14,7 @@ controller, seed and place by itself.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -62,7 +63,7 @@ class Log:
         """Stretches of lines without a gap."""
         cuts = np.flatnonzero(np.diff(self.time) > GAP * self.period) + 1
         edges = [0, *cuts.tolist(), len(self.time)]
-        return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
+        return [slice(a, b) for a, b in pairwise(edges)]
 
 
 def read(path: Path) -> list[Log]:
@@ -126,7 +127,7 @@ def _near(name: str, columns: Mapping[str, np.ndarray]) -> str:
 def wheel_columns(columns: Mapping[str, np.ndarray], ending: str) -> list[str]:
     """Names of the columns of wheels 1, 2, ..., as far as there are."""
     for stem in ("wheel_", "wheel_angle_" if ending == "_rad" else "wheel_speed_"):
-        names = []
+        names = list[str]()
         while (name := f"{stem}{len(names) + 1}{ending}") in columns:
             names.append(name)
         if names:

@@ -38,8 +38,8 @@ def changes(estimates: Sequence[Estimate]) -> dict[tuple[str, str], Change]:
         says = f"identified from {e.source}: {e.value:.4g} +- {e.error:.2g} {e.unit}".rstrip() + " (standard error)"
         value = f"{e.value:.5g}" if "." in f"{e.value:.5g}" or "e" in f"{e.value:.5g}" else f"{e.value:.5g}.0"
         if place[1] == "delay_frames":
-            value = str(round(e.value / FRAME_S))
-            says = f"identified from {e.source}: {e.value / FRAME_S:.3f} +- {e.error / FRAME_S:.2g} frames (standard error)"
+            value, frames = str(round(e.value / FRAME_S)), f"{e.value / FRAME_S:.3f} +- {e.error / FRAME_S:.2g}"
+            says = f"identified from {e.source}: {frames} frames (standard error)"
         made[place] = Change(value, says)
     return made
 

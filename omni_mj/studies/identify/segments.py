@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -89,7 +90,7 @@ def cut(logs: Sequence[Log], inputs: Sequence[Array], in_body: Sequence[bool]) -
                 continue
             count = max(1, round((time[-1] - time[inside[0]]) / SEGMENT_S))
             edges = time[inside[0]] + np.arange(count + 1) * SEGMENT_S
-            for a, b in zip(edges, edges[1:], strict=False):
+            for a, b in pairwise(edges):
                 own = np.flatnonzero((time >= a - 1e-9) & (time < b - 1e-9))
                 poses = np.isfinite(log.pose[piece][own]).all(1).sum()
                 if poses >= 8 and time[own[-1]] - time[own[0]] > SEGMENT_S / 2:

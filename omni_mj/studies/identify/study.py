@@ -108,7 +108,8 @@ class Identified:
                 yield f"misfit: {part.name}: {_misfit(part)}"
         for e in self.estimates:
             if not e.told:
-                yield f"not identifiable from these data: {e.title} ({e.source}): {e.why_not}; {e.would_tell} would tell"
+                said = f"{e.title} ({e.source}): {e.why_not}"
+                yield f"not identifiable from these data: {said}; what would tell: {e.would_tell}"
         for note in self.notes:
             yield f"note: {note}"
 
@@ -213,8 +214,8 @@ def _misfit(part: Part) -> str:
     f, unit = part.fitted, "mm" if part.unit == "m" else "mrad"
     over = 1e3 * float(np.sqrt(max(f.rms**2 - f.noise**2, 0.0)))
     return (
-        f"residuals are not white (autocorrelation {f.memory:.2f} over 5 samples, p {f.unlikely:.1g}): {over:.2f} {unit} "
-        "beside the noise are of something that the law lacks"
+        f"residuals are not white (autocorrelation {f.memory:.2f} over 5 samples, p {f.unlikely:.1g}): {over:.2f} "
+        f"{unit} beside the noise are of something that the law lacks"
     )
 
 

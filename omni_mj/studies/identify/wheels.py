@@ -43,8 +43,8 @@ def derived(found: list[Estimate], settings: Settings) -> tuple[list[Estimate], 
         difference, error = scales[0].value - scales[1].value, float(np.hypot(scales[0].error, scales[1].error))
         if abs(difference) > APART * error and abs(difference) > 0.01:
             notes.append(
-                f"wheels: scales forward and sideways differ by {difference:.3f} +- {error:.3f}, as of wheels that creep "
-                "under drag, or whose angles are others; an effective radius is not told"
+                f"wheels: scales forward and sideways differ by {difference:.3f} +- {error:.3f}, as of wheels that "
+                "creep under drag, or whose angles are others; an effective radius is not told"
             )
         else:
             scale, error = mean(scales)
