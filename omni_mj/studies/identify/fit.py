@@ -50,6 +50,7 @@ class Fit:
         memory: autocorrelation of residuals, mean over lags 1 to 5; unlikely: p of Ljung and Box's test.
         velocity: along the body's axes at all samples, by the law (S, m) complex; turn rates of turning.
         samples: how many there were.
+        each: root mean square of the residuals of each stretch, (S,).
     """
 
     names: tuple[str, ...]
@@ -63,6 +64,7 @@ class Fit:
     unlikely: float
     velocity: np.ndarray
     samples: int
+    each: Array
 
     @property
     def misfit(self) -> bool:
@@ -106,7 +108,8 @@ def fit(segments: Segments, start: Array, fixed: Sequence[str] = (), turning: bo
     rms, noise, memory, unlikely = _whiteness(residual, segments.there)
     quantile = float(stats.t.ppf(0.975, max(len(segments) - 1, 1)))
     samples = int(segments.there.sum())
-    return Fit(names, value, error, quantile, bound, rms, noise, memory, unlikely, velocity, samples)
+    each = np.sqrt((residual**2).sum((1, 2)) / (segments.there.sum(1) * residual.shape[-1]))
+    return Fit(names, value, error, quantile, bound, rms, noise, memory, unlikely, velocity, samples, each)
 
 
 class _Problem:

@@ -1,7 +1,7 @@
 """Logs cut into short stretches that are predicted one by one, all on one time line."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -32,6 +32,7 @@ class Segments:
         position: (S, m) complex, m.
         angle: heading as measured, (S, m) rad.
         log: number of the log that each is of, (S,).
+        begins: first line of each log.
         period: the median, s.
     """
 
@@ -46,6 +47,7 @@ class Segments:
     position: np.ndarray
     angle: Array
     log: np.ndarray
+    begins: np.ndarray
     period: float
 
     def __len__(self) -> int:
@@ -59,7 +61,7 @@ class Segments:
     def some(self, which: np.ndarray) -> "Segments":
         """Those that are named by their numbers, or by a mask."""
         kept = {name: getattr(self, name)[which] for name in ("first", "lines", "there", "position", "angle", "log")}
-        return Segments(self.clock, self.inputs, self.turns, self.heading, self.in_body, **kept, period=self.period)
+        return replace(self, **kept)
 
     def held_out(self) -> tuple["Segments", "Segments"]:
         """The first three quarters of each log's, and the last, which is not fitted to."""
@@ -117,6 +119,7 @@ def cut(logs: Sequence[Log], inputs: Sequence[Array], in_body: Sequence[bool]) -
         (pose[:, 0] + 1j * pose[:, 1])[padded],
         pose[:, 2][padded],
         np.array(whose, int),
+        np.cumsum([0, *(len(log.time) for log in logs[:-1])]),
         float(np.median([log.period for log in logs])),
     )
 

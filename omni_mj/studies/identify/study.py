@@ -22,6 +22,7 @@ from omni_mj.studies.identify.predict import Prediction, predict
 from omni_mj.studies.identify.segments import SEGMENT_S, Segments, cut
 
 LEAST_STRETCHES = 4
+ODD, MOST_ODD = 3.0, 0.25  # residuals over their median, and share, of stretches that may be left out
 OF_WHEELS = ("lag_forward_s", "lag_sideways_s", "friction_m_s")  # that motion has, but not motion by its wheels
 PARTS = {("commands", False): "motion by commands", ("commands", True): "turning by commands"} | {
     ("wheels", False): "motion by wheels",
@@ -187,6 +188,15 @@ def _part(
 ) -> None:
     turning = len(start) == len(law.TURNING)
     fitted = fit(used, start, fixed, turning)
+    usual = fitted.each <= ODD * np.median(fitted.each)
+    if not usual.all() and usual.mean() >= 1 - MOST_ODD and usual.sum() >= LEAST_STRETCHES:
+        odd = ", ".join(f"{result.logs[log]} at {t:.1f} s" for log, t in _where(used.some(~usual))[:4])
+        result.notes.append(
+            f"{name}: {(~usual).sum()} of {len(used)} stretches with residuals of over {ODD:g} times the median are "
+            f"left out: {odd}{', ...' if (~usual).sum() > 4 else ''}; wheels that slide, a push, or a camera's mistake"
+        )
+        used = used.some(usual)
+        fitted = fit(used, fitted.value, fixed, turning)
     prediction = predict(held, believed, fitted.value, turning) if len(held) else None
     result.parts.append(Part(name, fitted, len(used), prediction))
     new = estimates(fitted, used, source, fixed)
@@ -197,6 +207,12 @@ def _part(
             result.estimates.append(e)
         elif e.told and not before.told:
             result.estimates[result.estimates.index(before)] = e
+
+
+def _where(segments: Segments) -> list[tuple[int, float]]:
+    """Number of the log, and the time since its first line, at which each stretch begins."""
+    begun = segments.clock[segments.begins[segments.log]]
+    return [(int(log), float(t)) for log, t in zip(segments.log, segments.time[:, 0] - begun, strict=True)]
 
 
 def _believed(settings: Settings, source: str) -> Array:
