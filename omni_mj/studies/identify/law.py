@@ -5,7 +5,7 @@ It is that of `omni_control.estimation.motion`, per axis of the body, with lags 
     (tau_i + g_i^2 T_i |v|) v'_i = u_i - c n_i - g_i v_i,        u = the input of `latency` ago, turned by -compass.
 
 Inputs act from their line to the next. Between the times at which poses were measured, and inputs change, the law is
-solved exactly with the lag of the step's beginning; steps are 1/29 s at most. Turning is the same law along one axis,
+solved exactly with the lag of the step's middle; steps are 1/40 s at most. Turning is the same law along one axis,
 without creep and friction.
 """
 
@@ -80,14 +80,16 @@ def translate(segments: Segments, parameters: Array, start: np.ndarray) -> tuple
     slack, rubbed = effort**2 * creep, parameters[:, 7]
     into = np.concatenate([back[:1], back[1:] * back[:-1].conj()])
     targets, rates = _pairs(inputs), -duration[..., None] * effort
+    ahead_of = targets / effort
     v = start.astype(complex)
     moved, along = np.zeros((2, len(duration) + 1, *v.shape), complex)
     along[0] = v * back[0]
-    free, kept = np.empty((*v.shape, 2)), np.empty((*v.shape, 2))
     for i in range(len(duration)):
         v = v * into[i]
         before = _pairs(v)
         lag = np.maximum(tau + slack * np.abs(v)[..., None], LEAST_LAG_S)
+        kept = np.exp(rates[i] / (2 * lag))  # half the step, without friction, to the speed in its middle
+        lag = np.maximum(tau + slack * np.abs(_plane(kept * before + (1 - kept) * ahead_of[i]))[..., None], LEAST_LAG_S)
         kept = np.exp(rates[i] / lag)
         gained = (1 - kept) / effort
         free = kept * before + gained * targets[i]

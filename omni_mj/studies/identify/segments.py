@@ -12,7 +12,7 @@ from omni_mj.studies.identify.logs import Log
 SEGMENT_S = 1.5
 SETTLED_S = 0.3  # after the start of a log and each gap: commands from before it are not known
 APART_S = 10.0  # between logs on the common time line
-COARSEST_S = 1 / 29  # step in which the law is solved
+COARSEST_S = 1 / 40  # step in which the law is solved
 SMOOTHED = np.array([1.0, 2.0, 3.0, 2.0, 1.0]) / 9  # headings, with which velocities are turned
 
 
