@@ -74,10 +74,8 @@ def look(log: Log, inputs: Array, in_body: bool, what: str, earliest: float = 0.
         return Look(float(late), float("nan"), turning)
 
     def best(body: bool) -> tuple[float, float, complex, complex]:
-        tried = []
-        for delay in delays:
-            u = said[at(delay)] if body else said[at(delay)] * ahead.conj()
-            tried.append((*_complex(_smooth(u), motion), float(delay)))
+        moved = motion if body else motion * ahead  # in the axes that inputs are said to be in
+        tried = [(*_complex(_smooth(said[at(delay)]), moved), float(delay)) for delay in delays]
         a, b, share, delay = max(tried, key=lambda t: t[2])
         return delay, share, a, b
 
