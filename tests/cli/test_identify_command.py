@@ -142,7 +142,7 @@ def test_the_plan_is_a_scenario_within_the_limits(tmp_path: Path, capsys: pytest
     printed = capsys.readouterr().out
     moves = [line.split() for line in printed.splitlines()[2:-1]]
     assert {move[0] for move in moves} == {"forward", "sideways", "diagonal", "turning"}
-    assert max(float(move[-1]) for move in moves if move[0] == "forward") > 1.9
+    assert max(float(move[-1]) for move in moves if move[0] == "forward") > 1.7
     plan = om.scenario(str(tmp_path / "out" / "plan.toml"))
-    assert plan.settings.reference.max_acceleration_m_s2 >= 2.0
+    assert plan.settings.reference.max_acceleration_m_s2 == 2.0
     assert plan.settings.reference.friction > 0  # wheels are regarded

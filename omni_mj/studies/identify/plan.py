@@ -11,11 +11,12 @@ from omni_mj.scenarios.robots import DEFAULT
 from omni_mj.scenarios.scenario import Scenario, scenario
 from omni_mj.scenarios.settings import PERIOD_S
 
-AHEAD_M_S2, ASIDE_M_S2, TURN_RAD_S2 = 2.5, 2.0, 20.0
-LENGTHS_M = (0.1, 0.4, 0.9, 1.6)  # of which moves reach 0.5, 1, 1.5 and 2 m/s at 2.5 m/s^2
+# Where wheels creep; at 2.5 and 2 m/s^2 those of our plant do more, and T comes out 20 % too large.
+AHEAD_M_S2, ASIDE_M_S2, TURN_RAD_S2 = 2.0, 1.6, 20.0
+LENGTHS_M = (0.1, 0.4, 0.9, 1.6)  # of which moves reach 0.4, 0.9, 1.3 and 1.8 m/s at 2 m/s^2
 ANGLES_RAD = (0.8, 1.8, 3.0, 3.1)
 TOP_M_S, TOP_RAD_S = 2.5, 8.0
-LAPS = 2
+LAPS = 1
 DIRECTIONS = {"forward": 0.0, "sideways": 0.5 * math.pi, "diagonal": 0.25 * math.pi}
 
 
@@ -37,7 +38,9 @@ class Plan:
             [way, f"{length:.2f} {'rad' if way == 'turning' else 'm'}", f"{top:.2f}"] for way, length, top in self.moves
         ]
         seconds = len(timed(self.scenario.settings).poses) * PERIOD_S
-        title = f"moves there and back, each {LAPS} times, {seconds:.0f} s, 2 x 2 m of carpet; speeds in m/s, rad/s"
+        title = (
+            f"moves there and back, {seconds:.0f} s, more by reference.laps, 2 x 2 m of carpet; speeds in m/s, rad/s"
+        )
         return text(Table(title, ["move", "way", "reaches"], rows, 1))
 
 
