@@ -1,7 +1,7 @@
 """The start robot's file with identified numbers in place of its own, each with its standard error in a comment."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 
 from omni_mj.studies.identify.findings import FRAME_S, Estimate
@@ -28,8 +28,13 @@ FIELDS = {
 LEAST = {"radius_m": 0.01, "arm_m": 0.02, "creep_stiffness": 0.1}  # that settings allow; of all else 0
 
 
-def changes(estimates: Sequence[Estimate]) -> dict[tuple[str, str], Change]:
-    """Section and field -> what was identified of it; only what the data tell, and settings allow."""
+def changes(estimates: Sequence[Estimate], misfits: Container[str] = ()) -> dict[tuple[str, str], Change]:
+    """Section and field -> what was identified of it; only what the data tell, and settings allow.
+
+    Args:
+        estimates: all there are.
+        misfits: sources by which the motion is not what the law predicts, which is said of their numbers.
+    """
     made = {}
     for e in estimates:
         place = FIELDS.get((e.source, e.name))
@@ -40,7 +45,7 @@ def changes(estimates: Sequence[Estimate]) -> dict[tuple[str, str], Change]:
         if place[1] == "delay_frames":
             value, frames = str(round(e.value / FRAME_S)), f"{e.value / FRAME_S:.3f} +- {e.error / FRAME_S:.2g}"
             says = f"identified from {e.source}: {frames} frames (standard error)"
-        made[place] = Change(value, says)
+        made[place] = Change(value, says + "; misfit, see identify.json" * (e.source in misfits))
     return made
 
 

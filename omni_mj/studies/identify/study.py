@@ -85,8 +85,12 @@ class Identified:
         """Write identify.json and robot.toml."""
         (folder / "identify.json").write_text(json.dumps(self.report(), indent=2, allow_nan=False) + "\n", "utf-8")
         start = robots.robot_path(self.robot).read_text("utf-8")
-        written = robot_file.written(start, robot_file.changes(self.estimates), self.logs)
+        misfits = [source for source in ("commands", "wheels") if self._misfits(PARTS[source, False])]
+        written = robot_file.written(start, robot_file.changes(self.estimates, misfits), self.logs)
         (folder / "robot.toml").write_text(written, "utf-8")
+
+    def _misfits(self, name: str) -> bool:
+        return any(part.name == name and part.fitted.misfit for part in self.parts)
 
     def _lines(self) -> Iterator[str]:
         rows = []
