@@ -7,7 +7,20 @@ import click
 
 from omni_mj.cli import console
 
-COMMANDS = ("run", "compare", "limit", "alpha", "slip", "loop", "verify", "report", "picture", "list", "schema")
+COMMANDS = (
+    "run",
+    "compare",
+    "limit",
+    "alpha",
+    "slip",
+    "loop",
+    "identify",
+    "verify",
+    "report",
+    "picture",
+    "list",
+    "schema",
+)
 
 
 class _Commands(click.Group):

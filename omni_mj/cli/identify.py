@@ -1,0 +1,50 @@
+"""`omni-mj identify`: a robot's numbers from its logs; and what to drive for them."""
+
+from pathlib import Path
+
+import click
+
+from omni_control.errors import OmniError
+from omni_mj.cli import console, folders, options
+
+OUTPUTS = ("identify.json", "robot.toml", "plan.toml")
+
+
+@click.command("identify")
+@click.argument("logs", metavar="LOG...", nargs=-1, type=click.Path(path_type=Path))
+@click.option("--robot", metavar="NAME|FILE.toml", help="Which to start from. [the default robot]")
+@click.option("--plan", "only_plan", is_flag=True, help="Write a scenario of moves to drive, and print them.")
+@click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/identify-<UTC time>]")
+@options.OVERWRITE
+@options.QUIET
+def command(
+    logs: tuple[Path, ...], robot: str | None, only_plan: bool, out: Path | None, overwrite: bool, quiet: bool
+) -> None:
+    """Identify a robot from logs: CSV or Parquet with named columns (docs/identify.md)."""
+    from omni_mj.scenarios.robots import DEFAULT
+
+    chosen = robot or DEFAULT
+    if only_plan:
+        if logs:
+            raise OmniError("--plan writes what to drive and takes no logs; give one of both")
+        from omni_mj.studies.identify.plan import plan
+
+        moves = plan(chosen)
+        folder = folders.prepare(out, "identify", OUTPUTS, overwrite)
+        with console.writing(folder):
+            (folder / "plan.toml").write_text(moves.scenario.to_toml(), encoding="utf-8")
+        if not quiet:
+            print(moves.table())
+            print(f"drive it here: omni-mj --scenario {folder / 'plan.toml'}")
+        return
+    if not logs:
+        raise OmniError("name at least one log, .csv or .parquet; or --plan, for what to drive")
+    from omni_mj.studies.identify import identify
+
+    found = identify(logs, chosen)
+    folder = folders.prepare(out, "identify", OUTPUTS, overwrite)
+    with console.writing(folder):
+        found.save(folder)
+    if not quiet:
+        print(found.table())
+        print(f"results in {folder}/ (identify.json, robot.toml)")

@@ -1,0 +1,136 @@
+"""Logs cut into short stretches that are predicted one by one, all on one time line."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from omni_control.kinematics import Array
+from omni_mj.studies.identify.logs import Log
+
+SEGMENT_S = 1.5
+SETTLED_S = 0.3  # after the start of a log and each gap: commands from before it are not known
+APART_S = 10.0  # between logs on the common time line
+COARSEST_S = 1 / 40  # step in which the law is solved
+SMOOTHED = np.array([1.0, 2.0, 3.0, 2.0, 1.0]) / 9  # headings, with which velocities are turned
+
+
+@dataclass(frozen=True)
+class Segments:
+    """S stretches of at most m lines, on a time line on which all logs follow each other.
+
+    Attributes:
+        clock: of all lines, (F,) s, increasing.
+        inputs: velocities that act until the next line, (F,) complex, in the axes `heading` leads to the world from.
+        turns: the same, turn rates, (F,) rad/s.
+        heading: (F,) rad, smoothed.
+        in_body: whether inputs are along the body's axes, (F,).
+        first: of each stretch, the first line whose input is known, (S,).
+        lines: line of each sample (S, m), the last repeated where a stretch is shorter.
+        there: which of them are samples with a pose, (S, m).
+        position: (S, m) complex, m.
+        angle: heading as measured, (S, m) rad.
+        log: number of the log that each is of, (S,).
+        begins: first line of each log.
+        period: the median, s.
+    """
+
+    clock: Array
+    inputs: np.ndarray
+    turns: Array
+    heading: Array
+    in_body: np.ndarray
+    first: np.ndarray
+    lines: np.ndarray
+    there: np.ndarray
+    position: np.ndarray
+    angle: Array
+    log: np.ndarray
+    begins: np.ndarray
+    period: float
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    @property
+    def time(self) -> Array:
+        """Of each sample, (S, m) s."""
+        return self.clock[self.lines]
+
+    def some(self, which: np.ndarray) -> "Segments":
+        """Those that are named by their numbers, or by a mask."""
+        kept = {name: getattr(self, name)[which] for name in ("first", "lines", "there", "position", "angle", "log")}
+        return replace(self, **kept)
+
+    def held_out(self) -> tuple["Segments", "Segments"]:
+        """The first three quarters of each log's, and the last, which is not fitted to."""
+        last = np.zeros(len(self), bool)
+        for log in np.unique(self.log):
+            own = np.flatnonzero(self.log == log)
+            last[own[len(own) - len(own) // 4 :]] = True
+        return self.some(~last), self.some(last)
+
+
+def cut(logs: Sequence[Log], inputs: Sequence[Array], in_body: Sequence[bool]) -> Segments:
+    """Segments of logs.
+
+    Args:
+        logs: at least one.
+        inputs: twists that are thought to act until the next line, (F, 3) of each.
+        in_body: whether these are along the axes of the body, of each.
+    """
+    clock, heading, start = list[Array](), list[Array](), 0.0
+    first, lines, whose, offset = list[int](), list[np.ndarray](), list[int](), 0
+    for number, log in enumerate(logs):
+        clock.append(log.time - log.time[0] + start)
+        heading.append(_smoothed(log))
+        for piece in log.pieces():
+            time = log.time[piece]
+            inside = np.flatnonzero(time >= time[0] + SETTLED_S)
+            if inside.size < 2:
+                continue
+            count = max(1, round((time[-1] - time[inside[0]]) / SEGMENT_S))
+            edges = time[inside[0]] + np.arange(count + 1) * SEGMENT_S
+            for a, b in pairwise(edges):
+                own = np.flatnonzero((time >= a - 1e-9) & (time < b - 1e-9))
+                poses = np.isfinite(log.pose[piece][own]).all(1).sum()
+                if poses >= 8 and time[own[-1]] - time[own[0]] > SEGMENT_S / 2:
+                    lines.append(offset + piece.start + own)
+                    first.append(offset + piece.start)
+                    whose.append(number)
+        start, offset = clock[-1][-1] + APART_S, offset + len(log.time)
+    longest = max(map(len, lines), default=0)
+    padded = np.array([np.append(own, np.full(longest - len(own), own[-1])) for own in lines], int)
+    padded = padded.reshape(-1, longest)
+    pose, twist = np.concatenate([log.pose for log in logs]), np.concatenate(inputs)
+    real = np.arange(longest) < np.array([len(own) for own in lines], int)[:, None]
+    there = np.isfinite(pose).all(1)[padded] & real
+    pose = np.nan_to_num(pose)
+    return Segments(
+        np.concatenate(clock),
+        twist[:, 0] + 1j * twist[:, 1],
+        twist[:, 2],
+        np.concatenate(heading),
+        np.concatenate([np.full(len(log.time), body) for log, body in zip(logs, in_body, strict=True)]),
+        np.array(first, int),
+        padded,
+        there,
+        (pose[:, 0] + 1j * pose[:, 1])[padded],
+        pose[:, 2][padded],
+        np.array(whose, int),
+        np.cumsum([0, *(len(log.time) for log in logs[:-1])]),
+        float(np.median([log.period for log in logs])),
+    )
+
+
+def _smoothed(log: Log) -> Array:
+    """Headings (F,), over lines without a pose too; turning at a constant rate is left as it is."""
+    seen = np.isfinite(log.pose[:, 2])
+    whole = np.interp(log.time, log.time[seen], log.pose[seen, 2])
+    smooth = whole.copy()
+    for piece in log.pieces():
+        part = whole[piece]
+        if len(part) >= len(SMOOTHED):
+            smooth[piece][2:-2] = np.convolve(part, SMOOTHED, "valid")
+    return smooth
