@@ -48,6 +48,7 @@ def test_files_that_the_documents_name_exist() -> None:
         "README.md",
         "docs/paper.md",
         "docs/faults.md",
+        "docs/identify.md",
         "docs/repeat.md",
         "control/README.md",
         "models/README.md",

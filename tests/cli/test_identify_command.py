@@ -114,6 +114,16 @@ def test_gaps_are_named_and_bridged_by_nothing(
     capsys.readouterr()
 
 
+def test_lines_without_a_pose_are_passed_over(columns: dict[str, np.ndarray], tmp_path: Path) -> None:
+    """One in ten is empty; latency is told as before."""
+    lost = np.random.default_rng(0).random(len(columns["time_s"])) < 0.1
+    log = write(tmp_path / "log.csv", columns | {k: np.where(lost, np.nan, columns[k]) for k in HEAD[1:4]})
+    log.write_text(log.read_text().replace("nan", ""))
+    assert invoke("identify", log, "--out", tmp_path / "out", "--quiet") == 0
+    late = strict(tmp_path / "out" / "identify.json")["estimates"]["commands.latency_s"]
+    assert late["value"] == pytest.approx(0.1, abs=5 * late["standard_error"])
+
+
 def test_our_own_recording_of_our_own_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Eight seconds of the plant: gains as the law of creep has them, with room for drag of the wheel loops."""
     route = {
