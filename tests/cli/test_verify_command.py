@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -249,6 +250,7 @@ def test_a_run_that_was_stopped_repeats_up_to_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Ctrl-C comes in frame 20, and is pressed by nobody when it is repeated."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job's would be ignored
     (tmp_path / "stopped.py").write_text(STOPPED)
     (tmp_path / "press").touch()
     monkeypatch.chdir(tmp_path)
@@ -260,6 +262,7 @@ def test_a_run_that_was_stopped_repeats_up_to_there(
     first, note = capsys.readouterr().out.splitlines()
     assert first == "repeats: 2 rows, 42 frames identical bit for bit"
     assert note == "note: the run was interrupted: it was repeated up to there"
+    signal.signal(signal.SIGINT, before)
 
 
 def test_a_comparison_repeats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -21,8 +21,8 @@ SEEDS = (3, 4, 5)
 
 @pytest.fixture(scope="module")
 def result() -> om.Result:
-    """The default scenario on real physics (the faster wheels), three seeds."""
-    return om.run(om.scenario("rect", wheels={"model": "two-rollers"}), seeds=SEEDS)
+    """The default scenario on real physics, three seeds."""
+    return om.run("rect", seeds=SEEDS)
 
 
 @pytest.fixture(scope="module")
