@@ -13,6 +13,8 @@ parameters are kept, all but creep, which is the slip that grows with accelerati
 is no sliding, but a robot that has become another, and is learned.
 """
 
+from collections import deque
+
 import numpy as np
 
 from omni_control.delay import CommandsInFlight
@@ -126,7 +128,7 @@ class Identifier:
         self.variance[:, [0, 1], [0, 1]] = self._told
         self.variance[:, 6:, 6:] = belief
         self.surprise, self.sliding = np.ones(n), np.zeros(n)
-        self._past: list[Array] = []  # parameters in the last frames
+        self._past: deque[Array] = deque(maxlen=MISTAKEN_FRAMES)  # parameters in the last frames
         self._lasts = np.zeros(n)  # s, for how long acceleration has been missing
         self._asked: Plane = np.zeros(n, complex)
         self._missing: Plane = np.zeros(n, complex)
@@ -243,7 +245,7 @@ class Identifier:
         self._lasts = np.where(slides, self._lasts + self._period, shrunk)
         passing = slides & (self._lasts < PASSES_S)
         self.sliding = np.where(passing, self.sliding + (1 - self.sliding) / BEGINS_FRAMES, ends * self.sliding)
-        self._past = [*self._past[1 - MISTAKEN_FRAMES :], self.motion.parameters]
+        self._past.append(self.motion.parameters)
         begins = (was < 0.5) & (self.sliding >= 0.5)
         self.motion.parameters = np.where(begins[:, None], self._past[0], self.motion.parameters)
 
