@@ -12,6 +12,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_mj.link.noise import Noise, Stream
 from omni_mj.link.radio import Received
+from omni_mj.mjcf import roles
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.motor import Motor
@@ -22,7 +23,7 @@ from omni_mj.plants.faults import Faults
 from omni_mj.plants.variation import Drawn
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, Settings, column
-from omni_mj.worlds import build, roles
+from omni_mj.worlds import build
 from omni_mj.worlds.columns import Columns
 from omni_mj.worlds.two_rollers import Handover
 from omni_mj.worlds.wheels import contact_slip

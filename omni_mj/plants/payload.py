@@ -13,8 +13,8 @@ import numpy as np
 from mujoco.batch import Batch
 
 from omni_control.kinematics import Array
+from omni_mj.mjcf.masses import spread
 from omni_mj.worlds.build import World
-from omni_mj.worlds.shape import spread
 
 _FIELDS = ("body_mass", "body_subtreemass", "body_ipos", "body_inertia", "body_iquat")
 

@@ -14,12 +14,13 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
+from omni_mj.mjcf import roles
+from omni_mj.mjcf.roles import Ids, Robot
 from omni_mj.scenarios import models
 from omni_mj.scenarios.robot_settings import WheelSettings
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, Settings
-from omni_mj.worlds import roles, shape, two_rollers
+from omni_mj.worlds import shape, two_rollers
 from omni_mj.worlds.contact import RIGID, STIFFEST, creeping
-from omni_mj.worlds.roles import Ids, Robot
 from omni_mj.worlds.shape import Shape
 from omni_mj.worlds.wheels import WheelGeometry
 

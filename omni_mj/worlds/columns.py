@@ -3,7 +3,7 @@
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.worlds.roles import Ids
+from omni_mj.mjcf.roles import Ids
 
 
 class Columns:

@@ -19,9 +19,9 @@ the radius at which it turns), a drag of its own at one roller a pitch. So the n
 import mujoco
 import numpy as np
 
+from omni_mj.mjcf.masses import composite, weigh
+from omni_mj.mjcf.roles import KEPT, Robot
 from omni_mj.worlds.columns import Columns
-from omni_mj.worlds.roles import KEPT, Robot
-from omni_mj.worlds.shape import composite, weigh
 
 
 def reduce(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot) -> None:

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from omni_control.kinematics import Array, Kinematics, world_to_body
-from omni_mj.worlds.roles import Ids, Robot
+from omni_mj.mjcf.roles import Ids, Robot
 
 
 @dataclass(frozen=True, eq=False)

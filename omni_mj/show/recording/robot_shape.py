@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 import rerun as rr
 
+from omni_mj.mjcf.roles import Robot
 from omni_mj.scenarios.settings import Settings
 from omni_mj.worlds import build
-from omni_mj.worlds.roles import Robot
 
 LIGHTER = 110  # of 255
 SHOWN_GROUPS = 3  # as in MuJoCo's viewer: geoms of group 3 and above (hulls) are hidden
