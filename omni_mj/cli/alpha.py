@@ -11,18 +11,27 @@ OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "alpha.png", *folders.P
 
 @click.command("alpha")
 @click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [tigers-v2016]")
+@options.MODEL
 @options.SETTINGS
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/alpha-<UTC time>]")
 @options.OVERWRITE
 @options.QUIET
-def command(robot: str | None, overrides: tuple[str, ...], out: Path | None, overwrite: bool, quiet: bool) -> None:
+def command(
+    robot: str | None,
+    model: str | None,
+    overrides: tuple[str, ...],
+    out: Path | None,
+    overwrite: bool,
+    quiet: bool,
+) -> None:
     """Measure how a robot follows its commands: gain and lag apart, and what takes how much of them."""
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.provenance import record
     from omni_mj.scenarios import scenario
     from omni_mj.studies import alpha
 
-    chosen = scenario.load("rect", overrides, {"robot": robot} if robot else None)
+    chosen = scenario.load("rect", options.with_model(overrides, model), {"robot": robot} if robot else None)
+    options.tell_model(chosen, quiet)
     folder = folders.prepare(out, "alpha", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
         record.save(folder, "alpha", console.command_line(), [chosen], frames=False)

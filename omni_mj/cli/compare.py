@@ -31,6 +31,8 @@ KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet", *fol
     help="May be repeated. [all that are installed]",
 )
 @click.option("--plant", metavar="NAME", default="mujoco", help="What is driven. [mujoco]")
+@click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [the scenarios']")
+@options.MODEL
 @click.option("--seeds", type=int, metavar="N", default=20, help="How many seeds at most, from the first on. [20]")
 @click.option(
     "--half-width",
@@ -58,6 +60,8 @@ def command(
     names: tuple[str, ...],
     controllers: tuple[str, ...],
     plant: str,
+    robot: str | None,
+    model: str | None,
     seeds: int,
     half_width: float,
     seed: int,
@@ -82,8 +86,11 @@ def command(
 
     controllers = controllers or available()
     names = names or compare.usual(plant)
+    overrides = options.with_model(overrides, model)
     head = {"controllers": controllers, "plant": plant, "seed": seed, "seeds": seeds}
+    head |= {"robot": robot} if robot else {}
     chosen = [scenario.load(name, overrides, head) for name in names]
+    options.tell_model(chosen[0], quiet)
     compare.check(chosen, subject, half_width)
     studies = [limits.read(path) for path in found]
     limits.known(studies, chosen)  # before there is a folder
@@ -91,6 +98,7 @@ def command(
     several = {"--scenario": names, "--controller": controllers, "--limits": found, "--set": overrides}
     repeat += [str(word) for option, values in several.items() for value in values for word in (option, value)]
     repeat += ["--subject", subject] if subject else []
+    repeat += ["--robot", robot] if robot else []
     folder = folders.prepare(out, "compare", (*OUTPUTS, *KEPT), overwrite)
 
     def save(result: "Result") -> None:

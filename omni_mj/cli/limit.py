@@ -14,6 +14,7 @@ OUTPUTS = ("summary.json", "scenario.toml", "trajectory.parquet", "limit.png", *
 @click.argument("name", metavar="SCENARIO")
 @click.option("--plant", metavar="NAME", help="What is driven. [the scenario's]")
 @click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [the scenario's]")
+@options.MODEL
 @options.SETTINGS
 @click.option("--seeds", type=int, metavar="N", default=20, help="How many seeds show what noise costs. [20]")
 @click.option("--seed", type=int, metavar="S", default=0, help="First seed of the random numbers. [0]")
@@ -25,6 +26,7 @@ def command(
     name: str,
     plant: str | None,
     robot: str | None,
+    model: str | None,
     overrides: tuple[str, ...],
     seeds: int,
     seed: int,
@@ -39,8 +41,10 @@ def command(
     from omni_mj.scenarios import scenario
     from omni_mj.studies import limit
 
+    overrides = options.with_model(overrides, model)
     head = {"plant": plant, "robot": robot, "seed": seed, "seeds": seeds}
     chosen = scenario.load(name, overrides, {key: value for key, value in head.items() if value is not None})
+    options.tell_model(chosen, quiet)
     limit.check(chosen, iterations)
     folder = folders.prepare(out, f"limit-{chosen.name}", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:

@@ -17,6 +17,7 @@ OUTPUTS = ("summary.json", "scenario.toml", "loop.png", "loop.svg", *folders.PRO
 @click.option("--scenario", "name", metavar="NAME|FILE.toml", default="rect", help="Whose settings count. [rect]")
 @click.option("--plant", metavar="NAME|FILE.py:Class", help="What is driven. [mujoco]")
 @click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [tigers-v2016]")
+@options.MODEL
 @click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")
 @click.option("--seeds", type=int, metavar="N", help="How many seeds, over which is averaged. [1]")
 @options.SETTINGS
@@ -28,6 +29,7 @@ def command(
     name: str,
     plant: str | None,
     robot: str | None,
+    model: str | None,
     seed: int | None,
     seeds: int | None,
     overrides: tuple[str, ...],
@@ -43,8 +45,9 @@ def command(
     from omni_mj.studies.loop.drive import FRAMES
 
     head = {"plant": plant, "robot": robot, "seed": seed, "seeds": seeds, "controllers": controllers or study.usual()}
-    faster = ("wheels.model=two-rollers", *overrides)  # unless told otherwise
+    faster = ("wheels.model=two-rollers", *options.with_model(overrides, model))  # unless told otherwise
     chosen = scenario.load(name, faster, {key: value for key, value in head.items() if value is not None})
+    options.tell_model(chosen, quiet)
     folder = folders.prepare(out, "loop", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
         record.save(folder, "loop", console.command_line(), [chosen], frames=False)

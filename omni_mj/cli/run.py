@@ -28,6 +28,7 @@ OUTPUTS = (*RESULTS, *folders.PROVENANCE)
 @options.CONTROLLER
 @click.option("--plant", metavar="NAME|FILE.py:Class", help="What is driven. [mujoco]")
 @click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [tigers-v2016]")
+@options.MODEL
 @click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")
 @click.option("--seeds", type=int, metavar="N", help="How many seeds, counting up from the first. [1]")
 @options.SETTINGS
@@ -44,6 +45,7 @@ def command(
     controllers: tuple[str, ...],
     plant: str | None,
     robot: str | None,
+    model: str | None,
     seed: int | None,
     seeds: int | None,
     overrides: tuple[str, ...],
@@ -69,7 +71,10 @@ def command(
     if name is None:
         raise OmniError(f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file")
     head = {"controllers": controllers or None, "plant": plant, "robot": robot, "seed": seed, "seeds": seeds}
-    chosen = scenario.load(name, overrides, {key: value for key, value in head.items() if value is not None})
+    chosen = scenario.load(
+        name, options.with_model(overrides, model), {key: value for key, value in head.items() if value is not None}
+    )
+    options.tell_model(chosen, quiet)
     simulation = run.prepare(chosen)
     viewers = _viewers(view, connect)
     folder = folders.prepare(out, chosen.name, OUTPUTS, overwrite)

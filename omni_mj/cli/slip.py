@@ -14,22 +14,33 @@ OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "slip.png", *folders.PR
 @click.option(
     "--robot", "robots", metavar="NAME|FILE.toml", multiple=True, help="May be repeated. [those that were measured]"
 )
+@options.MODEL
 @options.SETTINGS
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/slip-<UTC time>]")
 @options.OVERWRITE
 @options.QUIET
 def command(
-    robots: tuple[str, ...], overrides: tuple[str, ...], out: Path | None, overwrite: bool, quiet: bool
+    robots: tuple[str, ...],
+    model: str | None,
+    overrides: tuple[str, ...],
+    out: Path | None,
+    overwrite: bool,
+    quiet: bool,
 ) -> None:
     """Identify gain, slip, drag and efficiency of robots as TIGERs Mannheim do."""
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.provenance import record
     from omni_mj.scenarios import scenario
+    from omni_mj.scenarios.robots import DEFAULT
     from omni_mj.studies import slip
     from omni_mj.studies.slip.published import PUBLISHED
 
-    faster = ("wheels.model=two-rollers", *overrides)  # unless told otherwise
-    chosen = [scenario.load("rect", faster, {"robot": robot}) for robot in robots or PUBLISHED]
+    faster = ("wheels.model=two-rollers", *options.with_model(overrides, model))  # unless told otherwise
+    chosen = [
+        scenario.load("rect", faster, {"robot": robot}) for robot in robots or ([DEFAULT] if model else PUBLISHED)
+    ]
+    for each in chosen:
+        options.tell_model(each, quiet)
     folder = folders.prepare(out, "slip", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
 

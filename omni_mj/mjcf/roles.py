@@ -1,11 +1,12 @@
-"""Where a robot's parts are in a compiled model, found by what they do, not by what they are called.
+"""Where a robot's parts are in a compiled model, found by what they do, or by names where that does not say it.
 
-A wheel is a hinge driven by a <dcmotor>, and wheels are numbered in the order of these. On its hub is one body, the
-rim, with or without a hinge to slip on; its rollers are the bodies on the rim that have a hinge of their own; its
-encoder is the <jointpos> sensor on its hinge. The body with the <freejoint> that carries the wheels is the chassis, and
-the <gyro> is the one on a site of it.
+A wheel is a hinge driven by a <dcmotor>, and wheels are numbered in the order of these. Its rollers are the bodies
+below it that have a hinge across the axle, all on one body, the rim: one on the wheel's or that itself, with or without
+a hinge along the axle on which it slips. Its encoder is the <jointpos> sensor on its hinge. The body with the
+<freejoint> that carries the wheels is the chassis, and the <gyro> is the one on a site of it.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -13,9 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omni_control.errors import OmniError
+from omni_control.kinematics import Array
+from omni_mj.mjcf.names import Names
 
 Ids = NDArray[np.int_]
 KEPT = 2  # rollers of a wheel that is computed with those at the bottom alone (`two_rollers`)
+_ALONG = 0.5  # cosine of the angle to the axle, above which a hinge turns as the wheel does
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +42,7 @@ class Robot:
         motors: actuators, (wheels,).
         encoders: addresses in sensordata, (wheels,).
         gyro: address in sensordata of the turn rate about the robot's z axis.
+        phases: how far each wheel must turn for its first roller to be at the bottom, less its slip, (wheels,) rad.
     """
 
     chassis: int
@@ -55,112 +60,229 @@ class Robot:
     motors: Ids
     encoders: Ids
     gyro: int
+    phases: Array
 
 
-def find(model: mujoco.MjModel, file: str) -> tuple[Robot, ...]:
+def find(
+    model: mujoco.MjModel, file: str, names: Names | None = None, prefixes: Sequence[str] = ()
+) -> tuple[Robot, ...]:
     """Find the robots of a model, in the order of their bodies.
 
     Args:
-        model: compiled.
+        model: compiled; robots stand upright in it.
         file: named in messages.
+        names: of parts that are not found by what they do.
+        prefixes: before the names of each robot's parts. [none]
 
     Raises:
-        OmniError: a role that nothing fills, by name, and what would fill it.
+        OmniError: roles that nothing fills, by name, and what would fill them, a line each.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    motors = np.flatnonzero(
+    roots = np.unique(model.body_rootid[model.jnt_bodyid[model.actuator_trnid[dc_motors(model), 0]]])
+    if not roots.size:
+        raise OmniError(f"{file}: no wheels; a wheel is a hinge that a <dcmotor> drives" + _other_motors(model))
+    each = prefixes or [""] * len(roots)
+    return tuple(
+        _Finder(model, data, file, names or Names(), prefix).robot(int(root))
+        for root, prefix in zip(roots, each, strict=True)
+    )
+
+
+def dc_motors(model: mujoco.MjModel) -> Ids:
+    """Numbers of the <dcmotor>s on joints."""
+    return np.flatnonzero(
         (model.actuator_gaintype == mujoco.mjtGain.mjGAIN_DCMOTOR)
         & (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT)
     )
-    if not motors.size:
-        raise OmniError(f"{file}: no wheels; a wheel is a hinge that a <dcmotor> drives")
-    roots = model.body_rootid[model.jnt_bodyid[model.actuator_trnid[motors, 0]]]
-    return tuple(_robot(model, data, int(root), motors[roots == root], file) for root in np.unique(roots))
 
 
-def _robot(model: mujoco.MjModel, data: mujoco.MjData, chassis: int, motors: Ids, file: str) -> Robot:
-    name = model.body(chassis).name
-    free = int(model.body_jntadr[chassis])
-    if model.body_jntnum[chassis] != 1 or model.jnt_type[free] != mujoco.mjtJoint.mjJNT_FREE:
-        raise OmniError(f"{file}: the body {name!r}, which carries the wheels, has no <freejoint>")
-    joints = model.actuator_trnid[motors, 0]
-    for joint in joints:
-        if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE:
-            raise OmniError(f"{file}: the joint {model.joint(joint).name!r}, which a <dcmotor> drives, is no hinge")
-    rims = np.array([_rim(model, int(joint), file) for joint in joints])
-    slips = model.body_jntadr[rims[model.body_jntnum[rims] == 1]]
-    if 0 < slips.size < rims.size:
-        raise OmniError(f"{file}: some rims have a hinge to slip on, and some have none")
-    rollers = [_rollers(model, data, int(joint), int(rim), file) for joint, rim in zip(joints, rims, strict=True)]
-    if len({len(r) for r in rollers}) > 1:
-        raise OmniError(f"{file}: wheels with different numbers of rollers: {[len(r) for r in rollers]}")
-    own = np.flatnonzero(model.body_rootid[model.jnt_bodyid] == chassis)  # joints, one after the other
-    sizes = np.diff([*model.jnt_qposadr, model.nq]), np.diff([*model.jnt_dofadr, model.nv])
-    first, last = own[0], own[-1]
-    return Robot(
-        chassis=chassis,
-        qpos=range(int(model.jnt_qposadr[first]), int(model.jnt_qposadr[last] + sizes[0][last])),
-        dofs=range(int(model.jnt_dofadr[first]), int(model.jnt_dofadr[last] + sizes[1][last])),
-        joints=joints,
-        wheel_qpos=model.jnt_qposadr[joints],
-        wheel_dofs=model.jnt_dofadr[joints],
-        wheels=model.jnt_bodyid[joints],
-        rims=rims,
-        slip_qpos=model.jnt_qposadr[slips],
-        slip_dofs=model.jnt_dofadr[slips],
-        rollers=np.array(rollers),
-        roller_dofs=model.body_dofadr[np.array(rollers)],
-        motors=motors,
-        encoders=np.array([_encoder(model, int(joint), file) for joint in joints]),
-        gyro=_gyro(model, data, chassis, file),
+def _other_motors(model: mujoco.MjModel) -> str:
+    others = [name for i in range(model.nu) if (name := model.actuator(i).name)]
+    if not model.nu:
+        return ""
+    return (
+        f"; actuators of other kinds ({', '.join(others) or model.nu}) are no motors: write <dcmotor joint=... "
+        'motorconst=... resistance=... gear=... armature=... input="voltage"/>'
     )
 
 
-def _rim(model: mujoco.MjModel, joint: int, file: str) -> int:
-    wheel = model.jnt_bodyid[joint]
-    on_it = np.flatnonzero(model.body_parentid == wheel)
-    if len(on_it) != 1:
-        raise OmniError(f"{file}: the wheel {model.body(wheel).name!r} must carry one body, its rim, not {len(on_it)}")
-    return int(on_it[0])
+class _Finder:
+    """Finds the parts of one robot, and gathers what is missing."""
 
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, file: str, names: Names, prefix: str) -> None:
+        self._model, self._data, self._file, self._names, self._prefix = model, data, file, names, prefix
+        self._errors: list[str] = []
 
-def _rollers(model: mujoco.MjModel, data: mujoco.MjData, joint: int, rim: int, file: str) -> Ids:
-    """Bodies of a wheel's rollers, in the order in which they come to the bottom."""
-    wheel = model.jnt_bodyid[joint]
-    one_hinge = (model.body_jntnum == 1) & (model.jnt_type[model.body_jntadr] == mujoco.mjtJoint.mjJNT_HINGE)
-    bodies = np.flatnonzero((model.body_parentid == rim) & one_hinge)
-    if not bodies.size:
-        raise OmniError(
-            f"{file}: the wheel {model.body(wheel).name!r} has no rollers, bodies on its rim with a hinge each"
+    def robot(self, chassis: int) -> Robot:
+        model = self._model
+        free = int(model.body_jntadr[chassis])
+        if model.body_jntnum[chassis] != 1 or model.jnt_type[free] != mujoco.mjtJoint.mjJNT_FREE:
+            self._say(f"the body {model.body(chassis).name!r}, which carries the wheels, has no <freejoint>")
+        joints, motors = self._wheels(chassis)
+        self._raise()
+        parts = [self._rollers(int(joint)) for joint in joints]
+        gyro = self._gyro(chassis)
+        encoders = [self._encoder(number, int(joint)) for number, joint in enumerate(joints)]
+        counts = [len(rollers) for _, rollers, _ in parts]
+        if len(set(counts)) > 1:
+            self._say(f"wheels with different numbers of rollers: {counts}")
+        self._raise()
+        rims = np.array([rim for rim, _, _ in parts])
+        slips = [joint for joint, rim in zip(joints, rims, strict=True) for joint in slip_hinges(model, joint, rim)]
+        if 0 < len(slips) < rims.size:
+            raise OmniError(f"{self._file}: some rims have a hinge to slip on, and some have none")
+        rollers = np.array([ids for _, ids, _ in parts])
+        own = np.flatnonzero(model.body_rootid[model.jnt_bodyid] == chassis)  # joints, one after the other
+        sizes = np.diff([*model.jnt_qposadr, model.nq]), np.diff([*model.jnt_dofadr, model.nv])
+        first, last = own[0], own[-1]
+        return Robot(
+            chassis=chassis,
+            qpos=range(int(model.jnt_qposadr[first]), int(model.jnt_qposadr[last] + sizes[0][last])),
+            dofs=range(int(model.jnt_dofadr[first]), int(model.jnt_dofadr[last] + sizes[1][last])),
+            joints=joints,
+            wheel_qpos=model.jnt_qposadr[joints],
+            wheel_dofs=model.jnt_dofadr[joints],
+            wheels=model.jnt_bodyid[joints],
+            rims=rims,
+            slip_qpos=model.jnt_qposadr[np.array(slips, int)],
+            slip_dofs=model.jnt_dofadr[np.array(slips, int)],
+            rollers=rollers,
+            roller_dofs=model.body_dofadr[rollers],
+            motors=motors,
+            encoders=np.array(encoders),
+            gyro=gyro,
+            phases=np.array([phase for _, _, phase in parts]),
         )
-    spokes, axle, down = data.xpos[bodies] - data.xanchor[joint], data.xaxis[joint], np.array([0.0, 0.0, -1.0])
-    ahead = np.arctan2(np.cross(spokes, down) @ axle, spokes @ down)  # how far the wheel must turn for each
-    if len(bodies) == KEPT:  # of a wheel whose other rollers are lumped
-        return bodies[np.argsort(np.abs(ahead))]
-    pitch = 2 * np.pi / len(bodies)
-    order = np.rint(ahead / pitch).astype(int) % len(bodies)
-    apart = np.abs(ahead - np.rint(ahead / pitch) * pitch).max()
-    if apart > 1e-3 or len(set(order)) < len(bodies):
-        raise OmniError(
-            f"{file}: the rollers of the wheel {model.body(wheel).name!r} must be evenly spaced, one at the bottom"
-        )
-    return bodies[np.argsort(order)]
+
+    def _say(self, line: str) -> None:
+        self._errors.append(f"{self._file}: {line}")
+
+    def _raise(self) -> None:
+        if self._errors:
+            raise OmniError("\n".join(dict.fromkeys(self._errors)))
+
+    def _named(self, kind: str, role: str) -> Iterator[int]:
+        """Numbers of the elements of a kind that are named for a role."""
+        for name in getattr(self._names, role):
+            try:
+                yield int(getattr(self._model, kind)(self._prefix + name).id)
+            except KeyError:
+                there = [n for i in range(_count(self._model, kind)) if (n := getattr(self._model, kind)(i).name)]
+                known = ", ".join(n.removeprefix(self._prefix) for n in there[:12])
+                self._say(f"there is no {kind} {name!r}, which {role!r} names; there are {known or 'none with a name'}")
+
+    def _wheels(self, chassis: int) -> tuple[Ids, Ids]:
+        """Hinges of the wheels and their motors."""
+        model, motors = self._model, dc_motors(self._model)
+        driven = model.actuator_trnid[motors, 0]
+        mine = model.body_rootid[model.jnt_bodyid[driven]] == chassis
+        motors, driven = motors[mine], driven[mine]
+        if self._names.motors:
+            chosen = list(self._named("actuator", "motors"))
+            for motor in set(chosen) - set(motors.tolist()):
+                self._say(f"{model.actuator(motor).name!r}, which 'motors' names, is no <dcmotor> on a hinge")
+            motors = np.array([motor for motor in chosen if motor in motors], int)
+            driven = model.actuator_trnid[motors, 0]
+        if self._names.wheels:
+            order = []
+            for joint in self._named("joint", "wheels"):
+                found = np.flatnonzero(driven == joint)
+                if found.size != 1:
+                    self._say(
+                        f"{len(found) or 'no'} <dcmotor> drives {model.joint(joint).name!r}, which 'wheels' names; "
+                        "one must"
+                    )
+                order += found[:1].tolist()
+            motors, driven = motors[order], driven[order]
+        for joint in driven:
+            if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE:
+                self._say(f"the joint {model.joint(joint).name!r}, which a <dcmotor> drives, is no hinge")
+        if len(set(driven.tolist())) < len(driven):
+            self._say("two <dcmotor>s drive one hinge; name those of the wheels: 'motors'")
+        return driven, motors
+
+    def _rollers(self, joint: int) -> tuple[int, Ids, float]:
+        """A wheel's rim, its rollers in the order in which they come to the bottom, and the way of the first."""
+        model, data, wheel = self._model, self._data, int(self._model.jnt_bodyid[joint])
+        none = -1, np.zeros(0, int), 0.0
+        name, axle = self._model.body(wheel).name, data.xaxis[joint]
+        hinged = (model.body_jntnum == 1) & (model.jnt_type[model.body_jntadr] == mujoco.mjtJoint.mjJNT_HINGE)
+        across = np.abs(data.xaxis[model.body_jntadr] @ axle) < _ALONG
+        bodies = np.flatnonzero(hinged & across & [_below(model, body, wheel) for body in range(model.nbody)])
+        if not bodies.size:
+            self._say(
+                f"the wheel {name!r} has no rollers, bodies on its rim with a hinge each, across the axle; if "
+                f"{model.joint(joint).name!r} drives no wheel, name the hinges that do: 'wheels'"
+            )
+            return none
+        rims = np.unique(model.body_parentid[bodies])
+        if len(rims) > 1 or (rims[0] != wheel and model.body_parentid[rims[0]] != wheel):
+            self._say(f"the rollers of the wheel {name!r} must be on one body, the wheel's or a rim on it")
+            return none
+        spokes, down = data.xpos[bodies] - data.xanchor[joint], np.array([0.0, 0.0, -1.0])
+        ahead = np.arctan2(np.cross(spokes, down) @ axle, spokes @ down)  # how far the wheel must turn for each
+        slips = slip_hinges(model, joint, int(rims[0]))
+        ahead = ahead + (model.qpos0[model.jnt_qposadr[slips[0]]] if slips else 0.0)
+        if len(bodies) == KEPT:  # of a wheel whose other rollers are lumped
+            return int(rims[0]), bodies[np.argsort(np.abs(ahead))], 0.0
+        pitch = 2 * np.pi / len(bodies)
+        phase = float(np.angle(np.exp(1j * ahead * len(bodies)).mean())) / len(bodies)
+        order = np.rint((ahead - phase) / pitch).astype(int)
+        apart = np.abs(ahead - phase - order * pitch).max()
+        order %= len(bodies)
+        if apart > 1e-3 or len(set(order)) < len(bodies):
+            self._say(f"the {len(bodies)} rollers of the wheel {name!r} must be evenly spaced")
+            return none
+        return int(rims[0]), bodies[np.argsort(order)], phase
+
+    def _encoder(self, number: int, joint: int) -> int:
+        model = self._model
+        mine = (model.sensor_type == mujoco.mjtSensor.mjSENS_JOINTPOS) & (model.sensor_objid == joint)
+        if self._names.encoders:
+            chosen = list(self._named("sensor", "encoders"))
+            mine &= np.isin(np.arange(model.nsensor), chosen[number : number + 1])
+        if not mine.any():
+            self._say(f"no encoder on {model.joint(joint).name!r}; it is a <jointpos> sensor of that joint")
+            return -1
+        return int(model.sensor_adr[np.flatnonzero(mine)[0]])
+
+    def _gyro(self, chassis: int) -> int:
+        model = self._model
+        gyros = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_GYRO)
+        mine = [int(sensor) for sensor in gyros if model.site_bodyid[model.sensor_objid[sensor]] == chassis]
+        if self._names.gyro:
+            chosen = list(self._named("sensor", "gyro"))
+            mine = [sensor for sensor in mine if sensor in chosen]
+        if not mine:
+            self._say(f"no gyro; it is a <gyro> sensor on a site of the body {model.body(chassis).name!r}")
+            return -1
+        if len(mine) > 1:
+            self._say(f"{len(mine)} gyros on the body {model.body(chassis).name!r}; name one: 'gyro'")
+        if self._data.site_xmat[model.sensor_objid[mine[0]]].reshape(3, 3)[2, 2] < 1 - 1e-6:
+            self._say("the z axis of the gyro's site must point up, as the robot's does")
+        return int(model.sensor_adr[mine[0]]) + 2
 
 
-def _encoder(model: mujoco.MjModel, joint: int, file: str) -> int:
-    mine = (model.sensor_type == mujoco.mjtSensor.mjSENS_JOINTPOS) & (model.sensor_objid == joint)
-    if not mine.any():
-        raise OmniError(f"{file}: no encoder on {model.joint(joint).name!r}; it is a <jointpos> sensor of that joint")
-    return int(model.sensor_adr[np.flatnonzero(mine)[0]])
+def slip_hinges(model: mujoco.MjModel, wheel: int, rim: int) -> list[int]:
+    """The hinge on which a rim slips, or none.
+
+    Args:
+        model: compiled.
+        wheel: the wheel's hinge.
+        rim: a body, the wheel's own or one on it.
+    """
+    first, count = model.body_jntadr[rim], model.body_jntnum[rim]
+    return [joint for joint in range(first, first + count) if joint != wheel]
 
 
-def _gyro(model: mujoco.MjModel, data: mujoco.MjData, chassis: int, file: str) -> int:
-    for sensor in np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_GYRO):
-        site = model.sensor_objid[sensor]
-        if model.site_bodyid[site] == chassis:
-            up = data.site_xmat[site].reshape(3, 3)[2, 2]
-            if up < 1 - 1e-6:
-                raise OmniError(f"{file}: the z axis of the gyro's site must point up, as the robot's does")
-            return int(model.sensor_adr[sensor]) + 2
-    raise OmniError(f"{file}: no gyro; it is a <gyro> sensor on a site of the body {model.body(chassis).name!r}")
+def _below(model: mujoco.MjModel, body: int, ancestor: int) -> bool:
+    while body > ancestor:
+        body = int(model.body_parentid[body])
+        if body == ancestor:
+            return True
+    return False
+
+
+def _count(model: mujoco.MjModel, kind: str) -> int:
+    return {"joint": model.njnt, "actuator": model.nu, "sensor": model.nsensor, "geom": model.ngeom}[kind]

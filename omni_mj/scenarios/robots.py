@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 from omni_control.errors import OmniError, choose
 from omni_mj.robots import builtin
+from omni_mj.scenarios import own_model
 from omni_mj.scenarios.checking import in_one
-from omni_mj.scenarios.nested import frozen, merged
+from omni_mj.scenarios.nested import frozen
 
 if TYPE_CHECKING:
     from omni_mj.scenarios.settings import Settings
@@ -59,7 +60,10 @@ def robot_path(robot: str) -> Path:
         return path
     known = builtin()
     if robot.endswith(".xml"):
-        raise OmniError(f"a robot is a .toml file of settings, not {robot!r}; {choose(robot, known)}, or robot.toml")
+        raise OmniError(
+            f"a robot is a .toml file of settings, not {robot!r}; {choose(robot, known)}, or robot.toml; a model of "
+            f"yours goes with it: --model {robot}"
+        )
     if robot not in known:
         raise OmniError(f"unknown robot {robot!r}; {choose(robot, known)}, or a file of yours: robot.toml")
     return known[robot]
@@ -92,12 +96,12 @@ def of_robot(name: str) -> Callable[[], Any]:
 
 
 def completed(given: Mapping[str, Any], robot: str) -> dict[str, Any]:
-    """Sections of settings as `given`, and below them those values that the robot's file gives.
+    """Sections of settings as `given`, below them those that the robot's file gives, and the numbers of its model.
 
     Raises:
-        OmniError: neither gives what depends on the robot; a line for each such setting.
+        OmniError: neither gives what depends on the robot, nor the model that they name; a line for each such setting.
     """
-    whole = merged(sections(robot), given)
+    whole = own_model.applied(sections(robot), given)
     in_one(
         f"{section}.{field} depends on the robot; give it in the scenario, or in {robot_path(robot)}"
         for section, fields in sections(DEFAULT).items()
@@ -123,4 +127,6 @@ def _read(path: Path, changed: int) -> tuple[str, Mapping[str, Mapping[str, Any]
     says = data.pop(DESCRIPTION, "")
     if not isinstance(says, str) or not all(isinstance(section, dict) for section in data.values()):
         raise OmniError(f"the robot's file {path} holds something else than a {DESCRIPTION} and sections of settings")
+    if isinstance(model := data.get(own_model.SECTION, {}).get("file"), str) and model:
+        data[own_model.SECTION]["file"] = str(path.parent / model)  # relative to the robot's file
     return says, MappingProxyType(data)

@@ -1,6 +1,7 @@
 """Every number a scenario can set: small frozen models whose fields carry unit, bounds and meaning."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -21,6 +22,7 @@ from omni_mj.scenarios.robot_settings import (
     BodySettings,
     CarpetSettings,
     DriveSettings,
+    ModelSettings,
     VariationSettings,
     WheelSettings,
 )
@@ -219,6 +221,7 @@ class Settings(Checked):
     battery: BatterySettings = Field(default_factory=BatterySettings)
     drive: DriveSettings = Field(default_factory=DriveSettings)
     physics: PhysicsSettings = Field(default_factory=PhysicsSettings)
+    model: ModelSettings = Field(default_factory=ModelSettings)
     body: BodySettings = Field(default_factory=BodySettings)
     wheels: WheelSettings = Field(default_factory=WheelSettings)
     carpet: CarpetSettings = Field(default_factory=CarpetSettings)
@@ -238,6 +241,8 @@ class Settings(Checked):
         kind: Any = cls.model_fields[name].annotation
         if isinstance(value, kind):
             return value
+        if name == "model" and isinstance(value, (str, Path)):  # in short
+            value = {"file": str(value)}
         if not isinstance(value, Mapping):
             raise ValueError(f"{name} is a section: write [{name}] and its fields below, not {shown(value)}")
         return kind(**value)

@@ -14,13 +14,13 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
-from omni_mj.mjcf import roles
 from omni_mj.mjcf.roles import Ids, Robot
 from omni_mj.scenarios import models
 from omni_mj.scenarios.robot_settings import WheelSettings
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, Settings
-from omni_mj.worlds import shape, two_rollers
+from omni_mj.worlds import parts, two_rollers
 from omni_mj.worlds.contact import RIGID, STIFFEST, creeping
+from omni_mj.worlds.parts import Part
 from omni_mj.worlds.shape import Shape
 from omni_mj.worlds.wheels import WheelGeometry
 
@@ -83,9 +83,10 @@ def world(
     chosen = settings or Settings()
     if chosen.wheels.creep == "off" and chosen.wheels.model != "rollers":
         raise OmniError(f"wheels.creep = off needs wheels.model = rollers, not {chosen.wheels.model}")
-    paths = models.robot_path().resolve(), models.scene_path(scene).resolve()
-    changed = tuple(path.stat().st_mtime_ns for path in paths)  # a file edited since is read again
-    return _world(*paths, changed, Shape.of(chosen), places, substeps or chosen.physics.substeps)
+    robot = parts.of(Shape.of(chosen))
+    path = models.scene_path(scene).resolve()
+    changed = path.stat().st_mtime_ns  # a file edited since is read again
+    return _world(robot, path, changed, Shape.of(chosen), places, substeps or chosen.physics.substeps)
 
 
 def kinematics(wheels: WheelSettings) -> Kinematics:
@@ -94,25 +95,27 @@ def kinematics(wheels: WheelSettings) -> Kinematics:
 
 
 @lru_cache(maxsize=16)
-def _world(robot: Path, scene: Path, changed: tuple[int, ...], kind: Shape, places: int, substeps: int) -> World:
-    part, whole = shape.robot(kind, robot), _read(scene)
+def _world(robot: Part, scene: Path, changed: int, kind: Shape, places: int, substeps: int) -> World:
+    part, whole = robot.spec.copy(), _read(scene)
     _check_solver(whole, scene.name)
     if whole.geom("carpet") is None:
         raise OmniError(f"{scene.name}: no carpet; it is a geom of this name, on which the rollers roll")
-    for key in list(part.keys):  # of another size than the world's
-        part.delete(key)
-    alone = _compile(part, robot.name)
-    (found,) = roles.find(alone, robot.name)
+    alone = _compile(part, robot.file)
+    (found,) = robot.find(alone)
+    if np.abs(found.phases).max() > 1e-3:
+        raise OmniError(f"{robot.file}: the rollers of each wheel must be evenly spaced, one at the bottom")
     creeps = found.slip_dofs.size > 0
     contact = creeping(alone, found.rollers.ravel(), kind.body.mass_kg / len(found.wheels)) if creeps else RIGID
+    rollers = robot.touching
     if kind.wheels.model == "two-rollers":
         two_rollers.reduce(part, alone, found)
+        left = {geom.name for geom in part.geoms}
+        rollers = tuple(name for name in rollers if name in left)
     if places > 1:
-        _switch_on_hulls(part, robot.name)
+        _switch_on_hulls(part, robot)
     rims = [alone.body(rim).name for rim in found.rims]
-    rollers = [geom.name for geom in part.geoms if geom.parent.name.startswith("roller_")]
     for place in range(places):
-        prefix = f"robot_{place + 1}/"
+        prefix = parts.prefix(place)
         whole.attach(part.copy(), frame=whole.worldbody.add_frame(), prefix=prefix)
         for roller in rollers:
             contact.add(whole, "carpet", prefix + roller)
@@ -120,8 +123,8 @@ def _world(robot: Path, scene: Path, changed: tuple[int, ...], kind: Shape, plac
             _add_load_sensor(whole, prefix + rim)
     whole.option.impratio = contact.impratio
     whole.option.timestep = whole.option.timestep / substeps
-    model = _compile(whole, robot.name)
-    robots = roles.find(model, robot.name)
+    model = _compile(whole, robot.file)
+    robots = robot.find(model, places)
     for one in robots:  # backward Euler: a slip speed decays within a step
         model.dof_solref[one.slip_dofs] = -1.0, -STIFFEST / model.opt.timestep
         model.dof_solimp[one.slip_dofs, :2] = STIFFEST
@@ -167,11 +170,14 @@ def _check_solver(scene: mujoco.MjSpec, file: str) -> None:
         raise OmniError(f"{file}: <option> differs from what rollers need; set {', '.join(wrong)}, as scene.xml does")
 
 
-def _switch_on_hulls(robot: mujoco.MjSpec, file: str) -> None:
-    hulls = [geom for geom in robot.geoms if geom.classname.name == "hull"]
-    if not hulls:
-        raise OmniError(f"{file}: no hull; robots that share a world meet with their geoms of the class 'hull'")
-    for hull in hulls:
+def _switch_on_hulls(part: mujoco.MjSpec, robot: Part) -> None:
+    if not robot.hull:
+        raise OmniError(
+            f"{robot.file}: no hull; robots that share a world meet with their geoms of the class 'hull', or those "
+            "that 'hull' names"
+        )
+    for name in robot.hull:
+        hull = part.geom(name)
         hull.contype = hull.conaffinity = 1
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_mj.mjcf.masses import composite, spread, weigh
-from omni_mj.scenarios.robot_settings import BodySettings, WheelSettings
+from omni_mj.scenarios.robot_settings import BodySettings, ModelSettings, WheelSettings
 from omni_mj.scenarios.settings import Settings
 
 Element = ElementTree.Element
@@ -31,17 +31,20 @@ class Shape:
         wheels: their geometry, and how they are computed.
         gear: turns of the motor for one of the wheel.
         rotor_inertia: of the motor, kg m^2.
+        model: a user's own, if there is one.
     """
 
     body: BodySettings
     wheels: WheelSettings
     gear: float
     rotor_inertia: float
+    model: ModelSettings
 
     @classmethod
     def of(cls, settings: Settings) -> "Shape":
         """That of a robot under these settings."""
-        return cls(settings.body, settings.wheels, settings.motor.gear, settings.motor.rotor_inertia_kg_m2)
+        motor = settings.motor
+        return cls(settings.body, settings.wheels, motor.gear, motor.rotor_inertia_kg_m2, settings.model)
 
 
 def robot(shape: Shape, file: Path) -> mujoco.MjSpec:

@@ -34,15 +34,15 @@ def reduce(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot) -> None:
         model: compiled from it.
         robot: where its parts are in the model.
     """
-    bodies, gone = list(spec.bodies), []
+    gone: list[mujoco.MjsBody] = []
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     for rim, rollers in zip(robot.rims, robot.rollers, strict=True):
         others = rollers[KEPT:].tolist()
         mass, centre, inertia = composite(model, [int(rim), *others])
         axes = data.xmat[rim].reshape(3, 3)
-        weigh(bodies[rim], mass, axes.T @ (centre - data.xpos[rim]), axes.T @ inertia @ axes)
-        gone += [bodies[roller] for roller in others]
+        weigh(spec.body(model.body(rim).name), mass, axes.T @ (centre - data.xpos[rim]), axes.T @ inertia @ axes)
+        gone += [spec.body(model.body(roller).name) for roller in others]
     for roller in gone:
         spec.delete(roller)
 

@@ -1,0 +1,116 @@
+"""Changes a user's model so that it fits into a world; see `own` for what and why."""
+
+import mujoco
+import numpy as np
+
+from omni_control.kinematics import Array
+from omni_mj.mjcf import roles
+from omni_mj.mjcf.geometry import Wheels
+from omni_mj.mjcf.roles import Robot
+
+# Friction of hinges, as in models/ssl_robot.xml.
+STIFF = {"solimp_friction": [0.999, 0.9999, 0.001, 0.5, 2.0], "solref_friction": [0.005, 1.0]}
+TURNING = mujoco.mjtJoint.mjJNT_HINGE
+
+
+def name_all(spec: mujoco.MjSpec) -> None:
+    """Give names to bodies, joints and geoms that have none."""
+    for kind, elements in (("body", spec.bodies), ("joint", spec.joints), ("geom", spec.geoms)):
+        taken = {element.name for element in elements}
+        for number, element in enumerate(elements):
+            if not element.name:
+                name = f"{kind}_{number}"
+                element.name = name if name not in taken else f"unnamed_{kind}_{number}"
+
+
+def isolate(spec: mujoco.MjSpec, chassis: mujoco.MjsBody) -> None:
+    """Leave the robot alone: no carpet, light, second robot or keyframe, and nothing that touches by itself."""
+    world = spec.worldbody
+    others: list[object] = [body for body in world.bodies if body.name != chassis.name]
+    others += [*world.geoms, *world.lights, *world.cameras, *world.sites, *spec.pairs, *spec.keys]
+    for element in others:
+        spec.delete(element)
+    for sensor in [sensor for sensor in spec.sensors if sensor.type == mujoco.mjtSensor.mjSENS_CONTACT]:
+        spec.delete(sensor)  # of what is not there any more
+
+
+def stand(chassis: mujoco.MjsBody) -> None:
+    """Put the chassis at the world's origin, its axes along the world's."""
+    chassis.set_frame(chassis.parent.add_frame())
+    chassis.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    chassis.pos, chassis.quat = np.zeros(3), [1.0, 0.0, 0.0, 0.0]
+
+
+def touching(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot) -> tuple[str, ...]:
+    """Names of the rollers' geoms that touch: of each those that collide, or all if none does; none does from here."""
+    collides = {geom.name for geom in spec.geoms if geom.contype or geom.conaffinity}
+    touching: list[str] = []
+    for roller in robot.rollers.ravel():
+        geoms = [model.geom(i).name for i in np.flatnonzero(model.geom_bodyid == roller)]
+        touching += [name for name in geoms if name in collides] or geoms
+    for geom in spec.geoms:
+        geom.contype = geom.conaffinity = 0
+    return tuple(touching)
+
+
+def drive(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot, wheels: Wheels) -> None:
+    """Make hinges of wheels turn the way that the program reckons with, and rims slip on them."""
+    for joint, rim, phase, outward in zip(robot.joints, robot.rims, robot.phases, wheels.outward, strict=True):
+        hub = spec.joint(model.joint(joint).name)
+        body = spec.body(model.body(rim).name)
+        slips = roles.slip_hinges(model, int(joint), int(rim))
+        if slips:
+            slip = spec.joint(model.joint(slips[0]).name)
+        else:
+            slip = body.add_joint(name=f"slip_of_{hub.name}", type=TURNING, armature=0.0)
+            slip.pos, slip.axis = seen_from(model, int(rim), int(joint))
+        if outward:
+            hub.axis = -np.array(hub.axis)
+        if outward == (_axis(model, int(joint), slips) > 0):
+            slip.axis = -np.array(slip.axis)
+        before = model.qpos0[model.jnt_qposadr[slips[0]]] if slips else 0.0
+        first = (phase - before) if outward else (before - phase)
+        slip.ref = np.degrees(first) if spec.compiler.degree else first
+        for name, value in STIFF.items():
+            setattr(hub, name, value)
+            setattr(slip, name, value)
+        slip.damping = np.zeros_like(slip.damping)
+    for address in robot.roller_dofs.ravel():  # what their bearings lose is the robot's file's
+        spec.joint(model.joint(model.dof_jntid[address]).name).frictionloss = 0.0
+
+
+def _axis(model: mujoco.MjModel, joint: int, slips: list[int]) -> float:
+    """1 if a rim's hinge, there already or to be made, turns as the hub's, -1 if against it."""
+    if not slips:
+        return 1.0
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return float(np.sign(data.xaxis[joint] @ data.xaxis[slips[0]]))
+
+
+def seen_from(model: mujoco.MjModel, rim: int, joint: int) -> tuple[Array, Array]:
+    """Anchor and axis of a hinge in the frame of a body below it, (3,) each."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    axes = data.xmat[rim].reshape(3, 3)
+    return axes.T @ (data.xanchor[joint] - data.xpos[rim]), axes.T @ data.xaxis[joint]
+
+
+def lower(chassis: mujoco.MjsBody, by: float) -> None:
+    """Shift all that is on the chassis up by this, so that its frame is on the carpet, m."""
+    if abs(by) < 1e-9:
+        return
+    shift, frames = np.array([0.0, 0.0, by]), {}
+    for kind in ("bodies", "geoms", "sites", "cameras", "lights"):
+        for element in getattr(chassis, kind):
+            outer = element.frame
+            while outer is not None and outer.frame is not None:
+                outer = outer.frame
+            if outer is None:
+                element.pos = np.array(element.pos) + shift
+            else:
+                frames[outer.signature if hasattr(outer, "signature") else id(outer)] = outer
+    for frame in frames.values():
+        frame.pos = np.array(frame.pos) + shift
+    if chassis.explicitinertial:
+        chassis.ipos = np.array(chassis.ipos) + shift

@@ -1,0 +1,77 @@
+"""What a world is built from for each robot: our shape with the numbers of its settings, or a user's own model."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import mujoco
+
+from omni_mj.mjcf import roles
+from omni_mj.mjcf.names import Names
+from omni_mj.mjcf.own import Own
+from omni_mj.mjcf.roles import Robot
+from omni_mj.scenarios import models, own_model
+from omni_mj.scenarios.checking import in_one
+from omni_mj.worlds import shape
+from omni_mj.worlds.shape import Shape
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One robot, alone.
+
+    Attributes:
+        file: it was made of, named in messages.
+        spec: to be copied, not changed.
+        names: of parts that are not found by what they do.
+        touching: names of the rollers' geoms that touch the carpet.
+        hull: names of the geoms with which robots meet.
+    """
+
+    file: str
+    spec: mujoco.MjSpec
+    names: Names
+    touching: tuple[str, ...]
+    hull: tuple[str, ...]
+
+    def find(self, model: mujoco.MjModel, places: int = 0) -> tuple[Robot, ...]:
+        """Where the parts of so many robots are in a world that they were attached to; of one alone, with none."""
+        return roles.find(model, self.file, self.names, [prefix(place) for place in range(places)])
+
+
+def prefix(place: int) -> str:
+    """Before the names of all that belongs to the robot at a place."""
+    return f"robot_{place + 1}/"
+
+
+def of(kind: Shape) -> Part:
+    """The part for robots of a shape.
+
+    Raises:
+        OmniError: the file lacks something, or numbers contradict it or each other; a line for each.
+    """
+    if kind.model.file:
+        return _own(kind, own_model.read(kind.model))
+    path = models.robot_path().resolve()
+    return _ours(kind, path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=16)
+def _ours(kind: Shape, path: Path, changed: int) -> Part:
+    spec = shape.robot(kind, path)
+    for key in list(spec.keys):  # of another size than the world's
+        spec.delete(key)
+    rollers = tuple(geom.name for geom in spec.geoms if geom.parent.name.startswith("roller_"))
+    hull = tuple(geom.name for geom in spec.geoms if geom.classname.name == "hull")
+    return Part(path.name, spec, Names(), rollers, hull)
+
+
+@lru_cache(maxsize=16)
+def _own(kind: Shape, found: Own) -> Part:
+    motor = {"gear": kind.gear, "rotor_inertia_kg_m2": kind.rotor_inertia}
+    in_one(own_model.contradictions({"body": kind.body, "wheels": kind.wheels, "motor": motor}, found))
+    off = kind.wheels.creep == "off"
+    if off or kind.wheels.model == "two-rollers":
+        in_one(f"{found.file.name}: {line}" for line in found.unlike(off))
+    spec = found.rigid() if off else found.spec
+    return Part(found.file.name, spec, found.names, found.touching, found.names.hull)
