@@ -10,11 +10,15 @@ from omni_mj.mjcf.roles import Robot
 
 # Friction of hinges, as in models/ssl_robot.xml.
 STIFF = {"solimp_friction": [0.999, 0.9999, 0.001, 0.5, 2.0], "solref_friction": [0.005, 1.0]}
+PLACED = ("bodies", "geoms", "sites", "cameras", "lights")  # kinds of what a body carries
 TURNING = mujoco.mjtJoint.mjJNT_HINGE
 
 
 def name_all(spec: mujoco.MjSpec) -> None:
-    """Give names to bodies, joints and geoms that have none."""
+    """Give names to bodies, joints and geoms that have none, and forget keyframes, which are of another world."""
+    for key in list(spec.keys):
+        spec.delete(key)
+    spec.nkey = mujoco.MjSpec().nkey
     for kind, elements in (("body", spec.bodies), ("joint", spec.joints), ("geom", spec.geoms)):
         taken = {element.name for element in elements}
         for number, element in enumerate(elements):
@@ -24,10 +28,10 @@ def name_all(spec: mujoco.MjSpec) -> None:
 
 
 def isolate(spec: mujoco.MjSpec, chassis: mujoco.MjsBody) -> None:
-    """Leave the robot alone: no carpet, light, second robot or keyframe, and nothing that touches by itself."""
+    """Leave the robot alone: no carpet, light or second robot, and nothing that touches by itself."""
     world = spec.worldbody
     others: list[object] = [body for body in world.bodies if body.name != chassis.name]
-    others += [*world.geoms, *world.lights, *world.cameras, *world.sites, *spec.pairs, *spec.keys]
+    others += [*world.geoms, *world.lights, *world.cameras, *world.sites, *spec.pairs]
     for element in others:
         spec.delete(element)
     for sensor in [sensor for sensor in spec.sensors if sensor.type == mujoco.mjtSensor.mjSENS_CONTACT]:
@@ -100,17 +104,11 @@ def lower(chassis: mujoco.MjsBody, by: float) -> None:
     """Shift all that is on the chassis up by this, so that its frame is on the carpet, m."""
     if abs(by) < 1e-9:
         return
-    shift, frames = np.array([0.0, 0.0, by]), {}
-    for kind in ("bodies", "geoms", "sites", "cameras", "lights"):
-        for element in getattr(chassis, kind):
-            outer = element.frame
-            while outer is not None and outer.frame is not None:
-                outer = outer.frame
-            if outer is None:
-                element.pos = np.array(element.pos) + shift
-            else:
-                frames[outer.signature if hasattr(outer, "signature") else id(outer)] = outer
-    for frame in frames.values():
-        frame.pos = np.array(frame.pos) + shift
+    shift = np.array([0.0, 0.0, by])
+    frames = list(chassis.frames)
+    inside = [element for kind in PLACED for element in getattr(chassis, kind)]
+    for element in [*frames, *inside]:
+        if element.frame is None:
+            element.pos = np.array(element.pos) + shift
     if chassis.explicitinertial:
         chassis.ipos = np.array(chassis.ipos) + shift

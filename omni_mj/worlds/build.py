@@ -35,6 +35,8 @@ _SOLVER = {
     "jacobian": (mujoco.mjtJacobian.mjJAC_SPARSE, "sparse"),
     "impratio": (45.0, "45"),
 }
+# What the scene says, and nobody else.
+_SCENES = ("option", "visual", "stat", "memory", "nstack", "nconmax", "njmax")
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +113,8 @@ def _world(robot: Part, scene: Path, changed: int, kind: Shape, places: int, sub
         two_rollers.reduce(part, alone, found)
         left = {geom.name for geom in part.geoms}
         rollers = tuple(name for name in rollers if name in left)
+    for name in _SCENES:
+        setattr(part, name, getattr(whole, name))
     if places > 1:
         _switch_on_hulls(part, robot)
     rims = [alone.body(rim).name for rim in found.rims]

@@ -1,0 +1,144 @@
+"""A user's own MJCF: it drives as the same robot does that a file of numbers describes."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from own_robot import ROLLER_KG, written
+
+import omni_mj as om
+from omni_mj.mjcf import own
+from omni_mj.scenarios import models
+from omni_mj.scenarios.settings import Settings
+from omni_mj.worlds import build
+
+WAY = {"waypoints": [[0, 0, 0], [0.3, 0.0, 0.5], [0, 0.1, 0]], "settle_s": 0.1, "max_acceleration_m_s2": 2.0}
+FOUR, THREE = (50, 130, 230, 310), (60, 180, 300)
+Write = Callable[[str], str]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    def write(text: str) -> str:
+        file = tmp_path / f"mine_{len(list(tmp_path.iterdir()))}.xml"
+        file.write_text(text)
+        return str(file)
+
+    return write
+
+
+def path(**sections: Any) -> NDArray:
+    """True poses (frames, 3) on a short way; wheels of two rollers, for speed, unless told otherwise."""
+    sections["wheels"] = {"model": "two-rollers"} | sections.get("wheels", {})
+    chosen = om.scenario("rect", controllers=["comp-flc"], reference=WAY, **sections)
+    result = om.run(chosen)
+    assert not result.failures, result.failures
+    frames = result.frames()
+    return np.column_stack([frames[name].to_numpy() for name in ("x_m", "y_m", "heading_rad")])
+
+
+def test_our_model_under_other_names_is_our_robot(write: Write) -> None:
+    """And drives its paths, but for the nine digits of the file and, saved by MuJoCo, the six of that."""
+    expected = path()
+    text = models.robot_path().read_text()
+    for old, new in (("wheel", "axle"), ("motor_", "m"), ("encoder", "counter"), ("rim", "ring"), ("roller", "bead")):
+        text = re.sub(rf'"([a-z_]*){old}', rf'"\g<1>{new}', text)
+    text = text.replace('"chassis"', '"robby"').replace('name="gyro"', 'name="rate"')
+    saved = mujoco.MjSpec.from_string(text)
+    saved.compile()
+    for model, tolerance in ((text, 2e-4), (saved.to_xml(), 5e-4)):
+        file = write(model)
+        numbers, settings = own.read(file).numbers(), Settings().plain()
+        for section, fields in numbers.items():
+            for name, value in fields.items():
+                np.testing.assert_allclose(value, settings[section][name], rtol=1e-5, atol=1e-6, err_msg=name)
+        np.testing.assert_allclose(path(model=file), expected, atol=tolerance)
+
+
+CASES: list[tuple[tuple[float, ...], dict[str, Any]]] = [
+    (FOUR, {}),
+    (THREE, {"arm": 0.078, "radius": 0.03, "roller": 0.005, "rollers": 17}),
+    (FOUR, {"outward": True, "raised": 0.04}),
+]
+
+
+@pytest.mark.parametrize(("azimuths", "changes"), CASES)
+def test_a_model_by_hand_drives_as_the_robot_of_its_numbers(
+    write: Write, azimuths: tuple[float, ...], changes: dict[str, Any]
+) -> None:
+    """Its numbers are those that were written; the same as a robot's file gives the same path.
+
+    Within 1 mm and 1 mrad, on 0.6 m at up to 0.8 m/s: rims and rollers weigh other parts of the same whole, and a hub
+    that is one with its rim slips on the motor's shaft.
+    """
+    file = write(written(azimuths, **changes))
+    numbers = own.read(file).numbers()
+    given = {"arm": 0.08, "radius": 0.0275, "roller": 0.0055, "rollers": 15} | changes
+    body, wheels = numbers["body"], numbers["wheels"]
+    assert wheels["azimuths_deg"] == pytest.approx(azimuths)
+    found = [wheels[name] for name in ("arm_m", "radius_m", "roller_radius_m", "rollers")]
+    assert found == pytest.approx([given[name] for name in ("arm", "radius", "roller", "rollers")])
+    assert body["mass_kg"] == pytest.approx(2.2 + len(azimuths) * (0.044 + given["rollers"] * ROLLER_KG))
+    # A disc of 80 mm about its axis, and wheels as points at their arm, which leave out 1 %.
+    yaw = 2.2 * 0.08**2 / 2 + (body["mass_kg"] - 2.2) * given["arm"] ** 2
+    assert body["yaw_inertia_kg_m2"] == pytest.approx(yaw, rel=0.02)
+    assert numbers["motor"] == {"gear": 3.2, "rotor_inertia_kg_m2": 1.35e-5}
+    by_model, by_numbers = path(model=file), path(**numbers)
+    assert np.abs(by_numbers).max(0)[0] > 0.28, "it has driven"
+    assert np.abs(by_model - by_numbers).max() < 1e-3
+    assert om.scenario("rect", model=file).settings.wheels.azimuths_deg == wheels["azimuths_deg"], "controllers know"
+
+
+def test_all_rollers_and_rollers_off_the_bottom_drive_as_well(write: Write) -> None:
+    """A wheel that stands turned by a third of a pitch is the same wheel, but for when it hops: 2 mm, 2 mrad."""
+    text = written(THREE, rollers=15)
+    plain = write(text)
+    turned = write(re.sub(r'(<body name="drive_[abc]" pos="[^"]*")', r'\1 euler="8 0 0"', text))
+    expected = path(model=plain, wheels={"model": "rollers"})
+    for model in ("rollers", "two-rollers"):
+        assert np.abs(path(model=turned, wheels={"model": model}) - expected).max() < 2e-3
+    with pytest.raises(om.OmniError, match="creep = off needs a roller of each wheel at the bottom"):
+        build.world(om.scenario("rect", model=turned, wheels={"creep": "off"}).settings)
+    build.world(om.scenario("rect", model=plain, wheels={"creep": "off"}).settings)
+
+
+def test_names_say_which_wheels_there_are_and_in_which_order(write: Write) -> None:
+    """A dribbler is a motor as well; without names it is asked for, in the file or in the robot's it is said."""
+    dribbler = '<body name="d" pos="0.07 0 0.03"><joint name="d" axis="0 1 0"/><geom size="0.005" mass="0.01"/></body>'
+    more = {"more": dribbler, "extra_motors": '<dcmotor name="spin" joint="d"/>'}
+    with pytest.raises(om.OmniError, match="'d' has no rollers.*drives no wheel, name the hinges that do: 'wheels'"):
+        om.scenario("rect", model=write(written(FOUR, **more)))
+    order = "drive_b drive_c drive_d drive_a"
+    said = write(written(FOUR, **more, custom=f'<text name="wheels" data="{order}"/>'))
+    first, second = (
+        om.scenario("rect", model={"file": file, **names})
+        for file, names in ((said, {}), (write(written(FOUR, **more)), {"wheels": order}))
+    )
+    assert first.settings.wheels.azimuths_deg == second.settings.wheels.azimuths_deg == (130, 230, 310, 50)
+    expected = path(
+        model=write(
+            written(FOUR, **more, custom='<text name="motors" data="m_drive_a m_drive_b m_drive_c m_drive_d"/>')
+        )
+    )
+    assert np.abs(path(model=said) - expected).max() < 1e-3
+
+
+def test_several_share_a_world_and_meet(write: Write) -> None:
+    """Each with its own parts by name; what they meet with must be said."""
+    places = {"places": [[0, 0, 0], [0, 1, 0]]}
+    file = write(written(THREE, custom='<text name="wheels" data="drive_c drive_a drive_b"/>'))
+    with pytest.raises(om.OmniError, match="no hull.*'hull' names"):
+        build.world(om.scenario("rect", model=file, world=places).settings, places=2)
+    chosen = om.scenario("rect", model={"file": file, "hull": "plate"}, world=places)
+    world = build.world(chosen.settings, places=2)
+    for place, robot in enumerate(world.robots, 1):
+        assert [world.model.joint(joint).name for joint in robot.joints] == [
+            f"robot_{place}/drive_{letter}" for letter in "cab"
+        ]
+    np.testing.assert_allclose(np.degrees(world.kinematics.azimuths), [300, 60, 180])
+    assert world.model.geom("robot_2/plate").contype[0] == 1
