@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -22,6 +23,7 @@ from omni_mj.mjcf.files import parts_of
 from omni_mj.mjcf.geometry import Body, Wheels
 from omni_mj.mjcf.names import Names
 from omni_mj.mjcf.roles import Robot
+from omni_mj.mjcf.tree import dc_motors
 
 STIFF = {
     "solimp_friction": [0.999, 0.9999, 0.001, 0.5, 2.0],
@@ -60,7 +62,7 @@ class Own:
     constant: float
     resistance: float
 
-    def numbers(self) -> dict[str, dict[str, float | int | tuple[float, ...]]]:
+    def numbers(self) -> dict[str, dict[str, Any]]:
         """What it says of settings, by section and field."""
         inertia = self.body.inertia
         x, _, z = (_round(value) for value in self.body.centre)
@@ -194,7 +196,7 @@ def _chassis(spec: mujoco.MjSpec, names: Names, file: str) -> mujoco.MjsBody:
         if chassis.parent.name != "world":
             raise OmniError(f"{file}: the body {chassis.name!r}, which 'chassis' names, must be one of the worldbody's")
         return chassis
-    driven = model.actuator_trnid[roles.dc_motors(model), 0]
+    driven = model.actuator_trnid[dc_motors(model), 0]
     roots = np.unique(model.body_rootid[model.jnt_bodyid[driven]])
     if len(roots) > 1:
         bodies = ", ".join(model.body(root).name for root in roots)

@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.mjcf import roles
 from omni_mj.mjcf.geometry import Wheels
 from omni_mj.mjcf.roles import Robot
+from omni_mj.mjcf.tree import slip_hinges
 
 # Friction of hinges, as in models/ssl_robot.xml.
 STIFF = {"solimp_friction": [0.999, 0.9999, 0.001, 0.5, 2.0], "solref_friction": [0.005, 1.0]}
@@ -62,7 +62,7 @@ def drive(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot, wheels: Whee
     for joint, rim, phase, outward in zip(robot.joints, robot.rims, robot.phases, wheels.outward, strict=True):
         hub = spec.joint(model.joint(joint).name)
         body = spec.body(model.body(rim).name)
-        slips = roles.slip_hinges(model, int(joint), int(rim))
+        slips = slip_hinges(model, int(joint), int(rim))
         if slips:
             slip = spec.joint(model.joint(slips[0]).name)
         else:

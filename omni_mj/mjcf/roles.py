@@ -6,19 +6,22 @@ a hinge along the axle on which it slips. Its encoder is the <jointpos> sensor o
 <freejoint> that carries the wheels is the chassis, and the <gyro> is the one on a site of it.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.mjcf.names import Names
+from omni_mj.mjcf.tree import Ids as Ids
+from omni_mj.mjcf.tree import below, dc_motors, slip_hinges
 
-Ids = NDArray[np.int_]
 KEPT = 2  # rollers of a wheel that is computed with those at the bottom alone (`two_rollers`)
+LEAST = 3  # wheels, or rollers of one
+_JOINT = mujoco.mjtTrn.mjTRN_JOINT
+_WRITE = 'write <dcmotor joint=... motorconst=... resistance=... gear=... armature=... input="voltage"/>'
 _ALONG = 0.5  # cosine of the angle to the axle, above which a hinge turns as the wheel does
 
 
@@ -89,22 +92,11 @@ def find(
     )
 
 
-def dc_motors(model: mujoco.MjModel) -> Ids:
-    """Numbers of the <dcmotor>s on joints."""
-    return np.flatnonzero(
-        (model.actuator_gaintype == mujoco.mjtGain.mjGAIN_DCMOTOR)
-        & (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT)
-    )
-
-
 def _other_motors(model: mujoco.MjModel) -> str:
     others = [name for i in range(model.nu) if (name := model.actuator(i).name)]
     if not model.nu:
         return ""
-    return (
-        f"; actuators of other kinds ({', '.join(others) or model.nu}) are no motors: write <dcmotor joint=... "
-        'motorconst=... resistance=... gear=... armature=... input="voltage"/>'
-    )
+    return f"; actuators of other kinds ({', '.join(others) or model.nu}) drive none: {_WRITE}"
 
 
 class _Finder:
@@ -162,15 +154,15 @@ class _Finder:
         if self._errors:
             raise OmniError("\n".join(dict.fromkeys(self._errors)))
 
-    def _named(self, kind: str, role: str) -> Iterator[int]:
-        """Numbers of the elements of a kind that are named for a role."""
+    def _named(self, kind: str, role: str, there: Iterable[int]) -> Iterator[int]:
+        """Numbers of the elements of a kind that are named for a role, of those that there are for it."""
         for name in getattr(self._names, role):
             try:
                 yield int(getattr(self._model, kind)(self._prefix + name).id)
             except KeyError:
-                there = [n for i in range(_count(self._model, kind)) if (n := getattr(self._model, kind)(i).name)]
-                known = ", ".join(n.removeprefix(self._prefix) for n in there[:12])
-                self._say(f"there is no {kind} {name!r}, which {role!r} names; there are {known or 'none with a name'}")
+                names = [getattr(self._model, kind)(int(i)).name.removeprefix(self._prefix) for i in there]
+                known = ", ".join(filter(None, names)) or "none with a name"
+                self._say(f"there is no {kind} {name!r}, which {role!r} names; there are {known}")
 
     def _wheels(self, chassis: int) -> tuple[Ids, Ids]:
         """Hinges of the wheels and their motors."""
@@ -179,14 +171,14 @@ class _Finder:
         mine = model.body_rootid[model.jnt_bodyid[driven]] == chassis
         motors, driven = motors[mine], driven[mine]
         if self._names.motors:
-            chosen = list(self._named("actuator", "motors"))
+            chosen = list(self._named("actuator", "motors", motors))
             for motor in set(chosen) - set(motors.tolist()):
                 self._say(f"{model.actuator(motor).name!r}, which 'motors' names, is no <dcmotor> on a hinge")
             motors = np.array([motor for motor in chosen if motor in motors], int)
             driven = model.actuator_trnid[motors, 0]
         if self._names.wheels:
             order = []
-            for joint in self._named("joint", "wheels"):
+            for joint in self._named("joint", "wheels", driven):
                 found = np.flatnonzero(driven == joint)
                 if found.size != 1:
                     self._say(
@@ -198,18 +190,42 @@ class _Finder:
         for joint in driven:
             if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE:
                 self._say(f"the joint {model.joint(joint).name!r}, which a <dcmotor> drives, is no hinge")
+        if not self._names.wheels and not self._names.motors:
+            self._undriven(chassis, driven)
+        if len(driven) < LEAST and not self._errors:
+            self._say(f"{len(driven)} wheels; it takes {LEAST} to move in every direction")
         if len(set(driven.tolist())) < len(driven):
             self._say("two <dcmotor>s drive one hinge; name those of the wheels: 'motors'")
         return driven, motors
+
+    def _undriven(self, chassis: int, driven: Ids) -> None:
+        """Say which hinges look like wheels but have no motor."""
+        model = self._model
+        for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE):
+            body = int(model.jnt_bodyid[joint])
+            known = any(body == wheel or below(model, body, int(wheel)) for wheel in model.jnt_bodyid[driven])
+            if known or model.body_rootid[body] != chassis or (count := len(self._rolling(int(joint)))) < LEAST:
+                continue
+            by = np.flatnonzero((model.actuator_trnid[:, 0] == joint) & (model.actuator_trntype == _JOINT))
+            what = f"{model.actuator(by[0]).name!r}, which is none, does" if by.size else "nothing does"
+            self._say(
+                f"{model.joint(joint).name!r} has {count} rollers, but no <dcmotor> drives it: {what}; {_WRITE}, or "
+                "name the hinges that are wheels: 'wheels'"
+            )
+
+    def _rolling(self, joint: int) -> Ids:
+        """Bodies below a hinge that have a hinge each, across its axis."""
+        model, axes, wheel = self._model, self._data.xaxis, int(self._model.jnt_bodyid[joint])
+        hinged = (model.body_jntnum == 1) & (model.jnt_type[model.body_jntadr] == mujoco.mjtJoint.mjJNT_HINGE)
+        across = np.abs(axes[model.body_jntadr] @ axes[joint]) < _ALONG
+        return np.flatnonzero(hinged & across & [below(model, body, wheel) for body in range(model.nbody)])
 
     def _rollers(self, joint: int) -> tuple[int, Ids, float]:
         """A wheel's rim, its rollers in the order in which they come to the bottom, and the way of the first."""
         model, data, wheel = self._model, self._data, int(self._model.jnt_bodyid[joint])
         none = -1, np.zeros(0, int), 0.0
         name, axle = self._model.body(wheel).name, data.xaxis[joint]
-        hinged = (model.body_jntnum == 1) & (model.jnt_type[model.body_jntadr] == mujoco.mjtJoint.mjJNT_HINGE)
-        across = np.abs(data.xaxis[model.body_jntadr] @ axle) < _ALONG
-        bodies = np.flatnonzero(hinged & across & [_below(model, body, wheel) for body in range(model.nbody)])
+        bodies = self._rolling(joint)
         if not bodies.size:
             self._say(
                 f"the wheel {name!r} has no rollers, bodies on its rim with a hinge each, across the axle; if "
@@ -240,7 +256,7 @@ class _Finder:
         model = self._model
         mine = (model.sensor_type == mujoco.mjtSensor.mjSENS_JOINTPOS) & (model.sensor_objid == joint)
         if self._names.encoders:
-            chosen = list(self._named("sensor", "encoders"))
+            chosen = list(self._named("sensor", "encoders", range(model.nsensor)))
             mine &= np.isin(np.arange(model.nsensor), chosen[number : number + 1])
         if not mine.any():
             self._say(f"no encoder on {model.joint(joint).name!r}; it is a <jointpos> sensor of that joint")
@@ -252,8 +268,10 @@ class _Finder:
         gyros = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_GYRO)
         mine = [int(sensor) for sensor in gyros if model.site_bodyid[model.sensor_objid[sensor]] == chassis]
         if self._names.gyro:
-            chosen = list(self._named("sensor", "gyro"))
+            chosen = list(self._named("sensor", "gyro", gyros))
             mine = [sensor for sensor in mine if sensor in chosen]
+            if not chosen:
+                return -1
         if not mine:
             self._say(f"no gyro; it is a <gyro> sensor on a site of the body {model.body(chassis).name!r}")
             return -1
@@ -262,27 +280,3 @@ class _Finder:
         if self._data.site_xmat[model.sensor_objid[mine[0]]].reshape(3, 3)[2, 2] < 1 - 1e-6:
             self._say("the z axis of the gyro's site must point up, as the robot's does")
         return int(model.sensor_adr[mine[0]]) + 2
-
-
-def slip_hinges(model: mujoco.MjModel, wheel: int, rim: int) -> list[int]:
-    """The hinge on which a rim slips, or none.
-
-    Args:
-        model: compiled.
-        wheel: the wheel's hinge.
-        rim: a body, the wheel's own or one on it.
-    """
-    first, count = model.body_jntadr[rim], model.body_jntnum[rim]
-    return [joint for joint in range(first, first + count) if joint != wheel]
-
-
-def _below(model: mujoco.MjModel, body: int, ancestor: int) -> bool:
-    while body > ancestor:
-        body = int(model.body_parentid[body])
-        if body == ancestor:
-            return True
-    return False
-
-
-def _count(model: mujoco.MjModel, kind: str) -> int:
-    return {"joint": model.njnt, "actuator": model.nu, "sensor": model.nsensor, "geom": model.ngeom}[kind]

@@ -60,8 +60,20 @@ def applied(robot: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any
     if model is None:
         return whole
     found = read(model)
-    in_one(contradictions(given, found))
+    in_one([*contradictions(given, found), *_out_of_range(found)])
     return merged(whole, found.numbers() | {SECTION: model})
+
+
+def _out_of_range(found: "Own") -> Iterator[str]:
+    """What no settings could hold, in lines."""
+    from omni_mj.scenarios.robot_settings import BodySettings, WheelSettings
+
+    numbers = found.numbers()
+    for kind, section in ((BodySettings, "body"), (WheelSettings, "wheels")):
+        try:
+            kind(**numbers[section])
+        except OmniError as error:
+            yield from (f"{found.file.name}: {line}" for line in str(error).splitlines())
 
 
 def contradictions(given: Mapping[str, Any], found: "Own") -> Iterator[str]:

@@ -111,7 +111,7 @@ def test_names_say_which_wheels_there_are_and_in_which_order(write: Write) -> No
     """A dribbler is a motor as well; without names it is asked for, in the file or in the robot's it is said."""
     dribbler = '<body name="d" pos="0.07 0 0.03"><joint name="d" axis="0 1 0"/><geom size="0.005" mass="0.01"/></body>'
     more = {"more": dribbler, "extra_motors": '<dcmotor name="spin" joint="d"/>'}
-    with pytest.raises(om.OmniError, match="'d' has no rollers.*drives no wheel, name the hinges that do: 'wheels'"):
+    with pytest.raises(om.OmniError, match=r"'d' has no rollers.*drives no wheel, name the hinges that do: 'wheels'"):
         om.scenario("rect", model=write(written(FOUR, **more)))
     order = "drive_b drive_c drive_d drive_a"
     said = write(written(FOUR, **more, custom=f'<text name="wheels" data="{order}"/>'))
@@ -132,7 +132,7 @@ def test_several_share_a_world_and_meet(write: Write) -> None:
     """Each with its own parts by name; what they meet with must be said."""
     places = {"places": [[0, 0, 0], [0, 1, 0]]}
     file = write(written(THREE, custom='<text name="wheels" data="drive_c drive_a drive_b"/>'))
-    with pytest.raises(om.OmniError, match="no hull.*'hull' names"):
+    with pytest.raises(om.OmniError, match=r"no hull.*'hull' names"):
         build.world(om.scenario("rect", model=file, world=places).settings, places=2)
     chosen = om.scenario("rect", model={"file": file, "hull": "plate"}, world=places)
     world = build.world(chosen.settings, places=2)
@@ -142,3 +142,11 @@ def test_several_share_a_world_and_meet(write: Write) -> None:
         ]
     np.testing.assert_allclose(np.degrees(world.kinematics.azimuths), [300, 60, 180])
     assert world.model.geom("robot_2/plate").contype[0] == 1
+
+
+def test_worn_rollers_must_be_barrels_about_z(write: Write) -> None:
+    """What is worn is written into the first two semi-axes; models that have others there are refused."""
+    worn: dict[str, Any] = {"variation": {"wear_m": 1e-4}, "reference": WAY, "controllers": ["flc"]}
+    with pytest.raises(om.OmniError, match="ellipsoids about their z axes"):
+        om.Simulation(om.scenario("rect", model=write(written(FOUR)), **worn))
+    om.Simulation(om.scenario("rect", model=str(models.robot_path()), **worn))

@@ -1,0 +1,142 @@
+"""What a user's model lacks is said before anything is built: what, and how to give it."""
+
+import re
+from pathlib import Path
+
+import pytest
+from commands import invoke
+from own_robot import written
+
+import omni_mj as om
+from omni_mj.scenarios import own_model, robots
+
+TEXT = written((60, 180, 300))
+
+
+def naming(role: str, names: str) -> list[tuple[str, str]]:
+    """The edit that gives names for a role in the file's custom data."""
+    return [("<custom></custom>", f'<custom><text name="{role}" data="{names}"/></custom>')]
+
+
+ARM = 'pos="0.08 0 0.0275"'
+MESH = '<asset><mesh name="q" file="plate.obj"/></asset>'
+# What is said, in how many lines; and the edits, plain text or a pattern, that bring it about.
+LACKS: list[tuple[str, int, list[tuple[str, str]]]] = [
+    ("no wheels; a wheel is a hinge that a <dcmotor> drives$", 1, [("<actuator>.*</actuator>", "")]),
+    ("no wheels.*actuators of other kinds .m_drive_a.*write <dcmotor joint=", 1,
+     [("<dcmotor motorconst[^>]*>", ""), ("<dcmotor name", "<motor name")]),
+    ("'drive_a' has 15 rollers, but no <dcmotor> drives it: 'm_drive_a', which is none, does; write", 1,
+     [('<dcmotor name="m_drive_a"', '<motor name="m_drive_a"')]),
+    ("'drive_b' has 15 rollers, but no <dcmotor> drives it: nothing does", 1,
+     [('<dcmotor name="m_drive_b"[^>]*>', "")]),
+    ("'base', which carries the wheels, has no <freejoint>", 1, [("<freejoint/>", "")]),
+    ("no encoder on 'drive_[abc]'; it is a <jointpos> sensor", 3, [("jointpos", "jointvel")]),
+    ("no gyro; it is a <gyro> sensor on a site of the body 'base'", 1, [("<gyro [^>]*>", "")]),
+    ("z axis of the gyro's site must point up", 1, [('<site name="imu"/>', '<site name="imu" euler="90 0 0"/>')]),
+    ("2 gyros on the body 'base'; name one: 'gyro'", 1, [("<gyro ", '<gyro name="other" site="imu"/><gyro ')]),
+    ("'drive_[abc]' has no rollers.*if 'drive_[abc]' drives no wheel, name", 3, [("<replicate.*?</replicate>", "")]),
+    ("'drive_[abc]' has no rollers.*across the axle", 3, [('<joint axis="0 1 0"/>', '<joint axis="1 1 0"/>')]),
+    ("the 14 rollers of the wheel 'drive_[abc]' must be evenly spaced", 3, [('count="15"', 'count="14"')]),
+    ("'drive_b' at .-0.06, 0.01. m does not lead level to the middle", 1,
+     [('<frame euler="0 0 180">', '<frame euler="0 0 180" pos="0.02 0.01 0">')]),
+    ("wheels must be alike, but their arms are 80.00, 75.00, 80.00 mm", 1,
+     [(f"{ARM}(.*){ARM}(.*){ARM}", rf"{ARM}\1{ARM.replace('8', '75')}\2{ARM}")]),
+    ("'m_drive_[abc]' has no rotor: give its inertia in kg m.2, armature=", 3, [(' armature="1.35e-5"', "")]),
+    ("the gear of the <dcmotor> 'm_drive_[abc]' must be above 0, not -3.2", 3, [('gear="3.2"', 'gear="-3.2"')]),
+    ("'m_drive_[abc]' must be driven by a voltage, with motorconst", 3,
+     [("<dcmotor m", '<dcmotor inductance="1e-4" m')]),
+    ("'drive_a' has a range or a spring; a wheel turns freely", 1, [('<joint name="drive_a"', r'\g<0> stiffness="1"')]),
+    ("'drive_a', which a <dcmotor> drives, is no hinge", 1, [('<joint name="drive_a"', r'\g<0> type="slide"')]),
+    ("no joint 'drive_x', which 'wheels' names; there are drive_a, drive_b, drive_c", 1,
+     naming("wheels", "drive_a drive_x")),
+    ("2 wheels; it takes 3", 1, naming("wheels", "drive_a drive_b")),
+    ("no sensor 'imu', which 'gyro' names; there are gyro$", 1, naming("gyro", "imu")),
+    ("'gyro' must name one, not a b", 1, naming("gyro", "a b")),
+    ("no geom 'shell', which 'hull' names", 1, naming("hull", "shell")),
+    ("no body 'basis', which 'chassis' names; there are base", 1,
+     naming("chassis", "basis")),
+    ("body.mass_kg must be a number from 0.5 to 20 kg, not 42.", 1, [('mass="2.2"', 'mass="42"')]),
+    ("the wheels at 60 and 70 deg overlap", 1, [("0 0 180", "0 0 70")]),
+    ("Schema violation: unrecognized element", 1, [("<freejoint/>", "<freejoynt/>")]),
+    ("XML parse error", 1, [("</mujoco>", "")]),
+    ("Error opening file 'plate.obj'", 1, [("<worldbody>", f"{MESH}<worldbody>")]),
+]  # fmt: skip
+
+
+def test_what_a_model_lacks_is_named_with_its_file(tmp_path: Path) -> None:
+    file = tmp_path / "mine.xml"
+    for says, lines, edits in LACKS:
+        text = TEXT
+        for pattern, new in edits:
+            text, count = re.subn(pattern, new, text, flags=re.DOTALL)
+            assert count, pattern
+        file.write_text(text)
+        with pytest.raises(om.OmniError) as error:
+            om.scenario("rect", model=str(file))
+        said = str(error.value).splitlines()
+        assert len(said) == lines, said
+        assert all(line.startswith("mine.xml") and re.search(says, line) for line in said), (says, said)
+
+
+def test_what_is_given_beside_it_must_not_contradict_it(tmp_path: Path) -> None:
+    """All at once; a robot's file is another matter, whose differences are told."""
+    file = tmp_path / "mine.xml"
+    file.write_text(TEXT)
+    with pytest.raises(om.OmniError) as error:
+        om.scenario("rect", model=str(file), body={"mass_kg": 3.0}, wheels={"arm_m": 0.07}, motor={"gear": 3.2})
+    first, second = str(error.value).splitlines()
+    assert first.startswith("body.mass_kg = 3.0 contradicts mine.xml, which has 2.3995; change the model")
+    assert second.startswith("wheels.arm_m = 0.07 contradicts mine.xml, which has 0.08; ")
+    chosen = om.scenario("rect", model=str(file), robot="ssl-a-team")
+    told = list(own_model.differences(robots.sections("ssl-a-team"), "ssl-a-team", chosen.settings.model))
+    assert "body.mass_kg is 2.3995 in mine.xml, 2.7 in robot ssl-a-team: the model's is simulated" in told
+    assert any(line.startswith("motor.constant_nm_a is 0.0251 in mine.xml, ") for line in told)
+    assert "motors are the robot's, by their datasheet" in told[-1]
+    again = chosen.replace(settings=chosen.settings.replace(body={"mass_kg": 2.0}))
+    with pytest.raises(om.OmniError, match=r"body.mass_kg = 2.0 contradicts mine.xml"):
+        om.Simulation(again, ["flc"])
+
+
+def test_the_command_line_takes_it_and_tells(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.xml").write_text(TEXT)
+    assert invoke("run", "--scenario", "rect", "--model", "none.xml") == 2
+    assert capsys.readouterr().err == "error: there is no model none.xml; give the path of a robot's MJCF: robot.xml\n"
+    assert invoke("run", "--scenario", "rect", "--robot", "mine.xml") == 2
+    assert "a model of yours goes with it: --model mine.xml" in capsys.readouterr().err
+    assert invoke("run", "--scenario", "rect", "--model", "mine.xml", "--set", "wheels.rollers=16") == 2
+    assert "wheels.rollers = 16 contradicts mine.xml, which has 15" in capsys.readouterr().err
+    short = ("--set", "reference.waypoints=[[0, 0], [0.05, 0]]", "--set", "reference.settle_s=0")
+    words = ("--scenario", "rect", *short, "--model", "mine.xml", "--controller", "flc", "--out", "out")
+    assert invoke("run", *words, "--no-record", "--no-figures") == 0
+    told = capsys.readouterr().err.splitlines()
+    assert (
+        "note: wheels.azimuths_deg is [60, 180, 300] in mine.xml, [60, 135, 225, 300] in robot tigers-v2016: "
+        in told[4]
+    )
+    assert len(told) == 10
+    text = Path("out/scenario.toml").read_text()
+    assert 'file = "mine.xml"' in text
+    assert "rollers = 15" in text
+
+
+def test_a_robots_file_may_name_it_and_leave_out_what_it_says(tmp_path: Path) -> None:
+    """Beside itself, wherever the program is called; `om.robot` then tells what follows from both."""
+    (tmp_path / "mine.xml").write_text(TEXT)
+    ours = robots.sections("tigers-v2016")
+    lines = ["[model]", 'file = "mine.xml"', 'hull = "plate"']
+    for section in ("motor", "battery", "sensors", "firmware", "drive", "carpet"):
+        lines += [
+            f"[{section}]",
+            *(f"{k} = {v}" for k, v in ours[section].items() if k not in ("gear", "rotor_inertia_kg_m2")),
+        ]
+    (tmp_path / "mine.toml").write_text("\n".join(lines))
+    robot = om.robot(tmp_path / "mine.toml")
+    assert robot.facts["mass_kg"] == pytest.approx(2.2 + 3 * (0.044 + 15 * 0.0015))
+    assert robot.settings.model.hull == "plate"
+    assert om.scenario("rect", robot=robot).settings.motor.gear == 3.2
+    (tmp_path / "mine.xml").unlink()
+    with pytest.raises(om.OmniError, match=r"there is no model .*mine.xml"):
+        om.robot(tmp_path / "mine.toml")
