@@ -35,7 +35,7 @@ class KinematicPlant:
         self._twist, self._disturbance = np.zeros((2, *self._pose.shape))
         self._schedule, self._frame = Schedule([row.settings.fault for row in rows], Alpha), 0
         self._given: Array | None = None  # alpha where a fault gives it, otherwise not a number, (n, 1)
-        self._telemetry = Telemetry.of_no_wheels(len(rows))
+        self._telemetry = Telemetry.of_no_wheels(len(rows), len(rows[0].settings.wheels.azimuths_deg))
 
     def pose(self) -> Array:
         """See `Plant`."""

@@ -68,8 +68,11 @@ class Folder:
         Raises:
             OmniError: a file is missing, or is not what it was; a line for each.
         """
-        errors = []
+        errors = [str(line) for line in self.record.get("missing", [])]
         for what, entry in self._files():
+            if "why" in entry:
+                errors.append(f"{self.path}: {entry['why']}")
+                continue
             try:
                 data = self._checked(what, entry)
             except OmniError as error:
@@ -98,8 +101,10 @@ class Folder:
             "robot": robot["name"] if _is_here(robot) else str(copies / robot["file"]),
             "seed": entry["seeds"][0], "seeds": len(entry["seeds"]),
         }  # fmt: skip
+        mine = said.get("model")
+        changes = [f"model.file={json.dumps(str(copies / mine['file']))}"] if mine else []
         try:
-            return scenario.load(str(file), (), head)
+            return scenario.load(str(file), changes, head)
         except OmniError as error:
             told = str(error).replace(f"{copies}{os.sep}", f"{self.path}{os.sep}")  # not where it was copied to
             lines = [f"{file} cannot be run here: {line}" for line in told.splitlines()]
@@ -109,6 +114,9 @@ class Folder:
         """What each file that was kept is, in words, and its entry."""
         for said in self.record["scenarios"].values():
             yield "the robot", said["robot"]
+            if mine := said.get("model"):
+                yield f"the model {mine['name']}", mine
+                yield from ((f"a part of the model {mine['name']}", part) for part in mine.get("parts", []))
             if "file" in said["plant"]:
                 yield f"the plant {said['plant']['name']}", said["plant"]
             for each in said["controllers"]:
@@ -199,12 +207,22 @@ def _whole(said: Any) -> bool:
     named = [said.get("plant"), said.get("robot"), *said["controllers"]]
     if not all(isinstance(each, dict) and isinstance(each.get("name"), str) for each in named):
         return False
+    mine = said.get("model", {"parts": []})
+    if not isinstance(mine, dict) or not ("why" in mine or _names_files(mine)):
+        return False
     classes = [each for each in (said["plant"], *said["controllers"]) if "file" in each]
     return all(_names_file(each) and "class" in each for each in classes) and _names_file(said["robot"])
 
 
 def _names_file(entry: Any) -> bool:
     return isinstance(entry, dict) and all(isinstance(entry.get(name), str) for name in ("file", "sha256"))
+
+
+def _names_files(model: Mapping[str, Any]) -> bool:
+    """Whether a model is there with its parts; an empty one is none."""
+    parts = model.get("parts")
+    whole = "file" not in model or (isinstance(model.get("name"), str) and _names_file(model))
+    return whole and isinstance(parts, list) and all(map(_names_file, parts))
 
 
 def _kind(entry: Mapping[str, Any], copies: Path) -> str:

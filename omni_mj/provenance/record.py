@@ -9,8 +9,9 @@ from typing import Any
 from omni_control import controllers as known_controllers
 from omni_control.registry import CONTROLLERS
 from omni_mj.measure.result import write
+from omni_mj.mjcf.files import copies
 from omni_mj.provenance import here, modules
-from omni_mj.scenarios import controllers, plants, robots, user_files
+from omni_mj.scenarios import controllers, own_model, plants, robots, user_files
 from omni_mj.scenarios.scenario import Scenario
 
 FORMAT = 1
@@ -25,6 +26,7 @@ def save(
     scenarios: Sequence[Scenario],
     frames: bool = True,
     given: Mapping[str, Any] | None = None,
+    missing: Sequence[str] = (),
 ) -> None:
     """Write what is about to be run.
 
@@ -35,6 +37,7 @@ def save(
         scenarios: what is run.
         frames: whether trajectories are kept.
         given: what the study was given beside scenarios.
+        missing: why it cannot be repeated from the folder alone, a line each.
 
     Raises:
         OmniError: a user's file has gone.
@@ -43,6 +46,7 @@ def save(
     described = {each.name: _scenario(each, shelf) for each in scenarios}
     found = here.environment()
     found["versions"] |= modules.versions(shelf.python)
+    found |= {"missing": list(missing)} if missing else {}
     content = {
         "format": FORMAT, "study": study, "command": command,
         "began": datetime.now(UTC).isoformat(timespec="seconds"), "frames_kept": frames, "given": dict(given or {}),
@@ -70,6 +74,21 @@ class _Shelf:
         path.write_bytes(data)
         return {"file": place, "sha256": here.digest(data)}
 
+    def put_model(self, file: Path) -> dict[str, Any]:
+        """Keep a model with all that it is made of, side by side as it was; or say why that cannot be."""
+        try:
+            found = copies(file)
+        except (OSError, ValueError) as error:
+            return {"name": file.name, "why": f"{file.name} could not be kept: {' '.join(str(error).split())}"}
+        shelves = (f"model{number}" for number in ("", *range(2, 100)))
+        shelf = next(
+            name
+            for name in shelves
+            if all(self._kept.get(f"{SOURCES}/{name}/{place}", data) == data for place, data in found.items())
+        )
+        first, *others = (self.put(f"{shelf}/{place}", data) for place, data in found.items())
+        return {"name": file.name, **first, "parts": others}
+
     @property
     def python(self) -> dict[str, bytes]:
         """The Python sources that are kept."""
@@ -84,7 +103,12 @@ class _Shelf:
 def _scenario(scenario: Scenario, shelf: _Shelf) -> dict[str, Any]:
     path = robots.robot_path(scenario.robot)
     name = path.name if scenario.robot.endswith(".toml") else scenario.robot
-    return {
+    model = scenario.settings.model
+    mine: dict[str, Any] = {"model": shelf.put_model(Path(model.file))} if model.file else {}
+    if mine:
+        sections = robots.sections(scenario.robot)
+        mine["model"]["differences"] = list(own_model.differences(sections, scenario.robot, model))
+    return mine | {
         "plant": _class(scenario.plant, shelf) if scenario.plant not in plants.PLANTS else {"name": scenario.plant},
         "robot": {"name": name, **shelf.put(path.name, path.read_bytes())},
         "controllers": [_controller(kind, scenario, shelf) for kind in scenario.controllers],

@@ -111,7 +111,7 @@ class Simulation:
         self.camera = Camera([row.settings.vision for row in self.rows], noise, happening)
         self.team = assemble(self.rows, self._kinds, start, geometry, wheels, self._stop, self._follow)
         self.radio = Radio([row.settings.radio for row in self.rows], noise, happening)
-        self.log = Log(self.rows, len(geometry.azimuths))
+        self.log = Log(self.rows, self.plant.telemetry().wheel_angle.shape[1])
         self._frames = np.array([reference.frames for reference in self.references])
         distinct = {id(reference): reference for reference in self.references}
         self._followers = [

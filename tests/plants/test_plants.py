@@ -11,6 +11,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scipy import stats
 
+import omni_mj as om
 from omni_mj.link.radio import Received
 from omni_mj.plants.kinematic import KinematicPlant
 from omni_mj.plants.mujoco import MujocoPlant
@@ -144,3 +145,13 @@ def test_settings_of_the_other_plant_change_nothing(
     default = drive(kind(rows([Settings()] * 2, [3, 4]), np.zeros((2, 3))), commands)
     changed = drive(kind(rows([with_settings(**foreign)] * 2, [3, 4]), np.zeros((2, 3))), commands)
     np.testing.assert_array_equal(changed, default)
+
+
+def test_a_plant_without_wheels_takes_robots_of_three() -> None:
+    """What is recorded of their wheels is not a number, in three columns each."""
+    chosen = om.scenario("rect", plant="kinematic", wheels={"azimuths_deg": [60, 180, 300]})
+    simulation = om.Simulation(chosen, ["comp-flc"])
+    simulation.observe()
+    simulation.step()
+    told = [name for name in simulation.log.table().column_names if name.startswith("wheel_angle_")]
+    assert told == ["wheel_angle_1_rad", "wheel_angle_2_rad", "wheel_angle_3_rad"]
