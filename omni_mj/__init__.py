@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from omni_control.controllers.base import Controller, Seen
     from omni_control.errors import OmniError
     from omni_mj.measure.result import Result
+    from omni_mj.provenance.repeat import verify
     from omni_mj.scenarios.scenario import Scenario, scenario
     from omni_mj.simulate.simulation import Simulation
     from omni_mj.studies.alpha import alpha
@@ -40,6 +41,7 @@ _HOMES = {
     "run": "omni_mj.studies.run",
     "scenario": "omni_mj.scenarios.scenario",
     "slip": "omni_mj.studies.slip",
+    "verify": "omni_mj.provenance.repeat",
 }
 __all__ = [
     "Controller",
@@ -56,6 +58,7 @@ __all__ = [
     "run",
     "scenario",
     "slip",
+    "verify",
 ]
 
 

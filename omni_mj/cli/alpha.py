@@ -38,7 +38,7 @@ def command(
         show = begin("alpha", alpha.total_frames(chosen))
         result = alpha.alpha(chosen, after_frame=console.checked(interrupts.check, show))
     with console.writing(folder):
-        result.save(folder)
+        result.save_files(folder)
         if result.study:
             from omni_mj.show import alpha_figure
 

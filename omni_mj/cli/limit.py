@@ -60,7 +60,7 @@ def command(
     words += [word for override in overrides for word in ("--set", override)]
     result.repeat = shlex.join(["omni-mj", "limit", *words])
     with console.writing(folder):
-        result.save(folder)
+        result.save_files(folder)
         if result.complete:
             from omni_mj.show import limit_figure
 

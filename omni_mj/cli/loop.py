@@ -54,7 +54,7 @@ def command(
         show = begin("loop", FRAMES)
         result = loop(chosen, chosen.controllers, after_frame=console.checked(interrupts.check, show))
     with console.writing(folder):
-        result.save(folder)
+        result.save_files(folder)
         if result.findings:
             from omni_mj.show import loop_figure
 

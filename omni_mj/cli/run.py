@@ -106,7 +106,7 @@ def execute(
             outcome = _drive(simulation, recordings, interrupts, quiet)
         result = run.of(simulation, outcome)
         result.repeat = shlex.join(["omni-mj", "run", "--scenario", str(folder / "scenario.toml")])
-        result.save(folder)
+        result.save_files(folder)
         if simulation.log.lengths.any():
             text = markdown.result(result.summary())
             for recording in recordings:

@@ -49,7 +49,7 @@ def command(
 
         result = slip.slip(chosen, before_robot=before_robot)
     with console.writing(folder):
-        result.save(folder)
+        result.save_files(folder)
         driven = [outcome.scenario for outcome in result.outcomes]  # each under the name of its robot
         record.save(folder, "slip", console.command_line(), driven, frames=False)
         if result.robots:

@@ -19,7 +19,4 @@ def command(folder: Path, quiet: bool) -> None:
     if not found.repeats:
         console.fail("\n".join([f"{folder} does not repeat", *found.differences, *found.notes]), console.FAILED)
     if not quiet:
-        compared = f"{found.frames} frames identical bit for bit" if found.frames else "the summary's numbers identical"
-        print(f"repeats: {found.rows} rows, {compared}")
-        for note in found.notes:
-            print(f"note: {note}")
+        print(found)

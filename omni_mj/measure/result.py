@@ -144,9 +144,16 @@ class Result:
         """Write summary.json, the effective scenarios and, where they were kept, the frames; each whole or not at all.
 
         One scenario leaves scenario.toml and trajectory.parquet; several scenarios/NAME.toml and
-        trajectories/NAME.parquet. Folders are made; files of the same names are replaced.
+        trajectories/NAME.parquet. provenance.json and sources/ say what was run, and what is missing to repeat it
+        (`omni_mj.verify`). Folders are made; files of the same names are replaced.
         """
-        folder = Path(folder)
+        from omni_mj.provenance import python  # a room above, which nothing here needs but this
+
+        self.save_files(Path(folder))
+        python.save(self, Path(folder))
+
+    def save_files(self, folder: Path) -> None:
+        """As `save`, without what says what was run."""
         self.save_summary(folder)
         for outcome in self.outcomes:
             self.save_outcome(outcome, folder)

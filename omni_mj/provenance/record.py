@@ -117,12 +117,15 @@ def _scenario(scenario: Scenario, shelf: _Shelf) -> dict[str, Any]:
 
 def _controller(kind: controllers.Kind, scenario: Scenario, shelf: _Shelf) -> dict[str, Any]:
     found, label = controllers.find(kind), controllers.label(kind)
-    own = {} if kind in CONTROLLERS else _class(controllers.written(kind), shelf)
+    own = {} if kind in CONTROLLERS else _class(kind, shelf)
     values = known_controllers.parameters(found) | dict(scenario.settings.controller.get(label, {}))
     return {"name": label, "class": found.__qualname__, **own, "parameters": values}
 
 
-def _class(name: str, shelf: _Shelf) -> dict[str, Any]:
-    """What is said of a class of the user's own, by its name as in `user_files`."""
-    file, _, class_name = name.rpartition(":")
-    return {"name": class_name, "class": class_name, **shelf.put(Path(file).name, user_files.source(name))}
+def _class(kind: controllers.Kind, shelf: _Shelf) -> dict[str, Any]:
+    """What is said of a class of the user's own: by its name as in `user_files`, or itself, in a file or none."""
+    file, _, name = controllers.written(kind).rpartition(":")
+    own = {"name": controllers.label(kind), "class": name}
+    if isinstance(kind, str):
+        return own | shelf.put(Path(file).name, user_files.source(kind))
+    return own | (shelf.put(Path(file).name, Path(file).read_bytes()) if Path(file).is_file() else {})

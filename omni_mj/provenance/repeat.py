@@ -44,6 +44,25 @@ class Repetition:
         """Whether all is the same."""
         return not self.differences
 
+    def __str__(self) -> str:
+        """What came of it, in lines."""
+        if not self.repeats:
+            return "\n".join(["does not repeat", *self.differences, *self.notes])
+        compared = f"{self.frames} frames identical bit for bit" if self.frames else "the summary's numbers identical"
+        return "\n".join([f"repeats: {self.rows} rows, {compared}", *(f"note: {note}" for note in self.notes)])
+
+
+def verify(folder: str | Path) -> Repetition:
+    """Run again what a folder holds, wherever it is now, and compare bit for bit, as `omni-mj verify` does.
+
+    Args:
+        folder: that a run, a comparison or `Result.save` left.
+
+    Raises:
+        OmniError: it cannot be run again; a line for each reason.
+    """
+    return repeat(Path(folder))
+
 
 def repeat(path: Path, begin: Begin = lambda title, count: nothing) -> Repetition:
     """Run again what a folder holds, wherever it is now, and compare.

@@ -40,7 +40,8 @@ def test_the_lines_run_as_printed(
     assert isinstance(sim, om.Simulation)
     assert sim.frame == sim.log.length == 1
     saved = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
-    assert saved == {f"runs/mine/{name}" for name in ("summary.json", "scenario.toml", "trajectory.parquet")}
+    told = ("summary.json", "scenario.toml", "trajectory.parquet", "provenance.json", "sources/tigers-v2016.toml")
+    assert saved == {f"runs/mine/{name}" for name in told}
     frames = result.frames().to_pydict()
     assert set(frames["controller"]) == {"comp-flc", "Mine"}
     assert set(frames["seed"]) == set(range(5))
@@ -51,10 +52,10 @@ def test_the_lines_run_as_printed(
 
 def test_names_at_the_top_are_few_and_stay_what_they_are() -> None:
     """Whatever submodule is imported; and what is not there is said as of any module."""
-    assert len(dir(om)) <= 14
+    assert len(dir(om)) <= 16
     for module in ("omni_mj.run", "omni_mj.scenarios.scenario", "omni_mj.studies.run", "omni_mj.studies.compare"):
         importlib.import_module(module)
-    for name in ("scenario", "robot", "run", "compare", "limit", "alpha", "slip"):
+    for name in ("scenario", "robot", "run", "compare", "limit", "alpha", "slip", "verify"):
         assert isinstance(getattr(om, name), types.FunctionType)
     for name in ("Controller", "OmniError", "Scenario", "Simulation", "Result"):
         assert isinstance(getattr(om, name), type)
