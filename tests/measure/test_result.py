@@ -156,9 +156,8 @@ def test_files_hold_the_same(result: om.Result, tmp_path: Path) -> None:
     folder = tmp_path / "deep" / "down"
     result.save(folder)
     result.save(str(folder))
-    assert {p.name for p in folder.iterdir()} == set(
-        "summary.json scenario.toml trajectory.parquet provenance.json sources".split()
-    )
+    names = {"summary.json", "scenario.toml", "trajectory.parquet", "provenance.json", "sources"}
+    assert {p.name for p in folder.iterdir()} == names
     text = (folder / "summary.json").read_text()
     assert json.loads(text, parse_constant=pytest.fail) == json.loads(json.dumps(result.summary()))
     kept, frames = pq.read_table(folder / "trajectory.parquet"), result.frames()
