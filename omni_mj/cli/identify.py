@@ -13,14 +13,23 @@ OUTPUTS = ("identify.json", "robot.toml", "plan.toml")
 @click.command("identify")
 @click.argument("logs", metavar="LOG...", nargs=-1, type=click.Path(path_type=Path))
 @click.option("--robot", metavar="NAME|FILE.toml", help="Which to start from. [the default robot]")
+@click.option("--team", type=click.Choice(["yellow", "blue"]), help="Whose robot it is, in game logs.")
+@click.option("--id", "number", type=click.IntRange(0, 15), help="Its number, in game logs.")
 @click.option("--plan", "only_plan", is_flag=True, help="Write a scenario of moves to drive, and print them.")
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/identify-<UTC time>]")
 @options.OVERWRITE
 @options.QUIET
 def command(
-    logs: tuple[Path, ...], robot: str | None, only_plan: bool, out: Path | None, overwrite: bool, quiet: bool
+    logs: tuple[Path, ...],
+    robot: str | None,
+    team: str | None,
+    number: int | None,
+    only_plan: bool,
+    out: Path | None,
+    overwrite: bool,
+    quiet: bool,
 ) -> None:
-    """Identify a robot from logs: CSV or Parquet with named columns (docs/identify.md)."""
+    """Identify a robot from logs: CSV or Parquet with named columns, or game logs (docs/identify.md)."""
     from omni_mj.scenarios.robots import DEFAULT
 
     chosen = robot or DEFAULT
@@ -38,10 +47,11 @@ def command(
             print(f"drive it here: omni-mj --scenario {folder / 'plan.toml'}")
         return
     if not logs:
-        raise OmniError("name at least one log, .csv or .parquet; or --plan, for what to drive")
+        raise OmniError("name at least one log, .csv, .parquet, .log or .log.gz; or --plan, for what to drive")
     from omni_mj.studies.identify import identify
+    from omni_mj.studies.identify.logs import of_robot
 
-    found = identify(logs, chosen)
+    found = identify([of_robot(log, team, number) for log in logs], chosen)
     folder = folders.prepare(out, "identify", OUTPUTS, overwrite)
     with console.writing(folder):
         found.save(folder)

@@ -1,4 +1,4 @@
-"""Logs of robots: CSV or Parquet with named columns, read into `Log`s, with a clear line for what they cannot be.
+"""Logs of robots: CSV, Parquet or game logs, read into `Log`s, with a clear line for what they cannot be.
 
 | columns | meaning |
 |---|---|
@@ -9,9 +9,10 @@
 | `wheel_1_rad, ...` or `wheel_1_rad_s, ...` | angles, or speeds, of the wheels behind the gear, in the file's order |
 
 Our own trajectory.parquet is one too: of it `vision_*`, where valid, `command_*` and `wheel_angle_*` are taken, each
-controller, seed and place by itself.
+controller, seed and place by itself. Game logs of the league have poses alone (`game_log`, `game_robot`).
 """
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -21,6 +22,7 @@ import numpy as np
 
 from omni_control.errors import OmniError, choose
 from omni_control.kinematics import Array
+from omni_mj.studies.identify import game_robot, tables, units
 
 POSE = ("x_m", "y_m", "heading_rad")
 VISION = ("vision_x_m", "vision_y_m", "vision_heading_rad")
@@ -30,6 +32,8 @@ BODY = ("vx_cmd_body_m_s", "vy_cmd_body_m_s", "w_cmd_rad_s")
 NAMES = ("time_s", *POSE, *WORLD, *BODY[:2], "wheel_1_rad", "wheel_1_rad_s")
 GAP = 3.5  # periods without a line, from which on a log is cut in two
 LEAST_LINES = 30
+TOLD = 3  # gaps that are named
+GAME = re.compile(r"(?P<file>.+\.log(?:\.gz)?)(?::(?P<team>yellow|blue|):(?P<robot>\d*))?(?:,(?P<commands>.+))?")
 
 
 @dataclass(frozen=True)
@@ -69,10 +73,16 @@ class Log:
 def read(path: Path) -> list[Log]:
     """The logs in a file.
 
+    Args:
+        path: of a CSV or Parquet file, or of a game log, with the robot and a file of commands: `GAME.log.gz:blue:3`,
+            `GAME.log.gz:blue:3,commands.csv`.
+
     Raises:
         OmniError: it cannot be read, columns are missing, time does not increase, or units cannot be those said.
     """
-    columns = _columns(path)
+    if game := GAME.fullmatch(str(path)):
+        return [_game(**game.groupdict())]
+    columns = tables.read(path)
     _whole(path, columns)
     logs = []
     for name, lines in _rows(path.name, columns):
@@ -80,23 +90,38 @@ def read(path: Path) -> list[Log]:
     return logs
 
 
-def _columns(path: Path) -> dict[str, np.ndarray]:
-    import pyarrow as pa
-    import pyarrow.csv
-    import pyarrow.parquet
+def of_robot(path: Path, team: str | None, number: int | None) -> Path:
+    """A game log with the robot that is meant, in a form that `read` takes; other logs as they are."""
+    game = GAME.fullmatch(str(path))
+    if game is None or game["team"] or (team is None and number is None):
+        return path
+    commands = f",{game['commands']}" if game["commands"] else ""
+    return Path(f"{game['file']}:{team or ''}:{'' if number is None else number}{commands}")
 
-    if not path.is_file():
-        raise OmniError(f"there is no log {path}")
-    try:
-        if path.suffix == ".parquet":
-            table = pa.parquet.read_table(path)
-        elif path.suffix == ".csv":
-            table = pa.csv.read_csv(path)
-        else:
-            raise OmniError(f"{path}: a log is a .csv or .parquet file with named columns")
-    except (pa.ArrowException, OSError) as error:
-        raise OmniError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
-    return {name: table[name].to_numpy() for name in table.column_names}
+
+def _game(file: str, team: str | None, robot: str | None, commands: str | None) -> Log:
+    """A robot of a game log."""
+    name, found = game_robot.track(Path(file), team or None, int(robot) if robot else None)
+    command, in_body, more = None, False, list[str]()
+    if commands:
+        path = Path(commands)
+        columns = tables.read(path)
+        named = next((names for names in (WORLD, BODY) if all(each in columns for each in names)), None)
+        if named is None or "time_s" not in columns:
+            raise OmniError(f"{path.name}: commands are time_s and {', '.join(WORLD)}, or {', '.join(BODY)}")
+        tables.numeric(path, columns, ("time_s", *named))
+        wanted = {each: columns[each].astype(float) for each in ("time_s", *named)}
+        _increases(path.name, wanted["time_s"])
+        if not np.isfinite(np.stack(list(wanted.values()))).all():
+            raise OmniError(f"{path.name}: lines with missing numbers; each needs {', '.join(wanted)}")
+        found, command = game_robot.with_commands(found, wanted, named, path.name)
+        in_body = named is BODY
+    elif len(found.time) >= LEAST_LINES:
+        more = game_robot.seen_of(found, name)
+    if len(found.time) < LEAST_LINES:
+        raise OmniError(f"{name}: {len(found.time)} images of it are too few; at least {LEAST_LINES}")
+    log = Log(name, game_robot.apart(found), found.pose, command, in_body, None, [*found.notes, *more])
+    return _ready(log)
 
 
 def _whole(path: Path, columns: Mapping[str, np.ndarray]) -> None:
@@ -108,15 +133,13 @@ def _whole(path: Path, columns: Mapping[str, np.ndarray]) -> None:
                 f"{path.name}: column {name} is missing; {have}necessary are time_s, {', '.join(POSE)}, and commands "
                 f"({', '.join(WORLD)}; or {', '.join(BODY)}) or wheels (wheel_1_rad or wheel_1_rad_s, ...)"
             )
-    wheels = any(wheel_columns(columns, ending) for ending in ("_rad", "_rad_s"))
-    if not wheels and not any(all(name in columns for name in names) for names in (OURS, WORLD, BODY)):
+    of_wheels = [name for ending in ("_rad", "_rad_s") for name in wheel_columns(columns, ending)]
+    if not of_wheels and not any(all(name in columns for name in names) for names in (OURS, WORLD, BODY)):
         raise OmniError(
             f"{path.name}: neither commands nor wheels; give {', '.join(WORLD)} (along the field's axes), or "
             f"{', '.join(BODY)} (along the robot's), or wheel_1_rad or wheel_1_rad_s, ..."
         )
-    for name in columns:
-        if name in NAMES and columns[name].dtype.kind not in "fiu":
-            raise OmniError(f"{path.name}: column {name} holds something else than numbers")
+    tables.numeric(path, columns, (*NAMES, *OURS, *VISION, *of_wheels))
 
 
 def _near(name: str, columns: Mapping[str, np.ndarray]) -> str:
@@ -146,14 +169,12 @@ def _rows(name: str, columns: Mapping[str, np.ndarray]) -> Iterator[tuple[str, n
         yield f"{name} ({one})", np.flatnonzero(np.array(whose) == one)
 
 
-def _log(name: str, columns: Mapping[str, np.ndarray]) -> Log:
+def _log(name: str, columns: dict[str, np.ndarray]) -> Log:
     time = columns["time_s"].astype(float)
     if len(time) < LEAST_LINES:
         raise OmniError(f"{name}: {len(time)} lines are too few; at least {LEAST_LINES}")
-    bad = np.flatnonzero(~(np.diff(time) > 0))
-    if bad.size:
-        at = bad[0] + 1
-        raise OmniError(f"{name}: time_s does not increase from line {at} to {at + 1}: {time[at - 1]:g}, {time[at]:g}")
+    time, columns, notes = _once(name, time, columns)
+    _increases(name, time)
     pose = np.stack([columns[key].astype(float) for key in POSE], axis=1)
     if all(key in columns for key in VISION):
         pose = np.stack([columns[key].astype(float) for key in VISION], axis=1)
@@ -164,15 +185,65 @@ def _log(name: str, columns: Mapping[str, np.ndarray]) -> Log:
         if all(key in columns for key in names):
             command, in_body = np.stack([columns[key].astype(float) for key in names], axis=1), names is BODY
             break
-    log = Log(name, time, pose, command, in_body, _wheels(time, columns))
-    _units(log)
-    log.pose[:, 2] = _continuous(pose[:, 2])
-    for piece in log.pieces()[1:]:
-        before, after = time[piece.start - 1], time[piece.start]
+    held = _held(time, pose)
+    if held.any():
+        pose[held] = np.nan
+        notes.append(f"{name}: {held.sum()} lines repeat the pose before them while the robot moves; taken as not seen")
+    return _ready(Log(name, time, pose, command, in_body, _wheels(time, columns), notes))
+
+
+def _ready(log: Log) -> Log:
+    """With continuous headings and notes of its gaps, if its units can be those said."""
+    units.check(log, LEAST_LINES)
+    log.pose[:, 2] = _continuous(log.pose[:, 2])
+    gaps = [piece.start for piece in log.pieces()[1:]]
+    for start in gaps[:TOLD]:
+        before, after = log.time[start - 1], log.time[start]
         log.notes.append(
-            f"{name}: a gap of {after - before:.3g} s at {before:.3f} s; what is on its two sides is apart"
+            f"{log.name}: a gap of {after - before:.3g} s at {before:.3f} s; what is on its two sides is apart"
         )
+    if len(gaps) > TOLD:
+        log.notes.append(f"{log.name}: {len(gaps) - TOLD} more gaps")
     return log
+
+
+def _once(name: str, time: Array, columns: dict[str, np.ndarray]) -> tuple[Array, dict[str, np.ndarray], list[str]]:
+    """Lines without those that are all as the one before."""
+    same = np.append(False, np.diff(time) == 0)
+    for values in columns.values():
+        again = values[1:] == values[:-1]
+        if values.dtype.kind == "f":
+            again |= np.isnan(values[1:]) & np.isnan(values[:-1])
+        same[1:] &= again
+    if not same.any():
+        return time, columns, []
+    kept = {key: values[~same] for key, values in columns.items()}
+    return time[~same], kept, [f"{name}: {same.sum()} lines are there twice; once is enough"]
+
+
+def _increases(name: str, time: Array) -> None:
+    if (lost := ~np.isfinite(time)).any():
+        raise OmniError(f"{name}: time_s is missing in line {int(np.argmax(lost)) + 1}")
+    bad = np.flatnonzero(~(np.diff(time) > 0))
+    if bad.size:
+        at, what = bad[0] + 1, "stands still" if time[bad[0]] == time[bad[0] + 1] else "goes back"
+        raise OmniError(
+            f"{name}: time_s does not increase from line {at} to {at + 1}, it {what}: {time[at - 1]:.10g}, "
+            f"{time[at]:.10g}"
+        )
+
+
+def _held(time: Array, pose: Array) -> np.ndarray:
+    """Which lines repeat a pose that was seen before, as recorders do that are faster than the camera, (F,).
+
+    Of a robot that rests, nothing is held: without noise, one pose is as good as another.
+    """
+    same = np.append(False, (np.diff(pose, axis=0) == 0).all(1))
+    window = max(1, round(0.1 / float(np.median(np.diff(time)))))
+    far, near = np.minimum(np.arange(len(time)) + window, len(time) - 1), np.maximum(np.arange(len(time)) - window, 0)
+    moved = np.hypot(*(pose[far, :2] - pose[near, :2]).T) + 0.1 * np.abs(pose[far, 2] - pose[near, 2])
+    held = same & (moved > 0.05 * (time[far] - time[near]))
+    return held if held.mean() > 0.02 else np.zeros(len(time), bool)
 
 
 def _wheels(time: Array, columns: Mapping[str, np.ndarray]) -> Array | None:
@@ -194,35 +265,3 @@ def _continuous(heading: Array) -> Array:
     heading = heading.copy()
     heading[there] = np.unwrap(heading[there])
     return heading
-
-
-def _units(log: Log) -> None:
-    """Raise where numbers cannot be in the units that the columns' names say."""
-    seen = np.isfinite(log.pose).all(1)
-    if seen.sum() < LEAST_LINES:
-        raise OmniError(f"{log.name}: {seen.sum()} lines with a pose are too few; at least {LEAST_LINES}")
-    if not 1e-3 <= log.period <= 0.5:
-        hint = "in ms?" if log.period > 0.5 else "in another unit than s?"
-        raise OmniError(f"{log.name}: {log.period:g} s from line to line; is time_s {hint}")
-    heading, steps = log.pose[seen, 2], np.diff(log.time[seen])
-    jumps = np.abs(np.diff(heading))
-    if np.abs(heading[0]) > 2.1 * np.pi or (np.abs(jumps - 360) < 20).any() or _fast(jumps / steps, 45):
-        raise OmniError(f"{log.name}: headings of up to {np.abs(heading).max():.0f} rad; is heading_rad in degrees?")
-    moved = np.hypot(*np.diff(log.pose[seen, :2], axis=0).T) / steps
-    if _fast(moved, 10):
-        raise OmniError(f"{log.name}: speeds of {np.quantile(moved, 0.95):.0f} m/s; are x_m and y_m in mm?")
-    if log.command is None:
-        return
-    if not np.isfinite(log.command).all():
-        raise OmniError(f"{log.name}: commands are missing in line {np.argmin(np.isfinite(log.command).all(1)) + 1}")
-    if _fast(np.hypot(*log.command[:, :2].T), 10):
-        raise OmniError(f"{log.name}: commands of {np.abs(log.command[:, :2]).max():.0f} m/s; are they in mm/s?")
-    if _fast(np.abs(log.command[:, 2]), 60):
-        raise OmniError(
-            f"{log.name}: turn rates of {np.abs(log.command[:, 2]).max():.0f} rad/s; are they in degrees/s?"
-        )
-
-
-def _fast(values: Array, limit: float) -> bool:
-    """Whether more than one in twenty is above a limit: single jumps are not a matter of units."""
-    return bool(np.quantile(values, 0.95) > limit)
