@@ -226,7 +226,7 @@ def _increases(name: str, time: Array) -> None:
         raise OmniError(f"{name}: time_s is missing in line {int(np.argmax(lost)) + 1}")
     bad = np.flatnonzero(~(np.diff(time) > 0))
     if bad.size:
-        at, what = bad[0] + 1, "stands still" if time[bad[0]] == time[bad[0] + 1] else "goes back"
+        at, what = bad[0] + 1, "stands still (too few digits?)" if time[bad[0]] == time[bad[0] + 1] else "goes back"
         raise OmniError(
             f"{name}: time_s does not increase from line {at} to {at + 1}, it {what}: {time[at - 1]:.10g}, "
             f"{time[at]:.10g}"

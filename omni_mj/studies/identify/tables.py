@@ -33,7 +33,7 @@ def read(path: Path) -> dict[str, np.ndarray]:
         raise OmniError(f"{path}: a log is a .csv or .parquet file with named columns, or a game log, .log or .log.gz")
     try:
         table = kinds[path.suffix.lower()](path)
-        columns = {name: _numbers(table[name]) for name in table.column_names if name}
+        columns = {name.strip().lower(): _numbers(table[name]) for name in table.column_names if name}
     except (pa.ArrowException, OSError, UnicodeError) as error:
         raise OmniError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
     columns = _lines_with_something(columns)
@@ -57,11 +57,17 @@ def numeric(path: Path, columns: Mapping[str, np.ndarray], names: tuple[str, ...
                 "is a time of day; give seconds" if values.dtype.kind in "Mm" else "holds something else than numbers"
             )
             odd = next((str(value) for value in values.tolist() if not _is_number(value)), None)
-            raise OmniError(f"{path.name}: column {name} {kind}" + (f", such as {odd[:40]!r}" if odd else ""))
+            raise OmniError(f"{path.name}: column {name} {kind}, {f'such as {odd[:40]!r}' if odd else 'but text'}")
 
 
 def _is_number(value: Any) -> bool:
-    return value is None or (isinstance(value, (int, float)) and not isinstance(value, bool))
+    if isinstance(value, bool):
+        return False
+    try:
+        float("nan" if value is None else value)
+    except (TypeError, ValueError):
+        return False
+    return True
 
 
 def _parquet(path: Path) -> Any:
@@ -76,15 +82,17 @@ def _csv(path: Path) -> Any:
 
     data = path.read_bytes()
     utf16 = data[:2] in (b"\xff\xfe", b"\xfe\xff")
-    text = data.decode("utf-16" if utf16 else "utf-8-sig")
+    text = data.decode("utf-16" if utf16 else "utf-8-sig", errors="replace")
     lines = text.splitlines()
     begin = next((i for i, line in enumerate(lines) if line.strip() and not _comment(line)), len(lines))
     before = [line for line in lines[:begin] if line.strip()]
     header = lines[begin] if begin < len(lines) else ""
-    if before and _is_row(header):  # numpy's savetxt makes a comment of its header
-        header, begin = before[-1].lstrip("# "), begin - 1
+    if _is_row(header):
+        if not before:
+            raise OmniError(f"{path.name} has no header: its first line holds numbers; name the columns there")
+        header, begin = before[-1].lstrip("# "), begin - 1  # numpy's savetxt makes a comment of it
     separator = max(SEPARATORS, key=header.count)
-    names = [name.strip().strip("\"'").strip() for name in header.split(separator)]
+    names = [name.strip().strip("\"'").strip().lower() for name in header.split(separator)]
     if twice := next((name for name in names if name and names.count(name) > 1), None):
         raise OmniError(f"{path.name}: column {twice} is there twice")
     body = "\n".join(line for line in lines[begin + 1 :] if line.strip())

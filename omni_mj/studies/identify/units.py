@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from omni_mj.studies.identify.logs import Log
 
 SHORTEST_S, LONGEST_S = 5e-4, 0.5  # from line to line
+FARTHEST_M = 1e5  # of a position, in whatever frame of the surroundings
 CLOCKS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "minutes": 60.0}
 
 
@@ -31,6 +32,12 @@ def check(log: "Log", least: int) -> None:
         fits = [unit for unit, size in CLOCKS.items() if SHORTEST_S <= log.period * size <= LONGEST_S]
         unit = fits[0] if fits else "another unit than s"
         raise OmniError(f"{log.name}: {log.period:g} s from line to line; is time_s in {unit}?")
+    far: Array = np.where(seen, np.abs(log.pose[:, :2]).max(1), 0.0)
+    if far.max() > FARTHEST_M:
+        raise OmniError(
+            f"{log.name}: a position of {far.max():.4g} m in line {int(far.argmax()) + 1} is off any field; are x_m "
+            "and y_m in mm?"
+        )
     heading, steps = log.pose[seen, 2], np.diff(log.time[seen])
     jumps = np.abs(np.diff(heading))
     if np.abs(heading[0]) > 2.1 * np.pi or (np.abs(jumps - 360) < 20).any() or _fast(jumps / steps, 45):
