@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-BLOCK = re.compile(r"^```(sh|toml|python) ?(\S*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(r"^```(sh|toml|python|xml) ?(\S*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 # Document -> files that its commands must leave, with something that they must hold.
 DOCUMENTS = {
     "docs/tour.md": {"runs.html": "late", "compared/compare.md": "Gentle"},
     "docs/python.md": {"runs/mine/summary.json": "comp-flc"},
-    "docs/robots.md": {"robot.schema.json": "azimuths_deg"},
+    "docs/robots.md": {"robot.schema.json": "azimuths_deg", "three/provenance.json": "three.xml"},
     "CONTRIBUTING.md": {
         "mine/summary.json": "Mine",
         "toy/summary.json": "toy.py:Toy",
