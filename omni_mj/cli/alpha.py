@@ -26,7 +26,7 @@ def command(
 ) -> None:
     """Measure how a robot follows its commands: gain and lag apart, and what takes how much of them."""
     from omni_mj.cli.interrupts import Interrupts
-    from omni_mj.provenance import record
+    from omni_mj.provenance import record, studies
     from omni_mj.scenarios import scenario
     from omni_mj.studies import alpha
 
@@ -34,7 +34,8 @@ def command(
     options.tell_model(chosen, quiet)
     folder = folders.prepare(out, "alpha", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
-        record.save(folder, "alpha", console.command_line(), [chosen], frames=False)
+        asked = studies.given([(chosen.name, chosen)])
+        record.save(folder, "alpha", console.command_line(), [chosen], frames=False, given=asked)
         show = begin("alpha", alpha.total_frames(chosen))
         result = alpha.alpha(chosen, after_frame=console.checked(interrupts.check, show))
     with console.writing(folder):

@@ -29,7 +29,7 @@ def command(
 ) -> None:
     """Identify gain, slip, drag and efficiency of robots as TIGERs Mannheim do."""
     from omni_mj.cli.interrupts import Interrupts
-    from omni_mj.provenance import record
+    from omni_mj.provenance import record, studies
     from omni_mj.scenarios import scenario
     from omni_mj.scenarios.robots import DEFAULT
     from omni_mj.studies import slip
@@ -51,7 +51,8 @@ def command(
     with console.writing(folder):
         result.save_files(folder)
         driven = [outcome.scenario for outcome in result.outcomes]  # each under the name of its robot
-        record.save(folder, "slip", console.command_line(), driven, frames=False)
+        asked = studies.given((each.name, given) for each, given in zip(driven, chosen, strict=True))
+        record.save(folder, "slip", console.command_line(), driven, frames=False, given=asked)
         if result.robots:
             from omni_mj.show import slip_figure
 

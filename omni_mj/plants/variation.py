@@ -96,8 +96,8 @@ class Drawn:
         geoms = np.array([model.body_geomadr[robot.rollers].ravel() for robot in world.robots])
         wear = np.repeat(self.wear, first.rollers.shape[1], axis=1)
         roller, wheel = model.geom_size[geoms[0], 0], world.kinematics.radius
-        barrels = model.geom_size[geoms[0]] == [roller, roller, model.geom_size[geoms[0, 0], 2]]
-        if not barrels.all() or (model.geom_type[geoms[0]] != mujoco.mjtGeom.mjGEOM_ELLIPSOID).any():
+        across, kinds = model.geom_size[geoms[0], :2], model.geom_type[geoms[0]]
+        if (across[:, 0] != across[:, 1]).any() or (kinds != mujoco.mjtGeom.mjGEOM_ELLIPSOID).any():
             raise OmniError("variation.wear_m needs a model with rollers that are ellipsoids about their z axes")
         # A barrel's profile is curved as the wheel (see `shape`): its half length squared is the product of the radii.
         shorter = np.sqrt((1 - wear / roller) * (1 - wear / wheel))

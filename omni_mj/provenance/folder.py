@@ -94,17 +94,31 @@ class Folder:
         if said is None:
             raise OmniError(f"{self.path / FILE} says nothing of the scenario {name!r}")
         self._check_settings(file, entry)
+        return self.loaded(file, name, copies, {"seed": entry["seeds"][0], "seeds": len(entry["seeds"])})
+
+    def loaded(self, file: Path, name: str, copies: Path, head: Mapping[str, Any] | None = None) -> Scenario:
+        """A scenario's file, read with the copies in place of what is the user's own.
+
+        Args:
+            file: of the scenario.
+            name: under which the record says what it is made of.
+            copies: where the user's files are.
+            head: fields that replace those in the file.
+
+        Raises:
+            OmniError: this version cannot run it; a line for each reason.
+        """
+        said = self.record["scenarios"][name]
         plant, robot = said["plant"], said["robot"]
-        head = {
+        named = {
             "controllers": [_kind(each, copies) for each in said["controllers"]],
             "plant": _kind(plant, copies),
             "robot": robot["name"] if _is_here(robot) else str(copies / robot["file"]),
-            "seed": entry["seeds"][0], "seeds": len(entry["seeds"]),
-        }  # fmt: skip
+        }
         mine = said.get("model")
         changes = [f"model.file={json.dumps(str(copies / mine['file']))}"] if mine else []
         try:
-            return scenario.load(str(file), changes, head)
+            return scenario.load(str(file), changes, named | dict(head or {}))
         except OmniError as error:
             told = str(error).replace(f"{copies}{os.sep}", f"{self.path}{os.sep}")  # not where it was copied to
             lines = [f"{file} cannot be run here: {line}" for line in told.splitlines()]

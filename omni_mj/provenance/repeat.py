@@ -9,7 +9,7 @@ from typing import Any
 
 from omni_control.errors import OmniError
 from omni_mj.measure.result import Outcome
-from omni_mj.provenance import frames, here
+from omni_mj.provenance import frames, here, studies
 from omni_mj.provenance.folder import Folder, importable
 from omni_mj.provenance.record import MODULES, SOURCES
 from omni_mj.scenarios.scenario import Scenario
@@ -76,24 +76,36 @@ def repeat(path: Path, begin: Begin = lambda title, count: nothing) -> Repetitio
         OmniError: it cannot be run again; a line for each reason.
     """
     folder, found = Folder(path), Repetition()
-    if (study := folder.record["study"]) not in STUDIES:
+    study = folder.record["study"]
+    if study in studies.NAMES:
+        return _found(folder, found, lambda copies: _study(folder, copies, found, begin))
+    if study not in STUDIES:
         again = folder.summary.get("repeat") or folder.record.get("command")
         raise OmniError(f"{path} is of omni-mj {study}, which is repeated as a whole: {again}")
     entries = {name: entry for name, entry in folder.summary["scenarios"].items() if entry["frames"]}
     if not entries:
         raise OmniError(f"nothing was recorded in {path}: there is nothing to compare with")
-    with tempfile.TemporaryDirectory(prefix="omni-mj-") as name:
-        copies = Path(name)
-        folder.copy(copies)
-        with importable(copies / SOURCES / MODULES):
-            scenarios = {name: folder.scenario(name, copies) for name in entries}
-            for name, chosen in scenarios.items():
-                several = f"{name}: " if folder.several else ""
-                _compare(folder, name, _again(folder.record, chosen, entries[name], begin), copies, found, several)
+
+    def run(copies: Path) -> None:
+        scenarios = {name: folder.scenario(name, copies) for name in entries}
+        for name, chosen in scenarios.items():
+            several = f"{name}: " if folder.several else ""
+            _compare(folder, name, _again(folder.record, chosen, entries[name], begin), copies, found, several)
+
     skipped = [name for name in folder.summary["scenarios"] if name not in entries]
     found.notes += [f"{name} was not run: there is nothing to compare with" for name in skipped]
     if stopped := folder.summary["stopped"]:
         found.notes.append(f"the run was {stopped}: it was repeated up to there")
+    return _found(folder, found, run)
+
+
+def _found(folder: Folder, found: Repetition, run: Callable[[Path], None]) -> Repetition:
+    """What was found, when it was run from copies of the user's files."""
+    with tempfile.TemporaryDirectory(prefix="omni-mj-") as name:
+        copies = Path(name)
+        folder.copy(copies)
+        with importable(copies / SOURCES / MODULES):
+            run(copies)
     elsewhere = here.differences(folder.record)
     if found.repeats:
         found.notes += elsewhere
@@ -103,6 +115,15 @@ def repeat(path: Path, begin: Begin = lambda title, count: nothing) -> Repetitio
             " it uses what is not recorded, such as the clock, random numbers without a seed, or files that it reads"
         ]
     return found
+
+
+def _study(folder: Folder, copies: Path, found: Repetition, begin: Begin) -> None:
+    """Run a study again and compare what it found."""
+    result, before, now = studies.again(folder, copies, begin)
+    found.rows += sum(len(outcome.rows) for outcome in result.outcomes)
+    found.differences += _differing(
+        dict(_flat(before, folder.record["study"])), dict(_flat(now, folder.record["study"]))
+    )
 
 
 def _again(record: Mapping[str, Any], chosen: Scenario, entry: Mapping[str, Any], begin: Begin) -> Outcome:
@@ -151,7 +172,11 @@ def _failures(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[s
 
 def _numbers(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
     """What the summary says and is not so here; results that only this version has are not among it."""
-    old, new = (dict(_flat({part: entry.get(part) for part in RESULTS})) for entry in (recorded, now))
+    return _differing(*(dict(_flat({part: entry.get(part) for part in RESULTS})) for entry in (recorded, now)))
+
+
+def _differing(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
+    """Of flat summaries what is not the same in both, in lines."""
     keys = dict.fromkeys([*old, *(key for key in new if not key.startswith("results."))])
     texts = {key: [json.dumps(each[key]) if key in each else "not there" for each in (old, new)] for key in keys}
     differ = {key: both for key, both in texts.items() if both[0] != both[1]}

@@ -224,7 +224,10 @@ def test_what_cannot_be_repeated_is_one_line_that_says_why(folder: Path, capsys:
         (lambda: put("scenario.toml", "delay_frames = 6", "delay_frames = 5"), "another value of radio.delay_frames"),
         (lambda: put("provenance.json", '"format": 1', '"format": 9'), "is of format 9; this version of omni-mj reads"),
         (lambda: put("provenance.json", '"file": "sources/mine.py"', '"file": "../mine.py"'), "outside of sources/"),
-        (lambda: put("provenance.json", '"study": "run"', '"study": "slip"'), "of omni-mj slip, which is repeated as"),
+        (
+            lambda: put("provenance.json", '"study": "run"', '"study": "slip"'),
+            "not say what omni-mj slip was asked for",
+        ),
         (lambda: put("provenance.json", '"robot": {', '"rob": {'), "does not say what was run: rect-noise missing"),
         (lambda: put("summary.json", '"format": 3', '"format": 2'), "is of format 2"),
         (lambda: (folder / "trajectory.parquet").write_bytes(b"PAR1"), "trajectory.parquet cannot be read"),
