@@ -33,6 +33,7 @@ NAMES = ("time_s", *POSE, *WORLD, *BODY[:2], "wheel_1_rad", "wheel_1_rad_s")
 GAP = 3.5  # periods without a line, from which on a log is cut in two
 LEAST_LINES = 30
 TOLD = 3  # gaps that are named
+MOTOR = re.compile(r"(mean_)?(current_\d+_a|voltage_\d+_v)")
 GAME = re.compile(r"(?P<file>.+\.log(?:\.gz)?)(?::(?P<team>yellow|blue|):(?P<robot>\d*))?(?:,(?P<commands>.+))?")
 
 
@@ -139,7 +140,8 @@ def _whole(path: Path, columns: Mapping[str, np.ndarray]) -> None:
             f"{path.name}: neither commands nor wheels; give {', '.join(WORLD)} (along the field's axes), or "
             f"{', '.join(BODY)} (along the robot's), or wheel_1_rad or wheel_1_rad_s, ..."
         )
-    tables.numeric(path, columns, (*NAMES, *OURS, *VISION, *of_wheels))
+    of_motors = [name for name in columns if MOTOR.fullmatch(name)]
+    tables.numeric(path, columns, (*NAMES, *OURS, *VISION, *of_wheels, *of_motors))
 
 
 def _near(name: str, columns: Mapping[str, np.ndarray]) -> str:
