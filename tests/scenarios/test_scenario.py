@@ -174,7 +174,7 @@ def agreed(values: dict[str, Any]) -> dict[str, Any]:
     for jerk in ("reference.max_jerk_m_s3", "reference.max_turn_jerk_rad_s3"):
         if values[jerk] < 0.1 or values["reference.mode"] == "iterated":
             values[jerk] = 0.0
-    kept = ("body.", "wheels.", "battery.cells", "battery.cut_off_v", "firmware.rate_hz")
+    kept = ("model.", "body.", "wheels.", "battery.cells", "battery.cut_off_v", "firmware.rate_hz")
     values |= {name: each.default for name, each in SETTINGS.items() if name.startswith(kept)}
     share = min(max(values["motor.nominal_voltage_v"] / 24, 0.1), 10)
     values |= {name: SETTINGS[name].default * (share if name in SHEET[:4] else 1) for name in SHEET}
