@@ -138,6 +138,9 @@ def _read(path: Path, resolved: Path, changed: tuple[int, ...], given: Names) ->
         spec = mujoco.MjSpec.from_file(str(resolved))
     except ValueError as error:
         raise OmniError(f"{file}: {' '.join(str(error).split())}") from None
+    if spec.compiler.settotalmass > 0:
+        raise OmniError(f"{file}: <compiler settotalmass> scales what is compiled alone, not in a world; write masses")
+    spec.compiler.discardvisual = spec.compiler.fusestatic = False  # all that is named stays
     names = _names(spec, given, file)
     prepare.name_all(spec)
     _compile(spec, file)  # so that what MuJoCo does not understand is said first

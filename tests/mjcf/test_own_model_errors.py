@@ -57,6 +57,7 @@ LACKS: list[tuple[str, int, list[tuple[str, str]]]] = [
      naming("chassis", "basis")),
     ("body.mass_kg must be a number from 0.5 to 20 kg, not 42.", 1, [('mass="2.2"', 'mass="42"')]),
     ("the wheels at 60 and 70 deg overlap", 1, [("0 0 180", "0 0 70")]),
+    ("<compiler settotalmass> scales what is compiled alone", 1, [("<compiler ", '<compiler settotalmass="3" ')]),
     ("Schema violation: unrecognized element", 1, [("<freejoint/>", "<freejoynt/>")]),
     ("XML parse error", 1, [("</mujoco>", "")]),
     ("Error opening file 'plate.obj'", 1, [("<worldbody>", f"{MESH}<worldbody>")]),
