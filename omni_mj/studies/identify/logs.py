@@ -13,7 +13,7 @@ controller, seed and place by itself.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -64,6 +64,11 @@ class Log:
         cuts = np.flatnonzero(np.diff(self.time) > GAP * self.period) + 1
         edges = [0, *cuts.tolist(), len(self.time)]
         return [slice(a, b) for a, b in pairwise(edges)]
+
+    def part(self, lines: slice) -> "Log":
+        """Some lines of it."""
+        command, wheels = (None if each is None else each[lines] for each in (self.command, self.wheels))
+        return replace(self, time=self.time[lines], pose=self.pose[lines], command=command, wheels=wheels, notes=[])
 
 
 def read(path: Path) -> list[Log]:

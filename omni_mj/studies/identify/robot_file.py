@@ -20,9 +20,12 @@ FIELDS = {
     ("wheels", "radius_m"): ("wheels", "radius_m"),
     ("wheels", "arm_m"): ("wheels", "arm_m"),
     ("wheels", "creep_stiffness"): ("drive", "creep_stiffness"),
+    ("wheels", "pile"): ("carpet", "pile"),
+    ("wheels", "roller_friction"): ("drive", "roller_friction"),
+    ("wheels", "grip"): ("carpet", "friction"),
     ("commands", "latency_s"): ("radio", "delay_frames"),
     ("commands", "lag_forward_s"): ("control", "lag_s"),
-    ("commands", "friction_m_s"): ("control", "drag_m_s"),
+    ("commands", "friction_forward_m_s"): ("control", "drag_m_s"),
     ("commands", "creep_forward_s2_m"): ("control", "creep_s2_m"),
 }
 LEAST = {"radius_m": 0.01, "arm_m": 0.02, "creep_stiffness": 0.1}  # that settings allow; of all else 0
