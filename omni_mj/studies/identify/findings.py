@@ -48,8 +48,8 @@ STRAIGHT = "straight moves of a metre or more"
 DRAG = "as for creep; roll-outs with motors off, or motors' currents"
 KINDS = {
     LATE: Kind("latency of the loop", "s", 0.5 * FRAME_S, 0, "", STEPS, 9e-4),
-    "clock_s": Kind("clock of the wheels, late by", "s", 0.5 * FRAME_S, 0, "", STEPS, 6e-4),
-    "drift": Kind("clock of the wheels, slow by", "", 1e-3, 0, "", "a log of a minute or more", 5e-5),
+    "clock_s": Kind("poses later than wheels by", "s", 0.5 * FRAME_S, 0, "", STEPS, 6e-4),
+    "drift": Kind("and more so by, each second", "", 1e-3, 0, "", "a log of a minute or more", 5e-5),
     "gain_forward": Kind("gain K forward", "", 0.05, 0, "forward", GAIN, 2e-3),
     "gain_sideways": Kind("gain K sideways", "", 0.05, 0, "sideways", GAIN, 2e-3),
     "gain_turning": Kind("gain K turning", "", 0.05, 0, "turning", GAIN, 2e-3),

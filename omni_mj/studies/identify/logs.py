@@ -7,6 +7,8 @@
 | `vx_cmd_world_m_s, vy_cmd_world_m_s, w_cmd_rad_s` | commanded velocity along the field's axes |
 | `vx_cmd_body_m_s, vy_cmd_body_m_s, w_cmd_rad_s` | or along the robot's own, x forward, y to the left |
 | `wheel_1_rad, ...` or `wheel_1_rad_s, ...` | angles, or speeds, of the wheels behind the gear, in the file's order |
+| `current_1_a, ...` and `voltage_1_v, ...` | of the motors, at the time of the line, signs as the wheels' |
+| `coasting` | 1 where motors carry no current, and the robot rolls out |
 
 Our own trajectory.parquet is one too: of it `vision_*`, where valid, `command_*` and `wheel_angle_*` are taken, each
 controller, seed and place by itself.
@@ -21,6 +23,7 @@ import numpy as np
 
 from omni_control.errors import OmniError, choose
 from omni_control.kinematics import Array
+from omni_mj.studies.identify.motor_columns import Motors
 
 POSE = ("x_m", "y_m", "heading_rad")
 VISION = ("vision_x_m", "vision_y_m", "vision_heading_rad")
@@ -44,6 +47,7 @@ class Log:
         in_body: whether the command is in the body's axes; else in the world's.
         wheels: speeds (F, wheels) rad/s, means from each line to the next, or None.
         notes: what was seen in reading it, a line each.
+        motors: what was measured of them, or None.
     """
 
     name: str
@@ -53,6 +57,7 @@ class Log:
     in_body: bool
     wheels: Array | None
     notes: list[str] = field(default_factory=list)
+    motors: Motors | None = None
 
     @property
     def period(self) -> float:
@@ -68,7 +73,8 @@ class Log:
     def part(self, lines: slice) -> "Log":
         """Some lines of it."""
         command, wheels = (None if each is None else each[lines] for each in (self.command, self.wheels))
-        return replace(self, time=self.time[lines], pose=self.pose[lines], command=command, wheels=wheels, notes=[])
+        kept = {"time": self.time[lines], "pose": self.pose[lines], "command": command, "wheels": wheels}
+        return replace(self, **kept, notes=[], motors=None)
 
 
 def read(path: Path) -> list[Log]:
@@ -169,7 +175,7 @@ def _log(name: str, columns: Mapping[str, np.ndarray]) -> Log:
         if all(key in columns for key in names):
             command, in_body = np.stack([columns[key].astype(float) for key in names], axis=1), names is BODY
             break
-    log = Log(name, time, pose, command, in_body, _wheels(time, columns))
+    log = Log(name, time, pose, command, in_body, _wheels(time, columns), motors=Motors.of(columns))
     _units(log)
     log.pose[:, 2] = _continuous(pose[:, 2])
     for piece in log.pieces()[1:]:

@@ -20,7 +20,7 @@ LEAST_STRETCHES = 4
 ODD, MOST_ODD = 3.0, 0.25  # residuals over their median, and share, of stretches that may be left out
 EARLIEST_S = -0.25  # clocks of wheels that are tried
 DRIFTS_S = 30.0  # length of logs from which clocks may run at other speeds
-OTHER_RADIUS, SURE = 0.015, 3.0  # and standard errors, from which the wheels are of another radius than the file's
+OTHER_RADIUS, SURE = 0.025, 3.0  # and standard errors, from which the wheels are of another radius than the file's
 ROLLS, RADIUS_SHARE = 0.998, 0.002  # rolling radius over the file's, and how well it is known: rubber is pressed in
 BETTER = 0.98  # residuals over those without, by which another cause must be better
 CONTACTS = ("creep", "pile", "roller_friction")
@@ -33,7 +33,7 @@ class Part:
 
     Attributes:
         source: commands or wheels.
-        fitted: to `stretches` stretches.
+        fitted: to `segments`.
         prediction: of those that were held out, or None where there are too few.
         estimates: numbers, told or not.
         notes: what was seen on the way.
@@ -41,7 +41,7 @@ class Part:
 
     source: str
     fitted: Fit
-    stretches: int
+    segments: Segments
     prediction: Prediction | None
     estimates: list[Estimate] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -90,7 +90,7 @@ def by_wheels(logs: Sequence[Log], settings: Settings) -> Part | None:
         lates = np.stack([np.zeros(len(held)), found.late[held.log if len(found.late) > 1 else 0 * held.log]], 1)
         prediction = predict(body, held, np.stack([believed, found.parameters]), lates)
     told = list(estimates(found, body, settings, used, given))
-    return Part("wheels", found, len(used), prediction, told, notes)
+    return Part("wheels", found, used, prediction, told, notes)
 
 
 def by_commands(logs: Sequence[Log], settings: Settings, rolled: Fit | None) -> Part | None:
@@ -146,7 +146,7 @@ def by_commands(logs: Sequence[Log], settings: Settings, rolled: Fit | None) -> 
         lates = np.tile([delay, found.late[0]], (len(held), 1))
         prediction = predict(body, held, np.stack([believed, found.parameters]), lates)
     told = list(estimates(found, body, settings, used, given))
-    return Part("commands", found, len(used), prediction, told, notes)
+    return Part("commands", found, used, prediction, told, notes)
 
 
 def of_wheels(settings: Settings) -> Array:
@@ -182,7 +182,7 @@ def _believing_the_radius(found: Fit, notes: list[str]) -> Fit:
     at = found.names.index("scale")
     scale, error = found.value[at], found.error[at]
     if abs(scale - 1) > max(SURE * error, OTHER_RADIUS):
-        notes.append(f"wheels: they roll {100 * (scale - 1):+.1f} % farther than the file's radius says")
+        notes.append(f"wheels: their radius is not that of the robot's file: {100 * (scale - 1):+.1f} %")
         return found
     notes.append(
         f"wheels: the file's radius is believed within {100 * RADIUS_SHARE:.1f} %; without it, it were "

@@ -17,6 +17,7 @@ from omni_mj.studies.identify.findings import Estimate
 from omni_mj.studies.identify.fit import Whiteness
 from omni_mj.studies.identify.logs import Log, read
 from omni_mj.studies.identify.motion import Part
+from omni_mj.studies.identify.motors import by_motors
 
 
 @dataclass
@@ -114,12 +115,13 @@ def of_logs(logs: Sequence[Log], robot: str) -> Identified:
     settings = scenario("rect", robot=robot).settings
     result = Identified(robot, [log.name for log in logs], settings)
     result.notes += [note for log in logs for note in log.notes]
-    rolled = None
+    part, rolled = None, None
     if those := [log for log in logs if log.wheels is not None]:
         part = motion.by_wheels(those, settings)
         _add(result, part, "wheels")
         if part and "creep" in part.fitted.names:
             rolled = part.fitted
+    result.estimates += by_motors(logs, settings, part)
     if those := [log for log in logs if log.command is not None]:
         _add(result, motion.by_commands(those, settings, rolled), "commands")
     return result
@@ -151,7 +153,7 @@ def _beside(one: Whiteness) -> float:
 
 def _report(part: Part) -> dict[str, Any]:
     f, p = part.fitted, part.prediction
-    found: dict[str, Any] = {"stretches": part.stretches, "samples": f.samples}
+    found: dict[str, Any] = {"stretches": len(part.segments), "samples": f.samples}
     for unit, one in (("m", f.position), ("rad", f.heading)):
         found |= {f"residual_rms_{unit}": one.rms, f"noise_{unit}": one.noise}
         found |= {f"autocorrelation_{unit}": one.memory, f"white_p_{unit}": one.unlikely}
