@@ -79,7 +79,7 @@ def found(number: int, file: Path, start: str) -> tuple[dict[str, tuple[float, f
 
 
 def study(robot: str = robots.DEFAULT, logs: int = 100, laps: int = 1, workers: int = 2) -> Table:
-    """A table: of each number the truth, mean, what it differs by, standard errors, and share of intervals that hold it.
+    """A table: of each number truth, mean, spread and mean standard error, and the share of intervals that hold it.
 
     Args:
         robot: name or file.
@@ -106,7 +106,9 @@ def study(robot: str = robots.DEFAULT, logs: int = 100, laps: int = 1, workers: 
         value, error, low, high = told.T
         spread = f"{value.std(ddof=1):.2g}" if len(value) > 1 else ""
         inside = f"{100 * np.mean((low <= truth) & (truth <= high)):.0f} %"
-        rows.append([key, f"{truth:.4g}", f"{value.mean():.4g}", spread, f"{error.mean():.2g}", inside, str(len(value))])
+        rows.append(
+            [key, f"{truth:.4g}", f"{value.mean():.4g}", spread, f"{error.mean():.2g}", inside, str(len(value))]
+        )
     misfits = sum(misfit for _, misfit in results)
     title = f"{robot}: {logs} logs, {misfits} said to be misfits"
     return Table(title, ["", "truth", "mean", "spread", "std. error", "intervals with the truth", "told"], rows, 1)

@@ -13,7 +13,7 @@ from omni_mj.studies.identify.fit import LATE, Fit
 from omni_mj.studies.identify.segments import Segments
 
 FRAME_S = 1 / 60
-FAST_M_S, PULLING_M_S2, MOVING_M_S = 1.0, 1.5, 0.5  # what creep needs: this speed, and this acceleration while moving
+FAST_M_S, PULLING_M_S2, MOVING_M_S = 1.0, 1.0, 0.5  # what creep needs: this speed, and this acceleration while moving
 LONG_ENOUGH_S = 0.2
 DRIVES_M_S, TURNS_RAD_S = 0.1, 0.3  # root mean square along an axis, below which its gain is not told
 
@@ -168,7 +168,8 @@ def estimates(
 
     Args:
         fitted: to segments.
-        body, settings: that it was fitted with.
+        body: that it was fitted with.
+        settings: of the start robot.
         segments: that it was fitted to.
         given: why what was not free was not, for numbers that only depend on that.
     """

@@ -247,7 +247,11 @@ def _noise(values: np.ndarray, there: np.ndarray) -> float:
     three = there[:, 2:] & there[:, 1:-1] & there[:, :-2]
     second = (values[:, 2:] - 2 * values[:, 1:-1] + values[:, :-2])[three]
     numbers = 2 if np.iscomplexobj(values) else 1
-    return float(np.sqrt(np.median(np.abs(second) ** 2) / (6 * (1.386 if numbers == 2 else 0.455)))) if second.size else 0.0
+    return (
+        float(np.sqrt(np.median(np.abs(second) ** 2) / (6 * (1.386 if numbers == 2 else 0.455))))
+        if second.size
+        else 0.0
+    )
 
 
 def _covariance(residual: Array, jacobian: Array, segments: Segments, taken: int) -> Array:

@@ -9,7 +9,7 @@ r_i in m/s at its rim, and what the ground does, d_i nu, differ by what its trac
 C is the creep stiffness, and the drag that of the plant (`omni_mj.onboard.traction`): of the pile, p N_i against the
 wheel's travel, and of rollers' bearings, b N_i along its axle. Loads shift as the body, whose centre of mass is above
 the floor, speeds up. With encoders r_i is what they show, times the scale of the wheels, and z is 0. With commands r_i
-is what the wheel loops are told, and 1/z their stiffness: a force f_i makes the wheels slower by z f_i. So along an axis
+is what the wheel loops are told, and 1/z their stiffness: a force f_i makes wheels slower by z f_i. So along an axis
 
     (tau + T0 |v|) (v' + drag / m) = K u - v,        T0 = m / (C sum N_i d_i^2),    tau = z m / sum d_i^2.
 
@@ -88,7 +88,9 @@ class Body:
         motor, radius = Motor.of(settings.motor), geometry.radius
         commutation = motor.commutation * motor.gear / (motor.resistance * radius)
         hub = motor.inertia * motor.gear**2 / (radius**2 * body.mass_kg)
-        return cls(geometry.matrix, outward, geometry.arm, geometry.radius, mass, rest, shift, viscous, commutation, hub)
+        return cls(
+            geometry.matrix, outward, geometry.arm, geometry.radius, mass, rest, shift, viscous, commutation, hub
+        )
 
 
 @dataclass(frozen=True)
@@ -134,11 +136,13 @@ def simulate(body: Body, segments: Segments, parameters: Array, late: Array, sta
     v, w = start[..., 1] + 1j * start[..., 2], start[..., 3].copy()
     ahead = np.exp(1j * (heading + par[COMPASS]))
     v, gaining = v / ahead, (start[..., 4] + 1j * start[..., 5]) / ahead
-    pull = np.stack([gaining.real, gaining.imag, start[..., 6]], -1)  # acceleration of the step before
+    pull: Array = np.stack([gaining.real, gaining.imag, start[..., 6]], -1)  # acceleration of the step before
     held: Array | None = None  # what loops have integrated
     way, turned = np.zeros(v.shape, complex), np.zeros(v.shape)
     samples = segments.lines.shape[1]
-    motion = Motion(np.zeros((*v.shape, samples), complex), np.zeros((*v.shape, samples)), np.zeros((*v.shape, samples, 3)))
+    motion = Motion(
+        np.zeros((*v.shape, samples), complex), np.zeros((*v.shape, samples)), np.zeros((*v.shape, samples, 3))
+    )
     motion.twist[:, :, 0] = np.stack([v.real, v.imag, w], -1)
     unit = np.eye(3)
     for k in range(duration.shape[1]):
@@ -192,17 +196,16 @@ def simulate(body: Body, segments: Segments, parameters: Array, late: Array, sta
         right[..., 0] += (upper @ gain[..., None])[..., 0]
         right[..., 1] = (upper @ right[..., 1:])[..., 0] + 0.5 * h[..., None] * ((unit + x) @ gain[..., None])[..., 0]
         solved = np.linalg.solve(unit + x @ upper, right)
-        after, moved = solved[..., 0], solved[..., 1]
+        after: Array = solved[..., 0]
+        moved: Array = solved[..., 1]
         pull = np.where(h[..., None] > 0, (after - before) / np.maximum(h, 1e-9)[..., None], pull)
-        way = way + (moved[..., 0] + 1j * moved[..., 1]) * np.exp(
-            1j * (heading + turned + par[COMPASS])
-        ) * half.conj()
+        way = way + (moved[..., 0] + 1j * moved[..., 1]) * np.exp(1j * (heading + turned + par[COMPASS])) * half.conj()
         turned = turned + moved[..., 2]
         w = after[..., 2]
         v = (after[..., 0] + 1j * after[..., 1]) * np.exp(-1j * moved[..., 2]) * half.conj()
         if held is not None and par[INTEGRAL].any():
             needed = yields * (rim - (after * stretch) @ wheels.T) + (1 - par[SCALE][..., None]) * told / soft
-            held = held + (needed - held) * -np.expm1(-h * par[INTEGRAL])[..., None]
+            held = held - (needed - held) * np.expm1(-h * par[INTEGRAL])[..., None]
         if (k + 1) % parts == 0:
             at = (k + 1) // parts
             motion.way[:, :, at], motion.turned[:, :, at] = way, turned

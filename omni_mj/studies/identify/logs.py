@@ -73,8 +73,8 @@ class Log:
     def part(self, lines: slice) -> "Log":
         """Some lines of it."""
         command, wheels = (None if each is None else each[lines] for each in (self.command, self.wheels))
-        kept = {"time": self.time[lines], "pose": self.pose[lines], "command": command, "wheels": wheels}
-        return replace(self, **kept, notes=[], motors=None)
+        time, pose = self.time[lines], self.pose[lines]
+        return replace(self, time=time, pose=pose, command=command, wheels=wheels, notes=[], motors=None)
 
 
 def read(path: Path) -> list[Log]:

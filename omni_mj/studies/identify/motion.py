@@ -122,15 +122,16 @@ def by_commands(logs: Sequence[Log], settings: Settings, rolled: Fit | None) -> 
         free.append("integral_1_s")
     if rolled is not None:
         start[: law.ROLLERS + 1] = rolled.parameters[: law.ROLLERS + 1]
+        start[law.GRIP] = rolled.parameters[law.GRIP]
         start[law.ARM] = rolled.parameters[law.ARM] / rolled.parameters[law.SCALE]
         found = fit(body, used, start, late, free)
     else:
-        found = fit(body, used, start, late, free, dict.fromkeys(CONTACTS, 0.0))
+        found = fit(body, used, start, late, free)
         if Excitation.of(found, used).creeps.any():
             free = [*CONTACTS, *free]
-            start = np.where(np.isin(law.NAMES, CONTACTS), believed, found.parameters)
-            found = fit(body, used, start, found.late, free)
+            found = fit(body, used, found.parameters, found.late, free)
         else:
+            found = fit(body, used, start, late, free, dict.fromkeys(CONTACTS, 0.0))
             given = "it needs faster moves"
     found, used = _usual(body, used, found, free, {}, notes, "commands", logs)
     if found.misfit and "integral_1_s" not in free:
@@ -218,7 +219,7 @@ def _late(log: Log, inputs: Array, in_body: bool, source: str) -> float:
 
 
 def _drift(log: Log, twists: Array) -> float:
-    """By how much clocks of wheels are slower: of delays in the first and last third; 0 where it is within their step."""
+    """By how much clocks of wheels are slower: of delays in the first and last third; 0 within what they show."""
     third = len(log.time) // 3
     if third < 100:
         return 0.0

@@ -31,10 +31,14 @@ class Motors:
         """Of a log's columns; None where they hold nothing of motors."""
         means = "mean_current_1_a" in columns
         current, voltage = (_each(columns, "mean_" * means + name) for name in ("current_{}_a", "voltage_{}_v"))
-        coasting = columns["coasting"].astype(float) > 0.5 if "coasting" in columns else None
-        if coasting is None and current is not None:
-            coasting = (np.abs(current) < OFF_A).all(1)
-        return None if current is None and voltage is None and coasting is None else cls(current, voltage, means, coasting)
+        coasting: np.ndarray | None = None
+        if "coasting" in columns:
+            coasting = np.asarray(columns["coasting"].astype(float) > 0.5)
+        elif current is not None:
+            coasting = np.asarray((np.abs(current) < OFF_A).all(1))
+        return (
+            None if current is None and voltage is None and coasting is None else cls(current, voltage, means, coasting)
+        )
 
 
 def _each(columns: Mapping[str, np.ndarray], name: str) -> Array | None:

@@ -1,7 +1,7 @@
 r"""What currents, voltages and roll-outs tell: motor constants, mass, drag, and the efficiency of the force.
 
-**Voltages and currents.** At the terminals V = (R + X |w|) i + k G w, with the wheel's speed w and the gear G. Least squares
-of all motors' lines give R and k; commutation X / R is the file's.
+**Voltages and currents.** At the terminals V = (R + X |w|) i + k G w, with the wheel's speed w and the gear G. Least
+squares of all motors' lines give R and k; commutation X / R is the file's.
 
 **Currents and motion.** Currents give the body the force F_j = k G / radius sum d_ij i_i along its axis j, of which
 
@@ -9,9 +9,9 @@ of all motors' lines give R and k; commutation X / R is the file's.
 
 What the right-hand side needs, the acceleration a and the direction n of the motion, is of the law that was fitted to
 wheels: it is smooth, while currents, which ring with their loops, are on the left, where noise does no harm to a
-regression. The mass m then is what the constant k makes it; drag is of all that brakes a robot that rolls out, gears and
-bearings of the wheels with it. Where the robot's mass is that of its file, mass of the file over m is the efficiency of
-the force, as TIGERs Mannheim have it.
+regression. The mass m then is what the constant k makes it; drag is of all that brakes a robot that rolls out, gears
+and bearings of the wheels with it. Where the robot's mass is that of its file, mass of the file over m is the
+efficiency of the force, as TIGERs Mannheim have it.
 
 **Roll-outs.** Where motors carry no current, positions are a parabola from 50 ms after letting go down to 0.1 m/s: its
 deceleration, times the mass and rotors, is the drag of the same kind.
@@ -60,7 +60,9 @@ def by_motors(logs: Sequence[Log], settings: Settings, rolled: Part | None) -> I
     """
     constant = settings.motor.constant_nm_a
     those = [log for log in logs if log.wheels is not None and log.motors is not None]
-    electric = [log for log in those if log.motors and log.motors.current is not None and log.motors.voltage is not None]
+    electric = [
+        log for log in those if log.motors and log.motors.current is not None and log.motors.voltage is not None
+    ]
     if electric:
         for estimate in _constants(electric, settings):
             if estimate.name == "constant_nm_a" and estimate.told:
@@ -75,7 +77,9 @@ def _constants(logs: Sequence[Log], settings: Settings) -> Iterator[Estimate]:
     """Resistance and torque constant by V = R (1 + x |w|) i + k G w."""
     motor, rows, volts, times = Motor.of(settings.motor), list[Array](), list[Array](), list[int]()
     for log in logs:
-        assert log.motors and log.motors.current is not None and log.motors.voltage is not None
+        assert log.motors is not None
+        assert log.motors.current is not None
+        assert log.motors.voltage is not None
         assert log.wheels is not None
         speed = log.wheels[:-1]  # mean since the line before
         if not log.motors.means:
@@ -147,7 +151,8 @@ def _roll_outs(logs: Sequence[Log]) -> Iterator[Estimate]:
     """Deceleration along each axis where motors carry no current."""
     found: dict[int, list[float]] = {0: [], 1: []}
     for log in logs:
-        assert log.motors and log.motors.coasting is not None
+        assert log.motors is not None
+        assert log.motors.coasting is not None
         edges = np.flatnonzero(np.diff(np.concatenate([[0], log.motors.coasting.astype(int), [0]])))
         for begin, end in edges.reshape(-1, 2):
             rolled = _roll_out(log, begin, end)
@@ -156,7 +161,9 @@ def _roll_outs(logs: Sequence[Log]) -> Iterator[Estimate]:
     for axis, name in enumerate(("roll_out_forward_m_s2", "roll_out_sideways_m_s2")):
         if len(values := found[axis]) >= 2:
             error = float(np.std(values, ddof=1) / np.sqrt(len(values)))
-            yield judged(name, KINDS[name], "motors", float(np.mean(values)), error, float(stats.t.ppf(0.975, len(values) - 1)))
+            yield judged(
+                name, KINDS[name], "motors", float(np.mean(values)), error, float(stats.t.ppf(0.975, len(values) - 1))
+            )
 
 
 def _roll_out(log: Log, begin: int, end: int) -> tuple[int, float] | None:

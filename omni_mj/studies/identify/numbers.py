@@ -41,9 +41,10 @@ def of(body: law.Body, settings: Settings, parameters: Array, wheels: bool) -> d
             found[f"lag_{name}_s"] = give * (1 / squares + body.hub)
             rubbed = p["friction_m_s"] * float(np.abs(directions).sum()) / squares + give * drag / squares
             found[f"friction_{name}_m_s"] = rubbed
+    inertia = float(body.mass[2, 2])
     arm = body.arm * p["arm"]
-    time = p["creep"] * body.mass[2, 2] / float((loads * arm**2).sum())
-    slowed = 1 + time * arm * p["pile"] * float(loads.sum()) * arm / body.mass[2, 2]
+    time = p["creep"] * inertia / float((loads * arm**2).sum())
+    slowed = 1 + time * arm * p["pile"] * float(loads.sum()) * arm / inertia
     if wheels:
         found["gain_turning"] = scale / p["arm"] / slowed
         found |= {"radius_m": body.radius * scale, "arm_m": arm}
@@ -51,7 +52,7 @@ def of(body: law.Body, settings: Settings, parameters: Array, wheels: bool) -> d
         loop = 1 + p["turn_gain"]
         found["gain_turning"] = scale * loop / (slowed + scale * p["turn_gain"])
         squares = len(loads) * arm**2
-        found["lag_turning_s"] = give * (body.mass[2, 2] / squares + body.hub) / (1 + scale * p["turn_gain"])
+        found["lag_turning_s"] = give * (inertia / squares + body.hub) / (1 + scale * p["turn_gain"])
         found["stiffness_n_s_m"] = settings.body.mass_kg / max(give, 1e-9)
         found["integral_1_s"] = p["integral_1_s"]
     if p["creep"] > 0:
@@ -75,6 +76,6 @@ def with_errors(fitted: Fit, number: Callable[[Array], dict[str, float]]) -> dic
     finite = np.where(np.isfinite(fitted.covariance), fitted.covariance, 0.0)
     errors = {}
     for key, slope in gradient.items():
-        error = float(np.sqrt(max(slope @ finite @ slope, 0.0)))
+        error = float(max(float(slope @ finite @ slope), 0.0) ** 0.5)
         errors[key] = float("inf") if np.abs(slope[unknown]).max(initial=0.0) > 1e-9 else error
     return {key: (value[key], errors[key]) for key in value}

@@ -43,8 +43,8 @@ def predict(body: law.Body, segments: Segments, sets: Array, late: Array) -> Pre
     where, heading = first[:, 0, None, None] + motion.way, first[:, 1, None, None].real + motion.turned
     away = [np.abs(where[:, i] - segments.position)[there] for i in (0, 1)]
     turned = [(heading[:, i] - segments.angle)[there] for i in (0, 1)]
-    before, after, *angles = (float(np.sqrt((wrong**2).mean())) for wrong in (*away, *turned))
-    return Prediction(before, after, *angles, len(segments))
+    errors = [float(np.sqrt((wrong**2).mean())) for wrong in (*away, *turned)]
+    return Prediction(errors[0], errors[1], errors[2], errors[3], len(segments))
 
 
 def first_poses(segments: Segments) -> np.ndarray:

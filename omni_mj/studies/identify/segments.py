@@ -61,7 +61,10 @@ class Segments:
 
     def some(self, which: np.ndarray) -> "Segments":
         """Those that are named by their numbers, or by a mask."""
-        kept = {name: getattr(self, name)[which] for name in ("in_body", "first", "lines", "there", "position", "angle", "log")}
+        kept = {
+            name: getattr(self, name)[which]
+            for name in ("in_body", "first", "lines", "there", "position", "angle", "log")
+        }
         return replace(self, **kept)
 
     def held_out(self) -> tuple["Segments", "Segments"]:
