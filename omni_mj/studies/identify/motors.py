@@ -39,7 +39,7 @@ LET_GO_S, LEAST_S, SLOW_M_S, ALONG = 0.05, 0.2, 0.1, np.cos(np.radians(20))
 STEPS = "moves at several speeds, with the columns of currents and voltages"
 ROLLS = "roll-outs from 1 to 1.5 m/s along that axis, four or more (column coasting, or currents)"
 KINDS = {
-    "resistance_ohm": Kind("resistance of a motor", "ohm", 0, 0.2, "", STEPS, 0.01),
+    "resistance_ohm": Kind("resistance of a motor", "ohm", 0, 0.2, "", STEPS, 0.03),
     "constant_nm_a": Kind("torque constant of a motor", "N m/A", 0, 0.1, "", STEPS, 0.01),
     "mass_kg": Kind("mass by currents", "kg", 0, 0.2, "", STEPS, 0.01),
     "efficiency": Kind("efficiency of the force", "", 0, 0.2, "", STEPS, 0.01),
@@ -97,7 +97,8 @@ def _constants(logs: Sequence[Log], settings: Settings) -> Iterator[Estimate]:
 def _forces(logs: Sequence[Log], settings: Settings, rolled: Part, constant: float) -> Iterator[Estimate]:
     """Mass and drag by currents and the motion that was fitted to wheels."""
     body, motor, gear = law.Body.of(settings), Motor.of(settings.motor), settings.motor.gear
-    rotor = motor.inertia * gear**2 / body.radius**2
+    ring = settings.wheels.rollers * law.ROLLER_KG * (1 - settings.wheels.roller_radius_m / body.radius) ** 2
+    rotor = motor.inertia * gear**2 / body.radius**2 + ring
     currents = np.concatenate([_at_lines(log, len(body.wheels)) for log in logs])
     segments = rolled.segments
     faster = np.concatenate([_gained(log) for log in logs]) * body.radius  # of rims, m/s^2
