@@ -107,7 +107,7 @@ def test_gaps_are_named_and_bridged_by_nothing(
     log = write(tmp_path / "log.csv", {k: v[kept] for k, v in columns.items()})
     assert invoke("identify", log, "--out", tmp_path / "out") == 0
     found = strict(tmp_path / "out" / "identify.json")
-    assert [note for note in found["notes"] if "a gap of 0.517 s" in note]
+    assert [note for note in found["notes"] if "a gap of 0.533 s" in note]
     late = found["estimates"]["commands.latency_s"]
     assert late["value"] == pytest.approx(0.1, abs=5 * late["standard_error"])
     capsys.readouterr()

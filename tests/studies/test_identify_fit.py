@@ -83,7 +83,7 @@ def test_slow_data_do_not_tell_creep() -> None:
     assert "it needs 1 m/s and 1 m/s^2" in (found["creep_stiffness"].why_not or "")
     assert found["creep_stiffness"].report()["value"] is None
     assert "--plan" in found["creep_stiffness"].would_tell
-    assert found["radius_m"].value == pytest.approx(SETTINGS.wheels.radius_m, rel=0.1)  # less what drag creeps
+    assert found["radius_m"].value == pytest.approx(SETTINGS.wheels.radius_m, rel=0.15)  # less what drag creeps, K
 
 
 def test_motion_along_one_axis_tells_nothing_of_the_other() -> None:

@@ -50,7 +50,7 @@ def logs(
     push: float = 0.0,
     weak: float = 1.0,
 ) -> Logs:
-    """Drive between random velocities, 0.6 s each, along trapezoids.
+    """Drive between random velocities, 3/4 s each, along trapezoids.
 
     Args:
         settings: the robots' geometry and inertia.
@@ -83,7 +83,7 @@ def logs(
     command, goal = np.zeros((lines, n, 3)), np.zeros((n, 3))
     steepest = np.array([pull, pull, 15.0]) / rate
     for k in range(1, lines):
-        if k % round(0.6 * rate) == 1:
+        if k % round(0.75 * rate) == 1:
             goal = rng.uniform(-1, 1, (n, 3)) * [speed, speed, turn]
         command[k] = command[k - 1] + np.clip(goal - command[k - 1], -steepest, steepest)
     z, v, heading, w = np.zeros(n, complex), np.zeros(n, complex), np.zeros(n), np.zeros(n)

@@ -195,9 +195,8 @@ def simulate(body: Body, segments: Segments, parameters: Array, late: Array, sta
         upper = unit + 0.5 * x
         right[..., 0] += (upper @ gain[..., None])[..., 0]
         right[..., 1] = (upper @ right[..., 1:])[..., 0] + 0.5 * h[..., None] * ((unit + x) @ gain[..., None])[..., 0]
-        solved = np.linalg.solve(unit + x @ upper, right)
-        after: Array = solved[..., 0]
-        moved: Array = solved[..., 1]
+        solved = np.asarray(np.linalg.solve(unit + x @ upper, right), float)
+        after, moved = solved[..., 0], solved[..., 1]
         pull = np.where(h[..., None] > 0, (after - before) / np.maximum(h, 1e-9)[..., None], pull)
         way = way + (moved[..., 0] + 1j * moved[..., 1]) * np.exp(1j * (heading + turned + par[COMPASS])) * half.conj()
         turned = turned + moved[..., 2]
