@@ -9,7 +9,7 @@ poses: of a robot that starts from rest the law forgets it at once.
 What the law does not know lasts for more than one sample, so that errors as from white noise would be too small.
 Standard errors are those of Newey and West (1987, Econometrica 55, 703): scores are summed over lags of up to 1/2 s
 within a stretch; where white noise gives the larger ones, those. Both with the degrees of freedom that are left.
-Intervals are Student's, with a degree of freedom for each stretch but one.
+Intervals are Student's, a degree of freedom for each stretch but one.
 """
 
 from collections.abc import Mapping, Sequence
@@ -81,9 +81,8 @@ class Fit:
         parameters: all of the law's, (11,), and `late` (logs,).
         quantile: of Student's distribution, for 95 %.
         at_bound: which stopped at a bound, (n,).
-        position, heading: residuals.
-        twist: at all samples, by the law, (S, m, 3).
-        samples: how many there were.
+        position, heading: residuals of both.
+        twist: at all samples, by the law, (S, m, 3). samples: how many there were.
         each: root mean square of the residuals of each stretch, (S,) m.
     """
 
