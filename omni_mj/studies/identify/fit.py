@@ -145,8 +145,7 @@ def fit(
     residual, jacobian, twist = problem.at(found.x)
     residual, jacobian = residual[:, :-1], jacobian[:, :-1]
     covariance = _covariance(residual, jacobian, segments, problem.taken)
-    near = 2e-3 * scale
-    bound = (found.x < low + near) | (found.x > high - near)
+    bound = (found.x < low + 2e-3 * scale) | (found.x > high - 2e-3 * scale)
     parameters = base.copy()
     parameters[problem.free] = found.x[len(late) :]
     each = np.sqrt((residual**2).sum((1, 2)) / (segments.there.sum(1) * WIDTH))
