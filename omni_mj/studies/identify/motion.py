@@ -22,6 +22,7 @@ EARLIEST_S = -0.25  # clocks of wheels that are tried
 DRIFTS_S = 30.0  # length of logs from which clocks may run at other speeds
 OTHER_RADIUS, SURE = 0.025, 3.0  # and standard errors, from which the wheels are of another radius than the file's
 ROLLS, RADIUS_SHARE = 0.998, 0.002  # rolling radius over the file's, and how well it is known: rubber is pressed in
+ROLLING_M_S = 0.05  # speed of rims above which motors without current roll out, and do not stand
 BETTER = 0.98  # residuals over those without, by which another cause must be better
 CONTACTS = ("creep", "pile", "roller_friction")
 INTEGRAL_1_S = 5.0  # of loops, to try: 3 V/rad beside 0.6 V s/rad
@@ -105,6 +106,7 @@ def by_commands(logs: Sequence[Log], settings: Settings, rolled: Fit | None) -> 
         OmniError: axes are others than said, or there is too little.
     """
     body, notes = law.Body.of(settings), list[str]()
+    logs = [_driven(log, settings.wheels.radius_m) for log in logs]
     inputs = [log.command for log in logs if log.command is not None]
     looks = [_late(log, u, log.in_body, "commands") for log, u in zip(logs, inputs, strict=True)]
     segments = _cut(logs, inputs, [log.in_body for log in logs], False)
@@ -212,6 +214,14 @@ def _stands(twists: Sequence[Array], source: str, notes: list[str]) -> bool:
     whole = np.concatenate(twists)
     speed, rate = np.sqrt((whole[:, :2] ** 2).sum(1).mean()), np.sqrt((whole[:, 2] ** 2).mean())
     return bool(speed < DRIVES_M_S / 2 and rate < TURNS_RAD_S / 2)
+
+
+def _driven(log: Log, radius: float) -> Log:
+    """A log without poses where its robot rolls out, whatever is commanded."""
+    if log.motors is None or log.motors.coasting is None or log.wheels is None:
+        return log
+    rolls = log.motors.coasting & (np.abs(log.wheels).max(1) * radius > ROLLING_M_S)
+    return replace(log, pose=np.where(rolls[:, None], np.nan, log.pose))
 
 
 def _late(log: Log, inputs: Array, in_body: bool, source: str) -> float:
