@@ -68,7 +68,7 @@ def test_commands_alone_tell_creep_too() -> None:
 @pytest.mark.parametrize("lacks", ["push", "weak"])
 def test_what_the_law_lacks_is_a_misfit(lacks: str) -> None:
     """Accelerations of 0.6 m/s^2 that swing at 1.1 Hz; or one wheel whose creep is five times the others'."""
-    of = logs(SETTINGS, TRUTHS[:1], DRIVEN, seed=3, **({"push": 0.6} if lacks == "push" else {"weak": 0.2}))
+    of = logs(SETTINGS, TRUTHS[:1], 4.6, seed=3, **({"push": 0.6} if lacks == "push" else {"weak": 0.2}))
     rolled = motion.by_wheels([log(of, 0)], SETTINGS)
     assert rolled is not None
     assert rolled.fitted.misfit
