@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from omni_mj.simulate.simulation import Simulation
     from omni_mj.studies.alpha import alpha
     from omni_mj.studies.compare import compare
+    from omni_mj.studies.identify import identify
     from omni_mj.studies.limit import limit
     from omni_mj.studies.robot import robot
     from omni_mj.studies.run import run
@@ -36,6 +37,7 @@ _HOMES = {
     "Simulation": "omni_mj.simulate.simulation",
     "alpha": "omni_mj.studies.alpha",
     "compare": "omni_mj.studies.compare",
+    "identify": "omni_mj.studies.identify.study",
     "limit": "omni_mj.studies.limit",
     "robot": "omni_mj.studies.robot",
     "run": "omni_mj.studies.run",
@@ -53,6 +55,7 @@ __all__ = [
     "__version__",
     "alpha",
     "compare",
+    "identify",
     "limit",
     "robot",
     "run",

@@ -13,8 +13,9 @@ from omni_mj.link.radio import Received
 class Telemetry:
     """What the robots' W wheels and motors are doing at a frame; not a number on a plant that has none.
 
-    wheel_angle (n, W) rad, wheel_speed (n, W) rad/s, voltage (n, W) V, current (n, W) A; and the largest magnitudes
-    over the motors and the physics steps of the frame just past: duty_peak (n,), 1 where a motor had all of the
+    wheel_angle (n, W) rad, wheel_speed (n, W) rad/s, voltage (n, W) V, current (n, W) A, and both as means
+    over the frame just past, voltage_mean and current_mean; and the largest magnitudes over the motors and the physics
+    steps of that frame: duty_peak (n,), 1 where a motor had all of the
     battery's voltage, voltage_peak (n,) V, current_peak (n,) A. current_limited (n, W): the share of these steps in
     which the driver held a motor's current back.
     Temperatures of windings and housings (n, W) in deg C, the battery's voltage under load (n,) in V, and the speed at
@@ -25,6 +26,8 @@ class Telemetry:
     wheel_speed: Array
     voltage: Array
     current: Array
+    voltage_mean: Array
+    current_mean: Array
     duty_peak: Array
     voltage_peak: Array
     current_peak: Array

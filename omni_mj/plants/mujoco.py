@@ -171,6 +171,8 @@ class MujocoPlant:
             wheel_speed=self._wheel_speed.get().copy(),
             voltage=self._voltages[-1].copy(),
             current=self.currents[-1].copy(),
+            voltage_mean=self._voltages.mean(0),
+            current_mean=self.currents.mean(0),
             duty_peak=np.minimum(duties, 1.0).max((0, 2)),
             voltage_peak=voltages.max((0, 2)),
             current_peak=np.abs(self.currents).max((0, 2)),

@@ -20,8 +20,8 @@ OWN = "own_"  # before the names of channels of a controller's own
 def channels(wheels: int) -> dict[str, tuple[str, ...]]:
     """Channel -> its columns in a table, for robots with as many wheels.
 
-    A row of the table describes the instant of a frame; `applied` acts from there to the next frame, the peaks are
-    those since the frame before, `current_limited` a share of that time.
+    A row of the table describes the instant of a frame; `applied` acts from there to the next frame, the peaks and
+    means are those since the frame before, `current_limited` a share of that time.
     """
     each = [str(i + 1) for i in range(wheels)]
     return {
@@ -38,6 +38,8 @@ def channels(wheels: int) -> dict[str, tuple[str, ...]]:
         "wheel_speed": tuple(f"wheel_speed_{i}_rad_s" for i in each),
         "voltage": tuple(f"voltage_{i}_v" for i in each),
         "current": tuple(f"current_{i}_a" for i in each),
+        "voltage_mean": tuple(f"mean_voltage_{i}_v" for i in each),
+        "current_mean": tuple(f"mean_current_{i}_a" for i in each),
         "duty_peak": ("duty_peak",),
         "voltage_peak": ("voltage_peak_v",),
         "current_peak": ("current_peak_a",),

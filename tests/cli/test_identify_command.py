@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import invoke, strict
-from synthetic import logs
+from synthetic import Truth, logs
 
 import omni_mj as om
 from omni_mj.studies.slip.law import expected
 
-TRUTH = np.array([[12 / 120, 1.10, 1.25, 0.06, 0.12, 0.03, 0.05, 0.04, 0.02]])
 HEAD = ["time_s", "x_m", "y_m", "heading_rad", "vx_cmd_world_m_s", "vy_cmd_world_m_s", "w_cmd_rad_s"]
 
 
@@ -24,8 +23,8 @@ def write(path: Path, columns: dict[str, np.ndarray]) -> Path:
 
 @pytest.fixture(scope="module")
 def columns() -> dict[str, np.ndarray]:
-    time, poses, commands = logs(TRUTH, 9.3, seed=1)
-    return dict(zip(HEAD, np.column_stack([time, poses[:, 0], commands[:, 0]]).T, strict=True))
+    of = logs(om.scenario("rect").settings, [Truth()], 6.5, seed=1, speed=2.2)
+    return dict(zip(HEAD, np.column_stack([of.time, of.pose[:, 0], of.command[:, 0]]).T, strict=True))
 
 
 def test_a_log_becomes_numbers_a_report_and_a_robot(
@@ -34,7 +33,7 @@ def test_a_log_becomes_numbers_a_report_and_a_robot(
     log = write(tmp_path / "log.csv", columns)
     assert invoke("identify", log, "--out", tmp_path / "out") == 0
     printed = capsys.readouterr().out
-    assert "stretches not fitted to, predicted for 1 s" in printed
+    assert "stretches not fitted to are predicted within" in printed
     found = strict(tmp_path / "out" / "identify.json")
     late = found["estimates"]["commands.latency_s"]
     assert late["value"] == pytest.approx(0.1, abs=0.005)
@@ -108,7 +107,7 @@ def test_gaps_are_named_and_bridged_by_nothing(
     log = write(tmp_path / "log.csv", {k: v[kept] for k, v in columns.items()})
     assert invoke("identify", log, "--out", tmp_path / "out") == 0
     found = strict(tmp_path / "out" / "identify.json")
-    assert [note for note in found["notes"] if "a gap of 0.567 s" in note]
+    assert [note for note in found["notes"] if "a gap of 0.533 s" in note]
     late = found["estimates"]["commands.latency_s"]
     assert late["value"] == pytest.approx(0.1, abs=5 * late["standard_error"])
     capsys.readouterr()
@@ -142,9 +141,9 @@ def test_our_own_recording_of_our_own_robot(tmp_path: Path, capsys: pytest.Captu
         if (value := by_wheels[f"wheels.gain_{name}"]) is not None:
             assert value == pytest.approx(law.gain[axis], abs=0.04)
     assert any(value is not None for value in by_wheels.values())
-    held = found["fits"]["motion by wheels"]["held_out"]
+    held = found["fits"]["wheels"]["held_out"]
     assert held["identified_m"] < held["start_m"]
-    assert "nothing is told of turning" in out
+    assert "the robot turns at" in out
 
 
 def test_the_plan_is_a_scenario_within_the_limits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -87,7 +87,7 @@ def test_after_frame_is_called_once_a_frame_with_its_row_written() -> None:
 def test_every_channel_of_every_frame_is_recorded(plant: str) -> None:
     trajectory = run(plant, ("vision.miss_probability=0",), seeds=2)
     without_wheels = {"wheel_angle", "wheel_speed", "voltage", "current", "duty_peak", "voltage_peak", "current_peak"}
-    without_wheels |= {"current_limited", "winding", "housing", "battery", "slip"}
+    without_wheels |= {"current_limited", "winding", "housing", "battery", "slip", "voltage_mean", "current_mean"}
     for name in trajectory.log.columns:
         missing = np.isnan(trajectory.channel(name)).any()
         # Neither controller estimates the latency.

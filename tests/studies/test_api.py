@@ -55,7 +55,7 @@ def test_names_at_the_top_are_few_and_stay_what_they_are() -> None:
     assert len(dir(om)) <= 16
     for module in ("omni_mj.run", "omni_mj.scenarios.scenario", "omni_mj.studies.run", "omni_mj.studies.compare"):
         importlib.import_module(module)
-    for name in ("scenario", "robot", "run", "compare", "limit", "alpha", "slip", "verify"):
+    for name in ("scenario", "robot", "run", "compare", "limit", "alpha", "slip", "verify", "identify"):
         assert isinstance(getattr(om, name), types.FunctionType)
     for name in ("Controller", "OmniError", "Scenario", "Simulation", "Result"):
         assert isinstance(getattr(om, name), type)

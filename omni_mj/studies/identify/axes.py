@@ -11,8 +11,8 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.studies.identify.logs import Log
-from omni_mj.studies.identify.segments import SMOOTHED
 
+SMOOTHED = np.array([1.0, 2.0, 3.0, 2.0, 1.0]) / 9
 TURNED_RAD = 0.5  # from which axes are taken for wrong
 MOVES_M_S, TURNS_RAD_S = 0.05, 0.2  # root mean square, below which nothing is looked at
 LATEST_S = 0.5

@@ -1,47 +1,80 @@
 """What the data tell of each number, with its interval, and where they do not, why, and what would."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.studies.identify.fit import Fit
+from omni_mj.scenarios.settings import Settings
+from omni_mj.studies.identify import law, numbers
+from omni_mj.studies.identify.fit import LATE, Fit
 from omni_mj.studies.identify.segments import Segments
 
 FRAME_S = 1 / 60
-FAST_M_S, PULLING_M_S2, MOVING_M_S = 1.0, 1.5, 0.5  # what creep needs: this speed, and this acceleration while moving
+FAST_M_S, PULLING_M_S2, MOVING_M_S = 1.0, 1.0, 0.5  # what creep needs: this speed, and this acceleration while moving
 LONG_ENOUGH_S = 0.2
 DRIVES_M_S, TURNS_RAD_S = 0.1, 0.3  # root mean square along an axis, below which its gain is not told
-# Parameter -> unit, half width of the 95 % interval above which it is not told.
-LIMITS = {
-    "latency": ("s", 0.5 * FRAME_S),
-    "gain": ("", 0.05),
-    "creep": ("s^2/m", 0.03),
-    "lag": ("s", 0.02),
-    "friction": ("m/s", 0.03),
-    "compass": ("rad", 0.05),
-}
-TITLES = {
-    "latency_s": "latency of the loop",
-    "effort_forward": "gain K forward",
-    "effort_sideways": "gain K sideways",
-    "effort_turning": "gain K turning",
-    "creep_forward_s2_m": "creep T forward",
-    "creep_sideways_s2_m": "creep T sideways",
-    "lag_forward_s": "lag tau forward",
-    "lag_sideways_s": "lag tau sideways",
-    "lag_turning_s": "lag turning",
-    "friction_m_s": "dry friction c",
-    "compass_rad": "angle of the robot's axes",
-}
-EXPERIMENTS = {
-    "latency": "changes of the command of 1 m/s or more, twenty or so",
-    "gain": "half a minute along that axis, with plateaus at two or three speeds",
-    "creep": "moves along that axis to 1, 1.5 and 2 m/s at 2 m/s^2 and more, there and back, ten each (--plan)",
-    "lag": "steps of the command at low speed along that axis, where creep is small",
-    "friction": "moves at 0.1 to 0.3 m/s beside fast ones",
-    "compass": "straight moves of a metre or more",
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What is told of a number.
+
+    Attributes:
+        title, unit: of it.
+        limit: half width of the 95 % interval above which it is not told; share: the same, over the value.
+        needs: what the motion must have: forward, sideways, turning or creep, several separated by blanks.
+        would_tell: what to drive.
+        law: standard error of the law itself, over the value where it is a share (`share`): how far it was off on our
+            plant where noise does not explain it (docs/identify.md).
+    """
+
+    title: str
+    unit: str
+    limit: float
+    share: float
+    needs: str
+    would_tell: str
+    law: float = 0.0
+
+
+GAIN = "half a minute along that axis, with plateaus at two or three speeds"
+CREEP = "moves along that axis to 1, 1.5 and 2 m/s at 2 m/s^2 and more, there and back, ten each (--plan)"
+LAG = "steps of the command at low speed along that axis, where creep is small"
+STEPS = "changes of the command of 1 m/s or more, twenty or so"
+STRAIGHT = "straight moves of a metre or more"
+DRAG = "as for creep; roll-outs with motors off, or motors' currents"
+KINDS = {
+    LATE: Kind("latency of the loop", "s", 0.5 * FRAME_S, 0, "", STEPS, 9e-4),
+    "clock_s": Kind("poses later than wheels by", "s", 0.5 * FRAME_S, 0, "", STEPS, 6e-4),
+    "drift": Kind("and more so by, each second", "", 1e-3, 0, "", "a log of a minute or more", 5e-5),
+    "gain_forward": Kind("gain K forward", "", 0.05, 0, "forward", GAIN, 2e-3),
+    "gain_sideways": Kind("gain K sideways", "", 0.05, 0, "sideways", GAIN, 2e-3),
+    "gain_turning": Kind("gain K turning", "", 0.05, 0, "turning", GAIN, 2e-3),
+    "creep_stiffness": Kind("creep stiffness C", "", 0, 0.25, "creep", CREEP, 6e-3),
+    "creep_forward_s2_m": Kind("creep T forward", "s^2/m", 0.03, 0, "creep forward", CREEP, 7e-4),
+    "creep_sideways_s2_m": Kind("creep T sideways", "s^2/m", 0.03, 0, "creep sideways", CREEP, 1.4e-3),
+    "drag_forward_m_s2": Kind("drag through the contacts forward", "m/s^2", 0, 0.25, "creep forward", DRAG, 0.08),
+    "drag_sideways_m_s2": Kind("drag through the contacts sideways", "m/s^2", 0, 0.25, "creep sideways", DRAG, 0.08),
+    "pile": Kind("drag of the pile, over load", "", 0.015, 0, "creep", DRAG, 4e-3),
+    "roller_friction": Kind("friction of rollers, over load", "", 0.03, 0, "creep", DRAG, 8e-3),
+    "radius_m": Kind("effective wheel radius", "m", 0, 0.01, "", GAIN, 2e-3),
+    "arm_m": Kind("effective arm", "m", 0, 0.02, "turning", GAIN, 2e-3),
+    "lag_forward_s": Kind("lag tau forward", "s", 0.02, 0, "forward", LAG, 1e-3),
+    "lag_sideways_s": Kind("lag tau sideways", "s", 0.02, 0, "sideways", LAG, 1.5e-3),
+    "lag_turning_s": Kind("lag turning", "s", 0.02, 0, "turning", LAG, 1e-3),
+    "friction_forward_m_s": Kind(
+        "dry friction c forward", "m/s", 0.03, 0, "forward", "moves at 0.1 to 0.3 m/s beside fast ones"
+    ),
+    "friction_sideways_m_s": Kind(
+        "dry friction c sideways", "m/s", 0.03, 0, "sideways", "moves at 0.1 to 0.3 m/s beside fast ones"
+    ),
+    "stiffness_n_s_m": Kind("stiffness of a wheel's loop", "N s/m", 0, 0.25, "", LAG, 0.03),
+    "integral_1_s": Kind("integral over proportional gain of loops", "1/s", 0, 0.5, "", STEPS),
+    "grip": Kind("friction of wheels on the carpet", "", 0, 0.1, "", "moves on which wheels slide"),
+    "compass_rad": Kind("angle of the robot's axes", "rad", 0.05, 0, "", STRAIGHT),
 }
 
 
@@ -50,7 +83,7 @@ class Estimate:
     """A number of the robot.
 
     Attributes:
-        name, title, unit: of it; `source` is what it was found from: commands or wheels.
+        name, title, unit: of it; `source` is what it was found from: commands, wheels or motors.
         value, error: with its standard error; low and high: ends of the 95 % interval. Kept where it is not told, too,
             so that the reason can be checked.
         why_not: why the data cannot tell it, or None.
@@ -81,59 +114,104 @@ class Estimate:
         return head | {"value": None, "not_identifiable": self.why_not, "would_tell": self.would_tell}
 
 
-def estimates(found: Fit, segments: Segments, source: str, fixed: tuple[str, ...] = ()) -> list[Estimate]:
-    """Of a fit's parameters, all but those that were fixed."""
-    return [_estimate(found, i, name, segments, source) for i, name in enumerate(found.names) if name not in fixed]
+@dataclass(frozen=True)
+class Excitation:
+    """What the motion of stretches has, for each of forward and sideways (2,).
 
+    Attributes:
+        rms: of the speed along the axis, m/s; turning: of the turn rate, rad/s.
+        speed, pulling: 99 % of the speed and of the acceleration along the axis.
+        creeps: whether it is long enough fast and pulling.
+    """
 
-def _estimate(found: Fit, i: int, name: str, segments: Segments, source: str) -> Estimate:
-    value, error = float(found.value[i]), float(found.error[i])
-    kind = "gain" if name.startswith("effort") else name.split("_")[0]
-    unit, limit = LIMITS[kind]
-    axis = 1 if "sideways" in name else 0
-    title = TITLES[name]
-    if kind == "gain":
-        name, value, error = name.replace("effort", "gain"), 1 / value, error / value**2
-    if source == "wheels" and kind == "latency":
-        title, name = "clock of the wheels, late by", "clock_s"
-    half = found.quantile * error
-    why = _lacking(kind, axis, found, segments)
-    if why is None and not half < limit:
-        width = f"+-{half:.2g} {unit}".rstrip() if np.isfinite(half) else "without end"
-        why = f"its 95 % interval is {width}, wider than +-{limit:.2g} {unit}".rstrip()
-    if why is None and found.at_bound[i]:
-        why = f"the fit stopped at a bound, {value:.3g} {unit}".rstrip()
-    return Estimate(name, title, unit, source, value, error, value - half, value + half, why, EXPERIMENTS[kind])
+    rms: Array
+    turning: float
+    speed: float
+    pulling: Array
+    creeps: np.ndarray
 
+    @classmethod
+    def of(cls, fitted: Fit, segments: Segments) -> "Excitation":
+        """That of the fitted motion."""
+        both = segments.there[:, 1:] & segments.there[:, :-1]
+        step = np.maximum(np.diff(segments.time, axis=1), 1e-9)[both]
+        along, pull = fitted.twist[:, 1:][both], np.abs(np.diff(fitted.twist, axis=1)[both] / step[:, None])[:, :2]
+        speed = np.hypot(along[:, 0], along[:, 1])
+        fast = segments.period * (speed >= FAST_M_S).sum()
+        hard = segments.period * ((pull >= PULLING_M_S2) & (speed >= MOVING_M_S)[:, None]).sum(0)
+        rms = np.sqrt((along**2).mean(0))
+        creeps = (fast >= LONG_ENOUGH_S) & (hard >= LONG_ENOUGH_S)
+        high = np.quantile(pull, 0.99, axis=0)
+        return cls(rms[:2], float(rms[2]), float(np.quantile(speed, 0.99)), high, creeps)
 
-def _lacking(kind: str, axis: int, found: Fit, segments: Segments) -> str | None:
-    """What the motion lacks to show a parameter, or None."""
-    if len(found.names) == 3:
-        rates = found.velocity.real[segments.there]
-        rms = float(np.sqrt((rates**2).mean()))
-        return f"the robot turns at {rms:.2f} rad/s (rms) only" if rms < TURNS_RAD_S else None
-    along, speed, pulling = excitation(found, segments, axis)
-    rms = float(np.sqrt((along**2).mean()))
-    way = ("forward", "sideways")[axis]
-    if kind in ("gain", "creep", "lag") and rms < DRIVES_M_S:
-        return f"the robot moves {way} at {rms:.2f} m/s (rms) only"
-    if kind != "creep":
+    def lacks(self, needs: str) -> str | None:
+        """What of the needs there is not, or None."""
+        for axis, way in enumerate(("forward", "sideways")):
+            if way in needs and self.rms[axis] < DRIVES_M_S:
+                return f"the robot moves {way} at {self.rms[axis]:.2f} m/s (rms) only"
+            if "creep" in needs and (way in needs or needs == "creep") and not self.creeps[axis]:
+                if needs == "creep" and self.creeps.any():
+                    continue
+                return (
+                    f"it needs {FAST_M_S:g} m/s and {PULLING_M_S2:g} m/s^2 {way}; these data hold "
+                    f"{self.speed:.2f} m/s and {self.pulling[axis]:.2f} m/s^2"
+                )
+        if "turning" in needs and self.turning < TURNS_RAD_S:
+            return f"the robot turns at {self.turning:.2f} rad/s (rms) only"
         return None
-    fast = segments.period * (speed >= FAST_M_S).sum()
-    hard = segments.period * ((pulling >= PULLING_M_S2) & (speed >= MOVING_M_S)).sum()
-    if fast < LONG_ENOUGH_S or hard < LONG_ENOUGH_S:
-        return (
-            f"it needs {FAST_M_S:g} m/s and {PULLING_M_S2:g} m/s^2 {way}; these data hold "
-            f"{np.quantile(speed, 0.99):.2f} m/s and {np.quantile(pulling, 0.99):.2f} m/s^2"
-        )
-    return None
 
 
-def excitation(found: Fit, segments: Segments, axis: int) -> tuple[Array, Array, Array]:
-    """Speed along an axis, speed, and acceleration along the axis, all of the fitted motion, at its samples."""
-    v, there = found.velocity, segments.there
-    along = v.imag if axis else v.real
-    step = np.maximum(np.diff(segments.time, axis=1), 1e-9)
-    pulling = np.abs(np.diff(along, axis=1)) / step
-    both = there[:, 1:] & there[:, :-1]
-    return along[:, 1:][both], np.abs(v[:, 1:][both]), pulling[both]
+def estimates(
+    fitted: Fit, body: law.Body, settings: Settings, segments: Segments, given: str = ""
+) -> Iterator[Estimate]:
+    """Of a fit, all numbers that depend on what it was free to change.
+
+    Args:
+        fitted: to segments.
+        body: that it was fitted with.
+        settings: of the start robot.
+        segments: that it was fitted to.
+        given: why what was not free was not, for numbers that only depend on that.
+    """
+    source = "wheels" if segments.wheels else "commands"
+    excited = Excitation.of(fitted, segments)
+    found = numbers.with_errors(fitted, lambda p: numbers.of(body, settings, p, segments.wheels))
+    for i, value in enumerate(fitted.late):
+        name = f"clock_{i + 1}_s" if len(fitted.late) > 1 else "clock_s"
+        name, kind = (name, KINDS["clock_s"]) if segments.wheels else (LATE, KINDS[LATE])
+        yield judged(name, kind, source, float(value), float(fitted.error[i]), fitted.quantile, excited)
+    bounds = dict(zip(fitted.names, fitted.at_bound, strict=True))
+    for name, (value, error) in found.items():
+        if error == 0.0 or (not segments.wheels and "creep" not in fitted.names and name.startswith("creep")):
+            continue  # what other data told
+        stopped = bounds.get("creep" if name == "creep_stiffness" else name, False)
+        yield judged(name, KINDS[name], source, value, error, fitted.quantile, excited, bool(stopped))
+    if "creep" not in fitted.names and given:
+        for name in ("creep_stiffness",):
+            kind = KINDS[name]
+            nan = float("nan")
+            why = excited.lacks(kind.needs) or given
+            yield Estimate(name, kind.title, kind.unit, source, nan, nan, nan, nan, why, kind.would_tell)
+
+
+def judged(
+    name: str,
+    kind: Kind,
+    source: str,
+    value: float,
+    error: float,
+    quantile: float,
+    excited: Excitation | None = None,
+    stopped: bool = False,
+) -> Estimate:
+    """A number with its interval, or with the reason for which it is not told."""
+    error = float(np.hypot(error, kind.law * (abs(value) if kind.share and not kind.limit else 1.0)))
+    half = quantile * error
+    why = excited.lacks(kind.needs) if excited and kind.needs else None
+    limit = max(kind.limit, kind.share * abs(value))
+    if why is None and not half <= limit:
+        width = f"+-{half:.2g} {kind.unit}".rstrip() if np.isfinite(half) else "without end"
+        why = f"its 95 % interval is {width}, wider than +-{limit:.2g} {kind.unit}".rstrip()
+    if why is None and stopped:
+        why = f"the fit stopped at a bound, {value:.3g} {kind.unit}".rstrip()
+    return Estimate(name, kind.title, kind.unit, source, value, error, value - half, value + half, why, kind.would_tell)

@@ -1,154 +1,255 @@
-r"""The law of command to motion, over actual times: many stretches with many sets of parameters at once.
+r"""The law of wheels to motion: creep, Coulomb's limit and drag of each wheel, solved over stretches of logs.
 
-It is that of `omni_control.estimation.motion`, per axis of the body, with lags of their own:
+Wheel i of direction d_i = (cosines, arm) has the load N_i and travels at |v_i| over the carpet. What it is told to do,
+r_i in m/s at its rim, and what the ground does, d_i nu, differ by what its traction f_i costs:
 
-    (tau_i + g_i^2 T_i |v|) v'_i = u_i - c n_i - g_i v_i,        u = the input of `latency` ago, turned by -compass.
+    r_i - d_i nu = (z + |v_i| / (C N_i)) f_i,        |f_i| <= sqrt(mu^2 - b^2) N_i
+    M nu' = sum f_i d_i - drag,                      nu: twist of the body, along its own axes
 
-Inputs act from their line to the next. Between the times at which poses were measured, and inputs change, the law is
-solved exactly with the lag of the step's middle; steps are 1/40 s at most. Turning is the same law along one axis,
-without creep and friction.
+C is the creep stiffness, and the drag that of the plant (`omni_mj.onboard.traction`): of the pile, p N_i against the
+wheel's travel, and of rollers' bearings, b N_i along its axle. Loads shift as the body, whose centre of mass is above
+the floor, speeds up. With encoders r_i is what they show, times the scale of the wheels, and z is 0. With commands r_i
+is what the wheel loops are told, and 1/z their stiffness: a force f_i makes wheels slower by z f_i. So along an axis
+
+    (tau + T0 |v|) (v' + drag / m) = K u - v,        T0 = m / (C sum N_i d_i^2),    tau = z m / sum d_i^2.
+
+Turn rates are commanded through a loop on the gyro, (1 + k) u - k w. All is per mass: forces are accelerations here.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from omni_control.kinematics import Array
+from omni_mj.onboard.motor import Motor
+from omni_mj.scenarios.settings import Settings
 from omni_mj.studies.identify.segments import COARSEST_S, Segments
 
 NAMES = (
-    "latency_s",
-    "effort_forward",
-    "effort_sideways",
-    "creep_forward_s2_m",
-    "creep_sideways_s2_m",
-    "lag_forward_s",
-    "lag_sideways_s",
-    "friction_m_s",
+    "creep",
+    "pile",
+    "roller_friction",
+    "scale",
+    "arm",
     "compass_rad",
+    "give_s",
+    "friction_m_s",
+    "turn_gain",
+    "grip",
+    "drift",
+    "integral_1_s",
 )
-TURNING = ("latency_s", "effort_turning", "lag_turning_s")
-RUBBED_M_S = 0.05  # speed from which dry friction is all there
-LEAST_LAG_S = 1e-3
+CREEP, PILE, ROLLERS, SCALE, ARM, COMPASS, GIVE, FRICTION, TURN, GRIP, DRIFT, INTEGRAL = range(len(NAMES))
+GRAVITY_M_S2 = 9.81
+ROLLER_KG = 0.0015  # as in models/ssl_robot.xml: what turns beyond the creep is as mass that only rims push, 1 to 2 %
+AT_REST_M_S = 0.01  # below which dry drag fades, as on the plant
+RUBBED_M_S = 0.05  # speed of wheels from which their own dry friction is all there
+STIFFEST_S = 1e-4  # of z m: wheels without creep and give
 
 
-class Steps:
-    """The steps of S stretches, for one latency.
+@dataclass(frozen=True, eq=False)
+class Body:
+    """What is known of a robot: its wheels and how its weight is on them.
 
     Attributes:
-        duration: (q, S) s; some are 0.
-        act: line of the input that acts, (q, S).
-        middle: times, (q, S) s.
-        samples: after how many steps each sample is, (S, m).
+        wheels: directions (W, 3): cosines and arm.
+        outward: of each wheel, (W,) unit vectors.
+        arm: m. radius: of the wheels, m.
+        mass: matrix (3, 3) over the mass: of a twist of the middle of the wheels.
+        rest: loads at rest over the mass, (W,) m/s^2; shift: what an acceleration adds, (2, W).
+        viscous: drag of a wheel's rollers over speed along its axle and mass, 1/s.
+        commutation: by which share a motor's resistance grows with the speed of its wheel, s/m.
+        hub: inertia of a motor, as a mass at the rim, over the mass.
     """
 
-    def __init__(self, segments: Segments, latency: float) -> None:
-        time, clock = segments.time, segments.clock
-        begin, end = time[:, :1], time[:, -1:]
-        low = np.searchsorted(clock, begin[:, 0] - latency)
-        most = int((np.searchsorted(clock, end[:, 0] - latency) - low).max()) + 1
-        switch = clock[np.minimum(low[:, None] + np.arange(most), len(clock) - 1)] + latency
-        parts = max(1, int(np.ceil(segments.period / COARSEST_S)))
-        between = [time[:, :-1] + (k / parts) * np.diff(time) for k in range(1, parts)]
-        merged = np.concatenate([time, np.clip(switch, begin, end), *between], axis=1)
-        order = np.argsort(merged, axis=1, kind="stable")
-        edges = np.take_along_axis(merged, order, axis=1)
-        self.samples = np.argsort(order, axis=1, kind="stable")[:, : time.shape[1]]
-        self.duration = np.diff(edges).T.copy()
-        self.middle = ((edges[:, 1:] + edges[:, :-1]) / 2).T
-        line = np.searchsorted(clock, self.middle - latency, side="right") - 1
-        self.act = np.maximum(line, segments.first)
+    wheels: Array
+    outward: np.ndarray
+    arm: float
+    radius: float
+    mass: Array
+    rest: Array
+    shift: Array
+    viscous: float
+    commutation: float
+    hub: float
+
+    @classmethod
+    def of(cls, settings: Settings) -> "Body":
+        """That of a robot under its settings."""
+        geometry, body = settings.wheels.kinematics, settings.body
+        outward, centre = np.exp(1j * geometry.azimuths), body.centre_x_m
+        places = np.column_stack([np.ones(len(outward)), geometry.arm * outward.real, geometry.arm * outward.imag])
+        loads = places @ np.linalg.inv(places.T @ places)  # of force, and moments about the middle
+        mass = np.array([[1, 0, 0], [0, 1, centre], [0, centre, body.yaw_inertia_kg_m2 / body.mass_kg + centre**2]])
+        ring = 1 - settings.wheels.roller_radius_m / geometry.radius  # rollers, over the wheel's radius
+        mass += settings.wheels.rollers * ROLLER_KG * ring**2 / body.mass_kg * geometry.matrix.T @ geometry.matrix
+        viscous = settings.drive.roller_damping_nm_s / settings.wheels.roller_radius_m**2 / body.mass_kg
+        rest, shift = loads @ [GRAVITY_M_S2, GRAVITY_M_S2 * centre, 0.0], -body.centre_height_m * loads[:, 1:].T
+        motor, radius = Motor.of(settings.motor), geometry.radius
+        commutation = motor.commutation * motor.gear / (motor.resistance * radius)
+        hub = motor.inertia * motor.gear**2 / (radius**2 * body.mass_kg)
+        return cls(
+            geometry.matrix, outward, geometry.arm, geometry.radius, mass, rest, shift, viscous, commutation, hub
+        )
 
 
-def translate(segments: Segments, parameters: Array, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Positions less the first, and velocities along the body's axes, at all samples.
+@dataclass(frozen=True)
+class Motion:
+    """What the law makes of S stretches with P sets of parameters, at all m samples.
+
+    Attributes:
+        way: from the first sample on, world frame, (S, P, m) complex m.
+        turned: the same, (S, P, m) rad.
+        twist: along the body's axes, (S, P, m, 3).
+    """
+
+    way: np.ndarray
+    turned: Array
+    twist: Array
+
+
+def simulate(body: Body, segments: Segments, parameters: Array, late: Array, start: Array) -> Motion:
+    """Solve the law.
+
+    Each step's mean input acts through it; with the lags of its middle, extrapolated, it is solved by the (0, 2) Pade
+    approximant of the exponential, of second order and for any stiffness.
 
     Args:
+        body: the robot.
         segments: S stretches.
-        parameters: P sets (P, 9), in the order of `NAMES`.
-        start: velocities at the first sample, world frame, (S, P) complex m/s.
-
-    Returns:
-        Two complex arrays (S, P, m), world frame in m, and body frame in m/s.
+        parameters: P sets (P, 11), in the order of `NAMES`; arm relative to the body's.
+        late: by how much inputs are, (S, P) s.
+        start: at the first sample heading in rad, twist, and acceleration, world frame, (S, P, 7).
     """
-    steps, which = _steps(segments, parameters[:, 0])
-    duration = np.stack([s.duration for s in steps], -1)[..., which]
-    middle = np.stack([s.middle for s in steps], -1)
-    act = np.stack([s.act for s in steps], -1)
-    ahead = np.exp(1j * np.interp(middle, segments.clock, segments.heading))
-    inputs = segments.inputs[act] * np.where(segments.in_body[act], 1.0, ahead.conj())
-    back, inputs = ahead.conj()[..., which], inputs[..., which] * np.exp(-1j * parameters[:, 8])
-    effort, creep, tau = parameters[:, 1:3], parameters[:, 3:5], parameters[:, 5:7]
-    slack, rubbed = effort**2 * creep, parameters[:, 7]
-    into = np.concatenate([back[:1], back[1:] * back[:-1].conj()])
-    targets, rates = _pairs(inputs), -duration[..., None] * effort
-    ahead_of = targets / effort
-    v = start.astype(complex)
-    moved, along = np.zeros((2, len(duration) + 1, *v.shape), complex)
-    along[0] = v * back[0]
-    for i in range(len(duration)):
-        v = v * into[i]
-        before = _pairs(v)
-        lag = np.maximum(tau + slack * np.abs(v)[..., None], LEAST_LAG_S)
-        kept = np.exp(rates[i] / (2 * lag))  # half the step, without friction, to the speed in its middle
-        lag = np.maximum(tau + slack * np.abs(_plane(kept * before + (1 - kept) * ahead_of[i]))[..., None], LEAST_LAG_S)
-        kept = np.exp(rates[i] / lag)
-        gained = (1 - kept) / effort
-        free = kept * before + gained * targets[i]
-        cost = rubbed[:, None] * gained
-        size = np.maximum(np.abs(_plane(free))[..., None], np.maximum(RUBBED_M_S, cost))
-        final = (targets[i] - rubbed[:, None] * free / size) / effort
-        after = final + (before - final) * kept
-        way = duration[i][..., None] * final + (lag / effort) * (before - after)
-        v = _plane(after)
-        moved[i + 1], along[i + 1] = _plane(way) * back[i].conj(), v
-    return _sampled(np.cumsum(moved, 0), steps, which), _sampled(along, steps, which)
+    par = parameters.T[:, None]  # (11, 1, P)
+    parts = max(1, int(np.ceil(segments.period / COARSEST_S)))
+    inputs, duration = _inputs(segments, late, parameters[:, DRIFT], parts)
+    wheels, outward = body.wheels, body.outward
+    arm, creep, give = body.arm * par[ARM], par[CREEP][..., None], par[GIVE][..., None]
+    stretch = np.ones((1, len(parameters), 3))
+    stretch[..., 2] = par[ARM]
+    squares = stretch[..., None] * stretch[..., None, :]
+    basis = _basis(body)
+    inverse = np.linalg.inv(body.mass)
+    cap = np.sqrt(np.maximum(par[GRIP] ** 2 - par[ROLLERS] ** 2, 1e-4))[..., None]
+    heading = start[..., 0] + np.zeros_like(late)
+    v, w = start[..., 1] + 1j * start[..., 2], start[..., 3].copy()
+    ahead = np.exp(1j * (heading + par[COMPASS]))
+    v, gaining = v / ahead, (start[..., 4] + 1j * start[..., 5]) / ahead
+    pull: Array = np.stack([gaining.real, gaining.imag, start[..., 6]], -1)  # acceleration of the step before
+    held: Array | None = None  # what loops have integrated
+    way, turned = np.zeros(v.shape, complex), np.zeros(v.shape)
+    samples = segments.lines.shape[1]
+    motion = Motion(
+        np.zeros((*v.shape, samples), complex), np.zeros((*v.shape, samples)), np.zeros((*v.shape, samples, 3))
+    )
+    motion.twist[:, :, 0] = np.stack([v.real, v.imag, w], -1)
+    unit = np.eye(3)
+    for k in range(duration.shape[1]):
+        h = duration[:, k, None]
+        half = np.exp(-0.5j * h * (w + 0.5 * h * pull[..., 2]))
+        v = v * half
+        before = np.stack([v.real, v.imag, w], -1)
+        middle = before + 0.5 * h[..., None] * pull
+        travel = (middle[..., 0] + 1j * middle[..., 1])[..., None] + 1j * (middle[..., 2] * arm)[..., None] * outward
+        speed, axle = np.abs(travel), np.abs((travel * outward.conj()).real)
+        load = np.maximum(body.rest + pull[..., :2] @ body.shift, 0.02 * GRAVITY_M_S2)
+        slack = creep * speed / load
+        if segments.wheels:
+            rim = par[SCALE][..., None] * body.radius * inputs[:, :, k]
+            yields = 1 / np.maximum(slack, STIFFEST_S)
+        else:
+            u = inputs[:, :, k, 0] + 1j * inputs[:, :, k, 1]
+            u = np.where(segments.in_body[:, None], u, u * np.exp(-1j * (heading + turned + 0.5 * h * w)))
+            turn = inputs[:, :, k, 2] + par[TURN] * (inputs[:, :, k, 2] - middle[..., 2])
+            told = np.stack([u.real, u.imag, turn * par[ARM]], -1) @ wheels.T
+            soft = give * (1 + body.commutation * np.abs(told))
+            if held is None:  # as if all had been steady before
+                held = _steady(body, pull, v, par) + (1 - par[SCALE][..., None]) * told / soft
+                held = held * (par[INTEGRAL] > 0)[..., None]
+            rim = par[SCALE][..., None] * told + soft * held
+            rim = rim - par[FRICTION][..., None] * told / np.maximum(np.abs(told), RUBBED_M_S)
+            yields = 1 / np.maximum(soft + slack, STIFFEST_S)
+        off = np.abs(rim - (middle * stretch) @ wheels.T)
+        yields = np.minimum(yields, cap * load / np.maximum(off, 1e-9))
+        coefficients = np.concatenate(
+            [
+                yields,
+                par[PILE][..., None] * load / np.maximum(speed, AT_REST_M_S),
+                par[ROLLERS][..., None] * load / np.maximum(axle, AT_REST_M_S) + body.viscous,
+            ],
+            -1,
+        )
+        resisting = (coefficients @ basis).reshape(*v.shape, 3, 3) * squares
+        if not segments.wheels:  # the loop on the gyro; and motors, which turn with the body
+            resisting_turn = (par[TURN] * par[SCALE] * arm)[..., None] * stretch * (yields @ wheels)
+            resisting[..., 2] += resisting_turn
+            driven = ((body.hub * soft * yields) @ basis[: len(wheels)]).reshape(*v.shape, 3, 3) * squares
+            inverse = np.linalg.inv(body.mass + driven)
+        pushing = stretch * ((yields * rim) @ wheels)
+        if not segments.wheels:  # of the loop on the gyro, what depends on the turn rate is solved for
+            pushing = pushing + resisting_turn * middle[..., 2:]
+        x = (inverse @ resisting) * h[..., None, None]
+        gain = h[..., None] * (inverse @ pushing[..., None])[..., 0]
+        right = np.stack([before, h[..., None] * before], -1) + 0.0
+        upper = unit + 0.5 * x
+        right[..., 0] += (upper @ gain[..., None])[..., 0]
+        right[..., 1] = (upper @ right[..., 1:])[..., 0] + 0.5 * h[..., None] * ((unit + x) @ gain[..., None])[..., 0]
+        solved = np.asarray(np.linalg.solve(unit + x @ upper, right), float)
+        after, moved = solved[..., 0], solved[..., 1]
+        pull = np.where(h[..., None] > 0, (after - before) / np.maximum(h, 1e-9)[..., None], pull)
+        way = way + (moved[..., 0] + 1j * moved[..., 1]) * np.exp(1j * (heading + turned + par[COMPASS])) * half.conj()
+        turned = turned + moved[..., 2]
+        w = after[..., 2]
+        v = (after[..., 0] + 1j * after[..., 1]) * np.exp(-1j * moved[..., 2]) * half.conj()
+        if held is not None and par[INTEGRAL].any():
+            needed = yields * (rim - (after * stretch) @ wheels.T) + (1 - par[SCALE][..., None]) * told / soft
+            held = held - (needed - held) * np.expm1(-h * par[INTEGRAL])[..., None]
+        if (k + 1) % parts == 0:
+            at = (k + 1) // parts
+            motion.way[:, :, at], motion.turned[:, :, at] = way, turned
+            motion.twist[:, :, at] = np.stack([v.real, v.imag, w], -1)
+    return motion
 
 
-def turn(segments: Segments, parameters: Array, start: np.ndarray) -> tuple[Array, Array]:
-    """Headings less the first, and turn rates, at all samples.
-
-    Args:
-        segments: S stretches.
-        parameters: P sets (P, 3), in the order of `TURNING`.
-        start: turn rates at the first sample, (S, P) rad/s.
-
-    Returns:
-        (S, P, m), rad and rad/s.
-    """
-    steps, which = _steps(segments, parameters[:, 0])
-    duration = np.stack([s.duration for s in steps], -1)[..., which]
-    target = segments.turns[np.stack([s.act for s in steps], -1)][..., which] / parameters[:, 1]
-    lag = np.maximum(parameters[:, 2], LEAST_LAG_S) / parameters[:, 1]
-    kept, w = np.exp(-duration / lag), start.astype(float)
-    turned, rates = np.zeros((2, len(duration) + 1, *w.shape))
-    rates[0] = w
-    for i in range(len(duration)):
-        after = target[i] + (w - target[i]) * kept[i]
-        turned[i + 1], rates[i + 1] = duration[i] * target[i] + lag * (w - after), after
-        w = after
-    return _sampled(np.cumsum(turned, 0), steps, which), _sampled(rates, steps, which)
+def _steady(body: Body, pull: Array, velocity: np.ndarray, par: Array) -> Array:
+    """Tractions (S, P, W) of wheels that share an acceleration and drag."""
+    drag = (par[PILE] + par[ROLLERS]) * GRAVITY_M_S2 * velocity / np.maximum(np.abs(velocity), RUBBED_M_S)
+    force = pull @ body.mass + np.stack([drag.real, drag.imag, 0 * drag.real], -1)
+    shared: Array = force @ np.linalg.pinv(body.wheels)
+    return shared
 
 
-def _steps(segments: Segments, latencies: Array) -> tuple[list[Steps], np.ndarray]:
-    """Steps of each latency, padded to as many, and which of them each set of parameters has."""
-    different, which = np.unique(latencies, return_inverse=True)
-    steps = [Steps(segments, float(latency)) for latency in different]
-    most = max(len(s.duration) for s in steps)
-    for s in steps:
-        lacks = most - len(s.duration)
-        s.duration = np.concatenate([s.duration, np.zeros((lacks, s.duration.shape[1]))])
-        s.act, s.middle = (np.concatenate([a, np.repeat(a[-1:], lacks, 0)]) for a in (s.act, s.middle))
-    return steps, which
+def _basis(body: Body) -> Array:
+    """What rims, pile and bearings resist a twist by, for coefficients of 1: (3 W, 9)."""
+    x, y = body.arm * body.outward.real, body.arm * body.outward.imag
+    one, none = np.ones_like(x), np.zeros_like(x)
+    across = np.stack([np.stack([one, none, -y], -1), np.stack([none, one, x], -1)], 1)  # (W, 2, 3)
+    axles = np.stack([body.outward.real, body.outward.imag, none], -1)
+    rows = [body.wheels[:, None], across, axles[:, None]]
+    return np.concatenate([np.einsum("wki,wkj->wij", row, row).reshape(-1, 9) for row in rows])
 
 
-def _sampled(values: np.ndarray, steps: list[Steps], which: np.ndarray) -> np.ndarray:
-    """Of values (q + 1, S, P) those at samples, (S, P, m)."""
-    index = np.stack([s.samples for s in steps], 1)[:, which]
-    return np.take_along_axis(values.transpose(1, 2, 0), index, axis=2)
-
-
-def _pairs(vector: np.ndarray) -> Array:
-    return np.ascontiguousarray(vector).view(float).reshape(*vector.shape, 2)
-
-
-def _plane(pairs: Array) -> np.ndarray:
-    return np.ascontiguousarray(pairs).view(complex)[..., 0]
+def _inputs(segments: Segments, late: Array, drift: Array, parts: int) -> tuple[Array, Array]:
+    """Mean inputs of each step (S, P, q, K), and its duration (S, q) s."""
+    time, clock = segments.time, segments.clock
+    edges = time[:, :1] + np.zeros((1, 1))
+    if parts > 1:
+        share = np.arange(1, parts + 1) / parts
+        inner = time[:, :-1, None] + np.diff(time)[..., None] * share
+        edges = np.concatenate([time[:, :1], inner.reshape(len(time), -1)], 1)
+    else:
+        edges = time
+    duration = np.diff(edges)
+    middle = segments.middle[segments.log][:, None]
+    found: dict[bytes, Array] = {}
+    means = []
+    for p in range(late.shape[1]):
+        key = late[:, p].tobytes() + drift[p].tobytes()
+        if key not in found:
+            at = edges - late[:, p, None] - drift[p] * (edges - middle)
+            line = np.clip(np.searchsorted(clock, at, side="right") - 1, segments.first[:, None], len(clock) - 1)
+            total = segments.summed[line] + (at - clock[line])[..., None] * segments.inputs[line]
+            found[key] = np.diff(total, axis=1) / np.maximum(duration, 1e-9)[..., None]
+        means.append(found[key])
+    return np.stack(means, 1), duration

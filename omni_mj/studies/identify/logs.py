@@ -7,6 +7,8 @@
 | `vx_cmd_world_m_s, vy_cmd_world_m_s, w_cmd_rad_s` | commanded velocity along the field's axes |
 | `vx_cmd_body_m_s, vy_cmd_body_m_s, w_cmd_rad_s` | or along the robot's own, x forward, y to the left |
 | `wheel_1_rad, ...` or `wheel_1_rad_s, ...` | angles, or speeds, of the wheels behind the gear, in the file's order |
+| `current_1_a, ...` and `voltage_1_v, ...` | of the motors, at the time of the line, signs as the wheels' |
+| `coasting` | 1 where motors carry no current, and the robot rolls out |
 
 Our own trajectory.parquet is one too: of it `vision_*`, where valid, `command_*` and `wheel_angle_*` are taken, each
 controller, seed and place by itself. Game logs of the league have poses alone (`game_log`, `game_robot`).
@@ -14,7 +16,7 @@ controller, seed and place by itself. Game logs of the league have poses alone (
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -23,6 +25,7 @@ import numpy as np
 from omni_control.errors import OmniError, choose
 from omni_control.kinematics import Array
 from omni_mj.studies.identify import game_robot, tables, units
+from omni_mj.studies.identify.motor_columns import Motors
 
 POSE = ("x_m", "y_m", "heading_rad")
 VISION = ("vision_x_m", "vision_y_m", "vision_heading_rad")
@@ -49,6 +52,7 @@ class Log:
         in_body: whether the command is in the body's axes; else in the world's.
         wheels: speeds (F, wheels) rad/s, means from each line to the next, or None.
         notes: what was seen in reading it, a line each.
+        motors: what was measured of them, or None.
     """
 
     name: str
@@ -58,6 +62,7 @@ class Log:
     in_body: bool
     wheels: Array | None
     notes: list[str] = field(default_factory=list)
+    motors: Motors | None = None
 
     @property
     def period(self) -> float:
@@ -69,6 +74,12 @@ class Log:
         cuts = np.flatnonzero(np.diff(self.time) > GAP * self.period) + 1
         edges = [0, *cuts.tolist(), len(self.time)]
         return [slice(a, b) for a, b in pairwise(edges)]
+
+    def part(self, lines: slice) -> "Log":
+        """Some lines of it."""
+        command, wheels = (None if each is None else each[lines] for each in (self.command, self.wheels))
+        time, pose = self.time[lines], self.pose[lines]
+        return replace(self, time=time, pose=pose, command=command, wheels=wheels, notes=[], motors=None)
 
 
 def read(path: Path) -> list[Log]:
@@ -191,7 +202,7 @@ def _log(name: str, columns: dict[str, np.ndarray]) -> Log:
     if held.any():
         pose[held] = np.nan
         notes.append(f"{name}: {held.sum()} lines repeat the pose before them while the robot moves; taken as not seen")
-    return _ready(Log(name, time, pose, command, in_body, _wheels(time, columns), notes))
+    return _ready(Log(name, time, pose, command, in_body, _wheels(time, columns), notes, motors=Motors.of(columns)))
 
 
 def _ready(log: Log) -> Log:

@@ -11,7 +11,7 @@ from omni_mj.scenarios.robots import DEFAULT
 from omni_mj.scenarios.scenario import Scenario, scenario
 from omni_mj.scenarios.settings import PERIOD_S
 
-# Where wheels creep; at 2.5 and 2 m/s^2 those of our plant do more, and T comes out 20 % too large.
+# Within traction, with room for what the controller adds: wheels that slide tell less of how they creep.
 AHEAD_M_S2, ASIDE_M_S2, TURN_RAD_S2 = 2.0, 1.6, 20.0
 LENGTHS_M = (0.1, 0.4, 0.9, 1.6)  # of which moves reach 0.4, 0.9, 1.3 and 1.8 m/s at 2 m/s^2
 ANGLES_RAD = (0.8, 1.8, 3.0, 3.1)

@@ -8,55 +8,60 @@ from omni_control.kinematics import Array
 from omni_mj.studies.identify import law
 from omni_mj.studies.identify.segments import Segments
 
-HORIZON_S = 1.0
-SEEN_S = 0.25  # from which the first pose and velocity of a stretch are taken, by a parabola
+SEEN_S = 0.25  # from which the first pose and twist of a stretch are taken, by a parabola
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """Root mean square error of the position over the first second of stretches, m; or of the heading, rad.
+    """Root mean square errors over stretches: of positions, m, and of headings, rad.
 
     Attributes:
-        start: by the numbers that were believed before; identified: by those that were found.
+        start, start_rad: by the numbers that were believed before.
+        identified, identified_rad: by those that were found.
         stretches: how many.
-        unit: m or rad.
     """
 
     start: float
     identified: float
+    start_rad: float
+    identified_rad: float
     stretches: int
-    unit: str
 
 
-def predict(segments: Segments, start: Array, found: Array, turning: bool = False) -> Prediction:
+def predict(body: law.Body, segments: Segments, sets: Array, late: Array) -> Prediction:
     """Predict each stretch from its first quarter second on, with its inputs alone.
 
     Args:
+        body: the robot.
         segments: that were not fitted to.
-        start: parameters that were believed, of `law.NAMES` or `law.TURNING`.
-        found: the same, as identified.
-        turning: whether headings are predicted.
+        sets: parameters (2, 12) that were believed, and that were found, in the order of `law.NAMES`.
+        late: of inputs by the same, (S, 2) s.
     """
-    measured = segments.angle if turning else segments.position
-    where, speed = first_states(segments, measured)
-    sets = np.stack([start, found])
-    simulate = law.turn if turning else law.translate
-    ways, _ = simulate(segments, sets, np.repeat(speed[:, None], 2, 1))
-    time = segments.time - segments.time[:, :1]
-    counted = segments.there & (time <= HORIZON_S)
-    wrong = np.abs(where[:, None, None] + ways - measured[:, None])
-    before, after = (float(np.sqrt((wrong[:, i][counted] ** 2).mean())) for i in (0, 1))
-    return Prediction(before, after, len(segments), "rad" if turning else "m")
+    first = first_poses(segments)
+    motion = law.simulate(body, segments, sets, late, np.repeat(first[:, None, 1:].real, 2, 1))
+    there = segments.there
+    where, heading = first[:, 0, None, None] + motion.way, first[:, 1, None, None].real + motion.turned
+    away = [np.abs(where[:, i] - segments.position)[there] for i in (0, 1)]
+    turned = [(heading[:, i] - segments.angle)[there] for i in (0, 1)]
+    errors = [float(np.sqrt((wrong**2).mean())) for wrong in (*away, *turned)]
+    return Prediction(errors[0], errors[1], errors[2], errors[3], len(segments))
 
 
-def first_states(segments: Segments, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and velocities at the first line (S,), by a parabola through a quarter second or 6 samples."""
+def first_poses(segments: Segments) -> np.ndarray:
+    """Of each stretch position as a complex number, heading, twist and acceleration, world frame, (S, 8)."""
+    place, speed, pull = first_states(segments, segments.position)
+    angle, rate, faster = first_states(segments, segments.angle)
+    return np.stack([place, angle, speed.real, speed.imag, rate, pull.real, pull.imag, faster], 1)
+
+
+def first_states(segments: Segments, measured: np.ndarray) -> np.ndarray:
+    """Positions, velocities and accelerations at the first line (3, S), by a parabola through 1/4 s or 6 samples."""
     time = segments.time - segments.time[:, :1]
-    found = np.zeros((2, len(segments)), measured.dtype)
+    found = np.zeros((3, len(segments)), measured.dtype)
     for i, there in enumerate(segments.there):
         at = np.flatnonzero(there)
         near = at[: max(6, int((time[i, at] < SEEN_S).sum()))]
         t = time[i, near]
-        columns = np.stack([np.ones_like(t), t, t**2], 1)
-        found[:, i] = np.linalg.lstsq(columns, measured[i, near], rcond=None)[0][:2]
-    return found[0], found[1]
+        columns = np.stack([np.ones_like(t), t, t**2 / 2], 1)
+        found[:, i] = np.linalg.lstsq(columns, measured[i, near], rcond=None)[0]
+    return found

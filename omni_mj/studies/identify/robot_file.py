@@ -20,11 +20,15 @@ FIELDS = {
     ("wheels", "radius_m"): ("wheels", "radius_m"),
     ("wheels", "arm_m"): ("wheels", "arm_m"),
     ("wheels", "creep_stiffness"): ("drive", "creep_stiffness"),
+    ("wheels", "pile"): ("carpet", "pile"),
+    ("wheels", "roller_friction"): ("drive", "roller_friction"),
+    ("wheels", "grip"): ("carpet", "friction"),
     ("commands", "latency_s"): ("radio", "delay_frames"),
     ("commands", "lag_forward_s"): ("control", "lag_s"),
-    ("commands", "friction_m_s"): ("control", "drag_m_s"),
+    ("commands", "friction_forward_m_s"): ("control", "drag_m_s"),
     ("commands", "creep_forward_s2_m"): ("control", "creep_s2_m"),
 }
+DRAG = ("pile", "roller_friction")
 LEAST = {"radius_m": 0.01, "arm_m": 0.02, "creep_stiffness": 0.1}  # that settings allow; of all else 0
 
 
@@ -36,9 +40,11 @@ def changes(estimates: Sequence[Estimate], misfits: Container[str] = ()) -> dict
         misfits: sources by which the motion is not what the law predicts, which is said of their numbers.
     """
     made = {}
+    drag = [e for e in estimates if e.source == "wheels" and e.name in DRAG]
+    whole = all(e.told for e in drag)  # a log tells the sum of pile and rollers better than each
     for e in estimates:
         place = FIELDS.get((e.source, e.name))
-        if place is None or not e.told or e.value < LEAST.get(e.name, 0.0):
+        if place is None or not e.told or e.value < LEAST.get(e.name, 0.0) or (e in drag and not whole):
             continue
         says = f"identified from {e.source}: {e.value:.4g} +- {e.error:.2g} {e.unit}".rstrip() + " (standard error)"
         value = f"{e.value:.5g}" if "." in f"{e.value:.5g}" or "e" in f"{e.value:.5g}" else f"{e.value:.5g}.0"

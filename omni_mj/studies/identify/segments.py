@@ -9,11 +9,10 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_mj.studies.identify.logs import Log
 
-SEGMENT_S = 1.5
+SEGMENT_S = 0.75
 SETTLED_S = 0.3  # after the start of a log and each gap: commands from before it are not known
 APART_S = 10.0  # between logs on the common time line
-COARSEST_S = 1 / 40  # step in which the law is solved
-SMOOTHED = np.array([1.0, 2.0, 3.0, 2.0, 1.0]) / 9  # headings, with which velocities are turned
+COARSEST_S = 1 / 100  # step in which the law is solved
 
 
 @dataclass(frozen=True)
@@ -22,10 +21,10 @@ class Segments:
 
     Attributes:
         clock: of all lines, (F,) s, increasing.
-        inputs: velocities that act until the next line, (F,) complex, in the axes `heading` leads to the world from.
-        turns: the same, turn rates, (F,) rad/s.
-        heading: (F,) rad, smoothed.
-        in_body: whether inputs are along the body's axes, (F,).
+        inputs: that act until the next line, (F, K): speeds of wheels in rad/s, or twists in m/s and rad/s.
+        summed: what they add up to from the first line on, (F, K).
+        wheels: whether inputs are speeds of wheels.
+        in_body: of twists, whether along the body's axes, of each stretch (S,).
         first: of each stretch, the first line whose input is known, (S,).
         lines: line of each sample (S, m), the last repeated where a stretch is shorter.
         there: which of them are samples with a pose, (S, m).
@@ -33,13 +32,14 @@ class Segments:
         angle: heading as measured, (S, m) rad.
         log: number of the log that each is of, (S,).
         begins: first line of each log.
+        middle: time in the middle of each log, s.
         period: the median, s.
     """
 
     clock: Array
-    inputs: np.ndarray
-    turns: Array
-    heading: Array
+    inputs: Array
+    summed: Array
+    wheels: bool
     in_body: np.ndarray
     first: np.ndarray
     lines: np.ndarray
@@ -48,6 +48,7 @@ class Segments:
     angle: Array
     log: np.ndarray
     begins: np.ndarray
+    middle: Array
     period: float
 
     def __len__(self) -> int:
@@ -60,7 +61,10 @@ class Segments:
 
     def some(self, which: np.ndarray) -> "Segments":
         """Those that are named by their numbers, or by a mask."""
-        kept = {name: getattr(self, name)[which] for name in ("first", "lines", "there", "position", "angle", "log")}
+        kept = {
+            name: getattr(self, name)[which]
+            for name in ("in_body", "first", "lines", "there", "position", "angle", "log")
+        }
         return replace(self, **kept)
 
     def held_out(self) -> tuple["Segments", "Segments"]:
@@ -72,19 +76,19 @@ class Segments:
         return self.some(~last), self.some(last)
 
 
-def cut(logs: Sequence[Log], inputs: Sequence[Array], in_body: Sequence[bool]) -> Segments:
+def cut(logs: Sequence[Log], inputs: Sequence[Array], in_body: Sequence[bool], wheels: bool = False) -> Segments:
     """Segments of logs.
 
     Args:
         logs: at least one.
-        inputs: twists that are thought to act until the next line, (F, 3) of each.
-        in_body: whether these are along the axes of the body, of each.
+        inputs: what is thought to act until the next line, (F, K) of each: twists, or speeds of wheels.
+        in_body: whether twists are along the axes of the body, of each.
+        wheels: whether inputs are speeds of wheels.
     """
-    clock, heading, start = list[Array](), list[Array](), 0.0
+    clock, start = list[Array](), 0.0
     first, lines, whose, offset = list[int](), list[np.ndarray](), list[int](), 0
     for number, log in enumerate(logs):
         clock.append(log.time - log.time[0] + start)
-        heading.append(_smoothed(log))
         for piece in log.pieces():
             time = log.time[piece]
             inside = np.flatnonzero(time >= time[0] + SETTLED_S)
@@ -103,16 +107,17 @@ def cut(logs: Sequence[Log], inputs: Sequence[Array], in_body: Sequence[bool]) -
     longest = max(map(len, lines), default=0)
     padded = np.array([np.append(own, np.full(longest - len(own), own[-1])) for own in lines], int)
     padded = padded.reshape(-1, longest)
-    pose, twist = np.concatenate([log.pose for log in logs]), np.concatenate(inputs)
+    pose, acting, when = np.concatenate([log.pose for log in logs]), np.concatenate(inputs), np.concatenate(clock)
     real = np.arange(longest) < np.array([len(own) for own in lines], int)[:, None]
     there = np.isfinite(pose).all(1)[padded] & real
     pose = np.nan_to_num(pose)
+    steps = np.append(0.0, np.diff(when))[:, None]
     return Segments(
-        np.concatenate(clock),
-        twist[:, 0] + 1j * twist[:, 1],
-        twist[:, 2],
-        np.concatenate(heading),
-        np.concatenate([np.full(len(log.time), body) for log, body in zip(logs, in_body, strict=True)]),
+        when,
+        acting,
+        np.cumsum(steps * np.concatenate([acting[:1], acting[:-1]]), 0),
+        wheels,
+        np.array(in_body, bool)[whose],
         np.array(first, int),
         padded,
         there,
@@ -120,17 +125,6 @@ def cut(logs: Sequence[Log], inputs: Sequence[Array], in_body: Sequence[bool]) -
         pose[:, 2][padded],
         np.array(whose, int),
         np.cumsum([0, *(len(log.time) for log in logs[:-1])]),
+        np.array([(times[0] + times[-1]) / 2 for times in clock]),
         float(np.median([log.period for log in logs])),
     )
-
-
-def _smoothed(log: Log) -> Array:
-    """Headings (F,), over lines without a pose too; turning at a constant rate is left as it is."""
-    seen = np.isfinite(log.pose[:, 2])
-    whole = np.interp(log.time, log.time[seen], log.pose[seen, 2])
-    smooth = whole.copy()
-    for piece in log.pieces():
-        part = whole[piece]
-        if len(part) >= len(SMOOTHED):
-            smooth[piece][2:-2] = np.convolve(part, SMOOTHED, "valid")
-    return smooth
