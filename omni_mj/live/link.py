@@ -1,0 +1,169 @@
+"""The ticks of a live loop, and what is seen at each: vision's packets, in step with its frames or our own clock."""
+
+import math
+import time
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array
+from omni_mj.live.cameras import leading
+from omni_mj.live.sockets import Receiver
+from omni_mj.live.vision import Vision
+from omni_mj.live.wire.vision import Detection
+from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
+
+Pace = Literal["auto", "60", "vision"]
+
+SILENT_S = 0.5  # without any frame, after which vision is lost
+GRACE_S = 0.001  # for which the other cameras' frames are waited for after that of the leading one
+OVERDUE = 1.6  # periods after a tick at which a frame is taken to be lost
+SAME_RATE = 0.05  # by which frames may differ from 60 a second of their own clock, for the loop to go with them
+CHECK_S = 0.05  # how often it is looked whether to stop, while nothing comes
+
+
+class VisionLostError(Exception):
+    """No camera has sent anything for half a second."""
+
+
+class Link:
+    """Vision's end of a live loop.
+
+    Args:
+        receiver: of vision's packets.
+        vision: what is made of them.
+        check: called now and then; what it raises ends whatever goes on.
+        heard: told every detection, with its camera's number.
+
+    Attributes:
+        pace: "vision", a tick with each frame of a camera, or "60", ticks of our own clock; "auto" before it is chosen.
+        leader: number of the camera that gives the ticks, or None.
+        late: ticks that came more than a period too late: this computer was busy.
+        missing: ticks without a frame of the camera that gives them.
+    """
+
+    def __init__(
+        self,
+        receiver: Receiver,
+        vision: Vision,
+        check: Callable[[], None] = lambda: None,
+        heard: Callable[[int, Detection], None] = lambda camera, detection: None,
+    ) -> None:
+        self.vision, self._receiver, self._check, self._heard = vision, receiver, check, heard
+        self.pace: Pace = "auto"
+        self.leader: int | None = None
+        self.late = self.missing = 0
+        self._seeing: set[int] = set()
+        self.restart()
+
+    def listen(self, seconds: float) -> None:
+        """Take in what comes for a while."""
+        until = time.monotonic() + seconds
+        while (now := time.monotonic()) < until:
+            self._check()
+            self._take(min(until, now + CHECK_S))
+
+    def choose(self, pace: Pace) -> None:
+        """Choose what gives the ticks, by what has come so far.
+
+        Raises:
+            OmniError: frames shall, but there are not about 60 of them in a second of their own clock.
+        """
+        self.leader = leading(self.vision.cameras, self._seeing, time.monotonic(), SILENT_S)
+        rate = math.nan if self.leader is None else self.vision.cameras[self.leader].stamped_hz
+        fits = abs(rate / FRAME_RATE_HZ - 1) < SAME_RATE
+        if pace == "vision" and not fits:
+            raise OmniError(
+                f"vision sends {rate:.1f} frames a second, and the loop needs {FRAME_RATE_HZ} to go with them;"
+                " --rate 60 goes by the clock of this computer"
+            )
+        self.pace = pace if pace != "auto" else "vision" if fits else "60"
+
+    def tick(self, twist: Array) -> tuple[Array, np.ndarray]:
+        """Wait for the next tick; see `Vision.at`.
+
+        Args:
+            twist: of the robots since the tick before (n, 3).
+
+        Raises:
+            VisionLostError: no camera has sent anything for half a second.
+        """
+        self._tick = self._of_frame() if self.pace == "vision" else self._of_clock()
+        self._woken = time.monotonic()
+        return self.vision.at(self._tick, twist)
+
+    def now(self) -> tuple[Array, np.ndarray]:
+        """What was seen since the last time, wherever it is; robots are taken to rest. See `Vision.at`."""
+        return self.vision.at(time.monotonic(), np.zeros((len(self.vision.ids), 3)))
+
+    def forget(self) -> None:
+        """Believe anything that is seen from now on, as at the start."""
+        self.vision.follow(self.vision.ids)
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin ticks anew, after a while without."""
+        self._tick = self._woken = -math.inf  # of the loop, and of this computer when it was answered
+        self._stamp, self._beginning = -math.inf, (-1, 0)  # of the frame that gave it; of whose clock that was
+
+    def _of_clock(self) -> float:
+        """The next 60th of a second."""
+        now = time.monotonic()
+        tick = self._tick + PERIOD_S
+        if tick < now - PERIOD_S:
+            self.late += math.isfinite(tick)
+            tick = now
+        while time.monotonic() < tick:
+            self._alive()
+            self._take(min(tick, time.monotonic() + CHECK_S))
+        return tick
+
+    def _of_frame(self) -> float:
+        """When the leading camera sent its next frame; a period after the tick before if it is lost."""
+        self._choose_leader()
+        assert self.leader is not None
+        camera = self.vision.cameras[self.leader]
+        if self._beginning != (self.leader, camera.clock.restarts):
+            self._beginning, self._stamp = (self.leader, camera.clock.restarts), -math.inf
+        period = PERIOD_S / camera.clock.rate  # of our clock
+        overdue = self._woken + OVERDUE * period if math.isfinite(self._woken) else math.inf
+        self.late += math.isfinite(overdue) and time.monotonic() > overdue + period
+        while camera.last[0] <= self._stamp + PERIOD_S / 2 and camera.clock.restarts == self._beginning[1]:
+            if time.monotonic() >= overdue:
+                self._alive()
+                self.missing += 1
+                self._stamp += PERIOD_S
+                return self._tick + period
+            self._alive()
+            self._take(min(overdue, time.monotonic() + CHECK_S))
+        self._take(time.monotonic() + GRACE_S, everything=True)
+        self._stamp = camera.last[0]
+        return camera.clock.ours(self._stamp)
+
+    def _take(self, until: float, *, everything: bool = False) -> None:
+        """Take in what comes first before our clock says `until`, or everything that comes before."""
+        while self._receiver.wait(until):
+            for data, arrival, source in self._receiver.packets():
+                if (found := self.vision.add(data, arrival, source)) is not None:
+                    number, detection = found
+                    if detection.robots_blue or detection.robots_yellow:
+                        self._seeing.add(number)
+                    self._heard(number, detection)
+            if not everything:
+                return
+
+    def _choose_leader(self) -> None:
+        """Another camera leads when the one that did has fallen silent."""
+        cameras, now = self.vision.cameras, time.monotonic()
+        if self.leader is None or now - cameras[self.leader].last[1] > SILENT_S / 2:
+            other = leading(cameras, self._seeing, now, SILENT_S / 2)
+            self.leader = self.leader if other is None else other
+        if self.leader is None:
+            raise VisionLostError
+
+    def _alive(self) -> None:
+        self._check()
+        if time.monotonic() - self.vision.heard > SILENT_S:
+            raise VisionLostError

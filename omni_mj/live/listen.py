@@ -1,0 +1,78 @@
+"""What there is to hear: cameras with their rates, robots with their numbers, and the noise of what is seen."""
+
+import math
+from collections import deque
+from collections.abc import Mapping
+
+import numpy as np
+
+from omni_control.kinematics import Array, wrap_angle
+from omni_mj.live.cameras import Camera
+from omni_mj.live.vision import Colour
+from omni_mj.live.wire.vision import DetectedRobot, Detection
+
+KEPT = 300  # detections of each robot by each camera
+NORMAL = 1.4826  # standard deviation over median magnitude of normal numbers
+DIFFERENCES = math.sqrt(6.0)  # standard deviation of a second difference, 1 -2 1, of independent numbers
+
+
+class Listener:
+    """Remembers what was seen lately of all robots of both teams."""
+
+    def __init__(self) -> None:
+        self._seen: dict[tuple[Colour, int], dict[int, deque[tuple[float, float, float]]]] = {}
+
+    def __call__(self, camera: int, detection: Detection) -> None:
+        """Take in what a camera saw."""
+        teams: dict[Colour, tuple[DetectedRobot, ...]] = {
+            "blue": detection.robots_blue,
+            "yellow": detection.robots_yellow,
+        }
+        for colour, robots in teams.items():
+            for robot in robots:
+                if robot.robot_id is not None:
+                    of = self._seen.setdefault((colour, robot.robot_id), {})
+                    heading = math.nan if robot.orientation is None else robot.orientation
+                    of.setdefault(camera, deque(maxlen=KEPT)).append((robot.x, robot.y, heading))
+
+    def ids(self, colour: Colour) -> list[int]:
+        """Numbers of a team's robots that were seen, in order."""
+        return sorted(number for team, number in self._seen if team == colour)
+
+    def robots(self) -> list[str]:
+        """A line for each robot: where it is, by how many detections of which cameras, and their noise."""
+        return [_line(*key, self._seen[key]) for key in sorted(self._seen)]
+
+
+def cameras(found: Mapping[int, Camera]) -> list[str]:
+    """A line for each camera: its rate by its clock and by ours, how old its frames are, what was lost."""
+    lines = []
+    for number, camera in sorted(found.items()):
+        age = 1e3 * camera.ages / max(camera.frames, 1)
+        lost = 100 * camera.lost / max(camera.frames + camera.lost, 1)
+        line = (
+            f"camera {number}: {camera.stamped_hz:.2f} frames a second of its clock, {camera.received_hz:.2f} of ours"
+        )
+        line += f"; sent {age:.1f} ms after capture; {lost:.1f} % lost"
+        bias = 1e3 * camera.bias
+        line += f"; sees robots {bias[0]:+.0f}, {bias[1]:+.0f} mm beside the others" if camera.bias.any() else ""
+        lines.append(line)
+    return lines
+
+
+def noise(values: Array) -> float:
+    """Standard deviation of what is seen of a robot that rests or moves steadily, robustly; (frames,)."""
+    second = np.diff(values, n=2)
+    return float(NORMAL * np.median(np.abs(second)) / DIFFERENCES) if second.size else math.nan
+
+
+def _line(colour: Colour, number: int, of: Mapping[int, deque[tuple[float, float, float]]]) -> str:
+    tables = [np.array(seen) for seen in of.values()]
+    x, y, heading = max(tables, key=len)[-1]
+    position = np.nanmean([noise(table[:, i]) for table in tables for i in (0, 1)])
+    turned = np.nanmean([noise(np.unwrap(wrap_angle(table[:, 2]))) for table in tables])
+    seen = ", ".join(f"{camera}: {len(table)}" for camera, table in of.items())
+    return (
+        f"{colour} {number}: at {x:.3f}, {y:.3f} m, {math.degrees(heading):.1f}°; noise {1e3 * position:.2f} mm,"
+        f" {math.degrees(turned):.2f}°; last detections by camera {seen}"
+    )
