@@ -33,6 +33,7 @@ OUTPUTS = (*run_command.OUTPUTS, "link.json")
 @click.option("--radio", metavar="FILE.py:Class", help="A radio of your own. [ssl-simulation-protocol]")
 @click.option("--here", is_flag=True, help="Start where the robots are, all that are seen if none is named.")
 @click.option("--duration", type=float, metavar="S", help="End after so many seconds. [the whole route]")
+@click.option("--pulse/--no-pulse", "ask", default=True, help="Measure dead time first: robots turn to and fro.")
 @click.option("--dry-run", is_flag=True, help="Only listen: rates, cameras, robots, noise.")
 @options.SETTINGS
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/drive-<scenario>-<UTC time>]")
@@ -62,7 +63,7 @@ def command(
     from omni_mj.scenarios import scenario
     from omni_mj.scenarios.library import builtin
 
-    chosen = _options(**given)
+    chosen = _options(overrides=overrides, **given)
     if dry_run:
         _listen(chosen, quiet)
         return
@@ -88,6 +89,8 @@ def _options(
     radio: str | None,
     here: bool,
     duration: float | None,
+    ask: bool,
+    overrides: tuple[str, ...],
 ) -> "Options":
     """What is said of the connection, checked.
 
@@ -95,7 +98,7 @@ def _options(
         OmniError: something of it cannot be; a line for each.
     """
     from omni_mj.live.radio import PORTS
-    from omni_mj.live.session import Options
+    from omni_mj.live.session import DEAD_TIME, MEASURED, Options
     from omni_mj.live.sockets import address, check_local
     from omni_mj.live.wire.vision import SIMULATED_VISION_PORT
 
@@ -106,9 +109,10 @@ def _options(
         raise OmniError(f"--duration must be a positive number of seconds, not {duration:g}")
     if any(not 0 <= number < 256 for number in ids):
         raise OmniError(f"--id must be from 0 to 255, not {', '.join(map(str, ids))}")
+    said = {override.partition("=")[0].strip() for override in overrides} | (set() if ask else {DEAD_TIME})
     return Options(
         address(vision, SIMULATED_VISION_PORT), target, interface, colour, tuple(ids), rate, velocity == "global",
-        radio, here, duration_s=duration,
+        radio, here, duration_s=duration, measured=frozenset(MEASURED) - said,
     )  # fmt: skip
 
 

@@ -37,8 +37,8 @@ class Camera:
     since: int = 0  # frames since then, without the first
     newest: tuple[int, float] | None = None  # number and time of capture
 
-    def add(self, detection: Detection, arrival: float) -> float | None:
-        """Take a frame in; when it was captured, s of our clock, or None if it is late or was here before."""
+    def add(self, detection: Detection, arrival: float) -> bool:
+        """Take a frame in, and say whether it is new: neither late nor here before."""
         captured = detection.t_capture
         age = detection.t_sent - captured
         sent = detection.t_sent if 0 <= age <= OLDEST_S else captured
@@ -48,7 +48,7 @@ class Camera:
             number, before = self.newest
             if captured <= before:
                 self.late += 1
-                return None
+                return False
             step = detection.frame_number - number
             self.lost += step - 1 if 1 < step < 1000 else 0
         if self.newest is None:
@@ -58,7 +58,7 @@ class Camera:
         self.newest, self.last = (detection.frame_number, captured), (sent, arrival)
         self.frames += 1
         self.ages += sent - captured
-        return self.clock.ours(captured)
+        return True
 
     @property
     def stamped_hz(self) -> float:

@@ -20,6 +20,7 @@ Pace = Literal["auto", "60", "vision"]
 SILENT_S = 0.5  # without any frame, after which vision is lost
 GRACE_S = 0.001  # for which the other cameras' frames are waited for after that of the leading one
 OVERDUE = 1.6  # periods after a tick at which a frame is taken to be lost
+SHORTEST_S = 0.0125  # of a period, where a simulation goes faster than time: it waits for commands anyway
 SAME_RATE = 0.05  # by which frames may differ from 60 a second of their own clock, for the loop to go with them
 CHECK_S = 0.05  # how often it is looked whether to stop, while nothing comes
 
@@ -56,7 +57,8 @@ class Link:
         self.leader: int | None = None
         self.late = self.missing = 0
         self._seeing: set[int] = set()
-        self.restart()
+        self._tick = self._woken = -math.inf
+        self._beginning = -1, 0
 
     def listen(self, seconds: float) -> None:
         """Take in what comes for a while."""
@@ -90,13 +92,16 @@ class Link:
         Raises:
             VisionLostError: no camera has sent anything for half a second.
         """
+        before, clock = self._tick, self._beginning
         self._tick = self._of_frame() if self.pace == "vision" else self._of_clock()
         self._woken = time.monotonic()
-        return self.vision.at(self._tick, twist)
+        elapsed = self._tick - before if self._beginning == clock else PERIOD_S
+        leader = self.leader if self.pace == "vision" else None
+        return self.vision.at(self._tick, elapsed if math.isfinite(elapsed) else PERIOD_S, twist, leader)
 
     def now(self) -> tuple[Array, np.ndarray]:
         """What was seen since the last time, wherever it is; robots are taken to rest. See `Vision.at`."""
-        return self.vision.at(time.monotonic(), np.zeros((len(self.vision.ids), 3)))
+        return self.vision.at(time.monotonic(), PERIOD_S, np.zeros((len(self.vision.ids), 3)))
 
     def forget(self) -> None:
         """Believe anything that is seen from now on, as at the start."""
@@ -105,8 +110,9 @@ class Link:
 
     def restart(self) -> None:
         """Begin ticks anew, after a while without."""
-        self._tick = self._woken = -math.inf  # of the loop, and of this computer when it was answered
-        self._stamp, self._beginning = -math.inf, (-1, 0)  # of the frame that gave it; of whose clock that was
+        self._tick = -math.inf  # s of the leading camera's clock, or of ours
+        self._beginning = -1, 0  # which camera's, and how often that began anew
+        self._woken = -math.inf  # when the tick was answered, s of our clock
 
     def _of_clock(self) -> float:
         """The next 60th of a second."""
@@ -121,26 +127,24 @@ class Link:
         return tick
 
     def _of_frame(self) -> float:
-        """When the leading camera sent its next frame; a period after the tick before if it is lost."""
+        """When the leading camera sent its next frame, by its clock; a period after the tick before if it is lost."""
         self._choose_leader()
         assert self.leader is not None
         camera = self.vision.cameras[self.leader]
         if self._beginning != (self.leader, camera.clock.restarts):
-            self._beginning, self._stamp = (self.leader, camera.clock.restarts), -math.inf
-        period = PERIOD_S / camera.clock.rate  # of our clock
+            self._beginning, self._tick = (self.leader, camera.clock.restarts), -math.inf
+        period = max(PERIOD_S / camera.clock.rate, SHORTEST_S)  # of our clock
         overdue = self._woken + OVERDUE * period if math.isfinite(self._woken) else math.inf
         self.late += math.isfinite(overdue) and time.monotonic() > overdue + period
-        while camera.last[0] <= self._stamp + PERIOD_S / 2 and camera.clock.restarts == self._beginning[1]:
+        while camera.last[0] <= self._tick + PERIOD_S / 2 and camera.clock.restarts == self._beginning[1]:
             if time.monotonic() >= overdue:
                 self._alive()
                 self.missing += 1
-                self._stamp += PERIOD_S
-                return self._tick + period
+                return self._tick + PERIOD_S
             self._alive()
             self._take(min(overdue, time.monotonic() + CHECK_S))
         self._take(time.monotonic() + GRACE_S, everything=True)
-        self._stamp = camera.last[0]
-        return camera.clock.ours(self._stamp)
+        return camera.last[0]
 
     def _take(self, until: float, *, everything: bool = False) -> None:
         """Take in what comes first before our clock says `until`, or everything that comes before."""

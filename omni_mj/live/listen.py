@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -38,6 +38,15 @@ class Listener:
     def ids(self, colour: Colour) -> list[int]:
         """Numbers of a team's robots that were seen, in order."""
         return sorted(number for team, number in self._seen if team == colour)
+
+    def noise(self, colour: Colour, ids: Sequence[int]) -> dict[str, float]:
+        """Standard deviations of what is seen of robots, by the names of their settings."""
+        tables = [np.array(seen) for number in ids for seen in self._seen[colour, number].values() if len(seen) > 2]
+        if not tables:
+            return {}
+        position = float(np.median([noise(table[:, axis]) for table in tables for axis in (0, 1)]))
+        heading = float(np.median([noise(np.unwrap(table[:, 2])) for table in tables]))
+        return {"vision.position_noise_m": round(position, 6), "vision.heading_noise_rad": round(heading, 5)}
 
     def robots(self) -> list[str]:
         """A line for each robot: where it is, by how many detections of which cameras, and their noise."""

@@ -1,7 +1,7 @@
 """From what a user names to robots that stand where their route begins: sockets, who is there, who is driven."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -13,6 +13,7 @@ from omni_mj.live.drive import Live
 from omni_mj.live.link import Link, Pace
 from omni_mj.live.listen import Listener
 from omni_mj.live.notes import Notes
+from omni_mj.live.pulse import pulse
 from omni_mj.live.radio import Line, Radio, SimulatorRadio
 from omni_mj.live.sockets import LOOPBACK, Address, Receiver
 from omni_mj.live.vision import Colour, Vision
@@ -25,6 +26,8 @@ from omni_mj.scenarios.settings import FRAME_RATE_HZ
 SIMULATED_VISION = Address(VISION_GROUP, SIMULATED_VISION_PORT)
 LISTEN_S = 1.5  # at first: rates are known to a part in some hundreds, clocks to a fraction of a millisecond
 MOST_ROBOTS = 12
+DEAD_TIME = "radio.delay_frames"
+MEASURED = (DEAD_TIME, "vision.position_noise_m", "vision.heading_noise_rad")
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,7 @@ class Options:
         here: whether routes begin where the robots are, in place of bringing robots to where routes begin.
         wait_s: how long vision is waited for.
         duration_s: after which it ends, if not before; None for the whole route.
+        measured: settings, of `MEASURED`, for which what is measured before counts: what the team believes.
     """
 
     vision: Address = SIMULATED_VISION
@@ -56,6 +60,7 @@ class Options:
     here: bool = False
     wait_s: float = 10.0
     duration_s: float | None = None
+    measured: frozenset[str] = frozenset(MEASURED)
 
 
 def check(scenario: Scenario, options: Options) -> None:
@@ -120,10 +125,10 @@ def listening(
 
 @contextmanager
 def ready(scenario: Scenario, options: Options, link: Link, heard: Listener, notes: Notes) -> Iterator[Live]:
-    """Robots to be driven; they are told to stand when the block ends.
+    """Robots to be driven, at the start of their routes; they are told to stand when the block ends.
 
     Raises:
-        OmniError: they are not seen, or cannot be driven so.
+        OmniError: they are not seen, cannot be driven so, or do not answer.
     """
     ids = _chosen(scenario, options, heard)
     link.vision.follow(ids)
@@ -132,9 +137,12 @@ def ready(scenario: Scenario, options: Options, link: Link, heard: Listener, not
     kind = SimulatorRadio if options.radio is None else _own(options.radio)
     radio = kind(Line(options.commands, options.colour, options.interface, options.world, notes))
     try:
-        most = np.inf if options.duration_s is None else round(options.duration_s * FRAME_RATE_HZ)
         pose, _ = link.now()
         there = _placed(scenario, pose) if options.here else scenario
+        there = _told(there, "vision.", options, heard.noise(options.colour, ids))
+        if DEAD_TIME in options.measured:
+            there = _told(there, "radio.", options, {DEAD_TIME: _dead_time(there, link, radio, ids, notes)})
+        most = np.inf if options.duration_s is None else round(options.duration_s * FRAME_RATE_HZ)
         live = Live(there, link, radio, ids, notes, most_frames=most)
         try:
             live.approach(np.array([reference.poses[0] for reference in live.references]))
@@ -144,6 +152,41 @@ def ready(scenario: Scenario, options: Options, link: Link, heard: Listener, not
             live.stop()
     finally:
         radio.close()
+
+
+def _dead_time(scenario: Scenario, link: Link, radio: Radio, ids: Sequence[int], notes: Notes) -> int:
+    """Frames from a command to its effect, without the wheel loops' lag, as robots answer a pulse."""
+    trial = Live(scenario, link, radio, ids, notes)
+    try:
+        answers = pulse(trial)
+    finally:
+        trial.stop()
+    still = [number for number, each in zip(ids, answers, strict=True) if not each.any]
+    if still:
+        raise OmniError(
+            f"robots {', '.join(map(str, still))} do not turn as they are told: --team, --commands and --velocity say"
+            " how they are told; --no-pulse does without asking them"
+        )
+    latency = float(np.median([each.latency for each in answers]))
+    lag = scenario.settings.control.lag_s * FRAME_RATE_HZ
+    notes.add(
+        "pulse",
+        f"robots answer a pulse {latency:.2f} frames later ({1e3 * latency / FRAME_RATE_HZ:.0f} ms)",
+        always=True,
+    )
+    link.restart()
+    return max(round(latency - lag), 0)
+
+
+def _told(scenario: Scenario, section: str, options: Options, measured: Mapping[str, float]) -> Scenario:
+    """The scenario with what was measured of a section in place of its settings, where it may be."""
+    name = section.rstrip(".")
+    values = {
+        key.removeprefix(section): value
+        for key, value in measured.items()
+        if key in options.measured and np.isfinite(value)
+    }
+    return scenario.replace(settings=scenario.settings.replace(**{name: values})) if values else scenario
 
 
 def _chosen(scenario: Scenario, options: Options, heard: Listener) -> list[int]:

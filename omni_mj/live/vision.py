@@ -24,11 +24,11 @@ FARTHEST_M = 1e3  # from the field's centre; beyond, a packet is none
 
 @dataclass(frozen=True)
 class Sighting:
-    """What a camera saw of a robot: its pose (3,) m, m, rad; when, s of our clock."""
+    """What a camera saw of a robot: its pose (3,) m, m, rad; when, s of the camera's clock."""
 
     camera: int
     pose: Array
-    time: float
+    captured: float
 
 
 class Vision:
@@ -61,7 +61,7 @@ class Vision:
     def follow(self, ids: Sequence[int]) -> None:
         """See these robots from now on, wherever they are."""
         self.ids, n = list(ids), len(ids)
-        self._pose, self._known = np.full((n, 3), np.nan), np.full(n, -math.inf)
+        self._pose, self._unseen = np.full((n, 3), np.nan), np.full(n, math.inf)  # the latter in s
         self._fresh: list[dict[int, list[Sighting]]] = [{} for _ in self.ids]
         self._odd, self._turned = np.zeros((2, n), int)
 
@@ -83,55 +83,64 @@ class Vision:
         self.heard = arrival
         camera = self.cameras.setdefault(detection.camera_id, Camera())
         restarts = camera.clock.restarts
-        captured = camera.add(detection, arrival)
+        fresh = camera.add(detection, arrival)
         if camera.clock.restarts > restarts:
             self._notes.add("restart", f"the clock of camera {detection.camera_id} began anew", always=True)
-        if captured is None:
+        if not fresh:
             return None
         for robot in self._own(detection):
             place = self.ids.index(robot.robot_id)  # type: ignore[arg-type]
             pose = np.array([robot.x, robot.y, robot.orientation])
-            sighting = Sighting(detection.camera_id, pose, captured)
+            sighting = Sighting(detection.camera_id, pose, detection.t_capture)
             held = self._fresh[place].setdefault(detection.camera_id, [])
-            held[:] = [each for each in held if each.time == captured] + [sighting]
+            held[:] = [each for each in held if each.captured == detection.t_capture] + [sighting]
         return detection.camera_id, detection
 
-    def at(self, tick: float, twist: Array) -> tuple[Array, np.ndarray]:
+    def at(self, tick: float, elapsed: float, twist: Array, leader: int | None = None) -> tuple[Array, np.ndarray]:
         """What was seen since the tick before, brought to a tick.
 
         Args:
-            tick: when, s of our clock.
+            tick: when, s of the clock of the camera `leader`; of ours, if there is none.
+            elapsed: since the tick before, s.
             twist: of the robots (n, 3), world frame, m/s and rad/s.
+            leader: number of a camera.
 
         Returns:
             Poses (n, 3), carried on from where it was for a robot that was not seen, not a number if it never was;
             headings count full turns. And which were seen, (n,).
         """
-        n = len(self.ids)
-        since = tick - self._known
-        moved = np.where((since < UNSEEN_S)[:, None], np.minimum(since, UNSEEN_S)[:, None] * twist, 0.0)
-        expected = self._pose + np.where(np.isfinite(moved), moved, 0.0)
-        pose, seen = expected.copy(), np.zeros(n, bool)
-        for place in range(n):
+        self._unseen = self._unseen + elapsed
+        carried = np.where((self._unseen < UNSEEN_S)[:, None], elapsed * twist, 0.0)
+        self._pose = self._pose + carried
+        seen = np.zeros(len(self.ids), bool)
+        for place, fresh in enumerate(self._fresh):
             found: dict[int, Array] = {}
-            odd = 0
-            for number, sightings in self._fresh[place].items():
-                moved_since = [each.pose + (tick - each.time) * twist[place] for each in sightings]
-                near = [each for each in moved_since if self._near(place, each, expected[place], since[place])]
+            for number, sightings in fresh.items():
+                ages = [tick - self._time(each, leader) for each in sightings]
+                poses = [
+                    each.pose + min(max(age, 0.0), UNSEEN_S) * twist[place]
+                    for each, age in zip(sightings, ages, strict=True)
+                ]
+                near = [pose for pose in poses if self._near(place, pose)]
                 if near:
-                    best = min(near, key=lambda each: math.dist(each[:2], np.nan_to_num(expected[place, :2])))
-                    found[number] = self._facing(place, best, expected[place], since[place])
-                odd += not near
-            self._fresh[place] = {}
-            self._odd[place] = 0 if found else self._odd[place] + bool(odd)
+                    best = min(near, key=lambda pose: math.dist(pose[:2], np.nan_to_num(self._pose[place, :2])))
+                    found[number] = self._facing(place, best)
+            self._odd[place] = 0 if found else self._odd[place] + bool(fresh)
             if self._odd[place] >= PERSIST:
                 self._notes.add("moved", f"robot {self.ids[place]} is elsewhere, as if moved by hand", always=True)
-                self._known[place], self._odd[place] = -math.inf, 0
+                self._unseen[place], self._odd[place] = math.inf, 0
             if found:
-                pose[place], seen[place] = self._merged(found, expected[place]), True
                 self._biases.learn(self.cameras, found)
-                self._pose[place], self._known[place] = pose[place], tick
-        return pose, seen
+                self._pose[place], self._unseen[place], seen[place] = self._merged(place, found), 0.0, True
+            self._fresh[place] = {}
+        return self._pose.copy(), seen
+
+    def _time(self, sighting: Sighting, leader: int | None) -> float:
+        """When something was captured, by the leader's clock, or ours."""
+        if sighting.camera == leader:
+            return sighting.captured
+        ours = self.cameras[sighting.camera].clock.ours(sighting.captured)
+        return ours if leader is None else self.cameras[leader].clock.theirs(ours)
 
     def _own(self, detection: Detection) -> Iterator[DetectedRobot]:
         """The robots that are ours, and can be: with a number, a heading, a place on the earth."""
@@ -144,19 +153,20 @@ class Vision:
                 continue
             yield robot
 
-    def _near(self, place: int, pose: Array, expected: Array, since: float) -> bool:
+    def _near(self, place: int, pose: Array) -> bool:
         """Whether a robot can be there."""
-        if not math.isfinite(since) or np.isnan(expected).any():
+        expected, unseen = self._pose[place], self._unseen[place]
+        if not math.isfinite(unseen) or np.isnan(expected).any():
             return True
-        near = math.dist(pose[:2], expected[:2]) <= NEAR_M + FASTEST_M_S * since
+        near = math.dist(pose[:2], expected[:2]) <= NEAR_M + FASTEST_M_S * unseen
         if not near:
             self._notes.add("wrong id", f"vision sees robot {self.ids[place]} where it cannot be; it is not believed")
         return near
 
-    def _facing(self, place: int, pose: Array, expected: Array, since: float) -> Array:
+    def _facing(self, place: int, pose: Array) -> Array:
         """The pose, turned back if it was seen the wrong way round."""
-        off = wrap_angle(pose[2] - expected[2])
-        if since > UNSEEN_S or not abs(off) > MIRRORED_RAD:
+        off = wrap_angle(pose[2] - self._pose[place, 2])
+        if self._unseen[place] > UNSEEN_S or not abs(off) > MIRRORED_RAD:
             self._turned[place] = 0
             return pose
         self._turned[place] += 1
@@ -167,10 +177,10 @@ class Vision:
         self._notes.add("mirrored", f"vision sees robot {self.ids[place]} the wrong way round; it is turned")
         return pose + np.array([0.0, 0.0, math.pi])
 
-    def _merged(self, found: dict[int, Array], expected: Array) -> Array:
+    def _merged(self, place: int, found: dict[int, Array]) -> Array:
         """The mean of what cameras see; its heading counts full turns from the one expected."""
         poses = np.array([pose - self.cameras[number].bias for number, pose in found.items()])
-        about = poses[0, 2] if np.isnan(expected[2]) else expected[2]
+        about = self._pose[place, 2] if np.isfinite(self._pose[place, 2]) else poses[0, 2]
         poses[:, 2] = about + wrap_angle(poses[:, 2] - about)
         return poses.mean(0)
 
