@@ -124,23 +124,23 @@ def _listen(chosen: "Options", quiet: bool) -> None:
     from omni_mj.studies.outcome import StoppedError
 
     notes = Notes(_warn)
-    with Interrupts() as interrupts, session.listening(chosen, notes, interrupts.check) as (link, heard):
+    with Interrupts() as interrupts, session.listening(chosen, notes, interrupts.check) as link:
         until = time.monotonic() + (chosen.duration_s or float("inf"))
         try:
             while time.monotonic() < until:
                 link.listen(min(1.0, max(until - time.monotonic(), 0.0)))
                 if not quiet:
-                    print(f"{len(link.vision.cameras)} cameras, {len(heard.robots())} robots", flush=True)
+                    print(f"{len(link.vision.cameras)} cameras, {len(link.heard.robots())} robots", flush=True)
         except StoppedError:
             pass
-        print("\n".join([*listen.cameras(link.vision.cameras), *heard.robots(), *_counts(notes)]))
+        print("\n".join([*listen.cameras(link.vision.cameras), *link.heard.robots(), *_counts(notes)]))
 
 
 def _drive(
     what: Any, chosen: "Options", folder: Path, record: bool, draw: bool, quiet: bool, viewers: list[str]
 ) -> None:
     from omni_mj.cli.interrupts import Interrupts
-    from omni_mj.live import listen, session
+    from omni_mj.live import listen, report, session
     from omni_mj.live.notes import Notes
     from omni_mj.measure.result import write
     from omni_mj.studies.outcome import StoppedError
@@ -148,10 +148,10 @@ def _drive(
     notes = Notes(_warn)
     with Interrupts() as interrupts:
         try:
-            with session.listening(chosen, notes, interrupts.check) as (link, heard):
+            with session.listening(chosen, notes, interrupts.check) as link:
                 if not quiet:
                     print("\n".join(listen.cameras(link.vision.cameras)), flush=True)
-                with session.ready(what, chosen, link, heard, notes) as live:
+                with session.ready(what, chosen, link, notes) as live:
                     if not quiet:
                         _begin(live)
                     watch = None if quiet else _watch(live)
@@ -159,10 +159,11 @@ def _drive(
         except StoppedError as stopped:  # before there was anything to record
             interrupts.end(stopped.reason, "the robots had not begun")
             raise AssertionError from stopped
-    write(folder / "link.json", json.dumps(session.summary(live), indent=2, allow_nan=False) + "\n")
+    summary = report.summary(live)
+    write(folder / "link.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
     run_command.shown(outcome, folder, draw, quiet)
     if not quiet:
-        print("\n".join([*session.found(live), *listen.cameras(live.link.vision.cameras), *_counts(notes)]))
+        print("\n".join([*report.told(summary), *listen.cameras(live.link.vision.cameras), *_counts(notes)]))
     run_command.ended(outcome, folder, interrupts)
 
 
@@ -174,12 +175,12 @@ def _begin(live: "Live") -> None:
 
 def _watch(live: "Live") -> Any:
     """What to call after each frame: it prints once a second what was identified."""
-    from omni_mj.live import session
+    from omni_mj.live import report
     from omni_mj.scenarios.settings import FRAME_RATE_HZ
 
     def after(frame: int) -> None:
         if (frame + 1) % FRAME_RATE_HZ == 0:
-            for line in session.found(live) or [f"frame {frame + 1}"]:
+            for line in report.found(live) or [f"frame {frame + 1}"]:
                 print(f"{(frame + 1) // FRAME_RATE_HZ:4d} s  {line}", flush=True)
 
     return after

@@ -12,6 +12,7 @@ from omni_mj.live.clock import Clock
 from omni_mj.live.wire.vision import Detection
 
 OLDEST_S = 0.5  # between capture and sending that a peer can mean; more, or less than none, is of two clocks
+MOST_LOST = 1000  # frames between two; more are of another count
 LEAST_GAIN = 0.02  # with which differences between cameras are learned in the end
 
 
@@ -34,7 +35,7 @@ class Camera:
     ages: float = 0.0
     first: tuple[float, float] = (0.0, 0.0)  # stamp and arrival of the first frame since the clock began
     last: tuple[float, float] = (0.0, 0.0)
-    since: int = 0  # frames since then, without the first
+    since: int = 0  # frames since then, with those that were lost, without the first
     newest: tuple[int, float] | None = None  # number and time of capture
 
     def add(self, detection: Detection, arrival: float) -> bool:
@@ -50,11 +51,11 @@ class Camera:
                 self.late += 1
                 return False
             step = detection.frame_number - number
-            self.lost += step - 1 if 1 < step < 1000 else 0
-        if self.newest is None:
-            self.first, self.since = (sent, arrival), 0
+            step = step if 1 < step < MOST_LOST else 1  # not all number their frames
+            self.lost += step - 1
+            self.since += step
         else:
-            self.since += 1
+            self.first, self.since = (sent, arrival), 0
         self.newest, self.last = (detection.frame_number, captured), (sent, arrival)
         self.frames += 1
         self.ages += sent - captured
@@ -62,7 +63,7 @@ class Camera:
 
     @property
     def stamped_hz(self) -> float:
-        """Frames a second of its own clock; not a number before the second."""
+        """Frames that it sends a second of its own clock; not a number before the second."""
         return self._rate(0)
 
     @property
@@ -71,7 +72,6 @@ class Camera:
         return self._rate(1)
 
     def _rate(self, clock: int) -> float:
-        # Frames that were lost were sent all the same, but for a peer that does not number them.
         span = self.last[clock] - self.first[clock]
         return self.since / span if span > 0 else np.nan
 

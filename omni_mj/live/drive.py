@@ -128,16 +128,12 @@ class Live(Simulation):
 
     def approach(self, target: Array) -> None:
         """Bring the robots to poses (n, 3), straight, without regard to anything in between."""
-        seen = self._located()
+        seen = self.link.now()
         away = target - seen
         away[:, 2] = wrap_angle(away[:, 2])
         if (np.hypot(away[:, 0], away[:, 1]) < NEAR_M).all() and (np.abs(away[:, 2]) < NEAR_RAD).all():
             return
-        rows = [
-            replace(row, world=i, place=0, settings=_way(row.settings, seen[i], seen[i] + away[i]))
-            for i, row in enumerate(self.rows)
-        ]
-        there = Live(self.scenario, self.link, self._radio, self.ids, self.notes, rows)
+        there = Live(self.scenario, self.link, self._radio, self.ids, self.notes, ways(self.rows, seen, seen + away))
         try:
             there.run()
         finally:
@@ -166,32 +162,28 @@ class Live(Simulation):
             except VisionLostError:
                 self._recover()
 
-    def _located(self) -> Array:
-        """Where vision sees the robots now, once it sees them all."""
-        while True:
-            self.outbound.stop()
-            self.link.listen(0.1)
-            pose, _ = self.link.now()
-            if np.isfinite(pose).all():
-                return pose
-
     def _recover(self) -> None:
         """Wait until vision is back, and bring the robots to where they should have been."""
         at = f"{self.frame * PERIOD_S:.2f} s"
-        self.notes.add(
-            "silence", f"{at}: vision has fallen silent; robots are told to stop until it is back", always=True
-        )
-        self.link.forget()
-        self._located()
-        self.link.listen(SILENT_S)
+        text = f"{at}: vision has fallen silent; robots are told to stop until it is back"
+        self.notes.add("silence", text, always=True)
+        pose = np.full((len(self.rows), 3), np.nan)
+        while np.isnan(pose).any():
+            self.outbound.stop()
+            pose = self.link.find(SILENT_S / 5)
+        self.link.find(2 * SILENT_S)
         self.link.choose(self.link.pace)
         self.notes.add("return", f"{at}: vision is back", always=True)
         self.approach(self._reference())
         self.link.restart()
 
 
+def ways(rows: Sequence[Row], start: Array, end: Array) -> list[Row]:
+    """The same robots, to go straight from where they are to where they shall be, (n, 3) each."""
+    return [replace(row, world=i, place=0, settings=_way(row.settings, start[i], end[i])) for i, row in enumerate(rows)]
+
+
 def _way(settings: Settings, start: Array, end: Array) -> Settings:
-    """A robot's settings to go straight from where it is to where it starts."""
     way = {**APPROACH, "shape": "waypoints", "mode": "timed", "laps": 1, "lead_s": 0.0, "settle_s": 1.0}
     way["waypoints"] = [start.tolist(), end.tolist()]
     return settings.replace(reference=way, world={"places": [[0, 0, 0]]}, fault=())

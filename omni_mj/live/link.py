@@ -10,9 +10,9 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.live.cameras import leading
+from omni_mj.live.listen import Listener
 from omni_mj.live.sockets import Receiver
 from omni_mj.live.vision import Vision
-from omni_mj.live.wire.vision import Detection
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 
 Pace = Literal["auto", "60", "vision"]
@@ -36,7 +36,7 @@ class Link:
         receiver: of vision's packets.
         vision: what is made of them.
         check: called now and then; what it raises ends whatever goes on.
-        heard: told every detection, with its camera's number.
+        heard: what remembers all detections.
 
     Attributes:
         pace: "vision", a tick with each frame of a camera, or "60", ticks of our own clock; "auto" before it is chosen.
@@ -50,9 +50,10 @@ class Link:
         receiver: Receiver,
         vision: Vision,
         check: Callable[[], None] = lambda: None,
-        heard: Callable[[int, Detection], None] = lambda camera, detection: None,
+        heard: Listener | None = None,
     ) -> None:
-        self.vision, self._receiver, self._check, self._heard = vision, receiver, check, heard
+        self.vision, self._receiver, self._check = vision, receiver, check
+        self.heard = Listener() if heard is None else heard
         self.pace: Pace = "auto"
         self.leader: int | None = None
         self.late = self.missing = 0
@@ -99,14 +100,25 @@ class Link:
         leader = self.leader if self.pace == "vision" else None
         return self.vision.at(self._tick, elapsed if math.isfinite(elapsed) else PERIOD_S, twist, leader)
 
-    def now(self) -> tuple[Array, np.ndarray]:
-        """What was seen since the last time, wherever it is; robots are taken to rest. See `Vision.at`."""
-        return self.vision.at(time.monotonic(), PERIOD_S, np.zeros((len(self.vision.ids), 3)))
+    def now(self) -> Array:
+        """Where the robots are (n, 3), which rest; not a number for those that are not seen. See `Vision.at`."""
+        poses, _ = self.vision.at(time.monotonic(), PERIOD_S, np.zeros((len(self.vision.ids), 3)))
+        return poses
 
-    def forget(self) -> None:
-        """Believe anything that is seen from now on, as at the start."""
-        self.vision.follow(self.vision.ids)
+    def find(self, seconds: float) -> Array:
+        """Look for the robots anew, which rest, for some seconds; where they are (n, 3)."""
+        self.heard.forget()
+        self.listen(seconds)
+        return self.believe()
+
+    def believe(self) -> Array:
+        """Where the robots rest, by all that was heard (n, 3); from now on they are taken to be there."""
+        vision = self.vision
+        poses = self.heard.poses(vision.colour, vision.ids)
+        vision.follow(vision.ids)
+        vision.believe(poses)
         self.restart()
+        return poses
 
     def restart(self) -> None:
         """Begin ticks anew, after a while without."""
@@ -154,7 +166,7 @@ class Link:
                     number, detection = found
                     if detection.robots_blue or detection.robots_yellow:
                         self._seeing.add(number)
-                    self._heard(number, detection)
+                    self.heard(number, detection)
             if not everything:
                 return
 

@@ -9,16 +9,16 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, wrap_angle
-from omni_mj.live.drive import Live
+from omni_mj.live import answer
+from omni_mj.live.drive import Live, ways
 from omni_mj.live.link import Link, Pace
 from omni_mj.live.listen import Listener
 from omni_mj.live.notes import Notes
-from omni_mj.live.pulse import pulse
 from omni_mj.live.radio import Line, Radio, SimulatorRadio
 from omni_mj.live.sockets import LOOPBACK, Address, Receiver
 from omni_mj.live.vision import Colour, Vision
 from omni_mj.live.wire.vision import SIMULATED_VISION_PORT, VISION_GROUP
-from omni_mj.scenarios import references, user_files
+from omni_mj.scenarios import references, rows, user_files
 from omni_mj.scenarios.controllers import find, label
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
@@ -91,9 +91,7 @@ def check(scenario: Scenario, options: Options) -> None:
 
 
 @contextmanager
-def listening(
-    options: Options, notes: Notes, checked: Callable[[], None] = lambda: None
-) -> Iterator[tuple[Link, Listener]]:
+def listening(options: Options, notes: Notes, checked: Callable[[], None] = lambda: None) -> Iterator[Link]:
     """Listen to vision until the end of the block.
 
     Args:
@@ -104,9 +102,9 @@ def listening(
     Raises:
         OmniError: nothing came for as long as was to be waited.
     """
-    receiver, heard = Receiver(options.vision, options.interface), Listener()
+    receiver = Receiver(options.vision, options.interface)
     try:
-        link = Link(receiver, Vision(options.colour, options.ids, notes), checked, heard)
+        link = Link(receiver, Vision(options.colour, options.ids, notes), checked)
         until = time.monotonic() + options.wait_s
         while not link.vision.cameras:
             if time.monotonic() > until:
@@ -118,30 +116,29 @@ def listening(
                 )
             link.listen(0.1)
         link.listen(LISTEN_S)
-        yield link, heard
+        yield link
     finally:
         receiver.close()
 
 
 @contextmanager
-def ready(scenario: Scenario, options: Options, link: Link, heard: Listener, notes: Notes) -> Iterator[Live]:
+def ready(scenario: Scenario, options: Options, link: Link, notes: Notes) -> Iterator[Live]:
     """Robots to be driven, at the start of their routes; they are told to stand when the block ends.
 
     Raises:
         OmniError: they are not seen, cannot be driven so, or do not answer.
     """
-    ids = _chosen(scenario, options, heard)
+    ids = _chosen(scenario, options, link.heard)
     link.vision.follow(ids)
-    link.listen(0.2)
+    pose = link.believe()
     link.choose(options.pace)
     kind = SimulatorRadio if options.radio is None else _own(options.radio)
     radio = kind(Line(options.commands, options.colour, options.interface, options.world, notes))
     try:
-        pose, _ = link.now()
         there = _placed(scenario, pose) if options.here else scenario
-        there = _told(there, "vision.", options, heard.noise(options.colour, ids))
+        there = _told(there, "vision.", options, link.heard.noise(options.colour, ids))
         if DEAD_TIME in options.measured:
-            there = _told(there, "radio.", options, {DEAD_TIME: _dead_time(there, link, radio, ids, notes)})
+            there = _told(there, "radio.", options, {DEAD_TIME: _dead_time(there, link, radio, ids, pose, notes)})
         most = np.inf if options.duration_s is None else round(options.duration_s * FRAME_RATE_HZ)
         live = Live(there, link, radio, ids, notes, most_frames=most)
         try:
@@ -154,11 +151,12 @@ def ready(scenario: Scenario, options: Options, link: Link, heard: Listener, not
         radio.close()
 
 
-def _dead_time(scenario: Scenario, link: Link, radio: Radio, ids: Sequence[int], notes: Notes) -> int:
+def _dead_time(scenario: Scenario, link: Link, radio: Radio, ids: Sequence[int], pose: Array, notes: Notes) -> int:
     """Frames from a command to its effect, without the wheel loops' lag, as robots answer a pulse."""
-    trial = Live(scenario, link, radio, ids, notes)
+    table = rows.table([label(scenario.controllers[0])], [scenario.seed], scenario.settings, scenario.robot)
+    trial = Live(scenario, link, radio, ids, notes, ways(table, pose, pose))
     try:
-        answers = pulse(trial)
+        answers = answer.pulse(trial)
     finally:
         trial.stop()
     still = [number for number, each in zip(ids, answers, strict=True) if not each.any]
@@ -223,49 +221,3 @@ def _own(name: str) -> type[Radio]:
     if not user_files.names_class(name):
         raise OmniError(f"--radio must be file.py:Class, not {name!r}")
     return user_files.find(name, "derived from omni_mj.live.radio.Radio", lambda kind: issubclass(kind, Radio))
-
-
-def found(live: Live) -> list[str]:
-    """A line for each robot: latency and alpha as its controller has identified them."""
-    lines = []
-    for number, latency, alpha in zip(live.ids, live.team.latency_hat, live.team.alpha_hat, strict=True):
-        if np.isfinite(latency).all():
-            frames = " ".join(f"{each:.2f}" for each in latency)
-            ms = " ".join(f"{1e3 * each / FRAME_RATE_HZ:.0f}" for each in latency)
-            gains = " ".join(f"{each:.2f}" for each in alpha)
-            lines.append(f"robot {number}: latency {frames} frames ({ms} ms), alpha {gains} (forward, left, turning)")
-    return lines
-
-
-def summary(live: Live) -> dict[str, object]:
-    """What link.json holds: of vision, of the ticks, of what went wrong, and what was identified."""
-    vision = live.link.vision
-    rows: Sequence[dict[str, object]] = [
-        {
-            "id": number,
-            "latency_frames": _plain(latency),
-            "alpha": _plain(alpha),
-        }
-        for number, latency, alpha in zip(live.ids, live.team.latency_hat, live.team.alpha_hat, strict=True)
-    ]
-    cameras = {
-        str(number): {
-            "frames": camera.frames, "lost": camera.lost, "late": camera.late, "restarts": camera.clock.restarts,
-            "stamped_hz": _plain(camera.stamped_hz), "received_hz": _plain(camera.received_hz),
-            "mean_age_s": camera.ages / max(camera.frames, 1), "bias_m_m_rad": _plain(camera.bias),
-        }
-        for number, camera in sorted(vision.cameras.items())
-    }  # fmt: skip
-    ticks = {"pace": live.link.pace, "camera": live.link.leader, "late": live.link.late, "missing": live.link.missing}
-    source = None if vision.source is None else vision.source.name
-    return {"source": source, "cameras": cameras, "ticks": ticks, "robots": rows, "notes": dict(live.notes.counts)}
-
-
-def _plain(values: Array | float) -> object:
-    """Numbers as JSON has them: nothing is not a number."""
-    rounded = np.where(np.isfinite(values), np.round(values, 6), np.nan)
-    return (
-        [None if value != value else value for value in rounded.tolist()]
-        if rounded.ndim
-        else (None if np.isnan(rounded) else float(rounded))
-    )

@@ -16,6 +16,7 @@ from omni_mj.live.wire.vision import DetectedRobot, Detection, Source, VisionPac
 Colour = Literal["blue", "yellow"]
 
 NEAR_M, FASTEST_M_S = 0.15, 5.0  # from where it should be a robot is at most: this, and what it may have moved unseen
+FASTEST = np.array([FASTEST_M_S, FASTEST_M_S, 30.0])  # with which robots are carried on, m/s, m/s, rad/s
 MIRRORED_RAD = 2.2  # from where it should face: a pattern that was read the wrong way round is pi away
 PERSIST = 15  # ticks for which it is elsewhere, or faces the other way, until that is believed
 UNSEEN_S = 0.25  # for which motion is carried on, and after which a heading may be any
@@ -45,7 +46,7 @@ class Vision:
         notes: of what was wrong.
 
     Attributes:
-        ids: of the robots that are looked for.
+        colour, ids: of the robots that are looked for.
         cameras: by number.
         source: who says that he sends, or None.
         heard: when the last frame came, s of our clock, minus infinity before.
@@ -55,7 +56,7 @@ class Vision:
         self.cameras: dict[int, Camera] = {}
         self.source: Source | None = None
         self.heard = -math.inf
-        self._colour, self._notes, self._biases = colour, notes, Biases()
+        self.colour, self._notes, self._biases = colour, notes, Biases()
         self.follow(ids)
 
     def follow(self, ids: Sequence[int]) -> None:
@@ -64,6 +65,10 @@ class Vision:
         self._pose, self._unseen = np.full((n, 3), np.nan), np.full(n, math.inf)  # the latter in s
         self._fresh: list[dict[int, list[Sighting]]] = [{} for _ in self.ids]
         self._odd, self._turned = np.zeros((2, n), int)
+
+    def believe(self, poses: Array) -> None:
+        """Take the robots to be there (n, 3) now; where they are not, nothing is believed."""
+        self._pose, self._unseen = poses.copy(), np.where(np.isnan(poses[:, 0]), math.inf, 0.0)
 
     def add(self, data: bytes, arrival: float, source: object = "") -> tuple[int, Detection] | None:
         """Take in a packet: the camera's number, and what it saw.
@@ -109,6 +114,7 @@ class Vision:
             Poses (n, 3), carried on from where it was for a robot that was not seen, not a number if it never was;
             headings count full turns. And which were seen, (n,).
         """
+        twist = np.clip(twist, -FASTEST, FASTEST)  # one that is not believed might carry robots away
         self._unseen = self._unseen + elapsed
         carried = np.where((self._unseen < UNSEEN_S)[:, None], elapsed * twist, 0.0)
         self._pose = self._pose + carried
@@ -144,7 +150,7 @@ class Vision:
 
     def _own(self, detection: Detection) -> Iterator[DetectedRobot]:
         """The robots that are ours, and can be: with a number, a heading, a place on the earth."""
-        robots = detection.robots_blue if self._colour == "blue" else detection.robots_yellow
+        robots = detection.robots_blue if self.colour == "blue" else detection.robots_yellow
         for robot in robots:
             if robot.robot_id is None or robot.robot_id not in self.ids:
                 continue
