@@ -1,5 +1,6 @@
 """`omni-mj drive`: drive robots outside of this program, a simulator's or real ones, and measure how they answer."""
 
+import gc
 import json
 import time
 from pathlib import Path
@@ -74,8 +75,12 @@ def command(
     session.check(what, chosen)
     viewers = run_command.viewers(view, connect)
     folder = folders.prepare(out, f"drive-{what.name}", OUTPUTS, overwrite)
-    with console.writing(folder):
-        _drive(what, chosen, folder, record, draw, quiet, viewers)
+    try:
+        with console.writing(folder):
+            _drive(what, chosen, folder, record, draw, quiet, viewers)
+    finally:
+        if not any(folder.iterdir()):  # nobody was there to be driven
+            folder.rmdir()
 
 
 def _options(
@@ -155,6 +160,8 @@ def _drive(
                     if not quiet:
                         _begin(live)
                     watch = None if quiet else _watch(live)
+                    gc.collect()
+                    gc.freeze()  # what there is needs not be looked through while robots wait
                     outcome = run_command.recorded(live, folder, record, viewers, interrupts, quiet, "drive", watch)
         except StoppedError as stopped:  # before there was anything to record
             interrupts.end(stopped.reason, "the robots had not begun")
@@ -168,7 +175,7 @@ def _drive(
 
 
 def _begin(live: "Live") -> None:
-    pace = f"camera {live.link.leader}" if live.link.pace == "vision" else "the clock of this computer"
+    pace = f"camera {live.link.leader}" if live.link.with_frames else "the clock of this computer"
     robots = ", ".join(map(str, live.ids))
     print(f"robots {robots} at 60 frames a second of {pace}", flush=True)
 

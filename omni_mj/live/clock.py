@@ -6,7 +6,7 @@ import numpy as np
 
 BUCKET_S = 0.25  # of whose packets the one counts that took the shortest
 BUCKETS = 80  # remembered: 20 s
-FITTED_FROM = 4  # buckets from which on the rate is fitted; until then clocks are taken to go alike
+FITTED_FROM = 3  # buckets from which on the rate is fitted; until then clocks are taken to go alike
 RESTART_S = 0.5  # by which stamps go back, or ahead of what can be, when a peer was started anew
 LATE_S = 0.02  # by which all packets of LATE_BUCKETS are late when the peer's clock was held, or goes at another rate
 LATE_BUCKETS = 3
@@ -54,13 +54,13 @@ class Clock:
             self._stamp, self._arrival, self._began = stamp, arrival, arrival
             self._least = stamp, arrival
         self._newest = stamp
-        if self.ours(stamp) > arrival:  # faster than any before
-            self._arrival -= self.ours(stamp) - arrival
         if arrival - self._began >= BUCKET_S:
             self._close()
             self._began, self._least = arrival, (stamp, arrival)
         elif arrival - self.ours(stamp) < self._least[1] - self.ours(self._least[0]):
             self._least = stamp, arrival
+        if self.ours(stamp) > arrival:  # faster than any before
+            self._arrival -= self.ours(stamp) - arrival
         return restarted
 
     def _forget(self) -> None:
@@ -78,7 +78,6 @@ class Clock:
         if len(late) > LATE_BUCKETS and (late[-LATE_BUCKETS:] > LATE_S).all():
             self._buckets = deque(list(self._buckets)[-LATE_BUCKETS:], maxlen=BUCKETS)
             stamps, arrivals = stamps[-LATE_BUCKETS:], arrivals[-LATE_BUCKETS:]
-            self._slope = 1.0
         x, y = stamps - stamps[-1], arrivals - arrivals[-1]
         if len(x) >= FITTED_FROM and np.ptp(x) > 0:
             slope = float(np.polyfit(x, y, 1)[0])

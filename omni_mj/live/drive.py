@@ -38,29 +38,32 @@ class Outbound:
     Attributes:
         lost: which robots have not been seen for a while, (n,); they are told to stop.
         latency, alpha: until robots' turning answers, frames, and how much it does; (n,) each.
+        held: whether the frame has gone by: nothing leaves, what left before is held.
         sent: commands that left last (n, 3).
     """
 
     def __init__(self, radio: Radio, ids: Sequence[int], latency: Array) -> None:
         self._radio, self._ids, n = radio, ids, len(ids)
         self.latency, self.alpha, self.lost = latency, np.ones(n), np.zeros(n, bool)
-        self.sent = np.zeros((n, 3))
+        self.held, self.sent = False, np.zeros((n, 3))
         self._before = CommandsInFlight(n, REMEMBERED)
 
     def exchange(self, command: Array, heading: Array) -> Received:
         """See `Exchange`; each command leaves with the heading that its robot will have in the middle of its frame."""
-        self.sent = np.where(self.lost[:, None], 0.0, command)
+        self.sent = self.sent if self.held else np.where(self.lost[:, None], 0.0, command)
         latency = np.clip(self.latency, 0, REMEMBERED - 1)[:, None, None]
         ahead = self._before.ahead(np.broadcast_to(latency[:, 0], (len(command), 3)))
         turned = (ahead * self._before.last(REMEMBERED)).sum(0)[:, 2] + self.sent[:, 2] / 2
         acting = heading + self.alpha * turned * PERIOD_S
         self._before.push(self.sent)
         columns = np.column_stack([self.sent, acting]).tolist()
-        self._radio.send([Command(number, *values) for number, values in zip(self._ids, columns, strict=True)])
+        if not self.held:
+            self._radio.send([Command(number, *values) for number, values in zip(self._ids, columns, strict=True)])
         return Received.at_once(self.sent, heading)
 
     def stop(self) -> None:
         """Tell all robots to stand."""
+        self.held = False
         self.exchange(np.zeros_like(self.sent), np.zeros(len(self.sent)))
 
 
@@ -93,6 +96,7 @@ class Live(Simulation):
         self.link, self.ids, self.notes = link, list(ids), notes
         self._radio, self._most = radio, most_frames
         self._unseen = np.zeros(len(self.ids), int)  # frames since each was seen
+        self._ticks: list[tuple[Array, np.ndarray]] = []  # that are still to be answered
         super().__init__(scenario, rows=rows)
 
     @property
@@ -103,7 +107,10 @@ class Live(Simulation):
     def observe(self) -> Seen:
         """See `Simulation`; waits for the next tick."""
         if self._seen is None:
-            pose, seen = self.live.seen = self._tick()
+            if not self._ticks:
+                self._ticks = self._next()
+            pose, seen = self.live.seen = self._ticks.pop(0)
+            self.outbound.held = bool(self._ticks)
             self._unseen = np.where(seen, 0, self._unseen + 1)
             self._measured_now = np.where(seen[:, None], pose, np.nan)
             self.outbound.lost = self._unseen > LOST_FRAMES
@@ -117,8 +124,9 @@ class Live(Simulation):
         turning, alpha = self.team.latency_hat[:, 2], self.team.alpha_hat[:, 2]
         self.outbound.latency = np.where(np.isfinite(turning), turning, self._told)
         self.outbound.alpha = np.where(np.isfinite(alpha), alpha, 1.0)
-        super().step(command)
-        if self.outbound.lost.any():
+        self.observe()
+        super().step(self.outbound.sent if self.outbound.held else command)
+        if self.outbound.lost.any() or self.outbound.held:
             self.team.sent(self.outbound.sent)
 
     def stop(self) -> None:
@@ -147,6 +155,7 @@ class Live(Simulation):
         self.outbound = Outbound(self._radio, self.ids, self._told)
         self._unseen = np.zeros(n, int)
         self._measured_now = np.full((n, 3), np.nan)
+        self._ticks = []
         return self.live, self._look, self.outbound
 
     def _look(self, pose: Array) -> tuple[Array, np.ndarray]:
@@ -154,6 +163,17 @@ class Live(Simulation):
         measured = self._measured_now.copy()
         measured[:, 2] = wrap_angle(measured[:, 2])
         return measured, ~np.isnan(measured[:, 0])
+
+    def _next(self) -> list[tuple[Array, np.ndarray]]:
+        """What is seen at the next tick, after what is not of those that went by while this computer was busy."""
+        before, _ = self.live.seen
+        pose, seen = self._tick()
+        skipped = min(self.link.skipped, LOST_FRAMES)
+        if skipped:
+            text = f"{self.frame * PERIOD_S:.2f} s: this computer was busy, {skipped} frames went by"
+            self.notes.add("busy", text)
+        between = [before + (pose - before) * (i + 1) / (skipped + 1) for i in range(skipped)]
+        return [*((each, np.zeros(len(pose), bool)) for each in between), (pose, seen)]
 
     def _tick(self) -> tuple[Array, np.ndarray]:
         while True:

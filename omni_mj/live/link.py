@@ -22,6 +22,7 @@ GRACE_S = 0.001  # for which the other cameras' frames are waited for after that
 OVERDUE = 1.6  # periods after a tick at which a frame is taken to be lost
 SHORTEST_S = 0.0125  # of a period, where a simulation goes faster than time: it waits for commands anyway
 SAME_RATE = 0.05  # by which frames may differ from 60 a second of their own clock, for the loop to go with them
+SETTLE_S = 0.05  # in which frames arrive that were on their way
 CHECK_S = 0.05  # how often it is looked whether to stop, while nothing comes
 
 
@@ -39,9 +40,11 @@ class Link:
         heard: what remembers all detections.
 
     Attributes:
-        pace: "vision", a tick with each frame of a camera, or "60", ticks of our own clock; "auto" before it is chosen.
+        pace: as asked: "60", ticks of our own clock; "vision", with each frame of a camera, and only then; "auto", with
+            each frame and in the place of those that are lost, if a camera sends 60 in a second of its clock.
+        with_frames: whether it goes with frames.
         leader: number of the camera that gives the ticks, or None.
-        late: ticks that came more than a period too late: this computer was busy.
+        skipped: frames that went by before the last tick: this computer was busy; `late` is the sum.
         missing: ticks without a frame of the camera that gives them.
     """
 
@@ -55,8 +58,9 @@ class Link:
         self.vision, self._receiver, self._check = vision, receiver, check
         self.heard = Listener() if heard is None else heard
         self.pace: Pace = "auto"
+        self.with_frames = False
         self.leader: int | None = None
-        self.late = self.missing = 0
+        self.late = self.missing = self.skipped = 0
         self._seeing: set[int] = set()
         self._tick = self._woken = -math.inf
         self._beginning = -1, 0
@@ -82,7 +86,7 @@ class Link:
                 f"vision sends {rate:.1f} frames a second, and the loop needs {FRAME_RATE_HZ} to go with them;"
                 " --rate 60 goes by the clock of this computer"
             )
-        self.pace = pace if pace != "auto" else "vision" if fits else "60"
+        self.pace, self.with_frames = pace, fits and pace != "60"
 
     def tick(self, twist: Array) -> tuple[Array, np.ndarray]:
         """Wait for the next tick; see `Vision.at`.
@@ -94,11 +98,13 @@ class Link:
             VisionLostError: no camera has sent anything for half a second.
         """
         before, clock = self._tick, self._beginning
-        self._tick = self._of_frame() if self.pace == "vision" else self._of_clock()
+        self._tick = self._of_frame() if self.with_frames else self._of_clock()
         self._woken = time.monotonic()
         elapsed = self._tick - before if self._beginning == clock else PERIOD_S
-        leader = self.leader if self.pace == "vision" else None
-        return self.vision.at(self._tick, elapsed if math.isfinite(elapsed) else PERIOD_S, twist, leader)
+        elapsed = elapsed if math.isfinite(elapsed) else PERIOD_S
+        self.skipped = max(round(elapsed / PERIOD_S) - 1, 0)
+        self.late += self.skipped
+        return self.vision.at(self._tick, elapsed, twist, self.leader if self.with_frames else None)
 
     def now(self) -> Array:
         """Where the robots are (n, 3), which rest; not a number for those that are not seen. See `Vision.at`."""
@@ -121,7 +127,8 @@ class Link:
         return poses
 
     def restart(self) -> None:
-        """Begin ticks anew, after a while without."""
+        """Begin ticks anew, after a while without, with the newest frame."""
+        self.listen(SETTLE_S)
         self._tick = -math.inf  # s of the leading camera's clock, or of ours
         self._beginning = -1, 0  # which camera's, and how often that began anew
         self._woken = -math.inf  # when the tick was answered, s of our clock
@@ -131,7 +138,6 @@ class Link:
         now = time.monotonic()
         tick = self._tick + PERIOD_S
         if tick < now - PERIOD_S:
-            self.late += math.isfinite(tick)
             tick = now
         while time.monotonic() < tick:
             self._alive()
@@ -146,8 +152,7 @@ class Link:
         if self._beginning != (self.leader, camera.clock.restarts):
             self._beginning, self._tick = (self.leader, camera.clock.restarts), -math.inf
         period = max(PERIOD_S / camera.clock.rate, SHORTEST_S)  # of our clock
-        overdue = self._woken + OVERDUE * period if math.isfinite(self._woken) else math.inf
-        self.late += math.isfinite(overdue) and time.monotonic() > overdue + period
+        overdue = self._woken + OVERDUE * period if self.pace == "auto" and math.isfinite(self._woken) else math.inf
         while camera.last[0] <= self._tick + PERIOD_S / 2 and camera.clock.restarts == self._beginning[1]:
             if time.monotonic() >= overdue:
                 self._alive()

@@ -44,7 +44,12 @@ def summary(live: Live) -> dict[str, Any]:
         }
         for number, camera in sorted(vision.cameras.items())
     }  # fmt: skip
-    ticks = {"pace": live.link.pace, "camera": live.link.leader, "late": live.link.late, "missing": live.link.missing}
+    ticks = {
+        "with_frames": live.link.with_frames,
+        "camera": live.link.leader,
+        "late": live.link.late,
+        "missing": live.link.missing,
+    }
     source = None if vision.source is None else vision.source.name
     return {"source": source, "cameras": cameras, "ticks": ticks, "robots": robots, "notes": dict(live.notes.counts)}
 

@@ -44,7 +44,7 @@ class Options:
         world: whether robots are told velocities along the field.
         radio: a class of a team's own, as `file.py:Class`; None for the simulation protocol.
         here: whether routes begin where the robots are, in place of bringing robots to where routes begin.
-        wait_s: how long vision is waited for.
+        wait_s, listen_s: how long vision is waited for, and listened to before anything else.
         duration_s: after which it ends, if not before; None for the whole route.
         measured: settings, of `MEASURED`, for which what is measured before counts: what the team believes.
     """
@@ -59,6 +59,7 @@ class Options:
     radio: str | None = None
     here: bool = False
     wait_s: float = 10.0
+    listen_s: float = LISTEN_S
     duration_s: float | None = None
     measured: frozenset[str] = frozenset(MEASURED)
 
@@ -115,7 +116,7 @@ def listening(options: Options, notes: Notes, checked: Callable[[], None] = lamb
                     f" {options.wait_s:g} s; --vision and --interface say where it is"
                 )
             link.listen(0.1)
-        link.listen(LISTEN_S)
+        link.listen(options.listen_s)
         yield link
     finally:
         receiver.close()

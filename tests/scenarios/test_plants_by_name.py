@@ -24,7 +24,11 @@ class Half:
 
 
 def test_every_registered_plant_is_found() -> None:
-    assert {name: find_plant(name) for name in PLANTS} == {"mujoco": MujocoPlant, "kinematic": KinematicPlant, "live": LivePlant}
+    assert {name: find_plant(name) for name in PLANTS} == {
+        "mujoco": MujocoPlant,
+        "kinematic": KinematicPlant,
+        "live": LivePlant,
+    }
 
 
 def test_a_plant_of_a_users_own(tmp_path: Path) -> None:

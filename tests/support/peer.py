@@ -23,7 +23,7 @@ from omni_mj.live.wire.vision import DetectedRobot, Detection, VisionPacket
 
 PERIOD_S = 1 / 60
 SUBSTEPS = 16
-PATIENCE_S = 0.05  # for commands, in lockstep
+PATIENCE_S = 0.05  # for the first commands, in lockstep
 
 
 def options(given: Sequence[str] | None = None) -> argparse.Namespace:
@@ -43,6 +43,7 @@ def options(given: Sequence[str] | None = None) -> argparse.Namespace:
     parse.add_argument("--loss", type=float, default=0.0, help="of packets, both ways")
     parse.add_argument("--mirror", type=float, default=0.0, help="how often a heading is seen the wrong way round")
     parse.add_argument("--swap", type=float, default=0.0, help="how often a robot has another's number")
+    parse.add_argument("--patience", type=float, default=10.0, help="for the next commands, in lockstep, s")
     parse.add_argument("--junk", type=float, default=0.0, help="bad packets per frame")
     parse.add_argument("--seed", type=int, default=0)
     parse.add_argument("--frames", type=int, default=sys.maxsize)
@@ -59,6 +60,11 @@ class Robots:
         n = len(start)
         self._queue = [(-self._delay, np.zeros((n, 3)), np.ones(n, bool))]
         self._step = 0
+        self._past: list[np.ndarray] = [self.pose.copy()]
+
+    def at(self, age: float) -> np.ndarray:
+        """Poses so many s ago."""
+        return self._past[-1 - min(round(age * SUBSTEPS / PERIOD_S), len(self._past) - 1)]
 
     def command(self, control: RobotControl) -> None:
         _, twist, local = self._queue[-1]
@@ -81,6 +87,7 @@ class Robots:
             self.pose[:, 1] += s * step[:, 0] + c * step[:, 1]
             self.pose[:, 2] += turn
             self._step += 1
+            self._past = [*self._past[-4 * SUBSTEPS :], self.pose.copy()]
 
 
 def _twist(move: MoveCommand) -> tuple[tuple[float, float, float], bool]:
@@ -104,6 +111,7 @@ class Peer:
         self.commands = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.commands.bind(("127.0.0.1", said.port))
         self.commands.setblocking(False)
+        self.told = False
 
     def run(self) -> None:
         truth = self.said.truth.open("w") if self.said.truth else None
@@ -113,13 +121,13 @@ class Peer:
             if truth:
                 print(frame, *(f"{value:.6f}" for value in self.robots.pose.ravel()), file=truth, flush=True)
             due += PERIOD_S / self.said.speed
-            until = time.monotonic() + PATIENCE_S if self.said.lockstep else due
+            until = time.monotonic() + (self.said.patience if self.told else PATIENCE_S) if self.said.lockstep else due
             self.obey(until)
             self.robots.advance()
 
     def publish(self, frame: int) -> None:
         """What each camera sees now; what it stamps is when it sends, and the age before that."""
-        said, pose = self.said, self.robots.pose
+        said, pose = self.said, self.robots.at(self.said.age)
         now = frame * PERIOD_S
         for camera in range(said.cameras):
             middle = (camera - (said.cameras - 1) / 2) * 2.0
@@ -160,6 +168,7 @@ class Peer:
                 self.robots.command(decode(RobotControl, data))
             except WireError:
                 continue
+            self.told = True
             self.commands.sendto(encode(RobotControlResponse()), client)
             if self.said.lockstep:
                 return
