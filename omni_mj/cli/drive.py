@@ -33,6 +33,7 @@ OUTPUTS = (*run_command.OUTPUTS, "link.json")
 @click.option("--velocity", type=click.Choice(["local", "global"]), default="local", help="As told to robots. [local]")
 @click.option("--radio", metavar="FILE.py:Class", help="A radio of your own. [ssl-simulation-protocol]")
 @click.option("--here", is_flag=True, help="Start where the robots are, all that are seen if none is named.")
+@click.option("--wait", type=float, default=10.0, metavar="S", help="How long vision is waited for. [10]")
 @click.option("--duration", type=float, metavar="S", help="End after so many seconds. [the whole route]")
 @click.option("--pulse/--no-pulse", "ask", default=True, help="Measure dead time first: robots turn to and fro.")
 @click.option("--dry-run", is_flag=True, help="Only listen: rates, cameras, robots, noise.")
@@ -93,6 +94,7 @@ def _options(
     velocity: str,
     radio: str | None,
     here: bool,
+    wait: float,
     duration: float | None,
     ask: bool,
     overrides: tuple[str, ...],
@@ -112,12 +114,14 @@ def _options(
         check_local(target, interface)
     if duration is not None and not 0 < duration < 1e5:
         raise OmniError(f"--duration must be a positive number of seconds, not {duration:g}")
+    if not 0 <= wait < 1e5:
+        raise OmniError(f"--wait must be a number of seconds, not {wait:g}")
     if any(not 0 <= number < 256 for number in ids):
         raise OmniError(f"--id must be from 0 to 255, not {', '.join(map(str, ids))}")
     said = {override.partition("=")[0].strip() for override in overrides} | (set() if ask else {DEAD_TIME})
     return Options(
         address(vision, SIMULATED_VISION_PORT), target, interface, colour, tuple(ids), rate, velocity == "global",
-        radio, here, duration_s=duration, measured=frozenset(MEASURED) - said,
+        radio, here, wait_s=wait, duration_s=duration, measured=frozenset(MEASURED) - said,
     )  # fmt: skip
 
 

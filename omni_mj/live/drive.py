@@ -1,7 +1,7 @@
 """The loop with robots outside of this program: `Simulation`, seen by SSL-Vision and commanded by a radio."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -34,6 +34,7 @@ class Outbound:
         radio: by which they leave.
         ids: of the robots, n of them.
         latency: until commands act, as far as the team knows, (n,) frames.
+        left: called when commands have left.
 
     Attributes:
         lost: which robots have not been seen for a while, (n,); they are told to stop.
@@ -42,8 +43,8 @@ class Outbound:
         sent: commands that left last (n, 3).
     """
 
-    def __init__(self, radio: Radio, ids: Sequence[int], latency: Array) -> None:
-        self._radio, self._ids, n = radio, ids, len(ids)
+    def __init__(self, radio: Radio, ids: Sequence[int], latency: Array, left: Callable[[], None]) -> None:
+        self._radio, self._ids, self._left, n = radio, ids, left, len(ids)
         self.latency, self.alpha, self.lost = latency, np.ones(n), np.zeros(n, bool)
         self.held, self.sent = False, np.zeros((n, 3))
         self._before = CommandsInFlight(n, REMEMBERED)
@@ -59,6 +60,7 @@ class Outbound:
         columns = np.column_stack([self.sent, acting]).tolist()
         if not self.held:
             self._radio.send([Command(number, *values) for number, values in zip(self._ids, columns, strict=True)])
+            self._left()
         return Received.at_once(self.sent, heading)
 
     def stop(self) -> None:
@@ -152,7 +154,7 @@ class Live(Simulation):
         self.live = LivePlant(self.rows, start, driven=True)
         geometry = self.rows[0].settings.wheels.kinematics
         self._told = np.array([told(row.settings, geometry, True).latency_frames for row in self.rows])
-        self.outbound = Outbound(self._radio, self.ids, self._told)
+        self.outbound = Outbound(self._radio, self.ids, self._told, self.link.answered)
         self._unseen = np.zeros(n, int)
         self._measured_now = np.full((n, 3), np.nan)
         self._ticks = []

@@ -45,6 +45,7 @@ class Link:
         with_frames: whether it goes with frames.
         leader: number of the camera that gives the ticks, or None.
         skipped: frames that went by before the last tick: this computer was busy; `late` is the sum.
+        answers: how long after each tick commands left, s: after the frame came, or after the tick of our own clock.
         missing: ticks without a frame of the camera that gives them.
     """
 
@@ -61,6 +62,8 @@ class Link:
         self.with_frames = False
         self.leader: int | None = None
         self.late = self.missing = self.skipped = 0
+        self.answers: list[float] = []
+        self._due = -math.inf  # since when the tick waits to be answered
         self._seeing: set[int] = set()
         self._tick = self._woken = -math.inf
         self._beginning = -1, 0
@@ -106,6 +109,10 @@ class Link:
         self.late += self.skipped
         return self.vision.at(self._tick, elapsed, twist, self.leader if self.with_frames else None)
 
+    def answered(self) -> None:
+        """Commands have left."""
+        self.answers.append(time.monotonic() - self._due)
+
     def now(self) -> Array:
         """Where the robots are (n, 3), which rest; not a number for those that are not seen. See `Vision.at`."""
         poses, _ = self.vision.at(time.monotonic(), PERIOD_S, np.zeros((len(self.vision.ids), 3)))
@@ -142,6 +149,7 @@ class Link:
         while time.monotonic() < tick:
             self._alive()
             self._take(min(tick, time.monotonic() + CHECK_S))
+        self._due = tick
         return tick
 
     def _of_frame(self) -> float:
@@ -157,10 +165,12 @@ class Link:
             if time.monotonic() >= overdue:
                 self._alive()
                 self.missing += 1
+                self._due = overdue
                 return self._tick + PERIOD_S
             self._alive()
             self._take(min(overdue, time.monotonic() + CHECK_S))
         self._take(time.monotonic() + GRACE_S, everything=True)
+        self._due = camera.last[1]
         return camera.last[0]
 
     def _take(self, until: float, *, everything: bool = False) -> None:

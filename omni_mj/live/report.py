@@ -1,7 +1,7 @@
 """What a live run tells of robots and of the link: while it goes on, and in the end."""
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -50,13 +50,18 @@ def summary(live: Live) -> dict[str, Any]:
         "late": live.link.late,
         "missing": live.link.missing,
     }
+    ticks["answered_after_s"] = dict(zip(("p50", "p95", "p99", "max"), _percentiles(live.link.answers), strict=True))
     source = None if vision.source is None else vision.source.name
     return {"source": source, "cameras": cameras, "ticks": ticks, "robots": robots, "notes": dict(live.notes.counts)}
 
 
 def told(summary: Mapping[str, Any]) -> list[str]:
-    """What is said of each robot in the end."""
+    """What is said in the end of ticks and of each robot."""
+    late = summary["ticks"]["answered_after_s"]
     lines = []
+    if late["p50"] is not None:
+        times = ", ".join(f"{name} {1e3 * value:.1f}" for name, value in late.items())
+        lines.append(f"commands left so many ms after each tick: {times}")
     for robot in summary["robots"]:
         parts = []
         if robot["fitted"]["latency_frames"] is not None:
@@ -70,6 +75,12 @@ def told(summary: Mapping[str, Any]) -> list[str]:
             )
         lines.append(f"robot {robot['id']}: {'; '.join(parts) or 'did not move'}")
     return lines
+
+
+def _percentiles(values: Sequence[float]) -> list[float | None]:
+    if not values:
+        return [None] * 4
+    return [round(float(each), 6) for each in (*np.percentile(values, [50, 95, 99]), max(values))]
 
 
 def _row(values: Array, digits: int) -> str:

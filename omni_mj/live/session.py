@@ -79,6 +79,10 @@ def check(scenario: Scenario, options: Options) -> None:
         for kind in scenario.controllers
         if find(kind).knows_truth
     ]
+    if scenario.settings.fault:
+        wrong.append(
+            "nothing can be made to happen to robots outside of this program: the scenario must have no [[fault]]"
+        )
     if len(set(options.ids)) != len(options.ids) or len(options.ids) > MOST_ROBOTS:
         wrong.append(f"--id must name up to {MOST_ROBOTS} robots, each once, not {options.ids}")
     places = len(scenario.settings.world.places)
