@@ -194,7 +194,6 @@ class Live(Simulation):
             self.outbound.stop()
             pose = self.link.find(SILENT_S / 5)
         self.link.find(2 * SILENT_S)
-        self.link.choose(self.link.pace)
         self.notes.add("return", f"{at}: vision is back", always=True)
         self.approach(self._reference())
         self.link.restart()

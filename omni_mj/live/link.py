@@ -170,7 +170,7 @@ class Link:
             self._alive()
             self._take(min(overdue, time.monotonic() + CHECK_S))
         self._take(time.monotonic() + GRACE_S, everything=True)
-        self._due = camera.last[1]
+        self._due = camera.last[1] if math.isfinite(self._woken) else time.monotonic()
         return camera.last[0]
 
     def _take(self, until: float, *, everything: bool = False) -> None:
@@ -196,5 +196,7 @@ class Link:
 
     def _alive(self) -> None:
         self._check()
-        if time.monotonic() - self.vision.heard > SILENT_S:
-            raise VisionLostError
+        if time.monotonic() - max(self.vision.heard, self._woken) > SILENT_S:
+            self._take(time.monotonic())  # what came while this computer did something else
+            if time.monotonic() - self.vision.heard > SILENT_S:
+                raise VisionLostError

@@ -44,13 +44,11 @@ def summary(live: Live) -> dict[str, Any]:
         }
         for number, camera in sorted(vision.cameras.items())
     }  # fmt: skip
+    link = live.link
     ticks = {
-        "with_frames": live.link.with_frames,
-        "camera": live.link.leader,
-        "late": live.link.late,
-        "missing": live.link.missing,
-    }
-    ticks["answered_after_s"] = dict(zip(("p50", "p95", "p99", "max"), _percentiles(live.link.answers), strict=True))
+        "with_frames": link.with_frames, "camera": link.leader, "late": link.late, "missing": link.missing,
+        "answered_after_s": dict(zip(("p50", "p95", "p99", "max"), _percentiles(link.answers), strict=True)),
+    }  # fmt: skip
     source = None if vision.source is None else vision.source.name
     return {"source": source, "cameras": cameras, "ticks": ticks, "robots": robots, "notes": dict(live.notes.counts)}
 
