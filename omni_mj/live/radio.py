@@ -63,6 +63,7 @@ class Line:
         interface: by which packets leave.
         world: whether robots shall be told velocities along the field, in place of forward and left.
         notes: for what goes wrong.
+        both: whether the other team's port shall get an empty packet for each.
     """
 
     host: Address | None
@@ -70,6 +71,7 @@ class Line:
     interface: str
     world: bool
     notes: Notes
+    both: bool = False
 
 
 class Radio:
@@ -98,7 +100,7 @@ class Radio:
 class SimulatorRadio(Radio):
     """ssl-simulation-protocol: a datagram a frame to the team's port.
 
-    The other team's port gets an empty one: grSim stops a team whose opponents nobody commands.
+    The other team's may get an empty one: grSim stops a team whose opponents nobody commands.
     """
 
     name = "ssl-simulation-protocol"
@@ -108,8 +110,8 @@ class SimulatorRadio(Radio):
         self.target = line.host or Address(sockets.LOOPBACK, PORTS[line.colour])
         sockets.check_local(self.target, line.interface)
         self._socket = sockets.sender(line.interface)
-        usual = self.target.port == PORTS[line.colour]
-        self._other = Address(self.target.host, PORTS[OTHER[line.colour]]) if usual else None
+        both = line.both and self.target.port == PORTS[line.colour]  # of other ports it is not known whose they are
+        self._other = Address(self.target.host, PORTS[OTHER[line.colour]]) if both else None
         self._nothing = encode(RobotControl())
 
     def send(self, commands: Sequence[Command]) -> None:

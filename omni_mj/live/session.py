@@ -138,7 +138,8 @@ def ready(scenario: Scenario, options: Options, link: Link, notes: Notes) -> Ite
     pose = link.believe()
     link.choose(options.pace)
     kind = SimulatorRadio if options.radio is None else _own(options.radio)
-    radio = kind(Line(options.commands, options.colour, options.interface, options.world, notes))
+    both = options.pace != "vision"  # a simulation that waits for commands would take it for one
+    radio = kind(Line(options.commands, options.colour, options.interface, options.world, notes, both))
     try:
         there = _placed(scenario, pose) if options.here else scenario
         there = _told(there, "vision.", options, link.heard.noise(options.colour, ids))
