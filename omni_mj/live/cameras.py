@@ -25,6 +25,7 @@ class Camera:
         frames: received; `lost` are missing between them by their numbers, `late` came after newer ones.
         bias: by how much it sees robots elsewhere than the others do, (3,) m, m, rad; see `Biases`.
         ages: between capture and sending, summed over the frames, s.
+        heard: when something came of it, though it had come before, s of our clock.
     """
 
     clock: Clock = field(default_factory=Clock)
@@ -33,6 +34,7 @@ class Camera:
     late: int = 0
     bias: Array = field(default_factory=lambda: np.zeros(3))
     ages: float = 0.0
+    heard: float = 0.0
     first: tuple[float, float] = (0.0, 0.0)  # stamp and arrival of the first frame since the clock began
     last: tuple[float, float] = (0.0, 0.0)
     since: int = 0  # frames since then, with those that were lost, without the first
@@ -40,7 +42,7 @@ class Camera:
 
     def add(self, detection: Detection, arrival: float) -> bool:
         """Take a frame in, and say whether it is new: neither late nor here before."""
-        captured = detection.t_capture
+        self.heard, captured = arrival, detection.t_capture
         age = detection.t_sent - captured
         sent = detection.t_sent if 0 <= age <= OLDEST_S else captured
         if self.clock.add(sent, arrival):
@@ -107,5 +109,5 @@ class Biases:
 
 def leading(cameras: Mapping[int, Camera], seeing: Iterable[int], now: float, silent_s: float) -> int | None:
     """The camera after which to go: the first of those that see robots, or else of all, that is not silent."""
-    alive = [number for number, camera in sorted(cameras.items()) if now - camera.last[1] < silent_s]
+    alive = [number for number, camera in sorted(cameras.items()) if now - camera.heard < silent_s]
     return next((number for number in alive if number in set(seeing)), alive[0] if alive else None)

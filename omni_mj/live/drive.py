@@ -131,6 +131,11 @@ class Live(Simulation):
         if self.outbound.lost.any() or self.outbound.held:
             self.team.sent(self.outbound.sent)
 
+    def warm(self, pose: Array) -> None:
+        """Ask the controllers once, so that what they make at first is made before robots wait; then begin anew."""
+        self.team.step(pose)
+        self.reset()
+
     def stop(self) -> None:
         """Tell the robots to stand, more than once as packets are lost."""
         for _ in range(3):

@@ -79,17 +79,18 @@ class Link:
         """Choose what gives the ticks, by what has come so far.
 
         Raises:
-            OmniError: frames shall, but there are not about 60 of them in a second of their own clock.
+            OmniError: frames shall, but there are not about 60 of them in a second of their own clock. Of a simulation
+                that waits for commands that is not known.
         """
         self.leader = leading(self.vision.cameras, self._seeing, time.monotonic(), SILENT_S)
         rate = math.nan if self.leader is None else self.vision.cameras[self.leader].stamped_hz
         fits = abs(rate / FRAME_RATE_HZ - 1) < SAME_RATE
-        if pace == "vision" and not fits:
+        if pace == "vision" and not fits and not math.isnan(rate):
             raise OmniError(
                 f"vision sends {rate:.1f} frames a second, and the loop needs {FRAME_RATE_HZ} to go with them;"
                 " --rate 60 goes by the clock of this computer"
             )
-        self.pace, self.with_frames = pace, fits and pace != "60"
+        self.pace, self.with_frames = pace, pace == "vision" or (pace == "auto" and fits)
 
     def tick(self, twist: Array) -> tuple[Array, np.ndarray]:
         """Wait for the next tick; see `Vision.at`.
@@ -188,7 +189,7 @@ class Link:
     def _choose_leader(self) -> None:
         """Another camera leads when the one that did has fallen silent."""
         cameras, now = self.vision.cameras, time.monotonic()
-        if self.leader is None or now - cameras[self.leader].last[1] > SILENT_S / 2:
+        if self.leader is None or now - cameras[self.leader].heard > SILENT_S / 2:
             other = leading(cameras, self._seeing, now, SILENT_S / 2)
             self.leader = self.leader if other is None else other
         if self.leader is None:

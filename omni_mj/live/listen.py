@@ -54,11 +54,14 @@ class Listener:
         return found
 
     def noise(self, colour: Colour, ids: Sequence[int]) -> dict[str, float]:
-        """Standard deviations of what is seen of robots, by the names of their settings."""
+        """Standard deviations of what is seen of robots, by the names of their settings; nothing if that is too little."""
         tables = [np.array(seen) for number in ids for seen in self._seen[colour, number].values()]
+        tables = [table for table in tables if len(table) > 2]
+        if not tables:
+            return {}
         return {
-            "vision.position_noise_m": round(float(np.nanmedian([_position(table) for table in tables])), 6),
-            "vision.heading_noise_rad": round(float(np.nanmedian([_heading(table) for table in tables])), 5),
+            "vision.position_noise_m": round(float(np.median([_position(table) for table in tables])), 6),
+            "vision.heading_noise_rad": round(float(np.median([_heading(table) for table in tables])), 5),
         }
 
     def robots(self) -> list[str]:

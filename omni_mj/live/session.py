@@ -147,9 +147,12 @@ def ready(scenario: Scenario, options: Options, link: Link, notes: Notes) -> Ite
             there = _told(there, "radio.", options, {DEAD_TIME: _dead_time(there, link, radio, ids, pose, notes)})
         most = np.inf if options.duration_s is None else round(options.duration_s * FRAME_RATE_HZ)
         live = Live(there, link, radio, ids, notes, most_frames=most)
+        live.warm(pose)
         try:
             live.approach(np.array([reference.poses[0] for reference in live.references]))
             link.restart()
+            link.answers.clear()  # what counts begins now
+            link.late = link.missing = 0
             yield live
         finally:
             live.stop()
