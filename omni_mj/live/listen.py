@@ -54,7 +54,7 @@ class Listener:
         return found
 
     def noise(self, colour: Colour, ids: Sequence[int]) -> dict[str, float]:
-        """Standard deviations of what is seen of robots, by the names of their settings; nothing if that is too little."""
+        """Standard deviations of what is seen of robots, by their settings; nothing if that is too little."""
         tables = [np.array(seen) for number in ids for seen in self._seen[colour, number].values()]
         tables = [table for table in tables if len(table) > 2]
         if not tables:
