@@ -18,6 +18,7 @@ from omni_mj.plants import Plant
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, Settings
+from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Exchange, See, Simulation
 from omni_mj.simulate.teams import told
 
@@ -34,7 +35,6 @@ class Outbound:
         radio: by which they leave.
         ids: of the robots, n of them.
         latency: until commands act, as far as the team knows, (n,) frames.
-        left: called when commands have left.
 
     Attributes:
         lost: which robots have not been seen for a while, (n,); they are told to stop.
@@ -43,8 +43,8 @@ class Outbound:
         sent: commands that left last (n, 3).
     """
 
-    def __init__(self, radio: Radio, ids: Sequence[int], latency: Array, left: Callable[[], None]) -> None:
-        self._radio, self._ids, self._left, n = radio, ids, left, len(ids)
+    def __init__(self, radio: Radio, ids: Sequence[int], latency: Array) -> None:
+        self._radio, self._ids, n = radio, ids, len(ids)
         self.latency, self.alpha, self.lost = latency, np.ones(n), np.zeros(n, bool)
         self.held, self.sent = False, np.zeros((n, 3))
         self._before = CommandsInFlight(n, REMEMBERED)
@@ -60,7 +60,6 @@ class Outbound:
         columns = np.column_stack([self.sent, acting]).tolist()
         if not self.held:
             self._radio.send([Command(number, *values) for number, values in zip(self._ids, columns, strict=True)])
-            self._left()
         return Received.at_once(self.sent, heading)
 
     def stop(self) -> None:
@@ -121,6 +120,20 @@ class Live(Simulation):
                 self.notes.add("lost", text, always=True)
         return super().observe()
 
+    def run(self, after_frame: Callable[[int], None] = lambda frame: None) -> Log:
+        """See `Simulation`; whatever ends it, robots are told to stand at once."""
+        try:
+            return super().run(after_frame)
+        finally:
+            self.stop()
+
+    def exchange(self, command: Array, heading: Array) -> Received:
+        """See `Exchange`."""
+        received = self.outbound.exchange(command, heading)
+        if not self.outbound.held:
+            self.link.answered()
+        return received
+
     def step(self, command: Array | None = None) -> None:
         """See `Simulation`."""
         turning, alpha = self.team.latency_hat[:, 2], self.team.alpha_hat[:, 2]
@@ -149,21 +162,18 @@ class Live(Simulation):
         if (np.hypot(away[:, 0], away[:, 1]) < NEAR_M).all() and (np.abs(away[:, 2]) < NEAR_RAD).all():
             return
         there = Live(self.scenario, self.link, self._radio, self.ids, self.notes, ways(self.rows, seen, seen + away))
-        try:
-            there.run()
-        finally:
-            there.stop()
+        there.run()
 
     def _robots(self, start: Array) -> tuple[Plant, See, Exchange]:
         n = len(self.rows)
         self.live = LivePlant(self.rows, start, driven=True)
         geometry = self.rows[0].settings.wheels.kinematics
         self._told = np.array([told(row.settings, geometry, True).latency_frames for row in self.rows])
-        self.outbound = Outbound(self._radio, self.ids, self._told, self.link.answered)
+        self.outbound = Outbound(self._radio, self.ids, self._told)
         self._unseen = np.zeros(n, int)
         self._measured_now = np.full((n, 3), np.nan)
         self._ticks = []
-        return self.live, self._look, self.outbound
+        return self.live, self._look, self
 
     def _look(self, pose: Array) -> tuple[Array, np.ndarray]:
         """What vision reports at this tick; see `Camera`."""
