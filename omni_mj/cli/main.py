@@ -15,6 +15,7 @@ COMMANDS = (
     "slip",
     "loop",
     "identify",
+    "drive",
     "verify",
     "report",
     "picture",

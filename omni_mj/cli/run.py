@@ -3,7 +3,7 @@
 import shlex
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -76,20 +76,49 @@ def command(
     )
     options.tell_model(chosen, quiet)
     simulation = run.prepare(chosen)
-    viewers = _viewers(view, connect)
+    shown_by = viewers(view, connect)
     folder = folders.prepare(out, chosen.name, OUTPUTS, overwrite)
     with console.writing(folder):
-        execute(simulation, folder, record, draw, quiet, viewers)
+        execute(simulation, folder, record, draw, quiet, shown_by)
 
 
 def execute(
-    simulation: "Simulation", folder: Path, record: bool, draw: bool, quiet: bool, viewers: Sequence[str] = ()
+    simulation: "Simulation", folder: Path, record: bool, draw: bool, quiet: bool, shown_by: Sequence[str] = ()
 ) -> None:
-    """Run a simulation, shown by the `viewers` at these addresses; what it leaves is in `folder`, whatever ends it.
+    """Run a simulation, shown by viewers at the addresses given; what it leaves is in `folder`, whatever ends it.
 
     Ctrl-C and SIGTERM end it between two frames; a second one ends the program at once.
     """
     from omni_mj.cli.interrupts import Interrupts
+
+    with Interrupts() as interrupts:
+        result = recorded(simulation, folder, record, shown_by, interrupts, quiet)
+    shown(result, folder, draw, quiet)
+    ended(result, folder, interrupts)
+
+
+def recorded(
+    simulation: "Simulation",
+    folder: Path,
+    record: bool,
+    shown_by: Sequence[str],
+    interrupts: "Interrupts",
+    quiet: bool,
+    study: str = "run",
+    watch: Callable[[int], None] | None = None,
+) -> "Result":
+    """Run a simulation and save what came of it.
+
+    Args:
+        simulation: at its start.
+        folder: for the files.
+        record: whether to write a recording.
+        shown_by: addresses of viewers.
+        interrupts: asked after each frame.
+        quiet: whether to show nothing while it runs.
+        study: the command's name.
+        watch: called with each frame's number in place of showing progress.
+    """
     from omni_mj.measure.result import write
     from omni_mj.provenance import record as provenance
     from omni_mj.show import markdown
@@ -97,28 +126,36 @@ def execute(
 
     console.quiet_mujoco()
     write(folder / "scenario.toml", simulation.scenario.to_toml())
-    provenance.save(folder, "run", console.command_line(), [simulation.scenario])
+    provenance.save(folder, study, console.command_line(), [simulation.scenario])
     with ExitStack() as stack:
-        recordings = _recordings(simulation, folder, record, viewers)
+        recordings = _recordings(simulation, folder, record, shown_by)
         for recording in recordings:
             stack.enter_context(recording)
-        with Interrupts() as interrupts:
-            outcome = _drive(simulation, recordings, interrupts, quiet)
+        outcome = _drive(simulation, recordings, interrupts, quiet, watch)
         result = run.of(simulation, outcome)
-        result.repeat = shlex.join(["omni-mj", "run", "--scenario", str(folder / "scenario.toml")])
+        result.repeat = shlex.join(["omni-mj", study, "--scenario", str(folder / "scenario.toml")])
         result.save_files(folder)
         if simulation.log.lengths.any():
             text = markdown.result(result.summary())
             for recording in recordings:
                 recording.finish(text)
-    _draw(outcome, folder, draw)
+    return result
+
+
+def shown(result: "Result", folder: Path, draw: bool, quiet: bool) -> None:
+    """Draw the figures, if they are wanted, write the report, and say what is there."""
+    _draw(result.outcomes[0], folder, draw)
     if not quiet:
         _report(result, folder)
+
+
+def ended(result: "Result", folder: Path, interrupts: "Interrupts") -> None:
+    """End the program as it shall end if a run was stopped, or a row failed."""
     interrupts.end(result.stopped, f"what was recorded until then is in {folder}")
-    console.fail_rows({simulation.scenario.name: outcome.failures})
+    console.fail_rows({outcome.scenario.name: outcome.failures for outcome in result.outcomes})
 
 
-def _viewers(view: bool, connect: str | None) -> list[str]:
+def viewers(view: bool, connect: str | None) -> list[str]:
     """The addresses of the viewers in which the run is watched."""
     if not view and connect is None:
         return []
@@ -127,24 +164,28 @@ def _viewers(view: bool, connect: str | None) -> list[str]:
     return ([] if connect is None else [live.check(connect)]) + ([live.open_viewer()] if view else [])
 
 
-def _recordings(simulation: "Simulation", folder: Path, record: bool, viewers: Sequence[str]) -> "list[Recording]":
-    if not record and not viewers:
+def _recordings(simulation: "Simulation", folder: Path, record: bool, shown_by: Sequence[str]) -> "list[Recording]":
+    if not record and not shown_by:
         return []
     from omni_mj.show.recording import FileRecording, LiveRecording
 
-    recordings: list[Recording] = [LiveRecording(url, simulation) for url in viewers]
+    recordings: list[Recording] = [LiveRecording(url, simulation) for url in shown_by]
     return recordings + [FileRecording(folder / "recording.rrd", simulation)] * record
 
 
 def _drive(
-    simulation: "Simulation", recordings: "Sequence[Recording]", interrupts: "Interrupts", quiet: bool
+    simulation: "Simulation",
+    recordings: "Sequence[Recording]",
+    interrupts: "Interrupts",
+    quiet: bool,
+    watch: Callable[[int], None] | None,
 ) -> "Outcome":
     """Run to the end, recording in blocks."""
     from omni_mj.studies.outcome import drive, total_frames
 
     try:
-        with console.progress(quiet) as begin:
-            show = begin(simulation.scenario.name, total_frames(simulation))
+        with console.progress(quiet or watch is not None) as begin:
+            show = watch or begin(simulation.scenario.name, total_frames(simulation))
 
             def after_frame(frame: int) -> None:
                 interrupts.check()
@@ -188,7 +229,8 @@ def _report(result: "Result", folder: Path) -> None:
     print(f"  numbers    {folder / 'summary.json'}" + f", {frames}" * frames.exists())
     if figures.exists():
         print(f"  figures    {figures}/")
-    print(f"  repeat     {_program('python')} -m omni_mj.run --scenario {folder / 'scenario.toml'}")
+    again = f"{_program('python')} -m omni_mj.run" if outcome.scenario.plant != "live" else "omni-mj drive"
+    print(f"  repeat     {again} --scenario {folder / 'scenario.toml'}")
     if recording.exists():
         print(f"  recording  {_program('rerun')} {recording}")
 

@@ -24,7 +24,7 @@ PLANT_PARTS = {"kinematic": ("kinematic",), "mujoco": ("carpet", "drive", "motor
 
 def table(scenario: Scenario) -> Table | None:
     """The paper's table that reports what `scenario` runs; None where that is not the paper's experiment."""
-    if scenario.paper_table not in TABLES:
+    if scenario.paper_table not in TABLES or scenario.plant == "live":
         return None
     own = _experiment(scenario.paper_table, scenario.robot)
     parts = (*DEFINING, *PLANT_PARTS.get(scenario.plant, ()))

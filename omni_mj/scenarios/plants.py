@@ -9,6 +9,7 @@ from omni_mj.scenarios import user_files
 PLANTS: dict[str, str] = {
     "mujoco": "omni_mj.plants.mujoco:MujocoPlant",
     "kinematic": "omni_mj.plants.kinematic:KinematicPlant",
+    "live": "omni_mj.live.plant:LivePlant",
 }
 _CALLS = ("pose", "twist", "advance", "telemetry")  # that `omni_mj.plants.Plant` answers
 

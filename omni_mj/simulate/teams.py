@@ -1,4 +1,4 @@
-"""The team's computers of a simulation: rows that are told the same, and follow the same, share a controller."""
+"""The team's computers of a simulation: rows that are told the same share a controller."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
@@ -9,7 +9,7 @@ from omni_control.controllers import make
 from omni_control.controllers.base import Controller, Told
 from omni_control.errors import ControllerError
 from omni_control.kinematics import Array, Kinematics
-from omni_control.reference import Reference
+from omni_control.reference import EachReference, Reference
 from omni_control.team import Team
 from omni_mj.scenarios import references
 from omni_mj.scenarios.rows import Row
@@ -41,13 +41,14 @@ def assemble(
     together: dict[tuple[object, ...], list[int]] = {}
     for i, row in enumerate(rows):
         way = row.settings.reference, references.reference_limits(row.settings), row.where
-        key = row.controller, told(row.settings, geometry, wheels), way, _parameters(row)
+        ways = way if follow or _iterated(row) else None  # one that is known in advance may be each robot's own
+        key = row.controller, told(row.settings, geometry, wheels), ways, _parameters(row)
         together.setdefault(key, []).append(i)
     made, unmade, members = list[Controller](), list[np.ndarray](), [np.array(group) for group in together.values()]
     for group in members:
         row, n = rows[group[0]], len(group)
         known = told(row.settings, geometry, wheels)
-        reference = _reference(row, n) if follow is None else follow(group)
+        reference = _reference([rows[i] for i in group]) if follow is None else follow(group)
         try:
             made.append(make(kinds[row.controller], known, reference, n, dict(_parameters(row))))
         except ControllerError as error:
@@ -80,10 +81,15 @@ def told(settings: Settings, geometry: Kinematics, wheels: bool) -> Told:
     )
 
 
-def _reference(row: Row, n: int) -> Reference:
-    if row.settings.reference.mode == "iterated":
-        return references.iterated(row.settings, n, row.where)
-    return references.timed(row.settings, row.where)
+def _reference(rows: Sequence[Row]) -> Reference:
+    if _iterated(rows[0]):
+        return references.iterated(rows[0].settings, len(rows), rows[0].where)
+    own = [references.timed(row.settings, row.where) for row in rows]
+    return own[0] if all(each is own[0] for each in own) else EachReference(own)
+
+
+def _iterated(row: Row) -> bool:
+    return row.settings.reference.mode == "iterated"
 
 
 def _parameters(row: Row) -> tuple[tuple[str, float | bool | str], ...]:

@@ -49,6 +49,7 @@ def test_files_that_the_documents_name_exist() -> None:
         "docs/paper.md",
         "docs/faults.md",
         "docs/identify.md",
+        "docs/live.md",
         "docs/repeat.md",
         "control/README.md",
         "models/README.md",

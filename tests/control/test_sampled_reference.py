@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
 
-from omni_control import MotionLimits, SampledReference, TimedReference
+from omni_control import MotionLimits, OmniError, SampledReference, TimedReference
 from omni_control.kinematics import Array
+from omni_control.reference import EachReference
 
 T = 1 / 60
 LAST = 40
@@ -85,3 +86,23 @@ def test_way_points_are_asked_the_same_way() -> None:
     reference = TimedReference([[0, 0, 0], [1, -1, 2]], MotionLimits(), T)
     pose, _ = reference.at(30.5, ANYWHERE)
     np.testing.assert_allclose(pose[0], (reference.poses[30] + reference.poses[31]) / 2, rtol=0, atol=1e-15)
+
+
+def test_robots_with_references_of_their_own_are_told_what_each_would_be() -> None:
+    """To the bit, whatever is asked: one frame, one each, one for each component, a preview; shorter ones rest."""
+    each = [REFERENCE, SampledReference(POSES[::-1][:3], T), SampledReference(POSES + 1.0, T)]
+    together, n = EachReference(each), len(each)
+    pose, rng = np.zeros((n, 3)), np.random.default_rng(0)
+    for frame in (0, 2.4, -3.0, 1e3, rng.uniform(-2, 12, n), rng.uniform(-2, 12, (n, 3))):
+        own = [frame if np.ndim(frame) == 0 else frame[i : i + 1] for i in range(n)]
+        for found, expected in (
+            (together.at(frame, pose), [one.at(at, pose[:1]) for one, at in zip(each, own, strict=True)]),
+            (
+                together.preview(frame, pose, 4),
+                [one.preview(at, pose[:1], 4) for one, at in zip(each, own, strict=True)],
+            ),
+        ):
+            for part in (0, 1):
+                np.testing.assert_array_equal(found[part], np.concatenate([e[part] for e in expected], axis=-2))
+    with pytest.raises(OmniError, match="same length"):
+        EachReference([REFERENCE, SampledReference(POSES, 2 * T)])

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from omni_control.errors import OmniError
+from omni_mj.live.plant import LivePlant
 from omni_mj.plants.kinematic import KinematicPlant
 from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.scenarios import scenario
@@ -23,7 +24,11 @@ class Half:
 
 
 def test_every_registered_plant_is_found() -> None:
-    assert {name: find_plant(name) for name in PLANTS} == {"mujoco": MujocoPlant, "kinematic": KinematicPlant}
+    assert {name: find_plant(name) for name in PLANTS} == {
+        "mujoco": MujocoPlant,
+        "kinematic": KinematicPlant,
+        "live": LivePlant,
+    }
 
 
 def test_a_plant_of_a_users_own(tmp_path: Path) -> None:

@@ -4,11 +4,12 @@ from omni_control.reference.base import Reference
 from omni_control.reference.curves import CURVES, CurveReference
 from omni_control.reference.iterated import IteratedReference
 from omni_control.reference.limits import MotionLimits
-from omni_control.reference.timed import SampledReference, TimedReference
+from omni_control.reference.timed import EachReference, SampledReference, TimedReference
 
 __all__ = [
     "CURVES",
     "CurveReference",
+    "EachReference",
     "IteratedReference",
     "MotionLimits",
     "Reference",

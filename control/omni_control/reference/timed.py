@@ -71,6 +71,38 @@ class SampledReference:
         return here + (frame - before) * (following - here)
 
 
+class EachReference(SampledReference):
+    """References known in advance, one for each robot: n robots share a controller, whose routes are not the same.
+
+    Args:
+        references: of frames of the same length, n of them.
+
+    Attributes:
+        poses: one per frame and robot, (frames, n, 3), to be read only; those that end before others rest at their end.
+
+    Raises:
+        OmniError: there are none, or their frames differ in length.
+    """
+
+    def __init__(self, references: Sequence[SampledReference]) -> None:
+        if len({reference.period for reference in references}) != 1:
+            raise OmniError("robots that share a controller need references of frames of the same length")
+        longest = max(reference.frames for reference in references)
+        poses = [np.pad(each.poses, ((0, longest - each.frames), (0, 0)), "edge") for each in references]
+        self.poses, self.period = np.stack(poses, axis=1), references[0].period
+        self.poses.flags.writeable = False
+
+    def _between(self, frame: Array) -> Array:
+        last, (_, n, _) = self.frames - 1, self.poses.shape
+        frame = np.minimum(frame, last)
+        frame = frame[..., None] if frame.ndim < 2 else frame
+        before = frame.astype(int)
+        after = np.minimum(before + 1, last)
+        rows, axes = np.arange(n)[:, None], np.arange(3)
+        here, following = self.poses[before, rows, axes], self.poses[after, rows, axes]
+        return here + (frame - before) * (following - here)
+
+
 class TimedReference(SampledReference):
     """The way through the way-points as fast as the limits allow, stopping at each; known in advance.
 

@@ -1,0 +1,108 @@
+"""The loop over real sockets with a peer that integrates exactly: the in-process loop again, and what the way adds.
+
+The peer waits for commands (`--lockstep`), so that nothing depends on how busy this computer is.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from live_peer import driven, on_wire, peer
+
+from omni_mj.live import report
+from omni_mj.live.drive import Live
+from omni_mj.live.sockets import LOOPBACK, Address
+from omni_mj.simulate.simulation import Simulation
+
+
+def in_process(live: Live, delay: int) -> Simulation:
+    """The kinematic loop with what the wire has: exact robots, a dead time, and vision that sees what is."""
+    settings = live.scenario.settings.replace(
+        radio={"delay_frames": delay},
+        kinematic={"alpha_low": 1.0, "alpha_high": 1.0},
+        vision={"position_noise_m": 0, "heading_noise_rad": 0, "miss_probability": 0},
+    )
+    simulation = Simulation(live.scenario.replace(plant="kinematic", settings=settings))
+    simulation.run()
+    return simulation
+
+
+@pytest.mark.parametrize(("controller", "delay"), [("comp-flc", 0), ("comp-flc", 4), ("adaptive-comp-flc", 2)])
+def test_the_wire_adds_its_delay_and_nothing_else(controller: str, delay: int) -> None:
+    """A pulse finds the delay; then errors are those of the in-process loop with as many `delay_frames`.
+
+    The pulse leaves the robot turned by some mrad from where its route begins, which the heading hold takes back at 3
+    per second; floats in mm are 0.1 um apart, which the fuzzy controller magnifies.
+    """
+    with peer("--delay", delay) as options:
+        live = driven(on_wire(controller), options)
+    assert live.scenario.settings.radio.delay_frames == delay
+    assert (live.link.late, live.link.missing, dict(live.notes.counts)) == (0, 0, {"pulse": 1})
+    expected = in_process(live, delay)
+    assert live.log.length == expected.log.length
+    for channel in ("ref", "pose", "command"):
+        ours, theirs = live.log.channel(channel)[:, 0], expected.log.channel(channel)[:, 0]
+        allowed = {"ref": 0.0, "pose": [2e-4, 2e-4, 2e-3], "command": [2e-3, 2e-3, 1e-2]}[channel]
+        assert (np.abs(ours - theirs) <= allowed).all(), channel
+
+
+@pytest.mark.parametrize("delay", [1.0, 3.5])
+def test_latency_is_found_whatever_the_controller(delay: float) -> None:
+    """By the fit over the run, within 0.1 frames though a delay of half a frame mixes two commands in each."""
+    with peer("--delay", delay, "--noise", 0.0003, "--age", 0.01) as options:
+        live = driven(on_wire("flc"), options)
+    (robot,) = report.summary(live)["robots"]
+    assert robot["fitted"]["latency_frames"] == pytest.approx(delay, abs=0.1)
+    assert robot["fitted"]["alpha"] == pytest.approx(1.0, abs=0.02)
+    assert robot["identified"] is None
+
+
+def test_what_vision_gets_wrong_costs_little() -> None:
+    """Two cameras 2 cm apart, now and then another's number, a heading the wrong way round, bad packets; two robots."""
+    wrong = ("--cameras", 2, "--bias", 0.02, "--swap", 0.03, "--mirror", 0.03, "--junk", 0.1, "--noise", 0.0005)
+    place = {"places": [[0.1, 0.2, 0], [-0.6, -0.5, 1]]}
+    with peer("--delay", 2, *wrong, "--start", -0.2, 0.2, 0.3, -0.6, -0.4, 1.2) as options:
+        live = driven(on_wire("comp-flc", world=place), options)
+    assert {"wrong id", "mirrored", "bad packet"} <= live.notes.counts.keys()
+    assert live.notes.counts["moved"] == live.notes.counts["turned"] == 0
+    bias = live.link.vision.cameras[1].bias - live.link.vision.cameras[0].bias
+    np.testing.assert_allclose(bias, [0.02, 0.02, 0.0], atol=1e-3)
+    error = np.abs(live.log.channel("pose") - live.log.channel("ref"))
+    assert error[..., :2].max() < 0.02
+    assert error[..., 2].max() < 0.1
+
+
+@pytest.mark.parametrize("world", [False, True], ids=["local", "global"])
+def test_robots_that_turn_while_they_drive_are_told_right(world: bool) -> None:
+    """By their heading when the command acts: a turn of pi over 0.5 m, with a dead time of 5."""
+    turn = {"waypoints": [[0, 0, 0], [0.5, 0, np.pi]], "settle_s": 0.3}
+    with peer("--delay", 5) as options:
+        live = driven(on_wire("comp-flc", reference=turn), replace(options, world=world))
+    aside = np.abs(live.log.channel("pose")[:, 0, 1])
+    assert aside.max() < 0.003
+
+
+def test_robots_may_start_where_they_are() -> None:
+    """--here: the route is displaced and turned to begin there."""
+    with peer("--start", 1.0, -0.5, 2.0) as options:
+        live = driven(on_wire("comp-flc"), replace(options, here=True))
+    np.testing.assert_allclose(live.log.channel("ref")[0, 0], [1.0, -0.5, 2.0], atol=1e-3)
+    assert np.abs(live.log.channel("pose") - live.log.channel("ref")).max() < 0.02
+
+
+REFUSALS: list[tuple[Sequence[object], dict[str, object], str]] = [
+    ((), {"colour": "yellow"}, "does not see as many robots as there are places, 1; of yellow, it sees none"),
+    ((), {"ids": (4,)}, "does not see robots 4; of blue, it sees 0"),
+    ((), {"commands": Address(LOOPBACK, 9)}, "robots 0 do not turn as they are told"),
+    ((), {"radio": "radio.py"}, "--radio must be file.py:Class"),
+]
+
+
+@pytest.mark.parametrize(("said", "options", "reason"), REFUSALS, ids=[reason[:30] for *_, reason in REFUSALS])
+def test_what_cannot_be_driven_is_said(said: Sequence[object], options: dict[str, object], reason: str) -> None:
+    with (
+        peer(*said, "--patience", 0.02) as there,
+        pytest.raises(ValueError, match=reason),
+    ):
+        driven(on_wire("flc"), replace(there, **options))

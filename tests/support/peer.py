@@ -1,0 +1,178 @@
+"""A simulator for tests, which does nothing but what its options say: robots that integrate commands exactly.
+
+    python tests/support/peer.py --vision 127.0.0.1:10020 --port 10301 [...]
+
+Robots of the blue team do as they are told, `--delay` frames after the frame in which they are. It stamps simulated
+time, in 60ths of a second, and publishes as many frames a second of real time; or, with `--lockstep`, the next as soon
+as commands have come. Line by line it writes the true poses, a frame each: number, then x, y, heading of each robot.
+"""
+
+import argparse
+import random
+import socket
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from omni_mj.live.wire import WireError, decode, encode
+from omni_mj.live.wire.simulation import MoveCommand, RobotControl, RobotControlResponse
+from omni_mj.live.wire.vision import DetectedRobot, Detection, VisionPacket
+
+PERIOD_S = 1 / 60
+SUBSTEPS = 16
+PATIENCE_S = 0.05  # for the first commands, in lockstep
+
+
+def options(given: Sequence[str] | None = None) -> argparse.Namespace:
+    parse = argparse.ArgumentParser()
+    parse.add_argument("--vision", default="127.0.0.1:10020")
+    parse.add_argument("--port", type=int, default=10301)
+    parse.add_argument("--start", type=float, nargs="+", default=[0.0, 0.0, 0.0], help="x y heading of each robot")
+    parse.add_argument("--delay", type=float, default=0.0, help="frames")
+    parse.add_argument("--alpha", type=float, default=1.0)
+    parse.add_argument("--lockstep", action="store_true")
+    parse.add_argument("--speed", type=float, default=1.0, help="simulated seconds a second")
+    parse.add_argument("--age", type=float, default=0.0, help="between capture and sending, s, as stamped")
+    parse.add_argument("--noise", type=float, default=0.0, help="m, and ten times as many rad")
+    parse.add_argument("--cameras", type=int, default=1)
+    parse.add_argument("--overlap", type=float, default=0.5, help="m")
+    parse.add_argument("--bias", type=float, default=0.0, help="of the second camera, m in x and y")
+    parse.add_argument("--loss", type=float, default=0.0, help="of packets, both ways")
+    parse.add_argument("--mirror", type=float, default=0.0, help="how often a heading is seen the wrong way round")
+    parse.add_argument("--swap", type=float, default=0.0, help="how often a robot has another's number")
+    parse.add_argument("--patience", type=float, default=10.0, help="for the next commands, in lockstep, s")
+    parse.add_argument("--junk", type=float, default=0.0, help="bad packets per frame")
+    parse.add_argument("--seed", type=int, default=0)
+    parse.add_argument("--frames", type=int, default=sys.maxsize)
+    parse.add_argument("--truth", type=Path)
+    return parse.parse_args(given)
+
+
+class Robots:
+    """Commands are held from when they act until others do; a velocity in a robot's own frame turns with it."""
+
+    def __init__(self, start: np.ndarray, delay: float, alpha: float) -> None:
+        self.pose, self._alpha = start.copy(), alpha
+        self._delay = round(delay * SUBSTEPS)
+        n = len(start)
+        self._queue = [(-self._delay, np.zeros((n, 3)), np.ones(n, bool))]
+        self._step = 0
+        self._past: list[np.ndarray] = [self.pose.copy()]
+
+    def at(self, age: float) -> np.ndarray:
+        """Poses so many s ago."""
+        return self._past[-1 - min(round(age * SUBSTEPS / PERIOD_S), len(self._past) - 1)]
+
+    def command(self, control: RobotControl) -> None:
+        _, twist, local = self._queue[-1]
+        twist, local = twist.copy(), local.copy()
+        for each in control.robot_commands:
+            if each.id < len(twist) and each.move_command is not None:
+                twist[each.id], local[each.id] = _twist(each.move_command)
+        self._queue.append((self._step, twist, local))
+
+    def advance(self) -> None:
+        for _ in range(SUBSTEPS):
+            while len(self._queue) > 1 and self._queue[1][0] + self._delay <= self._step:
+                del self._queue[0]
+            _, twist, local = self._queue[0]
+            turn = self._alpha * twist[:, 2] * PERIOD_S / SUBSTEPS
+            heading = np.where(local, self.pose[:, 2] + turn / 2, 0.0)
+            c, s = np.cos(heading), np.sin(heading)
+            step = self._alpha * twist[:, :2] * PERIOD_S / SUBSTEPS
+            self.pose[:, 0] += c * step[:, 0] - s * step[:, 1]
+            self.pose[:, 1] += s * step[:, 0] + c * step[:, 1]
+            self.pose[:, 2] += turn
+            self._step += 1
+            self._past = [*self._past[-4 * SUBSTEPS :], self.pose.copy()]
+
+
+def _twist(move: MoveCommand) -> tuple[tuple[float, float, float], bool]:
+    if (local := move.local_velocity) is not None:
+        return (local.forward, local.left, local.angular), True
+    assert move.global_velocity is not None
+    return (move.global_velocity.x, move.global_velocity.y, move.global_velocity.angular), False
+
+
+class Peer:
+    """Sockets, cameras and clock."""
+
+    def __init__(self, said: argparse.Namespace) -> None:
+        self.said, self.random, self.normal = said, random.Random(said.seed), np.random.default_rng(said.seed)
+        self.robots = Robots(np.array(said.start, float).reshape(-1, 3), said.delay, said.alpha)
+        host, _, port = said.vision.partition(":")
+        self.vision = (host, int(port))
+        self.out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.out.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+        self.out.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
+        self.commands = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.commands.bind(("127.0.0.1", said.port))
+        self.commands.setblocking(False)
+        self.told = False
+
+    def run(self) -> None:
+        truth = self.said.truth.open("w") if self.said.truth else None
+        due = time.monotonic()
+        for frame in range(self.said.frames):
+            self.publish(frame)
+            if truth:
+                print(frame, *(f"{value:.6f}" for value in self.robots.pose.ravel()), file=truth, flush=True)
+            due += PERIOD_S / self.said.speed
+            until = time.monotonic() + (self.said.patience if self.told else PATIENCE_S) if self.said.lockstep else due
+            self.obey(until)
+            self.robots.advance()
+
+    def publish(self, frame: int) -> None:
+        """What each camera sees now; what it stamps is when it sends, and the age before that."""
+        said, pose = self.said, self.robots.at(self.said.age)
+        now = frame * PERIOD_S
+        for camera in range(said.cameras):
+            middle = (camera - (said.cameras - 1) / 2) * 2.0
+            robots = []
+            for number, (x, y, heading) in enumerate(pose):
+                edge = 1.0 + said.overlap / 2
+                first, last = camera == 0, camera == said.cameras - 1
+                if (x < middle - edge and not first) or (x > middle + edge and not last):
+                    continue
+                shift = said.bias if camera == 1 else 0.0
+                dx, dy, dh = self.normal.normal(size=3) * said.noise
+                turned = np.pi if self.random.random() < said.mirror else 0.0
+                name = (number + 1) % len(pose) if self.random.random() < said.swap else number
+                seen = (heading + 10 * dh + turned + np.pi) % (2 * np.pi) - np.pi
+                robots.append(DetectedRobot(name, x + shift + dx, y + shift + dy, seen))
+            detection = Detection(frame, now - said.age, now, camera, (), (), tuple(robots))
+            self.send(encode(VisionPacket(detection)))
+        if self.random.random() < said.junk:
+            self.send(self.random.randbytes(self.random.randrange(60)))
+
+    def send(self, packet: bytes) -> None:
+        if self.random.random() >= self.said.loss:
+            self.out.sendto(packet, self.vision)
+
+    def obey(self, until: float) -> None:
+        """Take in commands until the next frame is due, or, in lockstep, until there were some."""
+        while True:
+            try:
+                data, client = self.commands.recvfrom(65536)
+            except BlockingIOError:
+                if time.monotonic() >= until:
+                    return
+                time.sleep(0.0003)
+                continue
+            if self.random.random() < self.said.loss:
+                continue
+            try:
+                self.robots.command(decode(RobotControl, data))
+            except WireError:
+                continue
+            self.told = True
+            self.commands.sendto(encode(RobotControlResponse()), client)
+            if self.said.lockstep:
+                return
+
+
+if __name__ == "__main__":
+    Peer(options()).run()
