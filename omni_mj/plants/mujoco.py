@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_mj.link.noise import Noise, Stream
 from omni_mj.link.radio import Received
@@ -34,7 +33,6 @@ _UNSTABLE = {
     mujoco.mjtWarning.mjWARN_BADQVEL: "a velocity is not a number or too large",
     mujoco.mjtWarning.mjWARN_BADQACC: "an acceleration is not a number or too large",
 }
-_ALLOWED_DEPTH_M = 1e-3  # in which robots may start in each other or in a wall: that of a hard contact
 
 
 class MujocoPlant:
@@ -49,6 +47,7 @@ class MujocoPlant:
     Attributes:
         geometry: of the wheels, as they are when new.
         drawn: what the robots' seeds drew for them.
+        cycles: of the wheel loops in a frame.
         currents: of the motors in each cycle of the frame just past, (cycles, n, wheels) A.
 
     Raises:
@@ -60,7 +59,7 @@ class MujocoPlant:
         settings, places = [row.settings for row in rows], batches.places(rows)
         batches.check(rows)
         self._world = world = build.world(settings[0], places)
-        self._cycles, self._substeps = round(PERIOD_S / build.CYCLE_S), settings[0].physics.substeps
+        self.cycles, self._substeps = round(PERIOD_S / build.CYCLE_S), settings[0].physics.substeps
         model = copy.copy(world.model)
         model.actuator_ctrllimited[:] = 0  # the battery limits, also where braking motors lift its voltage
         n, worlds = len(rows), len(rows) // places
@@ -81,7 +80,7 @@ class MujocoPlant:
         self._angles, self._turn_rates = np.zeros((n, len(world.kinematics.azimuths))), np.zeros(n)
         self._stand(np.arange(worlds))
         if places > 1:
-            self._check_start(rows)
+            batches.check_start(rows, world.model, self._batch.bind("qpos"))
 
         seeds = [row.noise_seed for row in rows]
         self._force = column([s.disturbance for s in settings], "force_n")
@@ -100,9 +99,10 @@ class MujocoPlant:
             self._faults = Faults(rows, self._batch, world, self._traction, self._motors)
         self._battery = Battery([s.battery for s in settings])
         self._firmware = Firmware(settings, world.kinematics, self._heading, build.CYCLE_S, PERIOD_S)
-        self._speeds, self._voltages, self.currents = np.zeros((3, self._cycles, n, wheels))
-        self._supplies = np.zeros((self._cycles, n, 1))  # the battery's voltage of each step
+        self._speeds, self._voltages, self.currents = np.zeros((3, self.cycles, n, wheels))
+        self._supplies = np.zeros((self.cycles, n, 1))  # the battery's voltage of each step
         self._held: Array | None = None
+        self._cycle, self._heard = 0, (np.full(n, np.nan), np.zeros(n, int))
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -114,43 +114,75 @@ class MujocoPlant:
 
     def advance(self, received: Received) -> dict[int, str]:
         """See `Plant`."""
-        motors, battery, traction = self._motors, self._battery, self._traction
-        push, gyro_bias, any_failed = self._force * self._pushes.next(), self._gyro_bias, self._failed.any()
-        if self._faults is not None:
-            self._faults.begin()
-            push, gyro_bias = push + self._faults.push, gyro_bias + self._faults.gyro
-            push[self._failed] = 0.0
-        self._resistance.set(motors.resistance)
-        self._constant.set(motors.constant)
-        self._firmware.receive(received, motors.winding)
-        gyro_error = (gyro_bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
-        for k in range(self._cycles):
-            duty = self._firmware.duties(self._turn_rates + gyro_error, self._angles)
-            if self._held is not None:
-                self._hold(duty, self._held)
-            if any_failed:
-                duty[self._failed] = 0.0
-            self._speeds[k], self._supplies[k, :, 0] = self._wheel_speed.get(), battery.voltage
-            self._voltages[k], self.currents[k], told = motors.drive(duty * self._supplies[k], self._speeds[k])
-            self._ctrl.set(told)
-            if k % EVERY == 0:
-                traction.travel(self._position.get(), self._quaternion.get(), self._velocity.get(), self._load.get())
-                traction.wrench[:, :2] += push
-                self._wrench.set(traction.wrench)
-            for substep in range(self._substeps):
-                if self._creeps:
-                    traction.press(self._load.get())
-                    self._limit.set(traction.limit)
-                    self._impedance.set(traction.impedance)
-                self._batch.step(self._living)
-                if substep == 0:  # what MuJoCo sensed at its start: a cycle ago, however many steps there are in it
-                    self._sense()
-                if self._handover is not None:
-                    self._handover()
-            battery.load(self._voltages[k], self.currents[k])
+        self.cycle(received)
+        for _ in range(1, self.cycles):
+            causes = self.cycle()
+        return causes
+
+    def cycle(self, received: Received | None = None) -> dict[int, str]:
+        """Move on by a cycle of the wheel loops, of which there are as many in a frame as `cycles` says.
+
+        Args:
+            received: what robots hold from now on, if anything arrived; headings are compared in the next frame.
+
+        Returns:
+            As `advance`, at the end of a frame; nothing within one.
+        """
+        k, motors, battery, traction = self._cycle, self._motors, self._battery, self._traction
+        if received is not None:
+            self._obey(received)
+        if k == 0:
+            self._begin()
+        duty = self._firmware.duties(self._turn_rates + self._gyro_error, self._angles)
+        if self._held is not None:
+            self._hold(duty, self._held)
+        if self._any_off:
+            duty[self._failed] = 0.0
+        self._speeds[k], self._supplies[k, :, 0] = self._wheel_speed.get(), battery.voltage
+        self._voltages[k], self.currents[k], told = motors.drive(duty * self._supplies[k], self._speeds[k])
+        self._ctrl.set(told)
+        if k % EVERY == 0:
+            traction.travel(self._position.get(), self._quaternion.get(), self._velocity.get(), self._load.get())
+            traction.wrench[:, :2] += self._push
+            self._wrench.set(traction.wrench)
+        for substep in range(self._substeps):
+            if self._creeps:
+                traction.press(self._load.get())
+                self._limit.set(traction.limit)
+                self._impedance.set(traction.impedance)
+            self._batch.step(self._living)
+            if substep == 0:  # what MuJoCo sensed at its start: a cycle ago, however many steps there are in it
+                self._sense()
+            if self._handover is not None:
+                self._handover()
+        battery.load(self._voltages[k], self.currents[k])
+        self._cycle = (k + 1) % self.cycles
+        if self._cycle:
+            return {}
         motors.warm(self.currents, self._speeds)
         battery.discharge(PERIOD_S)
         return self._check()
+
+    def _obey(self, received: Received) -> None:
+        """Take over commands, and keep vision's headings until the next frame begins."""
+        self._firmware.obey(received)
+        seen, age = self._heard
+        arrived = ~np.isnan(received.heading)
+        self._heard = np.where(arrived, received.heading, seen), np.where(arrived, received.age, age)
+
+    def _begin(self) -> None:
+        """Begin a frame: what changes from frame to frame."""
+        motors, gyro_bias = self._motors, self._gyro_bias
+        self._push, self._any_off = self._force * self._pushes.next(), bool(self._failed.any())
+        if self._faults is not None:
+            self._faults.begin()
+            self._push, gyro_bias = self._push + self._faults.push, gyro_bias + self._faults.gyro
+            self._push[self._failed] = 0.0
+        self._resistance.set(motors.resistance)
+        self._constant.set(motors.constant)
+        self._firmware.correct(*self._heard, motors.winding)
+        self._heard = np.full(len(self._failed), np.nan), np.zeros(len(self._failed), int)
+        self._gyro_error = (gyro_bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
 
     def hold(self, current: Array | None) -> None:
         """Have drivers hold currents from now on, whatever the firmware asks; with none, a robot rolls out.
@@ -261,20 +293,6 @@ class MujocoPlant:
         self._heading[rows] = heading
         batch.forward(worlds)
         self._sense()
-
-    def _check_start(self, rows: Sequence[Row]) -> None:
-        """Refuse robots that start in each other or in a wall, which would throw them apart."""
-        model, data = self._world.model, mujoco.MjData(self._world.model)
-        for world, qpos in enumerate(self._batch.bind("qpos")):
-            data.qpos[:] = qpos
-            mujoco.mj_fwdPosition(model, data)
-            for contact in data.contact:
-                if contact.dist < -_ALLOWED_DEPTH_M:
-                    first, second = (model.geom(geom).name for geom in contact.geom)
-                    raise OmniError(
-                        f"world {rows[world * self._places].world}: {first!r} and {second!r} start in each other, "
-                        f"{-1e3 * contact.dist:.0f} mm deep; place the robots apart"
-                    )
 
     def _check(self) -> dict[int, str]:
         """Find what has failed, stop it, and read the headings of the others."""

@@ -111,6 +111,7 @@ class RadioSettings(Checked):
 
     delay_frames: int = setting(6, "frames", "dead time k_d from command to robot (paper: 0.1 s)", 0, 600)
     jitter_frames: int = setting(0, "frames", "a packet takes up to this more or less, uniformly; newest wins", 0, 600)
+    loss_probability: float = setting(0.0, "", "probability that a packet never arrives", 0, 0.95)
 
     @model_validator(mode="after")
     def _causal(self) -> Self:
