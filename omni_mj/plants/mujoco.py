@@ -17,13 +17,13 @@ from omni_mj.onboard.motor import Motor
 from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import EVERY, Traction
 from omni_mj.plants import Telemetry, batches
+from omni_mj.plants.bound import Bound
 from omni_mj.plants.faults import Faults
 from omni_mj.plants.variation import Drawn
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, Settings, column
-from omni_mj.worlds import build, roles
+from omni_mj.worlds import build
 from omni_mj.worlds.columns import Columns
-from omni_mj.worlds.two_rollers import Handover
 from omni_mj.worlds.wheels import contact_slip
 
 TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2  # of the quaternion's x^2 + y^2: tilted by more than 45 degrees
@@ -71,7 +71,7 @@ class MujocoPlant:
         self.drawn.write(self._batch, world)
         self._radius = world.kinematics.radius - self.drawn.wear
         self._set_friction(settings)
-        self._bind()
+        self._at = Bound.of(self._batch, world)
 
         self._start = np.array(start, float)
         self._heading = self._start[:, 2].copy()
@@ -106,11 +106,11 @@ class MujocoPlant:
 
     def pose(self) -> Array:
         """See `Plant`."""
-        return np.column_stack([self._position.get()[:, :2], self._heading])
+        return np.column_stack([self._at.position.get()[:, :2], self._heading])
 
     def twist(self) -> Array:
         """See `Plant`."""
-        return self._velocity.get()[:, [0, 1, 5]]
+        return self._at.velocity.get()[:, [0, 1, 5]]
 
     def advance(self, received: Received) -> dict[int, str]:
         """See `Plant`."""
@@ -129,6 +129,7 @@ class MujocoPlant:
             As `advance`, at the end of a frame; nothing within one.
         """
         k, motors, battery, traction = self._cycle, self._motors, self._battery, self._traction
+        at, slips = self._at, self._at.slips
         if received is not None:
             self._obey(received)
         if k == 0:
@@ -138,23 +139,23 @@ class MujocoPlant:
             self._hold(duty, self._held)
         if self._any_off:
             duty[self._failed] = 0.0
-        self._speeds[k], self._supplies[k, :, 0] = self._wheel_speed.get(), battery.voltage
+        self._speeds[k], self._supplies[k, :, 0] = at.wheel_speed.get(), battery.voltage
         self._voltages[k], self.currents[k], told = motors.drive(duty * self._supplies[k], self._speeds[k])
-        self._ctrl.set(told)
+        at.ctrl.set(told)
         if k % EVERY == 0:
-            traction.travel(self._position.get(), self._quaternion.get(), self._velocity.get(), self._load.get())
+            traction.travel(at.position.get(), at.quaternion.get(), at.velocity.get(), at.load.get())
             traction.wrench[:, :2] += self._push
-            self._wrench.set(traction.wrench)
+            at.wrench.set(traction.wrench)
         for substep in range(self._substeps):
-            if self._creeps:
-                traction.press(self._load.get())
-                self._limit.set(traction.limit)
-                self._impedance.set(traction.impedance)
+            if slips is not None:
+                traction.press(at.load.get())
+                slips.limit.set(traction.limit)
+                slips.impedance.set(traction.impedance)
             self._batch.step(self._living)
             if substep == 0:  # what MuJoCo sensed at its start: a cycle ago, however many steps there are in it
                 self._sense()
-            if self._handover is not None:
-                self._handover()
+            if at.handover is not None:
+                at.handover()
         battery.load(self._voltages[k], self.currents[k])
         self._cycle = (k + 1) % self.cycles
         if self._cycle:
@@ -178,8 +179,8 @@ class MujocoPlant:
             self._faults.begin()
             self._push, gyro_bias = self._push + self._faults.push, gyro_bias + self._faults.gyro
             self._push[self._failed] = 0.0
-        self._resistance.set(motors.resistance)
-        self._constant.set(motors.constant)
+        self._at.resistance.set(motors.resistance)
+        self._at.constant.set(motors.constant)
         self._firmware.correct(*self._heard, motors.winding)
         self._heard = np.full(len(self._failed), np.nan), np.zeros(len(self._failed), int)
         self._gyro_error = (gyro_bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
@@ -198,8 +199,8 @@ class MujocoPlant:
         voltages, supplies = np.abs(self._voltages), self._supplies
         duties = np.divide(voltages, supplies, out=np.zeros_like(voltages), where=supplies > 0)
         return Telemetry(
-            wheel_angle=self._wheel_angle.get().copy(),
-            wheel_speed=self._wheel_speed.get().copy(),
+            wheel_angle=self._at.wheel_angle.get().copy(),
+            wheel_speed=self._at.wheel_speed.get().copy(),
             voltage=self._voltages[-1].copy(),
             current=self.currents[-1].copy(),
             duty_peak=np.minimum(duties, 1.0).max((0, 2)),
@@ -214,18 +215,18 @@ class MujocoPlant:
 
     def _hold(self, duty: Array, current: Array) -> None:
         """Overwrite the duties of motors that are held at a current."""
-        wanted, supply = self._motors.voltage(current, self._wheel_speed.get()), self._battery.voltage[:, None]
+        wanted, supply = self._motors.voltage(current, self._at.wheel_speed.get()), self._battery.voltage[:, None]
         held = np.divide(wanted, supply, out=np.zeros_like(wanted), where=supply > 0)
         np.copyto(duty, np.clip(held, -1.0, 1.0), where=~np.isnan(current))
 
     def _slip(self) -> Array:
         world = self._world
-        if self._creeps:
-            return np.abs(self._slip_speed.get()) * self._radius
-        return contact_slip(world.wheels, world.kinematics, self._qpos.get(), self._qvel.get())
+        if self._at.slips is not None:
+            return np.abs(self._at.slips.speed.get()) * self._radius
+        return contact_slip(world.wheels, world.kinematics, self._at.qpos.get(), self._at.qvel.get())
 
     def _sense(self) -> None:
-        self._angles[:], self._turn_rates[:] = self._encoders.get(), self._gyro.get()[:, 0]
+        self._angles[:], self._turn_rates[:] = self._at.encoders.get(), self._at.gyro.get()[:, 0]
 
     def _set_friction(self, settings: Sequence[Settings]) -> None:
         """Write each robot's friction into its world's copy of the model's fields."""
@@ -246,50 +247,17 @@ class MujocoPlant:
         timestep = world.model.opt.timestep
         self._traction = Traction(settings, world.kinematics, centre, inertia, timestep, drawn.friction, drawn.wear)
 
-    def _bind(self) -> None:
-        """Find what is read and written in every step."""
-        batch, world, robots = self._batch, self._world, self._world.robots
-        qpos, qvel, sensors, ctrl = (batch.bind(name) for name in ("qpos", "qvel", "sensordata", "ctrl"))
-        self._qpos = Columns(qpos, np.array([robot.qpos for robot in robots]))
-        self._qvel = Columns(qvel, np.array([robot.dofs for robot in robots]))
-        self._position = Columns(qpos, np.array([robot.qpos[:3] for robot in robots]))
-        self._quaternion = Columns(qpos, np.array([robot.qpos[3:7] for robot in robots]))
-        self._velocity = Columns(qvel, np.array([robot.dofs[:6] for robot in robots]))
-        self._wheel_angle = Columns(qpos, np.array([robot.wheel_qpos for robot in robots]))
-        self._wheel_speed = Columns(qvel, np.array([robot.wheel_dofs for robot in robots]))
-        self._gyro = Columns(sensors, np.array([[robot.gyro] for robot in robots]))
-        self._encoders = Columns(sensors, np.array([robot.encoders for robot in robots]))
-        motors = np.array([robot.motors for robot in robots])
-        self._ctrl, gain = Columns(ctrl, motors), batch.expand("actuator_gainprm")
-        self._resistance, self._constant = Columns(gain[:, :, 0], motors), Columns(gain[:, :, 1], motors)
-        forces = batch.bind("xfrc_applied")
-        wrench = np.array([range(6 * robot.chassis, 6 * robot.chassis + 6) for robot in robots])
-        self._wrench = Columns(forces.reshape(len(forces), -1), wrench)
-        self._load = Columns(sensors, world.loads)
-        self._handover: Handover | None = None
-        if self._creeps:
-            slips = np.array([robot.slip_dofs for robot in robots])
-            self._slip_speed = Columns(qvel, slips)
-            self._limit = Columns(batch.expand("dof_frictionloss"), slips)
-            self._impedance = Columns(batch.expand("dof_solimp")[:, :, 0], slips)
-            angles = Columns(qpos, np.array([robot.slip_qpos for robot in robots]))
-            bottom, following = (
-                Columns(qvel, np.array([robot.roller_dofs[:, k] for robot in robots])) for k in range(roles.KEPT)
-            )
-            if robots[0].rollers.shape[1] == roles.KEPT:
-                self._handover = Handover(self._wheel_angle, angles, (bottom, following), world.wheels.pitch)
-
     def _stand(self, worlds: np.ndarray) -> None:
         """Put the robots of some worlds where they start, at rest on their rollers; their sensors say so."""
         batch, places = self._batch, self._places
         batch.bind("qpos")[worlds], batch.bind("qvel")[worlds] = self._world.standing, 0.0
         rows = (worlds[:, None] * places + np.arange(places)).ravel()
-        position, quaternion = self._position.get().copy(), self._quaternion.get().copy()
+        position, quaternion = self._at.position.get().copy(), self._at.quaternion.get().copy()
         x, y, heading = self._start[rows].T
         position[rows, 0], position[rows, 1] = x, y
         quaternion[rows] = np.stack([np.cos(heading / 2), *np.zeros((2, len(rows))), np.sin(heading / 2)], axis=1)
-        self._position.set(position)
-        self._quaternion.set(quaternion)
+        self._at.position.set(position)
+        self._at.quaternion.set(quaternion)
         self._heading[rows] = heading
         batch.forward(worlds)
         self._sense()
@@ -303,7 +271,7 @@ class MujocoPlant:
             text = f"became unstable: {meaning} (MuJoCo warning {mujoco.mjtWarning(warning).name})"
             causes |= {int(row): text for row in np.flatnonzero(broken) if int(row) not in causes}
         unstable = list(causes)
-        w, x, y, z = self._quaternion.get().T
+        w, x, y, z = self._at.quaternion.get().T
         toppled = np.flatnonzero((x * x + y * y > TOPPLED) & ~self._failed)
         causes |= {int(row): "toppled over" for row in toppled if int(row) not in causes}
         heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
