@@ -1,0 +1,137 @@
+"""Kinds of values of Protocol Buffers' binary encoding: how each is written and read.
+
+Source: https://protobuf.dev/programming-guides/encoding.
+"""
+
+import operator
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+from omni_control.errors import OmniError
+
+VARINT, FIXED64, BYTES_OF_LENGTH, GROUP, END_OF_GROUP, FIXED32 = 0, 1, 2, 3, 4, 5  # wire types
+MM_PER_M = 1000.0
+
+Read = Callable[[bytes, int, int], tuple[Any, int]]  # of (data, from, end): value and where it ends
+Write = Callable[[Any], bytes]
+
+
+class WireError(OmniError):
+    """Bytes that are no such message, or values that a message cannot carry."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """How a value is written: its wire type, how it is read, how it is written."""
+
+    wire_type: int
+    read: Read
+    write: Write
+
+
+def read_varint(data: bytes, at: int, end: int) -> tuple[int, int]:
+    """A number of up to 64 bits, seven in a byte, the lowest first."""
+    value = 0
+    for shift in range(0, 70, 7):
+        if at >= end:
+            raise WireError("cut off within a number")
+        byte = data[at]
+        at += 1
+        value |= (byte & 0x7F) << shift
+        if byte < 0x80:
+            return value & 0xFFFF_FFFF_FFFF_FFFF, at
+    raise WireError("a number is longer than ten bytes")
+
+
+def write_varint(value: int) -> bytes:
+    """A number of 0 to 2^64 - 1."""
+    written = bytearray()
+    while value > 0x7F:
+        written.append(value & 0x7F | 0x80)
+        value >>= 7
+    written.append(value)
+    return bytes(written)
+
+
+def _integer(least: int, most: int, *, scale: float = 1.0) -> Kind:
+    """Integers of 32 or 64 bits, two's complement in 64; on the wire they are multiplied by a scale."""
+    bits = (most - min(least, 0)).bit_length()
+
+    def read(data: bytes, at: int, end: int) -> tuple[Any, int]:
+        value, at = read_varint(data, at, end)
+        value &= (1 << bits) - 1
+        value -= (least < 0 and value > most) << bits
+        return value if scale == 1.0 else value / scale, at
+
+    def write(value: Any) -> bytes:
+        whole = operator.index(value) if scale == 1.0 else round(value * scale)
+        if not least <= whole <= most:
+            raise ValueError(f"must be from {least} to {most}")
+        return write_varint(whole & 0xFFFF_FFFF_FFFF_FFFF)
+
+    return Kind(VARINT, read, write)
+
+
+def _real(code: str, wire_type: int, *, scale: float = 1.0) -> Kind:
+    """IEEE 754 numbers, the lowest byte first; on the wire they are multiplied by a scale."""
+    form = struct.Struct(code)
+
+    def read(data: bytes, at: int, end: int) -> tuple[float, int]:
+        after = at + form.size
+        if after > end:
+            raise WireError("cut off within a number")
+        return form.unpack_from(data, at)[0] / scale, after
+
+    return Kind(wire_type, read, lambda value: form.pack(value * scale))
+
+
+def read_sized(data: bytes, at: int, end: int) -> tuple[bytes, int]:
+    """Bytes after their number."""
+    size, at = read_varint(data, at, end)
+    if size > end - at:
+        raise WireError(f"cut off: {size} bytes are announced, {end - at} are left")
+    return data[at : at + size], at + size
+
+
+def _text(data: bytes, at: int, end: int) -> tuple[str, int]:
+    raw, at = read_sized(data, at, end)
+    try:
+        return raw.decode(), at
+    except UnicodeDecodeError:
+        raise WireError("a text is not UTF-8") from None
+
+
+def _truth(data: bytes, at: int, end: int) -> tuple[bool, int]:
+    value, at = read_varint(data, at, end)
+    return value != 0, at
+
+
+def with_size(raw: bytes) -> bytes:
+    """Bytes, their number before them."""
+    return write_varint(len(raw)) + raw
+
+
+UINT32 = _integer(0, 2**32 - 1)
+INT32 = _integer(-(2**31), 2**31 - 1)
+INT64 = _integer(-(2**63), 2**63 - 1)
+FLOAT = _real("<f", FIXED32)
+DOUBLE = _real("<d", FIXED64)
+MILLIMETRES = _real("<f", FIXED32, scale=MM_PER_M)  # m here, mm on the wire
+WHOLE_MILLIMETRES = _integer(-(2**31), 2**31 - 1, scale=MM_PER_M)
+BOOL = Kind(VARINT, _truth, lambda value: b"\1" if value else b"\0")
+TEXT = Kind(BYTES_OF_LENGTH, _text, lambda value: with_size(value.encode()))
+BYTES = Kind(BYTES_OF_LENGTH, read_sized, lambda value: with_size(bytes(value)))
+
+
+def of_enumeration(values: type[IntEnum]) -> Kind:
+    """Values that are not known are as if absent, as proto2 has it."""
+    known = {int(value): value for value in values}
+
+    def read(data: bytes, at: int, end: int) -> tuple[IntEnum | None, int]:
+        value, at = INT32.read(data, at, end)
+        return known.get(value), at
+
+    return Kind(VARINT, read, lambda value: INT32.write(values(value)))
