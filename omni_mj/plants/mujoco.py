@@ -43,6 +43,7 @@ class MujocoPlant:
             their models are made of (`Shape`) and the physics must be the same for all.
         start: poses at the start, (n, 3).
         threads: of the physics; all cores by default. Results do not depend on it.
+        hulls: whether robots meet each other and the walls. [if a world has several]
 
     Attributes:
         geometry: of the wheels, as they are when new.
@@ -55,10 +56,12 @@ class MujocoPlant:
             robot's file that lacks a part (see `build.world`).
     """
 
-    def __init__(self, rows: Sequence[Row], start: Array, threads: int | None = None) -> None:
+    def __init__(
+        self, rows: Sequence[Row], start: Array, threads: int | None = None, hulls: bool | None = None
+    ) -> None:
         settings, places = [row.settings for row in rows], batches.places(rows)
         batches.check(rows)
-        self._world = world = build.world(settings[0], places)
+        self._world = world = build.world(settings[0], places, hulls=hulls)
         self.cycles, self._substeps = round(PERIOD_S / build.CYCLE_S), settings[0].physics.substeps
         model = copy.copy(world.model)
         model.actuator_ctrllimited[:] = 0  # the battery limits, also where braking motors lift its voltage

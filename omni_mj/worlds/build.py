@@ -1,8 +1,9 @@
 """Builds the world that robots drive in: a scene, n robots attached to it by prefix, and the contacts between them.
 
 What touches what is made here. Rollers touch the geom `carpet` of the scene by explicit pairs (see `contact`). Hulls
-(the robot's geoms of the class `hull`) are off as modelled; with more than one robot in a world they are switched on,
-and meet each other and every geom of the scene that collides: walls, and the carpet under a robot that has fallen.
+(the robot's geoms of the class `hull`) are off as modelled; with more than one robot in a world, or where it is asked
+for, they are switched on, and meet each other and every geom of the scene that collides: walls, and the carpet under a
+robot that has fallen.
 """
 
 from dataclasses import dataclass
@@ -65,7 +66,11 @@ class World:
 
 
 def world(
-    settings: Settings | None = None, places: int = 1, scene: str = models.SCENE, substeps: int | None = None
+    settings: Settings | None = None,
+    places: int = 1,
+    scene: str = models.SCENE,
+    substeps: int | None = None,
+    hulls: bool | None = None,
 ) -> World:
     """A scene with robots on it, built once.
 
@@ -74,6 +79,7 @@ def world(
         places: number of robots.
         scene: name or path of its MJCF file.
         substeps: physics steps per cycle of the wheel loops. [as in the settings]
+        hulls: whether robots meet each other and walls. [if they are several]
 
     Raises:
         OmniError: numbers of which no robot can be made, a robot's or scene's file that lacks a part, or a scene that
@@ -84,7 +90,8 @@ def world(
         raise OmniError(f"wheels.creep = off needs wheels.model = rollers, not {chosen.wheels.model}")
     paths = models.robot_path().resolve(), models.scene_path(scene).resolve()
     changed = tuple(path.stat().st_mtime_ns for path in paths)  # a file edited since is read again
-    return _world(*paths, changed, Shape.of(chosen), places, substeps or chosen.physics.substeps)
+    steps, meet = substeps or chosen.physics.substeps, places > 1 if hulls is None else hulls
+    return _world(*paths, changed, Shape.of(chosen), places, steps, meet)
 
 
 def kinematics(wheels: WheelSettings) -> Kinematics:
@@ -93,7 +100,9 @@ def kinematics(wheels: WheelSettings) -> Kinematics:
 
 
 @lru_cache(maxsize=16)
-def _world(robot: Path, scene: Path, changed: tuple[int, ...], kind: Shape, places: int, substeps: int) -> World:
+def _world(
+    robot: Path, scene: Path, changed: tuple[int, ...], kind: Shape, places: int, substeps: int, hulls: bool
+) -> World:
     part, whole = shape.robot(kind, robot), _read(scene)
     _check_solver(whole, scene.name)
     if whole.geom("carpet") is None:
@@ -106,7 +115,7 @@ def _world(robot: Path, scene: Path, changed: tuple[int, ...], kind: Shape, plac
     contact = creeping(alone, found.rollers.ravel(), kind.body.mass_kg / len(found.wheels)) if creeps else RIGID
     if kind.wheels.model == "two-rollers":
         two_rollers.reduce(part, alone, found)
-    if places > 1:
+    if hulls:
         _switch_on_hulls(part, robot.name)
     rims = [alone.body(rim).name for rim in found.rims]
     rollers = [geom.name for geom in part.geoms if geom.parent.name.startswith("roller_")]
@@ -127,7 +136,7 @@ def _world(robot: Path, scene: Path, changed: tuple[int, ...], kind: Shape, plac
     if places == 1:
         standing = _standing(model)
     else:
-        standing = _each_standing(model, robots, _world(robot, scene, changed, kind, 1, substeps))
+        standing = _each_standing(model, robots, _world(robot, scene, changed, kind, 1, substeps, False))
     return World(
         model=model,
         robots=robots,

@@ -7,10 +7,10 @@ import rerun as rr
 
 from omni_control.kinematics import Array
 from omni_mj.scenarios.settings import Settings
-from omni_mj.show import field
 from omni_mj.show.recording import colours, robot_shape
 from omni_mj.show.recording.robots import Robot, Track
 from omni_mj.show.recording.timelines import Frames, indexes
+from omni_mj.worlds import field
 
 ABOVE = "world/above"  # the camera of the plan view
 PIXELS_PER_M, CAMERA_HEIGHT_M = 500.0, 100.0  # from so high up there is hardly any perspective
