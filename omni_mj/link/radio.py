@@ -90,7 +90,7 @@ class Radio:
         self._holding = np.tile(np.asarray(nothing, float), (n, 1))
         self._newest = np.full(n, -1)
         self._robots = np.arange(n)
-        self._tick = 0
+        self._tick, self._last = 0, -1  # now, and when the last of those in flight arrives
         self._change()
 
     def exchange(self, command: Array, heading: Array) -> Received:
@@ -111,12 +111,12 @@ class Radio:
         self._packets[tick % ring, to] = packets[to]
         # Later ones overwrite: of two that arrive together the last sent counts.
         self._arriving[(tick + late[to]) % ring, to] = tick
+        self._last = max(self._last, tick + int(late[to].max(initial=-1)))
 
     def deliver(self) -> tuple[Array, np.ndarray, np.ndarray]:
         """End a tick: what robots hold (n, k), whether it arrived now (n,), and its age in ticks (n,)."""
         tick, ring = self._tick, len(self._packets)
-        self._tick += 1
-        self._change()
+        self.wait()
         arrived = self._arriving[tick % ring]
         new = arrived > self._newest
         self._newest = np.maximum(self._newest, arrived)
@@ -124,6 +124,16 @@ class Radio:
         held = self._packets[self._newest % ring, self._robots]
         self._holding = np.where(new[:, None], held, self._holding)
         return self._holding.copy(), new, tick - self._newest
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing arrives in this tick or later of what was sent until now."""
+        return self._last < self._tick
+
+    def wait(self) -> None:
+        """End a tick in which all is quiet: a `deliver` of which nobody asks what robots hold."""
+        self._tick += 1
+        self._change()
 
     def _change(self) -> None:
         """Take over the dead times of the frame that begins, if one does."""

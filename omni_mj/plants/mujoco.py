@@ -43,7 +43,7 @@ class MujocoPlant:
             their models are made of (`Shape`) and the physics must be the same for all.
         start: poses at the start, (n, 3).
         threads: of the physics; all cores by default. Results do not depend on it.
-        hulls: whether robots meet each other and the walls. [if a world has several]
+        hulls: whether robots meet each other and the walls. [if a world has several; where they start is then checked]
 
     Attributes:
         geometry: of the wheels, as they are when new.
@@ -82,7 +82,7 @@ class MujocoPlant:
         self._living: np.ndarray | None = None  # worlds that are stepped; None for all
         self._angles, self._turn_rates = np.zeros((n, len(world.kinematics.azimuths))), np.zeros(n)
         self._stand(np.arange(worlds))
-        if places > 1:
+        if places > 1 and hulls is None:
             batches.check_start(rows, world.model, self._batch.bind("qpos"))
 
         seeds = [row.noise_seed for row in rows]
