@@ -49,7 +49,7 @@ def test_a_run_is_the_same_to_the_bit_and_another_seed_is_another() -> None:
             tapes.append(taped(client))
     assert tapes[0] == alone
     assert tapes[1] != alone
-    # 2 packets a step with an answer and an image of either camera each; one of the first before; the geometry each second.
+    # 2 packets a step, each with an answer and an image of either camera; one image before; the geometry each second.
     assert 6 * STEPS + 2 <= len(alone) <= 6 * STEPS + 8
 
 

@@ -136,6 +136,6 @@ def test_another_field_has_other_walls() -> None:
     assert at(pitch)[0] == pytest.approx(1.25 - RADIUS_M, abs=0.02)
     with pytest.raises(Exception, match="blue 0 would stand in a wall"):
         pitch.resize(FieldSize(1.5, 1.5, 0.5, 0.1, 0.25))
-    with pytest.raises(Exception, match="not 0.1 x 1"):
+    with pytest.raises(Exception, match=r"not 0\.1 x 1 m"):
         pitch.resize(FieldSize(0.1, 1, 0.5, 0.1, 0.25))
     assert pitch.plant.surface == pytest.approx([2.5, 2.0])
