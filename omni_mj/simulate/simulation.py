@@ -5,14 +5,15 @@ All robots run side by side as rows of arrays. `run` is the loop; `observe` and 
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
 from omni_control.controllers.base import Controller, Seen
 from omni_control.errors import OmniError, choose
 from omni_control.kinematics import Array
-from omni_mj.link.camera import Camera
-from omni_mj.link.radio import Radio
+from omni_mj.link.late_camera import camera
+from omni_mj.link.radio import Radio, Received
 from omni_mj.plants import Plant
 from omni_mj.scenarios import faults, references
 from omni_mj.scenarios.controllers import resolve
@@ -23,6 +24,16 @@ from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.teams import Follow, assemble
 from omni_mj.worlds.build import kinematics
+
+See = Callable[[Array], tuple[Array, np.ndarray]]  # what `Camera` does
+
+
+class Exchange(Protocol):
+    """What `Radio` does."""
+
+    def exchange(self, command: Array, heading: Array) -> Received:
+        """Send commands (n, 3) and headings (n,); return what the robots hold in this frame."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -98,7 +109,7 @@ class Simulation:
         """
         shift = 0 if seed is None else seed - min(row.seed for row in self._table)
         self.rows = [replace(row, seed=row.seed + shift) for row in self._table]
-        n, noise = len(self.rows), [row.noise_seed for row in self.rows]
+        n = len(self.rows)
         self.references = [references.timed(row.settings, row.where) for row in self.rows]
         self.frame, self.failures = 0, list[Failure]()
         self._running = np.ones(n, bool)
@@ -106,11 +117,9 @@ class Simulation:
 
         start = np.array([reference.poses[0] for reference in self.references])
         geometry = kinematics(self.rows[0].settings.wheels)
-        self.plant: Plant = find_plant(self.scenario.plant)(self.rows, start)
-        happening, wheels = [row.settings.fault for row in self.rows], self.plant.geometry is not None
-        self.camera = Camera([row.settings.vision for row in self.rows], noise, happening)
+        self.plant, self.camera, self.radio = self._robots(start)
+        wheels = self.plant.geometry is not None
         self.team = assemble(self.rows, self._kinds, start, geometry, wheels, self._stop, self._follow)
-        self.radio = Radio([row.settings.radio for row in self.rows], noise, happening)
         self.log = Log(self.rows, len(geometry.azimuths))
         self._frames = np.array([reference.frames for reference in self.references])
         distinct = {id(reference): reference for reference in self.references}
@@ -180,6 +189,15 @@ class Simulation:
         for row, cause in failed.items():
             self._stop(np.array([row]), cause)
             self.team.stop(np.array([row]))
+
+    def _robots(self, start: Array) -> tuple[Plant, See, Exchange]:
+        """The robots at the start (n, 3), and what is between them and the team."""
+        noise, happening = [row.noise_seed for row in self.rows], [row.settings.fault for row in self.rows]
+        return (
+            find_plant(self.scenario.plant)(self.rows, start),
+            camera([row.settings.vision for row in self.rows], noise, happening, lambda: self.team.filter.twist),
+            Radio([row.settings.radio for row in self.rows], noise, happening),
+        )
 
     @property
     def _recorded(self) -> np.ndarray:
