@@ -62,10 +62,11 @@ class Eye:
             for stream in (Stream.CAMERA_JITTER, Stream.CAMERA_LOSSES)
         )
         self._ball = Noise(own, Stream.VISION_NOISE, lambda rng, count: rng.standard_normal((count, 2)))
-        drawn = Noise(own, Stream.CAMERA_CLOCK, lambda rng, count: rng.standard_normal((count, 3))).next()[0]
+        drawn = Noise(own, Stream.CAMERA_CLOCK, lambda rng, count: rng.standard_normal((count, 4))).next()[0]
         self._offset = self._vision.camera_offset_m * np.array([*drawn[:2], 0.0])
         self.clock_offset = self._vision.clock_offset_s * float(drawn[2])
-        self._phase = 0.0 if number == 0 else float(np.random.default_rng(own[0]).random()) / self._vision.rate_hz
+        anywhere = float(drawn[3] * 1e3 % 1.0)  # of a period: of so wide a normal number the fraction is uniform
+        self._phase = 0.0 if number == 0 else anywhere / self._vision.rate_hz
         self._frame = 0
         self.due = self._cycle_of(0)
 

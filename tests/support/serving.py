@@ -12,7 +12,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from foreign import field, fields, first
+from foreign import field as field
+from foreign import fields as fields
+from foreign import first
 
 LOOPBACK = "127.0.0.1"
 PATIENCE_S = 20.0  # of a test, on a busy machine
@@ -22,8 +24,8 @@ class Client:
     """Sockets of a team's software, and packets put together by hand."""
 
     def __init__(self) -> None:
-        self.vision = _socket()
-        self.commands = _socket()
+        self.vision = udp()
+        self.commands = udp()
         self.ports = (0, 0, 0)
 
     @property
@@ -65,7 +67,8 @@ class Client:
         self.commands.close()
 
 
-def _socket() -> socket.socket:
+def udp() -> socket.socket:
+    """A socket of this computer."""
     made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 21)
     made.bind((LOOPBACK, 0))
