@@ -1,14 +1,22 @@
 """`omni-mj serve`: a simulator of the league, which any team's software can drive, with our physics."""
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from omni_control.errors import OmniError
-from omni_mj.cli import console, options
+from omni_mj.cli import console, folders, options
 
 if TYPE_CHECKING:
+    from omni_mj.live.serve_log import Tape
+    from omni_mj.live.serve_pitch import Pitch
     from omni_mj.live.serve_server import Server
+    from omni_mj.scenarios.scenario import Scenario
+
+OUTPUTS = ("trajectory.parquet", "recording.rrd", "scenario.toml", *folders.PROVENANCE)
 
 PORT = click.IntRange(0, 65_535)
 
@@ -37,6 +45,11 @@ PORT = click.IntRange(0, 65_535)
 )
 @click.option("--interface", metavar="ADDRESS", default="127.0.0.1", show_default=True, help="By which they go.")
 @click.option("--for", "until_s", type=float, metavar="S", help="End after so much simulated time. [when interrupted]")
+@click.option("--out", type=options.FOLDER, metavar="DIR", help="Record there. [nothing is recorded]")
+@options.OVERWRITE
+@click.option("--record/--no-record", default=True, help="With --out, write recording.rrd for the rerun viewer.")
+@click.option("--view", is_flag=True, help="Watch in a rerun viewer of its own.")
+@click.option("--connect", metavar="URL", help="Watch in a rerun viewer that is running.")
 @options.QUIET
 def command(
     name: str | None,
@@ -54,6 +67,11 @@ def command(
     vision: str,
     interface: str,
     until_s: float | None,
+    out: Path | None,
+    overwrite: bool,
+    record: bool,
+    view: bool,
+    connect: str | None,
     quiet: bool,
 ) -> None:
     """Simulate robots for software that speaks the league's protocols."""
@@ -79,28 +97,95 @@ def command(
         if not quiet:
             click.echo(text, err=True)
 
+    viewers = list[str]()
+    if view or connect is not None:
+        from omni_mj.show.recording import live
+
+        viewers += [] if connect is None else [live.check(connect)]
+        viewers += [live.open_viewer()] if view else []
+    folder = None if out is None else folders.prepare(out, ours.name, OUTPUTS, overwrite)
     console.quiet_mujoco()
     pitch = Pitch({Team.BLUE: ours, Team.YELLOW: theirs}, poses, lambda kind, text: server.notes.add(kind, text))
     ports = Ports(control_port, blue_port, yellow_port, target, interface)
     server = Server(pitch, ports, speed, lockstep or "", tell)
-    _execute(server, until_s, quiet)
+    try:
+        if folder is None:
+            _execute(server, until_s, quiet, None, ours, record, viewers)
+        else:
+            with console.writing(folder):
+                _execute(server, until_s, quiet, folder, ours, record, viewers)
+    finally:
+        server.close()
 
 
-def _execute(server: "Server", until_s: float | None, quiet: bool) -> None:
+def _execute(
+    server: "Server",
+    until_s: float | None,
+    quiet: bool,
+    folder: Path | None,
+    chosen: "Scenario",
+    record: bool,
+    viewers: Sequence[str],
+) -> None:
+    """Serve until it ends; what is recorded is in `folder`, whatever ends it."""
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.live import serve_report
     from omni_mj.studies.outcome import StoppedError
 
     stopped = None
-    if not quiet:
-        click.echo(serve_report.begins(server))
-    try:
+    with _taped(server.pitch, folder, chosen, record, viewers) as tape:
+        if tape is not None:
+            server.after_frame = tape.add
+        if not quiet:
+            click.echo(serve_report.begins(server))
         with Interrupts() as interrupts:
-            server.run(interrupts.check, float("inf") if until_s is None else until_s)
-    except StoppedError as error:
-        stopped = error.reason
-    finally:
-        server.close()
+            try:
+                server.run(interrupts.check, float("inf") if until_s is None else until_s)
+            except StoppedError as error:
+                stopped = error.reason
     if not quiet:
         click.echo(serve_report.ends(server))
-    interrupts.end(stopped, f"{server.pitch.time_s:.1f} s were simulated")
+    left = "" if folder is None else f"; what was recorded until then is in {folder}"
+    interrupts.end(stopped, f"{server.pitch.time_s:.1f} s were simulated{left}")
+
+
+@contextmanager
+def _taped(
+    pitch: "Pitch", folder: Path | None, chosen: "Scenario", record: bool, viewers: Sequence[str]
+) -> "Iterator[Tape | None]":
+    """What records, if anything shall."""
+    if folder is None and not viewers:
+        yield None
+        return
+    from omni_mj.live.serve_log import Block, Parquet, Tape
+
+    table, shown = None, []
+    if folder is not None:
+        from omni_mj.measure.result import write
+        from omni_mj.provenance import record as provenance
+
+        write(folder / "scenario.toml", chosen.to_toml())
+        provenance.save(folder, "serve", console.command_line(), [chosen])
+        table = Parquet(folder / "trajectory.parquet")
+    if viewers or (folder is not None and record):
+        from omni_mj.show.recording.served import ServedRecording, to_file, to_viewer
+
+        places = [to_viewer(url) for url in viewers]
+        places += [] if folder is None or not record else [to_file(folder / "recording.rrd")]
+        shown = [ServedRecording(place, chosen.settings, f"serve {chosen.name}") for place in places]
+
+    def keep(block: Block) -> None:
+        if table is not None:
+            table(block)
+        for each in shown:
+            each.send(block.first, block.names, block.log, block.ball)
+
+    tape = Tape(pitch, [keep])
+    try:
+        yield tape
+    finally:
+        tape.flush()
+        if table is not None:
+            table.finish()
+        for lost in filter(None, [each.close() for each in shown]):
+            click.echo(f"warning: not all of the recording has arrived: {' '.join(lost.split())}", err=True)

@@ -41,6 +41,7 @@ class Pitch:
         size: of the field.
         ball: where it lies, (2,) m; None if there is none.
         held: what robots hold of the radio.
+        measured: where cameras saw robots last, (n, 3); whoever records may forget it, by not a number.
 
     Raises:
         OmniError: robots that cannot share a world, or start in each other or in a wall.
@@ -88,6 +89,7 @@ class Pitch:
             if eye.due <= self.cycle:
                 image = eye.look(self.cycle, self.plant.pose(), self.plant.present, self.ball, area)
                 seen = ~np.isnan(image.poses[:, 2])
+                self.measured[seen] = image.poses[seen]
                 self._seen[seen, 0], self._seen[seen, 1] = image.poses[seen, 2], self.cycle
                 images.append(image)
         return images
@@ -243,6 +245,7 @@ class Pitch:
         )
         n = len(self.rows)
         self.held = received(np.tile(self._nothing, (n, 1)), np.zeros(n, bool), 0)
+        self.measured = np.full((n, 3), np.nan)
         self._seen = np.column_stack([self.plant.pose()[:, 2], np.full(n, self.cycle)])
 
     def _rows(self) -> list[Row]:

@@ -78,6 +78,7 @@ class Server:
         after_frame: called after every 1/60 s of simulated time.
 
     Attributes:
+        after_frame: as given.
         vision: where detections go.
         notes: of what was wrong, told once and counted.
         counts: of packets and what was wrong with them.
@@ -96,7 +97,7 @@ class Server:
         tell: Callable[[str], None] = lambda text: None,
         after_frame: Callable[[], None] = lambda: None,
     ) -> None:
-        self.pitch, self._lockstep, self._after_frame = pitch, lockstep, after_frame
+        self.pitch, self._lockstep, self.after_frame = pitch, lockstep, after_frame
         self.notes, self.counts = Notes(tell), Counter[str]()
         self.lateness = deque[float](maxlen=REMEMBERED)
         ports = ports or Ports()
@@ -186,7 +187,7 @@ class Server:
             elif self._outbox:
                 self._send_due()
             if pitch.cycle % CYCLES == 0:
-                self._after_frame()
+                self.after_frame()
 
     def _look(self) -> None:
         """Take the images that are due, and send what is."""

@@ -43,7 +43,7 @@ def log_static(stream: rr.RecordingStream, robots: Sequence[Robot], settings: Se
         paths: the references that they follow, each (frames, 3), which lie on the carpet.
     """
     stream.log("world", rr.ViewCoordinates.FLU, static=True)
-    _log_field(stream)
+    log_field(stream)
     white, thin = [colours.REFERENCE], _points(0.7)
     strips = [_at(path, 0.002) for path in paths]
     stream.log("world/reference/path", rr.LineStrips3D(strips, colors=white, radii=thin), static=True)
@@ -90,7 +90,8 @@ def send(stream: rr.RecordingStream, robot: Robot, settings: Settings, track: Tr
     _send_belief(stream, f"{entity}/predicted", track["predicted"], frames, _ghost(robot.colour))
 
 
-def _log_field(stream: rr.RecordingStream) -> None:
+def log_field(stream: rr.RecordingStream) -> None:
+    """Log carpet, lines, goals and the camera of the plan view."""
     length, width = field.SURFACE_M
     carpet = rr.Boxes3D(
         half_sizes=[[length / 2, width / 2, 0.01]],
@@ -146,6 +147,16 @@ def _ghost(colour: colours.Rgb) -> rr.ComponentColumnList:
 def _points(size: float) -> float:
     """Radius in points of the screen, whatever the distance: what rerun takes a negative radius for."""
     return -size
+
+
+def transform(pose: Array) -> rr.ComponentColumnList:
+    """Columns of transforms of robots upright on the carpet at poses (n, 3)."""
+    return _transform(_at(pose, 0.0), pose[:, 2], _UP)
+
+
+def turned(position: Array, angle: Array, axis: Array) -> rr.ComponentColumnList:
+    """Columns of transforms at one `position` (3,), turned by `angle` (n,) about `axis` (3,)."""
+    return _transform(np.broadcast_to(position, (len(angle), 3)), angle, axis)
 
 
 def _at(pose: Array, z: float) -> Array:
