@@ -73,6 +73,6 @@ def received(held: Array, new: np.ndarray, cycle: int) -> Received:
         heading=np.where(new, held[:, HEADING], np.nan),
         age=np.maximum(age, 0),
         new=new,
-        body=held[:, BODY] > 0,
-        wheels=held[:, WHEELS:],
+        body=held[:, BODY] > 0 if held[:, BODY].any() else None,
+        wheels=None if np.isnan(held[:, WHEELS:]).all() else held[:, WHEELS:],
     )

@@ -92,6 +92,7 @@ class Firmware:
         # Calls from one run of each robot's loops to the next; those of tests may be further apart than the loops'.
         self._every = np.maximum(1.0, np.rint(1 / (column(firmware, "rate_hz") * timestep)))
         self._timestep, self._calls = self._every * timestep, 0
+        self._each = self._timestep[:, 0]
         self._held: Array | None = None if (self._every == 1).all() else np.zeros((n, wheels))
         self._forward, self._left, self._turn = kinematics.matrix.T / kinematics.radius
         self._radius = kinematics.radius
@@ -111,11 +112,13 @@ class Firmware:
         self._along_x = self._along_y = np.zeros((n, wheels))
         self._turn_rate = np.zeros(n)
         self._body: np.ndarray | None = None
+        self._all_body = False
         self._wheels: Array | None = None
-        # Calls of `duties` without a new command after which a robot stops, and those there were.
+        # Calls of `duties` without a new command after which a robot stops; the calls there were, that at which each
+        # robot stops, and the first of these.
         timeout = column(firmware, "timeout_s")[:, 0]
         self._patience = np.where(timeout > 0, np.rint(timeout / timestep), np.inf)
-        self._silence = np.zeros(n) if np.isfinite(self._patience).any() else None
+        self._now, self._stops, self._next_stop = 0, self._patience.copy(), float(self._patience.min())
 
     def receive(self, received: Received, winding: Array) -> None:
         """Take over what the radio holds in this frame: `correct`, then `obey`.
@@ -144,13 +147,15 @@ class Firmware:
     def obey(self, received: Received) -> None:
         """Take over commands, from the next call of `duties` on."""
         command, self._body, self._wheels = received.command, received.body, received.wheels
+        self._all_body = self._body is not None and bool(self._body.all())
         # Wheel speeds are linear in cosine and sine of the heading, which alone change between commands.
         vx, vy = command[:, :1], command[:, 1:2]
         self._along_x = vx * self._forward + vy * self._left
         self._along_y = vy * self._forward - vx * self._left
         self._turn_rate = command[:, 2] * (1 + self._turn_gain)
-        if self._silence is not None:
-            self._silence[slice(None) if received.new is None else received.new] = 0.0
+        new = slice(None) if received.new is None else received.new
+        self._stops[new] = self._now + self._patience[new]
+        self._next_stop = float(self._stops.min())
 
     def duties(self, gyro: Array, encoders: Array) -> Array:
         """Return the motors' duties (n, wheels) in [-1, 1].
@@ -159,8 +164,9 @@ class Firmware:
             gyro: turn rate (n,), rad/s.
             encoders: wheel angles (n, wheels), rad.
         """
-        if self._silence is not None:
+        if self._now >= self._next_stop:
             self._stop_where_silent()
+        self._now += 1
         if self._held is None:
             return self._loops(gyro, encoders)
         due = self._calls % self._every == 0
@@ -179,7 +185,7 @@ class Firmware:
     def _loops(self, gyro: Array, encoders: Array) -> Array:
         """What the loops make of the sensors when they run."""
         rate = gyro - self.estimate.bias
-        self.estimate.turn(rate, self._timestep[:, 0])
+        self.estimate.turn(rate, self._each)
         wanted = self._wheel_speeds(rate)
         count = np.floor(encoders * self._counts_per_rad)
         if self._last_count is None:  # wherever the wheels stand when the robot is switched on
@@ -208,21 +214,25 @@ class Firmware:
 
     def _wheel_speeds(self, rate: Array) -> Array:
         """Wheel speeds (n, wheels) for the commands: equation 2, the turn-rate loop, then the inverse of equation 3."""
-        heading = self.estimate.heading if self._body is None else np.where(self._body, 0.0, self.estimate.heading)
-        c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
-        turn = self._turn_rate - self._turn_gain * rate
-        wanted = c * self._along_x + s * self._along_y + turn[:, None] * self._turn
+        turn = (self._turn_rate - self._turn_gain * rate)[:, None] * self._turn
+        if self._all_body:
+            wanted = self._along_x + turn
+        else:
+            heading = self.estimate.heading
+            if self._body is not None:
+                heading = np.where(self._body, 0.0, heading)
+            c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
+            wanted = c * self._along_x + s * self._along_y + turn
         if self._wheels is None:
             return wanted
         return np.where(np.isnan(self._wheels), wanted, self._wheels / self._radius)
 
     def _stop_where_silent(self) -> None:
         """Let robots stand that have had no new command for too long (`firmware.timeout_s`)."""
-        assert self._silence is not None
-        over = self._silence >= self._patience
-        self._silence += 1
-        if over.any():
-            self._along_x, self._along_y = (np.where(over[:, None], 0.0, a) for a in (self._along_x, self._along_y))
-            self._turn_rate = np.where(over, 0.0, self._turn_rate)
-            if self._wheels is not None:
-                self._wheels = np.where(over[:, None], np.nan, self._wheels)
+        over = self._now >= self._stops
+        self._along_x, self._along_y = (np.where(over[:, None], 0.0, a) for a in (self._along_x, self._along_y))
+        self._turn_rate = np.where(over, 0.0, self._turn_rate)
+        if self._wheels is not None:
+            self._wheels = np.where(over[:, None], np.nan, self._wheels)
+        self._stops[over] = np.inf
+        self._next_stop = float(self._stops.min())
