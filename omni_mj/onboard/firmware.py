@@ -234,5 +234,4 @@ class Firmware:
         self._turn_rate = np.where(over, 0.0, self._turn_rate)
         if self._wheels is not None:
             self._wheels = np.where(over[:, None], np.nan, self._wheels)
-        self._stops[over] = np.inf
-        self._next_stop = float(self._stops.min())
+        self._next_stop = float(self._stops[~over].min(initial=np.inf))
