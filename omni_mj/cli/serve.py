@@ -169,8 +169,11 @@ def _taped(
         table = Parquet(folder / "trajectory.parquet")
     if viewers or (folder is not None and record):
         from omni_mj.show.recording.served import ServedRecording, to_file, to_viewer
+        from omni_mj.show.recording.viewer import answers
 
-        places = [to_viewer(url) for url in viewers]
+        for url in (url for url in viewers if not answers(url)):
+            click.echo(f"warning: no viewer at {url}; the run goes on without it", err=True)
+        places = [to_viewer(url) for url in viewers if answers(url)]
         places += [] if folder is None or not record else [to_file(folder / "recording.rrd")]
         shown = [ServedRecording(place, chosen.settings, f"serve {chosen.name}") for place in places]
 

@@ -6,8 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from omni_control.errors import OmniError
+from omni_control.kinematics import wrap_angle
 from omni_mj.live.serve_commands import Refusal
 from omni_mj.live.serve_pitch import Name, Pitch, label
+from omni_mj.live.wire import encode
 from omni_mj.live.wire.simulation import (
     SimulatorCommand,
     SimulatorConfig,
@@ -16,9 +18,11 @@ from omni_mj.live.wire.simulation import (
     TeleportBall,
     TeleportRobot,
 )
+from omni_mj.live.wire.vision import VisionPacket
 
 FASTEST_TIMES = 1000.0  # as real time
 FASTEST_M_S, FASTEST_RAD_S = 20.0, 100.0  # at which a robot is put down
+FARTHEST_M = 100.0  # from the field's centre
 HIGHEST = 15  # number of a robot: there are as many patterns
 _PLACES = {"x", "y", "orientation"}
 _MOTION = {"v_x", "v_y", "v_angular"}
@@ -54,6 +58,7 @@ def obey(pitch: Pitch, command: SimulatorCommand) -> Wishes:
 def _configure(pitch: Pitch, config: SimulatorConfig, wishes: Wishes) -> None:
     if config.geometry is not None:
         try:
+            encode(VisionPacket(geometry=config.geometry))  # it will be sent on
             pitch.resize(config.geometry.field)
             wishes.geometry = True
         except OmniError as error:
@@ -100,8 +105,8 @@ def _ball(pitch: Pitch, ball: TeleportBall, wishes: Wishes) -> None:
     """Put the ball somewhere; it lies there, whatever velocity it is given."""
     before = (0.0, 0.0) if pitch.ball is None else pitch.ball
     place = [old if new is None else new for new, old in zip((ball.x, ball.y), before, strict=True)]
-    if not np.isfinite(place).all():
-        wishes.refused.append(Refusal("BALL", f"the ball must be somewhere, not at {tuple(place)}"))
+    if not (np.abs(place) <= FARTHEST_M).all():
+        wishes.refused.append(Refusal("BALL", f"the ball lies within {FARTHEST_M:g} m, not at {tuple(place)}"))
         return
     pitch.ball = np.array(place)
     if any((ball.vx, ball.vy, ball.vz, ball.z)):
@@ -138,4 +143,5 @@ def _put(pitch: Pitch, name: Name, teleport: TeleportRobot) -> tuple[np.ndarray,
             "TELEPORT",
             f"{label(name)}: places are finite, velocities up to {FASTEST_M_S:g} m/s and {FASTEST_RAD_S:g} rad/s",
         )
+    place[2] = wrap_angle(place[2])
     return place, twist

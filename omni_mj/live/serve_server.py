@@ -34,6 +34,7 @@ PACE_CYCLES = 4  # from one look at the clock to the next
 AT_ONCE = 64  # packets read from a socket before the others have their turn
 INVITED_S = 0.2  # in lockstep, until the first command: what cameras saw is sent again so often
 CHECKED_S = 0.1  # how long nothing else is looked after at most
+BOTH = {Team.BLUE, Team.YELLOW}
 REMEMBERED = 100_000  # sendings whose lateness is kept
 
 
@@ -262,10 +263,9 @@ class Server:
                 refused.append(Refusal("NO_KICK", "robots here neither kick nor dribble; they only move"))
             self.notes.add("kicks", "kicks and dribblers are ignored: robots here only move")
         self._called.add(team)
-        if self._lockstep == "any" or len(self._called) == len(Team) - 1:
+        if self._lockstep == "any" or (self._lockstep and self._called == BOTH):
             self._called.clear()
-            if self._lockstep:
-                self._advance(self.pitch.first_due)
+            self._advance(self.pitch.first_due)
         feedback = tuple(RobotFeedback(RobotId(number, team), False) for number in commanded)
         return encode(RobotControlResponse(tuple(refusal.error for refusal in refused), feedback))
 
