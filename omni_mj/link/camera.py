@@ -1,6 +1,5 @@
 """The 60 Hz camera that stands in for SSL-Vision: poses with noise, now and then none."""
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,12 +8,7 @@ from omni_control.kinematics import Array, wrap_angle
 from omni_mj.link.noise import Noise, Seed, Stream
 from omni_mj.link.schedule import Schedule
 from omni_mj.scenarios.faults import Fault, VisionOut
-from omni_mj.scenarios.settings import FRAME_RATE_HZ, VisionSettings, column
-
-
-def latest_frames(settings: VisionSettings) -> int:
-    """How many frames an image is old at most when it arrives."""
-    return math.ceil((settings.delay_s + settings.jitter_s) * FRAME_RATE_HZ)
+from omni_mj.scenarios.settings import VisionSettings, column
 
 
 class Camera:

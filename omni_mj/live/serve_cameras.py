@@ -10,11 +10,13 @@ from omni_control.kinematics import Array
 from omni_mj.link.camera import Camera
 from omni_mj.link.noise import Noise, Seed, Stream
 from omni_mj.live.serve_field import Area
+from omni_mj.live.wire.simulation import Team
 from omni_mj.live.wire.vision import DetectedBall, DetectedRobot, Detection
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ
 
 CYCLES = CYCLE_RATE_HZ // FRAME_RATE_HZ  # in a frame
+Name = tuple[Team, int]  # of a robot
 APART = 1000  # added to a camera's number, to tell its seeds from those of places
 
 
@@ -26,6 +28,7 @@ class Image:
         camera: its number.
         frame: number of the image.
         cycle: in which it was taken.
+        names: of the robots at that time.
         poses: measured (n, 3), not a number where a robot was not seen.
         ball: measured (2,) m, or None.
         sent: when it is sent, s of simulated time; never, if it is lost, is infinite.
@@ -34,6 +37,7 @@ class Image:
     camera: int
     frame: int
     cycle: int
+    names: tuple[Name, ...]
     poses: Array
     ball: Array | None
     sent: float
@@ -75,11 +79,20 @@ class Eye:
         seeds = [row.noise_seed if self._number == 0 else (*row.noise_seed, APART + self._number) for row in rows]
         self._camera = Camera([row.settings.vision for row in rows], seeds, [row.settings.fault for row in rows])
 
-    def look(self, cycle: int, poses: Array, present: np.ndarray, ball: Array | None, area: Area) -> Image:
+    def look(
+        self,
+        cycle: int,
+        names: Sequence[Name],
+        poses: Array,
+        present: np.ndarray,
+        ball: Array | None,
+        area: Area,
+    ) -> Image:
         """Take the image that is due.
 
         Args:
             cycle: which it is.
+            names: of the robots, n.
             poses: true, (n, 3).
             present: which robots are on the field, (n,).
             ball: where it is, (2,) m, if there is one.
@@ -94,27 +107,26 @@ class Eye:
         self._frame += 1
         self.due = self._cycle_of(self._frame)
         where = ball + seen if ball is not None and area.sees(ball[None])[0] else None
-        return Image(self._number, frame, cycle, measured + self._offset, where, sent)
+        return Image(self._number, frame, cycle, tuple(names), measured + self._offset, where, sent)
 
     def _cycle_of(self, frame: int) -> int:
         """The first cycle that is not before an image is taken."""
         return math.ceil((frame / self._vision.rate_hz + self._phase) * CYCLE_RATE_HZ - 1e-6)
 
 
-def detection(image: Image, area: Area, clock: float, names: Sequence[tuple[int, bool]], height: float) -> Detection:
+def detection(image: Image, area: Area, clock: float, height: float) -> Detection:
     """What is sent of an image.
 
     Args:
         image: what was seen.
         area: of its camera.
         clock: what the camera's clock shows at the simulated time 0, s.
-        names: of the robots: number, and whether it is blue.
         height: of robots, m.
     """
     teams: tuple[list[DetectedRobot], list[DetectedRobot]] = [], []
-    for (number, blue), (x, y, heading) in zip(names, image.poses.tolist(), strict=True):
+    for (team, number), (x, y, heading) in zip(image.names, image.poses.tolist(), strict=True):
         if not math.isnan(x):
-            teams[blue].append(DetectedRobot(number, x, y, heading, 1.0, *area.pixel(x, y), height))
+            teams[team == Team.BLUE].append(DetectedRobot(number, x, y, heading, 1.0, *area.pixel(x, y), height))
     ball = () if image.ball is None else (_ball(image.ball, area),)
     captured = clock + image.cycle / CYCLE_RATE_HZ
     yellow, blue_ones = (tuple(sorted(team)) for team in teams)

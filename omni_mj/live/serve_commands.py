@@ -7,6 +7,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Received
+from omni_mj.live.serve_plant import REMEMBERED_FRAMES
 from omni_mj.live.wire.simulation import Capability, MoveCommand, RobotCommand, SimulatorError
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ
 
@@ -65,13 +66,20 @@ def packet(command: RobotCommand, wheels: int) -> Array | Refusal | None:
     return sent
 
 
-def received(held: Array, new: np.ndarray, cycle: int) -> Received:
-    """What robots hold (n, k) in a cycle, in which packets arrived at those that are `new` (n,)."""
-    age = np.rint((cycle - held[:, IMAGE]) / (CYCLE_RATE_HZ // FRAME_RATE_HZ)).astype(int)
+def received(held: Array, new: np.ndarray, compared: int) -> Received:
+    """What robots hold.
+
+    Args:
+        held: packets, (n, k).
+        new: at which robots one arrived now, (n,).
+        compared: cycle in which robots compare vision's headings with their own, by its clock.
+    """
+    age = np.rint((compared - held[:, IMAGE]) / (CYCLE_RATE_HZ // FRAME_RATE_HZ)).astype(int)
+    known = new & (age <= REMEMBERED_FRAMES)
     return Received(
         command=held[:, :3],
-        heading=np.where(new, held[:, HEADING], np.nan),
-        age=np.maximum(age, 0),
+        heading=np.where(known, held[:, HEADING], np.nan),
+        age=np.where(known, age, 0),
         new=new,
         body=held[:, BODY] > 0 if held[:, BODY].any() else None,
         wheels=None if np.isnan(held[:, WHEELS:]).all() else held[:, WHEELS:],

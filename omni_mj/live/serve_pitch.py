@@ -11,7 +11,7 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Radio, Received
-from omni_mj.live.serve_cameras import CYCLES, Eye, Image, detection
+from omni_mj.live.serve_cameras import CYCLES, Eye, Image, Name, detection
 from omni_mj.live.serve_commands import HEADING, IMAGE, Refusal, nothing, packet, received
 from omni_mj.live.serve_field import areas, standard, surface
 from omni_mj.live.serve_plant import ServedPlant
@@ -23,7 +23,6 @@ from omni_mj.scenarios.settings import CYCLE_RATE_HZ
 
 MOST = 12  # robots in a world
 ROBOT_HEIGHT_M = 0.15  # of the patterns that cameras see
-Name = tuple[Team, int]  # of a robot
 
 
 class Pitch:
@@ -87,10 +86,9 @@ class Pitch:
         images = []
         for eye, area in zip(self._eyes, self._areas, strict=True):
             if eye.due <= self.cycle:
-                image = eye.look(self.cycle, self.plant.pose(), self.plant.present, self.ball, area)
+                image = eye.look(self.cycle, self.names, self.plant.pose(), self.plant.present, self.ball, area)
                 seen = ~np.isnan(image.poses[:, 2])
                 self.measured[seen] = image.poses[seen]
-                self._seen[seen, 0], self._seen[seen, 1] = image.poses[seen, 2], self.cycle
                 images.append(image)
         return images
 
@@ -102,7 +100,7 @@ class Pitch:
         else:
             packets, new, _ = self._radio.deliver()
             if new.any():
-                self.held = arrived = received(packets, new, self.cycle)
+                self.held = arrived = received(packets, new, self.cycle + self.plant.frame_in)
         for robot, cause in self.plant.cycle(arrived).items():
             self._tell("robot failed", f"{label(self.names[robot])} {cause} at {self.time_s:.3f} s")
         self.cycle += 1
@@ -198,10 +196,18 @@ class Pitch:
         return Geometry(self.size, tuple(area.calibration(number) for number, area in enumerate(self._areas)))
 
     def detection(self, image: Image, clock: float) -> Detection:
-        """What is sent of an image; `clock` is what clocks that are right show at the simulated time 0, s."""
-        names = [(number, team == Team.BLUE) for team, number in self.names]
+        """What is sent now of an image, whose headings teams know from then on and send along with commands.
+
+        Args:
+            image: of a camera.
+            clock: what clocks that are right show at the simulated time 0, s.
+        """
+        same = np.array([name == now for name, now in zip(image.names, self.names, strict=False)])
+        heading = image.poses[:, 2]
+        newer = np.flatnonzero(same & ~np.isnan(heading) & (image.cycle >= self._seen[: len(same), 1]))
+        self._seen[newer] = np.column_stack([heading[newer], np.full(len(newer), image.cycle)])
         offset = self._eyes[image.camera].clock_offset
-        return detection(image, self._areas[image.camera], clock + offset, names, ROBOT_HEIGHT_M)
+        return detection(image, self._areas[image.camera], clock + offset, ROBOT_HEIGHT_M)
 
     def _find(self, name: Name) -> int | None:
         return self.names.index(name) if name in self.names else None

@@ -11,6 +11,7 @@ from omni_mj.scenarios.rows import Row
 
 AWAY_M = 10.0  # height at which robots that are taken away wait, each a metre above the one before
 WALLS = {"wall_front": (1, 0), "wall_left": (0, 1), "wall_back": (-1, 0), "wall_right": (0, -1)}
+REMEMBERED_FRAMES = 120  # for which robots know what they held for their headings; older images tell them nothing
 CLEARANCE_M = 0.001  # that robots put down side by side need; a touch is no overlap
 
 
@@ -40,6 +41,7 @@ class ServedPlant(MujocoPlant):
         hulls = (model.geom_contype > 0) & (model.geom_type == mujoco.mjtGeom.mjGEOM_CYLINDER)
         self.radius = float(np.max(model.geom_size[hulls, 0] + np.hypot(*model.geom_pos[hulls, :2].T)))
         self._strength = self._force.copy()
+        self._firmware.estimate.remember(REMEMBERED_FRAMES)
         self._good, self.unstable = self.pose(), False
 
     def pose(self) -> Array:
@@ -47,6 +49,11 @@ class ServedPlant(MujocoPlant):
         w, x, y, z = self._at.quaternion.get().T
         heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
         return np.column_stack([self._at.position.get()[:, :2], self._heading + wrap_angle(heading - self._heading)])
+
+    @property
+    def frame_in(self) -> int:
+        """Cycles from now to the next beginning of a frame, in which headings are compared; none at one."""
+        return -self._cycle % self.cycles
 
     @property
     def driven(self) -> np.ndarray:

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from omni_control.kinematics import Array, Kinematics, wrap_angle
-from omni_mj.link.camera import latest_frames
 from omni_mj.link.radio import Received, longest
 from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios.settings import Settings, column
@@ -33,9 +32,13 @@ class HeadingEstimate:
         firmware = [s.firmware for s in settings]
         self._heading_gain = column(firmware, "heading_gain")[:, 0]
         self._bias_gain = column(firmware, "bias_gain")[:, 0]
-        oldest = max(longest(s.radio, s.fault) + latest_frames(s.vision) for s in settings)
+        oldest = max(longest(s.radio, s.fault) for s in settings)
         self._past = np.tile(self.heading, (oldest + 1, 1))
         self._frame = 0
+
+    def remember(self, frames: int) -> None:
+        """Begin anew to keep what was held for the headings, for so many frames."""
+        self._past = np.tile(self.heading, (frames + 1, 1))
 
     def place(self, robot: int, heading: float) -> None:
         """Forget what was: a robot has been put down with a heading (rad) that it is told."""
@@ -49,7 +52,6 @@ class HeadingEstimate:
     def correct(self, seen: Array, age: np.ndarray) -> None:
         """Compare with vision's heading (n,) that arrived in this frame, sent `age` (n,) frames ago, if one did."""
         self._past[self._frame % len(self._past)] = self.heading
-        age = np.minimum(age, len(self._past) - 1)
         then = self._past[(self._frame - age) % len(self._past), np.arange(len(self.heading))]
         error = np.nan_to_num(wrap_angle(seen - then))
         self.heading += self._heading_gain * self._period * error

@@ -85,7 +85,8 @@ def drive(pitch: Pitch, frames: int, *blue: RobotCommand, yellow: tuple[RobotCom
             for team, commands in ((Team.BLUE, blue), (Team.YELLOW, yellow)):
                 assert pitch.command(team, commands)[0] == []
         for _ in range(16):
-            pitch.look()
+            for image in pitch.look():
+                pitch.detection(image, 0.0)
             pitch.step()
 
 
