@@ -4,7 +4,7 @@ Time is counted in cycles of the wheel loops, 1/960 s. Cameras look before a cyc
 cycle, and has no dead time, acts in it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 
 import numpy as np
 
@@ -152,18 +152,16 @@ class Pitch:
             wanted = {name: put for name, put in wanted.items() if name not in blocked}
             if not blocked:
                 break
-        new = [name for name in wanted if self._find(name) is None]
-        for name in list(new):
-            away = next(
-                (i for i, old in enumerate(self.names) if not self.plant.present[i] and old[0] == name[0]), None
-            )
-            if away is None and len(self.names) == MOST:
+        new = list[Name]()  # without a body
+        for name in [name for name in wanted if self._find(name) is None]:
+            if (body := self._free(name[0], wanted)) is not None:
+                self.names[body] = name
+            elif len(self.names) + len(new) < MOST:
+                new.append(name)
+            else:
                 refused.append(Refusal("TOO_MANY", f"{label(name)} would be robot {MOST + 1}; a world has {MOST}"))
                 del wanted[name]
-            elif away is not None:
-                self.names[away] = name
-                new.remove(name)
-        self._grow([name for name in new if name in wanted], wanted)
+        self._grow(new, wanted)
         for name, (pose, twist) in wanted.items():
             robot = self._find(name)
             assert robot is not None
@@ -211,6 +209,11 @@ class Pitch:
 
     def _find(self, name: Name) -> int | None:
         return self.names.index(name) if name in self.names else None
+
+    def _free(self, team: Team, wanted: Container[Name]) -> int | None:
+        """The body of a robot of a team that is away, and stays away."""
+        here = enumerate(zip(self.names, self.plant.present, strict=True))
+        return next((i for i, (name, on) in here if not on and name[0] == team and name not in wanted), None)
 
     def _blocked(self, wanted: dict[Name, tuple[Array, Array]]) -> dict[Name, str]:
         """Why some cannot stand where they are wanted, the others there as well."""

@@ -80,6 +80,18 @@ def test_a_world_has_twelve_robots_at_most() -> None:
     assert pitch.numbers(Team.BLUE) == [0, 1, 2, 3, 4, 6]
 
 
+def test_several_come_at_once_each_in_a_body_of_its_own() -> None:
+    """Two in the bodies of two that left, one that comes back in its own, and one more for which there was none."""
+    pitch, still = pitch_of(*QUIET, FAST, blue="3", yellow="1"), np.zeros(3)
+    assert pitch.place({}, {(Team.BLUE, number) for number in range(3)}) == []
+    places = {number: np.array([number / 3 - 2, 1.0, 0.5]) for number in (7, 2, 8, 9)}
+    assert pitch.place({(Team.BLUE, number): (pose, still) for number, pose in places.items()}, set()) == []
+    assert pitch.numbers(Team.BLUE) == [2, 7, 8, 9]
+    for number, pose in places.items():
+        np.testing.assert_allclose(pitch.pose((Team.BLUE, number)), pose, atol=1e-12)
+    assert len(pitch.names) == 5
+
+
 @settings(deadline=None, max_examples=15, derandomize=True)
 @given(st.data())
 def test_whatever_is_teleported_nobody_stands_in_another_and_the_world_goes_on(data: st.DataObject) -> None:
