@@ -1,5 +1,7 @@
 """What firmware makes of commands that are not the field's velocities, and of silence."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -15,8 +17,13 @@ COLD = np.full((1, 4), 25.0)
 angles, speeds = st.floats(-3.1, 3.1), st.floats(-3, 3)
 
 
+@cache
+def settings_of(**firmware: float) -> Settings:
+    return Settings(firmware=firmware)
+
+
 def firmware_of(heading: float = 0.0, **firmware: float) -> tuple[Firmware, Kinematics]:
-    chosen = Settings(firmware=firmware)
+    chosen = settings_of(**firmware)
     kinematics = chosen.wheels.kinematics
     return Firmware([chosen], kinematics, np.array([heading]), CYCLE_S, PERIOD_S), kinematics
 
