@@ -90,6 +90,7 @@ def command(
     head = {key: value for key, value in (("robot", robot), ("seed", seed)) if value is not None}
     ours = serve_line_up.load(name, overrides, head)
     theirs = ours if yellow_robot is None else serve_line_up.load(name, overrides, head | {"robot": yellow_robot})
+    serve_line_up.check_together(ours, theirs)
     teams = serve_line_up.numbers(blue, "--blue"), serve_line_up.numbers(yellow, "--yellow")
     poses = serve_line_up.poses(*teams, ours if name is not None else None)
 

@@ -13,6 +13,7 @@ from omni_mj.live.serve_pitch import MOST
 from omni_mj.live.wire.simulation import Team
 from omni_mj.scenarios import references, scenario
 from omni_mj.scenarios.scenario import Scenario
+from omni_mj.worlds.shape import Shape
 
 TIMEOUT_S = 0.1  # after which robots stop, as in the league's simulators
 APART_M, COLUMN = 0.5, 6  # robots of a team that stand in a column
@@ -38,6 +39,19 @@ def load(name: str | None, overrides: Iterable[str], head: Mapping[str, Any]) ->
     if said or chosen.settings.firmware.timeout_s:
         return chosen
     return chosen.replace(settings=chosen.settings.replace(firmware={"timeout_s": TIMEOUT_S}))
+
+
+def check_together(ours: Scenario, theirs: Scenario) -> None:
+    """See that one world can hold the robots of both teams.
+
+    Raises:
+        OmniError: their bodies, wheels or gears differ.
+    """
+    if Shape.of(ours.settings) != Shape.of(theirs.settings):
+        raise OmniError(
+            f"--yellow-robot {theirs.robot}: robots of one world have the same body, wheels and gear, and it differs in "
+            f"these from {ours.robot}; others may be its motors, firmware, battery and sensors"
+        )
 
 
 def numbers(text: str, option: str) -> list[int]:
