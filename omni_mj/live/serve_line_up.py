@@ -49,8 +49,8 @@ def check_together(ours: Scenario, theirs: Scenario) -> None:
     """
     if Shape.of(ours.settings) != Shape.of(theirs.settings):
         raise OmniError(
-            f"--yellow-robot {theirs.robot}: robots of one world have the same body, wheels and gear, and it differs in "
-            f"these from {ours.robot}; others may be its motors, firmware, battery and sensors"
+            f"--yellow-robot {theirs.robot}: robots of one world have the same body, wheels and gear, and it differs in"
+            f" these from {ours.robot}; others may be its motors, firmware, battery and sensors"
         )
 
 

@@ -176,7 +176,7 @@ class Server:
         self._wait(min(wake, now + CHECKED_S))
 
     def _next_sending(self) -> float:
-        return self._pace.when(self._outbox[0][0] * CYCLE_RATE_HZ) if self._outbox else math.inf
+        return self._pace.when(math.ceil(self._outbox[0][0] * CYCLE_RATE_HZ - 1e-6)) if self._outbox else math.inf
 
     def _advance(self, until: int) -> None:
         """Simulate up to a cycle."""
