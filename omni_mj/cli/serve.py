@@ -1,5 +1,6 @@
 """`omni-mj serve`: a simulator of the league, which any team's software can drive, with our physics."""
 
+import gc
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -139,6 +140,8 @@ def _execute(
             server.after_frame = tape.add
         if not quiet:
             click.echo(serve_report.begins(server))
+        gc.collect()
+        gc.freeze()  # a collection through all that was imported would hold up several frames
         with Interrupts() as interrupts:
             try:
                 server.run(interrupts.check, float("inf") if until_s is None else until_s)
