@@ -122,6 +122,10 @@ def test_an_unknown_value_of_an_enumeration_is_as_if_absent() -> None:
     assert decode(RobotId, bytes.fromhex("1002" + "1009")) == RobotId(None, Team.BLUE)
 
 
+def test_a_text_that_is_not_utf_8_is_read_as_far_as_it_is() -> None:
+    assert decode(Example, bytes.fromhex("120241ff")) == Example(b="A\N{REPLACEMENT CHARACTER}")
+
+
 REFUSED = {
     "cut off after a tag": ("08", "cut off"),
     "cut off within a number": ("0896", "cut off"),
@@ -134,7 +138,6 @@ REFUSED = {
     "a group that nobody ends": ("7b", "cut off"),
     "groups without end": ("7b" * 200, "wire type 3"),
     "a group's end in another": ("7b8c01", "wire type 4"),
-    "a text that is none": ("1201ff", "not UTF-8"),
 }
 
 

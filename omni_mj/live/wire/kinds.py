@@ -98,10 +98,7 @@ def read_sized(data: bytes, at: int, end: int) -> tuple[bytes, int]:
 
 def _text(data: bytes, at: int, end: int) -> tuple[str, int]:
     raw, at = read_sized(data, at, end)
-    try:
-        return raw.decode(), at
-    except UnicodeDecodeError:
-        raise WireError("a text is not UTF-8") from None
+    return raw.decode(errors="replace"), at  # names only: what is no UTF-8 is no reason to lose a packet
 
 
 def _truth(data: bytes, at: int, end: int) -> tuple[bool, int]:
