@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.live.serve_cameras import CYCLES
+from omni_mj.live.serve_cameras import CYCLES, Name
 from omni_mj.live.serve_pitch import Pitch, label
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.simulate.log import Log
@@ -94,7 +94,7 @@ class Tape:
         assert geometry is not None
         self._log = Log(rows, len(geometry.azimuths))
 
-    def _present(self) -> list[tuple]:  # type: ignore[type-arg]
+    def _present(self) -> list[Name]:
         here = zip(self._pitch.names, self._pitch.plant.present, strict=True)
         return sorted(name for name, present in here if present)
 

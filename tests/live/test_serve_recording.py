@@ -47,6 +47,20 @@ def test_robots_that_come_and_go_begin_new_blocks_and_no_frame_is_lost(tmp_path:
     assert (blue["command_vx_m_s"] == 0.5).all()
 
 
+def test_a_field_without_robots_is_recorded_as_nothing(tmp_path: Path) -> None:
+    pitch, table = pitch_of(*QUIET, FAST), Parquet(tmp_path / "trajectory.parquet")
+    tape = Tape(pitch, [table])
+    taped(pitch, tape, 3)
+    assert pitch.place({}, {(Team.BLUE, 0)}) == []
+    for _ in range(5):
+        for _ in range(16):
+            pitch.step()
+        tape.add()
+    tape.flush()
+    table.finish()
+    assert pl.read_parquet(tmp_path / "trajectory.parquet")["frame"].to_list() == [1, 2, 3]
+
+
 def test_the_table_is_written_in_parts_so_that_memory_does_not_grow(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

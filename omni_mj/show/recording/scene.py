@@ -149,9 +149,9 @@ def _points(size: float) -> float:
     return -size
 
 
-def transform(pose: Array) -> rr.ComponentColumnList:
-    """Columns of transforms of robots upright on the carpet at poses (n, 3)."""
-    return _transform(_at(pose, 0.0), pose[:, 2], _UP)
+def transform(pose: Array, height: float = 0.0) -> rr.ComponentColumnList:
+    """Columns of transforms of upright robots at poses (n, 3), at a height above the carpet, m."""
+    return _transform(_at(pose, height), pose[:, 2], _UP)
 
 
 def turned(position: Array, angle: Array, axis: Array) -> rr.ComponentColumnList:

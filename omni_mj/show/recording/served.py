@@ -12,7 +12,7 @@ from omni_control.kinematics import Array
 from omni_mj.scenarios.settings import Settings
 from omni_mj.show.recording import colours, robot_shape, scene
 from omni_mj.show.recording.stream import APPLICATION
-from omni_mj.show.recording.timelines import FRAME, TIME, indexes
+from omni_mj.show.recording.timelines import TIME, indexes
 from omni_mj.simulate.log import Log
 
 PLOTS = {  # of each robot: channel -> its unit
@@ -25,6 +25,7 @@ PLOTS = {  # of each robot: channel -> its unit
 TEAMS = {"blue": (60, 110, 230), "yellow": (235, 200, 40)}
 BALL = (250, 130, 30)
 BALL_RADIUS_M = 0.0215
+BELOW_M = 10.0  # the carpet: where robots are that are not there
 
 Connect = Callable[[rr.RecordingStream, rrb.Blueprint], None]
 
@@ -52,10 +53,9 @@ class ServedRecording:
         """Send frames from the `first` on: of robots, by the names of the log's rows, and of the ball (frames, 2)."""
         frames = np.arange(first, first + log.length)
         time, stream = indexes(frames), self._stream
-        for gone in set(self._before) - set(names):
-            stream.set_time(FRAME, sequence=first)
-            stream.set_time(TIME, duration=float(frames[0]) / 60)
-            stream.log(f"world/{_entity(gone)}/at", rr.Clear(recursive=True))
+        for gone in sorted(set(self._before) - set(names)):
+            out_of_sight = scene.transform(np.zeros((1, 3)), -BELOW_M)  # shapes are static, which nothing clears
+            stream.send_columns(f"world/{_entity(gone)}/at", indexes(frames[:1]), out_of_sight)
         self._before = list(names)
         points = np.column_stack([np.nan_to_num(ball), np.full(len(ball), BALL_RADIUS_M)])
         look = rr.Points3D.columns(positions=points, colors=[BALL] * len(points), radii=[BALL_RADIUS_M] * len(points))
