@@ -15,6 +15,7 @@ COMMANDS = (
     "slip",
     "loop",
     "identify",
+    "serve",
     "drive",
     "verify",
     "report",

@@ -31,17 +31,23 @@ class Camera:
         self._gap = column(settings, "miss_frames")[:, 0]
         self._since = np.full(len(seeds), np.inf)  # frames since the last gap began
         self._schedule, self._out = Schedule(faults, VisionOut), np.zeros(len(seeds), bool)
-        self._frame = 0
+        self._frame, self._first = 0, True
 
-    def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
-        """Return the poses seen (n, 3), not a number where a robot was missed, and whether each was seen (n,)."""
+    def __call__(self, pose: Array, frame: int | None = None) -> tuple[Array, np.ndarray]:
+        """Return the poses seen (n, 3), not a number where a robot was missed, and whether each was seen (n,).
+
+        Args:
+            pose: true, (n, 3).
+            frame: of the loop in which this image is taken, by which faults go. [the next one]
+        """
         begins = self._misses.next()[:, 0] < self._probability
-        if self._frame == 0:
-            begins[:] = False  # a robot is placed where the camera sees it
-        if (active := self._schedule.at(self._frame)) is not None:
-            self._out[:] = False
-            self._out[[row for row, _ in active.of(VisionOut)]] = True
-        self._frame += 1
+        if self._first:
+            begins[:] = self._first = False  # a robot is placed where the camera sees it
+        for passed in range(self._frame, self._frame + 1 if frame is None else frame + 1):
+            self._frame = passed + 1
+            if (active := self._schedule.at(passed)) is not None:
+                self._out[:] = False
+                self._out[[row for row, _ in active.of(VisionOut)]] = True
         self._since = np.where(begins, 0.0, self._since + 1)
         seen = (self._since >= self._gap) & ~self._out
         measured = pose + self._sigma * self._noise.next()

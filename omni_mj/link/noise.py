@@ -23,6 +23,10 @@ class Stream(IntEnum):
     GYRO_NOISE = 5
     RADIO_JITTER = 6
     VARIATION = 7
+    RADIO_LOSSES = 8
+    CAMERA_LOSSES = 9
+    CAMERA_JITTER = 10
+    CAMERA_CLOCK = 11
 
 
 class Noise:

@@ -1,4 +1,4 @@
-"""The radio link: a queue in which each command spends k_d frames, more or less."""
+"""The radio link: a queue in which each command spends k_d frames, more or less, if it is not lost."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,17 +20,24 @@ class Received:
         command: newest command that has arrived (n, 3); zero before the first.
         heading: vision's heading that was sent with it (n,), rad; not a number where nothing new arrived.
         age: frames since it was sent (n,).
+        new: whether it arrived in this frame (n,); None where all did.
+        body: whether its velocities are along the robot's own axes (n,); None where none are.
+        wheels: rim speeds asked for in its place (n, wheels) m/s, not a number where it is velocities; None for none.
     """
 
     command: Array
     heading: Array
     age: np.ndarray
+    new: np.ndarray | None = None
+    body: np.ndarray | None = None
+    wheels: Array | None = None
 
     @classmethod
     def at_once(cls, command: Array, heading: Array | None = None) -> "Received":
         """Commands (n, 3) without a radio's delay, and headings (n,) if vision sees any."""
         n = len(command)
-        return cls(command, np.full(n, np.nan) if heading is None else heading, np.zeros(n, int))
+        seen = np.full(n, np.nan) if heading is None else heading
+        return cls(command, seen, np.zeros(n, int), np.ones(n, bool))
 
 
 def longest(settings: RadioSettings, faults: Sequence[Fault]) -> int:
@@ -44,51 +51,93 @@ class Radio:
 
     With a delay of 2 frames, sending a, b, c, d in frames 0 to 3 delivers nothing, nothing, a, b; nothing is a command
     of zero and a heading that is not a number. With jitter a packet may overtake another: a robot obeys the one that
-    was sent last of those that have arrived.
+    was sent last of those that have arrived. A packet that is lost never arrives; the robot holds the one before.
 
     A fault `delay` is the dead time of what is sent while it goes on; of several the last counts.
 
+    The loop sends to all robots once a frame (`exchange`). Whoever sends when he likes counts in ticks of a fraction of
+    a frame: `send` to some robots, any number of times a tick, then `deliver` once.
+
     Args:
-        settings: dead time and jitter, one per row.
+        settings: dead time, jitter and losses, one per row.
         seeds: one per row; rows with the same seed and jitter have packets that take equally long.
         faults: of each row. [none]
+        ticks: of a frame.
+        nothing: what a robot holds before the first packet, (k,): a packet is as many numbers.
     """
 
     def __init__(
-        self, settings: Sequence[RadioSettings], seeds: Sequence[Seed], faults: Sequence[Sequence[Fault]] = ()
+        self,
+        settings: Sequence[RadioSettings],
+        seeds: Sequence[Seed],
+        faults: Sequence[Sequence[Fault]] = (),
+        ticks: int = 1,
+        nothing: Sequence[float] = (0.0, 0.0, 0.0, np.nan),
     ) -> None:
-        self._delay = column(settings, "delay_frames")[:, 0].astype(int)
-        self._jitter = column(settings, "jitter_frames")[:, 0].astype(int)
+        self._delay = column(settings, "delay_frames")[:, 0].astype(int) * ticks
+        self._jitter = column(settings, "jitter_frames")[:, 0].astype(int) * ticks
         self._jitters = bool(self._jitter.any())
         self._late = Noise(seeds, Stream.RADIO_JITTER, lambda rng, count: rng.random((count, 1)))
-        self._usual, self._schedule = self._delay, Schedule(faults, Delay)
-        room = max(map(longest, settings, faults or [()] * len(settings))) + 1
+        self._loss = column(settings, "loss_probability")[:, 0]
+        self._loses = bool(self._loss.any())
+        self._losses = Noise(seeds, Stream.RADIO_LOSSES, lambda rng, count: rng.random((count, 1)))
+        self._usual, self._schedule, self._ticks = self._delay, Schedule(faults, Delay), ticks
+        room = max(map(longest, settings, faults or [()] * len(settings))) * ticks + 1
         n = len(seeds)
-        # Both are rings: the frame in which the newest packet was sent that arrives in a frame, and the packets sent.
+        # Both are rings: the tick in which the newest packet was sent that arrives in a tick, and the packets sent.
         self._arriving = np.full((room, n), -1)
-        self._packets = np.tile([0.0, 0.0, 0.0, np.nan], (room, n, 1))
+        self._packets = np.empty((room, n, len(nothing)))
+        self._holding = np.tile(np.asarray(nothing, float), (n, 1))
         self._newest = np.full(n, -1)
         self._robots = np.arange(n)
-        self._frame = 0
+        self._tick, self._last = 0, -1  # now, and when the last of those in flight arrives
+        self._change()
 
     def exchange(self, command: Array, heading: Array) -> Received:
         """Send commands (n, 3) and headings (n,); return what the robots hold in this frame."""
-        frame, ring = self._frame, len(self._packets)
-        self._frame += 1
-        self._packets[frame % ring, :, :3], self._packets[frame % ring, :, 3] = command, heading
-        if (active := self._schedule.at(frame)) is not None:
-            self._delay = self._usual.copy()
-            for row, delay in active.of(Delay):
-                self._delay[row] = delay.to
+        self.send(np.column_stack([command, heading]))
+        packet, new, age = self.deliver()
+        return Received(packet[:, :3], np.where(new, packet[:, 3], np.nan), age, new)
+
+    def send(self, packets: Array, to: np.ndarray | None = None) -> None:
+        """Send packets (n, k), to those robots alone whose numbers are given; to all if none are."""
+        tick, ring = self._tick, len(self._packets)
+        to = self._robots if to is None else to
         late = self._delay
         if self._jitters:
             late = late + np.rint((2 * self._jitter + 1) * self._late.next()[:, 0] - (self._jitter + 0.5)).astype(int)
+        if self._loses:
+            to = to[self._losses.next()[to, 0] >= self._loss[to]]
+        self._packets[tick % ring, to] = packets[to]
         # Later ones overwrite: of two that arrive together the last sent counts.
-        self._arriving[(frame + late) % ring, self._robots] = frame
-        before, arrived = self._newest, self._arriving[frame % ring]
-        self._newest = np.maximum(before, arrived)
+        self._arriving[(tick + late[to]) % ring, to] = tick
+        self._last = max(self._last, tick + int(late[to].max(initial=-1)))
+
+    def deliver(self) -> tuple[Array, np.ndarray, np.ndarray]:
+        """End a tick: what robots hold (n, k), whether it arrived now (n,), and its age in ticks (n,)."""
+        tick, ring = self._tick, len(self._packets)
+        self.wait()
+        arrived = self._arriving[tick % ring]
+        new = arrived > self._newest
+        self._newest = np.maximum(self._newest, arrived)
         arrived[:] = -1
-        packet = self._packets[self._newest % ring, self._robots]
-        packet[self._newest < 0] = 0.0, 0.0, 0.0, np.nan
-        packet[self._newest == before, 3] = np.nan
-        return Received(packet[:, :3], packet[:, 3], frame - self._newest)
+        held = self._packets[self._newest % ring, self._robots]
+        self._holding = np.where(new[:, None], held, self._holding)
+        return self._holding.copy(), new, tick - self._newest
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing arrives in this tick or later of what was sent until now."""
+        return self._last < self._tick
+
+    def wait(self) -> None:
+        """End a tick in which all is quiet: a `deliver` of which nobody asks what robots hold."""
+        self._tick += 1
+        self._change()
+
+    def _change(self) -> None:
+        """Take over the dead times of the frame that begins, if one does."""
+        if self._tick % self._ticks == 0 and (active := self._schedule.at(self._tick // self._ticks)) is not None:
+            self._delay = self._usual.copy()
+            for row, delay in active.of(Delay):
+                self._delay[row] = delay.to * self._ticks

@@ -1,4 +1,4 @@
-"""What runs on the robot: from a received world-frame velocity to the motors' duties, up to 960 times a second."""
+"""What runs on the robot: from a received velocity to the motors' duties, up to 960 times a second."""
 
 from collections.abc import Sequence
 
@@ -36,6 +36,15 @@ class HeadingEstimate:
         self._past = np.tile(self.heading, (oldest + 1, 1))
         self._frame = 0
 
+    def remember(self, frames: int) -> None:
+        """Begin anew to keep what was held for the headings, for so many frames."""
+        self._past = np.tile(self.heading, (frames + 1, 1))
+
+    def place(self, robot: int, heading: float) -> None:
+        """Forget what was: a robot has been put down with a heading (rad) that it is told."""
+        self.heading[robot] = self._past[:, robot] = heading
+        self.bias[robot] = 0.0
+
     def turn(self, rate: Array, timestep: Array | float) -> None:
         """Turn for `timestep` (s; one, or (n,)) at what the gyro shows less its bias, `rate` (n,) in rad/s."""
         self.heading += rate * timestep
@@ -57,6 +66,10 @@ class Firmware:
     The loops reckon in volts of a nominal battery and command duties, so that a low battery weakens them; of the motors
     they know the datasheet, by which they feed the back-EMF forward. Loops slower than the calls look at sensors and
     reckon in every k-th call only, and hold their duties between (`firmware.rate_hz`).
+
+    Velocities are the world's, and are turned to the robot by its own heading; or the robot's own (`Received.body`).
+    Rim speeds (`Received.wheels`) bypass kinematics and turn-rate loop. A robot whose radio brings nothing new for
+    `firmware.timeout_s` stands until it does: its wheels are held at rest.
 
     Args:
         settings: one per robot.
@@ -81,8 +94,10 @@ class Firmware:
         # Calls from one run of each robot's loops to the next; those of tests may be further apart than the loops'.
         self._every = np.maximum(1.0, np.rint(1 / (column(firmware, "rate_hz") * timestep)))
         self._timestep, self._calls = self._every * timestep, 0
+        self._each = self._timestep[:, 0]
         self._held: Array | None = None if (self._every == 1).all() else np.zeros((n, wheels))
         self._forward, self._left, self._turn = kinematics.matrix.T / kinematics.radius
+        self._radius = kinematics.radius
         self._kp, self._ki, self._kd = (column(firmware, name) for name in ("kp", "ki", "kd"))
         self._integrates = bool(self._ki.any() or self._kd.any())
         self._back_emf = column(firmware, "feed_forward") * self._speed_constant
@@ -98,25 +113,51 @@ class Firmware:
         self._integral, self._last_error = np.zeros((2, n, wheels))
         self._along_x = self._along_y = np.zeros((n, wheels))
         self._turn_rate = np.zeros(n)
+        self._body: np.ndarray | None = None
+        self._all_body = False
+        self._wheels: Array | None = None
+        # Calls of `duties` without a new command after which a robot stops; the calls there were, that at which each
+        # robot stops, and the first of these.
+        timeout = column(firmware, "timeout_s")[:, 0]
+        self._patience = np.where(timeout > 0, np.rint(timeout / timestep), np.inf)
+        self._now, self._stops, self._next_stop = 0, self._patience.copy(), float(self._patience.min())
 
     def receive(self, received: Received, winding: Array) -> None:
-        """Take over what the radio holds in this frame.
+        """Take over what the radio holds in this frame: `correct`, then `obey`.
 
         Args:
             received: commands, and vision's headings that were sent with them.
             winding: temperatures of the windings (n, wheels), deg C, as a thermal model or sensor tells the driver.
         """
-        self.estimate.correct(received.heading, received.age)
-        command = received.command
+        self.correct(received.heading, received.age, winding)
+        self.obey(received)
+
+    def correct(self, heading: Array, age: np.ndarray, winding: Array) -> None:
+        """Begin a frame.
+
+        Args:
+            heading: vision's that arrived since the frame before, (n,) rad; not a number where none did.
+            age: frames since it was sent, (n,).
+            winding: temperatures of the windings (n, wheels), deg C, as a thermal model or sensor tells the driver.
+        """
+        self.estimate.correct(heading, age)
+        if self._derate.any():
+            left = np.clip((self._hot - winding) / DERATE_BAND_K, 0, 1)
+            current = np.where(self._derate & (left < 1), left * self._derated, np.inf)
+            self._swing = self._resistance * current
+
+    def obey(self, received: Received) -> None:
+        """Take over commands, from the next call of `duties` on."""
+        command, self._body, self._wheels = received.command, received.body, received.wheels
+        self._all_body = self._body is not None and bool(self._body.all())
         # Wheel speeds are linear in cosine and sine of the heading, which alone change between commands.
         vx, vy = command[:, :1], command[:, 1:2]
         self._along_x = vx * self._forward + vy * self._left
         self._along_y = vy * self._forward - vx * self._left
         self._turn_rate = command[:, 2] * (1 + self._turn_gain)
-        if self._derate.any():
-            left = np.clip((self._hot - winding) / DERATE_BAND_K, 0, 1)
-            current = np.where(self._derate & (left < 1), left * self._derated, np.inf)
-            self._swing = self._resistance * current
+        new = slice(None) if received.new is None else received.new
+        self._stops[new] = self._now + self._patience[new]
+        self._next_stop = float(self._stops.min())
 
     def duties(self, gyro: Array, encoders: Array) -> Array:
         """Return the motors' duties (n, wheels) in [-1, 1].
@@ -125,6 +166,9 @@ class Firmware:
             gyro: turn rate (n,), rad/s.
             encoders: wheel angles (n, wheels), rad.
         """
+        if self._now >= self._next_stop:
+            self._stop_where_silent()
+        self._now += 1
         if self._held is None:
             return self._loops(gyro, encoders)
         due = self._calls % self._every == 0
@@ -143,7 +187,7 @@ class Firmware:
     def _loops(self, gyro: Array, encoders: Array) -> Array:
         """What the loops make of the sensors when they run."""
         rate = gyro - self.estimate.bias
-        self.estimate.turn(rate, self._timestep[:, 0])
+        self.estimate.turn(rate, self._each)
         wanted = self._wheel_speeds(rate)
         count = np.floor(encoders * self._counts_per_rad)
         if self._last_count is None:  # wherever the wheels stand when the robot is switched on
@@ -172,7 +216,24 @@ class Firmware:
 
     def _wheel_speeds(self, rate: Array) -> Array:
         """Wheel speeds (n, wheels) for the commands: equation 2, the turn-rate loop, then the inverse of equation 3."""
-        heading = self.estimate.heading
-        c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
-        turn = self._turn_rate - self._turn_gain * rate
-        return c * self._along_x + s * self._along_y + turn[:, None] * self._turn
+        turn = (self._turn_rate - self._turn_gain * rate)[:, None] * self._turn
+        if self._all_body:
+            wanted = self._along_x + turn
+        else:
+            heading = self.estimate.heading
+            if self._body is not None:
+                heading = np.where(self._body, 0.0, heading)
+            c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
+            wanted = c * self._along_x + s * self._along_y + turn
+        if self._wheels is None:
+            return wanted
+        return np.where(np.isnan(self._wheels), wanted, self._wheels / self._radius)
+
+    def _stop_where_silent(self) -> None:
+        """Let robots stand that have had no new command for too long (`firmware.timeout_s`)."""
+        over = self._now >= self._stops
+        self._along_x, self._along_y = (np.where(over[:, None], 0.0, a) for a in (self._along_x, self._along_y))
+        self._turn_rate = np.where(over, 0.0, self._turn_rate)
+        if self._wheels is not None:
+            self._wheels = np.where(over[:, None], np.nan, self._wheels)
+        self._next_stop = float(self._stops[~over].min(initial=np.inf))

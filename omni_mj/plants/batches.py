@@ -2,9 +2,14 @@
 
 from collections.abc import Sequence
 
+import mujoco
+
 from omni_control.errors import OmniError
+from omni_control.kinematics import Array
 from omni_mj.scenarios.rows import Row
 from omni_mj.worlds.shape import Shape
+
+_ALLOWED_DEPTH_M = 1e-3  # in which robots may start in each other or in a wall: that of a hard contact
 
 
 def places(rows: Sequence[Row]) -> int:
@@ -43,3 +48,27 @@ def check(rows: Sequence[Row]) -> None:
         varied = row.settings.variation
         if row.settings.wheels.creep == "off" and (varied.friction or varied.wear_m or row.settings.carpet.patches):
             raise OmniError("variation.friction, variation.wear_m and carpet.patches need wheels.creep = on")
+
+
+def check_start(rows: Sequence[Row], model: mujoco.MjModel, positions: Array) -> None:
+    """Refuse robots that start in each other or in a wall, which would throw them apart.
+
+    Args:
+        rows: of the robots.
+        model: of each world.
+        positions: of the worlds, (worlds, nq).
+
+    Raises:
+        OmniError: two bodies overlap; their names, and how deep.
+    """
+    data = mujoco.MjData(model)
+    for world, qpos in enumerate(positions):
+        data.qpos[:] = qpos
+        mujoco.mj_fwdPosition(model, data)
+        for contact in data.contact:
+            if contact.dist < -_ALLOWED_DEPTH_M:
+                first, second = (model.geom(geom).name for geom in contact.geom)
+                raise OmniError(
+                    f"world {rows[world * len(rows) // len(positions)].world}: {first!r} and {second!r} start in each "
+                    f"other, {-1e3 * contact.dist:.0f} mm deep; place the robots apart"
+                )

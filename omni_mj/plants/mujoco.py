@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_mj.link.noise import Noise, Stream
 from omni_mj.link.radio import Received
@@ -19,13 +18,13 @@ from omni_mj.onboard.motor import Motor
 from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import EVERY, Traction
 from omni_mj.plants import Telemetry, batches
+from omni_mj.plants.bound import Bound
 from omni_mj.plants.faults import Faults
 from omni_mj.plants.variation import Drawn
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, Settings, column
 from omni_mj.worlds import build
 from omni_mj.worlds.columns import Columns
-from omni_mj.worlds.two_rollers import Handover
 from omni_mj.worlds.wheels import contact_slip
 
 TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2  # of the quaternion's x^2 + y^2: tilted by more than 45 degrees
@@ -35,7 +34,6 @@ _UNSTABLE = {
     mujoco.mjtWarning.mjWARN_BADQVEL: "a velocity is not a number or too large",
     mujoco.mjtWarning.mjWARN_BADQACC: "an acceleration is not a number or too large",
 }
-_ALLOWED_DEPTH_M = 1e-3  # in which robots may start in each other or in a wall: that of a hard contact
 
 
 class MujocoPlant:
@@ -46,10 +44,12 @@ class MujocoPlant:
             their models are made of (`Shape`) and the physics must be the same for all.
         start: poses at the start, (n, 3).
         threads: of the physics; all cores by default. Results do not depend on it.
+        hulls: whether robots meet each other and the walls. [if a world has several; where they start is then checked]
 
     Attributes:
         geometry: of the wheels, as they are when new.
         drawn: what the robots' seeds drew for them.
+        cycles: of the wheel loops in a frame.
         currents: of the motors in each cycle of the frame just past, (cycles, n, wheels) A.
 
     Raises:
@@ -57,11 +57,13 @@ class MujocoPlant:
             robot's file that lacks a part (see `build.world`).
     """
 
-    def __init__(self, rows: Sequence[Row], start: Array, threads: int | None = None) -> None:
+    def __init__(
+        self, rows: Sequence[Row], start: Array, threads: int | None = None, hulls: bool | None = None
+    ) -> None:
         settings, places = [row.settings for row in rows], batches.places(rows)
         batches.check(rows)
-        self._world = world = build.world(settings[0], places)
-        self._cycles, self._substeps = round(PERIOD_S / build.CYCLE_S), settings[0].physics.substeps
+        self._world = world = build.world(settings[0], places, hulls=hulls)
+        self.cycles, self._substeps = round(PERIOD_S / build.CYCLE_S), settings[0].physics.substeps
         model = copy.copy(world.model)
         model.actuator_ctrllimited[:] = 0  # the battery limits, also where braking motors lift its voltage
         n, worlds = len(rows), len(rows) // places
@@ -73,7 +75,7 @@ class MujocoPlant:
         self.drawn.write(self._batch, world)
         self._radius = world.kinematics.radius - self.drawn.wear
         self._set_friction(settings)
-        self._bind()
+        self._at = Bound.of(self._batch, world)
 
         self._start = np.array(start, float)
         self._heading = self._start[:, 2].copy()
@@ -81,8 +83,8 @@ class MujocoPlant:
         self._living: np.ndarray | None = None  # worlds that are stepped; None for all
         self._angles, self._turn_rates = np.zeros((n, len(world.kinematics.azimuths))), np.zeros(n)
         self._stand(np.arange(worlds))
-        if places > 1:
-            self._check_start(rows)
+        if places > 1 and hulls is None:
+            batches.check_start(rows, world.model, self._batch.bind("qpos"))
 
         seeds = [row.noise_seed for row in rows]
         self._force = column([s.disturbance for s in settings], "force_n")
@@ -101,57 +103,91 @@ class MujocoPlant:
             self._faults = Faults(rows, self._batch, world, self._traction, self._motors)
         self._battery = Battery([s.battery for s in settings])
         self._firmware = Firmware(settings, world.kinematics, self._heading, build.CYCLE_S, PERIOD_S)
-        self._speeds, self._voltages, self.currents = np.zeros((3, self._cycles, n, wheels))
-        self._supplies = np.zeros((self._cycles, n, 1))  # the battery's voltage of each step
+        self._speeds, self._voltages, self.currents = np.zeros((3, self.cycles, n, wheels))
+        self._supplies = np.zeros((self.cycles, n, 1))  # the battery's voltage of each step
         self._held: Array | None = None
+        self._cycle, self._heard = 0, (np.full(n, np.nan), np.zeros(n, int))
 
     def pose(self) -> Array:
         """See `Plant`."""
-        return np.column_stack([self._position.get()[:, :2], self._heading])
+        return np.column_stack([self._at.position.get()[:, :2], self._heading])
 
     def twist(self) -> Array:
         """See `Plant`."""
-        return self._velocity.get()[:, [0, 1, 5]]
+        return self._at.velocity.get()[:, [0, 1, 5]]
 
     def advance(self, received: Received) -> dict[int, str]:
         """See `Plant`."""
-        motors, battery, traction = self._motors, self._battery, self._traction
-        push, gyro_bias, any_failed = self._force * self._pushes.next(), self._gyro_bias, self._failed.any()
-        if self._faults is not None:
-            self._faults.begin()
-            push, gyro_bias = push + self._faults.push, gyro_bias + self._faults.gyro
-            push[self._failed] = 0.0
-        self._resistance.set(motors.resistance)
-        self._constant.set(motors.constant)
-        self._firmware.receive(received, motors.winding)
-        gyro_error = (gyro_bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
-        for k in range(self._cycles):
-            duty = self._firmware.duties(self._turn_rates + gyro_error, self._angles)
-            if self._held is not None:
-                self._hold(duty, self._held)
-            if any_failed:
-                duty[self._failed] = 0.0
-            self._speeds[k], self._supplies[k, :, 0] = self._wheel_speed.get(), battery.voltage
-            self._voltages[k], self.currents[k], told = motors.drive(duty * self._supplies[k], self._speeds[k])
-            self._ctrl.set(told)
-            if k % EVERY == 0:
-                traction.travel(self._position.get(), self._quaternion.get(), self._velocity.get(), self._load.get())
-                traction.wrench[:, :2] += push
-                self._wrench.set(traction.wrench)
-            for substep in range(self._substeps):
-                if self._creeps:
-                    traction.press(self._load.get())
-                    self._limit.set(traction.limit)
-                    self._impedance.set(traction.impedance)
-                self._batch.step(self._living)
-                if substep == 0:  # what MuJoCo sensed at its start: a cycle ago, however many steps there are in it
-                    self._sense()
-                if self._handover is not None:
-                    self._handover()
-            battery.load(self._voltages[k], self.currents[k])
+        self.cycle(received)
+        for _ in range(1, self.cycles):
+            causes = self.cycle()
+        return causes
+
+    def cycle(self, received: Received | None = None) -> dict[int, str]:
+        """Move on by a cycle of the wheel loops, of which there are as many in a frame as `cycles` says.
+
+        Args:
+            received: what robots hold from now on, if anything arrived; headings are compared in the next frame.
+
+        Returns:
+            As `advance`, at the end of a frame; nothing within one.
+        """
+        k, motors, battery, traction = self._cycle, self._motors, self._battery, self._traction
+        at, slips = self._at, self._at.slips
+        if received is not None:
+            self._obey(received)
+        if k == 0:
+            self._begin()
+        duty = self._firmware.duties(self._turn_rates + self._gyro_error, self._angles)
+        if self._held is not None:
+            self._hold(duty, self._held)
+        if self._any_off:
+            duty[self._failed] = 0.0
+        self._speeds[k], self._supplies[k, :, 0] = at.wheel_speed.get(), battery.voltage
+        self._voltages[k], self.currents[k], told = motors.drive(duty * self._supplies[k], self._speeds[k])
+        at.ctrl.set(told)
+        if k % EVERY == 0:
+            traction.travel(at.position.get(), at.quaternion.get(), at.velocity.get(), at.load.get())
+            traction.wrench[:, :2] += self._push
+            at.wrench.set(traction.wrench)
+        for substep in range(self._substeps):
+            if slips is not None:
+                traction.press(at.load.get())
+                slips.limit.set(traction.limit)
+                slips.impedance.set(traction.impedance)
+            self._batch.step(self._living)
+            if substep == 0:  # what MuJoCo sensed at its start: a cycle ago, however many steps there are in it
+                self._sense()
+            if at.handover is not None:
+                at.handover()
+        battery.load(self._voltages[k], self.currents[k])
+        self._cycle = (k + 1) % self.cycles
+        if self._cycle:
+            return {}
         motors.warm(self.currents, self._speeds)
         battery.discharge(PERIOD_S)
         return self._check()
+
+    def _obey(self, received: Received) -> None:
+        """Take over commands, and keep vision's headings until the next frame begins."""
+        self._firmware.obey(received)
+        seen, age = self._heard
+        arrived = ~np.isnan(received.heading)
+        self._heard = np.where(arrived, received.heading, seen), np.where(arrived, received.age, age)
+
+    def _begin(self) -> None:
+        """Begin a frame: what changes from frame to frame."""
+        motors, gyro_bias = self._motors, self._gyro_bias
+        self._push, self._any_off = self._force * self._pushes.next(), bool(self._failed.any())
+        if self._faults is not None:
+            self._faults.begin()
+            self._push, gyro_bias = self._push + self._faults.push, gyro_bias + self._faults.gyro
+            self._push[self._failed] = 0.0
+        self._at.resistance.set(motors.resistance)
+        self._at.constant.set(motors.constant)
+        self._firmware.correct(*self._heard, motors.winding)
+        self._heard = np.full(len(self._failed), np.nan), np.zeros(len(self._failed), int)
+        self._gyro_error = (gyro_bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
 
     def hold(self, current: Array | None) -> None:
         """Have drivers hold currents from now on, whatever the firmware asks; with none, a robot rolls out.
@@ -167,8 +203,8 @@ class MujocoPlant:
         voltages, supplies = np.abs(self._voltages), self._supplies
         duties = np.divide(voltages, supplies, out=np.zeros_like(voltages), where=supplies > 0)
         return Telemetry(
-            wheel_angle=self._wheel_angle.get().copy(),
-            wheel_speed=self._wheel_speed.get().copy(),
+            wheel_angle=self._at.wheel_angle.get().copy(),
+            wheel_speed=self._at.wheel_speed.get().copy(),
             voltage=self._voltages[-1].copy(),
             current=self.currents[-1].copy(),
             voltage_mean=self._voltages.mean(0),
@@ -185,18 +221,18 @@ class MujocoPlant:
 
     def _hold(self, duty: Array, current: Array) -> None:
         """Overwrite the duties of motors that are held at a current."""
-        wanted, supply = self._motors.voltage(current, self._wheel_speed.get()), self._battery.voltage[:, None]
+        wanted, supply = self._motors.voltage(current, self._at.wheel_speed.get()), self._battery.voltage[:, None]
         held = np.divide(wanted, supply, out=np.zeros_like(wanted), where=supply > 0)
         np.copyto(duty, np.clip(held, -1.0, 1.0), where=~np.isnan(current))
 
     def _slip(self) -> Array:
         world = self._world
-        if self._creeps:
-            return np.abs(self._slip_speed.get()) * self._radius
-        return contact_slip(world.wheels, world.kinematics, self._qpos.get(), self._qvel.get())
+        if self._at.slips is not None:
+            return np.abs(self._at.slips.speed.get()) * self._radius
+        return contact_slip(world.wheels, world.kinematics, self._at.qpos.get(), self._at.qvel.get())
 
     def _sense(self) -> None:
-        self._angles[:], self._turn_rates[:] = self._encoders.get(), self._gyro.get()[:, 0]
+        self._angles[:], self._turn_rates[:] = self._at.encoders.get(), self._at.gyro.get()[:, 0]
 
     def _set_friction(self, settings: Sequence[Settings]) -> None:
         """Write each robot's friction into its world's copy of the model's fields."""
@@ -217,67 +253,20 @@ class MujocoPlant:
         timestep = world.model.opt.timestep
         self._traction = Traction(settings, world.kinematics, centre, inertia, timestep, drawn.friction, drawn.wear)
 
-    def _bind(self) -> None:
-        """Find what is read and written in every step."""
-        batch, world, robots = self._batch, self._world, self._world.robots
-        qpos, qvel, sensors, ctrl = (batch.bind(name) for name in ("qpos", "qvel", "sensordata", "ctrl"))
-        self._qpos = Columns(qpos, np.array([robot.qpos for robot in robots]))
-        self._qvel = Columns(qvel, np.array([robot.dofs for robot in robots]))
-        self._position = Columns(qpos, np.array([robot.qpos[:3] for robot in robots]))
-        self._quaternion = Columns(qpos, np.array([robot.qpos[3:7] for robot in robots]))
-        self._velocity = Columns(qvel, np.array([robot.dofs[:6] for robot in robots]))
-        self._wheel_angle = Columns(qpos, np.array([robot.wheel_qpos for robot in robots]))
-        self._wheel_speed = Columns(qvel, np.array([robot.wheel_dofs for robot in robots]))
-        self._gyro = Columns(sensors, np.array([[robot.gyro] for robot in robots]))
-        self._encoders = Columns(sensors, np.array([robot.encoders for robot in robots]))
-        motors = np.array([robot.motors for robot in robots])
-        self._ctrl, gain = Columns(ctrl, motors), batch.expand("actuator_gainprm")
-        self._resistance, self._constant = Columns(gain[:, :, 0], motors), Columns(gain[:, :, 1], motors)
-        forces = batch.bind("xfrc_applied")
-        wrench = np.array([range(6 * robot.chassis, 6 * robot.chassis + 6) for robot in robots])
-        self._wrench = Columns(forces.reshape(len(forces), -1), wrench)
-        self._load = Columns(sensors, world.loads)
-        self._handover: Handover | None = None
-        if self._creeps:
-            slips = np.array([robot.slip_dofs for robot in robots])
-            self._slip_speed = Columns(qvel, slips)
-            self._limit = Columns(batch.expand("dof_frictionloss"), slips)
-            self._impedance = Columns(batch.expand("dof_solimp")[:, :, 0], slips)
-            angles = Columns(qpos, np.array([robot.slip_qpos for robot in robots]))
-            bottom, following = (
-                Columns(qvel, np.array([robot.roller_dofs[:, k] for robot in robots])) for k in range(roles.KEPT)
-            )
-            if robots[0].rollers.shape[1] == roles.KEPT:
-                self._handover = Handover(self._wheel_angle, angles, (bottom, following), world.wheels.pitch)
-
     def _stand(self, worlds: np.ndarray) -> None:
         """Put the robots of some worlds where they start, at rest on their rollers; their sensors say so."""
         batch, places = self._batch, self._places
         batch.bind("qpos")[worlds], batch.bind("qvel")[worlds] = self._world.standing, 0.0
         rows = (worlds[:, None] * places + np.arange(places)).ravel()
-        position, quaternion = self._position.get().copy(), self._quaternion.get().copy()
+        position, quaternion = self._at.position.get().copy(), self._at.quaternion.get().copy()
         x, y, heading = self._start[rows].T
         position[rows, 0], position[rows, 1] = x, y
         quaternion[rows] = np.stack([np.cos(heading / 2), *np.zeros((2, len(rows))), np.sin(heading / 2)], axis=1)
-        self._position.set(position)
-        self._quaternion.set(quaternion)
+        self._at.position.set(position)
+        self._at.quaternion.set(quaternion)
         self._heading[rows] = heading
         batch.forward(worlds)
         self._sense()
-
-    def _check_start(self, rows: Sequence[Row]) -> None:
-        """Refuse robots that start in each other or in a wall, which would throw them apart."""
-        model, data = self._world.model, mujoco.MjData(self._world.model)
-        for world, qpos in enumerate(self._batch.bind("qpos")):
-            data.qpos[:] = qpos
-            mujoco.mj_fwdPosition(model, data)
-            for contact in data.contact:
-                if contact.dist < -_ALLOWED_DEPTH_M:
-                    first, second = (model.geom(geom).name for geom in contact.geom)
-                    raise OmniError(
-                        f"world {rows[world * self._places].world}: {first!r} and {second!r} start in each other, "
-                        f"{-1e3 * contact.dist:.0f} mm deep; place the robots apart"
-                    )
 
     def _check(self) -> dict[int, str]:
         """Find what has failed, stop it, and read the headings of the others."""
@@ -288,7 +277,7 @@ class MujocoPlant:
             text = f"became unstable: {meaning} (MuJoCo warning {mujoco.mjtWarning(warning).name})"
             causes |= {int(row): text for row in np.flatnonzero(broken) if int(row) not in causes}
         unstable = list(causes)
-        w, x, y, z = self._quaternion.get().T
+        w, x, y, z = self._at.quaternion.get().T
         toppled = np.flatnonzero((x * x + y * y > TOPPLED) & ~self._failed)
         causes |= {int(row): "toppled over" for row in toppled if int(row) not in causes}
         heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))

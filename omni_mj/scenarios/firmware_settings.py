@@ -30,6 +30,9 @@ class FirmwareSettings(Checked):
     current_limit_a: float = setting(
         of_robot("firmware.current_limit_a"), "A", "highest current that a motor's driver lets through", 0.1, 1e3
     )
+    timeout_s: float = setting(
+        0.0, "s", "a robot stops when no command has come for so long (simulators of the league: 0.1); 0: never", 0, 60
+    )
     derate: bool = setting(False, "", "limit the current of a motor that nears its highest winding temperature")
 
     @field_validator("rate_hz")

@@ -197,16 +197,16 @@ def scenario(
     return _made(merged(data, sections) | {name: value for name, value in head.items() if value is not None}, stem)
 
 
-def load(name_or_path: str, overrides: Iterable[str] = (), head: Mapping[str, Any] | None = None) -> Scenario:
+def load(name_or_path: str | None, overrides: Iterable[str] = (), head: Mapping[str, Any] | None = None) -> Scenario:
     """Read a scenario by name or from a TOML file, apply `section.field=value` overrides, and check all of it.
 
-    `head` replaces fields of `Scenario` itself, such as plant or seeds.
+    Without a name, all is as the defaults are. `head` replaces fields of `Scenario` itself, such as plant or seeds.
 
     Raises:
         OmniError: no such scenario or file, not TOML; an unknown name, a value of the wrong type or out of range, each
             in a line.
     """
-    data, stem = _read(name_or_path)
+    data, stem = ({}, "scenario") if name_or_path is None else _read(name_or_path)
     errors = []
     for override in overrides:
         try:

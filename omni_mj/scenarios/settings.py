@@ -15,6 +15,8 @@ from omni_mj.scenarios.clock import CYCLE_RATE_HZ as CYCLE_RATE_HZ
 from omni_mj.scenarios.clock import FRAME_RATE_HZ as FRAME_RATE_HZ
 from omni_mj.scenarios.clock import PERIOD_S as PERIOD_S
 from omni_mj.scenarios.firmware_settings import FirmwareSettings
+from omni_mj.scenarios.link_settings import RadioSettings as RadioSettings
+from omni_mj.scenarios.link_settings import VisionSettings as VisionSettings
 from omni_mj.scenarios.motor_settings import MotorSettings
 from omni_mj.scenarios.nested import merged, plain
 from omni_mj.scenarios.parameters import Parameters
@@ -97,30 +99,6 @@ class ReferenceSettings(Checked):
                     f"reference.{name} needs reference.mode = timed: iterated plans anew in each frame from where the "
                     "robot is, which disturbances change at once"
                 )
-
-
-class VisionSettings(Checked):
-    """The 60 Hz camera. Noise and misses: "Realistic" of the ER-Force simulator."""
-
-    position_noise_m: float = setting(0.0013, "m", "standard deviation of the position seen, per axis", 0, 1)
-    heading_noise_rad: float = setting(0.01, "rad", "standard deviation of the heading seen", 0, 1)
-    miss_probability: float = setting(0.02, "", "probability, per frame, that a robot is not seen from then on", 0, 0.9)
-    miss_frames: int = setting(1, "frames", "how long it is then not seen", 1, 600)
-
-
-class RadioSettings(Checked):
-    """The radio link from the team's computer to the robot."""
-
-    delay_frames: int = setting(6, "frames", "dead time k_d from command to robot (paper: 0.1 s)", 0, 600)
-    jitter_frames: int = setting(0, "frames", "a packet takes up to this more or less, uniformly; newest wins", 0, 600)
-
-    @model_validator(mode="after")
-    def _causal(self) -> Self:
-        if self.jitter_frames > self.delay_frames:
-            raise ValueError(
-                "radio.jitter_frames must not be above radio.delay_frames: no packet arrives before it is sent"
-            )
-        return self
 
 
 class ControlSettings(Checked):

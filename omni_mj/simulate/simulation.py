@@ -12,7 +12,7 @@ import numpy as np
 from omni_control.controllers.base import Controller, Seen
 from omni_control.errors import OmniError, choose
 from omni_control.kinematics import Array
-from omni_mj.link.camera import Camera
+from omni_mj.link.late_camera import camera
 from omni_mj.link.radio import Radio, Received
 from omni_mj.plants import Plant
 from omni_mj.scenarios import faults, references
@@ -195,7 +195,7 @@ class Simulation:
         noise, happening = [row.noise_seed for row in self.rows], [row.settings.fault for row in self.rows]
         return (
             find_plant(self.scenario.plant)(self.rows, start),
-            Camera([row.settings.vision for row in self.rows], noise, happening),
+            camera([row.settings.vision for row in self.rows], noise, happening, lambda: self.team.filter.twist),
             Radio([row.settings.radio for row in self.rows], noise, happening),
         )
 

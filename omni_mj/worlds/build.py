@@ -1,8 +1,9 @@
 """Builds the world that robots drive in: a scene, n robots attached to it by prefix, and the contacts between them.
 
 What touches what is made here. Rollers touch the geom `carpet` of the scene by explicit pairs (see `contact`). Hulls
-(the robot's geoms of the class `hull`) are off as modelled; with more than one robot in a world they are switched on,
-and meet each other and every geom of the scene that collides: walls, and the carpet under a robot that has fallen.
+(the robot's geoms of the class `hull`) are off as modelled; with more than one robot in a world, or where it is asked
+for, they are switched on, and meet each other and every geom of the scene that collides: walls, and the carpet under a
+robot that has fallen.
 """
 
 from dataclasses import dataclass
@@ -68,7 +69,11 @@ class World:
 
 
 def world(
-    settings: Settings | None = None, places: int = 1, scene: str = models.SCENE, substeps: int | None = None
+    settings: Settings | None = None,
+    places: int = 1,
+    scene: str = models.SCENE,
+    substeps: int | None = None,
+    hulls: bool | None = None,
 ) -> World:
     """A scene with robots on it, built once.
 
@@ -77,6 +82,7 @@ def world(
         places: number of robots.
         scene: name or path of its MJCF file.
         substeps: physics steps per cycle of the wheel loops. [as in the settings]
+        hulls: whether robots meet each other and walls. [if they are several]
 
     Raises:
         OmniError: numbers of which no robot can be made, a robot's or scene's file that lacks a part, or a scene that
@@ -88,7 +94,8 @@ def world(
     robot = parts.of(Shape.of(chosen))
     path = models.scene_path(scene).resolve()
     changed = path.stat().st_mtime_ns  # a file edited since is read again
-    return _world(robot, path, changed, Shape.of(chosen), places, substeps or chosen.physics.substeps)
+    steps, meet = substeps or chosen.physics.substeps, places > 1 if hulls is None else hulls
+    return _world(robot, path, changed, Shape.of(chosen), places, steps, meet)
 
 
 def kinematics(wheels: WheelSettings) -> Kinematics:
@@ -97,7 +104,7 @@ def kinematics(wheels: WheelSettings) -> Kinematics:
 
 
 @lru_cache(maxsize=16)
-def _world(robot: Part, scene: Path, changed: int, kind: Shape, places: int, substeps: int) -> World:
+def _world(robot: Part, scene: Path, changed: int, kind: Shape, places: int, substeps: int, hulls: bool) -> World:
     part, whole = robot.spec.copy(), _read(scene)
     _check_solver(whole, scene.name)
     if whole.geom("carpet") is None:
@@ -115,7 +122,7 @@ def _world(robot: Part, scene: Path, changed: int, kind: Shape, places: int, sub
         rollers = tuple(name for name in rollers if name in left)
     for name in _SCENES:
         setattr(part, name, getattr(whole, name))
-    if places > 1:
+    if hulls:
         _switch_on_hulls(part, robot)
     rims = [alone.body(rim).name for rim in found.rims]
     for place in range(places):
@@ -135,7 +142,7 @@ def _world(robot: Part, scene: Path, changed: int, kind: Shape, places: int, sub
     if places == 1:
         standing = _standing(model)
     else:
-        standing = _each_standing(model, robots, _world(robot, scene, changed, kind, 1, substeps))
+        standing = _each_standing(model, robots, _world(robot, scene, changed, kind, 1, substeps, False))
     return World(
         model=model,
         robots=robots,

@@ -61,7 +61,7 @@ def test_a_packet_in_flight_cannot_be_changed(delay: int) -> None:
     delivered = [radio.exchange(command, heading)]
     command[:], heading[:] = 7.0, 7.0  # the sender's arrays, reused
     for _ in range(delay):
-        for received in vars(delivered[-1]).values():
+        for received in filter(lambda values: values is not None, vars(delivered[-1]).values()):
             received[:] = 9  # the receiver's arrays, reused
         delivered.append(radio.exchange(np.zeros((1, 3)), np.zeros(1)))
     np.testing.assert_array_equal(delivered[-1].command, 1.0)
@@ -180,4 +180,6 @@ def test_each_robot_has_a_dead_time_and_a_jitter_of_its_own() -> None:
         for i, radio in enumerate(alone):
             single = radio.exchange(command[[i]], heading[[i]])
             for name, values in vars(received).items():
+                if values is None:
+                    continue
                 np.testing.assert_array_equal(values[[i]], getattr(single, name))

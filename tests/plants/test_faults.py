@@ -103,7 +103,7 @@ def test_a_robot_that_stands_on_a_slope_weighs_on_its_wheels_as_statics_says() -
     tilts = [{"kind": "tilt", "angle_deg": 5.0, "direction_deg": np.degrees(b)} for b in bearings]
     plant = plant_of([meets(each, **FAST) for each in tilts] + [quiet(**FAST)])
     standing(plant, SETTLE + 40)
-    load = plant._load.get()
+    load = plant._at.load.get()
     np.testing.assert_allclose(load.sum(1)[:3], MASS_KG * GRAVITY * np.cos(angle), rtol=2e-3)
     moment = load @ CONTACTS / GRAVITY
     downhill = np.column_stack([np.cos(bearings), np.sin(bearings)])
@@ -202,7 +202,7 @@ def test_wheels_bear_a_load_and_its_inertia() -> None:
     own = [meets(*each, **FAST) for each in ((load,), (more,), (load, tilt), (tilt,))]
     plant = plant_of([*own, quiet(**FAST)])
     standing(plant, SETTLE + 60)
-    bears = plant._load.get()
+    bears = plant._at.load.get()
     np.testing.assert_allclose(bears[:2].sum(1), (MASS_KG + mass) * GRAVITY, rtol=2e-3)
     ahead = bears @ CONTACTS[:, 0] / GRAVITY
     chassis = plant._world.model.body_ipos[plant._world.robots[0].chassis]

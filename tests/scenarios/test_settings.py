@@ -150,7 +150,7 @@ def test_all_that_is_wrong_is_said_at_once() -> None:
     assert errors(**wrong) == [
         "radio.delay_frames must be a whole number from 0 to 600 frames, not -1",
         "unknown setting radio.delay; did you mean 'radio.delay_frames'? "
-        "choose from radio.delay_frames, radio.jitter_frames",
+        "choose from radio.delay_frames, radio.jitter_frames, radio.loss_probability",
         "carpet is a section: write [carpet] and its fields below, not 3",
         "kinematic.alpha_low must not be above kinematic.alpha_high",
         f"unknown section rado; did you mean 'radio'? choose from {names}",

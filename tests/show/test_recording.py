@@ -17,9 +17,10 @@ from recorded import Recorded, record, rows, rrd
 
 from omni_control.controllers.base import Controller, Seen
 from omni_mj.scenarios import models, scenario
-from omni_mj.show import field, style
+from omni_mj.show import style
 from omni_mj.show.recording import FileRecording
 from omni_mj.simulate.simulation import Simulation
+from omni_mj.worlds import field
 
 CONTROLLERS = ("flc", "comp-flc")
 WAY = "reference.waypoints=[[0, 0], [0.5, 0], [0.5, 0.3, 0.4], [0, 0.3], [0, 0]]"

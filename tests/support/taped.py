@@ -29,12 +29,12 @@ class Tape:
         self._batch.step(worlds)
         plant = self._plant
         for name, columns in (
-            ("position", plant._position),
-            ("quaternion", plant._quaternion),
-            ("velocity", plant._velocity),
-            ("wheels", plant._wheel_speed),
-            ("slips", plant._slip_speed),
-            ("load", plant._load),
+            ("position", plant._at.position),
+            ("quaternion", plant._at.quaternion),
+            ("velocity", plant._at.velocity),
+            ("wheels", plant._at.wheel_speed),
+            ("slips", plant._at.slips.speed),
+            ("load", plant._at.load),
         ):
             self.steps.setdefault(name, []).append(columns.get().copy())
 
@@ -58,7 +58,7 @@ class Tape:
         friction, damping = (self._batch.expand(name)[:, hubs] for name in ("dof_frictionloss", "dof_damping"))
         wheels = self.steps["wheels"]
         currents = np.repeat(self.currents, len(wheels) // len(self.currents), axis=0)
-        return np.asarray(plant._constant.get() * gear * currents - friction * np.sign(wheels) - damping * wheels)
+        return np.asarray(plant._at.constant.get() * gear * currents - friction * np.sign(wheels) - damping * wheels)
 
     def heading(self) -> NDArray:
         """(steps, n) of robots that are upright."""

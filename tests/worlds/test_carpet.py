@@ -81,7 +81,7 @@ def test_sensors_are_a_cycle_late_whatever_the_step(substeps: int) -> None:
     duties = plant._firmware.duties
 
     def watched(gyro: NDArray, encoders: NDArray) -> NDArray:
-        true = plant._wheel_angle.get()[0], plant._velocity.get()[0, 5]
+        true = plant._at.wheel_angle.get()[0], plant._at.velocity.get()[0, 5]
         seen.append([*encoders[0].copy(), gyro[0], *true[0].copy(), true[1]])
         return duties(gyro, encoders)
 

@@ -100,7 +100,7 @@ def test_energy_audit_of_a_driven_robot(friction: float, substeps: int) -> None:
         assert plant.advance(Received.at_once(np.array([twist]), plant.pose()[:, 2])) == {}
         currents.append(plant.currents[:, 0].copy())
         if frame == 0:
-            constant = float(plant._constant.get()[0, 0]) * plant._world.model.actuator_gear[0, 0]
+            constant = float(plant._at.constant.get()[0, 0]) * plant._world.model.actuator_gear[0, 0]
     audit = Audit(plant)
     for now in tape.steps:
         audit.add(now)

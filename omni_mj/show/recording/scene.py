@@ -7,10 +7,10 @@ import rerun as rr
 
 from omni_control.kinematics import Array
 from omni_mj.scenarios.settings import Settings
-from omni_mj.show import field
 from omni_mj.show.recording import colours, robot_shape
 from omni_mj.show.recording.robots import Robot, Track
 from omni_mj.show.recording.timelines import Frames, indexes
+from omni_mj.worlds import field
 
 ABOVE = "world/above"  # the camera of the plan view
 PIXELS_PER_M, CAMERA_HEIGHT_M = 500.0, 100.0  # from so high up there is hardly any perspective
@@ -43,7 +43,7 @@ def log_static(stream: rr.RecordingStream, robots: Sequence[Robot], settings: Se
         paths: the references that they follow, each (frames, 3), which lie on the carpet.
     """
     stream.log("world", rr.ViewCoordinates.FLU, static=True)
-    _log_field(stream)
+    log_field(stream)
     white, thin = [colours.REFERENCE], _points(0.7)
     strips = [_at(path, 0.002) for path in paths]
     stream.log("world/reference/path", rr.LineStrips3D(strips, colors=white, radii=thin), static=True)
@@ -90,7 +90,8 @@ def send(stream: rr.RecordingStream, robot: Robot, settings: Settings, track: Tr
     _send_belief(stream, f"{entity}/predicted", track["predicted"], frames, _ghost(robot.colour))
 
 
-def _log_field(stream: rr.RecordingStream) -> None:
+def log_field(stream: rr.RecordingStream) -> None:
+    """Log carpet, lines, goals and the camera of the plan view."""
     length, width = field.SURFACE_M
     carpet = rr.Boxes3D(
         half_sizes=[[length / 2, width / 2, 0.01]],
@@ -146,6 +147,16 @@ def _ghost(colour: colours.Rgb) -> rr.ComponentColumnList:
 def _points(size: float) -> float:
     """Radius in points of the screen, whatever the distance: what rerun takes a negative radius for."""
     return -size
+
+
+def transform(pose: Array, height: float = 0.0) -> rr.ComponentColumnList:
+    """Columns of transforms of upright robots at poses (n, 3), at a height above the carpet, m."""
+    return _transform(_at(pose, height), pose[:, 2], _UP)
+
+
+def turned(position: Array, angle: Array, axis: Array) -> rr.ComponentColumnList:
+    """Columns of transforms at one `position` (3,), turned by `angle` (n,) about `axis` (3,)."""
+    return _transform(np.broadcast_to(position, (len(angle), 3)), angle, axis)
 
 
 def _at(pose: Array, z: float) -> Array:

@@ -1,0 +1,129 @@
+"""Cameras whose images are not taken when the team's computer ticks, and come late: rate, delay, jitter and losses.
+
+The loop ticks 60 times a second, and knows true poses then. An image in between is of a pose on the straight line from
+one to the next: at 5 m/s^2 that is off by a T^2 / 8 = 0.2 mm at most. Packets say when they were captured; by the
+velocity that it believes in, the team carries a robot on from there to its tick, as `omni-mj drive` does.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from omni_control.kinematics import Array, wrap_angle
+from omni_mj.link.camera import Camera
+from omni_mj.link.noise import Noise, Seed, Stream
+from omni_mj.scenarios.faults import Fault
+from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, VisionSettings
+
+TIMING = "rate_hz", "delay_s", "jitter_s", "loss_probability"
+_SAME_S = 1e-9  # times that differ by less are the same
+
+
+def camera(
+    settings: Sequence[VisionSettings],
+    seeds: Sequence[Seed],
+    faults: Sequence[Sequence[Fault]],
+    twist: Callable[[], Array],
+) -> Callable[[Array], tuple[Array, np.ndarray]]:
+    """The cameras of n rows, called once a frame with their true poses; see `Camera`.
+
+    Args:
+        settings: one per row.
+        seeds: one per row.
+        faults: of each row.
+        twist: tells what the team believes of the robots' velocities, (n, 3), world frame.
+    """
+    timings = [tuple(getattr(each, name) for name in TIMING) for each in settings]
+    usual = tuple(VisionSettings.model_fields[name].default for name in TIMING)
+    if all(timing == usual for timing in timings):
+        return Camera(settings, seeds, faults)
+    return LateCameras(settings, seeds, faults, timings, twist)
+
+
+class LateCameras:
+    """Rows of one timing have a camera together, so that a row's numbers do not depend on others of the batch."""
+
+    def __init__(
+        self,
+        settings: Sequence[VisionSettings],
+        seeds: Sequence[Seed],
+        faults: Sequence[Sequence[Fault]],
+        timings: Sequence[tuple[float, ...]],
+        twist: Callable[[], Array],
+    ) -> None:
+        self._twist, self._n = twist, len(settings)
+        self._parts = list[tuple[np.ndarray, LateCamera]]()
+        for timing in dict.fromkeys(timings):
+            rows = np.flatnonzero([each == timing for each in timings])
+            own = [int(row) for row in rows]
+            part = LateCamera([settings[i] for i in own], [seeds[i] for i in own], [faults[i] for i in own])
+            self._parts.append((rows, part))
+
+    def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
+        """See `Camera`."""
+        measured, seen, twist = np.full((self._n, 3), np.nan), np.zeros(self._n, bool), self._twist()
+        for rows, part in self._parts:
+            measured[rows], seen[rows] = part(pose[rows], twist[rows])
+        return measured, seen
+
+
+@dataclass
+class _Image:
+    """Taken at `time`, arrives at `arrival` (n,), s; poses (n, 3), not a number of what was not seen."""
+
+    time: float
+    poses: Array
+    arrival: Array
+
+
+class LateCamera:
+    """A camera of rows that have the same timing.
+
+    Args:
+        settings: one per row.
+        seeds: one per row.
+        faults: of each row.
+    """
+
+    def __init__(
+        self, settings: Sequence[VisionSettings], seeds: Sequence[Seed], faults: Sequence[Sequence[Fault]]
+    ) -> None:
+        self._camera, self._timing = Camera(settings, seeds, faults), settings[0]
+        self._late, self._lost = (
+            Noise(seeds, stream, lambda rng, count: rng.random((count, 1)))
+            for stream in (Stream.CAMERA_JITTER, Stream.CAMERA_LOSSES)
+        )
+        self._before: Array | None = None
+        self._tick, self._taken = 0, 0  # frames of the loop, and images
+        self._flying: list[_Image] = []
+        self._newest = np.full(len(settings), -np.inf)
+
+    def __call__(self, pose: Array, twist: Array) -> tuple[Array, np.ndarray]:
+        """What arrived since the frame before, carried on to now; see `Camera`.
+
+        Args:
+            pose: true, (n, 3).
+            twist: what the robots are believed to drive, (n, 3).
+        """
+        now = self._tick * PERIOD_S
+        before = pose if self._before is None else self._before
+        while (time := self._taken / self._timing.rate_hz) <= now + _SAME_S:
+            share = 1.0 if self._tick == 0 else (time - now) / PERIOD_S + 1
+            self._take(time, before + share * (pose - before))
+        self._before, self._tick = np.array(pose), self._tick + 1
+        measured = np.full(pose.shape, np.nan)
+        for image in self._flying:
+            came = (image.arrival <= now + _SAME_S) & (image.time > self._newest) & ~np.isnan(image.poses[:, 0])
+            measured[came] = image.poses[came] + (now - image.time) * twist[came]
+            self._newest[came] = image.time
+        self._flying = [image for image in self._flying if (image.arrival > now + _SAME_S).any()]
+        measured[:, 2] = wrap_angle(measured[:, 2])
+        return measured, ~np.isnan(measured[:, 0])
+
+    def _take(self, time: float, pose: Array) -> None:
+        poses, _ = self._camera(pose, int((time + _SAME_S) * FRAME_RATE_HZ))
+        timing, late, lost = self._timing, self._late.next()[:, 0], self._lost.next()[:, 0]
+        poses[lost < timing.loss_probability] = np.nan
+        self._flying.append(_Image(time, poses, time + timing.delay_s + timing.jitter_s * late))
+        self._taken += 1

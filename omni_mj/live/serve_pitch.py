@@ -1,0 +1,271 @@
+"""What `serve` simulates: the robots of both teams on a field, a ball that lies there, and the cameras above.
+
+Time is counted in cycles of the wheel loops, 1/960 s. Cameras look before a cycle begins; a command that comes before a
+cycle, and has no dead time, acts in it.
+"""
+
+from collections.abc import Callable, Container, Sequence
+
+import numpy as np
+
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array
+from omni_mj.link.radio import Radio, Received
+from omni_mj.live.serve_cameras import CYCLES, Eye, Image, Name, detection
+from omni_mj.live.serve_commands import HEADING, IMAGE, Refusal, nothing, packet, received
+from omni_mj.live.serve_field import areas, standard, surface
+from omni_mj.live.serve_plant import ServedPlant
+from omni_mj.live.wire.simulation import RobotCommand, Team
+from omni_mj.live.wire.vision import Detection, FieldSize, Geometry
+from omni_mj.scenarios.rows import Row
+from omni_mj.scenarios.scenario import Scenario
+from omni_mj.scenarios.settings import CYCLE_RATE_HZ
+
+MOST = 12  # robots in a world
+ROBOT_HEIGHT_M = 0.15  # of the patterns that cameras see
+
+
+class Pitch:
+    """The field and all that is on it.
+
+    Args:
+        scenarios: of each team's robots; what concerns cameras is that of the blue one.
+        names: robots that stand on the field at the start, with their poses (3,); at most 12.
+        tell: called with a kind and words when something happens that people should know.
+
+    Attributes:
+        names: of the robots, in the order of their numbers.
+        plant: what moves.
+        cycle: number of the next cycle.
+        size: of the field.
+        ball: where it lies, (2,) m; None if there is none.
+        held: what robots hold of the radio.
+        measured: where cameras saw robots last, (n, 3); whoever records may forget it, by not a number.
+
+    Raises:
+        OmniError: robots that cannot share a world, or start in each other or in a wall.
+    """
+
+    def __init__(
+        self,
+        scenarios: dict[Team, Scenario],
+        names: dict[Name, Array],
+        tell: Callable[[str, str], None] = lambda kind, text: None,
+    ) -> None:
+        self._scenarios, self._tell = scenarios, tell
+        self.size, self.cycle = standard(), 0
+        self.ball: Array | None = np.zeros(2)
+        self._vision = scenarios[Team.BLUE].settings.vision
+        self.names = list(names)
+        self.rows = self._rows()
+        self._eyes = [Eye(number, self.rows) for number in range(self._vision.cameras)]
+        self._build(list(names.values()))
+        self._areas = areas(len(self._eyes), self.plant.surface, self._vision.overlap_m)
+        wrong = [self.plant.overlap(robot, self.plant.pose()[:, :2]) for robot in range(len(self.names))]
+        if any(wrong):
+            robot = next(robot for robot, text in enumerate(wrong) if text)
+            raise OmniError(f"{label(self.names[robot])} starts in {wrong[robot]}")
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time, s."""
+        return self.cycle / CYCLE_RATE_HZ
+
+    @property
+    def due(self) -> int:
+        """The cycle of the next image of any camera."""
+        return min(eye.due for eye in self._eyes)
+
+    @property
+    def first_due(self) -> int:
+        """The cycle of the first camera's next image."""
+        return self._eyes[0].due
+
+    def look(self) -> list[Image]:
+        """The images that are due."""
+        images = []
+        for eye, area in zip(self._eyes, self._areas, strict=True):
+            if eye.due <= self.cycle:
+                image = eye.look(self.cycle, self.names, self.plant.pose(), self.plant.present, self.ball, area)
+                seen = ~np.isnan(image.poses[:, 2])
+                self.measured[seen] = image.poses[seen]
+                images.append(image)
+        return images
+
+    def step(self) -> None:
+        """Go on by a cycle."""
+        arrived: Received | None = None
+        if self._radio.quiet:
+            self._radio.wait()
+        else:
+            packets, new, _ = self._radio.deliver()
+            if new.any():
+                self.held = arrived = received(packets, new, self.cycle + self.plant.frame_in)
+        for robot, cause in self.plant.cycle(arrived).items():
+            self._tell("robot failed", f"{label(self.names[robot])} {cause} at {self.time_s:.3f} s")
+        self.cycle += 1
+
+    def command(self, team: Team, commands: Sequence[RobotCommand]) -> tuple[list[Refusal], list[int]]:
+        """Send commands to robots of a team; they act when the radio has brought them.
+
+        Returns:
+            What is refused, and the numbers of those robots of the team's that were commanded.
+        """
+        refused, commanded, to = list[Refusal](), list[int](), list[int]()
+        packets = np.empty((len(self.names), len(self._nothing)))
+        for command in commands:
+            if (robot := self._find((team, command.id))) is None or not self.plant.present[robot]:
+                there = ", ".join(str(number) for number in self.numbers(team)) or "none"
+                text = f"there is no {label((team, command.id))} on the field; there: {there}"
+                refused.append(Refusal("UNKNOWN_ROBOT", text))
+                continue
+            commanded.append(command.id)
+            sent = packet(command, self._wheels)
+            if isinstance(sent, Refusal):
+                refused.append(sent)
+            elif sent is not None:
+                sent[[HEADING, IMAGE]] = self._seen[robot]
+                packets[robot] = sent
+                to.append(robot)
+        if to:
+            self._radio.send(packets, np.unique(to))
+        return refused, commanded
+
+    def numbers(self, team: Team) -> list[int]:
+        """The numbers of a team's robots on the field."""
+        here = zip(self.names, self.plant.present, strict=True)
+        return sorted(name[1] for name, present in here if present and name[0] == team)
+
+    def place(self, wanted: dict[Name, tuple[Array, Array]], leaving: set[Name]) -> list[Refusal]:
+        """Put robots down at poses with twists, (3,) each, and take others away; what cannot be is refused.
+
+        A robot that was not there before makes the world anew if all bodies are in use: all then go on from where they
+        are, at rest, with what a run begins with.
+        """
+        for name in leaving:
+            if (robot := self._find(name)) is not None:
+                self.plant.remove(robot)
+        refused = []
+        while wanted:
+            blocked = self._blocked(wanted)
+            refused += [Refusal("OCCUPIED", f"{label(name)} would stand in {why}") for name, why in blocked.items()]
+            wanted = {name: put for name, put in wanted.items() if name not in blocked}
+            if not blocked:
+                break
+        new = list[Name]()  # without a body
+        for name in [name for name in wanted if self._find(name) is None]:
+            if (body := self._free(name[0], wanted)) is not None:
+                self.names[body] = name
+            elif len(self.names) + len(new) < MOST:
+                new.append(name)
+            else:
+                refused.append(Refusal("TOO_MANY", f"{label(name)} would be robot {MOST + 1}; a world has {MOST}"))
+                del wanted[name]
+        self._grow(new, wanted)
+        for name, (pose, twist) in wanted.items():
+            robot = self._find(name)
+            assert robot is not None
+            self.plant.place(robot, pose, twist)
+            self._seen[robot] = pose[2], self.cycle
+        return refused
+
+    def pose(self, name: Name) -> Array | None:
+        """Where a robot is, (3,); None if it is not on the field."""
+        robot = self._find(name)
+        return None if robot is None or not self.plant.present[robot] else self.plant.pose()[robot]
+
+    def resize(self, size: FieldSize) -> None:
+        """Make the field another.
+
+        Raises:
+            OmniError: no such field can be, or a robot would stand in its walls.
+        """
+        walls = surface(size)
+        room = walls / 2 - self.plant.radius
+        for name, pose, present in zip(self.names, self.plant.pose(), self.plant.present, strict=True):
+            if present and (np.abs(pose[:2]) > room).any():
+                raise OmniError(f"{label(name)} would stand in a wall of a field of {walls[0]:g} x {walls[1]:g} m")
+        self.size = size
+        self.plant.move_walls(*walls)
+        self._areas = areas(len(self._eyes), walls, self._vision.overlap_m)
+
+    def geometry(self) -> Geometry:
+        """What SSL-Vision says of field and cameras."""
+        return Geometry(self.size, tuple(area.calibration(number) for number, area in enumerate(self._areas)))
+
+    def detection(self, image: Image, clock: float) -> Detection:
+        """What is sent now of an image, whose headings teams know from then on and send along with commands.
+
+        Args:
+            image: of a camera.
+            clock: what clocks that are right show at the simulated time 0, s.
+        """
+        same = np.array([name == now for name, now in zip(image.names, self.names, strict=False)])
+        heading = image.poses[:, 2]
+        newer = np.flatnonzero(same & ~np.isnan(heading) & (image.cycle >= self._seen[: len(same), 1]))
+        self._seen[newer] = np.column_stack([heading[newer], np.full(len(newer), image.cycle)])
+        offset = self._eyes[image.camera].clock_offset
+        return detection(image, self._areas[image.camera], clock + offset, ROBOT_HEIGHT_M)
+
+    def _find(self, name: Name) -> int | None:
+        return self.names.index(name) if name in self.names else None
+
+    def _free(self, team: Team, wanted: Container[Name]) -> int | None:
+        """The body of a robot of a team that is away, and stays away."""
+        here = enumerate(zip(self.names, self.plant.present, strict=True))
+        return next((i for i, (name, on) in here if not on and name[0] == team and name not in wanted), None)
+
+    def _blocked(self, wanted: dict[Name, tuple[Array, Array]]) -> dict[Name, str]:
+        """Why some cannot stand where they are wanted, the others there as well."""
+        names = [*self.names, *(name for name in wanted if name not in self.names)]
+        places = np.full((len(names), 2), np.nan)
+        places[: len(self.names)] = np.where(self.plant.present[:, None], self.plant.pose()[:, :2], np.nan)
+        for name, (pose, _) in wanted.items():
+            places[names.index(name)] = pose[:2]
+        found = {name: self.plant.overlap(names.index(name), places) for name in wanted}
+        return {name: why for name, why in found.items() if why}
+
+    def _grow(self, new: Sequence[Name], wanted: dict[Name, tuple[Array, Array]]) -> None:
+        """Make the world anew with robots that it had no bodies for."""
+        if not new:
+            return
+        poses, present = list(self.plant.pose()), [*self.plant.present, *[True] * len(new)]
+        self.names += new
+        self.rows = self._rows()
+        for eye in self._eyes:
+            eye.watch(self.rows)
+        self._build([*poses, *(wanted[name][0] for name in new)])
+        self.plant.move_walls(*surface(self.size))
+        for robot in np.flatnonzero(~np.array(present)):
+            self.plant.remove(int(robot))
+
+    def _build(self, poses: Sequence[Array]) -> None:
+        self.plant = ServedPlant(self.rows, np.array(poses, float))
+        assert self.plant.geometry is not None
+        self._wheels = len(self.plant.geometry.azimuths)
+        self._nothing = nothing(self._wheels)
+        settings = [row.settings for row in self.rows]
+        self._radio = Radio(
+            [each.radio for each in settings],
+            [row.noise_seed for row in self.rows],
+            [each.fault for each in settings],
+            CYCLES,
+            self._nothing,
+        )
+        n = len(self.rows)
+        self.held = received(np.tile(self._nothing, (n, 1)), np.zeros(n, bool), 0)
+        self.measured = np.full((n, 3), np.nan)
+        self._seen = np.column_stack([self.plant.pose()[:, 2], np.full(n, self.cycle)])
+
+    def _rows(self) -> list[Row]:
+        """A row for each robot."""
+        rows = []
+        for place, (team, _) in enumerate(self.names):
+            chosen = self._scenarios[team]
+            rows.append(Row(0, place, team.name.lower(), chosen.seed, chosen.settings, chosen.robot))
+        return rows
+
+
+def label(name: Name) -> str:
+    """What a robot is called in messages."""
+    return f"{name[0].name.lower()} {name[1]}"

@@ -1,0 +1,125 @@
+"""A recording of robots that others drive: they come and go, and nobody knows how long it lasts."""
+
+import uuid
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from omni_control.kinematics import Array
+from omni_mj.scenarios.settings import Settings
+from omni_mj.show.recording import colours, robot_shape, scene
+from omni_mj.show.recording.stream import APPLICATION
+from omni_mj.show.recording.timelines import TIME, indexes
+from omni_mj.simulate.log import Log
+
+PLOTS = {  # of each robot: channel -> its unit
+    "command": "m/s, m/s, rad/s",
+    "wheel_speed": "rad/s",
+    "current": "A",
+    "winding": "deg C",
+    "battery": "V",
+}
+TEAMS = {"blue": (60, 110, 230), "yellow": (235, 200, 40)}
+BALL = (250, 130, 30)
+BALL_RADIUS_M = 0.0215
+BELOW_M = 10.0  # the carpet: where robots are that are not there
+
+Connect = Callable[[rr.RecordingStream, rrb.Blueprint], None]
+
+
+class ServedRecording:
+    """A file, or a viewer that is fed.
+
+    Args:
+        connect: leads the stream there.
+        settings: of the robots.
+        name: of the recording.
+    """
+
+    def __init__(self, connect: Connect, settings: Settings, name: str) -> None:
+        rr.set_strict_mode(True)
+        self._settings, self._shown = settings, set[str]()
+        self._before: Sequence[str] = ()
+        self._stream = rr.RecordingStream(APPLICATION, recording_id=uuid.uuid4())
+        self._stream.set_log_time_enabled(False)
+        connect(self._stream, _blueprint())
+        self._stream.send_recording_name(name)
+        scene.log_field(self._stream)
+
+    def send(self, first: int, names: Sequence[str], log: Log, ball: Array) -> None:
+        """Send frames from the `first` on: of robots, by the names of the log's rows, and of the ball (frames, 2)."""
+        frames = np.arange(first, first + log.length)
+        time, stream = indexes(frames), self._stream
+        for gone in sorted(set(self._before) - set(names)):
+            out_of_sight = scene.transform(np.zeros((1, 3)), -BELOW_M)  # shapes are static, which nothing clears
+            stream.send_columns(f"world/{_entity(gone)}/at", indexes(frames[:1]), out_of_sight)
+        self._before = list(names)
+        points = np.column_stack([np.nan_to_num(ball), np.full(len(ball), BALL_RADIUS_M)])
+        look = rr.Points3D.columns(positions=points, colors=[BALL] * len(points), radii=[BALL_RADIUS_M] * len(points))
+        stream.send_columns("world/ball", time, look)
+        for row, name in enumerate(names):
+            self._show(name)
+            pose = log.channel("pose")[:, row]
+            entity = f"world/{_entity(name)}"
+            stream.send_columns(f"{entity}/at", time, scene.transform(pose))
+            for i, (mount, axis) in enumerate(robot_shape.wheel_mounts(self._settings)):
+                angle = np.nan_to_num(log.channel("wheel_angle")[:, row, i])
+                stream.send_columns(f"{entity}/at/wheel_{i + 1}", time, scene.turned(mount, angle, axis))
+            for channel in PLOTS:
+                values = log.channel(channel)[:, row]
+                stream.send_columns(
+                    f"plots/{channel}/{_entity(name)}",
+                    time,
+                    rr.Scalars.columns(scalars=values.ravel()).partition(np.full(len(values), values.shape[1])),
+                )
+
+    def close(self) -> str:
+        """End it; say what did not arrive, if anything did not."""
+        try:
+            self._stream.flush()
+        except RuntimeError as failure:
+            return str(failure)
+        finally:
+            self._stream.disconnect()
+        return ""
+
+    def _show(self, name: str) -> None:
+        """Log a robot's shape once."""
+        if name in self._shown:
+            return
+        self._shown.add(name)
+        team = TEAMS[name.split()[0]]
+        robot_shape.log(self._stream, f"world/{_entity(name)}/at", team, self._settings)
+        for channel in PLOTS:
+            titles = [f"{name} {i + 1}" for i in range(8)]
+            look = rr.SeriesLines(names=titles[:1], colors=[colours.pale(team, 0.2)])
+            self._stream.log(f"plots/{channel}/{_entity(name)}", look, static=True)
+
+
+def to_file(path: Path) -> Connect:
+    """Leads to an .rrd file."""
+    return lambda stream, blueprint: stream.save(path, default_blueprint=blueprint)
+
+
+def to_viewer(url: str) -> Connect:
+    """Leads to a viewer."""
+    return lambda stream, blueprint: stream.connect_grpc(url, default_blueprint=blueprint)
+
+
+def _entity(name: str) -> str:
+    return name.replace(" ", "_")
+
+
+def _blueprint() -> rrb.Blueprint:
+    eye = rrb.EyeControls3D(position=[0, -6, 6], look_target=[0, 0, 0], eye_up=[0, 0, 1])
+    field = rrb.Spatial3DView(
+        origin="world", contents=["$origin/**", f"- {scene.ABOVE}/**"], name="field", eye_controls=eye, line_grid=False
+    )
+    plots = rrb.Tabs(
+        *(rrb.TimeSeriesView(origin=f"plots/{channel}", name=f"{channel}, {unit}") for channel, unit in PLOTS.items())
+    )
+    time = rrb.TimePanel(timeline=TIME, play_state="following", state="collapsed")
+    return rrb.Blueprint(rrb.Horizontal(field, plots, column_shares=[3, 2]), time, collapse_panels=True)

@@ -1,0 +1,46 @@
+"""Whatever valid message comes, however absurd, is obeyed or refused with a reason, and the world goes on."""
+
+import numpy as np
+from hypothesis import given, settings
+from served import FAST, QUIET, pitch_of
+from wire_messages import messages
+
+from omni_mj.live import serve_control
+from omni_mj.live.serve_pitch import Pitch
+from omni_mj.live.wire import decode, encode
+from omni_mj.live.wire.simulation import RobotControl, SimulatorCommand, Team
+from omni_mj.live.wire.vision import VisionPacket
+
+PITCH = pitch_of(*QUIET, FAST, blue="2", yellow="1", seed=1)
+BODIES = 3
+
+
+def goes_on(pitch: Pitch) -> None:
+    """For a frame; all that is sent can be sent, and robots are on the field, upright and on their feet."""
+    for _ in range(16):
+        pitch.step()
+        for image in pitch.look():
+            packet = VisionPacket(pitch.detection(image, 1e9))
+            assert decode(VisionPacket, encode(packet)).detection is not None
+    encode(VisionPacket(geometry=pitch.geometry()))
+    here = pitch.plant.pose()[pitch.plant.present, :2]
+    assert (np.abs(here) < pitch.plant.surface / 2 - pitch.plant.radius + 0.01).all()
+    assert pitch.plant.driven.sum() == pitch.plant.present.sum()
+
+
+@settings(deadline=None, max_examples=80, derandomize=True)
+@given(messages(SimulatorCommand))
+def test_commands_to_the_simulator(command: SimulatorCommand) -> None:
+    pitch = PITCH if len(PITCH.names) <= BODIES + 3 else pitch_of(*QUIET, FAST)
+    wishes = serve_control.obey(pitch, command)
+    assert all(refusal.code and refusal.text for refusal in wishes.refused)
+    goes_on(pitch)
+
+
+@settings(deadline=None, max_examples=80, derandomize=True)
+@given(messages(RobotControl))
+def test_commands_to_robots(control: RobotControl) -> None:
+    refused, commanded = PITCH.command(Team.BLUE, control.robot_commands)
+    assert all(refusal.code and refusal.text for refusal in refused)
+    assert set(commanded) <= set(PITCH.numbers(Team.BLUE))
+    goes_on(PITCH)
