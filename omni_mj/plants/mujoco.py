@@ -11,7 +11,6 @@ from mujoco.batch import Batch
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_mj.link.noise import Noise, Stream
 from omni_mj.link.radio import Received
-from omni_mj.mjcf import roles
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.motor import Motor
