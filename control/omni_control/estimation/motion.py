@@ -115,18 +115,11 @@ class Motion:
         late = self.late(np.abs(velocity))
         decay = np.exp(-duration / late)
         rest = 1 - decay
-        along = self._along(before + rest * (towards - before), rest * self._rubbed)
+        along = _along(before + rest * (towards - before), rest * self._rubbed)
         final = towards - self._rubbed * along
         excess, carried = before - final, rest * late
         moved = duration * final + excess * carried
         return Step(before, moved, final + excess * decay, decay, carried, self._gives * along)
-
-    def _along(self, free: Array, rubbed: Array) -> Array:
-        """Directions (n, 2) against which dry friction acts, which would stop what it costs up to `rubbed` (n, 2), m/s.
-
-        Velocities `free` (n, 2) are those without it: it stops them, but does not turn them back.
-        """
-        return free / np.maximum(np.abs(free.view(complex)), np.maximum(_RUBBED, rubbed))
 
     def follow(self, velocity: Plane, commands: Plane, headings: Plane, durations: Array) -> tuple[Plane, Plane]:
         """Displacements and velocities (n,), world frame, after one command and its duration after another.
@@ -152,8 +145,7 @@ class Motion:
             np.add(still, slower * np.abs(reached), out=late)
             rest = _ONE - np.exp(until / late)
             free, rubbed = before + rest * (target - before), rest * most
-            along[:] = self._along(free, rubbed)
-            np.subtract(free, rubbed * along, out=after)
+            np.subtract(free, rubbed * _along(free, rubbed, along), out=after)
             reached = after.view(complex)
         if not len(steps):
             return np.zeros_like(velocity), velocity
@@ -171,6 +163,14 @@ class Motion:
         decay = np.exp(-duration / self.late(np.abs(before)))
         towards = pairs(mean * back) / np.maximum(np.abs(mean), STARTING_M_S)[..., None]
         return plane(((later - decay * v) / (1 - decay) + self._rubbed * towards) * self.effort) * heading
+
+
+def _along(free: Array, rubbed: Array, out: Array | None = None) -> Array:
+    """Of which direction dry friction takes up to `rubbed` m/s, (n, 2), from velocities `free` (n, 2) that are without.
+
+    It stops them, but does not turn them back.
+    """
+    return np.divide(free, np.maximum(np.abs(free.view(complex)), np.maximum(_RUBBED, rubbed)), out=out)
 
 
 def softness(geometry: Kinematics | None) -> float:

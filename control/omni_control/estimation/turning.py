@@ -89,7 +89,7 @@ class Turning:
     @property
     def sigma(self) -> Array:
         """Standard deviation of heading, rate, bias, lag, effort and friction, (n, 6)."""
-        return np.sqrt(np.maximum(np.diagonal(self.variance, axis1=1, axis2=2), 0.0))
+        return np.sqrt(np.maximum(self.variance.reshape(-1, STATES**2)[:, :: STATES + 1], 0.0))
 
     def _answer(self, command: Array, speed: Array) -> tuple[Array, Array, Array]:
         """Of robots (..., n) that are commanded and drive like that: time constants (s), final rates, and n."""
