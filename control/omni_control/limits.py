@@ -1,6 +1,7 @@
 """What the team's computer may command: speed and acceleration limits on the way to the radio."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -47,6 +48,13 @@ def within_rate(wanted: Array, step: float) -> Array:
     Returns:
         (...), the component-wise nearest.
     """
-    frames = len(wanted)
-    reach = step * np.abs(np.arange(frames) - frames // 2).reshape(-1, *[1] * (wanted.ndim - 1))
-    return ((wanted + reach).min(0) + (wanted - reach).max(0)) / 2
+    reach = _reach(len(wanted), step, wanted.ndim - 1)
+    return (np.minimum.reduce(wanted + reach) + np.maximum.reduce(wanted - reach)) / 2
+
+
+@lru_cache
+def _reach(frames: int, step: float, dimensions: int) -> Array:
+    """How far commands may be from the middle one of so many, (frames, 1, ...)."""
+    reach = step * np.abs(np.arange(frames) - frames // 2).reshape(-1, *[1] * dimensions)
+    reach.flags.writeable = False
+    return reach

@@ -51,7 +51,7 @@ def horizon(
     frames, n = facing.shape
     back = facing.conj()
     before, after = pairs(velocities[:-1] * back), pairs(velocities[1:] * back)
-    lag = law.lag(np.abs(velocities[:-1])) / law.effort
+    lag = law.late(np.abs(velocities[:-1]))
     decay = np.exp(-period / lag)
     carried = (1 - decay) * lag
     towards = (after - decay * before) / (1 - decay)

@@ -60,7 +60,7 @@ class Identifying(Controller):
         felt = seen.sent.felt(plant.latency[:, None])
         turning.update(seen.measured[:, 2], felt[:, 2], np.abs(plant.velocity))
         plant.update(plane(seen.measured[:, :2]), (before + turning.heading) / 2, seen.sent)
-        turning.creep = plant.motion.parameters[:, motion.CREEP][:, 0]
+        turning.creep = plant.motion.parameters[:, motion.CREEP.start]
         arrival = self._predict(seen.sent)
         self.predicted = np.concatenate([pairs(arrival.position), arrival.heading[:, None]], axis=1)
         self._record()
@@ -71,10 +71,10 @@ class Identifying(Controller):
         latency = self.plant.latency
         count = math.ceil(latency.max())
         commands, left = sent.last(count), sent.ahead(latency[:, None])[sent.length - count :, :, 0]
-        durations = left * self.told.period
-        headings = self.turning.follow(commands[..., 2], durations, np.abs(plane(commands[..., :2])))
+        durations, across = left * self.told.period, plane(commands[..., :2])
+        headings = self.turning.follow(commands[..., 2], durations, np.abs(across))
         middles = np.exp(0.5j * (headings[:-1] + headings[1:]))
-        position, velocity = self.plant.follow(plane(commands[..., :2]), middles, durations)
+        position, velocity = self.plant.follow(across, middles, durations)
         return Arrival(position, velocity, headings[-1])
 
     def around(self, frame: Array, back: int, on: int) -> tuple[Array, Array]:

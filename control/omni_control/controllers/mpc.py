@@ -63,7 +63,7 @@ class Mpc(Identifying):
         gradient = (weighed @ ahead.free[..., None])[..., 0]
         size = np.abs(edges[:-1])
         ways = np.where(size > STILL_M_S, edges[:-1] / np.maximum(size, STILL_M_S), 1.0)
-        last = plane(seen.sent.last(1)[0, :, :2]) * plant.turned()
+        last = plane(seen.sent.last(1)[0, :, :2]) * plant.turned
         planned, step = ahead.feed_forward - plant.push, limits.acceleration * period
         best, bound = minimise(hessian, gradient, Limits(last, planned, ways, step, limits.speed))
         self.channels["bound"] = bound.astype(float)

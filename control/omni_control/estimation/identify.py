@@ -49,7 +49,6 @@ LEAST_LAG_S = 1e-3
 STATES = 6 + motion.COUNT  # position, velocity, push; parameters
 _UNITS = np.array([1, 1j, 1, 1j])  # the world's axes, of velocity and of push
 _IDENTITY, _COFACTORS = np.eye(2), np.array([[1.0, -1.0], [-1.0, 1.0]])
-_IS_CREEP = np.isin(np.arange(motion.COUNT), np.arange(motion.COUNT)[motion.CREEP])
 
 
 class Identifier:
@@ -67,6 +66,8 @@ class Identifier:
     Attributes:
         position, velocity, push: (n,) m, m/s, m/s.
         motion: the law, with the parameters found.
+        latency: time from when a command is sent until it begins to act, (n,) frames.
+        turned: how a robot's compass turns its commands, unit vectors (n,).
         variance: of all states, (n, 14, 14).
         surprise: square of the innovations over what the filter expects, (n,); 1 for a robot that keeps to the law.
         sliding: how far wheels are believed to slide, (n,): 0 not, 1 certainly.
@@ -85,16 +86,16 @@ class Identifier:
         geometry: Kinematics | None = None,
     ) -> None:
         n = len(position)
-        self.position: Plane = position.copy()
-        self.velocity: Plane = np.zeros(n, complex)
-        self.push: Plane = np.zeros(n, complex)
-        self._softness = softness = motion.softness(geometry)
+        softness = motion.softness(geometry)
+        self._gives, self._ends = np.array([1.0, softness]), 1 - np.exp(-period / ENDS_S)
         self._period, self._delay, self._told = period, delay_frames, max(noise, 1e-4) ** 2
         self.noise = np.full(n, self._told)
-        self._last: list[Plane] = [np.full(n, np.nan, complex)] * 3
+        self._last: list[Plane] = [np.full(n, np.nan, complex)] * 3  # the position seen, its differences, and theirs
         lag = max(LAG_SHARE * lag, LEAST_LAG_S)
         self._believed = np.array([0, EFFORT, EFFORT, creep, softness * creep, FRICTION * friction, 0, lag])
-        self.motion = Motion(np.tile(self._believed, (n, 1)), geometry)
+        state = np.concatenate([pairs(position), np.zeros((n, 4)), np.tile(self._believed, (n, 1))], axis=1)
+        self.motion = Motion(state[:, 6:], geometry)
+        self._know(state)
         below, above = min(REACH_FRAMES[0], delay_frames), REACH_FRAMES[1]
         self.longest = delay_frames + above + 4
         self._lowest = np.array([-0.2, 0.85, 0.85, 0, 0, 0, -below, LEAST_LAG_S])
@@ -117,41 +118,43 @@ class Identifier:
         belief = alike * np.outer(sigma, sigma)
         kept = np.full(motion.COUNT, KEPT_S)
         kept[motion.COMPASS] = COMPASS_S
-        self._keep, self._keep_push = np.exp(-period / kept), np.exp(-period / PUSH_S)
-        renewed = np.sqrt(1 - self._keep**2)
-        self._forget = belief * np.outer(renewed, renewed)
-        restless = np.array([ACCELERATION_M_S2 * period, PUSH_M_S * np.sqrt(1 - self._keep_push**2)]) ** 2
-        self._lasting = np.array([period, 1.0])[:, None, None, None]  # what a command moves and gains without lag
+        keep, keep_push = np.exp(-period / kept), np.exp(-period / PUSH_S)
+        renewed = np.sqrt(1 - keep**2)
+        self._forget = np.zeros((STATES, STATES))
+        self._forget[6:, 6:] = belief * np.outer(renewed, renewed)
+        restless = np.array([ACCELERATION_M_S2 * period, PUSH_M_S * np.sqrt(1 - keep_push**2)]) ** 2
         self._restless = np.repeat(restless, 2)  # of velocity and push
-        self._kept = np.concatenate([[1, 1, 0, 0], [self._keep_push] * 2, self._keep])  # of each state, by itself
+        self._kept = np.concatenate([[1, 1, 0, 0], [keep_push] * 2, keep])  # of each state, by itself
+        self._renewed = np.concatenate([np.zeros(6), (1 - keep) * self._believed])
+        self._lasting = np.array([period, 1.0])[:, None, None, None]  # what a command moves and gains without lag
+        # Written anew in each frame: what velocity, push and parameters do like a command, in the body's axes; its
+        # effect on position and velocity there; and how states depend on those before.
+        self._acts, self._effect = np.zeros((n, STATES - 2), complex), np.empty((2, n, STATES - 2, 2))
+        self._passed = np.tile(np.diag(self._kept), (n, 1, 1))
+        self._driven = self._passed[:, :4, 2:].reshape(n, 2, 2, -1).transpose(1, 0, 3, 2)  # a view, as `_effect`
         self.variance = np.zeros((n, STATES, STATES))
         self.variance[:, [0, 1], [0, 1]] = self._told
         self.variance[:, 6:, 6:] = belief
         self.surprise, self.sliding = np.ones(n), np.zeros(n)
         self._past: deque[Array] = deque(maxlen=MISTAKEN_FRAMES)  # parameters in the last frames
         self._lasts = np.zeros(n)  # s, for how long acceleration has been missing
-        self._asked: Plane = np.zeros(n, complex)
-        self._missing: Plane = np.zeros(n, complex)
-
-    @property
-    def latency(self) -> Array:
-        """Time from when a command is sent until it begins to act, (n,) frames."""
-        return self._delay + self.motion.parameters[:, motion.LATENCY]
+        self._lacks: Plane = np.zeros((2, n), complex)
 
     @property
     def sigma(self) -> Array:
         """Standard deviation of the parameters, (n, 8)."""
-        return np.sqrt(np.maximum(np.diagonal(self.variance, axis1=1, axis2=2)[:, 6:], 0.0))
+        own = self.variance.reshape(-1, STATES**2)[:, 6 * (STATES + 1) :: STATES + 1]
+        return np.sqrt(np.maximum(own, 0.0))
 
     def follow(self, commands: Plane, headings: Plane, durations: Array) -> tuple[Plane, Plane]:
         """Positions and velocities (n,) after commands (count, n) that are still to act; see `Motion.follow`."""
-        arriving = commands * self.turned() + self.push
+        arriving = commands * self.turned + self.push
         moved, velocity = self.motion.follow(self.velocity, arriving, headings, durations)
         return self.position + moved, velocity
 
     def ask(self, command: Plane) -> Plane:
         """What to send, (n,), so that commands (n,) of the law act: without what pushes, and by the robot's compass."""
-        return (command - self.push) * self.turned().conj()
+        return (command - self.push) * self.turned.conj()
 
     def update(self, measured: Plane, heading: Array, sent: CommandsInFlight) -> None:
         """Take in a frame.
@@ -161,23 +164,26 @@ class Identifier:
             heading: in the middle of the frame just past, (n,) rad.
             sent: commands up to the frame before, `longest` of them at least.
         """
-        period, law, ahead = self._period, self.motion, np.exp(1j * heading)
-        (acting, per_frame), turned = self._acted(sent), self.turned()
-        arrived = acting * turned
-        step = law.step(self.velocity, arrived + self.push, ahead, period)
-        self.variance = self._passed(step, arrived, per_frame * turned, ahead)
+        before, ahead = self.velocity, np.exp(1j * heading)
+        acting, per_frame = self._acted(sent)
+        arrived = acting * self.turned
+        step = self.motion.step(before, arrived + self.push, ahead, self._period)
+        self.variance = self._passed_on(step, arrived, per_frame * self.turned, ahead)
         unaided = plane(step.velocity) * ahead
-        asked = (unaided - self.velocity) / period
-        self.position, self.velocity = self.position + plane(step.moved) * ahead, unaided
-        self.push = self._keep_push * self.push
-        law.parameters = self._believed + self._keep * (law.parameters - self._believed)
+        state = self._kept * self._state + self._renewed
+        state[:, :2] += pairs(plane(step.moved) * ahead)
+        state[:, 2:4] = pairs(unaided)
         self._doubt(measured)
-        self._correct(measured)
-        self._feel(asked, (unaided - self.velocity) / period)
+        self._correct(state, measured)
+        velocity = plane(state[:, 2:4])
+        self._know(self._felt(state, (unaided - np.array([before, velocity])) / self._period))
 
-    def turned(self) -> Plane:
-        """How a robot's compass turns its commands, unit vectors (n,)."""
-        return np.exp(-1j * self.motion.parameters[:, motion.COMPASS])
+    def _know(self, state: Array) -> None:
+        """Take the state (n, 14) for what is known."""
+        self._state, self.motion.parameters = state, state[:, 6:]
+        self.position, self.velocity, self.push = state[:, :6].view(complex).T
+        self.latency = self._delay + state[:, 6 + motion.LATENCY]
+        self.turned: Plane = np.exp(-1j * state[:, 6 + motion.COMPASS])
 
     def _acted(self, sent: CommandsInFlight) -> tuple[Plane, Plane]:
         """Commands (n,) that acted in the frame just past, on its average, and how they change per frame of latency.
@@ -186,94 +192,88 @@ class Identifier:
         tells nothing of a robot that answers some frames sooner or later.
         """
         latency, number = self.latency, 6 + motion.LATENCY
-        sigma = np.sqrt(np.maximum(self.variance[:, number, number], 0.0))
-        spread = np.minimum(np.maximum(sigma, SPREAD_FRAMES[0]), SPREAD_FRAMES[1])
+        least, most = SPREAD_FRAMES
+        spread = np.sqrt(np.minimum(np.maximum(self.variance[:, number, number], least**2), most**2))
         sooner, later = np.maximum(latency - spread, 0.0), latency + spread
         shares = sent.acted(np.array([latency, sooner, later]))[-self.longest :]
-        acting, early, late = (shares * plane(sent.last(self.longest)[..., :2])[:, None]).sum(0)
+        acting, early, late = np.add.reduce(shares * plane(sent.last(self.longest)[..., :2])[:, None])
         return acting, (late - early) / (later - sooner)
 
-    def _passed(self, step: motion.Step, arrived: Plane, later: Plane, ahead: Plane) -> Array:
+    def _passed_on(self, step: motion.Step, arrived: Plane, later: Plane, ahead: Plane) -> Array:
         """The variance (n, 14, 14) after a step, to first order.
 
         What a parameter changes in the law acts like a command: of effort -v, of creep -g^2 |v| v', of lag -v', of
         friction against the motion, of latency the difference of successive commands.
         """
-        n, back, period = len(arrived), ahead.conj()[:, None], self._period
-        effort, before = self.motion.effort, pairs(self.velocity * back[:, 0])
-        speed, change = np.abs(self.velocity), (before - step.velocity) / period
-        acts = np.zeros((n, STATES - 2, 2))  # of velocity, push and parameters, in the body's axes
-        turning_in = np.array([arrived, later]).T * (-1j, 1)
-        acts[:, :4], acts[:, 4:11:6] = pairs(_UNITS * back), pairs(turning_in * back)
-        acts[:, 5, 0], acts[:, 6, 1] = -(before + step.velocity).T / 2
-        acts[:, 7, 0], acts[:, 8, 1] = (effort**2 * speed[:, None] * change).T
-        acts[:, 9] = -step.rubbing
-        acts[:, 11] = change * (1.0, self._softness)
+        acts, effect, passed = self._acts, self._effect, self._passed
+        back, speed, effort = ahead.conj(), np.abs(self.velocity), self.motion.effort
+        change = (step.before - step.velocity) / self._period
         evident = np.minimum(speed / EVIDENT_M_S, 1.0) ** 2
         obeys = evident * (1 - self.sliding) * np.minimum(SURPRISING / self.surprise, 1.0) ** 2
-        acts[:, 4:] *= np.where(_IS_CREEP, evident[:, None], obeys[:, None])[..., None]
-        effect = np.empty((2, *acts.shape))  # on position and velocity
+        axes = acts.view(float)  # (n, 24); of what is of one axis, that of the other is zero
+        acts[:, :4] = _UNITS * back[:, None]
+        acts[:, 4], acts[:, 10] = -1j * arrived * back, later * back
+        axes[:, 10:14:3] = (step.before + step.velocity) / -2
+        axes[:, 18:20], axes[:, 22:] = -step.rubbing, change * self._gives
+        acts[:, 4:] *= obeys[:, None]
+        axes[:, 14:18:3] = effort**2 * (evident * speed)[:, None] * change
         left = np.array([step.carried, step.decay])[:, :, None]
         effect[:, :, :2], effect[:, :, 2:] = left, (self._lasting - left) / effort[:, None]
-        passed = np.zeros((n, STATES, STATES))
-        passed.reshape(n, -1)[:, :: STATES + 1] = self._kept
-        both = pairs(plane(acts * effect) * ahead[:, None])  # (2, n, 12, 2)
-        passed[:, :4, 2:] = both.transpose(1, 0, 3, 2).reshape(n, 4, STATES - 2)
-        variance: Array = passed @ self.variance @ passed.swapaxes(1, 2)
+        self._driven[...] = pairs(plane(pairs(acts) * effect) * ahead[:, None])
+        variance: Array = passed @ self.variance @ passed.swapaxes(1, 2) + self._forget
+        doubted = (UNKNOWN_SHARE + self.sliding)[:, None] / ACCELERATION_M_S2 * np.abs(change.view(complex))
         restless = np.minimum(np.maximum(self.surprise, 1.0), MOST_SURPRISED)[:, None] * self._restless
-        doubted = (UNKNOWN_SHARE + self.sliding) / ACCELERATION_M_S2
-        restless[:, :2] *= (1 + doubted**2 * (change**2).sum(1))[:, None]
-        variance.reshape(n, -1)[:, 2 * (STATES + 1) : 6 * (STATES + 1) : STATES + 1] += restless
-        variance[:, 6:, 6:] += self._forget
+        restless[:, :2] *= 1 + doubted**2
+        variance.reshape(-1, STATES**2)[:, 2 * (STATES + 1) : 6 * (STATES + 1) : STATES + 1] += restless
         return variance
 
-    def _feel(self, asked: Plane, missing: Plane) -> None:
-        """Find whether wheels slide, and take back what was learned when they began to.
+    def _felt(self, state: Array, lacks: Plane) -> Array:
+        """Find whether wheels slide; the state (n, 14) without what was learned when they began to.
 
         Args:
-            asked: acceleration of the law in the frame just past, (n,) m/s^2.
-            missing: what vision took from it, the same.
+            state: as corrected.
+            lacks: acceleration of the law in the frame just past, and what vision took from it, (2, n) m/s^2.
         """
-        self._asked = self._asked + (asked - self._asked) / SLIDING_FRAMES
-        self._missing = self._missing + (missing - self._missing) / SLIDING_FRAMES
-        size = np.maximum(np.abs(self._asked), ASKED_M_S2)
-        along = (self._missing * self._asked.conj()).real / size
+        self._lacks = self._lacks + (lacks - self._lacks) / SLIDING_FRAMES
+        asked, missing = self._lacks
+        size = np.maximum(np.abs(asked), ASKED_M_S2)
+        along = (missing * asked.conj()).real / size
         slides = along > np.maximum(MISSING_M_S2, MISSING_SHARE * size)
-        ends = np.exp(-self._period / ENDS_S)
-        was = self.sliding
-        shrunk = np.maximum(self._lasts - SHRINKS * self._period, 0.0)
-        self._lasts = np.where(slides, self._lasts + self._period, shrunk)
-        passing = slides & (self._lasts < PASSES_S)
-        self.sliding = np.where(passing, self.sliding + (1 - self.sliding) / BEGINS_FRAMES, ends * self.sliding)
-        self._past.append(self.motion.parameters)
+        self._lasts = np.maximum(self._lasts + np.where(slides, 1.0, -SHRINKS) * self._period, 0.0)
+        passing, was = slides & (self._lasts < PASSES_S), self.sliding
+        self.sliding = was + (passing - was) * np.where(passing, 1 / BEGINS_FRAMES, self._ends)
+        self._past.append(state[:, 6:])
         begins = (was < 0.5) & (self.sliding >= 0.5)
-        self.motion.parameters = np.where(begins[:, None], self._past[0], self.motion.parameters)
+        if begins.any():
+            state = state.copy()
+            state[begins, 6:] = self._past[0][begins]
+        return state
 
     def _doubt(self, measured: Plane) -> None:
         """Find how large the noise of vision is, by third differences of positions (n,), which motion hardly shows in.
 
         Of white noise their variance is 20 times its own; of an acceleration that jumps by 5 m/s^2 they are 1.4 mm.
         """
-        before = self._last
-        rough = np.abs(measured - 3 * before[0] + 3 * before[1] - before[2]) ** 2 / 40
+        first = measured - self._last[0]
+        second = first - self._last[1]
+        rough = np.abs(second - self._last[2]) ** 2 / 40
         change = (np.minimum(rough, ROUGHEST * self.noise) - self.noise) / NOISE_FRAMES
         self.noise = self.noise + np.where(np.isnan(rough), 0.0, change)
-        self._last = [measured, *before[:2]]
+        self._last = [measured, first, second]
 
-    def _correct(self, measured: Plane) -> None:
-        """Correct all states by the positions (n,) that vision reports."""
+    def _correct(self, state: Array, measured: Plane) -> None:
+        """Correct the state (n, 14) by the positions (n,) that vision reports."""
         seen, of_position = ~np.isnan(measured), self.variance[:, :2]
-        innovation = pairs(np.where(seen, measured, self.position) - self.position)
+        innovation = pairs(np.where(seen, measured - plane(state[:, :2]), 0.0))[:, None]
         expected = of_position[:, :, :2] + np.maximum(self.noise, self._told)[:, None, None] * _IDENTITY
-        area = expected[:, 0, 0] * expected[:, 1, 1] - expected[:, 0, 1] ** 2
-        inverse = expected[:, ::-1, ::-1] * _COFACTORS * np.where(seen, 1 / area, 0.0)[:, None, None]
-        weighed = (inverse * innovation[:, None]).sum(2)
-        state, surprise = (of_position * weighed[..., None]).sum(1), (innovation * weighed).sum(1) / 2
+        adjugate = expected[:, ::-1, ::-1] * _COFACTORS
+        area = np.add.reduce(expected[:, 0] * adjugate[:, 0], axis=1)
+        inverse = adjugate * (seen / area)[:, None, None]
+        weighed = innovation @ inverse  # (n, 1, 2)
+        state += (weighed @ of_position)[:, 0]
+        parameters = state[:, 6:]
+        np.minimum(np.maximum(parameters, self._lowest, out=parameters), self._highest, out=parameters)
         variance = self.variance - of_position.swapaxes(1, 2) @ (inverse @ of_position)
         self.variance = (variance + variance.swapaxes(1, 2)) / 2
-        change = np.where(seen, np.minimum(surprise, 50.0) - self.surprise, 0.0)
-        self.surprise = self.surprise + change / SURPRISE_FRAMES
-        position, velocity, push = plane(state[:, :6].reshape(-1, 3, 2)).T
-        self.position, self.velocity, self.push = self.position + position, self.velocity + velocity, self.push + push
-        parameters = np.maximum(self.motion.parameters + state[:, 6:], self._lowest)
-        self.motion.parameters = np.minimum(parameters, self._highest)
+        surprise = np.add.reduce((innovation * weighed)[:, 0], axis=1) / 2
+        self.surprise = self.surprise + seen * (np.minimum(surprise, 50.0) - self.surprise) / SURPRISE_FRAMES

@@ -40,18 +40,19 @@ _ONE, _RUBBED = np.ones(()), np.full((), RUBBED_M_S)  # numpy would have to conv
 
 def pairs(vector: Plane) -> Array:
     """Vectors (...) as pairs of components (..., 2)."""
-    return np.ascontiguousarray(vector).view(float).reshape(*vector.shape, 2)
+    return vector[..., None].view(float)
 
 
 def plane(components: Array) -> Plane:
-    """Pairs of components (..., 2) as vectors (...)."""
-    return np.ascontiguousarray(components).view(complex)[..., 0]
+    """Pairs of components (..., 2), one beside the other in memory, as vectors (...)."""
+    return components.view(complex)[..., 0]
 
 
 class Step(NamedTuple):
     """What n robots do in a time with a command, in the axes of the body that they have in the middle of it.
 
     Attributes:
+        before: velocity at the beginning, (n, 2), m/s.
         moved: displacement (n, 2), m.
         velocity: at the end, (n, 2), m/s.
         decay: of a velocity, to its share at the end (n, 2).
@@ -59,6 +60,7 @@ class Step(NamedTuple):
         rubbing: what dry friction of 1 costs, along the direction in which it acts, (n, 2).
     """
 
+    before: Array
     moved: Array
     velocity: Array
     decay: Array
@@ -91,12 +93,13 @@ class Motion:
     @parameters.setter
     def parameters(self, parameters: Array) -> None:
         self._parameters, self.effort = parameters, parameters[:, EFFORT]
-        self.lags, self._friction = parameters[:, LAG] * self._gives, parameters[:, FRICTION]
-        self._slack = self.effort**2 * parameters[:, CREEP]
+        self.lags = parameters[:, LAG] * self._gives
+        self._still, self._slower = self.lags / self.effort, self.effort * parameters[:, CREEP]
+        self._rubbed = parameters[:, FRICTION] * self._gives / self.effort  # of the speed, at most
 
-    def lag(self, speed: Array) -> Array:
-        """Lag of robots (n, 2) that drive at `speed` (..., n), with axes before as that: tau + g^2 T |v|, s."""
-        return self.lags + self._slack * speed[..., None]
+    def late(self, speed: Array) -> Array:
+        """Time constants of robots (n, 2) that drive at `speed` (..., n), axes before as that: tau / g + g T |v|, s."""
+        return self._still + self._slower * speed[..., None]
 
     def step(self, velocity: Plane, command: Plane, heading: Plane, duration: float | Array) -> Step:
         """Go on for a while.
@@ -107,19 +110,16 @@ class Motion:
             heading: unit vectors (n,), in the middle of the step.
             duration: s, one or (n, 1).
         """
-        back, speed = heading.conj(), np.abs(velocity)
-        v, u = pairs(velocity * back), pairs(command * back)
-        effort = self.effort
-        lag = self.lag(speed) / effort
-        decay = np.exp(-duration / lag)
-        gained = (1 - decay) / effort
-        rubbed = self._friction * self._gives
-        free = decay * v + gained * u  # velocity at the end, which friction stops, but does not turn back
-        size = np.maximum(np.sqrt((free**2).sum(1))[:, None], np.maximum(RUBBED_M_S, gained * rubbed))
-        rubbing = self._gives * free / size
-        final = (u - self._friction * rubbing) / effort
-        excess, carried = v - final, (1 - decay) * lag
-        return Step(duration * final + excess * carried, final + excess * decay, decay, carried, rubbing)
+        back = heading.conj()
+        before, towards = pairs(velocity * back), pairs(command * back) / self.effort
+        late = self.late(np.abs(velocity))
+        decay = np.exp(-duration / late)
+        rest = 1 - decay
+        along = _along(before + rest * (towards - before), rest * self._rubbed)
+        final = towards - self._rubbed * along
+        excess, carried = before - final, rest * late
+        moved = duration * final + excess * carried
+        return Step(before, moved, final + excess * decay, decay, carried, self._gives * along)
 
     def follow(self, velocity: Plane, commands: Plane, headings: Plane, durations: Array) -> tuple[Plane, Plane]:
         """Displacements and velocities (n,), world frame, after one command and its duration after another.
@@ -133,27 +133,24 @@ class Motion:
             headings: unit vectors (count, n), in the middle of each.
             durations: (count, n) s.
         """
-        effort, period = self.effort, durations[..., None]
+        period = durations[..., None]
         ahead = np.where(period > 0, headings[..., None], 1.0)  # (count, n, 1), of which a view as real is a pair
         into = ahead.conj()
-        towards = (commands[..., None] * into).view(float) / effort  # where commands lead without friction
+        towards = (commands[..., None] * into).view(float) / self.effort  # where commands lead without friction
         into[1:] *= ahead[:-1]  # from one step's axes into the next one's
-        lag, slower, rubbed = self.lags / effort, self._slack / effort, self._friction * self._gives / effort
-        steps, reached = [], velocity[:, None]
-        for turn, target, until in zip(into, towards, -period, strict=True):
-            before, lags = (reached * turn).view(float), lag + slower * np.abs(reached)
-            decay = np.exp(until / lags)
-            kept, rest = decay * before, _ONE - decay
-            free = kept + rest * target
-            size = np.maximum(np.abs(free.view(complex)), np.maximum(_RUBBED, rest * rubbed))
-            final = target - rubbed * free / size
-            after = kept + rest * final
-            steps.append((before, lags, final, after))
+        still, slower, most = self._still, self._slower, self._rubbed
+        steps, reached = np.empty((len(commands), 4, *velocity.shape, 2)), velocity[:, None]
+        for turn, target, until, (before, late, along, after) in zip(into, towards, -period, steps, strict=True):
+            np.multiply(reached, turn, out=before.view(complex))
+            np.add(still, slower * np.abs(reached), out=late)
+            rest = _ONE - np.exp(until / late)
+            free, rubbed = before + rest * (target - before), rest * most
+            np.subtract(free, rubbed * _along(free, rubbed, along), out=after)
             reached = after.view(complex)
-        if not steps:
+        if not len(steps):
             return np.zeros_like(velocity), velocity
-        before, lags, final, after = np.array(steps).swapaxes(0, 1)
-        moved = (period * final + lags * (before - after)).view(complex) * ahead
+        before, late, along, after = steps.swapaxes(0, 1)
+        moved = (period * (towards - most * along) + late * (before - after)).view(complex) * ahead
         return np.add.accumulate(moved)[-1, :, 0], (reached * ahead[-1])[:, 0]
 
     def ask(self, before: Plane, after: Plane, heading: Plane, duration: float) -> Plane:
@@ -163,10 +160,17 @@ class Motion:
         """
         back = heading.conj()
         v, later, mean = pairs(before * back), pairs(after * back), (before + after) / 2
-        effort = self.effort
-        decay = np.exp(-duration * effort / self.lag(np.abs(before)))
+        decay = np.exp(-duration / self.late(np.abs(before)))
         towards = pairs(mean * back) / np.maximum(np.abs(mean), STARTING_M_S)[..., None]
-        return plane((later - decay * v) * effort / (1 - decay) + self._friction * self._gives * towards) * heading
+        return plane(((later - decay * v) / (1 - decay) + self._rubbed * towards) * self.effort) * heading
+
+
+def _along(free: Array, rubbed: Array, out: Array | None = None) -> Array:
+    """Of which direction dry friction takes up to `rubbed` m/s, (n, 2), from velocities `free` (n, 2) that are without.
+
+    It stops them, but does not turn them back.
+    """
+    return np.divide(free, np.maximum(np.abs(free.view(complex)), np.maximum(_RUBBED, rubbed)), out=out)
 
 
 def softness(geometry: Kinematics | None) -> float:

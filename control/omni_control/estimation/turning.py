@@ -80,19 +80,21 @@ class Turning:
         sigma = np.array([BIAS_RAD_S, LAG_SIGMA * lag + 1e-6, EFFORT_SIGMA, FRICTION_SIGMA * friction + 1e-6])
         keep = np.exp(-period / np.array([BIAS_S, KEPT_S, KEPT_S, KEPT_S]))
         self._keep, self._forget = keep, np.append([0.0, (RATE_RAD_S2 * period) ** 2], sigma**2 * (1 - keep**2))
-        self._kept = np.append([1.0, 0.0], keep)  # of each state, by itself
+        self._kept = np.append([1.0, 1.0], keep)  # of each state, by itself
+        self._renewed = (1 - self._kept) * np.append([0.0, 0.0], self._belief)
+        self._passed = np.tile(np.diag(self._kept), (n, 1, 1))  # how states depend on those a frame before
         self.variance = np.zeros((n, STATES, STATES))
         self.variance[:, range(STATES), range(STATES)] = np.append([self._noise, 0.0], sigma**2)
 
     @property
     def sigma(self) -> Array:
         """Standard deviation of heading, rate, bias, lag, effort and friction, (n, 6)."""
-        return np.sqrt(np.maximum(np.diagonal(self.variance, axis1=1, axis2=2), 0.0))
+        return np.sqrt(np.maximum(self.variance.reshape(-1, STATES**2)[:, :: STATES + 1], 0.0))
 
     def _answer(self, command: Array, speed: Array) -> tuple[Array, Array, Array]:
         """Of robots (..., n) that are commanded and drive like that: time constants (s), final rates, and n."""
         rim = self._arm * command
-        travel = np.sqrt(speed**2 + rim**2)
+        travel = np.hypot(speed, rim)
         late = self.lag / self.effort + self.effort * self._creeps * self.creep * travel
         rubbing = rim / np.maximum(travel, np.maximum(RUBBED_M_S, self._arm * self.friction))  # stops, no more
         return late, (command + self.bias - self.friction * rubbing) / self.effort, rubbing
@@ -110,8 +112,8 @@ class Turning:
             speed: at which robots drive, (n,) m/s.
         """
         late, final, _ = self._answer(command, speed)
-        decay, excess = np.exp(-duration / late), rate - final
-        return heading + duration * final + excess * (1 - decay) * late, final + excess * decay
+        moved, rate, _ = _go_on(rate, final, late, duration)
+        return heading + moved, rate
 
     def follow(self, commands: Array, durations: Array, speeds: Array) -> Array:
         """Headings (count + 1, n) from now on, after commands, each with its duration and speed (count, n).
@@ -120,10 +122,10 @@ class Turning:
         """
         late, final, _ = self._answer(commands, speeds)
         decay = np.exp(-durations / late)
-        rates = [self.rate]
-        for kept, gained in zip(decay, (1 - decay) * final, strict=True):
-            rates.append(kept * rates[-1] + gained)
-        reached = np.array(rates)
+        reached = np.empty((len(commands) + 1, len(self.rate)))
+        reached[0] = self.rate
+        for before, kept, gained, after in zip(reached, decay, (1 - decay) * final, reached[1:], strict=False):
+            np.add(kept * before, gained, out=after)
         moved = durations * final + late * (reached[:-1] - reached[1:])
         return np.add.accumulate(np.concatenate([self.heading[None], moved]))
 
@@ -141,26 +143,33 @@ class Turning:
             command: turn rates that acted since the frame before, (n,) rad/s.
             speed: at which robots drove meanwhile, (n,) m/s.
         """
-        period, (late, _, rubbing) = self._period, self._answer(command, speed)
-        decay = np.exp(-period / late)
-        carried = (1 - decay) * late
-        gained, moved = (1 - decay) / self.effort, (period - carried) / self.effort  # by a command of 1
-        heading, rate = self.step(self.heading, self.rate, command, period, speed)
+        period, (late, final, rubbing) = self._period, self._answer(command, speed)
+        moved, rate, decay = _go_on(self.rate, final, late, period)
+        change, passed = (self.rate - rate) / period, self._passed
+        passed[:, 1, 1], passed[:, 1, 2] = decay, (1 - decay) / self.effort  # of a rate, and gained by a command of 1
+        passed[:, 0, 1] = carried = (1 - decay) * late
+        passed[:, 0, 2] = (period - carried) / self.effort
         # A change of bias, lag, effort or friction acts like a command of: 1, -w', -w, -n.
-        acts = np.array([np.ones_like(rate), (self.rate - rate) / period, -(self.rate + rate) / 2, -rubbing])
-        passed = np.zeros_like(self.variance)
-        passed.reshape(-1, STATES**2)[:, :: STATES + 1] = self._kept
-        passed[:, 0, 1], passed[:, 1, 1] = carried, decay
-        passed[:, :2, 2:] = (np.array([moved, gained])[:, None] * acts).transpose(2, 0, 1)
-        state = np.array([heading, rate, self.bias, self.lag, self.effort, self.friction]).T
-        state[:, 2:] = self._belief + self._keep * (state[:, 2:] - self._belief)
+        acts = np.array([change, -(self.rate + rate) / 2, -rubbing]).T
+        np.multiply(passed[:, :2, 2:3], acts[:, None], out=passed[:, :2, 3:])
+        state = np.array([self.heading + moved, rate, self.bias, self.lag, self.effort, self.friction]).T
+        state *= self._kept
+        state += self._renewed
         variance = passed @ self.variance @ passed.swapaxes(1, 2)
         variance.reshape(-1, STATES**2)[:, :: STATES + 1] += self._forget
 
         seen = ~np.isnan(measured)
-        surprise = np.where(seen, wrap_angle(measured - heading), 0.0)
-        gain = np.where(seen, 1 / (variance[:, 0, 0] + self._noise), 0.0)[:, None] * variance[:, :, 0]
-        self.variance = variance - gain[:, :, None] * variance[:, 0, None, :]
+        surprise = np.where(seen, wrap_angle(measured - state[:, 0]), 0.0)
+        to_heading = variance[:, 0]
+        gain = (seen / (to_heading[:, 0] + self._noise))[:, None] * to_heading
+        self.variance = variance - gain[:, :, None] * to_heading[:, None]
         state += gain * surprise[:, None]
-        state[:, 3:] = np.minimum(np.maximum(state[:, 3:], LEAST), MOST)
+        bounded = state[:, 3:]
+        np.minimum(np.maximum(bounded, LEAST, out=bounded), MOST, out=bounded)
         self.heading, self.rate, self.bias, self.lag, self.effort, self.friction = state.T
+
+
+def _go_on(rate: Array, final: Array, late: Array, duration: float | Array) -> tuple[Array, Array, Array]:
+    """Angles turned (n,) in a while, rates after it, and the shares left of those before, towards `final` ones."""
+    decay, excess = np.exp(-duration / late), rate - final
+    return duration * final + excess * (1 - decay) * late, final + excess * decay, decay

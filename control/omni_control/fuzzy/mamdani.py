@@ -142,15 +142,20 @@ class Mamdani:
         if np.isnan(columns).any():
             lost = ", ".join(v.name for v, c in zip(self.inputs, columns, strict=True) if np.isnan(c).any())
             raise OmniError(f"an input of the fuzzy rules is not a number: {lost}")
+        shape = (*values.shape[:-1], len(self.outputs))
+        if columns.shape[1] <= BLOCK:
+            return np.ascontiguousarray(self._evaluate(columns).T).reshape(shape)
         result = np.empty((columns.shape[1], len(self.outputs)))
-        if len(result) > BLOCK:
-            # Once a large array was freed, glibc keeps what is freed later (mallopt(3), M_MMAP_THRESHOLD). Otherwise a
-            # block's memory could go back to the system and come again page by page, which costs twice the arithmetic.
-            np.empty(1 << 20)
+        # Once a large array was freed, glibc keeps what is freed later (mallopt(3), M_MMAP_THRESHOLD). Otherwise a
+        # block's memory could go back to the system and come again page by page, which costs twice the arithmetic.
+        np.empty(1 << 20)
         for start in range(0, len(result), BLOCK):
             block = slice(start, start + BLOCK)
-            result[block] = self.defuzzify(self.infer(self.fuzzify(columns[:, block]))).T
-        return result.reshape(*values.shape[:-1], len(self.outputs))
+            result[block] = self._evaluate(columns[:, block]).T
+        return result.reshape(shape)
+
+    def _evaluate(self, columns: Array) -> Array:
+        return self.defuzzify(self.infer(self.fuzzify(columns)))
 
     def fuzzify(self, values: Array) -> Array:
         """Return the degrees (sets, n) to which inputs (inputs, n) belong to their sets, input by input."""

@@ -30,6 +30,8 @@ class SampledReference:
         if self.poses.ndim != 2 or self.poses.shape[1] != 3 or not len(self.poses) or not np.isfinite(self.poses).all():
             raise OmniError("a reference needs poses (frames, 3) of finite numbers [x, y, heading]")
         self.poses.flags.writeable = False
+        self._rows = np.zeros((len(self.poses), 6))  # poses, and twists from each to the next
+        self._rows[:, :3], self._rows[:-1, 3:] = self.poses, np.diff(self.poses, axis=0) / period
 
     @property
     def frames(self) -> int:
@@ -42,33 +44,32 @@ class SampledReference:
 
     def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
         """See `Reference`: linear between frames; at rest before the first, which counts as now, and after the last."""
-        start = np.maximum(frame, 0)
-        here, later = self._between(start), self._between(start + 1)
-        return np.broadcast_to(here, pose.shape), np.broadcast_to((later - here) / self.period, pose.shape)
+        here, twist = self._between(np.asarray(frame))
+        return np.broadcast_to(here, pose.shape), np.broadcast_to(twist, pose.shape)
 
     def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
         """See `Reference`."""
         first = np.asarray(frame)
         first = first[..., None] if first.ndim == 1 else first
-        start = np.maximum(first + np.arange(count)[:, None, None], 0)
-        here, later = self._between(np.array([start, start + 1]))
+        here, twists = self._between(first + np.arange(count)[:, None, None])
         shape = (count, *pose.shape)
-        twists = (later - here) / self.period
         if here.shape == shape:
             return here, twists
         return np.broadcast_to(here, shape), np.broadcast_to(twists, shape)
 
-    def _between(self, frame: Array) -> Array:
+    def _between(self, frame: Array) -> tuple[Array, Array]:
         last = self.frames - 1
-        frame = np.minimum(frame, last)
+        frame = np.minimum(np.maximum(frame, 0), last)
         frame = frame[..., None] if frame.ndim < 2 else frame
         before = frame.astype(int)
         after = np.minimum(before + 1, last)
         if frame.shape[-1] == 1:  # one for all components: whole rows are found several times as fast
-            here, following = self.poses[before[..., 0]], self.poses[after[..., 0]]
+            here, following = self._rows[before[..., 0]], self._rows[after[..., 0]]
         else:
-            here, following = self.poses[before, range(3)], self.poses[after, range(3)]
-        return here + (frame - before) * (following - here)
+            frame, before, after = (np.concatenate([each, each], axis=-1) for each in (frame, before, after))
+            here, following = self._rows[before, range(6)], self._rows[after, range(6)]
+        rows = here + (frame - before) * (following - here)
+        return rows[..., :3], rows[..., 3:]
 
 
 class EachReference(SampledReference):
