@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from mujoco.batch import Batch
 
-from omni_mj.worlds import roles
+from omni_mj.mjcf import roles
 from omni_mj.worlds.build import World
 from omni_mj.worlds.columns import Columns
 from omni_mj.worlds.two_rollers import Handover
