@@ -30,8 +30,7 @@ class SampledReference:
         if self.poses.ndim != 2 or self.poses.shape[1] != 3 or not len(self.poses) or not np.isfinite(self.poses).all():
             raise OmniError("a reference needs poses (frames, 3) of finite numbers [x, y, heading]")
         self.poses.flags.writeable = False
-        self._rows = np.zeros((len(self.poses), 6))  # poses, and twists from each to the next
-        self._rows[:, :3], self._rows[:-1, 3:] = self.poses, np.diff(self.poses, axis=0) / period
+        self._rows = _with_twists(self.poses, period)
 
     @property
     def frames(self) -> int:
@@ -92,16 +91,27 @@ class EachReference(SampledReference):
         poses = [np.pad(each.poses, ((0, longest - each.frames), (0, 0)), "edge") for each in references]
         self.poses, self.period = np.stack(poses, axis=1), references[0].period
         self.poses.flags.writeable = False
+        self._rows = _with_twists(self.poses, self.period)
 
-    def _between(self, frame: Array) -> Array:
-        last, (_, n, _) = self.frames - 1, self.poses.shape
-        frame = np.minimum(frame, last)
+    def _between(self, frame: Array) -> tuple[Array, Array]:
+        last, n = self.frames - 1, self.poses.shape[1]
+        frame = np.minimum(np.maximum(frame, 0), last)
         frame = frame[..., None] if frame.ndim < 2 else frame
+        if frame.shape[-1] > 1:
+            frame = np.concatenate([frame, frame], axis=-1)
         before = frame.astype(int)
         after = np.minimum(before + 1, last)
-        rows, axes = np.arange(n)[:, None], np.arange(3)
-        here, following = self.poses[before, rows, axes], self.poses[after, rows, axes]
-        return here + (frame - before) * (following - here)
+        robots, columns = np.arange(n)[:, None], np.arange(6)
+        here, following = self._rows[before, robots, columns], self._rows[after, robots, columns]
+        rows = here + (frame - before) * (following - here)
+        return rows[..., :3], rows[..., 3:]
+
+
+def _with_twists(poses: Array, period: float) -> Array:
+    """Poses (frames, ..., 3), and beside each the twist from there to the next, (frames, ..., 6)."""
+    twists = np.zeros_like(poses)
+    twists[:-1] = np.diff(poses, axis=0) / period
+    return np.concatenate([poses, twists], axis=-1)
 
 
 class TimedReference(SampledReference):
