@@ -11,21 +11,21 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic import logs
+from synthetic import Truth, logs
 
 import omni_mj as om
 from omni_mj.studies.identify import identify, tables
 from omni_mj.studies.identify.logs import read
 
-TRUTH = np.array([[12 / 120, 1.10, 1.25, 0.06, 0.12, 0.03, 0.05, 0.04, 0.02]])
+SETTINGS, TRUTH = om.scenario("rect").settings, Truth()
 HEAD = ["time_s", "x_m", "y_m", "heading_rad", "vx_cmd_world_m_s", "vy_cmd_world_m_s", "w_cmd_rad_s"]
 Columns = dict[str, Any]
 
 
 def driven(rate: float = 60.0, seconds: float = 3.0) -> Columns:
     """A log of known truth."""
-    time, poses, commands = logs(TRUTH, seconds, seed=1, rate=rate)
-    return dict(zip(HEAD, np.column_stack([time, poses[:, 0], commands[:, 0]]).T, strict=True))
+    made = logs(SETTINGS, [TRUTH], seconds, seed=1, rate=rate)
+    return dict(zip(HEAD, np.column_stack([made.time, made.pose[:, 0], made.command[:, 0]]).T, strict=True))
 
 
 WHOLE = driven()
@@ -75,10 +75,10 @@ def test_clocks_in_whole_nanoseconds_keep_all_digits(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("rate", [10.0, 100.0])
 def test_other_rates_tell_the_same(rate: float, tmp_path: Path) -> None:
-    """Latency 0.1 s and gain 1 / 1.1, within five standard errors."""
+    """The robot's latency and creep stiffness, within five standard errors."""
     found = identify([write(tmp_path / "log.parquet", driven(rate, 9.3))])
     by_name = {e.name: e for e in found.estimates if e.source == "commands"}
-    for name, truth in (("latency_s", 0.1), ("gain_forward", 1 / 1.1)):
+    for name, truth in (("latency_s", TRUTH.late), ("creep_stiffness", TRUTH.stiffness)):
         assert by_name[name].told
         assert by_name[name].value == pytest.approx(truth, abs=5 * by_name[name].error)
 

@@ -59,7 +59,7 @@ def test_files_of_several_scenarios_are_named_after_them(result: om.Result, tmp_
     kept = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
     names = {f"{folder}/{name}.{kind}" for name in ("there", "bend") for folder, kind in
              (("scenarios", "toml"), ("trajectories", "parquet"))}  # fmt: skip
-    assert kept == names | {"summary.json"}
+    assert kept == names | {"summary.json", "provenance.json", "sources/tigers-v2016.toml"}
     assert om.scenario(tmp_path / "scenarios" / "bend.toml").seed_list == list(SEEDS)
 
 
