@@ -60,7 +60,7 @@ def test_a_robot_with_its_commands_is_identified_as_from_a_table(
 def test_our_simulated_robot_from_a_log_of_its_vision(tmp_path: Path) -> None:
     """The same poses and commands as a table and as a game log with a file of commands: the same numbers.
 
-    Each to its standard error: lengths in mm of 4 bytes lose a micrometre or so, and the search ends a little elsewhere.
+    Each to its standard error: lengths in mm of 4 bytes lose a micrometre, and the search ends elsewhere.
     """
     route = {
         "waypoints": [[0, 0], [1.2, 0.3], [0.4, 0.7], [0.4, -0.5], [0, 0]],
