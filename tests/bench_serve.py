@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from omni_mj.live import serve_line_up
-from omni_mj.live.serve_pitch import Pitch
-from omni_mj.live.serve_server import Ports, Server
+from omni_mj.live.serve import line_up
+from omni_mj.live.serve.pitch import Pitch
+from omni_mj.live.serve.server import Ports, Server
 from omni_mj.live.sockets import LOOPBACK, Address
 from omni_mj.live.wire.simulation import Team
 from omni_mj.scenarios.settings import PERIOD_S
@@ -28,8 +28,8 @@ def serve(blue: str, yellow: str, wheels: str) -> tuple[np.ndarray, np.ndarray, 
 
     A client commands all robots 60 times a second.
     """
-    chosen = serve_line_up.load(None, [f"wheels.model={wheels}"], {})
-    poses = serve_line_up.poses(*(serve_line_up.numbers(team, "--blue") for team in (blue, yellow)), None)
+    chosen = line_up.load(None, [f"wheels.model={wheels}"], {})
+    poses = line_up.poses(*(line_up.numbers(team, "--blue") for team in (blue, yellow)), None)
     server = Server(Pitch({Team.BLUE: chosen, Team.YELLOW: chosen}, poses), Ports(0, 0, 0, Address(LOOPBACK, 10020)))
     script = Path(__file__).parent / "support" / "bench_client.py"
     client = subprocess.Popen([sys.executable, script, *map(str, server.ports[1:]), blue, yellow])

@@ -12,9 +12,9 @@ from omni_control.errors import OmniError
 from omni_mj.cli import console, folders, options
 
 if TYPE_CHECKING:
-    from omni_mj.live.serve_log import Tape
-    from omni_mj.live.serve_pitch import Pitch
-    from omni_mj.live.serve_server import Server
+    from omni_mj.live.serve.log import Tape
+    from omni_mj.live.serve.pitch import Pitch
+    from omni_mj.live.serve.server import Server
     from omni_mj.scenarios.scenario import Scenario
 
 OUTPUTS = ("trajectory.parquet", "recording.rrd", "scenario.toml", *folders.PROVENANCE)
@@ -76,9 +76,9 @@ def command(
     quiet: bool,
 ) -> None:
     """Simulate robots for software that speaks the league's protocols."""
-    from omni_mj.live import serve_line_up
-    from omni_mj.live.serve_pitch import Pitch
-    from omni_mj.live.serve_server import Ports, Server
+    from omni_mj.live.serve import line_up
+    from omni_mj.live.serve.pitch import Pitch
+    from omni_mj.live.serve.server import Ports, Server
     from omni_mj.live.sockets import address, check_local
     from omni_mj.live.wire.simulation import Team
 
@@ -89,11 +89,11 @@ def command(
     target = address(vision, 10020)
     check_local(target, interface)
     head = {key: value for key, value in (("robot", robot), ("seed", seed)) if value is not None}
-    ours = serve_line_up.load(name, overrides, head)
-    theirs = ours if yellow_robot is None else serve_line_up.load(name, overrides, head | {"robot": yellow_robot})
-    serve_line_up.check_together(ours, theirs)
-    teams = serve_line_up.numbers(blue, "--blue"), serve_line_up.numbers(yellow, "--yellow")
-    poses = serve_line_up.poses(*teams, ours if name is not None else None)
+    ours = line_up.load(name, overrides, head)
+    theirs = ours if yellow_robot is None else line_up.load(name, overrides, head | {"robot": yellow_robot})
+    line_up.check_together(ours, theirs)
+    teams = line_up.numbers(blue, "--blue"), line_up.numbers(yellow, "--yellow")
+    poses = line_up.poses(*teams, ours if name is not None else None)
 
     def tell(text: str) -> None:
         if not quiet:
@@ -131,7 +131,7 @@ def _execute(
 ) -> None:
     """Serve until it ends; what is recorded is in `folder`, whatever ends it."""
     from omni_mj.cli.interrupts import Interrupts
-    from omni_mj.live import serve_report
+    from omni_mj.live.serve import report
     from omni_mj.studies.outcome import StoppedError
 
     stopped = None
@@ -139,7 +139,7 @@ def _execute(
         if tape is not None:
             server.after_frame = tape.add
         if not quiet:
-            click.echo(serve_report.begins(server))
+            click.echo(report.begins(server))
         gc.collect()
         gc.freeze()  # a collection through all that was imported would hold up several frames
         with Interrupts() as interrupts:
@@ -148,7 +148,7 @@ def _execute(
             except StoppedError as error:
                 stopped = error.reason
     if not quiet:
-        click.echo(serve_report.ends(server))
+        click.echo(report.ends(server))
     left = "" if folder is None else f"; what was recorded until then is in {folder}"
     interrupts.end(stopped, f"{server.pitch.time_s:.1f} s were simulated{left}")
 
@@ -161,7 +161,7 @@ def _taped(
     if folder is None and not viewers:
         yield None
         return
-    from omni_mj.live.serve_log import Block, Parquet, Tape
+    from omni_mj.live.serve.log import Block, Parquet, Tape
 
     table, shown = None, []
     if folder is not None:

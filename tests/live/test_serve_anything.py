@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from served import FAST, QUIET, pitch_of
 from wire_messages import messages
 
-from omni_mj.live import serve_control
-from omni_mj.live.serve_pitch import Pitch
+from omni_mj.live.serve import control
+from omni_mj.live.serve.pitch import Pitch
 from omni_mj.live.wire import decode, encode
 from omni_mj.live.wire.simulation import RobotControl, SimulatorCommand, Team
 from omni_mj.live.wire.vision import VisionPacket
@@ -32,7 +32,7 @@ def goes_on(pitch: Pitch) -> None:
 @given(messages(SimulatorCommand))
 def test_commands_to_the_simulator(command: SimulatorCommand) -> None:
     pitch = PITCH if len(PITCH.names) <= BODIES + 3 else pitch_of(*QUIET, FAST)
-    wishes = serve_control.obey(pitch, command)
+    wishes = control.obey(pitch, command)
     assert all(refusal.code and refusal.text for refusal in wishes.refused)
     goes_on(pitch)
 

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from served import FAST, QUIET, drive, local, pitch_of
 
-from omni_mj.live.serve_cameras import Image
-from omni_mj.live.serve_field import Area, areas, standard, surface
-from omni_mj.live.serve_pitch import Pitch
+from omni_mj.live.serve.cameras import Image
+from omni_mj.live.serve.field import Area, areas, standard, surface
+from omni_mj.live.serve.pitch import Pitch
 from omni_mj.live.wire import decode, encode
 from omni_mj.live.wire.vision import Geometry
 

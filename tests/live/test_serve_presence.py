@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from served import FAST, QUIET, drive, here, local, pitch_of, put
 
-from omni_mj.live.serve_pitch import label
+from omni_mj.live.serve.pitch import label
 from omni_mj.live.wire.simulation import Team
 
 BLUE, YELLOW = 2, 1  # on the wire

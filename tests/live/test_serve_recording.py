@@ -11,9 +11,9 @@ import serving
 from served import FAST, QUIET, drive, local, pitch_of
 from serving import served
 
-from omni_mj.live import serve_log
-from omni_mj.live.serve_log import Block, Parquet, Tape
-from omni_mj.live.serve_pitch import Pitch
+from omni_mj.live.serve import log
+from omni_mj.live.serve.log import Block, Parquet, Tape
+from omni_mj.live.serve.pitch import Pitch
 from omni_mj.live.wire.simulation import Team
 
 
@@ -64,8 +64,8 @@ def test_a_field_without_robots_is_recorded_as_nothing(tmp_path: Path) -> None:
 def test_the_table_is_written_in_parts_so_that_memory_does_not_grow(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(serve_log, "PART_FRAMES", 20)
-    monkeypatch.setattr(serve_log, "BLOCK_FRAMES", 10)
+    monkeypatch.setattr(log, "PART_FRAMES", 20)
+    monkeypatch.setattr(log, "BLOCK_FRAMES", 10)
     pitch = pitch_of(*QUIET, FAST)
     table = Parquet(tmp_path / "trajectory.parquet")
     tape = Tape(pitch, [table])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from served import FAST, QUIET, drive, local, pitch_of, put, rims, world
 
-from omni_mj.live.serve_pitch import Pitch
+from omni_mj.live.serve.pitch import Pitch
 from omni_mj.live.wire.simulation import Team
 from omni_mj.live.wire.vision import FieldSize
 

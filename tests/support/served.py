@@ -7,9 +7,9 @@ from contextlib import contextmanager
 import numpy as np
 from serving import LOOPBACK, Client
 
-from omni_mj.live import serve_line_up
-from omni_mj.live.serve_pitch import Pitch
-from omni_mj.live.serve_server import Ports, Server
+from omni_mj.live.serve import line_up
+from omni_mj.live.serve.pitch import Pitch
+from omni_mj.live.serve.server import Ports, Server
 from omni_mj.live.sockets import Address
 from omni_mj.live.wire.simulation import GlobalVelocity, LocalVelocity, MoveCommand, RobotCommand, Team, WheelVelocity
 
@@ -29,9 +29,9 @@ class Ended(Exception):  # noqa: N818
 
 def pitch_of(*sets: str, blue: str = "1", yellow: str = "0", scenario: str | None = None, seed: int = 0) -> Pitch:
     """What `serve` makes of these options."""
-    chosen = serve_line_up.load(scenario, sets, {"seed": seed})
-    numbers = serve_line_up.numbers(blue, "--blue"), serve_line_up.numbers(yellow, "--yellow")
-    poses = serve_line_up.poses(*numbers, chosen if scenario else None)
+    chosen = line_up.load(scenario, sets, {"seed": seed})
+    numbers = line_up.numbers(blue, "--blue"), line_up.numbers(yellow, "--yellow")
+    poses = line_up.poses(*numbers, chosen if scenario else None)
     return Pitch({Team.BLUE: chosen, Team.YELLOW: chosen}, poses)
 
 

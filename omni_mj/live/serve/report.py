@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from omni_mj.live.serve_pitch import label
-from omni_mj.live.serve_server import Server
+from omni_mj.live.serve.pitch import label
+from omni_mj.live.serve.server import Server
 
 
 def begins(server: Server) -> str:

@@ -9,12 +9,12 @@ from collections.abc import Callable
 from itertools import islice
 from typing import NamedTuple
 
-from omni_mj.live import serve_control
 from omni_mj.live.notes import Notes
-from omni_mj.live.serve_cameras import CYCLES, Image
-from omni_mj.live.serve_commands import Refusal
-from omni_mj.live.serve_pace import Pace
-from omni_mj.live.serve_pitch import Pitch
+from omni_mj.live.serve import control
+from omni_mj.live.serve.cameras import CYCLES, Image
+from omni_mj.live.serve.commands import Refusal
+from omni_mj.live.serve.pace import Pace
+from omni_mj.live.serve.pitch import Pitch
 from omni_mj.live.sockets import LOOPBACK, Address, Receiver, sender
 from omni_mj.live.wire import WireError, decode, encode
 from omni_mj.live.wire.simulation import (
@@ -238,7 +238,7 @@ class Server:
         """Obey a command to the simulator, and answer it."""
         command = decode(SimulatorCommand, data)
         self.counts["simulator commands"] += 1
-        wishes = serve_control.obey(self.pitch, command)
+        wishes = control.obey(self.pitch, command)
         if wishes.speed is not None and self._lockstep:
             wishes.refused.append(Refusal("LOCKSTEP", "in lockstep, time goes by commands"))
         elif wishes.speed is not None:

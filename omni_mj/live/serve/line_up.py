@@ -7,9 +7,9 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.live.serve_cameras import Name
-from omni_mj.live.serve_control import HIGHEST
-from omni_mj.live.serve_pitch import MOST
+from omni_mj.live.serve.cameras import Name
+from omni_mj.live.serve.control import HIGHEST
+from omni_mj.live.serve.pitch import MOST
 from omni_mj.live.wire.simulation import Team
 from omni_mj.scenarios import references, scenario
 from omni_mj.scenarios.scenario import Scenario

@@ -7,9 +7,9 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import wrap_angle
-from omni_mj.live.serve_cameras import Name
-from omni_mj.live.serve_commands import Refusal
-from omni_mj.live.serve_pitch import Pitch, label
+from omni_mj.live.serve.cameras import Name
+from omni_mj.live.serve.commands import Refusal
+from omni_mj.live.serve.pitch import Pitch, label
 from omni_mj.live.wire import encode
 from omni_mj.live.wire.simulation import (
     SimulatorCommand,

@@ -11,10 +11,10 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Radio, Received
-from omni_mj.live.serve_cameras import CYCLES, Eye, Image, Name, detection
-from omni_mj.live.serve_commands import HEADING, IMAGE, Refusal, nothing, packet, received
-from omni_mj.live.serve_field import areas, standard, surface
-from omni_mj.live.serve_plant import ServedPlant
+from omni_mj.live.serve.cameras import CYCLES, Eye, Image, Name, detection
+from omni_mj.live.serve.commands import HEADING, IMAGE, Refusal, nothing, packet, received
+from omni_mj.live.serve.field import areas, standard, surface
+from omni_mj.live.serve.plant import ServedPlant
 from omni_mj.live.wire.simulation import RobotCommand, Team
 from omni_mj.live.wire.vision import Detection, FieldSize, Geometry
 from omni_mj.scenarios.rows import Row

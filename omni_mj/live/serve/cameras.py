@@ -9,7 +9,7 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_mj.link.camera import Camera
 from omni_mj.link.noise import Noise, Seed, Stream
-from omni_mj.live.serve_field import Area
+from omni_mj.live.serve.field import Area
 from omni_mj.live.wire.simulation import Team
 from omni_mj.live.wire.vision import DetectedBall, DetectedRobot, Detection
 from omni_mj.scenarios.rows import Row

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.live.serve_cameras import CYCLES, Name
-from omni_mj.live.serve_pitch import Pitch, label
+from omni_mj.live.serve.cameras import CYCLES, Name
+from omni_mj.live.serve.pitch import Pitch, label
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.simulate.log import Log
 

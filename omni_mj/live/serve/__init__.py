@@ -1,0 +1,1 @@
+"""A simulator of the league: our physics behind its protocols."""
