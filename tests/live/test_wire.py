@@ -62,8 +62,8 @@ KNOWN = [
         bytes.fromhex("0a14" + "120d" + "0a0408071002" + "150000803f" + "4001" + "1d00000040"),
     ),
     (
-        RobotControlResponse((SimulatorError("X"),), (RobotFeedback(RobotId(1, Team.YELLOW), False),)),
-        bytes.fromhex("0a030a0158" + "12080a04080110011000"),
+        RobotControlResponse((SimulatorError("X"),), (RobotFeedback(1, False),)),
+        bytes.fromhex("0a030a0158" + "120408011000"),
     ),
     (
         VisionPacket(

@@ -8,7 +8,7 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Received
 from omni_mj.live.serve.plant import REMEMBERED_FRAMES
-from omni_mj.live.wire.simulation import Capability, MoveCommand, RobotCommand, SimulatorError
+from omni_mj.live.wire.simulation import MoveCommand, RobotCommand, SimulatorError
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ
 
 # A packet: velocities [vx, vy, w], vision's heading and the cycle of its image, whether the velocities are along the
@@ -25,16 +25,15 @@ def nothing(wheels: int) -> list[float]:
 
 
 class Refusal(NamedTuple):
-    """Why something is not done: a code for programs, words for people, and what is lacking."""
+    """Why something is not done: a code for programs, words for people."""
 
     code: str
     text: str
-    lacks: Capability | None = None
 
     @property
     def error(self) -> SimulatorError:
         """As it is answered."""
-        return SimulatorError(self.code, self.lacks, self.text)
+        return SimulatorError(self.code, self.text)
 
 
 def packet(command: RobotCommand, wheels: int) -> Array | Refusal | None:
@@ -48,7 +47,7 @@ def packet(command: RobotCommand, wheels: int) -> Array | Refusal | None:
     if move.wheel_velocity is not None:
         if wheels != 4:
             text = f"robot {command.id} has {wheels} wheels; the protocol's rim speeds are of four"
-            return Refusal("WHEELS", text, Capability.MOVE_WHEEL_VELOCITY)
+            return Refusal("WHEELS", text)
         rims = move.wheel_velocity
         values: tuple[float, ...] = (rims.front_left, rims.back_left, rims.back_right, rims.front_right)
         sent[WHEELS:] = values

@@ -21,7 +21,6 @@ from omni_mj.live.wire.simulation import (
     RobotControl,
     RobotControlResponse,
     RobotFeedback,
-    RobotId,
     SimulatorCommand,
     SimulatorResponse,
     Team,
@@ -266,7 +265,7 @@ class Server:
         if self._lockstep == "any" or (self._lockstep and self._called == BOTH):
             self._called.clear()
             self._advance(self.pitch.first_due)
-        feedback = tuple(RobotFeedback(RobotId(number, team), False) for number in commanded)
+        feedback = tuple(RobotFeedback(number, False) for number in commanded)
         return encode(RobotControlResponse(tuple(refusal.error for refusal in refused), feedback))
 
     def _invite(self) -> None:

@@ -2,7 +2,7 @@
 
 All in m, m/s, rad and rad/s, but for the geometry (mm on the wire) and the kick's angle, which is only passed on
 (degrees). The numbers and kinds of the fields are those of https://github.com/RoboCup-SSL/ssl-simulation-protocol,
-folder proto. What a simulator has for itself alone is carried as bytes.
+folder proto. What a simulator has for itself alone is carried as bytes, or skipped (of robots' specs).
 """
 
 from enum import IntEnum
@@ -25,15 +25,6 @@ class Team(IntEnum):
     BLUE = 2
 
 
-class Capability(IntEnum):
-    """What a simulator may be unable to do."""
-
-    UNKNOWN = 1
-    MOVE_WHEEL_VELOCITY = 2
-    MOVE_LOCAL_VELOCITY = 3
-    MOVE_GLOBAL_VELOCITY = 4
-
-
 class RobotId(NamedTuple):
     """A robot's number and team."""
 
@@ -45,8 +36,7 @@ class SimulatorError(NamedTuple):
     """Why a simulator did not do as it was told: a code for programs, a message for people."""
 
     code: Annotated[str | None, optional(1, TEXT)] = None
-    unsupported_capability: Annotated[Capability | None, optional(2, Capability)] = None
-    message: Annotated[str | None, optional(3, TEXT)] = None
+    message: Annotated[str | None, optional(2, TEXT)] = None
 
 
 class WheelVelocity(NamedTuple):
@@ -99,9 +89,9 @@ class RobotControl(NamedTuple):
 
 
 class RobotFeedback(NamedTuple):
-    """What a robot says of itself."""
+    """What a robot says of itself; its number alone, as in its command: the port says which team's."""
 
-    id: Annotated[RobotId, required(1, RobotId)]
+    id: Annotated[int, required(1, UINT32)]
     dribbler_ball_contact: Annotated[bool | None, optional(2, BOOL)] = None
     custom: Annotated[bytes | None, optional(3, BYTES)] = None
 
@@ -178,10 +168,9 @@ class RobotSpecs(NamedTuple):
     mass: Annotated[float | None, optional(4, FLOAT)] = None
     max_linear_kick_speed: Annotated[float | None, optional(7, FLOAT)] = None
     max_chip_kick_speed: Annotated[float | None, optional(8, FLOAT)] = None
-    dribbler_width: Annotated[float | None, optional(9, FLOAT)] = None
+    center_to_dribbler: Annotated[float | None, optional(9, FLOAT)] = None
     limits: Annotated[RobotLimits | None, optional(10, RobotLimits)] = None
     wheel_angles: Annotated[WheelAngles | None, optional(13, WheelAngles)] = None
-    custom: Annotated[bytes | None, optional(14, BYTES)] = None
 
 
 class SimulatorConfig(NamedTuple):
