@@ -105,8 +105,8 @@ def test_kicks_are_refused_once_and_robots_answer() -> None:
     with here(pitch_of(blue="2,7")) as (client, server):
         answer = client.ask(1, serving.kick(7) + serving.local(2, 0.1))
         assert serving.codes(answer) == ["NO_KICK"]
-        # feedback: id {number, team}, no contact with the ball
-        robots = [field(2, field(1, field(1, number) + field(2, 2)) + field(2, 0)) for number in (7, 2)]
+        # feedback: number, no contact with the ball
+        robots = [field(2, field(1, number) + field(2, 0)) for number in (7, 2)]
         assert answer.endswith(b"".join(robots))
         assert serving.codes(client.ask(1, serving.kick(7))) == []
         assert serving.codes(client.ask(1, serving.local(3, 0.1))) == ["UNKNOWN_ROBOT"]

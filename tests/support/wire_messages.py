@@ -3,6 +3,7 @@
 import random
 from collections.abc import Iterator
 from enum import IntEnum
+from functools import cache
 from typing import Any
 
 from hypothesis import strategies as st
@@ -35,6 +36,7 @@ _SCALARS = {
 }
 
 
+@cache
 def messages(kind: type[Any]) -> st.SearchStrategy[Any]:
     """Any message of a kind, with numbers that the wire carries exactly."""
     drawn, exclusive = {}, []

@@ -23,6 +23,7 @@ from omni_mj.live.wire.kinds import (
     FIXED32,
     FIXED64,
     GROUP,
+    MOST_OF_32_BITS,
     VARINT,
     Kind,
     Read,
@@ -128,34 +129,36 @@ def decode(kind: type[Message], data: bytes) -> Message:
         raise WireError(f"{kind.__name__}: {error}") from None
 
 
-def _read(kind: type[Message], data: bytes) -> Message:
+def _read(kind: type[Message], *parts: bytes) -> Message:
+    """A message; sent twice, it is merged: each part is well-formed, and what is required may be in any."""
     table = _table(kind)
     values: list[Any] = [None] * table.size
-    at, end = 0, len(data)
-    while at < end:
-        tag = data[at]
-        at += 1
-        if tag > 0x7F:
-            tag, at = read_varint(data, at - 1, end)
-        entry = table.by_tag.get(tag)
-        if entry is None:
-            at = _skipped(data, at, end, tag)
-            continue
-        value, at = entry.read(data, at, end)
-        for other in entry.others:
-            values[other] = None
-        if entry.message is None:
-            values[entry.place] = values[entry.place] if value is None else value
-        elif values[entry.place] is None:
-            values[entry.place] = [value]
-        else:
-            values[entry.place].append(value)
+    for data in parts:
+        at, end = 0, len(data)
+        while at < end:
+            tag = data[at]
+            at += 1
+            if tag > 0x7F:
+                tag, at = read_varint(data, at - 1, end, MOST_OF_32_BITS)
+            entry = table.by_tag.get(tag)
+            if entry is None:
+                at = _skipped(data, at, end, tag)
+                continue
+            value, at = entry.read(data, at, end)
+            for other in entry.others:
+                values[other] = None
+            if entry.message is None:
+                values[entry.place] = values[entry.place] if value is None else value
+            elif values[entry.place] is None:
+                values[entry.place] = [value]
+            else:
+                values[entry.place].append(value)
     for place, message, many in table.messages:
         held = values[place]
         if many:
             values[place] = tuple([_read(message, raw) for raw in held or ()])
-        elif held is not None:  # sent twice, it is merged: as if the bytes of both were of one
-            values[place] = _read(message, b"".join(held))
+        elif held is not None:
+            values[place] = _read(message, *held)
     for place, name in table.required:
         if values[place] is None:
             raise WireError(f"{kind.__name__}.{name} is required, and is missing")
@@ -185,7 +188,7 @@ def _skipped(data: bytes, at: int, end: int, tag: int) -> int:
             raise WireError(f"field {number} has wire type {wire_type}, which cannot stand there")
         if not open_groups:
             return at
-        tag, at = read_varint(data, at, end)
+        tag, at = read_varint(data, at, end, MOST_OF_32_BITS)
 
 
 def fields(kind: type[Any]) -> dict[str, Field]:

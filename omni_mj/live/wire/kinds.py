@@ -14,6 +14,7 @@ from omni_control.errors import OmniError
 
 VARINT, FIXED64, BYTES_OF_LENGTH, GROUP, END_OF_GROUP, FIXED32 = 0, 1, 2, 3, 4, 5  # wire types
 MM_PER_M = 1000.0
+MOST_OF_32_BITS = 5  # bytes of a tag or a length, as protobuf's own parsers have it
 
 Read = Callable[[bytes, int, int], tuple[Any, int]]  # of (data, from, end): value and where it ends
 Write = Callable[[Any], bytes]
@@ -32,10 +33,10 @@ class Kind:
     write: Write
 
 
-def read_varint(data: bytes, at: int, end: int) -> tuple[int, int]:
-    """A number of up to 64 bits, seven in a byte, the lowest first."""
+def read_varint(data: bytes, at: int, end: int, most: int = 10) -> tuple[int, int]:
+    """A number of up to 64 bits in that many bytes at most, seven in a byte, the lowest first."""
     value = 0
-    for shift in range(0, 70, 7):
+    for shift in range(0, 7 * most, 7):
         if at >= end:
             raise WireError("cut off within a number")
         byte = data[at]
@@ -43,7 +44,7 @@ def read_varint(data: bytes, at: int, end: int) -> tuple[int, int]:
         value |= (byte & 0x7F) << shift
         if byte < 0x80:
             return value & 0xFFFF_FFFF_FFFF_FFFF, at
-    raise WireError("a number is longer than ten bytes")
+    raise WireError(f"a number is longer than {most} bytes")
 
 
 def write_varint(value: int) -> bytes:
@@ -90,7 +91,7 @@ def _real(code: str, wire_type: int, *, scale: float = 1.0) -> Kind:
 
 def read_sized(data: bytes, at: int, end: int) -> tuple[bytes, int]:
     """Bytes after their number."""
-    size, at = read_varint(data, at, end)
+    size, at = read_varint(data, at, end, MOST_OF_32_BITS)
     if size > end - at:
         raise WireError(f"cut off: {size} bytes are announced, {end - at} are left")
     return data[at : at + size], at + size
