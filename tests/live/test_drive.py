@@ -33,10 +33,14 @@ def test_the_wire_adds_its_delay_and_nothing_else(controller: str, delay: int) -
     """A pulse finds the delay; then errors are those of the in-process loop with as many `delay_frames`.
 
     The pulse leaves the robot turned by some mrad from where its route begins, which the heading hold takes back at 3
-    per second; floats in mm are 0.1 um apart, which the fuzzy controller magnifies.
+    per second; floats in mm are 0.1 um apart, which the fuzzy controller magnifies. A computer that is busy for a frame
+    holds a command for longer, which is another run; it has three chances to have time.
     """
-    with peer("--delay", delay) as options:
-        live = driven(on_wire(controller), options)
+    for _ in range(3):
+        with peer("--delay", delay) as options:
+            live = driven(on_wire(controller), options)
+        if "busy" not in live.notes.counts:
+            break
     assert live.scenario.settings.radio.delay_frames == delay
     assert (live.link.late, live.link.missing, dict(live.notes.counts)) == (0, 0, {"pulse": 1})
     expected = in_process(live, delay)
