@@ -10,7 +10,7 @@ OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "alpha.png", *folders.P
 
 
 @click.command("alpha")
-@click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [tigers-v2016]")
+@options.ROBOT
 @options.MODEL
 @options.SETTINGS
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/alpha-<UTC time>]")

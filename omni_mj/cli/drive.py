@@ -40,10 +40,10 @@ OUTPUTS = (*run_command.OUTPUTS, "link.json")
 @options.SETTINGS
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/drive-<scenario>-<UTC time>]")
 @options.OVERWRITE
-@click.option("--record/--no-record", default=True, help="Write recording.rrd for the rerun viewer.")
-@click.option("--view", is_flag=True, help="Watch the run in a rerun viewer of its own.")
-@click.option("--connect", metavar="URL", help="Watch the run in a rerun viewer that is running.")
-@click.option("--figures/--no-figures", "draw", default=True, help="Draw the figures.")
+@options.RECORD
+@options.VIEW
+@options.CONNECT
+@options.FIGURES
 @options.QUIET
 def command(
     name: str | None,

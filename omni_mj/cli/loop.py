@@ -16,7 +16,7 @@ OUTPUTS = ("summary.json", "scenario.toml", "loop.png", "loop.svg", *folders.PRO
 )  # fmt: skip
 @click.option("--scenario", "name", metavar="NAME|FILE.toml", default="rect", help="Whose settings count. [rect]")
 @click.option("--plant", metavar="NAME|FILE.py:Class", help="What is driven. [mujoco]")
-@click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [tigers-v2016]")
+@options.ROBOT
 @options.MODEL
 @click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")
 @click.option("--seeds", type=int, metavar="N", help="How many seeds, over which is averaged. [1]")

@@ -16,6 +16,11 @@ SETTINGS = click.option(
     "--set", "overrides", metavar="SECTION.FIELD=VALUE", multiple=True, help="A setting; see omni-mj list."
 )
 MODEL = click.option("--model", metavar="FILE.xml", help="Your robot's MJCF; the robot's file says the rest. [ours]")
+ROBOT = click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [tigers-v2016]")
+RECORD = click.option("--record/--no-record", default=True, help="Write recording.rrd for the rerun viewer.")
+VIEW = click.option("--view", is_flag=True, help="Watch the run in a rerun viewer of its own.")
+CONNECT = click.option("--connect", metavar="URL", help="Watch the run in a rerun viewer that is running.")
+FIGURES = click.option("--figures/--no-figures", "draw", default=True, help="Draw the figures.")
 SUBJECT = click.option("--subject", metavar="NAME", help="A controller whose verdict is asked for.")
 OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace the files of an earlier run in --out.")
 QUIET = click.option("--quiet", is_flag=True, help="Print nothing but errors.")

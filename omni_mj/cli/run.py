@@ -27,17 +27,17 @@ OUTPUTS = (*RESULTS, *folders.PROVENANCE)
 @click.option("--scenario", "name", metavar="NAME|FILE.toml", help="What to run.")
 @options.CONTROLLER
 @click.option("--plant", metavar="NAME|FILE.py:Class", help="What is driven. [mujoco]")
-@click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [tigers-v2016]")
+@options.ROBOT
 @options.MODEL
 @click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")
 @click.option("--seeds", type=int, metavar="N", help="How many seeds, counting up from the first. [1]")
 @options.SETTINGS
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/<scenario>-<UTC time>]")
 @options.OVERWRITE
-@click.option("--record/--no-record", default=True, help="Write recording.rrd for the rerun viewer.")
-@click.option("--view", is_flag=True, help="Watch the run in a rerun viewer of its own.")
-@click.option("--connect", metavar="URL", help="Watch the run in a rerun viewer that is running.")
-@click.option("--figures/--no-figures", "draw", default=True, help="Draw the figures.")
+@options.RECORD
+@options.VIEW
+@options.CONNECT
+@options.FIGURES
 @options.QUIET
 @click.option("--list", "show_list", is_flag=True, help="List scenarios, controllers, plants and settings.")
 def command(

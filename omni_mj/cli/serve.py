@@ -24,7 +24,7 @@ PORT = click.IntRange(0, 65_535)
 
 @click.command("serve")
 @click.option("--scenario", "name", metavar="NAME|FILE.toml", help="Carpet, cameras, radio, faults and so on.")
-@click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [tigers-v2016]")
+@options.ROBOT
 @click.option("--yellow-robot", metavar="NAME|FILE.toml", help="Same, of the yellow team. [as --robot]")
 @options.SETTINGS
 @click.option("--seed", type=int, metavar="S", help="Of the random numbers. [0]")
