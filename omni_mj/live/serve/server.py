@@ -18,6 +18,9 @@ from omni_mj.live.serve.pitch import Pitch
 from omni_mj.live.sockets import LOOPBACK, Address, Receiver, sender
 from omni_mj.live.wire import WireError, decode, encode
 from omni_mj.live.wire.simulation import (
+    BLUE_PORT,
+    SIMULATOR_PORT,
+    YELLOW_PORT,
     RobotControl,
     RobotControlResponse,
     RobotFeedback,
@@ -46,9 +49,9 @@ class Ports(NamedTuple):
         interface: by which; loopback keeps all on this computer.
     """
 
-    control: int = 10300
-    blue: int = 10301
-    yellow: int = 10302
+    control: int = SIMULATOR_PORT
+    blue: int = BLUE_PORT
+    yellow: int = YELLOW_PORT
     vision: Address = Address(VISION_GROUP, SIMULATED_VISION_PORT)
     interface: str = LOOPBACK
 
