@@ -20,6 +20,7 @@ COMMANDS = (
     "verify",
     "report",
     "picture",
+    "film",
     "list",
     "schema",
 )

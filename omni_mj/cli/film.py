@@ -1,0 +1,67 @@
+"""`omni-mj film DIR`: a run as a film, drawn without a display."""
+
+import os
+import re
+import sys
+from pathlib import Path
+
+import click
+
+from omni_control.errors import OmniError
+
+VIEWS = ("follow", "whole", "plan")
+LEAST, MOST = 64, 4096  # pixels
+
+
+@click.command("film")
+@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+@click.argument("out", metavar="[OUT]", required=False, type=click.Path(path_type=Path))
+@click.option("--controller", "controllers", multiple=True, metavar="NAME", help="May be repeated. [all of the run]")
+@click.option("--view", type=click.Choice(VIEWS), default="follow", help="The robot, or all of its route. [follow]")
+@click.option("--from", "begin_s", type=click.FloatRange(0), default=0.0, metavar="S", help="Where it begins. [0]")
+@click.option("--to", "end_s", type=click.FloatRange(0), metavar="S", help="Where it ends. [the run's end]")
+@click.option("--speed", type=click.FloatRange(0.01, 100), default=1.0, metavar="X", help="2 is twice as fast. [1]")
+@click.option("--rate", type=click.FloatRange(1, 60), default=15.0, metavar="HZ", help="Pictures a second. [15]")
+@click.option("--size", default="960x320", metavar="WxH", help="Of a picture, pixels. [960x320]")
+def command(
+    folder: Path,
+    out: Path | None,
+    controllers: tuple[str, ...],
+    view: str,
+    begin_s: float,
+    end_s: float | None,
+    speed: float,
+    rate: float,
+    size: str,
+) -> None:
+    """Draw the run in DIR as a film: OUT.gif, .webp, .mp4 or .webm, DIR/film.webp if none is named.
+
+    Panels show each controller's robot with the run's first seed, its path, and as a white ring where it should be.
+    It needs no display, but EGL: Debian's libegl1 and libgl1-mesa-dri will do.
+    """
+    out = out or folder / "film.webp"
+    pixels = _pixels(size)
+    if sys.platform.startswith("linux"):  # before MuJoCo is imported; elsewhere it draws without a window by itself
+        os.environ.setdefault("MUJOCO_GL", "egl")
+    import numpy as np
+
+    from omni_mj.show.film import writing
+    from omni_mj.show.film.reel import Reel
+
+    writing.check(out)
+    reel = Reel.of(folder, controllers)
+    end = reel.duration_s if end_s is None else min(end_s, reel.duration_s)
+    if begin_s >= end:
+        raise OmniError(f"--from {begin_s:g} must be before the film's end at {end:g} s")
+    instants = np.arange(begin_s, end, speed / rate)
+    with click.progressbar(reel.pictures(instants, view, pixels), len(instants), file=sys.stderr) as pictures:
+        writing.write(pictures, out, rate)
+    print(f"film in {out}: {len(instants) / rate:.1f} s, {out.stat().st_size / 1e6:.1f} MB")
+
+
+def _pixels(size: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d{2,4})x(\d{2,4})", size)
+    if not found or not all(LEAST <= int(side) <= MOST for side in found.groups()):
+        raise OmniError(f"--size must be like 960x320, {LEAST} to {MOST} pixels each way, not {size}")
+    width, height = map(int, found.groups())
+    return width, height
