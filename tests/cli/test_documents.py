@@ -43,17 +43,12 @@ def test_every_block_of_a_document_works(document: str, tmp_path: Path) -> None:
 
 def test_files_that_the_documents_name_exist() -> None:
     """Files of the repository that the texts link or name are there."""
-    for document in (
-        *DOCUMENTS,
-        "README.md",
-        "docs/paper.md",
-        "docs/faults.md",
-        "docs/identify.md",
-        "docs/live.md",
-        "docs/repeat.md",
-        "control/README.md",
-        "models/README.md",
+    for path in (
+        *ROOT.glob("*.md"),
+        *ROOT.glob("docs/*.md"),
+        *(ROOT / name / "README.md" for name in ("control", "models")),
     ):
+        document = path.relative_to(ROOT)
         text = (ROOT / document).read_text(encoding="utf-8")
         linked = [target for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text) if "://" not in target]
         assert all(((ROOT / document).parent / target).exists() for target in linked), (document, linked)
