@@ -55,7 +55,7 @@ def _condition(study: "Study", name: str | None, gain: Axes, lag: Axes) -> None:
         return
     values, found = study.conditions[name], study.changed[name]
     for i, direction in enumerate(DIRECTIONS):
-        colour = style.controller(i)
+        colour = style.colour(i)
         gain.plot(values, found.steady[:, i], "o-", color=colour, label=f"{direction}, steady")
         gain.plot(values, found.speeding_up[:, i], "s:", color=colour, label=f"{direction}, speeding up")
         lag.plot(values, 1000 * found.lag_s[:, i], "o-", color=colour)
@@ -85,7 +85,7 @@ def _causes(study: "Study", name: str, axes: Axes) -> None:
             at,
             [factor * each[i] for each in added.values()],
             width,
-            color=style.controller(i),
+            color=style.colour(i),
             label=list(DIRECTIONS)[i],
         )
     axes.axhline(0, color="#888888", lw=0.8)

@@ -51,10 +51,10 @@ def _learning(result: "LimitResult", axes: Axes) -> None:
     for i, aim in enumerate(AIMS):
         values = [100 * each[aim] for each in result.history]
         label = {"max": "maximum", "mean": "mean"}[aim]
-        axes.semilogy(attempts, values, "o-", color=style.controller(i), label=f"{label}, without noise")
+        axes.semilogy(attempts, values, "o-", color=style.colour(i), label=f"{label}, without noise")
         spread = result.outcomes[0].entry["results"][LIMIT]["error_m"]["distance"][aim]
         if spread["median"]:
-            axes.axhline(100 * spread["median"], color=style.controller(i), ls=":", label=f"{label}, with noise")
+            axes.axhline(100 * spread["median"], color=style.colour(i), ls=":", label=f"{label}, with noise")
     if 0 < result.own_from < len(attempts):
         axes.axvline(result.own_from - 0.5, color=style.REFERENCE, lw=0.8, ls="--")
     axes.set(xlabel="attempt", ylabel="error in the plane, cm")
@@ -66,7 +66,7 @@ def _command(reference: np.ndarray, command: np.ndarray, label: str, axes: Axes)
     """Draw what was sent, when it was, beside the reference's own velocity."""
     time = PERIOD_S * np.arange(len(reference))
     axes.plot(time[:-1], np.diff(reference) / PERIOD_S, color=style.REFERENCE, label="reference")
-    axes.plot(time, command, color=style.controller(1), lw=0.9, label="learned command, as sent")
+    axes.plot(time, command, color=style.colour(1), lw=0.9, label="learned command, as sent")
     axes.set_ylabel(label)
 
 
@@ -80,9 +80,9 @@ def _errors(result: "LimitResult", axes: Axes) -> None:
     time = PERIOD_S * np.arange(len(distance))
     for i, (name, label) in enumerate(((LIMIT, result.whose["max"]), (WITHOUT_NOISE, WITHOUT_NOISE))):
         part = distance[:, log.of(label)]
-        axes.plot(time, np.median(part, axis=1), color=style.controller(i), label=name)
+        axes.plot(time, np.median(part, axis=1), color=style.colour(i), label=name)
         if part.shape[1] > 1:
-            axes.fill_between(time, part.min(1), part.max(1), color=style.controller(i), alpha=0.2, lw=0)
+            axes.fill_between(time, part.min(1), part.max(1), color=style.colour(i), alpha=0.2, lw=0)
     axes.set_ylabel("error in the plane, cm")
     axes.set_ylim(bottom=0)
     axes.legend(loc="upper right", ncols=2)

@@ -32,9 +32,9 @@ def save(findings: "Findings", stem: Path) -> None:
         grid = figure.subplots(4, len(cases), height_ratios=HEIGHTS_IN, squeeze=False)
         for column, (case, loops) in zip(grid.T, cases.items(), strict=True):
             column[0].set_title(case)
-            for i, (label, loop) in enumerate(loops.items()):
+            for slot, (label, loop) in zip(style.slots(list(loops)), loops.items(), strict=True):
                 if np.isfinite(loop.moved).all() and np.isfinite(loop.gains).all():
-                    _draw(column, loop, {**style.line(i), "marker": ""}, label)
+                    _draw(column, loop, {**style.line(slot), "marker": ""}, label)
             _frame(column)
         for axes, label in zip(
             grid[:, 0], ("step response in cm", "|L|", "phase of L in °", "imaginary part of L"), strict=True

@@ -1,16 +1,22 @@
 """Colours, line styles and markers shared by figures and recordings.
 
-The colours are Okabe and Ito's, then three of Tol's: distinct to the colour-blind. In grey some of them fall together;
-there a controller is known by its line style and marker.
+A controller keeps its own in every figure, recording, film and comparison: those that ship have slots, a user's take
+those left. The colours are Okabe and Ito's, then some of Tol's: distinct to the colour-blind. In grey some of them fall
+together; there a controller is known by its line style and marker.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 SHEET = Path(__file__).with_name("omni.mplstyle")
 REFERENCE = "#7F7F7F"
 BACKGROUND = "#C8C8C8"
-CONTROLLERS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#999933", "#332288")
+COLOURS = (
+    "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#999933", "#332288",
+    "#117733", "#AA4499", "#661100",
+)  # fmt: skip
+SHIPPED = ("flc", "comp-flc", "adaptive-comp-flc", "mpc", "comp-flc-lag", "lqr", "p", "smith", "oracle")
 DASHES = (
     "-",
     (0, (4, 1.5)),
@@ -21,22 +27,36 @@ DASHES = (
     "-",
     (0, (2, 1)),
     (0, (3, 1, 3, 1, 1, 1)),
+    (0, (4, 1, 1, 1)),
+    "-",
+    (0, (7, 3)),
 )
 # Markers, and sizes that look alike.
-MARKERS = {"o": 5.0, "s": 5.0, "^": 5.5, "D": 4.5, "v": 5.5, "P": 6.5, "X": 6.5, "*": 8.5, "p": 6.0}
+MARKERS = {
+    "o": 5.0, "s": 5.0, "^": 5.5, "D": 4.5, "v": 5.5, "P": 6.5, "X": 6.5, "*": 8.5, "p": 6.0,
+    "h": 5.5, "<": 5.5, ">": 5.5,
+}  # fmt: skip
 
 
-def controller(index: int) -> str:
-    """Colour of a run's index-th controller; of a robot's index-th wheel where a plot shows one controller alone."""
-    return CONTROLLERS[index % len(CONTROLLERS)]
+def slots(controllers: Sequence[str]) -> list[int]:
+    """The slots of a run's controllers, for `colour` and `line`: of those that ship their own, else what is left."""
+    free = [*range(len(SHIPPED), len(COLOURS)), *(i for i, name in enumerate(SHIPPED) if name not in controllers)]
+    others = [name for name in dict.fromkeys(controllers) if name not in SHIPPED]
+    taken = {name: free[i % len(free)] if free else i for i, name in enumerate(others)}
+    return [SHIPPED.index(name) if name in SHIPPED else taken[name] for name in controllers]
 
 
-def line(index: int) -> dict[str, Any]:
-    """Matplotlib's properties of the line of a run's index-th controller, told apart by each of the three."""
-    marker, size = list(MARKERS.items())[index % len(MARKERS)]
-    dashes = DASHES[index % len(DASHES)]
+def colour(slot: int) -> str:
+    """Colour of a slot; of a robot's wheel of that number where a plot shows one controller alone."""
+    return COLOURS[slot % len(COLOURS)]
+
+
+def line(slot: int) -> dict[str, Any]:
+    """Matplotlib's properties of the line of a slot, told apart by each of the three."""
+    marker, size = list(MARKERS.items())[slot % len(MARKERS)]
+    dashes = DASHES[slot % len(DASHES)]
     return {
-        "color": controller(index), "linestyle": dashes,
+        "color": colour(slot), "linestyle": dashes,
         "marker": marker, "markersize": size, "markeredgecolor": "white", "markeredgewidth": 0.6,
     }  # fmt: skip
 

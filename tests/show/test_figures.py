@@ -148,7 +148,7 @@ def _of_the_second(name: str, axes: Axes, line: Line2D) -> bool:
     """Whether a curve is that of the controller c1."""
     if name in ("temperatures", "alpha"):  # where each controller has its own axes
         return axes.get_title(loc="left").startswith("c1")
-    return bool(line.get_color() == style.controller(1))
+    return bool(line.get_color() == style.colour(style.slots(["c0", "c1"])[1]))
 
 
 @pytest.mark.parametrize("controllers", [2, 5])
@@ -267,10 +267,17 @@ def test_each_of_many_controllers_has_axes_of_its_own() -> None:
 
 
 def test_controllers_are_tellable_without_colour() -> None:
-    lines = [style.line(i) for i in range(len(CONTROLLERS))]  # all that come along, in one comparison
+    lines = [style.line(slot) for slot in style.slots([*CONTROLLERS, "mine", "yours", "theirs"])]
     assert len({str(line["linestyle"]) + line["marker"] for line in lines}) == len(lines)
     assert len({line["marker"] for line in lines}) == len({line["color"] for line in lines}) == len(lines)
     assert len({str(line["linestyle"]) for line in lines[: canvas.TOGETHER]}) == canvas.TOGETHER
+
+
+@given(st.lists(st.sampled_from([*CONTROLLERS, "mine", "yours", "theirs"]), unique=True))
+def test_a_controller_that_ships_looks_the_same_in_whatever_company(controllers: list[str]) -> None:
+    slots = dict(zip(controllers, style.slots(controllers), strict=True))
+    assert len(set(slots.values())) == len(controllers)
+    assert all(slots[name] == style.slots([name])[0] for name in controllers if name in CONTROLLERS)
 
 
 def test_memberships_are_triangles_that_cross_at_half_height() -> None:

@@ -193,7 +193,7 @@ def test_series_say_name_unit_and_rate_in_their_controllers_colour(recorded: Rec
             assert ("," in name) == (quantity != "alpha")  # which has no unit
             assert name.startswith(controller) or quantity == "wheel"
         if quantity != "wheel":
-            red, green, blue = style.rgb(style.controller(CONTROLLERS.index(controller)))
+            red, green, blue = style.rgb(style.colour(style.SHIPPED.index(controller)))
             colour = recorded.static(entity, "SeriesLines:colors")[-1]
             assert colour in (
                 red << 24 | green << 16 | blue << 8 | 255,

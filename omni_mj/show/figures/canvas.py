@@ -72,12 +72,12 @@ def thin(values: Array) -> tuple[np.ndarray, Array]:
     return kept, values[kept]
 
 
-def curve(axes: Axes, values: Array, index: int, label: str) -> None:
-    """Draw a controller's values (frames,) with its colour, dashes and markers."""
+def curve(axes: Axes, values: Array, index: int, slot: int, label: str) -> None:
+    """Draw values (frames,) of a run's index-th controller with the colour, dashes and markers of its slot."""
     frames, kept = thin(values)
     step = max(len(kept) // MARKS, 1)
     start = (index * step // TOGETHER) % step
-    axes.plot(frames, kept, label=label, markevery=(start, step), zorder=3, **style.line(index))
+    axes.plot(frames, kept, label=label, markevery=(start, step), zorder=3, **style.line(slot))
 
 
 def legend(figure: Figure, axes: Axes | Sequence[Axes], columns: int = 5) -> None:
@@ -91,19 +91,19 @@ def legend(figure: Figure, axes: Axes | Sequence[Axes], columns: int = 5) -> Non
     figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(len(entries), columns))
 
 
-def mark_greatest(axes: Axes, values: Array, index: int, text: str) -> None:
+def mark_greatest(axes: Axes, values: Array, slot: int, text: str) -> None:
     """Label the greatest of a controller's values (frames,) where it is."""
     frame = int(np.nanargmax(values))
     inward = "left" if frame < 0.03 * len(values) else "right" if frame > 0.97 * len(values) else "center"
     axes.annotate(
         text, (frame, values[frame]), (0, 4), textcoords="offset points", ha=inward, va="bottom", fontsize=8,
-        color=style.controller(index), annotation_clip=False, zorder=5, path_effects=[HALO],
+        color=style.colour(slot), annotation_clip=False, zorder=5, path_effects=[HALO],
     )  # fmt: skip
 
 
-def mark_failure(axes: Axes, frame: int, index: int, name: str) -> None:
+def mark_failure(axes: Axes, frame: int, slot: int, name: str) -> None:
     """Draw a line where a controller's row was stopped."""
-    axes.axvline(frame, color=style.controller(index), lw=1, ls=(0, (1, 1)), zorder=2, label=f"{name} failed")
+    axes.axvline(frame, color=style.colour(slot), lw=1, ls=(0, (1, 1)), zorder=2, label=f"{name} failed")
 
 
 def mark_limit(axes: Axes, value: float, name: str, span: tuple[float, float] | None = None) -> None:

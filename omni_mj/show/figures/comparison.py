@@ -70,9 +70,9 @@ def comparison(entries: Mapping[str, Entry], informed: Iterable[str] = ()) -> Fi
         mean, half = _numbers([panel.spread(result) for _, result in found], panel.scale)
         lowest = _limits(axes, panel, entries.values(), tops) if panel.limited else []
         at = _scaled(axes, panel, mean, half, lowest)
-        for i, name in enumerate(names):
+        for i, (slot, name) in enumerate(zip(style.slots(names), names, strict=True)):
             own = drivers == i
-            look = style.line(i) | {"linestyle": "none"}
+            look = style.line(slot) | {"linestyle": "none"}
             if name in informed:
                 look |= {"markerfacecolor": "white", "markeredgecolor": look["color"], "markeredgewidth": 1.0}
             low = np.maximum(mean - half, 1e-12)[own]  # an interval that reaches zero leaves a logarithmic panel

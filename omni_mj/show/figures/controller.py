@@ -24,8 +24,8 @@ def memberships(control: ControlSettings) -> Figure:
     for axes, (variable, title, label, reach) in zip(figure.subplots(1, 2, sharey=True), sides, strict=True):
         for k, (name, corners) in enumerate(variable.sets.items()):
             x, y = reach * np.array(astuple(corners)), [0, 1, 1, 0]
-            axes.plot(x, y, color=style.controller(k), lw=1.6, ls=DASHES[k % 2])
-            axes.fill(x, y, color=style.controller(k), alpha=0.1, lw=0)
+            axes.plot(x, y, color=style.colour(k), lw=1.6, ls=DASHES[k % 2])
+            axes.fill(x, y, color=style.colour(k), alpha=0.1, lw=0)
             peak = np.clip(x[1:3].mean(), reach * variable.low, reach * variable.high)
             axes.annotate(name, (peak, 1), (0, 4), textcoords="offset points", ha="center", weight="bold",
                           annotation_clip=False)  # fmt: skip
@@ -57,7 +57,7 @@ def surface(control: ControlSettings) -> Figure:
     fine = np.linspace(-reach, reach, 801)
     for dashes, share in zip(DASHES, (0, 0.125, 0.25), strict=False):
         v = flc(np.stack([fine, np.full_like(fine, share * reach)], axis=-1))[..., 0]
-        section.plot(100 * fine, v, color=style.controller(DASHES.index(dashes)), ls=dashes, lw=1.5,
+        section.plot(100 * fine, v, color=style.colour(DASHES.index(dashes)), ls=dashes, lw=1.5,
                      label=f"$e_y$ = {100 * share * reach:g} cm")  # fmt: skip
     section.set(xlabel="$e_x$ in cm", ylabel="$v_x$ in m/s", title="Sections")
     section.axhline(0, color="#888888", lw=0.8)

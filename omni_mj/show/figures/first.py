@@ -7,6 +7,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.measure import metrics
+from omni_mj.show import style
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Failure
 
@@ -29,6 +30,11 @@ class FirstRows:
     def names(self) -> tuple[str, ...]:
         """The controllers' labels."""
         return self.log.controllers
+
+    @property
+    def slots(self) -> list[int]:
+        """Their slots in `style`."""
+        return style.slots(self.names)
 
     @property
     def rows(self) -> list[int]:

@@ -50,7 +50,7 @@ def path(first: FirstRows) -> Figure:
     overview.plot(*reference[0], "o", color="black", ms=6, zorder=6, label="start")
     for i in first.failed:
         travelled = pose[~np.isnan(pose[:, i, 0]), i]
-        overview.plot(*travelled[-1:].T, "X", color=style.controller(i), ms=8, mec="black", zorder=6,
+        overview.plot(*travelled[-1:].T, "X", color=style.colour(first.slots[i]), ms=8, mec="black", zorder=6,
                       label=f"{names[i]} failed")  # fmt: skip
     overview.margins(0.06)
     overview.set(xlabel="$x$ in m", ylabel="$y$ in m")
@@ -64,8 +64,9 @@ def path(first: FirstRows) -> Figure:
 
 def _draw(axes: Axes, controllers: tuple[str, ...], reference: Array, pose: Array, shown: Sequence[int]) -> None:
     axes.plot(*reference.T, color=style.BACKGROUND, lw=4, zorder=1, label="reference")
+    slots = style.slots(controllers)
     for i in shown:
-        axes.plot(*pose[:, i].T, zorder=3, label=controllers[i], **style.line(i) | {"marker": ""})
+        axes.plot(*pose[:, i].T, zorder=3, label=controllers[i], **style.line(slots[i]) | {"marker": ""})
     axes.set_aspect("equal", adjustable="box")
 
 

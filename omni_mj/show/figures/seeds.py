@@ -34,7 +34,7 @@ def seeds(entry: dict[str, Any], heading: bool) -> Figure:
     axes = [axis for axis in ERRORS if axis != "heading" or heading]
     figure = Figure(figsize=(PANEL_IN * len(axes), 1.6 + 2 * 0.36 * (len(results) + 1)))
     grid = figure.subplots(2, len(axes), sharey=True)
-    rows = np.arange(len(results))[::-1]
+    rows, slots = np.arange(len(results))[::-1], style.slots(list(results))
     count = 0
     for (key, label), line in zip(STATISTICS.items(), grid, strict=True):
         for axis, panel in zip(axes, line, strict=True):
@@ -42,7 +42,7 @@ def seeds(entry: dict[str, Any], heading: bool) -> Figure:
             for i, (controller, result) in enumerate(results.items()):
                 errors = result[part][axis][key]["seeds"]
                 count = max(count, len(errors))
-                _box(panel, scale * np.array(errors, float), rows[i], i)
+                _box(panel, scale * np.array(errors, float), rows[i], slots[i])
                 printed = paper.get(controller, {}).get(axis)
                 if printed:
                     panel.plot(scale * printed[key], rows[i], "D", ms=6, mec="black", mfc="white", zorder=4,
@@ -61,7 +61,7 @@ def seeds(entry: dict[str, Any], heading: bool) -> Figure:
     return figure
 
 
-def _box(axes: Axes, values: np.ndarray, row: int, index: int) -> None:
+def _box(axes: Axes, values: np.ndarray, row: int, slot: int) -> None:
     """Draw a controller's errors (seeds,), not a number where it failed."""
     known = ~np.isnan(values)
     if not known.any():
@@ -70,7 +70,7 @@ def _box(axes: Axes, values: np.ndarray, row: int, index: int) -> None:
         [values[known]], positions=[row], orientation="horizontal", widths=0.55, whis=(0, 100), showfliers=False,
         patch_artist=True, medianprops={"color": "black", "linewidth": 1.6}, zorder=2, manage_ticks=False,
     )  # fmt: skip
-    drawn["boxes"][0].set(facecolor=style.controller(index) + "55", edgecolor=style.controller(index))
+    drawn["boxes"][0].set(facecolor=style.colour(slot) + "55", edgecolor=style.colour(slot))
     if len(values) <= MOST_DOTS:
         spread = 0.16 * np.linspace(-1, 1, len(values))  # one seed keeps its height in all boxes
         axes.plot(values[known], row + spread[known], "o", ms=3, mew=0, color="#333333", zorder=3, label="a seed")

@@ -12,7 +12,7 @@ from omni_mj.show.figures.first import FirstRows
 
 PAPER_ALPHA = (0.7, 1.0)  # section 2
 ALPHA_AXES = ("x", "y")
-ESTIMATE = style.CONTROLLERS[5]
+ESTIMATE = style.colour(5)
 # Axis of an error -> its label, its unit, and how many of that are 1 m or 1 rad.
 ERRORS = {
     "x": ("$|x_r - x|$", "cm", 100.0),
@@ -55,7 +55,7 @@ def alpha(first: FirstRows) -> Figure:
             axes.plot(*canvas.thin(true[:, i, j]), color="black", lw=1, zorder=3, label="alpha over 15 frames")
             axes.set_title(f"{name}, ${ALPHA_AXES[j]}$" + ("" if estimates else " (estimates none)"))
             if i in first.failed:
-                canvas.mark_failure(axes, _end(first, i), i, name)
+                canvas.mark_failure(axes, _end(first, i), first.slots[i], name)
         grid[i, 0].set_ylabel("alpha")
     grid[0, 0].set_ylim(*_alpha_limits(true))
     canvas.legend(figure, list(grid.flat))
@@ -105,14 +105,14 @@ def _compare(first: FirstRows, values: Array, labels: list[str], reference: Arra
             if i and not together:
                 axes.plot(*canvas.thin(values[:, 0, j]), color=style.REFERENCE, lw=0.8, label=f"{names[0]}, to compare")
             if together:
-                canvas.curve(axes, values[:, i, j], i, name)
+                canvas.curve(axes, values[:, i, j], i, first.slots[i], name)
             else:
-                axes.plot(*canvas.thin(values[:, i, j]), color=style.controller(i), zorder=3)
+                axes.plot(*canvas.thin(values[:, i, j]), color=style.colour(first.slots[i]), zorder=3)
                 axes.set_title(_title(first, i, j, values, label, reference is None))
             if i in first.failed:
-                canvas.mark_failure(axes, _end(first, i), i, name)
+                canvas.mark_failure(axes, _end(first, i), first.slots[i], name)
             elif together and reference is None:
-                canvas.mark_greatest(axes, values[:, i, j], i, f"{np.nanmax(values[:, i, j]):.2f}")
+                canvas.mark_greatest(axes, values[:, i, j], first.slots[i], f"{np.nanmax(values[:, i, j]):.2f}")
     if reference is None:
         for j, column in enumerate(grid[:, :1] if together else grid.T[:, :1]):
             column[0].set_ylim(0, 1.15 * max(tops[j], 1e-9))

@@ -77,7 +77,7 @@ class Reel:
         if unknown := [name for name in controllers if name not in known]:
             raise OmniError(f"{folder} has no controller {unknown[0]!r}; it has {', '.join(known)}")
         first = column["seed"] == column["seed"][0]
-        takes = []
+        takes, slots = [], dict(zip(known, style.slots(known), strict=True))
         for name in controllers or known:
             mine = first & (column["controller"] == name)
             places = len(set(column["place"][mine]))
@@ -87,8 +87,8 @@ class Reel:
             numbers = np.column_stack([data[key] for key in _columns(data, count)[4:]])[:whole]
             numbers = numbers.reshape(-1, places, numbers.shape[1])
             wheels = numbers[..., 6:] if numbers.shape[2] > 6 else np.zeros((*numbers.shape[:2], count))
-            colour = style.controller(known.index(name))
-            takes.append(Take(name, colour, numbers[..., :3], numbers[..., 3:6], np.nan_to_num(wheels)))
+            colour, pose, reference = style.colour(slots[name]), numbers[..., :3], numbers[..., 3:6]
+            takes.append(Take(name, colour, pose, reference, np.nan_to_num(wheels)))
         return cls(settings, takes)
 
     @property

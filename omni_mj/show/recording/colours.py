@@ -9,9 +9,9 @@ GOALS: Rgb = (190, 190, 190)
 REFERENCE: Rgb = (240, 240, 240)
 
 
-def of(index: int) -> Rgb:
-    """Colour of a run's index-th controller; of a robot's index-th wheel where a plot shows one controller alone."""
-    return style.rgb(style.controller(index))
+def of(slot: int) -> Rgb:
+    """Colour of a controller's slot (`style.slots`); of a wheel of that number where a plot shows one robot alone."""
+    return style.rgb(style.colour(slot))
 
 
 def pale(colour: Rgb, share: float = 0.5) -> Rgb:

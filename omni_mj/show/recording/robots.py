@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from omni_control.kinematics import Array
 from omni_mj.scenarios.rows import Row
+from omni_mj.show import style
 from omni_mj.show.recording import colours
 from omni_mj.simulate.log import Log
 
@@ -54,11 +55,12 @@ class Track:
 def shown(rows: Sequence[Row]) -> list[Robot]:
     """The robots to show of a table of rows, those of one controller after those of the one before."""
     robots: list[Robot] = []
-    for i, controller in enumerate(dict.fromkeys(row.controller for row in rows)):
+    controllers = list(dict.fromkeys(row.controller for row in rows))
+    for slot, controller in zip(style.slots(controllers), controllers, strict=True):
         own = [number for number, row in enumerate(rows) if row.controller == controller]
         together = [number for number in own if rows[number].world == rows[own[0]].world]
         for k, number in enumerate(together):
             name = controller if len(together) == 1 else f"{controller}/{rows[number].place}"
-            colour = colours.pale(colours.of(i), min(k * PALER, PALEST)) if k else colours.of(i)
+            colour = colours.pale(colours.of(slot), min(k * PALER, PALEST)) if k else colours.of(slot)
             robots.append(Robot(number, len(robots), name, colour))
     return robots
