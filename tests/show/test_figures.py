@@ -35,6 +35,7 @@ def made(
     frames: int = FRAMES,
     heat: bool = True,
     failed: dict[int, int] | None = None,
+    estimate: float = 0.9,
 ) -> Outcome:
     """Robots that drive x, then turn a corner into y; the i-th controller is off by i cm and all achieve 0.8 of it.
 
@@ -51,7 +52,7 @@ def made(
     warm = (25 + 0.1 * np.arange(frames) if heat else np.full(frames, np.nan))[:, None, None]
     ends = [(failed or {}).get(row, frames) for row in range(len(table))]
     log = filled(
-        table, frames, ends, ref=ref, pose=pose, command=command, applied=command, alpha_hat=1.0, winding=warm,
+        table, frames, ends, ref=ref, pose=pose, command=command, applied=command, alpha_hat=estimate, winding=warm,
         housing=warm,
     )  # fmt: skip
     failures = [failure(log, row) for row in failed or {}]
@@ -115,10 +116,28 @@ def test_the_curves_are_the_recorded_values() -> None:
 
 
 def test_alpha_is_what_the_robots_achieved() -> None:
-    """Robots that achieve 0.8 of their command have alpha 0.8, in every window that lies within one side."""
-    values = curves(drawn(lambda: series.alpha(first(made()))).axes[0], "alpha over 15 frames")[0]
-    assert np.isnan(values[:15]).all()
-    np.testing.assert_allclose(values[15 : FRAMES // 2 + 1], ALPHA, atol=1e-9)
+    """Robots that achieve 0.8 of their command have alpha 0.8, in every window that lies within one side.
+
+    It is shown from where they have been driven for a while; the second side is driven in y, and nothing is shown of x.
+    """
+    values = curves(drawn(lambda: series.alpha(first(made()))).axes[0], "ratio over 15 frames")[0]
+    begin, corner = metrics.ALPHA_WINDOW_FRAMES + metrics.ALPHA_START_FRAMES, FRAMES // 2
+    assert np.isnan(values[:begin]).all()
+    np.testing.assert_allclose(values[begin : corner + 1], ALPHA, atol=1e-9)
+    assert np.isnan(values[corner + 1 :]).all()
+
+
+def test_an_estimate_of_alpha_stands_in_a_band_of_two_deviations() -> None:
+    """Of a controller that estimates nothing, or of a run of such ones only, there are no axes."""
+    table = rows(["says", "silent"], [0])
+    estimate = np.stack([np.full(3, 0.9), np.ones(3)])
+    log = filled(table, FRAMES, own={"alpha_sigma": np.full((2, 3), 0.05)}, alpha_hat=estimate)
+    axes = drawn(lambda: series.alpha(FirstRows(log))).axes
+    assert [each.get_title(loc="left") for each in axes] == ["says, $x$", "says, $y$"]
+    (band,) = [each for each in axes[0].collections if each.get_label() == "± 2 sigma"]
+    edges = band.get_paths()[0].vertices[:, 1]
+    np.testing.assert_allclose([edges.min(), edges.max()], [0.8, 1.0])
+    assert "alpha" not in drawings(made(1, 1, estimate=1.0))
 
 
 def test_boxes_hold_all_seeds_that_did_not_fail() -> None:
@@ -249,14 +268,24 @@ def test_a_comparison_has_a_dot_where_each_mean_is(tmp_path: Path) -> None:
     assert figures.comparison_svg(entries).startswith(b"<?xml")
 
 
-def test_a_path_is_enlarged_at_its_corner() -> None:
-    """The reference turns at (1, 0) m, and nowhere else."""
-    figure = drawn(lambda: paths.path(first(made())))
-    corner = np.array([SPEED * FRAMES / 2 * PERIOD_S, 0.0])
-    details = [axes for axes in figure.axes if "wide" in axes.get_title(loc="left")]
-    inside = [a.get_xlim()[0] < corner[0] < a.get_xlim()[1] and a.get_ylim()[0] < 0 < a.get_ylim()[1] for a in details]
-    assert any(inside)
-    assert all(np.ptp(axes.get_xlim()) < 0.5 for axes in details)
+@pytest.mark.parametrize("controllers", [2, 5])
+def test_a_path_is_enlarged_where_controllers_stray_farthest(controllers: int) -> None:
+    """All keep 1 mm aside of 2 m straight ahead, but for 5 cm half-way; a square there shows it, at least three times
+    as large as the overview does."""
+    table, along = rows([f"c{i}" for i in range(controllers)], [0]), np.linspace(0, 2, FRAMES)
+    aside = 0.001 + 0.05 * np.exp(-((along - 1) ** 2) / (2 * 0.02**2))
+    ref = np.zeros((FRAMES, controllers, 3))
+    ref[..., 0] = along[:, None]
+    log = filled(table, FRAMES, ref=ref, pose=ref + np.stack([0 * aside, aside, 0 * aside], axis=-1)[:, None])
+    figure = drawn(lambda: paths.path(FirstRows(log)))
+    figure.draw_without_rendering()
+    overview = figure.axes[0]
+    inside = [a for a in figure.axes if a.get_title(loc="left") and a.get_xlim()[0] < 1 < a.get_xlim()[1]]
+    assert inside
+    for axes in inside:
+        scales = [each.get_window_extent().width / np.ptp(each.get_xlim()) for each in (axes, overview)]
+        assert scales[0] > 3 * scales[1]
+        assert axes.get_ylim()[1] > 0.051
 
 
 def test_each_of_many_controllers_has_axes_of_its_own() -> None:

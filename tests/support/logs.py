@@ -1,6 +1,6 @@
 """What the tests of measures share: logs filled by hand."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,11 +23,16 @@ def rows(
 
 
 def filled(
-    table: Sequence[Row], frames: int, lengths: ArrayLike | None = None, **channels: NDArray | float | bool
+    table: Sequence[Row],
+    frames: int,
+    lengths: ArrayLike | None = None,
+    own: Mapping[str, NDArray] | None = None,
+    **channels: NDArray | float | bool,
 ) -> Log:
     """A log of so many frames, of rows that end after `lengths`.
 
     `channels` are (frames, n, columns), or what broadcasts to it; poses, references and commands are zero otherwise.
+    Those of controllers' `own` are (n, columns), the same in all frames.
     """
     log = Log(table, WHEELS)
     ends = np.full(len(table), frames) if lengths is None else np.asarray(lengths)
@@ -37,7 +42,7 @@ def filled(
         for name, value in given.items()
     }
     for frame in range(frames):
-        log.write(frame < ends, {}, **{name: value[frame] for name, value in values.items()})
+        log.write(frame < ends, own or {}, **{name: value[frame] for name, value in values.items()})
     return log
 
 

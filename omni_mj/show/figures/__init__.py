@@ -79,8 +79,9 @@ def drawings(first: FirstRows, entry: dict[str, Any], control: ControlSettings) 
         "path": lambda: paths.path(first),
         "output": lambda: series.output(first),
         "error": lambda: series.error(first),
-        "alpha": lambda: series.alpha(first),
     }
+    if series.estimating(first):
+        figures["alpha"] = lambda: series.alpha(first)
     if heat.has_temperatures(first):
         figures["temperatures"] = lambda: heat.temperatures(first)
     if len(first.log.seeds) >= seeds.FEWEST:

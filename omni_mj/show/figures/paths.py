@@ -1,4 +1,4 @@
-"""The path travelled: at full scale the controllers' differences vanish, so the worst corners are shown enlarged."""
+"""The path travelled: at full scale differences vanish, so where controllers stray farthest is shown enlarged."""
 
 from collections.abc import Sequence
 
@@ -10,19 +10,21 @@ from matplotlib.ticker import MaxNLocator
 from scipy.ndimage import maximum_filter1d
 from scipy.spatial import cKDTree
 
-from omni_control.kinematics import Array, wrap_angle
-from omni_mj.scenarios.settings import FRAME_RATE_HZ
+from omni_control.kinematics import Array
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
 from omni_mj.show.figures.first import FirstRows
 
 FINER = 20  # points of the reference between two frames, so that its nearest point is near enough
-SHARP_RAD = 0.2  # change of direction within a frame that makes a corner
-COLUMNS = 4  # of enlarged corners, where each controller has its own
+NEARBY_FRAMES = 15  # within which controllers that stray at the same place may pass the path's points
+WIDER = 1.5  # half the width of a square, over how far is strayed in it
+LEAST_M = 0.005
+MAGNIFIED = 18.0  # extent of the path over half the width of a square at least, so that it enlarges three times
+COLUMNS = 4  # of enlarged places, where each controller has its own
 
 
 def path(first: FirstRows) -> Figure:
-    """The reference and the paths travelled (figures 7 and 10), with the worst corners enlarged."""
+    """The reference and the paths travelled (figures 7 and 10), enlarged where controllers stray farthest."""
     reference, pose = first.reference[:, :2], first.channel("pose")[..., :2]
     names, everyone = first.names, range(len(first.names))
     spots = _spots(reference, pose)
@@ -85,34 +87,30 @@ def _wide(spot: tuple[Array, float]) -> str:
 
 
 def _spots(reference: Array, pose: Array) -> list[tuple[Array, float]]:
-    """Centres and half widths of one or two squares where the controllers stray farthest from the path, m.
+    """Centres and half widths of one or two squares, m: where the typical controller strays farthest from the path.
 
-    Corners and the end come first, since there most can be seen; along a straight line a square shows but two lines.
+    With few controllers, before that where any of them does.
     """
-    at = np.linspace(0, len(reference) - 1, FINER * len(reference))
-    fine = np.stack([np.interp(at, np.arange(len(reference)), column) for column in reference.T], axis=-1)
-    known = ~np.isnan(pose).any(-1)
-    distance = np.where(known, 0.0, np.nan)
-    distance[known] = cKDTree(fine).query(pose[known])[0]
-    astray = np.nanmedian(distance, axis=1)
-    nearby = maximum_filter1d(astray, FRAME_RATE_HZ)
+    astray = _astray(reference, pose)
     extent = float(max(np.ptp(reference, axis=0).max(), 0.01))
-    rank = nearby + extent * _corners(reference) * (nearby > 0)
+    typical = np.median(astray, axis=1)
+    few = pose.shape[1] <= canvas.TOGETHER
     spots: list[tuple[Array, float]] = []
     far = np.ones(len(reference), bool)
-    while far.any() and len(spots) < 2:
-        worst = int(np.where(far, rank, -1.0).argmax())
-        spots.append((reference[worst], float(np.clip(4 * nearby[worst], 0.005, extent / 5))))
-        far &= np.linalg.norm(reference - reference[worst], axis=1) > extent / 3
+    for rank in (astray.max(1), typical) if few else (typical,):
+        if far.any():
+            worst = int(np.where(far, rank, -1.0).argmax())
+            spots.append((reference[worst], float(np.clip(WIDER * rank[worst], LEAST_M, extent / MAGNIFIED))))
+            far &= np.linalg.norm(reference - reference[worst], axis=1) > extent / 4
     return spots
 
 
-def _corners(reference: Array) -> Array:
-    """Whether the reference (frames, 2) changes its direction at a frame, or ends there."""
-    step = np.diff(reference, axis=0)
-    moving = np.flatnonzero(np.linalg.norm(step, axis=1) > 1e-6)
-    turn = np.abs(wrap_angle(np.diff(np.arctan2(step[moving, 1], step[moving, 0]))))
-    corners = np.zeros(len(reference), bool)
-    corners[moving[1:][turn > SHARP_RAD]] = True
-    corners[-1] = True
-    return corners
+def _astray(reference: Array, pose: Array) -> Array:
+    """How far each controller was from the path when it passed each of its points at most, (frames, controllers) m."""
+    at = np.linspace(0, len(reference) - 1, FINER * len(reference))
+    fine = np.stack([np.interp(at, np.arange(len(reference)), column) for column in reference.T], axis=-1)
+    tree, most = cKDTree(fine), np.zeros((len(reference), pose.shape[1]))
+    for i in range(pose.shape[1]):
+        distance, nearest = tree.query(pose[~np.isnan(pose[:, i]).any(-1), i])
+        np.maximum.at(most[:, i], np.rint(at[nearest]).astype(int), distance)
+    return maximum_filter1d(most, NEARBY_FRAMES, axis=0)

@@ -12,7 +12,7 @@ from omni_mj.show.figures.first import FirstRows
 
 PAPER_ALPHA = (0.7, 1.0)  # section 2
 ALPHA_AXES = ("x", "y")
-ESTIMATE = style.colour(5)
+SIGMA = "own_alpha_sigma"  # a controller's own, in its estimate
 # Axis of an error -> its label, its unit, and how many of that are 1 m or 1 rad.
 ERRORS = {
     "x": ("$|x_r - x|$", "cm", 100.0),
@@ -41,34 +41,48 @@ def error(first: FirstRows) -> Figure:
     return figure
 
 
+def estimating(first: FirstRows) -> list[int]:
+    """Which of the controllers estimate alpha."""
+    estimate = np.nan_to_num(first.channel("alpha_hat")[..., :2], nan=1.0)
+    return [i for i in range(len(first.names)) if (estimate[:, i] != 1).any()]
+
+
 def alpha(first: FirstRows) -> Figure:
-    """Displacement achieved over commanded in windows of 0.25 s, and the controllers' estimate of it."""
-    true = _alpha_at_the_end(first)
-    estimate = first.channel("alpha_hat")
-    figure, grid = canvas.over_time(first.length, len(first.names), 2, 1.5, "all")
-    for i, name in enumerate(first.names):
-        for j, axes in enumerate(grid[i]):
+    """What the controllers that estimate alpha believe, and displacement achieved over commanded where robots drive.
+
+    The estimate is a gain: what comes of a command that lasts. The ratio, over windows of 0.25 s, has lag in it too,
+    and lies below the gain where a robot gains speed and above it where it brakes.
+    """
+    shown = estimating(first)
+    true, estimate = _driven_alpha(first), first.channel("alpha_hat")
+    sigma = first.channel(SIGMA) if SIGMA in first.log.columns else np.full_like(estimate, np.nan)
+    figure, grid = canvas.over_time(first.length, len(shown), 2, 1.7, "all")
+    for i, line in zip(shown, grid, strict=True):
+        slot = first.slots[i]
+        for j, axes in enumerate(line):
             axes.axhspan(*PAPER_ALPHA, color="#EEEEEE", lw=0, zorder=0, label="the paper's interval, 0.7 to 1")
-            estimates = bool((np.nan_to_num(estimate[:, i, j], nan=1.0) != 1).any())
-            if estimates:
-                axes.plot(*canvas.thin(estimate[:, i, j]), color=ESTIMATE, lw=2.8, label="the controller's estimate")
-            axes.plot(*canvas.thin(true[:, i, j]), color="black", lw=1, zorder=3, label="alpha over 15 frames")
-            axes.set_title(f"{name}, ${ALPHA_AXES[j]}$" + ("" if estimates else " (estimates none)"))
+            axes.plot(*canvas.thin(true[:, i, j]), color="black", lw=1, zorder=4, label="ratio over 15 frames")
+            axes.plot(*canvas.thin(estimate[:, i, j]), color=style.colour(slot), lw=2, zorder=3, label="estimate")
+            low, high = estimate[:, i, j] - 2 * sigma[:, i, j], estimate[:, i, j] + 2 * sigma[:, i, j]
+            if not np.isnan(low).all():
+                within = {"color": style.colour(slot), "alpha": 0.25, "lw": 0, "zorder": 1}
+                axes.fill_between(np.arange(len(low)), low, high, label="± 2 sigma", **within)
+            axes.set_title(f"{first.names[i]}, ${ALPHA_AXES[j]}$")
             if i in first.failed:
-                canvas.mark_failure(axes, _end(first, i), first.slots[i], name)
-        grid[i, 0].set_ylabel("alpha")
-    grid[0, 0].set_ylim(*_alpha_limits(true))
+                canvas.mark_failure(axes, _end(first, i), slot, first.names[i])
+        line[0].set_ylabel("alpha")
+    grid[0, 0].set_ylim(*_alpha_limits(true[:, shown]))
     canvas.legend(figure, list(grid.flat))
     figure.suptitle("Motor correction factor alpha")
     return figure
 
 
-def _alpha_at_the_end(first: FirstRows) -> Array:
-    """The alpha of the window that ends in each frame, (frames, controllers, 2); NaN before the first end."""
+def _driven_alpha(first: FirstRows) -> Array:
+    """The ratio of the window that ends in each frame, (frames, controllers, 2); NaN where a robot is not driven."""
     position, applied = first.channel("pose")[..., :2], first.channel("applied")[..., :2]
     alpha = np.full_like(position, np.nan)
     if len(alpha) > metrics.ALPHA_WINDOW_FRAMES:
-        alpha[metrics.ALPHA_WINDOW_FRAMES :] = metrics.alpha_windows(position, applied)
+        alpha[metrics.ALPHA_WINDOW_FRAMES :] = metrics.driven_alpha(position, applied)
     return alpha
 
 
