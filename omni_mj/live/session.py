@@ -18,7 +18,7 @@ from omni_mj.live.radio import Line, Radio, SimulatorRadio
 from omni_mj.live.sockets import LOOPBACK, Address, Receiver
 from omni_mj.live.vision import Colour, Vision
 from omni_mj.live.wire.vision import SIMULATED_VISION_PORT, VISION_GROUP
-from omni_mj.scenarios import references, rows, user_files
+from omni_mj.scenarios import distributions, references, rows, user_files
 from omni_mj.scenarios.controllers import find, label
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
@@ -70,6 +70,7 @@ def check(scenario: Scenario, options: Options) -> None:
     Raises:
         OmniError: it cannot; a line for each reason.
     """
+    distributions.refuse(scenario.distributions, "drive")
     wrong = []
     if len(scenario.controllers) != 1 or scenario.seeds != 1:
         names = ", ".join(label(kind) for kind in scenario.controllers)
@@ -162,7 +163,7 @@ def ready(scenario: Scenario, options: Options, link: Link, notes: Notes) -> Ite
 
 def _dead_time(scenario: Scenario, link: Link, radio: Radio, ids: Sequence[int], pose: Array, notes: Notes) -> int:
     """Frames from a command to its effect, without the wheel loops' lag, as robots answer a pulse."""
-    table = rows.table([label(scenario.controllers[0])], [scenario.seed], scenario.settings, scenario.robot)
+    table = rows.table([label(scenario.controllers[0])], [scenario.seed], scenario.settings_of, scenario.robot)
     trial = Live(scenario, link, radio, ids, notes, ways(table, pose, pose))
     try:
         answers = answer.pulse(trial)

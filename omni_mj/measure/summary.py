@@ -94,7 +94,7 @@ def nothing_run(scenario: Scenario) -> Entry:
     return {
         "description": scenario.description, "plant": scenario.plant, "robot": scenario.robot,
         "status": "not run", "reason": None, "seeds": [], "frames": 0, "simulated_s": 0.0, "wall_s": 0.0,
-        "settings": scenario.settings.plain(), "paper_table": scenario.paper_table, "paper": paper.table(scenario),
+        "settings": scenario.plain_settings(), "paper_table": scenario.paper_table, "paper": paper.table(scenario),
         "drawn": [], "events": [], "failed": [], "results": {}, **dict.fromkeys(limits.LIMITS),
         "over_limit": None, "verdict": None,
     }  # fmt: skip

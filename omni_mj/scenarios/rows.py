@@ -1,6 +1,6 @@
 """The table of rows: what each robot of a simulation is, where it stands, who drives it, under which settings."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from omni_mj.scenarios.settings import Settings
@@ -38,13 +38,23 @@ class Row:
         return x, y, heading
 
 
-def table(controllers: Iterable[str], seeds: Iterable[int], settings: Settings, robot: str) -> list[Row]:
-    """All seeds of one controller after those of the one before; in each world, as many robots as it has places."""
-    worlds = [(controller, seed) for controller in controllers for seed in seeds]
+def table(
+    controllers: Iterable[str], seeds: Iterable[int], settings_of: Callable[[int], Settings], robot: str
+) -> list[Row]:
+    """All seeds of one controller after those of the one before; in each world, as many robots as it has places.
+
+    Args:
+        controllers: labels.
+        seeds: of the random numbers.
+        settings_of: a seed -> the settings of its rows.
+        robot: which it is, by name or file.
+    """
+    settings = {seed: settings_of(seed) for seed in seeds}
+    worlds = [(controller, seed) for controller in controllers for seed in settings]
     return [
-        Row(world, place, controller, seed, settings, robot)
+        Row(world, place, controller, seed, settings[seed], robot)
         for world, (controller, seed) in enumerate(worlds)
-        for place in range(len(settings.world.places))
+        for place in range(len(settings[seed].world.places))
     ]
 
 

@@ -13,7 +13,7 @@ from pydantic import Field, ValidationInfo, field_validator
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError, choose
 from omni_control.registry import CONTROLLERS
-from omni_mj.scenarios import controllers, faults, robots
+from omni_mj.scenarios import controllers, distributions, faults, robots
 from omni_mj.scenarios.checking import Checked, Setting, in_one, setting, shown
 from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.nested import merged
@@ -43,6 +43,7 @@ class Scenario(Checked):
     seed: int = setting(0, "", "first seed of the random numbers", 0, 2**63 - 1)
     seeds: int = setting(1, "", "how many seeds, counting up from the first", 1, 100_000)
     settings: Settings = Field(_NOTHING, validate_default=True)
+    distributions: Mapping[str, Any] = Field(_NOTHING, description="settings that are drawn, each seed's its own")
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -57,7 +58,11 @@ class Scenario(Checked):
     @classmethod
     def declared(cls) -> list[Setting]:
         """What the declarations of its own fields say; those of the settings are in their sections."""
-        return [cls._declared(name) for name in cls.model_fields if name != "settings"]
+        return [cls._declared(name) for name in cls.model_fields if name not in ("settings", "distributions")]
+
+    def settings_of(self, seed: int) -> Settings:
+        """The settings of a seed's rows; an `OmniError` where what is drawn is not allowed."""
+        return distributions.drawn(self.settings, self.distributions, seed)
 
     def replace(self, **values: Any) -> Self:
         """A copy with other values, checked like any.
@@ -69,13 +74,17 @@ class Scenario(Checked):
             raise OmniError("another robot has other settings: give robot= to scenario(...), or settings= as well")
         return super().replace(**values)
 
+    def plain_settings(self) -> dict[str, Any]:
+        """The settings by section, as they stand in a file, distributions in place of what is drawn from them."""
+        return distributions.written(self.settings.plain(), self.distributions)
+
     def to_toml(self) -> str:
         """The effective scenario, every setting written out; reading it back gives an equal one.
 
         A controller that was given as a class is named by its file.
         """
         head = dict(self) | {"controllers": [controllers.written(kind) for kind in self.controllers]}
-        sections = self.settings.plain()
+        sections = self.plain_settings()
         named, happening = sections.pop("controller"), sections.pop("fault")
         tables = [(f"[{name}]", values) for name, values in sections.items()]
         tables += [(f"[controller.{_key(name)}]", values) for name, values in named.items()]
@@ -256,7 +265,9 @@ def _made(data: Mapping[str, Any], stem: str, errors: Sequence[str] = ()) -> Sce
     sections |= data.keys() & {*Settings.model_fields, "settings"}
     values = {key: value for key, value in data.items() if key not in sections}
     try:
-        made = Scenario(**{"name": stem, **values, "settings": {key: data[key] for key in data if key in sections}})
+        settings, drawn = distributions.split({key: data[key] for key in data if key in sections})
+        made = Scenario(**{"name": stem, **values, "settings": settings, "distributions": drawn})
+        distributions.check(made.settings, made.distributions)
     except OmniError as error:
         in_one([*errors, str(error)])
         raise
@@ -278,6 +289,8 @@ def _names_controller(kind: Any) -> bool:
 
 def _toml(value: Any) -> str:
     """A value in TOML; JSON writes the same, but escapes characters beyond U+FFFF and leaves DEL as it is."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{_key(name)} = {_toml(each)}" for name, each in value.items()) + "}"
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from omni_mj.scenarios import faults
+from omni_mj.scenarios import distributions, faults
 from omni_mj.scenarios.checking import Checked, Setting
 from omni_mj.scenarios.nested import plain
 from omni_mj.scenarios.scenario import Scenario
@@ -16,6 +16,13 @@ from omni_mj.scenarios.settings import Settings
 PATH = Path(__file__).with_name("scenario.schema.json")
 _TYPES = {int: "integer", float: "number", bool: "boolean", str: "string"}
 UNIT = "x-unit"  # a keyword of our own, which others ignore
+_DRAWN = {
+    "properties": {
+        name: {"type": "array", "items": {"type": "number"}, "minItems": min(counts), "maxItems": max(counts)}
+        for name, counts in distributions.KINDS.items()
+    },
+    "additionalProperties": False,
+}
 _NAME = r"^[\w.-]+$"
 
 
@@ -63,7 +70,7 @@ def _faults() -> dict[str, Any]:
 
 def _field(setting: Setting) -> dict[str, Any]:
     limits: dict[str, Any] = {"minimum": setting.low, "maximum": setting.high}
-    kind = {"type": _TYPES.get(setting.kind, "array")}
+    kind: dict[str, Any] = {"type": _TYPES.get(setting.kind, "array")}
     if setting.kind is tuple:
         item: dict[str, Any] = {"type": "number", "minimum": -360, "maximum": 360}
         if setting.numbers > 1:  # a pose may do without its heading
@@ -72,6 +79,8 @@ def _field(setting: Setting) -> dict[str, Any]:
         limits = {"items": item, "minItems": setting.low, "maxItems": setting.high}
     if setting.choices:
         limits = {"enum": list(setting.choices)}
+    if setting.number and setting.section:  # or drawn
+        kind = {"type": [_TYPES[setting.kind], "object"]} | _DRAWN
     return {
         "description": setting.doc + (f" [{setting.unit}]" if setting.unit else ""),
         **kind,

@@ -15,7 +15,7 @@ from omni_control.kinematics import Array
 from omni_mj.link.late_camera import camera
 from omni_mj.link.radio import Radio, Received
 from omni_mj.plants import Plant
-from omni_mj.scenarios import faults, references
+from omni_mj.scenarios import distributions, faults, references
 from omni_mj.scenarios.controllers import resolve
 from omni_mj.scenarios.plants import find_plant
 from omni_mj.scenarios.rows import Row, table
@@ -92,7 +92,8 @@ class Simulation:
         self.scenario = scenario if controllers is None else scenario.replace(controllers=tuple(controllers))
         self._kinds = resolve(self.scenario.controllers)
         given = scenario.seed_list if seeds is None else list(seeds)
-        self._table = rows or table(self._kinds, given, scenario.settings, scenario.robot)
+        self._draws = bool(scenario.distributions) and rows is None
+        self._table = rows or table(self._kinds, given, scenario.settings_of, scenario.robot)
         for label in dict.fromkeys(row.controller for row in self._table):
             if label not in self._kinds:
                 raise OmniError(f"a row names the controller {label!r}; {choose(label, self._kinds)}")
@@ -109,6 +110,9 @@ class Simulation:
         """
         shift = 0 if seed is None else seed - min(row.seed for row in self._table)
         self.rows = [replace(row, seed=row.seed + shift) for row in self._table]
+        if shift and self._draws:
+            settings = {row.seed: self.scenario.settings_of(row.seed) for row in self.rows}
+            self.rows = [replace(row, settings=settings[row.seed]) for row in self.rows]
         n = len(self.rows)
         self.references = [references.timed(row.settings, row.where) for row in self.rows]
         self.frame, self.failures = 0, list[Failure]()
@@ -137,7 +141,10 @@ class Simulation:
     def drawn(self) -> dict[str, Array]:
         """What sets the rows' robots apart, name -> (n,); nothing where all are alike, or the plant draws nothing."""
         columns: dict[str, Array] = self.plant.drawn.columns() if hasattr(self.plant, "drawn") else {}
-        return columns
+        named = self.scenario.distributions
+        return columns | {
+            name: np.array([distributions.value(row.settings, name) for row in self.rows]) for name in named
+        }
 
     def run(self, after_frame: Callable[[int], None] = lambda frame: None) -> Log:
         """Run from the start to the end; `after_frame` is called with each frame's number once it is in the log."""

@@ -21,6 +21,7 @@ import numpy as np
 from omni_mj.measure import summary
 from omni_mj.measure.response import NAMES, Response
 from omni_mj.measure.result import Outcome, Result
+from omni_mj.scenarios import distributions
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.studies import drives, in_use
 from omni_mj.studies.alpha_findings import Study
@@ -76,6 +77,7 @@ def alpha(
     """
     started, values = time.perf_counter(), CONDITIONS if conditions is None else conditions
     chosen = _named(load(scenario) if isinstance(scenario, str) else scenario)
+    distributions.refuse(chosen.distributions, "alpha")
     profiles = Drives(chosen, _groups(chosen, values))
     paths = {task: InUse(chosen, task) for task in (TASKS if tasks is None else tasks)}
     parts: list[Drives | InUse] = [profiles, *paths.values()]

@@ -86,7 +86,7 @@ def joined(parts: Sequence[Outcome]) -> Outcome:
     logs = [part.log for part in parts if part.log]
     seeds = [seed for log in logs for seed in log.seeds]
     scenario = parts[0].scenario.replace(seeds=len(seeds))
-    table = rows.table(logs[0].controllers, seeds, scenario.settings, scenario.robot)
+    table = rows.table(logs[0].controllers, seeds, scenario.settings_of, scenario.robot)
     own = [rows.numbers(table, part.rows) for part in parts]
     order = np.argsort(np.concatenate(own))
     drawn = {name: np.concatenate([part.drawn[name] for part in parts])[order] for name in parts[0].drawn}

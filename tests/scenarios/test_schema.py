@@ -24,7 +24,7 @@ def test_every_setting_is_in_it_with_its_unit_range_and_default() -> None:
         assert told["default"] == json.loads(json.dumps(each.default))
         if each.number:
             assert (told["minimum"], told["maximum"]) == (each.low, each.high)
-            assert told["type"] == ("integer" if each.kind is int else "number")
+            assert told["type"] == ["integer" if each.kind is int else "number", "object"]  # or a distribution
         if each.choices:
             assert told["enum"] == list(each.choices)
 
@@ -35,9 +35,14 @@ def test_the_library_fits_it_and_names_it() -> None:
         lines = path.read_text(encoding="utf-8").splitlines()
         assert (path.parent / lines[0].removeprefix("#:schema ")).resolve() == PATH.resolve()
         assert fits(tomllib.loads("\n".join(lines)), schema()), path
+    assert fits(
+        {"radio": {"delay_frames": {"uniform": [1, 3]}}, "carpet": {"friction": {"choice": [0.5, 0.8]}}}, schema()
+    )
     for wrong in (
         "[radio]\ndelay_frames = 601",
         "[radio]\ndelay = 1",
+        "[radio]\ndelay_frames = {uniform = [1]}",
+        "[radio]\ndelay_frames = {poisson = [1, 2]}",
         'seeds = "1"',
         "[reference]\nwaypoints = [[0, 0]]",
         "[fault]\nkind = 'vision-out'\nat = 1",

@@ -67,6 +67,8 @@ def fits(value: Any, told: dict[str, Any]) -> bool:
     """Whether a value is what a schema allows, as far as ours use JSON Schema."""
     if "oneOf" in told:
         return sum(fits(value, each) for each in told["oneOf"]) == 1
+    if isinstance(told["type"], list):
+        return any(fits(value, told | {"type": kind}) for kind in told["type"])
     kinds = {"object": dict, "array": list, "string": str, "integer": int, "number": (int, float), "boolean": bool}
     if not isinstance(value, kinds[told["type"]]) or value not in told.get("enum", [value]):
         return False

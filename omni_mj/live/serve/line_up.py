@@ -11,7 +11,7 @@ from omni_mj.live.serve.cameras import Name
 from omni_mj.live.serve.control import HIGHEST
 from omni_mj.live.serve.pitch import MOST
 from omni_mj.live.wire.simulation import Team
-from omni_mj.scenarios import references, scenario
+from omni_mj.scenarios import distributions, references, scenario
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.worlds.shape import Shape
 
@@ -33,6 +33,7 @@ def load(name: str | None, overrides: Iterable[str], head: Mapping[str, Any]) ->
     overrides = tuple(overrides)
     first = ["radio.delay_frames=0"] if name is None else []
     chosen = scenario.load(name, [*first, *overrides], {"name": "serve"} | dict(head) if name is None else head)
+    distributions.refuse(chosen.distributions, "serve")
     if chosen.plant != "mujoco":
         raise OmniError(f"serve simulates the mujoco plant, not {chosen.plant}")
     said = any(each.split("=")[0].strip() == "firmware.timeout_s" for each in overrides)

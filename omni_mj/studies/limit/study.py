@@ -14,6 +14,7 @@ from omni_mj.measure.result import Outcome, Result
 from omni_mj.measure.statistics import plain
 from omni_mj.measure.table import plus_minus
 from omni_mj.measure.verdict import ERRORS, mean
+from omni_mj.scenarios import distributions
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Simulation
@@ -131,6 +132,7 @@ def limit(
     """
     started = time.perf_counter()
     chosen = load(scenario) if isinstance(scenario, str) else scenario
+    distributions.refuse(chosen.distributions, "limit")
     numbers = counted(range(seeds) if isinstance(seeds, int) else seeds)
     check(chosen, iterations)
     chosen = chosen.replace(seed=numbers[0], seeds=len(numbers))

@@ -12,6 +12,7 @@ from omni_control.errors import OmniError, choose
 from omni_control.registry import available
 from omni_mj.measure import summary
 from omni_mj.measure.result import Outcome, Result
+from omni_mj.scenarios import distributions
 from omni_mj.scenarios.controllers import find
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.studies.loop.drive import STEP_M, STRENGTHS, Drive
@@ -60,6 +61,7 @@ def loop(
     """
     started = time.perf_counter()
     chosen = load(scenario) if isinstance(scenario, str) else scenario
+    distributions.refuse(chosen.distributions, "loop")
     kinds = tuple(usual() if controllers is None else controllers)
     chosen = chosen.replace(name="loop", description="step responses and margins", paper_table=0, controllers=kinds)
     names = tuple(CASES if cases is None else cases)

@@ -13,6 +13,7 @@ from omni_control.errors import OmniError
 from omni_mj.measure import summary
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.measure.table import DASH, Table, text
+from omni_mj.scenarios import distributions
 from omni_mj.scenarios import robots as described
 from omni_mj.scenarios.scenario import Scenario, scenario
 from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
@@ -141,6 +142,7 @@ def _chosen(robot: Scenario | described.Robot | str) -> Scenario:
     """What is driven, under the robot's name."""
     if not isinstance(robot, Scenario):
         robot = scenario("rect", robot=robot, wheels={"model": "two-rollers"})
+    distributions.refuse(robot.distributions, "slip")
     name = re.sub(r"[^\w.-]+", "-", Path(robot.robot).stem if robot.robot.endswith(".toml") else robot.robot)
     return robot.replace(name=name, description="how it slips")
 
