@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from omni_mj.studies.robot import robot
     from omni_mj.studies.run import run
     from omni_mj.studies.slip import slip
+    from omni_mj.studies.sweep import sweep
 
     __version__: str
 
@@ -43,6 +44,7 @@ _HOMES = {
     "run": "omni_mj.studies.run",
     "scenario": "omni_mj.scenarios.scenario",
     "slip": "omni_mj.studies.slip",
+    "sweep": "omni_mj.studies.sweep",
     "verify": "omni_mj.provenance.repeat",
 }
 __all__ = [
@@ -61,6 +63,7 @@ __all__ = [
     "run",
     "scenario",
     "slip",
+    "sweep",
     "verify",
 ]
 

@@ -10,6 +10,7 @@ from omni_mj.cli import console
 COMMANDS = (
     "run",
     "compare",
+    "sweep",
     "limit",
     "alpha",
     "slip",

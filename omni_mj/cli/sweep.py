@@ -1,0 +1,139 @@
+"""`omni-mj sweep`: how often does it fail, and where; one scenario under many settings and seeds."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from omni_control.errors import OmniError
+from omni_mj.cli import console, folders, options
+
+if TYPE_CHECKING:
+    from omni_mj.studies.outcome import AfterFrame
+    from omni_mj.studies.sweep import Plan, Sweep
+    from omni_mj.studies.sweep.plan import Job
+
+OUTPUTS = ("sweep.json", "scenario.toml", "rows.parquet", "summary.json", "sweep.md", "sweep.png", "shards")
+TRIAL_FRAMES = 20  # of the first shard, from which the time is estimated
+
+
+@click.command("sweep")
+@click.option("--scenario", "name", metavar="NAME|FILE.toml", help="What to run.")
+@click.option(
+    "--vary", "varied", multiple=True, metavar="SECTION.FIELD=VALUES", help="LOW:HIGH:N, or A,B,C; repeatable."
+)
+@options.CONTROLLER
+@click.option("--plant", metavar="NAME|FILE.py:Class", help="What is driven. [mujoco]")
+@options.ROBOT
+@options.MODEL
+@click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")
+@click.option("--seeds", type=int, metavar="N", help="How many seeds at each point. [the scenario's]")
+@options.SETTINGS
+@click.option("--at-once", type=int, metavar="N", help="Robots simulated at once; memory grows with them. [128]")
+@click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/sweep-<UTC time>]")
+@click.option("--resume", type=options.FOLDER, metavar="DIR", help="Go on with a sweep that was stopped or killed.")
+@options.QUIET
+def command(
+    name: str | None,
+    varied: tuple[str, ...],
+    controllers: tuple[str, ...],
+    plant: str | None,
+    robot: str | None,
+    model: str | None,
+    seed: int | None,
+    seeds: int | None,
+    overrides: tuple[str, ...],
+    at_once: int | None,
+    out: Path | None,
+    resume: Path | None,
+    quiet: bool,
+) -> None:
+    """Run a scenario under all combinations of settings: failure rates and errors with confidence, as table and map.
+
+    Of whole numbers, LOW:HIGH:STEP. A sweep that was stopped or killed goes on with --resume DIR, and computes nothing
+    twice. Numbers that are drawn (--set carpet.friction='{uniform = [0.4, 0.9]}') are drawn for each seed.
+    """
+    from omni_mj.scenarios import scenario
+    from omni_mj.studies import sweep
+    from omni_mj.studies.sweep.plan import AT_ONCE, Plan
+
+    if resume is not None:
+        if name or varied or out:
+            raise OmniError("--resume says it all: the folder knows its scenario and what is varied")
+        plan, folder = Plan.read(resume), resume
+    else:
+        if name is None or not varied:
+            missing = "--scenario" if name is None else "--vary"
+            raise OmniError(f"{missing} is missing: omni-mj sweep --scenario rect --vary carpet.friction=0.3:1.0:8")
+        head = {"controllers": controllers or None, "plant": plant, "robot": robot, "seed": seed, "seeds": seeds}
+        given = {key: value for key, value in head.items() if value is not None}
+        chosen = scenario.load(name, options.with_model(overrides, model), given)
+        options.tell_model(chosen, quiet)
+        grid = sweep.axes([sweep.axis(each) for each in varied])
+        plan = Plan(chosen, grid, AT_ONCE if at_once is None else at_once)
+        plan.check_memory()
+        folder = folders.prepare(out, "sweep", OUTPUTS, overwrite=False)
+        with console.writing(folder):
+            plan.save(folder)
+    _carry_on(plan, folder, quiet)
+
+
+def _carry_on(plan: "Plan", folder: Path, quiet: bool) -> None:
+    from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.show import sweep_figure, sweep_table
+    from omni_mj.studies.sweep import study
+
+    jobs = study.left(plan, folder)
+    with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
+        console.quiet_mujoco()
+        if jobs and not quiet:
+            print(_estimate(plan, jobs))
+        show, order = begin("sweep", plan.frames * len(jobs)), {job.number: i for i, job in enumerate(jobs)}
+
+        def before_shard(job: "Job") -> "AfterFrame":
+            done = order[job.number] * plan.frames
+            return console.checked(interrupts.check, lambda frame: show(done + frame))
+
+        found = study.carry_on(plan, folder, before_shard)
+    with console.writing(folder):
+        if found.done:
+            sweep_table.save(found, folder / "sweep.md")
+            sweep_figure.save(found, folder / "sweep.png")
+    _tell(found, quiet)
+    interrupts.end(found.stopped, f"{found.done} of {len(plan.jobs)} shards are in {folder}; --resume {folder} goes on")
+
+
+def _estimate(plan: "Plan", jobs: "list[Job]") -> str:
+    """How much there is to do, and how long it takes about, from the first frames of a shard."""
+    from omni_mj.studies.sweep import shard
+
+    trial = shard.simulation(plan, jobs[0])
+    started = time.perf_counter()
+    for _ in range(min(TRIAL_FRAMES, plan.frames)):
+        trial.observe()
+        trial.step()
+    shard_s = (time.perf_counter() - started) * plan.frames / TRIAL_FRAMES
+    runs = sum(len(job.runs) for job in jobs)
+    shards = f"{runs} runs of {len(plan.scenario.controllers)} controllers in {len(jobs)} shards"
+    return f"{shards}: about {_duration(shard_s * len(jobs))}, {plan.bytes / 1e9:.1f} GB of memory"
+
+
+def _duration(seconds: float) -> str:
+    return (
+        f"{seconds:.0f} s"
+        if seconds < 120
+        else f"{seconds / 60:.0f} min"
+        if seconds < 7200
+        else f"{seconds / 3600:.1f} h"
+    )
+
+
+def _tell(found: "Sweep", quiet: bool) -> None:
+    if quiet or not found.done:
+        return
+    from omni_mj.show import sweep_table, terminal
+
+    terminal.show(sweep_table.shown(found))
+    files = ", ".join(str(found.folder / name) for name in OUTPUTS if (found.folder / name).is_file())
+    print(f"{found.done} of {len(found.plan.jobs)} shards; results in {files}")

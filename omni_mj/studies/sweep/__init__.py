@@ -1,0 +1,7 @@
+"""How often does it fail, and where: a scenario under many settings and seeds, in shards that a kill does not lose."""
+
+from omni_mj.studies.sweep.grid import Axis, axes, axis
+from omni_mj.studies.sweep.plan import Plan
+from omni_mj.studies.sweep.study import Sweep, resume, sweep
+
+__all__ = ["Axis", "Plan", "Sweep", "axes", "axis", "resume", "sweep"]

@@ -1,0 +1,158 @@
+"""What a sweep consists of: points, seeds and controllers, cut into shards that are run one by one, anywhere."""
+
+import json
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Self
+
+from omni_control.errors import OmniError
+from omni_mj.measure.result import write
+from omni_mj.scenarios.controllers import written
+from omni_mj.scenarios.references import timed
+from omni_mj.scenarios.rows import Row, table
+from omni_mj.scenarios.scenario import Scenario, load
+from omni_mj.studies.sweep.grid import Axis, Value, at, made, points
+from omni_mj.worlds.shape import Shape
+
+AT_ONCE = 128  # robots that are simulated at once
+FRAME_BYTES = 600  # of a robot-frame's log, with what is made of it to measure (docs/performance.md)
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Job:
+    """Some of a sweep, that one batch can hold.
+
+    Args:
+        number: among all, in their order.
+        runs: number of a point, and a seed.
+    """
+
+    number: int
+    runs: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A sweep, before it is run.
+
+    Args:
+        scenario: with its controllers, seeds and all that is not varied.
+        axes: what is varied.
+        at_once: robots that are simulated at once, at most; results do not depend on it.
+
+    Raises:
+        OmniError: a point is not allowed.
+    """
+
+    scenario: Scenario
+    axes: tuple[Axis, ...]
+    at_once: int = AT_ONCE
+
+    def __post_init__(self) -> None:
+        if self.at_once < 1:
+            raise OmniError(f"robots at once must be at least 1, not {self.at_once}")
+        _ = self.there  # every point is checked before anything is run
+
+    @cached_property
+    def points(self) -> list[dict[str, Value]]:
+        """All points, in order."""
+        return points(self.axes)
+
+    @cached_property
+    def there(self) -> list[Scenario]:
+        """The scenario at each point."""
+        return [at(self.scenario, point) for point in self.points]
+
+    @cached_property
+    def jobs(self) -> list[Job]:
+        """The shards: runs whose robots one batch can hold, all controllers of a run in the same."""
+        groups: dict[Any, list[tuple[int, int]]] = {}
+        for number, each in enumerate(self.there):
+            s = each.settings
+            key = (Shape.of(s), s.body, s.wheels, s.physics) if each.plant == "mujoco" else None
+            groups.setdefault((key, len(s.world.places)), []).extend((number, seed) for seed in each.seed_list)
+        jobs: list[Job] = []
+        for (_, places), runs in groups.items():
+            size = max(1, self.at_once // (len(self.scenario.controllers) * places))
+            jobs += [Job(len(jobs) + i // size, tuple(runs[i : i + size])) for i in range(0, len(runs), size)]
+        return [Job(number, job.runs) for number, job in enumerate(jobs)]
+
+    def rows(self, job: Job) -> list[Row]:
+        """The robots of a shard, a world for each run and controller.
+
+        Raises:
+            OmniError: what a seed draws is not allowed.
+        """
+        found: list[Row] = []
+        for point, seed in job.runs:
+            there = self.there[point]
+            for row in table(there.labels, [seed], there.settings_of, there.robot):
+                worlds = found[-1].world + (row.place == 0) if found else 0
+                found.append(Row(worlds, row.place, row.controller, row.seed, row.settings, row.robot))
+        return found
+
+    @property
+    def robots(self) -> int:
+        """How many there are in all."""
+        places = sum(len(each.settings.world.places) for each in self.there)
+        return places * self.scenario.seeds * len(self.scenario.controllers)
+
+    @cached_property
+    def frames(self) -> int:
+        """Of the longest run."""
+        return max(len(timed(each.settings).poses) for each in self.there)
+
+    @property
+    def bytes(self) -> int:
+        """Of memory that a shard takes, about; it does not grow with the number of runs."""
+        most = max(len(job.runs) for job in self.jobs) * len(self.scenario.controllers)
+        places = max(len(each.settings.world.places) for each in self.there)
+        return most * places * self.frames * FRAME_BYTES
+
+    def check_memory(self) -> None:
+        """See that it fits.
+
+        Raises:
+            OmniError: it does not; how many robots at once would.
+        """
+        have = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else 0
+        if have and self.bytes > 0.8 * have:
+            fits = max(1, int(self.at_once * 0.5 * have / self.bytes))
+            raise OmniError(
+                f"{self.at_once} robots at once for {self.frames} frames need some {self.bytes / 1e9:.1f} GB, and there"
+                f" are {have / 1e9:.1f}; give fewer: --at-once {fits}"
+            )
+
+    def save(self, folder: Path) -> None:
+        """Write sweep.json and scenario.toml, all that `read` needs."""
+        content = {
+            "format": FORMAT,
+            "controllers": [written(kind) for kind in self.scenario.controllers],
+            "axes": [{"name": each.name, "values": list(each.values)} for each in self.axes],
+            "at_once": self.at_once,
+        }
+        write(folder / "scenario.toml", self.scenario.to_toml())
+        write(folder / "sweep.json", json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+
+    @classmethod
+    def read(cls, folder: Path) -> Self:
+        """The plan of a sweep that was begun in a folder.
+
+        Raises:
+            OmniError: there is none, or one that cannot be read.
+        """
+        path = folder / "sweep.json"
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+            if content["format"] != FORMAT:
+                raise OmniError(f"{path} is of format {content['format']!r}; this version reads {FORMAT}")
+            grid = tuple(made(each["name"], each["values"]) for each in content["axes"])
+            chosen = load(str(folder / "scenario.toml"), head={"controllers": content["controllers"]})
+            return cls(chosen, grid, int(content["at_once"]))
+        except OSError as error:
+            raise OmniError(f"{folder} holds no sweep: {path.name}: {error.strerror}") from None
+        except (ValueError, KeyError, TypeError) as error:
+            raise OmniError(f"{path} is not a sweep's: {error}") from None

@@ -1,0 +1,76 @@
+"""A shard: some runs of a sweep, simulated together and measured; a table of one line per robot is what remains."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from omni_mj.measure import metrics, recovery
+from omni_mj.scenarios.distributions import value
+from omni_mj.simulate.simulation import Simulation
+from omni_mj.studies.outcome import nothing
+from omni_mj.studies.sweep.plan import Job, Plan
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+FOLDER = "shards"
+
+
+def simulation(plan: Plan, job: Job) -> Simulation:
+    """The simulation of a shard's robots, at its start.
+
+    Raises:
+        OmniError: they cannot share a plant, or a seed draws what is not allowed.
+    """
+    return Simulation(plan.there[job.runs[0][0]], rows=plan.rows(job))
+
+
+def run(plan: Plan, job: Job, after_frame: Callable[[int], None] = nothing) -> "pa.Table":
+    """Simulate a shard and measure it.
+
+    Args:
+        plan: of the sweep.
+        job: which shard.
+        after_frame: called with each frame's number; what it raises ends the shard, of which then nothing is kept.
+
+    Returns:
+        A line per robot: `point`, what is varied, `controller`, `seed`, `place`, `failed_at_s`, `cause`, what was
+        drawn, and the numbers of `metrics.row_metrics`, infinite errors for a robot that failed.
+    """
+    import pyarrow as pa
+
+    driven = simulation(plan, job)
+    log = driven.run(after_frame)
+    failures = {failure.row: failure for failure in driven.failures}
+    measured = metrics.row_metrics(log, driven.failures) | recovery.row_metrics(log, driven.failures)
+    count = len(plan.scenario.controllers)
+    number = [point for point, _ in job.runs for _ in range(count * len(plan.there[point].settings.world.places))]
+    columns: dict[str, object] = {"point": np.array(number, np.int32)}
+    columns |= {name.name: [plan.points[point][name.name] for point in number] for name in plan.axes}
+    columns |= {
+        "controller": [row.controller for row in log.rows],
+        "seed": np.array([row.seed for row in log.rows], np.int64),
+        "place": np.array([row.place for row in log.rows], np.int32),
+        "failed_at_s": [failures[i].time_s if i in failures else math.nan for i in range(len(log.rows))],
+        "cause": pa.array([failures[i].cause if i in failures else None for i in range(len(log.rows))], pa.string()),
+    }
+    drawn = {name for point, _ in job.runs for name in plan.there[point].distributions}
+    columns |= {name: [value(row.settings, name) for row in log.rows] for name in sorted(drawn)}
+    return pa.table(columns | dict(measured))
+
+
+def save(table: "pa.Table", path: Path) -> None:
+    """Write a table as Parquet; the file appears whole or not at all."""
+    import pyarrow.parquet as pq
+
+    partial = path.with_name(path.name + ".partial")
+    pq.write_table(table, partial, compression="zstd")
+    partial.replace(path)
+
+
+def file(folder: Path, job: Job) -> Path:
+    """Where a shard's table is in the folder of a sweep."""
+    return folder / FOLDER / f"{job.number:06d}.parquet"
