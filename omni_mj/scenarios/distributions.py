@@ -10,7 +10,6 @@ from typing import Any
 from zlib import crc32
 
 import numpy as np
-from scipy.stats import truncnorm
 
 from omni_control.errors import OmniError, choose
 from omni_mj.scenarios.checking import Checked, shown
@@ -65,8 +64,10 @@ class Distribution:
         mean, deviation, *ends = self.values
         if not ends:
             return self._number(float(random.normal(mean, deviation)))
-        a, b = ((end - mean) / deviation for end in ends)
-        return self._number(float(truncnorm.ppf(random.uniform(), a, b, mean, deviation)))
+        from scipy.special import ndtr, ndtri  # late: lists and schemas are made without
+
+        a, b = (ndtr((end - mean) / deviation) for end in ends)  # by the inverse of its distribution function
+        return self._number(float(np.clip(mean + deviation * ndtri(a + random.uniform() * (b - a)), *ends)))
 
     def _number(self, value: float) -> int | float:
         return round(value) if self.whole else float(value)
