@@ -30,16 +30,18 @@ exclude_patterns = [".*", "build", "dist", "runs", "tests", "omni_mj", "examples
 NAVIGATION = {
     "Begin": ["docs/install", "docs/tour", "docs/commands", "docs/python"],
     "How to": [
+        "docs/scenarios",
+        "docs/reference",
+        "docs/faults",
         "docs/robots",
         "docs/identify",
         "docs/live",
-        "docs/faults",
-        "docs/reference",
+        "docs/outputs",
         "docs/repeat",
         "control/README",
-        "CONTRIBUTING",
     ],
-    "Why": ["docs/physics", "docs/slip", "docs/controllers", "docs/limit", "docs/loop", "models/README", "docs/paper"],
+    "How it drives": ["docs/results", "docs/controllers", "docs/limit", "docs/loop", "docs/paper"],
+    "How it is made": ["docs/physics", "docs/slip", "models/README", "docs/architecture", "CONTRIBUTING"],
     "Reference": ["docs/api", "docs/command-line", "docs/settings", "CHANGELOG"],
 }
 
