@@ -1,10 +1,10 @@
 # make run: the paper's experiment · make test: all tests · make check: ruff and mypy · make hooks: the same before each
-# commit · make bench: speed, as ratios · make docs: the site, in build/site · make wheel: what is released, tried
+# commit · make bench: speed, as ratios · make docs: the site, in build/site · make lessons: docs/lessons, run · make wheel: what is released, tried
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: run test check hooks bench docs wheel clean
+.PHONY: run test check hooks bench docs lessons wheel clean
 
 run: $(VENV)/.installed
 	$(BIN)/python -m omni_mj.run --scenario rect --controller flc --controller comp-flc --controller adaptive-comp-flc
@@ -30,6 +30,12 @@ bench: $(VENV)/.installed-test
 docs: $(VENV)/.installed-docs
 	$(BIN)/sphinx-build -q -W --keep-going -b html -c docs . build/site
 	@echo "the site is in build/site/index.html"
+
+# The lessons' programs, which must print what the pages say; `make lessons WRITE=--write` writes it, and the figures.
+lessons: $(VENV)/.installed-test
+	rm -rf build/lessons && mkdir -p build/lessons
+	cd build/lessons && ../../$(BIN)/python ../../docs/lessons/run.py $(WRITE) ../../docs/lessons/*.md
+	$(if $(WRITE),cp build/lessons/*.png docs/lessons/)
 
 # The source and the wheel made of it, installed somewhere else and run there: the model and the scenarios must travel along.
 wheel: $(VENV)/.installed-release
