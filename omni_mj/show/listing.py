@@ -7,6 +7,7 @@ import ast
 import json
 import re
 import tomllib
+from collections.abc import Callable
 from difflib import get_close_matches
 from importlib.util import find_spec
 from pathlib import Path
@@ -58,15 +59,15 @@ def show(only: str | None = None, word: str | None = None) -> None:
 
 def rows(title: str) -> list[list[str]]:
     """The lines of the list called `title`: a name first, its meaning last."""
-    if title == "scenarios":
-        return _described(builtin())
-    if title == "robots":
-        return _described(robots.builtin())
-    if title == "controllers":
-        return _controllers()
-    if title == "plants":
-        return [[name, _first_line(where)] for name, where in PLANTS.items()]
-    return settings() if title == "settings" else faults()
+    lists: dict[str, Callable[[], list[list[str]]]] = {
+        "scenarios": lambda: _described(builtin()),
+        "controllers": _controllers,
+        "plants": lambda: [[name, _first_line(where)] for name, where in PLANTS.items()],
+        "robots": lambda: _described(robots.builtin()),
+        "settings": settings,
+        "faults": faults,
+    }
+    return lists[title]()
 
 
 def _with(word: str | None, lines: list[list[str]]) -> list[list[str]]:
