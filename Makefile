@@ -1,10 +1,10 @@
 # make run: the paper's experiment · make test: all tests · make check: ruff and mypy · make hooks: the same before each
-# commit · make bench: speed, as ratios
+# commit · make bench: speed, as ratios · make docs: the site, in build/site · make lessons: docs/lessons, run · make wheel: what is released, tried
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: run test check hooks bench wheel clean
+.PHONY: run test check hooks bench docs lessons wheel clean
 
 run: $(VENV)/.installed
 	$(BIN)/python -m omni_mj.run --scenario rect --controller flc --controller comp-flc --controller adaptive-comp-flc
@@ -26,16 +26,28 @@ bench: $(VENV)/.installed-test
 	PYTHONPATH=tests/support $(BIN)/python tests/bench_wire.py
 	$(BIN)/python tests/bench.py
 
-# A wheel, installed somewhere else and run there: the model and the scenarios must travel with it.
-wheel: $(VENV)/.installed
-	rm -rf build/wheel && mkdir -p build/wheel
-	$(BIN)/python -m pip wheel -q --disable-pip-version-check --no-deps -w build/wheel .
+# Warnings, as of a link that leads nowhere, fail it.
+docs: $(VENV)/.installed-docs
+	$(BIN)/sphinx-build -q -W --keep-going -b html -c docs . build/site
+	@echo "the site is in build/site/index.html"
+
+# The lessons' programs, which must print what the pages say; `make lessons WRITE=--write` writes it, and the figures.
+lessons: $(VENV)/.installed-test
+	rm -rf build/lessons && mkdir -p build/lessons
+	cd build/lessons && ../../$(BIN)/python ../../docs/lessons/run.py $(WRITE) ../../docs/lessons/*.md
+	$(if $(WRITE),cp build/lessons/*.png docs/lessons/)
+
+# The source and the wheel made of it, installed somewhere else and run there: the model and the scenarios must travel along.
+wheel: $(VENV)/.installed-release
+	rm -rf build/wheel dist && mkdir -p build/wheel
+	$(BIN)/python -m build -q -o dist .
+	$(BIN)/twine check --strict dist/*
 	$(BIN)/python -m venv build/wheel/venv
-	build/wheel/venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt build/wheel/*.whl
+	build/wheel/venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt dist/*.whl
 	cd build/wheel && venv/bin/omni-mj --scenario rect --set reference.waypoints='[[0, 0], [0.2, 0.1]]'
 
 clean:
-	rm -rf $(VENV) build .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
@@ -48,4 +60,8 @@ $(VENV)/.installed: $(BIN)/python pyproject.toml constraints.txt
 
 $(VENV)/.installed-test: $(VENV)/.installed
 	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[test]'
+	@touch $@
+
+$(VENV)/.installed-docs $(VENV)/.installed-release: $(VENV)/.installed-%: $(VENV)/.installed
+	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[$*]'
 	@touch $@

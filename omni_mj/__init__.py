@@ -1,10 +1,12 @@
 """A MuJoCo testbed for the motion control of RoboCup Small Size League robots.
 
-import omni_mj as om
+For instance::
 
-rect = om.scenario("rect", plant="kinematic")
-result = om.run(rect, ["flc", "comp-flc"], seeds=range(5))
-print(result.table())
+    import omni_mj as om
+
+    rect = om.scenario("rect", plant="kinematic")
+    result = om.run(rect, ["flc", "comp-flc"], seeds=range(5))
+    print(result.table())
 """
 
 from importlib import import_module

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from omni_mj.cli import console, folders, options
+from omni_mj.cli import complete, console, folders, options
 
 if TYPE_CHECKING:
     from omni_mj.measure.result import Outcome, Result
@@ -20,7 +20,7 @@ KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet", *fol
 
 @click.command("compare")
 @click.option(
-    "--scenario", "names", metavar="NAME|FILE.toml", multiple=True,
+    "--scenario", "names", metavar="NAME|FILE.toml", multiple=True, shell_complete=complete.scenarios,
     help="May be repeated. [all that come with the program, but for the long heat]",
 )  # fmt: skip
 @click.option(
@@ -28,10 +28,16 @@ KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet", *fol
     "controllers",
     metavar="NAME|FILE.py:Class",
     multiple=True,
+    shell_complete=complete.controllers,
     help="May be repeated. [all that are installed]",
 )
-@click.option("--plant", metavar="NAME", default="mujoco", help="What is driven. [mujoco]")
-@click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [the scenarios']")
+@click.option(
+    "--plant", metavar="NAME|FILE.py:Class", default="mujoco", shell_complete=complete.plants,
+    help="What is driven. [mujoco]",
+)  # fmt: skip
+@click.option(
+    "--robot", metavar="NAME|FILE.toml", shell_complete=complete.robots, help="Which robot it is. [the scenarios']"
+)
 @options.MODEL
 @click.option("--seeds", type=int, metavar="N", default=20, help="How many seeds at most, from the first on. [20]")
 @click.option(

@@ -32,7 +32,9 @@ def invoke(command: click.Command, args: list[str] | None = None) -> NoReturn:
     except OmniError as error:
         fail(str(error), BAD_INPUT)
     except click.ClickException as error:
-        fail(" ".join(error.format_message().split()), BAD_INPUT)
+        context = getattr(error, "ctx", None)
+        message = " ".join(error.format_message().split())
+        fail(message if context is None else f"{message.rstrip('.')}; see {context.command_path} --help", BAD_INPUT)
     except BrokenPipeError:
         # Whoever read the output has gone, as `head` does; what is left in the buffer must not complain at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from omni_control.errors import OmniError
-from omni_mj.cli import console, folders, options
+from omni_mj.cli import complete, console, folders, options
 from omni_mj.cli import run as run_command
 
 if TYPE_CHECKING:
@@ -21,9 +21,9 @@ OUTPUTS = (*run_command.OUTPUTS, "link.json")
 
 
 @click.command("drive")
-@click.option("--scenario", "name", metavar="NAME|FILE.toml", help="What to drive.")
-@click.option("--controller", metavar="NAME|FILE.py:Class", help=f"[{CONTROLLER}]")
-@click.option("--robot", metavar="NAME|FILE.toml", help="Which robots they are. [tigers-v2016]")
+@options.SCENARIO
+@click.option("--controller", metavar="NAME|FILE.py:Class", shell_complete=complete.controllers, help=f"[{CONTROLLER}]")
+@options.ROBOT
 @click.option("--team", "colour", type=click.Choice(["blue", "yellow"]), default="blue", help="[blue]")
 @click.option("--id", "ids", type=int, multiple=True, help="A robot's number; may be repeated. [the lowest seen]")
 @click.option("--vision", metavar="ADDRESS[:PORT]", default="224.5.23.2:10020", help="[224.5.23.2:10020]")

@@ -5,14 +5,16 @@ from pathlib import Path
 import click
 
 from omni_control.errors import OmniError
-from omni_mj.cli import console, folders, options
+from omni_mj.cli import complete, console, folders, options
 
 OUTPUTS = ("identify.json", "robot.toml", "plan.toml")
 
 
 @click.command("identify")
 @click.argument("logs", metavar="LOG...", nargs=-1, type=click.Path(path_type=Path))
-@click.option("--robot", metavar="NAME|FILE.toml", help="Which to start from. [the default robot]")
+@click.option(
+    "--robot", metavar="NAME|FILE.toml", shell_complete=complete.robots, help="Which to start from. [tigers-v2016]"
+)
 @click.option("--team", type=click.Choice(["yellow", "blue"]), help="Whose robot it is, in game logs.")
 @click.option("--id", "number", type=click.IntRange(0, 15), help="Its number, in game logs.")
 @click.option("--plan", "only_plan", is_flag=True, help="Write a scenario of moves to drive, and print them.")

@@ -5,15 +5,19 @@ from pathlib import Path
 
 import click
 
-from omni_mj.cli import console, folders, options
+from omni_mj.cli import complete, console, folders, options
 
 OUTPUTS = ("summary.json", "scenario.toml", "trajectory.parquet", "limit.png", *folders.PROVENANCE)
 
 
 @click.command("limit")
-@click.argument("name", metavar="SCENARIO")
-@click.option("--plant", metavar="NAME", help="What is driven. [the scenario's]")
-@click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [the scenario's]")
+@click.argument("name", metavar="SCENARIO|FILE.toml", shell_complete=complete.scenarios)
+@click.option(
+    "--plant", metavar="NAME|FILE.py:Class", shell_complete=complete.plants, help="What is driven. [the scenario's]"
+)
+@click.option(
+    "--robot", metavar="NAME|FILE.toml", shell_complete=complete.robots, help="Which robot it is. [the scenario's]"
+)
 @options.MODEL
 @options.SETTINGS
 @click.option("--seeds", type=int, metavar="N", default=20, help="How many seeds show what noise costs. [20]")

@@ -1,11 +1,31 @@
 """`omni-mj list`: what there is to name."""
 
+from typing import TYPE_CHECKING
+
 import click
+
+from omni_control.errors import OmniError, choose
+from omni_mj.cli import complete
+from omni_mj.show import listing
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
+
+def _titles(context: click.Context, parameter: click.Parameter, incomplete: str) -> "list[CompletionItem]":
+    return complete.offered(incomplete, listing.TITLES.items())
 
 
 @click.command("list")
-def command() -> None:
-    """List scenarios, controllers, plants, robots and settings."""
-    from omni_mj.show import listing
+@click.argument("what", required=False, metavar=f"[{'|'.join(listing.TITLES)}]", shell_complete=_titles)
+@click.argument("word", required=False, metavar="[WORD]")
+def command(what: str | None, word: str | None) -> None:
+    """List scenarios, controllers, plants, robots, settings and faults: all, one list, or what has WORD in it.
 
-    listing.show()
+    omni-mj list settings friction prints the settings in whose name or meaning that word stands; omni-mj list friction
+    looks for it in all lists.
+    """
+    only = next((title for title in listing.TITLES if what in (title, title[:-1])), None)
+    if only is None and word is not None:
+        raise OmniError(f"there is no list {what!r}; {choose(what, listing.TITLES)}")
+    listing.show(only, word if only else what)

@@ -4,18 +4,21 @@ from pathlib import Path
 
 import click
 
-from omni_mj.cli import console, folders, options
+from omni_mj.cli import complete, console, folders, options
 
 OUTPUTS = ("summary.json", "scenario.toml", "loop.png", "loop.svg", *folders.PROVENANCE)
 
 
 @click.command("loop")
 @click.option(
-    "--controller", "controllers", metavar="NAME|FILE.py:Class", multiple=True,
+    "--controller", "controllers", metavar="NAME|FILE.py:Class", multiple=True, shell_complete=complete.controllers,
     help="May be repeated. [all that come with the program, but for the oracle]",
 )  # fmt: skip
-@click.option("--scenario", "name", metavar="NAME|FILE.toml", default="rect", help="Whose settings count. [rect]")
-@click.option("--plant", metavar="NAME|FILE.py:Class", help="What is driven. [mujoco]")
+@click.option(
+    "--scenario", "name", metavar="NAME|FILE.toml", default="rect", shell_complete=complete.scenarios,
+    help="Whose settings count. [rect]",
+)  # fmt: skip
+@options.PLANT
 @options.ROBOT
 @options.MODEL
 @click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")

@@ -6,17 +6,32 @@ from typing import TYPE_CHECKING
 
 import click
 
+from omni_mj.cli import complete
+
 if TYPE_CHECKING:
     from omni_mj.scenarios.scenario import Scenario
 
+SCENARIO = click.option(
+    "--scenario", "name", metavar="NAME|FILE.toml", shell_complete=complete.scenarios, help="What to drive."
+)
 CONTROLLER = click.option(
-    "--controller", "controllers", metavar="NAME|FILE.py:Class", multiple=True, help="May be repeated. [the scenario's]"
+    "--controller", "controllers", metavar="NAME|FILE.py:Class", multiple=True, shell_complete=complete.controllers,
+    help="What drives it; may be repeated. [the scenario's]",
+)  # fmt: skip
+PLANT = click.option(
+    "--plant", metavar="NAME|FILE.py:Class", shell_complete=complete.plants, help="What is driven. [mujoco]"
 )
 SETTINGS = click.option(
-    "--set", "overrides", metavar="SECTION.FIELD=VALUE", multiple=True, help="A setting; see omni-mj list."
+    "--set", "overrides", metavar="SECTION.FIELD=VALUE", multiple=True, shell_complete=complete.settings,
+    help="A setting, such as radio.delay_frames=9; may be repeated. See omni-mj list settings.",
+)  # fmt: skip
+MODEL = click.option(
+    "--model", metavar="FILE.xml", shell_complete=complete.files,
+    help="Your robot's MJCF; the robot's file says the rest. [ours]",
+)  # fmt: skip
+ROBOT = click.option(
+    "--robot", metavar="NAME|FILE.toml", shell_complete=complete.robots, help="Which robot it is. [tigers-v2016]"
 )
-MODEL = click.option("--model", metavar="FILE.xml", help="Your robot's MJCF; the robot's file says the rest. [ours]")
-ROBOT = click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [tigers-v2016]")
 RECORD = click.option("--record/--no-record", default=True, help="Write recording.rrd for the rerun viewer.")
 VIEW = click.option("--view", is_flag=True, help="Watch the run in a rerun viewer of its own.")
 CONNECT = click.option("--connect", metavar="URL", help="Watch the run in a rerun viewer that is running.")

@@ -24,9 +24,9 @@ OUTPUTS = (*RESULTS, *folders.PROVENANCE)
 
 
 @click.command("run")
-@click.option("--scenario", "name", metavar="NAME|FILE.toml", help="What to run.")
+@options.SCENARIO
 @options.CONTROLLER
-@click.option("--plant", metavar="NAME|FILE.py:Class", help="What is driven. [mujoco]")
+@options.PLANT
 @options.ROBOT
 @options.MODEL
 @click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")
@@ -39,7 +39,7 @@ OUTPUTS = (*RESULTS, *folders.PROVENANCE)
 @options.CONNECT
 @options.FIGURES
 @options.QUIET
-@click.option("--list", "show_list", is_flag=True, help="List scenarios, controllers, plants and settings.")
+@click.option("--list", "show_list", is_flag=True, help="The same as omni-mj list.")
 def command(
     name: str | None,
     controllers: tuple[str, ...],

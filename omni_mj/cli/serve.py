@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from omni_control.errors import OmniError
-from omni_mj.cli import console, folders, options
+from omni_mj.cli import complete, console, folders, options
 
 if TYPE_CHECKING:
     from omni_mj.live.serve.log import Tape
@@ -23,9 +23,15 @@ PORT = click.IntRange(0, 65_535)
 
 
 @click.command("serve")
-@click.option("--scenario", "name", metavar="NAME|FILE.toml", help="Carpet, cameras, radio, faults and so on.")
+@click.option(
+    "--scenario", "name", metavar="NAME|FILE.toml", shell_complete=complete.scenarios,
+    help="Carpet, cameras, radio, faults and so on.",
+)  # fmt: skip
 @options.ROBOT
-@click.option("--yellow-robot", metavar="NAME|FILE.toml", help="Same, of the yellow team. [as --robot]")
+@click.option(
+    "--yellow-robot", metavar="NAME|FILE.toml", shell_complete=complete.robots,
+    help="Same, of the yellow team. [as --robot]",
+)  # fmt: skip
 @options.SETTINGS
 @click.option("--seed", type=int, metavar="S", help="Of the random numbers. [0]")
 @click.option("--blue", metavar="N|IDS", default="1", show_default=True, help="Robots: how many, or their numbers.")

@@ -5,15 +5,16 @@ from pathlib import Path
 
 import click
 
-from omni_mj.cli import console, folders, options
+from omni_mj.cli import complete, console, folders, options
 
 OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "slip.png", *folders.PROVENANCE)
 
 
 @click.command("slip")
 @click.option(
-    "--robot", "robots", metavar="NAME|FILE.toml", multiple=True, help="May be repeated. [those that were measured]"
-)
+    "--robot", "robots", metavar="NAME|FILE.toml", multiple=True, shell_complete=complete.robots,
+    help="May be repeated. [those that were measured]",
+)  # fmt: skip
 @options.MODEL
 @options.SETTINGS
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/slip-<UTC time>]")

@@ -5,7 +5,7 @@ from pathlib import Path
 from omni_control.errors import OmniError, choose
 
 ROBOT = "ssl_robot"
-SCENE = "scene"
+SCENE = "field"
 
 
 def folder() -> Path:

@@ -5,11 +5,15 @@ It is read from files, the settings' from the JSON Schema beside them: importing
 
 import ast
 import json
+import re
 import tomllib
+from collections.abc import Callable
+from difflib import get_close_matches
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from omni_control.errors import OmniError
 from omni_control.registry import CONTROLLERS, missing
 from omni_mj import robots
 from omni_mj.scenarios.library import builtin
@@ -21,20 +25,76 @@ HEADINGS = ["setting", "default", "unit", "allowed", "meaning"]
 WIDEST = [None, 20, 10, 24]  # columns of settings, in characters; the meaning has what is left
 
 
-def show() -> None:
-    """Print the lists."""
-    for title, rows, widest in (
-        ("scenarios (--scenario)", _described(builtin()), [None]),
-        ("controllers (--controller)", _controllers(), [None]),
-        ("plants (--plant)", [[name, _first_line(where)] for name, where in PLANTS.items()], [None]),
-        ("robots (--robot)", _described(robots.builtin()), [None]),
-        ("settings (--set section.field=value)", [HEADINGS, *settings()], WIDEST),
-        ("faults, what happens in a run ([[fault]] in a scenario's file)", [HEADINGS, *faults()], WIDEST),
-    ):
-        print(title)
-        for line in terminal.wrapped(rows, widest):
-            print(f"  {line}")
-        print()
+TITLES = {  # of the lists, and how each is used
+    "scenarios": "--scenario",
+    "controllers": "--controller",
+    "plants": "--plant",
+    "robots": "--robot",
+    "settings": "--set section.field=value",
+    "faults": "what happens in a run: [[fault]] in a scenario's file",
+}
+
+
+def show(only: str | None = None, word: str | None = None) -> None:
+    """Print the lists.
+
+    Args:
+        only: the title of one of them, or None for all.
+        word: what must be in a line, of any case, or None for all lines.
+
+    Raises:
+        OmniError: the word is in no line.
+    """
+    found = {title: _with(word, rows(title)) for title in ([only] if only else TITLES)}
+    if not any(found.values()):
+        raise OmniError(f"there is no {word!r} in the {only or 'lists'}{_like(word or '', only)}")
+    for title, lines in found.items():
+        if lines:
+            print(f"{title} ({TITLES[title]})")
+            whole = [HEADINGS, *lines] if len(lines[0]) > 2 else lines
+            for line in terminal.wrapped(whole, WIDEST if len(lines[0]) > 2 else [None]):
+                print(f"  {line}")
+            print()
+
+
+def rows(title: str) -> list[list[str]]:
+    """The lines of the list called `title`: a name first, its meaning last."""
+    lists: dict[str, Callable[[], list[list[str]]]] = {
+        "scenarios": lambda: _described(builtin()),
+        "controllers": _controllers,
+        "plants": lambda: [[name, _first_line(where)] for name, where in PLANTS.items()],
+        "robots": lambda: _described(robots.builtin()),
+        "settings": settings,
+        "faults": faults,
+    }
+    return lists[title]()
+
+
+def _with(word: str | None, lines: list[list[str]]) -> list[list[str]]:
+    """The lines with a word in them; of faults, those of a kind with the word, or below their kind."""
+    if word is None:
+        return lines
+    kept: list[list[str]] = []
+    kind: list[str] = []
+    for line in lines:
+        kind = line if not line[0].startswith(" ") else kind
+        below = line is not kind
+        if _has(line, word) or (below and _has(kind, word)):
+            kept += [kind] if below and kind not in kept else []
+            kept.append(line)
+    return kept
+
+
+def _has(line: list[str], word: str) -> bool:
+    return any(word.casefold() in cell.casefold() for cell in line)
+
+
+def _like(word: str, only: str | None) -> str:
+    """A question whether another word was meant, of those in the first column."""
+    names = [line[0] for title in ([only] if only else TITLES) for line in rows(title)]
+    words = {part for name in (*names, *TITLES) for part in (name, *re.findall(r"[a-z]+", name))}
+    near = get_close_matches(word.casefold(), sorted(words), n=1)
+    return f"; did you mean {near[0]!r}?" if near else "; omni-mj list prints all that there is"
 
 
 def _controllers() -> list[list[str]]:

@@ -18,7 +18,7 @@ from omni_mj.worlds import build
 def robot(name_or_path: str | Path) -> Robot:
     """Read a robot, check every number of it, and build it once, so that what is wrong with it is said now.
 
-    What it gives may be passed wherever a robot's name may. Its `facts`:
+    What it gives may be passed wherever a robot's name may. Its `facts`::
 
         mass_kg               with the wheels
         top_speed_ahead_m_s   at which the back-EMF of the fastest wheel is the firmware's nominal voltage; and aside

@@ -28,7 +28,7 @@ from omni_mj.worlds.wheels import WheelGeometry
 CYCLE_S = 1 / CYCLE_RATE_HZ  # of the wheel loops: 16 in a camera frame, each of one physics step or several
 SETTLING_S = 0.25
 
-# What rollers need of the solver; why is said in models/scene.xml.
+# What rollers need of the solver; why is said in models/field.xml.
 _SOLVER = {
     "timestep": (CYCLE_S, "0.00104166666666666667"),
     "integrator": (mujoco.mjtIntegrator.mjINT_EULER, "Euler"),
@@ -178,7 +178,7 @@ def _check_solver(scene: mujoco.MjSpec, file: str) -> None:
     if not scene.option.disableflags & mujoco.mjtDisableBit.mjDSBL_EULERDAMP:
         wrong.append('<flag eulerdamp="disable"/>')
     if wrong:
-        raise OmniError(f"{file}: <option> differs from what rollers need; set {', '.join(wrong)}, as scene.xml does")
+        raise OmniError(f"{file}: <option> differs from what rollers need; set {', '.join(wrong)}, as field.xml does")
 
 
 def _switch_on_hulls(part: mujoco.MjSpec, robot: Part) -> None:

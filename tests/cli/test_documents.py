@@ -14,6 +14,7 @@ BLOCK = re.compile(r"^```(sh|toml|python|xml) ?(\S*)\n(.*?)^```", re.MULTILINE |
 DOCUMENTS = {
     "docs/tour.md": {"runs.html": "late", "compared/compare.md": "Gentle"},
     "docs/python.md": {"runs/mine/summary.json": "comp-flc"},
+    "docs/commands.md": {"late/scenario.toml": "delay_frames = 9", "own/summary.json": "Steady"},
     "docs/robots.md": {"robot.schema.json": "azimuths_deg", "three/provenance.json": "three.xml"},
     "CONTRIBUTING.md": {
         "mine/summary.json": "Mine",

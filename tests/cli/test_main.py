@@ -53,7 +53,7 @@ def test_help_names_every_command_and_version_is_that_of_the_package(capsys: pyt
     assert invoke("--version") == 0
     assert capsys.readouterr().out == f"omni-mj {om.__version__}\n"
     assert invoke("comapre") == 2
-    assert "No such command 'comapre'" in capsys.readouterr().err
+    assert "there is no command 'comapre'; did you mean 'compare'?" in capsys.readouterr().err
 
 
 def test_list_names_what_there_is_however_it_is_asked(capsys: pytest.CaptureFixture[str]) -> None:

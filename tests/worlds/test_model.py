@@ -18,7 +18,7 @@ WHEELS = (1, 2, 3, 4)
 
 @pytest.fixture(scope="module")
 def model() -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_path(str(models.folder() / "ssl_robot_on_carpet.xml"))
+    return mujoco.MjModel.from_xml_path(str(models.folder() / "scene.xml"))
 
 
 @pytest.fixture(scope="module")
@@ -68,12 +68,23 @@ def com_and_inertia(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[NDArray
 
 def test_each_file_opens_by_itself() -> None:
     """As MuJoCo's viewer does, which shows the robot by its keyframe."""
-    for name in ("ssl_robot", "scene", "ssl_robot_on_carpet"):
+    for name in ("ssl_robot", "field", "scene"):
         model = mujoco.MjModel.from_xml_path(str(models.folder() / f"{name}.xml"))
         data = mujoco.MjData(model)
-        if name != "scene":
+        if name != "field":
             mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
         mujoco.mj_forward(model, data)
+
+
+def test_the_scene_stands_what_menagerie_asks_of_models(model: mujoco.MjModel) -> None:
+    """A second of random voltages from the whole range, without a warning of MuJoCo's, in a file called scene.xml."""
+    data, low_high = mujoco.MjData(model), model.actuator_ctrlrange.T
+    rng = np.random.default_rng(0)
+    while data.time < 1:
+        data.ctrl[:] = rng.uniform(*low_high)
+        mujoco.mj_step(model, data)
+    assert np.isfinite(data.qpos).all()
+    assert not data.warning.number.any()
 
 
 def test_mass_balance_and_inertia_are_those_of_the_default_robot(model: mujoco.MjModel, data: mujoco.MjData) -> None:

@@ -58,7 +58,7 @@ def test_the_plain_file_holds_the_default_robots_numbers() -> None:
 
 def test_the_plain_file_is_the_world_of_one_robot() -> None:
     """But for the sensors of load, which the build adds, and what is written in every step."""
-    plain = arrays(mujoco.MjModel.from_xml_path(str(models.folder() / "ssl_robot_on_carpet.xml")))
+    plain = arrays(mujoco.MjModel.from_xml_path(str(models.folder() / "scene.xml")))
     built = arrays(build.world().model)
     assert plain.keys() == built.keys()
     assert len(plain) > 300
