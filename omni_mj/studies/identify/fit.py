@@ -174,8 +174,8 @@ def fit(
         found.x[: len(late)],
         float(stats.t.ppf(0.975, max(len(segments) - 1, 1))),
         bound,
-        _whiteness(residual[..., :2], segments.there),
-        _whiteness(residual[..., 2:] / problem.metres, segments.there),
+        whiteness(residual[..., :2], segments.there),
+        whiteness(residual[..., 2:] / problem.metres, segments.there),
         twist,
         int(segments.there.sum()),
         each,
@@ -306,7 +306,7 @@ def _covariance(residual: Array, jacobian: Array, segments: Segments, taken: int
     return covariance
 
 
-def _whiteness(residual: Array, there: np.ndarray) -> Whiteness:
+def whiteness(residual: Array, there: np.ndarray) -> Whiteness:
     """Root mean square, what of it changes from sample to sample, mean autocorrelation, p of Ljung and Box's test."""
     count = there.sum() * residual.shape[-1]
     power = (residual**2).sum() / count

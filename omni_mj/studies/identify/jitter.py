@@ -8,7 +8,7 @@ weighed by what its change of the command moves: c_j = J_j J, where J_j is the w
 what a first position and velocity explain. If commands are late by sigma_j independently of each other, d_s has the
 variance e_s^2 + sigma_j^2 / n_s with the number of commands that count, n_s = (sum c)^2 / sum c^2: one for a step,
 thirty for a smooth move, which therefore says little. Estimate and interval are those of the likelihood of all d_s.
-What residuals are left without d_s, and how long they last, makes e_s.
+What residuals are left without d_s, and how long they last, makes e_s, and 2 ms by which the law itself is wrong.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,8 +17,8 @@ import numpy as np
 from scipy import stats
 
 from omni_control.kinematics import Array
-from omni_mj.studies.identify.findings import Estimate, Kind, judged
-from omni_mj.studies.identify.fit import LAGS, Fit
+from omni_mj.studies.identify.findings import KINDS, Estimate, Kind, judged
+from omni_mj.studies.identify.fit import LAGS, LATE, Fit, whiteness
 from omni_mj.studies.identify.logs import Log
 from omni_mj.studies.identify.segments import Segments
 
@@ -29,6 +29,8 @@ STEPS = (
 )
 KIND = Kind("jitter of the delay, standard deviation", "s", LIMIT_S, SHARE, "", STEPS)
 LOST = Kind("commands that were lost, share", "", 0.02, 0, "", STEPS)
+LAW_S = KINDS[LATE].law  # by which the law is wrong about delays, from move to move
+LASTING = 0.2  # autocorrelation of residuals with delays of their own, from which they are not delays
 LONGEST_S, GRID = 0.1, 401
 NORMAL = 1.96
 LEAST = 20  # stamps
@@ -61,7 +63,8 @@ def of_moves(fitted: Fit, segments: Segments) -> Estimate:
     squares = np.maximum((fitted.by_latency**2).sum((1, 2)), 1e-12)
     own = -(fitted.by_latency * fitted.residual).sum((1, 2)) / squares
     left = fitted.residual + own[:, None, None] * fitted.by_latency
-    variance = _lasting(left) / squares
+    white = whiteness(left[..., :2], segments.there)
+    variance = LAW_S**2 + _lasting(left) / squares
     count = _count(segments, fitted)
     grid = np.linspace(0, LONGEST_S, GRID)
     whole = variance + grid[:, None] ** 2 / count
@@ -71,7 +74,9 @@ def of_moves(fitted: Fit, segments: Segments) -> Estimate:
     inside = grid[likelihood > likelihood[best] - stats.chi2.ppf(0.95, 1) / 2]
     low, high = float(inside[0]), float(inside[-1])
     value, half, why = float(grid[best]), (high - low) / 2, None
-    if half > (limit := max(LIMIT_S, SHARE * value)) or high >= LONGEST_S:
+    if white.memory > LASTING:
+        why = f"the law lacks what looks like delays that differ: {1e3 * white.rms:.1f} mm of residuals that last"
+    elif half > (limit := max(LIMIT_S, SHARE * value)) or high >= LONGEST_S:
         why = (
             f"its 95 % interval is {1e3 * low:.1f} to {1e3 * high:.1f} ms, wider than +-{1e3 * limit:.2g} ms: "
             f"{np.median(count):.0f} commands share what a stretch tells of their delays"
@@ -82,7 +87,7 @@ def of_moves(fitted: Fit, segments: Segments) -> Estimate:
 
 def _lasting(residual: Array) -> float:
     """Variance of residuals (S, m, 3), times what their autocorrelation makes of that of a sum."""
-    count = float(max(np.count_nonzero(residual), 1))
+    count = max(int(np.count_nonzero(residual)), 1)
     power = float((residual**2).sum()) / count
     lags = range(1, min(LAGS, residual.shape[1] - 1) + 1)
     alike = [float((residual[:, lag:] * residual[:, :-lag]).sum()) / count for lag in lags]
