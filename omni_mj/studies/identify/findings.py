@@ -15,7 +15,7 @@ from omni_mj.studies.identify.segments import Segments
 FRAME_S = 1 / 60
 FAST_M_S, PULLING_M_S2, MOVING_M_S = 1.0, 1.0, 0.5  # what creep needs: this speed, and this acceleration while moving
 LONG_ENOUGH_S = 0.2
-LAWLESS = 2.0  # residuals over their noise, from which a law that misfits tells nothing
+LAWLESS = 2.0  # residuals over their noise, from which a law of commands that misfits tells nothing
 DRIVES_M_S, TURNS_RAD_S = 0.1, 0.3  # root mean square along an axis, below which its gain is not told
 
 
@@ -62,7 +62,7 @@ KINDS = {
     "pile": Kind("drag of the pile, over load", "", 0.02, 0, "creep", DRAG, 6e-3),
     "roller_friction": Kind("friction of rollers, over load", "", 0.03, 0, "creep", DRAG, 8e-3),
     "radius_m": Kind("effective wheel radius", "m", 0, 0.01, "", GAIN, 2e-3),
-    "arm_m": Kind("effective arm", "m", 0, 0.02, "turning", GAIN, 2e-3),
+    "arm_m": Kind("effective arm", "m", 0, 0.02, "turning", GAIN, 3e-3),
     "lag_forward_s": Kind("lag tau forward", "s", 0.02, 0, "forward", LAG, 1e-3),
     "lag_sideways_s": Kind("lag tau sideways", "s", 0.02, 0, "sideways", LAG, 1.5e-3),
     "lag_turning_s": Kind("lag turning", "s", 0.02, 0, "turning", LAG, 1e-3),
@@ -182,7 +182,7 @@ def estimates(
         given: why what was not free was not, for numbers that only depend on that.
     """
     source = "wheels" if segments.wheels else "commands"
-    excited, beyond = Excitation.of(fitted, segments), _beyond(fitted)
+    excited, beyond = Excitation.of(fitted, segments), None if segments.wheels else _beyond(fitted)
     found = numbers.with_errors(fitted, lambda p: numbers.of(body, settings, p, segments.wheels))
     for i, value in enumerate(fitted.late):
         name = f"clock_{i + 1}_s" if len(fitted.late) > 1 else "clock_s"
