@@ -1,6 +1,7 @@
 """Jitter of the delay: from steps of the command, and from stamps; not from smooth moves, of which it says why."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ def log(ramp: int) -> Log:
     """Commands of another velocity every 3/4 s, within so many lines; what moves does not matter here."""
     goals = np.random.default_rng(1).uniform(-1, 1, (40, 3)) * [1.2, 1.2, 0.0]
     share = np.minimum(np.arange(EACH) / ramp, 1.0)[:, None]
-    sent = np.concatenate([a + (b - a) * share for a, b in zip(goals, goals[1:], strict=False)])
+    sent = np.concatenate([a + (b - a) * share for a, b in pairwise(goals)])
     return Log("log", np.arange(len(sent)) / RATE, np.zeros_like(sent), sent, False, None)
 
 
