@@ -7,7 +7,7 @@ import click
 from omni_control.errors import OmniError
 from omni_mj.cli import complete, console, folders, options
 
-OUTPUTS = ("identify.json", "robot.toml", "plan.toml")
+OUTPUTS = ("identify.json", "robot.toml", "plan.toml", *folders.PROVENANCE)
 
 
 @click.command("identify")
@@ -15,6 +15,7 @@ OUTPUTS = ("identify.json", "robot.toml", "plan.toml")
 @click.option(
     "--robot", metavar="NAME|FILE.toml", shell_complete=complete.robots, help="Which to start from. [tigers-v2016]"
 )
+@options.MODEL
 @click.option("--team", type=click.Choice(["yellow", "blue"]), help="Whose robot it is, in game logs.")
 @click.option("--id", "number", type=click.IntRange(0, 15), help="Its number, in game logs.")
 @click.option("--plan", "only_plan", is_flag=True, help="Write a scenario of moves to drive, and print them.")
@@ -24,6 +25,7 @@ OUTPUTS = ("identify.json", "robot.toml", "plan.toml")
 def command(
     logs: tuple[Path, ...],
     robot: str | None,
+    model: str | None,
     team: str | None,
     number: int | None,
     only_plan: bool,
@@ -40,7 +42,7 @@ def command(
             raise OmniError("--plan writes what to drive and takes no logs; give one of both")
         from omni_mj.studies.identify.plan import plan
 
-        moves = plan(chosen)
+        moves = plan(chosen, model)
         folder = folders.prepare(out, "identify", OUTPUTS, overwrite)
         with console.writing(folder):
             (folder / "plan.toml").write_text(moves.scenario.to_toml(), encoding="utf-8")
@@ -50,13 +52,18 @@ def command(
         return
     if not logs:
         raise OmniError("name at least one log, .csv, .parquet, .log or .log.gz; or --plan, for what to drive")
-    from omni_mj.studies.identify import identify
-    from omni_mj.studies.identify.logs import of_robot
+    from omni_mj.provenance import identified, record
+    from omni_mj.studies.identify.logs import files, of_robot, read
+    from omni_mj.studies.identify.study import of_logs, started
 
-    found = identify([of_robot(log, team, number) for log in logs], chosen)
+    words, start = [of_robot(log, team, number) for log in logs], started(chosen, model)
+    options.tell_model(start, quiet)
+    found = of_logs([log for word in words for log in read(word)], start)
     folder = folders.prepare(out, "identify", OUTPUTS, overwrite)
     with console.writing(folder):
         found.save(folder)
+        asked, data = identified.given(words, start), [file for word in words for file in files(word)[1]]
+        record.save(folder, identified.STUDY, console.command_line(), [start], frames=False, given=asked, data=data)
     if not quiet:
         print(found.table())
         print(f"results in {folder}/ (identify.json, robot.toml)")

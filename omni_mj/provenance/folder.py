@@ -11,7 +11,7 @@ from typing import Any
 
 from omni_control.errors import OmniError
 from omni_mj.measure import reading
-from omni_mj.provenance import here
+from omni_mj.provenance import here, identified
 from omni_mj.provenance.record import FILE, FORMAT, SOURCES
 from omni_mj.robots import builtin
 from omni_mj.scenarios import robots, scenario
@@ -37,7 +37,7 @@ class Folder:
 
     Attributes:
         path: as given.
-        summary: what summary.json holds.
+        summary: what summary.json holds, or identify.json.
         record: what provenance.json holds.
 
     Raises:
@@ -47,11 +47,11 @@ class Folder:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.record = _record(path)
-        if not (path / "summary.json").exists():
-            raise OmniError(
-                f"the run in {path} left no summary.json: it was killed, or goes on; nothing to compare with"
-            )
-        self.summary = reading.read(path)
+        of_logs = self.record["study"] == identified.STUDY
+        name = identified.FILE if of_logs else "summary.json"
+        if not (path / name).exists():
+            raise OmniError(f"the run in {path} left no {name}: it was killed, or goes on; nothing to compare with")
+        self.summary = identified.read(path) if of_logs else reading.read(path)
 
     @property
     def several(self) -> bool:
@@ -136,6 +136,8 @@ class Folder:
             for each in said["controllers"]:
                 if "file" in each:
                     yield f"the controller {each['name']}", each
+        for each in self.record.get("data", []):
+            yield f"the log {each['name']}", each
         for each in self.record["modules"]:
             yield "a module that a user's file imports", each
 

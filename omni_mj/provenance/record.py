@@ -1,5 +1,6 @@
 """Writes down what a run is made of: provenance.json, and copies of what is the user's own in sources/."""
 
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -16,6 +17,7 @@ from omni_mj.scenarios.scenario import Scenario
 
 FORMAT = 1
 FILE, SOURCES = "provenance.json", "sources"  # also in `omni_mj.cli.folders`, which must not import what this does
+DATA, LARGEST_BYTES = "data", 100_000_000  # folder in that of the sources, for logs and the like; largest that is kept
 MODULES = "modules"  # folder in that of the sources, for modules that a user's files import
 
 
@@ -27,6 +29,7 @@ def save(
     frames: bool = True,
     given: Mapping[str, Any] | None = None,
     missing: Sequence[str] = (),
+    data: Sequence[Path] = (),
 ) -> None:
     """Write what is about to be run.
 
@@ -38,6 +41,7 @@ def save(
         frames: whether trajectories are kept.
         given: what the study was given beside scenarios.
         missing: why it cannot be repeated from the folder alone, a line each.
+        data: files that it reads, such as logs, of which copies are kept.
 
     Raises:
         OmniError: a user's file has gone.
@@ -47,6 +51,7 @@ def save(
     found = here.environment()
     found["versions"] |= modules.versions(shelf.python)
     found |= {"missing": list(missing)} if missing else {}
+    found |= {"data": [shelf.put_data(file) for file in data]} if data else {}
     content = {
         "format": FORMAT, "study": study, "command": command,
         "began": datetime.now(UTC).isoformat(timespec="seconds"), "frames_kept": frames, "given": dict(given or {}),
@@ -88,6 +93,14 @@ class _Shelf:
         )
         first, *others = (self.put(f"{shelf}/{place}", data) for place, data in found.items())
         return {"name": file.name, **first, "parts": others}
+
+    def put_data(self, file: Path) -> dict[str, str]:
+        """Keep a file of data, unless it is too large."""
+        if (size := file.stat().st_size) > LARGEST_BYTES:
+            why = f"{file.name} was not kept: it has {size / 1e6:.0f} MB, and {LARGEST_BYTES / 1e6:.0f} is the most"
+            with file.open("rb") as opened:
+                return {"name": file.name, "sha256": hashlib.file_digest(opened, "sha256").hexdigest(), "why": why}
+        return {"name": file.name, **self.put(f"{DATA}/{file.name}", file.read_bytes())}
 
     @property
     def python(self) -> dict[str, bytes]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from omni_control.errors import OmniError
 from omni_mj.measure.result import Outcome
-from omni_mj.provenance import frames, here, studies
+from omni_mj.provenance import frames, here, identified, studies
 from omni_mj.provenance.folder import Folder, importable
 from omni_mj.provenance.record import MODULES, SOURCES
 from omni_mj.scenarios.scenario import Scenario
@@ -32,12 +32,14 @@ class Repetition:
         frames: how many of all rows were compared.
         differences: in what they, or the summary, differ from the run, in lines; none if it repeats.
         notes: what is not as it was in the run but decided nothing, or was left out, in lines.
+        what: rows are.
     """
 
     rows: int = 0
     frames: int = 0
     differences: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    what: str = "rows"
 
     @property
     def repeats(self) -> bool:
@@ -49,7 +51,7 @@ class Repetition:
         if not self.repeats:
             return "\n".join(["does not repeat", *self.differences, *self.notes])
         compared = f"{self.frames} frames identical bit for bit" if self.frames else "the summary's numbers identical"
-        return "\n".join([f"repeats: {self.rows} rows, {compared}", *(f"note: {note}" for note in self.notes)])
+        return "\n".join([f"repeats: {self.rows} {self.what}, {compared}", *(f"note: {note}" for note in self.notes)])
 
 
 def verify(folder: str | Path) -> Repetition:
@@ -79,6 +81,8 @@ def repeat(path: Path, begin: Begin = lambda title, count: nothing) -> Repetitio
     study = folder.record["study"]
     if study in studies.NAMES:
         return _found(folder, found, lambda copies: _study(folder, copies, found, begin))
+    if study == identified.STUDY:
+        return _found(folder, found, lambda copies: _identified(folder, copies, found))
     if study not in STUDIES:
         again = folder.summary.get("repeat") or folder.record.get("command")
         raise OmniError(f"{path} is of omni-mj {study}, which is repeated as a whole: {again}")
@@ -124,6 +128,13 @@ def _study(folder: Folder, copies: Path, found: Repetition, begin: Begin) -> Non
     found.differences += _differing(
         dict(_flat(before, folder.record["study"])), dict(_flat(now, folder.record["study"]))
     )
+
+
+def _identified(folder: Folder, copies: Path, found: Repetition) -> None:
+    """Identify a robot again and compare what was found."""
+    found.rows, before, now = identified.again(folder, copies)
+    found.what = "log" if found.rows == 1 else "logs"
+    found.differences += _differing(dict(_flat(before)), dict(_flat(now)), file=identified.FILE)
 
 
 def _again(record: Mapping[str, Any], chosen: Scenario, entry: Mapping[str, Any], begin: Begin) -> Outcome:
@@ -172,18 +183,19 @@ def _failures(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[s
 
 def _numbers(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
     """What the summary says and is not so here; results that only this version has are not among it."""
-    return _differing(*(dict(_flat({part: entry.get(part) for part in RESULTS})) for entry in (recorded, now)))
+    old, new = (dict(_flat({part: entry.get(part) for part in RESULTS})) for entry in (recorded, now))
+    return _differing(old, new)
 
 
-def _differing(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
+def _differing(old: Mapping[str, Any], new: Mapping[str, Any], file: str = "summary.json") -> Iterator[str]:
     """Of flat summaries what is not the same in both, in lines."""
     keys = dict.fromkeys([*old, *(key for key in new if not key.startswith("results."))])
     texts = {key: [json.dumps(each[key]) if key in each else "not there" for each in (old, new)] for key in keys}
     differ = {key: both for key, both in texts.items() if both[0] != both[1]}
     for key, (before, after) in list(differ.items())[:TOLD]:
-        yield f"summary.json: {key} is {before} in the run, {after} here"
+        yield f"{file}: {key} is {before} in the run, {after} here"
     if (more := len(differ) - TOLD) > 0:
-        yield f"summary.json: {more} more values differ"
+        yield f"{file}: {more} more values differ"
 
 
 def _flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:

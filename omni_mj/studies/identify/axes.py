@@ -16,6 +16,7 @@ SMOOTHED = np.array([1.0, 2.0, 3.0, 2.0, 1.0]) / 9
 TURNED_RAD = 0.5  # from which axes are taken for wrong
 MOVES_M_S, TURNS_RAD_S = 0.05, 0.2  # root mean square, below which nothing is looked at
 LATEST_S = 0.5
+ONE_LINE = 0.04  # mean square across a line over that along it, below which inputs keep to it
 FOLLOWS = 0.3  # share of the motion's variance below which inputs are not what moved the robot
 
 
@@ -115,10 +116,13 @@ def _real(u: Array, v: Array) -> tuple[float, float]:
 
 def _complex(u: np.ndarray, v: np.ndarray) -> tuple[complex, complex, float]:
     """a, b, and the share of v that a u + b conj(u) explains; b = 0 where motion along one line cannot tell them."""
-    columns = np.stack([u, u.conj()], 1)
-    sizes = np.linalg.svd(columns, compute_uv=False)
-    if sizes[1] < 0.2 * sizes[0]:
-        columns = columns[:, :1]
-    found = np.linalg.lstsq(columns, v, rcond=None)[0]
-    share = 1 - float((np.abs(v - columns @ found) ** 2).sum() / max((np.abs(v) ** 2).sum(), 1e-12))
-    return complex(found[0]), complex(found[1]) if len(found) > 1 else 0j, share
+    power, mirror = float((np.abs(u) ** 2).sum()), complex((u * u).sum())
+    along, across = complex((u.conj() * v).sum()), complex((u * v).sum())  # of v
+    first, second = along / max(power, 1e-12), 0j
+    if power - abs(mirror) >= ONE_LINE * (power + abs(mirror)):  # normal equations; else u keeps to one line
+        size = power**2 - abs(mirror) ** 2
+        first = (power * along - mirror.conjugate() * across) / size
+        second = (power * across - mirror * along) / size
+    left = v - first * u - second * u.conj()
+    share = 1 - float((np.abs(left) ** 2).sum() / max((np.abs(v) ** 2).sum(), 1e-12))
+    return first, second, share

@@ -15,6 +15,7 @@ from omni_mj.studies.identify.segments import Segments
 FRAME_S = 1 / 60
 FAST_M_S, PULLING_M_S2, MOVING_M_S = 1.0, 1.0, 0.5  # what creep needs: this speed, and this acceleration while moving
 LONG_ENOUGH_S = 0.2
+LAWLESS = 2.0  # residuals over their noise, from which a law of commands that misfits tells nothing
 DRIVES_M_S, TURNS_RAD_S = 0.1, 0.3  # root mean square along an axis, below which its gain is not told
 
 
@@ -47,21 +48,21 @@ STEPS = "changes of the command of 1 m/s or more, twenty or so"
 STRAIGHT = "straight moves of a metre or more"
 DRAG = "as for creep; roll-outs with motors off, or motors' currents"
 KINDS = {
-    LATE: Kind("latency of the loop", "s", 0.5 * FRAME_S, 0, "", STEPS, 9e-4),
-    "clock_s": Kind("poses later than wheels by", "s", 0.5 * FRAME_S, 0, "", STEPS, 6e-4),
+    LATE: Kind("latency of the loop", "s", 0.5 * FRAME_S, 0, "", STEPS, 2e-3),
+    "clock_s": Kind("poses later than wheels by", "s", 0.5 * FRAME_S, 0, "", STEPS, 5e-4),
     "drift": Kind("and more so by, each second", "", 1e-3, 0, "", "a log of a minute or more", 5e-5),
     "gain_forward": Kind("gain K forward", "", 0.05, 0, "forward", GAIN, 2e-3),
     "gain_sideways": Kind("gain K sideways", "", 0.05, 0, "sideways", GAIN, 2e-3),
     "gain_turning": Kind("gain K turning", "", 0.05, 0, "turning", GAIN, 2e-3),
-    "creep_stiffness": Kind("creep stiffness C", "", 0, 0.25, "creep", CREEP, 6e-3),
-    "creep_forward_s2_m": Kind("creep T forward", "s^2/m", 0.03, 0, "creep forward", CREEP, 7e-4),
-    "creep_sideways_s2_m": Kind("creep T sideways", "s^2/m", 0.03, 0, "creep sideways", CREEP, 1.4e-3),
-    "drag_forward_m_s2": Kind("drag through the contacts forward", "m/s^2", 0, 0.25, "creep forward", DRAG, 0.08),
-    "drag_sideways_m_s2": Kind("drag through the contacts sideways", "m/s^2", 0, 0.25, "creep sideways", DRAG, 0.08),
-    "pile": Kind("drag of the pile, over load", "", 0.015, 0, "creep", DRAG, 4e-3),
+    "creep_stiffness": Kind("creep stiffness C", "", 0, 0.25, "creep", CREEP, 0.012),
+    "creep_forward_s2_m": Kind("creep T forward", "s^2/m", 0.03, 0, "creep forward", CREEP, 8e-4),
+    "creep_sideways_s2_m": Kind("creep T sideways", "s^2/m", 0.03, 0, "creep sideways", CREEP, 1e-3),
+    "drag_forward_m_s2": Kind("drag through the contacts forward", "m/s^2", 0, 0.25, "creep forward", DRAG, 0.03),
+    "drag_sideways_m_s2": Kind("drag through the contacts sideways", "m/s^2", 0, 0.25, "creep sideways", DRAG, 0.03),
+    "pile": Kind("drag of the pile, over load", "", 0.02, 0, "creep", DRAG, 6e-3),
     "roller_friction": Kind("friction of rollers, over load", "", 0.03, 0, "creep", DRAG, 8e-3),
     "radius_m": Kind("effective wheel radius", "m", 0, 0.01, "", GAIN, 2e-3),
-    "arm_m": Kind("effective arm", "m", 0, 0.02, "turning", GAIN, 2e-3),
+    "arm_m": Kind("effective arm", "m", 0, 0.02, "turning", GAIN, 3e-3),
     "lag_forward_s": Kind("lag tau forward", "s", 0.02, 0, "forward", LAG, 1e-3),
     "lag_sideways_s": Kind("lag tau sideways", "s", 0.02, 0, "sideways", LAG, 1.5e-3),
     "lag_turning_s": Kind("lag turning", "s", 0.02, 0, "turning", LAG, 1e-3),
@@ -84,8 +85,9 @@ class Estimate:
 
     Attributes:
         name, title, unit: of it; `source` is what it was found from: commands, wheels or motors.
-        value, error: with its standard error; low and high: ends of the 95 % interval. Kept where it is not told, too,
-            so that the reason can be checked.
+        value, error: with its standard error, of which `noise` is what the data's noise and what is believed explain,
+            the rest the law's; low and high: ends of the 95 % interval. Kept where it is not told, too, so that the
+            reason can be checked.
         why_not: why the data cannot tell it, or None.
         would_tell: what to drive then.
     """
@@ -96,6 +98,7 @@ class Estimate:
     source: str
     value: float
     error: float
+    noise: float
     low: float
     high: float
     why_not: str | None
@@ -110,7 +113,12 @@ class Estimate:
         """As JSON has it: no numbers where the data cannot tell."""
         head = {"title": self.title, "unit": self.unit, "source": self.source}
         if self.told:
-            return head | {"value": self.value, "standard_error": self.error, "interval_95": [self.low, self.high]}
+            return head | {
+                "value": self.value,
+                "standard_error": self.error,
+                "of_noise": self.noise,
+                "interval_95": [self.low, self.high],
+            }
         return head | {"value": None, "not_identifiable": self.why_not, "would_tell": self.would_tell}
 
 
@@ -174,24 +182,38 @@ def estimates(
         given: why what was not free was not, for numbers that only depend on that.
     """
     source = "wheels" if segments.wheels else "commands"
-    excited = Excitation.of(fitted, segments)
+    excited, beyond = Excitation.of(fitted, segments), None if segments.wheels else _beyond(fitted)
     found = numbers.with_errors(fitted, lambda p: numbers.of(body, settings, p, segments.wheels))
     for i, value in enumerate(fitted.late):
         name = f"clock_{i + 1}_s" if len(fitted.late) > 1 else "clock_s"
         name, kind = (name, KINDS["clock_s"]) if segments.wheels else (LATE, KINDS[LATE])
-        yield judged(name, kind, source, float(value), float(fitted.error[i]), fitted.quantile, excited)
+        yield judged(name, kind, source, float(value), float(fitted.error[i]), fitted.quantile, excited, beyond)
     bounds = dict(zip(fitted.names, fitted.at_bound, strict=True))
     for name, (value, error) in found.items():
         if error == 0.0 or (not segments.wheels and "creep" not in fitted.names and name.startswith("creep")):
             continue  # what other data told
         stopped = bounds.get("creep" if name == "creep_stiffness" else name, False)
-        yield judged(name, KINDS[name], source, value, error, fitted.quantile, excited, bool(stopped))
+        why = f"the fit stopped at a bound, {value:.3g} {KINDS[name].unit}".rstrip() if stopped else None
+        yield judged(name, KINDS[name], source, value, error, fitted.quantile, excited, beyond or why)
     if "creep" not in fitted.names and given:
         for name in ("creep_stiffness",):
             kind = KINDS[name]
             nan = float("nan")
             why = excited.lacks(kind.needs) or given
-            yield Estimate(name, kind.title, kind.unit, source, nan, nan, nan, nan, why, kind.would_tell)
+            yield Estimate(name, kind.title, kind.unit, source, nan, nan, nan, nan, nan, why, kind.would_tell)
+
+
+def _beyond(fitted: Fit) -> str | None:
+    """That the law does not describe the motion, where residuals say so: then its numbers are none of the robot's."""
+    if not fitted.misfit:
+        return None
+    for one, unit in ((fitted.position, "mm"), (fitted.heading, "mrad")):
+        if one.rms > LAWLESS * one.noise:
+            return (
+                f"the law does not describe this motion: residuals of {1e3 * one.rms:.1f} {unit}, of which noise "
+                f"{1e3 * one.noise:.1f} {unit}"
+            )
+    return None
 
 
 def judged(
@@ -202,16 +224,17 @@ def judged(
     error: float,
     quantile: float,
     excited: Excitation | None = None,
-    stopped: bool = False,
+    wrong: str | None = None,
 ) -> Estimate:
-    """A number with its interval, or with the reason for which it is not told."""
-    error = float(np.hypot(error, kind.law * (abs(value) if kind.share and not kind.limit else 1.0)))
+    """A number with its interval, or with the reason for which it is not told; `wrong`, if there is one, is another."""
+    noise = error
+    error = float(np.hypot(noise, kind.law * (abs(value) if kind.share and not kind.limit else 1.0)))
     half = quantile * error
     why = excited.lacks(kind.needs) if excited and kind.needs else None
     limit = max(kind.limit, kind.share * abs(value))
     if why is None and not half <= limit:
         width = f"+-{half:.2g} {kind.unit}".rstrip() if np.isfinite(half) else "without end"
         why = f"its 95 % interval is {width}, wider than +-{limit:.2g} {kind.unit}".rstrip()
-    if why is None and stopped:
-        why = f"the fit stopped at a bound, {value:.3g} {kind.unit}".rstrip()
-    return Estimate(name, kind.title, kind.unit, source, value, error, value - half, value + half, why, kind.would_tell)
+    why = why or wrong
+    ends = value - half, value + half
+    return Estimate(name, kind.title, kind.unit, source, value, error, noise, *ends, why, kind.would_tell)

@@ -22,7 +22,7 @@ from scipy.optimize import least_squares
 from omni_control.kinematics import Array
 from omni_mj.studies.identify import law
 from omni_mj.studies.identify.predict import first_poses
-from omni_mj.studies.identify.segments import Segments
+from omni_mj.studies.identify.segments import COARSEST_S, Segments
 
 LATE = "latency_s"  # beside those of `law.NAMES`: one, or one for each log
 # Name -> size of a change that matters, step of finite differences, lowest and highest value.
@@ -43,6 +43,7 @@ RANGES = {
 }
 WIDTH = 3  # real numbers of a pose
 TRUSTED_S = 0.05  # weight of the first twist that a parabola shows: 1.3 mm of noise to 0.026 m/s
+ROUGH_S = 0.02  # steps in which a fit begins
 NUDGE = 0.02  # of first headings and twists, rad, m/s and rad/s
 MEMORY_S = 0.5  # lags of scores that are summed
 LAGS = 10  # of residuals, that are tested
@@ -84,6 +85,8 @@ class Fit:
         position, heading: residuals of both.
         twist: at all samples, by the law, (S, m, 3). samples: how many there were.
         each: root mean square of the residuals of each stretch, (S,) m.
+        residual: of each sample's position and heading, (S, m, 3) m, with metres per radian as `metres` says.
+        by_latency: what it changes by with the latency of its log, (S, m, 3) m/s.
     """
 
     names: tuple[str, ...]
@@ -98,6 +101,9 @@ class Fit:
     twist: Array
     samples: int
     each: Array
+    residual: Array
+    by_latency: Array
+    metres: float
 
     @property
     def error(self) -> Array:
@@ -112,9 +118,15 @@ class Fit:
 
 
 def fit(
-    body: law.Body, segments: Segments, start: Array, late: Array, free: Sequence[str], fixed: Mapping[str, float] = {}
+    body: law.Body,
+    segments: Segments,
+    start: Array,
+    late: Array,
+    free: Sequence[str],
+    fixed: Mapping[str, float] = {},
+    rough: bool = False,
 ) -> Fit:
-    """Fit the law to stretches.
+    """Fit the law to stretches: with long steps, then, from what that found, with short ones.
 
     Args:
         body: the robot that is believed in.
@@ -123,6 +135,7 @@ def fit(
         late: of inputs, one for all logs or one for each, s.
         free: names of `law.NAMES` that are fitted beside latencies.
         fixed: values of others than in `start`.
+        rough: whether long steps will do, for values to start from.
     """
     base = np.array(start, float)
     for name, value in fixed.items():
@@ -131,17 +144,21 @@ def fit(
     names = (*[LATE] * len(late), *free)
     scale, _, low, high = np.array([RANGES[name] for name in names]).T
     first = np.clip(np.append(late, base[problem.free]), low + 1e-3 * scale, high - 1e-3 * scale)
-    found = least_squares(
-        lambda x: problem.at(x)[0].ravel(),
-        first,
-        lambda x: problem.at(x)[1].reshape(-1, len(names)),
-        bounds=(low, high),
-        x_scale=scale,
-        ftol=1e-5,
-        xtol=1e-5,
-        gtol=1e-9,
-        max_nfev=40,
-    )
+    x = first
+    for coarsest in (ROUGH_S,) if rough else (ROUGH_S, COARSEST_S):
+        problem.step_no_longer_than(coarsest)
+        found = least_squares(
+            lambda x: problem.at(x)[0].ravel(),
+            x,
+            lambda x: problem.at(x)[1].reshape(-1, len(names)),
+            bounds=(low, high),
+            x_scale=scale,
+            ftol=1e-5,
+            xtol=1e-5,
+            gtol=1e-9,
+            max_nfev=40,
+        )
+        x = np.clip(found.x, low + 1e-6 * scale, high - 1e-6 * scale)
     residual, jacobian, twist = problem.at(found.x)
     residual, jacobian = residual[:, :-1], jacobian[:, :-1]
     covariance = _covariance(residual, jacobian, segments, problem.taken)
@@ -157,11 +174,14 @@ def fit(
         found.x[: len(late)],
         float(stats.t.ppf(0.975, max(len(segments) - 1, 1))),
         bound,
-        _whiteness(residual[..., :2], segments.there),
-        _whiteness(residual[..., 2:] / problem.metres, segments.there),
+        whiteness(residual[..., :2], segments.there),
+        whiteness(residual[..., 2:] / problem.metres, segments.there),
         twist,
         int(segments.there.sum()),
         each,
+        residual,
+        jacobian[..., : len(late)].sum(-1),
+        problem.metres,
     )
 
 
@@ -172,7 +192,7 @@ class _Problem:
         self.body, self.segments, self.start, self.free = body, segments, start, free
         self.taken = 2 * WIDTH * len(segments)  # numbers that are free in stretches
         self.logs = segments.log if late > 1 else np.zeros(len(segments), int)
-        self.late = late
+        self.late, self._coarsest = late, COARSEST_S
         self.steps = np.array([RANGES[n][1] for n in (LATE, *(law.NAMES[i] for i in free))])
         there = segments.there
         self.metres = _noise(segments.position, there) / max(_noise(segments.angle, there), 1e-6)
@@ -184,6 +204,10 @@ class _Problem:
             ones[:, i, :, i] = there
         self._ones = ones.reshape(len(there), 3, -1)
         self._last: tuple[bytes, tuple[Array, Array, Array]] | None = None
+
+    def step_no_longer_than(self, coarsest: float) -> None:
+        """Solve the law from now on in such steps, s."""
+        self._coarsest, self._last = coarsest, None
 
     def at(self, x: Array) -> tuple[Array, Array, Array]:
         """Residuals (S, m + 1, 3), Jacobian (S, m + 1, 3, n), twists (S, m, 3); the last sample is the tie."""
@@ -216,7 +240,7 @@ class _Problem:
         lates = np.tile(late[:, None], len(all_sets))
         if shifted:
             lates[:, k] += self.steps[0]
-        motion = law.simulate(self.body, self.segments, all_sets, lates, starts)
+        motion = law.simulate(self.body, self.segments, all_sets, lates, starts, self._coarsest)
         heading = starts[..., 0][..., None] + motion.turned
         flat = np.stack([motion.way.real, motion.way.imag, heading * self.metres], -1) * there[:, None, :, None]
         flat = flat.reshape(len(there), len(all_sets), -1)  # (S, P, m width)
@@ -282,7 +306,7 @@ def _covariance(residual: Array, jacobian: Array, segments: Segments, taken: int
     return covariance
 
 
-def _whiteness(residual: Array, there: np.ndarray) -> Whiteness:
+def whiteness(residual: Array, there: np.ndarray) -> Whiteness:
     """Root mean square, what of it changes from sample to sample, mean autocorrelation, p of Ljung and Box's test."""
     count = there.sum() * residual.shape[-1]
     power = (residual**2).sum() / count

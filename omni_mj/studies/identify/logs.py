@@ -32,7 +32,8 @@ VISION = ("vision_x_m", "vision_y_m", "vision_heading_rad")
 OURS = ("command_vx_m_s", "command_vy_m_s", "command_w_rad_s")
 WORLD = ("vx_cmd_world_m_s", "vy_cmd_world_m_s", "w_cmd_rad_s")
 BODY = ("vx_cmd_body_m_s", "vy_cmd_body_m_s", "w_cmd_rad_s")
-NAMES = ("time_s", *POSE, *WORLD, *BODY[:2], "wheel_1_rad", "wheel_1_rad_s")
+RECEIVED = "received_s"
+NAMES = ("time_s", RECEIVED, *POSE, *WORLD, *BODY[:2], "wheel_1_rad", "wheel_1_rad_s")
 GAP = 3.5  # periods without a line, from which on a log is cut in two
 LEAST_LINES = 30
 TOLD = 3  # gaps that are named
@@ -53,6 +54,7 @@ class Log:
         wheels: speeds (F, wheels) rad/s, means from each line to the next, or None.
         notes: what was seen in reading it, a line each.
         motors: what was measured of them, or None.
+        received: when the robot got each line's command, by any clock, (F,) s, not a number if never; or None.
     """
 
     name: str
@@ -63,6 +65,7 @@ class Log:
     wheels: Array | None
     notes: list[str] = field(default_factory=list)
     motors: Motors | None = None
+    received: Array | None = None
 
     @property
     def period(self) -> float:
@@ -79,7 +82,7 @@ class Log:
         """Some lines of it."""
         command, wheels = (None if each is None else each[lines] for each in (self.command, self.wheels))
         time, pose = self.time[lines], self.pose[lines]
-        return replace(self, time=time, pose=pose, command=command, wheels=wheels, notes=[], motors=None)
+        return replace(self, time=time, pose=pose, command=command, wheels=wheels, notes=[], motors=None, received=None)
 
 
 def read(path: Path) -> list[Log]:
@@ -109,6 +112,16 @@ def of_robot(path: Path, team: str | None, number: int | None) -> Path:
         return path
     commands = f",{game['commands']}" if game["commands"] else ""
     return Path(f"{game['file']}:{team or ''}:{'' if number is None else number}{commands}")
+
+
+def files(log: Path) -> tuple[str, list[Path]]:
+    """What a log is read from: the word that `read` takes, with {} in place of each file; and these."""
+    game = GAME.fullmatch(str(log))
+    if game is None:
+        return "{}", [log]
+    robot = "" if game["team"] is None else f":{game['team']}:{game['robot']}"
+    commands = [Path(game["commands"])] if game["commands"] else []
+    return "{}" + robot + ",{}" * len(commands), [Path(game["file"]), *commands]
 
 
 def _game(file: str, team: str | None, robot: str | None, commands: str | None) -> Log:
@@ -202,7 +215,9 @@ def _log(name: str, columns: dict[str, np.ndarray]) -> Log:
     if held.any():
         pose[held] = np.nan
         notes.append(f"{name}: {held.sum()} lines repeat the pose before them while the robot moves; taken as not seen")
-    return _ready(Log(name, time, pose, command, in_body, _wheels(time, columns), notes, motors=Motors.of(columns)))
+    wheels, motors = _wheels(time, columns), Motors.of(columns)
+    received = columns[RECEIVED].astype(float) if RECEIVED in columns and command is not None else None
+    return _ready(Log(name, time, pose, command, in_body, wheels, notes, motors, received))
 
 
 def _ready(log: Log) -> Log:

@@ -9,7 +9,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios.settings import PERIOD_S, Settings
-from omni_mj.studies.identify import axes, law, wheels
+from omni_mj.studies.identify import axes, jitter, law, wheels
 from omni_mj.studies.identify.findings import DRIVES_M_S, TURNS_RAD_S, Estimate, Excitation, estimates
 from omni_mj.studies.identify.fit import Fit, fit
 from omni_mj.studies.identify.logs import Log
@@ -21,7 +21,7 @@ ODD, MOST_ODD = 3.0, 0.25  # residuals over their median, and share, of stretche
 EARLIEST_S = -0.25  # clocks of wheels that are tried
 DRIFTS_S = 30.0  # length of logs from which clocks may run at other speeds
 OTHER_RADIUS, SURE = 0.025, 3.0  # and standard errors, from which the wheels are of another radius than the file's
-ROLLS, RADIUS_SHARE = 0.998, 0.002  # rolling radius over the file's, and how well it is known: rubber is pressed in
+ROLLS, RADIUS_SHARE = 0.9988, 0.002  # rolling radius over the file's (rubber is pressed in), and how well it is known
 ROLLING_M_S = 0.05  # speed of rims above which motors without current roll out, and do not stand
 BETTER = 0.98  # residuals over those without, by which another cause must be better
 CONTACTS = ("creep", "pile", "roller_friction")
@@ -69,13 +69,14 @@ def by_wheels(logs: Sequence[Log], settings: Settings) -> Part | None:
         start[law.DRIFT] = np.median([_drift(log, twist) for log, twist in zip(logs, twists, strict=True)])
         always.append("drift")
     nothing = dict.fromkeys(CONTACTS, 0.0)
-    first = fit(body, used, start, late, always, nothing)
+    first = fit(body, used, start, late, always, nothing, rough=True)
     given, free, fixed = "", always, nothing
     if Excitation.of(first, used).creeps.any():
         free, fixed = [*CONTACTS, *always], {}
         start = np.where(np.isin(law.NAMES, always), first.parameters, believed)
         first = fit(body, used, start, first.late, free)
     else:
+        first = fit(body, used, first.parameters, first.late, always, nothing)
         given = "it needs faster moves"
         notes.append("wheels: too slow for creep; what creeps under drag is in radius and gains")
     found, used = _usual(body, used, first, free, fixed, notes, "wheels", logs)
@@ -128,7 +129,7 @@ def by_commands(logs: Sequence[Log], settings: Settings, rolled: Fit | None) -> 
         start[law.ARM] = rolled.parameters[law.ARM] / rolled.parameters[law.SCALE]
         found = fit(body, used, start, late, free)
     else:
-        found = fit(body, used, start, late, free)
+        found = fit(body, used, start, late, free, rough=True)
         if Excitation.of(found, used).creeps.any():
             free = [*CONTACTS, *free]
             found = fit(body, used, found.parameters, found.late, free)
@@ -148,7 +149,7 @@ def by_commands(logs: Sequence[Log], settings: Settings, rolled: Fit | None) -> 
         delay = settings.radio.delay_frames * PERIOD_S
         lates = np.tile([delay, found.late[0]], (len(held), 1))
         prediction = predict(body, held, np.stack([believed, found.parameters]), lates)
-    told = list(estimates(found, body, settings, used, given))
+    told = [*estimates(found, body, settings, used, given), jitter.of_moves(found, used)]
     return Part("commands", found, used, prediction, told, notes)
 
 
@@ -253,8 +254,8 @@ def _usual(
     source: str,
     logs: Sequence[Log],
 ) -> tuple[Fit, Segments]:
-    """A fit without stretches that are odd, and those that it is to."""
-    found = fit(body, used, first.parameters, first.late, free, fixed)
+    """A fit without stretches that are odd, where the first one has some, and those that it is to."""
+    found = first
     usual = found.each <= ODD * np.median(found.each)
     if not usual.all() and usual.mean() >= 1 - MOST_ODD and usual.sum() >= LEAST_STRETCHES:
         odd = list(_where(used.some(~usual), logs))

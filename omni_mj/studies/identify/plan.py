@@ -44,8 +44,12 @@ class Plan:
         return text(Table(title, ["move", "way", "reaches"], rows, 1))
 
 
-def plan(robot: str = DEFAULT) -> Plan:
+def plan(robot: str = DEFAULT, model: str | None = None) -> Plan:
     """Moves for a robot.
+
+    Args:
+        robot: name or file.
+        model: its MJCF, if it is a user's own.
 
     Raises:
         OmniError: there is no such robot, or its wheels cannot drive them.
@@ -67,7 +71,7 @@ def plan(robot: str = DEFAULT) -> Plan:
         "max_turn_rate_rad_s": TOP_RAD_S,
         "max_turn_acceleration_rad_s2": TURN_RAD_S2,
     }
-    chosen = scenario("rect", robot=robot, reference=reference, controllers=["comp-flc"], seeds=1)
+    chosen = scenario("rect", robot=robot, model=model or {}, reference=reference, controllers=["comp-flc"], seeds=1)
     chosen = chosen.replace(
         name="plan", description="moves that identify a robot: omni-mj identify --plan", paper_table=0
     )

@@ -1,9 +1,13 @@
 """The start robot's file with identified numbers in place of its own, each with its standard error in a comment."""
 
+import json
+import os
 import re
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
+from omni_mj.mjcf.files import copies
 from omni_mj.studies.identify.findings import FRAME_S, Estimate
 
 
@@ -28,6 +32,7 @@ FIELDS = {
     ("commands", "friction_forward_m_s"): ("control", "drag_m_s"),
     ("commands", "creep_forward_s2_m"): ("control", "creep_s2_m"),
 }
+MODEL = "sources/model"  # where `omni_mj.provenance.record` keeps it, too
 DRAG = ("pile", "roller_friction")
 LEAST = {"radius_m": 0.01, "arm_m": 0.02, "creep_stiffness": 0.1}  # that settings allow; of all else 0
 
@@ -53,6 +58,19 @@ def changes(estimates: Sequence[Estimate], misfits: Container[str] = ()) -> dict
             says = f"identified from {e.source}: {frames} frames (standard error)"
         made[place] = Change(value, says + "; misfit, see identify.json" * (e.source in misfits))
     return made
+
+
+def with_model(model: Path, folder: Path) -> dict[tuple[str, str], Change]:
+    """Copy a model of the user's, with all that it is made of, beside the robot's file that shall name it."""
+    try:
+        parts = copies(model)
+    except (OSError, ValueError):  # parts by absolute paths: it is named where it is
+        return {("model", "file"): Change(json.dumps(Path(os.path.relpath(model, folder)).as_posix()), "not copied")}
+    for place, data in parts.items():
+        path = folder / MODEL / place
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    return {("model", "file"): Change(json.dumps(f"{MODEL}/{next(iter(parts))}"), "copied")}
 
 
 def written(start: str, made: Mapping[tuple[str, str], Change], logs: Sequence[str]) -> str:

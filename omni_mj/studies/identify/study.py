@@ -10,9 +10,9 @@ import numpy as np
 
 from omni_mj.measure.table import DASH, Table, text
 from omni_mj.scenarios import robots
-from omni_mj.scenarios.scenario import scenario
+from omni_mj.scenarios.scenario import Scenario, scenario
 from omni_mj.scenarios.settings import Settings
-from omni_mj.studies.identify import motion, robot_file
+from omni_mj.studies.identify import jitter, motion, robot_file
 from omni_mj.studies.identify.findings import Estimate
 from omni_mj.studies.identify.fit import Whiteness
 from omni_mj.studies.identify.logs import Log, read
@@ -61,11 +61,14 @@ class Identified:
         return found
 
     def save(self, folder: Path) -> None:
-        """Write identify.json and robot.toml."""
+        """Write identify.json and robot.toml; of a model of the user's, copies beside them, which robot.toml names."""
         (folder / "identify.json").write_text(json.dumps(self.report(), indent=2, allow_nan=False) + "\n", "utf-8")
         start = robots.robot_path(self.robot).read_text("utf-8")
         misfits = [part.source for part in self.parts if part.fitted.misfit]
-        written = robot_file.written(start, robot_file.changes(self.estimates, misfits), self.logs)
+        made = robot_file.changes(self.estimates, misfits)
+        if model := self.settings.model.file:
+            made |= robot_file.with_model(Path(model), folder)
+        written = robot_file.written(start, made, self.logs)
         (folder / "robot.toml").write_text(written, "utf-8")
 
     def _lines(self) -> Iterator[str]:
@@ -97,23 +100,29 @@ class Identified:
             yield f"note: {note}"
 
 
-def identify(logs: Sequence[Path | str], robot: str = robots.DEFAULT) -> Identified:
+def identify(logs: Sequence[Path | str], robot: str = robots.DEFAULT, model: str | None = None) -> Identified:
     """Identify a robot from its logs.
 
     Args:
         logs: CSV or Parquet files; see `omni_mj.studies.identify.logs`.
         robot: name or file of the robot to start from: its wheels' geometry, and what is believed of it.
+        model: its MJCF, of which geometry and masses then are. [the robot's file's]
 
     Raises:
         OmniError: a log cannot be what it says, or holds too little; a line says what.
     """
-    return of_logs([log for path in logs for log in read(Path(path))], robot)
+    return of_logs([log for path in logs for log in read(Path(path))], started(robot, model))
 
 
-def of_logs(logs: Sequence[Log], robot: str) -> Identified:
-    """Same, from logs that were read."""
-    settings = scenario("rect", robot=robot).settings
-    result = Identified(robot, [log.name for log in logs], settings)
+def started(robot: str, model: str | None = None) -> Scenario:
+    """The scenario whose robot an identification starts from; see `identify`."""
+    return scenario("rect", robot=robot, model=model or {})
+
+
+def of_logs(logs: Sequence[Log], chosen: Scenario) -> Identified:
+    """Same, from logs that were read, and the scenario with the robot."""
+    settings = chosen.settings
+    result = Identified(chosen.robot, [log.name for log in logs], settings)
     result.notes += [note for log in logs for note in log.notes]
     part, rolled = None, None
     if those := [log for log in logs if log.wheels is not None]:
@@ -124,6 +133,7 @@ def of_logs(logs: Sequence[Log], robot: str) -> Identified:
     result.estimates += by_motors(logs, settings, part)
     if those := [log for log in logs if log.command is not None]:
         _add(result, motion.by_commands(those, settings, rolled), "commands")
+        result.estimates += jitter.of_stamps(those)
     return result
 
 
