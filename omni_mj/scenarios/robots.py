@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 from omni_control.errors import OmniError, choose
 from omni_mj.robots import builtin
-from omni_mj.scenarios import own_model
+from omni_mj.scenarios import own_model, wheel_loops
 from omni_mj.scenarios.checking import in_one
-from omni_mj.scenarios.nested import frozen
+from omni_mj.scenarios.nested import frozen, merged
 
 if TYPE_CHECKING:
     from omni_mj.scenarios.settings import Settings
@@ -95,8 +95,16 @@ def of_robot(name: str) -> Callable[[], Any]:
     return lambda: frozen(sections(DEFAULT)[section][field])
 
 
+def by_gains(field: str) -> Callable[[], Any]:
+    """A default of `[control]` that follows from the robot's gains: that of the default robot."""
+    return lambda: _told_by_default()[field]
+
+
 def completed(given: Mapping[str, Any], robot: str) -> dict[str, Any]:
     """Sections of settings as `given`, below them those that the robot's file gives, and the numbers of its model.
+
+    What neither says of `[control]` follows from the robot's gains (`wheel_loops`): from those of its file and model,
+    since what else a scenario makes of a robot its team need not know.
 
     Raises:
         OmniError: neither gives what depends on the robot, nor the model that they name; a line for each such setting.
@@ -108,7 +116,28 @@ def completed(given: Mapping[str, Any], robot: str) -> dict[str, Any]:
         for field in fields
         if not _given(whole, section, field)
     )
+    control = whole.get("control", {})
+    if isinstance(control, Mapping) and not wheel_loops.INTEGRATING.keys() <= control.keys():
+        whole["control"] = {**_told(whole, robot), **control}
     return whole
+
+
+def _told(whole: Mapping[str, Any], robot: str) -> Mapping[str, float]:
+    """What follows for `[control]` from the robot's file, and of what that lacks from the `whole`; nothing if wrong."""
+    from omni_mj.scenarios.settings import Settings
+
+    file = sections(robot)
+    own = own_model.applied(merged(whole, {name: file[name] for name in wheel_loops.SECTIONS if name in file}), {})
+    needed = {name: own[name] for name in wheel_loops.SECTIONS if name in own}
+    try:
+        return wheel_loops.told(Settings(**needed, control=wheel_loops.INTEGRATING))
+    except OmniError:  # which whoever makes settings of the whole is told
+        return {}
+
+
+@lru_cache
+def _told_by_default() -> Mapping[str, float]:
+    return _told(sections(DEFAULT), DEFAULT)
 
 
 def _given(whole: Mapping[str, Any], section: str, field: str) -> bool:
