@@ -124,13 +124,13 @@ def completed(given: Mapping[str, Any], robot: str) -> dict[str, Any]:
 
 def _told(whole: Mapping[str, Any], robot: str) -> Mapping[str, float]:
     """What follows for `[control]` from the robot's file, and of what that lacks from the `whole`; nothing if wrong."""
-    from omni_mj.scenarios.settings import Settings
+    from omni_mj.scenarios.settings import ControlSettings, Settings
 
     file = sections(robot)
     own = own_model.applied(merged(whole, {name: file[name] for name in wheel_loops.SECTIONS if name in file}), {})
     needed = {name: own[name] for name in wheel_loops.SECTIONS if name in own}
     try:
-        return wheel_loops.told(Settings(**needed, control=wheel_loops.INTEGRATING))
+        return wheel_loops.told(Settings(**needed, control=ControlSettings(**wheel_loops.INTEGRATING)))
     except OmniError:  # which whoever makes settings of the whole is told
         return {}
 

@@ -24,7 +24,7 @@ def robot(name_or_path: str | Path) -> Robot:
         top_speed_ahead_m_s   at which the back-EMF of the fastest wheel is the firmware's nominal voltage; and aside
         grip_ahead_m_s2       acceleration at which the wheels begin to slide on `carpet.friction`; and aside
         tips_at_m_s2          acceleration, in the worst direction, at which a wheel lifts
-        lag_ahead_s           time constant of its speed at rest; and aside. Of a loop that integrates, of its gain alone
+        lag_ahead_s           time constant of its speed at rest, of a loop that integrates that of its gain; and aside
         drag_ahead_m_s        speed that dry friction costs; and aside. The same
         told_lag_s            `control.lag_s` and `control.drag_m_s`, which its team is told: the means of these, if its
         told_drag_m_s         file does not say otherwise
