@@ -11,6 +11,7 @@ from omni_mj import robots as shipped
 
 BEFORE, AFTER, DELAY = 120, 60, 6  # frames
 STEP_M_S = 0.04
+UNITS = {"lag": "s", "drag": "m_s"}
 
 
 @cache
@@ -52,13 +53,18 @@ def test_lag_and_drag_of_a_robot_follow_from_its_gains(robot: str, axis: int) ->
 
 
 def test_controllers_are_told_what_a_robot_s_gains_make_of_it() -> None:
-    """The mean of ahead and aside, to 0.1 ms and 1 mm/s; where a loop integrates there is no such lag."""
-    for name in shipped.builtin():
+    """The mean of ahead and aside, to 0.1 ms and 1 mm/s; where a loop integrates there is no such lag.
+
+    A file that says something else says so because it was measured, and is not far from it.
+    """
+    for name, path in shipped.builtin().items():
         robot = om.robot(name)
         if robot.settings.firmware.ki == 0:
-            control, facts = om.scenario("rect", robot=name).settings.control, robot.facts
-            assert control.lag_s == pytest.approx((facts["lag_ahead_s"] + facts["lag_aside_s"]) / 2, abs=1e-4), name
-            assert control.drag_m_s == pytest.approx((facts["drag_ahead_m_s"] + facts["drag_aside_m_s"]) / 2, abs=1e-3)
+            said, control, facts = "lag_s" in path.read_text(), robot.settings.control, robot.facts
+            lag, drag = ((facts[f"{what}_ahead_{u}"] + facts[f"{what}_aside_{u}"]) / 2 for what, u in UNITS.items())
+            assert control.lag_s == pytest.approx(lag, rel=0.15 if said else 0, abs=1e-4), name
+            assert control.drag_m_s == pytest.approx(drag, abs=1e-3), name
+            assert om.scenario("rect", robot=name).settings.control == control
 
 
 def test_softer_loops_are_told_to_lag_and_what_is_said_wins(tmp_path: Path) -> None:
