@@ -62,7 +62,7 @@ def test_controllers_are_told_what_a_robot_s_gains_make_of_it() -> None:
         if robot.settings.firmware.ki == 0:
             said, control, facts = "lag_s" in path.read_text(), robot.settings.control, robot.facts
             lag, drag = ((facts[f"{what}_ahead_{u}"] + facts[f"{what}_aside_{u}"]) / 2 for what, u in UNITS.items())
-            assert control.lag_s == pytest.approx(lag, rel=0.15 if said else 0, abs=1e-4), name
+            assert control.lag_s == pytest.approx(lag, rel=0.25 if said else 0, abs=1e-4), name
             assert control.drag_m_s == pytest.approx(drag, abs=1e-3), name
             assert om.scenario("rect", robot=name).settings.control == control
 
