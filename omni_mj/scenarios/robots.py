@@ -1,7 +1,8 @@
 """Robots: what their files give for settings.
 
 A robot is a TOML file of settings by section, like a scenario: they are the defaults of whatever that robot drives.
-What the default robot's file gives depends on the robot, so that every other must give it too.
+What the default robot's file gives depends on the robot, so that every other must give it too, but for what a team is
+told of it.
 """
 
 import tomllib
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from omni_mj.scenarios.settings import Settings
 
 DEFAULT = "tigers-v2016"
+CONTROL = "control"  # the section of what a team is told, which follows where a robot's file does not say it
 DESCRIPTION = "description"  # the one key of a robot's file that is no section
 
 
@@ -114,11 +116,11 @@ def completed(given: Mapping[str, Any], robot: str) -> dict[str, Any]:
         f"{section}.{field} depends on the robot; give it in the scenario, or in {robot_path(robot)}"
         for section, fields in sections(DEFAULT).items()
         for field in fields
-        if not _given(whole, section, field)
+        if section != CONTROL and not _given(whole, section, field)
     )
-    control = whole.get("control", {})
+    control = whole.get(CONTROL, {})
     if isinstance(control, Mapping) and not wheel_loops.INTEGRATING.keys() <= control.keys():
-        whole["control"] = {**_told(whole, robot), **control}
+        whole[CONTROL] = {**_told(whole, robot), **control}
     return whole
 
 
@@ -130,14 +132,16 @@ def _told(whole: Mapping[str, Any], robot: str) -> Mapping[str, float]:
     own = own_model.applied(merged(whole, {name: file[name] for name in wheel_loops.SECTIONS if name in file}), {})
     needed = {name: own[name] for name in wheel_loops.SECTIONS if name in own}
     try:
-        return wheel_loops.told(Settings(**needed, control=ControlSettings(**wheel_loops.INTEGRATING)))
+        settings = Settings(**needed, control=ControlSettings(lag_s=0.0, drag_m_s=0.0))  # whose own defaults are these
+        return wheel_loops.told(settings)
     except OmniError:  # which whoever makes settings of the whole is told
         return {}
 
 
 @lru_cache
 def _told_by_default() -> Mapping[str, float]:
-    return _told(sections(DEFAULT), DEFAULT)
+    robot = sections(DEFAULT)
+    return {**_told(robot, DEFAULT), **robot.get(CONTROL, {})}
 
 
 def _given(whole: Mapping[str, Any], section: str, field: str) -> bool:
