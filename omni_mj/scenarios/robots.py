@@ -1,7 +1,8 @@
 """Robots: what their files give for settings.
 
 A robot is a TOML file of settings by section, like a scenario: they are the defaults of whatever that robot drives.
-What the default robot's file gives depends on the robot, so that every other must give it too.
+What the default robot's file gives depends on the robot, so that every other must give it too, but for what a team is
+told of it.
 """
 
 import tomllib
@@ -14,14 +15,15 @@ from typing import TYPE_CHECKING, Any
 
 from omni_control.errors import OmniError, choose
 from omni_mj.robots import builtin
-from omni_mj.scenarios import own_model
+from omni_mj.scenarios import own_model, wheel_loops
 from omni_mj.scenarios.checking import in_one
-from omni_mj.scenarios.nested import frozen
+from omni_mj.scenarios.nested import frozen, merged
 
 if TYPE_CHECKING:
     from omni_mj.scenarios.settings import Settings
 
 DEFAULT = "tigers-v2016"
+CONTROL = "control"  # the section of what a team is told, which follows where a robot's file does not say it
 DESCRIPTION = "description"  # the one key of a robot's file that is no section
 
 
@@ -95,8 +97,16 @@ def of_robot(name: str) -> Callable[[], Any]:
     return lambda: frozen(sections(DEFAULT)[section][field])
 
 
+def by_gains(field: str) -> Callable[[], Any]:
+    """A default of `[control]` that follows from the robot's gains: that of the default robot."""
+    return lambda: _told_by_default()[field]
+
+
 def completed(given: Mapping[str, Any], robot: str) -> dict[str, Any]:
     """Sections of settings as `given`, below them those that the robot's file gives, and the numbers of its model.
+
+    What neither says of `[control]` follows from the robot's gains (`wheel_loops`): from those of its file and model,
+    since what else a scenario makes of a robot its team need not know.
 
     Raises:
         OmniError: neither gives what depends on the robot, nor the model that they name; a line for each such setting.
@@ -106,9 +116,32 @@ def completed(given: Mapping[str, Any], robot: str) -> dict[str, Any]:
         f"{section}.{field} depends on the robot; give it in the scenario, or in {robot_path(robot)}"
         for section, fields in sections(DEFAULT).items()
         for field in fields
-        if not _given(whole, section, field)
+        if section != CONTROL and not _given(whole, section, field)
     )
+    control = whole.get(CONTROL, {})
+    if isinstance(control, Mapping) and not wheel_loops.INTEGRATING.keys() <= control.keys():
+        whole[CONTROL] = {**_told(whole, robot), **control}
     return whole
+
+
+def _told(whole: Mapping[str, Any], robot: str) -> Mapping[str, float]:
+    """What follows for `[control]` from the robot's file, and of what that lacks from the `whole`; nothing if wrong."""
+    from omni_mj.scenarios.settings import ControlSettings, Settings
+
+    file = sections(robot)
+    own = own_model.applied(merged(whole, {name: file[name] for name in wheel_loops.SECTIONS if name in file}), {})
+    needed = {name: own[name] for name in wheel_loops.SECTIONS if name in own}
+    try:
+        settings = Settings(**needed, control=ControlSettings(lag_s=0.0, drag_m_s=0.0))  # whose own defaults are these
+        return wheel_loops.told(settings)
+    except OmniError:  # which whoever makes settings of the whole is told
+        return {}
+
+
+@lru_cache
+def _told_by_default() -> Mapping[str, float]:
+    robot = sections(DEFAULT)
+    return {**_told(robot, DEFAULT), **robot.get(CONTROL, {})}
 
 
 def _given(whole: Mapping[str, Any], section: str, field: str) -> bool:

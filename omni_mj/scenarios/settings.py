@@ -28,7 +28,7 @@ from omni_mj.scenarios.robot_settings import (
     VariationSettings,
     WheelSettings,
 )
-from omni_mj.scenarios.robots import of_robot
+from omni_mj.scenarios.robots import by_gains, of_robot
 
 
 def column(settings: Sequence[Any], name: str) -> Array:
@@ -105,8 +105,20 @@ class ControlSettings(Checked):
     """The team's computer: what it believes of the robots, the controllers, and the limits of what they may command."""
 
     delay_error_frames: int = setting(0, "frames", "what it believes the dead time to be, less the true", -600, 600)
-    lag_s: float = setting(0.02, "s", "MuJoCo plant: what it believes the lag of the wheel loops to be", 0, 1)
-    drag_m_s: float = setting(0.04, "m/s", "MuJoCo plant: what it believes dry friction may cost of the speed", 0, 1)
+    lag_s: float = setting(
+        by_gains("lag_s"),
+        "s",
+        "MuJoCo plant: what it believes the lag of the wheel loops to be; by default that of the robot's gains",
+        0,
+        1,
+    )
+    drag_m_s: float = setting(
+        by_gains("drag_m_s"),
+        "m/s",
+        "MuJoCo plant: what it believes dry friction may cost of the speed; by default what it costs by these gains",
+        0,
+        1,
+    )
     creep_s2_m: float = setting(
         0.05, "s^2/m", "MuJoCo plant: what it believes wheels to creep, forward (TIGERs: 0.038 to 0.06)", 0, 1
     )

@@ -8,7 +8,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.traction import traction_limits
-from omni_mj.scenarios import robots
+from omni_mj.scenarios import robots, wheel_loops
 from omni_mj.scenarios.robot_checks import GRAVITY_M_S2, support
 from omni_mj.scenarios.robots import Robot
 from omni_mj.scenarios.settings import Settings
@@ -24,8 +24,10 @@ def robot(name_or_path: str | Path) -> Robot:
         top_speed_ahead_m_s   at which the back-EMF of the fastest wheel is the firmware's nominal voltage; and aside
         grip_ahead_m_s2       acceleration at which the wheels begin to slide on `carpet.friction`; and aside
         tips_at_m_s2          acceleration, in the worst direction, at which a wheel lifts
-        lag_ahead_s           time constant of its speed at rest, which `control.lag_s` is told of; and aside. Of a loop
-                              that integrates, of its gain alone
+        lag_ahead_s           time constant of its speed at rest, of a loop that integrates that of its gain; and aside
+        drag_ahead_m_s        speed that dry friction costs; and aside. The same
+        told_lag_s            `control.lag_s` and `control.drag_m_s`, which its team is told: the means of these, if its
+        told_drag_m_s         file does not say otherwise
 
     Args:
         name_or_path: of a robot that comes with the package, or the path of a .toml file.
@@ -50,10 +52,7 @@ def _facts(settings: Settings) -> Mapping[str, float]:
     fastest = settings.firmware.nominal_voltage_v / (motor.constant_nm_a * motor.gear) * wheels.radius_m
     ahead, aside = fastest / np.abs(kinematics.matrix[:, :2]).max(0)
     grip_ahead, grip_aside = traction_limits(kinematics, settings.carpet.friction, body.centre_height_m)
-    # A wheel's loop and back-EMF hold it to its speed with a force over the speed that is missing (N s/m).
-    hold = motor.gear * motor.constant_nm_a / motor.resistance_ohm / wheels.radius_m**2
-    hold *= settings.firmware.kp + motor.gear * motor.constant_nm_a
-    lag_ahead, lag_aside = body.mass_kg / (hold * (kinematics.matrix[:, :2] ** 2).sum(0))
+    (lag_ahead, lag_aside), (drag_ahead, drag_aside) = wheel_loops.lag(settings), wheel_loops.drag(settings)
     inside = support(wheels.azimuths_deg, wheels.arm_m, body.centre_x_m)
     return MappingProxyType(
         {
@@ -65,5 +64,9 @@ def _facts(settings: Settings) -> Mapping[str, float]:
             "tips_at_m_s2": inside / body.centre_height_m * GRAVITY_M_S2,
             "lag_ahead_s": float(lag_ahead),
             "lag_aside_s": float(lag_aside),
+            "drag_ahead_m_s": float(drag_ahead),
+            "drag_aside_m_s": float(drag_aside),
+            "told_lag_s": settings.control.lag_s,
+            "told_drag_m_s": settings.control.drag_m_s,
         }
     )
