@@ -19,9 +19,11 @@ Pace = Literal["auto", "60", "vision"]
 
 SILENT_S = 0.5  # without any frame, after which vision is lost
 GRACE_S = 0.001  # for which the other cameras' frames are waited for after that of the leading one
+PATIENCE_S = 0.05  # same, of a simulation that waits for commands, and loses nothing by it
 OVERDUE = 1.6  # periods after a tick at which a frame is taken to be lost
 SHORTEST_S = 0.0125  # of a period, where a simulation goes faster than time: it waits for commands anyway
 SAME_RATE = 0.05  # by which frames may differ from 60 a second of their own clock, for the loop to go with them
+RATES_HZ = 10, 960  # that the settings know
 SETTLE_S = 0.05  # in which frames arrive that were on their way
 CHECK_S = 0.05  # how often it is looked whether to stop, while nothing comes
 
@@ -92,6 +94,15 @@ class Link:
             )
         self.pace, self.with_frames = pace, pace == "vision" or (pace == "auto" and fits)
 
+    @property
+    def timing(self) -> dict[str, float]:
+        """How old what is seen may be at a tick, by its settings; nothing before a camera leads."""
+        if self.leader is None:
+            return {}
+        camera = self.vision.cameras[self.leader]
+        rate = FRAME_RATE_HZ if self.with_frames else camera.received_hz
+        return {"vision.delay_s": round(camera.age_s, 4), "vision.rate_hz": round(float(np.clip(rate, *RATES_HZ)), 1)}
+
     def tick(self, twist: Array) -> tuple[Array, np.ndarray]:
         """Wait for the next tick; see `Vision.at`.
 
@@ -102,6 +113,8 @@ class Link:
             VisionLostError: no camera has sent anything for half a second.
         """
         before, clock = self._tick, self._beginning
+        if not math.isfinite(before):
+            self._take(time.monotonic())  # what came since `restart`
         self._tick = self._of_frame() if self.with_frames else self._of_clock()
         self._woken = time.monotonic()
         elapsed = self._tick - before if self._beginning == clock else PERIOD_S
@@ -170,21 +183,27 @@ class Link:
                 return self._tick + PERIOD_S
             self._alive()
             self._take(min(overdue, time.monotonic() + CHECK_S))
-        self._take(time.monotonic() + GRACE_S, everything=True)
+        self._others()
         self._due = camera.last[1] if math.isfinite(self._woken) else time.monotonic()
         return camera.last[0]
 
-    def _take(self, until: float, *, everything: bool = False) -> None:
-        """Take in what comes first before our clock says `until`, or everything that comes before."""
-        while self._receiver.wait(until):
+    def _others(self) -> None:
+        """Take in the other cameras' frames that belong to that of the leading one."""
+        now = time.monotonic()
+        until = now + (PATIENCE_S if self.pace == "vision" else GRACE_S)
+        alive = [each for each in self.vision.cameras.values() if now - each.heard < SILENT_S / 2]
+        while any(each.last[1] <= self._woken for each in alive) and time.monotonic() < until:
+            self._take(until)
+
+    def _take(self, until: float) -> None:
+        """Take in what comes first before our clock says `until`."""
+        if self._receiver.wait(until):
             for data, arrival, source in self._receiver.packets():
                 if (found := self.vision.add(data, arrival, source)) is not None:
                     number, detection = found
                     if detection.robots_blue or detection.robots_yellow:
                         self._seeing.add(number)
                     self.heard(number, detection)
-            if not everything:
-                return
 
     def _choose_leader(self) -> None:
         """Another camera leads when the one that did has fallen silent."""
