@@ -80,8 +80,13 @@ def until(process: "subprocess.Popen[str]", text: str) -> str:
     raise AssertionError(f"{text!r} was never printed, but {said}")
 
 
-def test_a_simulator_that_is_killed_and_started_again_elsewhere(simulator: Simulator, tmp_path: Path) -> None:
-    """The robot is brought back, the rest of the route is driven, and all that `run` leaves is there, and the table."""
+def test_a_simulator_that_is_killed_and_started_again_elsewhere(
+    simulator: Simulator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The robot is brought back, the rest of the route is driven, and all that `run` leaves is there, and the table.
+
+    What was live is not repeated, which is said.
+    """
     simulator.start("--delay", 1, "--loss", 0.05)
     long = ("--set", "reference.waypoints=[[0, 0], [1.2, 0]]", "--out", "drive", "--no-figures")
     process = simulator.drive("--scenario", "rect", *long, cwd=tmp_path)
@@ -101,6 +106,9 @@ def test_a_simulator_that_is_killed_and_started_again_elsewhere(simulator: Simul
     assert found["cameras"]["0"]["restarts"] == 1
     table = pq.read_table(tmp_path / "drive" / "trajectory.parquet").to_pydict()
     assert abs(table["x_m"][-1] - 1.2) < 0.05
+    assert "Such robots never do quite the same again" in (tmp_path / "drive" / "report.html").read_text()
+    assert invoke("verify", tmp_path / "drive") == 2
+    assert "is of omni-mj drive, which was live and is not repeated: what robots" in capsys.readouterr().err
     summary = json.loads((tmp_path / "drive" / "summary.json").read_text())
     assert summary["complete"]
     assert summary["scenarios"]["rect"]["paper"] is None
