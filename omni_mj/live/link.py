@@ -2,14 +2,14 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.live.cameras import leading
+from omni_mj.live.cameras import OLDEST_S, Camera, leading
 from omni_mj.live.listen import Listener
 from omni_mj.live.sockets import Receiver
 from omni_mj.live.vision import Vision
@@ -19,11 +19,10 @@ Pace = Literal["auto", "60", "vision"]
 
 SILENT_S = 0.5  # without any frame, after which vision is lost
 GRACE_S = 0.001  # for which the other cameras' frames are waited for after that of the leading one
-PATIENCE_S = 0.05  # same, of a simulation that waits for commands, and loses nothing by it
+PATIENCE_S = 0.05  # same, where cameras look at one time and go on when commands have come: a simulation that waits
 OVERDUE = 1.6  # periods after a tick at which a frame is taken to be lost
 SHORTEST_S = 0.0125  # of a period, where a simulation goes faster than time: it waits for commands anyway
 SAME_RATE = 0.05  # by which frames may differ from 60 a second of their own clock, for the loop to go with them
-RATES_HZ = 10, 960  # that the settings know
 SETTLE_S = 0.05  # in which frames arrive that were on their way
 CHECK_S = 0.05  # how often it is looked whether to stop, while nothing comes
 
@@ -96,12 +95,12 @@ class Link:
 
     @property
     def timing(self) -> dict[str, float]:
-        """How old what is seen may be at a tick, by its settings; nothing before a camera leads."""
+        """How old what is seen may be at a tick, by its setting; nothing before a camera leads."""
         if self.leader is None:
             return {}
         camera = self.vision.cameras[self.leader]
-        rate = FRAME_RATE_HZ if self.with_frames else camera.received_hz
-        return {"vision.delay_s": round(camera.age_s, 4), "vision.rate_hz": round(float(np.clip(rate, *RATES_HZ)), 1)}
+        waiting = 0.0 if self.with_frames else 1 / camera.received_hz
+        return {"vision.delay_s": round(min(camera.age_s + waiting, OLDEST_S), 4)}
 
     def tick(self, twist: Array) -> tuple[Array, np.ndarray]:
         """Wait for the next tick; see `Vision.at`.
@@ -175,6 +174,7 @@ class Link:
             self._beginning, self._tick = (self.leader, camera.clock.restarts), -math.inf
         period = max(PERIOD_S / camera.clock.rate, SHORTEST_S)  # of our clock
         overdue = self._woken + OVERDUE * period if self.pace == "auto" and math.isfinite(self._woken) else math.inf
+        together = [each for each in self.vision.cameras.values() if self.pace == "vision" and _together(each, camera)]
         while camera.last[0] <= self._tick + PERIOD_S / 2 and camera.clock.restarts == self._beginning[1]:
             if time.monotonic() >= overdue:
                 self._alive()
@@ -183,17 +183,18 @@ class Link:
                 return self._tick + PERIOD_S
             self._alive()
             self._take(min(overdue, time.monotonic() + CHECK_S))
-        self._others()
+        self._others(together)
         self._due = camera.last[1] if math.isfinite(self._woken) else time.monotonic()
         return camera.last[0]
 
-    def _others(self) -> None:
-        """Take in the other cameras' frames that belong to that of the leading one."""
-        now = time.monotonic()
-        until = now + (PATIENCE_S if self.pace == "vision" else GRACE_S)
-        alive = [each for each in self.vision.cameras.values() if now - each.heard < SILENT_S / 2]
-        while any(each.last[1] <= self._woken for each in alive) and time.monotonic() < until:
-            self._take(until)
+    def _others(self, together: Sequence[Camera]) -> None:
+        """Take in the other cameras' frames; those that look at one time with the leading one are waited for."""
+        begun = time.monotonic()
+        while (now := time.monotonic()) < begun + GRACE_S:
+            self._take(begun + GRACE_S)
+        while now < begun + PATIENCE_S and any(each.last[1] <= self._woken for each in together):
+            self._take(begun + PATIENCE_S)
+            now = time.monotonic()
 
     def _take(self, until: float) -> None:
         """Take in what comes first before our clock says `until`."""
@@ -221,3 +222,8 @@ class Link:
             self._take(time.monotonic())  # what came while this computer did something else
             if time.monotonic() - self.vision.heard > SILENT_S:
                 raise VisionLostError
+
+
+def _together(one: Camera, other: Camera) -> bool:
+    """Whether two cameras took their newest images at one time, by their clocks."""
+    return one.newest is not None and other.newest is not None and abs(one.newest[1] - other.newest[1]) < PERIOD_S / 4

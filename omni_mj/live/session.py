@@ -27,7 +27,7 @@ SIMULATED_VISION = Address(VISION_GROUP, SIMULATED_VISION_PORT)
 LISTEN_S = 1.5  # at first: rates are known to a part in some hundreds, clocks to a fraction of a millisecond
 MOST_ROBOTS = 12
 DEAD_TIME = "radio.delay_frames"
-MEASURED = (DEAD_TIME, *(f"vision.{name}" for name in ("position_noise_m", "heading_noise_rad", "delay_s", "rate_hz")))
+MEASURED = (DEAD_TIME, *(f"vision.{name}" for name in ("position_noise_m", "heading_noise_rad", "delay_s")))
 
 
 @dataclass(frozen=True)
