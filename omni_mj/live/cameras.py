@@ -64,6 +64,11 @@ class Camera:
         return True
 
     @property
+    def age_s(self) -> float:
+        """Mean time between capture and sending, s."""
+        return self.ages / max(self.frames, 1)
+
+    @property
     def stamped_hz(self) -> float:
         """Frames that it sends a second of its own clock; not a number before the second."""
         return self._rate(0)

@@ -2,14 +2,14 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.live.cameras import leading
+from omni_mj.live.cameras import OLDEST_S, Camera, leading
 from omni_mj.live.listen import Listener
 from omni_mj.live.sockets import Receiver
 from omni_mj.live.vision import Vision
@@ -19,6 +19,7 @@ Pace = Literal["auto", "60", "vision"]
 
 SILENT_S = 0.5  # without any frame, after which vision is lost
 GRACE_S = 0.001  # for which the other cameras' frames are waited for after that of the leading one
+PATIENCE_S = 0.05  # same, where cameras look at one time and go on when commands have come: a simulation that waits
 OVERDUE = 1.6  # periods after a tick at which a frame is taken to be lost
 SHORTEST_S = 0.0125  # of a period, where a simulation goes faster than time: it waits for commands anyway
 SAME_RATE = 0.05  # by which frames may differ from 60 a second of their own clock, for the loop to go with them
@@ -92,6 +93,15 @@ class Link:
             )
         self.pace, self.with_frames = pace, pace == "vision" or (pace == "auto" and fits)
 
+    @property
+    def timing(self) -> dict[str, float]:
+        """How old what is seen may be at a tick, by its setting; nothing before a camera leads."""
+        if self.leader is None:
+            return {}
+        camera = self.vision.cameras[self.leader]
+        waiting = 0.0 if self.with_frames else 1 / camera.received_hz
+        return {"vision.delay_s": round(min(camera.age_s + waiting, OLDEST_S), 4)}
+
     def tick(self, twist: Array) -> tuple[Array, np.ndarray]:
         """Wait for the next tick; see `Vision.at`.
 
@@ -102,6 +112,8 @@ class Link:
             VisionLostError: no camera has sent anything for half a second.
         """
         before, clock = self._tick, self._beginning
+        if not math.isfinite(before):
+            self._take(time.monotonic())  # what came since `restart`
         self._tick = self._of_frame() if self.with_frames else self._of_clock()
         self._woken = time.monotonic()
         elapsed = self._tick - before if self._beginning == clock else PERIOD_S
@@ -162,6 +174,7 @@ class Link:
             self._beginning, self._tick = (self.leader, camera.clock.restarts), -math.inf
         period = max(PERIOD_S / camera.clock.rate, SHORTEST_S)  # of our clock
         overdue = self._woken + OVERDUE * period if self.pace == "auto" and math.isfinite(self._woken) else math.inf
+        together = [each for each in self.vision.cameras.values() if self.pace == "vision" and _together(each, camera)]
         while camera.last[0] <= self._tick + PERIOD_S / 2 and camera.clock.restarts == self._beginning[1]:
             if time.monotonic() >= overdue:
                 self._alive()
@@ -170,21 +183,28 @@ class Link:
                 return self._tick + PERIOD_S
             self._alive()
             self._take(min(overdue, time.monotonic() + CHECK_S))
-        self._take(time.monotonic() + GRACE_S, everything=True)
+        self._others(together)
         self._due = camera.last[1] if math.isfinite(self._woken) else time.monotonic()
         return camera.last[0]
 
-    def _take(self, until: float, *, everything: bool = False) -> None:
-        """Take in what comes first before our clock says `until`, or everything that comes before."""
-        while self._receiver.wait(until):
+    def _others(self, together: Sequence[Camera]) -> None:
+        """Take in the other cameras' frames; those that look at one time with the leading one are waited for."""
+        begun = time.monotonic()
+        while (now := time.monotonic()) < begun + GRACE_S:
+            self._take(begun + GRACE_S)
+        while now < begun + PATIENCE_S and any(each.last[1] <= self._woken for each in together):
+            self._take(begun + PATIENCE_S)
+            now = time.monotonic()
+
+    def _take(self, until: float) -> None:
+        """Take in what comes first before our clock says `until`."""
+        if self._receiver.wait(until):
             for data, arrival, source in self._receiver.packets():
                 if (found := self.vision.add(data, arrival, source)) is not None:
                     number, detection = found
                     if detection.robots_blue or detection.robots_yellow:
                         self._seeing.add(number)
                     self.heard(number, detection)
-            if not everything:
-                return
 
     def _choose_leader(self) -> None:
         """Another camera leads when the one that did has fallen silent."""
@@ -202,3 +222,8 @@ class Link:
             self._take(time.monotonic())  # what came while this computer did something else
             if time.monotonic() - self.vision.heard > SILENT_S:
                 raise VisionLostError
+
+
+def _together(one: Camera, other: Camera) -> bool:
+    """Whether two cameras took their newest images at one time, by their clocks."""
+    return one.newest is not None and other.newest is not None and abs(one.newest[1] - other.newest[1]) < PERIOD_S / 4

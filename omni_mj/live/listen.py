@@ -73,7 +73,7 @@ def cameras(found: Mapping[int, Camera]) -> list[str]:
     """A line for each camera: its rate by its clock and by ours, how old its frames are, what was lost."""
     lines = []
     for number, camera in sorted(found.items()):
-        age = 1e3 * camera.ages / max(camera.frames, 1)
+        age = 1e3 * camera.age_s
         lost = 100 * camera.lost / max(camera.frames + camera.lost, 1)
         rates = f"{camera.stamped_hz:.2f} frames a second of its clock, {camera.received_hz:.2f} of ours"
         line = f"camera {number}: {rates}; sent {age:.1f} ms after capture; {lost:.1f} % lost"

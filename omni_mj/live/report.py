@@ -40,7 +40,7 @@ def summary(live: Live) -> dict[str, Any]:
         str(number): {
             "frames": camera.frames, "lost": camera.lost, "late": camera.late, "restarts": camera.clock.restarts,
             "stamped_hz": _plain(np.array(camera.stamped_hz)), "received_hz": _plain(np.array(camera.received_hz)),
-            "mean_age_s": camera.ages / max(camera.frames, 1), "bias_m_m_rad": _plain(camera.bias),
+            "mean_age_s": camera.age_s, "bias_m_m_rad": _plain(camera.bias),
         }
         for number, camera in sorted(vision.cameras.items())
     }  # fmt: skip

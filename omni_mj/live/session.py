@@ -27,7 +27,7 @@ SIMULATED_VISION = Address(VISION_GROUP, SIMULATED_VISION_PORT)
 LISTEN_S = 1.5  # at first: rates are known to a part in some hundreds, clocks to a fraction of a millisecond
 MOST_ROBOTS = 12
 DEAD_TIME = "radio.delay_frames"
-MEASURED = (DEAD_TIME, "vision.position_noise_m", "vision.heading_noise_rad")
+MEASURED = (DEAD_TIME, *(f"vision.{name}" for name in ("position_noise_m", "heading_noise_rad", "delay_s")))
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def ready(scenario: Scenario, options: Options, link: Link, notes: Notes) -> Ite
     radio = kind(Line(options.commands, options.colour, options.interface, options.world, notes, both))
     try:
         there = _placed(scenario, pose) if options.here else scenario
-        there = _told(there, "vision.", options, link.heard.noise(options.colour, ids))
+        there = _told(there, "vision.", options, link.heard.noise(options.colour, ids) | link.timing)
         if DEAD_TIME in options.measured:
             there = _told(there, "radio.", options, {DEAD_TIME: _dead_time(there, link, radio, ids, pose, notes)})
         most = np.inf if options.duration_s is None else round(options.duration_s * FRAME_RATE_HZ)

@@ -36,6 +36,11 @@ def read(folder: Path) -> dict[str, Any]:
     try:
         summary = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
+        if _served(folder):
+            raise OmniError(
+                f"{folder} is of omni-mj serve, which knows of no reference and so of no error: there is nothing to"
+                " report; where robots were is in trajectory.parquet and recording.rrd"
+            ) from None
         raise OmniError(f"{folder} holds no run: {path.name}: {error.strerror}; give the folder of a run") from None
     except ValueError as error:
         raise OmniError(f"{path} is not a run's summary: {error}") from None
@@ -51,6 +56,14 @@ def read(folder: Path) -> dict[str, Any]:
     if wrong:
         raise OmniError(f"{path} is not a run's summary: {', '.join(wrong)} missing or wrong; make the run again")
     return summary
+
+
+def _served(folder: Path) -> bool:
+    """Whether `serve` recorded it."""
+    try:
+        return bool(json.loads((folder / "provenance.json").read_text(encoding="utf-8"))["study"] == "serve")
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
 
 
 def _wrong(found: Any, parts: dict[str, type | tuple[type, ...]]) -> list[str]:

@@ -27,6 +27,11 @@ PARTS = {
     "versions": dict,
     "source": dict,
 }
+LIVE = {  # studies that hang together with the world outside, and why they cannot be run again
+    "drive": "what robots outside of this program did, and when packets came, cannot be had again",
+    "serve": "what its robots did came of a client's packets and of when they came, and the folder does not hold them;"
+    " in lockstep, a client that sends the same packets gets the same bytes",
+}
 
 
 class Folder:
@@ -41,13 +46,16 @@ class Folder:
         record: what provenance.json holds.
 
     Raises:
-        OmniError: there is no run, none that ended, or none that says what it ran.
+        OmniError: there is no run, one that was live, none that ended, or none that says what it ran.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.record = _record(path)
-        of_logs = self.record["study"] == identified.STUDY
+        study = self.record["study"]
+        if why := LIVE.get(study):
+            raise OmniError(f"{path} is of omni-mj {study}, which was live and is not repeated: {why}")
+        of_logs = study == identified.STUDY
         name = identified.FILE if of_logs else "summary.json"
         if not (path / name).exists():
             raise OmniError(f"the run in {path} left no {name}: it was killed, or goes on; nothing to compare with")

@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 import serving
+from commands import invoke
 from served import FAST, QUIET, drive, local, pitch_of
 from serving import served
 
@@ -79,7 +80,9 @@ def test_the_table_is_written_in_parts_so_that_memory_does_not_grow(
     assert pl.read_parquet(tmp_path / "trajectory.parquet")["frame"].to_list() == list(range(1, 52))
 
 
-def test_a_process_that_is_ended_leaves_a_whole_table_and_recording(tmp_path: Path) -> None:
+def test_a_process_that_is_ended_leaves_a_whole_table_and_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "run"
     with served("--lockstep", "--set", FAST, "--yellow", "1", "--out", str(out)) as (client, process):
         for _ in range(45):
@@ -101,3 +104,9 @@ def test_a_process_that_is_ended_leaves_a_whole_table_and_recording(tmp_path: Pa
         check=True,
     )
     assert "without error" in said.stdout + said.stderr
+    for command, reason in {
+        "verify": "is of omni-mj serve, which was live and is not repeated: what its robots did came of a client's",
+        "report": "is of omni-mj serve, which knows of no reference and so of no error: there is nothing to report",
+    }.items():
+        assert invoke(command, out) == 2
+        assert reason in capsys.readouterr().err

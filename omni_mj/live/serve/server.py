@@ -174,7 +174,7 @@ class Server:
             self.notes.add("too slow", lost)
             due = self.pitch.cycle
         self._advance(min(due, self.pitch.cycle + CYCLES))
-        wake = min(self._pace.when(self.pitch.cycle + PACE_CYCLES), self._next_sending())
+        wake = min(self._pace.when(min(self.pitch.cycle + PACE_CYCLES, self.pitch.due)), self._next_sending())
         self._wait(min(wake, now + CHECKED_S))
 
     def _next_sending(self) -> float:
