@@ -107,7 +107,7 @@ def command(
         write(folder / "compare.md", compare_table.markdown(result.summary()))
 
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
-        record.save(folder, "compare", console.command_line(), chosen, trajectories)
+        record.begin(folder, "compare", console.command_line(), chosen, trajectories)
 
         def before_block(simulation: "Simulation") -> "AfterFrame":
             console.quiet_mujoco()
@@ -126,6 +126,7 @@ def command(
         )  # fmt: skip
     with console.writing(folder):
         save(result)
+    with console.drawing(folder):
         from omni_mj.show import figures
 
         figures.save_comparison(result.summary(), folder / "compare")

@@ -2,10 +2,12 @@
 
 import os
 import shlex
+import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
@@ -151,6 +153,28 @@ def writing(folder: Path) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or str(error)
         fail(f"cannot write to {folder}: {reason}; what could be written until then is there", FAILED)
+
+
+@contextmanager
+def drawing(folder: Path) -> Iterator[None]:
+    """Within it, what cannot be drawn, or is interrupted, ends the program with a line: the numbers are on the disk."""
+    kept = f"the numbers are whole in {folder}; figures and report may be missing"
+
+    def terminated(number: int, frame: FrameType | None) -> NoReturn:
+        fail(f"terminated; {kept}", 128 + number)
+
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        if before != signal.SIG_IGN:
+            signal.signal(signal.SIGTERM, terminated)
+        yield
+    except KeyboardInterrupt:
+        fail(f"interrupted; {kept}", 128 + signal.SIGINT)
+    except Exception as error:
+        reason = (isinstance(error, OSError) and error.strerror) or f"{type(error).__name__}: {error}"
+        fail(f"not all could be drawn: {' '.join(reason.split())}; {kept}", FAILED)
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def print_events(entry: Mapping[str, Any]) -> None:

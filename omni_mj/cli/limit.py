@@ -48,7 +48,7 @@ def command(
     limit.check(chosen, iterations)
     folder = folders.prepare(out, f"limit-{chosen.name}", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
-        record.save(folder, "limit", console.command_line(), [chosen], given={"iterations": iterations})
+        record.begin(folder, "limit", console.command_line(), [chosen], given={"iterations": iterations})
         result = limit.limit(
             chosen,
             chosen.seed_list,
@@ -64,7 +64,8 @@ def command(
         if result.complete:
             from omni_mj.show import limit_figure
 
-            limit_figure.save(result, folder / "limit.png")
+            with console.drawing(folder):
+                limit_figure.save(result, folder / "limit.png")
     if not quiet:
         console.tell(result, folder, OUTPUTS)
     interrupts.end(result.stopped, f"no limit was found; what there is is in {folder}")

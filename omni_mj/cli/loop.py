@@ -51,7 +51,7 @@ def command(
     folder = folders.prepare(out, "loop", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
         asked = studies.given([(chosen.name, chosen)])
-        record.save(folder, "loop", console.command_line(), [chosen], frames=False, given=asked)
+        record.begin(folder, "loop", console.command_line(), [chosen], frames=False, given=asked)
         show = begin("loop", FRAMES)
         result = loop(chosen, chosen.controllers, after_frame=console.checked(interrupts.check, show))
     with console.writing(folder):
@@ -59,7 +59,8 @@ def command(
         if result.findings:
             from omni_mj.show import loop_figure
 
-            loop_figure.save(result.findings, folder / "loop")
+            with console.drawing(folder):
+                loop_figure.save(result.findings, folder / "loop")
     if not quiet:
         console.tell(result, folder, OUTPUTS)
     interrupts.end(result.stopped, f"nothing was measured; what there is is in {folder}")

@@ -119,14 +119,14 @@ def recorded(
         study: the command's name.
         watch: called with each frame's number in place of showing progress.
     """
-    from omni_mj.measure.result import write
+    from omni_mj.files import write
     from omni_mj.provenance import record as provenance
     from omni_mj.show import markdown
     from omni_mj.studies import run
 
     console.quiet_mujoco()
+    provenance.begin(folder, study, console.command_line(), [simulation.scenario])
     write(folder / "scenario.toml", simulation.scenario.to_toml())
-    provenance.save(folder, study, console.command_line(), [simulation.scenario])
     with ExitStack() as stack:
         recordings = _recordings(simulation, folder, record, shown_by)
         for recording in recordings:
@@ -143,10 +143,13 @@ def recorded(
 
 
 def shown(result: "Result", folder: Path, draw: bool, quiet: bool) -> None:
-    """Draw the figures, if they are wanted, write the report, and say what is there."""
-    _draw(result.outcomes[0], folder, draw)
+    """Print the table, draw the figures, if they are wanted, write the report, and say what is there."""
     if not quiet:
-        _report(result, folder)
+        _table(result)
+    with console.drawing(folder):
+        _draw(result.outcomes[0], folder, draw)
+    if not quiet:
+        _files(result, folder)
 
 
 def ended(result: "Result", folder: Path, interrupts: "Interrupts") -> None:
@@ -210,8 +213,8 @@ def _draw(outcome: "Outcome", folder: Path, draw: bool) -> None:
     report.write([folder], folder / "report.html")
 
 
-def _report(result: "Result", folder: Path) -> None:
-    """Print the table, and what is in the folder."""
+def _table(result: "Result") -> None:
+    """Print the table, and what happened."""
     from omni_mj.measure import recovery
     from omni_mj.measure.table import table
     from omni_mj.show import terminal
@@ -223,6 +226,11 @@ def _report(result: "Result", folder: Path) -> None:
         if recovered := recovery.table(summary):
             terminal.show(recovered)
         console.print_events(outcome.entry)
+
+
+def _files(result: "Result", folder: Path) -> None:
+    """Print what is in the folder."""
+    (outcome,) = result.outcomes
     print(f"{outcome.entry['simulated_s']:.1f} s simulated in {result.wall_s:.1f} s; results in {folder}/")
     frames, figures, recording = (folder / name for name in ("trajectory.parquet", "figures", "recording.rrd"))
     print(f"  report     {folder / 'report.html'}")

@@ -11,6 +11,7 @@ from typing import Any
 
 from omni_control.errors import OmniError
 from omni_mj.measure import reading
+from omni_mj.measure.summary import UNFINISHED
 from omni_mj.provenance import here
 from omni_mj.provenance.record import FILE, FORMAT, SOURCES
 from omni_mj.robots import builtin
@@ -52,6 +53,8 @@ class Folder:
                 f"the run in {path} left no summary.json: it was killed, or goes on; nothing to compare with"
             )
         self.summary = reading.read(path)
+        if self.summary["stopped"] == UNFINISHED and not any(e["frames"] for e in self.summary["scenarios"].values()):
+            raise OmniError(f"the run in {path} is {UNFINISHED}; nothing to compare with")
 
     @property
     def several(self) -> bool:

@@ -1,6 +1,8 @@
 """A recording: what the first robot of each controller does, sent in blocks while the run goes on."""
 
 import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 
@@ -24,6 +26,8 @@ APPLICATION = "omni-mj"
 class Recording:
     """What files and viewers have in common; a context manager.
 
+    What cannot be recorded costs the recording, which ends there, and never the run that it shows.
+
     It begins with the first frame, when it is known which channels controllers record of their own; and anew when the
     simulation was reset, without what was recorded before.
 
@@ -46,17 +50,30 @@ class Recording:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        if stream := self._begun():
-            self._flush(stream)
-            stream.disconnect()
+        with self._costs_the_run_nothing():
+            if stream := self._begun():
+                self._flush(stream)
+                stream.disconnect()
 
     def update(self) -> None:
         """Send what was recorded since the last time if it fills a block."""
-        if self._current() and self._log.length - self._sent >= self._block_frames:
-            self.write()
+        with self._costs_the_run_nothing():
+            if self._current() and self._log.length - self._sent >= self._block_frames:
+                self._write()
 
     def write(self) -> None:
         """Send what was recorded since the last time, so that whatever ends the run leaves it readable."""
+        with self._costs_the_run_nothing():
+            self._write()
+
+    def finish(self, summary: str) -> None:
+        """Send the result, a Markdown text."""
+        with self._costs_the_run_nothing():
+            if stream := self._begun():
+                texts.log(stream, "summary", summary)
+                self._flush(stream)
+
+    def _write(self) -> None:
         stream = self._current()
         if stream and self._log.length > self._sent:
             frames = np.arange(self._sent, self._log.length)
@@ -64,11 +81,12 @@ class Recording:
             self._send(stream, frames)
             self._flush(stream)
 
-    def finish(self, summary: str) -> None:
-        """Send the result, a Markdown text."""
-        if stream := self._begun():
-            texts.log(stream, "summary", summary)
-            self._flush(stream)
+    @contextmanager
+    def _costs_the_run_nothing(self) -> Iterator[None]:
+        try:
+            yield
+        except Exception as error:  # whatever rerun refuses, and whatever is wrong here
+            self._fail(error)
 
     def _connect(self, stream: rr.RecordingStream) -> None:
         """Say where the stream leads."""
@@ -150,9 +168,9 @@ class Recording:
         except RuntimeError as failure:
             self._fail(failure)
 
-    def _fail(self, failure: RuntimeError) -> None:
+    def _fail(self, failure: Exception) -> None:
         """Give up: what is sent does not arrive."""
-        self._failure = self._failure or str(failure)
+        self._failure = self._failure or " ".join(f"{type(failure).__name__}: {failure}".split())
 
     def _blueprint(self) -> rrb.Blueprint:
         return blueprint([robot.name for robot in self._robots], self._paths, self._tabs, self._live)

@@ -9,6 +9,7 @@ from pathlib import Path
 import jinja2
 
 from omni_control.errors import OmniError
+from omni_mj.files import write as write_file
 from omni_mj.show import figures
 from omni_mj.show.report import cells
 from omni_mj.show.report.reading import Run, Source, data_uri, read
@@ -44,7 +45,7 @@ def write(folders: Sequence[Path], out: Path) -> None:
         )
     except (jinja2.UndefinedError, KeyError, TypeError, AttributeError) as error:
         raise OmniError(f"a summary.json is not of this version: {error!r}; make the run again") from None
-    out.write_text(html, encoding="utf-8")
+    write_file(out, html)
 
 
 def _title(sources: Sequence[Source], runs: Sequence[Run]) -> str:
