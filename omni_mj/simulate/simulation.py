@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from omni_control.controllers.base import Controller, Seen
-from omni_control.errors import OmniError, choose
+from omni_control.errors import OmniError, choose, printable
 from omni_control.kinematics import Array
 from omni_mj.link.late_camera import camera
 from omni_mj.link.radio import Radio, Received
@@ -220,7 +220,7 @@ class Simulation:
 
     def _stop(self, rows: np.ndarray, cause: object) -> None:
         """Stop rows that run, for a cause that can be said in words."""
-        reason = " ".join(str(cause).split())
+        reason = printable(str(cause))
         for i in rows[self._running[rows]]:
             row = self.rows[i]
             self.failures.append(Failure(int(i), row.controller, row.seed, self.frame * PERIOD_S, reason))

@@ -86,7 +86,7 @@ def test_a_recording_that_fails_costs_no_numbers(
 
 
 def test_a_killed_run_says_that_it_is_unfinished(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """No warning reaches SIGKILL: what is in the folder then is a summary that says so, and nothing that looks whole."""
+    """Nobody is warned of SIGKILL: in the folder is a summary that says so, and nothing that looks whole."""
     out = tmp_path / "out"
     endless = (*RUN, "--set", "reference.laps=1000", "--no-record", "--no-figures", "--quiet", "--out", str(out))
     process = subprocess.Popen([*OMNI, *endless])
@@ -119,7 +119,12 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(files.os, "fsync", sync)
     files.write(path, "first")
     assert synced == [{"file.partial"}, {"file"}]
-    with pytest.raises(RuntimeError), files.whole(path) as file:
-        file.write(b"half")
-        raise RuntimeError
+
+    def interrupted() -> None:
+        with files.whole(path) as file:
+            file.write(b"half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("file", "first")]
