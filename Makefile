@@ -24,6 +24,7 @@ hooks: $(VENV)/.installed-test
 bench: $(VENV)/.installed-test
 	PYTHONPATH=tests/support $(BIN)/python tests/bench_fuzzy.py
 	PYTHONPATH=tests/support $(BIN)/python tests/bench_wire.py
+	$(BIN)/python tests/bench_recording.py
 	$(BIN)/python tests/bench.py
 
 # A wheel, installed somewhere else and run there: the model and the scenarios must travel with it.

@@ -81,7 +81,7 @@ def command(
     from omni_mj.provenance import record
     from omni_mj.scenarios import scenario
     from omni_mj.show import compare_table
-    from omni_mj.studies import compare
+    from omni_mj.studies import compare, cost
     from omni_mj.studies.outcome import total_frames
 
     controllers = controllers or available()
@@ -92,6 +92,7 @@ def command(
     chosen = [scenario.load(name, overrides, head) for name in names]
     options.tell_model(chosen[0], quiet)
     compare.check(chosen, subject, half_width)
+    console.tell_costs([cost.estimate(each) for each in chosen], quiet)
     studies = [limits.read(path) for path in found]
     limits.known(studies, chosen)  # before there is a folder
     repeat = ["--plant", plant, "--seeds", str(seeds), "--half-width", f"{half_width:g}", "--seed", str(seed)]

@@ -4,7 +4,7 @@ import os
 import shlex
 import signal
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -12,14 +12,16 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, printable
 
 if TYPE_CHECKING:
     from omni_mj.measure.result import Result
     from omni_mj.simulate.simulation import Failure
+    from omni_mj.studies.cost import Cost
 
 BAD_INPUT, FAILED = 2, 1
 EVENTS_SHOWN = 5
+MESSAGE = 4000  # characters of a line, at most
 PROGRESS_STEP = 12  # frames from one look of the progress bar to the next
 
 
@@ -56,8 +58,8 @@ def command_line() -> str | None:
 
 def fail(message: str, code: int) -> NoReturn:
     """Print each line of a message as an error on stderr and exit with `code`."""
-    for line in message.splitlines():
-        click.echo(f"error: {line}", err=True)
+    for line in message.split("\n"):
+        click.echo(f"error: {printable(line, MESSAGE)}", err=True)
     sys.exit(code)
 
 
@@ -73,6 +75,20 @@ def fail_rows(failures: Mapping[str, Iterable["Failure"]], errors: Iterable[str]
     lines = [" ".join(line.split()) for line in (*lines, *errors)]
     if lines:
         fail("\n".join(lines), FAILED)
+
+
+def tell_costs(costs: Sequence["Cost"], quiet: bool) -> None:
+    """Print what big runs take, unless quiet.
+
+    Raises:
+        OmniError: one takes more memory than there is.
+    """
+    from omni_mj.studies import cost
+
+    cost.check(costs)
+    for each in costs:
+        if each.big and not quiet:
+            click.echo(f"note: {each}", err=True)
 
 
 def quiet_mujoco() -> None:

@@ -16,6 +16,7 @@ from omni_mj.cli import console, folders, options
 if TYPE_CHECKING:
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.measure.result import Outcome, Result
+    from omni_mj.scenarios.scenario import Scenario
     from omni_mj.show.recording import Recording
     from omni_mj.simulate.simulation import Simulation
 
@@ -33,6 +34,7 @@ OUTPUTS = (*RESULTS, *folders.PROVENANCE)
 @click.option("--seeds", type=int, metavar="N", help="How many seeds, counting up from the first. [1]")
 @options.SETTINGS
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/<scenario>-<UTC time>]")
+@options.ALLOW_CODE
 @options.OVERWRITE
 @options.RECORD
 @options.VIEW
@@ -50,6 +52,7 @@ def command(
     seeds: int | None,
     overrides: tuple[str, ...],
     out: Path | None,
+    allow_code: bool,
     overwrite: bool,
     record: bool,
     view: bool,
@@ -66,15 +69,19 @@ def command(
         return
     from omni_mj.scenarios import scenario
     from omni_mj.scenarios.library import builtin
-    from omni_mj.studies import run
+    from omni_mj.studies import cost, run
 
     if name is None:
         raise OmniError(f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file")
     head = {"controllers": controllers or None, "plant": plant, "robot": robot, "seed": seed, "seeds": seeds}
     chosen = scenario.load(
-        name, options.with_model(overrides, model), {key: value for key, value in head.items() if value is not None}
+        name,
+        options.with_model(overrides, model),
+        {key: value for key, value in head.items() if value is not None},
+        allow_code,
     )
     options.tell_model(chosen, quiet)
+    console.tell_costs([cost.estimate(chosen)], quiet)
     simulation = run.prepare(chosen)
     shown_by = viewers(view, connect)
     folder = folders.prepare(out, chosen.name, OUTPUTS, overwrite)
@@ -133,7 +140,7 @@ def recorded(
             stack.enter_context(recording)
         outcome = _drive(simulation, recordings, interrupts, quiet, watch)
         result = run.of(simulation, outcome)
-        result.repeat = shlex.join(["omni-mj", study, "--scenario", str(folder / "scenario.toml")])
+        result.repeat = shlex.join(["omni-mj", study, *_as_it_was(simulation.scenario, folder)])
         result.save_files(folder)
         if simulation.log.lengths.any():
             text = markdown.result(result.summary())
@@ -238,9 +245,18 @@ def _files(result: "Result", folder: Path) -> None:
     if figures.exists():
         print(f"  figures    {figures}/")
     again = f"{_program('python')} -m omni_mj.run" if outcome.scenario.plant != "live" else "omni-mj drive"
-    print(f"  repeat     {again} --scenario {folder / 'scenario.toml'}")
+    print(f"  repeat     {again} {shlex.join(_as_it_was(outcome.scenario, folder))}")
     if recording.exists():
         print(f"  recording  {_program('rerun')} {recording}")
+
+
+def _as_it_was(scenario: "Scenario", folder: Path) -> list[str]:
+    """The options with which a scenario is run again."""
+    return [
+        "--scenario",
+        str(folder / "scenario.toml"),
+        *["--allow-code"] * (scenario.has_code and scenario.plant != "live"),
+    ]
 
 
 def _program(name: str) -> str:

@@ -3,7 +3,6 @@
 import json
 import os
 import sys
-import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,7 +14,7 @@ from omni_mj.measure.summary import UNFINISHED
 from omni_mj.provenance import here
 from omni_mj.provenance.record import FILE, FORMAT, SOURCES
 from omni_mj.robots import builtin
-from omni_mj.scenarios import robots, scenario
+from omni_mj.scenarios import robots, scenario, toml_files
 from omni_mj.scenarios.checking import in_one
 from omni_mj.scenarios.scenario import Scenario
 
@@ -159,7 +158,7 @@ class Folder:
     def _check_settings(self, file: Path, entry: Mapping[str, Any]) -> None:
         """See that a scenario's file has the settings that the summary says were run."""
         try:
-            data = tomllib.loads(file.read_text(encoding="utf-8"))
+            data = toml_files.parse(file.read_text(encoding="utf-8"))
         except OSError as error:
             raise OmniError(f"{file} cannot be read: {error.strerror}") from None
         except ValueError as error:
@@ -203,7 +202,7 @@ def _record(path: Path) -> dict[str, Any]:
         raise OmniError(f"{path} holds no run; give the folder that omni-mj run --out FOLDER leaves") from None
     except OSError as error:
         raise OmniError(f"{file} cannot be read: {error.strerror}") from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise OmniError(f"{file} is not valid JSON: {error}") from None
     if not isinstance(record, dict) or "format" not in record:
         raise OmniError(f"{file} does not say what was run; make the run again")

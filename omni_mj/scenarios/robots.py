@@ -4,7 +4,6 @@ A robot is a TOML file of settings by section, like a scenario: they are the def
 What the default robot's file gives depends on the robot, so that every other must give it too.
 """
 
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from omni_control.errors import OmniError, choose
 from omni_mj.robots import builtin
-from omni_mj.scenarios import own_model
+from omni_mj.scenarios import own_model, toml_files
 from omni_mj.scenarios.checking import in_one
 from omni_mj.scenarios.nested import frozen
 
@@ -118,12 +117,7 @@ def _given(whole: Mapping[str, Any], section: str, field: str) -> bool:
 
 @lru_cache
 def _read(path: Path, changed: int) -> tuple[str, Mapping[str, Mapping[str, Any]]]:
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise OmniError(f"cannot read the robot's file {path}: {error.strerror}") from None
-    except ValueError as error:
-        raise OmniError(f"the robot's file {path} is not valid TOML: {' '.join(str(error).split())}") from None
+    data = toml_files.read(path, "the robot's file")
     says = data.pop(DESCRIPTION, "")
     if not isinstance(says, str) or not all(isinstance(section, dict) for section in data.values()):
         raise OmniError(f"the robot's file {path} holds something else than a {DESCRIPTION} and sections of settings")

@@ -93,7 +93,10 @@ def test_the_effective_scenario_repeats_a_users_controller_bit_for_bit(folder: P
     text = Path("out/scenario.toml").read_text()
     assert 'controllers = ["flc", "mine.py:Mine"]' in text
     Path("out").rename("first")
-    assert invoke("--scenario", "first/scenario.toml", "--no-record", "--no-figures", "--quiet", "--out", "out") == 0
+    again = ("--scenario", "first/scenario.toml", "--no-record", "--no-figures", "--quiet", "--out", "out")
+    assert invoke(*again) == 2, "a scenario runs no code unasked"
+    assert not Path("out").exists()
+    assert invoke(*again, "--allow-code") == 0
     assert Path("out/scenario.toml").read_text() == text
     first, second = (pq.read_table(folder / name / "trajectory.parquet") for name in ("first", "out"))
     assert first.num_rows > 0
@@ -185,7 +188,8 @@ def test_one_that_hangs_costs_its_own_rows(capsys: pytest.CaptureFixture[str]) -
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_one_signal_is_enough_for_one_that_hangs(number: int) -> None:
     """It is waited for for a second, then what was recorded is kept."""
-    body = "        if frame == 9:\n            open('hangs', 'w').close()\n            while True:\n                pass\n"
+    body = "        if frame == 9:\n            open('hangs', 'w').close()\n"
+    body += "            while True:\n                pass\n"
     name = add("Slow", f"    def command(self, frame, seen):\n{body}        return 0 * seen.pose")
     process = subprocess.Popen(
         [sys.executable, "-m", "omni_mj", *BESIDE_FLC, name],

@@ -15,7 +15,7 @@ from omni_mj.measure.events import Watch
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show.recording import robots, scene, tabs, texts
 from omni_mj.show.recording.layout import blueprint
-from omni_mj.show.recording.robots import Track
+from omni_mj.show.recording.robots import Robot, Track
 from omni_mj.show.recording.timelines import Frames, indexes
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.worlds.build import kinematics
@@ -119,6 +119,7 @@ class Recording:
         absent = {name for name, values in telemetry.items() if np.isnan(values).all()}  # a plant may have no wheels
         wheels = kinematics(log.rows[0].settings.wheels)
         self._tabs = tabs.tabs(wheels, absent)
+        self._unshown = [(robot, *shape) for robot in self._robots for shape in scene.shapes(robot)]
         self._lines = tabs.drawn(self._tabs, self._robots, len(wheels.azimuths))
         self._tabs[tabs.OWN_TAB] = tabs.own(log.columns)
 
@@ -144,9 +145,19 @@ class Recording:
             recorded = frames[frames < track.length]
             if recorded.size:
                 scene.send(stream, robot, self._log.rows[robot.row].settings, track, recorded)
+                self._show_beliefs(stream, robot, track, recorded)
                 for line in self._lines:
                     if line.robot is robot:
                         stream.send_columns(line.entity, indexes(recorded), line.columns(track, recorded))
+
+    def _show_beliefs(self, stream: rr.RecordingStream, robot: Robot, track: Track, frames: Frames) -> None:
+        """Show what is believed of a robot from the first frame on in which something is."""
+        for waiting in [each for each in self._unshown if each[0] is robot]:
+            _, channel, entity, shape = waiting
+            known = frames[~np.isnan(track[channel][frames, 0])]
+            if known.size:
+                stream.send_columns(entity, indexes(known[:1]), shape)
+                self._unshown.remove(waiting)
 
     def _add_own(self, stream: rr.RecordingStream, frames: Frames) -> None:
         """Begin the lines of controllers' own channels that have come to hold numbers."""
