@@ -24,6 +24,7 @@ hooks: $(VENV)/.installed-test
 bench: $(VENV)/.installed-test
 	PYTHONPATH=tests/support $(BIN)/python tests/bench_fuzzy.py
 	PYTHONPATH=tests/support $(BIN)/python tests/bench_wire.py
+	$(BIN)/python tests/bench_recording.py
 	$(BIN)/python tests/bench.py
 
 # Warnings, as of a link that leads nowhere, fail it.

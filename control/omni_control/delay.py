@@ -67,6 +67,13 @@ class CommandsInFlight:
         part.length = part._end = len(part._sent)
         return part
 
+    def copy(self) -> "CommandsInFlight":
+        """The same, in an array of its own."""
+        other = object.__new__(CommandsInFlight)
+        other._sent, other.length, other._end = self._sent.copy(), self.length, self._end
+        other._sent.flags.writeable = False
+        return other
+
     def last(self, count: int, skip: int = 0) -> Array:
         """The `count` commands sent before the `skip` newest, (count, n, 3), oldest first, to be read only.
 

@@ -9,12 +9,14 @@ The simulated loop runs the same.
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omni_control.controllers.base import Controller, Seen, Told
-from omni_control.controllers.checks import RECORDED, answer
+from omni_control.controllers.checks import RECORDED, answer, said
+from omni_control.controllers.guests import guest_of
 from omni_control.delay import CommandsInFlight, Rows
 from omni_control.errors import ControllerError, OmniError
 from omni_control.estimation.kalman import KalmanFilter
@@ -66,6 +68,7 @@ class Team:
         self._rows = _one_controller_each(self.controllers, rows, self.n)
         self._on_failure = on_failure
 
+        self._told = [c.told for c in self.controllers]
         told = _told_of_each(self.controllers, self._rows, self.n)
         latency = np.array([[t.latency_frames] for t in told])
         self._period, self._latency = told[0].period, latency
@@ -76,7 +79,10 @@ class Team:
         self._felt = math.ceil(latency.max()) + 1  # commands that may have acted in the frame just past
         self._memory = [max(c.memory_frames, math.ceil(c.told.latency_frames) + 1) for c in self.controllers]
         self._sent = CommandsInFlight(self.n, max(self._memory))
-        self._knows_truth = any(c.knows_truth for c in self.controllers)
+        self._truthful = [type(c).knows_truth for c in self.controllers]  # of the class, by which others know it
+        self._knows_truth = any(self._truthful)
+        self._guests = [guest_of(c) for c in self.controllers]
+        self._said = [said(c, len(c.predicted), "when it was made") for c in self.controllers]
 
         self.last, self.failed = np.zeros((self.n, 3)), np.zeros(self.n, bool)
         self._known: _Known | None = None  # until it is answered by commands
@@ -117,13 +123,11 @@ class Team:
         if self._known is None:
             raise OmniError("robots must be observed before they are commanded, in every frame")
         wanted, failures = np.zeros((self.n, 3)), bool(self.failed.any())
-        for controller, rows, memory in zip(self.controllers, self._rows, self._memory, strict=True):
+        for i, rows in enumerate(self._rows):
             if not (failures and self.failed[rows].all()):
-                known = self._true if controller.knows_truth else self._known
+                known = self._true if self._truthful[i] else self._known
                 assert known is not None, "checked when it was observed"
-                wanted[rows] = self._asked(
-                    controller, rows, self._part(known, rows, memory, controller.told.delay_frames)
-                )
+                wanted[rows] = self._asked(i, known)
         wanted[self.failed] = 0.0
         command = self._limits(wanted, self.last)
         command[self.failed] = 0.0
@@ -168,10 +172,18 @@ class Team:
             pose[self.failed], twist[self.failed] = self._true[0][self.failed], 0.0
         return pose, twist, pose
 
-    def _asked(self, controller: Controller, rows: Rows, seen: Seen) -> Array:
-        """What a controller commands its robots (n of it, 3); zero for those that fail now."""
+    def _asked(self, i: int, known: "_Known") -> Array:
+        """What the i-th controller commands its robots (n of it, 3); zero for those that fail now."""
+        controller, rows, guest = self.controllers[i], self._rows[i], self._guests[i]
+        seen = self._part(known, rows, self._memory[i], self._told[i].delay_frames)
         try:
-            wanted = answer(controller, self.frame, seen)
+            if guest is None:
+                wanted, self._said[i] = answer(controller, self.frame, seen)
+            else:
+                seen = replace(seen, sent=seen.sent.copy())
+                wanted, self._said[i] = guest.call(
+                    lambda: answer(controller, self.frame, seen), f"in frame {self.frame}"
+                )
         except ControllerError as error:
             self._fail(np.arange(self.n)[rows], error)
             return np.zeros_like(seen.pose)
@@ -194,23 +206,20 @@ class Team:
 
     def _record(self) -> None:
         """Put together what the controllers say of themselves."""
-        said = {name: np.empty((self.n, 3)) for name in RECORDED}
+        record = {name: np.empty((self.n, 3)) for name in RECORDED}
         self.channels: dict[str, Array] = {}
         failures = bool(self.failed.any())
-        for controller, rows in zip(self.controllers, self._rows, strict=True):
-            if failures and self.failed[rows].all():  # what it says may have any shape
-                continue
-            for name, table in said.items():
-                table[rows] = getattr(controller, name)
-            for name, values in controller.channels.items():
-                columns = np.asarray(values, float).reshape(len(controller.predicted), -1)
+        for own, rows in zip(self._said, self._rows, strict=True):
+            for name, table in record.items():
+                table[rows] = own.recorded[name]
+            for name, columns in own.channels.items():
                 table = self.channels.get(name, np.empty((self.n, 0)))
                 missing = np.full((self.n, max(columns.shape[1] - table.shape[1], 0)), np.nan)
                 self.channels[name] = table = np.concatenate([table, missing], axis=1)
                 table[rows, : columns.shape[1]] = columns
-        for table in (*said.values(), *self.channels.values()) if failures else ():
+        for table in (*record.values(), *self.channels.values()) if failures else ():
             table[self.failed] = np.nan
-        self.predicted, self.alpha_hat, self.latency_hat = (said[name] for name in RECORDED)
+        self.predicted, self.alpha_hat, self.latency_hat = (record[name] for name in RECORDED)
 
     def _checked(self, values: ArrayLike, what: str, *, finite: bool = False) -> Array:
         """Numbers (n, 3), copied."""

@@ -35,7 +35,7 @@ def command(
     folder = folders.prepare(out, "alpha", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
         asked = studies.given([(chosen.name, chosen)])
-        record.save(folder, "alpha", console.command_line(), [chosen], frames=False, given=asked)
+        record.begin(folder, "alpha", console.command_line(), [chosen], frames=False, given=asked)
         show = begin("alpha", alpha.total_frames(chosen))
         result = alpha.alpha(chosen, after_frame=console.checked(interrupts.check, show))
     with console.writing(folder):
@@ -43,7 +43,8 @@ def command(
         if result.study:
             from omni_mj.show import alpha_figure
 
-            alpha_figure.save(result.study, folder / "alpha.png")
+            with console.drawing(folder):
+                alpha_figure.save(result.study, folder / "alpha.png")
     if not quiet:
         console.tell(result, folder, OUTPUTS)
     interrupts.end(result.stopped, f"nothing was measured; what there is is in {folder}")

@@ -87,7 +87,7 @@ def command(
     from omni_mj.provenance import record
     from omni_mj.scenarios import scenario
     from omni_mj.show import compare_table
-    from omni_mj.studies import compare
+    from omni_mj.studies import compare, cost
     from omni_mj.studies.outcome import total_frames
 
     controllers = controllers or available()
@@ -98,6 +98,7 @@ def command(
     chosen = [scenario.load(name, overrides, head) for name in names]
     options.tell_model(chosen[0], quiet)
     compare.check(chosen, subject, half_width)
+    console.tell_costs([cost.estimate(each) for each in chosen], quiet)
     studies = [limits.read(path) for path in found]
     limits.known(studies, chosen)  # before there is a folder
     repeat = ["--plant", plant, "--seeds", str(seeds), "--half-width", f"{half_width:g}", "--seed", str(seed)]
@@ -113,7 +114,7 @@ def command(
         write(folder / "compare.md", compare_table.markdown(result.summary()))
 
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
-        record.save(folder, "compare", console.command_line(), chosen, trajectories)
+        record.begin(folder, "compare", console.command_line(), chosen, trajectories)
 
         def before_block(simulation: "Simulation") -> "AfterFrame":
             console.quiet_mujoco()
@@ -132,6 +133,7 @@ def command(
         )  # fmt: skip
     with console.writing(folder):
         save(result)
+    with console.drawing(folder):
         from omni_mj.show import figures
 
         figures.save_comparison(result.summary(), folder / "compare")

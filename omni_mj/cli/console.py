@@ -2,22 +2,26 @@
 
 import os
 import shlex
+import signal
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, printable
 
 if TYPE_CHECKING:
     from omni_mj.measure.result import Result
     from omni_mj.simulate.simulation import Failure
+    from omni_mj.studies.cost import Cost
 
 BAD_INPUT, FAILED = 2, 1
 EVENTS_SHOWN = 5
+MESSAGE = 4000  # characters of a line, at most
 PROGRESS_STEP = 12  # frames from one look of the progress bar to the next
 
 
@@ -56,8 +60,8 @@ def command_line() -> str | None:
 
 def fail(message: str, code: int) -> NoReturn:
     """Print each line of a message as an error on stderr and exit with `code`."""
-    for line in message.splitlines():
-        click.echo(f"error: {line}", err=True)
+    for line in message.split("\n"):
+        click.echo(f"error: {printable(line, MESSAGE)}", err=True)
     sys.exit(code)
 
 
@@ -73,6 +77,20 @@ def fail_rows(failures: Mapping[str, Iterable["Failure"]], errors: Iterable[str]
     lines = [" ".join(line.split()) for line in (*lines, *errors)]
     if lines:
         fail("\n".join(lines), FAILED)
+
+
+def tell_costs(costs: Sequence["Cost"], quiet: bool) -> None:
+    """Print what big runs take, unless quiet.
+
+    Raises:
+        OmniError: one takes more memory than there is.
+    """
+    from omni_mj.studies import cost
+
+    cost.check(costs)
+    for each in costs:
+        if each.big and not quiet:
+            click.echo(f"note: {each}", err=True)
 
 
 def quiet_mujoco() -> None:
@@ -153,6 +171,28 @@ def writing(folder: Path) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or str(error)
         fail(f"cannot write to {folder}: {reason}; what could be written until then is there", FAILED)
+
+
+@contextmanager
+def drawing(folder: Path) -> Iterator[None]:
+    """Within it, what cannot be drawn, or is interrupted, ends the program with a line: the numbers are on the disk."""
+    kept = f"the numbers are whole in {folder}; figures and report may be missing"
+
+    def terminated(number: int, frame: FrameType | None) -> NoReturn:
+        fail(f"terminated; {kept}", 128 + number)
+
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        if before != signal.SIG_IGN:
+            signal.signal(signal.SIGTERM, terminated)
+        yield
+    except KeyboardInterrupt:
+        fail(f"interrupted; {kept}", 128 + signal.SIGINT)
+    except Exception as error:
+        reason = (isinstance(error, OSError) and error.strerror) or f"{type(error).__name__}: {error}"
+        fail(f"not all could be drawn: {' '.join(reason.split())}; {kept}", FAILED)
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def print_events(entry: Mapping[str, Any]) -> None:

@@ -3,6 +3,7 @@
 import signal
 from types import FrameType
 
+from omni_control.controllers import guests
 from omni_mj.cli import console
 from omni_mj.studies.outcome import StoppedError
 
@@ -34,6 +35,7 @@ class Interrupts:
             console.fail(f"{stopped}; {left}", 128 + self._received)
 
     def __enter__(self) -> "Interrupts":
+        guests.hurry(False)
         self._before = {number: signal.getsignal(number) for number in self.HANDLED}
         for number, handler in self._before.items():
             if handler != signal.SIG_IGN:
@@ -46,4 +48,5 @@ class Interrupts:
 
     def _remember(self, number: int, frame: FrameType | None) -> None:
         self._received = number
+        guests.hurry()
         self.__exit__()

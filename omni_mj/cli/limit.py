@@ -24,6 +24,7 @@ OUTPUTS = ("summary.json", "scenario.toml", "trajectory.parquet", "limit.png", *
 @click.option("--seed", type=int, metavar="S", default=0, help="First seed of the random numbers. [0]")
 @click.option("--iterations", type=int, metavar="N", default=16, help="Attempts to learn from, at the most. [16]")
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/limit-<scenario>-<UTC time>]")
+@options.ALLOW_CODE
 @options.OVERWRITE
 @options.QUIET
 def command(
@@ -36,6 +37,7 @@ def command(
     seed: int,
     iterations: int,
     out: Path | None,
+    allow_code: bool,
     overwrite: bool,
     quiet: bool,
 ) -> None:
@@ -47,12 +49,13 @@ def command(
 
     overrides = options.with_model(overrides, model)
     head = {"plant": plant, "robot": robot, "seed": seed, "seeds": seeds}
-    chosen = scenario.load(name, overrides, {key: value for key, value in head.items() if value is not None})
+    given = {key: value for key, value in head.items() if value is not None}
+    chosen = scenario.load(name, overrides, given, allow_code)
     options.tell_model(chosen, quiet)
     limit.check(chosen, iterations)
     folder = folders.prepare(out, f"limit-{chosen.name}", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
-        record.save(folder, "limit", console.command_line(), [chosen], given={"iterations": iterations})
+        record.begin(folder, "limit", console.command_line(), [chosen], given={"iterations": iterations})
         result = limit.limit(
             chosen,
             chosen.seed_list,
@@ -62,13 +65,15 @@ def command(
     words = [name, "--seeds", str(seeds), "--seed", str(seed), "--iterations", str(iterations)]
     words += [word for option, value in (("--plant", plant), ("--robot", robot)) if value for word in (option, value)]
     words += [word for override in overrides for word in ("--set", override)]
+    words += ["--allow-code"] * allow_code
     result.repeat = shlex.join(["omni-mj", "limit", *words])
     with console.writing(folder):
         result.save_files(folder)
         if result.complete:
             from omni_mj.show import limit_figure
 
-            limit_figure.save(result, folder / "limit.png")
+            with console.drawing(folder):
+                limit_figure.save(result, folder / "limit.png")
     if not quiet:
         console.tell(result, folder, OUTPUTS)
     interrupts.end(result.stopped, f"no limit was found; what there is is in {folder}")

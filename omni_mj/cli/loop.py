@@ -25,6 +25,7 @@ OUTPUTS = ("summary.json", "scenario.toml", "loop.png", "loop.svg", *folders.PRO
 @click.option("--seeds", type=int, metavar="N", help="How many seeds, over which is averaged. [1]")
 @options.SETTINGS
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/loop-<UTC time>]")
+@options.ALLOW_CODE
 @options.OVERWRITE
 @options.QUIET
 def command(
@@ -37,6 +38,7 @@ def command(
     seeds: int | None,
     overrides: tuple[str, ...],
     out: Path | None,
+    allow_code: bool,
     overwrite: bool,
     quiet: bool,
 ) -> None:
@@ -49,12 +51,13 @@ def command(
 
     head = {"plant": plant, "robot": robot, "seed": seed, "seeds": seeds, "controllers": controllers or study.usual()}
     faster = ("wheels.model=two-rollers", *options.with_model(overrides, model))  # unless told otherwise
-    chosen = scenario.load(name, faster, {key: value for key, value in head.items() if value is not None})
+    given = {key: value for key, value in head.items() if value is not None}
+    chosen = scenario.load(name, faster, given, allow_code)
     options.tell_model(chosen, quiet)
     folder = folders.prepare(out, "loop", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
         asked = studies.given([(chosen.name, chosen)])
-        record.save(folder, "loop", console.command_line(), [chosen], frames=False, given=asked)
+        record.begin(folder, "loop", console.command_line(), [chosen], frames=False, given=asked)
         show = begin("loop", FRAMES)
         result = loop(chosen, chosen.controllers, after_frame=console.checked(interrupts.check, show))
     with console.writing(folder):
@@ -62,7 +65,8 @@ def command(
         if result.findings:
             from omni_mj.show import loop_figure
 
-            loop_figure.save(result.findings, folder / "loop")
+            with console.drawing(folder):
+                loop_figure.save(result.findings, folder / "loop")
     if not quiet:
         console.tell(result, folder, OUTPUTS)
     interrupts.end(result.stopped, f"nothing was measured; what there is is in {folder}")

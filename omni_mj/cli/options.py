@@ -37,6 +37,9 @@ VIEW = click.option("--view", is_flag=True, help="Watch the run in a rerun viewe
 CONNECT = click.option("--connect", metavar="URL", help="Watch the run in a rerun viewer that is running.")
 FIGURES = click.option("--figures/--no-figures", "draw", default=True, help="Draw the figures.")
 SUBJECT = click.option("--subject", metavar="NAME", help="A controller whose verdict is asked for.")
+ALLOW_CODE = click.option(
+    "--allow-code", is_flag=True, help="Run controllers and plants of your own that the scenario's file names."
+)
 OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace the files of an earlier run in --out.")
 QUIET = click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 FOLDER = click.Path(path_type=Path)

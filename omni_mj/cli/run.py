@@ -16,6 +16,7 @@ from omni_mj.cli import console, folders, options
 if TYPE_CHECKING:
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.measure.result import Outcome, Result
+    from omni_mj.scenarios.scenario import Scenario
     from omni_mj.show.recording import Recording
     from omni_mj.simulate.simulation import Simulation
 
@@ -33,6 +34,7 @@ OUTPUTS = (*RESULTS, *folders.PROVENANCE)
 @click.option("--seeds", type=int, metavar="N", help="How many seeds, counting up from the first. [1]")
 @options.SETTINGS
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/<scenario>-<UTC time>]")
+@options.ALLOW_CODE
 @options.OVERWRITE
 @options.RECORD
 @options.VIEW
@@ -50,6 +52,7 @@ def command(
     seeds: int | None,
     overrides: tuple[str, ...],
     out: Path | None,
+    allow_code: bool,
     overwrite: bool,
     record: bool,
     view: bool,
@@ -66,15 +69,19 @@ def command(
         return
     from omni_mj.scenarios import scenario
     from omni_mj.scenarios.library import builtin
-    from omni_mj.studies import run
+    from omni_mj.studies import cost, run
 
     if name is None:
         raise OmniError(f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file")
     head = {"controllers": controllers or None, "plant": plant, "robot": robot, "seed": seed, "seeds": seeds}
     chosen = scenario.load(
-        name, options.with_model(overrides, model), {key: value for key, value in head.items() if value is not None}
+        name,
+        options.with_model(overrides, model),
+        {key: value for key, value in head.items() if value is not None},
+        allow_code,
     )
     options.tell_model(chosen, quiet)
+    console.tell_costs([cost.estimate(chosen)], quiet)
     simulation = run.prepare(chosen)
     shown_by = viewers(view, connect)
     folder = folders.prepare(out, chosen.name, OUTPUTS, overwrite)
@@ -119,21 +126,21 @@ def recorded(
         study: the command's name.
         watch: called with each frame's number in place of showing progress.
     """
-    from omni_mj.measure.result import write
+    from omni_mj.files import write
     from omni_mj.provenance import record as provenance
     from omni_mj.show import markdown
     from omni_mj.studies import run
 
     console.quiet_mujoco()
+    provenance.begin(folder, study, console.command_line(), [simulation.scenario])
     write(folder / "scenario.toml", simulation.scenario.to_toml())
-    provenance.save(folder, study, console.command_line(), [simulation.scenario])
     with ExitStack() as stack:
         recordings = _recordings(simulation, folder, record, shown_by)
         for recording in recordings:
             stack.enter_context(recording)
         outcome = _drive(simulation, recordings, interrupts, quiet, watch)
         result = run.of(simulation, outcome)
-        result.repeat = shlex.join(["omni-mj", study, "--scenario", str(folder / "scenario.toml")])
+        result.repeat = shlex.join(["omni-mj", study, *_as_it_was(simulation.scenario, folder)])
         result.save_files(folder)
         if simulation.log.lengths.any():
             text = markdown.result(result.summary())
@@ -143,10 +150,13 @@ def recorded(
 
 
 def shown(result: "Result", folder: Path, draw: bool, quiet: bool) -> None:
-    """Draw the figures, if they are wanted, write the report, and say what is there."""
-    _draw(result.outcomes[0], folder, draw)
+    """Print the table, draw the figures, if they are wanted, write the report, and say what is there."""
     if not quiet:
-        _report(result, folder)
+        _table(result)
+    with console.drawing(folder):
+        _draw(result.outcomes[0], folder, draw)
+    if not quiet:
+        _files(result, folder)
 
 
 def ended(result: "Result", folder: Path, interrupts: "Interrupts") -> None:
@@ -210,8 +220,8 @@ def _draw(outcome: "Outcome", folder: Path, draw: bool) -> None:
     report.write([folder], folder / "report.html")
 
 
-def _report(result: "Result", folder: Path) -> None:
-    """Print the table, and what is in the folder."""
+def _table(result: "Result") -> None:
+    """Print the table, and what happened."""
     from omni_mj.measure import recovery
     from omni_mj.measure.table import table
     from omni_mj.show import terminal
@@ -223,6 +233,11 @@ def _report(result: "Result", folder: Path) -> None:
         if recovered := recovery.table(summary):
             terminal.show(recovered)
         console.print_events(outcome.entry)
+
+
+def _files(result: "Result", folder: Path) -> None:
+    """Print what is in the folder."""
+    (outcome,) = result.outcomes
     print(f"{outcome.entry['simulated_s']:.1f} s simulated in {result.wall_s:.1f} s; results in {folder}/")
     frames, figures, recording = (folder / name for name in ("trajectory.parquet", "figures", "recording.rrd"))
     print(f"  report     {folder / 'report.html'}")
@@ -230,9 +245,18 @@ def _report(result: "Result", folder: Path) -> None:
     if figures.exists():
         print(f"  figures    {figures}/")
     again = f"{_program('python')} -m omni_mj.run" if outcome.scenario.plant != "live" else "omni-mj drive"
-    print(f"  repeat     {again} --scenario {folder / 'scenario.toml'}")
+    print(f"  repeat     {again} {shlex.join(_as_it_was(outcome.scenario, folder))}")
     if recording.exists():
         print(f"  recording  {_program('rerun')} {recording}")
+
+
+def _as_it_was(scenario: "Scenario", folder: Path) -> list[str]:
+    """The options with which a scenario is run again."""
+    return [
+        "--scenario",
+        str(folder / "scenario.toml"),
+        *["--allow-code"] * (scenario.has_code and scenario.plant != "live"),
+    ]
 
 
 def _program(name: str) -> str:

@@ -43,6 +43,8 @@ def command(
     for each in chosen:
         options.tell_model(each, quiet)
     folder = folders.prepare(out, "slip", OUTPUTS, overwrite)
+    with console.writing(folder):
+        record.begin(folder, "slip", console.command_line(), chosen, frames=False)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
 
         def before_robot(name: str, frames: int) -> Callable[[int], None]:
@@ -50,14 +52,15 @@ def command(
 
         result = slip.slip(chosen, before_robot=before_robot)
     with console.writing(folder):
-        result.save_files(folder)
         driven = [outcome.scenario for outcome in result.outcomes]  # each under the name of its robot
         asked = studies.given((each.name, given) for each, given in zip(driven, chosen, strict=True))
         record.save(folder, "slip", console.command_line(), driven, frames=False, given=asked)
+        result.save_files(folder)
         if result.robots:
             from omni_mj.show import slip_figure
 
-            slip_figure.save(result.robots, folder / "slip.png")
+            with console.drawing(folder):
+                slip_figure.save(result.robots, folder / "slip.png")
     if not quiet:
         console.tell(result, folder, OUTPUTS)
     interrupts.end(result.stopped, f"what there is is in {folder}")

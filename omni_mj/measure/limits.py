@@ -62,7 +62,7 @@ def read(path: Path) -> Study:
         found = json.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
         raise OmniError(f"cannot read the limit in {file}: {error.strerror}") from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise OmniError(f"the limit in {file} is not valid JSON: {error}") from None
     if not isinstance(found, dict) or not isinstance(found.get("limit"), dict) or not found.get("scenarios"):
         raise OmniError(f"{file} holds no limit; give the folder that omni-mj limit SCENARIO --out FOLDER leaves")

@@ -42,7 +42,7 @@ def read(folder: Path) -> dict[str, Any]:
                 " report; where robots were is in trajectory.parquet and recording.rrd"
             ) from None
         raise OmniError(f"{folder} holds no run: {path.name}: {error.strerror}; give the folder of a run") from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise OmniError(f"{path} is not a run's summary: {error}") from None
     if isinstance(summary, dict) and "results" in summary and "format" not in summary:
         raise OmniError(f"{path} is of format 1, which an older version of omni-mj wrote; make the run again")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from omni_control.errors import OmniError
+from omni_mj.files import write as write
 from omni_mj.measure import summary
 from omni_mj.measure.table import table, text
 from omni_mj.scenarios.rows import Row
@@ -63,7 +64,8 @@ class Result:
         subject: the controller of which verdicts were asked for, or None.
         created: when the study began, ISO 8601.
         wall_s: how long it took, s.
-        stopped: why it ended before its time, or None.
+        stopped: why it ended before its time, or None; the summary of one that is not complete without a reason says
+            that it goes on, or was killed.
         repeat: the command line that gives the same, where there is one.
         complete: whether all that was asked for has been done.
         half_width: share of competitors' mean errors to which half their intervals shall come down, for which seeds
@@ -101,7 +103,7 @@ class Result:
             created=self.created,
             wall_s=self.wall_s,
             complete=self.complete,
-            stopped=self.stopped,
+            stopped=None if self.complete else self.stopped or summary.UNFINISHED,
             subject=self.subject,
             repeat=self.repeat,
             half_width=self.half_width,
@@ -153,10 +155,10 @@ class Result:
         python.save(self, Path(folder))
 
     def save_files(self, folder: Path) -> None:
-        """As `save`, without what says what was run."""
-        self.save_summary(folder)
+        """As `save`, without what says what was run; the summary last, since it says that all is there."""
         for outcome in self.outcomes:
             self.save_outcome(outcome, folder)
+        self.save_summary(folder)
 
     def save_summary(self, folder: Path) -> None:
         """Write summary.json: strict JSON, in which nothing is not a number."""
@@ -173,16 +175,6 @@ class Result:
             frames = folder / "trajectories" / f"{name}.parquet" if several else folder / "trajectory.parquet"
             frames.parent.mkdir(exist_ok=True)
             outcome.log.save(frames)
-
-
-def write(path: Path, content: str) -> None:
-    """Write a file that appears whole or not at all."""
-    partial = path.with_name(path.name + ".partial")
-    try:
-        partial.write_text(content, encoding="utf-8")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def _lines(outcome: Outcome) -> Iterator[dict[str, Any]]:

@@ -3,7 +3,6 @@
 import json
 import os
 import sys
-import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,10 +10,11 @@ from typing import Any
 
 from omni_control.errors import OmniError
 from omni_mj.measure import reading
+from omni_mj.measure.summary import UNFINISHED
 from omni_mj.provenance import here, identified
 from omni_mj.provenance.record import FILE, FORMAT, SOURCES
 from omni_mj.robots import builtin
-from omni_mj.scenarios import robots, scenario
+from omni_mj.scenarios import robots, scenario, toml_files
 from omni_mj.scenarios.checking import in_one
 from omni_mj.scenarios.scenario import Scenario
 
@@ -60,6 +60,10 @@ class Folder:
         if not (path / name).exists():
             raise OmniError(f"the run in {path} left no {name}: it was killed, or goes on; nothing to compare with")
         self.summary = identified.read(path) if of_logs else reading.read(path)
+        if self.summary.get("stopped") == UNFINISHED and not any(
+            each["frames"] for each in self.summary["scenarios"].values()
+        ):
+            raise OmniError(f"the run in {path} is {UNFINISHED}; nothing to compare with")
 
     @property
     def several(self) -> bool:
@@ -166,7 +170,7 @@ class Folder:
     def _check_settings(self, file: Path, entry: Mapping[str, Any]) -> None:
         """See that a scenario's file has the settings that the summary says were run."""
         try:
-            data = tomllib.loads(file.read_text(encoding="utf-8"))
+            data = toml_files.parse(file.read_text(encoding="utf-8"))
         except OSError as error:
             raise OmniError(f"{file} cannot be read: {error.strerror}") from None
         except ValueError as error:
@@ -210,7 +214,7 @@ def _record(path: Path) -> dict[str, Any]:
         raise OmniError(f"{path} holds no run; give the folder that omni-mj run --out FOLDER leaves") from None
     except OSError as error:
         raise OmniError(f"{file} cannot be read: {error.strerror}") from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise OmniError(f"{file} is not valid JSON: {error}") from None
     if not isinstance(record, dict) or "format" not in record:
         raise OmniError(f"{file} does not say what was run; make the run again")

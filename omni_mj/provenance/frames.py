@@ -47,7 +47,8 @@ def read(path: Path) -> Frames:
     import pyarrow.parquet as pq
 
     try:
-        table = pq.read_table(path)
+        with path.open("rb") as file:  # by its name, Arrow would take one with a colon for an address
+            table = pq.read_table(file)
     except FileNotFoundError:
         raise OmniError(f"{path} is missing: there is nothing to compare with") from None
     except (OSError, pa.ArrowException) as error:

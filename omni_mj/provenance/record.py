@@ -9,7 +9,8 @@ from typing import Any
 
 from omni_control import controllers as known_controllers
 from omni_control.registry import CONTROLLERS
-from omni_mj.measure.result import write
+from omni_mj.files import whole, write
+from omni_mj.measure.result import Outcome, Result
 from omni_mj.mjcf.files import copies
 from omni_mj.provenance import here, modules
 from omni_mj.scenarios import controllers, own_model, plants, robots, user_files
@@ -60,6 +61,25 @@ def save(
     write(folder / FILE, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
 
 
+def begin(
+    folder: Path,
+    study: str,
+    command: str | None,
+    scenarios: Sequence[Scenario],
+    frames: bool = True,
+    given: Mapping[str, Any] | None = None,
+) -> None:
+    """Write what is about to be run, and a summary that says that none of it is done: what a killed run leaves.
+
+    Args and errors: see `save`.
+    """
+    save(folder, study, command, scenarios, frames, given)
+    first = scenarios[0]
+    Result([Outcome.not_run(each) for each in scenarios], list(first.labels), seeds=first.seed_list).save_summary(
+        folder
+    )
+
+
 class _Shelf:
     """The folder of sources: a copy of each file, once."""
 
@@ -76,7 +96,8 @@ class _Shelf:
         self._kept[place] = data
         path = self._folder / place
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data)
+        with whole(path) as file:
+            file.write(data)
         return {"file": place, "sha256": here.digest(data)}
 
     def put_model(self, file: Path) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from omni_control.errors import OmniError, choose
+from omni_control.errors import OmniError, choose, printable
 
 REACH_M = 100.0  # the farthest coordinate of a pose, either way
 FRICTIONS = 0.01, 5.0  # of a patch, from and to
@@ -174,7 +174,7 @@ class Checked(BaseModel):
         elif error["type"] == "extra_forbidden":
             prefix = f"{cls.section}." if cls.section else ""
             known = [prefix + each for each in cls._names()]
-            yield f"{cls.unknown} {prefix + name}; {choose(prefix + name, known)}"
+            yield f"{cls.unknown} {printable(prefix + name, SHOWN)}; {choose(prefix + name, known)}"
         else:
             declared = cls._declared(cls._names()[name])
             if error["type"] == "missing":
@@ -207,10 +207,11 @@ def in_one(errors: Iterable[str]) -> None:
 def shown(value: object) -> str:
     """A wrong value as messages show it, in one line."""
     try:
-        text = " ".join(repr(value).split())
+        return printable(repr(value), SHOWN)
     except ValueError:  # Python does not print whole numbers of thousands of digits
         return "a number of absurd length"
-    return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
+    except RecursionError:
+        return "what is nested too deeply"
 
 
 def _written(number: float) -> str:

@@ -12,6 +12,8 @@ from omni_mj.scenarios.robots import of_robot
 RAD_S = math.pi / 30  # in a turn per minute
 NO_LOAD_TOLERANCE = 0.05  # of the nominal voltage; samples differ, and the rows' digits
 TORQUE_TOLERANCE = 0.2  # sheets print the torque of the air gap or of the shaft, and their constants differ by some 8 %
+SHEET_C = 25.0  # at which the sheet's resistance and torque constant hold
+LEAST_SHARE = 0.05  # of resistance and torque constant, which must be left however warm or cold a motor gets
 
 
 class MotorSettings(Checked):
@@ -121,6 +123,16 @@ class MotorSettings(Checked):
                 f"motor.nominal_torque_nm = {self.nominal_torque_nm:g} is not motor.constant_nm_a times "
                 f"motor.nominal_current_a, {torque:.4g}, within {TORQUE_TOLERANCE:.0%}; take all rows from one page"
             )
+        coldest = min(self.winding_c, self.housing_c, self.ambient_c)
+        hottest = max(self.limit_c, self.winding_c, self.housing_c, self.ambient_c)
+        for name, what in (("copper_per_k", "resistance"), ("magnet_per_k", "torque constant")):
+            change = getattr(self, name)
+            for celsius in (coldest, hottest):
+                if (share := 1 + change * (celsius - SHEET_C)) < LEAST_SHARE:
+                    yield (
+                        f"motor.{name} = {change:g} leaves {share:.2g} of the {what} at {celsius:g} deg C, where the "
+                        f"motor may get (ambient_c, winding_c, housing_c, limit_c); it takes {LEAST_SHARE:g} at least"
+                    )
         if self.nominal_current_a <= self.no_load_current_a:
             yield (
                 f"motor.nominal_current_a = {self.nominal_current_a:g} must be above motor.no_load_current_a = "

@@ -21,6 +21,7 @@ from omni_control.traction import GRAVITY, WheelLimits
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, ControlSettings, ReferenceSettings, Settings
 
 Where = tuple[float, float, float]
+LONGEST_S = 24 * 3600.0
 ORIGIN: Where = (0.0, 0.0, 0.0)
 
 
@@ -32,7 +33,7 @@ def timed(settings: Settings, where: Where = ORIGIN) -> SampledReference:
         where: pose [x, y, heading] in m and rad by which all of it is displaced.
 
     Raises:
-        OmniError: on a carpet as slippery as `reference.friction` says, nobody can drive it.
+        OmniError: on a carpet as slippery as `reference.friction` says, nobody can drive it; or it takes for ever.
     """
     return _timed(settings.reference, reference_limits(settings), where)
 
@@ -115,8 +116,29 @@ def _rim_speed(settings: Settings) -> float:
 
 @lru_cache(maxsize=256)
 def _timed(task: ReferenceSettings, limits: MotionLimits, where: Where) -> SampledReference:
+    _check_length(task)
     reference = _moving(task, limits).after_rest(_lead_frames(task))
     return reference if where == ORIGIN else SampledReference(displaced(reference.poses, where), PERIOD_S)
+
+
+def _check_length(task: ReferenceSettings) -> None:
+    """See that it does not take for ever, before it is planned.
+
+    Raises:
+        OmniError: at its highest speeds it takes longer than a reference may.
+    """
+    if task.shape in CURVES:
+        least = 2 * max(task.length_m, task.width_m) * task.laps / task.max_speed_m_s
+    else:
+        visits = np.array(_visits(task))
+        ways, turns = np.hypot(*np.diff(visits[:, :2], axis=0).T), np.abs(np.diff(visits[:, 2]))
+        each = np.maximum(ways / task.max_speed_m_s, turns / task.max_turn_rate_rad_s)
+        least = float(each.sum()) + task.dwell_s * len(each)
+    if least > LONGEST_S:
+        raise OmniError(
+            f"the reference takes more than {least / 3600:.0f} h at reference.max_speed_m_s = {task.max_speed_m_s:g}; "
+            f"{LONGEST_S / 3600:.0f} h at most: fewer laps (reference.laps = {task.laps}), less dwell_s, or faster"
+        )
 
 
 def _moving(task: ReferenceSettings, limits: MotionLimits) -> SampledReference:

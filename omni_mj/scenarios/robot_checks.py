@@ -5,6 +5,8 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
+from omni_mj.scenarios.clock import CYCLE_RATE_HZ
+
 FULL_CELL_V = 4.2  # of a LiPo cell
 GRAVITY_M_S2 = 9.81
 ENVELOPE_M = 0.09  # radius that the league's rules allow
@@ -97,6 +99,14 @@ def robot(settings: Any) -> Iterator[str]:
                 f"body.{name}_inertia_kg_m2 = {inertia:g} is more than body.mass_kg = {body.mass_kg:g} has if all of "
                 f"it is {farthest * 1e3:.0f} mm away, at the robot's edge; at most {most:.3g}"
             )
+    motor, counts = settings.motor, settings.sensors.encoder_counts
+    fastest, least = motor.no_load_rpm / 60, math.ceil(CYCLE_RATE_HZ / (motor.no_load_rpm / 60))
+    if counts < least:
+        yield (
+            f"sensors.encoder_counts = {counts}: a count in a cycle of 1/{CYCLE_RATE_HZ} s is "
+            f"{CYCLE_RATE_HZ / counts:.4g} turns a second, above the {fastest:.4g} of motor.no_load_rpm: no speed of "
+            f"the motor could be measured; {least} at least"
+        )
     if battery.cut_off_v >= (full := FULL_CELL_V * battery.cells):
         yield (
             f"battery.cut_off_v = {battery.cut_off_v:g} is not below the {full:g} V of battery.cells = {battery.cells} "

@@ -5,7 +5,6 @@ What the default robot's file gives depends on the robot, so that every other mu
 told of it.
 """
 
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from omni_control.errors import OmniError, choose
 from omni_mj.robots import builtin
-from omni_mj.scenarios import own_model, wheel_loops
+from omni_mj.scenarios import own_model, toml_files, wheel_loops
 from omni_mj.scenarios.checking import in_one
 from omni_mj.scenarios.nested import frozen, merged
 
@@ -151,12 +150,7 @@ def _given(whole: Mapping[str, Any], section: str, field: str) -> bool:
 
 @lru_cache
 def _read(path: Path, changed: int) -> tuple[str, Mapping[str, Mapping[str, Any]]]:
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise OmniError(f"cannot read the robot's file {path}: {error.strerror}") from None
-    except ValueError as error:
-        raise OmniError(f"the robot's file {path} is not valid TOML: {' '.join(str(error).split())}") from None
+    data = toml_files.read(path, "the robot's file")
     says = data.pop(DESCRIPTION, "")
     if not isinstance(says, str) or not all(isinstance(section, dict) for section in data.values()):
         raise OmniError(f"the robot's file {path} holds something else than a {DESCRIPTION} and sections of settings")

@@ -3,7 +3,6 @@
 import inspect
 import json
 import re
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
@@ -11,16 +10,17 @@ from typing import Any, Self
 from pydantic import Field, ValidationInfo, field_validator
 
 from omni_control.controllers.base import Controller
-from omni_control.errors import OmniError, choose
+from omni_control.errors import OmniError
 from omni_control.registry import CONTROLLERS
-from omni_mj.scenarios import controllers, distributions, faults, robots
+from omni_mj.scenarios import controllers, distributions, faults, robots, user_files
 from omni_mj.scenarios.checking import Checked, Setting, in_one, setting, shown
-from omni_mj.scenarios.library import builtin
+from omni_mj.scenarios.given import NAME_LETTERS, check_code, put, read_file
 from omni_mj.scenarios.nested import merged
 from omni_mj.scenarios.parameters import Parameters
 from omni_mj.scenarios.plants import check_plant
 from omni_mj.scenarios.settings import Settings
 
+DESCRIPTION_LETTERS = 500  # at most
 _NOTHING: Any = {}
 
 
@@ -49,6 +49,11 @@ class Scenario(Checked):
     def labels(self) -> tuple[str, ...]:
         """What the controllers are called in tables and files."""
         return tuple(controllers.label(kind) for kind in self.controllers)
+
+    @property
+    def has_code(self) -> bool:
+        """Whether its file names code: a controller or a plant of a user's own."""
+        return any(user_files.names_class(controllers.written(kind)) for kind in (*self.controllers, self.plant))
 
     @property
     def seed_list(self) -> list[int]:
@@ -99,7 +104,19 @@ class Scenario(Checked):
     def _file_name(cls, name: str) -> str:
         if not re.fullmatch(r"[\w.-]+", name):
             raise ValueError(f"the name of a scenario may hold letters, digits and ._-, unlike {shown(name)}")
+        if len(name) > NAME_LETTERS or name.startswith("."):  # files and folders are called so
+            raise ValueError(
+                f"the name of a scenario has 1 to {NAME_LETTERS} letters, the first no dot, unlike {shown(name)}"
+            )
         return name
+
+    @field_validator("description")
+    @classmethod
+    def _line(cls, text: str) -> str:
+        if len(text) > DESCRIPTION_LETTERS or not text.isprintable():
+            what = f"a line of at most {DESCRIPTION_LETTERS} letters without control characters"
+            raise ValueError(f"description must be {what}, not {shown(text)}")
+        return text
 
     @field_validator("paper_table")
     @classmethod
@@ -185,6 +202,7 @@ def scenario(
     controllers: Sequence[str | type[Controller]] | None = None,
     seed: int | None = None,
     seeds: int | None = None,
+    code: bool = False,
     **sections: Any,
 ) -> Scenario:
     """A scenario by name or from a TOML file, with changes: `scenario("rect", radio={"delay_frames": 9})`.
@@ -196,66 +214,45 @@ def scenario(
         controllers: names, classes derived from `omni_control.Controller`, or `file.py:Class`.
         seed: the first.
         seeds: how many.
+        code: whether controllers and plants of a user's own that the file names, `file.py:Class`, may be run.
         sections: values of settings by section and field.
 
     Raises:
         OmniError: there is no such scenario, or something is unknown or not allowed; a line for each.
     """
-    data, stem = _read(str(name_or_path))
+    data, stem = read_file(str(name_or_path))
     head = {"plant": plant, "robot": robot, "controllers": controllers, "seed": seed, "seeds": seeds}
-    return _made(merged(data, sections) | {name: value for name, value in head.items() if value is not None}, stem)
+    head = {name: value for name, value in head.items() if value is not None}
+    if not code:
+        check_code(data, head)
+    return _made(merged(data, sections) | head, stem)
 
 
-def load(name_or_path: str | None, overrides: Iterable[str] = (), head: Mapping[str, Any] | None = None) -> Scenario:
+def load(
+    name_or_path: str | None,
+    overrides: Iterable[str] = (),
+    head: Mapping[str, Any] | None = None,
+    code: bool = False,
+) -> Scenario:
     """Read a scenario by name or from a TOML file, apply `section.field=value` overrides, and check all of it.
 
     Without a name, all is as the defaults are. `head` replaces fields of `Scenario` itself, such as plant or seeds.
+    Controllers and plants of a user's own that the file names, rather than `head`, are run if `code` says so.
 
     Raises:
         OmniError: no such scenario or file, not TOML; an unknown name, a value of the wrong type or out of range, each
             in a line.
     """
-    data, stem = ({}, "scenario") if name_or_path is None else _read(name_or_path)
+    data, stem = ({}, "scenario") if name_or_path is None else read_file(name_or_path)
+    if not code:
+        check_code(data, head or {})
     errors = []
     for override in overrides:
         try:
-            _override(data, override)
+            put(data, override)
         except OmniError as error:
             errors.append(str(error))
     return _made(data | dict(head or {}), stem, errors)
-
-
-def _read(name_or_path: str) -> tuple[dict[str, Any], str]:
-    """What a scenario's file holds, and the name it gives the scenario."""
-    path = builtin().get(name_or_path)
-    if path is None and (name_or_path.endswith(".toml") or Path(name_or_path).is_file()):
-        path = Path(name_or_path)
-    if path is None:
-        hint = choose(name_or_path, sorted(builtin()))
-        raise OmniError(f"unknown scenario {name_or_path!r}; {hint}, or a .toml file")
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise OmniError(f"cannot read scenario {path}: {error.strerror}") from None
-    except ValueError as error:  # not TOML, not UTF-8, a number of absurd length, a file name with a null
-        raise OmniError(f"scenario {path} is not valid TOML: {' '.join(str(error).split())}") from None
-    return data, re.sub(r"[^\w.-]+", "-", path.stem)
-
-
-def _override(data: dict[str, Any], override: str) -> None:
-    key, equals, text = override.partition("=")
-    *sections, name = key.strip().split(".", 2 if key.strip().startswith("controller.") else 1)
-    if not equals or not sections:
-        raise OmniError(f"cannot read --set {override}; write section.field=value, such as radio.delay_frames=3")
-    try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except ValueError:
-        value = text.strip()  # a bare word, such as reference.mode=iterated
-    for section in sections:
-        data = data.setdefault(section, {})
-        if not isinstance(data, dict):
-            raise OmniError(f"cannot set {key.strip()}: {section} is not a section")
-    data[name] = value
 
 
 def _made(data: Mapping[str, Any], stem: str, errors: Sequence[str] = ()) -> Scenario:

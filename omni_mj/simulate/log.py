@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from omni_control.kinematics import Array
+from omni_mj.files import whole
 from omni_mj.scenarios.rows import Row, numbers
 from omni_mj.scenarios.settings import PERIOD_S
 
@@ -167,9 +168,9 @@ class Log:
         """Write the table as Parquet; the file appears whole or not at all."""
         import pyarrow.parquet as pq
 
-        partial = path.with_name(path.name + ".partial")
-        pq.write_table(self.table(), partial, compression="zstd")
-        partial.replace(path)
+        table = self.table()
+        with whole(path) as file:  # by its name, Arrow would take one with a colon for an address
+            pq.write_table(table, file, compression="zstd")
 
     def _make_room(self) -> None:
         """Double the frames that there is room for."""

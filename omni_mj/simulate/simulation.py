@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from omni_control.controllers.base import Controller, Seen
-from omni_control.errors import OmniError, choose
+from omni_control.errors import OmniError, choose, printable
 from omni_control.kinematics import Array
 from omni_mj.link.late_camera import camera
 from omni_mj.link.radio import Radio, Received
@@ -78,7 +78,7 @@ class Simulation:
 
     Raises:
         OmniError: there is no such controller, one is named twice, the rows cannot share a plant, or it does not know
-            what shall happen to one of them.
+            what shall happen to one of them; or no command would arrive before the end.
     """
 
     def __init__(
@@ -100,6 +100,7 @@ class Simulation:
         for settings in {id(row.settings): row.settings for row in self._table}.values():
             faults.check_plant(settings.fault, self.scenario.plant)
         self._follow = follow
+        _check_delays(self._table)
         self.reset()
 
     def reset(self, seed: int | None = None) -> None:
@@ -220,7 +221,7 @@ class Simulation:
 
     def _stop(self, rows: np.ndarray, cause: object) -> None:
         """Stop rows that run, for a cause that can be said in words."""
-        reason = " ".join(str(cause).split())
+        reason = printable(str(cause))
         for i in rows[self._running[rows]]:
             row = self.rows[i]
             self.failures.append(Failure(int(i), row.controller, row.seed, self.frame * PERIOD_S, reason))
@@ -231,3 +232,18 @@ class Simulation:
         sent = np.where(self._running[:, None], self.team.limited(command), 0.0)
         self.team.sent(sent)
         return sent
+
+
+def _check_delays(table: Sequence[Row]) -> None:
+    """See that commands arrive before the end of what rows follow.
+
+    Raises:
+        OmniError: none does.
+    """
+    for row in {id(row.settings): row for row in table}.values():
+        delay, frames = row.settings.radio.delay_frames, references.timed(row.settings, row.where).frames
+        if delay >= frames:
+            raise OmniError(
+                f"radio.delay_frames = {delay} is no less than the {frames} frames of the reference: no command would "
+                "arrive before its end; make it shorter, or the reference longer (reference.settle_s)"
+            )

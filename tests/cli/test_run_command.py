@@ -148,8 +148,9 @@ def test_earlier_results_are_never_overwritten_unasked(tmp_path: Path, capsys: p
     assert invoke(*options) == 2
     assert "--overwrite" in capsys.readouterr().err
     assert [p.name for p in tmp_path.iterdir()] == ["precious.txt"]
-    assert invoke(*options, "--overwrite") == 0
-    assert precious.read_text() == "keep"
+    assert invoke(*options, "--overwrite") == 2
+    assert "was not left by a run" in capsys.readouterr().err
+    assert [p.name for p in tmp_path.iterdir()] == ["precious.txt"]
 
 
 def test_programs_are_named_as_a_user_starts_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,9 @@
 """A user's own controller from the command line: it runs like any other, and its mistakes are lines."""
 
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -89,7 +93,10 @@ def test_the_effective_scenario_repeats_a_users_controller_bit_for_bit(folder: P
     text = Path("out/scenario.toml").read_text()
     assert 'controllers = ["flc", "mine.py:Mine"]' in text
     Path("out").rename("first")
-    assert invoke("--scenario", "first/scenario.toml", "--no-record", "--no-figures", "--quiet", "--out", "out") == 0
+    again = ("--scenario", "first/scenario.toml", "--no-record", "--no-figures", "--quiet", "--out", "out")
+    assert invoke(*again) == 2, "a scenario runs no code unasked"
+    assert not Path("out").exists()
+    assert invoke(*again, "--allow-code") == 0
     assert Path("out/scenario.toml").read_text() == text
     first, second = (pq.read_table(folder / name / "trajectory.parquet") for name in ("first", "out"))
     assert first.num_rows > 0
@@ -164,3 +171,41 @@ def test_a_controller_that_fails_at_once_leaves_its_scenario_and_the_reason(
         assert strict(Path("out/summary.json"))["scenarios"]["rect"]["failed"][0]["time_s"] == 0
         assert Path("out/scenario.toml").exists()
         assert not Path("out/trajectory.parquet").exists()
+
+
+def test_one_that_hangs_costs_its_own_rows(capsys: pytest.CaptureFixture[str]) -> None:
+    name = add(
+        "Slow", "    patience_s = 0.3\n\n    def command(self, frame, seen):\n        while True:\n            pass"
+    )
+    assert invoke(*BESIDE_FLC, name, "--quiet") == 1
+    stdout, stderr = capsys.readouterr()
+    why = "Slow did not answer in frame 0: it was waited for for 0.3 s"
+    assert (stdout, stderr) == ("", f"error: Slow, seed 0: {why} at 0.000 s\n")
+    entry = strict(Path("out/summary.json"))["scenarios"]["rect"]
+    assert (entry["status"], entry["results"]["flc"]["failed"]) == ("done", 0)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_one_signal_is_enough_for_one_that_hangs(number: int) -> None:
+    """It is waited for for a second, then what was recorded is kept."""
+    body = "        if frame == 9:\n            open('hangs', 'w').close()\n"
+    body += "            while True:\n                pass\n"
+    name = add("Slow", f"    def command(self, frame, seen):\n{body}        return 0 * seen.pose")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "omni_mj", *BESIDE_FLC, name],
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),  # a background job ignores SIGINT
+    )
+    deadline = time.monotonic() + 60
+    while not Path("hangs").exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    process.send_signal(number)
+    _, stderr = process.communicate(timeout=60)
+    assert process.returncode == 128 + number, stderr
+    assert "Traceback" not in stderr
+    assert "what was recorded until then is in out" in stderr.splitlines()[-1]
+    (failed,) = strict(Path("out/summary.json"))["scenarios"]["rect"]["failed"]
+    assert failed["cause"] == "Slow did not answer in frame 9: it was to stop"
+    assert pq.read_table("out/trajectory.parquet").num_rows == 10 + 9

@@ -72,7 +72,7 @@ import omni_mj as om
 
 class Dice(om.Controller):
     def command(self, frame, seen):
-        return 0 * seen.pose + (1e-3 * np.random.random() if frame > 4 else 0)  # less than limits change
+        return 0 * seen.pose + (1e-3 * np.random.default_rng().random() if frame > 4 else 0)  # less than limits change
 """
 STOPPED = """
 import signal

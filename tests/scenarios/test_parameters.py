@@ -39,7 +39,10 @@ def test_parameters_come_from_the_file_overrides_and_python(tmp_path: Path, mine
     assert load(tmp_path, loaded.to_toml()) == loaded
     load(tmp_path, toml)
     changes = {"window": 9, "fast": True}
-    assert scenario.scenario(tmp_path / "given.toml", controller={"Mine": changes}).settings.controller == expected
+    assert (
+        scenario.scenario(tmp_path / "given.toml", code=True, controller={"Mine": changes}).settings.controller
+        == expected
+    )
 
 
 def test_wrong_parameters_are_refused(tmp_path: Path, mine: str) -> None:

@@ -32,6 +32,7 @@ COMPANIONS = {
     "kinematic.alpha_high": {"kinematic.alpha_low": 0},
     "radio.jitter_frames": {"radio.delay_frames": 600},
     "battery.cells": {"battery.cut_off_v": 3},
+    "motor.magnet_per_k": {"motor.limit_c": 100},
 }
 NO_NUMBERS = [math.nan, math.inf, -math.inf, True, "1", [1], {}, None, np.array([1, 2]), 10**400, 10**5000]
 
@@ -50,7 +51,8 @@ def test_every_setting_says_what_it_means_in_what_unit_and_its_default_is_allowe
             assert each.default in each.choices, name
 
 
-FITTED = "body.", "wheels.", "battery.cut_off_v"  # which other numbers bound as well (test_robot_checks.py)
+# Which other numbers bound as well (test_robot_checks.py, test_absurd_input.py).
+FITTED = "body.", "wheels.", "battery.cut_off_v", "sensors.encoder_counts"
 
 
 def test_both_bounds_are_allowed_and_what_is_beyond_is_refused() -> None:

@@ -348,6 +348,33 @@ def test_a_simulation_that_is_reset_is_recorded_from_its_start(tmp_path: Path, b
     assert "seed 5" in recorded.static("/settings", "TextDocument:text")[0]
 
 
+def test_a_block_is_made_of_its_own_frames(tmp_path: Path) -> None:
+    """So that it costs the same however long the run: the same is recorded where all frames before were wiped out.
+
+    But for the last, from which the path goes on.
+    """
+    chosen = scenario.load("rect-noise", ["reference.laps=2", "reference.settle_s=0.1"], {"plant": "kinematic"})
+
+    def record_run(path: Path, wiped: bool) -> int:
+        simulation = Simulation(chosen, ["flc", "comp-flc"])
+        log = simulation.log
+        with FileRecording(path, simulation) as recording:
+
+            def after_frame(frame: int) -> None:
+                recording.update()
+                if wiped and recording._sent == log.length:
+                    for channel in log.columns:
+                        log.channel(channel)[: log.length - 1] = 0
+
+            simulation.run(after_frame)
+            recording.write()
+        return log.length
+
+    lengths = [record_run(tmp_path / f"{wiped}.rrd", wiped) for wiped in (False, True)]
+    assert min(lengths) > 4 * 300, "blocks of 300 frames"
+    assert rrd("compare", tmp_path / "False.rrd", tmp_path / "True.rrd").returncode == 0
+
+
 def test_a_killed_run_leaves_its_blocks(tmp_path: Path) -> None:
     """Killed while it writes, of every entity the same whole blocks of 300 frames are there, but for the last one."""
     options = ["--scenario", "rect", "--plant", "kinematic", "--set", "reference.laps=100", "--out", tmp_path]

@@ -24,7 +24,7 @@ WHOLE = [name for name, each in NUMBERS.items() if each.kind is int]
 def load(tmp_path: Path, toml: str, *overrides: str, **head: Any) -> Scenario:
     path = tmp_path / "given.toml"
     path.write_text(toml, encoding="utf-8")
-    return scenario.load(str(path), overrides, head)
+    return scenario.load(str(path), overrides, head, code=True)
 
 
 def refusal(tmp_path: Path, toml: str, *overrides: str, **head: Any) -> str:

@@ -1,13 +1,15 @@
 """The controllers by the names that users call them, each loaded when it is asked for; made, with their parameters."""
 
+import copy
 import inspect
 import numbers
 from collections.abc import Mapping
 from importlib import import_module
 from typing import TypeVar
 
+from omni_control.controllers import guests
 from omni_control.controllers.base import Controller, Told
-from omni_control.controllers.checks import check_record, where
+from omni_control.controllers.checks import check_made, where
 from omni_control.errors import ControllerError, OmniError, choose
 from omni_control.reference import Reference
 from omni_control.registry import CONTROLLERS, missing
@@ -68,19 +70,37 @@ def make(
 ) -> Controller:
     """A controller of `n` robots, by its class or its name, its `parameters` set before its constructor runs.
 
+    Somebody else's gets copies of what it is told and of the reference, which are then its own.
+
     Raises:
         OmniError: there is no controller of that name, or a parameter is wrong.
-        ControllerError: its constructor raised an exception, or did not call that of `Controller`.
+        ControllerError: its constructor raised an exception, did not return, did not call that of `Controller`, or
+            changed what it was told.
     """
     found = find(kind) if isinstance(kind, str) else kind
-    controller = found.__new__(found)
-    for name, value in checked_parameters(found, parameters or {}).items():
+    given = checked_parameters(found, parameters or {})
+    guest = guests.guest(found)
+    if guest is None:
+        return _made(found, told, reference, n, given)
+    own = copy.deepcopy((told, reference))
+    controller = guest.call(lambda: _made(found, *own, n, given), "when it was made")
+    if controller.told != told:
+        raise ControllerError(f"{found.__name__} changed what it was told; that must stay as it is")
+    vars(controller)[guests.ATTRIBUTE] = guest
+    return controller
+
+
+def _made(
+    kind: type[Kind], told: Told, reference: Reference, n: int, parameters: Mapping[str, Parameter]
+) -> Controller:
+    controller = kind.__new__(kind)
+    for name, value in parameters.items():
         setattr(controller, name, value)
     try:
         controller.__init__(told, reference, n)  # type: ignore[misc]
     except Exception as error:
-        raise ControllerError(f"{found.__name__} cannot be made{where(found, error)}") from error
-    check_record(controller, n, "when it was made")
+        raise ControllerError(f"{kind.__name__} cannot be made{where(kind, error)}") from error
+    check_made(controller, n)
     return controller
 
 

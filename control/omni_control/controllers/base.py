@@ -138,9 +138,12 @@ class Controller:
         channels: what else is to be recorded of each frame, by name: numbers (n,) or (n, k).
         memory_frames: how many of the commands sent `seen.sent` holds; one that needs more says so in its constructor.
         knows_truth: whether it sees the true pose and twist instead of filtered vision.
+        patience_s: how long it may take to answer, or to be made, before it has failed, s; more for one that compiles
+            itself, or is looked into with a debugger.
     """
 
     knows_truth: ClassVar[bool] = False
+    patience_s: ClassVar[float] = 30.0
 
     def __init__(self, told: Told, reference: Reference, n: int) -> None:
         self.told, self.reference = told, reference

@@ -2,60 +2,125 @@
 
 import inspect
 import traceback
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from omni_control.controllers.base import Controller, Seen
-from omni_control.errors import ControllerError
+from omni_control.errors import ControllerError, printable
 from omni_control.kinematics import Array
 
 RECORDED = ("predicted", "alpha_hat", "latency_hat")
+MOST_FRAMES = 36_000  # that a controller may remember of what was sent
 
 
-def answer(controller: Controller, frame: int, seen: Seen) -> Array:
-    """What a controller commands for its robots (n, 3): numbers, but not necessarily finite.
+@dataclass(frozen=True)
+class Said:
+    """What a controller of n robots says of itself: see `Controller`.
+
+    Attributes:
+        recorded: `RECORDED`, by name: (n, 3) each.
+        channels: by name, (n, k) each.
+    """
+
+    recorded: dict[str, Array]
+    channels: dict[str, Array]
+
+
+def answer(controller: Controller, frame: int, seen: Seen) -> tuple[Array, Said]:
+    """What a controller commands for its robots (n, 3): numbers, but not necessarily finite; and what it says.
 
     Raises:
         ControllerError: it raised an exception, its commands have another shape, or what it says of itself has.
     """
     name, shape = type(controller).__name__, seen.pose.shape
     try:
-        wanted = np.asarray(controller.command(frame, seen), float)
+        wanted = _numbers(controller.command(frame, seen))
     except Exception as error:
         raise ControllerError(f"{name} failed in frame {frame}{where(type(controller), error)}") from error
     if wanted.shape != shape:
         raise ControllerError(
             f"{name} returned commands of shape {wanted.shape} in frame {frame}; {shape} finite are needed"
         )
-    check_record(controller, len(wanted), f"in frame {frame}")
-    return wanted
+    return wanted, said(controller, len(wanted), f"in frame {frame}")
 
 
-def check_record(controller: Controller, n: int, when: str) -> None:
-    """Check the shapes of what a controller of `n` robots says of itself.
+def said(controller: Controller, n: int, when: str) -> Said:
+    """What a controller of `n` robots says of itself.
 
     Raises:
-        ControllerError: one is wrong, or the constructor of `Controller` was not called.
+        ControllerError: it has a wrong shape, or is no numbers, or the constructor of `Controller` was not called.
     """
     name = type(controller).__name__
-    for what in RECORDED:
-        got = np.asarray(getattr(controller, what, None)).shape
-        if got != (n, 3):
-            raise ControllerError(f"{name} has a {what} of shape {got} {when}; {(n, 3)} is needed")
-    for channel, values in controller.channels.items():
+    try:
+        recorded = {what: np.asarray(getattr(controller, what, None), float) for what in RECORDED}
+    except Exception as error:
+        raise ControllerError(
+            f"{name} has no {' or '.join(RECORDED)} {when}{where(type(controller), error)}"
+        ) from error
+    for what, values in recorded.items():
+        if values.shape != (n, 3):
+            raise ControllerError(f"{name} has a {what} of shape {values.shape} {when}; {(n, 3)} is needed")
+    try:
+        channels = {str(channel): values for channel, values in controller.channels.items()}
+    except Exception as error:
+        raise ControllerError(f"{name} has no channels {when}{where(type(controller), error)}") from error
+    for channel, given in channels.items():
         try:
-            shape = np.asarray(values, float).shape
+            values = np.asarray(given, float)
         except (TypeError, ValueError):
             raise ControllerError(f"{name} has a channel {channel!r} that is not of numbers {when}") from None
-        if not (shape[:1] == (n,) and len(shape) <= 2):
+        if not (values.shape[:1] == (n,) and values.ndim <= 2):
             raise ControllerError(
-                f"{name} has a channel {channel!r} of shape {shape} {when}; ({n},) or ({n}, k) is needed"
+                f"{name} has a channel {channel!r} of shape {values.shape} {when}; ({n},) or ({n}, k) is needed"
             )
+        channels[channel] = values.reshape(n, -1)
+    return Said(recorded, channels)
+
+
+def check_made(controller: Controller, n: int) -> None:
+    """See that a controller of `n` robots is one.
+
+    Raises:
+        ControllerError: it is not.
+    """
+    name = type(controller).__name__
+    said(controller, n, "when it was made")
+    memory = controller.memory_frames
+    if not isinstance(memory, int) or not 0 <= memory <= MOST_FRAMES:
+        raise ControllerError(
+            f"{name} has memory_frames = {memory!r}; a whole number from 0 to {MOST_FRAMES} is needed"
+        )
 
 
 def where(kind: type[Controller], error: Exception) -> str:
     """Where in the controller's file an exception came from, and what it says."""
     frames = traceback.extract_tb(error.__traceback__)
-    place = [f for f in frames if f.filename == inspect.getfile(kind)][-1:] or frames[-1:]
-    return f" ({Path(place[0].filename).name}, line {place[0].lineno}): {type(error).__name__}: {error}"
+    try:
+        file = inspect.getfile(kind)
+    except (TypeError, OSError):  # made without a file
+        file = ""
+    place = [f for f in frames if f.filename == file][-1:] or frames[-1:]
+    try:
+        text = str(error)
+    except Exception:
+        text = "what it says cannot be read"
+    at = f" ({Path(place[0].filename).name}, line {place[0].lineno})" if place[0].filename != __file__ else ""
+    return f"{at}: {type(error).__name__}: {printable(text)}"
+
+
+def _numbers(values: ArrayLike) -> Array:
+    """Commands as numbers.
+
+    Raises:
+        Exception: they are not, or the array that they are in raises one.
+    """
+    given = np.asarray(values)
+    if given.dtype.kind == "c":
+        raise TypeError("the commands are complex numbers")
+    numbers = np.array(given, float)
+    if given.dtype.kind not in "biufO":
+        raise TypeError("the commands are text, not numbers")
+    return numbers

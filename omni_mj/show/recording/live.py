@@ -33,7 +33,7 @@ class LiveRecording(Recording):
     def _connect(self, stream: rr.RecordingStream) -> None:
         stream.connect_grpc(self._url, default_blueprint=self._blueprint())
 
-    def _fail(self, failure: RuntimeError) -> None:
+    def _fail(self, failure: Exception) -> None:
         if not self._failure:
             click.echo(f"warning: no viewer at {self._url}; the run goes on without it", err=True)
         super()._fail(failure)

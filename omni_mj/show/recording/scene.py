@@ -1,6 +1,6 @@
 """What the spatial views of a recording show: the field, the reference, robots, and where they are believed to be."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import rerun as rr
@@ -86,8 +86,18 @@ def send(stream: rr.RecordingStream, robot: Robot, settings: Settings, track: Tr
     height = 0.004 + lift
     segments = np.stack([_at(before, height), _at(pose, height)], axis=1, dtype=np.float32)
     stream.send_columns(f"{entity}/path", time, rr.LineStrips3D.columns(strips=segments))
-    _send_belief(stream, f"{entity}/vision", track["vision"], frames, _ring(robot.colour))
-    _send_belief(stream, f"{entity}/predicted", track["predicted"], frames, _ghost(robot.colour))
+    _send_belief(stream, f"{entity}/vision", track["vision"][frames], frames)
+    _send_belief(stream, f"{entity}/predicted", track["predicted"][frames], frames)
+
+
+def shapes(robot: Robot) -> Iterator[tuple[str, str, rr.ComponentColumnList]]:
+    """What shows where a robot is believed to be, which appears once that is known.
+
+    Yields:
+        The channel of what is believed, the entity of its shape, and the shape.
+    """
+    for channel, shape in (("vision", _ring), ("predicted", _ghost)):
+        yield channel, f"world/{robot.name}/{channel}/shape", shape(robot.colour)
 
 
 def log_field(stream: rr.RecordingStream) -> None:
@@ -112,16 +122,11 @@ def log_field(stream: rr.RecordingStream) -> None:
     stream.log(ABOVE, camera, rr.Pinhole(focal_length=focal_length, resolution=size), static=True)
 
 
-def _send_belief(
-    stream: rr.RecordingStream, entity: str, pose: Array, frames: Frames, shape: rr.ComponentColumnList
-) -> None:
-    """Send the frames in which a pose is known; its shape appears with the first of all."""
-    known = np.flatnonzero(~np.isnan(pose[: frames[-1] + 1, 0]))
-    new = known[known >= frames[0]]
-    if new.size and new[0] == known[0]:
-        stream.send_columns(f"{entity}/shape", indexes(new[:1]), shape)
-    if new.size:
-        stream.send_columns(entity, indexes(new), _transform(_at(pose[new], 0.0), pose[new, 2], _UP))
+def _send_belief(stream: rr.RecordingStream, entity: str, pose: Array, frames: Frames) -> None:
+    """Send the poses (frames, 3) that are known."""
+    known = ~np.isnan(pose[:, 0])
+    if known.any():
+        stream.send_columns(entity, indexes(frames[known]), transform(pose[known]))
 
 
 def _ring(colour: colours.Rgb) -> rr.ComponentColumnList:

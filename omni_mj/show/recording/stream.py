@@ -1,6 +1,8 @@
 """A recording: what the first robot of each controller does, sent in blocks while the run goes on."""
 
 import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 
@@ -13,7 +15,7 @@ from omni_mj.measure.events import Watch
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show.recording import robots, scene, tabs, texts
 from omni_mj.show.recording.layout import blueprint
-from omni_mj.show.recording.robots import Track
+from omni_mj.show.recording.robots import Robot, Track
 from omni_mj.show.recording.timelines import Frames, indexes
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.worlds.build import kinematics
@@ -23,6 +25,8 @@ APPLICATION = "omni-mj"
 
 class Recording:
     """What files and viewers have in common; a context manager.
+
+    What cannot be recorded costs the recording, which ends there, and never the run that it shows.
 
     It begins with the first frame, when it is known which channels controllers record of their own; and anew when the
     simulation was reset, without what was recorded before.
@@ -46,17 +50,30 @@ class Recording:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        if stream := self._begun():
-            self._flush(stream)
-            stream.disconnect()
+        with self._costs_the_run_nothing():
+            if stream := self._begun():
+                self._flush(stream)
+                stream.disconnect()
 
     def update(self) -> None:
         """Send what was recorded since the last time if it fills a block."""
-        if self._current() and self._log.length - self._sent >= self._block_frames:
-            self.write()
+        with self._costs_the_run_nothing():
+            if self._current() and self._log.length - self._sent >= self._block_frames:
+                self._write()
 
     def write(self) -> None:
         """Send what was recorded since the last time, so that whatever ends the run leaves it readable."""
+        with self._costs_the_run_nothing():
+            self._write()
+
+    def finish(self, summary: str) -> None:
+        """Send the result, a Markdown text."""
+        with self._costs_the_run_nothing():
+            if stream := self._begun():
+                texts.log(stream, "summary", summary)
+                self._flush(stream)
+
+    def _write(self) -> None:
         stream = self._current()
         if stream and self._log.length > self._sent:
             frames = np.arange(self._sent, self._log.length)
@@ -64,11 +81,12 @@ class Recording:
             self._send(stream, frames)
             self._flush(stream)
 
-    def finish(self, summary: str) -> None:
-        """Send the result, a Markdown text."""
-        if stream := self._begun():
-            texts.log(stream, "summary", summary)
-            self._flush(stream)
+    @contextmanager
+    def _costs_the_run_nothing(self) -> Iterator[None]:
+        try:
+            yield
+        except Exception as error:  # whatever rerun refuses, and whatever is wrong here
+            self._fail(error)
 
     def _connect(self, stream: rr.RecordingStream) -> None:
         """Say where the stream leads."""
@@ -101,6 +119,7 @@ class Recording:
         absent = {name for name, values in telemetry.items() if np.isnan(values).all()}  # a plant may have no wheels
         wheels = kinematics(log.rows[0].settings.wheels)
         self._tabs = tabs.tabs(wheels, absent)
+        self._unshown = [(robot, *shape) for robot in self._robots for shape in scene.shapes(robot)]
         self._lines = tabs.drawn(self._tabs, self._robots, len(wheels.azimuths))
         self._tabs[tabs.OWN_TAB] = tabs.own(log.columns)
 
@@ -126,9 +145,19 @@ class Recording:
             recorded = frames[frames < track.length]
             if recorded.size:
                 scene.send(stream, robot, self._log.rows[robot.row].settings, track, recorded)
+                self._show_beliefs(stream, robot, track, recorded)
                 for line in self._lines:
                     if line.robot is robot:
                         stream.send_columns(line.entity, indexes(recorded), line.columns(track, recorded))
+
+    def _show_beliefs(self, stream: rr.RecordingStream, robot: Robot, track: Track, frames: Frames) -> None:
+        """Show what is believed of a robot from the first frame on in which something is."""
+        for waiting in [each for each in self._unshown if each[0] is robot]:
+            _, channel, entity, shape = waiting
+            known = frames[~np.isnan(track[channel][frames, 0])]
+            if known.size:
+                stream.send_columns(entity, indexes(known[:1]), shape)
+                self._unshown.remove(waiting)
 
     def _add_own(self, stream: rr.RecordingStream, frames: Frames) -> None:
         """Begin the lines of controllers' own channels that have come to hold numbers."""
@@ -150,9 +179,9 @@ class Recording:
         except RuntimeError as failure:
             self._fail(failure)
 
-    def _fail(self, failure: RuntimeError) -> None:
+    def _fail(self, failure: Exception) -> None:
         """Give up: what is sent does not arrive."""
-        self._failure = self._failure or str(failure)
+        self._failure = self._failure or " ".join(f"{type(failure).__name__}: {failure}".split())
 
     def _blueprint(self) -> rrb.Blueprint:
         return blueprint([robot.name for robot in self._robots], self._paths, self._tabs, self._live)

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import jinja2
 
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, printable
+from omni_mj.files import write as write_file
 from omni_mj.show import figures
 from omni_mj.show.report import cells
 from omni_mj.show.report.reading import Run, Source, data_uri, read
@@ -26,6 +27,17 @@ def write(folders: Sequence[Path], out: Path) -> None:
     Raises:
         OmniError: a folder holds no summary, or one that cannot be read.
     """
+    try:
+        html = _html(folders)
+    except OmniError:
+        raise
+    except (jinja2.UndefinedError, LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
+        why = printable(f"{type(error).__name__}: {error}", 200)
+        raise OmniError(f"a summary.json is not of this version, or was changed: {why}; make the run again") from None
+    write_file(out, html)
+
+
+def _html(folders: Sequence[Path]) -> str:
     sources = read(folders)
     runs = [run for source in sources for run in source.runs]
     environment = jinja2.Environment(
@@ -33,18 +45,14 @@ def write(folders: Sequence[Path], out: Path) -> None:
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     environment.filters |= {"number": cells.number, "change": cells.change, "plain": cells.plain}
-    try:
-        html = environment.get_template("report.html.j2").render(
-            title=_title(sources, runs),
-            sources=sources,
-            runs=runs,
-            comparison=_comparison(runs),
-            differing=cells.differing(runs),
-            cells=cells,
-        )
-    except (jinja2.UndefinedError, KeyError, TypeError, AttributeError) as error:
-        raise OmniError(f"a summary.json is not of this version: {error!r}; make the run again") from None
-    out.write_text(html, encoding="utf-8")
+    return environment.get_template("report.html.j2").render(
+        title=_title(sources, runs),
+        sources=sources,
+        runs=runs,
+        comparison=_comparison(runs),
+        differing=cells.differing(runs),
+        cells=cells,
+    )
 
 
 def _title(sources: Sequence[Source], runs: Sequence[Run]) -> str:

@@ -150,7 +150,7 @@ class Plan:
             if content["format"] != FORMAT:
                 raise OmniError(f"{path} is of format {content['format']!r}; this version reads {FORMAT}")
             grid = tuple(made(each["name"], each["values"]) for each in content["axes"])
-            chosen = load(str(folder / "scenario.toml"), head={"controllers": content["controllers"]})
+            chosen = load(str(folder / "scenario.toml"), code=True, head={"controllers": content["controllers"]})
             return cls(chosen, grid, int(content["at_once"]))
         except OSError as error:
             raise OmniError(f"{folder} holds no sweep: {path.name}: {error.strerror}") from None

@@ -1,0 +1,53 @@
+"""Folders of runs in which somebody changed something: read, or refused in lines that can be printed."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from commands import invoke, strict
+from mutations import mutated
+
+CASES = int(os.environ.get("MUTATIONS", "12"))  # `make soak` takes more
+SHORT = ("--set", "reference.waypoints=[[0, 0], [0.1, 0]]", "--set", "reference.settle_s=0", "--plant", "kinematic")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("folder") / "run"
+    given = ("--controller", "flc", "--seeds", "2", "--no-record", "--no-figures", "--quiet")
+    assert invoke("run", "--scenario", "rect", *SHORT, *given, "--out", folder) == 0
+    return folder
+
+
+@pytest.mark.parametrize("name", ["summary.json", "provenance.json"])
+def test_what_was_changed_is_read_or_refused(
+    folder: Path, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = folder / name
+    before, content = file.read_bytes(), strict(file)
+    try:
+        for seed in range(CASES):
+            file.write_text(json.dumps(mutated(content, seed)))
+            for command in (("report", folder, "--out", tmp_path / "report.html"), ("verify", folder, "--quiet")):
+                code = invoke(*command)  # an exception would pass through
+                err = capsys.readouterr().err
+                assert code in (0, 1, 2), (seed, command)
+                assert (code == 0) == (err == ""), (seed, command)
+                assert all(line.startswith("error: ") and line.isprintable() for line in err.splitlines()), (seed, err)
+    finally:
+        file.write_bytes(before)
+
+
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000, "9" * 5000, '{"format": 1e999}', "\x00", "{}", "[]", '"' + "a" * 9999 + '"']
+)
+def test_what_is_no_record_is_refused(folder: Path, text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("summary.json", "provenance.json"):
+        before = (folder / name).read_bytes()
+        (folder / name).write_text(text)
+        for command in ("verify", "report"):
+            if (name, command) != ("provenance.json", "report"):
+                assert invoke(command, folder) == 2
+                assert capsys.readouterr().err.count("\n") == 1
+        (folder / name).write_bytes(before)
