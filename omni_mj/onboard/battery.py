@@ -5,6 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from omni_control.kinematics import Array
+from omni_mj.onboard import laws
+from omni_mj.onboard.arrays import BatteryArrays
 from omni_mj.scenarios.settings import BatterySettings, column
 
 # Open-circuit voltage of a LiPo cell over its state of charge: 4.2 V full, 3.7 V nominal at half, steep below a tenth.
@@ -33,7 +35,7 @@ class Battery:
         self.charge = column(settings, "charge")[:, 0].copy()
         self.alive = np.ones(len(settings), bool)
         self._dead = np.zeros(len(settings))  # infinite once it is: of whatever power then, no current is drawn
-        self._drawn, self._loads = np.zeros(len(settings)), 0
+        self._drawn, self._loads = np.zeros((2, len(settings)))
         self._open = self._cells * np.interp(self.charge, CHARGE, CELL_V)
         self.voltage, self._average = self._open.copy(), self._open.copy()
 
@@ -43,16 +45,20 @@ class Battery:
         A driver passes on power without loss; braking motors charge the battery. What a motor generates beyond the
         battery's voltage, and beside one that gives no more power, the driver burns.
         """
-        duty = voltage / (self.voltage + self._dead)[:, None]
-        drawn = np.einsum("ij,ij->i", np.minimum(np.maximum(duty, -1.0), 1.0), current)
+        duty = laws.share(voltage, (self.voltage + self._dead)[:, None])
+        drawn = np.einsum("ij,ij->i", duty, current)
         self._drawn += drawn
+        self.voltage = laws.sagged(self._open, self._resistance, drawn)
         self._loads += 1
-        self.voltage = self._open - self._resistance * drawn
+
+    def arrays(self) -> BatteryArrays:
+        """What a compiled loop reads and writes until the next call of `discharge`."""
+        return BatteryArrays(self._open, self._resistance, self._dead, self.voltage, self._drawn, self._loads)
 
     def discharge(self, period: float) -> None:
         """Take the mean of the loads since the last call, drawn for `period` (s), from the charge."""
         mean = self._drawn / self._loads
-        self._drawn[:], self._loads = 0.0, 0
+        self._drawn[:] = self._loads[:] = 0.0
         self.charge = np.clip(self.charge - mean * period / self._capacity, 0.0, 1.0)
         self._open = self._cells * np.interp(self.charge, CHARGE, CELL_V)
         # The protection against deep discharge averages, or the sag of every hard start would trip it.

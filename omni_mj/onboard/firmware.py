@@ -6,6 +6,8 @@ import numpy as np
 
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_mj.link.radio import Received, longest
+from omni_mj.onboard import laws
+from omni_mj.onboard.arrays import FirmwareArrays
 from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios.settings import Settings, column
 
@@ -93,11 +95,11 @@ class Firmware:
         self._resistance, self._speed_constant = column(motors, "resistance"), column(motors, "speed_constant")
         # Calls from one run of each robot's loops to the next; those of tests may be further apart than the loops'.
         self._every = np.maximum(1.0, np.rint(1 / (column(firmware, "rate_hz") * timestep)))
-        self._timestep, self._calls = self._every * timestep, 0
+        self._timestep = self._every * timestep
         self._each = self._timestep[:, 0]
-        self._held: Array | None = None if (self._every == 1).all() else np.zeros((n, wheels))
+        self._slow, self._held = bool((self._every > 1).any()), np.zeros((n, wheels))
         self._forward, self._left, self._turn = kinematics.matrix.T / kinematics.radius
-        self._radius = kinematics.radius
+        self._radius, self._turn = kinematics.radius, np.ascontiguousarray(self._turn)
         self._kp, self._ki, self._kd = (column(firmware, name) for name in ("kp", "ki", "kd"))
         self._integrates = bool(self._ki.any() or self._kd.any())
         self._back_emf = column(firmware, "feed_forward") * self._speed_constant
@@ -109,8 +111,7 @@ class Firmware:
         self._swing: Array | None = None
         counts = column([s.sensors for s in settings], "encoder_counts") * column(motors, "gear") / (2 * np.pi)
         self._counts_per_rad, self._rate_per_count = counts, 1 / (counts * self._timestep)
-        self._last_count: Array | None = None
-        self._integral, self._last_error = np.zeros((2, n, wheels))
+        self._last_count, self._integral, self._last_error = np.zeros((3, n, wheels))
         self._along_x = self._along_y = np.zeros((n, wheels))
         self._turn_rate = np.zeros(n)
         self._body: np.ndarray | None = None
@@ -169,50 +170,69 @@ class Firmware:
         if self._now >= self._next_stop:
             self._stop_where_silent()
         self._now += 1
-        if self._held is None:
+        if not self._slow:
             return self._loops(gyro, encoders)
-        due = self._calls % self._every == 0
-        self._calls += 1
+        due = (self._now - 1) % self._every == 0
         if due.any():  # all reckon, elementwise; those whose turn it is keep what came out
             heading, counts = self.estimate.heading.copy(), self._last_count
             integral, error = self._integral, self._last_error
             np.copyto(self._held, self._loops(gyro, encoders), where=due)
             np.copyto(self.estimate.heading, heading, where=~due[:, 0])
-            if counts is not None and self._last_count is not None:
-                self._last_count = np.where(due, self._last_count, counts)
+            self._last_count = np.where(due, self._last_count, counts)
             self._integral = np.where(due, self._integral, integral)
             self._last_error = np.where(due, self._last_error, error)
         return self._held.copy()
+
+    def arrays(self) -> FirmwareArrays:
+        """What a compiled loop reads and writes until the next call of `correct` or `obey`."""
+        estimate = self.estimate
+        return FirmwareArrays(
+            heading=estimate.heading,
+            bias=estimate.bias,
+            turn_rate=self._turn_rate,
+            turn_gain=self._turn_gain,
+            timestep=self._timestep,
+            every=self._every,
+            stops=self._stops,
+            body=np.zeros(len(self._stops), bool) if self._body is None else self._body,
+            along_x=self._along_x,
+            along_y=self._along_y,
+            wheels=np.full(self._held.shape, np.nan) if self._wheels is None else self._wheels,
+            turn=self._turn,
+            radius=self._radius,
+            counts_per_rad=self._counts_per_rad,
+            rate_per_count=self._rate_per_count,
+            last_count=self._last_count,
+            kp=self._kp,
+            ki=self._ki,
+            kd=self._kd,
+            back_emf=self._back_emf,
+            speed_constant=self._speed_constant,
+            nominal=self._nominal,
+            swing=np.full(self._held.shape, np.inf) if self._swing is None else self._swing,
+            integral=self._integral,
+            last_error=self._last_error,
+            held=self._held,
+        )
 
     def _loops(self, gyro: Array, encoders: Array) -> Array:
         """What the loops make of the sensors when they run."""
         rate = gyro - self.estimate.bias
         self.estimate.turn(rate, self._each)
         wanted = self._wheel_speeds(rate)
-        count = np.floor(encoders * self._counts_per_rad)
-        if self._last_count is None:  # wherever the wheels stand when the robot is switched on
+        count = laws.counted(encoders, self._counts_per_rad)
+        if self._now == 1:  # wherever the wheels stand when the robot is switched on
             self._last_count = count
-        error = wanted - (count - self._last_count) * self._rate_per_count
+        speed = (count - self._last_count) * self._rate_per_count
         self._last_count = count
-        voltage = self._back_emf * wanted + self._kp * error
+        voltage, error = laws.proportional(wanted, speed, self._kp, self._back_emf)
         if self._integrates:
-            voltage = self._integrate(voltage, error)
+            gains = self._ki, self._kd, self._timestep, self._nominal
+            voltage, integral, windup = laws.integrated(voltage, error, self._last_error, self._integral, *gains)
+            self._integral, self._last_error = np.where(windup, self._integral, integral), error
         if self._swing is not None:
-            back_emf = self._speed_constant * (wanted - error)
-            voltage = np.clip(voltage, back_emf - self._swing, back_emf + self._swing)
-        return np.minimum(np.maximum(voltage / self._nominal, -1.0), 1.0)
-
-    def _integrate(self, voltage: Array, error: Array) -> Array:
-        """Add the integral and the derivative part to the `voltage` of the others.
-
-        Anti-windup: while the voltage is beyond its limit, an error that pushes further is not integrated.
-        """
-        voltage = voltage + self._kd * (error - self._last_error) / self._timestep
-        self._last_error = error
-        integral = self._integral + error * self._timestep
-        windup = (np.abs(voltage + self._ki * integral) > self._nominal) & ((voltage + self._ki * integral) * error > 0)
-        self._integral = np.where(windup, self._integral, integral)
-        return voltage + self._ki * integral
+            voltage = laws.derated(voltage, self._speed_constant * (wanted - error), self._swing)
+        return laws.share(voltage, self._nominal)
 
     def _wheel_speeds(self, rate: Array) -> Array:
         """Wheel speeds (n, wheels) for the commands: equation 2, the turn-rate loop, then the inverse of equation 3."""
@@ -224,7 +244,7 @@ class Firmware:
             if self._body is not None:
                 heading = np.where(self._body, 0.0, heading)
             c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
-            wanted = c * self._along_x + s * self._along_y + turn
+            wanted = laws.wheel_speed(c, s, self._along_x, self._along_y, turn)
         if self._wheels is None:
             return wanted
         return np.where(np.isnan(self._wheels), wanted, self._wheels / self._radius)

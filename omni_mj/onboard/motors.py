@@ -6,6 +6,8 @@ import numpy as np
 from scipy.linalg import expm
 
 from omni_control.kinematics import Array
+from omni_mj.onboard import laws
+from omni_mj.onboard.arrays import MotorArrays
 from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios.motor_settings import MotorSettings
 from omni_mj.scenarios.settings import column
@@ -49,7 +51,7 @@ class Motors:
         self._cold_constant = self._new_constant
         self._commutation = column(motors, "commutation") * self._gear  # per speed of the wheel
         self._dry, self._viscous = column(motors, "wheel_dry"), column(motors, "wheel_viscous")
-        self._limit = np.broadcast_to(np.asarray(limit, float), shape)
+        self._limit = np.array(np.broadcast_to(np.asarray(limit, float), shape))
         self._ambient = column(settings, "ambient_c")
         self._copper, self._magnet = column(settings, "copper_per_k"), column(settings, "magnet_per_k")
         self.winding = np.broadcast_to(column(settings, "winding_c"), shape).copy()
@@ -80,15 +82,18 @@ class Motors:
         Returns:
             Voltage at the terminals and current in A, both (n, wheels), and the dcmotor's voltage (n, wheels).
         """
-        back_emf = self._speed_constant * wheel_speed
-        resistance = self.resistance + self._commutation * np.abs(wheel_speed)
-        current = (voltage - back_emf) / resistance
+        motor = self._speed_constant, self.resistance, self._commutation
+        current, back_emf, turning = laws.current(voltage, wheel_speed, *motor)
         over = np.abs(current) > self._limit
         if np.count_nonzero(over):
-            current = np.where(over, np.copysign(self._limit, current), current)
-            voltage = np.where(over, back_emf + current * resistance, voltage)
+            volts, amperes = laws.held_back(current, self._limit, back_emf, turning)
+            voltage, current = np.where(over, volts, voltage), np.where(over, amperes, current)
             self._held_back += over
         return voltage, current, back_emf + current * self.resistance
+
+    def arrays(self) -> MotorArrays:
+        """What a compiled loop reads and writes until the next call of `warm` or `weaken`."""
+        return MotorArrays(self._speed_constant, self.resistance, self._commutation, self._limit, self._held_back)
 
     def voltage(self, current: Array, wheel_speed: Array) -> Array:
         """The voltage at the terminals, V, that drives a current (n, wheels) in A: the inverse of `drive`."""
