@@ -79,6 +79,9 @@ class Firmware:
         heading: at the start, (n,) rad.
         timestep: time between calls of `duties`, s.
         period: time between calls of `receive`, s.
+
+    Attributes:
+        cycle: calls of `duties` so far; a compiled loop counts what it does in their place.
     """
 
     def __init__(
@@ -121,7 +124,7 @@ class Firmware:
         # robot stops, and the first of these.
         timeout = column(firmware, "timeout_s")[:, 0]
         self._patience = np.where(timeout > 0, np.rint(timeout / timestep), np.inf)
-        self._now, self._stops, self._next_stop = 0, self._patience.copy(), float(self._patience.min())
+        self.cycle, self._stops, self._next_stop = 0, self._patience.copy(), float(self._patience.min())
 
     def receive(self, received: Received, winding: Array) -> None:
         """Take over what the radio holds in this frame: `correct`, then `obey`.
@@ -157,7 +160,7 @@ class Firmware:
         self._along_y = vy * self._forward - vx * self._left
         self._turn_rate = command[:, 2] * (1 + self._turn_gain)
         new = slice(None) if received.new is None else received.new
-        self._stops[new] = self._now + self._patience[new]
+        self._stops[new] = self.cycle + self._patience[new]
         self._next_stop = float(self._stops.min())
 
     def duties(self, gyro: Array, encoders: Array) -> Array:
@@ -167,12 +170,12 @@ class Firmware:
             gyro: turn rate (n,), rad/s.
             encoders: wheel angles (n, wheels), rad.
         """
-        if self._now >= self._next_stop:
+        if self.cycle >= self._next_stop:
             self._stop_where_silent()
-        self._now += 1
+        self.cycle += 1
         if not self._slow:
             return self._loops(gyro, encoders)
-        due = (self._now - 1) % self._every == 0
+        due = (self.cycle - 1) % self._every == 0
         if due.any():  # all reckon, elementwise; those whose turn it is keep what came out
             heading, counts = self.estimate.heading.copy(), self._last_count
             integral, error = self._integral, self._last_error
@@ -221,7 +224,7 @@ class Firmware:
         self.estimate.turn(rate, self._each)
         wanted = self._wheel_speeds(rate)
         count = laws.counted(encoders, self._counts_per_rad)
-        if self._now == 1:  # wherever the wheels stand when the robot is switched on
+        if self.cycle == 1:  # wherever the wheels stand when the robot is switched on
             self._last_count = count
         speed = (count - self._last_count) * self._rate_per_count
         self._last_count = count
@@ -251,7 +254,7 @@ class Firmware:
 
     def _stop_where_silent(self) -> None:
         """Let robots stand that have had no new command for too long (`firmware.timeout_s`)."""
-        over = self._now >= self._stops
+        over = self.cycle >= self._stops
         self._along_x, self._along_y = (np.where(over[:, None], 0.0, a) for a in (self._along_x, self._along_y))
         self._turn_rate = np.where(over, 0.0, self._turn_rate)
         if self._wheels is not None:

@@ -115,6 +115,11 @@ def current(
     return (voltage - back_emf) / turning, back_emf, turning
 
 
+def voltage(current: Number, speed: Number, speed_constant: Number, resistance: Number, commutation: Number) -> Number:
+    """The voltage at which a motor has a current, A, at a speed of its wheel: the inverse of `current`."""
+    return speed_constant * speed + current * (resistance + commutation * np.abs(speed))
+
+
 def held_back(amperes: Number, limit: Number, back_emf: Number, turning: Number) -> tuple[Number, Number]:
     """Voltage and current of a motor whose driver holds a current beyond its limit to that, A."""
     held = np.copysign(limit, amperes)

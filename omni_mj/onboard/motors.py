@@ -51,7 +51,7 @@ class Motors:
         self._cold_constant = self._new_constant
         self._commutation = column(motors, "commutation") * self._gear  # per speed of the wheel
         self._dry, self._viscous = column(motors, "wheel_dry"), column(motors, "wheel_viscous")
-        self._limit = np.array(np.broadcast_to(np.asarray(limit, float), shape))
+        self._limit = np.array(np.broadcast_to(np.asarray(limit, float), shape), order="C")
         self._ambient = column(settings, "ambient_c")
         self._copper, self._magnet = column(settings, "copper_per_k"), column(settings, "magnet_per_k")
         self.winding = np.broadcast_to(column(settings, "winding_c"), shape).copy()
@@ -97,8 +97,7 @@ class Motors:
 
     def voltage(self, current: Array, wheel_speed: Array) -> Array:
         """The voltage at the terminals, V, that drives a current (n, wheels) in A: the inverse of `drive`."""
-        resistance = self.resistance + self._commutation * np.abs(wheel_speed)
-        volts: Array = self._speed_constant * wheel_speed + current * resistance
+        volts: Array = laws.voltage(current, wheel_speed, self._speed_constant, self.resistance, self._commutation)
         return volts
 
     def warm(self, currents: Array, wheel_speeds: Array) -> None:

@@ -17,6 +17,7 @@ from omni_mj.onboard.motor import Motor
 from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import EVERY, Traction
 from omni_mj.plants import Telemetry, batches
+from omni_mj.plants.between import Between
 from omni_mj.plants.bound import Bound
 from omni_mj.plants.faults import Faults
 from omni_mj.plants.variation import Drawn
@@ -105,6 +106,10 @@ class MujocoPlant:
         self._speeds, self._voltages, self.currents = np.zeros((3, self.cycles, n, wheels))
         self._supplies = np.zeros((self.cycles, n, 1))  # the battery's voltage of each step
         self._held: Array | None = None
+        self._between: Between | None = None
+        if settings[0].physics.kernel == "numba":
+            onboard = self._firmware, self._motors, self._battery, self._traction
+            self._between = Between(self._batch, world, *onboard, (self._angles, self._turn_rates))
         self._cycle, self._heard = 0, (np.full(n, np.nan), np.zeros(n, int))
 
     def pose(self) -> Array:
@@ -131,12 +136,37 @@ class MujocoPlant:
         Returns:
             As `advance`, at the end of a frame; nothing within one.
         """
-        k, motors, battery, traction = self._cycle, self._motors, self._battery, self._traction
-        at, slips = self._at, self._at.slips
+        k = self._cycle
         if received is not None:
             self._obey(received)
         if k == 0:
             self._begin()
+        if self._between is None:
+            self._pass(k)
+        else:
+            self._pass_compiled(k, self._between, received is not None)
+        self._cycle = (k + 1) % self.cycles
+        if self._cycle:
+            return {}
+        self._motors.warm(self.currents, self._speeds)
+        self._battery.discharge(PERIOD_S)
+        return self._check()
+
+    def _pass_compiled(self, k: int, between: Between, renewed: bool) -> None:
+        """As `_pass`, by compiled loops."""
+        if k == 0 or renewed:
+            between.renew()
+        volts, amperes = self._voltages[k], self.currents[k]
+        recorded = self._speeds[k], volts, amperes, self._supplies[k]
+        between.before(k % EVERY == 0, self._gyro_error, self._push, self._failed, self._held, recorded)
+        for substep in range(self._substeps):
+            self._batch.step(self._living)
+            between.after(substep == 0, substep == self._substeps - 1, volts, amperes)
+
+    def _pass(self, k: int) -> None:
+        """Let the wheel loops run, and physics until they do again, in the cycle `k` of a frame."""
+        at, slips = self._at, self._at.slips
+        motors, battery, traction = self._motors, self._battery, self._traction
         duty = self._firmware.duties(self._turn_rates + self._gyro_error, self._angles)
         if self._held is not None:
             self._hold(duty, self._held)
@@ -160,12 +190,6 @@ class MujocoPlant:
             if at.handover is not None:
                 at.handover()
         battery.load(self._voltages[k], self.currents[k])
-        self._cycle = (k + 1) % self.cycles
-        if self._cycle:
-            return {}
-        motors.warm(self.currents, self._speeds)
-        battery.discharge(PERIOD_S)
-        return self._check()
 
     def _obey(self, received: Received) -> None:
         """Take over commands, and keep vision's headings until the next frame begins."""
@@ -214,7 +238,7 @@ class MujocoPlant:
             current_limited=self._motors.limited,
             winding=self._motors.winding,
             housing=self._motors.housing,
-            battery=self._battery.voltage,
+            battery=self._battery.voltage.copy(),
             slip=self._slip(),
         )
 
