@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.onboard import laws
+from omni_mj.onboard import arrays, laws
 from omni_mj.onboard.arrays import BatteryArrays
 from omni_mj.scenarios.settings import BatterySettings, column
 
@@ -24,20 +24,22 @@ class Battery:
     Attributes:
         charge: state of charge, 1 full, (n,).
         voltage: at the terminals, under load, V, (n,).
+        block: state and numbers (see `arrays.battery`).
         alive: whether the battery still gives power, (n,). After its voltage has sunk below the cut-off its voltage is
             zero, which shorts the motors: the robot brakes and stays.
     """
 
     def __init__(self, settings: Sequence[BatterySettings]) -> None:
-        self._cells, self._resistance = column(settings, "cells")[:, 0], column(settings, "resistance_ohm")[:, 0]
+        self._cells = column(settings, "cells")[:, 0]
         self._capacity = column(settings, "capacity_ah")[:, 0] * 3600
         self._cut_off = column(settings, "cut_off_v")[:, 0]
         self.charge = column(settings, "charge")[:, 0].copy()
         self.alive = np.ones(len(settings), bool)
-        self._dead = np.zeros(len(settings))  # infinite once it is: of whatever power then, no current is drawn
-        self._drawn, self._loads = np.zeros((2, len(settings)))
-        self._open = self._cells * np.interp(self.charge, CHARGE, CELL_V)
-        self.voltage, self._average = self._open.copy(), self._open.copy()
+        self.block = np.zeros((6, len(settings)))
+        # Dead: infinite once it is; of whatever power then, no current is drawn.
+        self._open, self._resistance, self._dead, self.voltage, self._drawn, self._loads = arrays.battery(self.block)
+        self._resistance[:] = column(settings, "resistance_ohm")[:, 0]
+        self._open[:] = self.voltage[:] = self._average = self._cells * np.interp(self.charge, CHARGE, CELL_V)
 
     def load(self, voltage: Array, current: Array) -> None:
         """Sag under motors that have a `voltage` (n, wheels), V, at their terminals and a `current` (n, wheels), A.
@@ -48,19 +50,19 @@ class Battery:
         duty = laws.share(voltage, (self.voltage + self._dead)[:, None])
         drawn = np.einsum("ij,ij->i", duty, current)
         self._drawn += drawn
-        self.voltage = laws.sagged(self._open, self._resistance, drawn)
+        self.voltage[:] = laws.sagged(self._open, self._resistance, drawn)
         self._loads += 1
 
     def arrays(self) -> BatteryArrays:
-        """What a compiled loop reads and writes until the next call of `discharge`."""
-        return BatteryArrays(self._open, self._resistance, self._dead, self.voltage, self._drawn, self._loads)
+        """The parts of `block`."""
+        return arrays.battery(self.block)
 
     def discharge(self, period: float) -> None:
         """Take the mean of the loads since the last call, drawn for `period` (s), from the charge."""
         mean = self._drawn / self._loads
         self._drawn[:] = self._loads[:] = 0.0
         self.charge = np.clip(self.charge - mean * period / self._capacity, 0.0, 1.0)
-        self._open = self._cells * np.interp(self.charge, CHARGE, CELL_V)
+        self._open[:] = self._cells * np.interp(self.charge, CHARGE, CELL_V)
         # The protection against deep discharge averages, or the sag of every hard start would trip it.
         loaded = self._open - self._resistance * mean
         self._average += (loaded - self._average) * min(period / CUT_OFF_S, 1.0)

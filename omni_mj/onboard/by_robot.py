@@ -9,7 +9,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.onboard import laws
-from omni_mj.onboard.arrays import BatteryArrays, FirmwareArrays, MotorArrays, TractionArrays
+from omni_mj.onboard.arrays import BatteryArrays, FirmwareArrays, MotorArrays, RimArrays, TractionArrays
 
 
 def control(i: int, cycle: int, f: FirmwareArrays, gyro: float, angle: Array) -> None:
@@ -22,34 +22,34 @@ def control(i: int, cycle: int, f: FirmwareArrays, gyro: float, angle: Array) ->
         gyro: rad/s.
         angle: of all wheels, (n, W) rad.
     """
-    if cycle % f.every[i, 0] != 0:
+    if cycle % f.every[i] != 0:
         return
     silent = cycle >= f.stops[i]
     rate = gyro - f.bias[i]
-    f.heading[i] += rate * f.timestep[i, 0]
-    heading = 0.0 if f.body[i] else f.heading[i]
+    f.heading[i] += rate * f.timestep[i]
+    heading = 0.0 if f.body[i] != 0 else f.heading[i]
     cosine, sine = np.cos(heading), np.sin(heading)
     turn_rate = (0.0 if silent else f.turn_rate[i]) - f.turn_gain[i] * rate
     for w in range(f.held.shape[1]):
-        turn = turn_rate * f.turn[w]
+        turn = turn_rate * f.turn[i, w]
         wanted = turn if silent else laws.wheel_speed(cosine, sine, f.along_x[i, w], f.along_y[i, w], turn)
-        if not (silent or np.isnan(f.wheels[i, w])):
-            wanted = f.wheels[i, w] / f.radius
-        count = laws.counted(angle[i, w], f.counts_per_rad[i, 0])
+        if not (silent or np.isnan(f.rims[i, w])):
+            wanted = f.rims[i, w] / f.radius[i]
+        count = laws.counted(angle[i, w], f.counts_per_rad[i])
         if cycle == 0:  # wherever the wheels stand when the robot is switched on
             f.last_count[i, w] = count
-        speed = (count - f.last_count[i, w]) * f.rate_per_count[i, 0]
+        speed = (count - f.last_count[i, w]) * f.rate_per_count[i]
         f.last_count[i, w] = count
-        voltage, error = laws.proportional(wanted, speed, f.kp[i, 0], f.back_emf[i, 0])
-        if f.ki[i, 0] != 0 or f.kd[i, 0] != 0:
+        voltage, error = laws.proportional(wanted, speed, f.kp[i], f.back_emf[i])
+        if f.ki[i] != 0 or f.kd[i] != 0:
             last, integral = f.last_error[i, w], f.integral[i, w]
-            gains = f.ki[i, 0], f.kd[i, 0], f.timestep[i, 0], f.nominal[i, 0]
+            gains = f.ki[i], f.kd[i], f.timestep[i], f.nominal[i]
             voltage, integral, windup = laws.integrated(voltage, error, last, integral, *gains)
             f.last_error[i, w] = error
             if not windup:
                 f.integral[i, w] = integral
-        voltage = laws.derated(voltage, f.speed_constant[i, 0] * speed, f.swing[i, w])
-        f.held[i, w] = laws.share(voltage, f.nominal[i, 0])
+        voltage = laws.derated(voltage, f.speed_constant[i] * speed, f.swing[i, w])
+        f.held[i, w] = laws.share(voltage, f.nominal[i])
 
 
 def drive(i: int, m: MotorArrays, speed: Array, voltage: Array, current: Array) -> None:
@@ -63,7 +63,7 @@ def drive(i: int, m: MotorArrays, speed: Array, voltage: Array, current: Array) 
         current: written, (n, W) A.
     """
     for w in range(speed.shape[1]):
-        motor = m.speed_constant[i, w], m.resistance[i, w], m.commutation[i, 0]
+        motor = m.speed_constant[i, w], m.resistance[i, w], m.commutation[i, w]
         amperes, back_emf, turning = laws.current(voltage[i, w], speed[i, w], *motor)
         if np.abs(amperes) > m.limit[i, w]:
             voltage[i, w], amperes = laws.held_back(amperes, m.limit[i, w], back_emf, turning)
@@ -109,17 +109,17 @@ def travel(
         drag = load[i, w] * (pile * direction + held)
         force -= drag * outward
         moment += drag.imag
-        t.softness[i, w] = t.creep[i, w] * speed
-        t.rim_friction[i, w] = laws.left_for_the_rim(friction, held, t.radius[i, w])
+        t.rims.softness[i, w] = t.creep[i, w] * speed
+        t.rims.rim_friction[i, w] = laws.left_for_the_rim(friction, held, t.radius[i, w])
     world, wrench, height = force * heading, t.wrench[i], t.centre[i, 2]
     wrench[0], wrench[1] = world.real, world.imag
     wrench[3], wrench[4] = height * world.imag, -height * world.real
     wrench[5] = -t.arm * moment - t.centre[i, 0] * force.imag + t.centre[i, 1] * force.real
 
 
-def press(i: int, t: TractionArrays, load: Array) -> None:
+def press(i: int, r: RimArrays, load: Array) -> None:
     """Find limit and creep of the wheels of robot i under their loads (n, W) in N (see `Traction.press`)."""
     for w in range(load.shape[1]):
         pressed = laws.pressed(load[i, w])
-        t.limit[i, w] = t.rim_friction[i, w] * pressed
-        t.impedance[i, w] = pressed / (pressed + t.softness[i, w])
+        r.limit[i, w] = r.rim_friction[i, w] * pressed
+        r.impedance[i, w] = pressed / (pressed + r.softness[i, w])

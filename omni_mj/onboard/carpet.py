@@ -40,7 +40,7 @@ class Carpet:
 
     def become(self, friction: Array) -> None:
         """From now on have other coefficients of friction, (n, 1), but in the patches."""
-        self._friction = np.array(np.broadcast_to(friction, self._friction.shape), order="C")
+        self._friction = friction * np.ones_like(self._friction)
 
     def arrays(self) -> CarpetArrays:
         """What a compiled loop reads until the carpet changes."""

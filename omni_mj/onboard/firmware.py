@@ -6,7 +6,7 @@ import numpy as np
 
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_mj.link.radio import Received, longest
-from omni_mj.onboard import laws
+from omni_mj.onboard import arrays, laws
 from omni_mj.onboard.arrays import FirmwareArrays
 from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios.settings import Settings, column
@@ -25,11 +25,14 @@ class HeadingEstimate:
         settings: one per robot.
         heading: at the start, (n,) rad.
         period: time between corrections, s.
+        room: where to keep headings and biases, (n,) and (n,). [in arrays of its own]
     """
 
-    def __init__(self, settings: Sequence[Settings], heading: Array, period: float) -> None:
-        self.heading = np.array(heading, float)
-        self.bias = np.zeros_like(self.heading)
+    def __init__(
+        self, settings: Sequence[Settings], heading: Array, period: float, room: tuple[Array, Array] | None = None
+    ) -> None:
+        self.heading, self.bias = np.zeros((2, len(heading))) if room is None else room
+        self.heading[:] = heading
         self._period = period
         firmware = [s.firmware for s in settings]
         self._heading_gain = column(firmware, "heading_gain")[:, 0]
@@ -82,6 +85,7 @@ class Firmware:
 
     Attributes:
         cycle: calls of `duties` so far; a compiled loop counts what it does in their place.
+        block: state and numbers (see `arrays.firmware`).
     """
 
     def __init__(
@@ -94,15 +98,17 @@ class Firmware:
     ) -> None:
         n, wheels, firmware = len(settings), len(kinematics.azimuths), [s.firmware for s in settings]
         motors = [Motor.of(s.motor) for s in settings]
-        self.estimate = HeadingEstimate(settings, heading, period)
+        self.block = np.zeros((arrays.FIRMWARE_ROBOTS, n)), np.zeros((arrays.FIRMWARE_WHEELS, n, wheels))
+        self._f = f = arrays.firmware(*self.block)
+        self.estimate = HeadingEstimate(settings, heading, period, (f.heading, f.bias))
         self._resistance, self._speed_constant = column(motors, "resistance"), column(motors, "speed_constant")
         # Calls from one run of each robot's loops to the next; those of tests may be further apart than the loops'.
         self._every = np.maximum(1.0, np.rint(1 / (column(firmware, "rate_hz") * timestep)))
         self._timestep = self._every * timestep
         self._each = self._timestep[:, 0]
-        self._slow, self._held = bool((self._every > 1).any()), np.zeros((n, wheels))
+        self._slow, self._held = bool((self._every > 1).any()), f.held
         self._forward, self._left, self._turn = kinematics.matrix.T / kinematics.radius
-        self._radius, self._turn = kinematics.radius, np.ascontiguousarray(self._turn)
+        self._radius = kinematics.radius
         self._kp, self._ki, self._kd = (column(firmware, name) for name in ("kp", "ki", "kd"))
         self._integrates = bool(self._ki.any() or self._kd.any())
         self._back_emf = column(firmware, "feed_forward") * self._speed_constant
@@ -112,11 +118,11 @@ class Firmware:
         self._hot = column([s.motor for s in settings], "limit_c")
         self._derated = DERATED * column([s.motor for s in settings], "nominal_current_a")
         self._swing: Array | None = None
+        f.swing[:], f.rims[:] = np.inf, np.nan
         counts = column([s.sensors for s in settings], "encoder_counts") * column(motors, "gear") / (2 * np.pi)
         self._counts_per_rad, self._rate_per_count = counts, 1 / (counts * self._timestep)
-        self._last_count, self._integral, self._last_error = np.zeros((3, n, wheels))
-        self._along_x = self._along_y = np.zeros((n, wheels))
-        self._turn_rate = np.zeros(n)
+        self._last_count, self._integral, self._last_error = f.last_count, f.integral, f.last_error
+        self._along_x, self._along_y, self._turn_rate = f.along_x, f.along_y, f.turn_rate
         self._body: np.ndarray | None = None
         self._all_body = False
         self._wheels: Array | None = None
@@ -124,7 +130,12 @@ class Firmware:
         # robot stops, and the first of these.
         timeout = column(firmware, "timeout_s")[:, 0]
         self._patience = np.where(timeout > 0, np.rint(timeout / timestep), np.inf)
-        self.cycle, self._stops, self._next_stop = 0, self._patience.copy(), float(self._patience.min())
+        self.cycle, self._stops, self._next_stop = 0, f.stops, float(self._patience.min())
+        f.stops[:], f.turn[:], f.radius[:] = self._patience, self._turn, self._radius
+        for name in ("every", "timestep", "counts_per_rad", "rate_per_count", "kp", "ki", "kd", "nominal"):
+            getattr(f, name)[:] = getattr(self, "_" + name)[:, 0]
+        f.back_emf[:], f.speed_constant[:] = self._back_emf[:, 0], self._speed_constant[:, 0]
+        f.turn_gain[:] = self._turn_gain
 
     def receive(self, received: Received, winding: Array) -> None:
         """Take over what the radio holds in this frame: `correct`, then `obey`.
@@ -148,17 +159,20 @@ class Firmware:
         if self._derate.any():
             left = np.clip((self._hot - winding) / DERATE_BAND_K, 0, 1)
             current = np.where(self._derate & (left < 1), left * self._derated, np.inf)
-            self._swing = self._resistance * current
+            self._swing = self._f.swing
+            self._swing[:] = self._resistance * current
 
     def obey(self, received: Received) -> None:
         """Take over commands, from the next call of `duties` on."""
         command, self._body, self._wheels = received.command, received.body, received.wheels
+        self._f.body[:] = 0.0 if received.body is None else received.body
+        self._f.rims[:] = np.nan if received.wheels is None else received.wheels
         self._all_body = self._body is not None and bool(self._body.all())
         # Wheel speeds are linear in cosine and sine of the heading, which alone change between commands.
         vx, vy = command[:, :1], command[:, 1:2]
-        self._along_x = vx * self._forward + vy * self._left
-        self._along_y = vy * self._forward - vx * self._left
-        self._turn_rate = command[:, 2] * (1 + self._turn_gain)
+        self._along_x[:] = vx * self._forward + vy * self._left
+        self._along_y[:] = vy * self._forward - vx * self._left
+        self._turn_rate[:] = command[:, 2] * (1 + self._turn_gain)
         new = slice(None) if received.new is None else received.new
         self._stops[new] = self.cycle + self._patience[new]
         self._next_stop = float(self._stops.min())
@@ -177,46 +191,16 @@ class Firmware:
             return self._loops(gyro, encoders)
         due = (self.cycle - 1) % self._every == 0
         if due.any():  # all reckon, elementwise; those whose turn it is keep what came out
-            heading, counts = self.estimate.heading.copy(), self._last_count
-            integral, error = self._integral, self._last_error
+            state = self.estimate.heading[:, None], self._last_count, self._integral, self._last_error
+            before = [each.copy() for each in state]
             np.copyto(self._held, self._loops(gyro, encoders), where=due)
-            np.copyto(self.estimate.heading, heading, where=~due[:, 0])
-            self._last_count = np.where(due, self._last_count, counts)
-            self._integral = np.where(due, self._integral, integral)
-            self._last_error = np.where(due, self._last_error, error)
+            for now, then in zip(state, before, strict=True):
+                np.copyto(now, then, where=~due)
         return self._held.copy()
 
     def arrays(self) -> FirmwareArrays:
-        """What a compiled loop reads and writes until the next call of `correct` or `obey`."""
-        estimate = self.estimate
-        return FirmwareArrays(
-            heading=estimate.heading,
-            bias=estimate.bias,
-            turn_rate=self._turn_rate,
-            turn_gain=self._turn_gain,
-            timestep=self._timestep,
-            every=self._every,
-            stops=self._stops,
-            body=np.zeros(len(self._stops), bool) if self._body is None else self._body,
-            along_x=self._along_x,
-            along_y=self._along_y,
-            wheels=np.full(self._held.shape, np.nan) if self._wheels is None else self._wheels,
-            turn=self._turn,
-            radius=self._radius,
-            counts_per_rad=self._counts_per_rad,
-            rate_per_count=self._rate_per_count,
-            last_count=self._last_count,
-            kp=self._kp,
-            ki=self._ki,
-            kd=self._kd,
-            back_emf=self._back_emf,
-            speed_constant=self._speed_constant,
-            nominal=self._nominal,
-            swing=np.full(self._held.shape, np.inf) if self._swing is None else self._swing,
-            integral=self._integral,
-            last_error=self._last_error,
-            held=self._held,
-        )
+        """The parts of `block`."""
+        return arrays.firmware(*self.block)
 
     def _loops(self, gyro: Array, encoders: Array) -> Array:
         """What the loops make of the sensors when they run."""
@@ -225,14 +209,15 @@ class Firmware:
         wanted = self._wheel_speeds(rate)
         count = laws.counted(encoders, self._counts_per_rad)
         if self.cycle == 1:  # wherever the wheels stand when the robot is switched on
-            self._last_count = count
+            self._last_count[:] = count
         speed = (count - self._last_count) * self._rate_per_count
-        self._last_count = count
+        self._last_count[:] = count
         voltage, error = laws.proportional(wanted, speed, self._kp, self._back_emf)
         if self._integrates:
             gains = self._ki, self._kd, self._timestep, self._nominal
             voltage, integral, windup = laws.integrated(voltage, error, self._last_error, self._integral, *gains)
-            self._integral, self._last_error = np.where(windup, self._integral, integral), error
+            np.copyto(self._integral, integral, where=~windup)
+            self._last_error[:] = error
         if self._swing is not None:
             voltage = laws.derated(voltage, self._speed_constant * (wanted - error), self._swing)
         return laws.share(voltage, self._nominal)
@@ -255,8 +240,7 @@ class Firmware:
     def _stop_where_silent(self) -> None:
         """Let robots stand that have had no new command for too long (`firmware.timeout_s`)."""
         over = self.cycle >= self._stops
-        self._along_x, self._along_y = (np.where(over[:, None], 0.0, a) for a in (self._along_x, self._along_y))
-        self._turn_rate = np.where(over, 0.0, self._turn_rate)
+        self._along_x[over] = self._along_y[over] = self._turn_rate[over] = 0.0
         if self._wheels is not None:
             self._wheels = np.where(over[:, None], np.nan, self._wheels)
         self._next_stop = float(self._stops[~over].min(initial=np.inf))

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from omni_control.kinematics import Array
-from omni_mj.onboard import laws
+from omni_mj.onboard import arrays, laws
 from omni_mj.onboard.arrays import MotorArrays
 from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios.motor_settings import MotorSettings
@@ -34,6 +34,7 @@ class Motors:
         winding, housing: temperatures, deg C, (n, wheels).
         resistance: terminal resistance now, ohm, (n, wheels).
         constant: torque constant now, N m/A, (n, wheels).
+        block: numbers of now (see `arrays.motors`).
         limited: share of the steps of the period just past in which the driver held the current back, (n, wheels).
     """
 
@@ -49,14 +50,17 @@ class Motors:
         self._cold_resistance, self._gear = column(motors, "resistance"), column(motors, "gear")
         self._new_constant = np.broadcast_to(column(motors, "constant") * strength, shape)
         self._cold_constant = self._new_constant
+        self.block = np.zeros((5, *shape))
+        self._speed_constant, self.resistance, commutation, self._limit, self._held_back = arrays.motors(self.block)
         self._commutation = column(motors, "commutation") * self._gear  # per speed of the wheel
+        commutation[:] = self._commutation
         self._dry, self._viscous = column(motors, "wheel_dry"), column(motors, "wheel_viscous")
-        self._limit = np.array(np.broadcast_to(np.asarray(limit, float), shape), order="C")
+        self._limit[:] = limit
         self._ambient = column(settings, "ambient_c")
         self._copper, self._magnet = column(settings, "copper_per_k"), column(settings, "magnet_per_k")
         self.winding = np.broadcast_to(column(settings, "winding_c"), shape).copy()
         self.housing = np.broadcast_to(column(settings, "housing_c"), shape).copy()
-        self.limited, self._held_back = np.zeros((2, *shape))
+        self.limited = np.zeros(shape)
         conduction = {s: _conduction(s, period) for s in set(settings)}
         self._conduction = np.stack([conduction[s] for s in settings], axis=-1)[..., None]
         self._update()
@@ -92,8 +96,8 @@ class Motors:
         return voltage, current, back_emf + current * self.resistance
 
     def arrays(self) -> MotorArrays:
-        """What a compiled loop reads and writes until the next call of `warm` or `weaken`."""
-        return MotorArrays(self._speed_constant, self.resistance, self._commutation, self._limit, self._held_back)
+        """The parts of `block`."""
+        return arrays.motors(self.block)
 
     def voltage(self, current: Array, wheel_speed: Array) -> Array:
         """The voltage at the terminals, V, that drives a current (n, wheels) in A: the inverse of `drive`."""
@@ -115,7 +119,8 @@ class Motors:
         # The resistance rises during the period: its mean makes the step exact to second order.
         mean = (self.resistance + self._resistance_at(winding)) / 2
         self.winding, self.housing = self._conduct(square * mean, outer)
-        self.limited, self._held_back = self._held_back / len(currents), np.zeros_like(self.limited)
+        self.limited = self._held_back / len(currents)
+        self._held_back[:] = 0.0
         self._update()
 
     def _conduct(self, inner: Array, outer: Array) -> tuple[Array, Array]:
@@ -131,9 +136,9 @@ class Motors:
         return self._cold_resistance * (1 + self._copper * (winding - REFERENCE_C))
 
     def _update(self) -> None:
-        self.resistance = self._resistance_at(self.winding)
+        self.resistance[:] = self._resistance_at(self.winding)
         self.constant = self._cold_constant * (1 + self._magnet * (self.housing - REFERENCE_C))
-        self._speed_constant = self.constant * self._gear
+        self._speed_constant[:] = self.constant * self._gear
 
 
 def _conduction(s: MotorSettings, period: float) -> Array:

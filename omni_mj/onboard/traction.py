@@ -32,7 +32,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from omni_control.kinematics import Array, Kinematics
-from omni_mj.onboard import laws
+from omni_mj.onboard import arrays, laws
 from omni_mj.onboard.arrays import TractionArrays
 from omni_mj.onboard.carpet import Carpet
 from omni_mj.scenarios.settings import Settings, column
@@ -57,6 +57,7 @@ class Traction:
         centre: of mass of the chassis, as given, (n, 3) m; what a robot carries may move it.
         limit: highest dry friction of the slip hinges at the last load, (n, W) N m.
         impedance: of the slip hinges' friction constraints, (n, W); MuJoCo keeps it within 0.0001 and 0.9999.
+        block: state (see `arrays.rims`).
         wrench: force and torque of the drag on the chassis, world frame, (n, 6) N and N m.
     """
 
@@ -75,13 +76,14 @@ class Traction:
         self._outward = np.exp(1j * kinematics.azimuths)
         self._inward, self._turning = self._outward.conj(), 1j * kinematics.arm
         self.carpet = Carpet([s.carpet for s in settings], kinematics.arm * self._outward)
-        self.centre, self._arm = np.array(np.broadcast_to(centre, (shape[0], 3)), order="C"), kinematics.arm
-        self._grip, self._radius = (np.array(np.broadcast_to(a, shape), order="C") for a in (grip, kinematics.radius - wear))
+        self.centre, self._arm = centre * np.ones((shape[0], 3)), kinematics.arm
+        self._grip, self._radius = grip * np.ones(shape), (kinematics.radius - wear) * np.ones(shape)
         self._bearing, stiffness = column(drive, "roller_friction"), column(drive, "creep_stiffness")
         self._creep = 1 / (timestep * self._radius**2 * stiffness * inverse_inertia)
-        self.limit, self.impedance = np.zeros(shape), np.ones(shape)
+        self.block = np.zeros((4, *shape))
+        self._softness, self._rim_friction, self.limit, self.impedance = arrays.rims(self.block)
+        self.impedance[:] = 1.0
         self.wrench = np.zeros((shape[0], 6))
-        self._softness, self._rim_friction = np.zeros((2, *shape))
 
     def travel(self, position: Array, quaternion: Array, velocity: Array, load: Array) -> None:
         """Look at where robots are and go: carpet, drag, and how fast wheels travel.
@@ -107,8 +109,8 @@ class Traction:
         wrench[:, 0], wrench[:, 1] = world.real, world.imag
         wrench[:, 3], wrench[:, 4] = height * world.imag, -height * world.real
         wrench[:, 5] = -self._arm * drag.imag.sum(1) - x * force.imag + y * force.real
-        self._softness = self._creep * speed
-        self._rim_friction = laws.left_for_the_rim(friction, held, self._radius)
+        self._softness[:] = self._creep * speed
+        self._rim_friction[:] = laws.left_for_the_rim(friction, held, self._radius)
 
     def arrays(self) -> TractionArrays:
         """What a compiled loop reads and writes until the centre or the carpet changes."""
@@ -121,11 +123,8 @@ class Traction:
             bearing=self._bearing,
             radius=self._radius,
             creep=self._creep,
-            softness=self._softness,
-            rim_friction=self._rim_friction,
+            rims=arrays.rims(self.block),
             wrench=self.wrench,
-            limit=self.limit,
-            impedance=self.impedance,
         )
 
     def press(self, load: Array) -> None:

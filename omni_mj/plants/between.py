@@ -1,8 +1,8 @@
-"""What happens between the physics steps of the MuJoCo plant, in loops that numba compiles (`physics.kernel = "numba"`).
+"""What happens between the physics steps of the MuJoCo plant, in loops that numba compiles.
 
 Two calls a step: `before` it sensors and commands become voltages, loads become limits of the slip hinges; `after` it
-sensors are read, rollers handed over, and the battery sags. They do what `MujocoPlant.cycle` does with numpy, in the
-same order, and reach into the batch's arrays themselves.
+sensors are read, rollers handed over, and the battery sags. They do what `MujocoPlant` does with numpy, in the same
+order, and reach into the batch's arrays themselves.
 """
 
 from typing import NamedTuple
@@ -12,13 +12,13 @@ from mujoco.batch import Batch
 
 from omni_control.kinematics import Array
 from omni_mj.mjcf import roles
-from omni_mj.onboard import by_robot, laws
-from omni_mj.onboard.arrays import BatteryArrays, FirmwareArrays, MotorArrays, TractionArrays
+from omni_mj.onboard import arrays, by_robot, laws
+from omni_mj.onboard.arrays import RimArrays, TractionArrays
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.kernel import compiled
 from omni_mj.onboard.motors import Motors
-from omni_mj.onboard.traction import Traction
+from omni_mj.onboard.traction import EVERY, Traction
 from omni_mj.worlds.build import World
 
 # Columns of `Cells.wheels`, and of `Cells.robots`: x, y; the quaternion's w, z; vx, vy and turn rate; the wrench; gyro.
@@ -88,164 +88,165 @@ class Cells(NamedTuple):
 
 
 class Between:
-    """Both calls.
+    """What happens before and after each step.
 
     Args:
-        batch, world: of the robots.
-        firmware, motors, battery, traction: theirs.
+        batch: of the robots' worlds.
+        world: as built.
+        onboard: firmware, motors, battery and traction of the robots.
         sensed: what encoders and gyros showed last, (n, W) rad and (n,) rad/s; written.
+        recorded: written: wheel speeds, voltages and currents of a frame's cycles (3, cycles, n, W), and the battery's
+            voltage (cycles, n, 1).
     """
 
     def __init__(
         self,
         batch: Batch,
         world: World,
-        firmware: Firmware,
-        motors: Motors,
-        battery: Battery,
-        traction: Traction,
+        onboard: tuple[Firmware, Motors, Battery, Traction],
         sensed: tuple[Array, Array],
+        recorded: tuple[Array, Array],
     ) -> None:
-        self._cells, self._sensed = Cells.of(batch, world), sensed
-        self._firmware, self._motors, self._battery, self._traction = firmware, motors, battery, traction
-        self._before, self._after = compiled(before), compiled(after)
-        self._nothing = np.full_like(sensed[0], np.nan)
-        self._load = np.zeros_like(sensed[0])
-        self.renew()
+        self._firmware, motors, battery, self._traction = onboard
+        self._cells, self._sensed, self._recorded = Cells.of(batch, world), sensed, recorded
+        self._blocks = *self._firmware.block, motors.block, battery.block, self._traction.block
+        self._nothing, self._load = np.full_like(sensed[0], np.nan), np.zeros_like(sensed[0])
+        self._travel, self._before, self._after = compiled(travel), compiled(before), compiled(after)
 
-    def renew(self) -> None:
-        """Look anew at the arrays of firmware, motors, battery and traction, some of which change from frame to frame."""
-        self._f, self._m = self._firmware.arrays(), self._motors.arrays()
-        self._b, self._t = self._battery.arrays(), self._traction.arrays()
-
-    def before(
-        self,
-        travels: bool,
-        gyro_error: Array,
-        push: Array,
-        off: np.ndarray,
-        held: Array | None,
-        recorded: tuple[Array, Array, Array, Array],
-    ) -> None:
+    def before(self, k: int, gyro_error: Array, push: Array, off: np.ndarray, held: Array | None) -> None:
         """From what was sensed to voltages and the limits of slip hinges.
 
         Args:
-            travels: whether to look at carpet and drag in this cycle.
+            k: the cycle's number in the frame.
             gyro_error: what gyros show too much, (n,) rad/s.
             push: on the chassis, (n, 2) N.
             off: robots that are switched off, (n,).
             held: currents that drivers hold, (n, W) A, or not a number.
-            recorded: written: wheel speeds, voltages and currents of this cycle, (n, W), the battery's voltage (n, 1).
         """
+        if k % EVERY == 0:
+            self._travel(self._traction.arrays(), self._cells, self._load, push)
         given = self._nothing if held is None else held
-        state = self._f, self._m, self._b, self._t, self._cells
-        self._before(self._firmware.cycle, travels, *state, *self._sensed, self._load, gyro_error, push, off, given, *recorded)
+        cells, sensed, cycle = self._cells, self._sensed, self._firmware.cycle
+        self._before(cycle, k, *self._blocks, cells, *sensed, self._load, gyro_error, off, given, *self._recorded)
         self._firmware.cycle += 1
 
-    def after(self, first: bool, last: bool, voltage: Array, current: Array) -> None:
+    def after(self, k: int, first: bool, last: bool) -> None:
         """From a physics step to the next.
 
         Args:
+            k: the cycle's number in the frame.
             first: whether it was the cycle's first, at whose start MuJoCo sensed.
             last: whether it was the cycle's last.
-            voltage: of this cycle, (n, W) V.
-            current: (n, W) A.
         """
-        self._after(first, last, self._b, self._t, self._cells, *self._sensed, self._load, voltage, current)
+        *_, battery, rims = self._blocks
+        self._after(k, first, last, battery, rims, self._cells, *self._sensed, self._load, self._recorded[0])
+
+
+def travel(t: TractionArrays, c: Cells, load: Array, push: Array) -> None:
+    """Carpet and drag of all robots (see `Traction.travel`)."""
+    places = c.robots.shape[0]
+    for i in range(len(load)):
+        state, robot = c.state[i // places], c.robots[i % places]
+        _weigh(i, c, load)
+        position, velocity = complex(state[robot[X]], state[robot[Y]]), complex(state[robot[VX]], state[robot[VY]])
+        half = complex(state[robot[W]], state[robot[Z]])
+        by_robot.travel(i, t, position, half * half, velocity, state[robot[RATE]], load)
+        t.wrench[i, 0] += push[i, 0]
+        t.wrench[i, 1] += push[i, 1]
+        for axis in range(6):
+            state[robot[WRENCH + axis]] = t.wrench[i, axis]
 
 
 def before(
     cycle: int,
-    travels: bool,
-    f: FirmwareArrays,
-    m: MotorArrays,
-    b: BatteryArrays,
-    t: TractionArrays,
+    k: int,
+    firmware_robots: Array,
+    firmware_wheels: Array,
+    motors: Array,
+    battery: Array,
+    rims: Array,
     c: Cells,
     angle: Array,
     rate: Array,
     load: Array,
     gyro_error: Array,
-    push: Array,
     off: np.ndarray,
     held: Array,
-    speed: Array,
-    voltage: Array,
-    current: Array,
+    recorded: Array,
     supply: Array,
 ) -> None:
     """See `Between.before`."""
+    f, m = arrays.firmware(firmware_robots, firmware_wheels), arrays.motors(motors)
+    b, r = arrays.battery(battery), arrays.rims(rims)
+    speed, voltage, current = recorded[0, k], recorded[1, k], recorded[2, k]
     places = c.robots.shape[0]
     for i in range(len(rate)):
-        world, place = i // places, i % places
-        state, wheels, robot = c.state[world], c.wheels[place], c.robots[place]
+        state, wheels = c.state[i // places], c.wheels[i % places]
         by_robot.control(i, cycle, f, rate[i] + gyro_error[i], angle)
-        supply[i, 0] = b.voltage[i]
+        supply[k, i, 0] = b.voltage[i]
         for w in range(speed.shape[1]):
             speed[i, w] = state[wheels[SPEED, w]]
             duty = f.held[i, w]
             if not np.isnan(held[i, w]):
-                motor = m.speed_constant[i, w], m.resistance[i, w], m.commutation[i, 0]
+                motor = m.speed_constant[i, w], m.resistance[i, w], m.commutation[i, w]
                 wanted = laws.voltage(held[i, w], speed[i, w], *motor)
                 duty = laws.share(wanted, b.voltage[i]) if b.voltage[i] > 0 else 0.0
             voltage[i, w] = 0.0 if off[i] else duty * b.voltage[i]
         by_robot.drive(i, m, speed, voltage, current)
         for w in range(speed.shape[1]):  # of the dcmotor, which knows no commutation: see `Motors.drive`
             state[wheels[CTRL, w]] = m.speed_constant[i, w] * speed[i, w] + current[i, w] * m.resistance[i, w]
-        if travels or c.creeps:
-            for w in range(speed.shape[1]):
-                load[i, w] = c.sensors[world, wheels[LOAD, w]]
-        if travels:
-            position, velocity = complex(state[robot[X]], state[robot[Y]]), complex(state[robot[VX]], state[robot[VY]])
-            half = complex(state[robot[W]], state[robot[Z]])
-            by_robot.travel(i, t, position, half * half, velocity, state[robot[RATE]], load)
-            t.wrench[i, 0] += push[i, 0]
-            t.wrench[i, 1] += push[i, 1]
-            for axis in range(6):
-                state[robot[WRENCH + axis]] = t.wrench[i, axis]
         if c.creeps:
-            _press(i, t, c, load)
+            _press(i, r, c, load)
 
 
 def after(
+    k: int,
     first: bool,
     last: bool,
-    b: BatteryArrays,
-    t: TractionArrays,
+    battery: Array,
+    rims: Array,
     c: Cells,
     angle: Array,
     rate: Array,
     load: Array,
-    voltage: Array,
-    current: Array,
+    recorded: Array,
 ) -> None:
     """See `Between.after`."""
+    b, r = arrays.battery(battery), arrays.rims(rims)
+    voltage, current = recorded[1, k], recorded[2, k]
     places = c.robots.shape[0]
     for i in range(len(rate)):
         world, place = i // places, i % places
-        sensors, wheels = c.sensors[world], c.wheels[place]
+        wheels = c.wheels[place]
         if first:
-            rate[i] = sensors[c.robots[place, GYRO]]
+            rate[i] = c.sensors[world, c.robots[place, GYRO]]
             for w in range(angle.shape[1]):
-                angle[i, w] = sensors[wheels[ENCODER, w]]
+                angle[i, w] = c.sensors[world, wheels[ENCODER, w]]
         if c.pitch > 0:
             _hand_over(c.state[world], wheels, c.pitch)
         if last:
             by_robot.load(i, b, voltage, current)
         elif c.creeps:
-            for w in range(load.shape[1]):
-                load[i, w] = sensors[wheels[LOAD, w]]
-            _press(i, t, c, load)
+            _press(i, r, c, load)
 
 
-def _press(i: int, t: TractionArrays, c: Cells, load: Array) -> None:
+def _weigh(i: int, c: Cells, load: Array) -> None:
+    """Read the loads of robot i's wheels."""
+    places = c.robots.shape[0]
+    wheels = c.wheels[i % places]
+    for w in range(load.shape[1]):
+        load[i, w] = c.sensors[i // places, wheels[LOAD, w]]
+
+
+def _press(i: int, r: RimArrays, c: Cells, load: Array) -> None:
     """Write limit and impedance of robot i's slip hinges."""
     places = c.robots.shape[0]
     world, slips = i // places, c.wheels[i % places, SLIP]
-    by_robot.press(i, t, load)
+    _weigh(i, c, load)
+    by_robot.press(i, r, load)
     for w in range(load.shape[1]):
-        c.limit[world, slips[w]] = t.limit[i, w]
-        c.impedance[world, slips[w], 0] = t.impedance[i, w]
+        c.limit[world, slips[w]] = r.limit[i, w]
+        c.impedance[world, slips[w], 0] = r.impedance[i, w]
 
 
 def _hand_over(state: Array, wheels: np.ndarray, pitch: float) -> None:

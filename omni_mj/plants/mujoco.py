@@ -103,13 +103,14 @@ class MujocoPlant:
             self._faults = Faults(rows, self._batch, world, self._traction, self._motors)
         self._battery = Battery([s.battery for s in settings])
         self._firmware = Firmware(settings, world.kinematics, self._heading, build.CYCLE_S, PERIOD_S)
-        self._speeds, self._voltages, self.currents = np.zeros((3, self.cycles, n, wheels))
+        self._speeds, self._voltages, self.currents = recorded = np.zeros((3, self.cycles, n, wheels))
         self._supplies = np.zeros((self.cycles, n, 1))  # the battery's voltage of each step
         self._held: Array | None = None
         self._between: Between | None = None
         if settings[0].physics.kernel == "numba":
             onboard = self._firmware, self._motors, self._battery, self._traction
-            self._between = Between(self._batch, world, *onboard, (self._angles, self._turn_rates))
+            sensed = self._angles, self._turn_rates
+            self._between = Between(self._batch, world, onboard, sensed, (recorded, self._supplies))
         self._cycle, self._heard = 0, (np.full(n, np.nan), np.zeros(n, int))
 
     def pose(self) -> Array:
@@ -144,7 +145,7 @@ class MujocoPlant:
         if self._between is None:
             self._pass(k)
         else:
-            self._pass_compiled(k, self._between, received is not None)
+            self._pass_compiled(k, self._between)
         self._cycle = (k + 1) % self.cycles
         if self._cycle:
             return {}
@@ -152,16 +153,12 @@ class MujocoPlant:
         self._battery.discharge(PERIOD_S)
         return self._check()
 
-    def _pass_compiled(self, k: int, between: Between, renewed: bool) -> None:
+    def _pass_compiled(self, k: int, between: Between) -> None:
         """As `_pass`, by compiled loops."""
-        if k == 0 or renewed:
-            between.renew()
-        volts, amperes = self._voltages[k], self.currents[k]
-        recorded = self._speeds[k], volts, amperes, self._supplies[k]
-        between.before(k % EVERY == 0, self._gyro_error, self._push, self._failed, self._held, recorded)
+        between.before(k, self._gyro_error, self._push, self._failed, self._held)
         for substep in range(self._substeps):
             self._batch.step(self._living)
-            between.after(substep == 0, substep == self._substeps - 1, volts, amperes)
+            between.after(k, substep == 0, substep == self._substeps - 1)
 
     def _pass(self, k: int) -> None:
         """Let the wheel loops run, and physics until they do again, in the cycle `k` of a frame."""
