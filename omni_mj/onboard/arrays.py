@@ -53,6 +53,35 @@ class MotorArrays(NamedTuple):
     held_back: Array  # steps in which the driver held the current back, (n, W)
 
 
+class HeatArrays(NamedTuple):
+    """Of `Motors`, what changes from frame to frame: a loop writes winding, housing, constant and limited."""
+
+    winding: Array  # (n, W) deg C
+    housing: Array  # (n, W) deg C
+    constant: Array  # (n, W) N m/A
+    limited: Array  # (n, W)
+    cold_resistance: Array  # (n, 1) ohm
+    cold_constant: Array  # (n, W) N m/A
+    ambient: Array  # (n, 1) deg C
+    copper: Array  # (n, 1) 1/K
+    magnet: Array  # (n, 1) 1/K
+    gear: Array  # (n, 1)
+    dry: Array  # at the wheel, (n, 1) N m
+    viscous: Array  # (n, 1) N m s/rad
+    conduction: Array  # (2, 4, n, 1)
+
+
+class ChargeArrays(NamedTuple):
+    """Of `Battery`, what changes from frame to frame: a loop writes charge, average and alive."""
+
+    charge: Array  # (n,)
+    average: Array  # voltage that the protection sees, (n,) V
+    alive: np.ndarray  # (n,)
+    cells: Array  # (n,)
+    capacity: Array  # (n,) A s
+    cut_off: Array  # (n,) V
+
+
 class BatteryArrays(NamedTuple):
     """Of `Battery`; a loop writes voltage, and adds to drawn and loads."""
 

@@ -6,13 +6,8 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.onboard import arrays, laws
-from omni_mj.onboard.arrays import BatteryArrays
+from omni_mj.onboard.arrays import BatteryArrays, ChargeArrays
 from omni_mj.scenarios.settings import BatterySettings, column
-
-# Open-circuit voltage of a LiPo cell over its state of charge: 4.2 V full, 3.7 V nominal at half, steep below a tenth.
-CHARGE = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.0])
-CELL_V = np.array([3.0, 3.4, 3.55, 3.63, 3.66, 3.70, 3.83, 4.05, 4.2])
-CUT_OFF_S = 1.0  # time constant with which the cut-off sees the voltage
 
 
 class Battery:
@@ -39,7 +34,7 @@ class Battery:
         # Dead: infinite once it is; of whatever power then, no current is drawn.
         self._open, self._resistance, self._dead, self.voltage, self._drawn, self._loads = arrays.battery(self.block)
         self._resistance[:] = column(settings, "resistance_ohm")[:, 0]
-        self._open[:] = self.voltage[:] = self._average = self._cells * np.interp(self.charge, CHARGE, CELL_V)
+        self._open[:] = self.voltage[:] = self._average = self._cells * laws.open_circuit(self.charge)
 
     def load(self, voltage: Array, current: Array) -> None:
         """Sag under motors that have a `voltage` (n, wheels), V, at their terminals and a `current` (n, wheels), A.
@@ -57,15 +52,19 @@ class Battery:
         """The parts of `block`."""
         return arrays.battery(self.block)
 
+    def charge_arrays(self) -> ChargeArrays:
+        """What a compiled loop reads and writes in place of `discharge`."""
+        return ChargeArrays(self.charge, self._average, self.alive, self._cells, self._capacity, self._cut_off)
+
     def discharge(self, period: float) -> None:
         """Take the mean of the loads since the last call, drawn for `period` (s), from the charge."""
         mean = self._drawn / self._loads
         self._drawn[:] = self._loads[:] = 0.0
         self.charge = np.clip(self.charge - mean * period / self._capacity, 0.0, 1.0)
-        self._open[:] = self._cells * np.interp(self.charge, CHARGE, CELL_V)
+        self._open[:] = self._cells * laws.open_circuit(self.charge)
         # The protection against deep discharge averages, or the sag of every hard start would trip it.
         loaded = self._open - self._resistance * mean
-        self._average += (loaded - self._average) * min(period / CUT_OFF_S, 1.0)
+        self._average += (loaded - self._average) * min(period / laws.CUT_OFF_S, 1.0)
         self.alive &= self._average > self._cut_off
         self._open[~self.alive] = self._resistance[~self.alive] = 0.0
         self._dead[~self.alive] = np.inf

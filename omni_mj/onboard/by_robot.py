@@ -9,7 +9,15 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.onboard import laws
-from omni_mj.onboard.arrays import BatteryArrays, FirmwareArrays, MotorArrays, RimArrays, TractionArrays
+from omni_mj.onboard.arrays import (
+    BatteryArrays,
+    ChargeArrays,
+    FirmwareArrays,
+    HeatArrays,
+    MotorArrays,
+    RimArrays,
+    TractionArrays,
+)
 
 
 def control(i: int, cycle: int, f: FirmwareArrays, gyro: float, angle: Array) -> None:
@@ -79,6 +87,42 @@ def load(i: int, b: BatteryArrays, voltage: Array, current: Array) -> None:
     b.drawn[i] += drawn
     b.loads[i] += 1.0
     b.voltage[i] = laws.sagged(b.open[i], b.resistance[i], drawn)
+
+
+def warm(i: int, m: MotorArrays, h: HeatArrays, currents: Array, speeds: Array) -> None:
+    """Warm the motors of robot i (see `Motors.warm`) by currents and speeds (cycles, n, W), A and rad/s."""
+    count = len(currents)
+    for w in range(currents.shape[2]):
+        square, outer = 0.0, 0.0
+        for k in range(count):
+            squared, speed = currents[k, i, w] * currents[k, i, w], np.abs(speeds[k, i, w])
+            square += squared / count
+            outer += laws.in_the_housing(squared, speed, m.commutation[i, w], h.dry[i, 0], h.viscous[i, 0]) / count
+        air, cold, copper = h.ambient[i, 0], h.cold_resistance[i, 0], h.copper[i, 0]
+        winding, housing = h.winding[i, w] - air, h.housing[i, w] - air
+        inside, outside = h.conduction[0, :, i, 0], h.conduction[1, :, i, 0]
+        first = air + laws.conducted(inside, winding, housing, square * m.resistance[i, w], outer)
+        mean = (m.resistance[i, w] + laws.at_temperature(cold, copper, first)) / 2
+        h.winding[i, w] = air + laws.conducted(inside, winding, housing, square * mean, outer)
+        h.housing[i, w] = air + laws.conducted(outside, winding, housing, square * mean, outer)
+        h.limited[i, w], m.held_back[i, w] = m.held_back[i, w] / count, 0.0
+        m.resistance[i, w] = laws.at_temperature(cold, copper, h.winding[i, w])
+        h.constant[i, w] = laws.at_temperature(h.cold_constant[i, w], h.magnet[i, 0], h.housing[i, w])
+        m.speed_constant[i, w] = h.constant[i, w] * h.gear[i, 0]
+
+
+def discharge(i: int, b: BatteryArrays, c: ChargeArrays, period: float) -> None:
+    """Take what was drawn in a period, s, from the battery of robot i (see `Battery.discharge`)."""
+    mean = b.drawn[i] / b.loads[i]
+    b.drawn[i] = b.loads[i] = 0.0
+    c.charge[i] = np.minimum(np.maximum(c.charge[i] - mean * period / c.capacity[i], 0.0), 1.0)
+    b.open[i] = c.cells[i] * laws.open_circuit(c.charge[i])
+    loaded = b.open[i] - b.resistance[i] * mean
+    c.average[i] += (loaded - c.average[i]) * min(period / laws.CUT_OFF_S, 1.0)
+    c.alive[i] = c.alive[i] and c.average[i] > c.cut_off[i]
+    if not c.alive[i]:
+        b.open[i] = b.resistance[i] = 0.0
+        b.dead[i] = np.inf
 
 
 def travel(

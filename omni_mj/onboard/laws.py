@@ -14,6 +14,11 @@ Number = Any  # a float, or an array of floats
 Vector = Any  # of the plane: a complex number, or an array of them
 Truth = Any  # a bool, or an array of bools
 
+REFERENCE_C = 25.0  # at which the datasheet gives resistance and torque constant
+# Open-circuit voltage of a LiPo cell over its state of charge: 4.2 V full, 3.7 V nominal at half, steep below a tenth.
+CHARGE = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.0])
+CELL_V = np.array([3.0, 3.4, 3.55, 3.63, 3.66, 3.70, 3.83, 4.05, 4.2])
+CUT_OFF_S = 1.0  # time constant with which the battery's cut-off sees the voltage
 AT_REST_M_S = 0.01  # below it, dry drag fades, and a robot comes to rest
 LEAST_LOAD_N = 1e-3  # of a wheel in the air
 
@@ -124,6 +129,42 @@ def held_back(amperes: Number, limit: Number, back_emf: Number, turning: Number)
     """Voltage and current of a motor whose driver holds a current beyond its limit to that, A."""
     held = np.copysign(limit, amperes)
     return back_emf + held * turning, held
+
+
+def in_the_housing(square: Number, speed: Number, commutation: Number, dry: Number, viscous: Number) -> Number:
+    """What a motor loses in the stator's iron and the bearings, W.
+
+    Args:
+        square: of the current, A^2.
+        speed: of the wheel, its magnitude, rad/s.
+        commutation: see `current`.
+        dry: friction at the wheel, N m.
+        viscous: same, N m s/rad.
+    """
+    return speed * (commutation * square + dry + viscous * speed)
+
+
+def conducted(solution: Any, winding: Number, housing: Number, inner: Number, outer: Number) -> Number:
+    """Temperature of one of a motor's two nodes over the air after a period, K.
+
+    Args:
+        solution: what it becomes for each of the following (4, ...).
+        winding: over the air before, K.
+        housing: same.
+        inner: heat into the winding, W.
+        outer: into the housing.
+    """
+    return solution[0] * winding + solution[1] * housing + solution[2] * inner + solution[3] * outer
+
+
+def at_temperature(cold: Number, per_k: Number, temperature: Number) -> Number:
+    """A resistance or torque constant at a temperature, deg C, from that at 25 deg C."""
+    return cold * (1 + per_k * (temperature - REFERENCE_C))
+
+
+def open_circuit(charge: Number) -> Number:
+    """Voltage of a cell that gives no current, at its state of charge."""
+    return np.interp(charge, CHARGE, CELL_V)
 
 
 def sagged(open_v: Number, resistance: Number, drawn: Number) -> Number:

@@ -7,12 +7,10 @@ from scipy.linalg import expm
 
 from omni_control.kinematics import Array
 from omni_mj.onboard import arrays, laws
-from omni_mj.onboard.arrays import MotorArrays
+from omni_mj.onboard.arrays import HeatArrays, MotorArrays
 from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios.motor_settings import MotorSettings
 from omni_mj.scenarios.settings import column
-
-REFERENCE_C = 25.0  # at which the datasheet gives resistance and torque constant
 
 
 class Motors:
@@ -48,7 +46,7 @@ class Motors:
     ) -> None:
         shape, motors = (len(settings), wheels), [Motor.of(s) for s in settings]
         self._cold_resistance, self._gear = column(motors, "resistance"), column(motors, "gear")
-        self._new_constant = np.broadcast_to(column(motors, "constant") * strength, shape)
+        self._new_constant = column(motors, "constant") * strength * np.ones(shape)
         self._cold_constant = self._new_constant
         self.block = np.zeros((5, *shape))
         self._speed_constant, self.resistance, commutation, self._limit, self._held_back = arrays.motors(self.block)
@@ -99,6 +97,24 @@ class Motors:
         """The parts of `block`."""
         return arrays.motors(self.block)
 
+    def heat_arrays(self) -> HeatArrays:
+        """What a compiled loop reads and writes in place of `warm`."""
+        return HeatArrays(
+            winding=self.winding,
+            housing=self.housing,
+            constant=self.constant,
+            limited=self.limited,
+            cold_resistance=self._cold_resistance,
+            cold_constant=self._cold_constant,
+            ambient=self._ambient,
+            copper=self._copper,
+            magnet=self._magnet,
+            gear=self._gear,
+            dry=self._dry,
+            viscous=self._viscous,
+            conduction=self._conduction,
+        )
+
     def voltage(self, current: Array, wheel_speed: Array) -> Array:
         """The voltage at the terminals, V, that drives a current (n, wheels) in A: the inverse of `drive`."""
         volts: Array = laws.voltage(current, wheel_speed, self._speed_constant, self.resistance, self._commutation)
@@ -114,7 +130,7 @@ class Motors:
         squares, speeds = currents**2, np.abs(wheel_speeds)
         square = squares.mean(0)
         # Where speed and current swing together, the mean of the product is not the product of the means.
-        outer = (speeds * (self._commutation * squares + self._dry + self._viscous * speeds)).mean(0)
+        outer = laws.in_the_housing(squares, speeds, self._commutation, self._dry, self._viscous).mean(0)
         winding, _ = self._conduct(square * self.resistance, outer)
         # The resistance rises during the period: its mean makes the step exact to second order.
         mean = (self.resistance + self._resistance_at(winding)) / 2
@@ -125,19 +141,16 @@ class Motors:
 
     def _conduct(self, inner: Array, outer: Array) -> tuple[Array, Array]:
         """Temperatures of windings and housings after a period of heat (n, wheels) in W into each."""
-        winding, housing = self.winding - self._ambient, self.housing - self._ambient
-        (a, b), (c, d), (e, f), (g, h) = np.moveaxis(self._conduction, 0, 1)
-        return (
-            self._ambient + (a * winding + c * housing + e * inner + g * outer),
-            self._ambient + (b * winding + d * housing + f * inner + h * outer),
-        )
+        now = self.winding - self._ambient, self.housing - self._ambient, inner, outer
+        winding, housing = (self._ambient + laws.conducted(solution, *now) for solution in self._conduction)
+        return winding, housing
 
     def _resistance_at(self, winding: Array) -> Array:
-        return self._cold_resistance * (1 + self._copper * (winding - REFERENCE_C))
+        return laws.at_temperature(self._cold_resistance, self._copper, winding)
 
     def _update(self) -> None:
         self.resistance[:] = self._resistance_at(self.winding)
-        self.constant = self._cold_constant * (1 + self._magnet * (self.housing - REFERENCE_C))
+        self.constant = laws.at_temperature(self._cold_constant, self._magnet, self.housing)
         self._speed_constant[:] = self.constant * self._gear
 
 

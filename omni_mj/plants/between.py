@@ -13,7 +13,7 @@ from mujoco.batch import Batch
 from omni_control.kinematics import Array
 from omni_mj.mjcf import roles
 from omni_mj.onboard import arrays, by_robot, laws
-from omni_mj.onboard.arrays import RimArrays, TractionArrays
+from omni_mj.onboard.arrays import ChargeArrays, HeatArrays, RimArrays, TractionArrays
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.kernel import compiled
@@ -112,6 +112,7 @@ class Between:
         self._blocks = *self._firmware.block, motors.block, battery.block, self._traction.block
         self._nothing, self._load = np.full_like(sensed[0], np.nan), np.zeros_like(sensed[0])
         self._travel, self._before, self._after = compiled(travel), compiled(before), compiled(after)
+        self._motors, self._battery, self._end = motors, battery, compiled(end)
 
     def before(self, k: int, gyro_error: Array, push: Array, off: np.ndarray, held: Array | None) -> None:
         """From what was sensed to voltages and the limits of slip hinges.
@@ -140,6 +141,11 @@ class Between:
         """
         *_, battery, rims = self._blocks
         self._after(k, first, last, battery, rims, self._cells, *self._sensed, self._load, self._recorded[0])
+
+    def end(self, period: float) -> None:
+        """Warm motors and discharge batteries after a frame that lasted so long, s."""
+        heat, charge = self._motors.heat_arrays(), self._battery.charge_arrays()
+        self._end(self._motors.block, heat, self._battery.block, charge, self._recorded[0], period)
 
 
 def travel(t: TractionArrays, c: Cells, load: Array, push: Array) -> None:
@@ -228,6 +234,14 @@ def after(
             by_robot.load(i, b, voltage, current)
         elif c.creeps:
             _press(i, r, c, load)
+
+
+def end(motors: Array, heat: HeatArrays, battery: Array, charge: ChargeArrays, recorded: Array, period: float) -> None:
+    """See `Between.end`."""
+    m, b = arrays.motors(motors), arrays.battery(battery)
+    for i in range(battery.shape[1]):
+        by_robot.warm(i, m, heat, recorded[2], recorded[0])
+        by_robot.discharge(i, b, charge, period)
 
 
 def _weigh(i: int, c: Cells, load: Array) -> None:

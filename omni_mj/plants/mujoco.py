@@ -27,6 +27,7 @@ from omni_mj.worlds import build
 from omni_mj.worlds.columns import Columns
 from omni_mj.worlds.wheels import contact_slip
 
+THREADED = 16  # robots from which several threads gain more in a step than they lose by meeting at its end
 TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2  # of the quaternion's x^2 + y^2: tilted by more than 45 degrees
 # MuJoCo resets an unstable simulation silently after one of these.
 _UNSTABLE = {
@@ -43,7 +44,7 @@ class MujocoPlant:
         rows: of all robots, those of one world one after the other by their places; every world has as many. What
             their models are made of (`Shape`) and the physics must be the same for all.
         start: poses at the start, (n, 3).
-        threads: of the physics; all cores by default. Results do not depend on it.
+        threads: of the physics. Results do not depend on it. [one below 16 robots, else as many as cores]
         hulls: whether robots meet each other and the walls. [if a world has several; where they start is then checked]
 
     Attributes:
@@ -68,7 +69,9 @@ class MujocoPlant:
         model.actuator_ctrllimited[:] = 0  # the battery limits, also where braking motors lift its voltage
         n, worlds = len(rows), len(rows) // places
         self._places = places
-        self._batch = Batch(model, worlds, threads or min(worlds, os.cpu_count() or 1))
+        if threads is None:
+            threads = 1 if n < THREADED else os.cpu_count() or 1
+        self._batch = Batch(model, worlds, min(threads, worlds))
         self.geometry: Kinematics | None = world.kinematics
         self._creeps = world.robots[0].slip_dofs.size > 0
         self.drawn = Drawn.of(rows)
@@ -142,15 +145,19 @@ class MujocoPlant:
             self._obey(received)
         if k == 0:
             self._begin()
-        if self._between is None:
+        between = self._between
+        if between is None:
             self._pass(k)
         else:
-            self._pass_compiled(k, self._between)
+            self._pass_compiled(k, between)
         self._cycle = (k + 1) % self.cycles
         if self._cycle:
             return {}
-        self._motors.warm(self.currents, self._speeds)
-        self._battery.discharge(PERIOD_S)
+        if between is None:
+            self._motors.warm(self.currents, self._speeds)
+            self._battery.discharge(PERIOD_S)
+        else:
+            between.end(PERIOD_S)
         return self._check()
 
     def _pass_compiled(self, k: int, between: Between) -> None:
@@ -232,9 +239,9 @@ class MujocoPlant:
             duty_peak=np.minimum(duties, 1.0).max((0, 2)),
             voltage_peak=voltages.max((0, 2)),
             current_peak=np.abs(self.currents).max((0, 2)),
-            current_limited=self._motors.limited,
-            winding=self._motors.winding,
-            housing=self._motors.housing,
+            current_limited=self._motors.limited.copy(),
+            winding=self._motors.winding.copy(),
+            housing=self._motors.housing.copy(),
             battery=self._battery.voltage.copy(),
             slip=self._slip(),
         )
