@@ -11,6 +11,7 @@ from mujoco.batch import Batch
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_mj.link.noise import Noise, Stream
 from omni_mj.link.radio import Received
+from omni_mj.onboard import kernel
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.motor import Motor
@@ -63,6 +64,7 @@ class MujocoPlant:
     ) -> None:
         settings, places = [row.settings for row in rows], batches.places(rows)
         batches.check(rows)
+        kernel.check(settings[0].physics.kernel)
         self._world = world = build.world(settings[0], places, hulls=hulls)
         self.cycles, self._substeps = round(PERIOD_S / build.CYCLE_S), settings[0].physics.substeps
         model = copy.copy(world.model)
