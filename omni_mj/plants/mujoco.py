@@ -74,6 +74,7 @@ class MujocoPlant:
         if threads is None:
             threads = 1 if n < THREADED else os.cpu_count() or 1
         self._batch = Batch(model, worlds, min(threads, worlds))
+        self._warnings = self._batch.warning[:, min(map(int, _UNSTABLE)) : max(map(int, _UNSTABLE)) + 1, 1]
         self.geometry: Kinematics | None = world.kinematics
         self._creeps = world.robots[0].slip_dofs.size > 0
         self.drawn = Drawn.of(rows)
@@ -300,8 +301,7 @@ class MujocoPlant:
     def _check(self) -> dict[int, str]:
         """Find what has failed, stop it, and read the headings of the others."""
         causes: dict[int, str] = {}
-        warned = self._batch.warning[:, list(map(int, _UNSTABLE)), 1].any()
-        for warning, meaning in _UNSTABLE.items() if warned else ():
+        for warning, meaning in _UNSTABLE.items() if self._warnings.any() else ():
             broken = np.repeat(self._batch.warning[:, warning, 1] > 0, self._places) & ~self._failed
             text = f"became unstable: {meaning} (MuJoCo warning {mujoco.mjtWarning(warning).name})"
             causes |= {int(row): text for row in np.flatnonzero(broken) if int(row) not in causes}
