@@ -26,6 +26,7 @@ from omni_mj.worlds import build
 ROUNDS = 3  # the fastest of these counts: other work on the machine only ever adds time
 
 DRIVE = ["reference.waypoints=[[0, 0], [1, 0.5]]", "reference.settle_s=0"]
+SHORT = ["reference.waypoints=[[0, 0], [0.1, 0.05]]", "reference.settle_s=0"]  # of many robots
 CONTROLLERS = "adaptive-comp-flc", "mpc"  # the costliest
 KERNELS, WHAT = ("numpy", "numba"), ("plant ", "loop ")
 CASES = (1, "rollers"), (1, "two-rollers"), (4, "rollers"), (16, "rollers"), (64, "rollers"), (64, "two-rollers")
@@ -65,7 +66,7 @@ def report(robots: int, wheels: str) -> dict[str, float]:
 
     All on one thread, in CPU time.
     """
-    sets = [*DRIVE, f"wheels.model={wheels}"]
+    sets = [*(SHORT if robots >= 16 else DRIVE), f"wheels.model={wheels}"]
     chosen = {
         kernel: scenario.load(
             "rect", [*sets, f"physics.kernel={kernel}"], {"seeds": robots, "controllers": ("comp-flc",)}
@@ -152,7 +153,7 @@ def report_controllers(robots: int) -> dict[str, float]:
     """Compare controllers with the bare steps of the robots that they drive, in the same run, both in CPU time."""
     found = {}
     for name in CONTROLLERS:
-        chosen = scenario.load("rect", DRIVE, {"seeds": robots, "controllers": (name,)})
+        chosen = scenario.load("rect", DRIVE if robots == 1 else SHORT, {"seeds": robots, "controllers": (name,)})
         times = []
         for _ in range(ROUNDS if robots == 1 else 1):  # many take long enough for other work to be averaged out
             simulation = Simulation(chosen)

@@ -58,7 +58,8 @@ class HeadingEstimate:
         """Compare with vision's heading (n,) that arrived in this frame, sent `age` (n,) frames ago, if one did."""
         self._past[self._frame % len(self._past)] = self.heading
         then = self._past[(self._frame - age) % len(self._past), np.arange(len(self.heading))]
-        error = np.nan_to_num(wrap_angle(seen - then))
+        error = wrap_angle(seen - then)
+        error = np.where(np.isnan(error), 0.0, error)
         self.heading += self._heading_gain * self._period * error
         self._past += self._heading_gain * self._period * error  # what is corrected once is not corrected again
         self.bias -= self._bias_gain * self._period * error
