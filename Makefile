@@ -25,6 +25,7 @@ bench: $(VENV)/.installed-test
 	PYTHONPATH=tests/support $(BIN)/python tests/bench_fuzzy.py
 	PYTHONPATH=tests/support $(BIN)/python tests/bench_wire.py
 	$(BIN)/python tests/bench.py
+	$(BIN)/python tests/bench_serve.py
 
 # A wheel, installed somewhere else and run there: the model and the scenarios must travel with it.
 wheel: $(VENV)/.installed

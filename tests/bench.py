@@ -29,7 +29,7 @@ DRIVE = ["reference.waypoints=[[0, 0], [1, 0.5]]", "reference.settle_s=0"]
 SHORT = ["reference.waypoints=[[0, 0], [0.1, 0.05]]", "reference.settle_s=0"]  # of many robots
 CONTROLLERS = "adaptive-comp-flc", "mpc"  # the costliest
 KERNELS, WHAT = ("numpy", "numba"), ("plant ", "loop ")
-CASES = (1, "rollers"), (1, "two-rollers"), (4, "rollers"), (16, "rollers"), (64, "rollers"), (64, "two-rollers")
+CASES = (1, "rollers"), (1, "two-rollers"), (16, "rollers"), (64, "rollers"), (64, "two-rollers")
 OUT = Path("bench.json")
 
 
