@@ -1,35 +1,48 @@
-"""`make bench`: how much of a run's time is physics, as ratios taken within one process."""
+"""`make bench`: how much of a run's time is physics, as ratios taken within one process; also in bench.json."""
 
+import json
 import os
+import platform
+import sys
 import time
 from collections.abc import Callable
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from mujoco.batch import Batch
 
 from omni_mj.link.radio import Received
+from omni_mj.plants import mujoco
 from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.scenarios import scenario
+from omni_mj.scenarios.scenario import Scenario
+from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.worlds import build
 
 ROUNDS = 3  # the fastest of these counts: other work on the machine only ever adds time
 
 DRIVE = ["reference.waypoints=[[0, 0], [1, 0.5]]", "reference.settle_s=0"]
+SHORT = ["reference.waypoints=[[0, 0], [0.1, 0.05]]", "reference.settle_s=0"]  # of many robots
 CONTROLLERS = "adaptive-comp-flc", "mpc"  # the costliest
+KERNELS, WHAT = ("numpy", "numba"), ("plant ", "loop ")
+CASES = (1, "rollers"), (1, "two-rollers"), (16, "rollers"), (64, "rollers"), (64, "two-rollers")
+OUT = Path("bench.json")
 
 
-def fastest(prepare: Callable[[], Callable[[], object]]) -> float:
-    """Seconds of the fastest of a few rounds of the work that `prepare` sets up."""
-    times = []
-    for _ in range(ROUNDS):
-        work = prepare()
-        time.sleep(0.5)  # threads of the linear algebra that setting up used spin for a while on their cores
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return min(times)
+def fastest(works: dict[str, Callable[[], Callable[[], object]]], rounds: int) -> dict[str, float]:
+    """CPU seconds of the fastest of a few rounds of each work that these set up, one after the other in each round."""
+    times = dict.fromkeys(works, np.inf)
+    for _ in range(rounds):
+        for name, prepare in works.items():
+            work = prepare()
+            start = time.process_time()
+            work()
+            times[name] = min(times[name], time.process_time() - start)
+    return times
 
 
 class Tape:
@@ -48,31 +61,37 @@ class Tape:
         self._batch.step(ids)
 
 
-def report(robots: int) -> None:
-    """Compare the plant, and the whole loop around it, with the same motion by bare steps of the same model."""
-    chosen = scenario.load("rect", DRIVE, {"seeds": robots, "controllers": ("comp-flc",)})
-    taped = Simulation(chosen)
+def report(robots: int, wheels: str) -> dict[str, float]:
+    """Compare the plant, and the whole loop around it, with the same motion by bare steps of the same model.
+
+    All on one thread, in CPU time.
+    """
+    sets = [*(SHORT if robots >= 16 else DRIVE), f"wheels.model={wheels}"]
+    chosen = {
+        kernel: scenario.load(
+            "rect", [*sets, f"physics.kernel={kernel}"], {"seeds": robots, "controllers": ("comp-flc",)}
+        )
+        for kernel in KERNELS
+    }
+    taped = Simulation(chosen["numpy"])
     assert isinstance(taped.plant, MujocoPlant)
     tape = Tape(taped.plant._batch)
     taped.plant._batch = tape
     log = taped.run()
     assert not taped.failures
-    commands = log.channel("applied")
+    commands = [Received.at_once(command) for command in log.channel("applied")]
 
-    def plant() -> Callable[[], object]:
-        mujoco_plant = Simulation(chosen).plant
+    def plant(kernel: str) -> Callable[[], object]:
+        driven = Simulation(chosen[kernel]).plant
 
         def work() -> None:
-            for command in commands:
-                mujoco_plant.advance(Received.at_once(command))
+            for received in commands:
+                driven.advance(received)
 
         return work
 
     def bare() -> Callable[[], object]:
-        one = build.world()
-        batch = Batch(one.model, robots, min(robots, os.cpu_count() or 1))
-        batch.qpos[:] = one.standing
-        ctrl = batch.bind("ctrl")
+        batch, ctrl = _standing(chosen["numpy"], robots, 1)
 
         def work() -> None:
             for voltage in tape.voltages:
@@ -81,8 +100,39 @@ def report(robots: int) -> None:
 
         return work
 
-    steps, driven, whole = fastest(bare), fastest(plant), fastest(lambda: Simulation(chosen).run)
-    print(f"{robots:6d} {driven / steps:10.2f} {whole / steps:10.2f}", flush=True)
+    works: dict[str, Callable[[], Callable[[], object]]] = {"bare": bare}
+    for kernel in KERNELS:
+        works |= {f"plant, {kernel}": partial(plant, kernel), f"loop, {kernel}": partial(_whole, chosen[kernel])}
+    times = fastest(works, ROUNDS if robots < 64 else 1)
+    simulated = len(commands) * PERIOD_S * robots
+    found = {name: used / times["bare"] for name, used in times.items() if name != "bare"}
+    return {"bare simulated s per CPU-s": simulated / times["bare"], **found}
+
+
+def _whole(chosen: Scenario) -> Callable[[], object]:
+    return Simulation(chosen).run
+
+
+def _standing(chosen: Scenario, robots: int, threads: int) -> tuple[Batch, np.ndarray]:
+    """A batch of standing robots, and the voltages that it is told."""
+    one = build.world(chosen.settings)
+    batch = Batch(one.model, robots, threads)
+    batch.qpos[:] = one.standing
+    return batch, batch.bind("ctrl")
+
+
+def report_threads(robots: int) -> dict[str, float]:
+    """How many times faster several threads step the same robots, in wall time."""
+    chosen, times = scenario.load("rect", DRIVE, {}), {}
+    for _ in range(ROUNDS):
+        for threads in (1, 2):
+            batch, ctrl = _standing(chosen, robots, threads)
+            ctrl[:] = 3.0
+            start = time.perf_counter()
+            for _ in range(100):
+                batch.step()
+            times[threads] = min(times.get(threads, np.inf), time.perf_counter() - start)
+    return {"two threads over one": times[1] / times[2]}
 
 
 class Clock:
@@ -99,11 +149,11 @@ class Clock:
         return answer
 
 
-def report_controllers(robots: int) -> None:
+def report_controllers(robots: int) -> dict[str, float]:
     """Compare controllers with the bare steps of the robots that they drive, in the same run, both in CPU time."""
-    shares = []
+    found = {}
     for name in CONTROLLERS:
-        chosen = scenario.load("rect", DRIVE, {"seeds": robots, "controllers": (name,)})
+        chosen = scenario.load("rect", DRIVE if robots == 1 else SHORT, {"seeds": robots, "controllers": (name,)})
         times = []
         for _ in range(ROUNDS if robots == 1 else 1):  # many take long enough for other work to be averaged out
             simulation = Simulation(chosen)
@@ -117,17 +167,43 @@ def report_controllers(robots: int) -> None:
             assert not simulation.failures
             times.append((command.time, steps.time))
         commanding, stepping = np.min(times, axis=0)
-        frames = simulation.frame
-        shares += [f"{commanding / stepping:20.3f}", f"{1e3 * commanding / frames:10.2f}"]
-    print(f"{robots:6d}", *shares, flush=True)
+        found |= {name: commanding / stepping, f"{name}, ms": 1e3 * commanding / simulation.frame}
+    return found
+
+
+def machine() -> dict[str, str | int | None]:
+    """What this was measured on."""
+    cpu = platform.processor()
+    if (info := Path("/proc/cpuinfo")).exists():
+        cpu = next((line.split(":")[1].strip() for line in info.read_text().splitlines() if "model name" in line), cpu)
+    versions = {name: version(name) for name in ("mujoco", "numpy", "numba")}
+    python = platform.python_version()
+    return {"cpu": cpu, "cores": os.cpu_count(), "system": platform.platform(), "python": python, **versions}
+
+
+def main() -> None:
+    """Measure, print, and write bench.json."""
+    mujoco.THREADED = sys.maxsize  # one thread
+    results: dict[str, dict[str, float]] = {}
+
+    def show(title: str, found: dict[str, float]) -> None:
+        results[title] = found
+        print(f"{title:24s}", *(f"{value:14.3g}" for value in found.values()), flush=True)
+
+    print("CPU time over that of bare steps of the same model, and how many robot-seconds these simulate in one")
+    print(f"{'robots, wheels':24s} {'bare':>14s}", *(f"{what + kernel:>14s}" for kernel in KERNELS for what in WHAT))
+    for robots, wheels in CASES:
+        show(f"{robots}, {wheels}", report(robots, wheels))
+    print("\nbare steps on two threads, times as fast as on one (wall)")
+    for robots in (2, 4, 8, 16, 64):
+        show(f"{robots} on two threads", report_threads(robots))
+    print("\nCPU time of a controller over that of bare steps of the same robots, and ms per frame")
+    print(f"{'robots':24s}", *(f"{name:>14.14s}             ms" for name in CONTROLLERS))
+    for robots in (1, 64):
+        show(f"controllers of {robots}", report_controllers(robots))
+    OUT.write_text(json.dumps({"machine": machine(), "ratios": results}, indent=2) + "\n")
+    print(f"\n{OUT}")
 
 
 if __name__ == "__main__":
-    print("time over that of bare steps of the same model")
-    print("robots      plant       loop")
-    for n in (1, 2, 16, 64):
-        report(n)
-    print("\nCPU time of a controller over that of bare steps of the same robots, and ms per frame")
-    print("robots", *(f"{name:>20s}         ms" for name in CONTROLLERS))
-    for n in (1, 64):
-        report_controllers(n)
+    main()

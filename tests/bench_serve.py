@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import time
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -23,12 +24,12 @@ CASES = (
 )
 
 
-def serve(blue: str, yellow: str, wheels: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def serve(blue: str, yellow: str, wheels: str, kernel: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """CPU time of each frame, and of bare steps of the same robots for as long, s; lateness of detections, s.
 
     A client commands all robots 60 times a second.
     """
-    chosen = line_up.load(None, [f"wheels.model={wheels}"], {})
+    chosen = line_up.load(None, [f"wheels.model={wheels}", f"physics.kernel={kernel}"], {})
     poses = line_up.poses(*(line_up.numbers(team, "--blue") for team in (blue, yellow)), None)
     server = Server(Pitch({Team.BLUE: chosen, Team.YELLOW: chosen}, poses), Ports(0, 0, 0, Address(LOOPBACK, 10020)))
     script = Path(__file__).parent / "support" / "bench_client.py"
@@ -59,11 +60,11 @@ if __name__ == "__main__":
     print(
         "so that the fastest tenth of the frames tells most. Bare: physics steps alone. Then lateness of detections, ms"
     )
-    print("robots  wheels       budget   10 %  50 %  90 %   bare 10 %    late 5 %     50 %     95 %     99 %")
-    for blue, yellow, wheels, budget in CASES:
-        used, bare, late = serve(blue, yellow, wheels)
+    print("robots  wheels       kernel budget   10 %  50 %  90 %   bare 10 %    late 5 %     50 %     95 %     99 %")
+    for (blue, yellow, wheels, budget), kernel in product(CASES, ("numpy", "numba")):
+        used, bare, late = serve(blue, yellow, wheels, kernel)
         shares = "".join(f"{np.quantile(used, q) / PERIOD_S:6.0%}" for q in (0.1, 0.5, 0.9))
         lateness = "".join(f"{1e3 * np.quantile(late, q):9.2f}" for q in (0.05, 0.5, 0.95, 0.99))
         robots, limit = int(blue) + int(yellow), f"{budget:6.0%}" if budget else " " * 6
         steps = f"{np.quantile(bare, 0.1) / PERIOD_S:11.0%}"
-        print(f"{robots:6d}  {wheels:12s} {limit} {shares} {steps}   {lateness}", flush=True)
+        print(f"{robots:6d}  {wheels:12s} {kernel} {limit} {shares} {steps}   {lateness}", flush=True)

@@ -202,8 +202,8 @@ def document(
 def versions() -> dict[str, str]:
     """Versions of Python and of the packages that decide the result."""
     found = {"python": platform.python_version()}
-    for name in ("omni-mj", "mujoco", "numpy", "scipy", "rerun-sdk", "pyarrow", "piqp"):
-        with suppress(PackageNotFoundError):  # piqp is an extra
+    for name in ("omni-mj", "mujoco", "numpy", "scipy", "rerun-sdk", "pyarrow", "piqp", "numba"):
+        with suppress(PackageNotFoundError):  # the last two are extras
             found[name] = version(name)
     return found
 

@@ -5,12 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from omni_control.kinematics import Array
+from omni_mj.onboard import arrays, laws
+from omni_mj.onboard.arrays import BatteryArrays, ChargeArrays
 from omni_mj.scenarios.settings import BatterySettings, column
-
-# Open-circuit voltage of a LiPo cell over its state of charge: 4.2 V full, 3.7 V nominal at half, steep below a tenth.
-CHARGE = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.0])
-CELL_V = np.array([3.0, 3.4, 3.55, 3.63, 3.66, 3.70, 3.83, 4.05, 4.2])
-CUT_OFF_S = 1.0  # time constant with which the cut-off sees the voltage
 
 
 class Battery:
@@ -22,20 +19,22 @@ class Battery:
     Attributes:
         charge: state of charge, 1 full, (n,).
         voltage: at the terminals, under load, V, (n,).
+        block: state and numbers (see `arrays.battery`).
         alive: whether the battery still gives power, (n,). After its voltage has sunk below the cut-off its voltage is
             zero, which shorts the motors: the robot brakes and stays.
     """
 
     def __init__(self, settings: Sequence[BatterySettings]) -> None:
-        self._cells, self._resistance = column(settings, "cells")[:, 0], column(settings, "resistance_ohm")[:, 0]
+        self._cells = column(settings, "cells")[:, 0]
         self._capacity = column(settings, "capacity_ah")[:, 0] * 3600
         self._cut_off = column(settings, "cut_off_v")[:, 0]
         self.charge = column(settings, "charge")[:, 0].copy()
         self.alive = np.ones(len(settings), bool)
-        self._dead = np.zeros(len(settings))  # infinite once it is: of whatever power then, no current is drawn
-        self._drawn, self._loads = np.zeros(len(settings)), 0
-        self._open = self._cells * np.interp(self.charge, CHARGE, CELL_V)
-        self.voltage, self._average = self._open.copy(), self._open.copy()
+        self.block = np.zeros((6, len(settings)))
+        # Dead: infinite once it is; of whatever power then, no current is drawn.
+        self._open, self._resistance, self._dead, self.voltage, self._drawn, self._loads = arrays.battery(self.block)
+        self._resistance[:] = column(settings, "resistance_ohm")[:, 0]
+        self._open[:] = self.voltage[:] = self._average = self._cells * laws.open_circuit(self.charge)
 
     def load(self, voltage: Array, current: Array) -> None:
         """Sag under motors that have a `voltage` (n, wheels), V, at their terminals and a `current` (n, wheels), A.
@@ -43,21 +42,29 @@ class Battery:
         A driver passes on power without loss; braking motors charge the battery. What a motor generates beyond the
         battery's voltage, and beside one that gives no more power, the driver burns.
         """
-        duty = voltage / (self.voltage + self._dead)[:, None]
-        drawn = np.einsum("ij,ij->i", np.minimum(np.maximum(duty, -1.0), 1.0), current)
+        duty = laws.share(voltage, (self.voltage + self._dead)[:, None])
+        drawn = np.einsum("ij,ij->i", duty, current)
         self._drawn += drawn
+        self.voltage[:] = laws.sagged(self._open, self._resistance, drawn)
         self._loads += 1
-        self.voltage = self._open - self._resistance * drawn
+
+    def arrays(self) -> BatteryArrays:
+        """The parts of `block`."""
+        return arrays.battery(self.block)
+
+    def charge_arrays(self) -> ChargeArrays:
+        """What a compiled loop reads and writes in place of `discharge`."""
+        return ChargeArrays(self.charge, self._average, self.alive, self._cells, self._capacity, self._cut_off)
 
     def discharge(self, period: float) -> None:
         """Take the mean of the loads since the last call, drawn for `period` (s), from the charge."""
         mean = self._drawn / self._loads
-        self._drawn[:], self._loads = 0.0, 0
+        self._drawn[:] = self._loads[:] = 0.0
         self.charge = np.clip(self.charge - mean * period / self._capacity, 0.0, 1.0)
-        self._open = self._cells * np.interp(self.charge, CHARGE, CELL_V)
+        self._open[:] = self._cells * laws.open_circuit(self.charge)
         # The protection against deep discharge averages, or the sag of every hard start would trip it.
         loaded = self._open - self._resistance * mean
-        self._average += (loaded - self._average) * min(period / CUT_OFF_S, 1.0)
+        self._average += (loaded - self._average) * min(period / laws.CUT_OFF_S, 1.0)
         self.alive &= self._average > self._cut_off
         self._open[~self.alive] = self._resistance[~self.alive] = 0.0
         self._dead[~self.alive] = np.inf

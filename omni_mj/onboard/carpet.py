@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omni_control.kinematics import Array
+from omni_mj.onboard import laws
+from omni_mj.onboard.arrays import CarpetArrays
 from omni_mj.scenarios.robot_settings import CarpetSettings
 from omni_mj.scenarios.settings import column
 
@@ -26,7 +28,7 @@ class Carpet:
 
     def __init__(self, settings: Sequence[CarpetSettings], wheels: Plane) -> None:
         self._wheels, self._outward = wheels, wheels / np.abs(wheels)
-        self._friction = np.broadcast_to(column(settings, "friction"), (len(settings), len(wheels)))
+        self._friction = np.repeat(column(settings, "friction"), len(wheels), axis=1)
         self._pile, self._nap = column(settings, "pile"), column(settings, "nap")
         self._fibres = np.exp(-1j * np.radians(column(settings, "nap_deg")))
         self._leans = bool(self._nap.any())
@@ -38,7 +40,11 @@ class Carpet:
 
     def become(self, friction: Array) -> None:
         """From now on have other coefficients of friction, (n, 1), but in the patches."""
-        self._friction = np.broadcast_to(friction, self._friction.shape)
+        self._friction = friction * np.ones_like(self._friction)
+
+    def arrays(self) -> CarpetArrays:
+        """What a compiled loop reads until the carpet changes."""
+        return CarpetArrays(self._friction, self._patches, self._pile, self._nap, self._fibres)
 
     def friction(self, position: Array, heading: Plane) -> Array:
         """Coefficient of friction under each wheel, (n, W).
@@ -51,7 +57,7 @@ class Carpet:
         if len(self._patches):
             at = (position[:, 0] + 1j * position[:, 1])[:, None] + heading[:, None] * self._wheels
             for x, y, radius, other in self._patches:
-                friction = np.where(np.abs(at - (x + 1j * y)) < radius, other, friction)
+                friction = np.where(laws.inside(at, x + 1j * y, radius), other, friction)
         return friction
 
     def pile(self, direction: Plane, heading: Plane) -> Array:
@@ -63,5 +69,4 @@ class Carpet:
         """
         if not self._leans:
             return self._pile
-        cosine = (direction * self._outward * (heading[:, None] * self._fibres)).real
-        return self._pile * (1 + self._nap * cosine)
+        return laws.leaning(self._pile, self._nap, direction * self._outward, heading[:, None] * self._fibres)

@@ -6,6 +6,8 @@ import numpy as np
 
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_mj.link.radio import Received, longest
+from omni_mj.onboard import arrays, laws
+from omni_mj.onboard.arrays import FirmwareArrays
 from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios.settings import Settings, column
 
@@ -23,11 +25,14 @@ class HeadingEstimate:
         settings: one per robot.
         heading: at the start, (n,) rad.
         period: time between corrections, s.
+        room: where to keep headings and biases, (n,) and (n,). [in arrays of its own]
     """
 
-    def __init__(self, settings: Sequence[Settings], heading: Array, period: float) -> None:
-        self.heading = np.array(heading, float)
-        self.bias = np.zeros_like(self.heading)
+    def __init__(
+        self, settings: Sequence[Settings], heading: Array, period: float, room: tuple[Array, Array] | None = None
+    ) -> None:
+        self.heading, self.bias = np.zeros((2, len(heading))) if room is None else room
+        self.heading[:] = heading
         self._period = period
         firmware = [s.firmware for s in settings]
         self._heading_gain = column(firmware, "heading_gain")[:, 0]
@@ -53,7 +58,8 @@ class HeadingEstimate:
         """Compare with vision's heading (n,) that arrived in this frame, sent `age` (n,) frames ago, if one did."""
         self._past[self._frame % len(self._past)] = self.heading
         then = self._past[(self._frame - age) % len(self._past), np.arange(len(self.heading))]
-        error = np.nan_to_num(wrap_angle(seen - then))
+        error = wrap_angle(seen - then)
+        error = np.where(np.isnan(error), 0.0, error)
         self.heading += self._heading_gain * self._period * error
         self._past += self._heading_gain * self._period * error  # what is corrected once is not corrected again
         self.bias -= self._bias_gain * self._period * error
@@ -77,6 +83,10 @@ class Firmware:
         heading: at the start, (n,) rad.
         timestep: time between calls of `duties`, s.
         period: time between calls of `receive`, s.
+
+    Attributes:
+        cycle: calls of `duties` so far; a compiled loop counts what it does in their place.
+        block: state and numbers (see `arrays.firmware`).
     """
 
     def __init__(
@@ -89,13 +99,15 @@ class Firmware:
     ) -> None:
         n, wheels, firmware = len(settings), len(kinematics.azimuths), [s.firmware for s in settings]
         motors = [Motor.of(s.motor) for s in settings]
-        self.estimate = HeadingEstimate(settings, heading, period)
+        self.block = np.zeros((arrays.FIRMWARE_ROBOTS, n)), np.zeros((arrays.FIRMWARE_WHEELS, n, wheels))
+        self._f = f = arrays.firmware(*self.block)
+        self.estimate = HeadingEstimate(settings, heading, period, (f.heading, f.bias))
         self._resistance, self._speed_constant = column(motors, "resistance"), column(motors, "speed_constant")
         # Calls from one run of each robot's loops to the next; those of tests may be further apart than the loops'.
         self._every = np.maximum(1.0, np.rint(1 / (column(firmware, "rate_hz") * timestep)))
-        self._timestep, self._calls = self._every * timestep, 0
+        self._timestep = self._every * timestep
         self._each = self._timestep[:, 0]
-        self._held: Array | None = None if (self._every == 1).all() else np.zeros((n, wheels))
+        self._slow, self._held = bool((self._every > 1).any()), f.held
         self._forward, self._left, self._turn = kinematics.matrix.T / kinematics.radius
         self._radius = kinematics.radius
         self._kp, self._ki, self._kd = (column(firmware, name) for name in ("kp", "ki", "kd"))
@@ -107,12 +119,11 @@ class Firmware:
         self._hot = column([s.motor for s in settings], "limit_c")
         self._derated = DERATED * column([s.motor for s in settings], "nominal_current_a")
         self._swing: Array | None = None
+        f.swing[:], f.rims[:] = np.inf, np.nan
         counts = column([s.sensors for s in settings], "encoder_counts") * column(motors, "gear") / (2 * np.pi)
         self._counts_per_rad, self._rate_per_count = counts, 1 / (counts * self._timestep)
-        self._last_count: Array | None = None
-        self._integral, self._last_error = np.zeros((2, n, wheels))
-        self._along_x = self._along_y = np.zeros((n, wheels))
-        self._turn_rate = np.zeros(n)
+        self._last_count, self._integral, self._last_error = f.last_count, f.integral, f.last_error
+        self._along_x, self._along_y, self._turn_rate = f.along_x, f.along_y, f.turn_rate
         self._body: np.ndarray | None = None
         self._all_body = False
         self._wheels: Array | None = None
@@ -120,7 +131,12 @@ class Firmware:
         # robot stops, and the first of these.
         timeout = column(firmware, "timeout_s")[:, 0]
         self._patience = np.where(timeout > 0, np.rint(timeout / timestep), np.inf)
-        self._now, self._stops, self._next_stop = 0, self._patience.copy(), float(self._patience.min())
+        self.cycle, self._stops, self._next_stop = 0, f.stops, float(self._patience.min())
+        f.stops[:], f.turn[:], f.radius[:] = self._patience, self._turn, self._radius
+        for name in ("every", "timestep", "counts_per_rad", "rate_per_count", "kp", "ki", "kd", "nominal"):
+            getattr(f, name)[:] = getattr(self, "_" + name)[:, 0]
+        f.back_emf[:], f.speed_constant[:] = self._back_emf[:, 0], self._speed_constant[:, 0]
+        f.turn_gain[:] = self._turn_gain
 
     def receive(self, received: Received, winding: Array) -> None:
         """Take over what the radio holds in this frame: `correct`, then `obey`.
@@ -144,19 +160,22 @@ class Firmware:
         if self._derate.any():
             left = np.clip((self._hot - winding) / DERATE_BAND_K, 0, 1)
             current = np.where(self._derate & (left < 1), left * self._derated, np.inf)
-            self._swing = self._resistance * current
+            self._swing = self._f.swing
+            self._swing[:] = self._resistance * current
 
     def obey(self, received: Received) -> None:
         """Take over commands, from the next call of `duties` on."""
         command, self._body, self._wheels = received.command, received.body, received.wheels
+        self._f.body[:] = 0.0 if received.body is None else received.body
+        self._f.rims[:] = np.nan if received.wheels is None else received.wheels
         self._all_body = self._body is not None and bool(self._body.all())
         # Wheel speeds are linear in cosine and sine of the heading, which alone change between commands.
         vx, vy = command[:, :1], command[:, 1:2]
-        self._along_x = vx * self._forward + vy * self._left
-        self._along_y = vy * self._forward - vx * self._left
-        self._turn_rate = command[:, 2] * (1 + self._turn_gain)
+        self._along_x[:] = vx * self._forward + vy * self._left
+        self._along_y[:] = vy * self._forward - vx * self._left
+        self._turn_rate[:] = command[:, 2] * (1 + self._turn_gain)
         new = slice(None) if received.new is None else received.new
-        self._stops[new] = self._now + self._patience[new]
+        self._stops[new] = self.cycle + self._patience[new]
         self._next_stop = float(self._stops.min())
 
     def duties(self, gyro: Array, encoders: Array) -> Array:
@@ -166,53 +185,43 @@ class Firmware:
             gyro: turn rate (n,), rad/s.
             encoders: wheel angles (n, wheels), rad.
         """
-        if self._now >= self._next_stop:
+        if self.cycle >= self._next_stop:
             self._stop_where_silent()
-        self._now += 1
-        if self._held is None:
+        self.cycle += 1
+        if not self._slow:
             return self._loops(gyro, encoders)
-        due = self._calls % self._every == 0
-        self._calls += 1
+        due = (self.cycle - 1) % self._every == 0
         if due.any():  # all reckon, elementwise; those whose turn it is keep what came out
-            heading, counts = self.estimate.heading.copy(), self._last_count
-            integral, error = self._integral, self._last_error
+            state = self.estimate.heading[:, None], self._last_count, self._integral, self._last_error
+            before = [each.copy() for each in state]
             np.copyto(self._held, self._loops(gyro, encoders), where=due)
-            np.copyto(self.estimate.heading, heading, where=~due[:, 0])
-            if counts is not None and self._last_count is not None:
-                self._last_count = np.where(due, self._last_count, counts)
-            self._integral = np.where(due, self._integral, integral)
-            self._last_error = np.where(due, self._last_error, error)
+            for now, then in zip(state, before, strict=True):
+                np.copyto(now, then, where=~due)
         return self._held.copy()
+
+    def arrays(self) -> FirmwareArrays:
+        """The parts of `block`."""
+        return arrays.firmware(*self.block)
 
     def _loops(self, gyro: Array, encoders: Array) -> Array:
         """What the loops make of the sensors when they run."""
         rate = gyro - self.estimate.bias
         self.estimate.turn(rate, self._each)
         wanted = self._wheel_speeds(rate)
-        count = np.floor(encoders * self._counts_per_rad)
-        if self._last_count is None:  # wherever the wheels stand when the robot is switched on
-            self._last_count = count
-        error = wanted - (count - self._last_count) * self._rate_per_count
-        self._last_count = count
-        voltage = self._back_emf * wanted + self._kp * error
+        count = laws.counted(encoders, self._counts_per_rad)
+        if self.cycle == 1:  # wherever the wheels stand when the robot is switched on
+            self._last_count[:] = count
+        speed = (count - self._last_count) * self._rate_per_count
+        self._last_count[:] = count
+        voltage, error = laws.proportional(wanted, speed, self._kp, self._back_emf)
         if self._integrates:
-            voltage = self._integrate(voltage, error)
+            gains = self._ki, self._kd, self._timestep, self._nominal
+            voltage, integral, windup = laws.integrated(voltage, error, self._last_error, self._integral, *gains)
+            np.copyto(self._integral, integral, where=~windup)
+            self._last_error[:] = error
         if self._swing is not None:
-            back_emf = self._speed_constant * (wanted - error)
-            voltage = np.clip(voltage, back_emf - self._swing, back_emf + self._swing)
-        return np.minimum(np.maximum(voltage / self._nominal, -1.0), 1.0)
-
-    def _integrate(self, voltage: Array, error: Array) -> Array:
-        """Add the integral and the derivative part to the `voltage` of the others.
-
-        Anti-windup: while the voltage is beyond its limit, an error that pushes further is not integrated.
-        """
-        voltage = voltage + self._kd * (error - self._last_error) / self._timestep
-        self._last_error = error
-        integral = self._integral + error * self._timestep
-        windup = (np.abs(voltage + self._ki * integral) > self._nominal) & ((voltage + self._ki * integral) * error > 0)
-        self._integral = np.where(windup, self._integral, integral)
-        return voltage + self._ki * integral
+            voltage = laws.derated(voltage, self._speed_constant * (wanted - error), self._swing)
+        return laws.share(voltage, self._nominal)
 
     def _wheel_speeds(self, rate: Array) -> Array:
         """Wheel speeds (n, wheels) for the commands: equation 2, the turn-rate loop, then the inverse of equation 3."""
@@ -224,16 +233,15 @@ class Firmware:
             if self._body is not None:
                 heading = np.where(self._body, 0.0, heading)
             c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
-            wanted = c * self._along_x + s * self._along_y + turn
+            wanted = laws.wheel_speed(c, s, self._along_x, self._along_y, turn)
         if self._wheels is None:
             return wanted
         return np.where(np.isnan(self._wheels), wanted, self._wheels / self._radius)
 
     def _stop_where_silent(self) -> None:
         """Let robots stand that have had no new command for too long (`firmware.timeout_s`)."""
-        over = self._now >= self._stops
-        self._along_x, self._along_y = (np.where(over[:, None], 0.0, a) for a in (self._along_x, self._along_y))
-        self._turn_rate = np.where(over, 0.0, self._turn_rate)
+        over = self.cycle >= self._stops
+        self._along_x[over] = self._along_y[over] = self._turn_rate[over] = 0.0
         if self._wheels is not None:
             self._wheels = np.where(over[:, None], np.nan, self._wheels)
         self._next_stop = float(self._stops[~over].min(initial=np.inf))

@@ -6,11 +6,11 @@ import numpy as np
 from scipy.linalg import expm
 
 from omni_control.kinematics import Array
+from omni_mj.onboard import arrays, laws
+from omni_mj.onboard.arrays import HeatArrays, MotorArrays
 from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios.motor_settings import MotorSettings
 from omni_mj.scenarios.settings import column
-
-REFERENCE_C = 25.0  # at which the datasheet gives resistance and torque constant
 
 
 class Motors:
@@ -32,6 +32,7 @@ class Motors:
         winding, housing: temperatures, deg C, (n, wheels).
         resistance: terminal resistance now, ohm, (n, wheels).
         constant: torque constant now, N m/A, (n, wheels).
+        block: numbers of now (see `arrays.motors`).
         limited: share of the steps of the period just past in which the driver held the current back, (n, wheels).
     """
 
@@ -45,16 +46,19 @@ class Motors:
     ) -> None:
         shape, motors = (len(settings), wheels), [Motor.of(s) for s in settings]
         self._cold_resistance, self._gear = column(motors, "resistance"), column(motors, "gear")
-        self._new_constant = np.broadcast_to(column(motors, "constant") * strength, shape)
+        self._new_constant = column(motors, "constant") * strength * np.ones(shape)
         self._cold_constant = self._new_constant
+        self.block = np.zeros((5, *shape))
+        self._speed_constant, self.resistance, commutation, self._limit, self._held_back = arrays.motors(self.block)
         self._commutation = column(motors, "commutation") * self._gear  # per speed of the wheel
+        commutation[:] = self._commutation
         self._dry, self._viscous = column(motors, "wheel_dry"), column(motors, "wheel_viscous")
-        self._limit = np.broadcast_to(np.asarray(limit, float), shape)
+        self._limit[:] = limit
         self._ambient = column(settings, "ambient_c")
         self._copper, self._magnet = column(settings, "copper_per_k"), column(settings, "magnet_per_k")
         self.winding = np.broadcast_to(column(settings, "winding_c"), shape).copy()
         self.housing = np.broadcast_to(column(settings, "housing_c"), shape).copy()
-        self.limited, self._held_back = np.zeros((2, *shape))
+        self.limited = np.zeros(shape)
         conduction = {s: _conduction(s, period) for s in set(settings)}
         self._conduction = np.stack([conduction[s] for s in settings], axis=-1)[..., None]
         self._update()
@@ -80,20 +84,40 @@ class Motors:
         Returns:
             Voltage at the terminals and current in A, both (n, wheels), and the dcmotor's voltage (n, wheels).
         """
-        back_emf = self._speed_constant * wheel_speed
-        resistance = self.resistance + self._commutation * np.abs(wheel_speed)
-        current = (voltage - back_emf) / resistance
+        motor = self._speed_constant, self.resistance, self._commutation
+        current, back_emf, turning = laws.current(voltage, wheel_speed, *motor)
         over = np.abs(current) > self._limit
         if np.count_nonzero(over):
-            current = np.where(over, np.copysign(self._limit, current), current)
-            voltage = np.where(over, back_emf + current * resistance, voltage)
+            volts, amperes = laws.held_back(current, self._limit, back_emf, turning)
+            voltage, current = np.where(over, volts, voltage), np.where(over, amperes, current)
             self._held_back += over
         return voltage, current, back_emf + current * self.resistance
 
+    def arrays(self) -> MotorArrays:
+        """The parts of `block`."""
+        return arrays.motors(self.block)
+
+    def heat_arrays(self) -> HeatArrays:
+        """What a compiled loop reads and writes in place of `warm`."""
+        return HeatArrays(
+            winding=self.winding,
+            housing=self.housing,
+            constant=self.constant,
+            limited=self.limited,
+            cold_resistance=self._cold_resistance,
+            cold_constant=self._cold_constant,
+            ambient=self._ambient,
+            copper=self._copper,
+            magnet=self._magnet,
+            gear=self._gear,
+            dry=self._dry,
+            viscous=self._viscous,
+            conduction=self._conduction,
+        )
+
     def voltage(self, current: Array, wheel_speed: Array) -> Array:
         """The voltage at the terminals, V, that drives a current (n, wheels) in A: the inverse of `drive`."""
-        resistance = self.resistance + self._commutation * np.abs(wheel_speed)
-        volts: Array = self._speed_constant * wheel_speed + current * resistance
+        volts: Array = laws.voltage(current, wheel_speed, self._speed_constant, self.resistance, self._commutation)
         return volts
 
     def warm(self, currents: Array, wheel_speeds: Array) -> None:
@@ -106,30 +130,28 @@ class Motors:
         squares, speeds = currents**2, np.abs(wheel_speeds)
         square = squares.mean(0)
         # Where speed and current swing together, the mean of the product is not the product of the means.
-        outer = (speeds * (self._commutation * squares + self._dry + self._viscous * speeds)).mean(0)
+        outer = laws.in_the_housing(squares, speeds, self._commutation, self._dry, self._viscous).mean(0)
         winding, _ = self._conduct(square * self.resistance, outer)
         # The resistance rises during the period: its mean makes the step exact to second order.
         mean = (self.resistance + self._resistance_at(winding)) / 2
         self.winding, self.housing = self._conduct(square * mean, outer)
-        self.limited, self._held_back = self._held_back / len(currents), np.zeros_like(self.limited)
+        self.limited = self._held_back / len(currents)
+        self._held_back[:] = 0.0
         self._update()
 
     def _conduct(self, inner: Array, outer: Array) -> tuple[Array, Array]:
         """Temperatures of windings and housings after a period of heat (n, wheels) in W into each."""
-        winding, housing = self.winding - self._ambient, self.housing - self._ambient
-        (a, b), (c, d), (e, f), (g, h) = np.moveaxis(self._conduction, 0, 1)
-        return (
-            self._ambient + (a * winding + c * housing + e * inner + g * outer),
-            self._ambient + (b * winding + d * housing + f * inner + h * outer),
-        )
+        now = self.winding - self._ambient, self.housing - self._ambient, inner, outer
+        winding, housing = (self._ambient + laws.conducted(solution, *now) for solution in self._conduction)
+        return winding, housing
 
     def _resistance_at(self, winding: Array) -> Array:
-        return self._cold_resistance * (1 + self._copper * (winding - REFERENCE_C))
+        return laws.at_temperature(self._cold_resistance, self._copper, winding)
 
     def _update(self) -> None:
-        self.resistance = self._resistance_at(self.winding)
-        self.constant = self._cold_constant * (1 + self._magnet * (self.housing - REFERENCE_C))
-        self._speed_constant = self.constant * self._gear
+        self.resistance[:] = self._resistance_at(self.winding)
+        self.constant = laws.at_temperature(self._cold_constant, self._magnet, self.housing)
+        self._speed_constant[:] = self.constant * self._gear
 
 
 def _conduction(s: MotorSettings, period: float) -> Array:

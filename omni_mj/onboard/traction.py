@@ -32,12 +32,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from omni_control.kinematics import Array, Kinematics
+from omni_mj.onboard import arrays, laws
+from omni_mj.onboard.arrays import TractionArrays
 from omni_mj.onboard.carpet import Carpet
 from omni_mj.scenarios.settings import Settings, column
 
 EVERY = 4  # cycles of the wheel loops
-AT_REST_M_S = 0.01  # below it, dry drag fades, and a robot comes to rest
-LEAST_LOAD_N = 1e-3  # of a wheel in the air
 
 
 class Traction:
@@ -57,6 +57,7 @@ class Traction:
         centre: of mass of the chassis, as given, (n, 3) m; what a robot carries may move it.
         limit: highest dry friction of the slip hinges at the last load, (n, W) N m.
         impedance: of the slip hinges' friction constraints, (n, W); MuJoCo keeps it within 0.0001 and 0.9999.
+        block: state (see `arrays.rims`).
         wrench: force and torque of the drag on the chassis, world frame, (n, 6) N and N m.
     """
 
@@ -74,14 +75,15 @@ class Traction:
         drive = [s.drive for s in settings]
         self._outward = np.exp(1j * kinematics.azimuths)
         self._inward, self._turning = self._outward.conj(), 1j * kinematics.arm
-        self.carpet, self._grip = Carpet([s.carpet for s in settings], kinematics.arm * self._outward), grip
-        self.centre, self._arm = np.broadcast_to(centre, (shape[0], 3)), kinematics.arm
-        self._radius, self._bearing = kinematics.radius - wear, column(drive, "roller_friction")
-        stiffness = column(drive, "creep_stiffness")
+        self.carpet = Carpet([s.carpet for s in settings], kinematics.arm * self._outward)
+        self.centre, self._arm = centre * np.ones((shape[0], 3)), kinematics.arm
+        self._grip, self._radius = grip * np.ones(shape), (kinematics.radius - wear) * np.ones(shape)
+        self._bearing, stiffness = column(drive, "roller_friction"), column(drive, "creep_stiffness")
         self._creep = 1 / (timestep * self._radius**2 * stiffness * inverse_inertia)
-        self.limit, self.impedance = np.zeros(shape), np.ones(shape)
+        self.block = np.zeros((4, *shape))
+        self._softness, self._rim_friction, self.limit, self.impedance = arrays.rims(self.block)
+        self.impedance[:] = 1.0
         self.wrench = np.zeros((shape[0], 6))
-        self._softness, self._rim_friction = np.zeros((2, *shape))
 
     def travel(self, position: Array, quaternion: Array, velocity: Array, load: Array) -> None:
         """Look at where robots are and go: carpet, drag, and how fast wheels travel.
@@ -97,11 +99,8 @@ class Traction:
         heading = (quaternion[:, 0] + 1j * quaternion[:, 3]) ** 2
         body = (velocity[:, 0] + 1j * velocity[:, 1]) * heading.conj()
         wheel = body[:, None] * self._inward + self._turning * velocity[:, 5:6]
-        speed, axle = np.abs(wheel), wheel.real
         friction = self.carpet.friction(position, heading) * self._grip
-        bearing = np.minimum(self._bearing, friction)  # on ice, rollers slide before they turn
-        held = bearing / np.maximum(np.abs(axle), AT_REST_M_S) * axle
-        direction = wheel / np.maximum(speed, AT_REST_M_S)
+        speed, direction, held = laws.rolled(wheel, self._bearing, friction)
         drag = load * (self.carpet.pile(direction, heading) * direction + held)
         force = -(drag * self._outward).sum(1)  # a matrix product would round by the number of rows
         world = force * heading
@@ -110,11 +109,26 @@ class Traction:
         wrench[:, 0], wrench[:, 1] = world.real, world.imag
         wrench[:, 3], wrench[:, 4] = height * world.imag, -height * world.real
         wrench[:, 5] = -self._arm * drag.imag.sum(1) - x * force.imag + y * force.real
-        self._softness = self._creep * speed
-        self._rim_friction = np.sqrt(np.maximum(friction**2 - held * held, 0.0)) * self._radius
+        self._softness[:] = self._creep * speed
+        self._rim_friction[:] = laws.left_for_the_rim(friction, held, self._radius)
+
+    def arrays(self) -> TractionArrays:
+        """What a compiled loop reads and writes until the centre or the carpet changes."""
+        return TractionArrays(
+            outward=self._outward,
+            arm=self._arm,
+            centre=self.centre,
+            carpet=self.carpet.arrays(),
+            grip=self._grip,
+            bearing=self._bearing,
+            radius=self._radius,
+            creep=self._creep,
+            rims=arrays.rims(self.block),
+            wrench=self.wrench,
+        )
 
     def press(self, load: Array) -> None:
         """Find limit and creep of the wheels under a load (n, W) in N."""
-        pressed = np.maximum(load, LEAST_LOAD_N)
+        pressed = laws.pressed(load)
         np.multiply(self._rim_friction, pressed, out=self.limit)
         np.divide(pressed, pressed + self._softness, out=self.impedance)

@@ -11,12 +11,14 @@ from mujoco.batch import Batch
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_mj.link.noise import Noise, Stream
 from omni_mj.link.radio import Received
+from omni_mj.onboard import kernel
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.motor import Motor
 from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import EVERY, Traction
 from omni_mj.plants import Telemetry, batches
+from omni_mj.plants.between import Between
 from omni_mj.plants.bound import Bound
 from omni_mj.plants.faults import Faults
 from omni_mj.plants.variation import Drawn
@@ -26,6 +28,7 @@ from omni_mj.worlds import build
 from omni_mj.worlds.columns import Columns
 from omni_mj.worlds.wheels import contact_slip
 
+THREADED = 16  # robots from which several threads gain more in a step than they lose by meeting at its end
 TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2  # of the quaternion's x^2 + y^2: tilted by more than 45 degrees
 # MuJoCo resets an unstable simulation silently after one of these.
 _UNSTABLE = {
@@ -42,7 +45,7 @@ class MujocoPlant:
         rows: of all robots, those of one world one after the other by their places; every world has as many. What
             their models are made of (`Shape`) and the physics must be the same for all.
         start: poses at the start, (n, 3).
-        threads: of the physics; all cores by default. Results do not depend on it.
+        threads: of the physics. Results do not depend on it. [one below 16 robots, else as many as cores]
         hulls: whether robots meet each other and the walls. [if a world has several; where they start is then checked]
 
     Attributes:
@@ -61,13 +64,17 @@ class MujocoPlant:
     ) -> None:
         settings, places = [row.settings for row in rows], batches.places(rows)
         batches.check(rows)
+        kernel.check(settings[0].physics.kernel)
         self._world = world = build.world(settings[0], places, hulls=hulls)
         self.cycles, self._substeps = round(PERIOD_S / build.CYCLE_S), settings[0].physics.substeps
         model = copy.copy(world.model)
         model.actuator_ctrllimited[:] = 0  # the battery limits, also where braking motors lift its voltage
         n, worlds = len(rows), len(rows) // places
         self._places = places
-        self._batch = Batch(model, worlds, threads or min(worlds, os.cpu_count() or 1))
+        if threads is None:
+            threads = 1 if n < THREADED else os.cpu_count() or 1
+        self._batch = Batch(model, worlds, min(threads, worlds))
+        self._warnings = self._batch.warning[:, min(map(int, _UNSTABLE)) : max(map(int, _UNSTABLE)) + 1, 1]
         self.geometry: Kinematics | None = world.kinematics
         self._creeps = world.robots[0].slip_dofs.size > 0
         self.drawn = Drawn.of(rows)
@@ -102,9 +109,14 @@ class MujocoPlant:
             self._faults = Faults(rows, self._batch, world, self._traction, self._motors)
         self._battery = Battery([s.battery for s in settings])
         self._firmware = Firmware(settings, world.kinematics, self._heading, build.CYCLE_S, PERIOD_S)
-        self._speeds, self._voltages, self.currents = np.zeros((3, self.cycles, n, wheels))
+        self._speeds, self._voltages, self.currents = recorded = np.zeros((3, self.cycles, n, wheels))
         self._supplies = np.zeros((self.cycles, n, 1))  # the battery's voltage of each step
         self._held: Array | None = None
+        self._between: Between | None = None
+        if settings[0].physics.kernel == "numba":
+            onboard = self._firmware, self._motors, self._battery, self._traction
+            sensed = self._angles, self._turn_rates
+            self._between = Between(self._batch, world, onboard, sensed, (recorded, self._supplies))
         self._cycle, self._heard = 0, (np.full(n, np.nan), np.zeros(n, int))
 
     def pose(self) -> Array:
@@ -131,12 +143,37 @@ class MujocoPlant:
         Returns:
             As `advance`, at the end of a frame; nothing within one.
         """
-        k, motors, battery, traction = self._cycle, self._motors, self._battery, self._traction
-        at, slips = self._at, self._at.slips
+        k = self._cycle
         if received is not None:
             self._obey(received)
         if k == 0:
             self._begin()
+        between = self._between
+        if between is None:
+            self._pass(k)
+        else:
+            self._pass_compiled(k, between)
+        self._cycle = (k + 1) % self.cycles
+        if self._cycle:
+            return {}
+        if between is None:
+            self._motors.warm(self.currents, self._speeds)
+            self._battery.discharge(PERIOD_S)
+        else:
+            between.end(PERIOD_S)
+        return self._check()
+
+    def _pass_compiled(self, k: int, between: Between) -> None:
+        """As `_pass`, by compiled loops."""
+        between.before(k, self._gyro_error, self._push, self._failed, self._held)
+        for substep in range(self._substeps):
+            self._batch.step(self._living)
+            between.after(k, substep == 0, substep == self._substeps - 1)
+
+    def _pass(self, k: int) -> None:
+        """Let the wheel loops run, and physics until they do again, in the cycle `k` of a frame."""
+        at, slips = self._at, self._at.slips
+        motors, battery, traction = self._motors, self._battery, self._traction
         duty = self._firmware.duties(self._turn_rates + self._gyro_error, self._angles)
         if self._held is not None:
             self._hold(duty, self._held)
@@ -160,12 +197,6 @@ class MujocoPlant:
             if at.handover is not None:
                 at.handover()
         battery.load(self._voltages[k], self.currents[k])
-        self._cycle = (k + 1) % self.cycles
-        if self._cycle:
-            return {}
-        motors.warm(self.currents, self._speeds)
-        battery.discharge(PERIOD_S)
-        return self._check()
 
     def _obey(self, received: Received) -> None:
         """Take over commands, and keep vision's headings until the next frame begins."""
@@ -211,10 +242,10 @@ class MujocoPlant:
             duty_peak=np.minimum(duties, 1.0).max((0, 2)),
             voltage_peak=voltages.max((0, 2)),
             current_peak=np.abs(self.currents).max((0, 2)),
-            current_limited=self._motors.limited,
-            winding=self._motors.winding,
-            housing=self._motors.housing,
-            battery=self._battery.voltage,
+            current_limited=self._motors.limited.copy(),
+            winding=self._motors.winding.copy(),
+            housing=self._motors.housing.copy(),
+            battery=self._battery.voltage.copy(),
             slip=self._slip(),
         )
 
@@ -270,8 +301,7 @@ class MujocoPlant:
     def _check(self) -> dict[int, str]:
         """Find what has failed, stop it, and read the headings of the others."""
         causes: dict[int, str] = {}
-        warned = self._batch.warning[:, list(map(int, _UNSTABLE)), 1].any()
-        for warning, meaning in _UNSTABLE.items() if warned else ():
+        for warning, meaning in _UNSTABLE.items() if self._warnings.any() else ():
             broken = np.repeat(self._batch.warning[:, warning, 1] > 0, self._places) & ~self._failed
             text = f"became unstable: {meaning} (MuJoCo warning {mujoco.mjtWarning(warning).name})"
             causes |= {int(row): text for row in np.flatnonzero(broken) if int(row) not in causes}

@@ -1,0 +1,84 @@
+"""What reckons between physics steps: numpy, with all robots at once, or loops over robots that numba compiles."""
+
+import hashlib
+import importlib.util
+import os
+import sys
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Any
+
+from omni_control.errors import OmniError
+
+
+def check(kernel: str) -> None:
+    """See that what a kernel needs is installed.
+
+    Raises:
+        OmniError: it is not.
+    """
+    if kernel == "numba" and importlib.util.find_spec("numba") is None:
+        raise OmniError(
+            "physics.kernel = numba needs the package numba, which is not installed: pip install 'omni-mj[fast]'; or "
+            "take physics.kernel = numpy"
+        )
+
+
+@cache
+def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:
+    """A loop, compiled by numba, with all functions of ours that it calls, when it is first called with its types.
+
+    Machine code is kept for the next process, in a folder that is named after the sources: numba itself looks at the
+    loop's own file only. No fast maths: what numba compiles rounds as written.
+
+    Raises:
+        OmniError: numba is not installed.
+    """
+    check("numba")
+    import numba
+    from numba.extending import register_jitable
+
+    config: Any = numba.config
+    functions = list(_ours(loop, {loop}))
+    for function in functions:
+        if function not in _REGISTERED:
+            register_jitable(function)
+            _REGISTERED.add(function)
+    sources = sorted({str(function.__code__.co_filename) for function in [loop, *functions]})
+    digest = hashlib.sha256(b"".join(Path(source).read_bytes() for source in sources)).hexdigest()
+    kept = config.CACHE_DIR
+    config.CACHE_DIR = str(Path(kept or _cache()) / digest[:16])
+    try:
+        return numba.njit(cache=True, error_model="numpy")(loop)
+    finally:
+        config.CACHE_DIR = kept
+
+
+_REGISTERED: set[Any] = set()
+
+
+def _ours(function: Any, known: set[Any]) -> Iterator[Any]:
+    """The functions of this package that a function calls, and those that they call, each once."""
+    names, scope = function.__code__.co_names, function.__globals__
+    found = [scope[name] for name in names if name in scope]
+    found += [
+        getattr(each, name) for each in found if isinstance(each, ModuleType) for name in names if hasattr(each, name)
+    ]
+    for each in found:
+        if isinstance(each, FunctionType) and each.__module__.startswith("omni_mj.") and each not in known:
+            known.add(each)
+            yield each
+            yield from _ours(each, known)
+
+
+def _cache() -> Path:
+    """Where this system keeps what can be made again."""
+    if sys.platform == "win32":
+        home = os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        home = Path.home() / "Library" / "Caches"
+    else:
+        home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(home) / "omni-mj" / "numba"

@@ -1,0 +1,170 @@
+"""The two kernels: loops over robots that numba compiles reckon by the laws that numpy does."""
+
+import sys
+
+import numpy as np
+import pytest
+from driving import drive, mujoco, with_settings
+from hypothesis import given
+from hypothesis import strategies as st
+from laws import LAW
+
+from omni_control.errors import OmniError
+from omni_control.kinematics import Kinematics
+from omni_mj.link.radio import Received
+from omni_mj.onboard import by_robot, kernel
+from omni_mj.onboard.battery import Battery
+from omni_mj.onboard.firmware import Firmware
+from omni_mj.onboard.motors import Motors
+from omni_mj.onboard.traction import Traction
+from omni_mj.scenarios import scenario
+from omni_mj.scenarios.settings import Settings
+from omni_mj.simulate.simulation import Simulation
+
+KINEMATICS = Kinematics(np.radians([60, 135, 225, 300]), 0.083, 0.0285)
+CYCLE_S, PERIOD_S = 1 / 960, 1 / 60
+# Either kernel rounds each operation to 1.1e-16 of it. Some hundred of them, with differences of numbers 10 times as
+# large as what is left, come to 1e-13.
+ROUNDING = 1e-12
+OTHER = with_settings(
+    firmware={"ki": 3.0, "kd": 2e-3, "rate_hz": 320, "derate": True, "timeout_s": 4 * CYCLE_S, "current_limit_a": 3.0},
+    carpet={"nap": 0.4, "nap_deg": 70.0, "patches": [[0.2, 0.1, 0.15, 0.3]]},
+    battery={"charge": 0.06},
+    motor={"winding_c": 120.0},
+)
+
+
+class Robots:
+    """What is on robots with the default settings and with others in turn."""
+
+    def __init__(self, n: int) -> None:
+        settings = [(Settings(), OTHER)[i % 2] for i in range(n)]
+        limits = np.array([[s.firmware.current_limit_a] for s in settings])
+        self.firmware = Firmware(settings, KINEMATICS, np.linspace(-3, 3, n), CYCLE_S, PERIOD_S)
+        self.motors = Motors([s.motor for s in settings], 4, PERIOD_S, limits)
+        self.battery = Battery([s.battery for s in settings])
+        self.traction = Traction(settings, KINEMATICS, np.array([0.003, -0.001, 0.04]), np.full(4, 8e4), CYCLE_S)
+
+
+def numbers(n: int, seed: int) -> dict[str, np.ndarray]:
+    """What n robots meet in 8 cycles."""
+    rng = np.random.default_rng(seed)
+    return {
+        "command": rng.normal(0, 2, (n, 3)),
+        "rims": np.where(rng.random((n, 4)) < 0.2, rng.normal(0, 2, (n, 4)), np.nan),
+        "body": rng.random(n) < 0.3,
+        "gyro": rng.normal(0, 5, (8, n)),
+        "angle": rng.normal(0, 0.1, (8, n, 4)).cumsum(0),
+        "speed": rng.normal(0, 40, (8, n, 4)),
+        "load": np.maximum(rng.normal(4, 4, (8, n, 4)), 0),
+        "position": rng.uniform(-0.3, 0.5, (n, 3)),
+        "velocity": rng.normal(0, 2, (n, 6)),
+    }
+
+
+@LAW
+@given(n=st.integers(1, 5), seed=st.integers(0, 10_000))
+def test_robot_by_robot_is_as_all_at_once(n: int, seed: int) -> None:
+    """The loops as plain Python against the classes, after each of two frames of 8 cycles."""
+    one, other, met = Robots(n), Robots(n), numbers(n, seed)
+    heading = np.linspace(-2, 2, n)
+    quaternion = np.column_stack([np.cos(heading / 2), np.zeros((n, 2)), np.sin(heading / 2)])
+    received = Received(met["command"], heading, np.zeros(n, int), np.arange(n) % 2 == 0, met["body"], met["rims"])
+    for _ in range(2):
+        volts, amperes = np.zeros((2, 2, 8, n, 4))
+        for robots in (one, other):
+            robots.firmware.receive(received, robots.motors.winding)
+        f, m, b, t = (each.arrays() for each in (other.firmware, other.motors, other.battery, other.traction))
+        for k in range(8):
+            duty = one.firmware.duties(met["gyro"][k], met["angle"][k])
+            wanted = duty * one.battery.voltage[:, None]
+            volts[0, k], amperes[0, k], _ = one.motors.drive(wanted, met["speed"][k])
+            one.traction.travel(met["position"], quaternion, met["velocity"], met["load"][k])
+            one.traction.press(met["load"][k])
+            one.battery.load(volts[0, k], amperes[0, k])
+            for i in range(n):
+                by_robot.control(i, other.firmware.cycle, f, met["gyro"][k, i], met["angle"][k])
+                volts[1, k, i] = f.held[i] * b.voltage[i]
+                by_robot.drive(i, m, met["speed"][k], volts[1, k], amperes[1, k])
+                at, velocity = complex(*met["position"][i, :2]), complex(*met["velocity"][i, :2])
+                way = complex(np.cos(heading[i]), np.sin(heading[i]))
+                by_robot.travel(i, t, at, way, velocity, met["velocity"][i, 5], met["load"][k])
+                by_robot.press(i, t.rims, met["load"][k])
+                by_robot.load(i, b, volts[1, k], amperes[1, k])
+            other.firmware.cycle += 1
+            np.testing.assert_allclose(f.held, duty, rtol=0, atol=ROUNDING)
+        one.motors.warm(amperes[0], met["speed"])
+        one.battery.discharge(PERIOD_S)
+        heat, charge = other.motors.heat_arrays(), other.battery.charge_arrays()
+        for i in range(n):
+            by_robot.warm(i, m, heat, amperes[1], met["speed"])
+            by_robot.discharge(i, b, charge, PERIOD_S)
+    for numpys, loops in (
+        (one.firmware.estimate.heading, other.firmware.estimate.heading),
+        (volts[0], volts[1]),
+        (amperes[0], amperes[1]),
+        (one.traction.wrench, other.traction.wrench),
+        (one.traction.block, other.traction.block),
+        (one.battery.block, other.battery.block),
+        (one.battery.charge, other.battery.charge),
+        (one.motors.block, other.motors.block),
+        (one.motors.winding, other.motors.winding),
+        (one.motors.housing, other.motors.housing),
+        (one.motors.limited, other.motors.limited),
+    ):
+        np.testing.assert_allclose(loops, numpys, rtol=ROUNDING, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("wheels", ["rollers", "two-rollers"])
+def test_the_kernels_drive_the_same_run(wheels: str) -> None:
+    """A loop with a controller, full wheels and two rollers, two robots of a world.
+
+    Rounding moves rollers in contact by 1e-13 m in two seconds. Where it moves an encoder's count into the next cycle,
+    a wheel misses 0.3 rad/s for 1 ms, and the robot 1e-6 m: allowed, 10 times.
+    """
+    more = [
+        f"wheels.model={wheels}",
+        "reference.waypoints=[[0, 0], [0.3, 0.2]]",
+        "reference.settle_s=0.1",
+        "world.places=[[0, 0], [0, 1]]",
+    ]
+    logs = []
+    for name in ("numpy", "numba"):
+        chosen = scenario.load("rect", [*more, f"physics.kernel={name}"], {"seeds": 1, "controllers": ("comp-flc",)})
+        logs.append(Simulation(chosen).run())
+    numpys, loops = (log.channel("pose") for log in logs)
+    np.testing.assert_allclose(loops, numpys, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(*(log.channel("winding") for log in logs), rtol=1e-6)
+    np.testing.assert_allclose(*(log.channel("battery") for log in logs), rtol=1e-3)
+
+
+def test_neither_threads_nor_the_batch_change_a_bit_of_the_compiled_loops() -> None:
+    settings, seeds = with_settings(disturbance={"force_n": 10.0}, physics={"kernel": "numba"}), [3, 1, 4]
+    start = np.array([[0, 0, 0.3], [1, 0, -2], [0, 2, 1.0]])
+    commands = np.random.default_rng(1).normal(scale=1.5, size=(8, 3, 3))
+    serial = drive(mujoco([settings] * 3, start, seeds, threads=1), commands)
+    np.testing.assert_array_equal(drive(mujoco([settings] * 3, start, seeds, threads=3), commands), serial)
+    for row in range(3):
+        alone = drive(mujoco([settings], start[[row]], [seeds[row]]), commands[:, [row]])
+        np.testing.assert_array_equal(alone, serial[:, [row]])
+
+
+def test_currents_that_drivers_hold_are_held_by_both() -> None:
+    """Of one wheel; the others are the firmware's."""
+    held, seen = np.array([[1.5, np.nan, np.nan, np.nan]]), []
+    for name in ("numpy", "numba"):
+        plant = mujoco([with_settings(physics={"kernel": name})])
+        plant.hold(held)
+        drive(plant, np.zeros((3, 1, 3)))
+        seen.append(plant.currents.copy())
+    np.testing.assert_allclose(seen[1], seen[0], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(seen[1][..., 0], 1.5, rtol=1e-9)
+
+
+def test_without_numba_its_kernel_is_refused_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "numba", None)
+    kernel.check("numpy")
+    settings = with_settings(physics={"kernel": "numba"})
+    with pytest.raises(OmniError, match=r"physics.kernel = numba needs .* pip install 'omni-mj\[fast\]'") as error:
+        mujoco([settings])
+    assert "\n" not in str(error.value)
