@@ -105,10 +105,18 @@ class Bodies:
         """Loads (n, W) in N while forces on the ground tilt robots back with moments (n, 1) N m, ahead and aside."""
         return self.load - ahead * self._ahead - aside * self._aside
 
+    def warped(self, lift: Array) -> Array:
+        """What is left of loads (n, W) in N that wheels want to carry more: that which no tilt of the robot evens out."""
+        rest = lift - self._share[:, 0] * lift.sum(1, keepdims=True)
+        rest -= self._ahead * (self._at.real * lift).sum(1, keepdims=True)
+        rest -= self._aside * (self._at.imag * lift).sum(1, keepdims=True)
+        return rest
+
     def _stand(self) -> None:
         x, y = self.whole.centre[:, 0], self.whole.centre[:, 1]
         at = self._contacts - (x + 1j * y)[:, None]
+        self._at = at
         sums = np.stack([np.ones_like(at.real), at.real, at.imag], axis=1)
-        share = np.linalg.solve((sums[:, :, None] * sums[:, None]).sum(-1), sums)
+        self._share = share = np.linalg.solve((sums[:, :, None] * sums[:, None]).sum(-1), sums)
         self.load = share[:, 0] * (self.whole.mass * self._into)[:, None]
         self._ahead, self._aside = share[:, 1], share[:, 2]

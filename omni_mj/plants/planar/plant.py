@@ -20,10 +20,9 @@ from omni_mj.plants.variation import Drawn
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, column
 from omni_mj.worlds import build
+from omni_mj.worlds.contact import ADDED_MASS_KG, DAMPING_RATIO, STIFFNESS_N_M
 
 STUCK_1_S = 400.0  # rate at which a hub comes to rest that its dry friction holds (models/ssl_robot.xml)
-ROLLING = 0.0045  # of the load: what contacts' dampers take of a wheel that rolls
-ROLLS_RAD_S = 10.0
 PASSES = 3
 
 
@@ -40,7 +39,8 @@ class PlanarPlant:
         drive, motors = [s.drive for s in settings], [Motor.of(s.motor) for s in settings]
         self._outward = np.exp(1j * kin.azimuths)
         self._radius = kin.radius - self.drawn.wear
-        stand = Standing.of(settings[0].wheels, b.load)
+        damping = 2 * DAMPING_RATIO * np.sqrt(STIFFNESS_N_M * (settings[0].body.mass_kg / wheels + ADDED_MASS_KG))
+        self._stand = stand = Standing.of(settings[0].wheels, b.load, damping)
         self._lever = stand.lever - self.drawn.wear
         roller = settings[0].wheels.roller_radius_m
         self._bearing = column(drive, "roller_damping_nm_s") / roller**2 * stand.count
@@ -131,7 +131,9 @@ class PlanarPlant:
         body = (twist[:, 0] + 1j * twist[:, 1]) * heading.conj()
         axle = (body[:, None] * self._outward.conj()).real
         aside = -(self._bearing + self._spin_up * np.abs(self._speed)) * axle
-        along = -ROLLING * self._load * self._speed / np.maximum(np.abs(self._speed), ROLLS_RAD_S)
+        spin, stand = np.abs(self._speed), self._stand
+        along = -stand.cost * self._speed / (1 + stand.cost_fades * spin) / self._lever
+        self._lift = self._bodies.warped(stand.lift * spin**2 / (1 + stand.lift_fades * spin))
         force = (aside + 1j * along) * self._outward
         at = self.geometry.arm * self._outward - self._shift[:, None]
         drag = (traction.wrench[:, 0] + 1j * traction.wrench[:, 1]) * heading.conj() + force.sum(1)
@@ -195,7 +197,7 @@ class PlanarPlant:
         pulled = (torque[..., None] * self._r[..., :2]).sum(1)
         self._load = np.maximum(self._bodies.pressed(
             (height * (pulled[:, 0] + self._ground.real))[:, None], (height * (pulled[:, 1] + self._ground.imag))[:, None]
-        ), 0.0)
+        ) + self._lift, 0.0)
 
     def telemetry(self) -> Telemetry:
         voltages, supplies = np.abs(self._voltages), self._supplies
