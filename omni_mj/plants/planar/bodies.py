@@ -20,13 +20,12 @@ class Mass(NamedTuple):
     centre: Array
     inertia: Array
 
-    def __add__(self, other: "Mass") -> "Mass":  # type: ignore[override]
+    def joined(self, other: "Mass") -> "Mass":
         """Both together: about the common centre two bodies turn as their reduced mass does at their distance."""
         mass = self.mass + other.mass
         centre = (self.mass[:, None] * self.centre + other.mass[:, None] * other.centre) / mass[:, None]
-        reduced = self.mass * other.mass / mass
         apart = ((self.centre - other.centre)[:, :2] ** 2).sum(1)
-        return Mass(mass, centre, self.inertia + other.inertia + reduced * apart)
+        return Mass(mass, centre, self.inertia + other.inertia + self.mass * other.mass / mass * apart)
 
 
 class Bodies:
@@ -46,8 +45,10 @@ class Bodies:
         hub: inertia of each hub with its motor about the axle, (n, 1) kg m^2.
         rim: of a rim with its rollers, kg m^2.
         roller: of a roller about its own axis, kg m^2.
-        downhill: acceleration along the carpet, world frame, (n, 2) m/s^2.
-        load: of each wheel at rest, (n, W) N.
+        downhill: force along the carpet, world frame, (n,) N.
+        contacts: where wheels touch, from the centres of mass, (n, W) m, as complex numbers.
+        weight: load of each wheel at rest, (n, W) N.
+        even, ahead, aside: see `arrays.Robots`.
 
     Raises:
         OmniError: the wheels weigh more than a robot.
@@ -71,11 +72,11 @@ class Bodies:
             raise OmniError(f"body.mass_kg must be more than the {rest:.3f} kg of the wheels, not {mass.min():g}")
         given = Mass(mass, np.column_stack([ahead, np.zeros(n), height]), column(body, "yaw_inertia_kg_m2")[:, 0])
         wheels = Mass(np.full(n, rest), np.tile(around, (n, 1)), np.full(n, own[2, 2]))
-        left = given + Mass(-wheels.mass, wheels.centre, -wheels.inertia)
+        left = given.joined(Mass(-wheels.mass, wheels.centre, -wheels.inertia))
         shift, factor = np.column_stack([drawn.centre, np.zeros(n)]), drawn.mass[:, 0]
         self.chassis = Mass(left.mass * factor, left.centre + shift, left.inertia * factor)
-        self._empty = self.chassis + wheels
-        self._into, self.downhill = np.full(n, self._gravity), np.zeros((n, 2))
+        self._empty = self.chassis.joined(wheels)
+        self._along = np.zeros(n, complex)
         self.carry(())
 
     def carry(self, loads: Iterable[tuple[int, float, float]]) -> Array:
@@ -89,34 +90,23 @@ class Bodies:
         """
         self.whole = self._empty
         for row, mass, height in loads:
-            more, at = np.zeros(len(self._into)), self.chassis.centre.copy()
+            more, at = np.zeros(len(self._along)), self.chassis.centre.copy()
             more[row], at[row, 2] = mass, height or at[row, 2]
-            self.whole = self.whole + Mass(more, at, np.zeros_like(more))
+            self.whole = self.whole.joined(Mass(more, at, np.zeros_like(more)))
         self._stand()
         return self.whole.centre
 
     def lean(self, along: Array) -> None:
         """Stand on carpets that lean so that gravity has the parts `along` (n, 2) of itself along them."""
-        self._into = self._gravity * np.sqrt(np.maximum(1 - (along**2).sum(1), 0.0))
-        self.downhill = self._gravity * along
+        self._along = along[:, 0] + 1j * along[:, 1]
         self._stand()
 
-    def pressed(self, ahead: Array, aside: Array) -> Array:
-        """Loads (n, W) in N while forces on the ground tilt robots back with moments (n, 1) N m, ahead and aside."""
-        return self.load - ahead * self._ahead - aside * self._aside
-
-    def warped(self, lift: Array) -> Array:
-        """What is left of loads (n, W) in N that wheels want to carry more: that which no tilt of the robot evens out."""
-        rest = lift - self._share[:, 0] * lift.sum(1, keepdims=True)
-        rest -= self._ahead * (self._at.real * lift).sum(1, keepdims=True)
-        rest -= self._aside * (self._at.imag * lift).sum(1, keepdims=True)
-        return rest
-
     def _stand(self) -> None:
-        x, y = self.whole.centre[:, 0], self.whole.centre[:, 1]
-        at = self._contacts - (x + 1j * y)[:, None]
-        self._at = at
-        sums = np.stack([np.ones_like(at.real), at.real, at.imag], axis=1)
-        self._share = share = np.linalg.solve((sums[:, :, None] * sums[:, None]).sum(-1), sums)
-        self.load = share[:, 0] * (self.whole.mass * self._into)[:, None]
-        self._ahead, self._aside = share[:, 1], share[:, 2]
+        self.contacts = self._contacts - (self.whole.centre[:, 0] + 1j * self.whole.centre[:, 1])[:, None]
+        sums = np.stack([np.ones(self.contacts.shape), self.contacts.real, self.contacts.imag], axis=1)
+        shares = np.linalg.solve((sums[:, :, None] * sums[:, None]).sum(-1), sums)
+        self.even, self.ahead, self.aside = np.moveaxis(shares, 1, 0)
+        weight = self.whole.mass * self._gravity
+        self.downhill = weight * self._along
+        into = np.sqrt(np.maximum(1 - np.abs(self._along) ** 2, 0.0))
+        self.weight = self.even * (weight * into)[:, None]

@@ -10,57 +10,63 @@ from omni_mj.link.noise import Noise, Stream
 from omni_mj.link.radio import Received
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
-from omni_mj.onboard.motor import Motor
 from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import EVERY, Traction
 from omni_mj.plants import Telemetry
+from omni_mj.plants.faults import Faults
+from omni_mj.plants.planar import cycle, wheels
+from omni_mj.plants.planar.arrays import Motion
 from omni_mj.plants.planar.bodies import Bodies
-from omni_mj.plants.planar.rollers import Standing
 from omni_mj.plants.variation import Drawn
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, column
 from omni_mj.worlds import build
-from omni_mj.worlds.contact import ADDED_MASS_KG, DAMPING_RATIO, STIFFNESS_N_M
-
-STUCK_1_S = 400.0  # rate at which a hub comes to rest that its dry friction holds (models/ssl_robot.xml)
-PASSES = 3
 
 
 class PlanarPlant:
+    """Robots with roller wheels on carpet, each alone in its world, without a contact solver.
+
+    Args:
+        rows: of the robots; all must have the same wheels.
+        start: poses at the start, (n, 3).
+
+    Attributes:
+        geometry: of the wheels, as they are when new.
+        drawn: what the robots' seeds drew for them.
+        cycles: of the wheel loops in a frame.
+        currents: of the motors in each cycle of the frame just past, (cycles, n, wheels) A.
+
+    Raises:
+        OmniError: rows that this plant cannot hold: robots that share a world, or differ in their wheels, a model of a
+            user's own, wheels without creep, or a robot lighter than its wheels.
+    """
+
     def __init__(self, rows: Sequence[Row], start: Array) -> None:
+        _check(rows)
         settings, n = [row.settings for row in rows], len(rows)
         world = build.world(settings[0])
-        self.geometry: Kinematics | None = world.kinematics
-        kin = world.kinematics
-        wheels = len(kin.azimuths)
-        self.cycles, self._h = round(PERIOD_S / build.CYCLE_S), build.CYCLE_S
+        geometry = world.kinematics
+        self.geometry: Kinematics | None = geometry
+        count, self.cycles = len(geometry.azimuths), round(PERIOD_S / build.CYCLE_S)
         self.drawn = Drawn.of(rows)
-        self._bodies = b = Bodies(settings, self.drawn, world)
-        drive, motors = [s.drive for s in settings], [Motor.of(s.motor) for s in settings]
-        self._outward = np.exp(1j * kin.azimuths)
-        self._radius = kin.radius - self.drawn.wear
-        damping = 2 * DAMPING_RATIO * np.sqrt(STIFFNESS_N_M * (settings[0].body.mass_kg / wheels + ADDED_MASS_KG))
-        self._stand = stand = Standing.of(settings[0].wheels, b.load, damping)
-        self._lever = stand.lever - self.drawn.wear
-        roller = settings[0].wheels.roller_radius_m
-        self._bearing = column(drive, "roller_damping_nm_s") / roller**2 * stand.count
-        self._spin_up = b.roller / roller**2 * settings[0].wheels.rollers / (2 * np.pi)
-        self._grip = 1 / (45 * 604.8 * stand.count) / self._lever**2
-        self._dry = column(motors, "wheel_dry") + column(drive, "gear_friction_nm")
-        self._viscous = column(motors, "wheel_viscous")
-        self._gear = column(motors, "gear")
-        self._heading = np.array(start[:, 2], float)
-        self._origin = np.array(start[:, :2], float)
-        self._velocity = np.zeros((n, 3))  # of the centre of mass
-        self._angle, self._angles, self._speed, self._torque = np.zeros((4, n, wheels))
-        self._slip = np.zeros((n, wheels))
-        self._turn_rates = np.zeros(n)
-        self._failed = np.zeros(n, bool)
-        self._traction = Traction(
-            settings, kin, b.whole.centre, np.ones(1), self._h, self.drawn.friction, self.drawn.wear
+        self._settings, self._bodies = settings, Bodies(settings, self.drawn, world)
+        bodies = self._bodies
+        self._radius = geometry.radius - self.drawn.wear
+        start = np.array(start, float)
+        heading = np.exp(1j * start[:, 2])
+        self._robots = wheels.robots(settings, geometry, bodies, self.drawn)
+        self._motion = Motion(
+            place=start[:, 0] + 1j * start[:, 1] - self._robots.middle * heading,
+            heading=start[:, 2].copy(),
+            velocity=np.zeros(n, complex),
+            rate=np.zeros(n),
+            **{name: np.zeros((n, count)) for name in ("angle", "speed", "torque", "slip", "raised", "seen_angle")},
+            load=bodies.weight.copy(),
+            seen_rate=np.zeros(n),
+            **{name: np.zeros(n, complex) for name in ("ground", "push", "force", "tilt")},
+            moment=np.zeros(n),
         )
-        self._load = b.load.copy()
-        self._arrange()
+        self._failed = np.zeros(n, bool)
 
         seeds = [row.noise_seed for row in rows]
         self._force = column([s.disturbance for s in settings], "force_n")
@@ -70,141 +76,93 @@ class PlanarPlant:
         self._gyro_bias = column(sensors, "gyro_bias_rad_s") * bias
         self._gyro_sigma = column(sensors, "gyro_noise_rad_s")
         self._gyro_noise = Noise(seeds, Stream.GYRO_NOISE, lambda rng, count: rng.standard_normal((count, 1)))
-        limit = column([s.firmware for s in settings], "current_limit_a")
-        self._motors = Motors([s.motor for s in settings], wheels, PERIOD_S, limit, self.drawn.strength)
-        self._battery = Battery([s.battery for s in settings])
-        self._firmware = Firmware(settings, kin, self._heading, build.CYCLE_S, PERIOD_S)
-        self._speeds, self._voltages, self.currents = np.zeros((3, self.cycles, n, wheels))
-        self._supplies = np.zeros((self.cycles, n, 1))
-        self._held = None
 
-    def _arrange(self) -> None:
-        b = self._bodies
-        x, y = b.whole.centre[:, 0], b.whole.centre[:, 1]
-        self._shift = x + 1j * y
-        tangent = 1j * self._outward
-        at = self.geometry.arm * self._outward - self._shift[:, None]
-        arm = (at.conj() * tangent).imag
-        self._r = np.stack([np.broadcast_to(tangent.real, arm.shape), np.broadcast_to(tangent.imag, arm.shape), arm], -1)
-        self._r = self._r / self._lever[..., None]  # rim's angular speed per twist; twist force per torque
-        self._rr = self._r[..., [0, 0, 0, 1, 1, 2]] * self._r[..., [0, 1, 2, 1, 2, 2]]
-        m, j, z = b.whole.mass, b.whole.inertia, np.zeros(len(x))
-        self._mass = (np.stack([m, z, z, m, z, j], -1) + b.rim * self._rr.sum(1)) / self._h
-        self._give = self._h / b.hub
+        limit = column([s.firmware for s in settings], "current_limit_a")
+        self._motors = Motors([s.motor for s in settings], count, PERIOD_S, limit, self.drawn.strength)
+        self._gear = column([s.motor for s in settings], "gear")
+        self._battery = Battery([s.battery for s in settings])
+        self._firmware = Firmware(settings, geometry, self._motion.heading, build.CYCLE_S, PERIOD_S)
+        # For an inertia of 1, see `laws.soft`.
+        self._traction = Traction(
+            settings, geometry, bodies.whole.centre, np.ones(1), build.CYCLE_S, self.drawn.friction, self.drawn.wear
+        )
+        self._faults: Faults | None = None
+        if any(s.fault for s in settings):
+            self._faults = Faults(rows, self, self._traction, self._motors)
+        self._speeds, self._voltages, self.currents = np.zeros((3, self.cycles, n, count))
+        self._supplies = np.zeros((self.cycles, n, 1))  # the battery's voltage of each step
+        self._held: Array | None = None
 
     def pose(self) -> Array:
-        return np.column_stack([self._origin, self._heading])
+        """See `Plant`."""
+        m = self._motion
+        place = m.place + self._robots.middle * np.exp(1j * m.heading)
+        return np.stack([place.real, place.imag, m.heading], axis=1)
 
     def twist(self) -> Array:
-        shift = self._shift * np.exp(1j * self._heading)
-        v = self._velocity[:, 0] + 1j * self._velocity[:, 1] - 1j * self._velocity[:, 2] * shift
-        return np.column_stack([v.real, v.imag, self._velocity[:, 2]])
+        """See `Plant`."""
+        m = self._motion
+        velocity = m.velocity + 1j * m.rate * self._robots.middle * np.exp(1j * m.heading)
+        return np.stack([velocity.real, velocity.imag, m.rate], axis=1)
 
     def advance(self, received: Received) -> dict[int, str]:
-        motors, battery, firmware, traction = self._motors, self._battery, self._firmware, self._traction
+        """See `Plant`."""
+        motors, battery, firmware, m = self._motors, self._battery, self._firmware, self._motion
         firmware.obey(received)
-        self._push = self._force * self._pushes.next()
+        gyro_bias, push = self._gyro_bias, self._force * self._pushes.next()
+        if self._faults is not None:
+            self._faults.begin()
+            push, gyro_bias = push + self._faults.push, gyro_bias + self._faults.gyro
         firmware.correct(received.heading, received.age, motors.winding)
-        gyro_error = (self._gyro_bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
+        gyro = (gyro_bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
+        pushed = push[:, 0] + 1j * push[:, 1]
+        m.tilt[:], place = 0.0, m.place.copy()
+        robots = self._robots._replace(torque_constant=motors.constant * self._gear)
         for k in range(self.cycles):
-            duty = firmware.duties(self._turn_rates + gyro_error, self._angles)
-            self._speeds[k], self._supplies[k, :, 0] = self._speed, battery.voltage
-            self._voltages[k], self.currents[k], _ = motors.drive(duty * self._supplies[k], self._speed)
-            heading = np.exp(1j * self._heading)
+            duty = firmware.duties(m.seen_rate + gyro, m.seen_angle)
+            if self._held is not None:
+                self._hold(duty, self._held)
+            self._speeds[k], self._supplies[k, :, 0] = m.speed, battery.voltage
+            self._voltages[k], self.currents[k], _ = motors.drive(duty * self._supplies[k], m.speed)
             if k % EVERY == 0:
-                self._drag(heading)
-            traction.press(self._load)
-            self._step(heading, motors.constant * self._gear * self.currents[k])
+                cycle.drag(robots, m, self._traction, pushed, self._bodies.downhill)
+            cycle.move(robots, m, self._traction, robots.torque_constant * self.currents[k])
             battery.load(self._voltages[k], self.currents[k])
         motors.warm(self.currents, self._speeds)
         battery.discharge(PERIOD_S)
-        return {}
+        return self._check_failed(place)
 
-    def _drag(self, heading) -> None:
-        traction, n = self._traction, len(heading)
-        half = self._heading / 2
-        quaternion = np.stack([np.cos(half), np.zeros(n), np.zeros(n), np.sin(half)], 1)
-        twist = self.twist()
-        v6 = np.zeros((n, 6))
-        v6[:, [0, 1, 5]] = twist
-        traction.travel(self._origin, quaternion, v6, self._load)
-        body = (twist[:, 0] + 1j * twist[:, 1]) * heading.conj()
-        axle = (body[:, None] * self._outward.conj()).real
-        aside = -(self._bearing + self._spin_up * np.abs(self._speed)) * axle
-        spin, stand = np.abs(self._speed), self._stand
-        along = -stand.cost * self._speed / (1 + stand.cost_fades * spin) / self._lever
-        self._lift = self._bodies.warped(stand.lift * spin**2 / (1 + stand.lift_fades * spin))
-        force = (aside + 1j * along) * self._outward
-        at = self.geometry.arm * self._outward - self._shift[:, None]
-        drag = (traction.wrench[:, 0] + 1j * traction.wrench[:, 1]) * heading.conj() + force.sum(1)
-        self._ground = drag
-        push = (self._push[:, 0] + 1j * self._push[:, 1]) * heading.conj()
-        total = drag + push
-        arm = self._bodies.chassis.centre - self._bodies.whole.centre
-        moment = traction.wrench[:, 5] + (at.conj() * force).imag.sum(1)
-        moment += arm[:, 0] * push.imag - arm[:, 1] * push.real
-        self._outer = np.stack([total.real, total.imag, moment], -1)
+    def hold(self, current: Array | None) -> None:
+        """See `MujocoPlant.hold`."""
+        self._held = None if current is None or np.isnan(current).all() else np.array(current, float)
 
-    def _step(self, heading, motor) -> None:
-        h, t = self._h, self._traction
-        v = (self._velocity[:, 0] + 1j * self._velocity[:, 1]) * heading.conj()
-        twist = np.stack([v.real, v.imag, self._velocity[:, 2]], -1)
-        give, speed = self._give, self._speed
-        free = speed + give * (motor - self._viscous * speed)
-        rest = (1 - h * STUCK_1_S) * speed
-        needed = (free - rest) / give - self._torque
-        stuck = np.abs(needed) <= self._dry
-        e = np.where(stuck, rest, free - give * np.copysign(self._dry, needed))
-        give = np.where(stuck, 0.0, give)
-        creep = h * (1 - t.impedance) / t.impedance + self._grip
-        y = 1 / (creep + give)
-        pull = np.zeros_like(y)
-        m = self._mass
-        momentum = np.stack([
-            m[:, 0] * twist[:, 0] + m[:, 1] * twist[:, 1] + m[:, 2] * twist[:, 2],
-            m[:, 1] * twist[:, 0] + m[:, 3] * twist[:, 1] + m[:, 4] * twist[:, 2],
-            m[:, 2] * twist[:, 0] + m[:, 4] * twist[:, 1] + m[:, 5] * twist[:, 2]], -1) + self._outer
-        after = _solve(m + (y[..., None] * self._rr).sum(1), momentum + ((y * e)[..., None] * self._r).sum(1))
-        torque = y * (e - (self._r * after[:, None]).sum(-1))
-        limit = t.limit
-        over = np.abs(torque) > limit
-        for _ in range(PASSES):
-            rows = np.flatnonzero(over.any(1))
-            if not len(rows):
-                break
-            y[over] = 0.0
-            pull = np.where(over, np.copysign(limit, torque), pull)
-            after[rows] = _solve(
-                m[rows] + (y[rows][..., None] * self._rr[rows]).sum(1),
-                momentum[rows] + ((y * e + pull)[rows][..., None] * self._r[rows]).sum(1),
-            )
-            torque = np.where(y > 0, y * (e - (self._r * after[:, None]).sum(-1)), pull)
-            over = (np.abs(torque) > limit) & (y > 0)
-        torque = np.minimum(np.maximum(torque, -limit), limit)
-        self._torque = torque
-        self._angles, self._turn_rates = self._angle, self._velocity[:, 2]
-        self._speed = e - give * torque
-        self._angle = self._angle + h * self._speed
-        rims = (self._r * after[:, None]).sum(-1)
-        self._slip = (self._speed - rims) * self._radius
-        world = (after[:, 0] + 1j * after[:, 1]) * heading
-        self._velocity = np.column_stack([world.real, world.imag, after[:, 2]])
-        centre = self._origin[:, 0] + 1j * self._origin[:, 1] + self._shift * heading + h * world
-        self._heading = self._heading + h * after[:, 2]
-        origin = centre - self._shift * np.exp(1j * self._heading)
-        self._origin = np.column_stack([origin.real, origin.imag])
-        height = self._bodies.whole.centre[:, 2]
-        pulled = (torque[..., None] * self._r[..., :2]).sum(1)
-        self._load = np.maximum(self._bodies.pressed(
-            (height * (pulled[:, 0] + self._ground.real))[:, None], (height * (pulled[:, 1] + self._ground.imag))[:, None]
-        ) + self._lift, 0.0)
+    @property
+    def centre(self) -> Array:
+        """Of mass of each robot, from the middle of its wheels' contacts, (n, 3) m."""
+        return self._bodies.whole.centre
+
+    def carry(self, loads: Sequence[tuple[int, float, float]]) -> None:
+        """Carry these loads and no others; see `omni_mj.plants.payload.Carriers`. The robots' middles stay."""
+        before = self._robots.middle
+        self._bodies.carry(loads)
+        self._robots = wheels.robots(self._settings, self.geometry, self._bodies, self.drawn)
+        m = self._motion
+        moved = (before - self._robots.middle) * np.exp(1j * m.heading)
+        m.place[:] += moved
+        m.velocity[:] += 1j * m.rate * moved
+
+    def lean(self, along: Array) -> None:
+        """Stand on carpets that lean so that gravity has the parts `along` (n, 2) of itself along them."""
+        self._bodies.lean(along)
+        self._robots = self._robots._replace(weight=self._bodies.weight)
 
     def telemetry(self) -> Telemetry:
-        voltages, supplies = np.abs(self._voltages), self._supplies
+        """See `Plant`."""
+        voltages, supplies, m = np.abs(self._voltages), self._supplies, self._motion
         duties = np.divide(voltages, supplies, out=np.zeros_like(voltages), where=supplies > 0)
         return Telemetry(
-            wheel_angle=self._angle.copy(),
-            wheel_speed=self._speed.copy(),
+            wheel_angle=m.angle.copy(),
+            wheel_speed=m.speed.copy(),
             voltage=self._voltages[-1].copy(),
             current=self.currents[-1].copy(),
             voltage_mean=self._voltages.mean(0),
@@ -216,17 +174,48 @@ class PlanarPlant:
             winding=self._motors.winding,
             housing=self._motors.housing,
             battery=self._battery.voltage,
-            slip=np.abs(self._slip),
+            slip=np.abs(m.slip) * self._radius,
         )
 
+    def _hold(self, duty: Array, current: Array) -> None:
+        """Overwrite the duties of motors that are held at a current."""
+        wanted, supply = self._motors.voltage(current, self._motion.speed), self._battery.voltage[:, None]
+        held = np.divide(wanted, supply, out=np.zeros_like(wanted), where=supply > 0)
+        np.copyto(duty, np.clip(held, -1.0, 1.0), where=~np.isnan(current))
 
-def _solve(a: Array, b: Array) -> Array:
-    """x of the symmetric 3x3 systems a x = b, a (n, 6) by rows, b (n, 3)."""
-    a11, a12, a13, a22, a23, a33 = a.T
-    b1, b2, b3 = b.T
-    c11, c12, c13 = a22 * a33 - a23 * a23, a13 * a23 - a12 * a33, a12 * a23 - a13 * a22
-    c22, c23, c33 = a11 * a33 - a13 * a13, a12 * a13 - a11 * a23, a11 * a22 - a12 * a12
-    det = a11 * c11 + a12 * c12 + a13 * c13
-    return np.stack(
-        [(c11 * b1 + c12 * b2 + c13 * b3) / det, (c12 * b1 + c22 * b2 + c23 * b3) / det, (c13 * b1 + c23 * b2 + c33 * b3) / det], -1
-    )
+    def _check_failed(self, place: Array) -> dict[int, str]:
+        """Find who has failed, and put them to rest where they were.
+
+        Over its wheels a robot stands as long as the point is between them that balances weight and forces: within the
+        frame it may leave them, on the mean it may not.
+        """
+        m, r = self._motion, self._robots
+        corners = r.contacts[:, np.argsort(np.angle(r.outward))]
+        edges, centre = np.roll(corners, -1, axis=1) - corners, -m.tilt / self.cycles / r.weight.sum(1)
+        topples = ((edges.conj() * (centre[:, None] - corners)).imag < 0).any(1)
+        broken = ~np.isfinite(m.place + m.heading)
+        causes = {int(row): "would topple over, which the plant planar does not follow" for row in np.flatnonzero(topples)}
+        causes |= {int(row): "became unstable: its pose is not a number" for row in np.flatnonzero(broken)}
+        causes = {row: cause for row, cause in causes.items() if not self._failed[row]}
+        self._failed[list(causes)] = True
+        if self._failed.any():
+            off = self._failed
+            m.place[off] = place[off]
+            for values in (m.velocity, m.rate, m.speed, m.torque, m.slip, m.seen_rate):
+                values[off] = 0.0
+            m.load[off] = r.weight[off]
+        return causes
+
+
+def _check(rows: Sequence[Row]) -> None:
+    """Refuse what this plant cannot do."""
+    for number, row in enumerate(rows):
+        settings = row.settings
+        if row.place:
+            raise OmniError("the plant planar has one robot in a world, since nothing collides in it; take the plant mujoco")
+        if settings.model.file:
+            raise OmniError("the plant planar knows no models of a user's own (model.file); take the plant mujoco")
+        if settings.wheels.creep == "off":
+            raise OmniError("the plant planar needs wheels.creep = on; without it, take the plant mujoco")
+        if settings.wheels.kinematics != rows[0].settings.wheels.kinematics:
+            raise OmniError(f"rows 0 and {number} differ in wheels: one batch has one geometry")

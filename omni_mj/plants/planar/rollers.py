@@ -25,6 +25,7 @@ each pitch p: together (c count + I |w| / p) v / r^2.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
@@ -33,19 +34,20 @@ from omni_control.kinematics import Array
 from omni_mj.scenarios.robot_settings import WheelSettings
 from omni_mj.worlds.contact import STIFFNESS_N_M
 
-_SAMPLES = 4001
-_HALVINGS = 60
-_SPEEDS_RAD_S = 50.0, 100.0  # that of a wheel at 1.5 and 3 m/s
+_LOADS_N = 2 ** (np.arange(-20, 41) / 4)  # between which is interpolated, so that no robot depends on another's load
+_SPEEDS = 50.0, 100.0  # of a wheel at 1.5 and 3 m/s, rad/s
+_DAMPING = 160.0  # N s/m; torque and lift know only its product with the speed
+_SAMPLES, _HALVINGS = 1501, 45
 
 
 @dataclass(frozen=True)
 class Standing:
-    """Wheels that stand under a load, and turn at |w| rad/s.
+    """Wheels that stand under a load, and turn at w.
 
     Attributes:
         lever: from the axle to where the carpet pulls, m.
         count: of the rollers that touch the carpet, on average.
-        cost, cost_fades: of turning, cost |w| / (1 + cost_fades |w|) N m.
+        cost, cost_fades: of turning, cost w / (1 + cost_fades |w|) N m.
         lift, lift_fades: load of a turning wheel at the height at which it stands, lift w^2 / (1 + lift_fades |w|) N.
     """
 
@@ -57,42 +59,45 @@ class Standing:
     lift_fades: Array
 
     @classmethod
-    def of(cls, wheels: WheelSettings, load: Array, damping: float) -> Self:
-        """Of wheels under loads (any shape) in N, on carpet of a damping in N s/m; results have that shape."""
-        loads, which = np.unique(load, return_inverse=True)
-        carpet = _Carpet(wheels, damping)
-        height = carpet.height(loads)
-        lever, count = carpet.lever(height), carpet.count(height)
-        (slow, fast), (few, many) = np.array([carpet.turning(loads, height, speed) for speed in _SPEEDS_RAD_S]).swapaxes(0, 1)
-        half, full = _SPEEDS_RAD_S
-        cost_fades = (slow / half - fast / full) / (fast - slow)
-        lift_fades = (few / half**2 - many / full**2) / (many / full - few / half)
-        found = (
-            lever, count, slow / half * (1 + half * cost_fades), cost_fades,
-            few / half**2 * (1 + half * lift_fades), lift_fades,
-        )  # fmt: skip
-        return cls(*(values[which].reshape(load.shape) for values in found))
+    def of(cls, wheels: WheelSettings, load: Array, damping: Array) -> Self:
+        """Of wheels under loads (n, W) in N, on carpets of a damping (n, 1) in N s/m; results are (n, W)."""
+        table, more = _table(wheels), damping / _DAMPING
+        at = np.log(np.maximum(load, _LOADS_N[0]))
+        lever, count, cost, cost_fades, lift, lift_fades = (np.interp(at, np.log(_LOADS_N), row) for row in table)
+        return cls(lever, count, more * cost, more * cost_fades, more**2 * lift, more * lift_fades)
+
+
+@lru_cache(maxsize=16)
+def _table(wheels: WheelSettings) -> tuple[Array, ...]:
+    """What `Standing` says at each of the loads."""
+    carpet, loads = _Carpet(wheels), _LOADS_N
+    height, (half, full) = carpet.height(loads, 0.0), _SPEEDS
+    (slow, few), (fast, many) = (carpet.turning(loads, height, speed) for speed in _SPEEDS)
+    cost_fades = (slow / half - fast / full) / (fast - slow)
+    lift_fades = (few / half**2 - many / full**2) / (many / full - few / half)
+    cost, lift = slow / half * (1 + half * cost_fades), few / half**2 * (1 + half * lift_fades)
+    return carpet.lever(height), carpet.count(height), cost, cost_fades, lift, lift_fades
 
 
 class _Carpet:
-    """A wheel over it; arrays of heights or loads are (k,)."""
+    """A wheel on it; loads and heights are (k,)."""
 
-    def __init__(self, wheels: WheelSettings, damping: float) -> None:
+    def __init__(self, wheels: WheelSettings) -> None:
         outer, roller, pitch = wheels.radius_m, wheels.roller_radius_m, 2 * np.pi / wheels.rollers
         phi = np.linspace(-np.pi / 2, np.pi / 2, _SAMPLES)
         along = np.sqrt((roller * np.cos(phi)) ** 2 + outer * roller * np.sin(phi) ** 2)
         self._below = ((outer - roller) * np.cos(phi) + along)[:, None]
         self._falling = np.gradient(self._below[:, 0], phi)[:, None]
-        self._share, self._damping, self._outer = (phi[1] - phi[0]) / pitch, damping, outer
+        self._share, self._outer = (phi[1] - phi[0]) / pitch, outer
 
-    def force(self, height: Array, speed: float = 0.0) -> Array:
-        """Of the roller at each angle, (angles, k) N."""
+    def force(self, height: Array, speed: float) -> Array:
+        """Of a roller at each angle, (angles, k) N."""
         depth = self._below - height
-        pressed = STIFFNESS_N_M * depth + self._damping * speed * self._falling
+        pressed = STIFFNESS_N_M * depth + _DAMPING * speed * self._falling
         return np.where(depth > 0, np.maximum(pressed, 0.0), 0.0)
 
-    def height(self, loads: Array, speed: float = 0.0) -> Array:
-        """At which the axle stands under loads, by halving."""
+    def height(self, loads: Array, speed: float) -> Array:
+        """At which the axle is under loads, m, by halving."""
         low, high = np.zeros_like(loads), np.full_like(loads, self._outer)
         for _ in range(_HALVINGS):
             middle = (low + high) / 2
@@ -102,17 +107,14 @@ class _Carpet:
 
     def lever(self, height: Array) -> Array:
         """Mean lever of the contacts, by their forces."""
-        force = self.force(height)
-        lever: Array = (force * (self._below + height) / 2).sum(0) / force.sum(0)
-        return lever
+        force = self.force(height, 0.0)
+        return np.asarray((force * (self._below + height) / 2).sum(0) / force.sum(0))
 
     def count(self, height: Array) -> Array:
         """Rollers that touch the carpet."""
-        count: Array = self._share * (self._below > height).sum(0)
-        return count
+        return np.asarray(self._share * (self._below > height).sum(0))
 
     def turning(self, loads: Array, height: Array, speed: float) -> tuple[Array, Array]:
-        """Torque that turning costs, N m, and what the wheel carries more at the height at which it stands, N."""
-        carried = self._share * self.force(height, speed).sum(0)
-        torque = self._share * (self.force(self.height(loads, speed), speed) * self._falling).sum(0)
-        return torque, carried - loads
+        """Torque that turning costs, N m, and what the wheel carries more at a height, N."""
+        more = self._share * self.force(height, speed).sum(0) - loads
+        return self._share * (self.force(self.height(loads, speed), speed) * self._falling).sum(0), more
