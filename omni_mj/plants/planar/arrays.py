@@ -59,3 +59,13 @@ class Motion(NamedTuple):
     force: Plane  # all but the wheels' pull, the same
     moment: Array  # of it, (n,) N m
     tilt: Plane  # moments that tilt the robot back and aside, summed over the cycles of a frame, (n,) N m
+
+
+class Scratch(NamedTuple):
+    """What a compiled loop notes of a robot's wheels within a cycle, (n, W)."""
+
+    end: Array  # speed of the hub without rubber, rad/s
+    give: Array  # speed per torque of the hub
+    pull: Array  # torque per slip
+    held: Array  # torque of wheels that slide, N m; else 0
+    rims: Array  # angular speed of the rim, rad/s

@@ -26,9 +26,10 @@ def drag(r: Robots, m: Motion, traction: Traction, push: Plane, downhill: Plane)
     quaternion = np.stack([np.cos(half), none, none, np.sin(half)], axis=1)
     twist = np.stack([velocity.real, velocity.imag, none, none, none, m.rate], axis=1)
     traction.travel(np.stack([place.real, place.imag], axis=1), quaternion, twist, m.load)
-    spin = np.abs(m.speed)
+    rims = m.speed - m.slip
+    spin = np.abs(rims)
     aside = laws.spinning((body[:, None] * r.outward.conj()).real, spin, r.bearing, r.spin_up)
-    along = laws.rolling(m.speed, spin, r.cost, r.cost_fades) / r.lever
+    along = laws.rolling(rims, spin, r.cost, r.cost_fades) / r.lever
     each, wrench = (aside + 1j * along) * r.outward, traction.wrench
     m.push[:] = push * heading.conj()
     m.ground[:] = (wrench[:, 0] + 1j * wrench[:, 1]) * heading.conj() + each.sum(1)

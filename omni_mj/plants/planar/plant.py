@@ -1,6 +1,6 @@
 """The planar plant: robots in the plane on wheels that creep and slide, driven by their firmware; see docs/planar.md."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -10,12 +10,13 @@ from omni_mj.link.noise import Noise, Stream
 from omni_mj.link.radio import Received
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
+from omni_mj.onboard.kernel import compiled
 from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import EVERY, Traction
 from omni_mj.plants import Telemetry
 from omni_mj.plants.faults import Faults
-from omni_mj.plants.planar import cycle, wheels
-from omni_mj.plants.planar.arrays import Motion
+from omni_mj.plants.planar import by_robot, cycle, wheels
+from omni_mj.plants.planar.arrays import Motion, Plane, Robots, Scratch
 from omni_mj.plants.planar.bodies import Bodies
 from omni_mj.plants.variation import Drawn
 from omni_mj.scenarios.rows import Row
@@ -47,6 +48,7 @@ class PlanarPlant:
         world = build.world(settings[0])
         geometry = world.kinematics
         self.geometry: Kinematics | None = geometry
+        self._kinematics = geometry
         count, self.cycles = len(geometry.azimuths), round(PERIOD_S / build.CYCLE_S)
         self.drawn = Drawn.of(rows)
         self._settings, self._bodies = settings, Bodies(settings, self.drawn, world)
@@ -92,6 +94,10 @@ class PlanarPlant:
         self._speeds, self._voltages, self.currents = np.zeros((3, self.cycles, n, count))
         self._supplies = np.zeros((self.cycles, n, 1))  # the battery's voltage of each step
         self._held: Array | None = None
+        self._compiled: Callable[..., None] | None = None
+        if settings[0].physics.kernel == "numba":
+            self._compiled = compiled(by_robot.frame)
+            self._scratch, self._nothing = Scratch(*np.zeros((5, n, count))), np.full((n, count), np.nan)
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -118,6 +124,17 @@ class PlanarPlant:
         pushed = push[:, 0] + 1j * push[:, 1]
         m.tilt[:], place = 0.0, m.place.copy()
         robots = self._robots._replace(torque_constant=motors.constant * self._gear)
+        if self._compiled is not None:
+            self._pass_compiled(robots, gyro, pushed)
+        else:
+            self._pass(robots, gyro, pushed)
+        motors.warm(self.currents, self._speeds)
+        battery.discharge(PERIOD_S)
+        return self._check_failed(place)
+
+    def _pass(self, robots: Robots, gyro: Array, push: Plane) -> None:
+        """Let a frame pass by numpy."""
+        motors, battery, firmware, m = self._motors, self._battery, self._firmware, self._motion
         for k in range(self.cycles):
             duty = firmware.duties(m.seen_rate + gyro, m.seen_angle)
             if self._held is not None:
@@ -125,12 +142,20 @@ class PlanarPlant:
             self._speeds[k], self._supplies[k, :, 0] = m.speed, battery.voltage
             self._voltages[k], self.currents[k], _ = motors.drive(duty * self._supplies[k], m.speed)
             if k % EVERY == 0:
-                cycle.drag(robots, m, self._traction, pushed, self._bodies.downhill)
+                cycle.drag(robots, m, self._traction, push, self._bodies.downhill)
             cycle.move(robots, m, self._traction, robots.torque_constant * self.currents[k])
             battery.load(self._voltages[k], self.currents[k])
-        motors.warm(self.currents, self._speeds)
-        battery.discharge(PERIOD_S)
-        return self._check_failed(place)
+
+    def _pass_compiled(self, robots: Robots, gyro: Array, push: Plane) -> None:
+        """Let a frame pass by a compiled loop."""
+        onboard = (part.arrays() for part in (self._firmware, self._motors, self._battery, self._traction))
+        held = self._nothing if self._held is None else self._held
+        recorded = self._speeds, self._voltages, self.currents, self._supplies
+        self._compiled(
+            self._firmware.cycle, robots, self._motion, self._scratch, *onboard, gyro, push, self._bodies.downhill, held,
+            *recorded,
+        )  # fmt: skip
+        self._firmware.cycle += self.cycles
 
     def hold(self, current: Array | None) -> None:
         """See `MujocoPlant.hold`."""
@@ -141,11 +166,11 @@ class PlanarPlant:
         """Of mass of each robot, from the middle of its wheels' contacts, (n, 3) m."""
         return self._bodies.whole.centre
 
-    def carry(self, loads: Sequence[tuple[int, float, float]]) -> None:
+    def carry(self, loads: Iterable[tuple[int, float, float]]) -> None:
         """Carry these loads and no others; see `omni_mj.plants.payload.Carriers`. The robots' middles stay."""
         before = self._robots.middle
         self._bodies.carry(loads)
-        self._robots = wheels.robots(self._settings, self.geometry, self._bodies, self.drawn)
+        self._robots = wheels.robots(self._settings, self._kinematics, self._bodies, self.drawn)
         m = self._motion
         moved = (before - self._robots.middle) * np.exp(1j * m.heading)
         m.place[:] += moved
@@ -173,7 +198,7 @@ class PlanarPlant:
             current_limited=self._motors.limited,
             winding=self._motors.winding,
             housing=self._motors.housing,
-            battery=self._battery.voltage,
+            battery=self._battery.voltage.copy(),
             slip=np.abs(m.slip) * self._radius,
         )
 

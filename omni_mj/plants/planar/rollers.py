@@ -18,10 +18,11 @@ The mean over phi carries the load, which gives z. From the same mean follow
 - the lift: contacts press more as rollers come down than they pull as these go up, for they cannot pull. At the height
   at which it stands, a wheel that turns carries more.
 
-Torque and lift are w and w^2 where the wheel turns slowly, and each grows with a power less where it turns fast. Along
-the axle a roller spins at v / r as its wheel travels at v. Its bearing brakes it by c v / r, and the wheel by c v / r^2
-for each that stands. Until it comes down again it has come to rest, and is spun up by the impulse I v / r^2, one for
-each pitch p: together (c count + I |w| / p) v / r^2.
+Torque and lift are w and w^2 where the wheel turns slowly, and each grows with a power less where it turns fast.
+
+Along the axle a roller spins at v / q as its wheel travels at v, with the distance q from its axis to the contact. Its
+bearing brakes it by c v / q, and the wheel by c v / q^2 for each that stands. Until it comes down again it has come to
+rest, and is spun up by the impulse I v / q^2, one for each pitch p: together (c count + I |w| / p) v <1 / q^2>.
 """
 
 from dataclasses import dataclass
@@ -47,12 +48,14 @@ class Standing:
     Attributes:
         lever: from the axle to where the carpet pulls, m.
         count: of the rollers that touch the carpet, on average.
+        spin: mean square of a roller's speed over that of its wheel along the axle, 1/m^2.
         cost, cost_fades: of turning, cost w / (1 + cost_fades |w|) N m.
         lift, lift_fades: load of a turning wheel at the height at which it stands, lift w^2 / (1 + lift_fades |w|) N.
     """
 
     lever: Array
     count: Array
+    spin: Array
     cost: Array
     cost_fades: Array
     lift: Array
@@ -63,8 +66,8 @@ class Standing:
         """Of wheels under loads (n, W) in N, on carpets of a damping (n, 1) in N s/m; results are (n, W)."""
         table, more = _table(wheels), damping / _DAMPING
         at = np.log(np.maximum(load, _LOADS_N[0]))
-        lever, count, cost, cost_fades, lift, lift_fades = (np.interp(at, np.log(_LOADS_N), row) for row in table)
-        return cls(lever, count, more * cost, more * cost_fades, more**2 * lift, more * lift_fades)
+        lever, count, spin, cost, cost_fades, lift, lift_fades = (np.interp(at, np.log(_LOADS_N), row) for row in table)
+        return cls(lever, count, spin, more * cost, more * cost_fades, more**2 * lift, more * lift_fades)
 
 
 @lru_cache(maxsize=16)
@@ -76,7 +79,7 @@ def _table(wheels: WheelSettings) -> tuple[Array, ...]:
     cost_fades = (slow / half - fast / full) / (fast - slow)
     lift_fades = (few / half**2 - many / full**2) / (many / full - few / half)
     cost, lift = slow / half * (1 + half * cost_fades), few / half**2 * (1 + half * lift_fades)
-    return carpet.lever(height), carpet.count(height), cost, cost_fades, lift, lift_fades
+    return carpet.lever(height), carpet.count(height), carpet.spin(height), cost, cost_fades, lift, lift_fades
 
 
 class _Carpet:
@@ -88,6 +91,7 @@ class _Carpet:
         along = np.sqrt((roller * np.cos(phi)) ** 2 + outer * roller * np.sin(phi) ** 2)
         self._below = ((outer - roller) * np.cos(phi) + along)[:, None]
         self._falling = np.gradient(self._below[:, 0], phi)[:, None]
+        self._upright, self._centre = np.cos(phi)[:, None], outer - roller
         self._share, self._outer = (phi[1] - phi[0]) / pitch, outer
 
     def force(self, height: Array, speed: float) -> Array:
@@ -113,6 +117,11 @@ class _Carpet:
     def count(self, height: Array) -> Array:
         """Rollers that touch the carpet."""
         return np.asarray(self._share * (self._below > height).sum(0))
+
+    def spin(self, height: Array) -> Array:
+        """Mean over the rollers that touch the carpet of what is one over the square of their radius there, 1/m^2."""
+        radius, stands = (self._below + height) / 2 * self._upright - self._centre, self._below > height
+        return np.asarray((stands / radius**2).sum(0) / stands.sum(0))
 
     def turning(self, loads: Array, height: Array, speed: float) -> tuple[Array, Array]:
         """Torque that turning costs, N m, and what the wheel carries more at a height, N."""
