@@ -107,7 +107,8 @@ def _move(i: int, r: Robots, m: Motion, s: Scratch, t: TractionArrays, current: 
 
     heading = complex(np.cos(m.heading[i]), np.sin(m.heading[i]))
     body, turn = m.velocity[i] * heading.conjugate(), m.rate[i]
-    xx, xy, xz, yy, yz, zz = r.inertia[i]
+    xx, xy, xz = r.inertia[i, 0], r.inertia[i, 1], r.inertia[i, 2]
+    yy, yz, zz = r.inertia[i, 3], r.inertia[i, 4], r.inertia[i, 5]
     p = xx * body.real + xy * body.imag + xz * turn + m.force[i].real
     q = xy * body.real + yy * body.imag + yz * turn + m.force[i].imag
     u = xz * body.real + yz * body.imag + zz * turn + m.moment[i]
@@ -116,22 +117,22 @@ def _move(i: int, r: Robots, m: Motion, s: Scratch, t: TractionArrays, current: 
         a0, a1, a2, a3, a4, a5 = xx, xy, xz, yy, yz, zz
         b0, b1, b2 = p, q, u
         for w in range(wheels):
-            rim, square, pull = r.rims[i, w], r.squares[i, w], s.pull[i, w]
+            pull = s.pull[i, w]
             ends = pull * s.end[i, w] + s.held[i, w]
-            a0 += pull * square[0]
-            a1 += pull * square[1]
-            a2 += pull * square[2]
-            a3 += pull * square[3]
-            a4 += pull * square[4]
-            a5 += pull * square[5]
-            b0 += ends * rim[0]
-            b1 += ends * rim[1]
-            b2 += ends * rim[2]
+            a0 += pull * r.squares[i, w, 0]
+            a1 += pull * r.squares[i, w, 1]
+            a2 += pull * r.squares[i, w, 2]
+            a3 += pull * r.squares[i, w, 3]
+            a4 += pull * r.squares[i, w, 4]
+            a5 += pull * r.squares[i, w, 5]
+            b0 += ends * r.rims[i, w, 0]
+            b1 += ends * r.rims[i, w, 1]
+            b2 += ends * r.rims[i, w, 2]
         vx, vy, turn = planar.solved((a0, a1, a2, a3, a4, a5), (b0, b1, b2))
         slides = False
         for w in range(wheels):
-            rim, limit = r.rims[i, w], t.limit[i, w]
-            s.rims[i, w] = rim[0] * vx + rim[1] * vy + rim[2] * turn
+            limit = t.limit[i, w]
+            s.rims[i, w] = r.rims[i, w, 0] * vx + r.rims[i, w, 1] * vy + r.rims[i, w, 2] * turn
             torque = s.held[i, w]
             if torque == 0:
                 torque = s.pull[i, w] * (s.end[i, w] - s.rims[i, w])

@@ -30,7 +30,7 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
     none, pushed = np.zeros_like(mass), bodies.chassis.centre - centre
     body = np.stack([mass, none, none, mass, none, inertia], axis=-1)
     friction = ADDED_MASS_KG * FRICTION_STIFFER * FRICTION_RATE_HZ  # of a contact, N s/m
-    return Robots(
+    found = Robots(
         outward=outward,
         contacts=bodies.contacts,
         rims=rims,
@@ -57,3 +57,4 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
         ahead=bodies.ahead,
         aside=bodies.aside,
     )
+    return Robots(*map(np.ascontiguousarray, found))
