@@ -77,7 +77,9 @@ def report(given: argparse.Namespace) -> list[dict[str, Any]]:
         entry = {"scenario": name, "robot": robot, "controllers": given.controller}
         entry |= {"full": full.tolist(), "planar": planar.tolist(), "sliding": slides.tolist()}
         differs = 100 * (np.median(planar, 1) / np.median(full, 1) - 1)
-        cells = [f"{100 * rms:9.3f} {percent:+6.2f} %" for rms, percent in zip(np.median(full, 1), differs, strict=True)]
+        cells = [
+            f"{100 * rms:9.3f} {percent:+6.2f} %" for rms, percent in zip(np.median(full, 1), differs, strict=True)
+        ]
         if given.substeps:
             finer, _ = driven("mujoco", name, given, robot, given.substeps)
             entry["finer"] = finer.tolist()

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.link.schedule import Active, Schedule

@@ -126,7 +126,9 @@ class MotorWeak(Fault):
     plants = ON_WHEELS
     says = "motor {wheel} at {to:g} of its torque constant"
 
-    kind: Literal["motor-weak"] = setting("motor-weak", "", "plants with wheels: other magnets than its firmware believes")
+    kind: Literal["motor-weak"] = setting(
+        "motor-weak", "", "plants with wheels: other magnets than its firmware believes"
+    )
     wheel: int = setting(..., "", "whose, counted from 1 at the front left, counter-clockwise", 1, 8)
     to: float = setting(..., "", "factor of its torque constant", 0.05, 2)
 

@@ -38,7 +38,14 @@ def driven(plant: PlanarPlant, commands: NDArray) -> dict[str, NDArray]:
         x, y, w = plant.twist().T
         body = (x + 1j * y) * turn
         moved = (plant.pose() - before) / FRAME_S  # of robots that keep their heading
-        values = np.stack([body.real, body.imag, w], axis=1), moved, plant._speeds.mean(0), m.slip * RADIUS_M, m.load, m.torque
+        values = (
+            np.stack([body.real, body.imag, w], axis=1),
+            moved,
+            plant._speeds.mean(0),
+            m.slip * RADIUS_M,
+            m.load,
+            m.torque,
+        )
         for name, value in zip(found, values, strict=True):
             found[name].append(value.copy())
     return {name: np.array(values) for name, values in found.items()}

@@ -60,7 +60,7 @@ def move(r: Robots, m: Motion, traction: Traction, motor: Array) -> None:
         xz * x + yz * y + zz * z + m.moment,
     )  # fmt: skip
     twist = _twist(r.inertia, momentum, pull, pull * end, r.squares, r.rims)
-    rims = (r.rims * twist[:, None]).sum(-1)
+    rims = np.einsum("rwk,rk->rw", r.rims, twist)
     torque = pull * (end - rims)
     over = np.abs(torque) > limit
     for _ in range(PASSES):
@@ -74,7 +74,7 @@ def move(r: Robots, m: Motion, traction: Traction, motor: Array) -> None:
             r.inertia[rows], tuple(each[rows] for each in momentum), some, some * end[rows] + held[rows],
             r.squares[rows], r.rims[rows],
         )  # fmt: skip
-        rims[rows] = (r.rims[rows] * twist[rows, None]).sum(-1)
+        rims[rows] = np.einsum("rwk,rk->rw", r.rims[rows], twist[rows])
         torque = np.where(held == 0, pull * (end - rims), held)
         over = (np.abs(torque) > limit) & (held == 0)
     m.torque[:] = np.minimum(np.maximum(torque, -limit), limit)
@@ -87,8 +87,8 @@ def move(r: Robots, m: Motion, traction: Traction, motor: Array) -> None:
     m.velocity[:], m.rate[:] = after * heading, twist[:, 2]
     m.place[:] += CYCLE_S * m.velocity
     m.heading[:] += CYCLE_S * m.rate
-    ahead = (m.torque * r.rims[..., 0]).sum(1) + m.ground.real
-    aside = (m.torque * r.rims[..., 1]).sum(1) + m.ground.imag
+    pulled = np.einsum("rw,rwk->kr", m.torque, r.rims)
+    ahead, aside = pulled[0] + m.ground.real, pulled[1] + m.ground.imag
     tilt = r.height * (ahead + 1j * aside) - r.pushed_height * m.push
     m.tilt[:] += tilt
     shifted = r.ahead * tilt.real[:, None] + r.aside * tilt.imag[:, None]
@@ -97,7 +97,7 @@ def move(r: Robots, m: Motion, traction: Traction, motor: Array) -> None:
 
 def _twist(inertia: Array, momentum: tuple[Array, ...], pull: Array, ends: Array, squares: Array, rims: Array) -> Array:
     """Twists (k, 3) of k robots that wheels pull."""
-    x, y, z = (ends[..., None] * rims).sum(1).T
+    x, y, z = np.einsum("rw,rwk->kr", ends, rims)
     p, q, r = momentum
-    a = inertia + (pull[..., None] * squares).sum(1)
+    a = inertia + np.einsum("rw,rwk->rk", pull, squares)
     return np.stack(laws.solved(tuple(a.T), (p + x, q + y, r + z)), axis=1)

@@ -13,8 +13,6 @@ The body. With M its inertia and that of the rims, and F what else acts,
 which is linear in v: three equations. A wheel of which more torque would be asked than Coulomb's limit has that limit.
 """
 
-import numpy as np
-
 from omni_control.kinematics import Array
 from omni_mj.worlds.build import CYCLE_S
 
@@ -48,7 +46,7 @@ def soft(impedance: Column, contact: Column) -> Column:
 def solved(
     a: tuple[Column, Column, Column, Column, Column, Column], b: tuple[Column, Column, Column]
 ) -> tuple[Column, Column, Column]:
-    """x of a x = b for a symmetric 3 x 3 matrix a, its upper half row by row."""
+    """X of a x = b for a symmetric 3 x 3 matrix a, its upper half row by row."""
     xx, xy, xz, yy, yz, zz = a
     p, q, r = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
     s, t, u = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy

@@ -219,7 +219,9 @@ class PlanarPlant:
         edges, centre = np.roll(corners, -1, axis=1) - corners, -m.tilt / self.cycles / r.weight.sum(1)
         topples = ((edges.conj() * (centre[:, None] - corners)).imag < 0).any(1)
         broken = ~np.isfinite(m.place + m.heading)
-        causes = {int(row): "would topple over, which the plant planar does not follow" for row in np.flatnonzero(topples)}
+        causes = {
+            int(row): "would topple over, which the plant planar does not follow" for row in np.flatnonzero(topples)
+        }
         causes |= {int(row): "became unstable: its pose is not a number" for row in np.flatnonzero(broken)}
         causes = {row: cause for row, cause in causes.items() if not self._failed[row]}
         self._failed[list(causes)] = True
@@ -237,7 +239,9 @@ def _check(rows: Sequence[Row]) -> None:
     for number, row in enumerate(rows):
         settings = row.settings
         if row.place:
-            raise OmniError("the plant planar has one robot in a world, since nothing collides in it; take the plant mujoco")
+            raise OmniError(
+                "the plant planar has one robot in a world, since nothing collides in it; take the plant mujoco"
+            )
         if settings.model.file:
             raise OmniError("the plant planar knows no models of a user's own (model.file); take the plant mujoco")
         if settings.wheels.creep == "off":

@@ -16,7 +16,7 @@ from omni_mj.worlds.contact import ADDED_MASS_KG, FRICTION_RATE_HZ, FRICTION_STI
 
 
 def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, drawn: Drawn) -> Robots:
-    """n robots of one geometry, as they stand; the motors' torque constants are not in it yet."""
+    """N robots of one geometry, as they stand; the motors' torque constants are not in it yet."""
     motors, drive = [Motor.of(s.motor) for s in settings], [s.drive for s in settings]
     wheels, shape = settings[0].wheels, drawn.wear.shape
     stiff = np.array([[damping(s.body.mass_kg / shape[1])] for s in settings])
@@ -24,7 +24,9 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
     lever = rollers.lever - drawn.wear
     outward = np.exp(1j * geometry.azimuths)
     tangents = np.broadcast_to(1j * outward, shape)
-    rims = np.stack([tangents.real, tangents.imag, (bodies.contacts.conj() * tangents).imag], axis=-1) / lever[..., None]
+    rims = (
+        np.stack([tangents.real, tangents.imag, (bodies.contacts.conj() * tangents).imag], axis=-1) / lever[..., None]
+    )
     squares = rims[..., [0, 0, 0, 1, 1, 2]] * rims[..., [0, 1, 2, 1, 2, 2]]
     mass, centre, inertia = bodies.whole
     none, pushed = np.zeros_like(mass), bodies.chassis.centre - centre
