@@ -1,11 +1,11 @@
 """How far the plant planar agrees with the full one: errors of controllers on the same scenarios, robots and noise.
 
-    python tests/bench_planar.py [--scenario rect ...] [--robot tigers-v2016 ...] [--controller comp-flc ...] [--seeds 1]
-                                 [--substeps 4] [--out FILE.json]
+    python tests/bench_planar.py [--scenario rect ...] [--robot tigers-v2016 ...] [--controller comp-flc ...]
+                                 [--seeds 1] [--substeps 4] [--out FILE.json]
 
-By default all scenarios and robots, which takes an hour. A line for each scenario and robot: for each controller the rms
-of its position error on the full plant in cm, and by how many per cent that on planar differs; with `--substeps`, also
-by how many the full plant's own does when it takes so many steps in a cycle. `sliding` is the share of the time for
+By default all scenarios and robots, which takes an hour. A line for each scenario and robot: for each controller the
+rms of its position error on the full plant in cm, and by how many per cent that on planar differs; with `--substeps`,
+also by how many the full plant's own does when it takes so many steps in a cycle. `sliding` is the share of the time for
 which a wheel on the full plant slips by more than creep lets it. Pairs of controllers that swap their places are named.
 """
 

@@ -77,9 +77,7 @@ class Traction:
         self._inward, self._turning = self._outward.conj(), 1j * kinematics.arm
         self.carpet = Carpet([s.carpet for s in settings], kinematics.arm * self._outward)
         self.centre, self._arm = np.array(np.broadcast_to(centre, (shape[0], 3)), order="C"), kinematics.arm
-        self._grip, self._radius = (
-            np.array(np.broadcast_to(a, shape), order="C") for a in (grip, kinematics.radius - wear)
-        )
+        self._grip, self._radius = (np.array(np.broadcast_to(a, shape), order="C") for a in (grip, kinematics.radius - wear))
         self._bearing, stiffness = column(drive, "roller_friction"), column(drive, "creep_stiffness")
         self._creep = 1 / (timestep * self._radius**2 * stiffness * inverse_inertia)
         self.block = np.zeros((4, *shape))

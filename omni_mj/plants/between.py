@@ -128,9 +128,7 @@ class Between:
             self._travel(self._traction.arrays(), self._cells, self._load, push)
         given = self._nothing if held is None else held
         state = self._f, self._m, self._b, self._t, self._cells
-        self._before(
-            self._firmware.cycle, travels, *state, *self._sensed, self._load, gyro_error, push, off, given, *recorded
-        )
+        self._before(self._firmware.cycle, travels, *state, *self._sensed, self._load, gyro_error, push, off, given, *recorded)
         self._firmware.cycle += 1
 
     def after(self, k: int, first: bool, last: bool) -> None:

@@ -1,4 +1,4 @@
-"""What faults do to robots of the plants with wheels: for each kind a function that makes what acts when something changes.
+"""What faults do to robots on wheels: for each kind a function that makes what acts when something changes.
 
 What acts starts anew from the robots as they were built, so that a fault leaves nothing behind, and that a robot's
 numbers do not depend on what happens to others of its batch. Pushes, payloads, slopes and biases of several faults add
@@ -31,7 +31,9 @@ class Bodies(Protocol):
     """
 
     @property
-    def centre(self) -> Array: ...
+    def centre(self) -> Array:
+        """See above."""
+        ...
 
     def carry(self, loads: Iterable[tuple[int, float, float]]) -> None:
         """Carry these loads and no others.

@@ -34,12 +34,21 @@ def frame(
 
     Args:
         cycle: number of those before.
-        r, m, s: robots.
-        f, motors, b, t: firmware, motors, battery and wheels.
+        r: robots.
+        m: how they move; written.
+        s: what is noted.
+        f: their firmware.
+        motors: their motors.
+        b: their batteries.
+        t: their wheels on the carpet.
         gyro: what gyros show too much, (n,) rad/s.
-        push, downhill: forces in the world, (n,) N.
+        push: on chassis, in the world's axes, (n,) N.
+        downhill: on all of a robot, in the world's axes, (n,) N.
         held: currents that drivers hold, (n, W) A, or not a number.
-        speeds, voltages, currents, supplies: written: of each cycle, (cycles, n, W), the last (cycles, n, 1).
+        speeds: written: of hubs in each cycle, (cycles, n, W) rad/s.
+        voltages: written: of motors, (cycles, n, W) V.
+        currents: written: of motors, (cycles, n, W) A.
+        supplies: written: of batteries, (cycles, n, 1) V.
     """
     wheels = held.shape[1]
     for i in range(held.shape[0]):
@@ -69,7 +78,7 @@ def _drag(i: int, r: Robots, m: Motion, t: TractionArrays, push: complex, downhi
     body = m.velocity[i] * upright + 1j * m.rate[i] * r.middle[i]
     by_robot.travel(i, t, m.place[i] + r.middle[i] * heading, heading, body * heading, m.rate[i], m.load)
     ground, moment = complex(t.wrench[i, 0], t.wrench[i, 1]) * upright, t.wrench[i, 5]
-    total, x, y = 0.0, 0.0, 0.0
+    total = x = y = 0.0
     for w in range(m.speed.shape[1]):
         rim, contact = m.speed[i, w] - m.slip[i, w], r.contacts[i, w]
         spin = np.abs(rim)

@@ -1,4 +1,4 @@
-"""A cycle of bodies and wheels of all robots at once, by numpy; `by_robot` is the same for one robot after the other."""
+"""A cycle of bodies and wheels of all robots at once, by numpy; `by_robot` is the same, robot by robot."""
 
 import numpy as np
 
@@ -15,9 +15,11 @@ def drag(r: Robots, m: Motion, traction: Traction, push: Plane, downhill: Plane)
     """Look at what drags and pushes robots, which changes slowly.
 
     Args:
-        r, m: robots.
+        r: robots.
+        m: how they move; written.
         traction: theirs, whose centres are the robots'.
-        push, downhill: forces on the chassis and on all of a robot, in the world's axes, (n,) N.
+        push: on chassis, in the world's axes, (n,) N.
+        downhill: on all of a robot, in the world's axes, (n,) N.
     """
     heading = np.exp(1j * m.heading)
     body = m.velocity * heading.conj() + 1j * m.rate * r.middle

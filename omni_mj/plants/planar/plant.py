@@ -1,4 +1,4 @@
-"""The planar plant: robots in the plane on wheels that creep and slide, driven by their firmware; see docs/planar.md."""
+"""The planar plant: robots in the plane, on wheels that creep and slide, driven by their firmware (docs/planar.md)."""
 
 from collections.abc import Callable, Iterable, Sequence
 
@@ -94,9 +94,9 @@ class PlanarPlant:
         self._speeds, self._voltages, self.currents = np.zeros((3, self.cycles, n, count))
         self._supplies = np.zeros((self.cycles, n, 1))  # the battery's voltage of each step
         self._held: Array | None = None
-        self._compiled: Callable[..., None] | None = None
+        self._frame: Callable[..., None] | None = None
         if settings[0].physics.kernel == "numba":
-            self._compiled = compiled(by_robot.frame)
+            self._frame = compiled(by_robot.frame)
             self._scratch, self._nothing = Scratch(*np.zeros((5, n, count))), np.full((n, count), np.nan)
 
     def pose(self) -> Array:
@@ -124,8 +124,8 @@ class PlanarPlant:
         pushed = push[:, 0] + 1j * push[:, 1]
         m.tilt[:], place = 0.0, m.place.copy()
         robots = self._robots._replace(torque_constant=motors.constant * self._gear)
-        if self._compiled is not None:
-            self._pass_compiled(robots, gyro, pushed)
+        if self._frame is not None:
+            self._pass_compiled(self._frame, robots, gyro, pushed)
         else:
             self._pass(robots, gyro, pushed)
         motors.warm(self.currents, self._speeds)
@@ -146,15 +146,13 @@ class PlanarPlant:
             cycle.move(robots, m, self._traction, robots.torque_constant * self.currents[k])
             battery.load(self._voltages[k], self.currents[k])
 
-    def _pass_compiled(self, robots: Robots, gyro: Array, push: Plane) -> None:
+    def _pass_compiled(self, frame: Callable[..., None], robots: Robots, gyro: Array, push: Plane) -> None:
         """Let a frame pass by a compiled loop."""
         onboard = (part.arrays() for part in (self._firmware, self._motors, self._battery, self._traction))
         held = self._nothing if self._held is None else self._held
         recorded = self._speeds, self._voltages, self.currents, self._supplies
-        self._compiled(
-            self._firmware.cycle, robots, self._motion, self._scratch, *onboard, gyro, push, self._bodies.downhill, held,
-            *recorded,
-        )  # fmt: skip
+        robot, forces = (robots, self._motion, self._scratch), (gyro, push, self._bodies.downhill)
+        frame(self._firmware.cycle, *robot, *onboard, *forces, held, *recorded)
         self._firmware.cycle += self.cycles
 
     def hold(self, current: Array | None) -> None:

@@ -6,8 +6,8 @@ far below the axle as its support function says,
 
     h(phi) = (R - r) cos phi + sqrt(r^2 cos^2 phi + R r sin^2 phi).
 
-Robots are too heavy to follow every roller: the axle stays at a height z, and a roller with h > z stands on a spring and
-a damper, on which the wheel presses it at the speed w h'(phi) as it turns at w:
+Robots are too heavy to follow every roller: the axle stays at a height z, and a roller with h > z stands on a spring
+and a damper, on which the wheel presses it at the speed w h'(phi) as it turns at w:
 
     f = max(0, K (h - z) + c w h').
 
