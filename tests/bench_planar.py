@@ -5,8 +5,8 @@
 
 By default all scenarios and robots, which takes an hour. A line for each scenario and robot: for each controller the
 rms of its position error on the full plant in cm, and by how many per cent that on planar differs; with `--substeps`,
-also by how many the full plant's own does when it takes so many steps in a cycle. `sliding` is the share of the time for
-which a wheel on the full plant slips by more than creep lets it. Pairs of controllers that swap their places are named.
+also by how many the full plant's own does when it takes so many steps in a cycle. `sliding` is the share of the time
+for which a wheel on the full plant slips by more than creep lets it. Controllers that swap their places are named.
 """
 
 import argparse
