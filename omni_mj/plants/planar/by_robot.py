@@ -106,12 +106,13 @@ def _move(i: int, r: Robots, m: Motion, s: Scratch, t: TractionArrays, current: 
     for w in range(wheels):
         speed = m.speed[i, w]
         free = planar.free(speed, r.give[i, 0], r.torque_constant[i, w] * current[i, w], r.viscous[i, 0])
-        dry = planar.dry(free, speed, r.give[i, 0], m.torque[i, w])
+        soft = planar.soft(t.impedance[i, w], r.contact[i, w])
+        dry = planar.dry(free, speed, r.give[i, 0], m.torque[i, w], soft)
         if np.abs(dry) <= r.dry[i, 0]:
             s.end[i, w], s.give[i, w] = planar.RESTING * speed, 0.0
         else:
             s.end[i, w], s.give[i, w] = free - r.give[i, 0] * np.copysign(r.dry[i, 0], dry), r.give[i, 0]
-        s.pull[i, w] = 1 / (planar.soft(t.impedance[i, w], r.contact[i, w]) + s.give[i, w])
+        s.pull[i, w] = 1 / (soft + s.give[i, w])
         s.held[i, w] = 0.0
 
     heading = complex(np.cos(m.heading[i]), np.sin(m.heading[i]))

@@ -47,11 +47,12 @@ def move(r: Robots, m: Motion, traction: Traction, motor: Array) -> None:
     traction.press(m.load)
     limit = traction.limit
     free = laws.free(m.speed, r.give, motor, r.viscous)
-    dry = laws.dry(free, m.speed, r.give, m.torque)
+    soft = laws.soft(traction.impedance, r.contact)
+    dry = laws.dry(free, m.speed, r.give, m.torque, soft)
     rests = np.abs(dry) <= r.dry
     end = np.where(rests, laws.RESTING * m.speed, free - r.give * np.copysign(r.dry, dry))
     give = np.where(rests, 0.0, r.give)
-    pull = 1 / (laws.soft(traction.impedance, r.contact) + give)
+    pull = 1 / (soft + give)
 
     heading = np.exp(1j * m.heading)
     body, held = m.velocity * heading.conj(), np.zeros_like(pull)

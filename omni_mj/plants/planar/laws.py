@@ -31,9 +31,12 @@ def free(speed: Number, give: Number, motor: Number, viscous: Number) -> Number:
     return speed + give * (motor - viscous * speed)
 
 
-def dry(free: Number, speed: Number, give: Number, torque: Number) -> Number:
-    """Torque of dry friction, N m, that would bring a hub to rest, given that of the rubber in the cycle before."""
-    return (free - RESTING * speed) / give - torque
+def dry(free: Number, speed: Number, give: Number, torque: Number, soft: Number) -> Number:
+    """Torque of dry friction, N m, that would bring a hub to rest.
+
+    A hub that slows takes its rim along: rubber adds to its torque of the cycle before what it is then strained by.
+    """
+    return (free - RESTING * speed) / give - torque + (1 - RESTING) * speed / soft
 
 
 def soft(impedance: Number, contact: Number) -> Number:
