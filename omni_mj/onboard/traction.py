@@ -76,8 +76,8 @@ class Traction:
         self._outward = np.exp(1j * kinematics.azimuths)
         self._inward, self._turning = self._outward.conj(), 1j * kinematics.arm
         self.carpet = Carpet([s.carpet for s in settings], kinematics.arm * self._outward)
-        self.centre, self._arm = np.array(np.broadcast_to(centre, (shape[0], 3)), order="C"), kinematics.arm
-        self._grip, self._radius = (np.array(np.broadcast_to(a, shape), order="C") for a in (grip, kinematics.radius - wear))
+        self.centre, self._arm = centre * np.ones((shape[0], 3)), kinematics.arm
+        self._grip, self._radius = grip * np.ones(shape), (kinematics.radius - wear) * np.ones(shape)
         self._bearing, stiffness = column(drive, "roller_friction"), column(drive, "creep_stiffness")
         self._creep = 1 / (timestep * self._radius**2 * stiffness * inverse_inertia)
         self.block = np.zeros((4, *shape))

@@ -127,8 +127,8 @@ class Between:
         if k % EVERY == 0:
             self._travel(self._traction.arrays(), self._cells, self._load, push)
         given = self._nothing if held is None else held
-        state = self._f, self._m, self._b, self._t, self._cells
-        self._before(self._firmware.cycle, travels, *state, *self._sensed, self._load, gyro_error, push, off, given, *recorded)
+        cells, sensed, cycle = self._cells, self._sensed, self._firmware.cycle
+        self._before(cycle, k, *self._blocks, cells, *sensed, self._load, gyro_error, off, given, *self._recorded)
         self._firmware.cycle += 1
 
     def after(self, k: int, first: bool, last: bool) -> None:
