@@ -18,8 +18,8 @@ from omni_mj.onboard.motor import Motor
 from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import EVERY, Traction
 from omni_mj.plants import Telemetry, batches
-from omni_mj.plants.bodies import MujocoBodies
 from omni_mj.plants.between import Between
+from omni_mj.plants.bodies import MujocoBodies
 from omni_mj.plants.bound import Bound
 from omni_mj.plants.faults import Faults
 from omni_mj.plants.variation import Drawn

@@ -60,13 +60,13 @@ def frame(
                 speeds[k, i, w] = m.speed[i, w]
                 duty = f.held[i, w]
                 if not np.isnan(held[i, w]):
-                    motor = motors.speed_constant[i, w], motors.resistance[i, w], motors.commutation[i, 0]
+                    motor = motors.speed_constant[i, w], motors.resistance[i, w], motors.commutation[i, w]
                     duty = laws.share(laws.voltage(held[i, w], m.speed[i, w], *motor), supply) if supply > 0 else 0.0
                 voltages[k, i, w] = duty * supply
             by_robot.drive(i, motors, m.speed, voltages[k], currents[k])
             if k % EVERY == 0:
                 _drag(i, r, m, t, push[i], downhill[i])
-            by_robot.press(i, t, m.load)
+            by_robot.press(i, t.rims, m.load)
             _move(i, r, m, s, t, currents[k])
             by_robot.load(i, b, voltages[k], currents[k])
 
@@ -106,7 +106,7 @@ def _move(i: int, r: Robots, m: Motion, s: Scratch, t: TractionArrays, current: 
     for w in range(wheels):
         speed = m.speed[i, w]
         free = planar.free(speed, r.give[i, 0], r.torque_constant[i, w] * current[i, w], r.viscous[i, 0])
-        soft = planar.soft(t.impedance[i, w], r.contact[i, w])
+        soft = planar.soft(t.rims.impedance[i, w], r.contact[i, w])
         dry = planar.dry(free, speed, r.give[i, 0], m.torque[i, w], soft)
         if np.abs(dry) <= r.dry[i, 0]:
             s.end[i, w], s.give[i, w] = planar.RESTING * speed, 0.0
@@ -141,7 +141,7 @@ def _move(i: int, r: Robots, m: Motion, s: Scratch, t: TractionArrays, current: 
         vx, vy, turn = planar.solved((a0, a1, a2, a3, a4, a5), (b0, b1, b2))
         slides = False
         for w in range(wheels):
-            limit = t.limit[i, w]
+            limit = t.rims.limit[i, w]
             s.rims[i, w] = r.rims[i, w, 0] * vx + r.rims[i, w, 1] * vy + r.rims[i, w, 2] * turn
             torque = s.held[i, w]
             if torque == 0:
