@@ -1,28 +1,51 @@
-"""What faults do to robots of the MuJoCo plant: for each kind a function that makes what acts when something changes.
+"""What faults do to robots on wheels: for each kind a function that makes what acts when something changes.
 
 What acts starts anew from the robots as they were built, so that a fault leaves nothing behind, and that a robot's
 numbers do not depend on what happens to others of its batch. Pushes, payloads, slopes and biases of several faults add
 up, factors multiply, and of several values in place of the scenario's the last in its list counts.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
-from mujoco.batch import Batch
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.link.schedule import Active, Schedule
 from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import Traction
-from omni_mj.plants.payload import Carriers
 from omni_mj.scenarios import faults
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import column
-from omni_mj.worlds.build import World
 
 Act = Callable[[Active], None]
+
+
+class Bodies(Protocol):
+    """The bodies of n robots.
+
+    Attributes:
+        centre: of mass, to which drag is referred, of what carries a load, with it, (n, 3) m.
+    """
+
+    @property
+    def centre(self) -> Array:
+        """See above."""
+        ...
+
+    def carry(self, loads: Iterable[tuple[int, float, float]]) -> None:
+        """Carry these loads and no others.
+
+        Args:
+            loads: row, mass in kg, and height above the carpet in m, or 0 for that of the chassis' centre of mass.
+        """
+        ...
+
+    def lean(self, along: Array) -> None:
+        """Stand on carpets that lean so that gravity has the parts `along` (n, 2) of itself along them."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,15 +54,14 @@ class Robots:
 
     Attributes:
         rows: of the robots, those of one world one after the other.
-        batch, world: their bodies.
+        bodies: theirs.
         traction, motors: theirs.
         push: forces on the chassis at their centres of mass, world frame, (n, 2) N.
         gyro: what gyros show too much, (n, 1) rad/s.
     """
 
     rows: Sequence[Row]
-    batch: Batch
-    world: World
+    bodies: Bodies
     traction: Traction
     motors: Motors
     push: Array
@@ -51,8 +73,7 @@ class Faults:
 
     Args:
         rows: of the robots.
-        batch: of their worlds; fields that faults change become each world's own.
-        world: as built.
+        bodies: of the robots.
         traction, motors: of the robots.
 
     Attributes:
@@ -62,9 +83,9 @@ class Faults:
         OmniError: robots that share a world stand on carpets that lean differently.
     """
 
-    def __init__(self, rows: Sequence[Row], batch: Batch, world: World, traction: Traction, motors: Motors) -> None:
+    def __init__(self, rows: Sequence[Row], bodies: Bodies, traction: Traction, motors: Motors) -> None:
         n = len(rows)
-        robots = Robots(rows, batch, world, traction, motors, np.zeros((n, 2)), np.zeros((n, 1)))
+        robots = Robots(rows, bodies, traction, motors, np.zeros((n, 2)), np.zeros((n, 1)))
         self.push, self.gyro = robots.push, robots.gyro
         self._schedule, self._frame = Schedule([row.settings.fault for row in rows], *ACTS), 0
         self._acts = [ACTS[kind](robots) for kind in self._schedule.kinds]
@@ -88,18 +109,16 @@ def _push(robots: Robots) -> Act:
 
 
 def _tilt(robots: Robots) -> Act:
-    """Gravity turns in the world's axes, which are the carpet's: on every body, wheels and rollers too."""
     places, tilts = 1 + max(row.place for row in robots.rows), [_tilts(row) for row in robots.rows]
     if any(tilt != tilts[number - number % places] for number, tilt in enumerate(tilts)):
         raise OmniError("robots that share a world stand on one carpet: their faults must have the same tilts")
-    gravity, g = robots.batch.expand("opt.gravity"), -float(robots.world.model.opt.gravity[2])
+    robots.bodies.lean(np.zeros((len(tilts), 2)))
 
     def act(active: Active) -> None:
         along = np.zeros((len(tilts), 2))
         for row, tilt in active.of(faults.Tilt):
             along[row] += np.sin(np.radians(tilt.angle_deg)) * _towards(tilt.direction_deg)
-        into = np.sqrt(np.maximum(1 - (along**2).sum(1), 0.0))
-        gravity[:] = g * np.column_stack([along, -into])[::places]
+        robots.bodies.lean(along)
 
     return act
 
@@ -117,12 +136,12 @@ def _friction(robots: Robots) -> Act:
 
 
 def _payload(robots: Robots) -> Act:
-    carriers = Carriers(robots.batch, robots.world, len(robots.rows))
-    shift = robots.traction.centre - carriers.centre
+    bodies = robots.bodies
+    shift = robots.traction.centre - bodies.centre
 
     def act(active: Active) -> None:
-        carriers.carry((row, load.mass_kg, load.height_m) for row, load in active.of(faults.Payload))
-        robots.traction.centre = carriers.centre + shift
+        bodies.carry([(row, load.mass_kg, load.height_m) for row, load in active.of(faults.Payload)])
+        robots.traction.centre = bodies.centre + shift
 
     return act
 

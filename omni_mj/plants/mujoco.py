@@ -19,6 +19,7 @@ from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import EVERY, Traction
 from omni_mj.plants import Telemetry, batches
 from omni_mj.plants.between import Between
+from omni_mj.plants.bodies import MujocoBodies
 from omni_mj.plants.bound import Bound
 from omni_mj.plants.faults import Faults
 from omni_mj.plants.variation import Drawn
@@ -106,7 +107,7 @@ class MujocoPlant:
         self._motors = Motors([s.motor for s in settings], wheels, PERIOD_S, limit, self.drawn.strength)
         self._faults: Faults | None = None
         if any(s.fault for s in settings):
-            self._faults = Faults(rows, self._batch, world, self._traction, self._motors)
+            self._faults = Faults(rows, MujocoBodies(self._batch, world, n), self._traction, self._motors)
         self._battery = Battery([s.battery for s in settings])
         self._firmware = Firmware(settings, world.kinematics, self._heading, build.CYCLE_S, PERIOD_S)
         self._speeds, self._voltages, self.currents = recorded = np.zeros((3, self.cycles, n, wheels))

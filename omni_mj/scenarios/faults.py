@@ -1,6 +1,6 @@
 """What may happen while a run goes on: each kind of [[fault]] with its settings.
 
-A kind is a class here, and one small function where it acts: of what happens to a robot of the MuJoCo plant in
+A kind is a class here, and one small function where it acts: of what happens to a robot on wheels in
 `omni_mj.plants.faults`, of the radio's in `omni_mj.link.radio`, of the camera's in `omni_mj.link.camera`.
 """
 
@@ -18,7 +18,7 @@ from omni_mj.scenarios.plants import PLANTS, find_plant
 if TYPE_CHECKING:
     from omni_mj.scenarios.settings import Settings
 
-MUJOCO, KINEMATIC = ("mujoco",), ("kinematic",)
+ON_WHEELS, KINEMATIC = ("mujoco", "planar"), ("kinematic",)
 
 
 class Fault(Checked):
@@ -62,10 +62,10 @@ class Fault(Checked):
 class Push(Fault):
     """A force on the chassis at its centre of mass: another robot, a hand."""
 
-    plants = MUJOCO
+    plants = ON_WHEELS
     says = "push of {force_n:g} N towards {direction_deg:g} deg"
 
-    kind: Literal["push"] = setting("push", "", "MuJoCo plant: a force on the chassis")
+    kind: Literal["push"] = setting("push", "", "plants with wheels: a force on the chassis")
     force_n: float = setting(..., "N", "force", 0, 1000)
     direction_deg: float = setting(0.0, "deg", "towards where, from the world's x to its y", -360, 360)
 
@@ -73,10 +73,10 @@ class Push(Fault):
 class Tilt(Fault):
     """The carpet leans: gravity acts along it on every part of a robot, and so much less into it."""
 
-    plants = MUJOCO
+    plants = ON_WHEELS
     says = "tilt of {angle_deg:g} deg, downhill towards {direction_deg:g} deg"
 
-    kind: Literal["tilt"] = setting("tilt", "", "MuJoCo plant: a carpet that leans")
+    kind: Literal["tilt"] = setting("tilt", "", "plants with wheels: a carpet that leans")
     angle_deg: float = setting(..., "deg", "slope", 0, 30)
     direction_deg: float = setting(0.0, "deg", "downhill, from the world's x to its y", -360, 360)
 
@@ -84,10 +84,10 @@ class Tilt(Fault):
 class Friction(Fault):
     """Another carpet, wherever there is no patch."""
 
-    plants = MUJOCO
+    plants = ON_WHEELS
     says = "carpet of friction {to:g}"
 
-    kind: Literal["friction"] = setting("friction", "", "MuJoCo plant: another friction, patches excepted")
+    kind: Literal["friction"] = setting("friction", "", "plants with wheels: another friction, patches excepted")
     to: float = setting(..., "", "coefficient of friction, in place of carpet.friction", *FRICTIONS)
 
     def refused(self, settings: "Settings") -> str:
@@ -98,10 +98,10 @@ class Friction(Fault):
 class Payload(Fault):
     """More mass, a point on the vertical line through the chassis' centre of mass; it comes and goes at its speed."""
 
-    plants = MUJOCO
+    plants = ON_WHEELS
     says = "payload of {mass_kg:g} kg"
 
-    kind: Literal["payload"] = setting("payload", "", "MuJoCo plant: more mass")
+    kind: Literal["payload"] = setting("payload", "", "plants with wheels: more mass")
     mass_kg: float = setting(..., "kg", "how much more", 0, 20)
     height_m: float = setting(0.0, "m", "of it above the carpet; 0: that of the chassis' centre of mass", 0, 0.5)
 
@@ -123,10 +123,12 @@ class Delay(Fault):
 class MotorWeak(Fault):
     """A motor whose magnets have lost some of their field: less torque per current, and less back-EMF per speed."""
 
-    plants = MUJOCO
+    plants = ON_WHEELS
     says = "motor {wheel} at {to:g} of its torque constant"
 
-    kind: Literal["motor-weak"] = setting("motor-weak", "", "MuJoCo plant: other magnets than its firmware believes")
+    kind: Literal["motor-weak"] = setting(
+        "motor-weak", "", "plants with wheels: other magnets than its firmware believes"
+    )
     wheel: int = setting(..., "", "whose, counted from 1 at the front left, counter-clockwise", 1, 8)
     to: float = setting(..., "", "factor of its torque constant", 0.05, 2)
 
@@ -139,10 +141,10 @@ class MotorWeak(Fault):
 class GyroBias(Fault):
     """A gyro that shows more than there is, beside sensors.gyro_bias_rad_s."""
 
-    plants = MUJOCO
+    plants = ON_WHEELS
     says = "gyro that shows {rad_s:g} rad/s too much"
 
-    kind: Literal["gyro-bias"] = setting("gyro-bias", "", "MuJoCo plant: a gyro that shows too much")
+    kind: Literal["gyro-bias"] = setting("gyro-bias", "", "plants with wheels: a gyro that shows too much")
     rad_s: float = setting(..., "rad/s", "how much too much", -10, 10)
 
 

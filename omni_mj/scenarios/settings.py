@@ -170,7 +170,7 @@ class DisturbanceSettings(Checked):
     """A random disturbance, uniform in plus or minus its amplitude, drawn anew per frame and axis (table 4)."""
 
     velocity_m_s: float = setting(0.0, "m/s", "kinematic plant: amplitude added to equation 7", 0, 10)
-    force_n: float = setting(0.0, "N", "MuJoCo plant: amplitude of a force on the chassis", 0, 1000)
+    force_n: float = setting(0.0, "N", "plants with wheels: amplitude of a force on the chassis", 0, 1000)
 
 
 class KinematicSettings(Checked):

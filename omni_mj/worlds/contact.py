@@ -18,6 +18,7 @@ the contact, so that R = 1/m, k = K/m, b = c/m, d = A/(A + 1/m). Friction is a d
 acts within 3.5 ms. They hop where they slide.
 """
 
+import math
 from dataclasses import dataclass, field
 
 import mujoco
@@ -27,6 +28,7 @@ STIFFNESS_N_M = 1e5
 ADDED_MASS_KG = 1.0
 DAMPING_RATIO = 0.2
 FRICTION_RATE_HZ = 604.8  # 1/s
+FRICTION_STIFFER = 45.0  # than the carpet normal to it: MuJoCo's impratio
 NEVER_SLIDES = 5.0
 STIFFEST = 0.9999  # the highest impedance d that MuJoCo has
 
@@ -57,6 +59,11 @@ class Contact:
 RIGID = Contact(solref=[0.02, 0.5], solreffriction=[0.0035, 1.0], impratio=10.0)
 
 
+def damping(wheel_load_kg: float) -> float:
+    """Damping of the carpet under a roller, N s/m, for the mass on a wheel."""
+    return 2 * DAMPING_RATIO * math.sqrt(STIFFNESS_N_M * (wheel_load_kg + ADDED_MASS_KG))
+
+
 def creeping(robot: mujoco.MjModel, rollers: np.ndarray, wheel_load_kg: float) -> Contact:
     """Contacts of wheels with a slip hinge.
 
@@ -68,11 +75,11 @@ def creeping(robot: mujoco.MjModel, rollers: np.ndarray, wheel_load_kg: float) -
     inverse_mass = float(robot.body_invweight0[rollers, 0].max())
     d = inverse_mass / (inverse_mass + 1 / ADDED_MASS_KG)
     k = STIFFNESS_N_M / ADDED_MASS_KG
-    b = 2 * DAMPING_RATIO * np.sqrt(STIFFNESS_N_M * (wheel_load_kg + ADDED_MASS_KG)) / ADDED_MASS_KG
+    b = damping(wheel_load_kg) / ADDED_MASS_KG
     return Contact(
         solref=[-k * d, -b * d],  # MuJoCo divides by d
         solreffriction=[-1.0, -FRICTION_RATE_HZ * d],
-        impratio=45.0,
+        impratio=FRICTION_STIFFER,
         solimp=[d, d, 1.0, 0.5, 2.0],
         friction=NEVER_SLIDES,
     )

@@ -8,6 +8,7 @@ from omni_control.errors import OmniError
 from omni_mj.live.plant import LivePlant
 from omni_mj.plants.kinematic import KinematicPlant
 from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.plants.planar.plant import PlanarPlant
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.plants import PLANTS, find_plant
 
@@ -26,6 +27,7 @@ class Half:
 def test_every_registered_plant_is_found() -> None:
     assert {name: find_plant(name) for name in PLANTS} == {
         "mujoco": MujocoPlant,
+        "planar": PlanarPlant,
         "kinematic": KinematicPlant,
         "live": LivePlant,
     }

@@ -13,6 +13,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.scenarios import references
+from omni_mj.scenarios.faults import ON_WHEELS
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.simulate.simulation import Simulation
@@ -177,7 +178,7 @@ class Learner:
         gains = np.stack([regulator(self.deviations, weight), regulator(self.deviations, SOFTER * weight)], axis=1)
         which = np.repeat(np.arange(groups) % len(STEPS) * ~disturbed, robots)
         unknowns = Unknowns.of(settings, self.scenario.plant)
-        firmware = self.scenario.plant == "mujoco"
+        firmware = self.scenario.plant in ON_WHEELS
         predictor = Predictor(self.deviations, commands, poses, settings, unknowns, firmware)
         leader: Leader = Follower(predictor, gains, which)
         if probes:

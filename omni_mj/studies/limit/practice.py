@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from omni_control.kinematics import Array
+from omni_mj.scenarios.faults import ON_WHEELS
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.studies.limit import rivals
 from omni_mj.studies.limit.attempts import Attempts, Leader, attempt
@@ -74,7 +75,7 @@ def leader(
     commands = np.concatenate([best[policy.run].sent[:, robots] for policy in policies], axis=1)
     poses = np.concatenate([best[policy.run].poses[:, robots] for policy in policies], axis=1)
     gains = np.stack([regulator(deviations, policy.weight) for policy in policies], axis=1)
-    firmware = scenario.plant == "mujoco"
+    firmware = scenario.plant in ON_WHEELS
     predictor = Predictor(deviations, commands, poses, scenario.settings, unknowns, firmware)
     return Follower(predictor, gains, np.repeat(np.arange(len(policies)), len(robots)))
 
@@ -167,7 +168,7 @@ def foresight(
     n, several, delay = len(robots), len(tried), deviations.delay
     repeat = np.tile(np.arange(n), several)
     commands, poses = best.sent[:, robots[repeat]], best.poses[:, robots[repeat]]
-    firmware = scenario.plant == "mujoco"
+    firmware = scenario.plant in ON_WHEELS
     predictor = Predictor(deviations, commands, poses, scenario.settings, Unknowns.stacked(tried, n), firmware)
     squares = np.zeros(several * n)
     counted = 0

@@ -1,4 +1,4 @@
-"""What robots carry: mass, centre of mass and inertia of a chassis with a load on it.
+"""What faults do to bodies of the MuJoCo plant: a load on a chassis, a carpet that leans.
 
 MuJoCo derives constants from masses when it compiles a model. Those that it reckons with afterwards are changed here
 as well (`body_subtreemass`). The others, `body_invweight0` and `dof_invweight0`, only scale its constraints, whose
@@ -7,6 +7,7 @@ and carpet and rubber with them.
 """
 
 from collections.abc import Iterable
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -19,31 +20,42 @@ from omni_mj.worlds.build import World
 _FIELDS = ("body_mass", "body_subtreemass", "body_ipos", "body_inertia", "body_iquat")
 
 
-class Carriers:
-    """The chassis of n robots, each in its world's copy of the model's fields, as they are when this is made.
+class MujocoBodies:
+    """n robots, each in its world's copy of the model's fields, as these are when a load or a slope is first asked for.
 
     Args:
         batch: of the worlds.
         world: as built.
         n: number of robots.
-
-    Attributes:
-        centre: of mass of each chassis with its load, in its frame, (n, 3) m.
     """
 
     def __init__(self, batch: Batch, world: World, n: int) -> None:
+        self._batch, self._world = batch, world
         bodies, rows = np.array([robot.chassis for robot in world.robots]), np.arange(n)
         self._at = rows // len(bodies), bodies[rows % len(bodies)]
-        self._fields = {name: batch.expand(name) for name in _FIELDS}
-        self._empty = {name: field[self._at] for name, field in self._fields.items()}
-        self.centre = self._empty["body_ipos"]
+        self._now: dict[str, Array] = {}
+
+    @property
+    def centre(self) -> Array:
+        """Of mass of each chassis with its load, in its frame, (n, 3) m."""
+        return (self._now or self._empty)["body_ipos"]
+
+    @cached_property
+    def _fields(self) -> dict[str, Array]:
+        return {name: self._batch.expand(name) for name in _FIELDS}
+
+    @cached_property
+    def _empty(self) -> dict[str, Array]:
+        return {name: field[self._at] for name, field in self._fields.items()}
+
+    def lean(self, along: Array) -> None:
+        """See `faults.Bodies`: gravity turns in the world's axes, on every body, wheels and rollers too."""
+        into = np.sqrt(np.maximum(1 - (along**2).sum(1), 0.0))
+        g, places = -float(self._world.model.opt.gravity[2]), len(self._world.robots)
+        self._batch.expand("opt.gravity")[:] = g * np.column_stack([along, -into])[::places]
 
     def carry(self, loads: Iterable[tuple[int, float, float]]) -> None:
-        """Carry these loads and no others.
-
-        Args:
-            loads: row, mass in kg, and height above the carpet in m, or 0 for that of the chassis' centre of mass.
-        """
+        """See `faults.Bodies`."""
         now = {name: values.copy() for name, values in self._empty.items()}
         for row, mass, height in loads:
             before, centre = now["body_mass"][row], now["body_ipos"][row]
@@ -59,7 +71,7 @@ class Carriers:
                 )
         for name, values in now.items():
             self._fields[name][self._at] = values
-        self.centre = now["body_ipos"]
+        self._now = now
 
 
 def _turned(inertia: Array, quaternion: Array, more: Array) -> tuple[Array, Array]:

@@ -1,0 +1,1 @@
+"""The plant for large numbers: robots in the plane, without a contact solver (docs/planar.md)."""

@@ -1,0 +1,62 @@
+"""What the wheels of robots are to the laws of a cycle, from settings, geometry and weight."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from omni_control.kinematics import Kinematics
+from omni_mj.onboard.motor import Motor
+from omni_mj.plants.planar.arrays import Robots
+from omni_mj.plants.planar.bodies import Bodies
+from omni_mj.plants.planar.rollers import Standing
+from omni_mj.plants.variation import Drawn
+from omni_mj.scenarios.settings import Settings, column
+from omni_mj.worlds.build import CYCLE_S
+from omni_mj.worlds.contact import ADDED_MASS_KG, FRICTION_RATE_HZ, FRICTION_STIFFER, damping
+
+
+def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, drawn: Drawn) -> Robots:
+    """N robots of one geometry, as they stand; the motors' torque constants are not in it yet."""
+    motors, drive = [Motor.of(s.motor) for s in settings], [s.drive for s in settings]
+    wheels, shape = settings[0].wheels, drawn.wear.shape
+    stiff = np.array([[damping(s.body.mass_kg / shape[1])] for s in settings])
+    rollers = Standing.of(wheels, bodies.weight, stiff)
+    lever = rollers.lever - drawn.wear
+    outward = np.exp(1j * geometry.azimuths)
+    tangents = np.broadcast_to(1j * outward, shape)
+    rims = (
+        np.stack([tangents.real, tangents.imag, (bodies.contacts.conj() * tangents).imag], axis=-1) / lever[..., None]
+    )
+    squares = rims[..., [0, 0, 0, 1, 1, 2]] * rims[..., [0, 1, 2, 1, 2, 2]]
+    mass, centre, inertia = bodies.whole
+    none, pushed = np.zeros_like(mass), bodies.chassis.centre - centre
+    body = np.stack([mass, none, none, mass, none, inertia], axis=-1)
+    friction = ADDED_MASS_KG * FRICTION_STIFFER * FRICTION_RATE_HZ  # of a contact, N s/m
+    found = Robots(
+        outward=outward,
+        contacts=bodies.contacts,
+        rims=rims,
+        squares=squares,
+        inertia=(body + bodies.rim * squares.sum(1)) / CYCLE_S,
+        give=CYCLE_S / bodies.hub,
+        viscous=column(motors, "wheel_viscous"),
+        dry=column(motors, "wheel_dry") + column(drive, "gear_friction_nm"),
+        torque_constant=np.zeros(shape),
+        contact=1 / (friction * rollers.count * lever**2),
+        lever=lever,
+        bearing=column(drive, "roller_damping_nm_s") * rollers.count * rollers.spin,
+        spin_up=bodies.roller * wheels.rollers / (2 * np.pi) * rollers.spin,
+        cost=rollers.cost,
+        cost_fades=rollers.cost_fades,
+        lift=rollers.lift,
+        lift_fades=rollers.lift_fades,
+        middle=-(centre[:, 0] + 1j * centre[:, 1]),
+        pushed=pushed[:, 0] + 1j * pushed[:, 1],
+        height=centre[:, 2],
+        pushed_height=pushed[:, 2],
+        weight=bodies.weight,
+        even=bodies.even,
+        ahead=bodies.ahead,
+        aside=bodies.aside,
+    )
+    return Robots(*map(np.ascontiguousarray, found))

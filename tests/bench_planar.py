@@ -1,0 +1,105 @@
+"""How far the plant planar agrees with the full one: errors of controllers on the same scenarios, robots and noise.
+
+    python tests/bench_planar.py [--scenario rect ...] [--robot tigers-v2016 ...] [--controller comp-flc ...]
+                                 [--seeds 1] [--substeps 4] [--out FILE.json]
+
+By default all scenarios and robots, which takes an hour. A line for each scenario and robot: for each controller the
+rms of its position error on the full plant in cm, and by how many per cent that on planar differs; with `--substeps`,
+also by how many the full plant's own does when it takes so many steps in a cycle. `sliding` is the share of the time
+for which a wheel on the full plant slips by more than creep lets it. Controllers that swap their places are named.
+"""
+
+import argparse
+import itertools
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from omni_control.kinematics import Array, world_to_body
+from omni_mj.robots import builtin as builtin_robots
+from omni_mj.scenarios import scenario
+from omni_mj.scenarios.library import builtin as builtin_scenarios
+from omni_mj.scenarios.settings import PERIOD_S, Settings
+from omni_mj.simulate.log import Log
+from omni_mj.simulate.simulation import Simulation
+
+CONTROLLERS = "flc", "comp-flc", "adaptive-comp-flc", "lqr"
+
+
+def driven(plant: str, name: str, given: argparse.Namespace, robot: str, substeps: int) -> tuple[Array, Array]:
+    """rms of the position errors (controllers, seeds) in m, and shares of the time in which a wheel slides."""
+    chosen = scenario.load(
+        name,
+        [f"physics.substeps={substeps}"],
+        {"plant": plant, "robot": robot, "controllers": given.controller, "seeds": given.seeds},
+    )
+    simulation = Simulation(chosen)
+    log = simulation.run()
+    for failure in simulation.failures:
+        print(f"    {plant}: {failure}", flush=True)
+    error = np.nan_to_num((log.channel("ref") - log.channel("pose"))[..., :2])
+    rms = np.sqrt((error**2).sum(-1).mean(0))
+    shape = len(given.controller), given.seeds
+    return rms.reshape(shape), sliding(log, simulation.rows[0].settings).reshape(shape)
+
+
+def sliding(log: Log, settings: Settings) -> Array:
+    """Share of the frames in which a wheel slips by as much as it creeps at Coulomb's limit, or more, (n,)."""
+    pose, wheels = log.channel("pose"), settings.wheels.kinematics
+    twist = world_to_body(np.gradient(pose, PERIOD_S, axis=0), pose[..., 2])
+    centre = (twist[..., 0] + 1j * twist[..., 1])[..., None] + 1j * twist[..., 2, None] * wheels.arm * np.exp(
+        1j * wheels.azimuths
+    )
+    creeps = np.abs(centre) * settings.carpet.friction / settings.drive.creep_stiffness
+    slides: Array = (log.channel("slip") > 0.98 * creeps + 0.02).any(-1).mean(0)
+    return slides
+
+
+def swaps(full: Array, planar: Array, names: list[str]) -> list[str]:
+    """Pairs of controllers of which another is the better one by the median over seeds, and by how much on each."""
+    one, other = np.median(full, 1), np.median(planar, 1)
+    return [
+        f"{names[i]} and {names[j]} ({100 * (one[i] / one[j] - 1):+.1f} %, {100 * (other[i] / other[j] - 1):+.1f} %)"
+        for i, j in itertools.combinations(range(len(names)), 2)
+        if (one[i] - one[j]) * (other[i] - other[j]) < 0
+    ]
+
+
+def report(given: argparse.Namespace) -> list[dict[str, Any]]:
+    """Compare, and print a line for each scenario and robot as soon as it is known."""
+    print(f"{'':32s} sliding", *(f"{name:>24s}" for name in given.controller))
+    found = []
+    for name, robot in itertools.product(given.scenario, given.robot):
+        full, slides = driven("mujoco", name, given, robot, 1)
+        planar, _ = driven("planar", name, given, robot, 1)
+        entry = {"scenario": name, "robot": robot, "controllers": given.controller}
+        entry |= {"full": full.tolist(), "planar": planar.tolist(), "sliding": slides.tolist()}
+        differs = 100 * (np.median(planar, 1) / np.median(full, 1) - 1)
+        cells = [
+            f"{100 * rms:9.3f} {percent:+6.2f} %" for rms, percent in zip(np.median(full, 1), differs, strict=True)
+        ]
+        if given.substeps:
+            finer, _ = driven("mujoco", name, given, robot, given.substeps)
+            entry["finer"] = finer.tolist()
+            own = 100 * (np.median(finer, 1) / np.median(full, 1) - 1)
+            cells = [f"{cell} ({percent:+.2f})" for cell, percent in zip(cells, own, strict=True)]
+        print(f"{name:16s}{robot:16s} {slides.mean():7.3f}", *(f"{cell:>24s}" for cell in cells), flush=True)
+        for swap in swaps(full, planar, given.controller):
+            print(f"    other places: {swap}", flush=True)
+        found.append(entry)
+        if given.out:
+            given.out.write_text(json.dumps(found, indent=1))
+    return found
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--scenario", nargs="+", default=list(builtin_scenarios()))
+    parser.add_argument("--robot", nargs="+", default=list(builtin_robots()))
+    parser.add_argument("--controller", nargs="+", default=list(CONTROLLERS))
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--substeps", type=int, default=0)
+    parser.add_argument("--out", type=Path)
+    report(parser.parse_args())
