@@ -44,8 +44,15 @@ NAVIGATION = {
         "control/README",
     ],
     "How it drives": ["docs/results", "docs/controllers", "docs/limit", "docs/loop", "docs/paper"],
-    "How it is made": ["docs/physics", "docs/slip", "docs/planar", "docs/performance", "models/README", "docs/architecture",
-                       "CONTRIBUTING"],
+    "How it is made": [
+        "docs/physics",
+        "docs/slip",
+        "docs/planar",
+        "docs/performance",
+        "models/README",
+        "docs/architecture",
+        "CONTRIBUTING",
+    ],
     "Reference": ["docs/api", "docs/command-line", "docs/settings", "CHANGELOG"],
 }
 
