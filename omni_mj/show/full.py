@@ -113,13 +113,13 @@ def _explained(lines: Iterable[str], usual: Mapping[str, object] | None = None) 
     section = ""
     for line in lines:
         section = line.strip("[]") if line.startswith("[") else section
-        name, equals, value = line.partition(" = ")
+        name, equals, _ = line.partition(" = ")
         declared = known.get(f"{section}.{name}")
         if not equals or declared is None:
             yield line
             continue
         notes = [f"[{declared.unit}]"] if declared.unit else []
         notes.append(declared.doc)
-        if usual is not None and (other := plain(usual[declared.full])) != json.loads(value):
+        if usual is not None and (other := plain(usual[declared.full])) != tomllib.loads(line)[name]:
             notes.insert(0, f"(default {short})" if len(short := json.dumps(other)) <= SHORT else "(not the default)")
         yield f"{line.ljust(COMMENT_AT)} # {' '.join(notes)}"

@@ -97,7 +97,7 @@ def test_a_scenario_that_is_shown_is_the_scenario(name: str, tmp_path: Path) -> 
     assert full.text(str(tmp_path / "shown.toml")) == text
     sections = [each for each in tomllib.loads(scenarios_here()[name].read_text()).values() if isinstance(each, dict)]
     sparse = {key for section in sections for key in section}
-    noted = {line.split(" = ")[0] for line in text.splitlines() if re.search("# .*(default |the default)", line)}
+    noted = {line.split(" = ")[0] for line in text.splitlines() if re.search(r"# .*\((default |not the default)", line)}
     assert noted <= sparse
 
 
