@@ -19,7 +19,12 @@ OUTPUTS = ("identify.json", "robot.toml", "plan.toml", *folders.PROVENANCE)
 @click.option("--team", type=click.Choice(["yellow", "blue"]), help="Whose robot it is, in game logs.")
 @click.option("--id", "number", type=click.IntRange(0, 15), help="Its number, in game logs.")
 @click.option("--plan", "only_plan", is_flag=True, help="Write a scenario of moves to drive, and print them.")
-@click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/identify-<UTC time>]")
+@click.option(
+    "--out",
+    type=options.FOLDER,
+    metavar="DIR|FILE.toml",
+    help="A folder, or the robot's file and a folder beside it. [runs/...]",
+)
 @options.OVERWRITE
 @options.QUIET
 def command(
@@ -58,12 +63,15 @@ def command(
 
     words, start = [of_robot(log, team, number) for log in logs], started(chosen, model)
     options.tell_model(start, quiet)
+    file = out if out is not None and out.suffix == ".toml" and not out.is_dir() else None
+    if file and file.exists() and not overwrite:
+        raise OmniError(f"--out {file} is there; give another file, or --overwrite to replace it")
     found = of_logs([log for word in words for log in read(word)], start)
-    folder = folders.prepare(out, "identify", OUTPUTS, overwrite)
+    folder = folders.prepare(file.with_suffix("") if file else out, "identify", OUTPUTS, overwrite)
     with console.writing(folder):
-        found.save(folder)
+        found.save(folder, file)
         asked, data = identified.given(words, start), [file for word in words for file in files(word)[1]]
         record.save(folder, identified.STUDY, console.command_line(), [start], frames=False, given=asked, data=data)
     if not quiet:
         print(found.table())
-        print(f"results in {folder}/ (identify.json, robot.toml)")
+        print(f"results in {folder}/ (identify.json, robot.toml)" + f", the robot in {file}" * (file is not None))

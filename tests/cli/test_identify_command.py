@@ -49,6 +49,18 @@ def test_a_log_becomes_numbers_a_report_and_a_robot(
     assert robot.settings.radio.delay_frames == 6
 
 
+def test_the_robot_is_written_to_the_file_that_is_named(
+    columns: dict[str, np.ndarray], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As the folder beside it has it; a file that is there stays unless it may be replaced."""
+    log, out = write(tmp_path / "log.csv", columns), tmp_path / "mine.toml"
+    assert invoke("identify", log, "--out", out) == 0
+    assert out.read_text() == (tmp_path / "mine" / "robot.toml").read_text()
+    assert f"the robot in {out}" in capsys.readouterr().out
+    assert invoke("identify", log, "--out", out) == 2
+    assert "--overwrite" in capsys.readouterr().err
+
+
 def swapped(c: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return c | {"vx_cmd_world_m_s": c["vy_cmd_world_m_s"], "vy_cmd_world_m_s": c["vx_cmd_world_m_s"]}
 

@@ -60,8 +60,11 @@ class Identified:
         found["fits"] = {part.source: _report(part) for part in self.parts}
         return found
 
-    def save(self, folder: Path) -> None:
-        """Write identify.json and robot.toml; of a model of the user's, copies beside them, which robot.toml names."""
+    def save(self, folder: Path, file: Path | None = None) -> None:
+        """Write identify.json and robot.toml; of a model of the user's, copies beside them, which robot.toml names.
+
+        A `file` beside the folder gets the robot too.
+        """
         (folder / "identify.json").write_text(json.dumps(self.report(), indent=2, allow_nan=False) + "\n", "utf-8")
         start = robots.robot_path(self.robot).read_text("utf-8")
         misfits = [part.source for part in self.parts if part.fitted.misfit]
@@ -70,6 +73,8 @@ class Identified:
             made |= robot_file.with_model(Path(model), folder)
         written = robot_file.written(start, made, self.logs)
         (folder / "robot.toml").write_text(written, "utf-8")
+        if file is not None:
+            file.write_text(written.replace(f'"{robot_file.MODEL}/', f'"{folder.name}/{robot_file.MODEL}/'), "utf-8")
 
     def _lines(self) -> Iterator[str]:
         rows = []
