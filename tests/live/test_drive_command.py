@@ -118,7 +118,7 @@ def test_a_simulator_that_is_killed_and_started_again_elsewhere(
 
 def test_ctrl_c_saves_what_there_is(simulator: Simulator, tmp_path: Path) -> None:
     simulator.start()
-    said = "--no-pulse", "--out", "drive", "--no-figures", "--no-record"
+    said = "--no-pulse", "--out", "drive", "--no-figures", "--no-record", "--set", "reference.laps=20"
     process = simulator.drive("--scenario", "rect", *said, cwd=tmp_path)
     until(process, "1 s  robot 0")
     process.send_signal(signal.SIGINT)

@@ -17,7 +17,7 @@ from omni_control.errors import OmniError
 from omni_mj.plants.faults import ACTS
 from omni_mj.scenarios import faults
 from omni_mj.scenarios.checking import Setting
-from omni_mj.scenarios.faults import KINDS, MUJOCO, Delay, Fault, Push, span
+from omni_mj.scenarios.faults import KINDS, ON_WHEELS, Delay, Fault, Push, span
 from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.schema import schema
@@ -52,7 +52,7 @@ tables = st.sampled_from(list(KINDS.values())).flatmap(
 def test_faults_survive_writing_and_reading_and_fit_the_schema(tmp_path: Path, drawn: list[dict[str, Any]]) -> None:
     """Those of the plant that the first asks for, without whom any plant will do."""
     asked = [KINDS[each["kind"]].plants for each in drawn]
-    (plant,) = next((plants for plants in asked if plants), MUJOCO)
+    plant = next((plants for plants in asked if plants), ON_WHEELS)[0]
     chosen = [each for each, plants in zip(drawn, asked, strict=True) if plants is None or plant in plants]
     made = om.scenario("rect", plant=plant, fault=chosen)
     assert [fault.values() for fault in made.settings.fault] == made.settings.plain()["fault"] == chosen
@@ -145,8 +145,8 @@ def test_friction_needs_wheels_that_creep() -> None:
 
 
 def test_every_kind_acts_where_it_is_known_and_says_what_it_is() -> None:
-    """Of those of the MuJoCo plant there is a function each; every class has a kind of its own."""
-    assert {kind for kind in KINDS.values() if kind.plants == MUJOCO} == set(ACTS)
+    """Of those of plants on wheels there is a function each; every class has a kind of its own."""
+    assert {kind for kind in KINDS.values() if kind.plants == ON_WHEELS} == set(ACTS)
     declared = {kind for _, kind in inspect.getmembers(faults, inspect.isclass) if issubclass(kind, Fault)} - {Fault}
     assert declared == set(KINDS.values())
     for name, kind in KINDS.items():

@@ -175,7 +175,12 @@ def agreed(values: dict[str, Any]) -> dict[str, Any]:
         if values[jerk] < 0.1 or values["reference.mode"] == "iterated":
             values[jerk] = 0.0
     kept = ("model.", "body.", "wheels.", "battery.cells", "battery.cut_off_v", "firmware.rate_hz")
+    kept += ("sensors.encoder_counts",)
     values |= {name: each.default for name, each in SETTINGS.items() if name.startswith(kept)}
+    temperatures = [values[f"motor.{name}_c"] for name in ("limit", "winding", "housing", "ambient")]
+    least = -0.5 / max(1, *(abs(each - 25) for each in temperatures))  # of what is left at the coldest and hottest
+    for name in ("motor.copper_per_k", "motor.magnet_per_k"):
+        values[name] = min(max(values[name], least), -least)
     share = min(max(values["motor.nominal_voltage_v"] / 24, 0.1), 10)
     values |= {name: SETTINGS[name].default * (share if name in SHEET[:4] else 1) for name in SHEET}
     return sections_of(values)
@@ -184,7 +189,7 @@ def agreed(values: dict[str, Any]) -> dict[str, Any]:
 scenarios = st.builds(
     Scenario,
     name=st.from_regex(r"[\w.-]{1,20}", fullmatch=True),
-    description=st.text(max_size=40),
+    description=st.text(st.characters(categories=["L", "M", "N", "P", "S"]), max_size=40),
     paper_table=st.sampled_from([0, 3, 4]),
     plant=st.sampled_from(list(PLANTS)),
     controllers=st.lists(st.sampled_from(list(CONTROLLERS)), min_size=1, unique=True).map(tuple),

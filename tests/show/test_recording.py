@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from recorded import Recorded, record, rows, rrd
 
 from omni_control.controllers.base import Controller, Seen
+from omni_mj.measure.metrics import ALPHA_WINDOW_FRAMES
 from omni_mj.scenarios import models, scenario
 from omni_mj.show import style
 from omni_mj.show.recording import FileRecording
@@ -351,7 +352,7 @@ def test_a_simulation_that_is_reset_is_recorded_from_its_start(tmp_path: Path, b
 def test_a_block_is_made_of_its_own_frames(tmp_path: Path) -> None:
     """So that it costs the same however long the run: the same is recorded where all frames before were wiped out.
 
-    But for the last, from which the path goes on.
+    But for the last, from which the path goes on, and those of the window of alpha's ratio.
     """
     chosen = scenario.load("rect-noise", ["reference.laps=2", "reference.settle_s=0.1"], {"plant": "kinematic"})
 
@@ -364,7 +365,7 @@ def test_a_block_is_made_of_its_own_frames(tmp_path: Path) -> None:
                 recording.update()
                 if wiped and recording._sent == log.length:
                     for channel in log.columns:
-                        log.channel(channel)[: log.length - 1] = 0
+                        log.channel(channel)[: log.length - 1 - ALPHA_WINDOW_FRAMES] = 0
 
             simulation.run(after_frame)
             recording.write()

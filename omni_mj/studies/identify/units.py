@@ -40,7 +40,8 @@ def check(log: "Log", least: int) -> None:
         )
     heading, steps = log.pose[seen, 2], np.diff(log.time[seen])
     jumps = np.abs(np.diff(heading))
-    if np.abs(heading[0]) > 2.1 * np.pi or (np.abs(jumps - 360) < 20).any() or _fast(jumps / steps, 45):
+    turned = np.minimum(jumps, np.abs(jumps - 2 * np.pi))  # a robot that faces backwards goes from pi to -pi
+    if np.abs(heading[0]) > 2.1 * np.pi or (np.abs(jumps - 360) < 20).any() or _fast(turned / steps, 45):
         raise OmniError(f"{log.name}: headings of up to {np.abs(heading).max():.0f} rad; is heading_rad in degrees?")
     moved = np.hypot(*np.diff(log.pose[seen, :2], axis=0).T) / steps
     if _fast(moved, 10):
