@@ -36,6 +36,7 @@ RECORD = click.option("--record/--no-record", default=True, help="Write recordin
 VIEW = click.option("--view", is_flag=True, help="Watch the run in a rerun viewer of its own.")
 CONNECT = click.option("--connect", metavar="URL", help="Watch the run in a rerun viewer that is running.")
 FIGURES = click.option("--figures/--no-figures", "draw", default=True, help="Draw the figures.")
+SVG = click.option("--svg", is_flag=True, help="Draw the figures as SVG too.")
 SUBJECT = click.option("--subject", metavar="NAME", help="A controller whose verdict is asked for.")
 ALLOW_CODE = click.option(
     "--allow-code", is_flag=True, help="Run controllers and plants of your own that the scenario's file names."

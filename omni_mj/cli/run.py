@@ -40,6 +40,7 @@ OUTPUTS = (*RESULTS, *folders.PROVENANCE)
 @options.VIEW
 @options.CONNECT
 @options.FIGURES
+@options.SVG
 @options.QUIET
 @click.option("--list", "show_list", is_flag=True, help="The same as omni-mj list.")
 def command(
@@ -58,6 +59,7 @@ def command(
     view: bool,
     connect: str | None,
     draw: bool,
+    svg: bool,
     quiet: bool,
     show_list: bool,
 ) -> None:
@@ -86,11 +88,17 @@ def command(
     shown_by = viewers(view, connect)
     folder = folders.prepare(out, chosen.name, OUTPUTS, overwrite)
     with console.writing(folder):
-        execute(simulation, folder, record, draw, quiet, shown_by)
+        execute(simulation, folder, record, draw, quiet, shown_by, svg)
 
 
 def execute(
-    simulation: "Simulation", folder: Path, record: bool, draw: bool, quiet: bool, shown_by: Sequence[str] = ()
+    simulation: "Simulation",
+    folder: Path,
+    record: bool,
+    draw: bool,
+    quiet: bool,
+    shown_by: Sequence[str] = (),
+    svg: bool = False,
 ) -> None:
     """Run a simulation, shown by viewers at the addresses given; what it leaves is in `folder`, whatever ends it.
 
@@ -100,7 +108,7 @@ def execute(
 
     with Interrupts() as interrupts:
         result = recorded(simulation, folder, record, shown_by, interrupts, quiet)
-    shown(result, folder, draw, quiet)
+    shown(result, folder, draw, quiet, svg)
     ended(result, folder, interrupts)
 
 
@@ -149,12 +157,12 @@ def recorded(
     return result
 
 
-def shown(result: "Result", folder: Path, draw: bool, quiet: bool) -> None:
+def shown(result: "Result", folder: Path, draw: bool, quiet: bool, svg: bool = False) -> None:
     """Print the table, draw the figures, if they are wanted, write the report, and say what is there."""
     if not quiet:
         _table(result)
     with console.drawing(folder):
-        _draw(result.outcomes[0], folder, draw)
+        _draw(result.outcomes[0], folder, draw, svg)
     if not quiet:
         _files(result, folder)
 
@@ -209,14 +217,14 @@ def _drive(
             recording.write()
 
 
-def _draw(outcome: "Outcome", folder: Path, draw: bool) -> None:
+def _draw(outcome: "Outcome", folder: Path, draw: bool, svg: bool) -> None:
     """Draw the figures, if they are wanted, and write the report."""
     from omni_mj.show import report
 
     if draw:
         from omni_mj.show import figures
 
-        figures.save_all(outcome, folder / "figures")
+        figures.save_all(outcome, folder / "figures", svg)
     report.write([folder], folder / "report.html")
 
 

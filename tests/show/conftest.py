@@ -20,7 +20,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
         result = run(scenario.load(name, [WAY], {"plant": "kinematic", "seeds": seeds}), ["flc", "comp-flc"])
         result.save(base / name)
         if seeds > 1:
-            figures.save_all(result["rect"], base / name / "figures")
+            figures.save_all(result["rect"], base / name / "figures", svg=True)
     return [base / "rect", base / "rect-noise"]
 
 

@@ -182,7 +182,7 @@ def test_a_row_that_failed_is_drawn_up_to_there_and_says_so(
         ends = {np.flatnonzero(~np.isnan(curve))[-1] for curve in curves if not np.isnan(curve).all()}
         assert ends == {89}, name
     titles: list[str] = []
-    monkeypatch.setattr(canvas, "save", lambda figure, stem: titles.append(figure.get_suptitle()))
+    monkeypatch.setattr(canvas, "save", lambda figure, stem, svg: titles.append(figure.get_suptitle()))
     figures.save_all(outcome, tmp_path)
     said = [title for title in titles if "c1 failed at 1.50 s: toppled over" in title]
     assert len(said) == len(figures.OVER_TIME)

@@ -21,12 +21,13 @@ OVER_TIME = ("path", "output", "error", "alpha", "temperatures")
 OF_THE_CONTROLLER = ("memberships", "surface")
 
 
-def save_all(outcome: "Outcome", folder: Path) -> None:
-    """Write each figure that a scenario's outcome has data for into `folder`, as PNG and as SVG.
+def save_all(outcome: "Outcome", folder: Path, svg: bool = False) -> None:
+    """Write each figure that a scenario's outcome has data for into `folder`, as PNG.
 
     Args:
         outcome: of the scenario; where nothing was recorded there is nothing to draw.
         folder: made if need be.
+        svg: whether to write them as SVG too, which takes about as long again.
     """
     log, scenario = outcome.log, outcome.scenario
     if log is None:
@@ -43,7 +44,7 @@ def save_all(outcome: "Outcome", folder: Path) -> None:
             of_a_seed = f", seed {log.seeds[0]}" if name in OVER_TIME else ""
             notes = first.said() if name in OVER_TIME else []
             canvas.title(figure, figure.get_suptitle() + of_the_run + of_a_seed, notes)
-            canvas.save(figure, folder / name)
+            canvas.save(figure, folder / name, svg)
 
 
 def save_comparison(summary: dict[str, Any], stem: Path) -> None:

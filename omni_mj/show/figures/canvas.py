@@ -29,14 +29,16 @@ LIMIT_DASHES = dict(zip(LIMITS.values(), ("-", (0, (1, 1))), strict=True))
 HALO = withStroke(linewidth=2.5, foreground="white")
 
 
-def save(figure: Figure, stem: Path) -> None:
-    """Write `stem`.png and `stem`.svg, the same bytes for the same figure."""
+def save(figure: Figure, stem: Path, svg: bool = True) -> None:
+    """Write `stem`.png and, if wanted, `stem`.svg, the same bytes for the same figure."""
     # The canvases draw once, where savefig would draw twice; the layout found for one is right for the other.
     figure.dpi = rcParams["savefig.dpi"]
     FigureCanvasAgg(figure).print_png(str(stem.with_suffix(".png")))  # type: ignore[no-untyped-call]
+    if not svg:
+        return
     figure.set_layout_engine("none")
-    svg = FigureCanvasSVG(figure)
-    svg.print_svg(str(stem.with_suffix(".svg")), metadata={"Date": None})  # type: ignore[no-untyped-call]
+    canvas = FigureCanvasSVG(figure)
+    canvas.print_svg(str(stem.with_suffix(".svg")), metadata={"Date": None})  # type: ignore[no-untyped-call]
 
 
 def title(figure: Figure, text: str, notes: Sequence[str] = ()) -> None:
