@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from omni_mj.measure.result import write
+from omni_mj.files import write
 from omni_mj.measure.table import Table
 from omni_mj.show import markdown
 from omni_mj.studies.sweep.cells import STRAYED

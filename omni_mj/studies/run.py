@@ -43,13 +43,22 @@ def prepare(
     seeds: Iterable[int] | None = None,
 ) -> Simulation:
     """The simulation that `run` runs, at its start."""
-    chosen = load(scenario) if isinstance(scenario, str) else scenario
+    return Simulation(chosen(scenario, controllers, seeds))
+
+
+def chosen(
+    scenario: Scenario | str,
+    controllers: Sequence[str | type[Controller]] | None = None,
+    seeds: Iterable[int] | None = None,
+) -> Scenario:
+    """The scenario, or the one of that name, with these controllers and seeds in place of its own."""
+    found = load(scenario) if isinstance(scenario, str) else scenario
     if controllers is not None:
-        chosen = chosen.replace(controllers=tuple(controllers))
+        found = found.replace(controllers=tuple(controllers))
     if seeds is not None:
         numbers = counted(seeds)
-        chosen = chosen.replace(seed=numbers[0], seeds=len(numbers))
-    return Simulation(chosen)
+        found = found.replace(seed=numbers[0], seeds=len(numbers))
+    return found
 
 
 def counted(seeds: Iterable[int]) -> list[int]:

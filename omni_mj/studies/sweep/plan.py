@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from omni_control.errors import OmniError
-from omni_mj.measure.result import write
+from omni_mj.files import write
 from omni_mj.scenarios.controllers import written
 from omni_mj.scenarios.references import timed
 from omni_mj.scenarios.rows import Row, table

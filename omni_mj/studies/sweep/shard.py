@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from omni_mj.files import whole
 from omni_mj.measure import metrics, recovery
 from omni_mj.scenarios.distributions import value
 from omni_mj.simulate.simulation import Simulation
@@ -63,12 +64,11 @@ def run(plan: Plan, job: Job, after_frame: Callable[[int], None] = nothing) -> "
 
 
 def save(table: "pa.Table", path: Path) -> None:
-    """Write a table as Parquet; the file appears whole or not at all."""
+    """Write a table as Parquet; the file appears whole or not at all, and is then on the disk."""
     import pyarrow.parquet as pq
 
-    partial = path.with_name(path.name + ".partial")
-    pq.write_table(table, partial, compression="zstd")
-    partial.replace(path)
+    with whole(path) as file:  # by its name, Arrow would take one with a colon for an address
+        pq.write_table(table, file, compression="zstd")
 
 
 def file(folder: Path, job: Job) -> Path:

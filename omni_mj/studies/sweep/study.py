@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
-from omni_mj.measure.result import write
-from omni_mj.scenarios.scenario import Scenario, load
+from omni_mj.files import write
+from omni_mj.scenarios.scenario import Scenario
 from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
-from omni_mj.studies.run import counted
+from omni_mj.studies.run import chosen
 from omni_mj.studies.sweep import cells, shard
 from omni_mj.studies.sweep.grid import Axis, axes
 from omni_mj.studies.sweep.plan import AT_ONCE, Job, Plan
@@ -81,13 +81,7 @@ def sweep(
         OmniError: something is unknown or not allowed, what is asked for does not fit into memory, or another sweep is
             in the folder.
     """
-    chosen = load(scenario) if isinstance(scenario, str) else scenario
-    if controllers is not None:
-        chosen = chosen.replace(controllers=tuple(controllers))
-    if seeds is not None:
-        numbers = counted(seeds)
-        chosen = chosen.replace(seed=numbers[0], seeds=len(numbers))
-    plan, folder = Plan(chosen, axes(vary), at_once), Path(out)
+    plan, folder = Plan(chosen(scenario, controllers, seeds), axes(vary), at_once), Path(out)
     plan.check_memory()
     if (folder / "sweep.json").exists():
         _check_same(Plan.read(folder), plan, folder)
