@@ -9,7 +9,6 @@ import numpy as np
 from mujoco.batch import Batch
 
 from omni_control.kinematics import Array, Kinematics, wrap_angle
-from omni_mj.link.noise import Noise, Stream
 from omni_mj.link.radio import Received
 from omni_mj.onboard import kernel
 from omni_mj.onboard.battery import Battery
@@ -21,6 +20,7 @@ from omni_mj.plants import Telemetry, batches
 from omni_mj.plants.between import Between
 from omni_mj.plants.bodies import MujocoBodies
 from omni_mj.plants.bound import Bound
+from omni_mj.plants.chance import Chance
 from omni_mj.plants.faults import Faults
 from omni_mj.plants.variation import Drawn
 from omni_mj.scenarios.rows import Row
@@ -93,15 +93,7 @@ class MujocoPlant:
         if places > 1 and hulls is None:
             batches.check_start(rows, world.model, self._batch.bind("qpos"))
 
-        seeds = [row.noise_seed for row in rows]
-        self._force = column([s.disturbance for s in settings], "force_n")
-        self._pushes = Noise(seeds, Stream.DISTURBANCE, lambda rng, count: rng.uniform(-1, 1, (count, 2)))
-        sensors = [s.sensors for s in settings]
-        bias = Noise(seeds, Stream.GYRO_BIAS, lambda rng, count: rng.standard_normal((count, 1))).next()
-        self._gyro_bias = column(sensors, "gyro_bias_rad_s") * bias
-        self._gyro_sigma = column(sensors, "gyro_noise_rad_s")
-        self._gyro_noise = Noise(seeds, Stream.GYRO_NOISE, lambda rng, count: rng.standard_normal((count, 1)))
-
+        self._chance = Chance(rows)
         wheels = len(world.kinematics.azimuths)
         limit = column([s.firmware for s in settings], "current_limit_a")
         self._motors = Motors([s.motor for s in settings], wheels, PERIOD_S, limit, self.drawn.strength)
@@ -208,8 +200,8 @@ class MujocoPlant:
 
     def _begin(self) -> None:
         """Begin a frame: what changes from frame to frame."""
-        motors, gyro_bias = self._motors, self._gyro_bias
-        self._push, self._any_off = self._force * self._pushes.next(), bool(self._failed.any())
+        motors, gyro_bias = self._motors, self._chance.gyro_bias
+        self._push, self._any_off = self._chance.push(), bool(self._failed.any())
         if self._faults is not None:
             self._faults.begin()
             self._push, gyro_bias = self._push + self._faults.push, gyro_bias + self._faults.gyro
@@ -218,7 +210,7 @@ class MujocoPlant:
         self._at.constant.set(motors.constant)
         self._firmware.correct(*self._heard, motors.winding)
         self._heard = np.full(len(self._failed), np.nan), np.zeros(len(self._failed), int)
-        self._gyro_error = (gyro_bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
+        self._gyro_error = self._chance.gyro_error(gyro_bias)
 
     def hold(self, current: Array | None) -> None:
         """Have drivers hold currents from now on, whatever the firmware asks; with none, a robot rolls out.
@@ -318,7 +310,7 @@ class MujocoPlant:
 
     def _stop(self, rows: list[int], unstable: list[int]) -> None:
         """Switch rows off. Worlds where none is left on are not stepped any more; unstable ones are put back first."""
-        self._failed[rows], self._force[rows] = True, 0.0
+        self._failed[rows], self._chance.force[rows] = True, 0.0
         if unstable:
             self._stand(np.unique(np.array(unstable) // self._places))
         over = self._failed.reshape(-1, self._places).all(1)

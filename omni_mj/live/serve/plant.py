@@ -40,7 +40,7 @@ class ServedPlant(MujocoPlant):
         self.surface = walls.max(0) - walls.min(0)
         hulls = (model.geom_contype > 0) & (model.geom_type == mujoco.mjtGeom.mjGEOM_CYLINDER)
         self.radius = float(np.max(model.geom_size[hulls, 0] + np.hypot(*model.geom_pos[hulls, :2].T)))
-        self._strength = self._force.copy()
+        self._strength = self._chance.force.copy()
         self._firmware.estimate.remember(REMEMBERED_FRAMES)
         self._good, self.unstable = self.pose(), False
 
@@ -69,7 +69,7 @@ class ServedPlant(MujocoPlant):
             twist: with which velocity, world frame, (3,).
         """
         self.present[robot], self._failed[robot], self._living = True, False, None
-        self._force[robot] = self._strength[robot]
+        self._chance.force[robot] = self._strength[robot]
         self._put(robot, pose, float(self._world.standing[self._world.robots[robot].qpos[2]]))
         velocity, speeds = self._at.velocity.get().copy(), self._at.wheel_speed.get().copy()
         velocity[robot, [0, 1, 5]] = twist
@@ -83,7 +83,7 @@ class ServedPlant(MujocoPlant):
     def remove(self, robot: int) -> None:
         """Take a robot away: it is switched off, and waits where nothing is."""
         self.present[robot], self._failed[robot], self._any_off = False, True, True
-        self._force[robot] = 0.0
+        self._chance.force[robot] = 0.0
         self._put(robot, np.zeros(3), AWAY_M + robot)
 
     def move_walls(self, length: float, width: float) -> None:

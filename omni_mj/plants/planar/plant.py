@@ -6,7 +6,6 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
-from omni_mj.link.noise import Noise, Stream
 from omni_mj.link.radio import Received
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
@@ -14,6 +13,7 @@ from omni_mj.onboard.kernel import compiled
 from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import EVERY, Traction
 from omni_mj.plants import Telemetry
+from omni_mj.plants.chance import Chance
 from omni_mj.plants.faults import Faults
 from omni_mj.plants.planar import by_robot, cycle, wheels
 from omni_mj.plants.planar.arrays import Motion, Plane, Robots, Scratch
@@ -70,15 +70,7 @@ class PlanarPlant:
         )
         self._failed = np.zeros(n, bool)
 
-        seeds = [row.noise_seed for row in rows]
-        self._force = column([s.disturbance for s in settings], "force_n")
-        self._pushes = Noise(seeds, Stream.DISTURBANCE, lambda rng, count: rng.uniform(-1, 1, (count, 2)))
-        sensors = [s.sensors for s in settings]
-        bias = Noise(seeds, Stream.GYRO_BIAS, lambda rng, count: rng.standard_normal((count, 1))).next()
-        self._gyro_bias = column(sensors, "gyro_bias_rad_s") * bias
-        self._gyro_sigma = column(sensors, "gyro_noise_rad_s")
-        self._gyro_noise = Noise(seeds, Stream.GYRO_NOISE, lambda rng, count: rng.standard_normal((count, 1)))
-
+        self._chance = Chance(rows)
         limit = column([s.firmware for s in settings], "current_limit_a")
         self._motors = Motors([s.motor for s in settings], count, PERIOD_S, limit, self.drawn.strength)
         self._gear = column([s.motor for s in settings], "gear")
@@ -115,12 +107,12 @@ class PlanarPlant:
         """See `Plant`."""
         motors, battery, firmware, m = self._motors, self._battery, self._firmware, self._motion
         firmware.obey(received)
-        gyro_bias, push = self._gyro_bias, self._force * self._pushes.next()
+        gyro_bias, push = self._chance.gyro_bias, self._chance.push()
         if self._faults is not None:
             self._faults.begin()
             push, gyro_bias = push + self._faults.push, gyro_bias + self._faults.gyro
         firmware.correct(received.heading, received.age, motors.winding)
-        gyro = (gyro_bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
+        gyro = self._chance.gyro_error(gyro_bias)
         pushed = push[:, 0] + 1j * push[:, 1]
         m.tilt[:], place = 0.0, m.place.copy()
         robots = self._robots._replace(torque_constant=motors.constant * self._gear)
