@@ -115,6 +115,19 @@ class Motors:
             conduction=self._conduction,
         )
 
+    def hold(self, duty: Array, current: Array, speed: Array, supply: Array) -> None:
+        """Overwrite the `duty` (n, W) of motors that are held at a current, as far as the supply drives it.
+
+        Args:
+            duty: written.
+            current: (n, W) A, not a number where the duty stays.
+            speed: of the wheels, (n, W) rad/s.
+            supply: the battery's voltage, (n, 1) V.
+        """
+        wanted = self.voltage(current, speed)
+        held = np.divide(wanted, supply, out=np.zeros_like(wanted), where=supply > 0)
+        np.copyto(duty, np.clip(held, -1.0, 1.0), where=~np.isnan(current))
+
     def voltage(self, current: Array, wheel_speed: Array) -> Array:
         """The voltage at the terminals, V, that drives a current (n, wheels) in A: the inverse of `drive`."""
         volts: Array = laws.voltage(current, wheel_speed, self._speed_constant, self.resistance, self._commutation)

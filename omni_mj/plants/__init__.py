@@ -1,12 +1,16 @@
 """The plants: what moves when commanded. All answer the same few calls, so every controller runs on each."""
 
 from dataclasses import dataclass, fields
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from omni_control.kinematics import Array, Kinematics
 from omni_mj.link.radio import Received
+
+if TYPE_CHECKING:
+    from omni_mj.onboard.battery import Battery
+    from omni_mj.onboard.motors import Motors
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,47 @@ class Telemetry:
     housing: Array
     battery: Array
     slip: Array
+
+    @classmethod
+    def of_wheels(
+        cls,
+        angle: Array,
+        speed: Array,
+        slip: Array,
+        recorded: tuple[Array, Array, Array],
+        motors: "Motors",
+        battery: "Battery",
+    ) -> "Telemetry":
+        """That of robots at the end of a frame.
+
+        Args:
+            angle: of the wheels, (n, W) rad.
+            speed: of the wheels, (n, W) rad/s.
+            slip: of the wheels, (n, W) m/s.
+            recorded: voltages and currents of the frame's cycles (cycles, n, W), V and A, and the battery's voltage
+                (cycles, n, 1) V.
+            motors: theirs.
+            battery: theirs.
+        """
+        voltages, currents, supplies = recorded
+        sizes = np.abs(voltages)
+        duties = np.divide(sizes, supplies, out=np.zeros_like(sizes), where=supplies > 0)
+        return cls(
+            wheel_angle=angle.copy(),
+            wheel_speed=speed.copy(),
+            voltage=voltages[-1].copy(),
+            current=currents[-1].copy(),
+            voltage_mean=voltages.mean(0),
+            current_mean=currents.mean(0),
+            duty_peak=np.minimum(duties, 1.0).max((0, 2)),
+            voltage_peak=sizes.max((0, 2)),
+            current_peak=np.abs(currents).max((0, 2)),
+            current_limited=motors.limited.copy(),
+            winding=motors.winding.copy(),
+            housing=motors.housing.copy(),
+            battery=battery.voltage.copy(),
+            slip=slip,
+        )
 
     @classmethod
     def of_no_wheels(cls, n: int, wheels: int = 4) -> "Telemetry":

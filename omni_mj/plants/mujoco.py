@@ -169,7 +169,7 @@ class MujocoPlant:
         motors, battery, traction = self._motors, self._battery, self._traction
         duty = self._firmware.duties(self._turn_rates + self._gyro_error, self._angles)
         if self._held is not None:
-            self._hold(duty, self._held)
+            motors.hold(duty, self._held, at.wheel_speed.get(), battery.voltage[:, None])
         if self._any_off:
             duty[self._failed] = 0.0
         self._speeds[k], self._supplies[k, :, 0] = at.wheel_speed.get(), battery.voltage
@@ -223,30 +223,10 @@ class MujocoPlant:
 
     def telemetry(self) -> Telemetry:
         """See `Plant`."""
-        voltages, supplies = np.abs(self._voltages), self._supplies
-        duties = np.divide(voltages, supplies, out=np.zeros_like(voltages), where=supplies > 0)
-        return Telemetry(
-            wheel_angle=self._at.wheel_angle.get().copy(),
-            wheel_speed=self._at.wheel_speed.get().copy(),
-            voltage=self._voltages[-1].copy(),
-            current=self.currents[-1].copy(),
-            voltage_mean=self._voltages.mean(0),
-            current_mean=self.currents.mean(0),
-            duty_peak=np.minimum(duties, 1.0).max((0, 2)),
-            voltage_peak=voltages.max((0, 2)),
-            current_peak=np.abs(self.currents).max((0, 2)),
-            current_limited=self._motors.limited.copy(),
-            winding=self._motors.winding.copy(),
-            housing=self._motors.housing.copy(),
-            battery=self._battery.voltage.copy(),
-            slip=self._slip(),
+        at, recorded = self._at, (self._voltages, self.currents, self._supplies)
+        return Telemetry.of_wheels(
+            at.wheel_angle.get(), at.wheel_speed.get(), self._slip(), recorded, self._motors, self._battery
         )
-
-    def _hold(self, duty: Array, current: Array) -> None:
-        """Overwrite the duties of motors that are held at a current."""
-        wanted, supply = self._motors.voltage(current, self._at.wheel_speed.get()), self._battery.voltage[:, None]
-        held = np.divide(wanted, supply, out=np.zeros_like(wanted), where=supply > 0)
-        np.copyto(duty, np.clip(held, -1.0, 1.0), where=~np.isnan(current))
 
     def _slip(self) -> Array:
         world = self._world

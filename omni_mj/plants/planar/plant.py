@@ -130,7 +130,7 @@ class PlanarPlant:
         for k in range(self.cycles):
             duty = firmware.duties(m.seen_rate + gyro, m.seen_angle)
             if self._held is not None:
-                self._hold(duty, self._held)
+                motors.hold(duty, self._held, m.speed, battery.voltage[:, None])
             self._speeds[k], self._supplies[k, :, 0] = m.speed, battery.voltage
             self._voltages[k], self.currents[k], _ = motors.drive(duty * self._supplies[k], m.speed)
             if k % EVERY == 0:
@@ -173,30 +173,9 @@ class PlanarPlant:
 
     def telemetry(self) -> Telemetry:
         """See `Plant`."""
-        voltages, supplies, m = np.abs(self._voltages), self._supplies, self._motion
-        duties = np.divide(voltages, supplies, out=np.zeros_like(voltages), where=supplies > 0)
-        return Telemetry(
-            wheel_angle=m.angle.copy(),
-            wheel_speed=m.speed.copy(),
-            voltage=self._voltages[-1].copy(),
-            current=self.currents[-1].copy(),
-            voltage_mean=self._voltages.mean(0),
-            current_mean=self.currents.mean(0),
-            duty_peak=np.minimum(duties, 1.0).max((0, 2)),
-            voltage_peak=voltages.max((0, 2)),
-            current_peak=np.abs(self.currents).max((0, 2)),
-            current_limited=self._motors.limited,
-            winding=self._motors.winding,
-            housing=self._motors.housing,
-            battery=self._battery.voltage.copy(),
-            slip=np.abs(m.slip) * self._radius,
-        )
-
-    def _hold(self, duty: Array, current: Array) -> None:
-        """Overwrite the duties of motors that are held at a current."""
-        wanted, supply = self._motors.voltage(current, self._motion.speed), self._battery.voltage[:, None]
-        held = np.divide(wanted, supply, out=np.zeros_like(wanted), where=supply > 0)
-        np.copyto(duty, np.clip(held, -1.0, 1.0), where=~np.isnan(current))
+        m, recorded = self._motion, (self._voltages, self.currents, self._supplies)
+        slip = np.abs(m.slip) * self._radius
+        return Telemetry.of_wheels(m.angle, m.speed, slip, recorded, self._motors, self._battery)
 
     def _check_failed(self, place: Array) -> dict[int, str]:
         """Find who has failed, and put them to rest where they were.
