@@ -16,10 +16,9 @@ OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "alpha.png", *folders.P
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/alpha-<UTC time>]")
 @options.OVERWRITE
 @options.QUIET
+@options.choice
 def command(
-    robot: str | None,
-    model: str | None,
-    overrides: tuple[str, ...],
+    choice: options.Choice,
     out: Path | None,
     overwrite: bool,
     quiet: bool,
@@ -27,10 +26,9 @@ def command(
     """Measure how a robot follows its commands: gain and lag apart, and what takes how much of them."""
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.provenance import record, studies
-    from omni_mj.scenarios import scenario
     from omni_mj.studies import alpha
 
-    chosen = scenario.load("rect", options.with_model(overrides, model), {"robot": robot} if robot else None)
+    chosen = choice.load("rect")
     options.tell_model(chosen, quiet)
     folder = folders.prepare(out, "alpha", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:

@@ -62,18 +62,13 @@ KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet", *fol
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/compare-<UTC time>]")
 @options.OVERWRITE
 @options.QUIET
+@options.choice
 def command(
+    choice: options.Choice,
     names: tuple[str, ...],
-    controllers: tuple[str, ...],
-    plant: str,
-    robot: str | None,
-    model: str | None,
-    seeds: int,
     half_width: float,
-    seed: int,
     found: tuple[Path, ...],
     subject: str | None,
-    overrides: tuple[str, ...],
     trajectories: bool,
     out: Path | None,
     overwrite: bool,
@@ -85,27 +80,22 @@ def command(
     from omni_mj.measure import limits
     from omni_mj.measure.result import write
     from omni_mj.provenance import record
-    from omni_mj.scenarios import scenario
     from omni_mj.show import compare_table
     from omni_mj.studies import compare, cost
     from omni_mj.studies.outcome import total_frames
 
-    controllers = controllers or available()
-    names = names or compare.usual(plant)
-    overrides = options.with_model(overrides, model)
-    head = {"controllers": controllers, "plant": plant, "seed": seed, "seeds": seeds}
-    head |= {"robot": robot} if robot else {}
-    chosen = [scenario.load(name, overrides, head) for name in names]
+    choice = replace(choice, controllers=choice.controllers or available())
+    names = names or compare.usual(choice.plant or "mujoco")
+    chosen = [choice.load(name) for name in names]
     options.tell_model(chosen[0], quiet)
     compare.check(chosen, subject, half_width)
     console.tell_costs([cost.estimate(each) for each in chosen], quiet)
     studies = [limits.read(path) for path in found]
     limits.known(studies, chosen)  # before there is a folder
-    repeat = ["--plant", plant, "--seeds", str(seeds), "--half-width", f"{half_width:g}", "--seed", str(seed)]
-    several = {"--scenario": names, "--controller": controllers, "--limits": found, "--set": overrides}
-    repeat += [str(word) for option, values in several.items() for value in values for word in (option, value)]
+    several = {"--scenario": names, "--limits": found}
+    repeat = [str(word) for option, values in several.items() for value in values for word in (option, value)]
+    repeat += [*choice.words, "--half-width", f"{half_width:g}"]
     repeat += ["--subject", subject] if subject else []
-    repeat += ["--robot", robot] if robot else []
     folder = folders.prepare(out, "compare", (*OUTPUTS, *KEPT), overwrite)
 
     def save(result: "Result") -> None:
@@ -128,7 +118,7 @@ def command(
             result.save_outcome(outcome if trajectories else replace(outcome, log=None), folder)
 
         result = compare.compare(
-            chosen, controllers, range(seed, seed + seeds), subject, half_width=half_width, known=studies,
+            chosen, choice.controllers, chosen[0].seed_list, subject, half_width=half_width, known=studies,
             before_block=before_block, after_block=after_block,
         )  # fmt: skip
     with console.writing(folder):

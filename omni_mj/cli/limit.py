@@ -27,30 +27,21 @@ OUTPUTS = ("summary.json", "scenario.toml", "trajectory.parquet", "limit.png", *
 @options.ALLOW_CODE
 @options.OVERWRITE
 @options.QUIET
+@options.choice
 def command(
+    choice: options.Choice,
     name: str,
-    plant: str | None,
-    robot: str | None,
-    model: str | None,
-    overrides: tuple[str, ...],
-    seeds: int,
-    seed: int,
     iterations: int,
     out: Path | None,
-    allow_code: bool,
     overwrite: bool,
     quiet: bool,
 ) -> None:
     """Find out what is possible: without noise, by learning the way; with noise, by feedback along it."""
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.provenance import record
-    from omni_mj.scenarios import scenario
     from omni_mj.studies import limit
 
-    overrides = options.with_model(overrides, model)
-    head = {"plant": plant, "robot": robot, "seed": seed, "seeds": seeds}
-    given = {key: value for key, value in head.items() if value is not None}
-    chosen = scenario.load(name, overrides, given, allow_code)
+    chosen = choice.load(name)
     options.tell_model(chosen, quiet)
     limit.check(chosen, iterations)
     folder = folders.prepare(out, f"limit-{chosen.name}", OUTPUTS, overwrite)
@@ -62,11 +53,7 @@ def command(
             iterations,
             begin=lambda title, frames: console.checked(interrupts.check, begin(title, frames)),
         )
-    words = [name, "--seeds", str(seeds), "--seed", str(seed), "--iterations", str(iterations)]
-    words += [word for option, value in (("--plant", plant), ("--robot", robot)) if value for word in (option, value)]
-    words += [word for override in overrides for word in ("--set", override)]
-    words += ["--allow-code"] * allow_code
-    result.repeat = shlex.join(["omni-mj", "limit", *words])
+    result.repeat = shlex.join(["omni-mj", "limit", name, *choice.words, "--iterations", str(iterations)])
     with console.writing(folder):
         result.save_files(folder)
         if result.complete:

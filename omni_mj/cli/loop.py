@@ -1,5 +1,6 @@
 """`omni-mj loop`: step responses and margins of controllers, measured on the plant."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -28,31 +29,22 @@ OUTPUTS = ("summary.json", "scenario.toml", "loop.png", "loop.svg", *folders.PRO
 @options.ALLOW_CODE
 @options.OVERWRITE
 @options.QUIET
+@options.choice
 def command(
-    controllers: tuple[str, ...],
+    choice: options.Choice,
     name: str,
-    plant: str | None,
-    robot: str | None,
-    model: str | None,
-    seed: int | None,
-    seeds: int | None,
-    overrides: tuple[str, ...],
     out: Path | None,
-    allow_code: bool,
     overwrite: bool,
     quiet: bool,
 ) -> None:
     """Measure how control loops answer a step, and their gain, phase and delay margins."""
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.provenance import record, studies
-    from omni_mj.scenarios import scenario
     from omni_mj.studies.loop import loop, study
     from omni_mj.studies.loop.drive import FRAMES
 
-    head = {"plant": plant, "robot": robot, "seed": seed, "seeds": seeds, "controllers": controllers or study.usual()}
-    faster = ("wheels.model=two-rollers", *options.with_model(overrides, model))  # unless told otherwise
-    given = {key: value for key, value in head.items() if value is not None}
-    chosen = scenario.load(name, faster, given, allow_code)
+    choice = replace(choice, controllers=choice.controllers or study.usual())
+    chosen = choice.load(name, "wheels.model=two-rollers")
     options.tell_model(chosen, quiet)
     folder = folders.prepare(out, "loop", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:

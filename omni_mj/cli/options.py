@@ -1,8 +1,11 @@
 """Options that several commands share."""
 
 import json
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -46,9 +49,61 @@ QUIET = click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 FOLDER = click.Path(path_type=Path)
 
 
-def with_model(overrides: tuple[str, ...], model: str | None) -> tuple[str, ...]:
-    """Settings as given, with that of a model."""
-    return overrides if model is None else (*overrides, f"model.file={json.dumps(model, ensure_ascii=False)}")
+@dataclass(frozen=True)
+class Choice:
+    """What a command line says of the scenario that it names; what it does not say is the scenario's."""
+
+    controllers: tuple[str, ...] = ()
+    plant: str | None = None
+    robot: str | None = None
+    model: str | None = None
+    seed: int | None = None
+    seeds: int | None = None
+    overrides: tuple[str, ...] = ()
+    allow_code: bool = False
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """What --set and --model say, as --set would."""
+        model = () if self.model is None else (f"model.file={json.dumps(self.model, ensure_ascii=False)}",)
+        return (*self.overrides, *model)
+
+    @property
+    def words(self) -> list[str]:
+        """The options, as words of a command line that repeats it."""
+        once = (("--plant", self.plant), ("--robot", self.robot), ("--seed", self.seed), ("--seeds", self.seeds))
+        several = [("--controller", each) for each in self.controllers] + [("--set", each) for each in self.settings]
+        said = [(option, str(value)) for option, value in (*once, *several) if value is not None]
+        return [word for pair in said for word in pair] + ["--allow-code"] * self.allow_code
+
+    def load(self, name: str, *usual: str) -> "Scenario":
+        """The scenario of that name with what was chosen.
+
+        Args:
+            name: of a built-in scenario, or its file.
+            usual: settings of the command, before those of the user.
+
+        Raises:
+            OmniError: see `omni_mj.scenarios.scenario.load`.
+        """
+        from omni_mj.scenarios import scenario
+
+        head = {key: getattr(self, key) for key in ("plant", "robot", "seed", "seeds")}
+        given = {key: value for key, value in head.items() if value is not None}
+        if self.controllers:
+            given["controllers"] = self.controllers
+        return scenario.load(name, (*usual, *self.settings), given, self.allow_code)
+
+
+def choice(command: Callable[..., None]) -> Callable[..., None]:
+    """Hand a command those of its options that say what is run as one `Choice`."""
+
+    @wraps(command)
+    def with_choice(**given: Any) -> None:
+        chosen = {field.name: given.pop(field.name) for field in fields(Choice) if field.name in given}
+        command(Choice(**chosen), **given)
+
+    return with_choice
 
 
 def tell_model(scenario: "Scenario", quiet: bool) -> None:

@@ -43,17 +43,11 @@ OUTPUTS = (*RESULTS, *folders.PROVENANCE)
 @options.SVG
 @options.QUIET
 @click.option("--list", "show_list", is_flag=True, help="The same as omni-mj list.")
+@options.choice
 def command(
+    choice: options.Choice,
     name: str | None,
-    controllers: tuple[str, ...],
-    plant: str | None,
-    robot: str | None,
-    model: str | None,
-    seed: int | None,
-    seeds: int | None,
-    overrides: tuple[str, ...],
     out: Path | None,
-    allow_code: bool,
     overwrite: bool,
     record: bool,
     view: bool,
@@ -69,19 +63,12 @@ def command(
 
         listing.show()
         return
-    from omni_mj.scenarios import scenario
     from omni_mj.scenarios.library import builtin
     from omni_mj.studies import cost, run
 
     if name is None:
         raise OmniError(f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file")
-    head = {"controllers": controllers or None, "plant": plant, "robot": robot, "seed": seed, "seeds": seeds}
-    chosen = scenario.load(
-        name,
-        options.with_model(overrides, model),
-        {key: value for key, value in head.items() if value is not None},
-        allow_code,
-    )
+    chosen = choice.load(name)
     options.tell_model(chosen, quiet)
     console.tell_costs([cost.estimate(chosen)], quiet)
     simulation = run.prepare(chosen)

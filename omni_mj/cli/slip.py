@@ -1,6 +1,7 @@
 """`omni-mj slip`: how robots slip, beside what was measured on real ones."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -20,10 +21,10 @@ OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "slip.png", *folders.PR
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/slip-<UTC time>]")
 @options.OVERWRITE
 @options.QUIET
+@options.choice
 def command(
+    choice: options.Choice,
     robots: tuple[str, ...],
-    model: str | None,
-    overrides: tuple[str, ...],
     out: Path | None,
     overwrite: bool,
     quiet: bool,
@@ -31,14 +32,13 @@ def command(
     """Identify gain, slip, drag and efficiency of robots as TIGERs Mannheim do."""
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.provenance import record, studies
-    from omni_mj.scenarios import scenario
     from omni_mj.scenarios.robots import DEFAULT
     from omni_mj.studies import slip
     from omni_mj.studies.slip.published import PUBLISHED
 
-    faster = ("wheels.model=two-rollers", *options.with_model(overrides, model))  # unless told otherwise
     chosen = [
-        scenario.load("rect", faster, {"robot": robot}) for robot in robots or ([DEFAULT] if model else PUBLISHED)
+        replace(choice, robot=robot).load("rect", "wheels.model=two-rollers")
+        for robot in robots or ([DEFAULT] if choice.model else PUBLISHED)
     ]
     for each in chosen:
         options.tell_model(each, quiet)

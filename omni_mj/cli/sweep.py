@@ -34,16 +34,11 @@ TRIAL_FRAMES = 20  # of the first shard, from which the time is estimated
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/sweep-<UTC time>]")
 @click.option("--resume", type=options.FOLDER, metavar="DIR", help="Go on with a sweep that was stopped or killed.")
 @options.QUIET
+@options.choice
 def command(
+    choice: options.Choice,
     name: str | None,
     varied: tuple[str, ...],
-    controllers: tuple[str, ...],
-    plant: str | None,
-    robot: str | None,
-    model: str | None,
-    seed: int | None,
-    seeds: int | None,
-    overrides: tuple[str, ...],
     at_once: int | None,
     out: Path | None,
     resume: Path | None,
@@ -54,7 +49,6 @@ def command(
     Of whole numbers, LOW:HIGH:STEP. A sweep that was stopped or killed goes on with --resume DIR, and computes nothing
     twice. Numbers that are drawn (--set carpet.friction='{uniform = [0.4, 0.9]}') are drawn for each seed.
     """
-    from omni_mj.scenarios import scenario
     from omni_mj.studies import sweep
     from omni_mj.studies.sweep.plan import AT_ONCE, Plan
 
@@ -66,9 +60,7 @@ def command(
         if name is None or not varied:
             missing = "--scenario" if name is None else "--vary"
             raise OmniError(f"{missing} is missing: omni-mj sweep --scenario rect --vary carpet.friction=0.3:1.0:8")
-        head = {"controllers": controllers or None, "plant": plant, "robot": robot, "seed": seed, "seeds": seeds}
-        given = {key: value for key, value in head.items() if value is not None}
-        chosen = scenario.load(name, options.with_model(overrides, model), given)
+        chosen = choice.load(name)
         options.tell_model(chosen, quiet)
         grid = sweep.axes([sweep.axis(each) for each in varied])
         plan = Plan(chosen, grid, AT_ONCE if at_once is None else at_once)
