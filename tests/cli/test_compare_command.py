@@ -190,6 +190,7 @@ def test_a_signal_leaves_what_was_done(files: Path, tmp_path: Path) -> None:
     """Both signals at once, each to a process of its own."""
     (tmp_path / "endless.toml").write_text("[reference]\nwaypoints = [[0, 0], [1, 0], [0, 0]]\nlaps = 1000\n")
     given = ("--scenario", files / "there.toml", "--scenario", tmp_path / "endless.toml", "--plant", "kinematic")
+    given += tuple(word for name in CONTROLLERS for word in ("--controller", name))
     processes = {}
     for number, reason in ((signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")):
         processes[number, reason] = subprocess.Popen(
