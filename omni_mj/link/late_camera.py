@@ -76,8 +76,10 @@ class Cameras:
         """See `Camera`."""
         measured, seen, twist = np.full((self._n, 3), np.nan), np.zeros(self._n, bool), self._twist()
         for rows, part in self._parts:
-            at_once = isinstance(part, Camera)
-            measured[rows], seen[rows] = part(pose[rows]) if at_once else part(pose[rows], twist[rows])
+            if isinstance(part, Camera):
+                measured[rows], seen[rows] = part(pose[rows])
+            else:
+                measured[rows], seen[rows] = part(pose[rows], twist[rows])
         return measured, seen
 
 

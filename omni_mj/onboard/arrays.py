@@ -23,6 +23,8 @@ class FirmwareArrays(NamedTuple):
     every: Array  # cycles from one run of the loops to the next, (n,)
     stops: Array  # cycle from which the robot stands, (n,)
     body: Array  # whether commands are along the robot's own axes, 0 or 1, (n,)
+    off: Array  # whether no loop runs, 0 or 1, (n,)
+    gyro_scale: Array  # factor of what the gyro shows, (n,)
     radius: Array  # of the wheels, (n,) m
     counts_per_rad: Array  # (n,)
     rate_per_count: Array  # (n,) rad/s
@@ -41,6 +43,8 @@ class FirmwareArrays(NamedTuple):
     integral: Array  # (n, W) rad
     last_error: Array  # (n, W) rad/s
     held: Array  # duties, (n, W)
+    count_scale: Array  # what encoders show over the angles of wheels, (n, W)
+    count_shift: Array  # and besides, (n, W) rad
 
 
 class MotorArrays(NamedTuple):
@@ -91,6 +95,7 @@ class BatteryArrays(NamedTuple):
     voltage: Array  # (n,) V
     drawn: Array  # sum of the currents, (n,) A
     loads: Array  # number of them, (n,)
+    share: Array  # of its voltage that comes through, (n,)
 
 
 class RimArrays(NamedTuple):
@@ -120,6 +125,7 @@ class TractionArrays(NamedTuple):
     centre: Array  # (n, 3) m
     carpet: CarpetArrays
     grip: Array  # (n, W), a factor
+    gap: Array  # where rollers are missing, from a wheel's angle 0 on, (n, W) rad
     bearing: Array  # (n, 1)
     radius: Array  # (n, W) m
     creep: Array  # (n, W) N s/m
@@ -127,13 +133,14 @@ class TractionArrays(NamedTuple):
     wrench: Array  # (n, 6)
 
 
-FIRMWARE_ROBOTS, FIRMWARE_WHEELS = 17, 9  # of the fields above, how many are (n,), and how many (n, W)
+FIRMWARE_ROBOTS, FIRMWARE_WHEELS = 19, 11  # of the fields above, how many are (n,), and how many (n, W)
 
 
 def firmware(r: Array, w: Array) -> FirmwareArrays:
-    """The parts of `r` (17, n) and `w` (9, n, W)."""
+    """The parts of `r` (19, n) and `w` (11, n, W)."""
     state = r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], r[9], r[10], r[11], r[12], r[13], r[14], r[15], r[16]
-    return FirmwareArrays(*state, w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7], w[8])
+    more = r[17], r[18], w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7], w[8], w[9], w[10]
+    return FirmwareArrays(*state, *more)
 
 
 def motors(w: Array) -> MotorArrays:
@@ -142,8 +149,8 @@ def motors(w: Array) -> MotorArrays:
 
 
 def battery(r: Array) -> BatteryArrays:
-    """The parts of `r` (6, n)."""
-    return BatteryArrays(r[0], r[1], r[2], r[3], r[4], r[5])
+    """The parts of `r` (7, n)."""
+    return BatteryArrays(r[0], r[1], r[2], r[3], r[4], r[5], r[6])
 
 
 def rims(w: Array) -> RimArrays:

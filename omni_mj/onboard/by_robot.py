@@ -30,10 +30,10 @@ def control(i: int, cycle: int, f: FirmwareArrays, gyro: float, angle: Array) ->
         gyro: rad/s.
         angle: of all wheels, (n, W) rad.
     """
-    if cycle % f.every[i] != 0:
+    if f.off[i] != 0 or cycle % f.every[i] != 0:
         return
     silent = cycle >= f.stops[i]
-    rate = gyro - f.bias[i]
+    rate = f.gyro_scale[i] * gyro - f.bias[i]
     f.heading[i] += rate * f.timestep[i]
     heading = 0.0 if f.body[i] != 0 else f.heading[i]
     cosine, sine = np.cos(heading), np.sin(heading)
@@ -43,7 +43,7 @@ def control(i: int, cycle: int, f: FirmwareArrays, gyro: float, angle: Array) ->
         wanted = turn if silent else laws.wheel_speed(cosine, sine, f.along_x[i, w], f.along_y[i, w], turn)
         if not (silent or np.isnan(f.rims[i, w])):
             wanted = f.rims[i, w] / f.radius[i]
-        count = laws.counted(angle[i, w], f.counts_per_rad[i])
+        count = laws.counted(laws.shown(angle[i, w], f.count_scale[i, w], f.count_shift[i, w]), f.counts_per_rad[i])
         if cycle == 0:  # wherever the wheels stand when the robot is switched on
             f.last_count[i, w] = count
         speed = (count - f.last_count[i, w]) * f.rate_per_count[i]
@@ -86,7 +86,7 @@ def load(i: int, b: BatteryArrays, voltage: Array, current: Array) -> None:
         drawn += laws.share(voltage[i, w], b.voltage[i] + b.dead[i]) * current[i, w]
     b.drawn[i] += drawn
     b.loads[i] += 1.0
-    b.voltage[i] = laws.sagged(b.open[i], b.resistance[i], drawn)
+    b.voltage[i] = b.share[i] * laws.sagged(b.open[i], b.resistance[i], drawn)
 
 
 def warm(i: int, m: MotorArrays, h: HeatArrays, currents: Array, speeds: Array) -> None:
@@ -126,7 +126,14 @@ def discharge(i: int, b: BatteryArrays, c: ChargeArrays, period: float) -> None:
 
 
 def travel(
-    i: int, t: TractionArrays, position: complex, heading: complex, velocity: complex, rate: float, load: Array
+    i: int,
+    t: TractionArrays,
+    position: complex,
+    heading: complex,
+    velocity: complex,
+    rate: float,
+    load: Array,
+    angle: Array,
 ) -> None:
     """Look at where robot i is and goes (see `Traction.travel`).
 
@@ -138,6 +145,7 @@ def travel(
         velocity: in the world, m/s.
         rate: of turning, rad/s.
         load: of the wheels, (n, W) N.
+        angle: of the wheels, (n, W) rad.
     """
     c, body = t.carpet, velocity * heading.conjugate()
     force, moment = 0j, 0.0
@@ -148,6 +156,8 @@ def travel(
             if laws.inside(position + heading * (t.arm * outward), complex(x, y), radius):
                 friction = other
         friction = friction * t.grip[i, w]
+        if laws.over_gap(angle[i, w], t.gap[i, w]):
+            friction = 0.0
         speed, direction, held = laws.rolled(body * outward.conjugate() + 1j * t.arm * rate, t.bearing[i, 0], friction)
         pile = laws.leaning(c.pile[i, 0], c.nap[i, 0], direction * outward, heading * c.fibres[i, 0])
         drag = load[i, w] * (pile * direction + held)

@@ -78,6 +78,7 @@ class Traction:
         self.carpet = Carpet([s.carpet for s in settings], kinematics.arm * self._outward)
         self.centre, self._arm = centre * np.ones((shape[0], 3)), kinematics.arm
         self._grip, self._radius = grip * np.ones(shape), (kinematics.radius - wear) * np.ones(shape)
+        self._whole, self._gap, self._gaps = self._grip.copy(), np.zeros(shape), False
         self._bearing, stiffness = column(drive, "roller_friction"), column(drive, "creep_stiffness")
         self._creep = 1 / (timestep * self._radius**2 * stiffness * inverse_inertia)
         self.block = np.zeros((4, *shape))
@@ -85,7 +86,18 @@ class Traction:
         self.impedance[:] = 1.0
         self.wrench = np.zeros((shape[0], 6))
 
-    def travel(self, position: Array, quaternion: Array, velocity: Array, load: Array) -> None:
+    def become(self, grip: Array, gap: Array) -> None:
+        """From now on have other wheels.
+
+        Args:
+            grip: factors of theirs at the start, (n, W).
+            gap: where rollers are missing, from a wheel's angle 0 on, (n, W) rad; there it grips nothing.
+        """
+        self._grip[:], self._gap[:], self._gaps = self._whole * grip, gap, bool(gap.any())
+
+    def travel(
+        self, position: Array, quaternion: Array, velocity: Array, load: Array, angle: Array | float = 0.0
+    ) -> None:
         """Look at where robots are and go: carpet, drag, and how fast wheels travel.
 
         Vectors of the plane are complex numbers here, of a wheel's frame with the part along the axle first.
@@ -95,11 +107,14 @@ class Traction:
             quaternion: (n, 4), of robots that stand upright.
             velocity: of the free joints, (n, 6).
             load: of the wheels, (n, W) N.
+            angle: of the wheels, (n, W) rad; it matters to those that have lost rollers.
         """
         heading = (quaternion[:, 0] + 1j * quaternion[:, 3]) ** 2
         body = (velocity[:, 0] + 1j * velocity[:, 1]) * heading.conj()
         wheel = body[:, None] * self._inward + self._turning * velocity[:, 5:6]
         friction = self.carpet.friction(position, heading) * self._grip
+        if self._gaps:
+            friction = np.where(laws.over_gap(angle, self._gap), 0.0, friction)
         speed, direction, held = laws.rolled(wheel, self._bearing, friction)
         drag = load * (self.carpet.pile(direction, heading) * direction + held)
         force = -(drag * self._outward).sum(1)  # a matrix product would round by the number of rows
@@ -120,6 +135,7 @@ class Traction:
             centre=self.centre,
             carpet=self.carpet.arrays(),
             grip=self._grip,
+            gap=self._gap,
             bearing=self._bearing,
             radius=self._radius,
             creep=self._creep,

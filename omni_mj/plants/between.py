@@ -125,7 +125,7 @@ class Between:
             held: currents that drivers hold, (n, W) A, or not a number.
         """
         if k % EVERY == 0:
-            self._travel(self._traction.arrays(), self._cells, self._load, push)
+            self._travel(self._traction.arrays(), self._cells, self._load, self._sensed[0], push)
         given = self._nothing if held is None else held
         cells, sensed, cycle = self._cells, self._sensed, self._firmware.cycle
         self._before(cycle, k, *self._blocks, cells, *sensed, self._load, gyro_error, off, given, *self._recorded)
@@ -148,7 +148,7 @@ class Between:
         self._end(self._motors.block, heat, self._battery.block, charge, self._recorded[0], period)
 
 
-def travel(t: TractionArrays, c: Cells, load: Array, push: Array) -> None:
+def travel(t: TractionArrays, c: Cells, load: Array, angle: Array, push: Array) -> None:
     """Carpet and drag of all robots (see `Traction.travel`)."""
     places = c.robots.shape[0]
     for i in range(len(load)):
@@ -156,7 +156,7 @@ def travel(t: TractionArrays, c: Cells, load: Array, push: Array) -> None:
         _weigh(i, c, load)
         position, velocity = complex(state[robot[X]], state[robot[Y]]), complex(state[robot[VX]], state[robot[VY]])
         half = complex(state[robot[W]], state[robot[Z]])
-        by_robot.travel(i, t, position, half * half, velocity, state[robot[RATE]], load)
+        by_robot.travel(i, t, position, half * half, velocity, state[robot[RATE]], load, angle)
         t.wrench[i, 0] += push[i, 0]
         t.wrench[i, 1] += push[i, 1]
         for axis in range(6):

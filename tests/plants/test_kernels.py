@@ -79,7 +79,7 @@ def test_robot_by_robot_is_as_all_at_once(n: int, seed: int) -> None:
             duty = one.firmware.duties(met["gyro"][k], met["angle"][k])
             wanted = duty * one.battery.voltage[:, None]
             volts[0, k], amperes[0, k], _ = one.motors.drive(wanted, met["speed"][k])
-            one.traction.travel(met["position"], quaternion, met["velocity"], met["load"][k])
+            one.traction.travel(met["position"], quaternion, met["velocity"], met["load"][k], met["angle"][k])
             one.traction.press(met["load"][k])
             one.battery.load(volts[0, k], amperes[0, k])
             for i in range(n):
@@ -88,7 +88,7 @@ def test_robot_by_robot_is_as_all_at_once(n: int, seed: int) -> None:
                 by_robot.drive(i, m, met["speed"][k], volts[1, k], amperes[1, k])
                 at, velocity = complex(*met["position"][i, :2]), complex(*met["velocity"][i, :2])
                 way = complex(np.cos(heading[i]), np.sin(heading[i]))
-                by_robot.travel(i, t, at, way, velocity, met["velocity"][i, 5], met["load"][k])
+                by_robot.travel(i, t, at, way, velocity, met["velocity"][i, 5], met["load"][k], met["angle"][k])
                 by_robot.press(i, t.rims, met["load"][k])
                 by_robot.load(i, b, volts[1, k], amperes[1, k])
             other.firmware.cycle += 1

@@ -19,7 +19,7 @@ class Robots(NamedTuple):
     inertia: Array  # of body and rims over a cycle, such a half, (n, 6) kg/s and kg m^2/s
     give: Array  # speed per torque that a cycle gives a hub, (n, 1) rad/s / (N m)
     viscous: Array  # friction of hubs, (n, 1) N m s/rad
-    dry: Array  # the same, (n, 1) N m
+    dry: Array  # the same, (n, W) N m
     torque_constant: Array  # torque of a hub per current now, (n, W) N m/A
     contact: Array  # slip over torque of the contacts, (n, W) rad/s / (N m)
     lever: Array  # from axles to the carpet, (n, W) m

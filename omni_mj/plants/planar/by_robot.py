@@ -76,7 +76,7 @@ def _drag(i: int, r: Robots, m: Motion, t: TractionArrays, push: complex, downhi
     heading = complex(np.cos(m.heading[i]), np.sin(m.heading[i]))
     upright = heading.conjugate()
     body = m.velocity[i] * upright + 1j * m.rate[i] * r.middle[i]
-    by_robot.travel(i, t, m.place[i] + r.middle[i] * heading, heading, body * heading, m.rate[i], m.load)
+    by_robot.travel(i, t, m.place[i] + r.middle[i] * heading, heading, body * heading, m.rate[i], m.load, m.angle)
     ground, moment = complex(t.wrench[i, 0], t.wrench[i, 1]) * upright, t.wrench[i, 5]
     total = x = y = 0.0
     for w in range(m.speed.shape[1]):
@@ -108,10 +108,10 @@ def _move(i: int, r: Robots, m: Motion, s: Scratch, t: TractionArrays, current: 
         free = planar.free(speed, r.give[i, 0], r.torque_constant[i, w] * current[i, w], r.viscous[i, 0])
         soft = planar.soft(t.rims.impedance[i, w], r.contact[i, w])
         dry = planar.dry(free, speed, r.give[i, 0], m.torque[i, w], soft)
-        if np.abs(dry) <= r.dry[i, 0]:
+        if np.abs(dry) <= r.dry[i, w]:
             s.end[i, w], s.give[i, w] = planar.RESTING * speed, 0.0
         else:
-            s.end[i, w], s.give[i, w] = free - r.give[i, 0] * np.copysign(r.dry[i, 0], dry), r.give[i, 0]
+            s.end[i, w], s.give[i, w] = free - r.give[i, 0] * np.copysign(r.dry[i, w], dry), r.give[i, 0]
         s.pull[i, w] = 1 / (soft + s.give[i, w])
         s.held[i, w] = 0.0
 

@@ -27,7 +27,7 @@ def drag(r: Robots, m: Motion, traction: Traction, push: Plane, downhill: Plane)
     half, none = m.heading / 2, np.zeros_like(m.heading)
     quaternion = np.stack([np.cos(half), none, none, np.sin(half)], axis=1)
     twist = np.stack([velocity.real, velocity.imag, none, none, none, m.rate], axis=1)
-    traction.travel(np.stack([place.real, place.imag], axis=1), quaternion, twist, m.load)
+    traction.travel(np.stack([place.real, place.imag], axis=1), quaternion, twist, m.load, m.angle)
     rims = m.speed - m.slip
     spin = np.abs(rims)
     aside = laws.spinning((body[:, None] * r.outward.conj()).real, spin, r.bearing, r.spin_up)

@@ -23,6 +23,8 @@ from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, column
 from omni_mj.worlds import build
 
+STUCK_NM = 1e3  # dry friction of a hub that is stuck
+
 
 class PlanarPlant:
     """Robots with roller wheels on carpet, each alone in its world, without a contact solver.
@@ -57,6 +59,7 @@ class PlanarPlant:
         start = np.array(start, float)
         heading = np.exp(1j * start[:, 2])
         self._robots = wheels.robots(settings, geometry, bodies, self.drawn)
+        self._dry = self._robots.dry
         self._motion = Motion(
             place=start[:, 0] + 1j * start[:, 1] - self._robots.middle * heading,
             heading=start[:, 2].copy(),
@@ -81,8 +84,9 @@ class PlanarPlant:
             settings, geometry, bodies.whole.centre, np.ones(1), build.CYCLE_S, self.drawn.friction, self.drawn.wear
         )
         self._faults: Faults | None = None
-        if any(s.fault for s in settings):
-            self._faults = Faults(rows, self, self._traction, self._motors)
+        if any(row.faults for row in rows):
+            onboard = self._firmware, self._motors, self._battery, self._traction
+            self._faults = Faults(rows, self, onboard, self._motion.seen_angle)
         self._speeds, self._voltages, self.currents = np.zeros((3, self.cycles, n, count))
         self._supplies = np.zeros((self.cycles, n, 1))  # the battery's voltage of each step
         self._held: Array | None = None
@@ -129,8 +133,8 @@ class PlanarPlant:
         motors, battery, firmware, m = self._motors, self._battery, self._firmware, self._motion
         for k in range(self.cycles):
             duty = firmware.duties(m.seen_rate + gyro, m.seen_angle)
-            if self._held is not None:
-                motors.hold(duty, self._held, m.speed, battery.voltage[:, None])
+            if (held := self._holds) is not None:
+                motors.hold(duty, held, m.speed, battery.voltage[:, None])
             self._speeds[k], self._supplies[k, :, 0] = m.speed, battery.voltage
             self._voltages[k], self.currents[k], _ = motors.drive(duty * self._supplies[k], m.speed)
             if k % EVERY == 0:
@@ -141,7 +145,7 @@ class PlanarPlant:
     def _pass_compiled(self, frame: Callable[..., None], robots: Robots, gyro: Array, push: Plane) -> None:
         """Let a frame pass by a compiled loop."""
         onboard = (part.arrays() for part in (self._firmware, self._motors, self._battery, self._traction))
-        held = self._nothing if self._held is None else self._held
+        held = self._nothing if (holds := self._holds) is None else holds
         recorded = self._speeds, self._voltages, self.currents, self._supplies
         robot, forces = (robots, self._motion, self._scratch), (gyro, push, self._bodies.downhill)
         frame(self._firmware.cycle, *robot, *onboard, *forces, held, *recorded)
@@ -152,15 +156,20 @@ class PlanarPlant:
         self._held = None if current is None or np.isnan(current).all() else np.array(current, float)
 
     @property
+    def _holds(self) -> Array | None:
+        return self._held if self._faults is None else self._faults.held(self._held)
+
+    @property
     def centre(self) -> Array:
         """Of mass of each robot, from the middle of its wheels' contacts, (n, 3) m."""
         return self._bodies.whole.centre
 
     def carry(self, loads: Iterable[tuple[int, float, float]]) -> None:
         """Carry these loads and no others; see `omni_mj.plants.payload.Carriers`. The robots' middles stay."""
-        before = self._robots.middle
+        before, dry = self._robots.middle, self._robots.dry
         self._bodies.carry(loads)
-        self._robots = wheels.robots(self._settings, self._kinematics, self._bodies, self.drawn)
+        robots = wheels.robots(self._settings, self._kinematics, self._bodies, self.drawn)
+        self._robots = robots._replace(dry=dry)
         m = self._motion
         moved = (before - self._robots.middle) * np.exp(1j * m.heading)
         m.place[:] += moved
@@ -170,6 +179,19 @@ class PlanarPlant:
         """Stand on carpets that lean so that gravity has the parts `along` (n, 2) of itself along them."""
         self._bodies.lean(along)
         self._robots = self._robots._replace(weight=self._bodies.weight)
+
+    def block(self, stuck: np.ndarray) -> None:
+        """Have these wheels stuck, (n, W), and no others."""
+        self._robots = self._robots._replace(dry=np.where(stuck, STUCK_NM, self._dry))
+
+    def put(self, robot: int, moved: tuple[float, float, float]) -> None:
+        """Put a robot as far from where it is, m, m and rad in the world, at rest."""
+        m, (x, y, turn) = self._motion, moved
+        before = self._robots.middle[robot] * np.exp(1j * m.heading[robot])
+        m.place[robot] += complex(x, y) + before - before * np.exp(1j * turn)
+        m.heading[robot] += turn
+        for values in (m.velocity, m.rate, m.speed, m.torque, m.slip, m.seen_rate):
+            values[robot] = 0.0
 
     def telemetry(self) -> Telemetry:
         """See `Plant`."""

@@ -40,7 +40,7 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
         inertia=(body + bodies.rim * squares.sum(1)) / CYCLE_S,
         give=CYCLE_S / bodies.hub,
         viscous=column(motors, "wheel_viscous"),
-        dry=column(motors, "wheel_dry") + column(drive, "gear_friction_nm"),
+        dry=(column(motors, "wheel_dry") + column(drive, "gear_friction_nm")) * np.ones(shape),
         torque_constant=np.zeros(shape),
         contact=1 / (friction * rollers.count * lever**2),
         lever=lever,

@@ -9,10 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from omni_control.errors import OmniError, choose
 from omni_mj.scenarios.checking import in_one, shown
-from omni_mj.scenarios.faults.base import KINEMATIC as KINEMATIC
-from omni_mj.scenarios.faults.base import ON_WHEELS as ON_WHEELS
-from omni_mj.scenarios.faults.base import Fault
-from omni_mj.scenarios.faults.base import span as span
+from omni_mj.scenarios.faults.base import KINEMATIC, ON_WHEELS, Fault, span
 from omni_mj.scenarios.faults.camera import (
     VisionBias,
     VisionClock,
@@ -43,6 +40,15 @@ from omni_mj.scenarios.plants import PLANTS, find_plant
 
 if TYPE_CHECKING:
     from omni_mj.scenarios.settings import Settings
+
+__all__ = [
+    "KINDS", "KINEMATIC", "ON_WHEELS", "Alpha", "BrownOut", "Delay", "EncoderDropout", "EncoderFreeze",
+    "EncoderScale", "Fault", "FirmwareTimeout", "Friction", "FrictionPatch", "GyroBias", "GyroOut", "GyroScale",
+    "Kidnap", "MotorBlocked", "MotorDead", "MotorWeak", "Payload", "Push", "RadioBursts", "RadioDuplicates",
+    "RadioLoss", "RadioOut", "RadioReorder", "Reboot", "Tilt", "VisionBias", "VisionClock", "VisionDelay",
+    "VisionFreeze", "VisionJitter", "VisionMirrored", "VisionOut", "VisionWrongId", "WheelRoller", "WheelWorn",
+    "check_plant", "check_robots", "known", "made", "misfits", "of_robot", "span",
+]  # fmt: skip
 
 KINDS: dict[str, type[Fault]] = {
     str(kind.model_fields["kind"].default): kind
