@@ -1,14 +1,18 @@
 """Faults concern nobody but their row, and leave nothing behind."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from driving import drive, quiet, ramp, with_settings
 from driving import mujoco as plant_of
-from meeting_faults import ICE, SETTLE, STILL, meets, standing
+from meeting_faults import ICE, ON_WHEELS, SETTLE, STILL, meets, planar, standing
 from numpy.typing import NDArray
 
+from omni_mj.scenarios.settings import Settings
+
+PlantOf = Callable[[list[Settings]], Any]
 EVERYTHING: list[dict[str, Any]] = [
     {"kind": "push", "at": 0.05, "for": 0.1, "force_n": 15.0, "direction_deg": 30.0},
     {"kind": "tilt", "at": 0.1, "for": 0.1, "angle_deg": 3.0, "direction_deg": -60.0},
@@ -16,6 +20,20 @@ EVERYTHING: list[dict[str, Any]] = [
     {"kind": "payload", "at": 0.1, "for": 0.1, "mass_kg": 0.8, "height_m": 0.13},
     {"kind": "motor-weak", "at": 0.0, "for": 0.2, "wheel": 3, "to": 0.6},
     {"kind": "gyro-bias", "at": 0.05, "for": 0.1, "rad_s": 0.5},
+    {"kind": "kidnap", "at": 0.1, "for": 0.1, "x_m": 0.05, "heading_deg": 20.0},
+    {"kind": "friction-patch", "at": 0.05, "for": 0.1, "x_m": 0.1, "y_m": 0.0, "radius_m": 1.0, "to": 0.1},
+    {"kind": "motor-dead", "at": 0.05, "for": 0.15, "wheel": 1},
+    {"kind": "motor-blocked", "at": 0.05, "for": 0.15, "wheel": 4},
+    {"kind": "wheel-worn", "at": 0.0, "for": 0.2, "wheel": 2, "to": 0.2},
+    {"kind": "wheel-roller", "at": 0.0, "for": 0.2, "wheel": 3, "rollers": 6},
+    {"kind": "encoder-freeze", "at": 0.1, "for": 0.1, "wheel": 2},
+    {"kind": "encoder-dropout", "at": 0.05, "for": 0.15, "wheel": 3, "probability": 0.6},
+    {"kind": "encoder-scale", "at": 0.05, "for": 0.15, "wheel": 1, "to": 1.3},
+    {"kind": "gyro-scale", "at": 0.05, "for": 0.15, "to": 1.8},
+    {"kind": "gyro-out", "at": 0.1, "for": 0.1},
+    {"kind": "firmware-timeout", "at": 0.1, "for": 0.1},
+    {"kind": "brown-out", "at": 0.05, "for": 0.15, "to": 0.3},
+    {"kind": "reboot", "at": 0.1, "for": 0.1, "motors": "brake"},
 ]
 
 
@@ -30,6 +48,17 @@ def test_what_happens_to_a_row_concerns_no_other(model: str, happening: list[lis
     together = drive(plant_of(own), commands)
     for part in filter(len, ([0], [1], range(2, len(own)))):
         apart = drive(plant_of([own[i] for i in part]), commands[:, : len(part)])
+        np.testing.assert_array_equal(apart, together[:, list(part)])
+    for i, each in enumerate(own[1:], 1):
+        assert (together[-1, i] != together[-1, 0]).all(), each.fault
+
+
+def test_what_happens_to_a_row_concerns_no_other_on_the_planar_plant_either() -> None:
+    own = [with_settings(fault=each) for each in ([], EVERYTHING, *([each] for each in EVERYTHING))]
+    commands = ramp([[1.5, 0.3, 2.0]] * len(own), 3.0, 16)
+    together = drive(planar(own), commands)
+    for part in ([0], [1], range(2, len(own))):
+        apart = drive(planar([own[i] for i in part]), commands[:, : len(part)])
         np.testing.assert_array_equal(apart, together[:, list(part)])
     for i, each in enumerate(own[1:], 1):
         assert (together[-1, i] != together[-1, 0]).all(), each.fault
@@ -56,6 +85,38 @@ def test_a_fault_that_has_ended_leaves_nothing_behind() -> None:
         np.testing.assert_array_equal(now, then)
     assert not plant._faults.push.any()
     assert not plant._faults.gyro.any()
+
+
+@ON_WHEELS
+def test_both_kernels_know_all_of_them(plant_of: PlantOf) -> None:
+    """Loops of numba and numpy differ by rounding, which moves a count of an encoder into another cycle at worst."""
+    own = [[each] for each in EVERYTHING] + [EVERYTHING]
+    commands, poses = ramp([[1.5, 0.3, 2.0]] * len(own), 3.0, 18), []
+    for name in ("numpy", "numba"):
+        poses.append(drive(plant_of([with_settings(physics={"kernel": name}, fault=each) for each in own]), commands))
+    np.testing.assert_allclose(poses[1], poses[0], rtol=0, atol=1e-5)
+
+
+def test_numbers_that_loops_read_are_as_before_when_faults_have_ended() -> None:
+    """Of firmware, battery, wheels and carpet, to the bit; a counter of turns that an encoder lost stays."""
+    plant = planar([with_settings(fault=[each for each in EVERYTHING if each["kind"] != "payload"]), with_settings()])
+
+    def state() -> list[NDArray]:
+        f, t = plant._firmware.arrays(), plant._traction.arrays()
+        kept = (f.off, f.gyro_scale, f.count_scale, t.grip, t.gap, t.carpet.friction, t.carpet.patches)
+        return [np.array(each) for each in (*kept, plant._battery.share, plant._robots.dry, plant._faults._off)]
+
+    before = state()
+    standing(plant, 8)
+    during = state()
+    assert all((now != then).any() for now, then in zip(during, before, strict=True))
+    standing(plant, 8)
+    patches = before[6][:, 2]  # which one had is told by its radius alone
+    for now, then in zip(state(), before, strict=True):
+        if now.shape == before[6].shape:
+            np.testing.assert_array_equal(now[:, 2], patches)
+        else:
+            np.testing.assert_array_equal(now, then)
 
 
 def test_a_robot_that_failed_is_pushed_no_more() -> None:

@@ -1,16 +1,19 @@
-"""What pushes, slopes and other carpets do to robots, by laws of mechanics."""
+"""What pushes, slopes, other carpets and hands do to robots, by laws of mechanics."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from default_robot import COM_HEIGHT_M, CONTACTS, GRAVITY, MASS_KG, RADIUS_M, TANGENTS
-from driving import FRAME_S, STIFF, constant, drive, quiet
+from driving import FRAME_S, STIFF, constant, drive, quiet, ramp, rows
 from driving import mujoco as plant_of
-from meeting_faults import FAST, ICE, ROLLING_KG, SETTLE, STILL, meets, standing
+from meeting_faults import FAST, ICE, ROLLING_KG, SETTLE, STILL, meets, planar, standing, two_rollers
 from taped import Tape
 
 from omni_control.errors import OmniError
+from omni_mj.plants.kinematic import KinematicPlant
+from omni_mj.scenarios.settings import Settings
 
 # --- pushes ---
 
@@ -117,3 +120,54 @@ def test_patches_keep_their_friction() -> None:
     fault = {"kind": "friction", "at": 0.0, "to": 0.9}
     poses = drive(plant_of([meets(fault, carpet=patch), quiet(carpet=patch)]), constant([2.0, 0, 0], 20, 2))
     np.testing.assert_array_equal(poses[:, 0], poses[:, 1])
+
+
+def test_a_patch_that_comes_is_one_that_was_there_and_covers_it_until_it_goes() -> None:
+    """To the bit; where the robot is not on it, it is none."""
+    there = {"friction": 0.8, "patches": [[0, 0, 5.0, 0.3]]}
+    comes = {"kind": "friction-patch", "at": 0.0, "x_m": 0.0, "y_m": 0.0, "radius_m": 5.0, "to": 0.3}
+    own = [
+        meets(comes, carpet={"friction": 0.8}),
+        quiet(carpet=there),
+        meets({**comes, "x_m": 9.0, "radius_m": 1.0}, carpet=there),
+        meets({**comes, "for": 10 * FRAME_S}, carpet={"friction": 0.8}),
+        quiet(carpet={"friction": 0.8}),
+    ]
+    plant = plant_of(own)
+    poses = drive(plant, constant([2.0, 0, 0], 20, 5))
+    np.testing.assert_array_equal(poses[:, 0], poses[:, 1])
+    np.testing.assert_array_equal(poses[:, 2], poses[:, 1])
+    np.testing.assert_array_equal(poses[:11, 3], poses[:11, 1])
+    friction = plant._traction.carpet.friction(np.zeros((5, 3)), np.ones(5, complex))
+    np.testing.assert_array_equal(friction[:, 0], [0.3, 0.3, 0.3, 0.8, 0.8])
+
+
+# --- hands ---
+
+
+@pytest.mark.parametrize("make", [two_rollers, planar, lambda own: KinematicPlant(rows(own), np.zeros((len(own), 3)))])
+def test_a_hand_puts_a_robot_elsewhere_at_rest(make: Callable[[list[Settings]], Any]) -> None:
+    """As far as it says, of whatever heading, in one frame; whoever is told to stand stays there."""
+    hand = {"kind": "kidnap", "x_m": 0.7, "y_m": -0.4, "heading_deg": 150.0}
+    plant = make([meets({"kind": "vision-out"}, hand), meets()])
+    drive(plant, ramp([[1.0, 0.5, 0.5]] * 2, 3.0, SETTLE))
+    before = plant.pose()
+    poses = standing(plant, 1)
+    moved = poses[-1] - before
+    # Less what the robot would have gone on in the frame, at most: 1.1 m/s.
+    np.testing.assert_allclose(moved[0], [0.7, -0.4, np.radians(150)], atol=0.02)
+    put = standing(plant, 20)[-1]
+    np.testing.assert_allclose(put[0, :2], poses[-1][0, :2], atol=2e-3)
+    # Vision's heading contradicts its own by so much that it takes its gyro for one that drifts, and turns a little.
+    assert put[0, 2] == pytest.approx(poses[-1][0, 2], abs=0.02)
+
+
+def test_no_sensor_of_a_robot_sees_a_hand() -> None:
+    """Neither the gyro, nor an encoder, nor what holds its wheels."""
+    hand = {"kind": "kidnap", "x_m": 0.3, "heading_deg": 90.0}
+    for make in (two_rollers, planar):
+        plant = make([meets(hand, firmware={"heading_gain": 0.0, "bias_gain": 0.0})])
+        standing(plant, SETTLE + 5)
+        assert plant.pose()[0, 2] == pytest.approx(np.pi / 2, abs=1e-3)
+        assert plant._firmware.estimate.heading[0] == pytest.approx(0, abs=1e-3)
+        assert np.abs(plant.telemetry().wheel_angle).max() < 0.05

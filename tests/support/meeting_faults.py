@@ -3,11 +3,14 @@
 from typing import Any
 
 import numpy as np
+import pytest
 from default_robot import RADIUS_M, TANGENTS
-from driving import FRAME_S, constant, drive, quiet
-from numpy.typing import NDArray
+from driving import FRAME_S, constant, drive, mujoco, quiet, rows
+from numpy.typing import ArrayLike, NDArray
 
 from omni_mj.plants import Plant
+from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.plants.planar.plant import PlanarPlant
 from omni_mj.scenarios.settings import Settings
 
 # Rim and rollers turn along with a body that slides away under them (see test_sliding.py).
@@ -27,3 +30,16 @@ def meets(*faults: dict[str, Any], **sections: Any) -> Settings:
 def standing(plant: Plant, frames: int = SETTLE) -> NDArray:
     """Poses of robots that are told to stand."""
     return drive(plant, constant(REST, frames, len(plant.pose())))
+
+
+def planar(settings: list[Settings], start: ArrayLike | None = None) -> PlanarPlant:
+    """Robots on the planar plant, at the origin if nothing else is said."""
+    return PlanarPlant(rows(settings), np.zeros((len(settings), 3)) if start is None else np.asarray(start, float))
+
+
+def two_rollers(settings: list[Settings], start: ArrayLike | None = None) -> MujocoPlant:
+    """Robots on the plant of bodies, with the wheels that cost least."""
+    return mujoco([each.replace(**FAST) for each in settings], start)
+
+
+ON_WHEELS = pytest.mark.parametrize("plant_of", [two_rollers, planar], ids=["mujoco", "planar"])
