@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
+from omni_mj.link.camera_faults import Sight
 from omni_mj.link.noise import Noise, Seed, Stream
-from omni_mj.link.schedule import Schedule
-from omni_mj.scenarios.faults import Fault, VisionOut
+from omni_mj.scenarios.faults import Fault
 from omni_mj.scenarios.settings import VisionSettings, column
 
 
@@ -17,7 +17,7 @@ class Camera:
     Args:
         settings: noise and misses, one per row.
         seeds: one per row; rows with the same seed see the same noise.
-        faults: of each row, of which `vision-out` hides it. [none]
+        faults: of each row; see `Sight`. [none]
     """
 
     def __init__(
@@ -30,7 +30,7 @@ class Camera:
         self._probability = column(settings, "miss_probability")[:, 0]
         self._gap = column(settings, "miss_frames")[:, 0]
         self._since = np.full(len(seeds), np.inf)  # frames since the last gap began
-        self._schedule, self._out = Schedule(faults, VisionOut), np.zeros(len(seeds), bool)
+        self._sight = Sight.of(faults, seeds)
         self._frame, self._first = 0, True
 
     def __call__(self, pose: Array, frame: int | None = None) -> tuple[Array, np.ndarray]:
@@ -43,14 +43,15 @@ class Camera:
         begins = self._misses.next()[:, 0] < self._probability
         if self._first:
             begins[:] = self._first = False  # a robot is placed where the camera sees it
-        for passed in range(self._frame, self._frame + 1 if frame is None else frame + 1):
-            self._frame = passed + 1
-            if (active := self._schedule.at(passed)) is not None:
-                self._out[:] = False
-                self._out[[row for row, _ in active.of(VisionOut)]] = True
+        self._frame = (self._frame if frame is None else frame) + 1
+        sight, shown = self._sight, pose
+        if sight is not None:
+            shown = sight.look(pose, self._frame - 1)
         self._since = np.where(begins, 0.0, self._since + 1)
-        seen = (self._since >= self._gap) & ~self._out
-        measured = pose + self._sigma * self._noise.next()
+        seen = self._since >= self._gap
+        measured = shown + self._sigma * self._noise.next()
         measured[:, 2] = wrap_angle(measured[:, 2])
         measured[~seen] = np.nan
+        if sight is not None:
+            seen = sight.show(measured)
         return measured, seen

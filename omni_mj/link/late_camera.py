@@ -12,6 +12,7 @@ import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.link.camera import Camera
+from omni_mj.link.camera_faults import Timing
 from omni_mj.link.noise import Noise, Seed, Stream
 from omni_mj.scenarios.faults import Fault
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, VisionSettings
@@ -34,15 +35,24 @@ def camera(
         faults: of each row.
         twist: tells what the team believes of the robots' velocities, (n, 3), world frame.
     """
-    timings = [tuple(getattr(each, name) for name in TIMING) for each in settings]
     usual = tuple(VisionSettings.model_fields[name].default for name in TIMING)
-    if all(timing == usual for timing in timings):
+    timings = [tuple(getattr(each, name) for name in TIMING) for each in settings]
+    late = [timing != usual or Timing.matters(own) for timing, own in zip(timings, faults, strict=True)]
+    if not any(late):
         return Camera(settings, seeds, faults)
-    return LateCameras(settings, seeds, faults, timings, twist)
+    return Cameras(settings, seeds, faults, [t if own else () for t, own in zip(timings, late, strict=True)], twist)
 
 
-class LateCameras:
-    """Rows of one timing have a camera together, so that a row's numbers do not depend on others of the batch."""
+class Cameras:
+    """Rows of one timing have a camera together, so that a row's numbers do not depend on others of the batch.
+
+    Args:
+        settings: one per row.
+        seeds: one per row.
+        faults: of each row.
+        timings: of each row; rows of none have images at the ticks, at once.
+        twist: as for `camera`.
+    """
 
     def __init__(
         self,
@@ -53,28 +63,34 @@ class LateCameras:
         twist: Callable[[], Array],
     ) -> None:
         self._twist, self._n = twist, len(settings)
-        self._parts = list[tuple[np.ndarray, LateCamera]]()
+        self._parts = list[tuple[np.ndarray, Camera | LateCamera]]()
         for timing in dict.fromkeys(timings):
             rows = np.flatnonzero([each == timing for each in timings])
             own = [int(row) for row in rows]
-            part = LateCamera([settings[i] for i in own], [seeds[i] for i in own], [faults[i] for i in own])
-            self._parts.append((rows, part))
+            part = LateCamera if timing else Camera
+            self._parts.append(
+                (rows, part([settings[i] for i in own], [seeds[i] for i in own], [faults[i] for i in own]))
+            )
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
         """See `Camera`."""
         measured, seen, twist = np.full((self._n, 3), np.nan), np.zeros(self._n, bool), self._twist()
         for rows, part in self._parts:
-            measured[rows], seen[rows] = part(pose[rows], twist[rows])
+            if isinstance(part, Camera):
+                measured[rows], seen[rows] = part(pose[rows])
+            else:
+                measured[rows], seen[rows] = part(pose[rows], twist[rows])
         return measured, seen
 
 
 @dataclass
 class _Image:
-    """Taken at `time`, arrives at `arrival` (n,), s; poses (n, 3), not a number of what was not seen."""
+    """Taken at `time`, arrives at `arrival` (n,), is said to be older by `behind` (n,), s; poses (n, 3)."""
 
     time: float
-    poses: Array
+    poses: Array  # not a number of what was not seen
     arrival: Array
+    behind: Array
 
 
 class LateCamera:
@@ -94,6 +110,7 @@ class LateCamera:
             Noise(seeds, stream, lambda rng, count: rng.random((count, 1)))
             for stream in (Stream.CAMERA_JITTER, Stream.CAMERA_LOSSES)
         )
+        self._shifted = Timing.of(faults, seeds)
         self._before: Array | None = None
         self._tick, self._taken = 0, 0  # frames of the loop, and images
         self._flying: list[_Image] = []
@@ -109,21 +126,29 @@ class LateCamera:
         now = self._tick * PERIOD_S
         before = pose if self._before is None else self._before
         while (time := self._taken / self._timing.rate_hz) <= now + _SAME_S:
-            share = 1.0 if self._tick == 0 else (time - now) / PERIOD_S + 1
-            self._take(time, before + share * (pose - before))
+            if abs(time - now) <= _SAME_S:
+                self._take(now, pose)
+            else:
+                self._take(time, before + ((time - now) / PERIOD_S + 1) * (pose - before))
         self._before, self._tick = np.array(pose), self._tick + 1
         measured = np.full(pose.shape, np.nan)
         for image in self._flying:
             came = (image.arrival <= now + _SAME_S) & (image.time > self._newest) & ~np.isnan(image.poses[:, 0])
-            measured[came] = image.poses[came] + (now - image.time) * twist[came]
+            age = now - image.time + image.behind[came]
+            measured[came] = image.poses[came] + age[:, None] * twist[came]
+            old = np.flatnonzero(came)[age != 0]
+            measured[old, 2] = wrap_angle(measured[old, 2])
             self._newest[came] = image.time
         self._flying = [image for image in self._flying if (image.arrival > now + _SAME_S).any()]
-        measured[:, 2] = wrap_angle(measured[:, 2])
         return measured, ~np.isnan(measured[:, 0])
 
     def _take(self, time: float, pose: Array) -> None:
-        poses, _ = self._camera(pose, int((time + _SAME_S) * FRAME_RATE_HZ))
+        frame = int((time + _SAME_S) * FRAME_RATE_HZ)
+        poses, _ = self._camera(pose, frame)
         timing, late, lost = self._timing, self._late.next()[:, 0], self._lost.next()[:, 0]
         poses[lost < timing.loss_probability] = np.nan
-        self._flying.append(_Image(time, poses, time + timing.delay_s + timing.jitter_s * late))
+        delay, behind = np.full(len(poses), timing.delay_s), np.zeros(len(poses))
+        if self._shifted is not None:
+            delay, behind = self._shifted.at(frame, time, delay)
+        self._flying.append(_Image(time, poses, time + delay + timing.jitter_s * late, behind))
         self._taken += 1

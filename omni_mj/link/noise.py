@@ -27,6 +27,11 @@ class Stream(IntEnum):
     CAMERA_LOSSES = 9
     CAMERA_JITTER = 10
     CAMERA_CLOCK = 11
+    RADIO_FAULTS = 12
+    RADIO_BURSTS = 13
+    CAMERA_FAULTS = 14
+    CAMERA_LATE = 15
+    ENCODER_FAULTS = 16
 
 
 class Noise:

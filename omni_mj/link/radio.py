@@ -7,8 +7,9 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.link.noise import Noise, Seed, Stream
+from omni_mj.link.radio_faults import Mishaps
 from omni_mj.link.schedule import Schedule
-from omni_mj.scenarios.faults import Delay, Fault
+from omni_mj.scenarios.faults import Delay, Fault, RadioDuplicates, RadioReorder
 from omni_mj.scenarios.settings import RadioSettings, column
 
 
@@ -43,7 +44,8 @@ class Received:
 def longest(settings: RadioSettings, faults: Sequence[Fault]) -> int:
     """How many frames a packet takes at most."""
     delays = [fault.to for fault in faults if isinstance(fault, Delay)]
-    return max(settings.delay_frames, *delays, 0) + settings.jitter_frames
+    behind = [fault.frames for fault in faults if isinstance(fault, (RadioDuplicates, RadioReorder))]
+    return max(settings.delay_frames, *delays, 0) + settings.jitter_frames + max(behind, default=0)
 
 
 class Radio:
@@ -53,7 +55,8 @@ class Radio:
     of zero and a heading that is not a number. With jitter a packet may overtake another: a robot obeys the one that
     was sent last of those that have arrived. A packet that is lost never arrives; the robot holds the one before.
 
-    A fault `delay` is the dead time of what is sent while it goes on; of several the last counts.
+    A fault `delay` is the dead time of what is sent while it goes on; of several the last counts. Others may lose
+    packets, or have some come after younger ones, or twice: a robot that gets one obeys it until the next comes.
 
     The loop sends to all robots once a frame (`exchange`). Whoever sends when he likes counts in ticks of a fraction of
     a frame: `send` to some robots, any number of times a tick, then `deliver` once.
@@ -82,6 +85,7 @@ class Radio:
         self._loses = bool(self._loss.any())
         self._losses = Noise(seeds, Stream.RADIO_LOSSES, lambda rng, count: rng.random((count, 1)))
         self._usual, self._schedule, self._ticks = self._delay, Schedule(faults, Delay), ticks
+        self._mishaps = Mishaps.of(faults, seeds)
         room = max(map(longest, settings, faults or [()] * len(settings))) * ticks + 1
         n = len(seeds)
         # Both are rings: the tick in which the newest packet was sent that arrives in a tick, and the packets sent.
@@ -89,6 +93,9 @@ class Radio:
         self._packets = np.empty((room, n, len(nothing)))
         self._holding = np.tile(np.asarray(nothing, float), (n, 1))
         self._newest = np.full(n, -1)
+        # Of packets that come last of all in a tick: when they were sent. What a robot holds was sent at `_held`.
+        self._behind = None if self._mishaps is None else np.full((room, n), -1)
+        self._held = self._newest
         self._robots = np.arange(n)
         self._tick, self._last = 0, -1  # now, and when the last of those in flight arrives
         self._change()
@@ -109,6 +116,8 @@ class Radio:
         if self._loses:
             to = to[self._losses.next()[to, 0] >= self._loss[to]]
         self._packets[tick % ring, to] = packets[to]
+        if self._mishaps is not None:
+            to = self._send_amiss(self._mishaps, to, late)
         # Later ones overwrite: of two that arrive together the last sent counts.
         self._arriving[(tick + late[to]) % ring, to] = tick
         self._last = max(self._last, tick + int(late[to].max(initial=-1)))
@@ -120,10 +129,16 @@ class Radio:
         arrived = self._arriving[tick % ring]
         new = arrived > self._newest
         self._newest = np.maximum(self._newest, arrived)
+        if self._behind is None:
+            self._held = self._newest
+        else:
+            behind = self._behind[tick % ring]
+            self._held = np.where(behind >= 0, behind, np.where(new, arrived, self._held))
+            new, behind[:] = new | (behind >= 0), -1
         arrived[:] = -1
-        held = self._packets[self._newest % ring, self._robots]
+        held = self._packets[self._held % ring, self._robots]
         self._holding = np.where(new[:, None], held, self._holding)
-        return self._holding.copy(), new, tick - self._newest
+        return self._holding.copy(), new, tick - self._held
 
     @property
     def quiet(self) -> bool:
@@ -135,9 +150,23 @@ class Radio:
         self._tick += 1
         self._change()
 
+    def _send_amiss(self, mishaps: Mishaps, to: np.ndarray, late: np.ndarray) -> np.ndarray:
+        """See to packets that come behind others, `late` (n,) as they are anyway; return who gets his as usual."""
+        assert self._behind is not None
+        arrives, behind = mishaps.meet()
+        later = to[behind[to] > 0]
+        after = self._tick + late[later] + behind[later] * self._ticks
+        self._behind[after % len(self._packets), later] = self._tick
+        self._last = max(self._last, int(after.max(initial=-1)))
+        return to[arrives[to]]
+
     def _change(self) -> None:
-        """Take over the dead times of the frame that begins, if one does."""
-        if self._tick % self._ticks == 0 and (active := self._schedule.at(self._tick // self._ticks)) is not None:
+        """Take over what happens in the frame that begins, if one does."""
+        if self._tick % self._ticks:
+            return
+        if self._mishaps is not None:
+            self._mishaps.begin(self._tick // self._ticks)
+        if (active := self._schedule.at(self._tick // self._ticks)) is not None:
             self._delay = self._usual.copy()
             for row, delay in active.of(Delay):
                 self._delay[row] = delay.to * self._ticks

@@ -157,7 +157,7 @@ def _stopped(log: Log, failures: "Iterable[Failure]") -> Iterator[Event]:
 
 def _faults(row: Row, start: int, stop: int) -> Iterator[_Happening]:
     """What began and ended in the frames from `start` until before `stop`."""
-    for fault in row.settings.fault:
+    for fault in row.faults:
         for frame, does in zip(span(fault), ("begins", "ends"), strict=True):
             if start <= frame < stop:
                 yield int(frame), FAULT, f"{does}: {fault.text}"

@@ -46,8 +46,10 @@ def row_metrics(log: Log, failures: "Iterable[Failure]" = ()) -> dict[str, Array
     count = max((len(row.settings.fault) for row in log.rows), default=0)
     found = {_name(i, what): np.full(len(log.rows), np.nan) for i in range(count) for what in (EXCURSION, RECOVERY)}
     distance = errors(log)["distance"] if count else np.zeros((0, 0))
-    for row, settings in enumerate(each.settings for each in log.rows):
-        for i, fault in enumerate(settings.fault):
+    for row, own in enumerate(log.rows):
+        for i, fault in enumerate(own.settings.fault):
+            if not fault.concerns(own.place):
+                continue
             start, end = span(fault)
             last = min(end + AFTER_S * FRAME_RATE_HZ, float(log.lengths[row]))
             error = distance[start : int(last), row]
@@ -69,7 +71,8 @@ def results(log: Log, controller: str, measured: Mapping[str, Array]) -> list[di
     rows = log.of(controller)
     told = []
     for i, fault in enumerate(log.rows[rows[0]].settings.fault):
-        same = np.array([row for row in rows if log.rows[row].settings.fault[i : i + 1] == (fault,)])
+        with_it = [row for row in rows if log.rows[row].settings.fault[i : i + 1] == (fault,)]
+        same = [row for row in with_it if fault.concerns(log.rows[row].place)]
         numbers = {what: spread(measured[_name(i, what)][same]) for what in (EXCURSION, RECOVERY)}
         told.append({"fault": fault.told, "kind": fault.kind, "at_s": fault.at, "for_s": fault.for_ or None, **numbers})
     return told

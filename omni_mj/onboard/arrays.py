@@ -43,6 +43,8 @@ class FirmwareArrays(NamedTuple):
     every: Array  # cycles from one run of the loops to the next, (n,)
     stops: Array  # cycle from which the robot stands, (n,)
     body: Array  # whether commands are along the robot's own axes, 0 or 1, (n,)
+    off: Array  # whether no loop runs, 0 or 1, (n,)
+    gyro_scale: Array  # factor of what the gyro shows, (n,)
     due: Array  # whether the loops run in this cycle, 0 or 1, (n,)
     cosine: Array  # of the heading by which commands are turned, (n,); 0 of one that stands
     sine: Array  # same
@@ -64,6 +66,8 @@ class FirmwareArrays(NamedTuple):
     integral: Array  # (W, n) rad
     last_error: Array  # (W, n) rad/s
     held: Array  # duties, (W, n)
+    count_scale: Array  # what encoders show over the angles of wheels, (W, n)
+    count_shift: Array  # and besides, (W, n) rad
 
 
 class MotorArrays(NamedTuple):
@@ -114,6 +118,7 @@ class BatteryArrays(NamedTuple):
     voltage: Array  # (n,) V
     drawn: Array  # sum of the currents, (n,) A
     loads: Array  # number of them, (n,)
+    share: Array  # of its voltage that comes through, (n,)
 
 
 class RimArrays(NamedTuple):
@@ -143,6 +148,8 @@ class TractionArrays(NamedTuple):
     centre: Array  # (3, n) m
     carpet: CarpetArrays
     grip: Array  # (W, n), a factor
+    gap: Array  # where rollers are missing, from a wheel's angle 0 on, (W, n) rad
+    gaps: bool  # whether any are
     bearing: Array  # (n,)
     radius: Array  # (W, n) m
     creep: Array  # (W, n) N s/m
@@ -151,13 +158,14 @@ class TractionArrays(NamedTuple):
     wrench: Array  # (6, n)
 
 
-FIRMWARE_ROBOTS, FIRMWARE_WHEELS = 20, 9  # of the fields above, how many are (n,), and how many (W, n)
+FIRMWARE_ROBOTS, FIRMWARE_WHEELS = 22, 11  # of the fields above, how many are (n,), and how many (W, n)
 
 
 def firmware(r: Array, w: Array) -> FirmwareArrays:
-    """The parts of `r` (20, n) and `w` (9, W, n)."""
+    """The parts of `r` (22, n) and `w` (11, W, n)."""
     state = r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], r[9], r[10], r[11], r[12], r[13], r[14], r[15], r[16]
-    return FirmwareArrays(*state, r[17], r[18], r[19], w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7], w[8])
+    more = r[17], r[18], r[19], r[20], r[21], w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7], w[8], w[9], w[10]
+    return FirmwareArrays(*state, *more)
 
 
 def motors(w: Array) -> MotorArrays:
@@ -166,8 +174,8 @@ def motors(w: Array) -> MotorArrays:
 
 
 def battery(r: Array) -> BatteryArrays:
-    """The parts of `r` (6, n)."""
-    return BatteryArrays(r[0], r[1], r[2], r[3], r[4], r[5])
+    """The parts of `r` (7, n)."""
+    return BatteryArrays(r[0], r[1], r[2], r[3], r[4], r[5], r[6])
 
 
 def rims(w: Array) -> RimArrays:

@@ -19,6 +19,7 @@ class Battery:
     Attributes:
         charge: state of charge, 1 full, (n,).
         voltage: at the terminals, under load, V, (n,).
+        share: of its voltage that comes through its contacts, (n,).
         block: state and numbers (see `arrays.battery`).
         alive: whether the battery still gives power, (n,). After its voltage has sunk below the cut-off its voltage is
             zero, which shorts the motors: the robot brakes and stays.
@@ -30,9 +31,11 @@ class Battery:
         self._cut_off = column(settings, "cut_off_v")[:, 0]
         self.charge = column(settings, "charge")[:, 0].copy()
         self.alive = np.ones(len(settings), bool)
-        self.block = np.zeros((6, len(settings)))
+        self.block = np.zeros((7, len(settings)))
         # Dead: infinite once it is; of whatever power then, no current is drawn.
-        self._open, self._resistance, self._dead, self.voltage, self._drawn, self._loads = arrays.battery(self.block)
+        parts = arrays.battery(self.block)
+        self._open, self._resistance, self._dead, self.voltage, self._drawn, self._loads, self.share = parts
+        self.share[:] = 1.0
         self._resistance[:] = column(settings, "resistance_ohm")[:, 0]
         self._open[:] = self.voltage[:] = self._average = self._cells * laws.open_circuit(self.charge)
 
@@ -45,7 +48,7 @@ class Battery:
         duty = laws.share(voltage, (self.voltage + self._dead)[:, None])
         drawn = arrays.total(duty * current)
         self._drawn += drawn
-        self.voltage[:] = laws.sagged(self._open, self._resistance, drawn)
+        self.voltage[:] = self.share * laws.sagged(self._open, self._resistance, drawn)
         self._loads += 1
 
     def arrays(self) -> BatteryArrays:

@@ -33,8 +33,8 @@ def control(first: int, last: int, cycle: int, f: FirmwareArrays, gyro: Array, a
     """
     integrate = 0
     for i in range(first, last):
-        due, stands = np.floor(cycle / f.every[i]) * f.every[i] == cycle, cycle >= f.stops[i]
-        rate = gyro[i] - f.bias[i]
+        runs, stands = np.floor(cycle / f.every[i]) * f.every[i] == cycle, cycle >= f.stops[i]
+        due, rate = runs & (f.off[i] == 0), f.gyro_scale[i] * gyro[i] - f.bias[i]
         f.due[i] = laws.where(due, 1.0, 0.0)
         f.heading[i] = laws.where(due, f.heading[i] + rate * f.timestep[i], f.heading[i])
         cosine, sine = laws.direction(laws.where(f.body[i] != 0, 0.0, f.heading[i]))
@@ -44,7 +44,7 @@ def control(first: int, last: int, cycle: int, f: FirmwareArrays, gyro: Array, a
     for w in range(angle.shape[0]):
         if cycle == 0:  # wherever the wheels stand when the robot is switched on
             for i in range(first, last):
-                f.last_count[w, i] = laws.counted(angle[w, i], f.counts_per_rad[i])
+                f.last_count[w, i] = _count(i, w, f, angle)
         if integrate == 0:
             for i in range(first, last):
                 voltage, error, count, speed = _wheel(i, w, cycle, f, angle)
@@ -64,10 +64,15 @@ def _wheel(i: int, w: int, cycle: int, f: FirmwareArrays, angle: Array) -> tuple
     """Voltage of the proportional part of a wheel's loop, the error, the encoder's count, and the speed by it."""
     turned = laws.wheel_speed(f.cosine[i], f.sine[i], f.along_x[w, i], f.along_y[w, i], f.turning[i] * f.turn[w, i])
     wanted = laws.where(np.isnan(f.rims[w, i]) | (cycle >= f.stops[i]), turned, f.rims[w, i])
-    count = laws.counted(angle[w, i], f.counts_per_rad[i])
+    count = _count(i, w, f, angle)
     speed = (count - f.last_count[w, i]) * f.rate_per_count[i]
     voltage, error = laws.proportional(wanted, speed, f.kp[i], f.back_emf[i])
     return voltage, error, count, speed
+
+
+def _count(i: int, w: int, f: FirmwareArrays, angle: Array) -> float:
+    """The encoder's count."""
+    return laws.counted(laws.shown(angle[w, i], f.count_scale[w, i], f.count_shift[w, i]), f.counts_per_rad[i])
 
 
 def _set(i: int, w: int, f: FirmwareArrays, voltage: float, count: float, speed: float) -> None:
@@ -140,7 +145,7 @@ def load(first: int, last: int, b: BatteryArrays, voltage: Array, current: Array
     for i in range(first, last):
         b.drawn[i] += drawn[i]
         b.loads[i] += 1.0
-        b.voltage[i] = laws.sagged(b.open[i], b.resistance[i], drawn[i])
+        b.voltage[i] = b.share[i] * laws.sagged(b.open[i], b.resistance[i], drawn[i])
 
 
 def warm(m: MotorArrays, h: HeatArrays, currents: Array, speeds: Array, heats: Array) -> None:
@@ -184,7 +189,9 @@ def discharge(b: BatteryArrays, c: ChargeArrays, period: float) -> None:
             b.dead[i] = np.inf
 
 
-def travel(first: int, last: int, t: TractionArrays, place: Array, facing: Array, twist: Array, load: Array) -> None:
+def travel(
+    first: int, last: int, t: TractionArrays, place: Array, facing: Array, twist: Array, load: Array, angle: Array
+) -> None:
     """Look at where robots are and go (see `Traction.travel`).
 
     Args:
@@ -195,6 +202,7 @@ def travel(first: int, last: int, t: TractionArrays, place: Array, facing: Array
         facing: cosine and sine of the heading, (2, n).
         twist: of the robot's middle, in its frame, (3, n) m/s and rad/s.
         load: of the wheels, (W, n) N.
+        angle: of the wheels, (W, n) rad.
     """
     c, wrench = t.carpet, t.wrench
     for i in range(first, last):
@@ -208,6 +216,8 @@ def travel(first: int, last: int, t: TractionArrays, place: Array, facing: Array
                 at = complex(place[0, i], place[1, i]) + complex(facing[0, i], facing[1, i]) * (t.arm * outward)
                 covered = laws.inside(at, complex(c.patches[k, 0, i], c.patches[k, 1, i]), c.patches[k, 2, i])
                 t.friction[w, i] = laws.where(covered, c.patches[k, 3, i], t.friction[w, i])
+        for i in range(first, last if t.gaps else first):
+            t.friction[w, i] = laws.where(laws.over_gap(angle[w, i], t.gap[w, i]), 0.0, t.friction[w, i])
         for i in range(first, last):
             friction = t.friction[w, i] * t.grip[w, i]
             wheel = complex(twist[0, i], twist[1, i]) * outward.conjugate() + complex(0.0, t.arm * twist[2, i])

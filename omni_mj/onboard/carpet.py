@@ -1,6 +1,6 @@
 """What the carpet is like where a wheel is, and in the direction in which it goes."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,20 @@ class Carpet:
     def become(self, friction: Array) -> None:
         """From now on have other coefficients of friction, (n, 1), but in the patches."""
         self._friction = arrays.filled(friction, self._shape)
+
+    def reserve(self, patches: int) -> None:
+        """Make room for so many patches more, which are nowhere yet."""
+        room = np.zeros((patches, *self._patches.shape[1:]))
+        room[:, 2] = -1.0
+        self._patches, self._own = np.concatenate([self._patches, room]), len(self._patches)
+
+    def cover(self, patches: Iterable[tuple[int, tuple[float, float, float, float]]]) -> None:
+        """From now on have these patches over its own, in the room for them: of robots, [x, y, radius, friction]."""
+        self._patches[self._own :, 2] = -1.0
+        used = np.full(self._patches.shape[2], self._own)
+        for robot, patch in patches:
+            self._patches[used[robot], :, robot, 0] = patch
+            used[robot] += 1
 
     def arrays(self) -> CarpetArrays:
         """What a compiled loop reads until the carpet changes."""

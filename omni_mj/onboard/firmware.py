@@ -108,6 +108,7 @@ class Firmware:
         self._timestep = self._every * timestep
         self._each = self._timestep[:, 0]
         self._slow, self._held = bool((self._every > 1).any()), f.held.T
+        self._gated = self._slow  # whether some robots' loops do not run in every call
         self._forward, self._left, self._turn = kinematics.matrix.T / kinematics.radius
         self._radius = kinematics.radius
         self._kp, self._ki, self._kd = (column(firmware, name) for name in ("kp", "ki", "kd"))
@@ -119,7 +120,10 @@ class Firmware:
         self._hot = column([s.motor for s in settings], "limit_c")
         self._derated = DERATED * column([s.motor for s in settings], "nominal_current_a")
         self._swing: Array | None = None
-        f.swing[:], f.rims[:] = np.inf, np.nan
+        f.swing[:], f.rims[:], f.gyro_scale[:], f.count_scale[:] = np.inf, np.nan, 1.0, 1.0
+        self._count_scale, self._count_shift = f.count_scale.T, f.count_shift.T
+        self._misled = False  # whether sensors show anything but what there is
+        self._deaf, self._lost, self._heeds = np.zeros(n, bool), np.zeros(n, bool), True
         counts = column([s.sensors for s in settings], "encoder_counts") * column(motors, "gear") / (2 * np.pi)
         self._counts_per_rad, self._rate_per_count = counts, 1 / (counts * self._timestep)
         self._last_count, self._integral, self._last_error = f.last_count.T, f.integral.T, f.last_error.T
@@ -156,12 +160,22 @@ class Firmware:
             age: frames since it was sent, (n,).
             winding: temperatures of the windings (n, wheels), deg C, as a thermal model or sensor tells the driver.
         """
+        if not self._heeds:
+            heading = self._found(heading)
         self.estimate.correct(heading, age)
         if self._derate.any():
             left = np.clip((self._hot - winding) / DERATE_BAND_K, 0, 1)
             current = np.where(self._derate & (left < 1), left * self._derated, np.inf)
             self._swing = self._f.swing.T
             self._swing[:] = self._resistance * current
+
+    def _found(self, heading: Array) -> Array:
+        """Vision's headings (n,) but for those of robots that do not listen; one that was lost takes it for its own."""
+        for robot in np.flatnonzero(self._lost & ~np.isnan(heading)):
+            self.estimate.place(int(robot), float(heading[robot]))
+            self._lost[robot] = False
+            heading = np.where(np.arange(len(heading)) == robot, np.nan, heading)
+        return np.where(self._f.off != 0, np.nan, heading)
 
     def obey(self, received: Received) -> None:
         """Take over commands, from the next call of `duties` on."""
@@ -177,6 +191,39 @@ class Firmware:
         self._turn_rate[:] = command[:, 2] * (1 + self._turn_gain)
         new = slice(None) if received.new is None else received.new
         self._stops[new] = self.cycle + self._patience[new]
+        self._hush()
+
+    def hear(self, deaf: np.ndarray, off: np.ndarray, encoders: Array) -> None:
+        """Have loops run, and obey commands, from now on, but for some robots.
+
+        Where loops begin to run again, all is forgotten: a robot stands until it is told a heading, which it believes.
+
+        Args:
+            deaf: which obey no command and stand, (n,).
+            off: which run no loop, (n,); their duties are zero.
+            encoders: wheel angles (n, wheels), rad.
+        """
+        f, was = self._f, self._f.off != 0
+        new = was & ~off
+        f.off[:], self._held[off] = off, 0.0
+        self._gated = self._slow or bool(off.any())
+        self._integral[new] = self._last_error[new] = f.bias[new] = 0.0
+        shown = laws.shown(encoders, self._count_scale, self._count_shift)
+        self._last_count[new] = laws.counted(shown, self._counts_per_rad)[new]
+        self._lost, self._deaf, self._heeds = (self._lost | new) & ~off, deaf | off, False
+        self._hush()
+
+    def mislead(self, gyro: Array, encoders: Array, angle: Array) -> None:
+        """Have sensors show `gyro` (n,) and `encoders` (n, wheels) times as much, with wheels now at `angle`, rad."""
+        self._f.gyro_scale[:], self._misled = gyro, True
+        self._count_shift[:] += (self._count_scale - encoders) * angle
+        self._count_scale[:] = encoders
+
+    def _hush(self) -> None:
+        """See to robots that are to stop now."""
+        if not self._heeds:
+            ignores = self._deaf | self._lost
+            self._stops[ignores] = np.minimum(self._stops[ignores], self.cycle)
         self._next_stop = float(self._stops.min())
 
     def duties(self, gyro: Array, encoders: Array) -> Array:
@@ -189,9 +236,9 @@ class Firmware:
         if self.cycle >= self._next_stop:
             self._stop_where_silent()
         self.cycle += 1
-        if not self._slow:
+        if not self._gated:
             return self._loops(gyro, encoders)
-        due = (self.cycle - 1) % self._every == 0
+        due = ((self.cycle - 1) % self._every == 0) & (self._f.off == 0)[:, None]
         if due.any():  # all reckon, elementwise; those whose turn it is keep what came out
             state = self.estimate.heading[:, None], self._last_count, self._integral, self._last_error
             before = [each.copy() for each in state]
@@ -206,6 +253,8 @@ class Firmware:
 
     def _loops(self, gyro: Array, encoders: Array) -> Array:
         """What the loops make of the sensors when they run."""
+        if self._misled:
+            gyro, encoders = self._f.gyro_scale * gyro, laws.shown(encoders, self._count_scale, self._count_shift)
         rate = gyro - self.estimate.bias
         self.estimate.turn(rate, self._each)
         wanted = self._wheel_speeds(rate)

@@ -51,6 +51,11 @@ def wheel_speed(cosine: Number, sine: Number, along_x: Number, along_y: Number, 
     return cosine * along_x + sine * along_y + turn
 
 
+def shown(angle: Number, scale: Number, shift: Number) -> Number:
+    """Angle that an encoder shows, rad, of a wheel at another."""
+    return scale * angle + shift
+
+
 def counted(angle: Number, counts_per_rad: Number) -> Number:
     """Counts of an encoder at an angle of the wheel, rad."""
     return np.floor(angle * counts_per_rad)
@@ -213,6 +218,11 @@ def rolled(velocity: Vector, bearing: Number, friction: Number) -> tuple[Number,
     speed = np.sqrt(axle * axle + along * along)
     least = np.minimum(bearing, friction)  # on ice, rollers slide before they turn
     return speed, velocity * (1 / np.maximum(speed, AT_REST_M_S)), least / np.maximum(np.abs(axle), AT_REST_M_S) * axle
+
+
+def over_gap(angle: Number, gap: Number) -> Truth:
+    """Whether a wheel stands where rollers are missing, at an angle of its own, over so wide a gap, both in rad."""
+    return angle % (2 * np.pi) < gap
 
 
 def left_for_the_rim(friction: Number, held: Number, radius: Number) -> Number:

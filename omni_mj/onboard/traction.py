@@ -78,6 +78,7 @@ class Traction:
         self.carpet = Carpet([s.carpet for s in settings], kinematics.arm * self._outward)
         self.centre, self._arm = centre * np.ones((shape[0], 3)), kinematics.arm
         self._grip, self._radius = arrays.filled(grip, shape), arrays.filled(kinematics.radius - wear, shape)
+        self._whole, self._gap, self._gaps = self._grip.copy(), arrays.filled(0.0, shape), False
         self._bearing, stiffness = column(drive, "roller_friction"), column(drive, "creep_stiffness")
         self._creep = 1 / (timestep * self._radius**2 * stiffness * inverse_inertia)
         self.block = np.zeros((4, *shape[::-1]))
@@ -86,7 +87,18 @@ class Traction:
         self.wrench = np.zeros((6, shape[0])).T
         self._friction = np.zeros(shape[::-1])
 
-    def travel(self, position: Array, quaternion: Array, velocity: Array, load: Array) -> None:
+    def become(self, grip: Array, gap: Array) -> None:
+        """From now on have other wheels.
+
+        Args:
+            grip: factors of theirs at the start, (n, W).
+            gap: where rollers are missing, from a wheel's angle 0 on, (n, W) rad; there it grips nothing.
+        """
+        self._grip[:], self._gap[:], self._gaps = self._whole * grip, gap, bool(gap.any())
+
+    def travel(
+        self, position: Array, quaternion: Array, velocity: Array, load: Array, angle: Array | float = 0.0
+    ) -> None:
         """Look at where robots are and go: carpet, drag, and how fast wheels travel.
 
         Vectors of the plane are complex numbers here, of a wheel's frame with the part along the axle first.
@@ -96,12 +108,15 @@ class Traction:
             quaternion: (n, 4), of robots that stand upright.
             velocity: of the free joints, (n, 6).
             load: of the wheels, (n, W) N.
+            angle: of the wheels, (n, W) rad; it matters to those that have lost rollers.
         """
         heading = (quaternion[:, 0] + 1j * quaternion[:, 3]) ** 2
         body = (velocity[:, 0] + 1j * velocity[:, 1]) * heading.conj()
-        self.go(position[:, 0] + 1j * position[:, 1], heading, body, velocity[:, 5], load)
+        self.go(position[:, 0] + 1j * position[:, 1], heading, body, velocity[:, 5], load, angle)
 
-    def go(self, place: Plane, heading: Plane, body: Plane, rate: Array, load: Array) -> None:
+    def go(
+        self, place: Plane, heading: Plane, body: Plane, rate: Array, load: Array, angle: Array | float = 0.0
+    ) -> None:
         """As `travel`, of robots at a place (n,) m with a heading (n,), a unit vector.
 
         Args:
@@ -110,9 +125,12 @@ class Traction:
             body: velocity in the robot's frame, (n,) m/s.
             rate: of turning, (n,) rad/s.
             load: of the wheels, (n, W) N.
+            angle: of the wheels, (n, W) rad; it matters to those that have lost rollers.
         """
         wheel = body[:, None] * self._inward + self._turning * rate[:, None]
         friction = self.carpet.friction(place, heading) * self._grip
+        if self._gaps:
+            friction = np.where(laws.over_gap(angle, self._gap), 0.0, friction)
         speed, direction, held = laws.rolled(wheel, self._bearing, friction)
         drag = load * (self.carpet.pile(direction, heading) * direction + held)
         force = -arrays.total(drag * self._outward)
@@ -133,6 +151,8 @@ class Traction:
             centre=np.ascontiguousarray(self.centre.T),
             carpet=self.carpet.arrays(),
             grip=self._grip.T,
+            gap=self._gap.T,
+            gaps=self._gaps,
             bearing=self._bearing[:, 0],
             radius=self._radius.T,
             creep=self._creep.T,

@@ -177,7 +177,7 @@ def travel(t: TractionArrays, c: Cells, s: Seen, push: Array) -> None:
         s.place[0, i], s.place[1, i] = state[robot[X]], state[robot[Y]]
         s.facing[0, i], s.facing[1, i] = facing.real, facing.imag
         s.twist[0, i], s.twist[1, i], s.twist[2, i] = body.real, body.imag, state[robot[RATE]]
-    by_robot.travel(0, n, t, s.place, s.facing, s.twist, s.load)
+    by_robot.travel(0, n, t, s.place, s.facing, s.twist, s.load, s.angle)
     for i in range(n):
         state, robot = c.state[i // places], c.robots[i % places]
         t.wrench[0, i] += push[i, 0]

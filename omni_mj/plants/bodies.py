@@ -16,8 +16,12 @@ from mujoco.batch import Batch
 from omni_control.kinematics import Array
 from omni_mj.mjcf.masses import spread
 from omni_mj.worlds.build import World
+from omni_mj.worlds.columns import Columns
 
 _FIELDS = ("body_mass", "body_subtreemass", "body_ipos", "body_inertia", "body_iquat")
+
+
+_STUCK_NM = 100.0  # dry friction of a hub that is stuck: more than motor and carpet can turn
 
 
 class MujocoBodies:
@@ -34,6 +38,9 @@ class MujocoBodies:
         bodies, rows = np.array([robot.chassis for robot in world.robots]), np.arange(n)
         self._at = rows // len(bodies), bodies[rows % len(bodies)]
         self._now: dict[str, Array] = {}
+        qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
+        self._pose = Columns(qpos, np.array([robot.qpos[:7] for robot in world.robots]))
+        self._speeds = Columns(qvel, np.array([robot.dofs for robot in world.robots]))
 
     @property
     def centre(self) -> Array:
@@ -49,13 +56,37 @@ class MujocoBodies:
         return {name: field[self._at] for name, field in self._fields.items()}
 
     def lean(self, along: Array) -> None:
-        """See `faults.Bodies`: gravity turns in the world's axes, on every body, wheels and rollers too."""
+        """See `faults.robots.Bodies`: gravity turns in the world's axes, on every body, wheels and rollers too."""
         into = np.sqrt(np.maximum(1 - (along**2).sum(1), 0.0))
         g, places = -float(self._world.model.opt.gravity[2]), len(self._world.robots)
         self._batch.expand("opt.gravity")[:] = g * np.column_stack([along, -into])[::places]
 
+    @cached_property
+    def _hubs(self) -> tuple[Columns, Array]:
+        """Dry friction of hubs, (n, W) N m, and what it is."""
+        hubs = np.array([robot.wheel_dofs for robot in self._world.robots])
+        friction = Columns(self._batch.expand("dof_frictionloss"), hubs)
+        return friction, friction.get().copy()
+
+    def block(self, stuck: np.ndarray) -> None:
+        """See `faults.robots.Bodies`."""
+        friction, usual = self._hubs
+        friction.set(np.where(stuck, _STUCK_NM, usual))
+
+    def put(self, robot: int, moved: tuple[float, float, float]) -> None:
+        """See `faults.robots.Bodies`; tilted and as high as it was."""
+        pose, speeds = self._pose.get().copy(), self._speeds.get().copy()
+        x, y, turn = moved
+        pose[robot, :2] += x, y
+        mujoco.mju_mulQuat(
+            pose[robot, 3:], np.array([np.cos(turn / 2), 0, 0, np.sin(turn / 2)]), pose[robot, 3:].copy()
+        )
+        speeds[robot] = 0.0
+        self._pose.set(pose)
+        self._speeds.set(speeds)
+
     def carry(self, loads: Iterable[tuple[int, float, float]]) -> None:
-        """See `faults.Bodies`."""
+        """See `faults.robots.Bodies`."""
         now = {name: values.copy() for name, values in self._empty.items()}
         for row, mass, height in loads:
             before, centre = now["body_mass"][row], now["body_ipos"][row]

@@ -9,7 +9,7 @@ from omni_mj.link.noise import Noise, Seed, Stream
 from omni_mj.link.radio import Received
 from omni_mj.link.schedule import Schedule
 from omni_mj.plants import Telemetry
-from omni_mj.scenarios.faults import Alpha
+from omni_mj.scenarios.faults import Alpha, Kidnap
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, column
 
@@ -33,7 +33,7 @@ class KinematicPlant:
         self._amplitude = column([row.settings.disturbance for row in rows], "velocity_m_s")
         self._pose = np.array(start, float)
         self._twist, self._disturbance = np.zeros((2, *self._pose.shape))
-        self._schedule, self._frame = Schedule([row.settings.fault for row in rows], Alpha), 0
+        self._schedule, self._frame = Schedule([row.faults for row in rows], Alpha, Kidnap), 0
         self._given: Array | None = None  # alpha where a fault gives it, otherwise not a number, (n, 1)
         self._telemetry = Telemetry.of_no_wheels(len(rows), len(rows[0].settings.wheels.azimuths_deg))
 
@@ -52,6 +52,9 @@ class KinematicPlant:
             self._given = np.full((len(alpha), 1), np.nan)
             for row, fault in active.of(Alpha):
                 self._given[row] = fault.to
+            for row, kidnap in active.begun(Kidnap):
+                self._pose = self._pose.copy()
+                self._pose[row] += kidnap.moved
         if self._given is not None:
             alpha = np.where(np.isnan(self._given), alpha, self._given)
         self._frame += 1

@@ -97,9 +97,6 @@ class MujocoPlant:
         wheels = len(world.kinematics.azimuths)
         limit = column([s.firmware for s in settings], "current_limit_a")
         self._motors = Motors([s.motor for s in settings], wheels, PERIOD_S, limit, self.drawn.strength)
-        self._faults: Faults | None = None
-        if any(s.fault for s in settings):
-            self._faults = Faults(rows, MujocoBodies(self._batch, world, n), self._traction, self._motors)
         self._battery = Battery([s.battery for s in settings])
         self._firmware = Firmware(settings, world.kinematics, self._heading, build.CYCLE_S, PERIOD_S)
         recorded = np.zeros((3, self.cycles, wheels, n))
@@ -107,11 +104,15 @@ class MujocoPlant:
         self._supplies = np.zeros((self.cycles, n, 1))  # the battery's voltage of each step
         self._held: Array | None = None
         self._between: Between | None = None
+        self._faults: Faults | None = None
+        onboard = self._firmware, self._motors, self._battery, self._traction
+        if any(row.faults for row in rows):
+            self._faults = Faults(rows, MujocoBodies(self._batch, world, n), onboard, self._angles)
         if settings[0].physics.kernel == "numba":
-            onboard = self._firmware, self._motors, self._battery, self._traction
             sensed = self._angles.T, self._turn_rates
             self._between = Between(self._batch, world, onboard, sensed, (recorded, self._supplies))
-        self._cycle, self._heard = 0, (np.full(n, np.nan), np.zeros(n, int))
+        self._cycle = 0
+        self._heard: tuple[Array, np.ndarray] = np.full(n, np.nan), np.zeros(n, int)
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -159,7 +160,7 @@ class MujocoPlant:
 
     def _pass_compiled(self, k: int, between: Between) -> None:
         """As `_pass`, by compiled loops."""
-        between.before(k, self._gyro_error, self._push, self._failed, self._held)
+        between.before(k, self._gyro_error, self._push, self._failed, self._holds)
         for substep in range(self._substeps):
             self._batch.step(self._living)
             between.after(k, substep == 0, substep == self._substeps - 1)
@@ -169,15 +170,15 @@ class MujocoPlant:
         at, slips = self._at, self._at.slips
         motors, battery, traction = self._motors, self._battery, self._traction
         duty = self._firmware.duties(self._turn_rates + self._gyro_error, self._angles)
-        if self._held is not None:
-            motors.hold(duty, self._held, at.wheel_speed.get(), battery.voltage[:, None])
+        if (held := self._holds) is not None:
+            motors.hold(duty, held, at.wheel_speed.get(), battery.voltage[:, None])
         if self._any_off:
             duty[self._failed] = 0.0
         self._speeds[k], self._supplies[k, :, 0] = at.wheel_speed.get(), battery.voltage
         self._voltages[k], self.currents[k], told = motors.drive(duty * self._supplies[k], self._speeds[k])
         at.ctrl.set(told)
         if k % EVERY == 0:
-            traction.travel(at.position.get(), at.quaternion.get(), at.velocity.get(), at.load.get())
+            traction.travel(at.position.get(), at.quaternion.get(), at.velocity.get(), at.load.get(), self._angles)
             traction.wrench[:, :2] += self._push
             at.wrench.set(traction.wrench)
         for substep in range(self._substeps):
@@ -221,6 +222,10 @@ class MujocoPlant:
                 drive. None for all.
         """
         self._held = None if current is None or np.isnan(current).all() else np.array(current, float)
+
+    @property
+    def _holds(self) -> Array | None:
+        return self._held if self._faults is None else self._faults.held(self._held)
 
     def telemetry(self) -> Telemetry:
         """See `Plant`."""

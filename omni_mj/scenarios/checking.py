@@ -94,7 +94,8 @@ class Setting:
         if self.choices:
             return " or ".join(self.choices)
         if self.kind is tuple:
-            return f"a list of {self.allowed} {_LISTED.get(self.numbers, f'numbers in {self.unit}')}"
+            numbers = f"numbers in {self.unit}" if self.unit else "whole numbers"
+            return f"a list of {self.allowed} {_LISTED.get(self.numbers, numbers)}"
         kind = _KINDS.get(self.kind, self.kind.__name__)
         return f"{kind} from {self.allowed} {self.unit}".rstrip() if self.number else kind
 
@@ -182,7 +183,7 @@ class Checked(BaseModel):
                 return
             why = (
                 f"; {error['msg']}"
-                if error["type"] in ("pose", "patch", "angles")
+                if error["type"] in ("pose", "patch", "angles", "wholes")
                 else f", not {shown(error['input'])}"
             )
             yield f"{declared.full} must be {declared.wanted}{why}"
@@ -248,6 +249,17 @@ def _angles(value: Any) -> tuple[float, ...]:
     return tuple(map(float, numbers))
 
 
+def _wholes(value: Any) -> tuple[int, ...]:
+    """Whole numbers from a list of them."""
+    numbers = value.tolist() if isinstance(value, np.ndarray) else value
+    if not isinstance(numbers, (list, tuple)):
+        raise PydanticCustomError("wholes", "{value} is no list", {"value": shown(value)})
+    for number in numbers:
+        if not isinstance(number, int) or isinstance(number, bool):
+            raise PydanticCustomError("wholes", "{number} is none", {"number": shown(number)})
+    return tuple(numbers)
+
+
 def _is_coordinate(value: Any) -> bool:
     number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
     return number and bool(-REACH_M <= value <= REACH_M)
@@ -255,4 +267,5 @@ def _is_coordinate(value: Any) -> bool:
 
 Poses = Annotated[tuple[tuple[float, float, float], ...], BeforeValidator(_poses)]
 Patches = Annotated[tuple[tuple[float, float, float, float], ...], BeforeValidator(_patches)]
+Wholes = Annotated[tuple[int, ...], BeforeValidator(_wholes)]
 Angles = Annotated[tuple[float, ...], BeforeValidator(_angles)]

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from omni_mj.scenarios.faults import Fault, of_robot
 from omni_mj.scenarios.settings import Settings
 
 
@@ -30,6 +31,11 @@ class Row:
     def noise_seed(self) -> tuple[int, ...]:
         """What its random numbers are drawn from: robots at different places of a world do not share their noise."""
         return (self.seed, self.place) if self.place else (self.seed,)
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """What happens to it."""
+        return of_robot(self.settings.fault, self.place)
 
     @property
     def where(self) -> tuple[float, float, float]:

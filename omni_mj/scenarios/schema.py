@@ -9,6 +9,7 @@ from typing import Any
 
 from omni_mj.scenarios import distributions, faults
 from omni_mj.scenarios.checking import Checked, Setting
+from omni_mj.scenarios.faults.base import HIGHEST
 from omni_mj.scenarios.nested import plain
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import Settings
@@ -73,6 +74,8 @@ def _field(setting: Setting) -> dict[str, Any]:
     kind: dict[str, Any] = {"type": _TYPES.get(setting.kind, "array")}
     if setting.kind is tuple:
         item: dict[str, Any] = {"type": "number", "minimum": -360, "maximum": 360}
+        if not setting.unit:
+            item = {"type": "integer", "minimum": 0, "maximum": HIGHEST}
         if setting.numbers > 1:  # a pose may do without its heading
             least = 2 if setting.numbers == 3 else setting.numbers
             item = {"type": "array", "items": {"type": "number"}, "minItems": least, "maxItems": setting.numbers}

@@ -99,6 +99,7 @@ class Simulation:
                 raise OmniError(f"a row names the controller {label!r}; {choose(label, self._kinds)}")
         for settings in {id(row.settings): row.settings for row in self._table}.values():
             faults.check_plant(settings.fault, self.scenario.plant)
+            faults.check_robots(settings.fault, len(settings.world.places))
         self._follow = follow
         _check_delays(self._table)
         self.reset()
@@ -200,7 +201,7 @@ class Simulation:
 
     def _robots(self, start: Array) -> tuple[Plant, See, Exchange]:
         """The robots at the start (n, 3), and what is between them and the team."""
-        noise, happening = [row.noise_seed for row in self.rows], [row.settings.fault for row in self.rows]
+        noise, happening = [row.noise_seed for row in self.rows], [row.faults for row in self.rows]
         return (
             find_plant(self.scenario.plant)(self.rows, start),
             camera([row.settings.vision for row in self.rows], noise, happening, lambda: self.team.filter.twist),

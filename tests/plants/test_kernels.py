@@ -79,7 +79,7 @@ def test_robot_by_robot_is_as_all_at_once(n: int, seed: int) -> None:
             duty = one.firmware.duties(met["gyro"][k], met["angle"][k])
             wanted = duty * one.battery.voltage[:, None]
             volts[0, k], amperes[0, k], _ = one.motors.drive(wanted, met["speed"][k])
-            one.traction.travel(met["position"], quaternion, met["velocity"], met["load"][k])
+            one.traction.travel(met["position"], quaternion, met["velocity"], met["load"][k], met["angle"][k])
             one.traction.press(met["load"][k])
             one.battery.load(volts[0, k], amperes[0, k])
             speed, load, facing = met["speed"][k].T, met["load"][k].T, np.stack([np.cos(heading), np.sin(heading)])
@@ -89,7 +89,7 @@ def test_robot_by_robot_is_as_all_at_once(n: int, seed: int) -> None:
                 by_robot.control(*part, other.firmware.cycle, f, met["gyro"][k], met["angle"][k].T)
                 by_robot.supply(*part, f, m, b, np.zeros((0, n)), speed, volts[1, k].T)
                 by_robot.drive(*part, m, speed, volts[1, k].T, amperes[1, k].T)
-                by_robot.travel(*part, t, met["position"].T, facing, twist, load)
+                by_robot.travel(*part, t, met["position"].T, facing, twist, load, met["angle"][k].T)
                 by_robot.press(*part, t.rims, load)
                 by_robot.load(*part, b, volts[1, k].T, amperes[1, k].T, np.zeros(n))
             other.firmware.cycle += 1

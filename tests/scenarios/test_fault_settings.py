@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
@@ -14,11 +15,15 @@ from scenario_texts import errors, fits, load, refusal
 
 import omni_mj as om
 from omni_control.errors import OmniError
+from omni_mj.link.camera_faults import OF_SIGHT, OF_TIME
+from omni_mj.link.radio_faults import KINDS as OF_RADIO
+from omni_mj.measure import events, recovery
 from omni_mj.plants.faults import ACTS
 from omni_mj.scenarios import faults
 from omni_mj.scenarios.checking import Setting
 from omni_mj.scenarios.faults import KINDS, ON_WHEELS, Delay, Fault, Push, span
 from omni_mj.scenarios.library import builtin
+from omni_mj.scenarios.nested import plain
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.schema import schema
 from omni_mj.scenarios.settings import Settings
@@ -27,7 +32,7 @@ from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies.compare import usual
 
 PUSH: dict[str, Any] = {"kind": "push", "at": 3, "for": 0.2, "force_n": 20.0, "direction_deg": 90}
-USUAL = {"kind", "at", "for"}
+USUAL = {"kind", "at", "for", "robots"}
 FRICTION = "fault 1: friction needs wheels.creep = on"
 DOCUMENT = Path(__file__).parents[2] / "docs" / "faults.md"
 
@@ -37,6 +42,8 @@ def value_of(setting: Setting) -> st.SearchStrategy[Any]:
         return st.sampled_from(setting.choices)
     low, high = setting.low, min(setting.high or 0, 4) if setting.name == "wheel" else setting.high
     lasts = st.just(0.0) | st.floats(1 / 60, 100)
+    if setting.name == "robots":
+        return st.lists(st.integers(0, 15), max_size=12, unique=True)
     return lasts if setting.name == "for" else (st.integers if setting.kind is int else st.floats)(low, high)
 
 
@@ -55,7 +62,7 @@ def test_faults_survive_writing_and_reading_and_fit_the_schema(tmp_path: Path, d
     plant = next((plants for plants in asked if plants), ON_WHEELS)[0]
     chosen = [each for each, plants in zip(drawn, asked, strict=True) if plants is None or plant in plants]
     made = om.scenario("rect", plant=plant, fault=chosen)
-    assert [fault.values() for fault in made.settings.fault] == made.settings.plain()["fault"] == chosen
+    assert [plain(fault.values()) for fault in made.settings.fault] == made.settings.plain()["fault"] == chosen
     assert load(tmp_path, made.to_toml()) == made
     again = pickle.loads(pickle.dumps(made.settings))
     assert (again, hash(again)) == (made.settings, hash(made.settings))
@@ -92,7 +99,8 @@ def test_wrong_faults_are_refused_with_their_number_all_at_once() -> None:
     assert errors(fault=[PUSH, {"kind": "psh"}, {**PUSH, "at": -1, "forc_n": 3}, 3, {"kind": "tilt"}, {"at": 1}]) == [
         f"fault 2: kind must be one of those there are, not 'psh'; did you mean 'push'? choose from {', '.join(KINDS)}",
         "fault 3: at must be a number from 0 to 36000 s, not -1",
-        "fault 3: unknown setting forc_n; did you mean 'force_n'? choose from kind, at, for, force_n, direction_deg",
+        "fault 3: unknown setting forc_n; did you mean 'force_n'? "
+        "choose from kind, at, for, robots, force_n, direction_deg",
         "fault 4: write [[fault]] and its fields below, not 3",
         "fault 5: at is missing; give a number from 0 to 36000 s",
         "fault 5: angle_deg is missing; give a number from 0 to 30 deg",
@@ -127,6 +135,9 @@ def test_the_command_line_does_not_reach_into_lists(tmp_path: Path) -> None:
             {"kind": "delay", "at": 1, "to": 1},
             "fault 1: delay to must not be below radio.jitter_frames, 2, but is 1",
         ),
+        ({**PUSH, "robots": [1, 1]}, "fault 1: robots must be different numbers from 0 to 15, not [1, 1]"),
+        ({**PUSH, "robots": 1}, "fault 1: robots must be a list of 0 to 12 whole numbers; 1 is no list"),
+        ({**PUSH, "robots": ["a"]}, "fault 1: robots must be a list of 0 to 12 whole numbers; 'a' is none"),
         (Fault(kind="push", at=1), "fault 1: write [[fault]] and its fields below, not Fault("),
     ],
 )
@@ -146,11 +157,12 @@ def test_friction_needs_wheels_that_creep() -> None:
 
 def test_every_kind_acts_where_it_is_known_and_says_what_it_is() -> None:
     """Of those of plants on wheels there is a function each; every class has a kind of its own."""
-    assert {kind for kind in KINDS.values() if kind.plants == ON_WHEELS} == set(ACTS)
+    assert {kind for kind in KINDS.values() if kind.plants and set(ON_WHEELS) <= set(kind.plants)} == set(ACTS)
+    assert {kind for kind in KINDS.values() if not kind.plants} == {Delay, *OF_RADIO, *OF_SIGHT, *OF_TIME}
     declared = {kind for _, kind in inspect.getmembers(faults, inspect.isclass) if issubclass(kind, Fault)} - {Fault}
     assert declared == set(KINDS.values())
     for name, kind in KINDS.items():
-        values = {each.name: each.low for each in kind.declared() if each.number}
+        values: dict[str, Any] = {each.name: each.low for each in kind.declared() if each.number}
         one = kind(**{**values, "kind": name, "for": 0.5})
         assert "{" not in one.text
         assert one.told == f"{one.text}, from 0 s to 0.5 s"
@@ -159,7 +171,7 @@ def test_every_kind_acts_where_it_is_known_and_says_what_it_is() -> None:
 
 def test_a_plant_is_asked_for_what_it_knows_only() -> None:
     """When the scenario is made, is changed, or rows of one's own are."""
-    known = "it has delay, vision-out, alpha"
+    known = "it has kidnap, delay, radio-loss, .*, vision-delay, alpha"
     refused = rf"^fault 1: the plant kinematic has no push; {known}$"
     on_wheels = om.scenario("rect", fault=[PUSH])
     for make in (
@@ -180,7 +192,7 @@ def test_a_users_plant_names_the_kinds_that_it_knows(tmp_path: Path) -> None:
     calls = "".join(f"    def {call}(self, *_): ...\n" for call in ("pose", "twist", "advance", "telemetry"))
     (tmp_path / "toy.py").write_text(f"class Toy:\n    faults = 'push',\n{calls}\nclass Bare:\n{calls}")
     om.scenario("rect", plant=f"{tmp_path / 'toy.py'}:Toy", fault=[PUSH])
-    with pytest.raises(OmniError, match=r"Bare has no push; it has delay, vision-out$"):
+    with pytest.raises(OmniError, match=r"Bare has no push; it has delay, radio-loss, .*, vision-delay$"):
         om.scenario("rect", plant=f"{tmp_path / 'toy.py'}:Bare", fault=[PUSH])
 
 
@@ -192,12 +204,34 @@ def test_what_is_compared_happens_on_its_plant() -> None:
     }
 
 
+def test_a_fault_of_some_robots_is_theirs_alone() -> None:
+    """Where they are, and in what is told of it; a world must have them, and robots of one world one slope."""
+    places, push = {"places": [[0, 0], [0, 1]]}, {**PUSH, "at": 0.0, "robots": [1]}
+    hidden = {"kind": "vision-out", "at": 0.0, "robots": [1]}
+    short = {"waypoints": [[0, 0], [0.1, 0]], "settle_s": 0}
+    chosen = om.scenario("rect", plant="kinematic", controllers=["flc"], fault=[hidden], world=places, reference=short)
+    simulation = Simulation(chosen)
+    log = simulation.run()
+    assert log.channel("vision_valid")[:, 0].any()
+    assert not log.channel("vision_valid")[:, 1].any()
+    assert {event.place for event in events.find(log) if event.kind == "fault"} == {1}
+    measured = recovery.row_metrics(log)
+    assert np.isnan(measured["fault_1_excursion_m"][0])
+    assert np.isfinite(measured["fault_1_excursion_m"][1])
+    assert recovery.results(log, "flc", measured)[0]["fault"].endswith(", of robots 1")
+    with pytest.raises(OmniError, match=r"^fault 1: push is of robot 1, and a world has 1, numbered from 0$"):
+        Simulation(om.scenario("rect", fault=[push]))
+    tilt = {"kind": "tilt", "at": 1, "angle_deg": 3.0, "robots": [1]}
+    with pytest.raises(OmniError, match=r"^robots that share a world stand on one carpet: "):
+        Simulation(om.scenario("rect", fault=[tilt], world=places))
+
+
 # --- told ---
 
 
 def test_every_kind_is_listed_with_its_settings() -> None:
     lines = listing.faults()
-    assert [line[0] for line in lines[:2]] == ["at", "for"]
+    assert [line[0] for line in lines[:3]] == ["at", "for", "robots"]
     kinds = {line[0].removeprefix("kind = ") for line in lines if line[0].startswith("kind")}
     assert kinds == set(KINDS)
     named = [line[0].strip() for line in lines if line[0].startswith("  ")]

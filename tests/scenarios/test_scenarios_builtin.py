@@ -219,11 +219,13 @@ def test_a_carpet_that_becomes_slippery_can_be_driven_all_the_same() -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in builtin() if name.startswith("fault-")])
-def test_faults_happen_on_the_first_side_of_the_rectangle(name: str) -> None:
-    """While the robot drives; of those that end, what comes after is seen before the corner."""
+def test_faults_happen_while_the_robot_drives_one_after_the_other(name: str) -> None:
+    """Of one alone that ends, what comes after is seen before the first corner; of several, before the next begins."""
     loaded, poses = built_in(name)
     corner = int(np.flatnonzero(poses[:, 1] > poses[0, 1])[0])
-    (fault,) = loaded.settings.fault
-    start, end = span(fault)
-    assert poses[start, 0] > poses[start - 1, 0]
-    assert math.isinf(end) or end + recovery.AFTER_S / PERIOD_S <= corner
+    spans = [span(fault) for fault in loaded.settings.fault]
+    assert spans == sorted(spans)
+    nexts = [*(start for start, _ in spans[1:]), corner if len(spans) == 1 else len(poses)]
+    for (start, end), following in zip(spans, nexts, strict=True):
+        assert (poses[start] != poses[start - 1]).any()
+        assert math.isinf(end) or following == start or end + recovery.AFTER_S / PERIOD_S <= following

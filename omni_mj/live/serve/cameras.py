@@ -8,6 +8,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.link.camera import Camera
+from omni_mj.link.camera_faults import Timing
 from omni_mj.link.noise import Noise, Seed, Stream
 from omni_mj.live.serve.field import Area
 from omni_mj.live.wire.simulation import Team
@@ -32,6 +33,7 @@ class Image:
         poses: measured (n, 3), not a number where a robot was not seen.
         ball: measured (2,) m, or None.
         sent: when it is sent, s of simulated time; never, if it is lost, is infinite.
+        behind: by how much its camera's clock is behind itself, s.
     """
 
     camera: int
@@ -41,6 +43,7 @@ class Image:
     poses: Array
     ball: Array | None
     sent: float
+    behind: float
 
 
 class Eye:
@@ -61,6 +64,7 @@ class Eye:
         self._number, self._vision = number, rows[0].settings.vision
         self.watch(rows)
         own: list[Seed] = [(rows[0].seed, APART + number)]
+        self._timing = Timing.of([rows[0].faults], own)
         self._late, self._lost = (
             Noise(own, stream, lambda rng, count: rng.random((count, 1)))
             for stream in (Stream.CAMERA_JITTER, Stream.CAMERA_LOSSES)
@@ -77,7 +81,7 @@ class Eye:
     def watch(self, rows: Sequence[Row]) -> None:
         """Have these robots in view from now on, in place of those before."""
         seeds = [row.noise_seed if self._number == 0 else (*row.noise_seed, APART + self._number) for row in rows]
-        self._camera = Camera([row.settings.vision for row in rows], seeds, [row.settings.fault for row in rows])
+        self._camera = Camera([row.settings.vision for row in rows], seeds, [row.faults for row in rows])
 
     def look(
         self,
@@ -103,11 +107,15 @@ class Eye:
         vision, time, frame = self._vision, cycle / CYCLE_RATE_HZ, self._frame
         seen = self._ball.next()[0] * vision.position_noise_m + self._offset[:2]
         late, lost = self._late.next()[0, 0], self._lost.next()[0, 0] < vision.loss_probability
-        sent = math.inf if lost else time + vision.delay_s + vision.jitter_s * late
+        delay, behind = vision.delay_s, 0.0
+        if self._timing is not None:
+            delays, errors = self._timing.at(cycle // CYCLES, time, np.array([delay]))
+            delay, behind = float(delays[0]), float(errors[0])
+        sent = math.inf if lost else time + delay + vision.jitter_s * late
         self._frame += 1
         self.due = self._cycle_of(self._frame)
         where = ball + seen if ball is not None and area.sees(ball[None])[0] else None
-        return Image(self._number, frame, cycle, tuple(names), measured + self._offset, where, sent)
+        return Image(self._number, frame, cycle, tuple(names), measured + self._offset, where, sent, behind)
 
     def _cycle_of(self, frame: int) -> int:
         """The first cycle that is not before an image is taken."""

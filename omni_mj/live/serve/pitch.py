@@ -17,6 +17,7 @@ from omni_mj.live.serve.field import areas, standard, surface
 from omni_mj.live.serve.plant import ServedPlant
 from omni_mj.live.wire.simulation import RobotCommand, Team
 from omni_mj.live.wire.vision import Detection, FieldSize, Geometry
+from omni_mj.scenarios.faults import of_robot
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ
@@ -204,7 +205,7 @@ class Pitch:
         heading = image.poses[:, 2]
         newer = np.flatnonzero(same & ~np.isnan(heading) & (image.cycle >= self._seen[: len(same), 1]))
         self._seen[newer] = np.column_stack([heading[newer], np.full(len(newer), image.cycle)])
-        offset = self._eyes[image.camera].clock_offset
+        offset = self._eyes[image.camera].clock_offset - image.behind
         return detection(image, self._areas[image.camera], clock + offset, ROBOT_HEIGHT_M)
 
     def _find(self, name: Name) -> int | None:
@@ -248,7 +249,7 @@ class Pitch:
         self._radio = Radio(
             [each.radio for each in settings],
             [row.noise_seed for row in self.rows],
-            [each.fault for each in settings],
+            [row.faults for row in self.rows],
             CYCLES,
             self._nothing,
         )
@@ -260,9 +261,11 @@ class Pitch:
     def _rows(self) -> list[Row]:
         """A row for each robot."""
         rows = []
-        for place, (team, _) in enumerate(self.names):
+        for place, (team, number) in enumerate(self.names):
             chosen = self._scenarios[team]
-            rows.append(Row(0, place, team.name.lower(), chosen.seed, chosen.settings, chosen.robot))
+            own = [fault.replace(robots=()) for fault in of_robot(chosen.settings.fault, number)]
+            settings = chosen.settings.replace(fault=own) if own != [*chosen.settings.fault] else chosen.settings
+            rows.append(Row(0, place, team.name.lower(), chosen.seed, settings, chosen.robot))
         return rows
 
 

@@ -21,7 +21,7 @@ class Robots(NamedTuple):
     inertia: Array  # of body and rims over a cycle, such a half, (6, n) kg/s and kg m^2/s
     give: Array  # speed per torque that a cycle gives a hub, (n,) rad/s / (N m)
     viscous: Array  # friction of hubs, (n,) N m s/rad
-    dry: Array  # the same, (n,) N m
+    dry: Array  # the same, (W, n) N m
     torque_constant: Array  # torque of a hub per current now, (W, n) N m/A
     contact: Array  # slip over torque of the contacts, (W, n) rad/s / (N m)
     lever: Array  # from axles to the carpet, (W, n) m

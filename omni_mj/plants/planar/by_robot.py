@@ -97,7 +97,7 @@ def _drag(
         s.twist[0, i], s.twist[1, i] = m.twist[0, i] - m.twist[2, i] * y, m.twist[1, i] + m.twist[2, i] * x
         s.twist[2, i] = m.twist[2, i]
         s.momentum[0, i], s.momentum[1, i] = m.place[0, i] + c * x - d * y, m.place[1, i] + d * x + c * y
-    by_robot.travel(first, last, t, s.momentum, m.facing, s.twist, m.load)
+    by_robot.travel(first, last, t, s.momentum, m.facing, s.twist, m.load, m.angle)
     for i in range(first, last):
         c, d, x, y = m.facing[0, i], m.facing[1, i], t.wrench[0, i], t.wrench[1, i]
         m.ground[0, i], m.ground[1, i], m.force[2, i] = c * x + d * y, c * y - d * x, t.wrench[5, i]
@@ -139,7 +139,7 @@ def _pull(first: int, last: int, r: Robots, m: Motion, s: Scratch, t: TractionAr
         for i in range(first, last):
             pressed = laws.pressed(m.load[w, i])
             soft = planar.soft(t.rims.softness[w, i], pressed, r.contact[w, i])
-            motor, hub = r.torque_constant[w, i] * current[w, i], (r.give[i], r.viscous[i], r.dry[i])
+            motor, hub = r.torque_constant[w, i] * current[w, i], (r.give[i], r.viscous[i], r.dry[w, i])
             end, give = planar.hub(m.speed[w, i], motor, m.torque[w, i], soft, *hub)
             t.rims.limit[w, i] = t.rims.rim_friction[w, i] * pressed
             s.end[w, i], s.give[w, i], s.pull[w, i], s.held[w, i] = end, give, 1 / (soft + give), 0.0

@@ -24,7 +24,7 @@ def drag(r: Robots, m: Motion, traction: Traction, push: Array, downhill: Array)
     """
     facing, middle, outward = _plane(m.facing), _plane(r.middle), r.outward[:, None]
     body = _plane(m.twist) + 1j * m.twist[2] * middle
-    traction.go(_plane(m.place) + middle * facing, facing, body, m.twist[2], m.load.T)
+    traction.go(_plane(m.place) + middle * facing, facing, body, m.twist[2], m.load.T, m.angle.T)
     rims = m.speed - m.slip
     spin = np.abs(rims)
     aside = laws.spinning((body * outward.conj()).real, spin, r.bearing, r.spin_up)

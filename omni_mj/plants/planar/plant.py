@@ -23,6 +23,8 @@ from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, column
 from omni_mj.worlds import build
 
+STUCK_NM = 1e3  # dry friction of a hub that is stuck
+
 
 class PlanarPlant:
     """Robots with roller wheels on carpet, each alone in its world, without a contact solver.
@@ -57,6 +59,7 @@ class PlanarPlant:
         x, y, heading = np.array(start, float).T
         facing, shape = np.stack([np.cos(heading), np.sin(heading)]), (count, n)
         self._robots = wheels.robots(settings, geometry, bodies, self.drawn)
+        self._dry = self._robots.dry
         self._motion = Motion(
             place=np.stack([x, y]) - turned(facing, self._robots.middle),
             heading=heading.copy(),
@@ -81,8 +84,9 @@ class PlanarPlant:
             settings, geometry, bodies.whole.centre, np.ones(1), build.CYCLE_S, self.drawn.friction, self.drawn.wear
         )
         self._faults: Faults | None = None
-        if any(s.fault for s in settings):
-            self._faults = Faults(rows, self, self._traction, self._motors)
+        if any(row.faults for row in rows):
+            onboard = self._firmware, self._motors, self._battery, self._traction
+            self._faults = Faults(rows, self, onboard, self._motion.seen_angle.T)
         self._recorded = np.zeros((3, self.cycles, count, n))
         self._speeds, self._voltages, self.currents = self._recorded.swapaxes(2, 3)
         self._supplies = np.zeros((self.cycles, n))  # the battery's voltage of each step
@@ -127,8 +131,8 @@ class PlanarPlant:
         rims = self._traction.arrays().rims
         for k in range(self.cycles):
             duty = firmware.duties(m.seen_rate + gyro, m.seen_angle.T)
-            if self._held is not None:
-                motors.hold(duty, self._held, m.speed.T, battery.voltage[:, None])
+            if (held := self._holds) is not None:
+                motors.hold(duty, held, m.speed.T, battery.voltage[:, None])
             self._speeds[k], self._supplies[k] = m.speed.T, battery.voltage
             self._voltages[k], self.currents[k], _ = motors.drive(duty * battery.voltage[:, None], m.speed.T)
             if k % EVERY == 0:
@@ -145,7 +149,7 @@ class PlanarPlant:
             firmware.arrays(), motors.arrays(), motors.heat_arrays(), battery.arrays(), battery.charge_arrays(),
             self._traction.arrays(),
         )  # fmt: skip
-        held = self._nothing if self._held is None else np.ascontiguousarray(self._held.T)
+        held = self._nothing if (holds := self._holds) is None else np.ascontiguousarray(holds.T)
         forces = gyro, np.ascontiguousarray(push), self._bodies.downhill, held
         robot = self._robots, self._motion, self._scratch
         frame(firmware.cycle, PERIOD_S, *robot, *onboard, *forces, *self._recorded, self._supplies)
@@ -156,15 +160,20 @@ class PlanarPlant:
         self._held = None if current is None or np.isnan(current).all() else np.array(current, float)
 
     @property
+    def _holds(self) -> Array | None:
+        return self._held if self._faults is None else self._faults.held(self._held)
+
+    @property
     def centre(self) -> Array:
         """Of mass of each robot, from the middle of its wheels' contacts, (n, 3) m."""
         return self._bodies.whole.centre
 
     def carry(self, loads: Iterable[tuple[int, float, float]]) -> None:
         """Carry these loads and no others; see `omni_mj.plants.payload.Carriers`. The robots' middles stay."""
-        before = self._robots.middle
+        before, dry = self._robots.middle, self._robots.dry
         self._bodies.carry(loads)
-        self._robots = wheels.robots(self._settings, self._kinematics, self._bodies, self.drawn)
+        robots = wheels.robots(self._settings, self._kinematics, self._bodies, self.drawn)
+        self._robots = robots._replace(dry=dry)
         m, (x, y) = self._motion, before - self._robots.middle
         m.place[:] += turned(m.facing, np.stack([x, y]))
         m.twist[0] -= m.twist[2] * y
@@ -174,6 +183,19 @@ class PlanarPlant:
         """Stand on carpets that lean so that gravity has the parts `along` (n, 2) of itself along them."""
         self._bodies.lean(along)
         self._robots = self._robots._replace(weight=np.ascontiguousarray(self._bodies.weight.T))
+
+    def block(self, stuck: np.ndarray) -> None:
+        """Have these wheels stuck, (n, W), and no others."""
+        self._robots = self._robots._replace(dry=np.where(stuck.T, STUCK_NM, self._dry))
+
+    def put(self, robot: int, moved: tuple[float, float, float]) -> None:
+        """Put a robot as far from where it is, m, m and rad in the world, at rest."""
+        m, (x, y, turn), middle = self._motion, moved, self._robots.middle[:, robot]
+        then, now = (np.array([np.cos(h), np.sin(h)]) for h in (m.heading[robot], m.heading[robot] + turn))
+        m.place[:, robot] += turned(then, middle) - turned(now, middle) + np.array([x, y])
+        m.heading[robot] += turn
+        for values in (m.twist, m.speed, m.torque, m.slip, m.seen_rate):
+            values[..., robot] = 0.0
 
     def telemetry(self) -> Telemetry:
         """See `Plant`."""

@@ -38,7 +38,7 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
         inertia=(body + bodies.rim * squares.sum(2)) / CYCLE_S,
         give=(CYCLE_S / bodies.hub)[:, 0],
         viscous=column(motors, "wheel_viscous")[:, 0],
-        dry=(column(motors, "wheel_dry") + column(drive, "gear_friction_nm"))[:, 0],
+        dry=((column(motors, "wheel_dry") + column(drive, "gear_friction_nm")) * np.ones(shape)).T,
         torque_constant=np.zeros(shape).T,
         contact=1 / (friction * rollers.count * lever**2).T,
         lever=lever.T,

@@ -1,0 +1,82 @@
+"""What a load does to a robot: mass, centre of mass, inertia, and what wheels bear."""
+
+import mujoco
+import numpy as np
+import pytest
+from default_robot import CONTACTS, GRAVITY, MASS_KG
+from driving import FRAME_S, quiet
+from driving import mujoco as plant_of
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+from meeting_faults import FAST, ICE, ROLLING_KG, SETTLE, meets, standing
+from numpy.typing import NDArray
+
+from omni_mj.plants.mujoco import MujocoPlant
+
+
+def chassis_of(plant: MujocoPlant, row: int) -> tuple[float, NDArray, NDArray]:
+    """Mass, centre of mass, and inertia about it in its own axes, as the batch has them."""
+    body = plant._world.robots[0].chassis
+    mass, centre, moments, turned = (
+        plant._batch.expand(name)[row, body] for name in ("body_mass", "body_ipos", "body_inertia", "body_iquat")
+    )
+    axes = np.zeros(9)
+    mujoco.mju_quat2Mat(axes, turned)
+    axes = axes.reshape(3, 3)
+    return float(mass), centre.copy(), axes @ np.diag(moments) @ axes.T
+
+
+def inertia_about(origin: NDArray, body: tuple[float, NDArray, NDArray]) -> NDArray:
+    mass, centre, inertia = body
+    r = centre - origin
+    return inertia + mass * (r @ r * np.eye(3) - np.outer(r, r))
+
+
+@hypothesis_settings(deadline=None, max_examples=6, derandomize=True)
+@given(st.lists(st.tuples(st.floats(0, 20), st.floats(0.001, 0.5)), min_size=1, max_size=3))
+def test_a_load_is_a_point_mass_on_the_chassis(loads: list[tuple[float, float]]) -> None:
+    """Mass, first and second moments about the origin are sums over the bodies: they are independent of its axes."""
+    payloads = [{"kind": "payload", "at": 0.0, "mass_kg": m, "height_m": h} for m, h in loads]
+    plant = plant_of([meets(*payloads), quiet()])
+    empty = chassis_of(plant, 0)
+    standing(plant, 1)
+    loaded, beside = chassis_of(plant, 0), chassis_of(plant, 1)
+    points = [(m, np.array([*empty[1][:2], h])) for m, h in loads]
+    assert loaded[0] == pytest.approx(empty[0] + sum(m for m, _ in points))
+    np.testing.assert_allclose(loaded[0] * loaded[1], empty[0] * empty[1] + sum(m * r for m, r in points), atol=1e-12)
+    zero = np.zeros(3)
+    expected = inertia_about(zero, empty) + sum(inertia_about(zero, (m, r, np.zeros((3, 3)))) for m, r in points)
+    np.testing.assert_allclose(inertia_about(zero, loaded), expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    np.testing.assert_array_equal(beside[2], empty[2])
+    subtree = plant._batch.expand("body_subtreemass")[0, plant._world.robots[0].chassis]
+    assert subtree == pytest.approx(MASS_KG + sum(m for m, _ in points))
+
+
+def test_wheels_bear_a_load_and_its_inertia() -> None:
+    """Weight on the wheels, their middle below the common centre of mass on a slope, and what a push does on ice."""
+    mass, height = 1.2, 0.12
+    load, more = {"kind": "payload", "mass_kg": mass, "height_m": height}, {"kind": "payload", "mass_kg": mass}
+    tilt = {"kind": "tilt", "angle_deg": 5.0}
+    own = [meets(*each, **FAST) for each in ((load,), (more,), (load, tilt), (tilt,))]
+    plant = plant_of([*own, quiet(**FAST)])
+    standing(plant, SETTLE + 60)
+    bears = plant._at.load.get()
+    np.testing.assert_allclose(bears[:2].sum(1), (MASS_KG + mass) * GRAVITY, rtol=2e-3)
+    ahead = bears @ CONTACTS[:, 0] / GRAVITY
+    chassis = plant._world.model.body_ipos[plant._world.robots[0].chassis]
+    # Over the chassis' centre of mass: what it adds, and how far a slope shifts it. Springs still swing: by 2 % of what
+    # the slope shifts, and by 0.03 mm of the centre.
+    assert ahead[0] - ahead[4] == pytest.approx(mass * chassis[0], abs=1e-4)
+    angle = np.radians(5.0)
+    shift = (ahead[2] - np.cos(angle) * ahead[0]) - (ahead[3] - np.cos(angle) * ahead[4])
+    assert shift == pytest.approx(mass * height * np.sin(angle), rel=0.02)
+
+    push = {"kind": "push", "at": 2 * SETTLE * FRAME_S, "force_n": 12.0, "direction_deg": 90.0}
+    plant = plant_of([meets(more, push, **ICE), meets(push, **ICE)])
+    standing(plant, 2 * SETTLE + 8)
+    heavy, light = plant.twist()[:, 1]
+    ratio = (MASS_KG + ROLLING_KG[1]) / (MASS_KG + mass + ROLLING_KG[1])
+    # Friction of ice is 2.5 % of this push, and as much more as the mass; 1 %: rollers that come down.
+    held = 0.01 * GRAVITY / 12.0
+    assert heavy / light == pytest.approx(ratio * (1 - (MASS_KG + mass) * held) / (1 - MASS_KG * held), rel=0.01)
