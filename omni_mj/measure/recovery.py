@@ -92,6 +92,29 @@ def table(summary: Mapping[str, Any]) -> Table | None:
     return Table(f"{title}{100 * NEAR_M:g} cm for good", headings, rows, 2)
 
 
+def matrix(summary: Mapping[str, Any]) -> Table | None:
+    """The same of a comparison: a line for each fault of each scenario, a column for each controller.
+
+    A cell has the worst excursion in cm and the time in s, medians over the seeds.
+    """
+    controllers, rows = list(summary["controllers"]), list[list[str]]()
+    for scenario, entry in summary["scenarios"].items():
+        found = entry["results"]
+        for i, fault in enumerate(next(iter(found.values()))["recovery"] if found else ()):
+            told = [found[name]["recovery"][i] if name in found else None for name in controllers]
+            rows.append([scenario, f"{fault['kind']}, {fault['at_s']:g} s", *map(_cell, told)])
+    if not rows:
+        return None
+    title = f"Recovery from faults: worst excursion, cm / time until below {100 * NEAR_M:g} cm for good, s; medians"
+    return Table(title, ["scenario", "fault", *controllers], rows, 2)
+
+
+def _cell(told: Mapping[str, Any] | None) -> str:
+    if told is None:
+        return ""
+    return f"{number(told[EXCURSION]['median'], 100)}/{_recovered(told[RECOVERY])}"
+
+
 def _lines(summary: Mapping[str, Any]) -> Iterator[list[str]]:
     for entry in summary["scenarios"].values():
         told = [

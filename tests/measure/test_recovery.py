@@ -12,6 +12,7 @@ import omni_mj as om
 from omni_mj.measure import events, recovery
 from omni_mj.measure.table import text
 from omni_mj.scenarios.settings import Settings
+from omni_mj.show import compare_table
 
 FRAME_S = 1 / 60
 PUSH = {"kind": "push", "at": 1.0, "for": 0.5, "force_n": 10.0}  # frames 60 to 89, looked at until 209
@@ -125,3 +126,26 @@ def test_a_run_tells_how_its_controllers_recover() -> None:
     assert text(drawn).startswith("recovery, median of 3 seeds: ")
     assert "fault" not in lines, "all rows meet the same"
     assert recovery.table(om.run(plain, ["flc"], seeds=[0]).summary()) is None
+
+
+def test_a_comparison_tells_how_each_controller_comes_back_from_each_fault() -> None:
+    """A line for each fault of each scenario, with what the summary has of each controller."""
+    route = {"waypoints": [[0, 0], [0.3, 0]], "settle_s": 0.2}
+    happening = [{"kind": "vision-out", "at": 0.3, "for": 0.2}, {"kind": "alpha", "at": 1, "to": 0.0}]
+    met_by = om.scenario("rect", plant="kinematic", reference=route, fault=happening).replace(name="met")
+    none = om.scenario("rect", plant="kinematic", reference=route)
+    compared = om.compare([none, met_by], ["flc", "comp-flc"], seeds=2).summary()
+    drawn = recovery.matrix(compared)
+    assert drawn is not None
+    assert [row[:2] for row in drawn.rows] == [["met", "vision-out, 0.3 s"], ["met", "alpha, 1 s"]]
+    for i, row in enumerate(drawn.rows):
+        for name, cell in zip(compared["controllers"], row[2:], strict=True):
+            told = compared["scenarios"]["met"]["results"][name]["recovery"][i]
+            worst, time = cell.split("/")
+            assert worst == f"{100 * told['excursion_m']['median']:.2f}"
+            median = told["recovery_s"]["median"]
+            assert time == ("never" if median is None else f"{median:.2f}")
+    assert drawn.rows[1][2].endswith("/never"), "a robot that does not move comes back from nothing"
+    assert drawn.title in compare_table.markdown(compared)
+    without = {name: entry for name, entry in compared["scenarios"].items() if name == "rect"}
+    assert recovery.matrix({**compared, "scenarios": without}) is None
