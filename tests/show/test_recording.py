@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from recorded import Recorded, record, rows, rrd
 
 from omni_control.controllers.base import Controller, Seen
-from omni_mj.measure.metrics import ALPHA_WINDOW_FRAMES
+from omni_mj.measure.metrics import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES
 from omni_mj.scenarios import models, scenario
 from omni_mj.show import style
 from omni_mj.show.recording import FileRecording
@@ -25,6 +25,7 @@ from omni_mj.worlds import field
 
 CONTROLLERS = ("flc", "comp-flc")
 WAY = "reference.waypoints=[[0, 0], [0.5, 0], [0.5, 0.3, 0.4], [0, 0.3], [0, 0]]"
+BELOW = "/ratio", "/sigma"  # entities below a controller's
 SHORT = "reference.waypoints=[[0, 0], [0.3, 0.2]]"
 
 
@@ -37,9 +38,13 @@ class Driven:
 
 
 class Own(Controller):
-    """Records what it does to the error, and from frame 50 on how often it was asked."""
+    """Records what it does to the error, from frame 50 on how often it was asked; and says that it believes in 0.9."""
 
     def command(self, frame: int, seen: Seen) -> NDArray:
+        self.alpha_hat, self.channels["alpha_sigma"] = (
+            np.full((len(seen.pose), 3), 0.9),
+            np.full((len(seen.pose), 3), 0.05),
+        )
         target, speed = self.reference.at(frame, seen.pose)
         pull = 3.0 * (target - seen.pose)
         self.channels["pull"] = pull[:, :2]
@@ -119,14 +124,43 @@ def test_the_path_leads_from_pose_to_pose(driven: Driven) -> None:
     np.testing.assert_allclose(segments[1:, 0], segments[:-1, 1], atol=0)
 
 
-def alpha(position: NDArray, velocity: NDArray) -> NDArray:
-    """Displacement achieved over commanded in the 15 frames before each, where 0.1 m/s or more were commanded."""
+def ratio(position: NDArray, velocity: NDArray) -> NDArray:
+    """Displacement achieved over commanded in the 15 frames before each, if more than 0.1 m/s was for 24 frames."""
     result = np.full(len(position), np.nan)
-    for k in range(15, len(position)):
+    for k in range(24, len(position)):
         mean = velocity[k - 15 : k].mean()
-        if abs(mean) > 0.1:
+        if (abs(velocity[k - 24 : k]) > 0.1).all() and abs(mean) > 0.1:
             result[k] = (position[k] - position[k - 15]) / (mean * 15 / 60)
     return result
+
+
+def why(t: dict[str, NDArray]) -> dict[str, list[NDArray]]:
+    """By the limits of commands that are the default, and creep up to the default's friction."""
+    command = np.column_stack([t["command_vx_m_s"], t["command_vy_m_s"], t["command_w_rad_s"]])
+    step = 60 * np.diff(command, axis=0, prepend=np.zeros((1, 3)))
+    settings = scenario.load("rect").settings
+    limits = settings.control
+    held = np.zeros(len(command))
+    for each, speed, acceleration in (
+        (slice(2), limits.max_speed_m_s, limits.max_acceleration_m_s2),
+        (slice(2, 3), limits.max_turn_rate_rad_s, limits.max_turn_acceleration_rad_s2),
+    ):
+        at_speed = np.linalg.norm(command[:, each], axis=1) >= speed * (1 - 1e-9)
+        held[at_speed | (np.linalg.norm(step[:, each], axis=1) >= acceleration * (1 - 1e-9))] = 1
+    before = np.concatenate([np.zeros(14), held])
+    vx, vy, turn = (60 * np.diff(t[name], prepend=t[name][0]) for name in ("x_m", "y_m", "heading_rad"))
+    fastest = np.zeros(len(command))
+    for i, azimuth in enumerate(np.deg2rad([60, 135, 225, 300])):
+        at = t["heading_rad"] + azimuth
+        centre = np.hypot(vx - 0.083 * turn * np.sin(at), vy + 0.083 * turn * np.cos(at))
+        creep = 0.98 * centre * settings.carpet.friction / settings.drive.creep_stiffness
+        fastest[1:] = np.maximum(fastest[1:], (t[f"slip_{i + 1}_m_s"] - creep - 0.02)[1:])
+    return {
+        "why/sliding": [fastest],
+        "why/duty": [t["duty_peak"]],
+        "why/limited": [np.max([t[f"current_limited_{i}"] for i in range(1, 5)], axis=0)],
+        "why/held": [np.array([before[k : k + 15].mean() for k in range(len(held))])],
+    }
 
 
 def expected_series(t: dict[str, NDArray]) -> dict[str, NDArray]:
@@ -162,9 +196,10 @@ def expected_series(t: dict[str, NDArray]) -> dict[str, NDArray]:
             achieved,
         ]
         if axis != "heading":
-            series[f"alpha/{axis}"] = [t[f"alpha_hat_{axis}"]]
-            series[f"alpha/{axis}/true"] = [alpha(t[place], t[f"applied_{speed}"])]
-    return {name: np.column_stack(lines) for name, lines in series.items()}
+            series[f"alpha/{axis}"] = [np.where(t[f"alpha_hat_{axis}"] == 1, np.nan, t[f"alpha_hat_{axis}"])]
+            series[f"alpha/{axis}/sigma"] = [np.full(len(t["x_m"]), np.nan)] * 2  # which these controllers do not say
+            series[f"alpha/{axis}/ratio"] = [ratio(t[place], t[f"applied_{speed}"])]
+    return {name: np.column_stack(lines) for name, lines in (series | why(t)).items()}
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
@@ -173,11 +208,15 @@ def test_every_time_series_follows_from_the_table(driven: Driven, controller: st
     found = {
         entity for entity in recorded.entities() if entity.startswith("/plots/") and controller in entity.split("/")
     }
-    names = {
-        name: f"/plots/{name.removesuffix('/true')}/{controller}{'/true' * name.endswith('/true')}" for name in expected
-    }
+    names = {}
+    for name in expected:
+        below = next((end for end in BELOW if name.endswith(end)), "")
+        names[name] = f"/plots/{name.removesuffix(below)}/{controller}{below}"
     assert found == set(names.values())
     for name, entity in names.items():
+        if np.isnan(expected[name]).all():
+            assert not recorded.values(entity).size
+            continue
         # Scalars are float64; sums in another order differ by rounding, near 1e-12 of what is summed.
         np.testing.assert_allclose(recorded.values(entity), expected[name], rtol=1e-9, atol=1e-9, err_msg=name)
 
@@ -186,14 +225,14 @@ def test_series_say_name_unit_and_rate_in_their_controllers_colour(recorded: Rec
     series = {entity for entity in recorded.entities(static=True) if entity.startswith("/plots/")}
     assert series == {entity for entity in recorded.entities() if entity.startswith("/plots/")}
     for entity in series:
-        quantity, controller = entity.split("/")[2], entity.split("/")[-2 if entity.endswith("true") else -1]
+        quantity, controller = entity.split("/")[2], entity.split("/")[-2 if entity.endswith(BELOW) else -1]
         names = recorded.static(entity, "SeriesLines:names")
-        assert len(names) == len(set(names)) == recorded.values(entity).shape[1]
+        assert len(names) == len(set(names)) == (recorded.values(entity).shape[1] or len(names))
         for name in names:
             assert name.endswith("60 Hz)")
-            assert ("," in name) == (quantity != "alpha")  # which has no unit
-            assert name.startswith(controller) or quantity == "wheel"
-        if quantity != "wheel":
+            assert ("," in name) == (quantity != "alpha" and entity.split("/")[3] not in ("duty", "limited", "held"))
+            assert name.startswith(controller) or quantity in ("wheel", "winding")
+        if quantity not in ("wheel", "winding"):
             red, green, blue = style.rgb(style.colour(style.SHIPPED.index(controller)))
             colour = recorded.static(entity, "SeriesLines:colors")[-1]
             assert colour in (
@@ -282,7 +321,7 @@ def test_equal_runs_compare_equal_and_different_ones_do_not(tmp_path: Path) -> N
 def test_the_first_seed_is_recorded_and_no_wheels_where_there_are_none(tmp_path: Path) -> None:
     driven = driven_by(tmp_path / "recording.rrd", ["flc"], SHORT, seed=3, seeds=2)
     assert {entity.split("/")[2] for entity in driven.recorded.entities() if "/plots/" in entity} == {
-        "error", "velocity", "alpha", "ahead",
+        "error", "velocity", "alpha", "ahead", "why",
     }  # fmt: skip
     shown = poses(driven.recorded, "/world/flc/robot")
     for seed, equal in ((3, True), (4, False)):
@@ -308,13 +347,18 @@ def test_all_robots_of_a_controllers_first_world_are_drawn(tmp_path: Path) -> No
 
 def test_channels_of_a_controllers_own_are_recorded_from_when_it_has_them(own: Driven) -> None:
     found = {entity for entity in own.recorded.entities() if entity.startswith("/plots/own/")}
-    assert found == {f"/plots/own/{channel}/{name}" for channel in ("pull", "asked") for name in ("Own", "Breaks")}
+    assert found == {
+        f"/plots/own/{channel}/{name}" for channel in ("pull", "asked", "alpha_sigma") for name in ("Own", "Breaks")
+    }
     table = rows(own.table, "Own")
     pull = np.column_stack([table["own_pull_1"], table["own_pull_2"]])
     np.testing.assert_array_equal(own.recorded.values("/plots/own/pull/Own"), pull)
     asked = own.recorded.values("/plots/own/asked/Own")[:, 0]
     np.testing.assert_array_equal(asked[-3:], table["own_asked"][-3:])
     assert np.isnan(asked[:50]).all()
+    np.testing.assert_allclose(
+        own.recorded.values("/plots/alpha/x/Own/sigma"), np.broadcast_to([0.8, 1.0], (len(asked), 2))
+    )
     assert own.recorded.static("/plots/own/pull/Own", "SeriesLines:names") == ["Own 1 (60 Hz)", "Own 2 (60 Hz)"]
     layouts = own.recorded.layouts()
     assert all({"own", "pull"} <= names for names in layouts)
@@ -365,7 +409,7 @@ def test_a_block_is_made_of_its_own_frames(tmp_path: Path) -> None:
                 recording.update()
                 if wiped and recording._sent == log.length:
                     for channel in log.columns:
-                        log.channel(channel)[: log.length - 1 - ALPHA_WINDOW_FRAMES] = 0
+                        log.channel(channel)[: log.length - 1 - ALPHA_WINDOW_FRAMES - ALPHA_START_FRAMES] = 0
 
             simulation.run(after_frame)
             recording.write()
@@ -389,7 +433,7 @@ def test_a_killed_run_leaves_its_blocks(tmp_path: Path) -> None:
         recorded = Recorded(path)
     series = [e for e in recorded.entities() if "/plots/" in e or e.endswith("/robot")]
     lengths = {entity: len(recorded.frames(entity)) for entity in series}
-    assert len(series) == 2 * 12 + 2
+    assert len(series) == 2 * 15 + 2
     assert min(lengths.values()) >= 600
     assert max(lengths.values()) - min(lengths.values()) <= 300
     for entity in series:

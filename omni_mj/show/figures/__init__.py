@@ -44,8 +44,8 @@ def save_all(outcome: "Outcome", folder: Path, svg: bool = False) -> None:
             of_the_run = "" if name in OF_THE_CONTROLLER else f": {title}"
             of_a_seed = f", seed {log.seeds[0]}" if name in OVER_TIME else ""
             notes = first.said() if name in OVER_TIME else []
-            notes += [series.ALPHA_SAID] * (name == "alpha")
-            canvas.title(figure, figure.get_suptitle() + of_the_run + of_a_seed, notes)
+            explained = series.ALPHA_SAID if name == "alpha" else ""
+            canvas.title(figure, figure.get_suptitle() + of_the_run + of_a_seed, notes, explained)
             canvas.save(figure, folder / name, svg)
 
 

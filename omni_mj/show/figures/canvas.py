@@ -26,7 +26,7 @@ GAP_IN = (0.65, 0.42)  # between panels
 WIDTH_IN, COLUMN_IN = 7.1, 2.6  # of the panels of a figure with one or two columns, and of each of one with more
 LINE_IN, HEAD_IN, FOOT_IN = 0.18, 0.08, 0.1  # of a line of the title or legend, and around them
 ENTRY_IN, LETTER_IN = 0.75, 0.075  # of a legend: around a label, and each of its letters
-TITLE_PER_IN = 10  # letters of a title, at least
+TITLE_PER_IN, SMALL_PER_IN = 10, 14  # letters of a title and of what is written smaller, at least
 SECONDS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600)  # between ticks
 TICKS = 7  # along an axis over time at most, by the inch of which there are two
 BINS = 600  # along a curve, narrower than a dot of the printed figure
@@ -51,13 +51,17 @@ def save(figure: Figure, stem: Path, svg: bool = True) -> None:
     canvas.print_svg(str(stem.with_suffix(".svg")), metadata={"Date": None})  # type: ignore[no-untyped-call]
 
 
-def title(figure: Figure, text: str, notes: Sequence[str] = ()) -> None:
-    """Write the title, and notes below it, in lines as long as the figure is wide."""
-    wide = round(TITLE_PER_IN * figure.get_figwidth())
-    lines = [line for part in (text, *notes) for line in wrap(part, wide)]
-    _grow(figure, above=HEAD_IN + LINE_IN * len(lines))
-    sheet_has = {} if figure.get_layout_engine() else {"y": 1 - HEAD_IN / figure.get_figheight(), "va": "top"}
-    figure.suptitle("\n".join(lines), x=0.01, ha="left", **sheet_has)
+def title(figure: Figure, text: str, notes: Sequence[str] = (), explained: str = "") -> None:
+    """Write the title, notes and an explanation, smaller, below it, in lines as long as the figure is wide."""
+    wide = figure.get_figwidth()
+    lines = [line for part in (text, *notes) for line in wrap(part, round(TITLE_PER_IN * wide))]
+    small = wrap(explained, round(SMALL_PER_IN * wide))
+    _grow(figure, above=HEAD_IN + LINE_IN * (len(lines) + 0.9 * len(small)))
+    high = figure.get_figheight()
+    on_sheet = {} if figure.get_layout_engine() else {"y": 1 - HEAD_IN / high, "va": "top"}
+    figure.suptitle("\n".join(lines), x=0.01, ha="left", **on_sheet)
+    below = 1 - (1.2 * HEAD_IN + LINE_IN * len(lines)) / high
+    figure.text(0.01, below, "\n".join(small), va="top", fontsize=8.5, linespacing=1.25)
 
 
 def sheet(width: float, height: float) -> Figure:
@@ -153,11 +157,18 @@ def legend(figure: Figure, axes: Axes | Sequence[Axes], columns: int = 5) -> Non
         entries |= {
             label: handle for handle, label in zip(handles, labels, strict=True) if label and label not in entries
         }
-    widest = ENTRY_IN + LETTER_IN * max(map(len, entries), default=0)
-    columns = max(min(len(entries), columns, int(figure.get_figwidth() / widest)), 1)
+    columns = min(len(entries), columns)
+    while columns > 1 and _legend_in(list(entries), columns) > figure.get_figwidth():
+        columns -= 1
     _grow(figure, below=FOOT_IN + 1.15 * LINE_IN * -(-len(entries) // columns))
     place = "outside lower center" if figure.get_layout_engine() else "lower center"
     figure.legend(list(entries.values()), list(entries), loc=place, ncols=columns)
+
+
+def _legend_in(labels: Sequence[str], columns: int) -> float:
+    """About how wide a legend of so many columns is, inches."""
+    lines = -(-len(labels) // columns)
+    return sum(ENTRY_IN + LETTER_IN * max(map(len, labels[i : i + lines])) for i in range(0, len(labels), lines))
 
 
 def mark_greatest(axes: Axes, values: Array, slot: int, text: str) -> None:

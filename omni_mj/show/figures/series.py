@@ -13,10 +13,10 @@ from omni_mj.show.figures.first import FirstRows
 PAPER_ALPHA = (0.7, 1.0)  # section 2
 ALPHA_AXES = ("x", "y")
 SIGMA = "own_alpha_sigma"  # a controller's own, in its estimate
-RATIO = f"displacement achieved over commanded, in {metrics.ALPHA_WINDOW_FRAMES} frames"
+RATIO = f"displacement achieved over commanded in {metrics.ALPHA_WINDOW_FRAMES} frames"
 ALPHA_SAID = (
-    "An estimate with a band is a gain: what comes of a command that lasts. The ratio of displacements has lag in it:"
-    " it is lower where a robot gains speed and higher where it brakes; it is shown where robots are driven. An estimate"
+    "An estimate with a band is a gain: what comes of a command that lasts. The ratio of displacements, shown where a"
+    " robot is driven, has lag in it: it is lower where a robot gains speed and higher where it brakes. An estimate"
     " without a band is the paper's equation 8, which is that ratio, cut off at 0.5 and 1.1."
 )
 # Axis of an error -> its label, its unit, and how many of that are 1 m or 1 rad.

@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from omni_control.kinematics import Array
 from omni_mj.measure import causes
@@ -21,9 +22,7 @@ def why(first: FirstRows) -> Figure:
     _, top = canvas.reach(error, list(first.failed))
     for i, (axes, name) in enumerate(zip(grid[:, 0], first.names, strict=True)):
         axes.plot(*canvas.thin(error[:, i]), color=style.colour(first.slots[i]), zorder=3)
-        axes.set_title(
-            f"{name}, at most {np.nanmax(error[:, i], initial=0.0):.2f} cm, mean {_mean(error[:, i]):.2f} cm"
-        )
+        axes.set_title(f"{name}, {_numbers(error[:, i], first.channel('duty_peak')[:, i, 0])}")
         _causes(axes, first, i, max(top, 1e-9))
         if i in first.failed:
             canvas.mark_failure(axes, max(int(first.log.lengths[first.rows[i]]) - 1, 0), first.slots[i], name)
@@ -37,7 +36,7 @@ def _causes(axes: Axes, first: FirstRows, controller: int, top: float) -> None:
     """Draw the lines below the error, with the share of the frames at the end of each."""
     found = causes.of_row(first.log, first.rows[controller])
     axes.set_ylim(-LINE * top * (len(found) + 0.3), 1.05 * top)
-    axes.set_yticks([tick for tick in axes.get_yticks() if 0 <= tick <= 1.05 * top])
+    axes.set_yticks([tick for tick in MaxNLocator(4).tick_values(0, top) if 0 <= tick <= 1.05 * top])
     axes.axhline(0, color="#888888", lw=0.8)
     for line, (cause, frames) in enumerate(found.items()):
         middle = -LINE * top * (line + 0.65)
@@ -56,6 +55,9 @@ def spans(frames: np.ndarray) -> list[tuple[int, int]]:
     return list(zip(starts.tolist(), (ends - starts).tolist(), strict=True))
 
 
-def _mean(values: Array) -> float:
-    known = values[~np.isnan(values)]
-    return float(known.mean()) if known.size else 0.0
+def _numbers(error: Array, duty: Array) -> str:
+    """Of a controller: its error in cm, and the mean duty of its motors, where it has any; all (frames,)."""
+    if np.isnan(error).all():
+        return "nothing recorded"
+    said = f"at most {np.nanmax(error):.2f} cm, mean {np.nanmean(error):.2f} cm"
+    return said if np.isnan(duty).all() else f"{said}, mean duty {100 * np.nanmean(duty):.0f} %"
