@@ -21,7 +21,7 @@ from omni_mj.simulate.log import Log
 if TYPE_CHECKING:
     from omni_mj.simulate.simulation import Failure
 
-FORMAT = 3
+FORMAT = 4
 UNFINISHED = "unfinished (it goes on, or was killed)"  # in place of why a study was stopped
 Entry = dict[str, Any]  # what a summary says of one scenario
 SINGLE = ("effort_m_s2", "excess_effort_m_s2", "settle_s", "greatest_at_s")  # a number of each row beside its errors
