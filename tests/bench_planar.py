@@ -17,12 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from omni_control.kinematics import Array, world_to_body
+from omni_control.kinematics import Array
+from omni_mj.measure import causes
 from omni_mj.robots import builtin as builtin_robots
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.library import builtin as builtin_scenarios
-from omni_mj.scenarios.settings import PERIOD_S, Settings
-from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Simulation
 
 CONTROLLERS = "flc", "comp-flc", "adaptive-comp-flc", "lqr"
@@ -42,19 +41,7 @@ def driven(plant: str, name: str, given: argparse.Namespace, robot: str, substep
     error = np.nan_to_num((log.channel("ref") - log.channel("pose"))[..., :2])
     rms = np.sqrt((error**2).sum(-1).mean(0))
     shape = len(given.controller), given.seeds
-    return rms.reshape(shape), sliding(log, simulation.rows[0].settings).reshape(shape)
-
-
-def sliding(log: Log, settings: Settings) -> Array:
-    """Share of the frames in which a wheel slips by as much as it creeps at Coulomb's limit, or more, (n,)."""
-    pose, wheels = log.channel("pose"), settings.wheels.kinematics
-    twist = world_to_body(np.gradient(pose, PERIOD_S, axis=0), pose[..., 2])
-    centre = (twist[..., 0] + 1j * twist[..., 1])[..., None] + 1j * twist[..., 2, None] * wheels.arm * np.exp(
-        1j * wheels.azimuths
-    )
-    creeps = np.abs(centre) * settings.carpet.friction / settings.drive.creep_stiffness
-    slides: Array = (log.channel("slip") > 0.98 * creeps + 0.02).any(-1).mean(0)
-    return slides
+    return rms.reshape(shape), causes.row_metrics(log)["sliding_share"].reshape(shape)
 
 
 def swaps(full: Array, planar: Array, names: list[str]) -> list[str]:

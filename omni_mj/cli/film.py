@@ -11,6 +11,7 @@ from omni_control.errors import OmniError
 
 VIEWS = ("follow", "whole", "plan")
 LEAST, MOST = 64, 4096  # pixels
+PANELS = 960, 320  # of a line of panels
 
 
 @click.command("film")
@@ -22,7 +23,7 @@ LEAST, MOST = 64, 4096  # pixels
 @click.option("--to", "end_s", type=click.FloatRange(0), metavar="S", help="Where it ends. [the run's end]")
 @click.option("--speed", type=click.FloatRange(0.01, 100), default=1.0, metavar="X", help="2 is twice as fast. [1]")
 @click.option("--rate", type=click.FloatRange(1, 60), default=15.0, metavar="HZ", help="Pictures a second. [15]")
-@click.option("--size", default="960x320", metavar="WxH", help="Of a picture, pixels. [960x320]")
+@click.option("--size", metavar="WxH", help="Of a picture, pixels. [960x320, higher for more than four controllers]")
 def command(
     folder: Path,
     out: Path | None,
@@ -32,7 +33,7 @@ def command(
     end_s: float | None,
     speed: float,
     rate: float,
-    size: str,
+    size: str | None,
 ) -> None:
     """Draw the run in DIR as a film: OUT.gif, .webp, .mp4 or .webm, DIR/film.webp if none is named.
 
@@ -40,16 +41,18 @@ def command(
     It needs no display, but EGL: Debian's libegl1 and libgl1-mesa-dri will do.
     """
     out = out or folder / "film.webp"
-    pixels = _pixels(size)
+    pixels = None if size is None else _pixels(size)
     if sys.platform.startswith("linux"):  # before MuJoCo is imported; elsewhere it draws without a window by itself
         os.environ.setdefault("MUJOCO_GL", "egl")
     import numpy as np
 
     from omni_mj.show.film import writing
-    from omni_mj.show.film.reel import Reel
+    from omni_mj.show.film.reel import Reel, grid
 
     writing.check(out)
     reel = Reel.of(folder, controllers)
+    wide, high = PANELS
+    pixels = pixels or (wide, high * grid(len(reel.takes))[0])
     end = reel.duration_s if end_s is None else min(end_s, reel.duration_s)
     if begin_s >= end:
         raise OmniError(f"--from {begin_s:g} must be before the film's end at {end:g} s")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 PATIENCE_S = 30.0  # for a viewer to load and draw
 STILL_S = 0.2  # between two looks that find no change
-TABS = ("tracking", "velocity", "alpha", "wheels", "heat", "summary", "events", "settings")  # of every recording
+TABS = ("tracking", "velocity", "why", "alpha", "wheels", "heat", "summary", "events", "settings")  # of every recording
 T = TypeVar("T")
 
 

@@ -217,7 +217,7 @@ def _draw(outcome: "Outcome", folder: Path, draw: bool, svg: bool) -> None:
 
 def _table(result: "Result") -> None:
     """Print the table, and what happened."""
-    from omni_mj.measure import recovery
+    from omni_mj.measure import causes, recovery
     from omni_mj.measure.table import table
     from omni_mj.show import terminal
 
@@ -225,8 +225,9 @@ def _table(result: "Result") -> None:
     if outcome.entry["results"]:
         summary = result.summary()
         terminal.show(table(summary))
-        if recovered := recovery.table(summary):
-            terminal.show(recovered)
+        for more in (causes.table(summary), recovery.table(summary)):
+            if more:
+                terminal.show(more)
         console.print_events(outcome.entry)
 
 

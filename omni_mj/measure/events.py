@@ -11,6 +11,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_control.reference.curves import CURVES
+from omni_mj.measure import causes
 from omni_mj.scenarios import references
 from omni_mj.scenarios.faults import span
 from omni_mj.scenarios.rows import Row
@@ -24,7 +25,7 @@ STOPPED, TEMPERATURE, BATTERY, LIMIT, VOLTAGE, CURRENT, VISION, WAY_POINT, FAULT
     "stopped", "temperature", "battery", "limit", "voltage", "current", "vision", "way-point", "fault",
 )  # fmt: skip
 QUIET_FRAMES = FRAME_RATE_HZ // 4  # what was at a limit no longer ago than this has not left it
-ROUNDING = 1e-9  # relative, of a command that was scaled to a limit, and of a reference that arrives
+ROUNDING = 1e-9  # of a reference that arrives
 
 
 _Happening = tuple[int, str, str]  # frame, kind, text
@@ -111,16 +112,10 @@ class Watch:
 
     def _limits(self, command: Array, start: int) -> Iterator[_Happening]:
         """Where commands (frames, 3) were held back by a limit of speed or acceleration."""
-        s = self._log.rows[self._row].settings.control
-        step = np.diff(command, axis=0, prepend=self._command[None]) / PERIOD_S
+        met = causes.at_limits(command, self._command, self._log.rows[self._row].settings.control)
         self._command = command[-1] if len(command) else self._command
-        for size, limit, unit in (
-            (np.hypot(*command[:, :2].T), s.max_speed_m_s, "m/s"),
-            (np.hypot(*step[:, :2].T), s.max_acceleration_m_s2, "m/s^2"),
-            (np.abs(command[:, 2]), s.max_turn_rate_rad_s, "rad/s"),
-            (np.abs(step[:, 2]), s.max_turn_acceleration_rad_s2, "rad/s^2"),
-        ):
-            for frame in self._met(unit, size >= limit * (1 - ROUNDING), start):
+        for unit, (limit, frames) in met.items():
+            for frame in self._met(unit, frames, start):
                 yield frame, LIMIT, f"the command is held back to {limit:g} {unit}"
 
     def _full_voltage(self, duty: Array, battery: Array, start: int) -> Iterator[_Happening]:

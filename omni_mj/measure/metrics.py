@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
+from omni_mj.measure import causes
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.simulate.log import Log
 
@@ -163,9 +164,9 @@ def row_metrics(log: Log, failures: "Iterable[Failure]" = ()) -> dict[str, Array
     """Each row in single numbers, name -> (n,).
 
     `x_max_m`, `distance_mean_m`, `across_p99_m`, `heading_rms_rad` and the like, `effort_m_s2`, `excess_effort_m_s2`,
-    `settle_s`, `greatest_at_s` (when the error in the plane is greatest) and the peaks. A row that failed has errors,
-    efforts and a time to settle without bound, so that no average gets better by failing; when its error was greatest
-    and its peaks are not comparable: not a number, as for a row without any frame.
+    `settle_s`, `greatest_at_s` (when the error in the plane is greatest), the peaks and the shares of `causes`. A row
+    that failed has errors, efforts and a time to settle without bound, so that no average gets better by failing; when
+    its error was greatest, its peaks and its shares are not comparable: not a number, as for a row without any frame.
     """
     error = errors(log)
     found = {
@@ -180,7 +181,7 @@ def row_metrics(log: Log, failures: "Iterable[Failure]" = ()) -> dict[str, Array
     unbounded = set(found)
     at = np.nan_to_num(error["distance"], nan=-1.0)
     found["greatest_at_s"] = at.argmax(0) * PERIOD_S if log.length else np.full(len(log.rows), np.nan)
-    found |= {name: _peaks(log.channel(channel)) for name, channel in PEAKS.items()}
+    found |= {name: _peaks(log.channel(channel)) for name, channel in PEAKS.items()} | causes.row_metrics(log)
     failed = [failure.row for failure in failures]
     for name, values in found.items():
         values[log.lengths == 0] = np.nan

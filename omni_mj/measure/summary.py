@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.measure import events, limits, metrics, paper, recovery
+from omni_mj.measure import causes, events, limits, metrics, paper, recovery
 from omni_mj.measure.statistics import CONFIDENCE, Spread, plain, spread
 from omni_mj.measure.verdict import DEFINITIONS as VERDICTS
 from omni_mj.measure.verdict import verdicts
@@ -21,7 +21,7 @@ from omni_mj.simulate.log import Log
 if TYPE_CHECKING:
     from omni_mj.simulate.simulation import Failure
 
-FORMAT = 3
+FORMAT = 4
 UNFINISHED = "unfinished (it goes on, or was killed)"  # in place of why a study was stopped
 Entry = dict[str, Any]  # what a summary says of one scenario
 SINGLE = ("effort_m_s2", "excess_effort_m_s2", "settle_s", "greatest_at_s")  # a number of each row beside its errors
@@ -85,6 +85,7 @@ DEFINITIONS = {
     ),
     "events": "the first frame of each kind, controller and seed; of faults each beginning and end",
     **recovery.DEFINITIONS,
+    **causes.DEFINITIONS,
     **limits.DEFINITIONS,
     **VERDICTS,
 }
@@ -144,7 +145,7 @@ def entry(
 
 
 def results(log: Log, failures: "Iterable[Failure]", measured: Mapping[str, Array]) -> dict[str, Any]:
-    """Per controller its errors, efforts, time to settle, recovery from faults, alpha and peaks over its rows."""
+    """Per controller its errors, efforts, time to settle, recovery, causes, alpha and peaks over its rows."""
     failed = {failure.row for failure in failures}
     found: dict[str, Any] = {}
     base: dict[str, dict[str, Spread]] = {}
@@ -163,6 +164,7 @@ def results(log: Log, failures: "Iterable[Failure]", measured: Mapping[str, Arra
             "reduction_percent": _reduction(error, base) if base else None,
             **{name: spread(measured[name][rows]) for name in SINGLE},
             "recovery": recovery.results(log, controller, measured),
+            "why": causes.results(measured, rows),
             "alpha": metrics.alpha_percentiles(log, rows),
             **{name: _peak(measured[name][rows]) for name in metrics.PEAKS},
             "failed": len(failed.intersection(rows.tolist())),

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sized
 from dataclasses import dataclass
 from math import degrees
+from pathlib import Path
 from typing import Any
 
 from omni_mj.measure import limits
@@ -55,8 +56,8 @@ def table(summary: Summary) -> Table:
 def title(summary: Summary) -> str:
     """What was run, and what the numbers are."""
     names, entries = list(summary["scenarios"]), list(summary["scenarios"].values())
-    plants = list(dict.fromkeys(entry["plant"] for entry in entries))
     what = names[0] if len(names) == 1 else "Controllers compared"
+    places = " and ".join(dict.fromkeys(where(entry) for entry in entries))
     seeds = [entry["seeds"] for entry in entries if entry["seeds"]]
     if not seeds:
         over = ""
@@ -66,7 +67,13 @@ def title(summary: Summary) -> str:
         over = f", median of {len(seeds[0])} seeds"
     else:
         over = f"; in the plane mean of {counted(seeds)} seeds ± {100 * CONFIDENCE:g} % interval, otherwise medians"
-    return f"{what} on the {' and the '.join(plants)} plant{over}; maximum/mean"
+    return f"{what}, {places}{over}; maximum/mean"
+
+
+def where(entry: Mapping[str, Any]) -> str:
+    """The robot, if the plant has one, and the plant of a scenario's entry in a summary."""
+    robot = "" if entry["plant"] == "kinematic" else f"{Path(entry['robot']).name} "
+    return f"{robot}on the {entry['plant']} plant"
 
 
 def counted(seeds: Iterable[Sized]) -> str:

@@ -46,7 +46,7 @@ def test_a_run_prints_the_table_and_where_its_files_are(
         assert text in printed.out
     assert "paper's" not in printed.out, "this is not the paper's experiment"
     summary = strict(folder / "summary.json")
-    assert (summary["format"], summary["complete"], summary["seeds"]) == (3, True, [0])
+    assert (summary["format"], summary["complete"], summary["seeds"]) == (4, True, [0])
     entry = summary["scenarios"]["rect"]
     assert entry["simulated_s"] == pytest.approx(entry["frames"] / 60)
     assert entry["settings"]["radio"]["delay_frames"] == 6

@@ -101,7 +101,7 @@ def test_a_simulator_that_is_killed_and_started_again_elsewhere(
     for text in ("vision has fallen silent", "the clock of camera 0 began anew", "vision is back"):
         assert text in err
     assert re.search(r"robot 0: answers \d\.\d\d frames", out)
-    assert "rect on the live plant" in out
+    assert "rect, tigers-v2016 on the live plant" in out
     left = {path.name for path in (tmp_path / "drive").iterdir()}
     assert {"summary.json", "trajectory.parquet", "recording.rrd", "report.html", "scenario.toml", "link.json"} <= left
     found = json.loads((tmp_path / "drive" / "link.json").read_text())

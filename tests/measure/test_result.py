@@ -172,7 +172,7 @@ def test_files_hold_the_same(result: om.Result, tmp_path: Path) -> None:
 def test_the_table_shows_medians_and_the_paper(result: om.Result) -> None:
     found = result.summary()["scenarios"]["rect"]["results"]
     lines = result.table().splitlines()
-    assert lines[0] == "rect on the mujoco plant, median of 3 seeds; maximum/mean"
+    assert lines[0] == "rect, tigers-v2016 on the mujoco plant, median of 3 seeds; maximum/mean"
     for name, line in zip(("flc", "comp-flc"), lines[2:], strict=False):
         x, heading = found[name]["error_m"]["x"], found[name]["error_rad"]["heading"]
         cells = line.split()

@@ -3,12 +3,14 @@
 from pathlib import Path
 
 import pytest
+from recorded import Driven, Recorded, driven_by
 
 from omni_mj.scenarios import scenario
 from omni_mj.show import figures
 from omni_mj.studies.compare import compare
 from omni_mj.studies.run import run
 
+TURNING = "reference.waypoints=[[0, 0], [0.5, 0], [0.5, 0.3, 0.4], [0, 0.3], [0, 0]]"
 WAY = "reference.waypoints=[[0, 0], [0.4, 0.2], [0, 0.4]]"
 
 
@@ -31,3 +33,15 @@ def comparison(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scenarios = [scenario.load(name, [WAY], {"plant": "kinematic"}) for name in ("rect", "rect-noise")]
     compare(scenarios, ["flc", "p", "oracle"], seeds=3, subject="p").save(folder)
     return folder
+
+
+@pytest.fixture(scope="session")
+def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
+    """A small rectangle with a turn in it, on real wheels."""
+    path = tmp_path_factory.mktemp("run") / "recording.rrd"
+    return driven_by(path, ["flc", "comp-flc"], TURNING, "wheels.model=two-rollers", plant="mujoco")
+
+
+@pytest.fixture(scope="session")
+def recorded(driven: Driven) -> Recorded:
+    return driven.recorded

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
+from omni_control.controllers.base import Controller
+from omni_mj.scenarios import scenario
 from omni_mj.show import markdown
 from omni_mj.show.recording import FileRecording
 from omni_mj.simulate.simulation import Simulation
@@ -88,3 +91,26 @@ def record(simulation: Simulation, path: Path) -> Recorded:
 def rrd(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     """`rerun rrd ...`"""
     return subprocess.run([RERUN, "rrd", *arguments], capture_output=True, text=True, check=False, timeout=60)
+
+
+@dataclass(frozen=True)
+class Driven:
+    """A run: its log as a table, and its recording read back."""
+
+    table: pa.Table
+    recorded: Recorded
+
+
+def driven_by(path: Path, controllers: list[str | type[Controller]], *overrides: str, **head: object) -> Driven:
+    chosen = scenario.load("rect", list(overrides), {"plant": "kinematic", **head})
+    simulation = Simulation(chosen, controllers)
+    recorded = record(simulation, path)
+    return Driven(simulation.log.table(), recorded)
+
+
+def poses(recorded: Recorded, entity: str) -> NDArray:
+    """Transforms as [x, y, heading] (frames, 3)."""
+    at = np.array([row[0] for row in recorded.column(entity, "Transform3D:translation")])
+    quaternion = np.array([row[0] for row in recorded.column(entity, "Transform3D:quaternion")])
+    assert not quaternion[:, :2].any()  # about z
+    return np.column_stack([at[:, :2], 2 * np.arctan2(quaternion[:, 2], quaternion[:, 3])])

@@ -8,16 +8,17 @@ from typing import TYPE_CHECKING, Any
 from matplotlib import style as matplotlib_style
 from matplotlib.figure import Figure
 
+from omni_mj.measure.table import where
 from omni_mj.scenarios.settings import ControlSettings
 from omni_mj.show import style
-from omni_mj.show.figures import canvas, comparison, controller, heat, paths, seeds, series
+from omni_mj.show.figures import canvas, comparison, controller, heat, paths, seeds, series, why
 from omni_mj.show.figures.first import FirstRows
 
 if TYPE_CHECKING:
     from omni_mj.measure.result import Outcome
 
-NAMES = ("path", "output", "error", "alpha", "temperatures", "seeds", "memberships", "surface")
-OVER_TIME = ("path", "output", "error", "alpha", "temperatures")
+NAMES = ("path", "output", "error", "why", "alpha", "temperatures", "seeds", "memberships", "surface")
+OVER_TIME = ("path", "output", "error", "why", "alpha", "temperatures")
 OF_THE_CONTROLLER = ("memberships", "surface")
 
 
@@ -36,14 +37,15 @@ def save_all(outcome: "Outcome", folder: Path, svg: bool = False) -> None:
     if not first.length:
         return
     folder.mkdir(parents=True, exist_ok=True)
-    title = f"{scenario.name} on the {scenario.plant} plant"
+    title = f"{scenario.name}, {where(outcome.entry)}"
     with matplotlib_style.context(style.SHEET):
         for name, draw in drawings(first, outcome.entry, scenario.settings.control).items():
             figure = draw()
             of_the_run = "" if name in OF_THE_CONTROLLER else f": {title}"
             of_a_seed = f", seed {log.seeds[0]}" if name in OVER_TIME else ""
             notes = first.said() if name in OVER_TIME else []
-            canvas.title(figure, figure.get_suptitle() + of_the_run + of_a_seed, notes)
+            explained = series.ALPHA_SAID if name == "alpha" else ""
+            canvas.title(figure, figure.get_suptitle() + of_the_run + of_a_seed, notes, explained)
             canvas.save(figure, folder / name, svg)
 
 
@@ -80,6 +82,7 @@ def drawings(first: FirstRows, entry: dict[str, Any], control: ControlSettings) 
         "path": lambda: paths.path(first),
         "output": lambda: series.output(first),
         "error": lambda: series.error(first),
+        "why": lambda: why.why(first),
     }
     if series.estimating(first):
         figures["alpha"] = lambda: series.alpha(first)

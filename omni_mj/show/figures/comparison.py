@@ -12,7 +12,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from omni_control.kinematics import Array
 from omni_mj.measure import limits
-from omni_mj.measure.table import counted
+from omni_mj.measure.table import counted, where
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
 
@@ -92,11 +92,11 @@ def comparison(entries: Mapping[str, Entry], informed: Iterable[str] = ()) -> Fi
 
 def _title(entries: Mapping[str, Entry]) -> str:
     """The plant, if it is the same for all, and what the numbers are the mean of."""
-    plants = {entry["plant"] for entry in entries.values()}
-    where = f" on the {plants.pop()} plant" if len(plants) == 1 else ""
+    places = {where(entry) for entry in entries.values()}
+    same = f", {places.pop()}" if len(places) == 1 else ""
     number = counted(entry["seeds"] for entry in entries.values())
     over = "one seed, no intervals" if number == "1" else f"mean of {number} seeds ± 95 % interval"
-    return f"Controllers compared{where}: {over}"
+    return f"Controllers compared{same}: {over}"
 
 
 def _numbers(spreads: list[Entry], scale: float) -> tuple[Array, Array]:

@@ -21,7 +21,7 @@ def has_temperatures(first: FirstRows) -> bool:
 
 def temperatures(first: FirstRows) -> Figure:
     """Winding and housing of each motor, for each controller."""
-    figure, grid = canvas.over_time(first.length, len(first.names), 2, 1.7, "col")
+    figure, grid = canvas.over_time(first.length, len(first.names), 2, 1.3, "col")
     rows = [first.log.rows[row] for row in first.rows]
     for j, part in enumerate(PARTS):
         values = first.channel(part)
@@ -34,7 +34,8 @@ def temperatures(first: FirstRows) -> Figure:
                 label = f"motor {motor + 1}, {place}"
                 axes.plot(frames, kept, label=label, markevery=(motor * step // 4 % step, step), **style.line(motor))
             axes.set_title(f"{name}, {part}")
-            axes.set_ylabel("°C")
+            if j == 0:
+                axes.set_ylabel("°C")
             if part == "winding" and high > limit_c - NEAR_K:
                 axes.axhline(limit_c, color="black", lw=1, ls=":", label=f"limit, {limit_c:g} °C")
                 high = max(high, limit_c)

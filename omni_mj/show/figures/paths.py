@@ -1,6 +1,7 @@
 """The path travelled: at full scale differences vanish, so where controllers stray farthest is shown enlarged."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,51 +18,98 @@ from omni_mj.show.figures.first import FirstRows
 
 FINER = 20  # points of the reference between two frames, so that its nearest point is near enough
 NEARBY_FRAMES = 15  # within which controllers that stray at the same place may pass the path's points
-WIDER = 1.5  # half the width of a square, over how far is strayed in it
+WIDER = 0.75  # half the width of a square, over how far is strayed in it
 LEAST_M = 0.005
-MAGNIFIED = 18.0  # extent of the path over half the width of a square at least, so that it enlarges three times
+ENLARGED = 2.0  # times at least
+MARGIN = 0.06  # around the overview, as a share of what it shows
 COLUMNS = 4  # of enlarged places, where each controller has its own
+OVERVIEW_IN, MANY_OVERVIEW_IN = (4.7, 3.9), (7.1, 3.4)
+DETAIL_IN, MANY_DETAIL_IN = 1.65, 1.4
+UNDER_IN = 0.55  # between the overview and what is below it
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A square that is shown enlarged: its centre (2,) and half its width, m, and how far who is strayed there."""
+
+    centre: Array
+    half: float
+    controller: int
+    astray: float
+
+    @property
+    def wide(self) -> str:
+        """Its width in words."""
+        return f"{200 * self.half:.2g} cm wide" if self.half < 0.5 else f"{2 * self.half:.1f} m wide"
 
 
 def path(first: FirstRows) -> Figure:
-    """The reference and the paths travelled (figures 7 and 10), enlarged where controllers stray farthest."""
+    """The reference and the paths travelled (figures 7 and 10), enlarged where controllers stray farthest.
+
+    Few controllers are enlarged together, where any strays farthest, and elsewhere where the typical one does; of many
+    each where it strays farthest itself.
+    """
     reference, pose = first.reference[:, :2], first.channel("pose")[..., :2]
-    names, everyone = first.names, range(len(first.names))
-    spots = _spots(reference, pose)
-    if len(names) <= canvas.TOGETHER:
-        figure = Figure(figsize=(8, 4.7))
-        grid = figure.add_gridspec(len(spots), 2, width_ratios=(2, 1))
-        overview = figure.add_subplot(grid[:, 0])
-        details = [figure.add_subplot(grid[i, 1]) for i in range(len(spots))]
-        for letter, axes, spot in zip("AB", details, spots, strict=False):
-            _draw(axes, names, reference, pose, everyone)
-            _enlarge(axes, spot, f"{letter}, {_wide(spot)}")
-    else:
-        spots, rows = spots[:1], -(-len(names) // COLUMNS)
-        figure = Figure(figsize=(8, 3.6 + 2.2 * rows))
-        grid = figure.add_gridspec(1 + rows, COLUMNS, height_ratios=(3.2, *[2.2] * rows))
-        overview = figure.add_subplot(grid[0, :])
-        for i, name in enumerate(names):
-            axes = figure.add_subplot(grid[1 + i // COLUMNS, i % COLUMNS])
-            if i:
-                axes.plot(*pose[:, 0].T, color=style.REFERENCE, lw=0.8)
-            _draw(axes, names, reference, pose, [i])
-            _enlarge(axes, spots[0], name)
-            axes.label_outer()
-    _draw(overview, names, reference, pose, everyone)
+    names = first.names
+    few = len(names) <= canvas.TOGETHER
+    figure, overview, details = _few() if few else _many(len(names))
+    spots = _spots(reference, pose, OVERVIEW_IN if few else MANY_OVERVIEW_IN, DETAIL_IN if few else MANY_DETAIL_IN)
+    for number, (axes, spot) in enumerate(zip(details, spots, strict=False)):
+        if not few and spot.controller:
+            axes.plot(*pose[:, 0].T, color=style.REFERENCE, lw=0.8)
+        _draw(axes, names, reference, pose, range(len(names)) if few else [spot.controller])
+        mark = "AB"[number] if few else str(number + 1)
+        _enlarge(axes, spot, f"{mark}, {spot.wide}" if few else f"{mark} {names[spot.controller]}")
+        if not few:
+            axes.set_xlabel(f"{100 * spot.astray:.3g} cm off the path", fontsize=8)
+        edge = "black" if few else style.colour(first.slots[spot.controller])
+        overview.add_patch(
+            Rectangle(tuple(spot.centre - spot.half), 2 * spot.half, 2 * spot.half, fill=False, ec=edge, lw=1, zorder=7)
+        )
+        corner, side = (spot.half, "left") if few or number % 2 else (-spot.half, "right")  # not one over the other
+        x, y = spot.centre
+        overview.text(x + corner, y + spot.half, mark, ha=side, weight="bold", zorder=8, path_effects=[canvas.HALO])
+    for axes in details[len(spots) :]:
+        axes.remove()
+    _draw(overview, names, reference, pose, range(len(names)))
     overview.plot(*reference[0], "o", color="black", ms=6, zorder=6, label="start")
     for i in first.failed:
         travelled = pose[~np.isnan(pose[:, i, 0]), i]
         overview.plot(*travelled[-1:].T, "X", color=style.colour(first.slots[i]), ms=8, mec="black", zorder=6,
                       label=f"{names[i]} failed")  # fmt: skip
-    overview.margins(0.06)
+    overview.margins(MARGIN)
     overview.set(xlabel="$x$ in m", ylabel="$y$ in m")
-    for letter, (centre, half) in zip("AB", spots, strict=False):
-        overview.add_patch(Rectangle(tuple(centre - half), 2 * half, 2 * half, fill=False, ec="black", lw=1, zorder=7))
-        overview.annotate(letter, tuple(centre + half), (3, 1), textcoords="offset points", weight="bold")
     canvas.legend(figure, overview)
-    figure.suptitle("Path travelled" + (f", and enlarged at A, {_wide(spots[0])}" if len(spots) == 1 else ""))
+    figure.suptitle("Path travelled" + (", and enlarged where each controller strays farthest" if not few else ""))
     return figure
+
+
+def _few() -> tuple[Figure, Axes, list[Axes]]:
+    """A sheet with the overview, and two enlarged places beside it."""
+    wide = canvas.LEFT_IN + OVERVIEW_IN[0] + canvas.GAP_IN[0] + DETAIL_IN + canvas.RIGHT_IN
+    high = canvas.ABOVE_IN + OVERVIEW_IN[1] + canvas.BELOW_IN
+    figure = canvas.sheet(wide, high)
+    x, top = wide - canvas.RIGHT_IN - DETAIL_IN, high - canvas.ABOVE_IN
+    overview = _place(figure, canvas.LEFT_IN, canvas.BELOW_IN, *OVERVIEW_IN)
+    return figure, overview, [_place(figure, x, y, DETAIL_IN, DETAIL_IN) for y in (top - DETAIL_IN, canvas.BELOW_IN)]
+
+
+def _many(count: int) -> tuple[Figure, Axes, list[Axes]]:
+    """A sheet with the overview, and `count` enlarged places below it."""
+    lines, apart = -(-count // COLUMNS), MANY_DETAIL_IN + UNDER_IN + 0.1
+    high = canvas.ABOVE_IN + MANY_OVERVIEW_IN[1] + UNDER_IN + lines * apart + canvas.BELOW_IN - UNDER_IN + 0.1
+    figure = canvas.sheet(canvas.LEFT_IN + MANY_OVERVIEW_IN[0] + canvas.RIGHT_IN, high)
+    bottom = high - canvas.ABOVE_IN - MANY_OVERVIEW_IN[1]
+    overview = _place(figure, canvas.LEFT_IN, bottom, *MANY_OVERVIEW_IN)
+    across = (MANY_OVERVIEW_IN[0] - MANY_DETAIL_IN) / (COLUMNS - 1)
+    places = [(canvas.LEFT_IN + (i % COLUMNS) * across, bottom - (i // COLUMNS + 1) * apart) for i in range(count)]
+    return figure, overview, [_place(figure, x, y, MANY_DETAIL_IN, MANY_DETAIL_IN) for x, y in places]
+
+
+def _place(figure: Figure, x: float, y: float, width: float, height: float) -> Axes:
+    """Axes at a place in inches from the sheet's lower left corner."""
+    wide, high = figure.get_size_inches()
+    return figure.add_axes((x / wide, y / high, width / wide, height / high))
 
 
 def _draw(axes: Axes, controllers: tuple[str, ...], reference: Array, pose: Array, shown: Sequence[int]) -> None:
@@ -72,45 +120,64 @@ def _draw(axes: Axes, controllers: tuple[str, ...], reference: Array, pose: Arra
     axes.set_aspect("equal", adjustable="box")
 
 
-def _enlarge(axes: Axes, spot: tuple[Array, float], title: str) -> None:
-    (x, y), half = spot
+def _enlarge(axes: Axes, spot: Spot, title: str) -> None:
+    (x, y), half = spot.centre, spot.half
     axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half), title=title)
-    axes.set_xlabel("$x$ in m", fontsize=8)
-    axes.set_ylabel("$y$ in m", fontsize=8)
     axes.xaxis.set_major_locator(MaxNLocator(3))
     axes.yaxis.set_major_locator(MaxNLocator(3))
     axes.spines[:].set_visible(True)
 
 
-def _wide(spot: tuple[Array, float]) -> str:
-    return f"{200 * spot[1]:.0f} cm wide" if spot[1] < 0.5 else f"{2 * spot[1]:.1f} m wide"
+def _spots(reference: Array, pose: Array, overview: tuple[float, float], detail: float) -> list[Spot]:
+    """Where who strays farthest from the path: of few controllers two places, of many one each.
 
-
-def _spots(reference: Array, pose: Array) -> list[tuple[Array, float]]:
-    """Centres and half widths of one or two squares, m: where the typical controller strays farthest from the path.
-
-    With few controllers, before that where any of them does.
+    Args:
+        reference: (frames, 2) m.
+        pose: positions (frames, controllers, 2), m.
+        overview: inches of the axes in which all is shown.
+        detail: inches of a square.
     """
-    astray = _astray(reference, pose)
-    extent = float(max(np.ptp(reference, axis=0).max(), 0.01))
-    typical = np.median(astray, axis=1)
-    few = pose.shape[1] <= canvas.TOGETHER
-    spots: list[tuple[Array, float]] = []
-    far = np.ones(len(reference), bool)
-    for rank in (astray.max(1), typical) if few else (typical,):
-        if far.any():
-            worst = int(np.where(far, rank, -1.0).argmax())
-            spots.append((reference[worst], float(np.clip(WIDER * rank[worst], LEAST_M, extent / MAGNIFIED))))
-            far &= np.linalg.norm(reference - reference[worst], axis=1) > extent / 4
+    far_at, at = _astray(reference, pose)
+    astray = maximum_filter1d(far_at, NEARBY_FRAMES, axis=0)
+    seen = np.concatenate([reference, pose.reshape(-1, 2)])
+    extent = np.nanmax(seen, axis=0) - np.nanmin(seen, axis=0)
+    per_metre = min(np.array(overview) / np.maximum((1 + 2 * MARGIN) * extent, LEAST_M))
+    most = max(detail / (2 * ENLARGED * per_metre), LEAST_M)
+
+    def spot(point: int, controller: int) -> Spot:
+        first = max(point - NEARBY_FRAMES // 2, 0)
+        point = first + int(far_at[first : point + NEARBY_FRAMES // 2 + 1, controller].argmax())
+        far, where = float(far_at[point, controller]), pose[at[point, controller], controller]
+        half = max(WIDER * far, LEAST_M)
+        # What is strayed too far to be shown whole is seen in the overview; enlarged is then the robot's own path.
+        return Spot((reference[point] + where) / 2 if half <= most else where, min(half, most), controller, far)
+
+    if pose.shape[1] > canvas.TOGETHER:
+        return [spot(int(each.argmax()), i) for i, each in enumerate(astray.T)]
+    point = int(astray.max(1).argmax())
+    spots = [spot(point, int(astray[point].argmax()))]
+    far = np.linalg.norm(reference - reference[point], axis=1) > np.ptp(reference, axis=0).max() / 4
+    if far.any():
+        typical = np.where(far, np.median(astray, axis=1), -1.0)
+        point = int(typical.argmax())
+        spots.append(spot(point, int(np.argsort(astray[point])[(pose.shape[1] - 1) // 2])))
     return spots
 
 
-def _astray(reference: Array, pose: Array) -> Array:
-    """How far each controller was from the path when it passed each of its points at most, (frames, controllers) m."""
-    at = np.linspace(0, len(reference) - 1, FINER * len(reference))
-    fine = np.stack([np.interp(at, np.arange(len(reference)), column) for column in reference.T], axis=-1)
+def _astray(reference: Array, pose: Array) -> tuple[Array, np.ndarray]:
+    """How far each controller was from the path when it passed each of its points at most, and in which frame.
+
+    Returns:
+        Distances (frames, controllers), m, and frames (frames, controllers).
+    """
+    along = np.linspace(0, len(reference) - 1, FINER * len(reference))
+    fine = np.stack([np.interp(along, np.arange(len(reference)), column) for column in reference.T], axis=-1)
     tree, most = cKDTree(fine), np.zeros((len(reference), pose.shape[1]))
+    frames = np.zeros(most.shape, int)
     for i in range(pose.shape[1]):
-        distance, nearest = tree.query(pose[~np.isnan(pose[:, i]).any(-1), i])
-        np.maximum.at(most[:, i], np.rint(at[nearest]).astype(int), distance)
-    return maximum_filter1d(most, NEARBY_FRAMES, axis=0)
+        own = np.flatnonzero(~np.isnan(pose[:, i]).any(-1))
+        distance, nearest = tree.query(pose[own, i])
+        order = np.argsort(distance, kind="stable")  # so that the farthest is written last
+        point = np.rint(along[nearest[order]]).astype(int)
+        most[point, i], frames[point, i] = distance[order], own[order]
+    return most, frames

@@ -13,6 +13,12 @@ from omni_mj.show.figures.first import FirstRows
 PAPER_ALPHA = (0.7, 1.0)  # section 2
 ALPHA_AXES = ("x", "y")
 SIGMA = "own_alpha_sigma"  # a controller's own, in its estimate
+RATIO = f"displacement achieved over commanded in {metrics.ALPHA_WINDOW_FRAMES} frames"
+ALPHA_SAID = (
+    "An estimate with a band is a gain: what comes of a command that lasts. The ratio of displacements, shown where a"
+    " robot is driven, has lag in it: it is lower where a robot gains speed and higher where it brakes. An estimate"
+    " without a band is the paper's equation 8, which is that ratio, cut off at 0.5 and 1.1."
+)
 # Axis of an error -> its label, its unit, and how many of that are 1 m or 1 rad.
 ERRORS = {
     "x": ("$|x_r - x|$", "cm", 100.0),
@@ -48,29 +54,29 @@ def estimating(first: FirstRows) -> list[int]:
 
 
 def alpha(first: FirstRows) -> Figure:
-    """What the controllers that estimate alpha believe, and displacement achieved over commanded where robots drive.
-
-    The estimate is a gain: what comes of a command that lasts. The ratio, over windows of 0.25 s, has lag in it too,
-    and lies below the gain where a robot gains speed and above it where it brakes.
-    """
+    """What the controllers that estimate alpha believe, and displacement achieved over commanded where robots drive."""
     shown = estimating(first)
     true, estimate = _driven_alpha(first), first.channel("alpha_hat")
     sigma = first.channel(SIGMA) if SIGMA in first.log.columns else np.full_like(estimate, np.nan)
-    figure, grid = canvas.over_time(first.length, len(shown), 2, 1.7, "all")
+    figure, grid = canvas.over_time(first.length, len(shown), 2, 1.4, "all")
     for i, line in zip(shown, grid, strict=True):
         slot = first.slots[i]
         for j, axes in enumerate(line):
             axes.axhspan(*PAPER_ALPHA, color="#EEEEEE", lw=0, zorder=0, label="the paper's interval, 0.7 to 1")
-            axes.plot(*canvas.thin(true[:, i, j]), color="black", lw=1, zorder=4, label="ratio over 15 frames")
-            axes.plot(*canvas.thin(estimate[:, i, j]), color=style.colour(slot), lw=2, zorder=3, label="estimate")
+            axes.plot(*canvas.thin(true[:, i, j]), color="black", lw=1, zorder=4, label=RATIO)
+            axes.plot(*canvas.thin(estimate[:, i, j]), color=style.colour(slot), lw=2, zorder=3)
             low, high = estimate[:, i, j] - 2 * sigma[:, i, j], estimate[:, i, j] + 2 * sigma[:, i, j]
             if not np.isnan(low).all():
                 within = {"color": style.colour(slot), "alpha": 0.25, "lw": 0, "zorder": 1}
-                axes.fill_between(np.arange(len(low)), low, high, label="± 2 sigma", **within)
+                axes.fill_between(np.arange(len(low)), low, high, **within)
             axes.set_title(f"{first.names[i]}, ${ALPHA_AXES[j]}$")
             if i in first.failed:
                 canvas.mark_failure(axes, _end(first, i), slot, first.names[i])
         line[0].set_ylabel("alpha")
+    # In the legend, of no controller's colour.
+    grid[0, 0].plot([], [], color=style.REFERENCE, lw=2, label="estimate")
+    if not np.isnan(sigma[:, shown]).all():
+        grid[0, 0].fill_between([], [], [], color=style.REFERENCE, alpha=0.4, lw=0, label="± 2 sigma of it")
     grid[0, 0].set_ylim(*_alpha_limits(true[:, shown]))
     canvas.legend(figure, list(grid.flat))
     figure.suptitle("Motor correction factor alpha")
@@ -103,17 +109,17 @@ def _compare(first: FirstRows, values: Array, labels: list[str], reference: Arra
 
     Without a reference, the values are errors: they start at zero and the greatest is written beside it.
     """
-    names = first.names
+    names, failed = first.names, list(first.failed)
     together = len(names) <= canvas.TOGETHER
     if together:
         figure, grid = canvas.over_time(len(values), len(labels))
     else:
-        figure, grid = canvas.over_time(len(values), len(names), len(labels), 1.3, "col")
-    tops = [canvas.greatest(np.abs(values[..., j]), list(first.failed)) for j in range(len(labels))]
+        figure, grid = canvas.over_time(len(values), len(names), len(labels), 1.0, "col")
     for i, name in enumerate(names):
         for j, label in enumerate(labels):
             axes = grid[j, 0] if together else grid[i, j]
-            axes.set_ylabel(label)
+            if together or i == len(names) // 2:
+                axes.set_ylabel(label)
             if reference is not None and (i == 0 or not together):
                 axes.plot(*canvas.thin(reference[:, j]), color=style.BACKGROUND, lw=3.5, zorder=1, label="reference")
             if i and not together:
@@ -123,13 +129,15 @@ def _compare(first: FirstRows, values: Array, labels: list[str], reference: Arra
             else:
                 axes.plot(*canvas.thin(values[:, i, j]), color=style.colour(first.slots[i]), zorder=3)
                 axes.set_title(_title(first, i, j, values, label, reference is None))
-            if i in first.failed:
+            if i in failed:
                 canvas.mark_failure(axes, _end(first, i), first.slots[i], name)
             elif together and reference is None:
                 canvas.mark_greatest(axes, values[:, i, j], first.slots[i], f"{np.nanmax(values[:, i, j]):.2f}")
-    if reference is None:
-        for j, column in enumerate(grid[:, :1] if together else grid.T[:, :1]):
-            column[0].set_ylim(0, 1.15 * max(tops[j], 1e-9))
+    for j, axes in enumerate(grid[:, 0] if together else grid[0]):
+        shown = values[..., j] if reference is None else np.column_stack([values[..., j], reference[:, j]])
+        low, high = canvas.reach(shown, failed)
+        room = max(0.08 * (high - low), 1e-9)
+        axes.set_ylim(0 if reference is None else low - room, high + (2 if together else 1) * room)
     canvas.legend(figure, list(grid.flat))
     return figure
 
@@ -143,4 +151,6 @@ def _title(first: FirstRows, i: int, j: int, values: Array, label: str, of_error
         rest = f"at most {np.nanmax(values[:, i, j]):.2f} {label.split()[-1]}"
     else:
         rest = ""
+    if of_errors and np.nanmax(values[:, i, j], initial=0.0) > canvas.reach(values[..., j], list(first.failed))[1]:
+        rest += ", beyond the scale"
     return ", ".join(filter(None, (name, rest)))

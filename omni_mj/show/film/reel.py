@@ -18,6 +18,7 @@ from omni_mj.show import style
 from omni_mj.show.film.stage import Stage
 
 FONT = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
+ACROSS = 4  # panels beside each other at most, so that names and robots fit in
 GAP = 4  # pixels between panels
 TRAIL_EVERY = 3  # frames of a trail from point to point
 
@@ -102,19 +103,25 @@ class Reel:
         Raises:
             OmniError: see `Stage`.
         """
-        wide, high = size
-        columns = len(self.takes)
-        panel = (wide - GAP * (columns - 1)) // columns, high
+        lines, columns = grid(len(self.takes))
+        panel = (size[0] - GAP * (columns - 1)) // columns, (size[1] - GAP * (lines - 1)) // lines
         route = np.concatenate([take.references[..., :2].reshape(-1, 2) for take in self.takes])
         stage = Stage(self.settings, self.takes[0].poses.shape[1], view, route, panel)
         try:
             for instant in instants:
                 whole = Image.new("RGB", size, "white")
                 for i, take in enumerate(self.takes):
-                    whole.paste(_panel(stage, take, instant), (i * (panel[0] + GAP), 0))
+                    line, column = divmod(i, columns)
+                    whole.paste(_panel(stage, take, instant), (column * (panel[0] + GAP), line * (panel[1] + GAP)))
                 yield whole
         finally:
             stage.close()
+
+
+def grid(panels: int) -> tuple[int, int]:
+    """Lines and columns of so many panels, `ACROSS` beside each other at most."""
+    lines = -(-panels // ACROSS)
+    return lines, -(-panels // lines)
 
 
 def _panel(stage: Stage, take: Take, instant: float) -> Image.Image:
@@ -135,7 +142,7 @@ def _panel(stage: Stage, take: Take, instant: float) -> Image.Image:
     small = ImageFont.truetype(FONT, max(9, panel.height // 26))
     inset = panel.height // 40
     pen.text((inset, inset), take.controller, "white", font, stroke_width=2, stroke_fill=take.colour)
-    error = f"now {100 * take.errors[now].max():.1f} cm, at most {100 * take.errors[: now + 1].max():.1f} cm"
+    error = f"{100 * take.errors[now].max():.1f} cm off, {100 * take.errors[: now + 1].max():.1f} at most"
     pen.text((inset, panel.height - inset), error, "white", small, anchor="ls", stroke_width=2, stroke_fill="#00000080")
     pen.text((panel.width - inset, inset), f"{instant:.1f} s", "white", small, anchor="ra")
     return panel

@@ -75,6 +75,7 @@ class Stage:
         self._centre = (low + high) / 2
         # The whole route is in sight from where its height and, less by the picture's shape, its width are.
         half = np.tan(np.deg2rad(self._model.vis.global_.fovy / 2))
+        self._reach = float(half * min(width / height, 1.0))  # in sight to either side, as a share of the distance
         distance = float(max(high[1] - low[1], (high[0] - low[0]) * height / width) / 2 / half)
         self._distance = self._view.distance or distance
         self._thick = LINE * self._distance
@@ -100,10 +101,14 @@ class Stage:
         """
         self._pose(poses, wheels)
         self._paint(colour)
-        near = references[:, :2].mean(0) if self._view.distance else self._centre
+        near, distance = self._centre, self._distance
+        if self._view.distance:  # robots and where they should be, which may be far apart
+            seen = np.concatenate([references[:, :2], poses[:, :2]])
+            near = seen.mean(0)
+            distance = max(distance, (np.hypot(*(seen - near).T).max() + 2 * RING_M) / self._reach)
         self._camera.lookat[:] = *near, 0.05
         self._camera.azimuth, self._camera.elevation = self._view.azimuth, self._view.elevation
-        self._camera.distance = self._distance
+        self._camera.distance = distance
         self._renderer.update_scene(self._data, self._camera)
         for route in routes:
             self._line(route, ROUTE)

@@ -1,16 +1,21 @@
 """How the viewer lays out a recording: the scene, from the field and from beside a robot, time series, texts."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
 
 from omni_control.kinematics import Array
+from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.show.recording.scene import ABOVE, extent, pixel
 from omni_mj.show.recording.series import Plot
-from omni_mj.show.recording.tabs import WHEEL_TAB
+from omni_mj.show.recording.tabs import EACH
 from omni_mj.show.recording.timelines import FRAME, TIME
+
+LEGEND_LINES = 3  # for which the legend of a plot has room; with more, the first of a tab has one, and is higher
+LEGEND_SHARE = 0.4  # of a run's time, left free beside it for the legend
 
 
 def blueprint(
@@ -41,7 +46,8 @@ def blueprint(
         ),
         row_shares=[5, 4, 2.3],
     )
-    right = rrb.Tabs(*(_plots(name, plots, names) for name, plots in tabs.items() if plots))
+    seconds = PERIOD_S * max(len(path) for path in paths)
+    right = rrb.Tabs(*(_plots(name, plots, names, seconds) for name, plots in tabs.items() if plots))
     time = rrb.TimePanel(timeline=TIME, play_state="following" if live else "paused", state="collapsed")
     return rrb.Blueprint(rrb.Horizontal(left, right, column_shares=[1, 1]), time, collapse_panels=True)
 
@@ -95,11 +101,18 @@ def _beside(name: str, overrides: dict[Any, rrb.VisibleTimeRanges]) -> rrb.Spati
     )
 
 
-def _plots(tab: str, plots: Iterable[Plot], names: Sequence[str]) -> rrb.Container:
-    if tab != WHEEL_TAB:
-        return rrb.Vertical(*(_plot(plot, f"plots/{plot.entity}") for plot in plots), name=tab)
+def _plots(tab: str, plots: Sequence[Plot], names: Sequence[str], seconds: float) -> rrb.Container:
+    if tab not in EACH:
+        lines = [len(names) * sum(len(series.lines) for series in plot.series) for plot in plots]
+        together = [
+            _plot(plot, f"plots/{plot.entity}", seconds, not i or count <= LEGEND_LINES)
+            for i, (plot, count) in enumerate(zip(plots, lines, strict=True))
+        ]
+        shares = [max(1.0, lines[0] / LEGEND_LINES), *[1.0] * (len(plots) - 1)]
+        return rrb.Vertical(*together, name=tab, row_shares=shares)
     single = (
-        rrb.Vertical(*(_plot(plot, f"plots/{plot.entity}/{name}") for plot in plots), name=name) for name in names
+        rrb.Vertical(*(_plot(plot, f"plots/{plot.entity}/{name}", seconds) for plot in plots), name=name)
+        for name in names
     )
     return rrb.Tabs(*single, name=tab, active_tab=_second(names))
 
@@ -109,10 +122,13 @@ def _second(names: Sequence[str]) -> int:
     return min(1, len(names) - 1)
 
 
-def _plot(plot: Plot, origin: str) -> rrb.TimeSeriesView:
+def _plot(plot: Plot, origin: str, seconds: float, tell: bool = True) -> rrb.TimeSeriesView:
+    """A plot over a run of so many seconds, and beyond, where its legend hides nothing; or none if not to `tell`."""
+    start, end = (rr.TimeRangeBoundary.absolute(seconds=at) for at in (0.0, (1 + LEGEND_SHARE) * seconds))
     return rrb.TimeSeriesView(
         origin=origin,
         name=f"{plot.title}, {plot.unit}".removesuffix(", "),
+        axis_x=rrb.TimeAxis(view_range=rr.TimeRange(start, end)),
         axis_y=rrb.ScalarAxis(range=plot.range) if plot.range else None,
-        plot_legend=rrb.PlotLegend(corner=plot.legend),
+        plot_legend=rrb.PlotLegend(corner=plot.legend, visible=tell),
     )

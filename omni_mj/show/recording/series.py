@@ -46,6 +46,7 @@ class Plot:
         series: of each robot.
         range: of the axis, or None to fit the data.
         legend: its corner.
+        by_wheel: whether the lines are of wheels, each in a colour of its own; else they have the robot's.
     """
 
     entity: str
@@ -54,6 +55,7 @@ class Plot:
     series: tuple[Series, ...]
     range: tuple[float, float] | None = None
     legend: Literal["RightTop", "RightBottom"] = "RightTop"
+    by_wheel: bool = False
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,8 @@ import numpy as np
 import rerun as rr
 
 from omni_control.kinematics import Array, Kinematics, world_to_body, wrap_angle
-from omni_mj.measure.metrics import ALPHA_WINDOW_FRAMES, alpha_windows
+from omni_mj.measure import causes
+from omni_mj.measure.metrics import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES, driven_alpha
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.show.recording.robots import Robot, Track
 from omni_mj.show.recording.series import Drawn, Plot, Series, Values
@@ -14,9 +15,10 @@ from omni_mj.show.recording.timelines import Frames
 from omni_mj.show.wheels import names_of
 from omni_mj.simulate.log import OWN
 
-# Those of the wheels show one robot each, all others show all robots.
-WHEEL_TAB, OWN_TAB = "wheels", "own"
-_ALPHA_RANGE = 0.4, 1.3
+OWN_TAB = "own"
+EACH = ("alpha", "wheels", "heat")  # tabs that show one robot each, all others show all robots
+SIGMA = OWN + "alpha_sigma"  # a controller's own, in its estimate
+_ALPHA_RANGE, _SHARE = (0.4, 1.3), (0.0, 1.05)
 
 
 def tabs(geometry: Kinematics, absent: set[str]) -> dict[str, list[Plot]]:
@@ -52,8 +54,8 @@ def own(columns: Mapping[str, tuple[str, ...]]) -> list[Plot]:
 def drawn(tabs: Mapping[str, Iterable[Plot]], robots: Iterable[Robot], wheels: int) -> list[Drawn]:
     """All series of the robots, each with as many wheels."""
     return [
-        Drawn(plot, series, robot, wheels if tab == WHEEL_TAB else 0)
-        for tab, plots in tabs.items()
+        Drawn(plot, series, robot, wheels if plot.by_wheel else 0)
+        for plots in tabs.values()
         for plot in plots
         for series in plot.series
         for robot in robots
@@ -76,23 +78,36 @@ def _all(geometry: Kinematics) -> dict[str, tuple[Plot, ...]]:
             Plot("velocity/y", "velocity in y", "m/s", _velocities(1)),
             Plot("velocity/turn", "turn rate", "rad/s", _velocities(2)),
         ),
+        "why": (
+            Plot("why/sliding", "slip beyond creep of the wheel that slides most", "m/s", _one(_sliding, "slip")),
+            Plot("why/duty", "greatest duty of the motors", "", _measured("duty_peak", ("",)), _SHARE),
+            Plot("why/limited", "share of time at a driver's limit", "", _one(_limited, "current_limited"), _SHARE),
+            Plot(
+                "why/held",
+                "share of the last 0.25 s in which the command is held back by a limit",
+                "",
+                _one(_held_back, "command"),
+                _SHARE,
+            ),
+        ),
         "alpha": (
             Plot("alpha/x", "motor correction factor alpha in x", "", _alphas(0), _ALPHA_RANGE, "RightBottom"),
             Plot("alpha/y", "motor correction factor alpha in y", "", _alphas(1), _ALPHA_RANGE, "RightBottom"),
         ),
-        WHEEL_TAB: (
+        "wheels": (
             Plot(
                 "wheel/speed",
                 "wheel speed",
                 "rad/s",
                 (Series(_wheel_speed(geometry), speeds, "wheel_speed", pale=(0.6,) * len(wheels)),),
+                by_wheel=True,
             ),
-            Plot("wheel/voltage", "motor voltage", "V", _measured("voltage", wheels)),
-            Plot("wheel/current", "motor current", "A", _measured("current", wheels)),
-            Plot("wheel/slip", "slip of the contact points", "m/s", _measured("slip", wheels)),
+            Plot("wheel/voltage", "motor voltage", "V", _measured("voltage", wheels), by_wheel=True),
+            Plot("wheel/current", "motor current", "A", _measured("current", wheels), by_wheel=True),
+            Plot("wheel/slip", "slip of the contact points", "m/s", _measured("slip", wheels), by_wheel=True),
         ),
         "heat": (
-            Plot("winding", "winding temperature", "deg C", _measured("winding", wheels), legend="RightBottom"),
+            Plot("winding", "winding temperature", "deg C", _measured("winding", wheels), None, "RightBottom", True),
             Plot("battery", "battery voltage under load", "V", _measured("battery", ("",))),
         ),
     }
@@ -131,18 +146,66 @@ def _velocity(axis: int) -> Values:
     return values
 
 
-def _true_alpha(axis: int) -> Values:
-    """Alpha of the window that ends in a frame."""
+def _ratio(axis: int) -> Values:
+    """Displacement achieved over commanded, of the window that ends in a frame, where the robot is driven."""
 
     def values(track: Track, frames: Frames) -> Array:
-        seen = slice(max(frames[0] - ALPHA_WINDOW_FRAMES, 0), frames[-1] + 1)
+        seen = slice(max(frames[0] - ALPHA_WINDOW_FRAMES - ALPHA_START_FRAMES, 0), frames[-1] + 1)
         alpha = np.full((len(frames), 1), np.nan)
         if seen.stop - seen.start > ALPHA_WINDOW_FRAMES:
-            windows = alpha_windows(track["pose"][seen, axis], track["applied"][seen, axis])
+            windows = driven_alpha(track["pose"][seen, axis], track["applied"][seen, axis])[-len(frames) :]
             alpha[-len(windows) :, 0] = windows
         return alpha
 
     return values
+
+
+def _estimate(axis: int) -> Values:
+    """What a controller believes; one that says exactly 1 estimates nothing, or nothing yet."""
+
+    def values(track: Track, frames: Frames) -> Array:
+        estimate = track["alpha_hat"][frames, axis, None]
+        return np.where(estimate == 1, np.nan, estimate)
+
+    return values
+
+
+def _deviations(axis: int) -> Values:
+    """The estimate less and more two of its standard deviations, where it says them."""
+
+    def values(track: Track, frames: Frames) -> Array:
+        if SIGMA not in track.log.columns:
+            return np.full((len(frames), 2), np.nan)
+        estimate, sigma = track["alpha_hat"][frames, axis], track[SIGMA][frames, axis]
+        return np.stack([estimate - 2 * sigma, estimate + 2 * sigma], axis=1)
+
+    return values
+
+
+def _sliding(track: Track, frames: Frames) -> Array:
+    """By how much the wheel that slides most does, m/s; zero where none does."""
+    seen = slice(max(frames[0] - 1, 0), frames[-1] + 1)
+    beyond = causes.slip_beyond(track["pose"][seen], track["slip"][seen], track.log.rows[track.row].settings)
+    fastest = np.maximum(beyond.max(-1), 0.0)
+    return np.concatenate([np.zeros(len(frames) - len(fastest)), fastest])[:, None]
+
+
+def _limited(track: Track, frames: Frames) -> Array:
+    greatest: Array = track["current_limited"][frames].max(-1, keepdims=True)
+    return greatest
+
+
+def _held_back(track: Track, frames: Frames) -> Array:
+    """Share of the last quarter of a second in which the command was at a limit."""
+    first = max(frames[0] - ALPHA_WINDOW_FRAMES + 1, 0)
+    before = track["command"][first - 1] if first else np.zeros(3)
+    control = track.log.rows[track.row].settings.control
+    met = causes.at_limits(track["command"][first : frames[-1] + 1], before, control)
+    held = np.any([each for _, each in met.values()], axis=0)
+    lacking = np.zeros(ALPHA_WINDOW_FRAMES - 1 - int(frames[0]) + first)
+    windows = np.lib.stride_tricks.sliding_window_view(np.concatenate([lacking, held]), ALPHA_WINDOW_FRAMES)
+    share: Array = windows.mean(-1)[:, None]
+    return share
 
 
 def _wheel_speed(kinematics: Kinematics) -> Values:
@@ -156,12 +219,19 @@ def _wheel_speed(kinematics: Kinematics) -> Values:
 
 
 def _alphas(axis: int) -> tuple[Series, ...]:
-    estimate = Series(lambda track, frames: track["alpha_hat"][frames, axis, None], ("estimated",), pale=(0.5,))
-    return estimate, Series(_true_alpha(axis), ("true",), entity="true")
+    return (
+        Series(_estimate(axis), ("estimate",)),
+        Series(_deviations(axis), ("less 2 sigma", "plus 2 sigma"), entity="sigma", pale=(0.6, 0.6)),
+        Series(_ratio(axis), ("ratio",), entity="ratio", pale=(0.8,)),
+    )
 
 
 def _velocities(axis: int) -> tuple[Series, ...]:
     return (Series(_velocity(axis), ("sent", "arrived", "achieved"), pale=(0.75, 0.45)),)
+
+
+def _one(values: Values, channel: str) -> tuple[Series, ...]:
+    return (Series(values, channel=channel),)
 
 
 def _measured(channel: str, lines: tuple[str, ...]) -> tuple[Series, ...]:

@@ -10,6 +10,7 @@ import jinja2
 
 from omni_control.errors import OmniError, printable
 from omni_mj.files import write as write_file
+from omni_mj.measure.table import where
 from omni_mj.show import figures
 from omni_mj.show.report import cells
 from omni_mj.show.report.reading import Run, Source, data_uri, read
@@ -57,7 +58,7 @@ def _html(folders: Sequence[Path]) -> str:
 
 def _title(sources: Sequence[Source], runs: Sequence[Run]) -> str:
     if len(runs) == 1:
-        return f"{runs[0].name} on the {runs[0].entry['plant']} plant"
+        return f"{runs[0].name}, {where(runs[0].entry)}"
     return f"Comparison of {len(runs)} {'scenarios' if len(sources) == 1 else 'runs'}"
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from omni_mj.measure import limits
+from omni_mj.measure import causes, limits
 from omni_mj.show.report.reading import Run
 
 STATISTICS = {"max": "Maximum error", "p99": "99th percentile of the error", "mean": "Mean error"}
@@ -91,6 +91,15 @@ def peaks(results: Mapping[str, Any]) -> dict[str, dict[str, float | None]]:
     """What a summary says of controllers' extremes, if anything, labelled with its unit -> controller -> value."""
     keys = [key for key in next(iter(results.values()), {}) if key.startswith("peak_")]
     found = {_with_unit(key): {name: result.get(key) for name, result in results.items()} for key in keys}
+    return {label: values for label, values in found.items() if any(v is not None for v in values.values())}
+
+
+def reasons(results: Mapping[str, Any]) -> dict[str, dict[str, float | None]]:
+    """What a summary says of why controllers stray, as far as any is known: its name -> controller -> median."""
+    found = {
+        label: {name: result["why"][key]["median"] for name, result in results.items()}
+        for key, label in causes.NAMES.items()
+    }
     return {label: values for label, values in found.items() if any(v is not None for v in values.values())}
 
 

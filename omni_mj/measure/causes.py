@@ -1,0 +1,143 @@
+"""Why a robot strays: in which frames its wheels slide, and its motors, their drivers or its commands are at a limit.
+
+A wheel that pulls creeps: the rim's speed differs from the carpet's in proportion to the force, up to Coulomb's limit.
+Slip beyond what it creeps there is sliding, in which the carpet gives no more however fast the wheel turns.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from omni_control.kinematics import Array, world_to_body
+from omni_mj.measure.statistics import Spread, plain, spread
+from omni_mj.measure.table import Table, label, number
+from omni_mj.scenarios.settings import PERIOD_S, ControlSettings, Settings
+from omni_mj.simulate.log import Log
+
+SLIDING, VOLTAGE, CURRENT, HELD_BACK = "sliding", "full_voltage", "current_limited", "held_back"
+# As tables and figures call them.
+CAUSES = {SLIDING: "wheels slide", VOLTAGE: "full voltage", CURRENT: "current limited", HELD_BACK: "held back"}
+DUTY = "duty_mean"
+NAMES = {f"{cause}_share": name for cause, name in CAUSES.items()} | {DUTY: "duty"}
+WORTH = 0.05  # share from which on a table on the terminal tells of causes
+SLIDES_M_S = 0.02  # slip above what is creep at Coulomb's limit, which is known to about 2 %
+ROUNDING = 1e-9  # relative, of a command that was scaled to a limit
+DEFINITIONS = {
+    "why": (
+        "sliding_share: share of the frames in which a wheel's slip_*_m_s is above 0.98 |v| carpet.friction /"
+        f" drive.creep_stiffness + {SLIDES_M_S:g} m/s, v being the velocity of the wheel's centre; full_voltage_share:"
+        " in which duty_peak is 1; current_limited_share: in which current_limited_* of a motor is above 0;"
+        " held_back_share: in which the command is at a limit of [control], of speed or acceleration, translational or"
+        " turning; duty_mean: mean of duty_peak over the frames. Statistics leave out seeds that failed"
+    )
+}
+
+
+def slip_beyond(pose: Array, slip: Array, settings: Settings) -> Array:
+    """By how much each wheel slips faster than it can creep, (frames - 1, W) m/s; positive where it slides.
+
+    Args:
+        pose: (frames, 3) m, rad.
+        slip: of the wheels' contact points, (frames, W) m/s.
+        settings: of the robot and carpet.
+    """
+    wheels = settings.wheels.kinematics
+    twist = world_to_body(np.diff(pose, axis=0) / PERIOD_S, pose[1:, 2])
+    centre = (twist[:, 0] + 1j * twist[:, 1])[:, None]
+    centre = centre + 1j * twist[:, 2, None] * wheels.arm * np.exp(1j * wheels.azimuths)
+    creeps = settings.wheels.creep == "on"
+    creep = 0.98 * np.abs(centre) * settings.carpet.friction / settings.drive.creep_stiffness if creeps else 0.0
+    beyond: Array = slip[1:] - creep - SLIDES_M_S
+    return beyond
+
+
+def at_limits(command: Array, before: Array, control: ControlSettings) -> dict[str, tuple[float, np.ndarray]]:
+    """The limits of commands, and where they are met: unit -> limit and which of the frames (frames,).
+
+    Args:
+        command: sent in each frame, (frames, 3) m/s, m/s, rad/s.
+        before: sent before the first, (3,).
+        control: whose limits hold.
+    """
+    step = np.diff(command, axis=0, prepend=before[None]) / PERIOD_S
+    sizes = {
+        "m/s": (control.max_speed_m_s, np.hypot(*command[:, :2].T)),
+        "m/s^2": (control.max_acceleration_m_s2, np.hypot(*step[:, :2].T)),
+        "rad/s": (control.max_turn_rate_rad_s, np.abs(command[:, 2])),
+        "rad/s^2": (control.max_turn_acceleration_rad_s2, np.abs(step[:, 2])),
+    }
+    return {unit: (limit, size >= limit * (1 - ROUNDING)) for unit, (limit, size) in sizes.items()}
+
+
+def of_row(log: Log, row: int) -> dict[str, np.ndarray]:
+    """In which of its frames each of `CAUSES` is there for a row, (frames,); without those that its plant lacks."""
+    own, settings = slice(log.lengths[row]), log.rows[row].settings
+    pose, slip = log.channel("pose")[own, row], log.channel("slip")[own, row]
+    found = {}
+    if not np.isnan(slip).all():
+        slides = (slip_beyond(pose, slip, settings) > 0).any(-1)
+        found[SLIDING] = np.concatenate([np.zeros(min(len(pose), 1), bool), slides])
+    if not np.isnan(duty := log.channel("duty_peak")[own, row, 0]).all():
+        found[VOLTAGE] = duty >= 1
+        found[CURRENT] = (log.channel("current_limited")[own, row] > 0).any(-1)
+    met = at_limits(log.channel("command")[own, row], np.zeros(3), settings.control)
+    found[HELD_BACK] = np.any([frames for _, frames in met.values()], axis=0)
+    return found
+
+
+def row_metrics(log: Log) -> dict[str, Array]:
+    """Each row's `sliding_share` and so on, and `duty_mean`, name -> (n,); not a number where its plant has no such."""
+    found = {name: np.full(len(log.rows), np.nan) for name in NAMES}
+    for row in np.flatnonzero(log.lengths):
+        for cause, frames in of_row(log, int(row)).items():
+            found[f"{cause}_share"][row] = frames.mean()
+        duty = log.channel("duty_peak")[: log.lengths[row], row, 0]
+        known = duty[~np.isnan(duty)]
+        found[DUTY][row] = known.mean() if known.size else np.nan
+    return found
+
+
+def results(measured: Mapping[str, Array], rows: np.ndarray) -> dict[str, Spread]:
+    """What a summary says of a controller's rows: the spread of each number over the seeds that did not fail.
+
+    Args:
+        measured: what `metrics.row_metrics` says of the log.
+        rows: the controller's.
+    """
+    found = {}
+    for name in NAMES:
+        values = measured[name][rows]
+        known = values[~np.isnan(values)]
+        found[name] = spread(known if known.size else np.array([np.nan])) | {"seeds": [plain(each) for each in values]}
+    return found
+
+
+def table(summary: Mapping[str, Any]) -> Table | None:
+    """Each controller's shares in per cent, beside its error; None where all are small, or for several scenarios.
+
+    Numbers are those of the one seed, or the medians.
+    """
+    entries = [entry for entry in summary["scenarios"].values() if entry["results"]]
+    if len(entries) != 1:
+        return None
+    results = entries[0]["results"]
+    met = {name: max(result["why"][name]["median"] or 0.0 for result in results.values()) for name in NAMES}
+    if max(met[name] for name in NAMES if name != DUTY) < WORTH:
+        return None
+    shown = [name for name in NAMES if met[name] > 0]
+    rows = [
+        [
+            label(summary, controller, result),
+            "/".join(number(result["error_m"]["distance"][statistic]["median"], 100) for statistic in ("max", "mean")),
+            *(number(result["why"][name]["median"], 100, 1) for name in shown),
+        ]
+        for controller, result in results.items()
+    ]
+    over = "" if len(summary["seeds"]) == 1 else f", median of {len(summary['seeds'])} seeds"
+    return Table(
+        f"why{over}: shares of the frames, and mean duty",
+        ["controller", "plane, cm", *(f"{NAMES[name]}, %" for name in shown)],
+        rows,
+        1,
+    )
