@@ -100,13 +100,17 @@ class Eye:
         """
         measured, _ = self._camera(poses, cycle // CYCLES)
         measured[~(present & area.sees(poses[:, :2]))] = np.nan
-        vision, time, frame = self._vision, cycle / CYCLE_RATE_HZ, self._frame
-        seen = self._ball.next()[0] * vision.position_noise_m + self._offset[:2]
-        late, lost = self._late.next()[0, 0], self._lost.next()[0, 0] < vision.loss_probability
-        sent = math.inf if lost else time + vision.delay_s + vision.jitter_s * late
+        vision, frame, noise = self._vision, self._frame, self._ball.next()[0]
+        sent = cycle / CYCLE_RATE_HZ + vision.delay_s
+        if vision.jitter_s:
+            sent += vision.jitter_s * float(self._late.next()[0, 0])
+        if vision.loss_probability and self._lost.next()[0, 0] < vision.loss_probability:
+            sent = math.inf
         self._frame += 1
         self.due = self._cycle_of(self._frame)
-        where = ball + seen if ball is not None and area.sees(ball[None])[0] else None
+        where = None
+        if ball is not None and area.sees(ball[None])[0]:
+            where = ball + noise * vision.position_noise_m + self._offset[:2]
         return Image(self._number, frame, cycle, tuple(names), measured + self._offset, where, sent)
 
     def _cycle_of(self, frame: int) -> int:

@@ -4,6 +4,7 @@ Time is counted in cycles of the wheel loops, 1/960 s. Cameras look before a cyc
 cycle, and has no dead time, acts in it.
 """
 
+import math
 from collections.abc import Callable, Container, Sequence
 
 import numpy as np
@@ -124,11 +125,11 @@ class Pitch:
             if isinstance(sent, Refusal):
                 refused.append(sent)
             elif sent is not None:
-                sent[[HEADING, IMAGE]] = self._seen[robot]
+                sent[HEADING], sent[IMAGE] = self._seen[robot]
                 packets[robot] = sent
                 to.append(robot)
         if to:
-            self._radio.send(packets, np.unique(to))
+            self._radio.send(packets, np.array(sorted(set(to))))
         return refused, commanded
 
     def numbers(self, team: Team) -> list[int]:
@@ -166,7 +167,7 @@ class Pitch:
             robot = self._find(name)
             assert robot is not None
             self.plant.place(robot, pose, twist)
-            self._seen[robot] = pose[2], self.cycle
+            self._seen[robot] = float(pose[2]), self.cycle
         return refused
 
     def pose(self, name: Name) -> Array | None:
@@ -200,10 +201,9 @@ class Pitch:
             image: of a camera.
             clock: what clocks that are right show at the simulated time 0, s.
         """
-        same = np.array([name == now for name, now in zip(image.names, self.names, strict=False)])
-        heading = image.poses[:, 2]
-        newer = np.flatnonzero(same & ~np.isnan(heading) & (image.cycle >= self._seen[: len(same), 1]))
-        self._seen[newer] = np.column_stack([heading[newer], np.full(len(newer), image.cycle)])
+        for robot, (name, heading) in enumerate(zip(image.names, image.poses[:, 2].tolist(), strict=True)):
+            if not math.isnan(heading) and name == self.names[robot] and image.cycle >= self._seen[robot][1]:
+                self._seen[robot] = heading, image.cycle
         offset = self._eyes[image.camera].clock_offset
         return detection(image, self._areas[image.camera], clock + offset, ROBOT_HEIGHT_M)
 
@@ -255,7 +255,7 @@ class Pitch:
         n = len(self.rows)
         self.held = received(np.tile(self._nothing, (n, 1)), np.zeros(n, bool), 0)
         self.measured = np.full((n, 3), np.nan)
-        self._seen = np.column_stack([self.plant.pose()[:, 2], np.full(n, self.cycle)])
+        self._seen = [(heading, self.cycle) for heading in self.plant.pose()[:, 2].tolist()]
 
     def _rows(self) -> list[Row]:
         """A row for each robot."""
