@@ -38,6 +38,7 @@ class Pitch:
         names: of the robots, in the order of their numbers.
         plant: what moves.
         cycle: number of the next cycle.
+        due: cycle of the next image of any camera.
         size: of the field.
         ball: where it lies, (2,) m; None if there is none.
         held: what robots hold of the radio.
@@ -60,6 +61,7 @@ class Pitch:
         self.names = list(names)
         self.rows = self._rows()
         self._eyes = [Eye(number, self.rows) for number in range(self._vision.cameras)]
+        self.due = min(eye.due for eye in self._eyes)
         self._build(list(names.values()))
         self._areas = areas(len(self._eyes), self.plant.surface, self._vision.overlap_m)
         wrong = [self.plant.overlap(robot, self.plant.pose()[:, :2]) for robot in range(len(self.names))]
@@ -71,11 +73,6 @@ class Pitch:
     def time_s(self) -> float:
         """Simulated time, s."""
         return self.cycle / CYCLE_RATE_HZ
-
-    @property
-    def due(self) -> int:
-        """The cycle of the next image of any camera."""
-        return min(eye.due for eye in self._eyes)
 
     @property
     def first_due(self) -> int:
@@ -91,6 +88,7 @@ class Pitch:
                 seen = ~np.isnan(image.poses[:, 2])
                 self.measured[seen] = image.poses[seen]
                 images.append(image)
+        self.due = min(eye.due for eye in self._eyes)
         return images
 
     def step(self) -> None:

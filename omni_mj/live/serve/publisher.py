@@ -20,7 +20,7 @@ REMEMBERED = 100_000  # sendings whose lateness is kept
 
 
 class Publisher:
-    """Sends to one address.
+    """Sends to one address, from `begin` on.
 
     Args:
         pitch: what is seen.
@@ -32,7 +32,6 @@ class Publisher:
 
     Attributes:
         to: as given.
-        epoch: in stamps, of the simulated time 0, s.
         lateness: of detections that were sent, s of our time after they were due.
         detections: those that were sent, for whoever empties it; the newest of each camera is among them.
 
@@ -45,7 +44,8 @@ class Publisher:
     ) -> None:
         self._pitch, self.to, self._pace, self._notes, self._counts = pitch, to, pace, notes, counts
         self._socket: socket.socket = sender(interface)
-        self.epoch, self.lateness = 0.0, deque[float](maxlen=REMEMBERED)
+        self._epoch: float | None = None  # in stamps, of the simulated time 0
+        self.lateness = deque[float](maxlen=REMEMBERED)
         self.detections = deque[Detection](maxlen=REMEMBERED)
         self._outbox: list[tuple[float, int, Image]] = []
         self._images, self._newest = 0, dict[int, bytes]()
@@ -56,6 +56,11 @@ class Publisher:
     def due(self) -> int | None:
         """The cycle before which something must be sent; None if nothing waits."""
         return math.ceil(self._outbox[0][0] * CYCLE_RATE_HZ - 1e-6) if self._outbox else None
+
+    def begin(self, epoch: float) -> None:
+        """Send from now on, with stamps that say `epoch` (s) at the simulated time 0."""
+        self._epoch = epoch
+        self.send()
 
     def look(self) -> None:
         """Take the images that are due, and send what is."""
@@ -69,9 +74,11 @@ class Publisher:
 
     def send(self) -> None:
         """Send what is due."""
+        if self._epoch is None:
+            return
         while self._outbox and self._outbox[0][0] <= self._pitch.time_s + 1e-9:
             due, _, image = heapq.heappop(self._outbox)
-            detection = self._pitch.detection(image, self.epoch)
+            detection = self._pitch.detection(image, self._epoch)
             self._newest[image.camera] = encode(VisionPacket(detection))
             self._send(self._newest[image.camera])
             self.detections.append(detection)

@@ -108,10 +108,12 @@ class Server:
 
     def run(self, check: Callable[[], None] = lambda: None, until_s: float = math.inf) -> None:
         """Serve until simulated time is over, or `check`, which is called often, raises something."""
-        self._pace.change(self._pace.speed, time.monotonic(), self.pitch.cycle)
-        if not self._lockstep:  # stamps are of the world's clock then; in lockstep they are the same in all runs
-            self.publisher.epoch = time.time() - self.pitch.time_s
         self.publisher.look()
+        if self.in_real_time and self._pace.speed:  # compiled loops are loaded in a frame that no clock waits for
+            self._advance(self.pitch.cycle + CYCLES)
+        self._pace.change(self._pace.speed, time.monotonic(), self.pitch.cycle)
+        # In lockstep stamps are the same in all runs.
+        self.publisher.begin(time.time() - self.pitch.time_s if self.in_real_time else 0.0)
         while self.pitch.time_s < until_s:
             check()
             if self._lockstep:
@@ -122,8 +124,14 @@ class Server:
 
     def close(self) -> None:
         """Free the ports."""
-        for each in (self.publisher, *self._ports, *self._listeners, *self._streams):
+        self.publisher.close()
+        for each in self._doors:
             each.close()
+
+    @property
+    def _doors(self) -> list[Port | Listener | Stream]:
+        """All by which somebody may come."""
+        return [*self._ports, *self._listeners, *self._streams]
 
     def _turn(self) -> None:
         """Simulate what is due, then wait for packets until more is."""
@@ -153,8 +161,7 @@ class Server:
 
     def _wait(self, until: float) -> None:
         """Handle packets that come until then, s of our clock; it returns after the first ones."""
-        listening = [*self._ports, *self._listeners, *self._streams]
-        ready, _, _ = select.select(listening, [], [], max(until - time.monotonic(), 0.0))
+        ready, _, _ = select.select(self._doors, [], [], max(until - time.monotonic(), 0.0))
         for each in ready:
             if isinstance(each, Listener):
                 self._welcome(each)
