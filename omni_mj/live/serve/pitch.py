@@ -5,7 +5,7 @@ cycle, and has no dead time, acts in it.
 """
 
 import math
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Collection, Container, Sequence
 
 import numpy as np
 
@@ -151,16 +151,19 @@ class Pitch:
             wanted = {name: put for name, put in wanted.items() if name not in blocked}
             if not blocked:
                 break
-        new = list[Name]()  # without a body
+        new, lent = list[Name](), False  # those without a body; whether one has the other team's
         for name in [name for name in wanted if self._find(name) is None]:
-            if (body := self._free(name[0], wanted)) is not None:
+            if (body := self._free((name[0],), wanted)) is not None:
                 self.names[body] = name
             elif len(self.names) + len(new) < MOST:
                 new.append(name)
+            elif (body := self._free(Team, wanted)) is not None:
+                self.names[body], lent = name, True
             else:
                 refused.append(Refusal("TOO_MANY", f"{label(name)} would be robot {MOST + 1}; a world has {MOST}"))
                 del wanted[name]
-        self._grow(new, wanted)
+        if new or lent:
+            self._grow(new, wanted)
         for name, (pose, twist) in wanted.items():
             robot = self._find(name)
             assert robot is not None
@@ -208,10 +211,10 @@ class Pitch:
     def _find(self, name: Name) -> int | None:
         return self.names.index(name) if name in self.names else None
 
-    def _free(self, team: Team, wanted: Container[Name]) -> int | None:
-        """The body of a robot of a team that is away, and stays away."""
+    def _free(self, teams: Collection[Team], wanted: Container[Name]) -> int | None:
+        """The body of a robot of these teams that is away, and stays away."""
         here = enumerate(zip(self.names, self.plant.present, strict=True))
-        return next((i for i, (name, on) in here if not on and name[0] == team and name not in wanted), None)
+        return next((i for i, (name, on) in here if not on and name[0] in teams and name not in wanted), None)
 
     def _blocked(self, wanted: dict[Name, tuple[Array, Array]]) -> dict[Name, str]:
         """Why some cannot stand where they are wanted, the others there as well."""
@@ -225,8 +228,6 @@ class Pitch:
 
     def _grow(self, new: Sequence[Name], wanted: dict[Name, tuple[Array, Array]]) -> None:
         """Make the world anew with robots that it had no bodies for."""
-        if not new:
-            return
         poses, present = list(self.plant.pose()), [*self.plant.present, *[True] * len(new)]
         self.names += new
         self.rows = self._rows()
