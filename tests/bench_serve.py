@@ -10,7 +10,8 @@ import numpy as np
 
 from omni_mj.live.serve import line_up
 from omni_mj.live.serve.pitch import Pitch
-from omni_mj.live.serve.server import Ports, Server
+from omni_mj.live.serve.ports import Ports
+from omni_mj.live.serve.server import Server
 from omni_mj.live.sockets import LOOPBACK, Address
 from omni_mj.live.wire.simulation import Team
 from omni_mj.scenarios.settings import PERIOD_S
@@ -37,7 +38,7 @@ def serve(blue: str, yellow: str, wheels: str, kernel: str) -> tuple[np.ndarray,
     used, bare = list[float](), list[float]()
     try:
         server.run(until_s=0.5)
-        server.lateness.clear()
+        server.publisher.lateness.clear()
         server.after_frame = lambda: used.append(time.process_time())
         server.run(until_s=0.5 + SECONDS)
         plant = server.pitch.plant
@@ -46,7 +47,7 @@ def serve(blue: str, yellow: str, wheels: str, kernel: str) -> tuple[np.ndarray,
             for _ in range(plant.cycles):
                 plant._batch.step()
             bare.append(time.process_time() - began)
-        return np.diff(used), np.array(bare), np.array(server.lateness)
+        return np.diff(used), np.array(bare), np.array(server.publisher.lateness)
     finally:
         client.kill()
         client.wait()

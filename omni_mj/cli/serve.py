@@ -84,7 +84,8 @@ def command(
     """Simulate robots for software that speaks the league's protocols."""
     from omni_mj.live.serve import line_up
     from omni_mj.live.serve.pitch import Pitch
-    from omni_mj.live.serve.server import Ports, Server
+    from omni_mj.live.serve.ports import Ports
+    from omni_mj.live.serve.server import Server
     from omni_mj.live.sockets import address, check_local
     from omni_mj.live.wire.simulation import Team
 

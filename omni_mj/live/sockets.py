@@ -75,7 +75,7 @@ def sender(interface: str = LOOPBACK) -> socket.socket:
         made.setblocking(False)
     except OSError as error:
         made.close()
-        raise OmniError(f"cannot send by the interface {interface!r}: {_why(error)}") from None
+        raise OmniError(f"cannot send by the interface {interface!r}: {why(error)}") from None
     return made
 
 
@@ -104,7 +104,7 @@ class Receiver:
             self._socket.setblocking(False)
         except OSError as error:
             self._socket.close()
-            raise OmniError(f"cannot listen to {where} by the interface {interface!r}: {_why(error)}") from None
+            raise OmniError(f"cannot listen to {where} by the interface {interface!r}: {why(error)}") from None
         self.address = Address(*self._socket.getsockname())
 
     def wait(self, until: float) -> bool:
@@ -128,5 +128,6 @@ class Receiver:
         self._socket.close()
 
 
-def _why(error: OSError) -> str:
+def why(error: OSError) -> str:
+    """What the system says of an error, in lower case."""
     return (error.strerror or str(error)).lower()

@@ -54,6 +54,7 @@ class Vision:
 
     def __init__(self, colour: Colour, ids: Sequence[int], notes: Notes) -> None:
         self.cameras: dict[int, Camera] = {}
+        self._senders: dict[int, object] = {}
         self.source: Source | None = None
         self.heard = -math.inf
         self.colour, self._notes, self._biases = colour, notes, Biases()
@@ -84,6 +85,12 @@ class Vision:
         except WireError as error:
             self._notes.add("bad packet", f"a packet from {source} is skipped: {error}")
             return None
+        before, self._senders[detection.camera_id] = self._senders.get(detection.camera_id, source), source
+        if source != before:
+            text = (
+                f"camera {detection.camera_id} is sent by {source} now, by {before} before: a new peer, or two at once"
+            )
+            self._notes.add("another sender", text)
         self.source = packet.source if packet.source is not None else self.source
         self.heard = arrival
         camera = self.cameras.setdefault(detection.camera_id, Camera())

@@ -78,6 +78,11 @@ def test_a_world_has_twelve_robots_at_most() -> None:
     assert pitch.place({}, {(Team.BLUE, 5)}) == []
     assert put(pitch, 6, 3.0, 0.0, 0.0) == []  # in the body of the one that left
     assert pitch.numbers(Team.BLUE) == [0, 1, 2, 3, 4, 6]
+    assert pitch.place({}, {(Team.BLUE, 0)}) == []
+    others = pitch.plant.pose()[1:]
+    assert put(pitch, 7, 3.0, 1.0, 0.5, team=Team.YELLOW) == []  # in that of one of the other team
+    assert pitch.numbers(Team.YELLOW) == [*range(6), 7]
+    np.testing.assert_allclose(pitch.plant.pose(), [[3.0, 1.0, 0.5], *others], atol=1e-12)
 
 
 def test_several_come_at_once_each_in_a_body_of_its_own() -> None:

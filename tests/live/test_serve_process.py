@@ -82,7 +82,7 @@ def test_vision_is_multicast_where_nothing_else_is_said() -> None:
     port = listeners[0].getsockname()[1]
     with here(pitch_of(), "") as (client, server):
         client.ask(0, serving.field(2, serving.field(4, port)))  # config: the port of vision
-        server.vision = server.vision._replace(host="224.5.23.2")
+        server.publisher.to = server.publisher.to._replace(host="224.5.23.2")
         heard = [listener.recv(65536) for listener in listeners]
     assert 1 in serving.fields(heard[0]) or 2 in serving.fields(heard[0])
     for listener in listeners:

@@ -148,3 +148,13 @@ def test_bad_packets_are_counted_and_change_nothing() -> None:
         poses.append(vision.at(frame * PERIOD_S, PERIOD_S, np.zeros((1, 3)))[0][0, 0])
     assert notes.counts["bad packet"] > 200
     np.testing.assert_allclose(poses, 0.001 * np.arange(1000), atol=0.05)
+
+
+def test_two_that_send_as_one_camera_are_named_and_there_is_an_end_to_what_is_told() -> None:
+    """As when a simulator was left running; each takes the other's clock for one that began anew."""
+    told: list[str] = []
+    vision = Vision("blue", [5], Notes(told.append))
+    for frame in range(200):
+        vision.add(packet(frame, [(5, 0.0, 0.0, 0.0)], offset=-1e6 * (frame % 2)), frame / 60, f"peer {frame % 2}")
+    assert sum("camera 0 is sent by peer 1 now, by peer 0 before" in text for text in told) == 1
+    assert len(told) < 50

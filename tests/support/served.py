@@ -9,7 +9,8 @@ from serving import LOOPBACK, Client
 
 from omni_mj.live.serve import line_up
 from omni_mj.live.serve.pitch import Pitch
-from omni_mj.live.serve.server import Ports, Server
+from omni_mj.live.serve.ports import Ports
+from omni_mj.live.serve.server import Server
 from omni_mj.live.sockets import Address
 from omni_mj.live.wire.simulation import GlobalVelocity, LocalVelocity, MoveCommand, RobotCommand, Team, WheelVelocity
 

@@ -104,17 +104,21 @@ class Eye:
         """
         measured, _ = self._camera(poses, cycle // CYCLES)
         measured[~(present & area.sees(poses[:, :2]))] = np.nan
-        vision, time, frame = self._vision, cycle / CYCLE_RATE_HZ, self._frame
-        seen = self._ball.next()[0] * vision.position_noise_m + self._offset[:2]
-        late, lost = self._late.next()[0, 0], self._lost.next()[0, 0] < vision.loss_probability
-        delay, behind = vision.delay_s, 0.0
+        vision, frame, noise = self._vision, self._frame, self._ball.next()[0]
+        time, delay, behind = cycle / CYCLE_RATE_HZ, vision.delay_s, 0.0
         if self._timing is not None:
             delays, errors = self._timing.at(cycle // CYCLES, time, np.array([delay]))
             delay, behind = float(delays[0]), float(errors[0])
-        sent = math.inf if lost else time + delay + vision.jitter_s * late
+        sent = time + delay
+        if vision.jitter_s:
+            sent += vision.jitter_s * float(self._late.next()[0, 0])
+        if vision.loss_probability and self._lost.next()[0, 0] < vision.loss_probability:
+            sent = math.inf
         self._frame += 1
         self.due = self._cycle_of(self._frame)
-        where = ball + seen if ball is not None and area.sees(ball[None])[0] else None
+        where = None
+        if ball is not None and area.sees(ball[None])[0]:
+            where = ball + noise * vision.position_noise_m + self._offset[:2]
         return Image(self._number, frame, cycle, tuple(names), measured + self._offset, where, sent, behind)
 
     def _cycle_of(self, frame: int) -> int:

@@ -36,14 +36,14 @@ class Refusal(NamedTuple):
         return SimulatorError(self.code, self.text)
 
 
-def packet(command: RobotCommand, wheels: int) -> Array | Refusal | None:
+def packet(command: RobotCommand, wheels: int) -> list[float] | Refusal | None:
     """What is sent to a robot of so many wheels; None where it is not told how to move.
 
     Rim speeds are positive where they turn the robot counter-clockwise. The robot's wheels count from the front left,
     counter-clockwise; the protocol's from the front right, clockwise.
     """
     move = command.move_command or MoveCommand()
-    sent = np.array(nothing(wheels))
+    sent = nothing(wheels)
     if move.wheel_velocity is not None:
         if wheels != 4:
             text = f"robot {command.id} has {wheels} wheels; the protocol's rim speeds are of four"
@@ -59,7 +59,7 @@ def packet(command: RobotCommand, wheels: int) -> Array | Refusal | None:
         sent[:3] = values
     else:
         return None
-    if not (np.abs(values) < FASTEST).all():
+    if not all(abs(value) < FASTEST for value in values):
         text = f"robot {command.id}: velocities must be numbers below {FASTEST:g} m/s and rad/s, not {values}"
         return Refusal("VELOCITY", text)
     return sent

@@ -1,6 +1,7 @@
 """The field as SSL-Vision describes it, and the cameras above it: their areas, and how they are calibrated."""
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -68,7 +69,8 @@ def surface(size: FieldSize) -> Array:
     return lengths + 2 * size.boundary_width
 
 
-class Area(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Area:
     """What a camera sees of the carpet: its middle and half its extent, (2,) m each."""
 
     middle: Array
@@ -80,8 +82,8 @@ class Area(NamedTuple):
 
     def pixel(self, x: float, y: float) -> tuple[float, float]:
         """Where a point on the carpet is in the image, which looks straight down."""
-        scale = self._focal_length / HEIGHT_M
-        return IMAGE[0] / 2 + scale * (x - self.middle[0]), IMAGE[1] / 2 - scale * (y - self.middle[1])
+        scale, middle_x, middle_y = self._scale
+        return IMAGE[0] / 2 + scale * (x - middle_x), IMAGE[1] / 2 - scale * (y - middle_y)
 
     def calibration(self, number: int) -> Calibration:
         """What SSL-Vision says of this camera: turned by half a turn about x, without distortion."""
@@ -106,9 +108,14 @@ class Area(NamedTuple):
             pixel_image_height=IMAGE[1],
         )
 
-    @property
+    @cached_property
     def _focal_length(self) -> float:
         return float(HEIGHT_M * np.min(np.array(IMAGE) / (2 * self.half)))
+
+    @cached_property
+    def _scale(self) -> tuple[float, float, float]:
+        """Pixels per m, and the middle."""
+        return self._focal_length / HEIGHT_M, float(self.middle[0]), float(self.middle[1])
 
 
 def areas(cameras: int, between_walls: Array, overlap: float) -> list[Area]:

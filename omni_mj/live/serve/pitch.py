@@ -4,7 +4,8 @@ Time is counted in cycles of the wheel loops, 1/960 s. Cameras look before a cyc
 cycle, and has no dead time, acts in it.
 """
 
-from collections.abc import Callable, Container, Sequence
+import math
+from collections.abc import Callable, Collection, Container, Sequence
 
 import numpy as np
 
@@ -38,6 +39,7 @@ class Pitch:
         names: of the robots, in the order of their numbers.
         plant: what moves.
         cycle: number of the next cycle.
+        due: cycle of the next image of any camera.
         size: of the field.
         ball: where it lies, (2,) m; None if there is none.
         held: what robots hold of the radio.
@@ -60,6 +62,7 @@ class Pitch:
         self.names = list(names)
         self.rows = self._rows()
         self._eyes = [Eye(number, self.rows) for number in range(self._vision.cameras)]
+        self.due = min(eye.due for eye in self._eyes)
         self._build(list(names.values()))
         self._areas = areas(len(self._eyes), self.plant.surface, self._vision.overlap_m)
         wrong = [self.plant.overlap(robot, self.plant.pose()[:, :2]) for robot in range(len(self.names))]
@@ -71,11 +74,6 @@ class Pitch:
     def time_s(self) -> float:
         """Simulated time, s."""
         return self.cycle / CYCLE_RATE_HZ
-
-    @property
-    def due(self) -> int:
-        """The cycle of the next image of any camera."""
-        return min(eye.due for eye in self._eyes)
 
     @property
     def first_due(self) -> int:
@@ -91,6 +89,7 @@ class Pitch:
                 seen = ~np.isnan(image.poses[:, 2])
                 self.measured[seen] = image.poses[seen]
                 images.append(image)
+        self.due = min(eye.due for eye in self._eyes)
         return images
 
     def step(self) -> None:
@@ -125,11 +124,11 @@ class Pitch:
             if isinstance(sent, Refusal):
                 refused.append(sent)
             elif sent is not None:
-                sent[[HEADING, IMAGE]] = self._seen[robot]
+                sent[HEADING], sent[IMAGE] = self._seen[robot]
                 packets[robot] = sent
                 to.append(robot)
         if to:
-            self._radio.send(packets, np.unique(to))
+            self._radio.send(packets, np.array(sorted(set(to))))
         return refused, commanded
 
     def numbers(self, team: Team) -> list[int]:
@@ -153,21 +152,24 @@ class Pitch:
             wanted = {name: put for name, put in wanted.items() if name not in blocked}
             if not blocked:
                 break
-        new = list[Name]()  # without a body
+        new, lent = list[Name](), False  # those without a body; whether one has the other team's
         for name in [name for name in wanted if self._find(name) is None]:
-            if (body := self._free(name[0], wanted)) is not None:
+            if (body := self._free((name[0],), wanted)) is not None:
                 self.names[body] = name
             elif len(self.names) + len(new) < MOST:
                 new.append(name)
+            elif (body := self._free(Team, wanted)) is not None:
+                self.names[body], lent = name, True
             else:
                 refused.append(Refusal("TOO_MANY", f"{label(name)} would be robot {MOST + 1}; a world has {MOST}"))
                 del wanted[name]
-        self._grow(new, wanted)
+        if new or lent:
+            self._grow(new, wanted)
         for name, (pose, twist) in wanted.items():
             robot = self._find(name)
             assert robot is not None
             self.plant.place(robot, pose, twist)
-            self._seen[robot] = pose[2], self.cycle
+            self._seen[robot] = float(pose[2]), self.cycle
         return refused
 
     def pose(self, name: Name) -> Array | None:
@@ -201,20 +203,19 @@ class Pitch:
             image: of a camera.
             clock: what clocks that are right show at the simulated time 0, s.
         """
-        same = np.array([name == now for name, now in zip(image.names, self.names, strict=False)])
-        heading = image.poses[:, 2]
-        newer = np.flatnonzero(same & ~np.isnan(heading) & (image.cycle >= self._seen[: len(same), 1]))
-        self._seen[newer] = np.column_stack([heading[newer], np.full(len(newer), image.cycle)])
+        for robot, (name, heading) in enumerate(zip(image.names, image.poses[:, 2].tolist(), strict=True)):
+            if not math.isnan(heading) and name == self.names[robot] and image.cycle >= self._seen[robot][1]:
+                self._seen[robot] = heading, image.cycle
         offset = self._eyes[image.camera].clock_offset - image.behind
         return detection(image, self._areas[image.camera], clock + offset, ROBOT_HEIGHT_M)
 
     def _find(self, name: Name) -> int | None:
         return self.names.index(name) if name in self.names else None
 
-    def _free(self, team: Team, wanted: Container[Name]) -> int | None:
-        """The body of a robot of a team that is away, and stays away."""
+    def _free(self, teams: Collection[Team], wanted: Container[Name]) -> int | None:
+        """The body of a robot of these teams that is away, and stays away."""
         here = enumerate(zip(self.names, self.plant.present, strict=True))
-        return next((i for i, (name, on) in here if not on and name[0] == team and name not in wanted), None)
+        return next((i for i, (name, on) in here if not on and name[0] in teams and name not in wanted), None)
 
     def _blocked(self, wanted: dict[Name, tuple[Array, Array]]) -> dict[Name, str]:
         """Why some cannot stand where they are wanted, the others there as well."""
@@ -228,8 +229,6 @@ class Pitch:
 
     def _grow(self, new: Sequence[Name], wanted: dict[Name, tuple[Array, Array]]) -> None:
         """Make the world anew with robots that it had no bodies for."""
-        if not new:
-            return
         poses, present = list(self.plant.pose()), [*self.plant.present, *[True] * len(new)]
         self.names += new
         self.rows = self._rows()
@@ -256,7 +255,7 @@ class Pitch:
         n = len(self.rows)
         self.held = received(np.tile(self._nothing, (n, 1)), np.zeros(n, bool), 0)
         self.measured = np.full((n, 3), np.nan)
-        self._seen = np.column_stack([self.plant.pose()[:, 2], np.full(n, self.cycle)])
+        self._seen = [(heading, self.cycle) for heading in self.plant.pose()[:, 2].tolist()]
 
     def _rows(self) -> list[Row]:
         """A row for each robot."""

@@ -48,7 +48,9 @@ class ServedPlant(MujocoPlant):
         """See `Plant`; also between frames."""
         w, x, y, z = self._at.quaternion.get().T
         heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        return np.column_stack([self._at.position.get()[:, :2], self._heading + wrap_angle(heading - self._heading)])
+        poses = self._at.position.get().copy()
+        poses[:, 2] = self._heading + wrap_angle(heading - self._heading)
+        return poses
 
     @property
     def frame_in(self) -> int:
@@ -106,10 +108,10 @@ class ServedPlant(MujocoPlant):
         return f"a robot that is {apart[near[0]]:.3f} m away" if near.size else ""
 
     def _begin(self) -> None:
-        away = np.flatnonzero(~self.present)
-        for robot in away:  # nothing holds them there
-            self._put(int(robot), np.zeros(3), AWAY_M + robot)
-        self._good = np.where(self.driven[:, None], self.pose(), self._good)
+        if not self.present.all():
+            for robot in np.flatnonzero(~self.present):  # nothing holds them there
+                self._put(int(robot), np.zeros(3), AWAY_M + robot)
+        np.copyto(self._good, super().pose(), where=self.driven[:, None])
         super()._begin()
 
     def _put(self, robot: int, pose: Array, height: float) -> None:

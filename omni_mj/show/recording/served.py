@@ -1,7 +1,7 @@
 """A recording of robots that others drive: they come and go, and nobody knows how long it lasts."""
 
 import uuid
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ PLOTS = {  # of each robot: channel -> its unit
     "winding": "deg C",
     "battery": "V",
 }
+AXES = "x", "y", "turning"  # of commands, whether the field's or the robot's own
 TEAMS = {"blue": (60, 110, 230), "yellow": (235, 200, 40)}
 BALL = (250, 130, 30)
 BALL_RADIUS_M = 0.0215
@@ -61,7 +62,7 @@ class ServedRecording:
         look = rr.Points3D.columns(positions=points, colors=[BALL] * len(points), radii=[BALL_RADIUS_M] * len(points))
         stream.send_columns("world/ball", time, look)
         for row, name in enumerate(names):
-            self._show(name)
+            self._show(name, {channel: log.channel(channel).shape[2] for channel in PLOTS})
             pose = log.channel("pose")[:, row]
             entity = f"world/{_entity(name)}"
             stream.send_columns(f"{entity}/at", time, scene.transform(pose))
@@ -86,16 +87,19 @@ class ServedRecording:
             self._stream.disconnect()
         return ""
 
-    def _show(self, name: str) -> None:
-        """Log a robot's shape once."""
+    def _show(self, name: str, lines: Mapping[str, int]) -> None:
+        """Log a robot's shape once, and how its lines look, so many of each channel."""
         if name in self._shown:
             return
         self._shown.add(name)
         team = TEAMS[name.split()[0]]
         robot_shape.log(self._stream, f"world/{_entity(name)}/at", team, self._settings)
-        for channel in PLOTS:
-            titles = [f"{name} {i + 1}" for i in range(8)]
-            look = rr.SeriesLines(names=titles[:1], colors=[colours.pale(team, 0.2)])
+        for channel, count in lines.items():
+            each = AXES if channel == "command" else [f"wheel {i + 1}" for i in range(count)] if count > 1 else [""]
+            look = rr.SeriesLines(
+                names=[f"{name} {one}".rstrip() for one in each],
+                colors=[colours.pale(team, 0.2 + 0.5 * i / count) for i in range(count)],
+            )
             self._stream.log(f"plots/{channel}/{_entity(name)}", look, static=True)
 
 
