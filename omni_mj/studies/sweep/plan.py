@@ -13,8 +13,8 @@ from omni_mj.scenarios.controllers import written
 from omni_mj.scenarios.references import timed
 from omni_mj.scenarios.rows import Row, table
 from omni_mj.scenarios.scenario import Scenario, load
+from omni_mj.simulate.alike import alike, all_alike
 from omni_mj.studies.sweep.grid import Axis, Value, at, made, points
-from omni_mj.worlds.shape import Shape
 
 AT_ONCE = 128  # robots that are simulated at once
 FRAME_BYTES = 600  # of a robot-frame's log, with what is made of it to measure (docs/performance.md)
@@ -71,11 +71,15 @@ class Plan:
         """The shards: runs whose robots one batch can hold, all controllers of a run in the same."""
         groups: dict[Any, list[tuple[int, int]]] = {}
         for number, each in enumerate(self.there):
-            s = each.settings
-            key = (Shape.of(s), s.body, s.wheels, s.physics) if each.plant == "mujoco" else None
-            groups.setdefault((key, len(s.world.places)), []).extend((number, seed) for seed in each.seed_list)
+            if all_alike(each):
+                group = groups.setdefault(alike(each.plant, each.settings), [])
+                group += [(number, seed) for seed in each.seed_list]
+                continue
+            for seed in each.seed_list:
+                groups.setdefault(alike(each.plant, each.settings_of(seed)), []).append((number, seed))
         jobs: list[Job] = []
-        for (_, places), runs in groups.items():
+        for runs in groups.values():
+            places = len(self.there[runs[0][0]].settings.world.places)
             size = max(1, self.at_once // (len(self.scenario.controllers) * places))
             jobs += [Job(len(jobs) + i // size, tuple(runs[i : i + size])) for i in range(0, len(runs), size)]
         return [Job(number, job.runs) for number, job in enumerate(jobs)]
