@@ -1,6 +1,7 @@
 """`omni-mj sweep`: how often does it fail, and where; one scenario under many settings and seeds."""
 
 import time
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from omni_mj.cli import console, folders, options
 if TYPE_CHECKING:
     from omni_mj.studies.outcome import AfterFrame
     from omni_mj.studies.sweep import Plan, Sweep
+    from omni_mj.studies.sweep.elsewhere import Workers
     from omni_mj.studies.sweep.plan import Job
 
 OUTPUTS = ("sweep.json", "scenario.toml", "rows.parquet", "summary.json", "sweep.md", "sweep.png", "shards")
@@ -31,6 +33,8 @@ TRIAL_FRAMES = 20  # of the first shard, from which the time is estimated
 @click.option("--seeds", type=int, metavar="N", help="How many seeds at each point. [the scenario's]")
 @options.SETTINGS
 @click.option("--at-once", type=int, metavar="N", help="Robots simulated at once; memory grows with them. [128]")
+@click.option("--jobs", type=int, default=1, metavar="N", help="Processes of this machine that run it. [1]")
+@click.option("--cluster", metavar="tcp://HOST:PORT", help="Scheduler of a Dask cluster whose workers run it.")
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/sweep-<UTC time>]")
 @click.option("--resume", type=options.FOLDER, metavar="DIR", help="Go on with a sweep that was stopped or killed.")
 @options.QUIET
@@ -45,6 +49,8 @@ def command(
     seeds: int | None,
     overrides: tuple[str, ...],
     at_once: int | None,
+    jobs: int,
+    cluster: str | None,
     out: Path | None,
     resume: Path | None,
     quiet: bool,
@@ -56,8 +62,10 @@ def command(
     """
     from omni_mj.scenarios import scenario
     from omni_mj.studies import sweep
+    from omni_mj.studies.sweep.elsewhere import workers
     from omni_mj.studies.sweep.plan import AT_ONCE, Plan
 
+    where = workers(jobs, cluster)
     if resume is not None:
         if name or varied or out:
             raise OmniError("--resume says it all: the folder knows its scenario and what is varied")
@@ -72,14 +80,14 @@ def command(
         options.tell_model(chosen, quiet)
         grid = sweep.axes([sweep.axis(each) for each in varied])
         plan = Plan(chosen, grid, AT_ONCE if at_once is None else at_once)
-        plan.check_memory()
+        plan.check_memory(jobs)
         folder = folders.prepare(out, "sweep", OUTPUTS, overwrite=False)
         with console.writing(folder):
             plan.save(folder)
-    _carry_on(plan, folder, quiet)
+    _carry_on(plan, folder, where, quiet)
 
 
-def _carry_on(plan: "Plan", folder: Path, quiet: bool) -> None:
+def _carry_on(plan: "Plan", folder: Path, where: "Workers | None", quiet: bool) -> None:
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.show import sweep_figure, sweep_table
     from omni_mj.studies.sweep import study
@@ -88,14 +96,14 @@ def _carry_on(plan: "Plan", folder: Path, quiet: bool) -> None:
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
         console.quiet_mujoco()
         if jobs and not quiet:
-            print(_estimate(plan, jobs))
-        show, order = begin("sweep", plan.frames * len(jobs)), {job.number: i for i, job in enumerate(jobs)}
+            print(_estimate(plan, jobs, where is None))
+        show, shards = begin("sweep", plan.frames * len(jobs)), count()
 
-        def before_shard(job: "Job") -> "AfterFrame":
-            done = order[job.number] * plan.frames
+        def before_shard(_: "Job") -> "AfterFrame":
+            done = next(shards) * plan.frames
             return console.checked(interrupts.check, lambda frame: show(done + frame))
 
-        found = study.carry_on(plan, folder, before_shard)
+        found = study.carry_on(plan, folder, before_shard, where, interrupts.check)
     with console.writing(folder):
         if found.done:
             sweep_table.save(found, folder / "sweep.md")
@@ -104,7 +112,7 @@ def _carry_on(plan: "Plan", folder: Path, quiet: bool) -> None:
     interrupts.end(found.stopped, f"{found.done} of {len(plan.jobs)} shards are in {folder}; --resume {folder} goes on")
 
 
-def _estimate(plan: "Plan", jobs: "list[Job]") -> str:
+def _estimate(plan: "Plan", jobs: "list[Job]", alone: bool) -> str:
     """How much there is to do, and how long it takes about, from the first frames of a shard."""
     from omni_mj.studies.sweep import shard
 
@@ -116,7 +124,8 @@ def _estimate(plan: "Plan", jobs: "list[Job]") -> str:
     shard_s = (time.perf_counter() - started) * plan.frames / TRIAL_FRAMES
     runs = sum(len(job.runs) for job in jobs)
     shards = f"{runs} runs of {len(plan.scenario.controllers)} controllers in {len(jobs)} shards"
-    return f"{shards}: about {_duration(shard_s * len(jobs))}, {plan.bytes / 1e9:.1f} GB of memory"
+    each = "" if alone else ", over as many processes as there are; each"
+    return f"{shards}: about {_duration(shard_s * len(jobs))}{each}, {plan.bytes / 1e9:.1f} GB of memory"
 
 
 def _duration(seconds: float) -> str:

@@ -2,7 +2,7 @@
 
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
@@ -56,6 +56,10 @@ class Plan:
             raise OmniError(f"robots at once must be at least 1, not {self.at_once}")
         _ = self.there  # every point is checked before anything is run
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What another process is sent: what was asked for, and not what follows from it."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
+
     @cached_property
     def points(self) -> list[dict[str, Value]]:
         """All points, in order."""
@@ -84,6 +88,11 @@ class Plan:
             jobs += [Job(len(jobs) + i // size, tuple(runs[i : i + size])) for i in range(0, len(runs), size)]
         return [Job(number, job.runs) for number, job in enumerate(jobs)]
 
+    def scenarios(self, job: Job) -> dict[int, Scenario]:
+        """The scenario at each point of a shard; what knows it alone need not make those of all others."""
+        numbers = dict.fromkeys(point for point, _ in job.runs)
+        return {point: at(self.scenario, self.points[point]) for point in numbers}
+
     def rows(self, job: Job) -> list[Row]:
         """The robots of a shard, a world for each run and controller.
 
@@ -91,8 +100,9 @@ class Plan:
             OmniError: what a seed draws is not allowed.
         """
         found: list[Row] = []
+        scenarios = self.scenarios(job)
         for point, seed in job.runs:
-            there = self.there[point]
+            there = scenarios[point]
             for row in table(there.labels, [seed], there.settings_of, there.robot):
                 worlds = found[-1].world + (row.place == 0) if found else 0
                 found.append(Row(worlds, row.place, row.controller, row.seed, row.settings, row.robot))
@@ -116,18 +126,19 @@ class Plan:
         places = max(len(each.settings.world.places) for each in self.there)
         return most * places * self.frames * FRAME_BYTES
 
-    def check_memory(self) -> None:
-        """See that it fits.
+    def check_memory(self, jobs: int = 1) -> None:
+        """See that as many shards at once fit.
 
         Raises:
             OmniError: it does not; how many robots at once would.
         """
         have = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else 0
-        if have and self.bytes > 0.8 * have:
-            fits = max(1, int(self.at_once * 0.5 * have / self.bytes))
+        needed = jobs * self.bytes
+        if have and needed > 0.8 * have:
+            fits = max(1, int(self.at_once * 0.5 * have / needed))
             raise OmniError(
-                f"{self.at_once} robots at once for {self.frames} frames need some {self.bytes / 1e9:.1f} GB, and there"
-                f" are {have / 1e9:.1f}; give fewer: --at-once {fits}"
+                f"{jobs * self.at_once} robots at once for {self.frames} frames need some {needed / 1e9:.1f} GB, and"
+                f" there are {have / 1e9:.1f}; give fewer: --at-once {fits}"
             )
 
     def save(self, folder: Path) -> None:
