@@ -14,7 +14,7 @@ from omni_mj.scenarios.references import timed
 from omni_mj.scenarios.rows import Row, table
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.simulate.alike import alike, all_alike
-from omni_mj.studies.sweep.grid import Axis, Value, at, made, points
+from omni_mj.studies.sweep.grid import Axis, Value, at, made, points, together
 
 AT_ONCE = 128  # robots that are simulated at once
 FRAME_BYTES = 600  # of a robot-frame's log, with what is made of it to measure (docs/performance.md)
@@ -42,6 +42,8 @@ class Plan:
         scenario: with its controllers, seeds and all that is not varied.
         axes: what is varied.
         at_once: robots that are simulated at once, at most; results do not depend on it.
+        design: method and samples, where the axes' values are taken together, the first of each, the second, rather
+            than all combinations of them; see `sensitivity`.
 
     Raises:
         OmniError: a point is not allowed.
@@ -50,6 +52,7 @@ class Plan:
     scenario: Scenario
     axes: tuple[Axis, ...]
     at_once: int = AT_ONCE
+    design: tuple[str, int] | None = None
 
     def __post_init__(self) -> None:
         if self.at_once < 1:
@@ -63,7 +66,7 @@ class Plan:
     @cached_property
     def points(self) -> list[dict[str, Value]]:
         """All points, in order."""
-        return points(self.axes)
+        return together(self.axes) if self.design else points(self.axes)
 
     @cached_property
     def there(self) -> list[Scenario]:
@@ -109,6 +112,11 @@ class Plan:
         return found
 
     @property
+    def key(self) -> tuple[Any, ...]:
+        """What two plans of the same sweep have in common."""
+        return self.scenario.to_toml(), self.axes, self.at_once, self.design
+
+    @property
     def robots(self) -> int:
         """How many there are in all."""
         places = sum(len(each.settings.world.places) for each in self.there)
@@ -148,7 +156,7 @@ class Plan:
             "controllers": [written(kind) for kind in self.scenario.controllers],
             "axes": [{"name": each.name, "values": list(each.values)} for each in self.axes],
             "at_once": self.at_once,
-        }
+        } | ({"design": list(self.design)} if self.design else {})
         write(folder / "scenario.toml", self.scenario.to_toml())
         write(folder / "sweep.json", json.dumps(content, indent=1, ensure_ascii=False) + "\n")
 
@@ -164,9 +172,11 @@ class Plan:
             content = json.loads(path.read_text(encoding="utf-8"))
             if content["format"] != FORMAT:
                 raise OmniError(f"{path} is of format {content['format']!r}; this version reads {FORMAT}")
-            grid = tuple(made(each["name"], each["values"]) for each in content["axes"])
+            method, samples = content.get("design") or (None, 0)
+            axis = Axis if method else made
+            grid = tuple(axis(each["name"], tuple(each["values"])) for each in content["axes"])
             chosen = load(str(folder / "scenario.toml"), code=True, head={"controllers": content["controllers"]})
-            return cls(chosen, grid, int(content["at_once"]))
+            return cls(chosen, grid, int(content["at_once"]), (method, int(samples)) if method else None)
         except OSError as error:
             raise OmniError(f"{folder} holds no sweep: {path.name}: {error.strerror}") from None
         except (ValueError, KeyError, TypeError) as error:

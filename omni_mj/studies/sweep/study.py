@@ -12,7 +12,7 @@ from omni_mj.files import write
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
 from omni_mj.studies.run import chosen
-from omni_mj.studies.sweep import cells, elsewhere, shard
+from omni_mj.studies.sweep import cells, elsewhere, kept, shard
 from omni_mj.studies.sweep.elsewhere import Workers, workers
 from omni_mj.studies.sweep.grid import Axis, axes
 from omni_mj.studies.sweep.plan import AT_ONCE, Job, Plan
@@ -67,6 +67,7 @@ def sweep(
     at_once: int = AT_ONCE,
     jobs: int = 1,
     cluster: Any = None,
+    keep: Iterable[str] = (),
     before_shard: BeforeShard = lambda job: nothing,
 ) -> Sweep:
     """Run a scenario under all combinations of settings, with all seeds and controllers.
@@ -80,6 +81,7 @@ def sweep(
         at_once: robots that are simulated at once: memory grows with them, and not with the number of runs.
         jobs: processes of this machine that run shards side by side.
         cluster: address of a Dask scheduler, or a `distributed.Client`, on whose workers shards are run in their place.
+        keep: of which robots of each controller the trajectories are kept: "worst:3", "median", "sample:10".
         before_shard: called with each shard; what it returns is called after each frame, and may raise `StoppedError`.
             Of shards that other processes run, both are called once, when they are done.
 
@@ -87,8 +89,23 @@ def sweep(
         OmniError: something is unknown or not allowed, what is asked for does not fit into memory, or another sweep is
             in the folder.
     """
-    plan, folder = Plan(chosen(scenario, controllers, seeds), axes(vary), at_once), Path(out)
-    where = workers(jobs, cluster)
+    plan, wishes = Plan(chosen(scenario, controllers, seeds), axes(vary), at_once), [kept.wish(each) for each in keep]
+    found = run(plan, out, jobs=jobs, cluster=cluster, before_shard=before_shard)
+    if found.complete:
+        kept.keep(found, wishes)
+    return found
+
+
+def run(
+    plan: Plan,
+    out: str | Path,
+    *,
+    jobs: int = 1,
+    cluster: Any = None,
+    before_shard: BeforeShard = lambda job: nothing,
+) -> Sweep:
+    """Run a plan, such as one of `sensitivity.plan`; see `sweep`."""
+    folder, where = Path(out), workers(jobs, cluster)
     plan.check_memory(jobs)
     if (folder / "sweep.json").exists():
         _check_same(Plan.read(folder), plan, folder)
@@ -181,5 +198,5 @@ def _gathered(plan: Plan, folder: Path) -> "pa.Table":
 
 def _check_same(known: Plan, plan: Plan, folder: Path) -> None:
     """See that a folder's sweep is this one, whatever the robots at once: shards are those of the one that began it."""
-    if (known.scenario.to_toml(), known.axes, known.at_once) != (plan.scenario.to_toml(), plan.axes, plan.at_once):
+    if known.key != plan.key:
         raise OmniError(f"{folder} holds another sweep; name another --out, or go on with that: --resume {folder}")
