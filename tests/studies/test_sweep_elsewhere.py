@@ -1,20 +1,18 @@
 """Sweeps that other processes run: every row once and to the bit what it is here, whoever is killed meanwhile."""
 
-import os
-import signal
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from distributed import Client, LocalCluster
 
 import omni_mj as om
 from omni_mj.cli.sweep import command
 from omni_mj.studies import sweep
-from omni_mj.studies.outcome import StoppedError, nothing
+from omni_mj.studies.outcome import nothing
 from omni_mj.studies.sweep import elsewhere
 from omni_mj.studies.sweep.plan import Job
 
@@ -39,27 +37,33 @@ def here(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
 
 
 @pytest.fixture(scope="module")
-def cluster() -> Iterator[LocalCluster]:
-    """A scheduler, and two workers, processes of their own that share no memory with this one."""
-    with LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
-    ) as made:
-        yield made
+def workers() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """The address of a scheduler, and two workers, processes of their own that share nothing with this one."""
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", "--no-nanny", "--nthreads", "1", "--no-dashboard"]
+    with LocalCluster(n_workers=0, dashboard_address=None, silence_logs=50) as scheduler:
+        address = scheduler.scheduler_address
+        processes = [subprocess.Popen([*command, address], stderr=subprocess.DEVNULL) for _ in range(2)]
+        with Client(address) as client:
+            client.wait_for_workers(2, timeout=120)
+        yield address, processes
+        for process in processes:
+            process.kill()
+            process.wait()
 
 
 def test_a_cluster_of_which_a_worker_is_killed_finds_the_same(
-    here: dict[str, list[str]], cluster: LocalCluster, tmp_path: Path
+    here: dict[str, list[str]], workers: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
 ) -> None:
     """Killed when two of twelve shards are done and others are on their way."""
     done: list[int] = []
+    address, processes = workers
 
     def kill_one(job: Job) -> Callable[[int], None]:
         done.append(job.number)
         if len(done) == 2:
-            os.kill(next(iter(cluster.workers.values())).pid, signal.SIGKILL)
+            processes[0].kill()
         return nothing
 
-    address = cluster.scheduler_address
     found = sweep.sweep(
         scenario(), VARY, NAMES, range(3), out=tmp_path / "there", at_once=2, cluster=address, before_shard=kill_one
     )
@@ -68,33 +72,13 @@ def test_a_cluster_of_which_a_worker_is_killed_finds_the_same(
     assert bits(found.rows()) == here
 
 
-def test_the_command_goes_on_with_a_sweep_on_a_cluster(
-    here: dict[str, list[str]], cluster: LocalCluster, tmp_path: Path
-) -> None:
-    """Of one that was begun here."""
-    folder = tmp_path / "sweep"
-    part = sweep.sweep(scenario(), VARY, NAMES, range(3), out=folder, at_once=8, before_shard=stopping_after(1))
-    assert (part.done, part.complete) == (1, False)
-    command.main(["--resume", str(folder), "--cluster", cluster.scheduler_address, "--quiet"], standalone_mode=False)
-    assert bits(pq.read_table(folder / "rows.parquet")) == here
-
-
-def stopping_after(count: int) -> Callable[[Job], Callable[[int], None]]:
-    def before_shard(job: Job) -> Callable[[int], None]:
-        if job.number == count:
-            raise StoppedError("enough")
-        return nothing
-
-    return before_shard
-
-
 def test_a_worker_of_another_version_is_refused(
-    cluster: LocalCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    workers: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Told of this side's, which here are wrong: what is refused is what a worker finds to be otherwise than it is."""
     true = elsewhere._same()
     monkeypatch.setattr(elsewhere, "_same", lambda: {**true, "mujoco": "1.2.3"})
-    with Client(cluster.scheduler_address) as client, pytest.raises(om.OmniError, match=r"mujoco 4\S*, not 1\.2\.3"):
+    with Client(workers[0]) as client, pytest.raises(om.OmniError, match=r"mujoco 4\S*, not 1\.2\.3"):
         sweep.sweep(scenario(), VARY, NAMES, out=tmp_path / "sweep", cluster=client)
 
 
@@ -114,6 +98,9 @@ def test_what_cannot_be_is_said_in_a_line(tmp_path: Path, monkeypatch: pytest.Mo
     ):
         with pytest.raises(om.OmniError, match=words):
             sweep.sweep(scenario(), VARY, NAMES, out=tmp_path / "none", **given)
+    begin = ["--scenario", "rect", "--vary", "carpet.friction=0.5", "--quiet", "--out", str(tmp_path / "other")]
+    with pytest.raises(om.OmniError, match="no Dask scheduler answers at nonsense"):
+        command.main([*begin, "--cluster", "nonsense"], standalone_mode=False)
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(om.OmniError, match=r"omni-mj\[cluster\]"):
         sweep.sweep(scenario(), VARY, NAMES, out=tmp_path / "none", cluster="tcp://127.0.0.1:9")
