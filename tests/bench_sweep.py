@@ -3,7 +3,7 @@
     python tests/bench_sweep.py [--plant kinematic planar mujoco] [--runs 1000 10000] [--controller comp-flc]
                                 [--at-once 512] [--set SECTION.FIELD=VALUE ...]
 
-Each sweep is a process of its own, whose highest memory is told. Friction is varied over ten values.
+Each sweep is a process of its own, whose highest memory is told. The dead time is varied over ten values.
 """
 
 import argparse
@@ -23,7 +23,7 @@ def measured(plant: str, runs: int, given: argparse.Namespace) -> tuple[float, f
         sets = [word for each in given.set for word in ("--set", each)]
         command = [
             sys.executable, "-m", "omni_mj.cli.main", "sweep", "--quiet", "--scenario", "rect", "--plant", plant,
-            "--controller", given.controller, "--vary", f"carpet.friction=0.4:0.85:{POINTS}",
+            "--controller", given.controller, "--vary", f"radio.delay_frames=0:{POINTS - 1}:1",
             "--seeds", str(runs // POINTS), "--at-once", str(given.at_once), "--out", str(out), *sets,
         ]  # fmt: skip
         _, status, used = os.wait4(subprocess.Popen(command).pid, 0)

@@ -189,6 +189,17 @@ def test_what_is_not_allowed_is_said_in_a_line(given: dict[str, Any], words: str
         Tracks(**given)
 
 
+def test_a_scenario_of_a_controller_with_parameters_will_do() -> None:
+    """Of any scenario; who drives in it otherwise does not matter."""
+    other = om.scenario("rect", plant="kinematic", controllers=[Policy, Tuned], controller={"Tuned": {"gain": 2.0}})
+    seen, _ = Track(other).reset(seed=0)
+    np.testing.assert_array_equal(seen, Track("rect", plant="kinematic").reset(seed=0)[0])
+
+
+class Tuned(Policy):
+    gain: float = 1.0
+
+
 def test_actions_that_are_none_are_refused() -> None:
     env = Tracks(2, plant="kinematic")
     env.reset(seed=0)
