@@ -77,11 +77,7 @@ def command(
     from omni_mj.studies.sweep.elsewhere import workers
     from omni_mj.studies.sweep.plan import AT_ONCE, Plan
 
-    where, wishes, size = (
-        workers(jobs, cluster),
-        [kept.wish(each) for each in keeping],
-        AT_ONCE if at_once is None else at_once,
-    )
+    where, wishes = workers(jobs, cluster), [kept.wish(each) for each in keeping]
     if resume is not None:
         if name or varied or out or sensitivity:
             raise OmniError("--resume says it all: the folder knows its scenario and what is varied")
@@ -96,6 +92,7 @@ def command(
         given = {key: value for key, value in head.items() if value is not None}
         chosen = scenario.load(name, options.with_model(overrides, model), given)
         options.tell_model(chosen, quiet)
+        size = AT_ONCE if at_once is None else at_once
         if sensitivity:
             plan = sensitivities.plan(chosen, sensitivities.Design(sensitivity, samples), at_once=size)
         else:
@@ -115,7 +112,7 @@ def _carry_on(plan: "Plan", folder: Path, where: "Workers | None", wishes: "list
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
         console.quiet_mujoco()
         if jobs and not quiet:
-            print(_estimate(plan, jobs, where is None))
+            print(_estimate(plan, jobs))
         show, shards = begin("sweep", plan.frames * len(jobs)), count()
 
         def before_shard(_: "Job") -> "AfterFrame":
@@ -130,8 +127,8 @@ def _carry_on(plan: "Plan", folder: Path, where: "Workers | None", wishes: "list
     interrupts.end(found.stopped, f"{found.done} of {len(plan.jobs)} shards are in {folder}; --resume {folder} goes on")
 
 
-def _estimate(plan: "Plan", jobs: "list[Job]", alone: bool) -> str:
-    """How much there is to do, and how long it takes about, from the first frames of a shard."""
+def _estimate(plan: "Plan", jobs: "list[Job]") -> str:
+    """How much there is to do, and how long one process takes about, from the first frames of a shard."""
     from omni_mj.studies.sweep import shard
 
     trial = shard.simulation(plan, jobs[0])
@@ -142,8 +139,7 @@ def _estimate(plan: "Plan", jobs: "list[Job]", alone: bool) -> str:
     shard_s = (time.perf_counter() - started) * plan.frames / TRIAL_FRAMES
     runs = sum(len(job.runs) for job in jobs)
     shards = f"{runs} runs of {len(plan.scenario.controllers)} controllers in {len(jobs)} shards"
-    each = "" if alone else ", over as many processes as there are; each"
-    return f"{shards}: about {_duration(shard_s * len(jobs))}{each}, {plan.bytes / 1e9:.1f} GB of memory"
+    return f"{shards}: about {_duration(shard_s * len(jobs))} and {plan.bytes / 1e9:.1f} GB of memory for one process"
 
 
 def _duration(seconds: float) -> str:

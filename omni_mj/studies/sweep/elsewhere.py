@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 LOOK_S = 0.2  # between two looks at whether it shall stop
 ANSWER_S = 10.0  # that a scheduler may take
-Workers = AbstractContextManager[tuple[Executor, int]]
+Workers = AbstractContextManager[Executor]
 
 
 def workers(jobs: int = 1, cluster: Any = None) -> Workers | None:
     """Where shards are run: processes of this machine, a cluster, or, if None, here.
 
-    Entered, it gives an executor, and how many shards that runs at once.
+    Entered, it gives an executor.
 
     Args:
         jobs: processes; 1 for this one alone.
@@ -101,12 +101,12 @@ def _same() -> dict[str, str]:
 
 
 @contextmanager
-def _processes(count: int) -> Iterator[tuple[Executor, int]]:
+def _processes(count: int) -> Iterator[Executor]:
     before = multiprocessing.active_children()
     context = multiprocessing.get_context("spawn")  # forked ones would inherit threads, of which they know nothing
     with ProcessPoolExecutor(count, context, _begin) as executor:
         try:
-            yield executor, count
+            yield executor
         except BaseException:
             executor.shutdown(wait=False, cancel_futures=True)
             for child in multiprocessing.active_children():
@@ -126,7 +126,7 @@ def _begin() -> None:
 
 
 @contextmanager
-def _cluster(cluster: Any) -> Iterator[tuple[Executor, int]]:
+def _cluster(cluster: Any) -> Iterator[Executor]:
     try:
         from distributed import Client as Scheduler
     except ModuleNotFoundError:
@@ -142,7 +142,7 @@ def _cluster(cluster: Any) -> Iterator[tuple[Executor, int]]:
             client.wait_for_workers(1, timeout=ANSWER_S)
         except TimeoutError:
             raise OmniError(f"the scheduler at {cluster} has no workers: start some with `dask worker`") from None
-        yield client.get_executor(pure=False), sum(client.nthreads().values())
+        yield client.get_executor(pure=False)
     finally:
         if own:
             client.close()

@@ -176,7 +176,7 @@ def _tables(
         for job in jobs:
             yield job, shard.run(plan, job, before_shard(job))
         return
-    with where as (executor, _):
+    with where as executor:
         for job, table in elsewhere.tables(plan, jobs, executor, check):
             yield job, table
             before_shard(job)(plan.frames - 1)
