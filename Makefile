@@ -26,6 +26,7 @@ bench: $(VENV)/.installed-test
 	PYTHONPATH=tests/support $(BIN)/python tests/bench_wire.py
 	$(BIN)/python tests/bench_recording.py
 	$(BIN)/python tests/bench.py
+	$(BIN)/python tests/bench_gym.py
 	$(BIN)/python tests/bench_serve.py
 
 # Warnings, as of a link that leads nowhere, fail it.

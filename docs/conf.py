@@ -35,6 +35,7 @@ NAVIGATION = {
         "docs/reference",
         "docs/faults",
         "docs/scale",
+        "docs/gym",
         "docs/robust",
         "docs/robots",
         "docs/identify",

@@ -1,6 +1,7 @@
 """`omni-mj sweep`: how often does it fail, and where; one scenario under many settings and seeds."""
 
 import time
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,9 +13,14 @@ from omni_mj.cli import console, folders, options
 if TYPE_CHECKING:
     from omni_mj.studies.outcome import AfterFrame
     from omni_mj.studies.sweep import Plan, Sweep
+    from omni_mj.studies.sweep.elsewhere import Workers
+    from omni_mj.studies.sweep.kept import Wish
     from omni_mj.studies.sweep.plan import Job
 
-OUTPUTS = ("sweep.json", "scenario.toml", "rows.parquet", "summary.json", "sweep.md", "sweep.png", "shards")
+OUTPUTS = (
+    "sweep.json", "scenario.toml", "rows.parquet", "summary.json", "sweep.md", "sweep.png", "sensitivity.md",
+    "sensitivity.png", "shards", "kept",
+)  # fmt: skip
 TRIAL_FRAMES = 20  # of the first shard, from which the time is estimated
 
 
@@ -31,6 +37,11 @@ TRIAL_FRAMES = 20  # of the first shard, from which the time is estimated
 @click.option("--seeds", type=int, metavar="N", help="How many seeds at each point. [the scenario's]")
 @options.SETTINGS
 @click.option("--at-once", type=int, metavar="N", help="Robots simulated at once; memory grows with them. [128]")
+@click.option("--keep", "keeping", multiple=True, metavar="worst:N|median:N|sample:N", help="Trajectories of robots.")
+@click.option("--sensitivity", metavar="sobol|morris", help="Of what is drawn, what matters? In place of --vary.")
+@click.option("--samples", type=int, default=64, metavar="N", help="For it; runs are N times settings and more. [64]")
+@click.option("--jobs", type=int, default=1, metavar="N", help="Processes of this machine that run it. [1]")
+@click.option("--cluster", metavar="tcp://HOST:PORT", help="Scheduler of a Dask cluster whose workers run it.")
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/sweep-<UTC time>]")
 @click.option("--resume", type=options.FOLDER, metavar="DIR", help="Go on with a sweep that was stopped or killed.")
 @options.QUIET
@@ -40,6 +51,11 @@ def command(
     name: str | None,
     varied: tuple[str, ...],
     at_once: int | None,
+    keeping: tuple[str, ...],
+    sensitivity: str | None,
+    samples: int,
+    jobs: int,
+    cluster: str | None,
     out: Path | None,
     resume: Path | None,
     quiet: bool,
@@ -50,54 +66,61 @@ def command(
     twice. Numbers that are drawn (--set carpet.friction='{uniform = [0.4, 0.9]}') are drawn for each seed.
     """
     from omni_mj.studies import sweep
+    from omni_mj.studies.sweep import kept
+    from omni_mj.studies.sweep import sensitivity as sensitivities
+    from omni_mj.studies.sweep.elsewhere import workers
     from omni_mj.studies.sweep.plan import AT_ONCE, Plan
 
+    where, wishes = workers(jobs, cluster), [kept.wish(each) for each in keeping]
     if resume is not None:
-        if name or varied or out:
+        if name or varied or out or sensitivity:
             raise OmniError("--resume says it all: the folder knows its scenario and what is varied")
         plan, folder = Plan.read(resume), resume
     else:
-        if name is None or not varied:
+        if sensitivity and varied:
+            raise OmniError("give --vary, or --sensitivity, which samples what is drawn (--set)")
+        if name is None or not (varied or sensitivity):
             missing = "--scenario" if name is None else "--vary"
             raise OmniError(f"{missing} is missing: omni-mj sweep --scenario rect --vary carpet.friction=0.3:1.0:8")
         chosen = choice.load(name)
         options.tell_model(chosen, quiet)
-        grid = sweep.axes([sweep.axis(each) for each in varied])
-        plan = Plan(chosen, grid, AT_ONCE if at_once is None else at_once)
-        plan.check_memory()
+        size = AT_ONCE if at_once is None else at_once
+        if sensitivity:
+            plan = sensitivities.plan(chosen, sensitivities.Design(sensitivity, samples), at_once=size)
+        else:
+            plan = Plan(chosen, sweep.axes([sweep.axis(each) for each in varied]), size)
+        plan.check_memory(jobs)
         folder = folders.prepare(out, "sweep", OUTPUTS, overwrite=False)
         with console.writing(folder):
             plan.save(folder)
-    _carry_on(plan, folder, quiet)
+    _carry_on(plan, folder, where, wishes, quiet)
 
 
-def _carry_on(plan: "Plan", folder: Path, quiet: bool) -> None:
+def _carry_on(plan: "Plan", folder: Path, where: "Workers | None", wishes: "list[Wish]", quiet: bool) -> None:
     from omni_mj.cli.interrupts import Interrupts
-    from omni_mj.show import sweep_figure, sweep_table
-    from omni_mj.studies.sweep import study
+    from omni_mj.studies.sweep import kept, study
 
     jobs = study.left(plan, folder)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
         console.quiet_mujoco()
         if jobs and not quiet:
             print(_estimate(plan, jobs))
-        show, order = begin("sweep", plan.frames * len(jobs)), {job.number: i for i, job in enumerate(jobs)}
+        show, shards = begin("sweep", plan.frames * len(jobs)), count()
 
-        def before_shard(job: "Job") -> "AfterFrame":
-            done = order[job.number] * plan.frames
+        def before_shard(_: "Job") -> "AfterFrame":
+            done = next(shards) * plan.frames
             return console.checked(interrupts.check, lambda frame: show(done + frame))
 
-        found = study.carry_on(plan, folder, before_shard)
+        found = study.carry_on(plan, folder, before_shard, where, interrupts.check)
     with console.writing(folder):
-        if found.done:
-            sweep_table.save(found, folder / "sweep.md")
-            sweep_figure.save(found, folder / "sweep.png")
-    _tell(found, quiet)
+        if found.complete:
+            kept.keep(found, wishes)
+        _show(found, quiet)
     interrupts.end(found.stopped, f"{found.done} of {len(plan.jobs)} shards are in {folder}; --resume {folder} goes on")
 
 
 def _estimate(plan: "Plan", jobs: "list[Job]") -> str:
-    """How much there is to do, and how long it takes about, from the first frames of a shard."""
+    """How much there is to do, and how long one process takes about, from the first frames of a shard."""
     from omni_mj.studies.sweep import shard
 
     trial = shard.simulation(plan, jobs[0])
@@ -108,7 +131,7 @@ def _estimate(plan: "Plan", jobs: "list[Job]") -> str:
     shard_s = (time.perf_counter() - started) * plan.frames / TRIAL_FRAMES
     runs = sum(len(job.runs) for job in jobs)
     shards = f"{runs} runs of {len(plan.scenario.controllers)} controllers in {len(jobs)} shards"
-    return f"{shards}: about {_duration(shard_s * len(jobs))}, {plan.bytes / 1e9:.1f} GB of memory"
+    return f"{shards}: about {_duration(shard_s * len(jobs))} and {plan.bytes / 1e9:.1f} GB of memory for one process"
 
 
 def _duration(seconds: float) -> str:
@@ -121,11 +144,21 @@ def _duration(seconds: float) -> str:
     )
 
 
-def _tell(found: "Sweep", quiet: bool) -> None:
-    if quiet or not found.done:
-        return
-    from omni_mj.show import sweep_table, terminal
+def _show(found: "Sweep", quiet: bool) -> None:
+    """Write tables and figures of what is there, and print the table."""
+    from omni_mj.show import sensitivity, sweep_figure, sweep_table, terminal
+    from omni_mj.studies.sweep.sensitivity import indices
 
-    terminal.show(sweep_table.shown(found))
-    files = ", ".join(str(found.folder / name) for name in OUTPUTS if (found.folder / name).is_file())
-    print(f"{found.done} of {len(found.plan.jobs)} shards; results in {files}")
+    folder, shown = found.folder, None
+    if found.plan.design and found.complete:
+        lines = indices(found)
+        sensitivity.save(found, lines, folder)
+        shown = sensitivity.table(found, lines)
+    elif found.done and not found.plan.design:
+        sweep_table.save(found, folder / "sweep.md")
+        sweep_figure.save(found, folder / "sweep.png")
+        shown = sweep_table.shown(found)
+    if shown and not quiet:
+        terminal.show(shown)
+        files = ", ".join(str(folder / name) for name in OUTPUTS if (folder / name).exists())
+        print(f"{found.done} of {len(found.plan.jobs)} shards; results in {files}")

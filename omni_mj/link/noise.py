@@ -47,8 +47,8 @@ class Noise:
     def __init__(
         self, seeds: Sequence[Seed], stream: Stream, sample: Callable[[np.random.Generator, int], Array]
     ) -> None:
-        distinct = list(dict.fromkeys(seeds))
-        self._rows = np.array([distinct.index(seed) for seed in seeds]) if len(distinct) > 1 else slice(None)
+        distinct = {seed: number for number, seed in enumerate(dict.fromkeys(seeds))}
+        self._rows = np.array([distinct[seed] for seed in seeds]) if len(distinct) > 1 else slice(None)
         self._copies = len(seeds) if len(distinct) == 1 else 1
         self._generators = [np.random.default_rng([int(stream), *seed]) for seed in distinct]
         self._sample = sample

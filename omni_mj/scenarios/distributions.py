@@ -64,10 +64,22 @@ class Distribution:
         mean, deviation, *ends = self.values
         if not ends:
             return self._number(float(random.normal(mean, deviation)))
+        return self.quantile(random.uniform())
+
+    def quantile(self, share: float) -> Value:
+        """The value below which a share of all draws lies; of whole numbers and choices, each has as much of it."""
+        if self.kind == "choice" or (self.kind == "uniform" and self.whole):
+            all_there = self.values if self.kind == "choice" else range(self.values[0], self.values[1] + 1)
+            return all_there[min(int(share * len(all_there)), len(all_there) - 1)]
+        if self.kind == "uniform":
+            low, high = self.values
+            return float(low + share * (high - low))
         from scipy.special import ndtr, ndtri  # late: lists and schemas are made without
 
-        a, b = (ndtr((end - mean) / deviation) for end in ends)  # by the inverse of its distribution function
-        return self._number(float(np.clip(mean + deviation * ndtri(a + random.uniform() * (b - a)), *ends)))
+        mean, deviation, *ends = self.values
+        a, b = (ndtr((end - mean) / deviation) for end in ends) if ends else (0.0, 1.0)
+        value = mean + deviation * ndtri(a + share * (b - a))  # by the inverse of its distribution function
+        return self._number(float(np.clip(value, *ends) if ends else value))
 
     def _number(self, value: float) -> int | float:
         return round(value) if self.whole else float(value)

@@ -66,13 +66,14 @@ class Simulation:
         seeds: of the random numbers, a row each per controller. [the scenario's]
         rows: the table of rows, where they are not all seeds of all controllers under the scenario's settings.
         follow: what a controller's rows, given by their numbers, are to follow in place of what their settings say.
+        logged: whether what happens is recorded.
 
     Attributes:
         scenario: as given, with these controllers.
         rows: the table of rows, n of them.
         references: the timed reference of each row, against which errors are measured.
         plant: what moves.
-        log: what has been recorded so far.
+        log: what has been recorded so far; of no row, if nothing shall be.
         frame: number of the next frame.
         failures: the rows that were stopped before their end, in that order.
 
@@ -88,7 +89,9 @@ class Simulation:
         seeds: Iterable[int] | None = None,
         rows: Sequence[Row] | None = None,
         follow: Follow | None = None,
+        logged: bool = True,
     ) -> None:
+        self._logged = logged
         self.scenario = scenario if controllers is None else scenario.replace(controllers=tuple(controllers))
         self._kinds = resolve(self.scenario.controllers)
         given = scenario.seed_list if seeds is None else list(seeds)
@@ -126,7 +129,7 @@ class Simulation:
         self.plant, self.camera, self.radio = self._robots(start)
         wheels = self.plant.geometry is not None
         self.team = assemble(self.rows, self._kinds, start, geometry, wheels, self._stop, self._follow)
-        self.log = Log(self.rows, self.plant.telemetry().wheel_angle.shape[1])
+        self.log = Log(self.rows if self._logged else [], self.plant.telemetry().wheel_angle.shape[1])
         self._frames = np.array([reference.frames for reference in self.references])
         distinct = {id(reference): reference for reference in self.references}
         self._followers = [
@@ -179,20 +182,8 @@ class Simulation:
         self.observe()
         sent = self.team.command() if command is None else self._instead(command)
         received = self.radio.exchange(sent, self.team.estimate[:, 2])
-        self.log.write(
-            self._recorded,
-            self.team.channels,
-            ref=self._reference(),
-            pose=self._pose,
-            vision=self._measured,
-            vision_valid=self._valid,
-            predicted=self.team.predicted,
-            command=sent,
-            applied=received.command,
-            alpha_hat=self.team.alpha_hat,
-            latency_hat=self.team.latency_hat,
-            **vars(self.plant.telemetry()),
-        )
+        if self._logged:
+            self._record(sent, received)
         failed = self.plant.advance(received)
         self.frame, self._seen = self.frame + 1, None
         for row, cause in failed.items():
@@ -206,6 +197,22 @@ class Simulation:
             find_plant(self.scenario.plant)(self.rows, start),
             camera([row.settings.vision for row in self.rows], noise, happening, lambda: self.team.filter.twist),
             Radio([row.settings.radio for row in self.rows], noise, happening),
+        )
+
+    def _record(self, sent: Array, received: Received) -> None:
+        self.log.write(
+            self._recorded,
+            self.team.channels,
+            ref=self._reference(),
+            pose=self._pose,
+            vision=self._measured,
+            vision_valid=self._valid,
+            predicted=self.team.predicted,
+            command=sent,
+            applied=received.command,
+            alpha_hat=self.team.alpha_hat,
+            latency_hat=self.team.latency_hat,
+            **vars(self.plant.telemetry()),
         )
 
     @property

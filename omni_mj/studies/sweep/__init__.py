@@ -2,6 +2,6 @@
 
 from omni_mj.studies.sweep.grid import Axis, axes, axis
 from omni_mj.studies.sweep.plan import Plan
-from omni_mj.studies.sweep.study import Sweep, resume, sweep
+from omni_mj.studies.sweep.study import Sweep, resume, run, sweep
 
-__all__ = ["Axis", "Plan", "Sweep", "axes", "axis", "resume", "sweep"]
+__all__ = ["Axis", "Plan", "Sweep", "axes", "axis", "resume", "run", "sweep"]

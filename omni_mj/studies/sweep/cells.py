@@ -22,7 +22,7 @@ def wilson(failed: int, count: int) -> tuple[float, float]:
     rate, weight = failed / count, z * z / count
     centre = (rate + weight / 2) / (1 + weight)
     half = z * np.sqrt(rate * (1 - rate) / count + weight / (4 * count)) / (1 + weight)
-    return max(0.0, float(centre - half)), min(1.0, float(centre + half))
+    return float(centre - half) if failed else 0.0, float(centre + half) if failed < count else 1.0
 
 
 def median(values: Array) -> tuple[float, float, float]:
@@ -48,10 +48,11 @@ def of(table: "pa.Table", axes: list[str]) -> list[dict[str, Any]]:
         name: table[name].to_numpy(zero_copy_only=False) for name in ("point", "controller", "failed_at_s", *SHOWN)
     }
     where = {name: table[name].to_pylist() for name in axes}
-    found = []
-    for point in np.unique(column["point"]):
-        for controller in dict.fromkeys(column["controller"]):
-            own = np.flatnonzero((column["point"] == point) & (column["controller"] == controller))
+    numbers, first = np.unique(column["point"], return_index=True)  # rows of a point stand together
+    found, controllers = [], list(dict.fromkeys(column["controller"]))
+    for point, low_row, high_row in zip(numbers, first, [*first[1:], table.num_rows], strict=True):
+        for controller in controllers:
+            own = low_row + np.flatnonzero(column["controller"][low_row:high_row] == controller)
             if not own.size:
                 continue
             failed = int((~np.isnan(column["failed_at_s"][own])).sum())

@@ -94,6 +94,12 @@ def points(grid: Sequence[Axis]) -> list[dict[str, Value]]:
     ]
 
 
+def together(samples: Sequence[Axis]) -> list[dict[str, Value]]:
+    """The first value of each axis as a point, the second of each, and so on."""
+    names = [each.name for each in samples]
+    return [dict(zip(names, values, strict=True)) for values in zip(*(a.values for a in samples), strict=True)]
+
+
 def at(scenario: Scenario, point: Mapping[str, Value]) -> Scenario:
     """The scenario at a point.
 

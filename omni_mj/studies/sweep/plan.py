@@ -2,7 +2,7 @@
 
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
@@ -13,8 +13,8 @@ from omni_mj.scenarios.controllers import written
 from omni_mj.scenarios.references import timed
 from omni_mj.scenarios.rows import Row, table
 from omni_mj.scenarios.scenario import Scenario, load
-from omni_mj.studies.sweep.grid import Axis, Value, at, made, points
-from omni_mj.worlds.shape import Shape
+from omni_mj.simulate.alike import alike, all_alike
+from omni_mj.studies.sweep.grid import Axis, Value, at, made, points, together
 
 AT_ONCE = 128  # robots that are simulated at once
 FRAME_BYTES = 600  # of a robot-frame's log, with what is made of it to measure (docs/performance.md)
@@ -42,6 +42,8 @@ class Plan:
         scenario: with its controllers, seeds and all that is not varied.
         axes: what is varied.
         at_once: robots that are simulated at once, at most; results do not depend on it.
+        design: method and samples, where the axes' values are taken together, the first of each, the second, rather
+            than all combinations of them; see `sensitivity`.
 
     Raises:
         OmniError: a point is not allowed.
@@ -50,16 +52,21 @@ class Plan:
     scenario: Scenario
     axes: tuple[Axis, ...]
     at_once: int = AT_ONCE
+    design: tuple[str, int] | None = None
 
     def __post_init__(self) -> None:
         if self.at_once < 1:
             raise OmniError(f"robots at once must be at least 1, not {self.at_once}")
         _ = self.there  # every point is checked before anything is run
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What another process is sent: what was asked for, and not what follows from it."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
+
     @cached_property
     def points(self) -> list[dict[str, Value]]:
         """All points, in order."""
-        return points(self.axes)
+        return together(self.axes) if self.design else points(self.axes)
 
     @cached_property
     def there(self) -> list[Scenario]:
@@ -71,14 +78,23 @@ class Plan:
         """The shards: runs whose robots one batch can hold, all controllers of a run in the same."""
         groups: dict[Any, list[tuple[int, int]]] = {}
         for number, each in enumerate(self.there):
-            s = each.settings
-            key = (Shape.of(s), s.body, s.wheels, s.physics) if each.plant == "mujoco" else None
-            groups.setdefault((key, len(s.world.places)), []).extend((number, seed) for seed in each.seed_list)
+            if all_alike(each):
+                group = groups.setdefault(alike(each.plant, each.settings), [])
+                group += [(number, seed) for seed in each.seed_list]
+                continue
+            for seed in each.seed_list:
+                groups.setdefault(alike(each.plant, each.settings_of(seed)), []).append((number, seed))
         jobs: list[Job] = []
-        for (_, places), runs in groups.items():
+        for runs in groups.values():
+            places = len(self.there[runs[0][0]].settings.world.places)
             size = max(1, self.at_once // (len(self.scenario.controllers) * places))
             jobs += [Job(len(jobs) + i // size, tuple(runs[i : i + size])) for i in range(0, len(runs), size)]
         return [Job(number, job.runs) for number, job in enumerate(jobs)]
+
+    def scenarios(self, job: Job) -> dict[int, Scenario]:
+        """The scenario at each point of a shard; what knows it alone need not make those of all others."""
+        numbers = dict.fromkeys(point for point, _ in job.runs)
+        return {point: at(self.scenario, self.points[point]) for point in numbers}
 
     def rows(self, job: Job) -> list[Row]:
         """The robots of a shard, a world for each run and controller.
@@ -87,12 +103,18 @@ class Plan:
             OmniError: what a seed draws is not allowed.
         """
         found: list[Row] = []
+        scenarios = self.scenarios(job)
         for point, seed in job.runs:
-            there = self.there[point]
+            there = scenarios[point]
             for row in table(there.labels, [seed], there.settings_of, there.robot):
                 worlds = found[-1].world + (row.place == 0) if found else 0
                 found.append(Row(worlds, row.place, row.controller, row.seed, row.settings, row.robot))
         return found
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What two plans of the same sweep have in common."""
+        return self.scenario.to_toml(), self.axes, self.at_once, self.design
 
     @property
     def robots(self) -> int:
@@ -112,18 +134,19 @@ class Plan:
         places = max(len(each.settings.world.places) for each in self.there)
         return most * places * self.frames * FRAME_BYTES
 
-    def check_memory(self) -> None:
-        """See that it fits.
+    def check_memory(self, jobs: int = 1) -> None:
+        """See that as many shards at once fit.
 
         Raises:
             OmniError: it does not; how many robots at once would.
         """
         have = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else 0
-        if have and self.bytes > 0.8 * have:
-            fits = max(1, int(self.at_once * 0.5 * have / self.bytes))
+        needed = jobs * self.bytes
+        if have and needed > 0.8 * have:
+            fits = max(1, int(self.at_once * 0.5 * have / needed))
             raise OmniError(
-                f"{self.at_once} robots at once for {self.frames} frames need some {self.bytes / 1e9:.1f} GB, and there"
-                f" are {have / 1e9:.1f}; give fewer: --at-once {fits}"
+                f"{jobs * self.at_once} robots at once for {self.frames} frames need some {needed / 1e9:.1f} GB, and"
+                f" there are {have / 1e9:.1f}; give fewer: --at-once {fits}"
             )
 
     def save(self, folder: Path) -> None:
@@ -133,7 +156,7 @@ class Plan:
             "controllers": [written(kind) for kind in self.scenario.controllers],
             "axes": [{"name": each.name, "values": list(each.values)} for each in self.axes],
             "at_once": self.at_once,
-        }
+        } | ({"design": list(self.design)} if self.design else {})
         write(folder / "scenario.toml", self.scenario.to_toml())
         write(folder / "sweep.json", json.dumps(content, indent=1, ensure_ascii=False) + "\n")
 
@@ -149,9 +172,11 @@ class Plan:
             content = json.loads(path.read_text(encoding="utf-8"))
             if content["format"] != FORMAT:
                 raise OmniError(f"{path} is of format {content['format']!r}; this version reads {FORMAT}")
-            grid = tuple(made(each["name"], each["values"]) for each in content["axes"])
+            method, samples = content.get("design") or (None, 0)
+            axis = Axis if method else made
+            grid = tuple(axis(each["name"], tuple(each["values"])) for each in content["axes"])
             chosen = load(str(folder / "scenario.toml"), code=True, head={"controllers": content["controllers"]})
-            return cls(chosen, grid, int(content["at_once"]))
+            return cls(chosen, grid, int(content["at_once"]), (method, int(samples)) if method else None)
         except OSError as error:
             raise OmniError(f"{folder} holds no sweep: {path.name}: {error.strerror}") from None
         except (ValueError, KeyError, TypeError) as error:

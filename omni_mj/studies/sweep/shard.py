@@ -26,7 +26,7 @@ def simulation(plan: Plan, job: Job) -> Simulation:
     Raises:
         OmniError: they cannot share a plant, or a seed draws what is not allowed.
     """
-    return Simulation(plan.there[job.runs[0][0]], rows=plan.rows(job))
+    return Simulation(next(iter(plan.scenarios(job).values())), rows=plan.rows(job))
 
 
 def run(plan: Plan, job: Job, after_frame: Callable[[int], None] = nothing) -> "pa.Table":
@@ -47,8 +47,9 @@ def run(plan: Plan, job: Job, after_frame: Callable[[int], None] = nothing) -> "
     log = driven.run(after_frame)
     failures = {failure.row: failure for failure in driven.failures}
     measured = metrics.row_metrics(log, driven.failures) | recovery.row_metrics(log, driven.failures)
+    there = plan.scenarios(job)
     count = len(plan.scenario.controllers)
-    number = [point for point, _ in job.runs for _ in range(count * len(plan.there[point].settings.world.places))]
+    number = [point for point, _ in job.runs for _ in range(count * len(there[point].settings.world.places))]
     columns: dict[str, object] = {"point": np.array(number, np.int32)}
     columns |= {name.name: [plan.points[point][name.name] for point in number] for name in plan.axes}
     columns |= {
@@ -58,7 +59,7 @@ def run(plan: Plan, job: Job, after_frame: Callable[[int], None] = nothing) -> "
         "failed_at_s": [failures[i].time_s if i in failures else math.nan for i in range(len(log.rows))],
         "cause": pa.array([failures[i].cause if i in failures else None for i in range(len(log.rows))], pa.string()),
     }
-    drawn = {name for point, _ in job.runs for name in plan.there[point].distributions}
+    drawn = {name for each in there.values() for name in each.distributions}
     columns |= {name: [value(row.settings, name) for row in log.rows] for name in sorted(drawn)}
     return pa.table(columns | dict(measured))
 

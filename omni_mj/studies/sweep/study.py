@@ -1,7 +1,7 @@
 """Runs a sweep: shard by shard, each written when it is done, so that what was computed is never computed again."""
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,8 @@ from omni_mj.files import write
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
 from omni_mj.studies.run import chosen
-from omni_mj.studies.sweep import cells, shard
+from omni_mj.studies.sweep import cells, elsewhere, kept, shard
+from omni_mj.studies.sweep.elsewhere import Workers, workers
 from omni_mj.studies.sweep.grid import Axis, axes
 from omni_mj.studies.sweep.plan import AT_ONCE, Job, Plan
 
@@ -64,6 +65,9 @@ def sweep(
     *,
     out: str | Path,
     at_once: int = AT_ONCE,
+    jobs: int = 1,
+    cluster: Any = None,
+    keep: Iterable[str] = (),
     before_shard: BeforeShard = lambda job: nothing,
 ) -> Sweep:
     """Run a scenario under all combinations of settings, with all seeds and controllers.
@@ -75,38 +79,74 @@ def sweep(
         seeds: of the random numbers, counting up, the same everywhere. [the scenario's]
         out: folder that a sweep is begun in, or gone on with if it is the same.
         at_once: robots that are simulated at once: memory grows with them, and not with the number of runs.
+        jobs: processes of this machine that run shards side by side.
+        cluster: address of a Dask scheduler, or a `distributed.Client`, on whose workers shards are run in their place.
+        keep: of which robots of each controller the trajectories are kept: "worst:3", "median", "sample:10".
         before_shard: called with each shard; what it returns is called after each frame, and may raise `StoppedError`.
+            Of shards that other processes run, both are called once, when they are done.
 
     Raises:
         OmniError: something is unknown or not allowed, what is asked for does not fit into memory, or another sweep is
             in the folder.
     """
-    plan, folder = Plan(chosen(scenario, controllers, seeds), axes(vary), at_once), Path(out)
-    plan.check_memory()
+    plan, wishes = Plan(chosen(scenario, controllers, seeds), axes(vary), at_once), [kept.wish(each) for each in keep]
+    found = run(plan, out, jobs=jobs, cluster=cluster, before_shard=before_shard)
+    if found.complete:
+        kept.keep(found, wishes)
+    return found
+
+
+def run(
+    plan: Plan,
+    out: str | Path,
+    *,
+    jobs: int = 1,
+    cluster: Any = None,
+    before_shard: BeforeShard = lambda job: nothing,
+) -> Sweep:
+    """Run a plan, such as one of `sensitivity.plan`; see `sweep`."""
+    folder, where = Path(out), workers(jobs, cluster)
+    plan.check_memory(jobs)
     if (folder / "sweep.json").exists():
         _check_same(Plan.read(folder), plan, folder)
     else:
         folder.mkdir(parents=True, exist_ok=True)
         plan.save(folder)
-    return carry_on(plan, folder, before_shard)
+    return carry_on(plan, folder, before_shard, where)
 
 
-def resume(folder: str | Path, before_shard: BeforeShard = lambda job: nothing) -> Sweep:
-    """Go on with a sweep that was stopped or killed.
+def resume(
+    folder: str | Path, before_shard: BeforeShard = lambda job: nothing, *, jobs: int = 1, cluster: Any = None
+) -> Sweep:
+    """Go on with a sweep that was stopped or killed, anywhere.
 
     Raises:
         OmniError: there is none in the folder.
     """
-    return carry_on(Plan.read(Path(folder)), Path(folder), before_shard)
+    return carry_on(Plan.read(Path(folder)), Path(folder), before_shard, workers(jobs, cluster))
 
 
-def carry_on(plan: Plan, folder: Path, before_shard: BeforeShard) -> Sweep:
-    """Run the shards that are not there yet; with the last one, gather them."""
+def carry_on(
+    plan: Plan,
+    folder: Path,
+    before_shard: BeforeShard,
+    where: Workers | None = None,
+    check: Callable[[], None] = lambda: None,
+) -> Sweep:
+    """Run the shards that are not there yet; with the last one, gather them.
+
+    Args:
+        plan: of the sweep.
+        folder: its own.
+        before_shard: see `sweep`.
+        where: they are run, if not here.
+        check: called now and then while others run them; it may raise `StoppedError`.
+    """
     stopped = None
     (folder / shard.FOLDER).mkdir(exist_ok=True)
     try:
-        for job in left(plan, folder):
-            shard.save(shard.run(plan, job, before_shard(job)), shard.file(folder, job))
+        for job, table in _tables(plan, left(plan, folder), before_shard, where, check):
+            shard.save(table, shard.file(folder, job))
     except StoppedError as error:
         stopped = error.reason
     done = len(plan.jobs) - len(left(plan, folder))
@@ -128,6 +168,20 @@ def left(plan: Plan, folder: Path) -> list[Job]:
     return [] if (folder / ROWS).exists() else [job for job in plan.jobs if not shard.file(folder, job).exists()]
 
 
+def _tables(
+    plan: Plan, jobs: Sequence[Job], before_shard: BeforeShard, where: Workers | None, check: Callable[[], None]
+) -> Iterator[tuple[Job, "pa.Table"]]:
+    """The tables of shards, in the order in which they are done."""
+    if where is None or not jobs:
+        for job in jobs:
+            yield job, shard.run(plan, job, before_shard(job))
+        return
+    with where as executor:
+        for job, table in elsewhere.tables(plan, jobs, executor, check):
+            yield job, table
+            before_shard(job)(plan.frames - 1)
+
+
 def _gathered(plan: Plan, folder: Path) -> "pa.Table":
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -144,5 +198,5 @@ def _gathered(plan: Plan, folder: Path) -> "pa.Table":
 
 def _check_same(known: Plan, plan: Plan, folder: Path) -> None:
     """See that a folder's sweep is this one, whatever the robots at once: shards are those of the one that began it."""
-    if (known.scenario.to_toml(), known.axes, known.at_once) != (plan.scenario.to_toml(), plan.axes, plan.at_once):
+    if known.key != plan.key:
         raise OmniError(f"{folder} holds another sweep; name another --out, or go on with that: --resume {folder}")

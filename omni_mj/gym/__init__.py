@@ -1,0 +1,25 @@
+"""The testbed as environments of Gymnasium: `omni_mj/Track-v0`, one robot or many; see docs/gym.md.
+
+    import gymnasium
+    import omni_mj.gym
+
+    one = gymnasium.make("omni_mj/Track-v0", scenario="rect", plant="planar")
+    many = gymnasium.make_vec("omni_mj/Track-v0", 64, scenario="rect", plant="planar")
+
+Importing it registers them. Gymnasium is the extra `omni-mj[gym]`.
+"""
+
+try:
+    import gymnasium
+except ModuleNotFoundError as error:
+    if error.name != "gymnasium":
+        raise
+    get = "pip install 'omni-mj[gym]'"
+    raise ImportError(f"omni_mj.gym needs the package gymnasium, which is not installed: {get}") from None
+
+from omni_mj.gym.frames import AHEAD, command, observation, size
+
+__all__ = ["AHEAD", "command", "observation", "size"]
+
+_HOME = "omni_mj.gym.environments"
+gymnasium.register("omni_mj/Track-v0", entry_point=f"{_HOME}:Track", vector_entry_point=f"{_HOME}:Tracks")

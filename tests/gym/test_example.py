@@ -1,0 +1,30 @@
+"""What the documents say of learning: their lines run, and the example learns."""
+
+import re
+import runpy
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_the_example_learns_and_drives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On a way of a quarter of a metre; of three generations the last is off by less than half of what the first is."""
+    tmp_path.joinpath("short.toml").write_text("[reference]\nwaypoints = [[0, 0], [0.2, 0.1]]\nsettle_s = 0.1\n")
+    monkeypatch.chdir(tmp_path)
+    asked = ["--scenario", "short.toml", "--generations", "3", "--plant", "kinematic"]
+    monkeypatch.setattr(sys, "argv", ["learn.py", *asked])
+    runpy.run_path(str(ROOT / "examples" / "learn" / "learn.py"))
+    printed = capsys.readouterr().out
+    off = [float(each) for each in re.findall(r": ([0-9.]+) cm off", printed)]
+    assert off[-1] < off[0] / 2
+    assert "Learned" in printed
+
+
+def test_the_lines_of_the_document_run() -> None:
+    for text in re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "gym.md").read_text(), re.MULTILINE | re.DOTALL):
+        exec(text, {"__name__": "printed"})

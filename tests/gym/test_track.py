@@ -1,0 +1,218 @@
+"""The environments: what a policy sees, does and is rewarded for is what a controller of the loop is; many are one."""
+
+import subprocess
+import sys
+import warnings
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+import omni_mj as om
+import omni_mj.gym
+from omni_mj.gym.environments import Track, Tracks
+
+SHORT = {"waypoints": [[0, 0], [0.2, 0.1, 0.5]], "settle_s": 0.1}
+DRAWN = {
+    "plant": "kinematic",
+    "reference": SHORT,
+    "radio": {"delay_frames": {"uniform": [2, 7]}},
+    "control": {"max_speed_m_s": {"choice": [2.0, 3.0]}},
+}
+MEMORY = 9
+
+
+def answer(seen: np.ndarray, highest: np.ndarray | float) -> np.ndarray:
+    """A policy: the reference's twist at the end of the dead time, and three times the way to it."""
+    way, twist = seen[..., 3:6], seen[..., 18:21]
+    return (twist + 3.0 * way) / highest
+
+
+class Policy(om.Controller):
+    """The same as a controller."""
+
+    def __init__(self, told: Any, reference: Any, n: int) -> None:
+        super().__init__(told, reference, n)
+        self.memory_frames = MEMORY
+
+    def command(self, frame: int, seen: om.Seen) -> np.ndarray:
+        observed = omni_mj.gym.observation(frame, seen, self.reference, MEMORY)
+        return omni_mj.gym.command(answer(observed, 4.0), seen, self.told.limits)
+
+
+@pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
+def test_gymnasium_finds_nothing_wrong(plant: str) -> None:
+    """Not even a warning: spaces, returned types, and that a seed determines an episode."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gymnasium.make("omni_mj/Track-v0", plant=plant, reference=SHORT).unwrapped)
+
+
+def test_a_policy_is_rewarded_for_the_errors_that_it_makes_as_a_controller() -> None:
+    """Of the same seed, and so with the same noise and the same numbers drawn; measured there from the run's table."""
+    changes = {**DRAWN, "plant": "planar"}
+    result = om.run(om.scenario("rect", **changes), [Policy], seeds=[5])
+    table = result.frames().to_pydict()
+    x, y, turn = (np.subtract(table[a], table[f"ref_{a}"]) for a in ("x_m", "y_m", "heading_rad"))
+    expected = -(np.hypot(x, y) + 0.09 * np.abs(turn))
+
+    env = Track("rect", memory=MEMORY, **changes)
+    seen, info = env.reset(seed=5)
+    rewards, end = [], False
+    while not end:
+        seen, reward, terminated, end, _ = env.step(answer(seen, 4.0))
+        rewards.append(reward)
+        assert not terminated
+    assert info == {"seed": 5}
+    np.testing.assert_array_equal(rewards, expected[1:])  # the first frame is the start
+
+
+def test_what_is_seen_is_where_the_robot_stands_to_its_reference() -> None:
+    """Without noise and with alpha = 1: full speed ahead is a ramp of the highest acceleration, and as late as told."""
+    delay, memory, speed, most = 3, 5, 2.0, 4.7
+    env = Track(
+        "rect",
+        plant="kinematic",
+        reference={"waypoints": [[0, 0, 1.0], [0, 0.5, 1.0]], "settle_s": 0.5},
+        radio={"delay_frames": delay},
+        control={"max_speed_m_s": speed, "max_acceleration_m_s2": most},
+        kinematic={"alpha_low": 1.0, "alpha_high": 1.0},
+        disturbance={"velocity_m_s": 0.0},
+        vision={"position_noise_m": 0.0, "heading_noise_rad": 0.0},
+        memory=memory,
+    )
+    seen, _ = env.reset(seed=0)
+    step = 1 / 60
+    forward = np.array([np.cos(1.0), np.sin(1.0)])
+    reference = om.Simulation(env._episodes.scenario).references[0].poses[:, :2]
+    sent = [0.0] * (memory + delay)
+    for frame in range(1, 20):
+        sent.append(min(sent[-1] + most * step, speed))
+        seen, *_ = env.step([1.0, 0.0, 0.0])
+        felt, all_sent = (step * sum(sent[: len(sent) - late]) for late in (delay, 0))
+        own = np.stack([forward, [-forward[1], forward[0]]])
+        # Vision is exact, but the filter believes it to 1.3 mm: it lags by less than that.
+        np.testing.assert_allclose(seen[:2], own @ (reference[frame] - felt * forward), atol=1.3e-3)
+        np.testing.assert_allclose(seen[3:5], own @ (reference[frame + delay] - all_sent * forward), atol=1.3e-3)
+        np.testing.assert_allclose(seen[-3 * memory :].reshape(memory, 3)[:, 0], sent[-memory:], atol=1e-3)
+        np.testing.assert_allclose(seen[-3 * memory :].reshape(memory, 3)[:, 1:], 0, atol=1e-3)
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_many_are_what_one_by_one_they_are(mode: AutoresetMode) -> None:
+    """To the bit, against Gymnasium's own vector of single ones: episodes that end apart, others begun after them."""
+    n, lost = 4, 0.12
+    many = Tracks(n, "rect", lost_m=lost, autoreset_mode=mode, **DRAWN)
+    ones = SyncVectorEnv([lambda: Track("rect", lost_m=lost, **DRAWN) for _ in range(n)], autoreset_mode=mode)
+    random = np.random.default_rng(0)
+    same(many.reset(seed=3), ones.reset(seed=3))
+    assert many.metadata["autoreset_mode"] is mode
+    both = np.zeros(2, int)
+    for _ in range(120):
+        action = random.uniform(-0.5, 0.5, (n, 3)).astype(np.float32)
+        found, expected = many.step(action), ones.step(action)
+        same(found, expected)
+        both += found[2].sum(), found[3].sum()
+        ended = found[2] | found[3]
+        if mode is AutoresetMode.DISABLED and ended.any():
+            options = [{"reset_mask": ended.copy()} for _ in range(2)]
+            same(many.reset(options=options[0]), ones.reset(options=options[1]))
+    assert (both > 0).all()
+
+
+def same(found: Any, expected: Any) -> None:
+    """Of nested answers every bit; of a robot that an answer's mask leaves out nothing counts."""
+    if isinstance(expected, dict):
+        assert found.keys() == expected.keys()
+        for name, values in expected.items():
+            mask = expected.get(f"_{name}", ...)
+            same(found[name], values) if isinstance(values, dict) else same(found[name][mask], values[mask])
+    elif isinstance(expected, tuple):
+        for one, other in zip(found, expected, strict=True):
+            same(one, other)
+    elif isinstance(expected, np.ndarray) and expected.dtype == object:
+        for one, other in zip(found, expected, strict=True):
+            np.testing.assert_array_equal(one, other)
+    else:
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_an_episode_that_ends_early_is_worth_no_more_than_one_that_lasts() -> None:
+    """What is left of it is charged as if the robot had stayed where it was lost: no policy gains by getting lost."""
+    env = Track("rect", lost_m=0.2, plant="kinematic", reference=SHORT)
+    env.reset(seed=1)
+    rewards, terminated = [], False
+    while not terminated:
+        _, reward, terminated, truncated, info = env.step([-1.0, 0.0, 0.0])
+        assert not truncated
+        rewards.append(reward)
+    frames = om.Simulation(env._episodes.scenario).references[0].frames - 1
+    assert info["distance_m"] > 0.2
+    assert sum(rewards) == pytest.approx(sum(rewards[:-1]) - 0.2 * (frames - len(rewards) + 1))
+    assert env.step([0.0, 0.0, 0.0])[1:4] == (0.0, True, False)
+
+
+def test_robots_that_cannot_share_a_model_are_simulated_apart() -> None:
+    """Masses that are drawn, on the MuJoCo plant: a batch of its own each, and the same to the bit as alone."""
+    changes = {"reference": SHORT, "body": {"mass_kg": {"uniform": [2.3, 2.6]}}}
+    many, one = Tracks(3, "rect", **changes), Track("rect", **changes)
+    seen, info = many.reset(seed=0)
+    assert len(many._episodes._together) == 3
+    alone, _ = one.reset(seed=2)
+    np.testing.assert_array_equal(seen[2], alone)
+    for _ in range(3):
+        found, alone = many.step(np.full((3, 3), 0.1)), one.step(np.full(3, 0.1))
+        np.testing.assert_array_equal(found[0][2], alone[0])
+        assert found[1][2] == alone[1]
+    assert info["seed"].tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"scenario": "recht"}, "unknown scenario"),
+        ({"plant": "planer"}, "unknown plant"),
+        ({"memory": 0}, "memory must be a whole number"),
+        ({"lost_m": 0.0}, "lost_m must be a positive number"),
+        ({"world": {"places": [[0, 0, 0], [0, 2, 0]]}}, "an environment is one robot"),
+        ({"radio": {"delay_frames": {"normal": [6, 1]}}}, "give memory="),
+        ({"render_mode": "human"}, "there is none"),
+        ({"num_envs": 0}, "num_envs must be at least 1"),
+        ({"autoreset_mode": "later"}, "one of NextStep, SameStep, Disabled"),
+    ],
+)
+def test_what_is_not_allowed_is_said_in_a_line(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(om.OmniError, match=words):
+        Tracks(**given)
+
+
+def test_a_scenario_of_a_controller_with_parameters_will_do() -> None:
+    """Of any scenario; who drives in it otherwise does not matter."""
+    other = om.scenario("rect", plant="kinematic", controllers=[Policy, Tuned], controller={"Tuned": {"gain": 2.0}})
+    seen, _ = Track(other).reset(seed=0)
+    np.testing.assert_array_equal(seen, Track("rect", plant="kinematic").reset(seed=0)[0])
+
+
+class Tuned(Policy):
+    gain: float = 1.0
+
+
+def test_actions_that_are_none_are_refused() -> None:
+    env = Tracks(2, plant="kinematic")
+    env.reset(seed=0)
+    for action in (np.zeros(3), np.full((2, 3), np.nan)):
+        with pytest.raises(om.OmniError, match="actions must be finite numbers"):
+            env.step(action)
+
+
+def test_gymnasium_imports_what_a_name_asks_for() -> None:
+    """Nobody else has to import this package; and without Gymnasium one line names the extra."""
+    for code, words in (
+        ("import gymnasium; print(gymnasium.make_vec('omni_mj.gym:omni_mj/Track-v0', 2, plant='kinematic'))", "Tracks"),
+        ("import sys; sys.modules['gymnasium'] = None; import omni_mj.gym", "pip install 'omni-mj[gym]'"),
+    ):
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+        assert words in (done.stdout + done.stderr).splitlines()[-1]
