@@ -3,8 +3,18 @@
 import json
 from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from commands import invoke, strict
+from PIL import Image
+from synthetic import Truth, logs
+
+import omni_mj as om
+from omni_mj.show.film import writing
+from omni_mj.show.film.reel import Reel
+from omni_mj.studies import sweep
 
 SHORT = ("--set", "reference.waypoints=[[0, 0], [0.1, 0]]", "--set", "reference.settle_s=0.1", "--plant", "kinematic")
 RUN = ("run", "--scenario", "rect", *SHORT, "--controller", "flc", "--no-record", "--quiet", "--out")
@@ -93,3 +103,30 @@ def test_a_folder_of_any_name_is_one(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert invoke(*RUN, name, "--no-figures") == 0
     assert {"summary.json", "trajectory.parquet", "report.html"} <= {path.name for path in Path(name).iterdir()}
     assert invoke("verify", name, "--quiet") == 0
+
+
+def test_every_library_takes_such_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For a path, not for an address: tables, films, sweeps, what serve records, and logs."""
+    monkeypatch.chdir(tmp_path)
+    folder = Path("hdfs:x")
+    assert invoke(*RUN, folder, "--no-figures") == 0
+    assert len(Reel.of(folder).takes) == 1
+    for kind in writing.KINDS:
+        writing.write([Image.new("RGB", (64, 64), colour) for colour in ("red", "blue")], folder / f"film{kind}", 15)
+        assert (folder / f"film{kind}").stat().st_size > 0
+
+    varied = ("--scenario", "rect", *SHORT, "--controller", "flc", "--vary", "carpet.friction=0.3,0.5")
+    assert invoke("sweep", *varied, "--quiet", "--out", folder / "sweep") == 0
+    assert sweep.resume(folder / "sweep").rows().num_rows == 2
+
+    ports = [word for port in ("control", "blue", "yellow") for word in (f"--{port}-port", 0)]
+    served = ("serve", *ports, "--speed", 100, "--for", 0.1, "--no-record", "--quiet", "--out", folder / "served")
+    assert invoke(*served) == 0
+    assert pq.read_table((folder / "served" / "trajectory.parquet").open("rb")).num_rows == 6
+
+    of = logs(om.scenario("rect").settings, [Truth()], 6.0, seed=1, speed=1.5)
+    heads = ["time_s", "x_m", "y_m", "heading_rad", "vx_cmd_world_m_s", "vy_cmd_world_m_s", "w_cmd_rad_s"]
+    values = np.column_stack([of.time, of.pose[:, 0], of.command[:, 0]])
+    pq.write_table(pa.table(dict(zip(heads, values.T, strict=True))), (folder / "log.parquet").open("wb"))
+    assert invoke("identify", folder / "log.parquet", "--out", folder / "identified", "--quiet") == 0
+    assert invoke("verify", folder / "identified", "--quiet") == 0
