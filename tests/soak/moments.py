@@ -1,0 +1,108 @@
+"""Ended in the middle: kills and signals at random moments, which no file may show, and after which one can go on."""
+
+import random
+import os
+import shutil
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import laws
+import at
+from programs import COMMANDS, Fork, signalled
+
+MODULES = 1500  # that are imported by a run, about
+Found = tuple[str, list[str]]  # what was done, and what was wrong
+PHASES = {  # kinds of events (at.py), and how often each is a moment
+    "open": 2,
+    "provenance.json": 1,
+    "summary.json": 2,
+    ".parquet": 2,
+    ".rrd": 1,
+    "figures": 1,
+    ".png": 1,
+    "report.html": 1,
+}
+
+
+def undisturbed(folder: Path, names: tuple[str, ...]) -> dict[str, tuple[Path, float]]:
+    """What each command leaves when nothing disturbs it, and how long it takes, s."""
+    left = {}
+    for name in names:
+        out, began = folder / f"{name}-whole", time.monotonic()
+        done = Fork([*COMMANDS[name], "--out", str(out)]).wait()
+        assert done.code == 0, done.err
+        left[name] = out, time.monotonic() - began
+    return left
+
+
+def kills(rng: random.Random, count: int, folder: Path) -> Iterator[Found]:
+    """SIGKILL at any time; afterwards the same command runs in the same folder, or a sweep goes on, to the same end."""
+    names = ("run", "compare", "sweep", "serve")
+    left = undisturbed(folder, names)
+    for number in range(count):
+        name = names[number % len(names)]
+        whole, takes_s = left[name]
+        out, moment = folder / f"{name}-{number}", rng.uniform(0, takes_s)
+        fork = Fork([*COMMANDS[name], "--out", str(out)])
+        time.sleep(moment)
+        fork.kill()
+        done = fork.wait()
+        wrong = laws.of_program(done.code, done.err, 0, -signal.SIGKILL)
+        if out.exists():
+            wrong += laws.of_folder(out, whole) + _again(name, out, whole)
+        yield f"kill {name} after {moment:.2f} of {takes_s:.2f} s", wrong
+        shutil.rmtree(out, ignore_errors=True)
+
+
+def signals(rng: random.Random, count: int, folder: Path) -> Iterator[Found]:
+    """SIGINT and SIGTERM in every phase, at events that repeat."""
+    names = ("run", "compare", "sweep", "serve")
+    left = undisturbed(folder, names)
+    numbers: dict[tuple[str, str], int] = {}
+    for number in range(count):
+        name, (sent, code) = names[number % len(names)], rng.choice(list(laws.SIGNALS.items()))
+        whole, _ = left[name]
+        (kind,) = rng.choices(list(PHASES), list(PHASES.values()))
+        out = folder / f"{name}-{number}"
+        words = [*COMMANDS[name], "--out", str(out)]
+        if (name, kind) not in numbers:
+            numbers[name, kind] = _events(kind, words)
+            shutil.rmtree(out)
+        if not numbers[name, kind]:
+            continue
+        at_event = rng.randint(1, numbers[name, kind])
+        done = Fork(words, lambda kind=kind, at_event=at_event, sent=sent: at.send(kind, at_event, sent)).wait()
+        wrong = laws.of_program(done.code, done.err, 0, code, -sent)
+        if out.exists():
+            wrong += laws.of_folder(out, whole)
+        yield f"{sent.name} to {name} at {kind} {at_event} of {numbers[name, kind]}: {done.code}", wrong
+        shutil.rmtree(out, ignore_errors=True)
+
+
+def imports(rng: random.Random, count: int, folder: Path) -> Iterator[Found]:
+    """SIGINT and SIGTERM while modules are imported, and while the program ends, in processes of their own."""
+    for number in range(count):
+        sent, code = rng.choice(list(laws.SIGNALS.items()))
+        out, at_event = folder / str(number), rng.randint(1, MODULES)
+        done = signalled("import", at_event, sent.name, [*COMMANDS["run"], "--no-figures", "--out", str(out)])
+        yield f"{sent.name} at import {at_event}: {done.code}", laws.of_program(done.code, done.err, 0, code, -sent)
+
+
+def _events(kind: str, words: list[str]) -> int:
+    """How many events of a kind there are in a command."""
+    ours, theirs = os.pipe()
+    done = Fork(words, lambda: at.watch(kind, lambda seen: os.write(theirs, b"."))).wait()
+    assert done.code == 0, done.err
+    os.close(theirs)
+    with open(ours, "rb") as pipe:
+        return len(pipe.read())
+
+
+def _again(name: str, out: Path, whole: Path) -> list[str]:
+    """Go on after a kill: what is wrong with what comes of it."""
+    words = [*COMMANDS[name], "--out", str(out), *["--overwrite"] * any(out.iterdir())]
+    done = Fork(["sweep", "--resume", str(out)] if name == "sweep" and any(out.iterdir()) else words).wait()
+    wrong = laws.of_program(done.code, done.err, 0) + laws.of_folder(out, whole)
+    return [f"afterwards: {each}" for each in wrong]
