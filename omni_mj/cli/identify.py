@@ -45,12 +45,13 @@ def command(
     if only_plan:
         if logs:
             raise OmniError("--plan writes what to drive and takes no logs; give one of both")
+        from omni_mj.files import write
         from omni_mj.studies.identify.plan import plan
 
         moves = plan(chosen, model)
         folder = folders.prepare(out, "identify", OUTPUTS, overwrite)
         with console.writing(folder):
-            (folder / "plan.toml").write_text(moves.scenario.to_toml(), encoding="utf-8")
+            write(folder / "plan.toml", moves.scenario.to_toml())
         if not quiet:
             print(moves.table())
             print(f"drive it here: omni-mj --scenario {folder / 'plan.toml'}")

@@ -7,6 +7,7 @@ import click
 
 from omni_control.errors import OmniError
 from omni_mj.cli import options
+from omni_mj.files import write
 
 ENDINGS = {"scenario": ".toml", "controller": ".py", "robot": ".toml"}
 STARTERS = Path(__file__).parent / "starters"
@@ -30,7 +31,7 @@ def command(kind: str, name: str, overwrite: bool, quiet: bool) -> None:
     if not path.parent.is_dir():
         raise OmniError(f"there is no folder {path.parent} for {path.name}")
     called = "".join(word[:1].upper() + word[1:] for word in re.split(r"[_-]", path.stem))
-    path.write_text(_starter(kind).replace("CLASS", called).replace("NAME", path.stem), encoding="utf-8")
+    write(path, _starter(kind).replace("CLASS", called).replace("NAME", path.stem))
     if not quiet:
         drive = {
             "scenario": f"--scenario {path}",

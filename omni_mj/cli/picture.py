@@ -46,6 +46,7 @@ def command(recording: Path, out: Path, time_s: float, tabs: tuple[str, ...], si
         raise OmniError(f"there is no recording {recording}")
     from rerun.experimental import ViewerClient
 
+    from omni_mj.files import whole
     from omni_mj.show.recording.viewer import Viewer
 
     # From its standard input a viewer loads all of a recording; of a file that it opens, only what is in sight.
@@ -57,7 +58,8 @@ def command(recording: Path, out: Path, time_s: float, tabs: tuple[str, ...], si
         raise OmniError(f"{reason}; without a graphics card it needs Debian's mesa-vulkan-drivers") from None
     finally:
         viewer.stop()
-    out.write_bytes(drawn)
+    with whole(out) as file:
+        file.write(drawn)
 
 
 def take(viewer: "ViewerClient", time_s: float, tabs: tuple[str, ...] = ()) -> bytes:

@@ -142,18 +142,17 @@ def _execute(
     from omni_mj.studies.outcome import StoppedError
 
     stopped = None
-    with _taped(server.pitch, folder, chosen, record, viewers) as tape:
+    with Interrupts() as interrupts, _taped(server.pitch, folder, chosen, record, viewers) as tape:
         if tape is not None:
             server.after_frame = tape.add
         if not quiet:
             click.echo(report.begins(server))
         gc.collect()
         gc.freeze()  # a collection through all that was imported would hold up several frames
-        with Interrupts() as interrupts:
-            try:
-                server.run(interrupts.check, float("inf") if until_s is None else until_s)
-            except StoppedError as error:
-                stopped = error.reason
+        try:
+            server.run(interrupts.check, float("inf") if until_s is None else until_s)
+        except StoppedError as error:
+            stopped = error.reason
     if not quiet:
         click.echo(report.ends(server))
     left = "" if folder is None else f"; what was recorded until then is in {folder}"

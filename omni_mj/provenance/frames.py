@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from omni_control.errors import OmniError
+from omni_mj import parquet
 from omni_mj.scenarios.settings import PERIOD_S
 
 if TYPE_CHECKING:
@@ -43,16 +44,9 @@ def read(path: Path) -> Frames:
     Raises:
         OmniError: there is none, it cannot be read, or is none.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        with path.open("rb") as file:  # by its name, Arrow would take one with a colon for an address
-            table = pq.read_table(file)
-    except FileNotFoundError:
-        raise OmniError(f"{path} is missing: there is nothing to compare with") from None
-    except (OSError, pa.ArrowException) as error:
-        raise OmniError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
+    if not path.exists():
+        raise OmniError(f"{path} is missing: there is nothing to compare with")
+    table = parquet.read(path)
     if missing := [key for key in KEYS if key not in table.column_names]:
         raise OmniError(f"{path} is not a run's trajectory: it has no column {', '.join(missing)}")
     return _by_rows(table, path)

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from omni_mj.show import style
+from omni_mj.show.figures import canvas
 from omni_mj.studies.conditions import CAUSES, LABELS, PROFILE, WORN
 from omni_mj.studies.drives import DIRECTIONS
 
@@ -44,7 +45,7 @@ def save(study: "Study", path: Path) -> None:
         lower.suptitle(f"What takes how much ({worn}; mean over all orders, adds up)", x=0.01, ha="left")
         drawn = figure.axes[0] if bands else figure.axes[-1]
         figure.legend(*drawn.get_legend_handles_labels(), loc="outside lower center", ncols=len(DIRECTIONS))
-        figure.savefig(path)
+        canvas.save_png(figure, path)
 
 
 def _condition(study: "Study", name: str | None, gain: Axes, lag: Axes) -> None:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.show import style
+from omni_mj.show.figures import canvas
 from omni_mj.studies.limit import LIMIT, WITHOUT_NOISE
 from omni_mj.studies.limit.plan import AIMS
 
@@ -42,7 +43,7 @@ def save(result: "LimitResult", path: Path) -> None:
         grid[-1].set_xlabel("time in s")
         robot = f", {outcome.scenario.robot}" if outcome.scenario.plant == "mujoco" else ""
         figure.suptitle(f"What is possible on {outcome.scenario.name}{robot}", x=0.01, ha="left")
-        figure.savefig(path)
+        canvas.save_png(figure, path)
 
 
 def _learning(result: "LimitResult", axes: Axes) -> None:

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from omni_mj.scenarios.settings import PERIOD_S
+from omni_mj.show.figures import canvas
 from omni_mj.studies.slip.fits import Law, follow
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ def save(robots: "Mapping[str, Robot]", path: Path) -> None:
         _speeds(line[0], robot)
         _ratios(line[1], robot)
     figure.suptitle("body against wheels in moves at 2 m/s²: samples, and the law that is fitted to them")
-    figure.savefig(path, dpi=130)
+    canvas.save_png(figure, path, 130)
 
 
 def _speeds(axes: Axes, robot: "Robot") -> None:

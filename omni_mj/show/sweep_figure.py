@@ -34,7 +34,7 @@ def save(found: "Sweep", path: Path) -> None:
         worst = "; the worst over the others" if len(found.plan.axes) > 2 else ""
         part = "" if found.complete else f", {found.done} of {len(found.plan.jobs)} shards"
         canvas.title(figure, f"{found.plan.scenario.name} on the {found.plan.scenario.plant} plant{worst}{part}")
-        figure.savefig(path)
+        canvas.save_png(figure, path)
 
 
 def _lines(cells: list[Cell], names: list[str], axis: "Axis") -> Figure:

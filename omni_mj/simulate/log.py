@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.files import whole
+from omni_mj import parquet
 from omni_mj.scenarios.rows import Row, numbers
 from omni_mj.scenarios.settings import PERIOD_S
 
@@ -166,11 +166,7 @@ class Log:
 
     def save(self, path: Path) -> None:
         """Write the table as Parquet; the file appears whole or not at all."""
-        import pyarrow.parquet as pq
-
-        table = self.table()
-        with whole(path) as file:  # by its name, Arrow would take one with a colon for an address
-            pq.write_table(table, file, compression="zstd")
+        parquet.write(self.table(), path)
 
     def _make_room(self) -> None:
         """Double the frames that there is room for."""

@@ -3,8 +3,15 @@
 import json
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 from commands import invoke, strict
+from PIL import Image
+
+from omni_mj.show.film import writing
+from omni_mj.show.film.reel import Reel
+from omni_mj.studies import sweep
+from omni_mj.studies.identify import tables
 
 SHORT = ("--set", "reference.waypoints=[[0, 0], [0.1, 0]]", "--set", "reference.settle_s=0.1", "--plant", "kinematic")
 RUN = ("run", "--scenario", "rect", *SHORT, "--controller", "flc", "--no-record", "--quiet", "--out")
@@ -93,3 +100,25 @@ def test_a_folder_of_any_name_is_one(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert invoke(*RUN, name, "--no-figures") == 0
     assert {"summary.json", "trajectory.parquet", "report.html"} <= {path.name for path in Path(name).iterdir()}
     assert invoke("verify", name, "--quiet") == 0
+
+
+def test_every_library_takes_such_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For a path, not for an address: tables, films, sweeps, what serve records, and logs."""
+    monkeypatch.chdir(tmp_path)
+    folder = Path("hdfs:x")
+    assert invoke(*RUN, folder, "--no-figures") == 0
+    assert len(Reel.of(folder).takes) == 1
+    for kind in writing.KINDS:
+        writing.write([Image.new("RGB", (64, 64), colour) for colour in ("red", "blue")], folder / f"film{kind}", 15)
+        assert (folder / f"film{kind}").stat().st_size > 0
+
+    varied = ("--scenario", "rect", *SHORT, "--controller", "flc", "--vary", "carpet.friction=0.3,0.5")
+    assert invoke("sweep", *varied, "--quiet", "--out", folder / "sweep") == 0
+    assert sweep.resume(folder / "sweep").rows().num_rows == 2
+
+    ports = [word for port in ("control", "blue", "yellow") for word in (f"--{port}-port", 0)]
+    served = ("serve", *ports, "--speed", 100, "--for", 0.1, "--no-record", "--quiet", "--out", folder / "served")
+    assert invoke(*served) == 0
+    assert pq.read_table((folder / "served" / "trajectory.parquet").open("rb")).num_rows == 6
+
+    assert "x_m" in tables.read(folder / "trajectory.parquet")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from omni_control.kinematics import Array
+from omni_mj import parquet
 from omni_mj.live.serve.cameras import CYCLES, Name
 from omni_mj.live.serve.pitch import Pitch, label
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
@@ -128,27 +129,18 @@ class Parquet:
 
     def finish(self) -> None:
         """Make one table of the parts."""
-        import pyarrow.parquet as pq
-
         self._write()
         if not self._parts:
             return
-        partial = self._path.with_name(self._path.name + ".partial")
-        with pq.ParquetWriter(partial, pq.read_schema(self._parts[0]), compression="zstd") as whole:
-            for part in self._parts:
-                whole.write_table(pq.read_table(part))
-        partial.replace(self._path)
+        parquet.join(self._parts, self._path)
         for part in self._parts:
             part.unlink()
 
     def _write(self) -> None:
         import pyarrow as pa
-        import pyarrow.parquet as pq
 
         if self._tables:
             part = self._path.with_name(f"{self._path.stem}-{len(self._parts):05d}{self._path.suffix}")
-            partial = part.with_name(part.name + ".partial")
-            pq.write_table(pa.concat_tables(self._tables), partial, compression="zstd")
-            partial.replace(part)
+            parquet.write(pa.concat_tables(self._tables), part)
             self._parts.append(part)
             self._tables.clear()

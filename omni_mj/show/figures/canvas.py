@@ -16,6 +16,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from omni_control.kinematics import Array
+from omni_mj.files import whole
 from omni_mj.measure.limits import LIMITS
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show import style
@@ -41,14 +42,25 @@ def save(figure: Figure, stem: Path, svg: bool = True) -> None:
     """Write `stem`.png and, if wanted, `stem`.svg, the same bytes for the same figure."""
     # The canvases draw once, where savefig would draw twice; the layout found for one is right for the other.
     figure.dpi = rcParams["savefig.dpi"]
-    FigureCanvasAgg(figure).print_png(  # type: ignore[no-untyped-call]
-        str(stem.with_suffix(".png")), pil_kwargs={"compress_level": 1}
-    )
+    with whole(stem.with_suffix(".png")) as file:
+        FigureCanvasAgg(figure).print_png(file, pil_kwargs={"compress_level": 1})  # type: ignore[no-untyped-call]
     if not svg:
         return
     figure.set_layout_engine("none")
-    canvas = FigureCanvasSVG(figure)
-    canvas.print_svg(str(stem.with_suffix(".svg")), metadata={"Date": None})  # type: ignore[no-untyped-call]
+    with whole(stem.with_suffix(".svg")) as file:
+        FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None})  # type: ignore[no-untyped-call]
+
+
+def save_png(figure: Figure, path: Path, dpi: float | None = None) -> None:
+    """Write a figure to a PNG that appears whole or not at all.
+
+    Args:
+        figure: what is drawn.
+        path: of the file.
+        dpi: dots an inch. [the style's]
+    """
+    with whole(path) as file:
+        figure.savefig(file, format="png", dpi=rcParams["savefig.dpi"] if dpi is None else dpi)
 
 
 def title(figure: Figure, text: str, notes: Sequence[str] = (), explained: str = "") -> None:

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
-import pyarrow.parquet as pq
 from PIL import Image, ImageDraw, ImageFont
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
+from omni_mj import parquet
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.show import style
@@ -67,12 +67,15 @@ class Reel:
             OmniError: it holds no run, no trajectory, or no such controller.
         """
         frames = folder / "trajectory.parquet"
-        for needed in (folder / "scenario.toml", frames):
-            if not needed.is_file():
-                raise OmniError(f"{folder} holds no run to film: there is no {needed.name}; give the folder of a run")
+        for file in (folder / "scenario.toml", frames):
+            if not file.is_file():
+                raise OmniError(f"{folder} holds no run to film: there is no {file.name}; give the folder of a run")
         settings = scenario.load(str(folder / "scenario.toml")).settings
         count = len(settings.wheels.kinematics.azimuths)
-        table = pq.read_table(frames, columns=_columns(pq.read_schema(frames).names, count))
+        needed = _columns(parquet.schema(frames).names, count)
+        table = parquet.read(frames, needed)
+        if len(table.column_names) < len(needed) or not table.num_rows:
+            raise OmniError(f"{frames} is not a run's trajectory: it lacks what a film shows")
         column = {name: table[name].to_numpy() for name in table.column_names}
         known = list(dict.fromkeys(column["controller"]))
         if unknown := [name for name in controllers if name not in known]:

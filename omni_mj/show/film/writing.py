@@ -3,12 +3,13 @@
 from collections.abc import Iterable
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from PIL import Image
 
 from omni_control.errors import OmniError
+from omni_mj.files import whole
 
 KINDS = (".gif", ".webp", ".mp4", ".webm")
 _CODECS = {".mp4": "libx264", ".webm": "libvpx-vp9"}
@@ -21,17 +22,11 @@ def write(pictures: Iterable[Image.Image], out: Path, rate: float) -> None:
     Raises:
         OmniError: a video is asked for and PyAV is not installed, or the file cannot be written.
     """
-    part = out.with_name(f".{out.stem}.part{out.suffix}")  # a film that is cut off is not taken for a whole one
     try:
-        if out.suffix in _CODECS:
-            _video(pictures, part, rate)
-        else:
-            _animation(pictures, part, rate)
-        part.replace(out)
+        with whole(out) as file:
+            (_video if out.suffix in _CODECS else _animation)(pictures, file, out.suffix, rate)
     except OSError as error:
         raise OmniError(f"{out}: {error.strerror or error}") from None
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def check(out: Path) -> None:
@@ -49,27 +44,28 @@ def check(out: Path) -> None:
             raise OmniError(f"{out}: videos need PyAV: pip install 'omni-mj[film]'; .gif and .webp do not") from None
 
 
-def _animation(pictures: Iterable[Image.Image], out: Path, rate: float) -> None:
-    whole = list(pictures)
-    if out.suffix == ".gif":
-        few = whole[:: max(1, len(whole) // 8)]  # what the palette is made of
+def _animation(pictures: Iterable[Image.Image], file: BinaryIO, kind: str, rate: float) -> None:
+    every = list(pictures)
+    if kind == ".gif":
+        few = every[:: max(1, len(every) // 8)]  # what the palette is made of
         strip = Image.new("RGB", (few[0].width, few[0].height * len(few)))
         for i, picture in enumerate(few):
             strip.paste(picture, (0, i * picture.height))
         palette = strip.quantize(COLOURS, dither=Image.Dither.NONE)
-        whole = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in whole]
-    options: dict[str, Any] = {"quality": 60, "method": 4} if out.suffix == ".webp" else {"optimize": False}
-    whole[0].save(out, save_all=True, append_images=whole[1:], duration=round(1000 / rate), loop=0, **options)
+        every = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in every]
+    options: dict[str, Any] = {"quality": 60, "method": 4} if kind == ".webp" else {"optimize": False}
+    options |= {"format": kind[1:], "save_all": True, "append_images": every[1:], "loop": 0}
+    every[0].save(file, duration=round(1000 / rate), **options)
 
 
-def _video(pictures: Iterable[Image.Image], out: Path, rate: float) -> None:
+def _video(pictures: Iterable[Image.Image], file: BinaryIO, kind: str, rate: float) -> None:
     import av
 
-    with av.open(str(out), "w") as container:
+    with av.open(file, "w", format=kind[1:]) as container:
         stream: Any = None
         for picture in pictures:
             if stream is None:
-                stream = container.add_stream(_CODECS[out.suffix], rate=Fraction(rate).limit_denominator(1000))
+                stream = container.add_stream(_CODECS[kind], rate=Fraction(rate).limit_denominator(1000))
                 stream.width, stream.height = picture.width // 2 * 2, picture.height // 2 * 2
                 stream.pix_fmt = "yuv420p"
             even = np.asarray(picture)[: stream.height, : stream.width]

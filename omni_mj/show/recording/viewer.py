@@ -16,10 +16,16 @@ from rerun.experimental import ViewerClient
 from omni_control.errors import OmniError
 
 START_S, ANSWER_S = 60.0, 2.0  # for a viewer to show its window, and to answer once it does
+# A viewer would send usage statistics, unless its configuration says otherwise; and ask whether there is a newer one,
+# and for examples, which nothing turns off: what it asks of others it asks of a proxy, and there is none.
+NOBODY = "http://127.0.0.1:9"
+QUIET = {f"{scheme}_proxy": NOBODY for scheme in ("http", "https", "all")} | {"no_proxy": "127.0.0.1,localhost"}
+QUIET |= {name.upper(): value for name, value in QUIET.items()}
+QUIET |= {"XDG_CONFIG_HOME": str(Path(__file__).parent / "quiet")}
 
 
 class Viewer:
-    """A viewer that was started; it listens on this machine alone.
+    """A viewer that was started; it listens on this machine alone, and asks nothing of any other.
 
     Args:
         options: of the command `rerun`.
@@ -41,7 +47,9 @@ class Viewer:
         self._said = said = tempfile.TemporaryFile("w+")  # noqa: SIM115 (as long as the viewer)
         with open(file or os.devnull, "rb") as stdin:
             # In a session of its own, which outlives this process and is ended as a whole.
-            self._process = subprocess.Popen(command, stdin=stdin, stdout=said, stderr=said, start_new_session=True)
+            self._process = subprocess.Popen(
+                command, stdin=stdin, stdout=said, stderr=said, start_new_session=True, env=os.environ | QUIET
+            )
         if not self._shows():
             self.stop()
             raise OmniError(f"the rerun viewer does not start: {self.complaint()}")

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from omni_mj.files import write
 from omni_mj.measure.table import DASH, Table, text
 from omni_mj.scenarios import robots
 from omni_mj.scenarios.scenario import Scenario, scenario
@@ -65,16 +66,16 @@ class Identified:
 
         A `file` beside the folder gets the robot too.
         """
-        (folder / "identify.json").write_text(json.dumps(self.report(), indent=2, allow_nan=False) + "\n", "utf-8")
         start = robots.robot_path(self.robot).read_text("utf-8")
         misfits = [part.source for part in self.parts if part.fitted.misfit]
         made = robot_file.changes(self.estimates, misfits)
         if model := self.settings.model.file:
             made |= robot_file.with_model(Path(model), folder)
         written = robot_file.written(start, made, self.logs)
-        (folder / "robot.toml").write_text(written, "utf-8")
+        write(folder / "robot.toml", written)
         if file is not None:
-            file.write_text(written.replace(f'"{robot_file.MODEL}/', f'"{folder.name}/{robot_file.MODEL}/'), "utf-8")
+            write(file, written.replace(f'"{robot_file.MODEL}/', f'"{folder.name}/{robot_file.MODEL}/'))
+        write(folder / "identify.json", json.dumps(self.report(), indent=2, allow_nan=False) + "\n")
 
     def _lines(self) -> Iterator[str]:
         rows = []

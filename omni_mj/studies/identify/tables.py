@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from omni_control.errors import OmniError
+from omni_mj import parquet
 
 SEPARATORS = ",;\t"
 CLOCKS = {"time_ms": 1e-3, "time_us": 1e-6, "time_ns": 1e-9}  # in place of time_s
@@ -28,7 +29,7 @@ def read(path: Path) -> dict[str, np.ndarray]:
 
     if not path.is_file():
         raise OmniError(f"there is no log {path}")
-    kinds = {".csv": _csv, ".parquet": _parquet}
+    kinds = {".csv": _csv, ".parquet": parquet.read}
     if path.suffix.lower() not in kinds:
         raise OmniError(f"{path}: a log is a .csv or .parquet file with named columns, or a game log, .log or .log.gz")
     try:
@@ -68,12 +69,6 @@ def _is_number(value: Any) -> bool:
     except (TypeError, ValueError):
         return False
     return True
-
-
-def _parquet(path: Path) -> Any:
-    import pyarrow.parquet
-
-    return pyarrow.parquet.read_table(path)
 
 
 def _csv(path: Path) -> Any:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from omni_mj.files import whole
+from omni_mj import parquet
 from omni_mj.measure import metrics, recovery
 from omni_mj.scenarios.distributions import value
 from omni_mj.simulate.simulation import Simulation
@@ -66,10 +66,7 @@ def run(plan: Plan, job: Job, after_frame: Callable[[int], None] = nothing) -> "
 
 def save(table: "pa.Table", path: Path) -> None:
     """Write a table as Parquet; the file appears whole or not at all, and is then on the disk."""
-    import pyarrow.parquet as pq
-
-    with whole(path) as file:  # by its name, Arrow would take one with a colon for an address
-        pq.write_table(table, file, compression="zstd")
+    parquet.write(table, path)
 
 
 def file(folder: Path, job: Job) -> Path:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
+from omni_mj import parquet
 from omni_mj.files import write
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
@@ -47,10 +48,8 @@ class Sweep:
 
     def rows(self) -> "pa.Table":
         """A line per robot that was simulated, by point, controller, seed and place; see `shard.run`."""
-        import pyarrow.parquet as pq
-
         whole = self.folder / ROWS
-        return pq.read_table(whole) if whole.is_file() else _gathered(self.plan, self.folder)
+        return parquet.read(whole) if whole.is_file() else _gathered(self.plan, self.folder)
 
     def cells(self) -> list[dict[str, Any]]:
         """Failure rate and errors of each point and controller; see `cells.of`."""
@@ -184,12 +183,11 @@ def _tables(
 
 def _gathered(plan: Plan, folder: Path) -> "pa.Table":
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     there = [shard.file(folder, job) for job in plan.jobs if shard.file(folder, job).exists()]
     if not there:
         raise OmniError(f"nothing of the sweep in {folder} has been run yet")
-    table = pa.concat_tables([pq.read_table(each) for each in there], promote_options="permissive")
+    table = pa.concat_tables([parquet.read(each) for each in there], promote_options="permissive")
     names = {label: i for i, label in enumerate(plan.scenario.labels)}
     order = pa.array([names[each] for each in table["controller"].to_pylist()])
     keys = [(name, "ascending") for name in ("point", "order", "seed", "place")]

@@ -1,0 +1,74 @@
+"""Tables as Parquet files; by its name, Arrow would take a path with a colon in it for an address."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+from omni_control.errors import OmniError
+from omni_mj.files import whole
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+def read(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
+    """The table in a file.
+
+    Args:
+        path: of the file.
+        columns: those that are wanted. [all]
+
+    Raises:
+        OmniError: it cannot be read, or is no such table.
+    """
+    import pyarrow.parquet as pq
+
+    with _opened(path) as file:
+        return pq.read_table(file, columns=None if columns is None else list(columns))
+
+
+def schema(path: Path) -> "pa.Schema":
+    """The names and types of the columns in a file; errors are those of `read`."""
+    import pyarrow.parquet as pq
+
+    with _opened(path) as file:
+        return pq.read_schema(file)
+
+
+def write(table: "pa.Table", path: Path) -> None:
+    """Write a table to a file that appears whole or not at all.
+
+    Raises:
+        OSError: see `omni_mj.files.whole`.
+    """
+    import pyarrow.parquet as pq
+
+    with whole(path) as file:
+        pq.write_table(table, file, compression="zstd")
+
+
+def join(parts: Sequence[Path], path: Path) -> None:
+    """Make one file of several with the same columns, of which one at a time is in memory.
+
+    Raises:
+        OmniError, OSError: as of `read` and `write`; the parts stay.
+    """
+    import pyarrow.parquet as pq
+
+    with whole(path) as file, pq.ParquetWriter(file, schema(parts[0]), compression="zstd") as table:
+        for part in parts:
+            table.write_table(read(part))
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[BinaryIO]:
+    """A file to read; what is wrong with it is a line."""
+    import pyarrow as pa
+
+    try:
+        with path.open("rb") as file:
+            yield file
+    except (OSError, pa.ArrowException) as error:
+        reason = (isinstance(error, OSError) and error.strerror) or str(error)
+        raise OmniError(f"{path} cannot be read: {' '.join(reason.split())}") from None

@@ -1,0 +1,49 @@
+"""Machine faults, at random: `python tests/soak [--seed S]`, or `make soak`. What must hold is in laws.py.
+
+It prints a line for each thing that went wrong, the seed with which that repeats, and exits with 1 if anything did.
+"""
+
+import argparse
+import random
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import hour
+import moments
+import places
+
+PARTS = {  # name -> what does it, and how often
+    "kills": (moments.kills, 50),
+    "signals": (moments.signals, 150),
+    "imports": (moments.imports, 30),
+    "places": (places.places, 1),
+    "sizes": (places.sizes, 40),
+    "hour": (hour.hour, 60),
+}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("parts", nargs="*", metavar="PART[=COUNT]", help=f"of {', '.join(PARTS)} [all]")
+    parser.add_argument("--seed", type=int, default=time.time_ns() % 10**6)
+    parser.add_argument("--verbose", action="store_true", help="also what went well")
+    given = parser.parse_args()
+    print(f"seed {given.seed}", flush=True)
+    bad = 0
+    with tempfile.TemporaryDirectory(prefix="soak-") as folder:
+        for word in given.parts or PARTS:
+            name, _, count = word.partition("=")
+            part, usual = PARTS[name]
+            done = 0
+            for title, wrong in part(random.Random(given.seed), int(count or usual), Path(folder)):
+                done, bad = done + 1, bad + bool(wrong)
+                if wrong or given.verbose:
+                    print(f"{name}: {title}: {'; '.join(wrong) or 'well'}", flush=True)
+            print(f"{name}: {done} done", flush=True)
+    print(f"{bad} went wrong (seed {given.seed})")
+    return int(bad > 0)
+
+
+sys.exit(main())
