@@ -19,7 +19,7 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from omni_mj.measure.table import Table, text
-from omni_mj.onboard.motors import REFERENCE_C
+from omni_mj.onboard.laws import REFERENCE_C
 from omni_mj.scenarios import robots
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, Settings

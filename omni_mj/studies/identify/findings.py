@@ -75,6 +75,8 @@ KINDS = {
     "stiffness_n_s_m": Kind("stiffness of a wheel's loop", "N s/m", 0, 0.25, "", LAG, 0.03),
     "integral_1_s": Kind("integral over proportional gain of loops", "1/s", 0, 0.5, "", STEPS),
     "grip": Kind("friction of wheels on the carpet", "", 0, 0.1, "", "moves on which wheels slide"),
+    "slope_x_rad": Kind("slope of the carpet down along x", "rad", 0.01, 0, "creep", CREEP),
+    "slope_y_rad": Kind("slope of the carpet down along y", "rad", 0.01, 0, "creep", CREEP),
     "compass_rad": Kind("angle of the robot's axes", "rad", 0.05, 0, "", STRAIGHT),
 }
 

@@ -24,7 +24,7 @@ OTHER_RADIUS, SURE = 0.025, 3.0  # and standard errors, from which the wheels ar
 ROLLS, RADIUS_SHARE = 0.9988, 0.002  # rolling radius over the file's (rubber is pressed in), and how well it is known
 ROLLING_M_S = 0.05  # speed of rims above which motors without current roll out, and do not stand
 BETTER = 0.98  # residuals over those without, by which another cause must be better
-CONTACTS = ("creep", "pile", "roller_friction")
+CONTACTS = ("creep", "pile", "roller_friction", "lean_x_m_s2", "lean_y_m_s2")
 INTEGRAL_1_S = 5.0  # of loops, to try: 3 V/rad beside 0.6 V s/rad
 
 
@@ -73,7 +73,9 @@ def by_wheels(logs: Sequence[Log], settings: Settings) -> Part | None:
     given, free, fixed = "", always, nothing
     if Excitation.of(first, used).creeps.any():
         free, fixed = [*CONTACTS, *always], {}
-        start = np.where(np.isin(law.NAMES, always), first.parameters, believed)
+        start = believed.copy()
+        at = [law.NAMES.index(name) for name in always]
+        start[at] = first.parameters[at]
         first = fit(body, used, start, first.late, free)
     else:
         first = fit(body, used, first.parameters, first.late, always, nothing)
@@ -124,8 +126,8 @@ def by_commands(logs: Sequence[Log], settings: Settings, rolled: Fit | None) -> 
     if believed[law.INTEGRAL] > 0:
         free.append("integral_1_s")
     if rolled is not None:
-        start[: law.ROLLERS + 1] = rolled.parameters[: law.ROLLERS + 1]
-        start[law.GRIP] = rolled.parameters[law.GRIP]
+        shared = [law.NAMES.index(name) for name in (*CONTACTS, "grip")]
+        start[shared] = rolled.parameters[shared]
         start[law.ARM] = rolled.parameters[law.ARM] / rolled.parameters[law.SCALE]
         found = fit(body, used, start, late, free)
     else:
@@ -158,7 +160,7 @@ def of_wheels(settings: Settings) -> Array:
     start = dict.fromkeys(law.NAMES, 0.0) | {"scale": 1.0, "arm": 1.0, "grip": settings.carpet.friction}
     start["creep"] = 1 / settings.drive.creep_stiffness if settings.wheels.creep == "on" else 0.0
     start |= {"pile": settings.carpet.pile, "roller_friction": settings.drive.roller_friction}
-    return np.array(list(start.values()))
+    return np.append(np.array(list(start.values())), np.zeros(2 * len(settings.wheels.azimuths_deg)))
 
 
 def of_commands(settings: Settings) -> Array:

@@ -14,10 +14,10 @@ from omni_mj.scenarios.scenario import Scenario, scenario
 from omni_mj.scenarios.settings import Settings
 from omni_mj.studies.identify import jitter, motion, robot_file
 from omni_mj.studies.identify.findings import Estimate
-from omni_mj.studies.identify.fit import Whiteness
 from omni_mj.studies.identify.logs import Log, read
 from omni_mj.studies.identify.motion import Part
 from omni_mj.studies.identify.motors import by_motors
+from omni_mj.studies.identify.residuals import Residuals
 
 
 @dataclass
@@ -156,14 +156,9 @@ def _misfits(part: Part) -> Iterator[str]:
     for kind, unit, one in (("positions", "mm", f.position), ("headings", "mrad", f.heading)):
         if one.misfit:
             yield (
-                f"residuals of {kind} are not white (autocorrelation {one.memory:.2f} over 5 samples, p "
-                f"{one.unlikely:.1g}): {_beside(one):.2f} {unit} beside the noise are of something that the law lacks"
+                f"{1e3 * one.lasting:.2f} {unit} of the residuals of {kind} last, of robots that the law describes "
+                f"{1e3 * one.allowed:g} {unit} at the most (p {one.unlikely:.1g}): it lacks something that this one does"
             )
-
-
-def _beside(one: Whiteness) -> float:
-    """What of residuals is not noise, mm or mrad."""
-    return 1e3 * float(np.sqrt(max(one.rms**2 - one.noise**2, 0.0)))
 
 
 def _report(part: Part) -> dict[str, Any]:
@@ -171,7 +166,7 @@ def _report(part: Part) -> dict[str, Any]:
     found: dict[str, Any] = {"stretches": len(part.segments), "samples": f.samples}
     for unit, one in (("m", f.position), ("rad", f.heading)):
         found |= {f"residual_rms_{unit}": one.rms, f"noise_{unit}": one.noise}
-        found |= {f"autocorrelation_{unit}": one.memory, f"white_p_{unit}": one.unlikely}
+        found |= {f"lasting_{unit}": one.lasting, f"allowed_{unit}": one.allowed, f"p_{unit}": one.unlikely}
     found["misfit"] = list(_misfits(part)) or None
     found["held_out"] = p and {
         "stretches": p.stretches,
