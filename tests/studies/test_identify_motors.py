@@ -35,7 +35,9 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Estimate]:
     logs = read(path)
     assert len(logs) == len(MOVES)
     rolled = motion.by_wheels(logs, CHOSEN.settings)
-    return {e.name: e for e in by_motors(logs, CHOSEN.settings, rolled)}
+    estimates, odd = by_motors(logs, CHOSEN.settings, rolled)
+    assert not odd
+    return {e.name: e for e in estimates}
 
 
 def test_roll_outs_tell_the_drag_of_all(told: dict[str, Estimate]) -> None:

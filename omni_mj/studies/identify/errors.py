@@ -5,6 +5,8 @@ Standard errors are those of Newey and West (1987, Econometrica 55, 703): scores
 within a stretch; where white noise gives the larger ones, those. Both with the degrees of freedom that are left.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from omni_control.kinematics import Array
@@ -47,3 +49,18 @@ def lasting(scores: Array, segments: Segments) -> Array:
         both = np.einsum("smi,smj->ij", scores[:, lag:], scores[:, :-lag])
         meat += (1 - lag / (lags + 1)) * (both + both.T)
     return meat
+
+
+def regress(rows: Sequence[Array], values: Sequence[Array], lags: Sequence[int]) -> tuple[Array, Array]:
+    """Least squares of pieces in time, rows (m, W, n) and values (m, W), and errors by Newey and West."""
+    x, y = np.concatenate([r.reshape(-1, r.shape[-1]) for r in rows]), np.concatenate([v.ravel() for v in values])
+    inverse = np.linalg.pinv(x.T @ x)
+    found = inverse @ (x.T @ y)
+    meat = np.zeros_like(inverse)
+    for row, value, most in zip(rows, values, lags, strict=True):
+        scores = (row * (value - row @ found)[..., None]).sum(1)
+        meat += scores.T @ scores
+        for lag in range(1, min(most, len(scores) - 1) + 1):
+            both = scores[lag:].T @ scores[:-lag]
+            meat += (1 - lag / (most + 1)) * (both + both.T)
+    return found, np.sqrt(np.maximum(np.diag(inverse @ meat @ inverse), 0.0))

@@ -9,7 +9,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios.settings import PERIOD_S, Settings
-from omni_mj.studies.identify import axes, jitter, law, wheels
+from omni_mj.studies.identify import axes, jitter, law, suspects, wheels
 from omni_mj.studies.identify.findings import DRIVES_M_S, TURNS_RAD_S, Estimate, Excitation, estimates
 from omni_mj.studies.identify.fit import Fit, fit
 from omni_mj.studies.identify.logs import Log
@@ -38,6 +38,7 @@ class Part:
         prediction: of those that were held out, or None where there are too few.
         estimates: numbers, told or not.
         notes: what was seen on the way.
+        odd: a wheel that is not as the others, in a line.
     """
 
     source: str
@@ -46,6 +47,7 @@ class Part:
     prediction: Prediction | None
     estimates: list[Estimate] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    odd: list[str] = field(default_factory=list)
 
 
 def by_wheels(logs: Sequence[Log], settings: Settings) -> Part | None:
@@ -94,7 +96,7 @@ def by_wheels(logs: Sequence[Log], settings: Settings) -> Part | None:
         lates = np.stack([np.zeros(len(held)), found.late[held.log if len(found.late) > 1 else 0 * held.log]], 1)
         prediction = predict(body, held, np.stack([believed, found.parameters]), lates)
     told = list(estimates(found, body, settings, used, given))
-    return Part("wheels", found, used, prediction, told, notes)
+    return Part("wheels", found, used, prediction, told, notes, list(suspects.odd_rims(found, body, used)))
 
 
 def by_commands(logs: Sequence[Log], settings: Settings, rolled: Fit | None) -> Part | None:
@@ -152,7 +154,8 @@ def by_commands(logs: Sequence[Log], settings: Settings, rolled: Fit | None) -> 
         lates = np.tile([delay, found.late[0]], (len(held), 1))
         prediction = predict(body, held, np.stack([believed, found.parameters]), lates)
     told = [*estimates(found, body, settings, used, given), jitter.of_moves(found, used)]
-    return Part("commands", found, used, prediction, told, notes)
+    odd = list(suspects.odd_loops(found, body, used)) if found.misfit else []
+    return Part("commands", found, used, prediction, told, notes, odd)
 
 
 def of_wheels(settings: Settings) -> Array:

@@ -57,9 +57,11 @@ def of(body: law.Body, settings: Settings, parameters: Array, wheels: bool) -> d
         found["integral_1_s"] = p["integral_1_s"]
     if p["creep"] > 0:
         found["creep_stiffness"] = 1 / p["creep"]
-    return found | {name: p[name] for name in ("pile", "roller_friction", "compass_rad", "grip", "drift")} | {
-        f"slope_{axis}_rad": p[f"lean_{axis}_m_s2"] / law.GRAVITY_M_S2 for axis in "xy"
-    }
+    return (
+        found
+        | {name: p[name] for name in ("pile", "roller_friction", "compass_rad", "grip", "drift")}
+        | {f"slope_{axis}_rad": p[f"lean_{axis}_m_s2"] / law.GRAVITY_M_S2 for axis in "xy"}
+    )
 
 
 def with_errors(fitted: Fit, number: Callable[[Array], dict[str, float]]) -> dict[str, tuple[float, float]]:
