@@ -2,7 +2,8 @@
 
 The law lets all wheels be alike. Of each wheel by itself it is tested how far it is not, without another fit: of the
 residuals r and the derivative c by that, less what the fitted parameters could do as well, the share is -c r / c^2
-(a score test, Rao 1948, Proc. Camb. Phil. Soc. 44, 50, with the step to the estimate), with an error as of the fit.
+(a score test, Rao 1948, Proc. Camb. Phil. Soc. 44, 50, with the step to the estimate), with an error as of the fit, of
+the residuals that are left then.
 """
 
 from collections.abc import Iterator, Sequence
@@ -33,13 +34,12 @@ def odd_rims(found: Fit, body: law.Body, segments: Segments) -> Iterator[str]:
     """
     residual, alone = _alone(found, body, segments, range(len(body.wheels)))
     share, error = shares(residual, alone, segments)
-    sizes = np.abs(share) / np.hypot(error, ALIKE)
-    wheel = int(np.argmax(sizes))
-    if 2 * len(sizes) * stats.norm.sf(sizes[wheel]) < ALARM:  # Bonferroni: of any wheel, either way
-        off = 100 * np.hypot(error[wheel], ALIKE)
+    wheel = int(np.argmax(share**2 * (alone**2).sum(0)))  # that explains most
+    off = float(np.hypot(error[wheel], ALIKE))
+    if 2 * len(share) * stats.norm.sf(abs(share[wheel]) / off) < ALARM:  # Bonferroni: of any wheel, either way
         yield (
-            f"wheel {wheel + 1}: it goes {100 * share[wheel]:+.1f} +- {off:.1f} % farther than its angle says, beside "
-            "the others; is it worn, or its encoder's scale another?"
+            f"wheel {wheel + 1}: it goes {100 * share[wheel]:+.1f} +- {100 * off:.1f} % farther than its angle says, "
+            "beside the others; is it worn, or its encoder's scale another?"
         )
 
 
@@ -63,9 +63,11 @@ def shares(residual: Array, alone: Array, segments: Segments) -> tuple[Array, Ar
     power = (alone**2).sum(0)
     shown = power > 0
     power = np.where(shown, power, 1.0)
-    scores = (alone.reshape(*residual.shape, -1) * residual[..., None]).sum(2)
+    share = -(alone.T @ residual.ravel()) / power
+    left = residual[..., None] + (alone * share).reshape(*residual.shape, -1)  # what that wheel does not explain
+    scores = (alone.reshape(left.shape) * left).sum(2)
     error = np.sqrt(np.diag(lasting(scores, segments))) / power
-    return -(alone.T @ residual.ravel()) / power, np.where(shown, error, np.inf)
+    return share, np.where(shown, error, np.inf)
 
 
 def _alone(found: Fit, body: law.Body, segments: Segments, odd: Sequence[int]) -> tuple[Array, Array]:
