@@ -1,5 +1,7 @@
 """Identification of robots whose truth is known, by a law written apart: within its errors, and misfits named."""
 
+import re
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,7 +9,7 @@ import pytest
 from synthetic import Logs, Truth, logs
 
 from omni_mj.scenarios.scenario import scenario
-from omni_mj.studies.identify import axes, law, motion
+from omni_mj.studies.identify import axes, law, motion, suspects
 from omni_mj.studies.identify.logs import Log
 from omni_mj.studies.identify.predict import first_poses
 from omni_mj.studies.identify.segments import cut
@@ -18,6 +20,7 @@ TRUTHS = [
 ]
 SETTINGS = scenario("rect").settings
 DRIVEN = 6.0  # s
+LEAN = 0.3 + 0.1j  # of the carpet: 1.8 degrees
 
 
 def log(of: Logs, robot: int) -> Log:
@@ -29,7 +32,14 @@ def log(of: Logs, robot: int) -> Log:
 
 @cache
 def driven() -> Logs:
-    return logs(SETTINGS, TRUTHS, DRIVEN, seed=1, speed=2.2)
+    return logs(SETTINGS, TRUTHS, DRIVEN, seed=1, speed=2.2, lean=LEAN)
+
+
+@cache
+def rolled(robot: int) -> motion.Part:
+    part = motion.by_wheels([log(driven(), robot)], SETTINGS)
+    assert part is not None
+    return part
 
 
 def told(part: motion.Part | None) -> dict[str, tuple[float, float]]:
@@ -41,14 +51,16 @@ def told(part: motion.Part | None) -> dict[str, tuple[float, float]]:
 def test_a_robot_comes_out_of_its_log(robot: int) -> None:
     """Within four standard errors, and creep within 10 %, latency 0.3 frame: from a start that has other numbers."""
     truth, one = TRUTHS[robot], log(driven(), robot)
-    rolled = motion.by_wheels([one], SETTINGS)
-    assert rolled is not None
-    by_wheels, by_commands = told(rolled), told(motion.by_commands([one], SETTINGS, rolled.fitted))
-    assert not rolled.fitted.misfit
+    by_wheels = told(rolled(robot))
+    by_commands = told(motion.by_commands([one], SETTINGS, rolled(robot).fitted))
+    assert not rolled(robot).fitted.misfit
+    assert not rolled(robot).odd
     for found, name, value in (
         (by_wheels, "creep_stiffness", truth.stiffness),
         (by_wheels, "arm_m", SETTINGS.wheels.arm_m),
         (by_wheels, "clock_s", 0.0),
+        (by_wheels, "slope_x_rad", LEAN.real / 9.81),
+        (by_wheels, "slope_y_rad", LEAN.imag / 9.81),
         (by_commands, "latency_s", truth.late),
         (by_commands, "stiffness_n_s_m", SETTINGS.body.mass_kg / truth.give),
     ):
@@ -65,21 +77,34 @@ def test_commands_alone_tell_creep_too() -> None:
     assert found["creep_stiffness"][0] == pytest.approx(TRUTHS[0].stiffness, rel=0.1)
 
 
+@pytest.mark.parametrize("wheel", [0, 2])
+def test_a_wheel_whose_angle_is_wrong_is_named(wheel: int) -> None:
+    """An encoder that shows 2 % too much: its rim goes 2 % less than it says, within four standard errors."""
+    part, body = rolled(0), law.Body.of(SETTINGS)
+    scale = np.ones(4)
+    scale[wheel] = 1.02
+    segments = replace(part.segments, inputs=part.segments.inputs * scale, summed=part.segments.summed * scale)
+    (line,) = suspects.odd_rims(part.fitted, body, segments)
+    found = re.match(rf"wheel {wheel + 1}: it goes (\S+) \+- (\S+) %", line)
+    assert found
+    assert abs(float(found[1]) + 2) < 4 * float(found[2])
+
+
 @pytest.mark.parametrize("lacks", ["push", "weak"])
 def test_what_the_law_lacks_is_a_misfit(lacks: str) -> None:
     """Accelerations of 0.6 m/s^2 that swing at 1.1 Hz; or one wheel whose creep is five times the others'."""
     of = logs(SETTINGS, TRUTHS[:1], 4.6, seed=3, **({"push": 0.6} if lacks == "push" else {"weak": 0.2}))
-    rolled = motion.by_wheels([log(of, 0)], SETTINGS)
-    assert rolled is not None
-    assert rolled.fitted.misfit
+    part = motion.by_wheels([log(of, 0)], SETTINGS)
+    assert part is not None
+    assert part.fitted.misfit
 
 
 def test_slow_data_do_not_tell_creep() -> None:
     """As of a robot in a laboratory: 0.4 m/s and 0.8 m/s^2. Creep is not told, and it says why."""
     of = logs(SETTINGS, TRUTHS[:1], DRIVEN, seed=4, speed=0.4, pull=0.8)
-    rolled = motion.by_wheels([log(of, 0)], SETTINGS)
-    assert rolled is not None
-    found = {e.name: e for e in rolled.estimates}
+    part = motion.by_wheels([log(of, 0)], SETTINGS)
+    assert part is not None
+    found = {e.name: e for e in part.estimates}
     assert "it needs 1 m/s and 1 m/s^2" in (found["creep_stiffness"].why_not or "")
     assert found["creep_stiffness"].report()["value"] is None
     assert "--plan" in found["creep_stiffness"].would_tell
@@ -94,9 +119,9 @@ def test_motion_along_one_axis_tells_nothing_of_the_other() -> None:
     pose[:, 0] = np.concatenate([[0.0], np.cumsum(speed)[:-1]]) / rate
     pose += np.random.default_rng(0).normal(size=pose.shape) * [0.0013, 0.0013, 0.003]
     wheels = SETTINGS.wheels.kinematics.wheel_speeds(np.stack([speed, 0 * speed, 0 * speed], 1))
-    rolled = motion.by_wheels([Log("log", one.time, pose, None, False, wheels)], SETTINGS)
-    assert rolled is not None
-    found = {e.name: e for e in rolled.estimates}
+    part = motion.by_wheels([Log("log", one.time, pose, None, False, wheels)], SETTINGS)
+    assert part is not None
+    found = {e.name: e for e in part.estimates}
     assert found["gain_forward"].told
     assert "the robot moves sideways at 0.0" in (found["gain_sideways"].why_not or "")
     assert "the robot turns at 0.0" in (found["gain_turning"].why_not or "")

@@ -8,8 +8,9 @@ import pytest
 
 from omni_mj.studies.identify import jitter
 from omni_mj.studies.identify.findings import Estimate
-from omni_mj.studies.identify.fit import LATE, Fit, whiteness
+from omni_mj.studies.identify.fit import LATE, Fit
 from omni_mj.studies.identify.logs import Log
+from omni_mj.studies.identify.residuals import residuals
 from omni_mj.studies.identify.segments import cut
 
 RATE, EACH, LATE_S, NOISE_M = 60, 45, 0.1, 0.0013  # EACH: lines from one velocity to the next
@@ -43,7 +44,7 @@ def told(ramp: int, spread: float) -> Estimate:
         exact, none = way(np.full(len(one.time), LATE_S)), np.zeros_like(one.time)
         slope[s] = (way(none + LATE_S + 1e-4) - exact) / 1e-4
         residual[s] = exact - way(LATE_S + delays) + NOISE_M * rng.normal(size=exact.shape)
-    white, zeros = whiteness(residual, segments.there), np.zeros_like(residual)
+    white, zeros = residuals(residual, segments.there, 0.0), np.zeros_like(residual)
     names, late = (LATE,), np.array([LATE_S])
     none = np.zeros(1)
     fitted = Fit(names, late, np.eye(1), none, late, 2.0, none, white, white, zeros, 0, none, residual, slope, 1.0)

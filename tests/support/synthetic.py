@@ -49,6 +49,8 @@ def logs(
     turn: float = 3.0,
     push: float = 0.0,
     weak: float = 1.0,
+    lean: complex = 0.0,
+    jitter: float = 0.0,
 ) -> Logs:
     """Drive between random velocities, 3/4 s each, along trapezoids.
 
@@ -62,6 +64,8 @@ def logs(
         speed, pull, turn: largest velocity per axis, acceleration, and turn rate; turning speeds up at 15 rad/s^2.
         push: an acceleration that swings along x at 1.1 Hz, m/s^2, and that no law knows.
         weak: share of the first wheel's load that its traction is in proportion to.
+        lean: what a slope of the carpet pulls along x, and y as the imaginary part, m/s^2.
+        jitter: standard deviation of the delay from command to command, s; the newest that is there counts.
     """
     rng, n, lines = np.random.default_rng(seed), len(truths), round(seconds * rate)
     fine = max(1, round(FINE / rate))
@@ -86,6 +90,7 @@ def logs(
         if k % round(0.75 * rate) == 1:
             goal = rng.uniform(-1, 1, (n, 3)) * [speed, speed, turn]
         command[k] = command[k - 1] + np.clip(goal - command[k - 1], -steepest, steepest)
+    arrives = np.arange(lines)[:, None] / rate + late.T + jitter * rng.normal(size=(lines, n))
     z, v, heading, w = np.zeros(n, complex), np.zeros(n, complex), np.zeros(n), np.zeros(n)
     rim, angle, pulling = np.zeros((n, len(azimuth))), np.zeros((n, len(azimuth))), np.zeros(n, complex)
     poses, angles = np.zeros((lines, n, 3)), np.zeros((lines, n, len(azimuth)))
@@ -93,8 +98,8 @@ def logs(
         poses[k], angles[k] = np.stack([z.real, z.imag, heading], 1), angle
         for i in range(fine):
             t = (k + (i + 0.5) / fine) / rate
-            line = np.floor((t - late[:, 0]) * rate).astype(int)
-            u = np.where((line >= 0)[:, None], command[np.maximum(line, 0), np.arange(n)], 0.0)
+            line = lines - 1 - np.argmax((arrives <= t)[::-1], axis=0)
+            u = np.where((arrives <= t).any(0)[:, None], command[line, np.arange(n)], 0.0)
             ahead = np.exp(1j * heading)
             told = (np.conj(drive) * ((u[:, 0] + 1j * u[:, 1]) / ahead)[:, None]).real
             told = told + arm * (u[:, 2] + settings.firmware.turn_gain * (u[:, 2] - w))[:, None]
@@ -118,7 +123,7 @@ def logs(
             moment = (arm * force - arm * (np.conj(drive) * drag).real).sum(1)
             gained = np.stack([whole.real, whole.imag, moment], 1) @ inverse.T
             pulling = gained[:, 0] + 1j * gained[:, 1]
-            world = pulling * ahead + push * np.sin(2 * np.pi * 1.1 * t)
+            world = pulling * ahead + push * np.sin(2 * np.pi * 1.1 * t) + lean
             z, heading = z + dt * (v + dt * world / 2), heading + dt * (w + dt * gained[:, 2] / 2)
             v, w = v + dt * world, w + dt * gained[:, 2]
     measured = poses + rng.normal(size=poses.shape) * [noise, noise, 0.003]

@@ -17,6 +17,7 @@ TURNED_RAD = 0.5  # from which axes are taken for wrong
 MOVES_M_S, TURNS_RAD_S = 0.05, 0.2  # root mean square, below which nothing is looked at
 LATEST_S = 0.5
 ONE_LINE = 0.04  # mean square across a line over that along it, below which inputs keep to it
+SIZES = {"wheels": (0.5, 2.0), "commands": (1 / 3, 3.0)}  # of motion over inputs, beyond which units are others
 FOLLOWS = 0.3  # share of the motion's variance below which inputs are not what moved the robot
 
 
@@ -96,11 +97,18 @@ def look(log: Log, inputs: Array, in_body: bool, what: str, earliest: float = 0.
     if abs(b) > abs(a):
         kind = {0: "y is mirrored", 1: "x and y are swapped", 2: "x is mirrored", -1: "x and y are swapped"}
         turn = round(float(np.angle(b)) / (np.pi / 2))
-        raise OmniError(f"{log.name}: of pose and {what} one has other axes: {kind[turn if turn != -2 else 2]}")
+        order = "; or are wheels in another order than the file's?" if what == "wheels" else ""
+        raise OmniError(f"{log.name}: of pose and {what} one has other axes: {kind[turn if turn != -2 else 2]}{order}")
     if abs(np.angle(a)) > TURNED_RAD:
         raise OmniError(
             f"{log.name}: motion is turned by {np.degrees(np.angle(a)):.0f} degrees from the {what}; "
             "x is forward, y to the left, heading counter-clockwise"
+        )
+    least, most = SIZES[what]
+    if not least < abs(a) < most:
+        units = "are wheels behind the gear, in rad, of this radius?" if what == "wheels" else "are these in m/s?"
+        raise OmniError(
+            f"{log.name}: the robot goes {abs(a):.2g} times as far as the {what} say; are x_m and y_m in m, and {units}"
         )
     return Look(delay, share, turning)
 

@@ -48,20 +48,20 @@ STEPS = "changes of the command of 1 m/s or more, twenty or so"
 STRAIGHT = "straight moves of a metre or more"
 DRAG = "as for creep; roll-outs with motors off, or motors' currents"
 KINDS = {
-    LATE: Kind("latency of the loop", "s", 0.5 * FRAME_S, 0, "", STEPS, 2e-3),
-    "clock_s": Kind("poses later than wheels by", "s", 0.5 * FRAME_S, 0, "", STEPS, 5e-4),
+    LATE: Kind("latency of the loop", "s", 0.5 * FRAME_S, 0, "", STEPS, 2.3e-3),
+    "clock_s": Kind("poses later than wheels by", "s", 0.5 * FRAME_S, 0, "", STEPS, 4.5e-4),
     "drift": Kind("and more so by, each second", "", 1e-3, 0, "", "a log of a minute or more", 5e-5),
     "gain_forward": Kind("gain K forward", "", 0.05, 0, "forward", GAIN, 2e-3),
     "gain_sideways": Kind("gain K sideways", "", 0.05, 0, "sideways", GAIN, 2e-3),
     "gain_turning": Kind("gain K turning", "", 0.05, 0, "turning", GAIN, 2e-3),
-    "creep_stiffness": Kind("creep stiffness C", "", 0, 0.25, "creep", CREEP, 0.012),
+    "creep_stiffness": Kind("creep stiffness C", "", 0, 0.25, "creep", CREEP, 0.014),
     "creep_forward_s2_m": Kind("creep T forward", "s^2/m", 0.03, 0, "creep forward", CREEP, 8e-4),
-    "creep_sideways_s2_m": Kind("creep T sideways", "s^2/m", 0.03, 0, "creep sideways", CREEP, 1e-3),
+    "creep_sideways_s2_m": Kind("creep T sideways", "s^2/m", 0.03, 0, "creep sideways", CREEP, 1.1e-3),
     "drag_forward_m_s2": Kind("drag through the contacts forward", "m/s^2", 0, 0.25, "creep forward", DRAG, 0.03),
-    "drag_sideways_m_s2": Kind("drag through the contacts sideways", "m/s^2", 0, 0.25, "creep sideways", DRAG, 0.03),
-    "pile": Kind("drag of the pile, over load", "", 0.02, 0, "creep", DRAG, 6e-3),
+    "drag_sideways_m_s2": Kind("drag through the contacts sideways", "m/s^2", 0, 0.25, "creep sideways", DRAG, 0.017),
+    "pile": Kind("drag of the pile, over load", "", 0.02, 0, "creep", DRAG, 7e-3),
     "roller_friction": Kind("friction of rollers, over load", "", 0.03, 0, "creep", DRAG, 8e-3),
-    "radius_m": Kind("effective wheel radius", "m", 0, 0.01, "", GAIN, 2e-3),
+    "radius_m": Kind("effective wheel radius", "m", 0, 0.01, "", GAIN, 1.1e-3),
     "arm_m": Kind("effective arm", "m", 0, 0.02, "turning", GAIN, 3e-3),
     "lag_forward_s": Kind("lag tau forward", "s", 0.02, 0, "forward", LAG, 1e-3),
     "lag_sideways_s": Kind("lag tau sideways", "s", 0.02, 0, "sideways", LAG, 1.5e-3),
@@ -75,6 +75,8 @@ KINDS = {
     "stiffness_n_s_m": Kind("stiffness of a wheel's loop", "N s/m", 0, 0.25, "", LAG, 0.03),
     "integral_1_s": Kind("integral over proportional gain of loops", "1/s", 0, 0.5, "", STEPS),
     "grip": Kind("friction of wheels on the carpet", "", 0, 0.1, "", "moves on which wheels slide"),
+    "slope_x_rad": Kind("slope of the carpet down along x", "rad", 0.01, 0, "creep", CREEP, 4e-4),
+    "slope_y_rad": Kind("slope of the carpet down along y", "rad", 0.01, 0, "creep", CREEP, 4e-4),
     "compass_rad": Kind("angle of the robot's axes", "rad", 0.05, 0, "", STRAIGHT),
 }
 

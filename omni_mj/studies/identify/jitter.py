@@ -18,8 +18,9 @@ from scipy import stats
 
 from omni_control.kinematics import Array
 from omni_mj.studies.identify.findings import KINDS, Estimate, Kind, judged
-from omni_mj.studies.identify.fit import LAGS, LATE, Fit, whiteness
+from omni_mj.studies.identify.fit import LATE, Fit
 from omni_mj.studies.identify.logs import Log
+from omni_mj.studies.identify.residuals import COMMANDS, residuals
 from omni_mj.studies.identify.segments import Segments
 
 LIMIT_S, SHARE = 0.004, 0.5  # half width of the interval above which jitter is not told: a quarter of a frame, or share
@@ -30,7 +31,7 @@ STEPS = (
 KIND = Kind("jitter of the delay, standard deviation", "s", LIMIT_S, SHARE, "", STEPS)
 LOST = Kind("commands that were lost, share", "", 0.02, 0, "", STEPS)
 LAW_S = KINDS[LATE].law  # by which the law is wrong about delays, from move to move
-LASTING = 0.2  # autocorrelation of residuals with delays of their own, from which they are not delays
+LAGS = 10  # of residuals, of which sums count
 LONGEST_S, GRID = 0.1, 401
 NORMAL = 1.96
 LEAST = 20  # stamps
@@ -63,7 +64,7 @@ def of_moves(fitted: Fit, segments: Segments) -> Estimate:
     squares = np.maximum((fitted.by_latency**2).sum((1, 2)), 1e-12)
     own = -(fitted.by_latency * fitted.residual).sum((1, 2)) / squares
     left = fitted.residual + own[:, None, None] * fitted.by_latency
-    white = whiteness(left[..., :2], segments.there)
+    rest = residuals(left[..., :2], segments.there, COMMANDS.position)
     variance = LAW_S**2 + _lasting(left) / squares
     count = _count(segments, fitted)
     grid = np.linspace(0, LONGEST_S, GRID)
@@ -74,8 +75,8 @@ def of_moves(fitted: Fit, segments: Segments) -> Estimate:
     inside = grid[likelihood > likelihood[best] - stats.chi2.ppf(0.95, 1) / 2]
     low, high = float(inside[0]), float(inside[-1])
     value, half, why = float(grid[best]), (high - low) / 2, None
-    if white.memory > LASTING:
-        why = f"the law lacks what looks like delays that differ: {1e3 * white.rms:.1f} mm of residuals that last"
+    if rest.misfit:
+        why = f"the law lacks what looks like delays that differ: {1e3 * rest.lasting:.1f} mm of residuals that last"
     elif half > (limit := max(LIMIT_S, SHARE * value)) or high >= LONGEST_S:
         why = (
             f"its 95 % interval is {1e3 * low:.1f} to {1e3 * high:.1f} ms, wider than +-{1e3 * limit:.2g} ms: "

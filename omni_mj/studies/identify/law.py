@@ -4,7 +4,7 @@ Wheel i of direction d_i = (cosines, arm) has the load N_i and travels at |v_i| 
 r_i in m/s at its rim, and what the ground does, d_i nu, differ by what its traction f_i costs:
 
     r_i - d_i nu = (z + |v_i| / (C N_i)) f_i,        |f_i| <= sqrt(mu^2 - b^2) N_i
-    M nu' = sum f_i d_i - drag,                      nu: twist of the body, along its own axes
+    M nu' = sum f_i d_i - drag + lean,               nu: twist of the body, along its own axes
 
 C is the creep stiffness, and the drag that of the plant (`omni_mj.onboard.traction`): of the pile, p N_i against the
 wheel's travel, and of rollers' bearings, b N_i along its axle; and what grows with speed (`Body`): bearings' viscous
@@ -16,6 +16,8 @@ by z f_i. So along an axis
     (tau + T0 |v|) (v' + drag / m) = K u - v,        T0 = m / (C sum N_i d_i^2),    tau = z m / sum d_i^2.
 
 Turn rates are commanded through a loop on the gyro, (1 + k) u - k w. All is per mass: forces are accelerations here.
+What a carpet that slopes pulls is constant in the world, as no other force is, so that moves in several directions tell
+it. That wheels differ, in radius or in the stiffness of their loops, is not fitted but tested for (`suspects`).
 """
 
 from dataclasses import dataclass
@@ -40,8 +42,12 @@ NAMES = (
     "grip",
     "drift",
     "integral_1_s",
+    "lean_x_m_s2",
+    "lean_y_m_s2",
 )
-CREEP, PILE, ROLLERS, SCALE, ARM, COMPASS, GIVE, FRICTION, TURN, GRIP, DRIFT, INTEGRAL = range(len(NAMES))
+CREEP, PILE, ROLLERS, SCALE, ARM, COMPASS, GIVE, FRICTION, TURN, GRIP, DRIFT, INTEGRAL, LEAN_X, LEAN_Y = range(
+    len(NAMES)
+)
 GRAVITY_M_S2 = 9.81
 ROLLER_KG = 0.0015  # as in models/ssl_robot.xml: what turns beyond the creep is as mass that only rims push, 1 to 2 %
 AT_REST_M_S = 0.01  # below which dry drag fades, as on the plant
@@ -59,7 +65,7 @@ class Body:
     Attributes:
         wheels: directions (W, 3): cosines and arm.
         outward: of each wheel, (W,) unit vectors.
-        arm: m. radius: of the wheels, m.
+        arm: m. radius: of the wheels, m. centre: of mass, ahead of the middle, m.
         mass: matrix (3, 3) over the mass: of a twist of the middle of the wheels.
         rest: loads at rest over the mass, (W,) m/s^2; shift: what an acceleration adds, (2, W).
         viscous: drag of a wheel's rollers over speed along its axle and mass, 1/s.
@@ -72,6 +78,7 @@ class Body:
     outward: np.ndarray
     arm: float
     radius: float
+    centre: float
     mass: Array
     rest: Array
     shift: Array
@@ -98,7 +105,9 @@ class Body:
         motor = Motor.of(settings.motor)
         commutation = motor.commutation * motor.gear / (motor.resistance * radius)
         hub = motor.inertia * motor.gear**2 / (radius**2 * body.mass_kg)
-        return cls(geometry.matrix, outward, geometry.arm, radius, mass, rest, shift, viscous, spun, commutation, hub)
+        return cls(
+            geometry.matrix, outward, geometry.arm, radius, centre, mass, rest, shift, viscous, spun, commutation, hub
+        )
 
 
 @dataclass(frozen=True)
@@ -125,18 +134,22 @@ def simulate(
     approximant of the exponential, of second order and for any stiffness.
 
     Args:
-        body: the robot.
+        body: the robot, of W wheels.
         segments: S stretches.
-        parameters: P sets (P, 11), in the order of `NAMES`; arm relative to the body's.
+        parameters: P sets (P, 14 + 2 W), in the order of `NAMES`, arm relative to the body's; then by how much more
+            each wheel's rim moves than the scale says, and by how much more its loop gives way, as shares.
         late: by how much inputs are, (S, P) s.
         start: at the first sample heading in rad, twist, and acceleration, world frame, (S, P, 7).
         coarsest: longest step, s. [`COARSEST_S`]
     """
-    par = parameters.T[:, None]  # (11, 1, P)
+    par = parameters.T[:, None]  # (14 + 2 W, 1, P)
+    count = len(body.wheels)
+    odd, softer = (1 + np.moveaxis(par[at : at + count], 0, -1) for at in (len(NAMES), len(NAMES) + count))
+    lean = par[LEAN_X] + 1j * par[LEAN_Y]
     parts = max(1, int(np.ceil(segments.period / (COARSEST_S if coarsest is None else coarsest))))
     inputs, duration = _inputs(segments, late, parameters[:, DRIFT], parts)
     wheels, outward = body.wheels, body.outward
-    arm, creep, give = body.arm * par[ARM], par[CREEP][..., None], par[GIVE][..., None]
+    arm, creep, give = body.arm * par[ARM], par[CREEP][..., None], par[GIVE][..., None] * softer
     stretch = np.ones((1, len(parameters), 3))
     stretch[..., 2] = par[ARM]
     squares = stretch[..., None] * stretch[..., None, :]
@@ -164,10 +177,12 @@ def simulate(
         middle = before + 0.5 * h[..., None] * pull
         travel = (middle[..., 0] + 1j * middle[..., 1])[..., None] + 1j * (middle[..., 2] * arm)[..., None] * outward
         speed, axle = np.abs(travel), np.abs((travel * outward.conj()).real)
-        load = np.maximum(body.rest + pull[..., :2] @ body.shift, 0.02 * GRAVITY_M_S2)
+        down = lean * np.exp(-1j * (heading + turned + par[COMPASS] + 0.5 * h * w))
+        down = np.stack([down.real, down.imag, body.centre * down.imag], -1)
+        load = np.maximum(body.rest + (pull - down)[..., :2] @ body.shift, 0.02 * GRAVITY_M_S2)
         slack = creep * speed / load
         if segments.wheels:
-            rim = par[SCALE][..., None] * body.radius * inputs[:, :, k]
+            rim = par[SCALE][..., None] * odd * body.radius * inputs[:, :, k]
             yields = 1 / np.maximum(slack, STIFFEST_S)
         else:
             u = inputs[:, :, k, 0] + 1j * inputs[:, :, k, 1]
@@ -178,7 +193,7 @@ def simulate(
             if held is None:  # as if all had been steady before
                 held = _steady(body, pull, v, par) + (1 - par[SCALE][..., None]) * told / soft
                 held = held * (par[INTEGRAL] > 0)[..., None]
-            rim = par[SCALE][..., None] * told + soft * held
+            rim = par[SCALE][..., None] * odd * told + soft * held
             rim = rim - par[FRICTION][..., None] * told / np.maximum(np.abs(told), RUBBED_M_S)
             yields = 1 / np.maximum(soft + slack, STIFFEST_S)
         rolling = (middle * stretch) @ wheels.T
@@ -200,7 +215,7 @@ def simulate(
             resisting[..., 2] += resisting_turn
             driven = ((body.hub * soft * yields) @ basis[: len(wheels)]).reshape(*v.shape, 3, 3) * squares
             inverse = _inverse(body.mass + driven)
-        pushing = stretch * ((yields * rim) @ wheels)
+        pushing = stretch * ((yields * rim) @ wheels) + down
         if not segments.wheels:  # of the loop on the gyro, what depends on the turn rate is solved for
             pushing = pushing + resisting_turn * middle[..., 2:]
         x = (inverse @ resisting) * h[..., None, None]

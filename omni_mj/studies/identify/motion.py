@@ -9,7 +9,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios.settings import PERIOD_S, Settings
-from omni_mj.studies.identify import axes, jitter, law, wheels
+from omni_mj.studies.identify import axes, jitter, law, suspects, wheels
 from omni_mj.studies.identify.findings import DRIVES_M_S, TURNS_RAD_S, Estimate, Excitation, estimates
 from omni_mj.studies.identify.fit import Fit, fit
 from omni_mj.studies.identify.logs import Log
@@ -24,7 +24,7 @@ OTHER_RADIUS, SURE = 0.025, 3.0  # and standard errors, from which the wheels ar
 ROLLS, RADIUS_SHARE = 0.9988, 0.002  # rolling radius over the file's (rubber is pressed in), and how well it is known
 ROLLING_M_S = 0.05  # speed of rims above which motors without current roll out, and do not stand
 BETTER = 0.98  # residuals over those without, by which another cause must be better
-CONTACTS = ("creep", "pile", "roller_friction")
+CONTACTS = ("creep", "pile", "roller_friction", "lean_x_m_s2", "lean_y_m_s2")
 INTEGRAL_1_S = 5.0  # of loops, to try: 3 V/rad beside 0.6 V s/rad
 
 
@@ -38,6 +38,7 @@ class Part:
         prediction: of those that were held out, or None where there are too few.
         estimates: numbers, told or not.
         notes: what was seen on the way.
+        odd: a wheel that is not as the others, in a line.
     """
 
     source: str
@@ -46,6 +47,7 @@ class Part:
     prediction: Prediction | None
     estimates: list[Estimate] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    odd: list[str] = field(default_factory=list)
 
 
 def by_wheels(logs: Sequence[Log], settings: Settings) -> Part | None:
@@ -73,7 +75,9 @@ def by_wheels(logs: Sequence[Log], settings: Settings) -> Part | None:
     given, free, fixed = "", always, nothing
     if Excitation.of(first, used).creeps.any():
         free, fixed = [*CONTACTS, *always], {}
-        start = np.where(np.isin(law.NAMES, always), first.parameters, believed)
+        start = believed.copy()
+        at = [law.NAMES.index(name) for name in always]
+        start[at] = first.parameters[at]
         first = fit(body, used, start, first.late, free)
     else:
         first = fit(body, used, first.parameters, first.late, always, nothing)
@@ -92,7 +96,7 @@ def by_wheels(logs: Sequence[Log], settings: Settings) -> Part | None:
         lates = np.stack([np.zeros(len(held)), found.late[held.log if len(found.late) > 1 else 0 * held.log]], 1)
         prediction = predict(body, held, np.stack([believed, found.parameters]), lates)
     told = list(estimates(found, body, settings, used, given))
-    return Part("wheels", found, used, prediction, told, notes)
+    return Part("wheels", found, used, prediction, told, notes, list(suspects.odd_rims(found, body, used)))
 
 
 def by_commands(logs: Sequence[Log], settings: Settings, rolled: Fit | None) -> Part | None:
@@ -124,8 +128,8 @@ def by_commands(logs: Sequence[Log], settings: Settings, rolled: Fit | None) -> 
     if believed[law.INTEGRAL] > 0:
         free.append("integral_1_s")
     if rolled is not None:
-        start[: law.ROLLERS + 1] = rolled.parameters[: law.ROLLERS + 1]
-        start[law.GRIP] = rolled.parameters[law.GRIP]
+        shared = [law.NAMES.index(name) for name in (*CONTACTS, "grip")]
+        start[shared] = rolled.parameters[shared]
         start[law.ARM] = rolled.parameters[law.ARM] / rolled.parameters[law.SCALE]
         found = fit(body, used, start, late, free)
     else:
@@ -150,7 +154,8 @@ def by_commands(logs: Sequence[Log], settings: Settings, rolled: Fit | None) -> 
         lates = np.tile([delay, found.late[0]], (len(held), 1))
         prediction = predict(body, held, np.stack([believed, found.parameters]), lates)
     told = [*estimates(found, body, settings, used, given), jitter.of_moves(found, used)]
-    return Part("commands", found, used, prediction, told, notes)
+    odd = list(suspects.odd_loops(found, body, used)) if found.misfit else []
+    return Part("commands", found, used, prediction, told, notes, odd)
 
 
 def of_wheels(settings: Settings) -> Array:
@@ -158,7 +163,7 @@ def of_wheels(settings: Settings) -> Array:
     start = dict.fromkeys(law.NAMES, 0.0) | {"scale": 1.0, "arm": 1.0, "grip": settings.carpet.friction}
     start["creep"] = 1 / settings.drive.creep_stiffness if settings.wheels.creep == "on" else 0.0
     start |= {"pile": settings.carpet.pile, "roller_friction": settings.drive.roller_friction}
-    return np.array(list(start.values()))
+    return np.append(np.array(list(start.values())), np.zeros(2 * len(settings.wheels.azimuths_deg)))
 
 
 def of_commands(settings: Settings) -> Array:

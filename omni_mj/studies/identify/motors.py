@@ -1,7 +1,6 @@
 r"""What currents, voltages and roll-outs tell: motor constants, mass, drag, and the efficiency of the force.
 
-**Voltages and currents.** At the terminals V = (R + X |w|) i + k G w, with the wheel's speed w and the gear G. Least
-squares of all motors' lines give R and k; commutation X / R is the file's.
+**Voltages and currents** give resistance and torque constant of each motor (`windings`), of which means are told.
 
 **Currents and motion.** Currents give the body the force F_j = k G / radius sum d_ij i_i along its axis j, of which
 
@@ -27,22 +26,22 @@ from scipy import stats
 from omni_control.kinematics import Array
 from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios.settings import Settings
-from omni_mj.studies.identify import law
+from omni_mj.studies.identify import law, windings
+from omni_mj.studies.identify.errors import MEMORY_S, regress
 from omni_mj.studies.identify.findings import Estimate, Kind, judged
 from omni_mj.studies.identify.logs import Log
 from omni_mj.studies.identify.motion import Part
 
-MEMORY_S = 0.5
 NORMAL = 1.96
 TURNING_RAD_S, MOVING_M_S = 0.5, 0.15  # what is looked at for forces: straight moves, faster than that
 LET_GO_S, LEAST_S, SLOW_M_S, ALONG = 0.05, 0.2, 0.1, np.cos(np.radians(20))
 STEPS = "moves at several speeds, with the columns of currents and voltages"
 ROLLS = "roll-outs from 1 to 1.5 m/s along that axis, four or more (column coasting, or currents)"
 KINDS = {
-    "resistance_ohm": Kind("resistance of a motor", "ohm", 0, 0.2, "", STEPS, 0.01),
-    "constant_nm_a": Kind("torque constant of a motor", "N m/A", 0, 0.1, "", STEPS, 0.005),
-    "mass_kg": Kind("mass by currents", "kg", 0, 0.2, "", STEPS, 0.02),
-    "efficiency": Kind("efficiency of the force", "", 0, 0.2, "", STEPS, 0.02),
+    "resistance_ohm": Kind("resistance of a motor", "ohm", 0, 0.2, "", STEPS),
+    "constant_nm_a": Kind("torque constant of a motor", "N m/A", 0, 0.1, "", STEPS, 0.002),
+    "mass_kg": Kind("mass by currents", "kg", 0, 0.2, "", STEPS, 0.0125),
+    "efficiency": Kind("efficiency of the force", "", 0, 0.2, "", STEPS, 0.0125),
     "drag_forward_n": Kind("drag of all forward, by currents", "N", 0, 0.3, "", STEPS, 0.03),
     "drag_sideways_n": Kind("drag of all sideways, by currents", "N", 0, 0.3, "", STEPS, 0.03),
     "roll_out_forward_m_s2": Kind("deceleration of roll-outs forward", "m/s^2", 0, 0.3, "", ROLLS),
@@ -50,48 +49,32 @@ KINDS = {
 }
 
 
-def by_motors(logs: Sequence[Log], settings: Settings, rolled: Part | None) -> Iterator[Estimate]:
-    """Numbers that logs with columns of motors tell.
+def by_motors(logs: Sequence[Log], settings: Settings, rolled: Part | None) -> tuple[list[Estimate], list[str]]:
+    """Numbers that logs with columns of motors tell, and which motors are not as the others.
 
     Args:
         logs: all there are.
         settings: of the start robot.
         rolled: the fit to wheels; None where there is none.
     """
-    constant = settings.motor.constant_nm_a
+    constant, estimates, odd = settings.motor.constant_nm_a, list[Estimate](), list[str]()
     those = [log for log in logs if log.wheels is not None and log.motors is not None]
     electric = [
         log for log in those if log.motors and log.motors.current is not None and log.motors.voltage is not None
     ]
     if electric:
-        for estimate in _constants(electric, settings):
-            if estimate.name == "constant_nm_a" and estimate.told:
-                constant = estimate.value
-            yield estimate
+        each = windings.windings(electric, settings)
+        odd += windings.odd(each)
+        for name in ("resistance_ohm", "constant_nm_a"):
+            number = name.split("_")[0]
+            # What is wrong of one motor's lines is of all alike: the error of their mean is that of one.
+            value, error = (float(np.mean([getattr(one, number + of) for one in each])) for of in ("", "_error"))
+            estimates.append(judged(name, KINDS[name], "motors", value, error, NORMAL))
+        constant = estimates[-1].value if estimates[-1].told else constant
     if rolled is not None and any(log.motors and log.motors.current is not None for log in those):
-        yield from _forces([log for log in logs if log.wheels is not None], settings, rolled, constant)
-    yield from _roll_outs([log for log in logs if log.motors and log.motors.coasting is not None])
-
-
-def _constants(logs: Sequence[Log], settings: Settings) -> Iterator[Estimate]:
-    """Resistance and torque constant by V = R (1 + x |w|) i + k G w."""
-    motor, rows, volts, times = Motor.of(settings.motor), list[Array](), list[Array](), list[int]()
-    for log in logs:
-        assert log.motors is not None
-        assert log.motors.current is not None
-        assert log.motors.voltage is not None
-        assert log.wheels is not None
-        speed = log.wheels[:-1]  # mean since the line before
-        if not log.motors.means:
-            speed = (speed + log.wheels[1:]) / 2  # at the line between two means
-        current, voltage = log.motors.current[1:], log.motors.voltage[1:]
-        opposed = 1 + motor.commutation * motor.gear / motor.resistance * np.abs(speed)
-        rows.append(np.stack([opposed * current, motor.gear * speed], -1))
-        volts.append(voltage)
-        times.append(max(1, round(MEMORY_S / log.period)))
-    value, error = _regress(rows, volts, times)
-    for name, v, e in zip(("resistance_ohm", "constant_nm_a"), value, error, strict=True):
-        yield judged(name, KINDS[name], "motors", float(v), float(e), NORMAL)
+        estimates += _forces([log for log in logs if log.wheels is not None], settings, rolled, constant)
+    estimates += _roll_outs([log for log in logs if log.motors and log.motors.coasting is not None])
+    return estimates, odd
 
 
 def _forces(logs: Sequence[Log], settings: Settings, rolled: Part, constant: float) -> Iterator[Estimate]:
@@ -124,7 +107,7 @@ def _forces(logs: Sequence[Log], settings: Settings, rolled: Part, constant: flo
     if not rows:
         return
     lag = max(1, round(MEMORY_S / segments.period))
-    value, error = _regress(rows, forces, [lag] * len(rows))
+    value, error = regress(rows, forces, [lag] * len(rows))
     for name, v, e in zip(("mass_kg", "drag_forward_n", "drag_sideways_n"), value, error, strict=True):
         yield judged(name, KINDS[name], "motors", float(v), float(e), NORMAL)
     efficiency, relative = settings.body.mass_kg / value[0], error[0] / value[0]
@@ -189,18 +172,3 @@ def _roll_out(log: Log, begin: int, end: int) -> tuple[int, float] | None:
     t = time - time[0]
     columns = np.stack([np.ones_like(t), t, -(t**2) / 2], 1)
     return axis, float(np.linalg.lstsq(columns, (way * direction.conjugate()).real, rcond=None)[0][2])
-
-
-def _regress(rows: Sequence[Array], values: Sequence[Array], lags: Sequence[int]) -> tuple[Array, Array]:
-    """Least squares of pieces in time, rows (m, W, n) and values (m, W), and errors by Newey and West."""
-    x, y = np.concatenate([r.reshape(-1, r.shape[-1]) for r in rows]), np.concatenate([v.ravel() for v in values])
-    inverse = np.linalg.pinv(x.T @ x)
-    found = inverse @ (x.T @ y)
-    meat = np.zeros_like(inverse)
-    for row, value, most in zip(rows, values, lags, strict=True):
-        scores = (row * (value - row @ found)[..., None]).sum(1)
-        meat += scores.T @ scores
-        for lag in range(1, min(most, len(scores) - 1) + 1):
-            both = scores[lag:].T @ scores[:-lag]
-            meat += (1 - lag / (most + 1)) * (both + both.T)
-    return found, np.sqrt(np.maximum(np.diag(inverse @ meat @ inverse), 0.0))

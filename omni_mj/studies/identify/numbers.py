@@ -13,7 +13,7 @@ STEP = 0.05  # of numeric gradients, over the sizes of `RANGES`
 
 
 def of(body: law.Body, settings: Settings, parameters: Array, wheels: bool) -> dict[str, float]:
-    """Numbers of a robot whose motion follows the law with parameters (12,).
+    """Numbers of a robot whose motion follows the law with parameters.
 
     K and T are those of TIGERs' law v' = (K u - v) / (T |u|) for small accelerations (`omni_mj.studies.slip.law`): with
     T0 = 1 / (C sum n_i d_i^2) of loads n_i per mass, and the drag's deceleration D, K = scale / (1 + T0 D) and
@@ -22,10 +22,10 @@ def of(body: law.Body, settings: Settings, parameters: Array, wheels: bool) -> d
     Args:
         body: that was fitted.
         settings: of the start robot.
-        parameters: in the order of `law.NAMES`.
+        parameters: as `law.simulate` has them.
         wheels: whether inputs were speeds of wheels, else commands.
     """
-    p = dict(zip(law.NAMES, map(float, parameters), strict=True))
+    p = dict(zip(law.NAMES, map(float, parameters[: len(law.NAMES)]), strict=True))
     scale, give, loads = p["scale"], p["give_s"], body.rest
     found = {}
     axles = np.abs(np.stack([body.outward.real, body.outward.imag]))
@@ -57,7 +57,11 @@ def of(body: law.Body, settings: Settings, parameters: Array, wheels: bool) -> d
         found["integral_1_s"] = p["integral_1_s"]
     if p["creep"] > 0:
         found["creep_stiffness"] = 1 / p["creep"]
-    return found | {name: p[name] for name in ("pile", "roller_friction", "compass_rad", "grip", "drift")}
+    return (
+        found
+        | {name: p[name] for name in ("pile", "roller_friction", "compass_rad", "grip", "drift")}
+        | {f"slope_{axis}_rad": p[f"lean_{axis}_m_s2"] / law.GRAVITY_M_S2 for axis in "xy"}
+    )
 
 
 def with_errors(fitted: Fit, number: Callable[[Array], dict[str, float]]) -> dict[str, tuple[float, float]]:

@@ -34,7 +34,7 @@ def predict(body: law.Body, segments: Segments, sets: Array, late: Array) -> Pre
     Args:
         body: the robot.
         segments: that were not fitted to.
-        sets: parameters (2, 12) that were believed, and that were found, in the order of `law.NAMES`.
+        sets: parameters (2, ...) that were believed, and that were found, as `law.simulate` has them.
         late: of inputs by the same, (S, 2) s.
     """
     first = first_poses(segments)

@@ -6,8 +6,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from omni_mj.files import write
 from omni_mj.measure.table import DASH, Table, text
 from omni_mj.scenarios import robots
@@ -15,7 +13,6 @@ from omni_mj.scenarios.scenario import Scenario, scenario
 from omni_mj.scenarios.settings import Settings
 from omni_mj.studies.identify import jitter, motion, robot_file
 from omni_mj.studies.identify.findings import Estimate
-from omni_mj.studies.identify.fit import Whiteness
 from omni_mj.studies.identify.logs import Log, read
 from omni_mj.studies.identify.motion import Part
 from omni_mj.studies.identify.motors import by_motors
@@ -32,6 +29,7 @@ class Identified:
         estimates: numbers, told or not.
         parts: fits to wheels and to commands, and what they predict.
         notes: what was seen on the way, a line each.
+        odd_motors: those that are not as the others, a line each.
     """
 
     robot: str
@@ -40,6 +38,7 @@ class Identified:
     estimates: list[Estimate] = field(default_factory=list)
     parts: list[Part] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    odd_motors: list[str] = field(default_factory=list)
 
     def __getitem__(self, name: str) -> Estimate:
         """The estimate of a name, such as `wheels.creep_stiffness` or `commands.latency_s`."""
@@ -48,7 +47,7 @@ class Identified:
     @property
     def misfits(self) -> list[str]:
         """What the law does not predict as it should, a line each."""
-        return [f"{part.source}: {says}" for part in self.parts for says in _misfits(part)]
+        return [f"motion by {part.source}: {says}" for part in self.parts for says in _misfits(part)] + self.odd_motors
 
     def table(self) -> str:
         """All of it as lines of text."""
@@ -56,9 +55,10 @@ class Identified:
 
     def report(self) -> dict[str, Any]:
         """All of it for JSON."""
-        found: dict[str, Any] = {"format": 2, "robot": self.robot, "logs": self.logs, "notes": self.notes}
+        found: dict[str, Any] = {"format": 3, "robot": self.robot, "logs": self.logs, "notes": self.notes}
         found["estimates"] = {f"{e.source}.{e.name}": e.report() for e in self.estimates}
         found["fits"] = {part.source: _report(part) for part in self.parts}
+        found["odd_motors"] = self.odd_motors
         return found
 
     def save(self, folder: Path, file: Path | None = None) -> None:
@@ -97,7 +97,7 @@ class Identified:
                     f"{1e3 * p.start:.1f} mm and {1e3 * p.start_rad:.1f} mrad"
                 )
         for line in self.misfits:
-            yield f"misfit: motion by {line}"
+            yield f"misfit: {line}"
         for e in self.estimates:
             if not e.told:
                 said = f"{e.title} ({e.source}): {e.why_not}"
@@ -136,7 +136,8 @@ def of_logs(logs: Sequence[Log], chosen: Scenario) -> Identified:
         _add(result, part, "wheels")
         if part and "creep" in part.fitted.names:
             rolled = part.fitted
-    result.estimates += by_motors(logs, settings, part)
+    estimates, result.odd_motors = by_motors(logs, settings, part)
+    result.estimates += estimates
     if those := [log for log in logs if log.command is not None]:
         _add(result, motion.by_commands(those, settings, rolled), "commands")
         result.estimates += jitter.of_stamps(those)
@@ -157,14 +158,10 @@ def _misfits(part: Part) -> Iterator[str]:
     for kind, unit, one in (("positions", "mm", f.position), ("headings", "mrad", f.heading)):
         if one.misfit:
             yield (
-                f"residuals of {kind} are not white (autocorrelation {one.memory:.2f} over 5 samples, p "
-                f"{one.unlikely:.1g}): {_beside(one):.2f} {unit} beside the noise are of something that the law lacks"
+                f"{1e3 * one.lasting:.2f} {unit} of the residuals of {kind} last, of robots that the law describes "
+                f"{1e3 * one.allowed:g} {unit} at the most (p {one.unlikely:.1g}): it lacks something of this one"
             )
-
-
-def _beside(one: Whiteness) -> float:
-    """What of residuals is not noise, mm or mrad."""
-    return 1e3 * float(np.sqrt(max(one.rms**2 - one.noise**2, 0.0)))
+    yield from part.odd
 
 
 def _report(part: Part) -> dict[str, Any]:
@@ -172,7 +169,7 @@ def _report(part: Part) -> dict[str, Any]:
     found: dict[str, Any] = {"stretches": len(part.segments), "samples": f.samples}
     for unit, one in (("m", f.position), ("rad", f.heading)):
         found |= {f"residual_rms_{unit}": one.rms, f"noise_{unit}": one.noise}
-        found |= {f"autocorrelation_{unit}": one.memory, f"white_p_{unit}": one.unlikely}
+        found |= {f"lasting_{unit}": one.lasting, f"allowed_{unit}": one.allowed, f"p_{unit}": one.unlikely}
     found["misfit"] = list(_misfits(part)) or None
     found["held_out"] = p and {
         "stretches": p.stretches,

@@ -31,6 +31,7 @@ def check(log: "Log", least: int) -> None:
     if not SHORTEST_S <= log.period <= LONGEST_S:
         fits = [unit for unit, size in CLOCKS.items() if SHORTEST_S <= log.period * size <= LONGEST_S]
         unit = fits[0] if fits else "another unit than s"
+        unit += ", or of frames" * (log.period == 1)
         raise OmniError(f"{log.name}: {log.period:g} s from line to line; is time_s in {unit}?")
     far: Array = np.where(seen, np.abs(log.pose[:, :2]).max(1), 0.0)
     if far.max() > FARTHEST_M:
@@ -53,7 +54,8 @@ def check(log: "Log", least: int) -> None:
     if not np.isfinite(log.command).all():
         raise OmniError(f"{log.name}: commands are missing in line {np.argmin(np.isfinite(log.command).all(1)) + 1}")
     if _fast(np.hypot(*log.command[:, :2].T), 10):
-        raise OmniError(f"{log.name}: commands of {np.abs(log.command[:, :2]).max():.0f} m/s; are they in mm/s?")
+        fast = np.abs(log.command[:, :2]).max()
+        raise OmniError(f"{log.name}: commands of {fast:.0f} m/s; are they in cm/s or mm/s?")
     if _fast(np.abs(log.command[:, 2]), 60):
         raise OmniError(
             f"{log.name}: turn rates of {np.abs(log.command[:, 2]).max():.0f} rad/s; are they in degrees/s?"
