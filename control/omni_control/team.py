@@ -89,15 +89,19 @@ class Team:
         self._true: _Known | None = None
         self._record()
 
-    def observe(self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None) -> Seen:
+    def observe(
+        self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None, age: ArrayLike | None = None
+    ) -> Seen:
         """Begin a frame with what vision reports; return what is known of all robots.
 
         Args:
             measured: poses seen (n, 3), headings in (-pi, pi]; not a number where a robot was not seen.
             truth: true poses and twists (n, 3), for controllers that know them; their headings count full turns.
+            age: how long before this frame each robot was seen there, (n,) s. [just now]
 
         Raises:
-            OmniError: poses of another shape, infinite ones, or no truth for a controller that knows it.
+            OmniError: poses of another shape, infinite ones, ages that cannot be, or no truth for a controller that
+                knows it.
         """
         seen = self._checked(measured, "what vision reports")
         seen[self.failed] = np.nan
@@ -105,12 +109,13 @@ class Team:
             raise OmniError("a controller of this team knows the truth, which must be given with what vision reports")
         if self._knows_truth and truth is not None:
             self._true = self._held(*(self._checked(values, "the truth") for values in truth))
+        ages = None if age is None else self._ages(age)
 
         self.frame += 1
         self._sent.push(self.last)
-        self.filter.update(seen, self._sent.of(slice(None), self._felt).felt(self._latency) * self._period)
+        self.filter.update(seen, self._sent.of(slice(None), self._felt).felt(self._latency) * self._period, ages)
         self.estimate = self.filter.pose.copy()
-        self._known = self.filter.pose, self.filter.twist, seen
+        self._known = self.filter.pose, self.filter.twist, seen, ages
         return self._part(self._known, slice(None), self._sent.length, self._delay)
 
     def command(self) -> Array:
@@ -135,9 +140,11 @@ class Team:
         self.last, self._known = command, None
         return command.copy()
 
-    def step(self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None) -> Array:
+    def step(
+        self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None, age: ArrayLike | None = None
+    ) -> Array:
         """A whole frame, from what vision reports to commands (n, 3): `observe`, then `command`."""
-        self.observe(measured, truth)
+        self.observe(measured, truth, age)
         return self.command()
 
     def limited(self, command: ArrayLike) -> Array:
@@ -163,14 +170,15 @@ class Team:
 
     def _part(self, known: "_Known", rows: Rows, memory: int, delay: int | Array) -> Seen:
         """What is known of some robots, in arrays of its own."""
-        pose, twist, measured = (np.array(values[rows]) for values in known)
-        return Seen(pose, twist, measured, self._sent.of(rows, memory), self._period, delay)
+        pose, twist, measured = (np.array(values[rows]) for values in known[:3])
+        age = None if known[3] is None else np.array(known[3][rows])
+        return Seen(pose, twist, measured, self._sent.of(rows, memory), self._period, delay, age)
 
     def _held(self, pose: Array, twist: Array) -> "_Known":
         """The truth, but for robots that have failed, of which nobody knows what becomes: they stay where they were."""
         if self._true is not None and self.failed.any():
             pose[self.failed], twist[self.failed] = self._true[0][self.failed], 0.0
-        return pose, twist, pose
+        return pose, twist, pose, None
 
     def _asked(self, i: int, known: "_Known") -> Array:
         """What the i-th controller commands its robots (n of it, 3); zero for those that fail now."""
@@ -230,8 +238,15 @@ class Team:
             raise OmniError(f"{what} must be finite numbers {shape}, {got}")
         return checked
 
+    def _ages(self, age: ArrayLike) -> Array | None:
+        """Ages (n,), checked; none if all are zero."""
+        ages = np.array(age, float)
+        if ages.shape != (self.n,) or not (np.isfinite(ages) & (ages >= 0)).all():
+            raise OmniError(f"ages must be ({self.n},) finite numbers of s from 0 on, not {age!r}")
+        return ages if ages.any() else None
 
-_Known = tuple[Array, Array, Array]  # poses, twists and what was measured, (n, 3) each
+
+_Known = tuple[Array, Array, Array, Array | None]  # poses, twists, what was measured, (n, 3) each; and its age (n,)
 
 
 def _one_controller_each(controllers: Sequence[Controller], rows: Sequence[Rows] | None, n: int) -> list[Rows]:

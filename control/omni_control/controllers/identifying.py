@@ -58,8 +58,8 @@ class Identifying(Controller):
         plant, turning = self.plant, self.turning
         before = turning.heading
         felt = seen.sent.felt(plant.latency[:, None])
-        turning.update(seen.measured[:, 2], felt[:, 2], np.abs(plant.velocity))
-        plant.update(plane(seen.measured[:, :2]), (before + turning.heading) / 2, seen.sent)
+        turning.update(seen.measured[:, 2], felt[:, 2], np.abs(plant.velocity), seen.age)
+        plant.update(plane(seen.measured[:, :2]), (before + turning.heading) / 2, seen.sent, seen.age)
         turning.creep = plant.motion.parameters[:, motion.CREEP.start]
         arrival = self._predict(seen.sent)
         self.predicted = np.concatenate([pairs(arrival.position), arrival.heading[:, None]], axis=1)

@@ -20,6 +20,7 @@ import numpy as np
 from omni_control.delay import CommandsInFlight
 from omni_control.estimation import motion
 from omni_control.estimation.motion import Motion, Plane, pairs, plane
+from omni_control.estimation.way import Way
 from omni_control.kinematics import Array, Kinematics
 
 KEPT_S = 12.0  # after which parameters are what was believed
@@ -136,6 +137,7 @@ class Identifier:
         self.variance[:, [0, 1], [0, 1]] = self._told
         self.variance[:, 6:, 6:] = belief
         self.surprise, self.sliding = np.ones(n), np.zeros(n)
+        self._way = Way(period)
         self._past: deque[Array] = deque(maxlen=MISTAKEN_FRAMES)  # parameters in the last frames
         self._lasts = np.zeros(n)  # s, for how long acceleration has been missing
         self._lacks: Plane = np.zeros((2, n), complex)
@@ -156,13 +158,14 @@ class Identifier:
         """What to send, (n,), so that commands (n,) of the law act: without what pushes, and by the robot's compass."""
         return (command - self.push) * self.turned.conj()
 
-    def update(self, measured: Plane, heading: Array, sent: CommandsInFlight) -> None:
+    def update(self, measured: Plane, heading: Array, sent: CommandsInFlight, age: Array | None = None) -> None:
         """Take in a frame.
 
         Args:
             measured: positions seen by vision (n,), not a number where a robot was not seen.
             heading: in the middle of the frame just past, (n,) rad.
             sent: commands up to the frame before, `longest` of them at least.
+            age: for how long robots had been seen there, (n,) s; none where they were at the end of the frame.
         """
         before, ahead = self.velocity, np.exp(1j * heading)
         acting, per_frame = self._acted(sent)
@@ -171,10 +174,14 @@ class Identifier:
         self.variance = self._passed_on(step, arrived, per_frame * self.turned, ahead)
         unaided = plane(step.velocity) * ahead
         state = self._kept * self._state + self._renewed
-        state[:, :2] += pairs(plane(step.moved) * ahead)
+        moved = plane(step.moved) * ahead
+        self._way.add(moved, before, unaided)
+        state[:, :2] += pairs(moved)
         state[:, 2:4] = pairs(unaided)
+        if age is not None:
+            measured = measured + self._way.since(age)
         self._doubt(measured)
-        self._correct(state, measured)
+        self._correct(state, measured, age)
         velocity = plane(state[:, 2:4])
         self._know(self._felt(state, (unaided - np.array([before, velocity])) / self._period))
 
@@ -261,11 +268,19 @@ class Identifier:
         self.noise = self.noise + np.where(np.isnan(rough), 0.0, change)
         self._last = [measured, first, second]
 
-    def _correct(self, state: Array, measured: Plane) -> None:
-        """Correct the state (n, 14) by the positions (n,) that vision reports."""
+    def _correct(self, state: Array, measured: Plane, age: Array | None) -> None:
+        """Correct the state (n, 14) by the positions (n,) that vision reports.
+
+        Those of an age a are carried on by the state's own velocity, which is no evidence of it: they tell of p - a v.
+        """
         seen, of_position = ~np.isnan(measured), self.variance[:, :2]
         innovation = pairs(np.where(seen, measured - plane(state[:, :2]), 0.0))[:, None]
-        expected = of_position[:, :, :2] + np.maximum(self.noise, self._told)[:, None, None] * _IDENTITY
+        of_seen = of_position[:, :, :2]
+        if age is not None:
+            back = age[:, None, None]
+            of_position = of_position - back * self.variance[:, 2:4]
+            of_seen = of_position[:, :, :2] - back * of_position[:, :, 2:4]
+        expected = of_seen + np.maximum(self.noise, self._told)[:, None, None] * _IDENTITY
         adjugate = expected[:, ::-1, ::-1] * _COFACTORS
         area = np.add.reduce(expected[:, 0] * adjugate[:, 0], axis=1)
         inverse = adjugate * (seen / area)[:, None, None]

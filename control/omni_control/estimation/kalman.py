@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from omni_control.estimation.way import Way
 from omni_control.kinematics import Array, wrap_angle
 
 GAIN_ERROR = 0.06  # standard deviation of what a robot does in a frame, over what its commands say
@@ -22,6 +23,9 @@ class KalmanFilter:
     with q the commanded displacement. How much a robot departs differs between plants, so that the process noise is
     scaled until the innovations are as large as the filter says: the normalised innovations squared average 1.
 
+    What was seen a time a ago is compared with where the robot then was, x - a b less the commanded way since. It tells
+    of b what it tells of x; carried on to now by b before, it would let b confirm itself.
+
     Args:
         pose: poses at the start, (n, 3).
         period: time between frames, s.
@@ -38,7 +42,7 @@ class KalmanFilter:
     def __init__(self, pose: Array, period: float, noise: ArrayLike) -> None:
         self.pose = np.array(pose, float)
         self.twist, self.drift = np.zeros((2, *self.pose.shape))
-        self._period = period
+        self._period, self._way = period, Way(period)
         self._noise = np.maximum(np.asarray(noise, float), (1e-5, 1e-5, 1e-4)) ** 2  # a camera resolves no less
         self._keep = np.exp(-period / DRIFT_TIME_S)
         self._wander = np.array([DRIFT_M_S2, DRIFT_M_S2, DRIFT_RAD_S2]) ** 2 * period
@@ -52,29 +56,34 @@ class KalmanFilter:
         """See the class."""
         return np.sqrt(self._xx)
 
-    def update(self, measured: Array, displacement: Array) -> Array:
+    def update(self, measured: Array, displacement: Array, age: Array | None = None) -> Array:
         """Return the filtered poses (n, 3).
 
         Args:
             measured: poses seen by vision (n, 3), not a number where a robot was not seen: its pose is carried on.
             displacement: what the commands that acted since the last frame should have caused, (n, 3), m and rad.
+            age: for how long that was so when the frame began, (n,) s; none of what was seen in the frame itself.
         """
         t = self._period
         self.pose = self.pose + displacement + t * self.drift
         drift = self._keep * self.drift
+        self._way.add(displacement + t * self.drift, self.drift, drift)
         xx = self._xx + 2 * t * self._xb + t**2 * self._bb + self._scale * (GAIN_ERROR * displacement) ** 2
         xb = self._keep * (self._xb + t * self._bb)
         bb = self._keep**2 * self._bb + self._scale * self._wander
 
-        innovation = measured - self.pose
+        a, since = (0.0, 0.0) if age is None else (age[:, None], self._way.since(age))
+        innovation = measured - (self.pose - since)
         innovation[:, 2] = wrap_angle(innovation[:, 2])
         seen = ~np.isnan(innovation)
-        variance = xx + self._noise
+        with_x, with_b = xx - a * xb, xb - a * bb  # covariance of the position then with what is estimated of now
+        variance = with_x - a * with_b + self._noise
         surprise = np.where(seen, innovation, 0.0)
-        gain_x, gain_b = np.where(seen, xx / variance, 0.0), np.where(seen, xb / variance, 0.0)
+        gain_x, gain_b = np.where(seen, with_x / variance, 0.0), np.where(seen, with_b / variance, 0.0)
         self.pose += gain_x * surprise
         self.drift = drift + gain_b * surprise
-        self._xx, self._xb, self._bb = (1 - gain_x) * xx, (1 - gain_x) * xb, bb - gain_b * xb
+        self._xx, self._xb = (1 - gain_x) * xx + gain_x * a * xb, (1 - gain_x) * xb + gain_x * a * bb
+        self._bb = bb - gain_b * with_b
         self.twist = displacement / t + self.drift
         self.normalised = innovation / np.sqrt(variance)
         ratio = np.where(seen, np.minimum(surprise**2 / variance, 9.0), 1.0)
