@@ -10,6 +10,7 @@ The simulated loop runs the same.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +21,7 @@ from omni_control.controllers.guests import guest_of
 from omni_control.delay import CommandsInFlight, Rows
 from omni_control.errors import ControllerError, OmniError
 from omni_control.estimation.kalman import KalmanFilter
+from omni_control.estimation.late import MOST_FRAMES, Clock, Late
 from omni_control.kinematics import Array
 from omni_control.limits import CommandLimits
 
@@ -78,7 +80,8 @@ class Team:
         self._limits = CommandLimits([t.limits for t in told], self._period)
         self._felt = math.ceil(latency.max()) + 1  # commands that may have acted in the frame just past
         self._memory = [max(c.memory_frames, math.ceil(c.told.latency_frames) + 1) for c in self.controllers]
-        self._sent = CommandsInFlight(self.n, max(self._memory))
+        self._sent = CommandsInFlight(self.n, max(*self._memory, self._felt) + MOST_FRAMES)
+        self._clock = Clock(self.n, self._period)
         self._truthful = [type(c).knows_truth for c in self.controllers]  # of the class, by which others know it
         self._knows_truth = any(self._truthful)
         self._guests = [guest_of(c) for c in self.controllers]
@@ -113,9 +116,9 @@ class Team:
 
         self.frame += 1
         self._sent.push(self.last)
-        self.filter.update(seen, self._sent.of(slice(None), self._felt).felt(self._latency) * self._period, ages)
-        self.estimate = self.filter.pose.copy()
-        self._known = self.filter.pose, self.filter.twist, seen, ages
+        pose, twist, steps = self._filtered(seen, ages)
+        self.estimate = pose.copy()
+        self._known = _Known(pose, twist, seen, ages, steps)
         return self._part(self._known, slice(None), self._sent.length, self._delay)
 
     def command(self) -> Array:
@@ -168,17 +171,41 @@ class Team:
         self.failed[rows] = True
         self._record()
 
+    def _filtered(self, measured: Array, age: Array | None) -> tuple[Array, Array, tuple[Late, ...]]:
+        """Poses and twists (n, 3) at this frame, and the steps that filters make in it where they are behind."""
+        if age is None and not self._clock.behind.any():
+            self.filter.update(measured, self._displacement(self._felt, self._latency))
+            return self.filter.pose, self.filter.twist, ()
+        steps = self._clock.steps(np.zeros(self.n) if age is None else age, ~np.isnan(measured[:, 0]))
+        unseen = np.full_like(measured, np.nan)
+        for late in steps:
+            behind = late.behind[:, None]
+            count, share = self._felt + int(behind.max()), late.after[:, None] / self._period
+            displacement = self._displacement(count, self._latency + behind)
+            onward = share * self._displacement(count, self._latency + np.maximum(behind - 1, 0.0))
+            self.filter.update(measured if late is steps[-1] else unseen, displacement, late, onward)
+        sent = self._sent.of(slice(None), count)
+        since = ((sent.ahead(self._latency + behind) - sent.ahead(self._latency)) * sent.last(count)).sum(0)
+        pose = self.filter.pose + (since + behind * self.filter.drift) * self._period
+        twist = self._displacement(self._felt, self._latency) / self._period + self.filter.drift
+        return pose, twist, tuple(steps)
+
+    def _displacement(self, count: int, latency: Array) -> Array:
+        """Of the last so many commands, what should have been caused (n, 3) in a frame for a latency (n, 1) before."""
+        return self._sent.of(slice(None), count).felt(latency) * self._period
+
     def _part(self, known: "_Known", rows: Rows, memory: int, delay: int | Array) -> Seen:
         """What is known of some robots, in arrays of its own."""
         pose, twist, measured = (np.array(values[rows]) for values in known[:3])
-        age = None if known[3] is None else np.array(known[3][rows])
-        return Seen(pose, twist, measured, self._sent.of(rows, memory), self._period, delay, age)
+        age = None if known.age is None else np.array(known.age[rows])
+        steps = tuple(late.of(rows) for late in known.steps)
+        return Seen(pose, twist, measured, self._sent.of(rows, memory), self._period, delay, age, steps)
 
     def _held(self, pose: Array, twist: Array) -> "_Known":
         """The truth, but for robots that have failed, of which nobody knows what becomes: they stay where they were."""
         if self._true is not None and self.failed.any():
             pose[self.failed], twist[self.failed] = self._true[0][self.failed], 0.0
-        return pose, twist, pose, None
+        return _Known(pose, twist, pose)
 
     def _asked(self, i: int, known: "_Known") -> Array:
         """What the i-th controller commands its robots (n of it, 3); zero for those that fail now."""
@@ -240,13 +267,23 @@ class Team:
 
     def _ages(self, age: ArrayLike) -> Array | None:
         """Ages (n,), checked; none if all are zero."""
-        ages = np.array(age, float)
+        try:
+            ages = np.array(age, float)
+        except (TypeError, ValueError):
+            ages = np.full(0, np.nan)
         if ages.shape != (self.n,) or not (np.isfinite(ages) & (ages >= 0)).all():
             raise OmniError(f"ages must be ({self.n},) finite numbers of s from 0 on, not {age!r}")
         return ages if ages.any() else None
 
 
-_Known = tuple[Array, Array, Array, Array | None]  # poses, twists, what was measured, (n, 3) each; and its age (n,)
+class _Known(NamedTuple):
+    """Poses, twists and what was measured, (n, 3) each; its age (n,), and the steps of filters that are behind."""
+
+    pose: Array
+    twist: Array
+    measured: Array
+    age: Array | None = None
+    steps: tuple[Late, ...] = ()
 
 
 def _one_controller_each(controllers: Sequence[Controller], rows: Sequence[Rows] | None, n: int) -> list[Rows]:

@@ -65,22 +65,16 @@ def follow(
     told: int = DELAY,
     unseen: slice = slice(0),
     push: float = 0,
-    late: int = 0,
 ) -> tuple[Identifier, Array, Array]:
-    """Identify while commands (frames, n, 2) are driven; the identifier, parameters and their sigma, (frames, n, 8).
-
-    What is seen is from `late` frames ago.
-    """
+    """Identify while commands (frames, n, 2) are driven; the identifier, parameters and their sigma, (frames, n, 8)."""
     frames, n = commands.shape[:2]
     found = Identifier(np.zeros(n, complex), T, told, NOISE, *TOLD)
     sent, history, sigma = CommandsInFlight(n, found.longest), [], []
-    age, positions = np.full(n, late * T) if late else None, [plant.position] * late
     for k in range(frames):
-        positions.append(plant.position)
-        seen = plane(positions[-1 - late] + NOISE * rng.standard_normal((n, 2)))
+        seen = plane(plant.position + NOISE * rng.standard_normal((n, 2)))
         if k in range(*unseen.indices(frames)):
             seen[:] = np.nan
-        found.update(seen, np.zeros(n), sent, age)
+        found.update(seen, np.zeros(n), sent)
         history.append(found.motion.parameters.copy())
         sigma.append(found.sigma)
         sent.push(np.concatenate([commands[k], np.zeros((n, 1))], axis=1))
@@ -88,16 +82,15 @@ def follow(
     return found, np.array(history), np.array(sigma)
 
 
-@pytest.mark.parametrize("late", [0, 3])
-def test_parameters_are_found_and_their_uncertainty_is_honest(late: int) -> None:
-    """Of 40 robots drawn from the belief that weave for 10 s with the noise of vision, seen at once or 50 ms late.
+def test_parameters_are_found_and_their_uncertainty_is_honest() -> None:
+    """Of 40 robots drawn from the belief that weave for 10 s with the noise of vision.
 
     Errors over their standard deviations: were all of it normal and linear, 1 in the mean of squares and 95 % below 2.
     The filter allows for changes that do not happen, so it may be too modest; it is not to be too sure.
     """
     rng = np.random.default_rng(0)
     truth = believed(rng, 40)
-    _, found, sigma = follow(Creeping(truth), weaving(rng, 600, 40), rng, late=late)
+    _, found, sigma = follow(Creeping(truth), weaving(rng, 600, 40), rng)
     ratio = (found[-1] - truth) / sigma[-1]
     squares = (ratio**2).mean(0)
     assert (squares < 1.6).all(), dict(zip(motion.NAMES, squares, strict=True))

@@ -29,12 +29,12 @@ def driven(seed: int, frames: int, n: int, scale: float = 1.0, missed: float = 0
     return true, measured, displacement
 
 
-def filtered(measured: Array, displacement: Array, start: Array, age: Array | None = None) -> dict[str, Array]:
-    """What the filter says in each frame, (frames, n, 3) each, by the names of its attributes; ages are (frames, n)."""
+def filtered(measured: Array, displacement: Array, start: Array) -> dict[str, Array]:
+    """What the filter says in each frame, (frames, n, 3) each, by the names of its attributes."""
     kalman = KalmanFilter(start, T, NOISE)
     said: dict[str, list[Array]] = {name: [] for name in ("pose", "twist", "drift", "sigma", "normalised")}
-    for k, (m, q) in enumerate(zip(measured, displacement, strict=True)):
-        kalman.update(m, q, None if age is None else age[k])
+    for m, q in zip(measured, displacement, strict=True):
+        kalman.update(m, q)
         for name, values in said.items():
             values.append(getattr(kalman, name).copy())
     return {name: np.array(values) for name, values in said.items()}

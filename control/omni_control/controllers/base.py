@@ -12,6 +12,7 @@ import numpy as np
 
 from omni_control.delay import CommandsInFlight, compensation
 from omni_control.errors import OmniError
+from omni_control.estimation.late import Late
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_control.reference import MotionLimits, Reference
 
@@ -90,6 +91,7 @@ class Seen:
         delay_frames: dead time k_d as far as the team knows it, frames: one for all robots, or one each (n,).
         age: for how long robots had been where they were seen when the frame began, (n,) s; none where all were seen
             in this very frame.
+        steps: those of filters that are behind the present by that; none where all were seen in this very frame.
     """
 
     pose: Array
@@ -99,6 +101,7 @@ class Seen:
     period: float
     delay_frames: int | Array
     age: Array | None = None
+    steps: tuple[Late, ...] = ()
 
     @property
     def carried(self) -> Array:

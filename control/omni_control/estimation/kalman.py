@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omni_control.estimation.way import Way
+from omni_control.estimation.late import Late
 from omni_control.kinematics import Array, wrap_angle
 
 GAIN_ERROR = 0.06  # standard deviation of what a robot does in a frame, over what its commands say
@@ -23,9 +23,6 @@ class KalmanFilter:
     with q the commanded displacement. How much a robot departs differs between plants, so that the process noise is
     scaled until the innovations are as large as the filter says: the normalised innovations squared average 1.
 
-    What was seen a time a ago is compared with where the robot then was, x - a b less the commanded way since. It tells
-    of b what it tells of x; carried on to now by b before, it would let b confirm itself.
-
     Args:
         pose: poses at the start, (n, 3).
         period: time between frames, s.
@@ -42,7 +39,7 @@ class KalmanFilter:
     def __init__(self, pose: Array, period: float, noise: ArrayLike) -> None:
         self.pose = np.array(pose, float)
         self.twist, self.drift = np.zeros((2, *self.pose.shape))
-        self._period, self._way = period, Way(period)
+        self._period = period
         self._noise = np.maximum(np.asarray(noise, float), (1e-5, 1e-5, 1e-4)) ** 2  # a camera resolves no less
         self._keep = np.exp(-period / DRIFT_TIME_S)
         self._wander = np.array([DRIFT_M_S2, DRIFT_M_S2, DRIFT_RAD_S2]) ** 2 * period
@@ -56,34 +53,42 @@ class KalmanFilter:
         """See the class."""
         return np.sqrt(self._xx)
 
-    def update(self, measured: Array, displacement: Array, age: Array | None = None) -> Array:
+    def update(
+        self, measured: Array, displacement: Array, late: Late | None = None, onward: Array | float = 0.0
+    ) -> Array:
         """Return the filtered poses (n, 3).
 
         Args:
             measured: poses seen by vision (n, 3), not a number where a robot was not seen: its pose is carried on.
             displacement: what the commands that acted since the last frame should have caused, (n, 3), m and rad.
-            age: for how long that was so when the frame began, (n,) s; none of what was seen in the frame itself.
+            late: which robots stay in the frame where they are, and how much later they were seen. [none, and at once]
+            onward: what commands should have caused until then, (n, 3).
         """
         t = self._period
-        self.pose = self.pose + displacement + t * self.drift
-        drift = self._keep * self.drift
-        self._way.add(displacement + t * self.drift, self.drift, drift)
-        xx = self._xx + 2 * t * self._xb + t**2 * self._bb + self._scale * (GAIN_ERROR * displacement) ** 2
+        pose, drift = self.pose + displacement + t * self.drift, self._keep * self.drift
+        noise = self._scale * (GAIN_ERROR * displacement) ** 2
+        xx = self._xx + 2 * t * self._xb + t**2 * self._bb + noise
         xb = self._keep * (self._xb + t * self._bb)
         bb = self._keep**2 * self._bb + self._scale * self._wander
 
-        a, since = (0.0, 0.0) if age is None else (age[:, None], self._way.since(age))
-        innovation = measured - (self.pose - since)
+        expected, with_x, with_b, variance = pose, xx, xb, xx + self._noise  # of the pose that is seen
+        if late is not None:
+            held, after = late.held[:, None], late.after[:, None]
+            pose, drift = np.where(held, self.pose, pose), np.where(held, self.drift, drift)
+            xx, xb, bb = np.where(held, self._xx, xx), np.where(held, self._xb, xb), np.where(held, self._bb, bb)
+            expected, with_x, with_b = pose + onward + after * drift, xx + after * xb, xb + after * bb
+            variance = with_x + after * with_b + np.maximum(after / t, 0.0) * noise + self._noise
+        innovation = measured - expected
         innovation[:, 2] = wrap_angle(innovation[:, 2])
         seen = ~np.isnan(innovation)
-        with_x, with_b = xx - a * xb, xb - a * bb  # covariance of the position then with what is estimated of now
-        variance = with_x - a * with_b + self._noise
         surprise = np.where(seen, innovation, 0.0)
         gain_x, gain_b = np.where(seen, with_x / variance, 0.0), np.where(seen, with_b / variance, 0.0)
-        self.pose += gain_x * surprise
+        self.pose = pose + gain_x * surprise
         self.drift = drift + gain_b * surprise
-        self._xx, self._xb = (1 - gain_x) * xx + gain_x * a * xb, (1 - gain_x) * xb + gain_x * a * bb
-        self._bb = bb - gain_b * with_b
+        self._xx, self._xb, self._bb = (1 - gain_x) * xx, (1 - gain_x) * xb, bb - gain_b * xb
+        if late is not None:
+            self._xx, self._xb = self._xx - gain_x * after * xb, self._xb - gain_x * after * bb
+            self._bb = self._bb - gain_b * after * bb
         self.twist = displacement / t + self.drift
         self.normalised = innovation / np.sqrt(variance)
         ratio = np.where(seen, np.minimum(surprise**2 / variance, 9.0), 1.0)
