@@ -21,7 +21,8 @@ from omni_control.controllers.guests import guest_of
 from omni_control.delay import CommandsInFlight, Rows
 from omni_control.errors import ControllerError, OmniError
 from omni_control.estimation.kalman import KalmanFilter
-from omni_control.estimation.late import MOST_FRAMES, Clock, Late
+from omni_control.estimation.late import MOST_FRAMES, Late
+from omni_control.estimation.tracking import Tracker
 from omni_control.kinematics import Array
 from omni_control.limits import CommandLimits
 
@@ -42,7 +43,7 @@ class Team:
         n: robots.
         frame: k, that of the last observation; -1 before the first.
         filter: of vision, of all robots.
-        estimate: filtered poses (n, 3).
+        estimate, twist: filtered poses and twists (n, 3).
         predicted, alpha_hat, latency_hat: what the controllers say of themselves (see `Controller`), (n, 3); not a
             number for rows that failed.
         channels: what else they record, by name: (n, k), not a number for rows that have no such channel, or failed.
@@ -73,20 +74,20 @@ class Team:
         self._told = [c.told for c in self.controllers]
         told = _told_of_each(self.controllers, self._rows, self.n)
         latency = np.array([[t.latency_frames] for t in told])
-        self._period, self._latency = told[0].period, latency
+        self._period = told[0].period
         delays = np.array([t.delay_frames for t in told])
         self._delay = int(delays[0]) if (delays == delays[0]).all() else delays
         self.filter = KalmanFilter(pose, self._period, np.array([t.vision_noise for t in told]))
         self._limits = CommandLimits([t.limits for t in told], self._period)
-        self._felt = math.ceil(latency.max()) + 1  # commands that may have acted in the frame just past
+        self._tracker = Tracker(self.filter, latency, self._period)
         self._memory = [max(c.memory_frames, math.ceil(c.told.latency_frames) + 1) for c in self.controllers]
-        self._sent = CommandsInFlight(self.n, max(*self._memory, self._felt) + MOST_FRAMES)
-        self._clock = Clock(self.n, self._period)
+        self._sent = CommandsInFlight(self.n, max(*self._memory, self._tracker.longest) + MOST_FRAMES)
         self._truthful = [type(c).knows_truth for c in self.controllers]  # of the class, by which others know it
         self._knows_truth = any(self._truthful)
         self._guests = [guest_of(c) for c in self.controllers]
         self._said = [said(c, len(c.predicted), "when it was made") for c in self.controllers]
 
+        self.twist = self._tracker.twist
         self.last, self.failed = np.zeros((self.n, 3)), np.zeros(self.n, bool)
         self._known: _Known | None = None  # until it is answered by commands
         self._true: _Known | None = None
@@ -116,9 +117,10 @@ class Team:
 
         self.frame += 1
         self._sent.push(self.last)
-        pose, twist, steps = self._filtered(seen, ages)
-        self.estimate = pose.copy()
-        self._known = _Known(pose, twist, seen, ages, steps)
+        now = self._tracker
+        now.update(seen, ages, self._sent)
+        self.estimate, self.twist = now.pose.copy(), now.twist
+        self._known = _Known(now.pose, now.twist, seen, ages, now.steps)
         return self._part(self._known, slice(None), self._sent.length, self._delay)
 
     def command(self) -> Array:
@@ -170,29 +172,6 @@ class Team:
         """Take robots out of the game: from now on they are sent zero, and their controllers' mistakes are none."""
         self.failed[rows] = True
         self._record()
-
-    def _filtered(self, measured: Array, age: Array | None) -> tuple[Array, Array, tuple[Late, ...]]:
-        """Poses and twists (n, 3) at this frame, and the steps that filters make in it where they are behind."""
-        if age is None and not self._clock.behind.any():
-            self.filter.update(measured, self._displacement(self._felt, self._latency))
-            return self.filter.pose, self.filter.twist, ()
-        steps = self._clock.steps(np.zeros(self.n) if age is None else age, ~np.isnan(measured[:, 0]))
-        unseen = np.full_like(measured, np.nan)
-        for late in steps:
-            behind = late.behind[:, None]
-            count, share = self._felt + int(behind.max()), late.after[:, None] / self._period
-            displacement = self._displacement(count, self._latency + behind)
-            onward = share * self._displacement(count, self._latency + np.maximum(behind - 1, 0.0))
-            self.filter.update(measured if late is steps[-1] else unseen, displacement, late, onward)
-        sent = self._sent.of(slice(None), count)
-        since = ((sent.ahead(self._latency + behind) - sent.ahead(self._latency)) * sent.last(count)).sum(0)
-        pose = self.filter.pose + (since + behind * self.filter.drift) * self._period
-        twist = self._displacement(self._felt, self._latency) / self._period + self.filter.drift
-        return pose, twist, tuple(steps)
-
-    def _displacement(self, count: int, latency: Array) -> Array:
-        """Of the last so many commands, what should have been caused (n, 3) in a frame for a latency (n, 1) before."""
-        return self._sent.of(slice(None), count).felt(latency) * self._period
 
     def _part(self, known: "_Known", rows: Rows, memory: int, delay: int | Array) -> Seen:
         """What is known of some robots, in arrays of its own."""

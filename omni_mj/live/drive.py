@@ -209,7 +209,7 @@ class Live(Simulation):
     def _tick(self) -> tuple[Array, np.ndarray]:
         while True:
             try:
-                return self.link.tick(self.team.filter.twist)
+                return self.link.tick(self.team.twist)
             except VisionLostError:
                 self._recover()
 
