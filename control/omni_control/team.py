@@ -10,6 +10,7 @@ The simulated loop runs the same.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +21,8 @@ from omni_control.controllers.guests import guest_of
 from omni_control.delay import CommandsInFlight, Rows
 from omni_control.errors import ControllerError, OmniError
 from omni_control.estimation.kalman import KalmanFilter
+from omni_control.estimation.late import MOST_FRAMES, Late
+from omni_control.estimation.tracking import Tracker
 from omni_control.kinematics import Array
 from omni_control.limits import CommandLimits
 
@@ -40,7 +43,7 @@ class Team:
         n: robots.
         frame: k, that of the last observation; -1 before the first.
         filter: of vision, of all robots.
-        estimate: filtered poses (n, 3).
+        estimate, twist: filtered poses and twists (n, 3).
         predicted, alpha_hat, latency_hat: what the controllers say of themselves (see `Controller`), (n, 3); not a
             number for rows that failed.
         channels: what else they record, by name: (n, k), not a number for rows that have no such channel, or failed.
@@ -71,33 +74,38 @@ class Team:
         self._told = [c.told for c in self.controllers]
         told = _told_of_each(self.controllers, self._rows, self.n)
         latency = np.array([[t.latency_frames] for t in told])
-        self._period, self._latency = told[0].period, latency
+        self._period = told[0].period
         delays = np.array([t.delay_frames for t in told])
         self._delay = int(delays[0]) if (delays == delays[0]).all() else delays
         self.filter = KalmanFilter(pose, self._period, np.array([t.vision_noise for t in told]))
         self._limits = CommandLimits([t.limits for t in told], self._period)
-        self._felt = math.ceil(latency.max()) + 1  # commands that may have acted in the frame just past
+        self._tracker = Tracker(self.filter, latency, self._period)
         self._memory = [max(c.memory_frames, math.ceil(c.told.latency_frames) + 1) for c in self.controllers]
-        self._sent = CommandsInFlight(self.n, max(self._memory))
+        self._sent = CommandsInFlight(self.n, max(*self._memory, self._tracker.longest) + MOST_FRAMES)
         self._truthful = [type(c).knows_truth for c in self.controllers]  # of the class, by which others know it
         self._knows_truth = any(self._truthful)
         self._guests = [guest_of(c) for c in self.controllers]
         self._said = [said(c, len(c.predicted), "when it was made") for c in self.controllers]
 
+        self.twist = self._tracker.twist
         self.last, self.failed = np.zeros((self.n, 3)), np.zeros(self.n, bool)
         self._known: _Known | None = None  # until it is answered by commands
         self._true: _Known | None = None
         self._record()
 
-    def observe(self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None) -> Seen:
+    def observe(
+        self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None, age: ArrayLike | None = None
+    ) -> Seen:
         """Begin a frame with what vision reports; return what is known of all robots.
 
         Args:
             measured: poses seen (n, 3), headings in (-pi, pi]; not a number where a robot was not seen.
             truth: true poses and twists (n, 3), for controllers that know them; their headings count full turns.
+            age: how long before this frame each robot was seen there, (n,) s. [just now]
 
         Raises:
-            OmniError: poses of another shape, infinite ones, or no truth for a controller that knows it.
+            OmniError: poses of another shape, infinite ones, ages that cannot be, or no truth for a controller that
+                knows it.
         """
         seen = self._checked(measured, "what vision reports")
         seen[self.failed] = np.nan
@@ -105,12 +113,14 @@ class Team:
             raise OmniError("a controller of this team knows the truth, which must be given with what vision reports")
         if self._knows_truth and truth is not None:
             self._true = self._held(*(self._checked(values, "the truth") for values in truth))
+        ages = None if age is None else self._ages(age)
 
         self.frame += 1
         self._sent.push(self.last)
-        self.filter.update(seen, self._sent.of(slice(None), self._felt).felt(self._latency) * self._period)
-        self.estimate = self.filter.pose.copy()
-        self._known = self.filter.pose, self.filter.twist, seen
+        now = self._tracker
+        now.update(seen, ages, self._sent)
+        self.estimate, self.twist = now.pose.copy(), now.twist
+        self._known = _Known(now.pose, now.twist, seen, ages, now.steps)
         return self._part(self._known, slice(None), self._sent.length, self._delay)
 
     def command(self) -> Array:
@@ -135,9 +145,11 @@ class Team:
         self.last, self._known = command, None
         return command.copy()
 
-    def step(self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None) -> Array:
+    def step(
+        self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None, age: ArrayLike | None = None
+    ) -> Array:
         """A whole frame, from what vision reports to commands (n, 3): `observe`, then `command`."""
-        self.observe(measured, truth)
+        self.observe(measured, truth, age)
         return self.command()
 
     def limited(self, command: ArrayLike) -> Array:
@@ -163,14 +175,16 @@ class Team:
 
     def _part(self, known: "_Known", rows: Rows, memory: int, delay: int | Array) -> Seen:
         """What is known of some robots, in arrays of its own."""
-        pose, twist, measured = (np.array(values[rows]) for values in known)
-        return Seen(pose, twist, measured, self._sent.of(rows, memory), self._period, delay)
+        pose, twist, measured = (np.array(values[rows]) for values in known[:3])
+        age = None if known.age is None else np.array(known.age[rows])
+        steps = tuple(late.of(rows) for late in known.steps)
+        return Seen(pose, twist, measured, self._sent.of(rows, memory), self._period, delay, age, steps)
 
     def _held(self, pose: Array, twist: Array) -> "_Known":
         """The truth, but for robots that have failed, of which nobody knows what becomes: they stay where they were."""
         if self._true is not None and self.failed.any():
             pose[self.failed], twist[self.failed] = self._true[0][self.failed], 0.0
-        return pose, twist, pose
+        return _Known(pose, twist, pose)
 
     def _asked(self, i: int, known: "_Known") -> Array:
         """What the i-th controller commands its robots (n of it, 3); zero for those that fail now."""
@@ -230,8 +244,25 @@ class Team:
             raise OmniError(f"{what} must be finite numbers {shape}, {got}")
         return checked
 
+    def _ages(self, age: ArrayLike) -> Array | None:
+        """Ages (n,), checked; none if all are zero."""
+        try:
+            ages = np.array(age, float)
+        except (TypeError, ValueError):
+            ages = np.full(0, np.nan)
+        if ages.shape != (self.n,) or not (np.isfinite(ages) & (ages >= 0)).all():
+            raise OmniError(f"ages must be ({self.n},) finite numbers of s from 0 on, not {age!r}")
+        return ages if ages.any() else None
 
-_Known = tuple[Array, Array, Array]  # poses, twists and what was measured, (n, 3) each
+
+class _Known(NamedTuple):
+    """Poses, twists and what was measured, (n, 3) each; its age (n,), and the steps of filters that are behind."""
+
+    pose: Array
+    twist: Array
+    measured: Array
+    age: Array | None = None
+    steps: tuple[Late, ...] = ()
 
 
 def _one_controller_each(controllers: Sequence[Controller], rows: Sequence[Rows] | None, n: int) -> list[Rows]:

@@ -18,7 +18,12 @@ class Camera:
         settings: noise and misses, one per row.
         seeds: one per row; rows with the same seed see the same noise.
         faults: of each row; see `Sight`. [none]
+
+    Attributes:
+        age: for how long robots had been where they were last seen, (n,) s; none where that is no time at all.
     """
+
+    age: Array | None = None
 
     def __init__(
         self, settings: Sequence[VisionSettings], seeds: Sequence[Seed], faults: Sequence[Sequence[Fault]] = ()

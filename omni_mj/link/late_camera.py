@@ -5,12 +5,12 @@ one to the next: at 5 m/s^2 that is off by a T^2 / 8 = 0.2 mm at most. Packets s
 velocity that it believes in, the team carries a robot on from there to its tick, as `omni-mj drive` does.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from omni_control.kinematics import Array, wrap_angle
+from omni_control.kinematics import Array
 from omni_mj.link.camera import Camera
 from omni_mj.link.camera_faults import Timing
 from omni_mj.link.noise import Noise, Seed, Stream
@@ -25,22 +25,20 @@ def camera(
     settings: Sequence[VisionSettings],
     seeds: Sequence[Seed],
     faults: Sequence[Sequence[Fault]],
-    twist: Callable[[], Array],
-) -> Callable[[Array], tuple[Array, np.ndarray]]:
+) -> "Camera | Cameras":
     """The cameras of n rows, called once a frame with their true poses; see `Camera`.
 
     Args:
         settings: one per row.
         seeds: one per row.
         faults: of each row.
-        twist: tells what the team believes of the robots' velocities, (n, 3), world frame.
     """
     usual = tuple(VisionSettings.model_fields[name].default for name in TIMING)
     timings = [tuple(getattr(each, name) for name in TIMING) for each in settings]
     late = [timing != usual or Timing.matters(own) for timing, own in zip(timings, faults, strict=True)]
     if not any(late):
         return Camera(settings, seeds, faults)
-    return Cameras(settings, seeds, faults, [t if own else () for t, own in zip(timings, late, strict=True)], twist)
+    return Cameras(settings, seeds, faults, [t if own else () for t, own in zip(timings, late, strict=True)])
 
 
 class Cameras:
@@ -51,7 +49,9 @@ class Cameras:
         seeds: one per row.
         faults: of each row.
         timings: of each row; rows of none have images at the ticks, at once.
-        twist: as for `camera`.
+
+    Attributes:
+        age: see `Camera`.
     """
 
     def __init__(
@@ -60,9 +60,9 @@ class Cameras:
         seeds: Sequence[Seed],
         faults: Sequence[Sequence[Fault]],
         timings: Sequence[tuple[float, ...]],
-        twist: Callable[[], Array],
     ) -> None:
-        self._twist, self._n = twist, len(settings)
+        self._n = len(settings)
+        self.age: Array | None = None
         self._parts = list[tuple[np.ndarray, Camera | LateCamera]]()
         for timing in dict.fromkeys(timings):
             rows = np.flatnonzero([each == timing for each in timings])
@@ -74,12 +74,10 @@ class Cameras:
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
         """See `Camera`."""
-        measured, seen, twist = np.full((self._n, 3), np.nan), np.zeros(self._n, bool), self._twist()
+        measured, seen, self.age = np.full((self._n, 3), np.nan), np.zeros(self._n, bool), np.zeros(self._n)
         for rows, part in self._parts:
-            if isinstance(part, Camera):
-                measured[rows], seen[rows] = part(pose[rows])
-            else:
-                measured[rows], seen[rows] = part(pose[rows], twist[rows])
+            measured[rows], seen[rows] = part(pose[rows])
+            self.age[rows] = 0.0 if part.age is None else part.age
         return measured, seen
 
 
@@ -100,6 +98,9 @@ class LateCamera:
         settings: one per row.
         seeds: one per row.
         faults: of each row.
+
+    Attributes:
+        age: see `Camera`.
     """
 
     def __init__(
@@ -115,14 +116,10 @@ class LateCamera:
         self._tick, self._taken = 0, 0  # frames of the loop, and images
         self._flying: list[_Image] = []
         self._newest = np.full(len(settings), -np.inf)
+        self.age = np.zeros(len(settings))
 
-    def __call__(self, pose: Array, twist: Array) -> tuple[Array, np.ndarray]:
-        """What arrived since the frame before, carried on to now; see `Camera`.
-
-        Args:
-            pose: true, (n, 3).
-            twist: what the robots are believed to drive, (n, 3).
-        """
+    def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
+        """What arrived since the frame before; see `Camera`."""
         now = self._tick * PERIOD_S
         before = pose if self._before is None else self._before
         while (time := self._taken / self._timing.rate_hz) <= now + _SAME_S:
@@ -131,13 +128,11 @@ class LateCamera:
             else:
                 self._take(time, before + ((time - now) / PERIOD_S + 1) * (pose - before))
         self._before, self._tick = np.array(pose), self._tick + 1
-        measured = np.full(pose.shape, np.nan)
+        measured, self.age = np.full(pose.shape, np.nan), np.zeros(len(pose))
         for image in self._flying:
             came = (image.arrival <= now + _SAME_S) & (image.time > self._newest) & ~np.isnan(image.poses[:, 0])
-            age = now - image.time + image.behind[came]
-            measured[came] = image.poses[came] + age[:, None] * twist[came]
-            old = np.flatnonzero(came)[age != 0]
-            measured[old, 2] = wrap_angle(measured[old, 2])
+            measured[came] = image.poses[came]
+            self.age[came] = np.maximum(now - image.time + image.behind[came], 0.0)
             self._newest[came] = image.time
         self._flying = [image for image in self._flying if (image.arrival > now + _SAME_S).any()]
         return measured, ~np.isnan(measured[:, 0])

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -70,6 +70,20 @@ class Outbound:
         self.exchange(np.zeros_like(self.sent), np.zeros(len(self.sent)))
 
 
+@dataclass
+class Sight:
+    """What vision reports at a tick; see `Camera`."""
+
+    measured: Array
+    age: Array | None
+
+    def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
+        """See `Camera`; where robots are nobody knows."""
+        measured = self.measured.copy()
+        measured[:, 2] = wrap_angle(measured[:, 2])
+        return measured, ~np.isnan(measured[:, 0])
+
+
 class Live(Simulation):
     """A simulation whose robots are not simulated.
 
@@ -99,7 +113,7 @@ class Live(Simulation):
         self.link, self.ids, self.notes = link, list(ids), notes
         self._radio, self._most = radio, most_frames
         self._unseen = np.zeros(len(self.ids), int)  # frames since each was seen
-        self._ticks: list[tuple[Array, np.ndarray]] = []  # that are still to be answered
+        self._ticks: list[tuple[Array, np.ndarray, Array, Array]] = []  # that are still to be answered
         super().__init__(scenario, rows=rows)
 
     @property
@@ -112,10 +126,11 @@ class Live(Simulation):
         if self._seen is None:
             if not self._ticks:
                 self._ticks = self._next()
-            pose, seen = self.live.seen = self._ticks.pop(0)
+            pose, seen, brought, age = self._ticks.pop(0)
+            self.live.seen = pose, seen
             self.outbound.held = bool(self._ticks)
             self._unseen = np.where(seen, 0, self._unseen + 1)
-            self._measured_now = np.where(seen[:, None], pose, np.nan)
+            self._sight.measured, self._sight.age = np.where(seen[:, None], pose - brought, np.nan), age
             self.outbound.lost = self._unseen > LOST_FRAMES
             for number in np.flatnonzero(self._unseen == LOST_FRAMES + 1):
                 text = f"{self.frame * PERIOD_S:.2f} s: robot {self.ids[number]} is not seen and told to stop"
@@ -174,18 +189,15 @@ class Live(Simulation):
         self._told = np.array([told(row.settings, geometry, True).latency_frames for row in self.rows])
         self.outbound = Outbound(self._radio, self.ids, self._told)
         self._unseen = np.zeros(n, int)
-        self._measured_now = np.full((n, 3), np.nan)
+        self._sight = Sight(np.full((n, 3), np.nan), np.zeros(n))
         self._ticks = []
-        return self.live, self._look, self
+        return self.live, self._sight, self
 
-    def _look(self, pose: Array) -> tuple[Array, np.ndarray]:
-        """What vision reports at this tick; see `Camera`."""
-        measured = self._measured_now.copy()
-        measured[:, 2] = wrap_angle(measured[:, 2])
-        return measured, ~np.isnan(measured[:, 0])
+    def _next(self) -> list[tuple[Array, np.ndarray, Array, Array]]:
+        """What is seen at the next tick, after what is not of those that went by while this computer was busy.
 
-    def _next(self) -> list[tuple[Array, np.ndarray]]:
-        """What is seen at the next tick, after what is not of those that went by while this computer was busy."""
+        Poses and which were seen; how far they were brought from where they were seen, and how long ago that was.
+        """
         before, _ = self.live.seen
         pose, seen = self._tick()
         skipped = min(self.link.skipped, LOST_FRAMES)
@@ -193,7 +205,9 @@ class Live(Simulation):
             text = f"{self.frame * PERIOD_S:.2f} s: this computer was busy, {skipped} frames went by"
             self.notes.add("busy", text)
         between = [before + (pose - before) * (i + 1) / (skipped + 1) for i in range(skipped)]
-        return [*((each, np.zeros(len(pose), bool)) for each in between), (pose, seen)]
+        none, vision = np.zeros_like(pose), self.link.vision
+        unseen = [(each, np.zeros(len(pose), bool), none, none[:, 0]) for each in between]
+        return [*unseen, (pose, seen, vision.brought, vision.age)]
 
     def _hung(self, waited_s: float) -> None:
         """While a controller does not answer, tell robots to stand; a simulation that waits for it has time.
@@ -214,7 +228,7 @@ class Live(Simulation):
     def _tick(self) -> tuple[Array, np.ndarray]:
         while True:
             try:
-                return self.link.tick(self.team.filter.twist)
+                return self.link.tick(self.team.twist)
             except VisionLostError:
                 self._recover()
 

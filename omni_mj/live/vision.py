@@ -50,6 +50,8 @@ class Vision:
         cameras: by number.
         source: who says that he sends, or None.
         heard: when the last frame came, s of our clock, minus infinity before.
+        age: how long before the last tick robots were seen, (n,) s; zero for those that were not.
+        brought: by how much they were brought to the tick from there, (n, 3).
     """
 
     def __init__(self, colour: Colour, ids: Sequence[int], notes: Notes) -> None:
@@ -66,6 +68,7 @@ class Vision:
         self._pose, self._unseen = np.full((n, 3), np.nan), np.full(n, math.inf)  # the latter in s
         self._fresh: list[dict[int, list[Sighting]]] = [{} for _ in self.ids]
         self._odd, self._turned = np.zeros((2, n), int)
+        self.age, self.brought = np.zeros(n), np.zeros((n, 3))
 
     def believe(self, poses: Array) -> None:
         """Take the robots to be there (n, 3) now; where they are not, nothing is believed."""
@@ -125,19 +128,19 @@ class Vision:
         self._unseen = self._unseen + elapsed
         carried = np.where((self._unseen < UNSEEN_S)[:, None], elapsed * twist, 0.0)
         self._pose = self._pose + carried
-        seen = np.zeros(len(self.ids), bool)
+        seen, self.age = np.zeros(len(self.ids), bool), np.zeros(len(self.ids))
         for place, fresh in enumerate(self._fresh):
             found: dict[int, Array] = {}
+            since = []
             for number, sightings in fresh.items():
-                ages = [tick - self._time(each, leader) for each in sightings]
-                poses = [
-                    each.pose + min(max(age, 0.0), UNSEEN_S) * twist[place]
-                    for each, age in zip(sightings, ages, strict=True)
-                ]
-                near = [pose for pose in poses if self._near(place, pose)]
+                ages = [min(max(tick - self._time(each, leader), 0.0), UNSEEN_S) for each in sightings]
+                poses = [each.pose + age * twist[place] for each, age in zip(sightings, ages, strict=True)]
+                near = [(pose, age) for pose, age in zip(poses, ages, strict=True) if self._near(place, pose)]
                 if near:
-                    best = min(near, key=lambda pose: math.dist(pose[:2], np.nan_to_num(self._pose[place, :2])))
+                    expected = np.nan_to_num(self._pose[place, :2])
+                    best, age = min(near, key=lambda each: math.dist(each[0][:2], expected))
                     found[number] = self._facing(place, best)
+                    since.append(age)
             self._odd[place] = 0 if found else self._odd[place] + bool(fresh)
             if self._odd[place] >= PERSIST:
                 self._notes.add("moved", f"robot {self.ids[place]} is elsewhere, as if moved by hand", always=True)
@@ -145,7 +148,9 @@ class Vision:
             if found:
                 self._biases.learn(self.cameras, found)
                 self._pose[place], self._unseen[place], seen[place] = self._merged(place, found), 0.0, True
+                self.age[place] = sum(since) / len(since)
             self._fresh[place] = {}
+        self.brought = self.age[:, None] * twist
         return self._pose.copy(), seen
 
     def _time(self, sighting: Sighting, leader: int | None) -> float:

@@ -32,14 +32,6 @@ class VisionSettings(Checked):
     )
     clock_offset_s: float = setting(0.0, "s", "serve: standard deviation by which a camera's clock is off", 0, 10)
 
-    @property
-    def oldest_s(self) -> float:
-        """How old the newest image that has come may be when the team's computer ticks, s; nothing is lost on its way.
-
-        Images of cameras whose rate is a multiple of the ticks' are taken at ticks.
-        """
-        return self.delay_s + self.jitter_s + (1 / self.rate_hz if self.rate_hz % FRAME_RATE_HZ else 0.0)
-
 
 class RadioSettings(Checked):
     """The radio link from the team's computer to the robot."""

@@ -25,7 +25,15 @@ from omni_mj.simulate.log import Log
 from omni_mj.simulate.teams import Follow, assemble
 from omni_mj.worlds.build import kinematics
 
-See = Callable[[Array], tuple[Array, np.ndarray]]  # what `Camera` does
+
+class See(Protocol):
+    """What `Camera` does."""
+
+    age: Array | None
+
+    def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
+        """Look at robots that are there (n, 3); return the poses seen, and which were seen."""
+        ...
 
 
 class Exchange(Protocol):
@@ -165,8 +173,8 @@ class Simulation:
         """What the team sees of all robots in this frame; the same, however often it is asked before the next step."""
         if self._seen is None:
             self._pose = self.plant.pose()
-            self._measured, self._valid = self.camera(self._pose)
-            self._seen = self.team.observe(self._measured, (self._pose, self.plant.twist()))
+            measured, self._valid = self.camera(self._pose)
+            self._seen = self.team.observe(measured, (self._pose, self.plant.twist()), self.camera.age)
         return self._seen
 
     def step(self, command: Array | None = None) -> None:
@@ -179,11 +187,11 @@ class Simulation:
         Raises:
             OmniError: the command is not (n, 3) finite numbers.
         """
-        self.observe()
+        seen = self.observe()
         sent = self.team.command() if command is None else self._instead(command)
         received = self.radio.exchange(sent, self.team.estimate[:, 2])
         if self._logged:
-            self._record(sent, received)
+            self._record(seen, sent, received)
         failed = self.plant.advance(received)
         self.frame, self._seen = self.frame + 1, None
         for row, cause in failed.items():
@@ -195,17 +203,17 @@ class Simulation:
         noise, happening = [row.noise_seed for row in self.rows], [row.faults for row in self.rows]
         return (
             find_plant(self.scenario.plant)(self.rows, start),
-            camera([row.settings.vision for row in self.rows], noise, happening, lambda: self.team.filter.twist),
+            camera([row.settings.vision for row in self.rows], noise, happening),
             Radio([row.settings.radio for row in self.rows], noise, happening),
         )
 
-    def _record(self, sent: Array, received: Received) -> None:
+    def _record(self, seen: Seen, sent: Array, received: Received) -> None:
         self.log.write(
             self._recorded,
             self.team.channels,
             ref=self._reference(),
             pose=self._pose,
-            vision=self._measured,
+            vision=seen.carried,
             vision_valid=self._valid,
             predicted=self.team.predicted,
             command=sent,

@@ -1,6 +1,5 @@
 """The team's computers of a simulation: rows that are told the same share a controller."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 
@@ -17,8 +16,6 @@ from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 
 Follow = Callable[[np.ndarray], Reference]
-
-SPEED_KNOWN_M_S, TURN_KNOWN_RAD_S = 0.06, 0.5  # to which the velocity is known that carries on what was seen
 
 
 def assemble(
@@ -65,11 +62,7 @@ def assemble(
 
 @lru_cache(maxsize=256)
 def told(settings: Settings, geometry: Kinematics, wheels: bool) -> Told:
-    """What the team's computer is told of the loop.
-
-    What was seen before a tick is carried on to it by the velocity that the filter believes in. So much less is known
-    of it: a filter that took it for exact would take its own velocity for what is seen, which grows without bounds.
-    """
+    """What the team's computer is told of the loop."""
     control, vision = settings.control, settings.vision
     return Told(
         period=PERIOD_S,
@@ -77,8 +70,8 @@ def told(settings: Settings, geometry: Kinematics, wheels: bool) -> Told:
         lag_s=control.lag_s if wheels else 0.0,
         drag_m_s=control.drag_m_s if wheels else 0.0,
         creep_s2_m=control.creep_s2_m if wheels else 0.0,
-        position_noise_m=math.hypot(vision.position_noise_m, SPEED_KNOWN_M_S * vision.oldest_s),
-        heading_noise_rad=math.hypot(vision.heading_noise_rad, TURN_KNOWN_RAD_S * vision.oldest_s),
+        position_noise_m=vision.position_noise_m,
+        heading_noise_rad=vision.heading_noise_rad,
         error_range_m=control.error_range_m,
         speed_range_m_s=control.speed_range_m_s,
         heading_gain=control.heading_gain,

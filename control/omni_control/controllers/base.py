@@ -12,7 +12,8 @@ import numpy as np
 
 from omni_control.delay import CommandsInFlight, compensation
 from omni_control.errors import OmniError
-from omni_control.kinematics import Array, Kinematics
+from omni_control.estimation.late import Late
+from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_control.reference import MotionLimits, Reference
 
 COMMAND_LIMITS = MotionLimits(3.7, 4.7, 26.0, 50.8)  # of the league's simulators (ssl-simulation-setup)
@@ -88,6 +89,9 @@ class Seen:
         sent: the last commands that were sent, within the limits, the newest in the frame before; to be read only.
         period: length of a frame T, s.
         delay_frames: dead time k_d as far as the team knows it, frames: one for all robots, or one each (n,).
+        age: for how long robots had been where they were seen when the frame began, (n,) s; none where all were seen
+            in this very frame.
+        steps: those of filters that are behind the present by that; none where all were seen in this very frame.
     """
 
     pose: Array
@@ -96,6 +100,17 @@ class Seen:
     sent: CommandsInFlight
     period: float
     delay_frames: int | Array
+    age: Array | None = None
+    steps: tuple[Late, ...] = ()
+
+    @property
+    def carried(self) -> Array:
+        """What was measured, brought from when it was seen to this frame by the filtered twist, (n, 3)."""
+        if self.age is None:
+            return self.measured
+        carried = self.measured + self.age[:, None] * self.twist
+        carried[:, 2] = wrap_angle(carried[:, 2])
+        return carried
 
     @property
     def in_flight(self) -> Array:

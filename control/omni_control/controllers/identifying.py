@@ -9,6 +9,7 @@ from omni_control.controllers.base import Controller, Seen, Told
 from omni_control.delay import CommandsInFlight
 from omni_control.estimation import motion
 from omni_control.estimation.identify import Identifier
+from omni_control.estimation.late import MOST_FRAMES, Late
 from omni_control.estimation.motion import Plane, pairs, plane
 from omni_control.estimation.turning import Turning
 from omni_control.kinematics import Array, wrap_angle
@@ -44,7 +45,7 @@ class Identifying(Controller):
         self.noise = told.vision_noise
         self.plant = self._identifier(np.zeros((n, 3)))
         self.turning = self._turning(np.zeros((n, 3)))
-        self.memory_frames = self.plant.longest
+        self.memory_frames = self.plant.longest + MOST_FRAMES
         self._started, self._answered = False, np.zeros((n, 3))
 
     def wanted(self, frame: int, seen: Seen, arrival: Arrival) -> Array:
@@ -56,19 +57,30 @@ class Identifying(Controller):
         if not self._started:
             self._started, self.plant, self.turning = True, self._identifier(seen.pose), self._turning(seen.pose)
         plant, turning = self.plant, self.turning
-        before = turning.heading
-        felt = seen.sent.felt(plant.latency[:, None])
-        turning.update(seen.measured[:, 2], felt[:, 2], np.abs(plant.velocity))
-        plant.update(plane(seen.measured[:, :2]), (before + turning.heading) / 2, seen.sent)
+        for late in seen.steps[:-1]:
+            self._identify(None, seen.sent, late)
+        self._identify(seen.measured, seen.sent, *seen.steps[-1:])
         turning.creep = plant.motion.parameters[:, motion.CREEP.start]
-        arrival = self._predict(seen.sent)
+        arrival = self._predict(seen)
         self.predicted = np.concatenate([pairs(arrival.position), arrival.heading[:, None]], axis=1)
         self._record()
         return self.wanted(frame, seen, arrival)
 
-    def _predict(self, sent: CommandsInFlight) -> Arrival:
+    def _identify(self, measured: Array | None, sent: CommandsInFlight, late: Late | None = None) -> None:
+        """Take in a frame, of which vision reports poses (n, 3); none on the way to that."""
+        plant, turning = self.plant, self.turning
+        before = turning.heading
+        headings = np.full(len(before), np.nan) if measured is None else measured[:, 2]
+        positions = None if measured is None else plane(measured[:, :2])
+        latency = plant.latency if late is None else plant.latency + late.behind
+        turning.update(headings, sent.felt(latency[:, None])[:, 2], np.abs(plant.velocity), late)
+        plant.update(positions, (before + turning.heading) / 2, sent, late)
+
+    def _predict(self, seen: Seen) -> Arrival:
         """How the commands that are still to act leave the robots."""
-        latency = self.plant.latency
+        sent, latency = seen.sent, self.plant.latency
+        if seen.steps:
+            latency = latency + seen.steps[-1].behind
         count = math.ceil(latency.max())
         commands, left = sent.last(count), sent.ahead(latency[:, None])[sent.length - count :, :, 0]
         durations, across = left * self.told.period, plane(commands[..., :2])

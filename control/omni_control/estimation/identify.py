@@ -19,6 +19,7 @@ import numpy as np
 
 from omni_control.delay import CommandsInFlight
 from omni_control.estimation import motion
+from omni_control.estimation.late import Late
 from omni_control.estimation.motion import Motion, Plane, pairs, plane
 from omni_control.kinematics import Array, Kinematics
 
@@ -156,25 +157,37 @@ class Identifier:
         """What to send, (n,), so that commands (n,) of the law act: without what pushes, and by the robot's compass."""
         return (command - self.push) * self.turned.conj()
 
-    def update(self, measured: Plane, heading: Array, sent: CommandsInFlight) -> None:
+    def update(self, measured: Plane | None, heading: Array, sent: CommandsInFlight, late: Late | None = None) -> None:
         """Take in a frame.
 
         Args:
-            measured: positions seen by vision (n,), not a number where a robot was not seen.
+            measured: positions seen by vision (n,), not a number where a robot was not seen; none if this is no more
+                than a step on the way to the frame of which vision reports.
             heading: in the middle of the frame just past, (n,) rad.
-            sent: commands up to the frame before, `longest` of them at least.
+            sent: commands up to the frame before, `longest` of them at least, and as many more as the filter is behind.
+            late: how far that is, which robots stay in the frame where they are, and how much later they were seen.
+                [not, none, and at once]
         """
         before, ahead = self.velocity, np.exp(1j * heading)
-        acting, per_frame = self._acted(sent)
+        acting, per_frame = self._acted(sent, late)
         arrived = acting * self.turned
         step = self.motion.step(before, arrived + self.push, ahead, self._period)
-        self.variance = self._passed_on(step, arrived, per_frame * self.turned, ahead)
+        variance = self._passed_on(step, arrived, per_frame * self.turned, ahead)
         unaided = plane(step.velocity) * ahead
         state = self._kept * self._state + self._renewed
         state[:, :2] += pairs(plane(step.moved) * ahead)
         state[:, 2:4] = pairs(unaided)
+        if late is not None:
+            state = np.where(late.held[:, None], self._state, state)
+            variance = np.where(late.held[:, None, None], self.variance, variance)
+            unaided = plane(state[:, 2:4]).copy()
+        self.variance = variance
+        if measured is None:
+            self._know(state)
+            return
+        measured = measured if late is None else measured - late.after * unaided
         self._doubt(measured)
-        self._correct(state, measured)
+        self._correct(state, measured, late)
         velocity = plane(state[:, 2:4])
         self._know(self._felt(state, (unaided - np.array([before, velocity])) / self._period))
 
@@ -185,18 +198,20 @@ class Identifier:
         self.latency = self._delay + state[:, 6 + motion.LATENCY]
         self.turned: Plane = np.exp(-1j * state[:, 6 + motion.COMPASS])
 
-    def _acted(self, sent: CommandsInFlight) -> tuple[Plane, Plane]:
+    def _acted(self, sent: CommandsInFlight, late: Late | None) -> tuple[Plane, Plane]:
         """Commands (n,) that acted in the frame just past, on its average, and how they change per frame of latency.
 
         The change is that over as much as is not known of the latency: how commands jump from one frame to the next
         tells nothing of a robot that answers some frames sooner or later.
         """
-        latency, number = self.latency, 6 + motion.LATENCY
+        latency, number, count = self.latency, 6 + motion.LATENCY, self.longest
+        if late is not None:
+            latency, count = latency + late.behind, count + int(late.behind.max())
         least, most = SPREAD_FRAMES
         spread = np.sqrt(np.minimum(np.maximum(self.variance[:, number, number], least**2), most**2))
         sooner, later = np.maximum(latency - spread, 0.0), latency + spread
-        shares = sent.acted(np.array([latency, sooner, later]))[-self.longest :]
-        acting, early, late = np.add.reduce(shares * plane(sent.last(self.longest)[..., :2])[:, None])
+        shares = sent.acted(np.array([latency, sooner, later]))[-count:]
+        acting, early, late = np.add.reduce(shares * plane(sent.last(count)[..., :2])[:, None])
         return acting, (late - early) / (later - sooner)
 
     def _passed_on(self, step: motion.Step, arrived: Plane, later: Plane, ahead: Plane) -> Array:
@@ -261,11 +276,16 @@ class Identifier:
         self.noise = self.noise + np.where(np.isnan(rough), 0.0, change)
         self._last = [measured, first, second]
 
-    def _correct(self, state: Array, measured: Plane) -> None:
-        """Correct the state (n, 14) by the positions (n,) that vision reports."""
+    def _correct(self, state: Array, measured: Plane, late: Late | None) -> None:
+        """Correct the state (n, 14) by the positions (n,) that vision reports, less the way from here to there."""
         seen, of_position = ~np.isnan(measured), self.variance[:, :2]
         innovation = pairs(np.where(seen, measured - plane(state[:, :2]), 0.0))[:, None]
-        expected = of_position[:, :, :2] + np.maximum(self.noise, self._told)[:, None, None] * _IDENTITY
+        of_seen = of_position[:, :, :2]
+        if late is not None:  # that way is their velocity's
+            after = late.after[:, None, None]
+            of_position = of_position + after * self.variance[:, 2:4]
+            of_seen = of_position[:, :, :2] + after * of_position[:, :, 2:4]
+        expected = of_seen + np.maximum(self.noise, self._told)[:, None, None] * _IDENTITY
         adjugate = expected[:, ::-1, ::-1] * _COFACTORS
         area = np.add.reduce(expected[:, 0] * adjugate[:, 0], axis=1)
         inverse = adjugate * (seen / area)[:, None, None]

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from omni_control.estimation.late import Late
 from omni_control.kinematics import Array, wrap_angle
 
 GAIN_ERROR = 0.06  # standard deviation of what a robot does in a frame, over what its commands say
@@ -52,29 +53,42 @@ class KalmanFilter:
         """See the class."""
         return np.sqrt(self._xx)
 
-    def update(self, measured: Array, displacement: Array) -> Array:
+    def update(
+        self, measured: Array, displacement: Array, late: Late | None = None, onward: Array | float = 0.0
+    ) -> Array:
         """Return the filtered poses (n, 3).
 
         Args:
             measured: poses seen by vision (n, 3), not a number where a robot was not seen: its pose is carried on.
             displacement: what the commands that acted since the last frame should have caused, (n, 3), m and rad.
+            late: which robots stay in the frame where they are, and how much later they were seen. [none, and at once]
+            onward: what commands should have caused until then, (n, 3).
         """
         t = self._period
-        self.pose = self.pose + displacement + t * self.drift
-        drift = self._keep * self.drift
-        xx = self._xx + 2 * t * self._xb + t**2 * self._bb + self._scale * (GAIN_ERROR * displacement) ** 2
+        pose, drift = self.pose + displacement + t * self.drift, self._keep * self.drift
+        noise = self._scale * (GAIN_ERROR * displacement) ** 2
+        xx = self._xx + 2 * t * self._xb + t**2 * self._bb + noise
         xb = self._keep * (self._xb + t * self._bb)
         bb = self._keep**2 * self._bb + self._scale * self._wander
 
-        innovation = measured - self.pose
+        expected, with_x, with_b, variance = pose, xx, xb, xx + self._noise  # of the pose that is seen
+        if late is not None:
+            held, after = late.held[:, None], late.after[:, None]
+            pose, drift = np.where(held, self.pose, pose), np.where(held, self.drift, drift)
+            xx, xb, bb = np.where(held, self._xx, xx), np.where(held, self._xb, xb), np.where(held, self._bb, bb)
+            expected, with_x, with_b = pose + onward + after * drift, xx + after * xb, xb + after * bb
+            variance = with_x + after * with_b + np.maximum(after / t, 0.0) * noise + self._noise
+        innovation = measured - expected
         innovation[:, 2] = wrap_angle(innovation[:, 2])
         seen = ~np.isnan(innovation)
-        variance = xx + self._noise
         surprise = np.where(seen, innovation, 0.0)
-        gain_x, gain_b = np.where(seen, xx / variance, 0.0), np.where(seen, xb / variance, 0.0)
-        self.pose += gain_x * surprise
+        gain_x, gain_b = np.where(seen, with_x / variance, 0.0), np.where(seen, with_b / variance, 0.0)
+        self.pose = pose + gain_x * surprise
         self.drift = drift + gain_b * surprise
         self._xx, self._xb, self._bb = (1 - gain_x) * xx, (1 - gain_x) * xb, bb - gain_b * xb
+        if late is not None:
+            self._xx, self._xb = self._xx - gain_x * after * xb, self._xb - gain_x * after * bb
+            self._bb = self._bb - gain_b * after * bb
         self.twist = displacement / t + self.drift
         self.normalised = innovation / np.sqrt(variance)
         ratio = np.where(seen, np.minimum(surprise**2 / variance, 9.0), 1.0)

@@ -17,6 +17,7 @@ so soon that s and n are told by the commands, of whole runs at once.
 
 import numpy as np
 
+from omni_control.estimation.late import Late
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 
 BIAS_RAD_S, BIAS_S = 0.05, 1.0  # standard deviation of b, and the time after which it is forgotten
@@ -135,19 +136,20 @@ class Turning:
         decay = np.exp(-self._period / late)
         return (after - decay * before) * self.effort / (1 - decay) - self.bias + self.friction * rubbing
 
-    def update(self, measured: Array, command: Array, speed: Array) -> None:
+    def update(self, measured: Array, command: Array, speed: Array, late: Late | None = None) -> None:
         """Take in a frame.
 
         Args:
             measured: headings seen by vision (n,) rad, not a number where a robot was not seen.
             command: turn rates that acted since the frame before, (n,) rad/s.
             speed: at which robots drove meanwhile, (n,) m/s.
+            late: which robots stay in the frame where they are, and how much later they were seen. [none, and at once]
         """
-        period, (late, final, rubbing) = self._period, self._answer(command, speed)
-        moved, rate, decay = _go_on(self.rate, final, late, period)
+        period, (slow, final, rubbing) = self._period, self._answer(command, speed)
+        moved, rate, decay = _go_on(self.rate, final, slow, period)
         change, passed = (self.rate - rate) / period, self._passed
         passed[:, 1, 1], passed[:, 1, 2] = decay, (1 - decay) / self.effort  # of a rate, and gained by a command of 1
-        passed[:, 0, 1] = carried = (1 - decay) * late
+        passed[:, 0, 1] = carried = (1 - decay) * slow
         passed[:, 0, 2] = (period - carried) / self.effort
         # A change of bias, lag, effort or friction acts like a command of: 1, -w', -w, -n.
         acts = np.array([change, -(self.rate + rate) / 2, -rubbing]).T
@@ -158,10 +160,18 @@ class Turning:
         variance = passed @ self.variance @ passed.swapaxes(1, 2)
         variance.reshape(-1, STATES**2)[:, :: STATES + 1] += self._forget
 
-        seen = ~np.isnan(measured)
-        surprise = np.where(seen, wrap_angle(measured - state[:, 0]), 0.0)
-        to_heading = variance[:, 0]
-        gain = (seen / (to_heading[:, 0] + self._noise))[:, None] * to_heading
+        if late is not None:
+            before = np.array([self.heading, self.rate, self.bias, self.lag, self.effort, self.friction]).T
+            state = np.where(late.held[:, None], before, state)
+            variance = np.where(late.held[:, None, None], self.variance, variance)
+        seen, expected, to_heading = ~np.isnan(measured), state[:, 0], variance[:, 0]
+        of_seen = to_heading[:, 0]
+        if late is not None:
+            expected = expected + late.after * state[:, 1]
+            to_heading = to_heading + late.after[:, None] * variance[:, 1]
+            of_seen = to_heading[:, 0] + late.after * to_heading[:, 1]
+        surprise = np.where(seen, wrap_angle(measured - expected), 0.0)
+        gain = (seen / (of_seen + self._noise))[:, None] * to_heading
         self.variance = variance - gain[:, :, None] * to_heading[:, None]
         state += gain * surprise[:, None]
         bounded = state[:, 3:]

@@ -127,9 +127,9 @@ def led(simulation: Simulation, leader: Leader, after_frame: AfterFrame) -> Atte
     measured, headings = list[Array](), list[Array]()
     while not simulation.done:
         seen = simulation.observe()
-        measured.append(seen.measured)
+        measured.append(seen.carried)
         headings.append(seen.pose[:, 2].copy())
-        asked.append(leader(seen.measured, seen.pose[:, 2]))
+        asked.append(leader(seen.carried, seen.pose[:, 2]))
         simulation.step(asked[-1])
         leader.sent(simulation.team.last)
         after_frame(simulation.frame - 1)

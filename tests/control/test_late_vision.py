@@ -1,0 +1,184 @@
+"""Poses that were seen a while before the frame: filters that are behind the present, and what they say of it."""
+
+import numpy as np
+import pytest
+from driven import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, driven
+from hypothesis import given
+from hypothesis import strategies as st
+from laws import FEW
+from test_identify import DELAY, TOLD, Creeping, believed, weaving
+
+from omni_control import CommandsInFlight, Controller, MotionLimits, OmniError, Team, TimedReference, Told
+from omni_control.controllers.adaptive import AdaptiveCompFlc
+from omni_control.estimation.identify import Identifier
+from omni_control.estimation.late import MOST_FRAMES, Clock
+from omni_control.estimation.motion import plane
+from omni_control.estimation.turning import Turning
+from omni_control.kinematics import Array
+
+
+def estimated(measured: Array, displacement: Array, start: Array, age: Array) -> tuple[Array, Array]:
+    """Poses and twists (frames, n, 3) that a team believes in, of robots without dead time; ages are (frames, n)."""
+    told = Told(T, 0, lag_s=0.0, position_noise_m=NOISE[0], heading_noise_rad=NOISE[2])
+    team, seen = Team(Controller(told, None, len(start)), start), []  # type: ignore[arg-type]
+    for k, (pose, each) in enumerate(zip(measured, age, strict=True)):
+        seen.append(team.observe(pose, age=each))
+        team.sent(displacement[min(k + 1, len(displacement) - 1)] / T)
+    return np.array([one.pose for one in seen]), np.array([one.twist for one in seen])
+
+
+def best(measured: Array, displacement: Array, late: int, start: float, noise: float, wander: float) -> Array:
+    """The optimal filter of one robot's axis, seen `late` frames ago: the positions of those frames are states too."""
+    count = late + 2  # position, drift, and the positions of one to `late` frames ago
+    f = np.zeros((count, count))
+    f[0, :2], f[1, 1], f[2, 0] = (1, T), np.exp(-T / DRIFT_TIME_S), 1
+    f[range(3, count), range(2, count - 1)] = 1
+    x, p, said = np.zeros(count), np.zeros((count, count)), []
+    x[[0, *range(2, count)]], p[0, 0] = start, noise**2
+    for z, q in zip(measured, displacement, strict=True):
+        x, p = f @ x, f @ p @ f.T
+        x[0], p[0, 0], p[1, 1] = x[0] + q, p[0, 0] + (GAIN_ERROR * q) ** 2, p[1, 1] + wander**2 * T
+        if not np.isnan(z):
+            gain = p[:, -1] / (p[-1, -1] + noise**2)
+            x, p = x + gain * (z - x[-1]), p - np.outer(gain, p[-1])
+        said.append(x[0])
+    return np.array(said)
+
+
+@pytest.mark.parametrize("late", [1, 4])
+def test_what_is_seen_late_serves_as_well_as_it_can(late: int) -> None:
+    """Errors are at most 3 % above those of the optimal filter, which is told the true process noise."""
+    true, measured, displacement = driven(3, 300, 20)
+    displacement[0] = 0
+    seen = np.full_like(measured, np.nan)
+    seen[late:] = measured[:-late]
+    poses, _ = estimated(seen, displacement, true[0], np.full((300, 20), late * T))
+    optimal = [best(seen[:, i, 0], displacement[:, i, 0], late, true[0, i, 0], NOISE[0], DRIFT[0]) for i in range(20)]
+    ours, theirs = ((values - true[..., 0])[20:] for values in (poses[..., 0], np.array(optimal).T))
+    assert np.sqrt((ours**2).mean()) < 1.03 * np.sqrt((theirs**2).mean())
+
+
+@FEW
+@given(st.integers(0, 2**32 - 1), st.floats(0, 0.2))
+def test_a_perfect_robot_seen_late_is_tracked_exactly(seed: int, longest: float) -> None:
+    """Images of any age up to 0.2 s, none before the last one's, of robots that move evenly within frames.
+
+    Rounding as of one that is seen at once (`test_filter`).
+    """
+    rng, frames = np.random.default_rng(seed), np.arange(40)[:, None]
+    displacement = rng.uniform(-0.05, 0.05, (40, 3, 3))
+    displacement[0] = 0
+    poses = np.cumsum(displacement, axis=0)
+    taken = np.maximum.accumulate(np.maximum(frames - rng.uniform(0, longest / T, (40, 3)), 0), axis=0)  # frames
+    index, row = taken.astype(int), np.arange(3)
+    share = (taken - index)[..., None]
+    seen = (1 - share) * poses[index, row] + share * poses[np.minimum(index + 1, 39), row]
+    found, twists = estimated(seen, displacement, np.zeros((3, 3)), (frames - taken) * T)
+    np.testing.assert_allclose(found, poses, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(twists, displacement / T, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("late", [1 / 120, 0.05, 0.1])
+def test_a_velocity_that_was_believed_does_not_confirm_itself(late: float) -> None:
+    """Robots stop, seen without noise, though the filter believes in 1 m/s that nobody commanded.
+
+    A quarter of a second after that can be seen it is forgotten; a filter that takes for seen what it carried on by
+    that velocity would go on for good.
+    """
+    frames = np.arange(130)
+    position = T * np.minimum(frames, 100.0)
+    seen = np.zeros((130, 1, 3))
+    seen[:, 0, 0] = np.interp(frames - late / T, frames, position)
+    _, twists = estimated(seen, np.zeros((130, 1, 3)), np.zeros((1, 3)), np.full((130, 1), late))
+    assert twists[100, 0, 0] == pytest.approx(1, abs=0.1)
+    assert np.abs(twists[:, 0, 0]).max() < 1.2
+    assert abs(twists[100 + round(late / T) + 15, 0, 0]) < 0.05
+
+
+def test_parameters_of_a_robot_seen_late_are_those_it_had_then() -> None:
+    """Seen 50 ms late, the identifier knows at each frame what it would have known three frames ago, seen at once.
+
+    Within a tenth of what it doubts: before the first image comes it stands, and counts the start more than once.
+    """
+    rng = np.random.default_rng(0)
+    robots, frames, late = 6, 240, 3
+    plant, commands = Creeping(believed(rng, robots)), weaving(rng, frames, robots)
+    found, behind = (Identifier(np.zeros(robots, complex), T, DELAY, NOISE[0], *TOLD) for _ in range(2))
+    sent, clock, images = CommandsInFlight(robots, found.longest + MOST_FRAMES), Clock(robots, T), []
+    parameters, doubts = [], []
+    for command in commands:
+        images.append(plane(plant.position + NOISE[0] * rng.standard_normal((robots, 2))))
+        found.update(images[-1], np.zeros(robots), sent)
+        image = images[max(len(images) - 1 - late, 0)]
+        for step in clock.steps(np.full(robots, min(late, len(images) - 1) * T), ~np.isnan(image)):
+            behind.update(image, np.zeros(robots), sent, step)
+        parameters.append(found.motion.parameters.copy())
+        doubts.append(found.sigma)
+        sent.push(np.concatenate([command, np.zeros((robots, 1))], axis=1))
+        plant.advance(command)
+    assert (np.abs(behind.motion.parameters - parameters[-1 - late]) < 0.1 * doubts[-1 - late]).all()
+
+
+@pytest.mark.parametrize("late", [0.01, 0.05])
+def test_headings_seen_late_are_as_well_known_of_then(late: float) -> None:
+    """Turns of sines of 4 rad/s by the law: errors of the heading then are at most a twentieth above those at once."""
+    noise, robots, errors = 0.01, 20, []
+    commands = 4 * np.sin(np.arange(300)[:, None] * T * 3 + np.arange(robots))
+    for age in (0.0, late):
+        rng = np.random.default_rng(0)
+        true, found = (Turning(np.zeros(robots), T, noise, 0.02) for _ in range(2))
+        clock, headings, off, still = Clock(robots, T), [np.zeros(robots)], [], np.zeros(robots)
+        for k, command in enumerate(commands):
+            true.heading, true.rate = true.step(true.heading, true.rate, command, T, still)
+            headings.append(true.heading)
+            whole, part = divmod(max(k + 1 - age / T, 0.0), 1)
+            then, next_one = headings[int(whole)], headings[min(int(whole) + 1, k + 1)]
+            seen = then + part * (next_one - then) + noise * rng.standard_normal(robots)
+            for step in clock.steps(np.full(robots, (k + 1 - whole - part) * T), np.full(robots, True)):
+                lies = k - int(step.behind[0])
+                found.update(np.angle(np.exp(1j * seen)), commands[max(lies, 0)], still, step)
+            off.append(found.heading - headings[k + 1 - int(clock.behind[0])])
+        errors.append(np.sqrt(np.mean(np.array(off)[60:] ** 2)))
+    assert errors[1] < 1.05 * errors[0] < 1.05 * noise
+
+
+def test_filters_wait_for_images_from_before_and_hurry_after_younger_ones() -> None:
+    """Ages of 0, 2.5, 2.5, 2.5, none, 4.2, 0.5 frames: behind by whole frames, one frame's wait at a time."""
+    clock, told = Clock(1, T), []
+    for frames in (0.0, 2.5, 2.5, 2.5, np.nan, 4.2, 0.5):
+        steps = clock.steps(np.array([np.nan_to_num(frames) * T]), np.array([not np.isnan(frames)]))
+        told.append([(float(each.behind[0]), bool(each.held[0]), round(float(each.after[0] / T), 6)) for each in steps])
+    hurries = [(4.0 - k, False, 0.0) for k in range(3)] + [(1.0, False, 0.5)]
+    waits = [
+        [(0, False, 0)],
+        [(1, True, -1.5)],
+        [(2, True, -0.5)],
+        [(3, True, 0.5)],
+        [(3, False, 0)],
+        [(4, True, -0.2)],
+    ]
+    assert told == [*waits, hurries]
+
+
+def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
+    """To the bit, whatever the ages of the others are: each robot's filters make its own steps."""
+    rng, frames = np.random.default_rng(5), 60
+    ages = np.where(rng.random((frames, 3)) < 0.3, 0.0, rng.uniform(0, 0.1, (frames, 3))) * [1, 0.3, 0]
+    seen = 0.01 * np.cumsum(rng.standard_normal((frames, 3, 3)), axis=0)
+    seen[rng.random((frames, 3)) < 0.1] = np.nan
+    told, way = Told(T, 3), TimedReference([[0, 0, 0], [0.5, 0.3, 1]], MotionLimits(1.0, 1.0, 3.0, 6.0), T)
+
+    def commanded(rows: list[int]) -> Array:
+        team = Team(AdaptiveCompFlc(told, way, len(rows)), np.zeros((len(rows), 3)))
+        return np.array([team.step(seen[k, rows], age=ages[k, rows]) for k in range(frames)])
+
+    together = commanded([0, 1, 2])
+    for row in range(3):
+        np.testing.assert_array_equal(commanded([row])[:, 0], together[:, row])
+
+
+@pytest.mark.parametrize("age", [[-0.1], [np.nan], [np.inf], [0.1, 0.1], 0.1, "old"], ids=str)
+def test_ages_that_cannot_be_are_refused(age: object) -> None:
+    team = Team(Controller(Told(T, 0), None, 1), np.zeros((1, 3)))  # type: ignore[arg-type]
+    with pytest.raises(OmniError, match=r"ages must be \(1,\) finite numbers of s from 0 on"):
+        team.observe(np.zeros((1, 3)), age=age)  # type: ignore[arg-type]

@@ -1,0 +1,97 @@
+"""Controllers that fail: they stop their own robots, say why, and cost the others nothing."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from closed_loop import T
+from playing import Knowing, Straight, noise_of, plant_of, play, starts
+from ways import TIMED
+
+from omni_control import ControllerError, OmniError, Seen, Team, Told
+from omni_control.controllers import make
+from omni_control.kinematics import Array
+
+
+class Failing(Straight):
+    """Fails in frame 5 as its text says."""
+
+    how: str = ""
+
+    def command(self, frame: int, seen: Seen) -> Array:
+        command = super().command(frame, seen).copy()
+        if frame == 5:
+            if self.how == "raise":
+                raise KeyError("no way")
+            if self.how == "shape":
+                return command[:, :2]
+            if self.how == "record":
+                self.alpha_hat = np.ones(2)
+            if self.how == "channel":
+                self.channels = {"odd": np.ones(7)}
+            if self.how == "text":
+                self.channels = {"odd": np.array(["a", "b", "c"])}
+        if frame in (5, 8) and self.how == "nan":
+            command[1, frame % 3] = np.nan
+        if self.how == "inf":
+            command[:] = np.inf
+        return command
+
+
+FAILURES: dict[str, tuple[int, list[int], str]] = {  # the frame, the rows, what is said
+    "raise": (5, [2, 3, 4], r"Failing failed in frame 5 \(test_team_failures.py, line \d+\): KeyError: 'no way'"),
+    "shape": (5, [2, 3, 4], r"commands of shape \(3, 2\) in frame 5; \(3, 3\) finite"),
+    "record": (5, [2, 3, 4], r"alpha_hat of shape \(2,\) in frame 5"),
+    "channel": (5, [2, 3, 4], r"channel 'odd' of shape \(7,\) in frame 5"),
+    "text": (5, [2, 3, 4], "channel 'odd' that is not of numbers"),
+    "nan": (5, [3], "commands that are not finite in frame 5"),
+    "inf": (0, [2, 3, 4], "commands that are not finite in frame 0"),
+}
+
+
+def team_with(how: str, on_failure: Callable[..., None] | None = None) -> Team:
+    told = Told(T, 2)
+    made = [Straight(told, TIMED, 2), make(Failing, told, TIMED, 3, {"how": how}), Knowing(told, TIMED, 1)]
+    return Team(made, starts(6), on_failure=on_failure)
+
+
+def test_rows_that_fail_are_sent_zero_and_the_others_go_on() -> None:
+    """Told once, with the reason; they say nothing more, and no bit of the others changes."""
+    quiet = play(team_with(""), plant_of(starts(6)), noise_of(6, 12))
+    for how, (frame, rows, says) in FAILURES.items():
+        told: list[tuple[int, list[int]]] = []
+
+        def handle(failed: Array, reason: ControllerError, told: list[Any] = told, says: str = says) -> None:
+            assert not told, "once"
+            told.append(failed.tolist())
+            with pytest.raises(ControllerError, match=says):
+                raise reason
+
+        team = team_with(how, handle)
+        said = play(team, plant_of(starts(6)), noise_of(6, 12))
+        assert (told, np.flatnonzero(team.failed).tolist()) == ([rows], rows), how
+        others = [row for row in range(6) if row not in rows]
+        for name, values in said.items():
+            np.testing.assert_array_equal(values[:, others], quiet[name][:, others], err_msg=how)
+            np.testing.assert_array_equal(values[:frame], quiet[name][:frame], err_msg=how)
+        assert (said["command"][frame:, rows] == 0).all()
+        assert np.isnan(said["predicted"][frame:, rows]).all()
+        with pytest.raises(ControllerError, match=says):
+            play(team_with(how), plant_of(starts(6)), noise_of(6, 12))
+
+
+def test_a_robot_that_was_stopped_is_left_alone() -> None:
+    """Whatever vision and truth say of it from then on; an infinite pose of another is refused."""
+    team = Team([Straight(Told(T, 2), TIMED, 2), Knowing(Told(T, 2), TIMED, 2)], starts(4))
+    team.step(starts(4), (starts(4), np.zeros((4, 3))))
+    team.stop([1, 3])
+    broken = starts(4)
+    broken[[1, 3]] = np.nan
+    for _ in range(3):
+        command = team.step(broken, (broken, broken))
+        assert np.isfinite(command).all()
+        assert (command[[1, 3]] == 0).all()
+        assert np.isnan(team.predicted).any(1).tolist() == [False, True, False, True]
+    with pytest.raises(OmniError, match="what vision reports must be finite"):
+        team.observe(np.full((4, 3), np.inf), (broken, broken))

@@ -1,0 +1,182 @@
+"""Laws of references that stay within what wheels can do at once, and are as fast as that allows."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from laws import FEW, LAW
+from pushing import TIGERS, drag, limits, statics, wheels
+from routes import T, paths
+from scipy.interpolate import CubicSpline
+from scipy.optimize import linprog
+
+from omni_control import (
+    CURVES,
+    CurveReference,
+    IteratedReference,
+    MotionLimits,
+    TimedReference,
+    WheelLimits,
+)
+from omni_control.kinematics import Array
+
+# --- references within it ---
+
+
+def differences(poses: Array) -> tuple[Array, Array, Array]:
+    """Rims' speeds (frames, wheels) per rim, and body accelerations and mean travel (frames, 3), of sampled poses."""
+    velocity = np.pad(np.diff(poses, axis=0) / T, ((1, 1), (0, 0)))
+    turned = np.exp(-1j * poses[:, 2])
+
+    def body(rows: Array, by: Array) -> Array:
+        z = (rows[:, 0] + 1j * rows[:, 1]) * by
+        return np.stack([z.real, z.imag, rows[:, 2]], axis=1)
+
+    halfway = np.exp(-0.5j * (poses[1:, 2] + poses[:-1, 2]))
+    rolling = body(velocity[1:-1], halfway)
+    return rolling, body(np.diff(velocity, axis=0) / T, turned), body((velocity[1:] + velocity[:-1]) / 2, turned)
+
+
+def assert_within(robot: WheelLimits, poses: Array) -> None:
+    rolling, asked, travel = differences(poses)
+    # A snap of a nm at a way-point is 4e-6 m/s^2, of 3 at least that friction gives.
+    assert robot.friction_share(asked, travel).max() <= 1 + 1e-5
+    rims = rolling @ [-np.sin(robot.kinematics.azimuths), np.cos(robot.kinematics.azimuths), [robot.kinematics.arm] * 4]
+    assert np.abs(rims).max(initial=0) <= robot.rim_speed * (1 + 1e-6)
+
+
+@FEW
+@given(paths, limits, wheels, st.integers(0, 2))
+def test_a_way_stays_within_what_wheels_can(
+    path: list[tuple[float, ...]], limit: MotionLimits, robot: WheelLimits, dwell: int
+) -> None:
+    """And within all other limits, of which none is given up for it."""
+    reference = TimedReference(path, replace(limit, wheels=robot), T, dwell)
+    assert_within(robot, reference.poses)
+    assert limit.excess(reference.poses, T) <= 1 + 1e-5
+
+
+@FEW
+@given(st.sampled_from(list(CURVES)), st.floats(0.7, 1), limits, wheels, st.booleans())
+def test_a_curve_stays_within_what_wheels_can(
+    shape: str, length: float, limit: MotionLimits, robot: WheelLimits, tangent: bool
+) -> None:
+    reference = CurveReference(CURVES[shape](length, 1.0), replace(limit, wheels=robot), T, 1, tangent)
+    assert_within(robot, reference.poses)
+    assert limit.excess(reference.poses, T) <= 1 + 1e-8
+
+
+def test_many_laps_stay_within_what_wheels_can() -> None:
+    """Also where those between the first and the last are taken to be alike; and no lap costs more than the first."""
+    limit, circle = MotionLimits(3.0, 8.0, wheels=TIGERS), CURVES["circle"](1.0, 1.0)
+    one, five = (CurveReference(circle, limit, T, laps).poses for laps in (1, 5))
+    assert_within(TIGERS, five)
+    assert limit.excess(five, T) <= 1 + 1e-8
+    assert len(five) < 5 * len(one)
+
+
+@LAW
+@given(paths, limits, wheels, st.integers(0, 2**32 - 1))
+def test_what_is_planned_anew_stays_within_what_wheels_can(
+    path: list[tuple[float, ...]], limit: MotionLimits, robot: WheelLimits, seed: int
+) -> None:
+    """Wherever the robots turn out to be, and whichever way they turn out to face there."""
+    limit = replace(limit, jerk=None, wheels=robot)
+    reference, rng = IteratedReference(path, limit, T, n=3), np.random.default_rng(seed)
+    pose, last = np.repeat([path[0]], 3, axis=0), np.zeros((3, 3))
+    for frame in range(40):
+        _, twist = reference.at(frame, pose)
+        z, by = (twist - last) / T, np.exp(-1j * pose[:, 2])
+        asked, travel = (
+            np.stack([((r[:, 0] + 1j * r[:, 1]) * by).real, ((r[:, 0] + 1j * r[:, 1]) * by).imag, r[:, 2]], axis=1)
+            for r in (z, (twist + last) / 2)
+        )
+        assert robot.friction_share(asked, travel).max() <= 1 + 1e-9
+        assert (np.hypot(*twist[:, :2].T) + robot.kinematics.arm * np.abs(twist[:, 2])).max() <= robot.rim_speed + 1e-9
+        last, pose = twist, pose + twist * T + rng.normal(0, 0.02, (3, 3))
+
+
+@pytest.mark.parametrize("jerk", [None, 20.0])
+def test_wheels_that_can_do_it_all_change_no_bit(jerk: float | None) -> None:
+    strong, limit = replace(TIGERS, friction=3.0), MotionLimits(2.0, 2.0, 6.0, 12.0, 1.5, jerk)
+    way = [[0, 0, 0], [1, 0.5, 2], [0.2, 1, -1]]
+    for drive in (
+        lambda limit: TimedReference(way, limit, T).poses,
+        lambda limit: CurveReference(CURVES["eight"](2, 1), limit, T, tangent=True).poses,
+    ):
+        np.testing.assert_array_equal(drive(limit), drive(replace(limit, wheels=strong)))
+
+
+# --- as fast as that allows ---
+
+
+def most_along(robot: WheelLimits, gain: Array, offset: Array, travel: Array, top: Array, worth: Array) -> Array:
+    """What x (n,), from 0 to `top`, is worth most, if body accelerations of each cell come from forces of its wheels.
+
+    These are [ax, ay, b] = gain (cells, 3, n) times x, plus offset (cells, 3).
+    """
+    cells, scale = len(gain), np.array([1, 1, robot.gyration**2])
+    (standing, shifting), spoke = statics(robot), np.exp(1j * robot.kinematics.azimuths)
+    grip = math.sqrt(robot.friction**2 - robot.roller_friction**2)
+    gives = np.array([(1j * spoke).real, (1j * spoke).imag, np.full(4, robot.kinematics.arm)])
+    drags = np.array([drag(robot, way) if np.abs(way).max() > 1e-9 else np.zeros(3) for way in travel])
+    n = gain.shape[-1]
+    shifts = -grip * np.einsum("wx,cxn->cwn", shifting, gain[:, :2]).reshape(4 * cells, n)
+    borne = np.tile(grip * (standing + offset[:, :2] @ shifting.T).ravel(), 2)
+    found = linprog(
+        np.concatenate([np.zeros(4 * cells), -worth]),
+        np.block([[sign * np.eye(4 * cells), shifts] for sign in (1, -1)]),
+        borne,
+        np.hstack([np.kron(np.eye(cells), gives), -(gain * scale[:, None]).reshape(3 * cells, n)]),
+        (offset * scale - drags).ravel(),
+        bounds=[(None, None)] * (4 * cells) + [(0, each) for each in top],
+    )
+    return found.x[4 * cells :] if found.success else np.zeros(n)
+
+
+@pytest.mark.parametrize("end", [(0.9, 0.6, 1.5), (-0.3, 1.1, -2.0), (0.0, 1.0, 0.0), (0.2, 0.1, 3.0)])
+def test_a_leg_takes_the_time_of_a_linear_program(end: tuple[float, float, float]) -> None:
+    """Turning in four frames less as it does, no robot gets so far; those it takes for rests and whole frames."""
+    limit = MotionLimits(2.0, 8.0, 6.0, 60.0, wheels=TIGERS)
+    poses = TimedReference([(0, 0, 0), end], limit, T).poses
+    less = CubicSpline(np.linspace(0, 1, len(poses)), poses, bc_type="clamped")(np.linspace(0, 1, len(poses) - 4))
+    _, asked, travel = differences(less)
+    frames = len(less)
+    change = np.diff(np.pad(np.eye(frames - 1), ((1, 1), (0, 0))), axis=0) / T
+    ahead = complex(*end[:2]) / abs(complex(*end[:2])) * np.exp(-1j * less[:, 2])
+    gain = np.stack([ahead.real, ahead.imag, np.zeros(frames)], axis=1)[:, :, None] * change[:, None, :]
+    turning = asked * [0, 0, 1]
+    speeds = most_along(TIGERS, gain, turning, travel, np.full(frames - 1, 2.0), np.full(frames - 1, T))
+    assert speeds.sum() * T < math.hypot(*end[:2])
+
+
+@pytest.mark.parametrize(("tangent", "slower"), [(True, 0.006), (False, 0.015)])
+def test_a_curve_takes_the_time_of_a_linear_program(tangent: bool, slower: float) -> None:
+    """In z = v^2 forces and accelerations are linear; the most z everywhere is the least time. Cells of 1/150 lap."""
+    eight, cells = CURVES["eight"](2.0, 1.0), 150
+    u = np.linspace(0, 2 * np.pi, cells + 1)
+    middle = (u[1:] + u[:-1]) / 2
+
+    def curvature(at: Array) -> Array:
+        return (eight(at, 1).conj() * eight(at, 2)).imag / np.abs(eight(at, 1)) ** 3
+
+    step, bend, growth = (np.abs(eight(middle, 1)) * u[1], curvature(middle), np.diff(curvature(u)))
+    ahead = np.ones(cells) + 0j if tangent else eight(middle, 1) / np.abs(eight(middle, 1))
+    mean = (np.eye(cells, cells + 1) + np.eye(cells, cells + 1, 1)) / 2
+    along = np.diff(np.eye(cells + 1), axis=0) / (2 * step[:, None])  # z'/2
+    across = bend[:, None] * mean
+    turn = (bend[:, None] * along + (growth / step)[:, None] * mean) * tangent
+    x, y = ahead.real[:, None], ahead.imag[:, None]
+    gain = np.stack([x * along - y * across, y * along + x * across, turn], axis=1)
+    travel = np.stack([ahead.real, ahead.imag, bend * tangent], axis=1)
+    top = np.full(cells + 1, 9.0)
+    top[[0, -1]] = 0
+    z = most_along(TIGERS, gain, np.zeros((cells, 3)), travel, top, np.ones(cells + 1))
+    fastest = (2 * step / (np.sqrt(z[1:]) + np.sqrt(z[:-1]))).sum() / T
+    limit = MotionLimits(3.0, 8.0, 20.0, 200.0, wheels=TIGERS)
+    frames = CurveReference(eight, limit, T, 1, tangent).frames - 1
+    # What rollers' bearings drag jumps where a path crosses an axle, and is taken as the worse one nearby.
+    assert fastest * (1 - 0.003) <= frames <= fastest * (1 + slower) + 2
