@@ -1,6 +1,8 @@
 """The planar plant: robots in the plane, on wheels that creep and slide, driven by their firmware (docs/planar.md)."""
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +18,7 @@ from omni_mj.plants import Telemetry
 from omni_mj.plants.chance import Chance
 from omni_mj.plants.faults import Faults
 from omni_mj.plants.planar import by_robot, cycle, wheels
-from omni_mj.plants.planar.arrays import Motion, Scratch
+from omni_mj.plants.planar.arrays import Motion, Robots, Scratch
 from omni_mj.plants.planar.bodies import Bodies
 from omni_mj.plants.variation import Drawn
 from omni_mj.scenarios.rows import Row
@@ -94,7 +96,7 @@ class PlanarPlant:
         self._frame: Callable[..., None] | None = None
         if settings[0].physics.kernel == "numba":
             self._frame = compiled(by_robot.frame)
-            self._scratch, self._nothing = Scratch.of(n, count), np.zeros((0, n))
+            self._scratch, self._nothing, self._onboard = Scratch.of(n, count), np.zeros((0, n)), self._arrays()
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -144,16 +146,19 @@ class PlanarPlant:
 
     def _pass_compiled(self, frame: Callable[..., None], gyro: Array, push: Array) -> None:
         """Let a frame pass by a compiled loop."""
-        firmware, motors, battery = self._firmware, self._motors, self._battery
-        onboard = (
-            firmware.arrays(), motors.arrays(), motors.heat_arrays(), battery.arrays(), battery.charge_arrays(),
-            self._traction.arrays(),
-        )  # fmt: skip
+        firmware = self._firmware
+        onboard = self._onboard if self._faults is None else self._arrays()
         held = self._nothing if (holds := self._holds) is None else np.ascontiguousarray(holds.T)
         forces = gyro, np.ascontiguousarray(push), self._bodies.downhill, held
         robot = self._robots, self._motion, self._scratch
         frame(firmware.cycle, PERIOD_S, *robot, *onboard, *forces, *self._recorded, self._supplies)
         firmware.cycle += self.cycles
+
+    def _arrays(self) -> tuple[NamedTuple, ...]:
+        """What is on the robots, for a compiled loop; only faults put other arrays in the place of these."""
+        motors, battery = self._motors, self._battery
+        heat, charge = motors.heat_arrays(), battery.charge_arrays()
+        return self._firmware.arrays(), motors.arrays(), heat, battery.arrays(), charge, self._traction.arrays()
 
     def hold(self, current: Array | None) -> None:
         """See `MujocoPlant.hold`."""
@@ -173,7 +178,7 @@ class PlanarPlant:
         before, dry = self._robots.middle, self._robots.dry
         self._bodies.carry(loads)
         robots = wheels.robots(self._settings, self._kinematics, self._bodies, self.drawn)
-        self._robots = robots._replace(dry=dry)
+        self._become(robots._replace(dry=dry))
         m, (x, y) = self._motion, before - self._robots.middle
         m.place[:] += turned(m.facing, np.stack([x, y]))
         m.twist[0] -= m.twist[2] * y
@@ -182,7 +187,7 @@ class PlanarPlant:
     def lean(self, along: Array) -> None:
         """Stand on carpets that lean so that gravity has the parts `along` (n, 2) of itself along them."""
         self._bodies.lean(along)
-        self._robots = self._robots._replace(weight=np.ascontiguousarray(self._bodies.weight.T))
+        self._become(self._robots._replace(weight=np.ascontiguousarray(self._bodies.weight.T)))
 
     def block(self, stuck: np.ndarray) -> None:
         """Have these wheels stuck, (n, W), and no others."""
@@ -210,25 +215,34 @@ class PlanarPlant:
         frame it may leave them, on the mean it may not.
         """
         m, r = self._motion, self._robots
-        x, y = r.contacts[:, np.argsort(np.angle(r.outward))]
-        (ahead, aside), weight = m.tilt, r.weight.sum(0) * self.cycles
-        outside = np.diff(x, axis=0, append=x[:1]) * (-aside / weight - y) < np.diff(y, axis=0, append=y[:1]) * (
-            -ahead / weight - x
-        )
-        topples, broken = outside.any(0), ~np.isfinite(m.place.sum(0) + m.heading)
+        (x, y), (along, across), weight = self._polygon
+        topples = (along * (m.tilt[1] + y * weight) > across * (m.tilt[0] + x * weight)).any(0)
+        broken = ~np.isfinite(m.place[0] + m.place[1] + m.heading)
+        if not (topples.any() or broken.any() or self._failed.any()):
+            return {}
         causes = {
             int(row): "would topple over, which the plant planar does not follow" for row in np.flatnonzero(topples)
         }
         causes |= {int(row): "became unstable: its pose is not a number" for row in np.flatnonzero(broken)}
         causes = {row: cause for row, cause in causes.items() if not self._failed[row]}
         self._failed[list(causes)] = True
-        if self._failed.any():
-            off = self._failed
-            m.place[:, off] = place[:, off]
-            for values in (m.twist, m.speed, m.torque, m.slip, m.seen_rate):
-                values[..., off] = 0.0
-            m.load[:, off] = r.weight[:, off]
+        off = self._failed
+        m.place[:, off] = place[:, off]
+        for values in (m.twist, m.speed, m.torque, m.slip, m.seen_rate):
+            values[..., off] = 0.0
+        m.load[:, off] = r.weight[:, off]
         return causes
+
+    @cached_property
+    def _polygon(self) -> tuple[Array, Array, Array]:
+        """Where wheels touch, one after the other round the robot, from each to the next, and a frame's weights."""
+        corners = self._robots.contacts[:, np.argsort(np.angle(self._robots.outward))]
+        return corners, np.roll(corners, -1, axis=1) - corners, self._robots.weight.sum(0) * self.cycles
+
+    def _become(self, robots: Robots) -> None:
+        """Be these from now on."""
+        self._robots = robots
+        vars(self).pop("_polygon", None)
 
 
 def turned(facing: Array, vectors: Array) -> Array:
