@@ -211,8 +211,8 @@ class Identifier:
         spread = np.sqrt(np.minimum(np.maximum(self.variance[:, number, number], least**2), most**2))
         sooner, later = np.maximum(latency - spread, 0.0), latency + spread
         shares = sent.acted(np.array([latency, sooner, later]))[-count:]
-        acting, early, late = np.add.reduce(shares * plane(sent.last(count)[..., :2])[:, None])
-        return acting, (late - early) / (later - sooner)
+        acting, early, belated = np.add.reduce(shares * plane(sent.last(count)[..., :2])[:, None])
+        return acting, (belated - early) / (later - sooner)
 
     def _passed_on(self, step: motion.Step, arrived: Plane, later: Plane, ahead: Plane) -> Array:
         """The variance (n, 14, 14) after a step, to first order.
