@@ -1,6 +1,7 @@
 """What compiled loops read and write of n robots with W wheels: plain arrays of firmware, motors, battery and traction.
 
-The classes whose `arrays` they are say what each is. Handing an array to a compiled function costs 0.2 us, so that what
+The classes whose `arrays` they are say what each is. Those of wheels are (W, n) here, so that the same number of all
+robots is in one piece, which several at once are read from; the classes see them the other way round. Handing an array to a compiled function costs 0.2 us, so that what
 is handed over in every cycle are blocks of them, (k, n) or (k, n, W): `firmware`, `motors`, `battery` and `rims` give
 their parts, in Python as in loops.
 """
@@ -12,8 +13,25 @@ import numpy as np
 from omni_control.kinematics import Array
 
 
+def filled(values: Array | float, shape: tuple[int, int]) -> Array:
+    """An array of the shape (n, W) that is (W, n) in memory."""
+    array = np.empty(shape[::-1]).T
+    array[:] = values
+    return array
+
+
+def total(each: Array) -> Array:
+    """Sum over wheels, (n,), of numbers (n, W), one after the other: numpy's own would round by the number of robots."""
+    first, *others = each.T
+    found: Array = first.copy()
+    for other in others:
+        found += other
+    return found
+
+
 class FirmwareArrays(NamedTuple):
-    """Of `Firmware` and its heading; a loop writes heading, last_count, integral, last_error and held."""
+    """Of `Firmware` and its heading; a loop writes heading, due, cosine, sine, turning, last_count, integral, last_error and
+    held."""
 
     heading: Array  # (n,) rad
     bias: Array  # of the gyro, (n,) rad/s
@@ -23,7 +41,10 @@ class FirmwareArrays(NamedTuple):
     every: Array  # cycles from one run of the loops to the next, (n,)
     stops: Array  # cycle from which the robot stands, (n,)
     body: Array  # whether commands are along the robot's own axes, 0 or 1, (n,)
-    radius: Array  # of the wheels, (n,) m
+    due: Array  # whether the loops run in this cycle, 0 or 1, (n,)
+    cosine: Array  # of the heading by which commands are turned, (n,); 0 of one that stands
+    sine: Array  # same
+    turning: Array  # turn rate wanted, (n,) rad/s
     counts_per_rad: Array  # (n,)
     rate_per_count: Array  # (n,) rad/s
     kp: Array  # (n,) V s/rad
@@ -32,43 +53,43 @@ class FirmwareArrays(NamedTuple):
     back_emf: Array  # fed forward, (n,) V s/rad
     speed_constant: Array  # of the datasheet, (n,) V s/rad
     nominal: Array  # (n,) V
-    turn: Array  # wheel speed per turn rate, (n, W)
-    along_x: Array  # wheel speeds for the command at heading 0, (n, W) rad/s
+    turn: Array  # wheel speed per turn rate, (W, n)
+    along_x: Array  # wheel speeds for the command at heading 0, (W, n) rad/s
     along_y: Array  # at 90 degrees
-    rims: Array  # rim speeds commanded, (n, W) m/s, or not a number
-    swing: Array  # from the back-EMF, at most, (n, W) V
-    last_count: Array  # (n, W)
-    integral: Array  # (n, W) rad
-    last_error: Array  # (n, W) rad/s
-    held: Array  # duties, (n, W)
+    rims: Array  # speeds of the wheels for rim speeds commanded, (W, n) rad/s, or not a number
+    swing: Array  # from the back-EMF, at most, (W, n) V
+    last_count: Array  # (W, n)
+    integral: Array  # (W, n) rad
+    last_error: Array  # (W, n) rad/s
+    held: Array  # duties, (W, n)
 
 
 class MotorArrays(NamedTuple):
     """Of `Motors`; a loop adds to held_back."""
 
-    speed_constant: Array  # (n, W) V s/rad
-    resistance: Array  # (n, W) ohm
-    commutation: Array  # (n, W) ohm s/rad
-    limit: Array  # (n, W) A
-    held_back: Array  # steps in which the driver held the current back, (n, W)
+    speed_constant: Array  # (W, n) V s/rad
+    resistance: Array  # (W, n) ohm
+    commutation: Array  # (W, n) ohm s/rad
+    limit: Array  # (W, n) A
+    held_back: Array  # steps in which the driver held the current back, (W, n)
 
 
 class HeatArrays(NamedTuple):
     """Of `Motors`, what changes from frame to frame: a loop writes winding, housing, constant and limited."""
 
-    winding: Array  # (n, W) deg C
-    housing: Array  # (n, W) deg C
-    constant: Array  # (n, W) N m/A
-    limited: Array  # (n, W)
-    cold_resistance: Array  # (n, 1) ohm
-    cold_constant: Array  # (n, W) N m/A
-    ambient: Array  # (n, 1) deg C
-    copper: Array  # (n, 1) 1/K
-    magnet: Array  # (n, 1) 1/K
-    gear: Array  # (n, 1)
-    dry: Array  # at the wheel, (n, 1) N m
-    viscous: Array  # (n, 1) N m s/rad
-    conduction: Array  # (2, 4, n, 1)
+    winding: Array  # (W, n) deg C
+    housing: Array  # (W, n) deg C
+    constant: Array  # (W, n) N m/A
+    limited: Array  # (W, n)
+    cold_resistance: Array  # (n,) ohm
+    cold_constant: Array  # (W, n) N m/A
+    ambient: Array  # (n,) deg C
+    copper: Array  # (n,) 1/K
+    magnet: Array  # (n,) 1/K
+    gear: Array  # (n,)
+    dry: Array  # at the wheel, (n,) N m
+    viscous: Array  # (n,) N m s/rad
+    conduction: Array  # (2, 4, n)
 
 
 class ChargeArrays(NamedTuple):
@@ -96,48 +117,49 @@ class BatteryArrays(NamedTuple):
 class RimArrays(NamedTuple):
     """Of `Traction`, what loads act on: a loop writes all."""
 
-    softness: Array  # (n, W) N
-    rim_friction: Array  # (n, W) m
-    limit: Array  # (n, W) N m
-    impedance: Array  # (n, W)
+    softness: Array  # (W, n) N
+    rim_friction: Array  # (W, n) m
+    limit: Array  # (W, n) N m
+    impedance: Array  # (W, n)
 
 
 class CarpetArrays(NamedTuple):
     """Of `Carpet`."""
 
-    friction: Array  # but on patches, (n, W)
-    patches: Array  # x, y and radius in m, friction: (patches, 4, n, 1)
-    pile: Array  # (n, 1)
-    nap: Array  # (n, 1)
-    fibres: np.ndarray  # against which way they lean, conjugate, (n, 1)
+    friction: Array  # but on patches, (W, n)
+    patches: Array  # x, y and radius in m, friction: (patches, 4, n)
+    pile: Array  # (n,)
+    nap: Array  # (n,)
+    fibres: np.ndarray  # against which way they lean, conjugate, (n,)
 
 
 class TractionArrays(NamedTuple):
-    """Of `Traction`; a loop writes rims and wrench."""
+    """Of `Traction`; a loop writes rims, friction and wrench."""
 
     outward: np.ndarray  # direction of the axles, (W,)
     arm: float  # m
-    centre: Array  # (n, 3) m
+    centre: Array  # (3, n) m
     carpet: CarpetArrays
-    grip: Array  # (n, W), a factor
-    bearing: Array  # (n, 1)
-    radius: Array  # (n, W) m
-    creep: Array  # (n, W) N s/m
+    grip: Array  # (W, n), a factor
+    bearing: Array  # (n,)
+    radius: Array  # (W, n) m
+    creep: Array  # (W, n) N s/m
     rims: RimArrays
-    wrench: Array  # (n, 6)
+    friction: Array  # under each wheel, (W, n)
+    wrench: Array  # (6, n)
 
 
-FIRMWARE_ROBOTS, FIRMWARE_WHEELS = 17, 9  # of the fields above, how many are (n,), and how many (n, W)
+FIRMWARE_ROBOTS, FIRMWARE_WHEELS = 20, 9  # of the fields above, how many are (n,), and how many (W, n)
 
 
 def firmware(r: Array, w: Array) -> FirmwareArrays:
-    """The parts of `r` (17, n) and `w` (9, n, W)."""
+    """The parts of `r` (20, n) and `w` (9, W, n)."""
     state = r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], r[9], r[10], r[11], r[12], r[13], r[14], r[15], r[16]
-    return FirmwareArrays(*state, w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7], w[8])
+    return FirmwareArrays(*state, r[17], r[18], r[19], w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7], w[8])
 
 
 def motors(w: Array) -> MotorArrays:
-    """The parts of `w` (5, n, W)."""
+    """The parts of `w` (5, W, n)."""
     return MotorArrays(w[0], w[1], w[2], w[3], w[4])
 
 
@@ -147,5 +169,5 @@ def battery(r: Array) -> BatteryArrays:
 
 
 def rims(w: Array) -> RimArrays:
-    """The parts of `w` (4, n, W)."""
+    """The parts of `w` (4, W, n)."""
     return RimArrays(w[0], w[1], w[2], w[3])

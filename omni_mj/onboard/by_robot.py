@@ -1,8 +1,8 @@
-"""A cycle of the wheel loops robot by robot, for compiled loops: what the classes of this room do for all at once.
+"""A cycle of the wheel loops by loops over robots, for compilers: what the classes of this room do by numpy.
 
-`kernel.compiled` compiles a loop over robots that calls these; they go from wheel to wheel and reckon by the same
-`laws`. Nothing depends on how many robots there are, so that a robot's numbers do not either. Uncompiled they give the
-same, slowly.
+Each function does a part of the cycle for the robots from `first` to before `last`, by the same `laws`. Innermost goes
+a loop over robots, without a branch and over numbers that are side by side, so that a processor takes several at once.
+Nothing of one robot reaches another's numbers, whichever are taken together. Uncompiled they give the same, slowly.
 """
 
 import numpy as np
@@ -20,150 +20,217 @@ from omni_mj.onboard.arrays import (
 )
 
 
-def control(i: int, cycle: int, f: FirmwareArrays, gyro: float, angle: Array) -> None:
-    """Run the loops of robot i if they are due: its duties are then `f.held[i]` (see `Firmware.duties`).
+def control(first: int, last: int, cycle: int, f: FirmwareArrays, gyro: Array, angle: Array) -> None:
+    """Run the loops of robots if they are due: their duties are then `f.held` (see `Firmware.duties`).
 
     Args:
-        i: number of the robot.
+        first: number of the first robot.
+        last: that after the last.
         cycle: number of cycles before this one.
         f: state.
-        gyro: rad/s.
-        angle: of all wheels, (n, W) rad.
+        gyro: (n,) rad/s.
+        angle: of the wheels, (W, n) rad.
     """
-    if cycle % f.every[i] != 0:
-        return
-    silent = cycle >= f.stops[i]
-    rate = gyro - f.bias[i]
-    f.heading[i] += rate * f.timestep[i]
-    heading = 0.0 if f.body[i] != 0 else f.heading[i]
-    cosine, sine = np.cos(heading), np.sin(heading)
-    turn_rate = (0.0 if silent else f.turn_rate[i]) - f.turn_gain[i] * rate
-    for w in range(f.held.shape[1]):
-        turn = turn_rate * f.turn[i, w]
-        wanted = turn if silent else laws.wheel_speed(cosine, sine, f.along_x[i, w], f.along_y[i, w], turn)
-        if not (silent or np.isnan(f.rims[i, w])):
-            wanted = f.rims[i, w] / f.radius[i]
-        count = laws.counted(angle[i, w], f.counts_per_rad[i])
+    integrate = 0
+    for i in range(first, last):
+        due, stands = np.floor(cycle / f.every[i]) * f.every[i] == cycle, cycle >= f.stops[i]
+        rate = gyro[i] - f.bias[i]
+        f.due[i] = laws.where(due, 1.0, 0.0)
+        f.heading[i] = laws.where(due, f.heading[i] + rate * f.timestep[i], f.heading[i])
+        cosine, sine = laws.direction(laws.where(f.body[i] != 0, 0.0, f.heading[i]))
+        f.cosine[i], f.sine[i] = laws.where(stands, 0.0, cosine), laws.where(stands, 0.0, sine)
+        f.turning[i] = laws.where(stands, 0.0, f.turn_rate[i]) - f.turn_gain[i] * rate
+        integrate += laws.where((f.ki[i] != 0) | (f.kd[i] != 0), 1, 0)
+    for w in range(angle.shape[0]):
         if cycle == 0:  # wherever the wheels stand when the robot is switched on
-            f.last_count[i, w] = count
-        speed = (count - f.last_count[i, w]) * f.rate_per_count[i]
-        f.last_count[i, w] = count
-        voltage, error = laws.proportional(wanted, speed, f.kp[i], f.back_emf[i])
-        if f.ki[i] != 0 or f.kd[i] != 0:
-            last, integral = f.last_error[i, w], f.integral[i, w]
-            gains = f.ki[i], f.kd[i], f.timestep[i], f.nominal[i]
-            voltage, integral, windup = laws.integrated(voltage, error, last, integral, *gains)
-            f.last_error[i, w] = error
-            if not windup:
-                f.integral[i, w] = integral
-        voltage = laws.derated(voltage, f.speed_constant[i] * speed, f.swing[i, w])
-        f.held[i, w] = laws.share(voltage, f.nominal[i])
+            for i in range(first, last):
+                f.last_count[w, i] = laws.counted(angle[w, i], f.counts_per_rad[i])
+        if integrate == 0:
+            for i in range(first, last):
+                voltage, error, count, speed = _wheel(i, w, cycle, f, angle)
+                _set(i, w, f, voltage, count, speed)
+        else:
+            for i in range(first, last):
+                voltage, error, count, speed = _wheel(i, w, cycle, f, angle)
+                last_error, integral = f.last_error[w, i], f.integral[w, i]
+                loop = f.ki[i], f.kd[i], f.timestep[i], f.nominal[i]
+                voltage, more, windup = laws.integrated(voltage, error, last_error, integral, *loop)
+                f.last_error[w, i] = laws.where(f.due[i] != 0, error, last_error)
+                f.integral[w, i] = laws.where((f.due[i] != 0) & ~windup, more, integral)
+                _set(i, w, f, voltage, count, speed)
 
 
-def drive(i: int, m: MotorArrays, speed: Array, voltage: Array, current: Array) -> None:
-    """Find what the motors of robot i do (see `Motors.drive`).
-
-    Args:
-        i: number of the robot.
-        m: state.
-        speed: of the wheels, (n, W) rad/s.
-        voltage: at the terminals, (n, W) V: as wanted; then as it is.
-        current: written, (n, W) A.
-    """
-    for w in range(speed.shape[1]):
-        motor = m.speed_constant[i, w], m.resistance[i, w], m.commutation[i, w]
-        amperes, back_emf, turning = laws.current(voltage[i, w], speed[i, w], *motor)
-        if np.abs(amperes) > m.limit[i, w]:
-            voltage[i, w], amperes = laws.held_back(amperes, m.limit[i, w], back_emf, turning)
-            m.held_back[i, w] += 1.0
-        current[i, w] = amperes
+def _wheel(i: int, w: int, cycle: int, f: FirmwareArrays, angle: Array) -> tuple[float, float, float, float]:
+    """Voltage of the proportional part of a wheel's loop, the error, the encoder's count, and the speed by it."""
+    turned = laws.wheel_speed(f.cosine[i], f.sine[i], f.along_x[w, i], f.along_y[w, i], f.turning[i] * f.turn[w, i])
+    wanted = laws.where(np.isnan(f.rims[w, i]) | (cycle >= f.stops[i]), turned, f.rims[w, i])
+    count = laws.counted(angle[w, i], f.counts_per_rad[i])
+    speed = (count - f.last_count[w, i]) * f.rate_per_count[i]
+    voltage, error = laws.proportional(wanted, speed, f.kp[i], f.back_emf[i])
+    return voltage, error, count, speed
 
 
-def load(i: int, b: BatteryArrays, voltage: Array, current: Array) -> None:
-    """Let the battery of robot i sag under its motors' voltages and currents (n, W) (see `Battery.load`)."""
-    drawn = 0.0
-    for w in range(voltage.shape[1]):
-        drawn += laws.share(voltage[i, w], b.voltage[i] + b.dead[i]) * current[i, w]
-    b.drawn[i] += drawn
-    b.loads[i] += 1.0
-    b.voltage[i] = laws.sagged(b.open[i], b.resistance[i], drawn)
+def _set(i: int, w: int, f: FirmwareArrays, voltage: float, count: float, speed: float) -> None:
+    """Hold a voltage from now on, and keep what was counted, if the loop is due."""
+    duty = laws.share(laws.derated(voltage, f.speed_constant[i] * speed, f.swing[w, i]), f.nominal[i])
+    f.last_count[w, i] = laws.where(f.due[i] != 0, count, f.last_count[w, i])
+    f.held[w, i] = laws.where(f.due[i] != 0, duty, f.held[w, i])
 
 
-def warm(i: int, m: MotorArrays, h: HeatArrays, currents: Array, speeds: Array) -> None:
-    """Warm the motors of robot i (see `Motors.warm`) by currents and speeds (cycles, n, W), A and rad/s."""
-    count = len(currents)
-    for w in range(currents.shape[2]):
-        square, outer = 0.0, 0.0
-        for k in range(count):
-            squared, speed = currents[k, i, w] * currents[k, i, w], np.abs(speeds[k, i, w])
-            square += squared / count
-            outer += laws.in_the_housing(squared, speed, m.commutation[i, w], h.dry[i, 0], h.viscous[i, 0]) / count
-        air, cold, copper = h.ambient[i, 0], h.cold_resistance[i, 0], h.copper[i, 0]
-        winding, housing = h.winding[i, w] - air, h.housing[i, w] - air
-        inside, outside = h.conduction[0, :, i, 0], h.conduction[1, :, i, 0]
-        first = air + laws.conducted(inside, winding, housing, square * m.resistance[i, w], outer)
-        mean = (m.resistance[i, w] + laws.at_temperature(cold, copper, first)) / 2
-        h.winding[i, w] = air + laws.conducted(inside, winding, housing, square * mean, outer)
-        h.housing[i, w] = air + laws.conducted(outside, winding, housing, square * mean, outer)
-        h.limited[i, w], m.held_back[i, w] = m.held_back[i, w] / count, 0.0
-        m.resistance[i, w] = laws.at_temperature(cold, copper, h.winding[i, w])
-        h.constant[i, w] = laws.at_temperature(h.cold_constant[i, w], h.magnet[i, 0], h.housing[i, w])
-        m.speed_constant[i, w] = h.constant[i, w] * h.gear[i, 0]
-
-
-def discharge(i: int, b: BatteryArrays, c: ChargeArrays, period: float) -> None:
-    """Take what was drawn in a period, s, from the battery of robot i (see `Battery.discharge`)."""
-    mean = b.drawn[i] / b.loads[i]
-    b.drawn[i] = b.loads[i] = 0.0
-    c.charge[i] = np.minimum(np.maximum(c.charge[i] - mean * period / c.capacity[i], 0.0), 1.0)
-    b.open[i] = c.cells[i] * laws.open_circuit(c.charge[i])
-    loaded = b.open[i] - b.resistance[i] * mean
-    c.average[i] += (loaded - c.average[i]) * min(period / laws.CUT_OFF_S, 1.0)
-    c.alive[i] = c.alive[i] and c.average[i] > c.cut_off[i]
-    if not c.alive[i]:
-        b.open[i] = b.resistance[i] = 0.0
-        b.dead[i] = np.inf
-
-
-def travel(
-    i: int, t: TractionArrays, position: complex, heading: complex, velocity: complex, rate: float, load: Array
+def supply(
+    first: int,
+    last: int,
+    f: FirmwareArrays,
+    m: MotorArrays,
+    b: BatteryArrays,
+    held: Array,
+    speed: Array,
+    voltage: Array,
 ) -> None:
-    """Look at where robot i is and goes (see `Traction.travel`).
+    """Find what voltages the motors' terminals are to have.
 
     Args:
-        i: number of the robot.
-        t: state.
-        position: in the world, m.
-        heading: unit vector.
-        velocity: in the world, m/s.
-        rate: of turning, rad/s.
-        load: of the wheels, (n, W) N.
+        first: number of the first robot.
+        last: that after the last.
+        f: firmware, whose duties count,
+        m: motors.
+        b: batteries.
+        held: but where drivers hold a current, (W, n) A (see `Motors.hold`); not a number elsewhere. Empty if nowhere.
+        speed: of the wheels, (W, n) rad/s.
+        voltage: written, (W, n) V.
     """
-    c, body = t.carpet, velocity * heading.conjugate()
-    force, moment = 0j, 0.0
-    for w in range(load.shape[1]):
+    for w in range(speed.shape[0]):
+        for i in range(first, last):
+            voltage[w, i] = f.held[w, i] * b.voltage[i]
+        for i in range(first, last if len(held) else first):
+            motor = m.speed_constant[w, i], m.resistance[w, i], m.commutation[w, i]
+            if not np.isnan(held[w, i]) and b.voltage[i] > 0:
+                wanted = laws.share(laws.voltage(held[w, i], speed[w, i], *motor), b.voltage[i])
+                voltage[w, i] = wanted * b.voltage[i]
+
+
+def drive(first: int, last: int, m: MotorArrays, speed: Array, voltage: Array, current: Array) -> None:
+    """Find what motors do (see `Motors.drive`).
+
+    Args:
+        first: number of the first robot.
+        last: that after the last.
+        m: state.
+        speed: of the wheels, (W, n) rad/s.
+        voltage: at the terminals, (W, n) V: as wanted; then as it is.
+        current: written, (W, n) A.
+    """
+    for w in range(speed.shape[0]):
+        for i in range(first, last):
+            motor = m.speed_constant[w, i], m.resistance[w, i], m.commutation[w, i]
+            wanted, back_emf, turning = laws.current(voltage[w, i], speed[w, i], *motor)
+            volts, amperes = laws.held_back(wanted, m.limit[w, i], back_emf, turning)
+            over = np.abs(wanted) > m.limit[w, i]
+            voltage[w, i], current[w, i] = laws.where(over, volts, voltage[w, i]), laws.where(over, amperes, wanted)
+            m.held_back[w, i] += laws.where(over, 1.0, 0.0)
+
+
+def load(first: int, last: int, b: BatteryArrays, voltage: Array, current: Array, drawn: Array) -> None:
+    """Let batteries sag under motors' voltages and currents (W, n) (see `Battery.load`); `drawn` (n,) A is written."""
+    for i in range(first, last):
+        drawn[i] = 0.0
+    for w in range(voltage.shape[0]):
+        for i in range(first, last):
+            drawn[i] += laws.share(voltage[w, i], b.voltage[i] + b.dead[i]) * current[w, i]
+    for i in range(first, last):
+        b.drawn[i] += drawn[i]
+        b.loads[i] += 1.0
+        b.voltage[i] = laws.sagged(b.open[i], b.resistance[i], drawn[i])
+
+
+def warm(m: MotorArrays, h: HeatArrays, currents: Array, speeds: Array, heats: Array) -> None:
+    """Warm motors (see `Motors.warm`) by currents and speeds (cycles, W, n), A and rad/s; `heats` (2, n) is written."""
+    count = len(currents)
+    for w in range(currents.shape[1]):
+        heats[:] = 0.0
+        for k in range(count):
+            for i in range(currents.shape[2]):
+                squared, speed = currents[k, w, i] * currents[k, w, i], np.abs(speeds[k, w, i])
+                heats[0, i] += squared
+                heats[1, i] += laws.in_the_housing(squared, speed, m.commutation[w, i], h.dry[i], h.viscous[i])
+        for i in range(currents.shape[2]):
+            air, cold, copper = h.ambient[i], h.cold_resistance[i], h.copper[i]
+            winding, housing, square, outer = h.winding[w, i] - air, h.housing[w, i] - air, heats[0, i], heats[1, i]
+            square, outer = square / count, outer / count
+            c, d = h.conduction[0], h.conduction[1]
+            inside, outside = (c[0, i], c[1, i], c[2, i], c[3, i]), (d[0, i], d[1, i], d[2, i], d[3, i])
+            after = air + laws.conducted(inside, winding, housing, square * m.resistance[w, i], outer)
+            mean = (m.resistance[w, i] + laws.at_temperature(cold, copper, after)) / 2
+            h.winding[w, i] = air + laws.conducted(inside, winding, housing, square * mean, outer)
+            h.housing[w, i] = air + laws.conducted(outside, winding, housing, square * mean, outer)
+            h.limited[w, i], m.held_back[w, i] = m.held_back[w, i] / count, 0.0
+            m.resistance[w, i] = laws.at_temperature(cold, copper, h.winding[w, i])
+            h.constant[w, i] = laws.at_temperature(h.cold_constant[w, i], h.magnet[i], h.housing[w, i])
+            m.speed_constant[w, i] = h.constant[w, i] * h.gear[i]
+
+
+def discharge(b: BatteryArrays, c: ChargeArrays, period: float) -> None:
+    """Take what was drawn in a period, s, from batteries (see `Battery.discharge`)."""
+    for i in range(len(c.charge)):
+        mean = b.drawn[i] / b.loads[i]
+        b.drawn[i] = b.loads[i] = 0.0
+        c.charge[i] = np.minimum(np.maximum(c.charge[i] - mean * period / c.capacity[i], 0.0), 1.0)
+        b.open[i] = c.cells[i] * laws.open_circuit(c.charge[i])
+        loaded = b.open[i] - b.resistance[i] * mean
+        c.average[i] += (loaded - c.average[i]) * min(period / laws.CUT_OFF_S, 1.0)
+        c.alive[i] = c.alive[i] and c.average[i] > c.cut_off[i]
+        if not c.alive[i]:
+            b.open[i] = b.resistance[i] = 0.0
+            b.dead[i] = np.inf
+
+
+def travel(first: int, last: int, t: TractionArrays, place: Array, facing: Array, twist: Array, load: Array) -> None:
+    """Look at where robots are and go (see `Traction.travel`).
+
+    Args:
+        first: number of the first robot.
+        last: that after the last.
+        t: state.
+        place: in the world, (2, n) m.
+        facing: cosine and sine of the heading, (2, n).
+        twist: of the robot's middle, in its frame, (3, n) m/s and rad/s.
+        load: of the wheels, (W, n) N.
+    """
+    c, wrench = t.carpet, t.wrench
+    for i in range(first, last):
+        wrench[0, i] = wrench[1, i] = wrench[5, i] = 0.0
+    for w in range(load.shape[0]):
         outward = t.outward[w]
-        friction = c.friction[i, w]
-        for x, y, radius, other in c.patches[:, :, i, 0]:
-            if laws.inside(position + heading * (t.arm * outward), complex(x, y), radius):
-                friction = other
-        friction = friction * t.grip[i, w]
-        speed, direction, held = laws.rolled(body * outward.conjugate() + 1j * t.arm * rate, t.bearing[i, 0], friction)
-        pile = laws.leaning(c.pile[i, 0], c.nap[i, 0], direction * outward, heading * c.fibres[i, 0])
-        drag = load[i, w] * (pile * direction + held)
-        force -= drag * outward
-        moment += drag.imag
-        t.rims.softness[i, w] = t.creep[i, w] * speed
-        t.rims.rim_friction[i, w] = laws.left_for_the_rim(friction, held, t.radius[i, w])
-    world, wrench, height = force * heading, t.wrench[i], t.centre[i, 2]
-    wrench[0], wrench[1] = world.real, world.imag
-    wrench[3], wrench[4] = height * world.imag, -height * world.real
-    wrench[5] = -t.arm * moment - t.centre[i, 0] * force.imag + t.centre[i, 1] * force.real
+        for i in range(first, last):
+            t.friction[w, i] = c.friction[w, i]
+        for k in range(len(c.patches)):
+            for i in range(first, last):
+                at = complex(place[0, i], place[1, i]) + complex(facing[0, i], facing[1, i]) * (t.arm * outward)
+                covered = laws.inside(at, complex(c.patches[k, 0, i], c.patches[k, 1, i]), c.patches[k, 2, i])
+                t.friction[w, i] = laws.where(covered, c.patches[k, 3, i], t.friction[w, i])
+        for i in range(first, last):
+            friction = t.friction[w, i] * t.grip[w, i]
+            wheel = complex(twist[0, i], twist[1, i]) * outward.conjugate() + complex(0.0, t.arm * twist[2, i])
+            speed, direction, held = laws.rolled(wheel, t.bearing[i], friction)
+            fibres = complex(facing[0, i], facing[1, i]) * c.fibres[i]
+            drag = load[w, i] * (laws.leaning(c.pile[i], c.nap[i], direction * outward, fibres) * direction + held)
+            force = drag * outward
+            wrench[0, i] -= force.real
+            wrench[1, i] -= force.imag
+            wrench[5, i] += drag.imag
+            t.rims.softness[w, i] = t.creep[w, i] * speed
+            t.rims.rim_friction[w, i] = laws.left_for_the_rim(friction, held, t.radius[w, i])
+    for i in range(first, last):
+        ahead, aside, height = wrench[0, i], wrench[1, i], t.centre[2, i]
+        wrench[5, i] = -t.arm * wrench[5, i] - t.centre[0, i] * aside + t.centre[1, i] * ahead
+        x, y = facing[0, i] * ahead - facing[1, i] * aside, facing[1, i] * ahead + facing[0, i] * aside
+        wrench[0, i], wrench[1, i], wrench[3, i], wrench[4, i] = x, y, height * y, -height * x
 
 
-def press(i: int, r: RimArrays, load: Array) -> None:
-    """Find limit and creep of the wheels of robot i under their loads (n, W) in N (see `Traction.press`)."""
-    for w in range(load.shape[1]):
-        pressed = laws.pressed(load[i, w])
-        r.limit[i, w] = r.rim_friction[i, w] * pressed
-        r.impedance[i, w] = pressed / (pressed + r.softness[i, w])
+def press(first: int, last: int, r: RimArrays, load: Array) -> None:
+    """Find limit and creep of wheels under their loads (W, n) in N (see `Traction.press`)."""
+    for w in range(load.shape[0]):
+        for i in range(first, last):
+            pressed = laws.pressed(load[w, i])
+            r.limit[w, i] = r.rim_friction[w, i] * pressed
+            r.impedance[w, i] = pressed / (pressed + r.softness[w, i])

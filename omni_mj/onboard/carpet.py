@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omni_control.kinematics import Array
-from omni_mj.onboard import laws
+from omni_mj.onboard import arrays, laws
 from omni_mj.onboard.arrays import CarpetArrays
 from omni_mj.scenarios.robot_settings import CarpetSettings
 from omni_mj.scenarios.settings import column
@@ -28,7 +28,8 @@ class Carpet:
 
     def __init__(self, settings: Sequence[CarpetSettings], wheels: Plane) -> None:
         self._wheels, self._outward = wheels, wheels / np.abs(wheels)
-        self._friction = np.repeat(column(settings, "friction"), len(wheels), axis=1)
+        self._shape = len(settings), len(wheels)
+        self._friction = arrays.filled(column(settings, "friction"), self._shape)
         self._pile, self._nap = column(settings, "pile"), column(settings, "nap")
         self._fibres = np.exp(-1j * np.radians(column(settings, "nap_deg")))
         self._leans = bool(self._nap.any())
@@ -40,22 +41,23 @@ class Carpet:
 
     def become(self, friction: Array) -> None:
         """From now on have other coefficients of friction, (n, 1), but in the patches."""
-        self._friction = friction * np.ones_like(self._friction)
+        self._friction = arrays.filled(friction, self._shape)
 
     def arrays(self) -> CarpetArrays:
         """What a compiled loop reads until the carpet changes."""
-        return CarpetArrays(self._friction, self._patches, self._pile, self._nap, self._fibres)
+        patches, robots = self._patches[..., 0], (self._pile[:, 0], self._nap[:, 0], self._fibres[:, 0])
+        return CarpetArrays(self._friction.T, patches, *robots)
 
-    def friction(self, position: Array, heading: Plane) -> Array:
+    def friction(self, place: Plane, heading: Plane) -> Array:
         """Coefficient of friction under each wheel, (n, W).
 
         Args:
-            position: of the robots, (n, 2 or more) m, world frame.
+            place: of the robots, (n,) m, world frame.
             heading: unit vectors (n,).
         """
         friction = self._friction
         if len(self._patches):
-            at = (position[:, 0] + 1j * position[:, 1])[:, None] + heading[:, None] * self._wheels
+            at = place[:, None] + heading[:, None] * self._wheels
             for x, y, radius, other in self._patches:
                 friction = np.where(laws.inside(at, x + 1j * y, radius), other, friction)
         return friction

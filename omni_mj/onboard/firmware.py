@@ -99,7 +99,7 @@ class Firmware:
     ) -> None:
         n, wheels, firmware = len(settings), len(kinematics.azimuths), [s.firmware for s in settings]
         motors = [Motor.of(s.motor) for s in settings]
-        self.block = np.zeros((arrays.FIRMWARE_ROBOTS, n)), np.zeros((arrays.FIRMWARE_WHEELS, n, wheels))
+        self.block = np.zeros((arrays.FIRMWARE_ROBOTS, n)), np.zeros((arrays.FIRMWARE_WHEELS, wheels, n))
         self._f = f = arrays.firmware(*self.block)
         self.estimate = HeadingEstimate(settings, heading, period, (f.heading, f.bias))
         self._resistance, self._speed_constant = column(motors, "resistance"), column(motors, "speed_constant")
@@ -107,7 +107,7 @@ class Firmware:
         self._every = np.maximum(1.0, np.rint(1 / (column(firmware, "rate_hz") * timestep)))
         self._timestep = self._every * timestep
         self._each = self._timestep[:, 0]
-        self._slow, self._held = bool((self._every > 1).any()), f.held
+        self._slow, self._held = bool((self._every > 1).any()), f.held.T
         self._forward, self._left, self._turn = kinematics.matrix.T / kinematics.radius
         self._radius = kinematics.radius
         self._kp, self._ki, self._kd = (column(firmware, name) for name in ("kp", "ki", "kd"))
@@ -122,8 +122,8 @@ class Firmware:
         f.swing[:], f.rims[:] = np.inf, np.nan
         counts = column([s.sensors for s in settings], "encoder_counts") * column(motors, "gear") / (2 * np.pi)
         self._counts_per_rad, self._rate_per_count = counts, 1 / (counts * self._timestep)
-        self._last_count, self._integral, self._last_error = f.last_count, f.integral, f.last_error
-        self._along_x, self._along_y, self._turn_rate = f.along_x, f.along_y, f.turn_rate
+        self._last_count, self._integral, self._last_error = f.last_count.T, f.integral.T, f.last_error.T
+        self._along_x, self._along_y, self._turn_rate = f.along_x.T, f.along_y.T, f.turn_rate
         self._body: np.ndarray | None = None
         self._all_body = False
         self._wheels: Array | None = None
@@ -132,7 +132,7 @@ class Firmware:
         timeout = column(firmware, "timeout_s")[:, 0]
         self._patience = np.where(timeout > 0, np.rint(timeout / timestep), np.inf)
         self.cycle, self._stops, self._next_stop = 0, f.stops, float(self._patience.min())
-        f.stops[:], f.turn[:], f.radius[:] = self._patience, self._turn, self._radius
+        f.stops[:], f.turn[:] = self._patience, self._turn[:, None]
         for name in ("every", "timestep", "counts_per_rad", "rate_per_count", "kp", "ki", "kd", "nominal"):
             getattr(f, name)[:] = getattr(self, "_" + name)[:, 0]
         f.back_emf[:], f.speed_constant[:] = self._back_emf[:, 0], self._speed_constant[:, 0]
@@ -160,14 +160,15 @@ class Firmware:
         if self._derate.any():
             left = np.clip((self._hot - winding) / DERATE_BAND_K, 0, 1)
             current = np.where(self._derate & (left < 1), left * self._derated, np.inf)
-            self._swing = self._f.swing
+            self._swing = self._f.swing.T
             self._swing[:] = self._resistance * current
 
     def obey(self, received: Received) -> None:
         """Take over commands, from the next call of `duties` on."""
-        command, self._body, self._wheels = received.command, received.body, received.wheels
+        command, self._body = received.command, received.body
+        self._wheels = None if received.wheels is None else received.wheels / self._radius
         self._f.body[:] = 0.0 if received.body is None else received.body
-        self._f.rims[:] = np.nan if received.wheels is None else received.wheels
+        self._f.rims.T[:] = np.nan if self._wheels is None else self._wheels
         self._all_body = self._body is not None and bool(self._body.all())
         # Wheel speeds are linear in cosine and sine of the heading, which alone change between commands.
         vx, vy = command[:, :1], command[:, 1:2]
@@ -236,7 +237,7 @@ class Firmware:
             wanted = laws.wheel_speed(c, s, self._along_x, self._along_y, turn)
         if self._wheels is None:
             return wanted
-        return np.where(np.isnan(self._wheels), wanted, self._wheels / self._radius)
+        return np.where(np.isnan(self._wheels), wanted, self._wheels)
 
     def _stop_where_silent(self) -> None:
         """Let robots stand that have had no new command for too long (`firmware.timeout_s`)."""

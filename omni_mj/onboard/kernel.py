@@ -5,12 +5,13 @@ import importlib.util
 import os
 import sys
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, wraps
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
 from omni_control.errors import OmniError
+from omni_mj.onboard import laws, wide
 
 
 def check(kernel: str) -> None:
@@ -38,9 +39,13 @@ def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:
     """
     check("numba")
     import numba
-    from numba.extending import register_jitable
+    from numba.extending import overload, register_jitable
 
     config: Any = numba.config
+    for law, instead in (laws.where, wide.where), (laws.direction, wide.direction):
+        if law not in _REGISTERED:
+            overload(law)(_always(instead))
+            _REGISTERED.add(law)
     functions = list(_ours(loop, {loop}))
     for function in functions:
         if function not in _REGISTERED:
@@ -57,6 +62,16 @@ def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:
 
 
 _REGISTERED: set[Any] = set()
+
+
+def _always(instead: Callable[..., Any]) -> Callable[..., Any]:
+    """What numba asks, with the arguments' types, for the code of a function."""
+
+    @wraps(instead)
+    def code(*types: Any, **named: Any) -> Any:
+        return instead
+
+    return code
 
 
 def _ours(function: Any, known: set[Any]) -> Iterator[Any]:

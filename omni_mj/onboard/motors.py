@@ -46,19 +46,21 @@ class Motors:
     ) -> None:
         shape, motors = (len(settings), wheels), [Motor.of(s) for s in settings]
         self._cold_resistance, self._gear = column(motors, "resistance"), column(motors, "gear")
-        self._new_constant = column(motors, "constant") * strength * np.ones(shape)
+        self._new_constant = arrays.filled(column(motors, "constant") * strength, shape)
         self._cold_constant = self._new_constant
-        self.block = np.zeros((5, *shape))
-        self._speed_constant, self.resistance, commutation, self._limit, self._held_back = arrays.motors(self.block)
+        self.block = np.zeros((5, wheels, len(settings)))
+        self._speed_constant, self.resistance, commutation, self._limit, self._held_back = (
+            each.T for each in arrays.motors(self.block)
+        )
         self._commutation = column(motors, "commutation") * self._gear  # per speed of the wheel
         commutation[:] = self._commutation
         self._dry, self._viscous = column(motors, "wheel_dry"), column(motors, "wheel_viscous")
         self._limit[:] = limit
         self._ambient = column(settings, "ambient_c")
         self._copper, self._magnet = column(settings, "copper_per_k"), column(settings, "magnet_per_k")
-        self.winding = np.broadcast_to(column(settings, "winding_c"), shape).copy()
-        self.housing = np.broadcast_to(column(settings, "housing_c"), shape).copy()
-        self.limited = np.zeros(shape)
+        self.winding = arrays.filled(column(settings, "winding_c"), shape)
+        self.housing = arrays.filled(column(settings, "housing_c"), shape)
+        self.limited = arrays.filled(0.0, shape)
         conduction = {s: _conduction(s, period) for s in set(settings)}
         self._conduction = np.stack([conduction[s] for s in settings], axis=-1)[..., None]
         self._update()
@@ -100,19 +102,19 @@ class Motors:
     def heat_arrays(self) -> HeatArrays:
         """What a compiled loop reads and writes in place of `warm`."""
         return HeatArrays(
-            winding=self.winding,
-            housing=self.housing,
-            constant=self.constant,
-            limited=self.limited,
-            cold_resistance=self._cold_resistance,
-            cold_constant=self._cold_constant,
-            ambient=self._ambient,
-            copper=self._copper,
-            magnet=self._magnet,
-            gear=self._gear,
-            dry=self._dry,
-            viscous=self._viscous,
-            conduction=self._conduction,
+            winding=self.winding.T,
+            housing=self.housing.T,
+            constant=self.constant.T,
+            limited=self.limited.T,
+            cold_resistance=self._cold_resistance[:, 0],
+            cold_constant=self._cold_constant.T,
+            ambient=self._ambient[:, 0],
+            copper=self._copper[:, 0],
+            magnet=self._magnet[:, 0],
+            gear=self._gear[:, 0],
+            dry=self._dry[:, 0],
+            viscous=self._viscous[:, 0],
+            conduction=self._conduction[..., 0],
         )
 
     def hold(self, duty: Array, current: Array, speed: Array, supply: Array) -> None:

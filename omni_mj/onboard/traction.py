@@ -34,7 +34,7 @@ import numpy as np
 from omni_control.kinematics import Array, Kinematics
 from omni_mj.onboard import arrays, laws
 from omni_mj.onboard.arrays import TractionArrays
-from omni_mj.onboard.carpet import Carpet
+from omni_mj.onboard.carpet import Carpet, Plane
 from omni_mj.scenarios.settings import Settings, column
 
 EVERY = 4  # cycles of the wheel loops
@@ -77,13 +77,14 @@ class Traction:
         self._inward, self._turning = self._outward.conj(), 1j * kinematics.arm
         self.carpet = Carpet([s.carpet for s in settings], kinematics.arm * self._outward)
         self.centre, self._arm = centre * np.ones((shape[0], 3)), kinematics.arm
-        self._grip, self._radius = grip * np.ones(shape), (kinematics.radius - wear) * np.ones(shape)
+        self._grip, self._radius = arrays.filled(grip, shape), arrays.filled(kinematics.radius - wear, shape)
         self._bearing, stiffness = column(drive, "roller_friction"), column(drive, "creep_stiffness")
         self._creep = 1 / (timestep * self._radius**2 * stiffness * inverse_inertia)
-        self.block = np.zeros((4, *shape))
-        self._softness, self._rim_friction, self.limit, self.impedance = arrays.rims(self.block)
+        self.block = np.zeros((4, *shape[::-1]))
+        self._softness, self._rim_friction, self.limit, self.impedance = (each.T for each in arrays.rims(self.block))
         self.impedance[:] = 1.0
-        self.wrench = np.zeros((shape[0], 6))
+        self.wrench = np.zeros((6, shape[0])).T
+        self._friction = np.zeros(shape[::-1])
 
     def travel(self, position: Array, quaternion: Array, velocity: Array, load: Array) -> None:
         """Look at where robots are and go: carpet, drag, and how fast wheels travel.
@@ -98,17 +99,29 @@ class Traction:
         """
         heading = (quaternion[:, 0] + 1j * quaternion[:, 3]) ** 2
         body = (velocity[:, 0] + 1j * velocity[:, 1]) * heading.conj()
-        wheel = body[:, None] * self._inward + self._turning * velocity[:, 5:6]
-        friction = self.carpet.friction(position, heading) * self._grip
+        self.go(position[:, 0] + 1j * position[:, 1], heading, body, velocity[:, 5], load)
+
+    def go(self, place: Plane, heading: Plane, body: Plane, rate: Array, load: Array) -> None:
+        """As `travel`, of robots at a place (n,) m with a heading (n,), a unit vector.
+
+        Args:
+            place: see above.
+            heading: see above.
+            body: velocity in the robot's frame, (n,) m/s.
+            rate: of turning, (n,) rad/s.
+            load: of the wheels, (n, W) N.
+        """
+        wheel = body[:, None] * self._inward + self._turning * rate[:, None]
+        friction = self.carpet.friction(place, heading) * self._grip
         speed, direction, held = laws.rolled(wheel, self._bearing, friction)
         drag = load * (self.carpet.pile(direction, heading) * direction + held)
-        force = -(drag * self._outward).sum(1)  # a matrix product would round by the number of rows
+        force = -arrays.total(drag * self._outward)
         world = force * heading
         x, y, height = self.centre.T
         wrench = self.wrench
         wrench[:, 0], wrench[:, 1] = world.real, world.imag
         wrench[:, 3], wrench[:, 4] = height * world.imag, -height * world.real
-        wrench[:, 5] = -self._arm * drag.imag.sum(1) - x * force.imag + y * force.real
+        wrench[:, 5] = -self._arm * arrays.total(drag.imag) - x * force.imag + y * force.real
         self._softness[:] = self._creep * speed
         self._rim_friction[:] = laws.left_for_the_rim(friction, held, self._radius)
 
@@ -117,14 +130,15 @@ class Traction:
         return TractionArrays(
             outward=self._outward,
             arm=self._arm,
-            centre=self.centre,
+            centre=np.ascontiguousarray(self.centre.T),
             carpet=self.carpet.arrays(),
-            grip=self._grip,
-            bearing=self._bearing,
-            radius=self._radius,
-            creep=self._creep,
+            grip=self._grip.T,
+            bearing=self._bearing[:, 0],
+            radius=self._radius.T,
+            creep=self._creep.T,
             rims=arrays.rims(self.block),
-            wrench=self.wrench,
+            friction=self._friction,
+            wrench=self.wrench.T,
         )
 
     def press(self, load: Array) -> None:

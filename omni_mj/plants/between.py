@@ -12,7 +12,7 @@ from mujoco.batch import Batch
 
 from omni_control.kinematics import Array
 from omni_mj.mjcf import roles
-from omni_mj.onboard import arrays, by_robot, laws
+from omni_mj.onboard import arrays, by_robot
 from omni_mj.onboard.arrays import ChargeArrays, HeatArrays, RimArrays, TractionArrays
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
@@ -87,6 +87,20 @@ class Cells(NamedTuple):
         )
 
 
+class Seen(NamedTuple):
+    """What loops note of n robots, from one call to another or within one."""
+
+    angle: Array  # of the wheels, as encoders showed it last, (W, n) rad
+    rate: Array  # as gyros did, (n,) rad/s
+    gyro: Array  # with their errors, (n,) rad/s
+    load: Array  # of the wheels, (W, n) N
+    place: Array  # (2, n) m
+    facing: Array  # cosine and sine of the heading, (2, n)
+    twist: Array  # of the robot's middle, in its frame, (3, n) m/s and rad/s
+    drawn: Array  # from batteries, (n,) A
+    heats: Array  # of the motors, (2, n)
+
+
 class Between:
     """What happens before and after each step.
 
@@ -94,8 +108,8 @@ class Between:
         batch: of the robots' worlds.
         world: as built.
         onboard: firmware, motors, battery and traction of the robots.
-        sensed: what encoders and gyros showed last, (n, W) rad and (n,) rad/s; written.
-        recorded: written: wheel speeds, voltages and currents of a frame's cycles (3, cycles, n, W), and the battery's
+        sensed: what encoders and gyros showed last, (W, n) rad and (n,) rad/s; written.
+        recorded: written: wheel speeds, voltages and currents of a frame's cycles (3, cycles, W, n), and the battery's
             voltage (cycles, n, 1).
     """
 
@@ -108,9 +122,12 @@ class Between:
         recorded: tuple[Array, Array],
     ) -> None:
         self._firmware, motors, battery, self._traction = onboard
-        self._cells, self._sensed, self._recorded = Cells.of(batch, world), sensed, recorded
+        self._cells, self._recorded = Cells.of(batch, world), recorded
         self._blocks = *self._firmware.block, motors.block, battery.block, self._traction.block
-        self._nothing, self._load = np.full_like(sensed[0], np.nan), np.zeros_like(sensed[0])
+        (angle, rate), n = sensed, len(sensed[1])
+        rows = (np.zeros((count, n)) for count in (2, 2, 3))
+        self._seen = Seen(angle, rate, np.zeros(n), np.zeros_like(angle), *rows, np.zeros(n), np.zeros((2, n)))
+        self._nothing = np.zeros((0, n))
         self._travel, self._before, self._after = compiled(travel), compiled(before), compiled(after)
         self._motors, self._battery, self._end = motors, battery, compiled(end)
 
@@ -125,10 +142,10 @@ class Between:
             held: currents that drivers hold, (n, W) A, or not a number.
         """
         if k % EVERY == 0:
-            self._travel(self._traction.arrays(), self._cells, self._load, push)
-        given = self._nothing if held is None else held
-        cells, sensed, cycle = self._cells, self._sensed, self._firmware.cycle
-        self._before(cycle, k, *self._blocks, cells, *sensed, self._load, gyro_error, off, given, *self._recorded)
+            self._travel(self._traction.arrays(), self._cells, self._seen, push)
+        given = self._nothing if held is None else np.ascontiguousarray(held.T)
+        cycle = self._firmware.cycle
+        self._before(cycle, k, *self._blocks, self._cells, self._seen, gyro_error, off, given, *self._recorded)
         self._firmware.cycle += 1
 
     def after(self, k: int, first: bool, last: bool) -> None:
@@ -140,27 +157,33 @@ class Between:
             last: whether it was the cycle's last.
         """
         *_, battery, rims = self._blocks
-        self._after(k, first, last, battery, rims, self._cells, *self._sensed, self._load, self._recorded[0])
+        self._after(k, first, last, battery, rims, self._cells, self._seen, self._recorded[0])
 
     def end(self, period: float) -> None:
         """Warm motors and discharge batteries after a frame that lasted so long, s."""
         heat, charge = self._motors.heat_arrays(), self._battery.charge_arrays()
-        self._end(self._motors.block, heat, self._battery.block, charge, self._recorded[0], period)
+        self._end(self._motors.block, heat, self._battery.block, charge, self._recorded[0], self._seen.heats, period)
 
 
-def travel(t: TractionArrays, c: Cells, load: Array, push: Array) -> None:
+def travel(t: TractionArrays, c: Cells, s: Seen, push: Array) -> None:
     """Carpet and drag of all robots (see `Traction.travel`)."""
-    places = c.robots.shape[0]
-    for i in range(len(load)):
+    places, n = c.robots.shape[0], len(s.rate)
+    _weigh(c, s.load)
+    for i in range(n):
         state, robot = c.state[i // places], c.robots[i % places]
-        _weigh(i, c, load)
-        position, velocity = complex(state[robot[X]], state[robot[Y]]), complex(state[robot[VX]], state[robot[VY]])
         half = complex(state[robot[W]], state[robot[Z]])
-        by_robot.travel(i, t, position, half * half, velocity, state[robot[RATE]], load)
-        t.wrench[i, 0] += push[i, 0]
-        t.wrench[i, 1] += push[i, 1]
+        facing = half * half
+        body = complex(state[robot[VX]], state[robot[VY]]) * facing.conjugate()
+        s.place[0, i], s.place[1, i] = state[robot[X]], state[robot[Y]]
+        s.facing[0, i], s.facing[1, i] = facing.real, facing.imag
+        s.twist[0, i], s.twist[1, i], s.twist[2, i] = body.real, body.imag, state[robot[RATE]]
+    by_robot.travel(0, n, t, s.place, s.facing, s.twist, s.load)
+    for i in range(n):
+        state, robot = c.state[i // places], c.robots[i % places]
+        t.wrench[0, i] += push[i, 0]
+        t.wrench[1, i] += push[i, 1]
         for axis in range(6):
-            state[robot[WRENCH + axis]] = t.wrench[i, axis]
+            state[robot[WRENCH + axis]] = t.wrench[axis, i]
 
 
 def before(
@@ -172,95 +195,81 @@ def before(
     battery: Array,
     rims: Array,
     c: Cells,
-    angle: Array,
-    rate: Array,
-    load: Array,
+    s: Seen,
     gyro_error: Array,
     off: np.ndarray,
     held: Array,
     recorded: Array,
-    supply: Array,
+    supplies: Array,
 ) -> None:
     """See `Between.before`."""
     f, m = arrays.firmware(firmware_robots, firmware_wheels), arrays.motors(motors)
     b, r = arrays.battery(battery), arrays.rims(rims)
     speed, voltage, current = recorded[0, k], recorded[1, k], recorded[2, k]
-    places = c.robots.shape[0]
-    for i in range(len(rate)):
-        state, wheels = c.state[i // places], c.wheels[i % places]
-        by_robot.control(i, cycle, f, rate[i] + gyro_error[i], angle)
-        supply[k, i, 0] = b.voltage[i]
-        for w in range(speed.shape[1]):
-            speed[i, w] = state[wheels[SPEED, w]]
-            duty = f.held[i, w]
-            if not np.isnan(held[i, w]):
-                motor = m.speed_constant[i, w], m.resistance[i, w], m.commutation[i, w]
-                wanted = laws.voltage(held[i, w], speed[i, w], *motor)
-                duty = laws.share(wanted, b.voltage[i]) if b.voltage[i] > 0 else 0.0
-            voltage[i, w] = 0.0 if off[i] else duty * b.voltage[i]
-        by_robot.drive(i, m, speed, voltage, current)
-        for w in range(speed.shape[1]):  # of the dcmotor, which knows no commutation: see `Motors.drive`
-            state[wheels[CTRL, w]] = m.speed_constant[i, w] * speed[i, w] + current[i, w] * m.resistance[i, w]
-        if c.creeps:
-            _press(i, r, c, load)
+    places, n = c.robots.shape[0], len(s.rate)
+    for i in range(n):
+        s.gyro[i], supplies[k, i, 0] = s.rate[i] + gyro_error[i], b.voltage[i]
+        for w in range(speed.shape[0]):
+            speed[w, i] = c.state[i // places, c.wheels[i % places, SPEED, w]]
+    by_robot.control(0, n, cycle, f, s.gyro, s.angle)
+    by_robot.supply(0, n, f, m, b, held, speed, voltage)
+    for i in range(n):
+        for w in range(speed.shape[0]):
+            voltage[w, i] = 0.0 if off[i] else voltage[w, i]
+    by_robot.drive(0, n, m, speed, voltage, current)
+    for i in range(n):  # of the dcmotor, which knows no commutation: see `Motors.drive`
+        for w in range(speed.shape[0]):
+            told = m.speed_constant[w, i] * speed[w, i] + current[w, i] * m.resistance[w, i]
+            c.state[i // places, c.wheels[i % places, CTRL, w]] = told
+    if c.creeps:
+        _press(r, c, s.load)
 
 
-def after(
-    k: int,
-    first: bool,
-    last: bool,
-    battery: Array,
-    rims: Array,
-    c: Cells,
-    angle: Array,
-    rate: Array,
-    load: Array,
-    recorded: Array,
-) -> None:
+def after(k: int, first: bool, last: bool, battery: Array, rims: Array, c: Cells, s: Seen, recorded: Array) -> None:
     """See `Between.after`."""
     b, r = arrays.battery(battery), arrays.rims(rims)
-    voltage, current = recorded[1, k], recorded[2, k]
-    places = c.robots.shape[0]
-    for i in range(len(rate)):
+    places, n = c.robots.shape[0], len(s.rate)
+    for i in range(n):
         world, place = i // places, i % places
-        wheels = c.wheels[place]
         if first:
-            rate[i] = c.sensors[world, c.robots[place, GYRO]]
-            for w in range(angle.shape[1]):
-                angle[i, w] = c.sensors[world, wheels[ENCODER, w]]
+            s.rate[i] = c.sensors[world, c.robots[place, GYRO]]
+            for w in range(s.angle.shape[0]):
+                s.angle[w, i] = c.sensors[world, c.wheels[place, ENCODER, w]]
         if c.pitch > 0:
-            _hand_over(c.state[world], wheels, c.pitch)
-        if last:
-            by_robot.load(i, b, voltage, current)
-        elif c.creeps:
-            _press(i, r, c, load)
+            _hand_over(c.state[world], c.wheels[place], c.pitch)
+    if last:
+        by_robot.load(0, n, b, recorded[1, k], recorded[2, k], s.drawn)
+    elif c.creeps:
+        _press(r, c, s.load)
 
 
-def end(motors: Array, heat: HeatArrays, battery: Array, charge: ChargeArrays, recorded: Array, period: float) -> None:
+def end(
+    motors: Array, heat: HeatArrays, battery: Array, charge: ChargeArrays, recorded: Array, heats: Array, period: float
+) -> None:
     """See `Between.end`."""
     m, b = arrays.motors(motors), arrays.battery(battery)
-    for i in range(battery.shape[1]):
-        by_robot.warm(i, m, heat, recorded[2], recorded[0])
-        by_robot.discharge(i, b, charge, period)
+    by_robot.warm(m, heat, recorded[2], recorded[0], heats)
+    by_robot.discharge(b, charge, period)
 
 
-def _weigh(i: int, c: Cells, load: Array) -> None:
-    """Read the loads of robot i's wheels."""
+def _weigh(c: Cells, load: Array) -> None:
+    """Read the loads of all robots' wheels."""
     places = c.robots.shape[0]
-    wheels = c.wheels[i % places]
-    for w in range(load.shape[1]):
-        load[i, w] = c.sensors[i // places, wheels[LOAD, w]]
+    for i in range(load.shape[1]):
+        for w in range(load.shape[0]):
+            load[w, i] = c.sensors[i // places, c.wheels[i % places, LOAD, w]]
 
 
-def _press(i: int, r: RimArrays, c: Cells, load: Array) -> None:
-    """Write limit and impedance of robot i's slip hinges."""
-    places = c.robots.shape[0]
-    world, slips = i // places, c.wheels[i % places, SLIP]
-    _weigh(i, c, load)
-    by_robot.press(i, r, load)
-    for w in range(load.shape[1]):
-        c.limit[world, slips[w]] = r.limit[i, w]
-        c.impedance[world, slips[w], 0] = r.impedance[i, w]
+def _press(r: RimArrays, c: Cells, load: Array) -> None:
+    """Write limits and impedances of all robots' slip hinges."""
+    places, n = c.robots.shape[0], load.shape[1]
+    _weigh(c, load)
+    by_robot.press(0, n, r, load)
+    for i in range(n):
+        for w in range(load.shape[0]):
+            world, slip = i // places, c.wheels[i % places, SLIP, w]
+            c.limit[world, slip] = r.limit[w, i]
+            c.impedance[world, slip, 0] = r.impedance[w, i]
 
 
 def _hand_over(state: Array, wheels: np.ndarray, pitch: float) -> None:

@@ -88,7 +88,7 @@ class MujocoPlant:
         self._heading = self._start[:, 2].copy()
         self._failed = np.zeros(n, bool)
         self._living: np.ndarray | None = None  # worlds that are stepped; None for all
-        self._angles, self._turn_rates = np.zeros((n, len(world.kinematics.azimuths))), np.zeros(n)
+        self._angles, self._turn_rates = np.zeros((len(world.kinematics.azimuths), n)).T, np.zeros(n)
         self._stand(np.arange(worlds))
         if places > 1 and hulls is None:
             batches.check_start(rows, world.model, self._batch.bind("qpos"))
@@ -102,13 +102,14 @@ class MujocoPlant:
             self._faults = Faults(rows, MujocoBodies(self._batch, world, n), self._traction, self._motors)
         self._battery = Battery([s.battery for s in settings])
         self._firmware = Firmware(settings, world.kinematics, self._heading, build.CYCLE_S, PERIOD_S)
-        self._speeds, self._voltages, self.currents = recorded = np.zeros((3, self.cycles, n, wheels))
+        recorded = np.zeros((3, self.cycles, wheels, n))
+        self._speeds, self._voltages, self.currents = recorded.swapaxes(2, 3)
         self._supplies = np.zeros((self.cycles, n, 1))  # the battery's voltage of each step
         self._held: Array | None = None
         self._between: Between | None = None
         if settings[0].physics.kernel == "numba":
             onboard = self._firmware, self._motors, self._battery, self._traction
-            sensed = self._angles, self._turn_rates
+            sensed = self._angles.T, self._turn_rates
             self._between = Between(self._batch, world, onboard, sensed, (recorded, self._supplies))
         self._cycle, self._heard = 0, (np.full(n, np.nan), np.zeros(n, int))
 

@@ -296,7 +296,7 @@ def test_a_fault_that_has_ended_leaves_nothing_behind() -> None:
     def state() -> list[NDArray]:
         traction = plant._traction
         own = [plant._batch.expand(name) for name in fields] + [traction.centre, plant._motors._cold_constant]
-        return [np.array(each) for each in (*own, traction.carpet.friction(np.zeros((2, 3)), np.ones(2, complex)))]
+        return [np.array(each) for each in (*own, traction.carpet.friction(np.zeros(2, complex), np.ones(2, complex)))]
 
     before = state()
     standing(plant, 7)

@@ -82,23 +82,23 @@ def test_robot_by_robot_is_as_all_at_once(n: int, seed: int) -> None:
             one.traction.travel(met["position"], quaternion, met["velocity"], met["load"][k])
             one.traction.press(met["load"][k])
             one.battery.load(volts[0, k], amperes[0, k])
-            for i in range(n):
-                by_robot.control(i, other.firmware.cycle, f, met["gyro"][k, i], met["angle"][k])
-                volts[1, k, i] = f.held[i] * b.voltage[i]
-                by_robot.drive(i, m, met["speed"][k], volts[1, k], amperes[1, k])
-                at, velocity = complex(*met["position"][i, :2]), complex(*met["velocity"][i, :2])
-                way = complex(np.cos(heading[i]), np.sin(heading[i]))
-                by_robot.travel(i, t, at, way, velocity, met["velocity"][i, 5], met["load"][k])
-                by_robot.press(i, t.rims, met["load"][k])
-                by_robot.load(i, b, volts[1, k], amperes[1, k])
+            speed, load, facing = met["speed"][k].T, met["load"][k].T, np.stack([np.cos(heading), np.sin(heading)])
+            body = (met["velocity"][:, 0] + 1j * met["velocity"][:, 1]) * np.exp(-1j * heading)
+            twist = np.stack([body.real, body.imag, met["velocity"][:, 5]])
+            for part in [(i, i + 1) for i in range(n)] if k % 2 else [(0, n)]:  # together, or one after the other
+                by_robot.control(*part, other.firmware.cycle, f, met["gyro"][k], met["angle"][k].T)
+                by_robot.supply(*part, f, m, b, np.zeros((0, n)), speed, volts[1, k].T)
+                by_robot.drive(*part, m, speed, volts[1, k].T, amperes[1, k].T)
+                by_robot.travel(*part, t, met["position"].T, facing, twist, load)
+                by_robot.press(*part, t.rims, load)
+                by_robot.load(*part, b, volts[1, k].T, amperes[1, k].T, np.zeros(n))
             other.firmware.cycle += 1
-            np.testing.assert_allclose(f.held, duty, rtol=0, atol=ROUNDING)
+            np.testing.assert_allclose(f.held.T, duty, rtol=0, atol=ROUNDING)
         one.motors.warm(amperes[0], met["speed"])
         one.battery.discharge(PERIOD_S)
         heat, charge = other.motors.heat_arrays(), other.battery.charge_arrays()
-        for i in range(n):
-            by_robot.warm(i, m, heat, amperes[1], met["speed"])
-            by_robot.discharge(i, b, charge, PERIOD_S)
+        by_robot.warm(m, heat, amperes[1].swapaxes(1, 2), met["speed"].swapaxes(1, 2), np.zeros((2, n)))
+        by_robot.discharge(b, charge, PERIOD_S)
     for numpys, loops in (
         (one.firmware.estimate.heading, other.firmware.estimate.heading),
         (volts[0], volts[1]),

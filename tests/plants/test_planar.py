@@ -42,9 +42,9 @@ def driven(plant: PlanarPlant, commands: NDArray) -> dict[str, NDArray]:
             np.stack([body.real, body.imag, w], axis=1),
             moved,
             plant._speeds.mean(0),
-            m.slip * RADIUS_M,
-            m.load,
-            m.torque,
+            m.slip.T * RADIUS_M,
+            m.load.T,
+            m.torque.T,
         )
         for name, value in zip(found, values, strict=True):
             found[name].append(value.copy())
@@ -102,13 +102,16 @@ def test_a_robot_on_a_slope_weighs_on_its_wheels_as_statics_says() -> None:
 def test_energy_of_a_rolling_robot_only_falls_and_a_still_one_stays() -> None:
     plant = planar([quiet(), quiet()])
     m, r = plant._motion, plant._robots
-    m.velocity[0], m.speed[0] = 1.0 + 0.5j, (r.rims[0] @ [1.0, 0.5, 0.0])
+    m.twist[:, 0] = forward = [1.0, 0.5, 0.0]
+    m.speed[:, 0] = forward @ r.rims[..., 0]
     plant.hold(np.zeros((2, 4)))
     energy = []
     for _ in range(60):
         drive(plant, constant([0, 0, 0], 1, 2))
-        hubs = plant._bodies.hub[0, 0] * (m.speed[0] ** 2).sum()
-        energy.append(MASS_KG * abs(m.velocity[0]) ** 2 + plant._bodies.whole.inertia[0] * m.rate[0] ** 2 + hubs)
+        hubs = plant._bodies.hub[0, 0] * (m.speed[:, 0] ** 2).sum()
+        energy.append(
+            MASS_KG * (m.twist[:2, 0] ** 2).sum() + plant._bodies.whole.inertia[0] * m.twist[2, 0] ** 2 + hubs
+        )
     assert (np.diff(energy)[np.array(energy[1:]) > 1e-9] < 0).all()
     assert energy[-1] < 0.1 * energy[0]
     assert np.abs(plant.pose()[1]).max() < 1e-9
@@ -121,7 +124,7 @@ def test_a_push_on_ice_gives_its_momentum_and_a_slope_g_sin() -> None:
     plant = planar([quiet(fault=[each], **ice) for each in (push, *tilts)])
     drive(plant, constant([0, 0, 0], 9, 3))
     gained = plant.twist()[:, :2] / (9 * FRAME_S)
-    rims = plant._bodies.rim * (plant._robots.rims[0, :, :2] ** 2).sum(0)
+    rims = plant._bodies.rim * (plant._robots.rims[:2, :, 0] ** 2).sum(1)
     towards = 20.0 * np.array([math.cos(math.pi / 6), 0.5])
     # Ice holds up to 1 % of the weight, 1.3 % of the push.
     np.testing.assert_allclose(gained[0] * (MASS_KG + rims), towards, atol=0.015 * 20.0)
@@ -143,7 +146,7 @@ def test_a_payload_is_a_point_mass_on_the_chassis_and_leaves_nothing_behind() ->
     expected = alone.inertia[1] + MASS_KG * (alone.centre[1, :2] ** 2).sum() + 0.8 * (at[:2] ** 2).sum()
     assert about == pytest.approx(expected)
     drive(plant, constant([0, 0, 0], 5, 2))
-    np.testing.assert_allclose(plant._robots.inertia[0], plant._robots.inertia[1])
+    np.testing.assert_allclose(*plant._robots.inertia.T)
 
 
 @pytest.mark.parametrize("kernel", ["numpy", "numba"])

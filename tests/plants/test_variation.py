@@ -263,7 +263,7 @@ def test_friction_is_that_of_the_last_patch_under_a_wheel() -> None:
         ([1.0, 0, 0], 0.0, [[0.8, 0.8], [0.3, 0.3], [0.6, 0.6]]),
         ([1.0, -0.15, 0], 0.0, [[0.8, 0.8], [0.3, 0.3], [0.3, 0.6]]),
     ):
-        found = carpet.friction(np.array([position] * 3), np.full(3, np.exp(1j * heading)))
+        found = carpet.friction(np.full(3, complex(*position[:2])), np.full(3, np.exp(1j * heading)))
         np.testing.assert_array_equal(found, expected)
 
 

@@ -1,4 +1,8 @@
-"""What a cycle reads and writes of n robots with W wheels: plain arrays, for numpy and for a compiled loop."""
+"""What a cycle reads and writes of n robots with W wheels: plain arrays, for numpy and for a compiled loop.
+
+Robots come last, so that the same number of all robots is in one piece (see `omni_mj.onboard.arrays`). Vectors are
+along a robot's axes, from its centre of mass, where nothing else is said.
+"""
 
 from typing import NamedTuple
 
@@ -6,66 +10,76 @@ import numpy as np
 
 from omni_control.kinematics import Array
 
-Plane = np.ndarray  # vectors of the plane as complex numbers, x first
-
 
 class Robots(NamedTuple):
-    """What does not change unless a robot's load does. Vectors are along its axes, from its centre of mass."""
+    """What does not change unless a robot's load does."""
 
-    outward: Plane  # directions of the axles, (W,)
-    contacts: Plane  # where wheels touch, (n, W) m
-    rims: Array  # angular speed of each rim for the body's twist, (n, W, 3) 1/m, 1/m, 1
-    squares: Array  # products of these: upper halves of symmetric matrices, (n, W, 6)
-    inertia: Array  # of body and rims over a cycle, such a half, (n, 6) kg/s and kg m^2/s
-    give: Array  # speed per torque that a cycle gives a hub, (n, 1) rad/s / (N m)
-    viscous: Array  # friction of hubs, (n, 1) N m s/rad
-    dry: Array  # the same, (n, 1) N m
-    torque_constant: Array  # torque of a hub per current now, (n, W) N m/A
-    contact: Array  # slip over torque of the contacts, (n, W) rad/s / (N m)
-    lever: Array  # from axles to the carpet, (n, W) m
-    bearing: Array  # and the six that follow: see `rollers`, (n, W)
+    outward: np.ndarray  # directions of the axles as complex numbers, (W,)
+    contacts: Array  # where wheels touch, (2, W, n) m
+    rims: Array  # angular speed of each rim for the body's twist, (3, W, n) 1/m, 1/m, 1
+    squares: Array  # products of these: upper halves of symmetric matrices, (6, W, n)
+    inertia: Array  # of body and rims over a cycle, such a half, (6, n) kg/s and kg m^2/s
+    give: Array  # speed per torque that a cycle gives a hub, (n,) rad/s / (N m)
+    viscous: Array  # friction of hubs, (n,) N m s/rad
+    dry: Array  # the same, (n,) N m
+    torque_constant: Array  # torque of a hub per current now, (W, n) N m/A
+    contact: Array  # slip over torque of the contacts, (W, n) rad/s / (N m)
+    lever: Array  # from axles to the carpet, (W, n) m
+    bearing: Array  # and the six that follow: see `rollers`, (W, n)
     spin_up: Array
     cost: Array
     cost_fades: Array
     lift: Array
     lift_fades: Array
-    middle: Plane  # of the robot, (n,) m
-    pushed: Plane  # where pushes act, (n,) m
+    middle: Array  # of the robot, (2, n) m
+    pushed: Array  # where pushes act, (2, n) m
     height: Array  # of the centre of mass, (n,) m
     pushed_height: Array  # of where pushes act above that, (n,) m
-    weight: Array  # load of each wheel at rest, (n, W) N
-    even: Array  # share of a load that each wheel takes, (n, W)
-    ahead: Array  # load per moment, (n, W) 1/m
+    weight: Array  # load of each wheel at rest, (W, n) N
+    even: Array  # share of a load that each wheel takes, (W, n)
+    ahead: Array  # load per moment, (W, n) 1/m
     aside: Array
 
 
 class Motion(NamedTuple):
     """Where robots are and what they do; written in every cycle."""
 
-    place: Plane  # of the centre of mass in the world, (n,) m
+    place: Array  # of the centre of mass in the world, (2, n) m
     heading: Array  # (n,) rad
-    velocity: Plane  # of the centre of mass in the world, (n,) m/s
-    rate: Array  # of turning, (n,) rad/s
-    angle: Array  # of hubs, (n, W) rad
-    speed: Array  # (n, W) rad/s
-    torque: Array  # between hubs and rims, (n, W) N m
-    slip: Array  # of hubs against rims, (n, W) rad/s
-    load: Array  # of wheels, (n, W) N
-    raised: Array  # part of it that rollers shift from wheel to wheel, (n, W) N
-    seen_angle: Array  # what encoders show: a cycle ago, (n, W) rad
+    facing: Array  # its cosine and sine, (2, n)
+    twist: Array  # of the centre of mass, (3, n) m/s and rad/s
+    angle: Array  # of hubs, (W, n) rad
+    speed: Array  # (W, n) rad/s
+    torque: Array  # between hubs and rims, (W, n) N m
+    slip: Array  # of hubs against rims, (W, n) rad/s
+    load: Array  # of wheels, (W, n) N
+    raised: Array  # part of it that rollers shift from wheel to wheel, (W, n) N
+    seen_angle: Array  # what encoders show: a cycle ago, (W, n) rad
     seen_rate: Array  # what gyros do, (n,) rad/s
-    ground: Plane  # drag at the carpet, robot's axes, (n,) N
-    push: Plane  # on the chassis, the same
-    force: Plane  # all but the wheels' pull, the same
-    moment: Array  # of it, (n,) N m
-    tilt: Plane  # moments that tilt the robot back and aside, summed over the cycles of a frame, (n,) N m
+    ground: Array  # drag at the carpet, (2, n) N
+    push: Array  # on the chassis, (2, n) N
+    force: Array  # all but the wheels' pull, and its moment, (3, n) N and N m
+    tilt: Array  # moments that tilt the robot back and aside, summed over the cycles of a frame, (2, n) N m
 
 
 class Scratch(NamedTuple):
-    """What a compiled loop notes of a robot's wheels within a cycle, (n, W)."""
+    """What loops note within a cycle."""
 
-    end: Array  # speed of the hub without rubber, rad/s
-    give: Array  # speed per torque of the hub
-    pull: Array  # torque per slip
-    held: Array  # torque of wheels that slide, N m; else 0
-    rims: Array  # angular speed of the rim, rad/s
+    end: Array  # speed of a hub without rubber, (W, n) rad/s
+    give: Array  # speed per torque of the hub, (W, n)
+    pull: Array  # torque per slip, (W, n)
+    held: Array  # torque of wheels that slide, (W, n) N m; else 0
+    rims: Array  # angular speed of the rim, (W, n) rad/s
+    momentum: Array  # before, over a cycle, with what acts, (3, n)
+    sums: Array  # over wheels: of the matrix (6), and of the right side (3), (9, n)
+    twist: Array  # after, of the middle first, (3, n)
+    drawn: Array  # from batteries, (n,) A
+    gyro: Array  # what gyros show, (n,) rad/s
+    heats: Array  # of the motors, (2, n)
+
+    @classmethod
+    def of(cls, n: int, wheels: int) -> "Scratch":
+        """Of n robots with as many wheels each."""
+        each = np.zeros((5, wheels, n))
+        robots = np.zeros((3, n)), np.zeros((9, n)), np.zeros((3, n)), np.zeros(n), np.zeros(n), np.zeros((2, n))
+        return cls(*each, *robots)

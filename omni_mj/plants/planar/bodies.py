@@ -45,7 +45,7 @@ class Bodies:
         hub: inertia of each hub with its motor about the axle, (n, 1) kg m^2.
         rim: of a rim with its rollers, kg m^2.
         roller: of a roller about its own axis, kg m^2.
-        downhill: force along the carpet, world frame, (n,) N.
+        downhill: force along the carpet, world frame, (2, n) N.
         contacts: where wheels touch, from the centres of mass, (n, W) m, as complex numbers.
         weight: load of each wheel at rest, (n, W) N.
         even, ahead, aside: see `arrays.Robots`.
@@ -76,7 +76,7 @@ class Bodies:
         shift, factor = np.column_stack([drawn.centre, np.zeros(n)]), drawn.mass[:, 0]
         self.chassis = Mass(left.mass * factor, left.centre + shift, left.inertia * factor)
         self._empty = self.chassis.joined(wheels)
-        self._along = np.zeros(n, complex)
+        self._along = np.zeros((2, n))
         self.carry(())
 
     def carry(self, loads: Iterable[tuple[int, float, float]]) -> Array:
@@ -90,7 +90,7 @@ class Bodies:
         """
         self.whole = self._empty
         for row, mass, height in loads:
-            more, at = np.zeros(len(self._along)), self.chassis.centre.copy()
+            more, at = np.zeros_like(self._along[0]), self.chassis.centre.copy()
             more[row], at[row, 2] = mass, height or at[row, 2]
             self.whole = self.whole.joined(Mass(more, at, np.zeros_like(more)))
         self._stand()
@@ -98,7 +98,7 @@ class Bodies:
 
     def lean(self, along: Array) -> None:
         """Stand on carpets that lean so that gravity has the parts `along` (n, 2) of itself along them."""
-        self._along = along[:, 0] + 1j * along[:, 1]
+        self._along = np.ascontiguousarray(along.T)
         self._stand()
 
     def _stand(self) -> None:
@@ -108,5 +108,5 @@ class Bodies:
         self.even, self.ahead, self.aside = np.moveaxis(shares, 1, 0)
         weight = self.whole.mass * self._gravity
         self.downhill = weight * self._along
-        into = np.sqrt(np.maximum(1 - np.abs(self._along) ** 2, 0.0))
+        into = np.sqrt(np.maximum(1 - (self._along**2).sum(0), 0.0))
         self.weight = self.even * (weight * into)[:, None]

@@ -1,29 +1,41 @@
-"""A frame of robots on creeping wheels, robot by robot, for a compiled loop: what `cycle` does for all at once."""
+"""A frame of robots on creeping wheels by loops, for a compiler: what `cycle` does by numpy."""
 
 import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.onboard import by_robot, laws
-from omni_mj.onboard.arrays import BatteryArrays, FirmwareArrays, MotorArrays, TractionArrays
+from omni_mj.onboard.arrays import (
+    BatteryArrays,
+    ChargeArrays,
+    FirmwareArrays,
+    HeatArrays,
+    MotorArrays,
+    TractionArrays,
+)
 from omni_mj.onboard.traction import EVERY
 from omni_mj.plants.planar import laws as planar
-from omni_mj.plants.planar.arrays import Motion, Plane, Robots, Scratch
+from omni_mj.plants.planar.arrays import Motion, Robots, Scratch
 from omni_mj.plants.planar.cycle import PASSES
 from omni_mj.worlds.build import CYCLE_S
+
+TOGETHER = 256  # robots whose numbers fit into the fastest memory
 
 
 def frame(
     cycle: int,
+    period: float,
     r: Robots,
     m: Motion,
     s: Scratch,
     f: FirmwareArrays,
     motors: MotorArrays,
+    heat: HeatArrays,
     b: BatteryArrays,
+    charge: ChargeArrays,
     t: TractionArrays,
     gyro: Array,
-    push: Plane,
-    downhill: Plane,
+    push: Array,
+    downhill: Array,
     held: Array,
     speeds: Array,
     voltages: Array,
@@ -34,138 +46,180 @@ def frame(
 
     Args:
         cycle: number of those before.
+        period: what they last, s.
         r: robots.
         m: how they move; written.
         s: what is noted.
         f: their firmware.
         motors: their motors.
+        heat: of these.
         b: their batteries.
+        charge: of these.
         t: their wheels on the carpet.
         gyro: what gyros show too much, (n,) rad/s.
-        push: on chassis, in the world's axes, (n,) N.
-        downhill: on all of a robot, in the world's axes, (n,) N.
-        held: currents that drivers hold, (n, W) A, or not a number.
-        speeds: written: of hubs in each cycle, (cycles, n, W) rad/s.
-        voltages: written: of motors, (cycles, n, W) V.
-        currents: written: of motors, (cycles, n, W) A.
-        supplies: written: of batteries, (cycles, n, 1) V.
+        push: on chassis, in the world's axes, (2, n) N.
+        downhill: on all of a robot, in the world's axes, (2, n) N.
+        held: currents that drivers hold, (W, n) A, or not a number; or empty.
+        speeds: written: of hubs in each cycle, (cycles, W, n) rad/s.
+        voltages: written: of motors, (cycles, W, n) V.
+        currents: written: of motors, (cycles, W, n) A.
+        supplies: written: of batteries, (cycles, n) V.
     """
-    wheels = held.shape[1]
-    for i in range(held.shape[0]):
+    n = len(gyro)
+    for begin in range(0, n, TOGETHER):
+        # Without a sign, of which a compiler cannot know that it is none, and numba would look at each index.
+        first, last = np.uint64(begin), np.uint64(min(begin + TOGETHER, n))
         for k in range(speeds.shape[0]):
-            by_robot.control(i, cycle + k, f, m.seen_rate[i] + gyro[i], m.seen_angle)
-            supply = b.voltage[i]
-            supplies[k, i, 0] = supply
-            for w in range(wheels):
-                speeds[k, i, w] = m.speed[i, w]
-                duty = f.held[i, w]
-                if not np.isnan(held[i, w]):
-                    motor = motors.speed_constant[i, w], motors.resistance[i, w], motors.commutation[i, w]
-                    duty = laws.share(laws.voltage(held[i, w], m.speed[i, w], *motor), supply) if supply > 0 else 0.0
-                voltages[k, i, w] = duty * supply
-            by_robot.drive(i, motors, m.speed, voltages[k], currents[k])
+            speed, voltage, current = speeds[k], voltages[k], currents[k]
+            for i in range(first, last):
+                s.gyro[i], supplies[k, i] = m.seen_rate[i] + gyro[i], b.voltage[i]
+            for w in range(speed.shape[0]):
+                for i in range(first, last):
+                    speed[w, i] = m.speed[w, i]
+            by_robot.control(first, last, cycle + k, f, s.gyro, m.seen_angle)
+            by_robot.supply(first, last, f, motors, b, held, speed, voltage)
+            by_robot.drive(first, last, motors, speed, voltage, current)
             if k % EVERY == 0:
-                _drag(i, r, m, t, push[i], downhill[i])
-            by_robot.press(i, t.rims, m.load)
-            _move(i, r, m, s, t, currents[k])
-            by_robot.load(i, b, voltages[k], currents[k])
+                _drag(first, last, r, m, s, t, push, downhill)
+            _pull(first, last, r, m, s, t, current)
+            _solve(first, last, r, m, s, t.rims.limit)
+            _advance(first, last, r, m, s)
+            by_robot.load(first, last, b, voltage, current, s.drawn)
+    by_robot.warm(motors, heat, currents, speeds, s.heats)
+    by_robot.discharge(b, charge, period)
 
 
-def _drag(i: int, r: Robots, m: Motion, t: TractionArrays, push: complex, downhill: complex) -> None:
+def _drag(
+    first: int, last: int, r: Robots, m: Motion, s: Scratch, t: TractionArrays, push: Array, downhill: Array
+) -> None:
     """See `cycle.drag`."""
-    heading = complex(np.cos(m.heading[i]), np.sin(m.heading[i]))
-    upright = heading.conjugate()
-    body = m.velocity[i] * upright + 1j * m.rate[i] * r.middle[i]
-    by_robot.travel(i, t, m.place[i] + r.middle[i] * heading, heading, body * heading, m.rate[i], m.load)
-    ground, moment = complex(t.wrench[i, 0], t.wrench[i, 1]) * upright, t.wrench[i, 5]
-    total = x = y = 0.0
-    for w in range(m.speed.shape[1]):
-        rim, contact = m.speed[i, w] - m.slip[i, w], r.contacts[i, w]
-        spin = np.abs(rim)
-        axle = (body * r.outward[w].conjugate()).real
-        aside = planar.spinning(axle, spin, r.bearing[i, w], r.spin_up[i, w])
-        along = planar.rolling(rim, spin, r.cost[i, w], r.cost_fades[i, w]) / r.lever[i, w]
-        force = complex(aside, along) * r.outward[w]
-        ground += force
-        moment += (contact.conjugate() * force).imag
-        raised = planar.lifting(spin, r.lift[i, w], r.lift_fades[i, w])
-        m.raised[i, w] = raised
-        total += raised
-        x += contact.real * raised
-        y += contact.imag * raised
-    for w in range(m.speed.shape[1]):
-        m.raised[i, w] -= r.even[i, w] * total + r.ahead[i, w] * x + r.aside[i, w] * y
-    m.push[i], m.ground[i] = push * upright, ground
-    m.force[i] = ground + m.push[i] + downhill * upright
-    m.moment[i] = moment + (r.pushed[i].conjugate() * m.push[i]).imag
+    for i in range(first, last):
+        x, y, c, d = r.middle[0, i], r.middle[1, i], m.facing[0, i], m.facing[1, i]
+        s.twist[0, i], s.twist[1, i] = m.twist[0, i] - m.twist[2, i] * y, m.twist[1, i] + m.twist[2, i] * x
+        s.twist[2, i] = m.twist[2, i]
+        s.momentum[0, i], s.momentum[1, i] = m.place[0, i] + c * x - d * y, m.place[1, i] + d * x + c * y
+    by_robot.travel(first, last, t, s.momentum, m.facing, s.twist, m.load)
+    for i in range(first, last):
+        c, d, x, y = m.facing[0, i], m.facing[1, i], t.wrench[0, i], t.wrench[1, i]
+        m.ground[0, i], m.ground[1, i], m.force[2, i] = c * x + d * y, c * y - d * x, t.wrench[5, i]
+        for each in range(3):
+            s.sums[each, i] = 0.0
+    for w in range(m.speed.shape[0]):
+        outward = r.outward[w]
+        for i in range(first, last):
+            rim, x, y = m.speed[w, i] - m.slip[w, i], r.contacts[0, w, i], r.contacts[1, w, i]
+            spin, axle = np.abs(rim), s.twist[0, i] * outward.real + s.twist[1, i] * outward.imag
+            aside = planar.spinning(axle, spin, r.bearing[w, i], r.spin_up[w, i])
+            along = planar.rolling(rim, spin, r.cost[w, i], r.cost_fades[w, i]) / r.lever[w, i]
+            force = complex(aside, along) * outward
+            m.ground[0, i] += force.real
+            m.ground[1, i] += force.imag
+            m.force[2, i] += x * force.imag - y * force.real
+        for i in range(first, last):
+            spin = np.abs(m.speed[w, i] - m.slip[w, i])
+            raised = planar.lifting(spin, r.lift[w, i], r.lift_fades[w, i])
+            m.raised[w, i] = raised
+            s.sums[0, i] += raised
+            s.sums[1, i] += r.contacts[0, w, i] * raised
+            s.sums[2, i] += r.contacts[1, w, i] * raised
+    for w in range(m.speed.shape[0]):
+        for i in range(first, last):
+            shared = r.even[w, i] * s.sums[0, i] + r.ahead[w, i] * s.sums[1, i] + r.aside[w, i] * s.sums[2, i]
+            m.raised[w, i] -= shared
+    for i in range(first, last):
+        c, d = m.facing[0, i], m.facing[1, i]
+        m.push[0, i], m.push[1, i] = c * push[0, i] + d * push[1, i], c * push[1, i] - d * push[0, i]
+        m.force[0, i] = m.ground[0, i] + m.push[0, i] + (c * downhill[0, i] + d * downhill[1, i])
+        m.force[1, i] = m.ground[1, i] + m.push[1, i] + (c * downhill[1, i] - d * downhill[0, i])
+        m.force[2, i] += r.pushed[0, i] * m.push[1, i] - r.pushed[1, i] * m.push[0, i]
 
 
-def _move(i: int, r: Robots, m: Motion, s: Scratch, t: TractionArrays, current: Array) -> None:
-    """See `cycle.move`."""
-    wheels = m.speed.shape[1]
-    for w in range(wheels):
-        speed = m.speed[i, w]
-        free = planar.free(speed, r.give[i, 0], r.torque_constant[i, w] * current[i, w], r.viscous[i, 0])
-        soft = planar.soft(t.rims.impedance[i, w], r.contact[i, w])
-        dry = planar.dry(free, speed, r.give[i, 0], m.torque[i, w], soft)
-        if np.abs(dry) <= r.dry[i, 0]:
-            s.end[i, w], s.give[i, w] = planar.RESTING * speed, 0.0
-        else:
-            s.end[i, w], s.give[i, w] = free - r.give[i, 0] * np.copysign(r.dry[i, 0], dry), r.give[i, 0]
-        s.pull[i, w] = 1 / (soft + s.give[i, w])
-        s.held[i, w] = 0.0
+def _pull(first: int, last: int, r: Robots, m: Motion, s: Scratch, t: TractionArrays, current: Array) -> None:
+    """Find how hubs and rubber pull, and what friction allows."""
+    for w in range(current.shape[0]):
+        for i in range(first, last):
+            pressed = laws.pressed(m.load[w, i])
+            soft = planar.soft(t.rims.softness[w, i], pressed, r.contact[w, i])
+            motor, hub = r.torque_constant[w, i] * current[w, i], (r.give[i], r.viscous[i], r.dry[i])
+            end, give = planar.hub(m.speed[w, i], motor, m.torque[w, i], soft, *hub)
+            t.rims.limit[w, i] = t.rims.rim_friction[w, i] * pressed
+            s.end[w, i], s.give[w, i], s.pull[w, i], s.held[w, i] = end, give, 1 / (soft + give), 0.0
 
-    heading = complex(np.cos(m.heading[i]), np.sin(m.heading[i]))
-    body, turn = m.velocity[i] * heading.conjugate(), m.rate[i]
-    xx, xy, xz = r.inertia[i, 0], r.inertia[i, 1], r.inertia[i, 2]
-    yy, yz, zz = r.inertia[i, 3], r.inertia[i, 4], r.inertia[i, 5]
-    p = xx * body.real + xy * body.imag + xz * turn + m.force[i].real
-    q = xy * body.real + yy * body.imag + yz * turn + m.force[i].imag
-    u = xz * body.real + yz * body.imag + zz * turn + m.moment[i]
-    vx, vy = 0.0, 0.0
+
+def _solve(first: int, last: int, r: Robots, m: Motion, s: Scratch, limit: Array) -> None:
+    """Find the twists, and which wheels slide."""
+    wheels = limit.shape[0]
+    for i in range(first, last):
+        inertia = r.inertia[0, i], r.inertia[1, i], r.inertia[2, i], r.inertia[3, i], r.inertia[4, i], r.inertia[5, i]
+        twist, force = (m.twist[0, i], m.twist[1, i], m.twist[2, i]), (m.force[0, i], m.force[1, i], m.force[2, i])
+        s.momentum[0, i], s.momentum[1, i], s.momentum[2, i] = planar.momentum(inertia, twist, force)
     for attempt in range(1 + PASSES):
-        a0, a1, a2, a3, a4, a5 = xx, xy, xz, yy, yz, zz
-        b0, b1, b2 = p, q, u
+        for each in range(6):
+            sums, inertia_, squares = s.sums[each], r.inertia[each], r.squares[each]
+            for i in range(first, last):
+                sums[i] = inertia_[i]
+            for w in range(wheels):
+                for i in range(first, last):
+                    sums[i] += s.pull[w, i] * squares[w, i]
+        for each in range(3):
+            sums, momentum, rims = s.sums[6 + each], s.momentum[each], r.rims[each]
+            for i in range(first, last):
+                sums[i] = momentum[i]
+            for w in range(wheels):
+                for i in range(first, last):
+                    sums[i] += (s.pull[w, i] * s.end[w, i] + s.held[w, i]) * rims[w, i]
+        for i in range(first, last):
+            a = s.sums[0, i], s.sums[1, i], s.sums[2, i], s.sums[3, i], s.sums[4, i], s.sums[5, i]
+            b = s.sums[6, i], s.sums[7, i], s.sums[8, i]
+            s.twist[0, i], s.twist[1, i], s.twist[2, i] = planar.solved(a, b)
+        slide = 0
         for w in range(wheels):
-            pull = s.pull[i, w]
-            ends = pull * s.end[i, w] + s.held[i, w]
-            a0 += pull * r.squares[i, w, 0]
-            a1 += pull * r.squares[i, w, 1]
-            a2 += pull * r.squares[i, w, 2]
-            a3 += pull * r.squares[i, w, 3]
-            a4 += pull * r.squares[i, w, 4]
-            a5 += pull * r.squares[i, w, 5]
-            b0 += ends * r.rims[i, w, 0]
-            b1 += ends * r.rims[i, w, 1]
-            b2 += ends * r.rims[i, w, 2]
-        vx, vy, turn = planar.solved((a0, a1, a2, a3, a4, a5), (b0, b1, b2))
-        slides = False
-        for w in range(wheels):
-            limit = t.rims.limit[i, w]
-            s.rims[i, w] = r.rims[i, w, 0] * vx + r.rims[i, w, 1] * vy + r.rims[i, w, 2] * turn
-            torque = s.held[i, w]
-            if torque == 0:
-                torque = s.pull[i, w] * (s.end[i, w] - s.rims[i, w])
-                if np.abs(torque) > limit and attempt < PASSES:
-                    s.held[i, w], s.pull[i, w], slides = np.copysign(limit, torque), 0.0, True
-            m.torque[i, w] = min(max(torque, -limit), limit)
-        if not slides:
+            for i in range(first, last):
+                most, pull, held = limit[w, i], s.pull[w, i], s.held[w, i]
+                rim = (
+                    r.rims[0, w, i] * s.twist[0, i] + r.rims[1, w, i] * s.twist[1, i] + r.rims[2, w, i] * s.twist[2, i]
+                )
+                torque = laws.where(held == 0, pull * (s.end[w, i] - rim), held)
+                over = (np.abs(torque) > most) & (held == 0)
+                s.rims[w, i], m.torque[w, i] = rim, np.minimum(np.maximum(torque, -most), most)
+                s.held[w, i], s.pull[w, i] = (
+                    laws.where(over, np.copysign(most, torque), held),
+                    laws.where(over, 0.0, pull),
+                )
+                slide += laws.where(over, 1, 0)
+        if slide == 0:
             break
 
-    ahead, aside = m.ground[i].real, m.ground[i].imag
-    for w in range(wheels):
-        m.seen_angle[i, w] = m.angle[i, w]
-        m.speed[i, w] = s.end[i, w] - s.give[i, w] * m.torque[i, w]
-        m.angle[i, w] += CYCLE_S * m.speed[i, w]
-        m.slip[i, w] = m.speed[i, w] - s.rims[i, w]
-        ahead += m.torque[i, w] * r.rims[i, w, 0]
-        aside += m.torque[i, w] * r.rims[i, w, 1]
-    m.seen_rate[i] = m.rate[i]
-    m.velocity[i], m.rate[i] = complex(vx, vy) * heading, turn
-    m.place[i] += CYCLE_S * m.velocity[i]
-    m.heading[i] += CYCLE_S * turn
-    tilt = r.height[i] * complex(ahead, aside) - r.pushed_height[i] * m.push[i]
-    m.tilt[i] += tilt
-    for w in range(wheels):
-        shifted = r.ahead[i, w] * tilt.real + r.aside[i, w] * tilt.imag
-        m.load[i, w] = max(r.weight[i, w] - shifted + m.raised[i, w], 0.0)
+
+def _advance(first: int, last: int, r: Robots, m: Motion, s: Scratch) -> None:
+    """Move hubs and bodies, and find what wheels carry then."""
+    for i in range(first, last):
+        s.sums[0, i], s.sums[1, i] = m.ground[0, i], m.ground[1, i]
+    for w in range(m.speed.shape[0]):
+        for i in range(first, last):
+            m.seen_angle[w, i] = m.angle[w, i]
+            m.speed[w, i] = s.end[w, i] - s.give[w, i] * m.torque[w, i]
+            m.angle[w, i] += CYCLE_S * m.speed[w, i]
+            m.slip[w, i] = m.speed[w, i] - s.rims[w, i]
+        for i in range(first, last):
+            s.sums[0, i] += m.torque[w, i] * r.rims[0, w, i]
+            s.sums[1, i] += m.torque[w, i] * r.rims[1, w, i]
+    for i in range(first, last):
+        back = r.height[i] * s.sums[0, i] - r.pushed_height[i] * m.push[0, i]
+        aside = r.height[i] * s.sums[1, i] - r.pushed_height[i] * m.push[1, i]
+        m.tilt[0, i] += back
+        m.tilt[1, i] += aside
+        s.sums[0, i], s.sums[1, i] = back, aside
+    for w in range(m.speed.shape[0]):
+        for i in range(first, last):
+            shifted = r.ahead[w, i] * s.sums[0, i] + r.aside[w, i] * s.sums[1, i]
+            m.load[w, i] = np.maximum(r.weight[w, i] - shifted + m.raised[w, i], 0.0)
+    for i in range(first, last):
+        x, y, rate, cosine, sine = s.twist[0, i], s.twist[1, i], s.twist[2, i], m.facing[0, i], m.facing[1, i]
+        m.seen_rate[i] = m.twist[2, i]
+        m.place[0, i] += CYCLE_S * (cosine * x - sine * y)
+        m.place[1, i] += CYCLE_S * (sine * x + cosine * y)
+        m.heading[i] += CYCLE_S * rate
+        c, d = planar.small(CYCLE_S * rate)
+        m.facing[0, i], m.facing[1, i] = cosine * c - sine * d, sine * c + cosine * d
+        m.twist[0, i], m.twist[1, i], m.twist[2, i] = c * x + d * y, c * y - d * x, rate

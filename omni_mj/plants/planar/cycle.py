@@ -1,106 +1,121 @@
-"""A cycle of bodies and wheels of all robots at once, by numpy; `by_robot` is the same, robot by robot."""
+"""A cycle of bodies and wheels of all robots at once, by numpy; `by_robot` is the same by loops."""
 
 import numpy as np
 
 from omni_control.kinematics import Array
+from omni_mj.onboard import laws as onboard
 from omni_mj.onboard.traction import Traction
 from omni_mj.plants.planar import laws
-from omni_mj.plants.planar.arrays import Motion, Plane, Robots
+from omni_mj.plants.planar.arrays import Motion, Robots
 from omni_mj.worlds.build import CYCLE_S
 
 PASSES = 3  # wheels that turn out to slide let others slide; more than two are rare
 
 
-def drag(r: Robots, m: Motion, traction: Traction, push: Plane, downhill: Plane) -> None:
+def drag(r: Robots, m: Motion, traction: Traction, push: Array, downhill: Array) -> None:
     """Look at what drags and pushes robots, which changes slowly.
 
     Args:
         r: robots.
         m: how they move; written.
         traction: theirs, whose centres are the robots'.
-        push: on chassis, in the world's axes, (n,) N.
-        downhill: on all of a robot, in the world's axes, (n,) N.
+        push: on chassis, in the world's axes, (2, n) N.
+        downhill: on all of a robot, in the world's axes, (2, n) N.
     """
-    heading = np.exp(1j * m.heading)
-    body = m.velocity * heading.conj() + 1j * m.rate * r.middle
-    place, velocity = m.place + r.middle * heading, body * heading
-    half, none = m.heading / 2, np.zeros_like(m.heading)
-    quaternion = np.stack([np.cos(half), none, none, np.sin(half)], axis=1)
-    twist = np.stack([velocity.real, velocity.imag, none, none, none, m.rate], axis=1)
-    traction.travel(np.stack([place.real, place.imag], axis=1), quaternion, twist, m.load)
+    facing, middle, outward = _plane(m.facing), _plane(r.middle), r.outward[:, None]
+    body = _plane(m.twist) + 1j * m.twist[2] * middle
+    traction.go(_plane(m.place) + middle * facing, facing, body, m.twist[2], m.load.T)
     rims = m.speed - m.slip
     spin = np.abs(rims)
-    aside = laws.spinning((body[:, None] * r.outward.conj()).real, spin, r.bearing, r.spin_up)
+    aside = laws.spinning((body * outward.conj()).real, spin, r.bearing, r.spin_up)
     along = laws.rolling(rims, spin, r.cost, r.cost_fades) / r.lever
-    each, wrench = (aside + 1j * along) * r.outward, traction.wrench
-    m.push[:] = push * heading.conj()
-    m.ground[:] = (wrench[:, 0] + 1j * wrench[:, 1]) * heading.conj() + each.sum(1)
-    m.force[:] = m.ground + m.push + downhill * heading.conj()
-    m.moment[:] = wrench[:, 5] + (r.contacts.conj() * each).imag.sum(1) + (r.pushed.conj() * m.push).imag
+    each, wrench = (aside + 1j * along) * outward, traction.wrench
+    upright = facing.conj()
+    pushed, ground = _plane(push) * upright, (wrench[:, 0] + 1j * wrench[:, 1]) * upright + _total(each)
+    whole, (x, y) = ground + pushed + _plane(downhill) * upright, r.contacts
+    m.push[0], m.push[1], m.ground[0], m.ground[1] = pushed.real, pushed.imag, ground.real, ground.imag
+    m.force[0], m.force[1] = whole.real, whole.imag
+    turning = _total(x * each.imag - y * each.real)
+    m.force[2] = wrench[:, 5] + turning + (r.pushed[0] * pushed.imag - r.pushed[1] * pushed.real)
     raised = laws.lifting(spin, r.lift, r.lift_fades)
-    x, y = (r.contacts.real * raised).sum(1), (r.contacts.imag * raised).sum(1)
-    m.raised[:] = raised - r.even * raised.sum(1, keepdims=True) - r.ahead * x[:, None] - r.aside * y[:, None]
+    m.raised[:] = raised - r.even * _total(raised) - r.ahead * _total(x * raised) - r.aside * _total(y * raised)
 
 
-def move(r: Robots, m: Motion, traction: Traction, motor: Array) -> None:
-    """Move on by a cycle, with torques of the motors on the hubs, (n, W) N m."""
-    traction.press(m.load)
-    limit = traction.limit
-    free = laws.free(m.speed, r.give, motor, r.viscous)
-    soft = laws.soft(traction.impedance, r.contact)
-    dry = laws.dry(free, m.speed, r.give, m.torque, soft)
-    rests = np.abs(dry) <= r.dry
-    end = np.where(rests, laws.RESTING * m.speed, free - r.give * np.copysign(r.dry, dry))
-    give = np.where(rests, 0.0, r.give)
+def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, current: Array) -> None:
+    """Move on by a cycle.
+
+    Args:
+        r: robots.
+        m: how they move; written.
+        rim_friction: see `omni_mj.onboard.arrays.RimArrays`, (W, n).
+        softness: the same.
+        current: of the motors, (W, n) A.
+    """
+    pressed = onboard.pressed(m.load)
+    limit, soft = rim_friction * pressed, laws.soft(softness, pressed, r.contact)
+    end, give = laws.hub(m.speed, r.torque_constant * current, m.torque, soft, r.give, r.viscous, r.dry)
     pull = 1 / (soft + give)
-
-    heading = np.exp(1j * m.heading)
-    body, held = m.velocity * heading.conj(), np.zeros_like(pull)
-    xx, xy, xz, yy, yz, zz = r.inertia.T
-    x, y, z = body.real, body.imag, m.rate
-    momentum = (
-        xx * x + xy * y + xz * z + m.force.real, xy * x + yy * y + yz * z + m.force.imag,
-        xz * x + yz * y + zz * z + m.moment,
-    )  # fmt: skip
+    momentum = np.stack(laws.momentum(tuple(r.inertia), tuple(m.twist), tuple(m.force)))
     twist = _twist(r.inertia, momentum, pull, pull * end, r.squares, r.rims)
-    rims = np.einsum("rwk,rk->rw", r.rims, twist)
+    rims = _rims(r.rims, twist)
     torque = pull * (end - rims)
     over = np.abs(torque) > limit
+    held = np.zeros_like(pull)
     for _ in range(PASSES):
-        rows = np.flatnonzero(over.any(1))
-        if not len(rows):
+        some = np.flatnonzero(over.any(0))
+        if not len(some):
             break
-        held = np.where(over, np.copysign(limit, torque), held)
+        np.copysign(limit, torque, out=held, where=over)
         pull[over] = 0.0
-        some = pull[rows]
-        twist[rows] = _twist(
-            r.inertia[rows], tuple(each[rows] for each in momentum), some, some * end[rows] + held[rows],
-            r.squares[rows], r.rims[rows],
-        )  # fmt: skip
-        rims[rows] = np.einsum("rwk,rk->rw", r.rims[rows], twist[rows])
+        few, of = pull[:, some], r.rims[..., some]
+        ends = few * end[:, some] + held[:, some]
+        twist[:, some] = _twist(r.inertia[:, some], momentum[:, some], few, ends, r.squares[..., some], of)
+        rims[:, some] = _rims(of, twist[:, some])
         torque = np.where(held == 0, pull * (end - rims), held)
         over = (np.abs(torque) > limit) & (held == 0)
-    m.torque[:] = np.minimum(np.maximum(torque, -limit), limit)
+    np.minimum(np.maximum(torque, -limit, out=m.torque), limit, out=m.torque)
 
-    m.seen_angle[:], m.seen_rate[:] = m.angle, m.rate
-    m.speed[:] = end - give * m.torque
+    m.seen_angle[:], m.seen_rate[:] = m.angle, m.twist[2]
+    np.subtract(end, give * m.torque, out=m.speed)
     m.angle[:] += CYCLE_S * m.speed
-    m.slip[:] = m.speed - rims
-    after = twist[:, 0] + 1j * twist[:, 1]
-    m.velocity[:], m.rate[:] = after * heading, twist[:, 2]
-    m.place[:] += CYCLE_S * m.velocity
-    m.heading[:] += CYCLE_S * m.rate
-    pulled = np.einsum("rw,rwk->kr", m.torque, r.rims)
-    ahead, aside = pulled[0] + m.ground.real, pulled[1] + m.ground.imag
-    tilt = r.height * (ahead + 1j * aside) - r.pushed_height * m.push
+    np.subtract(m.speed, rims, out=m.slip)
+    tilt = r.height * (_total(m.torque * r.rims[:2]) + m.ground) - r.pushed_height * m.push
     m.tilt[:] += tilt
-    shifted = r.ahead * tilt.real[:, None] + r.aside * tilt.imag[:, None]
-    m.load[:] = np.maximum(r.weight - shifted + m.raised, 0.0)
+    shifted = r.ahead * tilt[0] + r.aside * tilt[1]
+    np.maximum(r.weight - shifted + m.raised, 0.0, out=m.load)
+
+    (x, y, rate), (cosine, sine), turn = twist, m.facing, CYCLE_S * twist[2]
+    m.place[0] += CYCLE_S * (cosine * x - sine * y)
+    m.place[1] += CYCLE_S * (sine * x + cosine * y)
+    m.heading[:] += turn
+    c, s = laws.small(turn)
+    m.facing[0], m.facing[1] = cosine * c - sine * s, sine * c + cosine * s
+    m.twist[0], m.twist[1], m.twist[2] = c * x + s * y, c * y - s * x, rate
 
 
-def _twist(inertia: Array, momentum: tuple[Array, ...], pull: Array, ends: Array, squares: Array, rims: Array) -> Array:
-    """Twists (k, 3) of k robots that wheels pull."""
-    x, y, z = np.einsum("rw,rwk->kr", ends, rims)
-    p, q, r = momentum
-    a = inertia + np.einsum("rw,rwk->rk", pull, squares)
-    return np.stack(laws.solved(tuple(a.T), (p + x, q + y, r + z)), axis=1)
+def _twist(inertia: Array, momentum: Array, pull: Array, ends: Array, squares: Array, rims: Array) -> Array:
+    """Twists (3, k) of k robots that wheels pull."""
+    a, b = inertia + _total(pull * squares), momentum + _total(ends * rims)
+    return np.stack(laws.solved(tuple(a), tuple(b)))
+
+
+def _rims(rims: Array, twist: Array) -> Array:
+    """Angular speeds (W, k) of the rims of k robots with twists (3, k)."""
+    found: Array = rims[0] * twist[0]
+    found += rims[1] * twist[1]
+    found += rims[2] * twist[2]
+    return found
+
+
+def _total(each: np.ndarray) -> np.ndarray:
+    """Sums over wheels of (..., W, n), one after the other: numpy's own would round by the number of robots."""
+    found: np.ndarray = each[..., 0, :] + each[..., 1, :]
+    for wheel in range(2, each.shape[-2]):
+        found += each[..., wheel, :]
+    return found
+
+
+def _plane(vectors: Array) -> np.ndarray:
+    """Vectors (2 or more, n) as complex numbers (n,)."""
+    found: np.ndarray = vectors[0] + 1j * vectors[1]
+    return found

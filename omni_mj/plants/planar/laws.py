@@ -13,35 +13,63 @@ The body. With M its inertia and that of the rims, and F what else acts,
 which is linear in v: three equations. A wheel of which more torque would be asked than Coulomb's limit has that limit.
 """
 
-from omni_mj.onboard.laws import Number
+import numpy as np
+
+from omni_mj.onboard.laws import Number, where
 from omni_mj.worlds.build import CYCLE_S
 
 RESTING = 1 - 400.0 * CYCLE_S  # of its speed a hub keeps in a cycle that dry friction stops; models/ssl_robot.xml
 
 
-def free(speed: Number, give: Number, motor: Number, viscous: Number) -> Number:
-    """Speed of a hub after a cycle without dry friction and rubber, rad/s.
+def soft(softness: Number, load: Number, contact: Number) -> Number:
+    """Slip over torque of rubber and contact, rad/s / (N m); `softness` as in `Traction`, for an inertia of 1."""
+    return CYCLE_S * softness / load + contact
+
+
+def hub(
+    speed: Number, motor: Number, torque: Number, soft: Number, give: Number, viscous: Number, dry: Number
+) -> tuple[Number, Number]:
+    """A hub with its friction. It rests where dry friction could bring it to rest within the cycle.
+
+    A hub that slows takes its rim along: rubber adds to its torque of the cycle before what it is then strained by.
 
     Args:
         speed: before, rad/s.
-        give: speed per torque that a cycle gives it, rad/s / (N m).
         motor: torque, N m.
+        torque: of rubber, N m, in the cycle before.
+        soft: see `soft`.
+        give: speed per torque that a cycle gives the hub, rad/s / (N m).
         viscous: friction per speed, N m s/rad.
+        dry: greatest dry friction, N m.
+
+    Returns:
+        The hub's speed after the cycle without rubber, rad/s, and its speed per torque of rubber.
     """
-    return speed + give * (motor - viscous * speed)
+    driven = motor - viscous * speed
+    needed = driven - torque + (1 - RESTING) * speed * (1 / give + 1 / soft)
+    rests = np.abs(needed) <= dry
+    end = where(rests, RESTING * speed, speed + give * (driven - np.copysign(dry, needed)))
+    return end, where(rests, 0.0, give)
 
 
-def dry(free: Number, speed: Number, give: Number, torque: Number, soft: Number) -> Number:
-    """Torque of dry friction, N m, that would bring a hub to rest.
+def momentum(
+    inertia: tuple[Number, Number, Number, Number, Number, Number],
+    twist: tuple[Number, Number, Number],
+    force: tuple[Number, Number, Number],
+) -> tuple[Number, Number, Number]:
+    """Momentum over a cycle of an inertia, upper half row by row, and a twist; with what the force gives it, N, N m."""
+    xx, xy, xz, yy, yz, zz = inertia
+    x, y, z = twist
+    ahead, aside, moment = force
+    return xx * x + xy * y + xz * z + ahead, xy * x + yy * y + yz * z + aside, xz * x + yz * y + zz * z + moment
 
-    A hub that slows takes its rim along: rubber adds to its torque of the cycle before what it is then strained by.
-    """
-    return (free - RESTING * speed) / give - torque + (1 - RESTING) * speed / soft
 
-
-def soft(impedance: Number, contact: Number) -> Number:
-    """Slip over torque of rubber and contact, rad/s / (N m); `impedance` as in `Traction`, for an inertia of 1."""
-    return CYCLE_S * (1 - impedance) / impedance + contact
+def small(angle: Number) -> tuple[Number, Number]:
+    """Cosine and sine of the angle by which a robot turns in a cycle, rad; exact below 0.1, which is 100 rad/s."""
+    square = angle * angle
+    cosine = 1 - square * (1 / 2) * (1 - square * (1 / 12) * (1 - square * (1 / 30) * (1 - square * (1 / 56))))
+    sine = angle * (1 - square * (1 / 6) * (1 - square * (1 / 20) * (1 - square * (1 / 42) * (1 - square * (1 / 72)))))
+    return cosine, sine
 
 
 def solved(

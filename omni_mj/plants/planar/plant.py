@@ -16,7 +16,7 @@ from omni_mj.plants import Telemetry
 from omni_mj.plants.chance import Chance
 from omni_mj.plants.faults import Faults
 from omni_mj.plants.planar import by_robot, cycle, wheels
-from omni_mj.plants.planar.arrays import Motion, Plane, Robots, Scratch
+from omni_mj.plants.planar.arrays import Motion, Scratch
 from omni_mj.plants.planar.bodies import Bodies
 from omni_mj.plants.variation import Drawn
 from omni_mj.scenarios.rows import Row
@@ -54,19 +54,19 @@ class PlanarPlant:
         self._settings, self._bodies = settings, Bodies(settings, self.drawn, world)
         bodies = self._bodies
         self._radius = geometry.radius - self.drawn.wear
-        start = np.array(start, float)
-        heading = np.exp(1j * start[:, 2])
+        x, y, heading = np.array(start, float).T
+        facing, shape = np.stack([np.cos(heading), np.sin(heading)]), (count, n)
         self._robots = wheels.robots(settings, geometry, bodies, self.drawn)
         self._motion = Motion(
-            place=start[:, 0] + 1j * start[:, 1] - self._robots.middle * heading,
-            heading=start[:, 2].copy(),
-            velocity=np.zeros(n, complex),
-            rate=np.zeros(n),
-            **{name: np.zeros((n, count)) for name in ("angle", "speed", "torque", "slip", "raised", "seen_angle")},
-            load=bodies.weight.copy(),
+            place=np.stack([x, y]) - turned(facing, self._robots.middle),
+            heading=heading.copy(),
+            facing=facing,
+            twist=np.zeros((3, n)),
+            **{name: np.zeros(shape) for name in ("angle", "speed", "torque", "slip", "raised", "seen_angle")},
+            load=bodies.weight.T.copy(),
             seen_rate=np.zeros(n),
-            **{name: np.zeros(n, complex) for name in ("ground", "push", "force", "tilt")},
-            moment=np.zeros(n),
+            **{name: np.zeros((2, n)) for name in ("ground", "push", "tilt")},
+            force=np.zeros((3, n)),
         )
         self._failed = np.zeros(n, bool)
 
@@ -83,69 +83,73 @@ class PlanarPlant:
         self._faults: Faults | None = None
         if any(s.fault for s in settings):
             self._faults = Faults(rows, self, self._traction, self._motors)
-        self._speeds, self._voltages, self.currents = np.zeros((3, self.cycles, n, count))
-        self._supplies = np.zeros((self.cycles, n, 1))  # the battery's voltage of each step
+        self._recorded = np.zeros((3, self.cycles, count, n))
+        self._speeds, self._voltages, self.currents = self._recorded.swapaxes(2, 3)
+        self._supplies = np.zeros((self.cycles, n))  # the battery's voltage of each step
         self._held: Array | None = None
         self._frame: Callable[..., None] | None = None
         if settings[0].physics.kernel == "numba":
             self._frame = compiled(by_robot.frame)
-            self._scratch, self._nothing = Scratch(*np.zeros((5, n, count))), np.full((n, count), np.nan)
+            self._scratch, self._nothing = Scratch.of(n, count), np.zeros((0, n))
 
     def pose(self) -> Array:
         """See `Plant`."""
         m = self._motion
-        place = m.place + self._robots.middle * np.exp(1j * m.heading)
-        return np.stack([place.real, place.imag, m.heading], axis=1)
+        return np.stack([*(m.place + turned(m.facing, self._robots.middle)), m.heading], axis=1)
 
     def twist(self) -> Array:
         """See `Plant`."""
-        m = self._motion
-        velocity = m.velocity + 1j * m.rate * self._robots.middle * np.exp(1j * m.heading)
-        return np.stack([velocity.real, velocity.imag, m.rate], axis=1)
+        m, (x, y) = self._motion, self._robots.middle
+        ahead, aside, rate = m.twist
+        return np.stack([*turned(m.facing, np.stack([ahead - rate * y, aside + rate * x])), rate], axis=1)
 
     def advance(self, received: Received) -> dict[int, str]:
         """See `Plant`."""
-        motors, battery, firmware, m = self._motors, self._battery, self._firmware, self._motion
+        motors, firmware, m = self._motors, self._firmware, self._motion
         firmware.obey(received)
         gyro_bias, push = self._chance.gyro_bias, self._chance.push()
         if self._faults is not None:
             self._faults.begin()
             push, gyro_bias = push + self._faults.push, gyro_bias + self._faults.gyro
         firmware.correct(received.heading, received.age, motors.winding)
-        gyro = self._chance.gyro_error(gyro_bias)
-        pushed = push[:, 0] + 1j * push[:, 1]
-        m.tilt[:], place = 0.0, m.place.copy()
-        robots = self._robots._replace(torque_constant=motors.constant * self._gear)
-        if self._frame is not None:
-            self._pass_compiled(self._frame, robots, gyro, pushed)
+        gyro, place = self._chance.gyro_error(gyro_bias), m.place.copy()
+        m.tilt[:], m.facing[0], m.facing[1] = 0.0, np.cos(m.heading), np.sin(m.heading)
+        np.multiply(motors.constant.T, self._gear.T, out=self._robots.torque_constant)
+        if self._frame is None:
+            self._pass(gyro, push.T)
         else:
-            self._pass(robots, gyro, pushed)
-        motors.warm(self.currents, self._speeds)
-        battery.discharge(PERIOD_S)
+            self._pass_compiled(self._frame, gyro, push.T)
         return self._check_failed(place)
 
-    def _pass(self, robots: Robots, gyro: Array, push: Plane) -> None:
+    def _pass(self, gyro: Array, push: Array) -> None:
         """Let a frame pass by numpy."""
-        motors, battery, firmware, m = self._motors, self._battery, self._firmware, self._motion
+        motors, battery, firmware, r, m = self._motors, self._battery, self._firmware, self._robots, self._motion
+        rims = self._traction.arrays().rims
         for k in range(self.cycles):
-            duty = firmware.duties(m.seen_rate + gyro, m.seen_angle)
+            duty = firmware.duties(m.seen_rate + gyro, m.seen_angle.T)
             if self._held is not None:
-                motors.hold(duty, self._held, m.speed, battery.voltage[:, None])
-            self._speeds[k], self._supplies[k, :, 0] = m.speed, battery.voltage
-            self._voltages[k], self.currents[k], _ = motors.drive(duty * self._supplies[k], m.speed)
+                motors.hold(duty, self._held, m.speed.T, battery.voltage[:, None])
+            self._speeds[k], self._supplies[k] = m.speed.T, battery.voltage
+            self._voltages[k], self.currents[k], _ = motors.drive(duty * battery.voltage[:, None], m.speed.T)
             if k % EVERY == 0:
-                cycle.drag(robots, m, self._traction, push, self._bodies.downhill)
-            cycle.move(robots, m, self._traction, robots.torque_constant * self.currents[k])
+                cycle.drag(r, m, self._traction, push, self._bodies.downhill)
+            cycle.move(r, m, rims.rim_friction, rims.softness, self.currents[k].T)
             battery.load(self._voltages[k], self.currents[k])
+        motors.warm(self.currents, self._speeds)
+        battery.discharge(PERIOD_S)
 
-    def _pass_compiled(self, frame: Callable[..., None], robots: Robots, gyro: Array, push: Plane) -> None:
+    def _pass_compiled(self, frame: Callable[..., None], gyro: Array, push: Array) -> None:
         """Let a frame pass by a compiled loop."""
-        onboard = (part.arrays() for part in (self._firmware, self._motors, self._battery, self._traction))
-        held = self._nothing if self._held is None else self._held
-        recorded = self._speeds, self._voltages, self.currents, self._supplies
-        robot, forces = (robots, self._motion, self._scratch), (gyro, push, self._bodies.downhill)
-        frame(self._firmware.cycle, *robot, *onboard, *forces, held, *recorded)
-        self._firmware.cycle += self.cycles
+        firmware, motors, battery = self._firmware, self._motors, self._battery
+        onboard = (
+            firmware.arrays(), motors.arrays(), motors.heat_arrays(), battery.arrays(), battery.charge_arrays(),
+            self._traction.arrays(),
+        )  # fmt: skip
+        held = self._nothing if self._held is None else np.ascontiguousarray(self._held.T)
+        forces = gyro, np.ascontiguousarray(push), self._bodies.downhill, held
+        robot = self._robots, self._motion, self._scratch
+        frame(firmware.cycle, PERIOD_S, *robot, *onboard, *forces, *self._recorded, self._supplies)
+        firmware.cycle += self.cycles
 
     def hold(self, current: Array | None) -> None:
         """See `MujocoPlant.hold`."""
@@ -161,21 +165,21 @@ class PlanarPlant:
         before = self._robots.middle
         self._bodies.carry(loads)
         self._robots = wheels.robots(self._settings, self._kinematics, self._bodies, self.drawn)
-        m = self._motion
-        moved = (before - self._robots.middle) * np.exp(1j * m.heading)
-        m.place[:] += moved
-        m.velocity[:] += 1j * m.rate * moved
+        m, (x, y) = self._motion, before - self._robots.middle
+        m.place[:] += turned(m.facing, np.stack([x, y]))
+        m.twist[0] -= m.twist[2] * y
+        m.twist[1] += m.twist[2] * x
 
     def lean(self, along: Array) -> None:
         """Stand on carpets that lean so that gravity has the parts `along` (n, 2) of itself along them."""
         self._bodies.lean(along)
-        self._robots = self._robots._replace(weight=self._bodies.weight)
+        self._robots = self._robots._replace(weight=np.ascontiguousarray(self._bodies.weight.T))
 
     def telemetry(self) -> Telemetry:
         """See `Plant`."""
-        m, recorded = self._motion, (self._voltages, self.currents, self._supplies)
-        slip = np.abs(m.slip) * self._radius
-        return Telemetry.of_wheels(m.angle, m.speed, slip, recorded, self._motors, self._battery)
+        m, recorded = self._motion, (self._voltages, self.currents, self._supplies[..., None])
+        slip = np.abs(m.slip.T) * self._radius
+        return Telemetry.of_wheels(m.angle.T, m.speed.T, slip, recorded, self._motors, self._battery)
 
     def _check_failed(self, place: Array) -> dict[int, str]:
         """Find who has failed, and put them to rest where they were.
@@ -184,10 +188,12 @@ class PlanarPlant:
         frame it may leave them, on the mean it may not.
         """
         m, r = self._motion, self._robots
-        corners = r.contacts[:, np.argsort(np.angle(r.outward))]
-        edges, centre = np.roll(corners, -1, axis=1) - corners, -m.tilt / self.cycles / r.weight.sum(1)
-        topples = ((edges.conj() * (centre[:, None] - corners)).imag < 0).any(1)
-        broken = ~np.isfinite(m.place + m.heading)
+        x, y = r.contacts[:, np.argsort(np.angle(r.outward))]
+        (ahead, aside), weight = m.tilt, r.weight.sum(0) * self.cycles
+        outside = np.diff(x, axis=0, append=x[:1]) * (-aside / weight - y) < np.diff(y, axis=0, append=y[:1]) * (
+            -ahead / weight - x
+        )
+        topples, broken = outside.any(0), ~np.isfinite(m.place.sum(0) + m.heading)
         causes = {
             int(row): "would topple over, which the plant planar does not follow" for row in np.flatnonzero(topples)
         }
@@ -196,11 +202,17 @@ class PlanarPlant:
         self._failed[list(causes)] = True
         if self._failed.any():
             off = self._failed
-            m.place[off] = place[off]
-            for values in (m.velocity, m.rate, m.speed, m.torque, m.slip, m.seen_rate):
-                values[off] = 0.0
-            m.load[off] = r.weight[off]
+            m.place[:, off] = place[:, off]
+            for values in (m.twist, m.speed, m.torque, m.slip, m.seen_rate):
+                values[..., off] = 0.0
+            m.load[:, off] = r.weight[:, off]
         return causes
+
+
+def turned(facing: Array, vectors: Array) -> Array:
+    """Vectors (2, n) along the world's axes, of robots whose headings' cosines and sines are `facing` (2, n)."""
+    (c, s), (x, y) = facing, vectors
+    return np.stack([c * x - s * y, s * x + c * y])
 
 
 def _check(rows: Sequence[Row]) -> None:
