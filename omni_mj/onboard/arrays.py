@@ -1,9 +1,9 @@
 """What compiled loops read and write of n robots with W wheels: plain arrays of firmware, motors, battery and traction.
 
 The classes whose `arrays` they are say what each is. Those of wheels are (W, n) here, so that the same number of all
-robots is in one piece, which several at once are read from; the classes see them the other way round. Handing an array to a compiled function costs 0.2 us, so that what
-is handed over in every cycle are blocks of them, (k, n) or (k, n, W): `firmware`, `motors`, `battery` and `rims` give
-their parts, in Python as in loops.
+robots is in one piece, which several at once are read from; the classes see them the other way round. Handing an array
+to a compiled function costs 0.2 us, so that what is handed over in every cycle are blocks of them, (k, n) or (k, W, n):
+`firmware`, `motors`, `battery` and `rims` give their parts, in Python as in loops.
 """
 
 from typing import NamedTuple
@@ -21,7 +21,7 @@ def filled(values: Array | float, shape: tuple[int, int]) -> Array:
 
 
 def total(each: Array) -> Array:
-    """Sum over wheels, (n,), of numbers (n, W), one after the other: numpy's own would round by the number of robots."""
+    """Sum over wheels, (n,), of numbers (n, W), one after the other: numpy's own rounds by the number of robots."""
     first, *others = each.T
     found: Array = first.copy()
     for other in others:
@@ -30,8 +30,10 @@ def total(each: Array) -> Array:
 
 
 class FirmwareArrays(NamedTuple):
-    """Of `Firmware` and its heading; a loop writes heading, due, cosine, sine, turning, last_count, integral, last_error and
-    held."""
+    """Of `Firmware` and its heading.
+
+    A loop writes heading, due, cosine, sine, turning, last_count, integral, last_error and held.
+    """
 
     heading: Array  # (n,) rad
     bias: Array  # of the gyro, (n,) rad/s

@@ -42,7 +42,7 @@ def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:
     from numba.extending import overload, register_jitable
 
     config: Any = numba.config
-    for law, instead in (laws.where, wide.where), (laws.direction, wide.direction):
+    for law, instead in (laws.where, wide.where), (laws.count, wide.count), (laws.direction, wide.direction):
         if law not in _REGISTERED:
             overload(law)(_always(instead))
             _REGISTERED.add(law)

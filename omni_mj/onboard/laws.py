@@ -28,6 +28,11 @@ def where(condition: Truth, one: Number, other: Number) -> Number:
     return np.where(condition, one, other)
 
 
+def count(number: int) -> int:
+    """The number of a robot, 0 or more (compiled: `wide`)."""
+    return number
+
+
 def direction(angle: Number) -> tuple[Number, Number]:
     """Cosine and sine of an angle, rad (compiled: `wide`)."""
     return np.cos(angle), np.sin(angle)

@@ -15,6 +15,11 @@ def where(condition: Any, one: Any, other: Any) -> Any:
     return one if condition else other
 
 
+def count(number: int) -> int:
+    """`laws.count`, by which numba knows that an index is not from the end."""
+    return np.uint64(number)  # type: ignore[return-value]
+
+
 def direction(angle: Any) -> Any:
     """`laws.direction` without a call: the series of both about the nearest multiple of half pi.
 

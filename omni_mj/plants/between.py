@@ -125,8 +125,8 @@ class Between:
         self._cells, self._recorded = Cells.of(batch, world), recorded
         self._blocks = *self._firmware.block, motors.block, battery.block, self._traction.block
         (angle, rate), n = sensed, len(sensed[1])
-        rows = (np.zeros((count, n)) for count in (2, 2, 3))
-        self._seen = Seen(angle, rate, np.zeros(n), np.zeros_like(angle), *rows, np.zeros(n), np.zeros((2, n)))
+        shapes = (n,), angle.shape, (2, n), (2, n), (3, n), (n,), (2, n)
+        self._seen = Seen(angle, rate, *map(np.zeros, shapes))
         self._nothing = np.zeros((0, n))
         self._travel, self._before, self._after = compiled(travel), compiled(before), compiled(after)
         self._motors, self._battery, self._end = motors, battery, compiled(end)

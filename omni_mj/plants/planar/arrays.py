@@ -80,6 +80,5 @@ class Scratch(NamedTuple):
     @classmethod
     def of(cls, n: int, wheels: int) -> "Scratch":
         """Of n robots with as many wheels each."""
-        each = np.zeros((5, wheels, n))
-        robots = np.zeros((3, n)), np.zeros((9, n)), np.zeros((3, n)), np.zeros(n), np.zeros(n), np.zeros((2, n))
-        return cls(*each, *robots)
+        shapes = [(wheels, n)] * 5 + [(3, n), (9, n), (3, n), (n,), (n,), (2, n)]
+        return cls(*map(np.zeros, shapes))

@@ -18,7 +18,7 @@ from omni_mj.plants.planar.arrays import Motion, Robots, Scratch
 from omni_mj.plants.planar.cycle import PASSES
 from omni_mj.worlds.build import CYCLE_S
 
-TOGETHER = 256  # robots whose numbers fit into the fastest memory
+TOGETHER = 512  # robots whose numbers stay in near memory
 
 
 def frame(
@@ -67,8 +67,7 @@ def frame(
     """
     n = len(gyro)
     for begin in range(0, n, TOGETHER):
-        # Without a sign, of which a compiler cannot know that it is none, and numba would look at each index.
-        first, last = np.uint64(begin), np.uint64(min(begin + TOGETHER, n))
+        first, last = laws.count(begin), laws.count(min(begin + TOGETHER, n))
         for k in range(speeds.shape[0]):
             speed, voltage, current = speeds[k], voltages[k], currents[k]
             for i in range(first, last):
@@ -153,11 +152,11 @@ def _solve(first: int, last: int, r: Robots, m: Motion, s: Scratch, limit: Array
         inertia = r.inertia[0, i], r.inertia[1, i], r.inertia[2, i], r.inertia[3, i], r.inertia[4, i], r.inertia[5, i]
         twist, force = (m.twist[0, i], m.twist[1, i], m.twist[2, i]), (m.force[0, i], m.force[1, i], m.force[2, i])
         s.momentum[0, i], s.momentum[1, i], s.momentum[2, i] = planar.momentum(inertia, twist, force)
-    for attempt in range(1 + PASSES):
+    for _ in range(1 + PASSES):
         for each in range(6):
-            sums, inertia_, squares = s.sums[each], r.inertia[each], r.squares[each]
+            sums, own, squares = s.sums[each], r.inertia[each], r.squares[each]
             for i in range(first, last):
-                sums[i] = inertia_[i]
+                sums[i] = own[i]
             for w in range(wheels):
                 for i in range(first, last):
                     sums[i] += s.pull[w, i] * squares[w, i]
