@@ -30,6 +30,7 @@ SHORT = ["reference.waypoints=[[0, 0], [0.1, 0.05]]", "reference.settle_s=0"]  #
 CONTROLLERS = "adaptive-comp-flc", "mpc"  # the costliest
 KERNELS, WHAT = ("numpy", "numba"), ("plant ", "loop ")
 CASES = (1, "rollers"), (1, "two-rollers"), (16, "rollers"), (64, "rollers"), (64, "two-rollers")
+PLANAR = 1, 64, 1024
 OUT = Path("bench.json")
 
 
@@ -107,6 +108,35 @@ def report(robots: int, wheels: str) -> dict[str, float]:
     simulated = len(commands) * PERIOD_S * robots
     found = {name: used / times["bare"] for name, used in times.items() if name != "bare"}
     return {"bare simulated s per CPU-s": simulated / times["bare"], **found}
+
+
+def report_planar(robots: int) -> dict[str, float]:
+    """Simulated seconds per CPU second of the plant `planar`, firmware included, and of the loop around it."""
+    chosen = {
+        kernel: scenario.load(
+            "rect",
+            [*(SHORT if robots > 1 else DRIVE), f"physics.kernel={kernel}"],
+            {"plant": "planar", "seeds": robots, "controllers": ("comp-flc",)},
+        )
+        for kernel in KERNELS
+    }
+    log = Simulation(chosen["numpy"]).run()
+    commands = [Received.at_once(command) for command in log.channel("applied")]
+
+    def plant(kernel: str) -> Callable[[], object]:
+        driven = Simulation(chosen[kernel]).plant
+
+        def work() -> None:
+            for received in commands:
+                driven.advance(received)
+
+        return work
+
+    works: dict[str, Callable[[], Callable[[], object]]] = {}
+    for kernel in KERNELS:
+        works |= {f"plant, {kernel}": partial(plant, kernel), f"loop, {kernel}": partial(_whole, chosen[kernel])}
+    simulated = len(commands) * PERIOD_S * robots
+    return {name: simulated / used for name, used in fastest(works, ROUNDS).items()}
 
 
 def _whole(chosen: Scenario) -> Callable[[], object]:
@@ -194,6 +224,10 @@ def main() -> None:
     print(f"{'robots, wheels':24s} {'bare':>14s}", *(f"{what + kernel:>14s}" for kernel in KERNELS for what in WHAT))
     for robots, wheels in CASES:
         show(f"{robots}, {wheels}", report(robots, wheels))
+    print("\nthe plant planar, robot-seconds simulated in a CPU-second")
+    print(f"{'robots':24s}", *(f"{what + kernel:>14s}" for kernel in KERNELS for what in WHAT))
+    for robots in PLANAR:
+        show(f"{robots}, planar", report_planar(robots))
     print("\nbare steps on two threads, times as fast as on one (wall)")
     for robots in (2, 4, 8, 16, 64):
         show(f"{robots} on two threads", report_threads(robots))

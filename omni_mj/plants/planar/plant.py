@@ -1,6 +1,7 @@
 """The planar plant: robots in the plane, on wheels that creep and slide, driven by their firmware (docs/planar.md)."""
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from omni_mj.plants import Telemetry
 from omni_mj.plants.chance import Chance
 from omni_mj.plants.faults import Faults
 from omni_mj.plants.planar import by_robot, cycle, wheels
-from omni_mj.plants.planar.arrays import Motion, Scratch
+from omni_mj.plants.planar.arrays import Motion, Robots, Scratch
 from omni_mj.plants.planar.bodies import Bodies
 from omni_mj.plants.variation import Drawn
 from omni_mj.scenarios.rows import Row
@@ -164,7 +165,7 @@ class PlanarPlant:
         """Carry these loads and no others; see `omni_mj.plants.payload.Carriers`. The robots' middles stay."""
         before = self._robots.middle
         self._bodies.carry(loads)
-        self._robots = wheels.robots(self._settings, self._kinematics, self._bodies, self.drawn)
+        self._become(wheels.robots(self._settings, self._kinematics, self._bodies, self.drawn))
         m, (x, y) = self._motion, before - self._robots.middle
         m.place[:] += turned(m.facing, np.stack([x, y]))
         m.twist[0] -= m.twist[2] * y
@@ -173,7 +174,7 @@ class PlanarPlant:
     def lean(self, along: Array) -> None:
         """Stand on carpets that lean so that gravity has the parts `along` (n, 2) of itself along them."""
         self._bodies.lean(along)
-        self._robots = self._robots._replace(weight=np.ascontiguousarray(self._bodies.weight.T))
+        self._become(self._robots._replace(weight=np.ascontiguousarray(self._bodies.weight.T)))
 
     def telemetry(self) -> Telemetry:
         """See `Plant`."""
@@ -188,25 +189,34 @@ class PlanarPlant:
         frame it may leave them, on the mean it may not.
         """
         m, r = self._motion, self._robots
-        x, y = r.contacts[:, np.argsort(np.angle(r.outward))]
-        (ahead, aside), weight = m.tilt, r.weight.sum(0) * self.cycles
-        outside = np.diff(x, axis=0, append=x[:1]) * (-aside / weight - y) < np.diff(y, axis=0, append=y[:1]) * (
-            -ahead / weight - x
-        )
-        topples, broken = outside.any(0), ~np.isfinite(m.place.sum(0) + m.heading)
+        (x, y), (along, across), weight = self._polygon
+        topples = (along * (m.tilt[1] + y * weight) > across * (m.tilt[0] + x * weight)).any(0)
+        broken = ~np.isfinite(m.place[0] + m.place[1] + m.heading)
+        if not (topples.any() or broken.any() or self._failed.any()):
+            return {}
         causes = {
             int(row): "would topple over, which the plant planar does not follow" for row in np.flatnonzero(topples)
         }
         causes |= {int(row): "became unstable: its pose is not a number" for row in np.flatnonzero(broken)}
         causes = {row: cause for row, cause in causes.items() if not self._failed[row]}
         self._failed[list(causes)] = True
-        if self._failed.any():
-            off = self._failed
-            m.place[:, off] = place[:, off]
-            for values in (m.twist, m.speed, m.torque, m.slip, m.seen_rate):
-                values[..., off] = 0.0
-            m.load[:, off] = r.weight[:, off]
+        off = self._failed
+        m.place[:, off] = place[:, off]
+        for values in (m.twist, m.speed, m.torque, m.slip, m.seen_rate):
+            values[..., off] = 0.0
+        m.load[:, off] = r.weight[:, off]
         return causes
+
+    @cached_property
+    def _polygon(self) -> tuple[Array, Array, Array]:
+        """Where wheels touch, one after the other round the robot, from each to the next, and a frame's weights."""
+        corners = self._robots.contacts[:, np.argsort(np.angle(self._robots.outward))]
+        return corners, np.roll(corners, -1, axis=1) - corners, self._robots.weight.sum(0) * self.cycles
+
+    def _become(self, robots: Robots) -> None:
+        """Be these from now on."""
+        self._robots = robots
+        vars(self).pop("_polygon", None)
 
 
 def turned(facing: Array, vectors: Array) -> Array:
