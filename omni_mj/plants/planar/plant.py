@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -91,7 +92,7 @@ class PlanarPlant:
         self._frame: Callable[..., None] | None = None
         if settings[0].physics.kernel == "numba":
             self._frame = compiled(by_robot.frame)
-            self._scratch, self._nothing = Scratch.of(n, count), np.zeros((0, n))
+            self._scratch, self._nothing, self._onboard = Scratch.of(n, count), np.zeros((0, n)), self._arrays()
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -141,16 +142,19 @@ class PlanarPlant:
 
     def _pass_compiled(self, frame: Callable[..., None], gyro: Array, push: Array) -> None:
         """Let a frame pass by a compiled loop."""
-        firmware, motors, battery = self._firmware, self._motors, self._battery
-        onboard = (
-            firmware.arrays(), motors.arrays(), motors.heat_arrays(), battery.arrays(), battery.charge_arrays(),
-            self._traction.arrays(),
-        )  # fmt: skip
+        firmware = self._firmware
+        onboard = self._onboard if self._faults is None else self._arrays()
         held = self._nothing if self._held is None else np.ascontiguousarray(self._held.T)
         forces = gyro, np.ascontiguousarray(push), self._bodies.downhill, held
         robot = self._robots, self._motion, self._scratch
         frame(firmware.cycle, PERIOD_S, *robot, *onboard, *forces, *self._recorded, self._supplies)
         firmware.cycle += self.cycles
+
+    def _arrays(self) -> tuple[NamedTuple, ...]:
+        """What is on the robots, for a compiled loop; only faults put other arrays in the place of these."""
+        motors, battery = self._motors, self._battery
+        heat, charge = motors.heat_arrays(), battery.charge_arrays()
+        return self._firmware.arrays(), motors.arrays(), heat, battery.arrays(), charge, self._traction.arrays()
 
     def hold(self, current: Array | None) -> None:
         """See `MujocoPlant.hold`."""
