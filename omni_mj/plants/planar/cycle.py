@@ -9,6 +9,8 @@ from omni_mj.plants.planar import laws
 from omni_mj.plants.planar.arrays import Motion, Robots
 from omni_mj.worlds.build import CYCLE_S
 
+Twist = tuple[Array, Array, Array]  # or the momentum of one: ahead, aside, turning
+
 PASSES = 3  # wheels that turn out to slide let others slide; more than two are rare
 
 
@@ -55,12 +57,12 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, current: Ar
     limit, soft = rim_friction * pressed, laws.soft(softness, pressed, r.contact)
     end, give = laws.hub(m.speed, r.torque_constant * current, m.torque, soft, r.give, r.viscous, r.dry)
     pull = 1 / (soft + give)
-    momentum = np.stack(laws.momentum(tuple(r.inertia), tuple(m.twist), tuple(m.force)))
+    momentum = laws.momentum(tuple(r.inertia), tuple(m.twist), tuple(m.force))
     twist = _twist(r.inertia, momentum, pull, pull * end, r.squares, r.rims)
     rims = _rims(r.rims, twist)
     torque = pull * (end - rims)
     over = np.abs(torque) > limit
-    held = np.zeros_like(pull)
+    held = np.zeros_like(pull) if over.any() else pull
     for _ in range(PASSES):
         rows = np.flatnonzero(over.any(0))
         if not len(rows):
@@ -70,39 +72,40 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, current: Ar
         np.copysign(limit, torque, out=held, where=over)
         pull[over] = 0.0
         few, of = pull[:, some], r.rims[..., some]
-        ends = few * end[:, some] + held[:, some]
-        twist[:, some] = _twist(r.inertia[:, some], momentum[:, some], few, ends, r.squares[..., some], of)
-        rims[:, some] = _rims(of, twist[:, some])
+        ends, before = few * end[:, some] + held[:, some], tuple(each[some] for each in momentum)
+        found = _twist(r.inertia[:, some], before, few, ends, r.squares[..., some], of)
+        for each, new in zip(twist, found, strict=True):
+            each[some] = new
+        rims[:, some] = _rims(of, found)
         torque = np.where(held == 0, pull * (end - rims), held)
         over = (np.abs(torque) > limit) & (held == 0)
     np.minimum(np.maximum(torque, -limit, out=m.torque), limit, out=m.torque)
 
     m.seen_angle[:], m.seen_rate[:] = m.angle, m.twist[2]
     np.subtract(end, give * m.torque, out=m.speed)
-    m.angle[:] += CYCLE_S * m.speed
+    np.add(m.angle, CYCLE_S * m.speed, out=m.angle)
     np.subtract(m.speed, rims, out=m.slip)
     tilt = r.height * (_total(m.torque * r.rims[:2]) + m.ground) - r.pushed_height * m.push
-    m.tilt[:] += tilt
-    shifted = r.ahead * tilt[0] + r.aside * tilt[1]
-    np.maximum(r.weight - shifted + m.raised, 0.0, out=m.load)
+    np.add(m.tilt, tilt, out=m.tilt)
+    np.maximum(r.weight - (r.ahead * tilt[0] + r.aside * tilt[1]) + m.raised, 0.0, out=m.load)
 
     (x, y, rate), (cosine, sine), turn = twist, m.facing, CYCLE_S * twist[2]
     m.place[0] += CYCLE_S * (cosine * x - sine * y)
     m.place[1] += CYCLE_S * (sine * x + cosine * y)
-    m.heading[:] += turn
+    np.add(m.heading, turn, out=m.heading)
     c, s = laws.small(turn)
     m.facing[0], m.facing[1] = cosine * c - sine * s, sine * c + cosine * s
     m.twist[0], m.twist[1], m.twist[2] = c * x + s * y, c * y - s * x, rate
 
 
-def _twist(inertia: Array, momentum: Array, pull: Array, ends: Array, squares: Array, rims: Array) -> Array:
-    """Twists (3, k) of k robots that wheels pull."""
-    a, b = inertia + _total(pull * squares), momentum + _total(ends * rims)
-    return np.stack(laws.solved(tuple(a), tuple(b)))
+def _twist(inertia: Array, momentum: Twist, pull: Array, ends: Array, squares: Array, rims: Array) -> Twist:
+    """Twists, (k,) each, of k robots that wheels pull."""
+    a, (x, y, z), (p, q, u) = inertia + _total(pull * squares), _total(ends * rims), momentum
+    return laws.solved(tuple(a), (p + x, q + y, u + z))
 
 
-def _rims(rims: Array, twist: Array) -> Array:
-    """Angular speeds (W, k) of the rims of k robots with twists (3, k)."""
+def _rims(rims: Array, twist: Twist) -> Array:
+    """Angular speeds (W, k) of the rims of k robots with twists, (k,) each."""
     found: Array = rims[0] * twist[0]
     found += rims[1] * twist[1]
     found += rims[2] * twist[2]
