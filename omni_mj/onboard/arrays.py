@@ -20,12 +20,11 @@ def filled(values: Array | float, shape: tuple[int, int]) -> Array:
     return array
 
 
-def total(each: Array) -> Array:
-    """Sum over wheels, (n,), of numbers (n, W), one after the other: numpy's own rounds by the number of robots."""
-    first, *others = each.T
-    found: Array = first.copy()
-    for other in others:
-        found += other
+def total(each: np.ndarray) -> np.ndarray:
+    """Sums over wheels of (..., W, n), one after the other: numpy's own would round by the number of robots."""
+    found: np.ndarray = each[..., 0, :] + each[..., 1, :]
+    for wheel in range(2, each.shape[-2]):
+        found += each[..., wheel, :]
     return found
 
 

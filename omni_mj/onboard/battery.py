@@ -46,7 +46,7 @@ class Battery:
         battery's voltage, and beside one that gives no more power, the driver burns.
         """
         duty = laws.share(voltage, (self.voltage + self._dead)[:, None])
-        drawn = arrays.total(duty * current)
+        drawn = arrays.total((duty * current).T)
         self._drawn += drawn
         self.voltage[:] = self.share * laws.sagged(self._open, self._resistance, drawn)
         self._loads += 1

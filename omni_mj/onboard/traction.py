@@ -133,13 +133,13 @@ class Traction:
             friction = np.where(laws.over_gap(angle, self._gap), 0.0, friction)
         speed, direction, held = laws.rolled(wheel, self._bearing, friction)
         drag = load * (self.carpet.pile(direction, heading) * direction + held)
-        force = -arrays.total(drag * self._outward)
+        force = -arrays.total((drag * self._outward).T)
         world = force * heading
         x, y, height = self.centre.T
         wrench = self.wrench
         wrench[:, 0], wrench[:, 1] = world.real, world.imag
         wrench[:, 3], wrench[:, 4] = height * world.imag, -height * world.real
-        wrench[:, 5] = -self._arm * arrays.total(drag.imag) - x * force.imag + y * force.real
+        wrench[:, 5] = -self._arm * arrays.total(drag.imag.T) - x * force.imag + y * force.real
         self._softness[:] = self._creep * speed
         self._rim_friction[:] = laws.left_for_the_rim(friction, held, self._radius)
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.onboard import laws as onboard
+from omni_mj.onboard.arrays import total
 from omni_mj.onboard.traction import Traction
 from omni_mj.plants.planar import laws
 from omni_mj.plants.planar.arrays import Motion, Robots
@@ -33,14 +34,14 @@ def drag(r: Robots, m: Motion, traction: Traction, push: Array, downhill: Array)
     along = laws.rolling(rims, spin, r.cost, r.cost_fades) / r.lever
     each, wrench = (aside + 1j * along) * outward, traction.wrench
     upright = facing.conj()
-    pushed, ground = _plane(push) * upright, (wrench[:, 0] + 1j * wrench[:, 1]) * upright + _total(each)
+    pushed, ground = _plane(push) * upright, (wrench[:, 0] + 1j * wrench[:, 1]) * upright + total(each)
     whole, (x, y) = ground + pushed + _plane(downhill) * upright, r.contacts
     m.push[0], m.push[1], m.ground[0], m.ground[1] = pushed.real, pushed.imag, ground.real, ground.imag
     m.force[0], m.force[1] = whole.real, whole.imag
-    turning = _total(x * each.imag - y * each.real)
+    turning = total(x * each.imag - y * each.real)
     m.force[2] = wrench[:, 5] + turning + (r.pushed[0] * pushed.imag - r.pushed[1] * pushed.real)
     raised = laws.lifting(spin, r.lift, r.lift_fades)
-    m.raised[:] = raised - r.even * _total(raised) - r.ahead * _total(x * raised) - r.aside * _total(y * raised)
+    m.raised[:] = raised - r.even * total(raised) - r.ahead * total(x * raised) - r.aside * total(y * raised)
 
 
 def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, current: Array) -> None:
@@ -85,7 +86,7 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, current: Ar
     np.subtract(end, give * m.torque, out=m.speed)
     np.add(m.angle, CYCLE_S * m.speed, out=m.angle)
     np.subtract(m.speed, rims, out=m.slip)
-    tilt = r.height * (_total(m.torque * r.rims[:2]) + m.ground) - r.pushed_height * m.push
+    tilt = r.height * (total(m.torque * r.rims[:2]) + m.ground) - r.pushed_height * m.push
     np.add(m.tilt, tilt, out=m.tilt)
     np.maximum(r.weight - (r.ahead * tilt[0] + r.aside * tilt[1]) + m.raised, 0.0, out=m.load)
 
@@ -100,7 +101,7 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, current: Ar
 
 def _twist(inertia: Array, momentum: Twist, pull: Array, ends: Array, squares: Array, rims: Array) -> Twist:
     """Twists, (k,) each, of k robots that wheels pull."""
-    a, (x, y, z), (p, q, u) = inertia + _total(pull * squares), _total(ends * rims), momentum
+    a, (x, y, z), (p, q, u) = inertia + total(pull * squares), total(ends * rims), momentum
     return laws.solved(tuple(a), (p + x, q + y, u + z))
 
 
@@ -109,14 +110,6 @@ def _rims(rims: Array, twist: Twist) -> Array:
     found: Array = rims[0] * twist[0]
     found += rims[1] * twist[1]
     found += rims[2] * twist[2]
-    return found
-
-
-def _total(each: np.ndarray) -> np.ndarray:
-    """Sums over wheels of (..., W, n), one after the other: numpy's own would round by the number of robots."""
-    found: np.ndarray = each[..., 0, :] + each[..., 1, :]
-    for wheel in range(2, each.shape[-2]):
-        found += each[..., wheel, :]
     return found
 
 
