@@ -24,7 +24,7 @@ def load(name: str | None, overrides: Iterable[str], head: Mapping[str, Any]) ->
     """A scenario as `run` reads it, with robots that stop when they hear nothing, unless it says after how long.
 
     What reckons between physics steps is compiled where numba is installed, unless an override says what does: to the
-    bit the same comes of it (`omni_mj.onboard.kernel`), in a third less time.
+    bit the same comes of it (`omni_mj.onboard.kernel`), in less time.
 
     Args:
         name: of a scenario or its file; without one, settings are the robot's and the defaults, without dead time.

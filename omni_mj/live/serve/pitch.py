@@ -158,7 +158,7 @@ class Pitch:
                 self.names[body] = name
             elif len(self.names) + len(new) < MOST:
                 new.append(name)
-            elif (body := self._free(Team, wanted)) is not None:
+            elif (body := self._free(tuple(Team), wanted)) is not None:
                 self.names[body], lent = name, True
             else:
                 refused.append(Refusal("TOO_MANY", f"{label(name)} would be robot {MOST + 1}; a world has {MOST}"))

@@ -33,7 +33,7 @@ class Publisher:
     Attributes:
         to: as given.
         lateness: of detections that were sent, s of our time after they were due.
-        detections: those that were sent, for whoever empties it; the newest of each camera is among them.
+        detections: a list to which those that are sent are added, or None.
 
     Raises:
         OmniError: there is no such interface.
@@ -46,7 +46,7 @@ class Publisher:
         self._socket: socket.socket = sender(interface)
         self._epoch: float | None = None  # in stamps, of the simulated time 0
         self.lateness = deque[float](maxlen=REMEMBERED)
-        self.detections = deque[Detection](maxlen=REMEMBERED)
+        self.detections: list[Detection] | None = None
         self._outbox: list[tuple[float, int, Image]] = []
         self._images, self._newest = 0, dict[int, bytes]()
         self._geometry_due = 0
@@ -81,7 +81,8 @@ class Publisher:
             detection = self._pitch.detection(image, self._epoch)
             self._newest[image.camera] = encode(VisionPacket(detection))
             self._send(self._newest[image.camera])
-            self.detections.append(detection)
+            if self.detections is not None:
+                self.detections.append(detection)
             self.lateness.append(time.monotonic() - self._pace.when(due * CYCLE_RATE_HZ))
         if self._pitch.cycle >= self._geometry_due:
             self._send_geometry()

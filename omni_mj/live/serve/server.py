@@ -26,6 +26,7 @@ from omni_mj.live.wire.simulation import (
     SyncResponse,
     Team,
 )
+from omni_mj.live.wire.vision import Detection
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ
 
 PACE_CYCLES = 4  # from one look at the clock to the next at least, while nothing comes and nothing is due
@@ -212,7 +213,7 @@ class Server:
             refused.append(Refusal("NO_TEAM", "commands to robots go to a team's port"))
         elif request.robot_control is not None and team is not None:
             answer = self._command(team, request.robot_control)
-        self.publisher.detections.clear()
+        self.publisher.detections = sent = list[Detection]()
         step = request.sim_step or 0.0
         if 0 <= step <= LONGEST_STEP_S:
             cycles = round(step * CYCLE_RATE_HZ + self._rest)
@@ -220,8 +221,9 @@ class Server:
             self._advance(self.pitch.cycle + cycles)
         else:
             refused.append(Refusal("STEP", f"a step takes 0 to {LONGEST_STEP_S:g} s, not {step:g}"))
+        self.publisher.detections = None
         errors = *answer.errors, *(refusal.error for refusal in refused)
-        return encode(SyncResponse(tuple(self.publisher.detections), answer._replace(errors=errors)))
+        return encode(SyncResponse(tuple(sent), answer._replace(errors=errors)))
 
     def _simulator(self, data: bytes) -> bytes:
         """Obey a command to the simulator, and answer it."""
