@@ -19,7 +19,7 @@ def test_everything_that_plants_on_wheels_know_happens_in_the_storm() -> None:
 
 def test_robots_come_out_of_the_storm_on_the_field_and_at_rest() -> None:
     """Whatever their controller believed meanwhile; its estimates are within what it allows. Each fault is an event."""
-    simulation = Simulation(STORM, ["comp-flc", "adaptive", "lqr"], seeds=[5])
+    simulation = Simulation(STORM, ["comp-flc", "adaptive-comp-flc"], seeds=[5])
     log = simulation.run()
     assert not simulation.failures
     pose = log.channel("pose")
@@ -33,7 +33,7 @@ def test_robots_come_out_of_the_storm_on_the_field_and_at_rest() -> None:
     assert known.any()
     assert (latency[known] >= 0).all()
     assert (latency[known] < 30).all()
-    told = [event for event in events.find(log) if event.kind == events.FAULT and event.controller == "lqr"]
+    told = [event for event in events.find(log) if event.kind == events.FAULT and event.controller == "comp-flc"]
     assert len(told) == 2 * len(STORM.settings.fault)
 
 

@@ -62,10 +62,7 @@ class Lqr(Controller):
         velocity = velocity + self.disturbance
         self.predicted = position + self.told.lag_s * velocity
         at, speed, feed_forward = self._wanted(frame)
-        error = pose_error(at, position)
-        # Beyond its range an error asks for more than limits let through, and the loop would swing between these.
-        error[:, :2] /= np.maximum(np.hypot(*error[:, :2].T) / self.told.error_range_m, 1.0)[:, None]
-        correction = self.gain[0] * error + self.gain[1] * (speed - velocity)
+        correction = self.gain[0] * pose_error(at, position) + self.gain[1] * (speed - velocity)
         return feed_forward - self.disturbance + correction
 
     def _disturb(self, pose: Array) -> None:
