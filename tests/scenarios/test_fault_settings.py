@@ -200,7 +200,8 @@ def test_what_is_compared_happens_on_its_plant() -> None:
     """All scenarios on the one with wheels; on the other those without faults, and the radio's and the camera's."""
     assert {"rect", "fault-push", "fault-delay", "fault-vision"} <= set(usual("mujoco"))
     assert set(usual("mujoco")) - set(usual("kinematic")) == {
-        f"fault-{name}" for name in ("push", "tilt", "friction", "payload", "motor")
+        f"fault-{name}"
+        for name in ("push", "tilt", "friction", "payload", "motor", "firmware", "sensors", "wheels", "hand")
     }
 
 

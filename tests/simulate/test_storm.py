@@ -1,0 +1,49 @@
+"""The scenario in which everything happens at once: robots err, but stay within the field and come to rest."""
+
+import numpy as np
+import pytest
+
+import omni_mj as om
+from omni_mj.measure import events
+from omni_mj.scenarios.faults import KINDS, ON_WHEELS
+from omni_mj.simulate.simulation import Simulation
+
+HALF_FIELD_M = (4.5, 3.0)  # division B
+STORM = om.scenario("storm", plant="planar", physics={"kernel": "numba"})
+
+
+def test_everything_that_plants_on_wheels_know_happens_in_the_storm() -> None:
+    kinds = {name for name, kind in KINDS.items() if not kind.plants or set(ON_WHEELS) <= set(kind.plants)}
+    assert {fault.kind for fault in STORM.settings.fault} == kinds
+
+
+def test_robots_come_out_of_the_storm_on_the_field_and_at_rest() -> None:
+    """Whatever their controller believed meanwhile; its estimates are within what it allows. Each fault is an event."""
+    simulation = Simulation(STORM, ["comp-flc", "adaptive-comp-flc"], seeds=[5])
+    log = simulation.run()
+    assert not simulation.failures
+    pose = log.channel("pose")
+    assert (np.abs(pose[..., :2]).max((0, 1)) < HALF_FIELD_M).all()
+    assert np.abs(pose[..., :2] - log.channel("ref")[..., :2]).max() > 0.1, "it is a storm"
+    moved = np.abs(np.diff(pose[-15:], axis=0)).max((0, 1)) * 60
+    assert (moved < [0.03, 0.03, 0.15]).all()
+    assert np.abs(pose[-1] - log.channel("ref")[-1])[:, :2].max() < 0.02
+    latency = log.channel("latency_hat")
+    known = ~np.isnan(latency)
+    assert known.any()
+    assert (latency[known] >= 0).all()
+    assert (latency[known] < 30).all()
+    told = [event for event in events.find(log) if event.kind == events.FAULT and event.controller == "comp-flc"]
+    assert len(told) == 2 * len(STORM.settings.fault)
+
+
+@pytest.mark.parametrize("kernel", ["numpy", "numba"])
+def test_a_row_of_the_storm_is_what_it_is_alone(kernel: str) -> None:
+    """To the bit, through radio, cameras, filter, controller and plant; a second of it."""
+    chosen = STORM.replace(settings=STORM.settings.replace(physics={"kernel": kernel}))
+    together, alone = Simulation(chosen, ["flc"], seeds=[0, 1]), Simulation(chosen, ["flc"], seeds=[1])
+    for simulation in (together, alone):
+        for _ in range(150):
+            simulation.step()
+    np.testing.assert_array_equal(together.log.channel("pose")[:, 1], alone.log.channel("pose")[:, 0])
+    np.testing.assert_array_equal(together.log.channel("applied")[:, 1], alone.log.channel("applied")[:, 0])
