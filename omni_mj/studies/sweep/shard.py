@@ -1,5 +1,6 @@
 """A shard: some runs of a sweep, simulated together and measured; a table of one line per robot is what remains."""
 
+import gc
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -43,6 +44,7 @@ def run(plan: Plan, job: Job, after_frame: Callable[[int], None] = nothing) -> "
     """
     import pyarrow as pa
 
+    gc.collect()  # the shard before, which is held by itself in circles: its log would take as much memory again
     driven = simulation(plan, job)
     log = driven.run(after_frame)
     failures = {failure.row: failure for failure in driven.failures}
