@@ -162,7 +162,7 @@ def test_our_own_recording_of_our_own_robot(tmp_path: Path, capsys: pytest.Captu
 def test_the_plan_is_a_scenario_within_the_limits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert invoke("identify", "--plan", "--out", tmp_path / "out") == 0
     printed = capsys.readouterr().out
-    moves = [line.split() for line in printed.splitlines()[2:-1]]
+    moves = [line.split() for line in printed.splitlines()[2:-2]]
     assert {move[0] for move in moves} == {"forward", "sideways", "diagonal", "turning"}
     assert max(float(move[-1]) for move in moves if move[0] == "forward") > 1.7
     plan = om.scenario(str(tmp_path / "out" / "plan.toml"))

@@ -50,7 +50,6 @@ def logs(
     push: float = 0.0,
     weak: float = 1.0,
     lean: complex = 0.0,
-    jitter: float = 0.0,
 ) -> Logs:
     """Drive between random velocities, 3/4 s each, along trapezoids.
 
@@ -65,7 +64,6 @@ def logs(
         push: an acceleration that swings along x at 1.1 Hz, m/s^2, and that no law knows.
         weak: share of the first wheel's load that its traction is in proportion to.
         lean: what a slope of the carpet pulls along x, and y as the imaginary part, m/s^2.
-        jitter: standard deviation of the delay from command to command, s; the newest that is there counts.
     """
     rng, n, lines = np.random.default_rng(seed), len(truths), round(seconds * rate)
     fine = max(1, round(FINE / rate))
@@ -90,7 +88,6 @@ def logs(
         if k % round(0.75 * rate) == 1:
             goal = rng.uniform(-1, 1, (n, 3)) * [speed, speed, turn]
         command[k] = command[k - 1] + np.clip(goal - command[k - 1], -steepest, steepest)
-    arrives = np.arange(lines)[:, None] / rate + late.T + jitter * rng.normal(size=(lines, n))
     z, v, heading, w = np.zeros(n, complex), np.zeros(n, complex), np.zeros(n), np.zeros(n)
     rim, angle, pulling = np.zeros((n, len(azimuth))), np.zeros((n, len(azimuth))), np.zeros(n, complex)
     poses, angles = np.zeros((lines, n, 3)), np.zeros((lines, n, len(azimuth)))
@@ -98,8 +95,8 @@ def logs(
         poses[k], angles[k] = np.stack([z.real, z.imag, heading], 1), angle
         for i in range(fine):
             t = (k + (i + 0.5) / fine) / rate
-            line = lines - 1 - np.argmax((arrives <= t)[::-1], axis=0)
-            u = np.where((arrives <= t).any(0)[:, None], command[line, np.arange(n)], 0.0)
+            line = np.floor((t - late[:, 0]) * rate).astype(int)
+            u = np.where((line >= 0)[:, None], command[np.maximum(line, 0), np.arange(n)], 0.0)
             ahead = np.exp(1j * heading)
             told = (np.conj(drive) * ((u[:, 0] + 1j * u[:, 1]) / ahead)[:, None]).real
             told = told + arm * (u[:, 2] + settings.firmware.turn_gain * (u[:, 2] - w))[:, None]

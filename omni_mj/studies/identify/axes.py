@@ -17,7 +17,7 @@ TURNED_RAD = 0.5  # from which axes are taken for wrong
 MOVES_M_S, TURNS_RAD_S = 0.05, 0.2  # root mean square, below which nothing is looked at
 LATEST_S = 0.5
 ONE_LINE = 0.04  # mean square across a line over that along it, below which inputs keep to it
-SIZES = {"wheels": (0.5, 2.0), "commands": (1 / 3, 3.0)}  # of motion over inputs, beyond which units are others
+SIZES = {"wheels": (0.5, 2.0), "commands": (0.25, 2.5)}  # of motion over inputs, beyond which units are others
 FOLLOWS = 0.3  # share of the motion's variance below which inputs are not what moved the robot
 
 

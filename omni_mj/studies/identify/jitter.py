@@ -32,6 +32,7 @@ KIND = Kind("jitter of the delay, standard deviation", "s", LIMIT_S, SHARE, "", 
 LOST = Kind("commands that were lost, share", "", 0.02, 0, "", STEPS)
 LAW_S = KINDS[LATE].law  # by which the law is wrong about delays, from move to move
 LAGS = 10  # of residuals, of which sums count
+LASTING = 0.45  # share of residuals with delays of their own that lasts, from which on they are not delays
 LONGEST_S, GRID = 0.1, 401
 NORMAL = 1.96
 LEAST = 20  # stamps
@@ -59,8 +60,14 @@ def of_stamps(logs: Sequence[Log]) -> Iterator[Estimate]:
     yield judged("lost", LOST, "stamps", share, float(np.sqrt(share * (1 - share) / len(missing))), NORMAL)
 
 
-def of_moves(fitted: Fit, segments: Segments) -> Estimate:
-    """Jitter by what each stretch says of its delay."""
+def of_moves(fitted: Fit, segments: Segments, left_out: int = 0) -> Estimate:
+    """Jitter by what each stretch says of its delay.
+
+    Args:
+        fitted: to segments.
+        segments: the stretches.
+        left_out: how many others there are, whose residuals are too large; of those with the longest delays, maybe.
+    """
     squares = np.maximum((fitted.by_latency**2).sum((1, 2)), 1e-12)
     own = -(fitted.by_latency * fitted.residual).sum((1, 2)) / squares
     left = fitted.residual + own[:, None, None] * fitted.by_latency
@@ -75,7 +82,9 @@ def of_moves(fitted: Fit, segments: Segments) -> Estimate:
     inside = grid[likelihood > likelihood[best] - stats.chi2.ppf(0.95, 1) / 2]
     low, high = float(inside[0]), float(inside[-1])
     value, half, why = float(grid[best]), (high - low) / 2, None
-    if rest.misfit:
+    if left_out:
+        why = f"{left_out} stretches are left out, which may be those of the longest delays"
+    elif rest.lasting > LASTING * rest.rms:
         why = f"the law lacks what looks like delays that differ: {1e3 * rest.lasting:.1f} mm of residuals that last"
     elif half > (limit := max(LIMIT_S, SHARE * value)) or high >= LONGEST_S:
         why = (

@@ -140,6 +140,7 @@ def by_commands(logs: Sequence[Log], settings: Settings, rolled: Fit | None) -> 
         else:
             found = fit(body, used, start, late, free, dict.fromkeys(CONTACTS, 0.0))
             given = "it needs faster moves"
+    whole = len(used)
     found, used = _usual(body, used, found, free, {}, notes, "commands", logs)
     if found.misfit and "integral_1_s" not in free:
         start = found.parameters.copy()
@@ -153,7 +154,7 @@ def by_commands(logs: Sequence[Log], settings: Settings, rolled: Fit | None) -> 
         delay = settings.radio.delay_frames * PERIOD_S
         lates = np.tile([delay, found.late[0]], (len(held), 1))
         prediction = predict(body, held, np.stack([believed, found.parameters]), lates)
-    told = [*estimates(found, body, settings, used, given), jitter.of_moves(found, used)]
+    told = [*estimates(found, body, settings, used, given), jitter.of_moves(found, used, whole - len(used))]
     odd = list(suspects.odd_loops(found, body, used)) if found.misfit else []
     return Part("commands", found, used, prediction, told, notes, odd)
 

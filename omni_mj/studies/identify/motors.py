@@ -38,8 +38,8 @@ LET_GO_S, LEAST_S, SLOW_M_S, ALONG = 0.05, 0.2, 0.1, np.cos(np.radians(20))
 STEPS = "moves at several speeds, with the columns of currents and voltages"
 ROLLS = "roll-outs from 1 to 1.5 m/s along that axis, four or more (column coasting, or currents)"
 KINDS = {
-    "resistance_ohm": Kind("resistance of a motor", "ohm", 0, 0.2, "", STEPS),
-    "constant_nm_a": Kind("torque constant of a motor", "N m/A", 0, 0.1, "", STEPS, 0.002),
+    "resistance_ohm": Kind("resistance of a motor", "ohm", 0, 0.2, "", STEPS, 0.005),
+    "constant_nm_a": Kind("torque constant of a motor", "N m/A", 0, 0.1, "", STEPS, 0.0016),
     "mass_kg": Kind("mass by currents", "kg", 0, 0.2, "", STEPS, 0.0125),
     "efficiency": Kind("efficiency of the force", "", 0, 0.2, "", STEPS, 0.0125),
     "drag_forward_n": Kind("drag of all forward, by currents", "N", 0, 0.3, "", STEPS, 0.03),

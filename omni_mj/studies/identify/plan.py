@@ -17,6 +17,7 @@ LENGTHS_M = (0.1, 0.4, 0.9, 1.6)  # of which moves reach 0.4, 0.9, 1.3 and 1.8 m
 ANGLES_RAD = (0.8, 1.8, 3.0, 3.1)
 TOP_M_S, TOP_RAD_S = 2.5, 8.0
 LAPS = 1
+JITTER = "jitter of the delay is in none of these moves: log received_s, when the robot got each command"
 DIRECTIONS = {"forward": 0.0, "sideways": 0.5 * math.pi, "diagonal": 0.25 * math.pi}
 
 
@@ -41,7 +42,7 @@ class Plan:
         title = (
             f"moves there and back, {seconds:.0f} s, more by reference.laps, 2 x 2 m of carpet; speeds in m/s, rad/s"
         )
-        return text(Table(title, ["move", "way", "reaches"], rows, 1))
+        return text(Table(title, ["move", "way", "reaches"], rows, 1)) + f"\n{JITTER}"
 
 
 def plan(robot: str = DEFAULT, model: str | None = None) -> Plan:

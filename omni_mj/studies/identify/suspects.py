@@ -21,6 +21,7 @@ from omni_mj.studies.identify.segments import Segments
 
 STEP = 0.01  # of finite differences
 ALIKE = 1e-3  # by which wheels of our plant seem to differ that do not, standard deviation
+OWN = 0.1  # of what a wheel does, that no fitted parameter does as well, below which it is not looked at
 MOST = 0.5  # of what lasts of the residuals, from which on a wheel is said to explain it
 
 
@@ -83,4 +84,4 @@ def _alone(found: Fit, body: law.Body, segments: Segments, odd: Sequence[int]) -
     basis, sizes, _ = np.linalg.svd(known[:, length > 0] / length[length > 0], full_matrices=False)
     basis = basis[:, sizes > SINGULAR * sizes[:1]]
     alone = asked - basis @ (basis.T @ asked)
-    return residual, alone * ((alone**2).sum(0) > 1e-6 * (asked**2).sum(0))
+    return residual, alone * ((alone**2).sum(0) > OWN**2 * (asked**2).sum(0))

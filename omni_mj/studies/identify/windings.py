@@ -16,7 +16,7 @@ from omni_mj.scenarios.settings import Settings
 from omni_mj.studies.identify.errors import MEMORY_S, regress
 from omni_mj.studies.identify.logs import Log
 
-STAMPS_S = 1e-3  # by which currents may be late against speeds, standard deviation: our plant's are a physics step
+STAMPS_S = 1.5e-3  # by which currents may be late against speeds: our plant's are, a step and a half of its physics
 DIFFERENT, SURE = 0.05, 3.0  # share of the constant, and standard errors, by which motors of a kind do not differ
 
 
