@@ -259,8 +259,8 @@ def test_settings_off_their_default_stand_out(runs: list[Path], tmp_path: Path) 
         ("", "not a run's summary"),
         ("{", "not a run's summary"),
         ("[]", "controllers, informed"),
-        ('{"format": 3}', "controllers, informed"),
-        ('{"format": 2}', "of format 2; this version of omni-mj reads format 3"),
+        ('{"format": 4}', "controllers, informed"),
+        ('{"format": 2}', "of format 2; this version of omni-mj reads format 4"),
         ('{"scenario": "rect", "results": {}}', "of format 1, which an older version of omni-mj wrote"),
     ],
 )
