@@ -69,9 +69,7 @@ def sheet(width: float, height: float) -> Figure:
 
     Nothing is measured to lay it out, which would take longer than to draw it.
     """
-    figure = Figure(figsize=(width, height))
-    figure.set_layout_engine("none")
-    return figure
+    return Figure(figsize=(width, height), layout="none")  # type: ignore[arg-type]  # which its stub forgets
 
 
 def panels(
