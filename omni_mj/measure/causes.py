@@ -80,9 +80,9 @@ def of_row(log: Log, row: int) -> dict[str, np.ndarray]:
         found[SLIDING] = np.concatenate([np.zeros(min(len(pose), 1), bool), slides])
     if not np.isnan(duty := log.channel("duty_peak")[own, row, 0]).all():
         found[VOLTAGE] = duty >= 1
-        found[CURRENT] = (log.channel("current_limited")[own, row] > 0).any(-1)
+        found[CURRENT] = np.asarray((log.channel("current_limited")[own, row] > 0).any(-1))
     met = at_limits(log.channel("command")[own, row], np.zeros(3), settings.control)
-    found[HELD_BACK] = np.any([frames for _, frames in met.values()], axis=0)
+    found[HELD_BACK] = np.asarray(np.any([frames for _, frames in met.values()], axis=0))
     return found
 
 

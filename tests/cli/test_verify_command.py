@@ -229,7 +229,7 @@ def test_what_cannot_be_repeated_is_one_line_that_says_why(folder: Path, capsys:
             "not say what omni-mj slip was asked for",
         ),
         (lambda: put("provenance.json", '"robot": {', '"rob": {'), "does not say what was run: rect-noise missing"),
-        (lambda: put("summary.json", '"format": 3', '"format": 2'), "is of format 2"),
+        (lambda: put("summary.json", '"format": 4', '"format": 2'), "is of format 2"),
         (lambda: (folder / "trajectory.parquet").write_bytes(b"PAR1"), "trajectory.parquet cannot be read"),
         (lambda: (folder / "trajectory.parquet").unlink(), "trajectory.parquet is missing"),
         (lambda: (folder / "scenario.toml").unlink(), "scenario.toml cannot be read"),

@@ -13,7 +13,7 @@ from logs import rows
 from omni_control.registry import CONTROLLERS
 from omni_mj.scenarios.settings import ControlSettings
 from omni_mj.show import style
-from omni_mj.show.figures import canvas, controller, heat
+from omni_mj.show.figures import canvas, controller, heat, why
 from omni_mj.show.figures.first import FirstRows
 from omni_mj.show.wheels import names_of
 
@@ -80,3 +80,16 @@ def test_every_wheel_of_any_number_is_drawn(count: int, monkeypatch: pytest.Monk
     ends = [line.get_ydata()[-1] for line in axes.get_lines()]
     np.testing.assert_allclose(ends, 25.0 + np.arange(count))
     assert len({line.get_label() for line in axes.get_lines()}) == count
+
+
+def test_frames_in_which_a_cause_is_there_are_drawn_as_spans() -> None:
+    frames = np.array([1, 1, 0, 1, 0, 0, 1], bool)
+    assert why.spans(frames) == [(0, 2), (3, 1), (6, 1)]
+    assert why.spans(frames[:0]) == []
+
+
+def test_one_that_strays_several_times_as_far_leaves_room_for_the_others() -> None:
+    """Nine stray by 1 to 1.8 and one by 100: shown is half as much again as the others need; without it, all."""
+    values = np.array([[*(1 + 0.1 * np.arange(9)), 100.0]])
+    assert canvas.reach(values, []) == (0.0, pytest.approx(2.7))
+    assert canvas.reach(values[:, :9], []) == (0.0, pytest.approx(1.8))

@@ -129,7 +129,7 @@ def test_all_figures_of_a_run_are_in_it(runs: list[Path], tmp_path: Path) -> Non
     drawn = {path.stem for path in (runs[0] / "figures").iterdir()}
     _, seen = page(runs[:1], tmp_path / "report.html")
     assert {f"run1-{name}" for name in drawn} <= set(seen.ids)
-    assert seen.tags.count("img") == len(drawn) == 7  # all but temperatures, which this plant has not
+    assert seen.tags.count("img") == len(drawn) == 8  # all but temperatures, which this plant has not
 
 
 def test_a_comparison_names_all_runs_and_what_differs(runs: list[Path], tmp_path: Path) -> None:
@@ -259,8 +259,8 @@ def test_settings_off_their_default_stand_out(runs: list[Path], tmp_path: Path) 
         ("", "not a run's summary"),
         ("{", "not a run's summary"),
         ("[]", "controllers, informed"),
-        ('{"format": 3}', "controllers, informed"),
-        ('{"format": 2}', "of format 2; this version of omni-mj reads format 3"),
+        ('{"format": 4}', "controllers, informed"),
+        ('{"format": 2}', "of format 2; this version of omni-mj reads format 4"),
         ('{"scenario": "rect", "results": {}}', "of format 1, which an older version of omni-mj wrote"),
     ],
 )

@@ -81,7 +81,7 @@ def sheet(width: float, height: float) -> Figure:
 
     Nothing is measured to lay it out, which would take longer than to draw it.
     """
-    return Figure(figsize=(width, height), layout="none")
+    return Figure(figsize=(width, height), layout="none")  # type: ignore[arg-type]  # which its stub forgets
 
 
 def panels(
@@ -173,6 +173,7 @@ def legend(figure: Figure, axes: Axes | Sequence[Axes], columns: int = 5) -> Non
     while columns > 1 and _legend_in(list(entries), columns) > figure.get_figwidth():
         columns -= 1
     _grow(figure, below=FOOT_IN + 1.15 * LINE_IN * -(-len(entries) // columns))
+    place: Literal["lower center", "outside lower center"]
     place = "outside lower center" if figure.get_layout_engine() else "lower center"
     figure.legend(list(entries.values()), list(entries), loc=place, ncols=columns)
 

@@ -1,6 +1,7 @@
 """The fuzzy controller itself: its sets (figures 5 and 6) and its surface."""
 
 from dataclasses import astuple
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -45,7 +46,7 @@ def surface(control: ControlSettings) -> Figure:
     reach = control.error_range_m
     figure = canvas.sheet(8.0, 3.4)
     figure.suptitle("Control surface of the fuzzy controller")
-    solid = figure.add_axes((0.01, 0.0, 0.5, 1.0), projection="3d")
+    solid: Any = figure.add_axes((0.01, 0.0, 0.5, 1.0), projection="3d")
     e = np.linspace(-reach, reach, 33)  # a multiple of the sets' spacing, so that edges lie on the grid
     ex, ey = np.meshgrid(e, e)
     vx = flc(np.stack([ex, ey], axis=-1))[..., 0]

@@ -123,7 +123,9 @@ class Recording:
         self._lines = tabs.drawn(self._tabs, self._robots, len(wheels.azimuths))
         self._tabs[tabs.OWN_TAB] = tabs.own(log.columns)
 
-        stream = rr.RecordingStream(APPLICATION, recording_id=uuid.uuid4())
+        # Sent when it is flushed, and never by the clock, which would have equal runs differ in the order of chunks.
+        batches = rr.ChunkBatcherConfig.NEVER()
+        stream = rr.RecordingStream(APPLICATION, recording_id=uuid.uuid4(), batcher_config=batches)
         stream.set_log_time_enabled(False)
         self._stream = stream
         self._connect(stream)
