@@ -1,10 +1,17 @@
 # make run: the paper's experiment · make test: all tests · make check: ruff and mypy · make hooks: the same before each
 # commit · make bench: speed, as ratios · make docs: the site, in build/site · make lessons: docs/lessons, run · make wheel: what is released, tried
+# make soak: machine faults, at random · make constraints: newer versions of what is installed
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: run test check hooks bench docs lessons wheel clean
+# What was tested, each file by its hash, and then this checkout, which has none; nothing else is fetched.
+INSTALL := $(BIN)/python -m pip install -q --disable-pip-version-check --no-deps
+LOCKED := $(INSTALL) --require-hashes -r
+COMPILE := $(BIN)/uv pip compile -q pyproject.toml --universal --python-version 3.11.5 --generate-hashes --no-header \
+  --no-annotate --upgrade
+
+.PHONY: run test check soak hooks bench docs lessons wheel constraints clean
 
 run: $(VENV)/.installed
 	$(BIN)/python -m omni_mj.run --scenario rect --controller flc --controller comp-flc --controller adaptive-comp-flc
@@ -18,7 +25,7 @@ check: $(VENV)/.installed-test
 	$(BIN)/mypy
 
 hooks: $(VENV)/.installed-test
-	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt pre-commit
+	$(BIN)/python -m pip install -q --disable-pip-version-check pre-commit
 	$(BIN)/pre-commit install
 
 bench: $(VENV)/.installed-test
@@ -42,11 +49,17 @@ lessons: $(VENV)/.installed-test
 # The source and the wheel made of it, installed somewhere else and run there: the model and the scenarios must travel along.
 wheel: $(VENV)/.installed-release
 	rm -rf build/wheel dist && mkdir -p build/wheel
-	$(BIN)/python -m build -q -o dist .
+	$(BIN)/python -m build -q --no-isolation -o dist .
 	$(BIN)/twine check --strict dist/*
 	$(BIN)/python -m venv build/wheel/venv
-	build/wheel/venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt dist/*.whl
+	build/wheel/venv/bin/python -m pip install -q --disable-pip-version-check --no-deps --require-hashes -r constraints.txt
+	build/wheel/venv/bin/python -m pip install -q --disable-pip-version-check --no-deps dist/*.whl
+	build/wheel/venv/bin/python -m pip check
 	cd build/wheel && venv/bin/omni-mj --scenario rect --set reference.waypoints='[[0, 0], [0.2, 0.1]]'
+
+# Kills, signals, full disks, little memory and so on, at random: about half an hour; `tests/soak --help` has less.
+soak: $(VENV)/.installed-test
+	$(BIN)/python tests/soak
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
@@ -57,13 +70,17 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.installed: $(BIN)/python pyproject.toml constraints.txt
-	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e .
+	$(LOCKED) constraints.txt
+	$(INSTALL) --no-build-isolation -e .
+	$(BIN)/python -m pip check
 	@touch $@
 
-$(VENV)/.installed-test: $(VENV)/.installed
-	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[test]'
+$(VENV)/.installed-test $(VENV)/.installed-docs $(VENV)/.installed-release: $(VENV)/.installed-%: $(VENV)/.installed constraints-%.txt
+	$(LOCKED) constraints-$*.txt
 	@touch $@
 
-$(VENV)/.installed-docs $(VENV)/.installed-release: $(VENV)/.installed-%: $(VENV)/.installed
-	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[$*]'
-	@touch $@
+# All versions anew, as far as pyproject.toml lets them; hashes are of all files that a version has for whatever system.
+constraints: $(BIN)/python
+	$(BIN)/python -m pip install -q --disable-pip-version-check uv
+	$(COMPILE) --group build -o constraints.txt
+	$(foreach extra,test docs release,$(COMPILE) -c constraints.txt --extra $(extra) -o constraints-$(extra).txt &&) true

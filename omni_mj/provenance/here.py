@@ -3,13 +3,17 @@
 No names of users, hosts or folders are in it.
 """
 
+import ctypes
 import hashlib
 import os
 import platform
 import subprocess
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 import omni_control
 from omni_mj.measure.summary import versions
@@ -81,9 +85,15 @@ def git() -> dict[str, Any] | None:
 
 
 def machine() -> dict[str, str]:
-    """The processor and the system's library of mathematics, on which last bits may depend."""
-    libc = " ".join(word for word in platform.libc_ver() if word)
-    return {"CPU": _cpu(), "architecture": platform.machine(), "system": platform.system(), "C library": libc}
+    """The processor, what numpy and its BLAS use of it, and the system's mathematics: last bits may depend on them."""
+    return {
+        "CPU": _cpu(),
+        "CPU features": " ".join(np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])),
+        "BLAS": _blas(),
+        "architecture": platform.machine(),
+        "system": platform.system(),
+        "C library": " ".join(word for word in platform.libc_ver() if word),
+    }
 
 
 def _hash(folder: Path, *without: Path) -> str:
@@ -99,6 +109,18 @@ def _cpu() -> str:
         return names[0] if names else platform.processor()
     except OSError:
         return platform.processor()
+
+
+def _blas() -> str:
+    """Its name and version, and for which processor its kernels are, which it chooses when it is loaded."""
+    built = np.show_config(mode="dicts")["Build Dependencies"]["blas"]
+    said = [str(built[key]) for key in ("name", "version") if key in built]
+    for library in Path(np.__file__).parent.with_name("numpy.libs").glob("libscipy_openblas64*"):  # as in its wheels
+        with suppress(OSError, AttributeError):
+            ask = ctypes.CDLL(str(library)).scipy_openblas_get_corename64_
+            ask.restype = ctypes.c_char_p
+            said.append(ask().decode())
+    return " ".join(said)
 
 
 def _commit(found: Mapping[str, Any] | None) -> str:

@@ -296,3 +296,15 @@ def test_what_drives_by_chance_does_not_repeat(
     lines = capsys.readouterr().err.splitlines()
     assert lines[1].startswith("error: first in frame 5 (0.083 s) of Dice, seed 0: command_vx_m_s is ")
     assert "random numbers without a seed" in lines[-1]
+
+
+def test_what_numpy_uses_of_the_processor_is_told(folder: Path) -> None:
+    """Last bits may depend on it, and users may turn it off, on the same processor."""
+    used = strict(folder / "provenance.json")["machine"]["CPU features"]
+    if not used:
+        pytest.skip("numpy uses nothing of this processor that it could do without")
+    asks = "import json, sys; from omni_mj.provenance import here; print(here.differences(json.load(sys.stdin)))"
+    env = os.environ | {"NPY_DISABLE_CPU_FEATURES": used.replace(" ", ",")}
+    with (folder / "provenance.json").open() as record:
+        told = subprocess.run([sys.executable, "-c", asks], stdin=record, env=env, capture_output=True, text=True)
+    assert f"CPU features was {used} in the run, is not there here" in told.stdout, told

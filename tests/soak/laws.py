@@ -34,15 +34,21 @@ def of_folder(folder: Path, whole: Path) -> list[str]:
         folder: that was left.
         whole: that the same command leaves when nothing disturbs it.
     """
+    wrong = of_files(folder)
+    summary = _json(folder / "summary.json")
+    if not wrong and summary is not None:
+        wrong += _numbers(folder, whole, summary)
+    return wrong
+
+
+def of_files(folder: Path) -> list[str]:
+    """Which files of a folder are not whole."""
     wrong = []
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         try:
             _READERS.get(path.suffix, _nothing)(path)
         except Exception as error:
             wrong.append(f"{path.relative_to(folder)} is not whole: {type(error).__name__}: {error}"[:200])
-    summary = _json(folder / "summary.json")
-    if not wrong and summary is not None:
-        wrong += _numbers(folder, whole, summary)
     return wrong
 
 
