@@ -1,6 +1,5 @@
 """What a user sees on the terminal: errors in a line each, progress."""
 
-import os
 import shlex
 import signal
 import sys
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from omni_control.errors import OmniError, printable
+from omni_mj.cli import streams
 
 if TYPE_CHECKING:
     from omni_mj.measure.result import Result
@@ -27,10 +27,12 @@ PROGRESS_STEP = 12  # frames from one look of the progress bar to the next
 
 def invoke(command: click.Command, args: list[str] | None = None) -> NoReturn:
     """Run a click command and exit: 0 on success, 2 for bad input, 1 for a failure; each error is a line on stderr."""
+    streams.attend()
     try:
         words = sys.argv[1:] if args is None else args
         line = shlex.join([*_program(command).split(), *words])
         code = command.main(args=words, prog_name=_program(command), standalone_mode=False, obj=line)
+        sys.stdout.flush()
     except click.exceptions.Abort:
         fail("interrupted", 130)
     except OmniError as error:
@@ -39,10 +41,6 @@ def invoke(command: click.Command, args: list[str] | None = None) -> NoReturn:
         context = getattr(error, "ctx", None)
         message = " ".join(error.format_message().split())
         fail(message if context is None else f"{message.rstrip('.')}; see {context.command_path} --help", BAD_INPUT)
-    except BrokenPipeError:
-        # Whoever read the output has gone, as `head` does; what is left in the buffer must not complain at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(0)
     except OSError as error:
         fail(f"{error.filename or 'file system'}: {error.strerror or error}", FAILED)
     sys.exit(code if isinstance(code, int) else 0)
@@ -166,9 +164,9 @@ def writing(folder: Path) -> Iterator[None]:
     """Within it, that files cannot be written to `folder` ends the program with one line that says so."""
     try:
         yield
-    except BrokenPipeError:  # not the folder's: whoever read the table has gone
-        raise
     except OSError as error:
+        if error.filename == streams.OUTPUT:
+            raise
         reason = error.strerror or str(error)
         fail(f"cannot write to {folder}: {reason}; what could be written until then is there", FAILED)
 

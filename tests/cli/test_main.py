@@ -126,8 +126,20 @@ def test_the_slip_study_is_a_command(
     assert (out / "slip.png").stat().st_size > 10_000
 
 
-def test_a_reader_that_goes_away_hears_no_complaint() -> None:
-    command = f"{sys.executable} -m omni_mj --list | head -1"
-    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True, timeout=60)
-    assert done.stdout.startswith("scenarios")
-    assert done.stderr == ""
+@pytest.mark.parametrize(
+    ("streams", "code", "out", "err"),
+    [
+        ("| head -1", 0, "scenarios", ""),
+        (">&-", 0, "", ""),
+        (">&- 2>&- <&-", 0, "", ""),
+        ("> /dev/full", 1, "", "error: standard output: No space left on device\n"),
+    ],
+)
+def test_output_that_goes_nowhere_is_no_fault_and_one_that_is_lost_is_said(
+    streams: str, code: int, out: str, err: str
+) -> None:
+    """A reader that goes, streams that are closed, and a device that is full."""
+    command = f"set -o pipefail; {sys.executable} -m omni_mj --list {streams}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (code, err)
+    assert done.stdout.startswith(out)

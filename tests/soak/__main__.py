@@ -14,7 +14,13 @@ import hour
 import moments
 import places
 
-PARTS = {"kills": (moments.kills, 50), "signals": (moments.signals, 150), "imports": (moments.imports, 30), "places": (places.places, 40), "hour": (hour.hour, 1)}  # fmt: skip
+PARTS = {  # name -> what does it, and how often
+    "kills": (moments.kills, 50),
+    "signals": (moments.signals, 150),
+    "imports": (moments.imports, 30),
+    "places": (places.places, 40),
+    "hour": (hour.hour, 1),
+}
 
 
 def main() -> int:

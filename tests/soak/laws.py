@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 from PIL import Image
 
 SIGNALS = {signal.SIGINT: 130, signal.SIGTERM: 143}
+NO_REASON = "gave no reason"
 RAW = re.compile(r"Traceback|Exception ignored|Fatal Python error|Segmentation|core dumped|^\w*Error: ", re.MULTILINE)
 
 
@@ -23,7 +24,7 @@ def of_program(code: int, err: str, *allowed: int) -> list[str]:
     wrong += [f"said: {err[found.start() :].strip()[-200:]}" for found in list(RAW.finditer(err))[:1]]
     lines = [line for line in err.splitlines() if line.strip()]
     if code > 0 and not any(line.startswith("error: ") for line in lines):
-        wrong.append("gave no reason")
+        wrong.append(NO_REASON)
     return wrong
 
 
@@ -62,7 +63,9 @@ def _numbers(folder: Path, whole: Path, summary: dict[str, Any]) -> list[str]:
         wrong += [f"{path.name}: {other} frames are not the undisturbed run's"] if other else []
         if summary["complete"] and len(ours) < len(known):
             wrong.append(f"{path.name}: {len(known) - len(ours)} frames are missing of a run that says it is complete")
-    missing = {path.relative_to(whole) for path in whole.rglob("*.parquet") if not (folder / path.relative_to(whole)).exists()}
+    missing = {
+        path.relative_to(whole) for path in whole.rglob("*.parquet") if not (folder / path.relative_to(whole)).exists()
+    }
     if summary["complete"] and missing:
         wrong.append(f"complete, without {', '.join(map(str, missing))}")
     return wrong

@@ -1,15 +1,15 @@
 """Ended in the middle: kills and signals at random moments, which no file may show, and after which one can go on."""
 
-import random
 import os
+import random
 import shutil
 import signal
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
-import laws
 import at
+import laws
 from programs import COMMANDS, Fork, signalled
 
 MODULES = 1500  # that are imported by a run, about

@@ -2,7 +2,6 @@
 
 import gc
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -20,14 +19,24 @@ OMNI = (sys.executable, "-m", "omni_mj")
 PATIENCE_S = 300.0
 SHORT = ("--set", "reference.waypoints=[[0, 0], [0.2, 0]]", "--set", "reference.settle_s=0.2")
 MEANS = ("--plant", "kinematic", "--controller", "flc", "--controller", "comp-flc")
+TWO = ("--scenario", "rect", "--scenario", "sprint")
 ANY_PORTS = ("--control-port", "0", "--blue-port", "0", "--yellow-port", "0")
 COMMANDS: Mapping[str, Sequence[str]] = {
     "run": ("run", "--scenario", "rect", *SHORT, *MEANS, "--seeds", "2"),
-    "compare": ("compare", "--scenario", "rect", "--scenario", "sprint", *SHORT, *MEANS, "--seeds", "2", "--trajectories"),
-    "sweep": ("sweep", "--scenario", "rect", *SHORT, *MEANS, "--vary", "vision.position_noise_m=0,0.01,0.02", "--at-once", "2"),
+    "compare": ("compare", *TWO, *SHORT, *MEANS, "--seeds", "2", "--trajectories"),
+    "sweep": (
+        "sweep",
+        "--scenario",
+        "rect",
+        *SHORT,
+        *MEANS,
+        "--at-once",
+        "2",
+        "--vary",
+        "vision.position_noise_m=0,0.01",
+    ),
     "serve": ("serve", *ANY_PORTS, "--set", "wheels.model=two-rollers", "--speed", "100", "--for", "2"),
-    "limit": ("limit", "rect", *SHORT, "--plant", "kinematic", "--seeds", "1", "--iterations", "2"),
-}  # fmt: skip
+}
 
 
 READY = (  # imported before forks, each of which then costs what its command does
