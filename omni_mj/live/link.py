@@ -66,7 +66,7 @@ class Link:
         self.answers: list[float] = []
         self._due = -math.inf  # since when the tick waits to be answered
         self._seeing: set[int] = set()
-        self._tick = self._woken = -math.inf
+        self._tick = self._woken = self._left = -math.inf
         self._beginning = -1, 0
 
     def listen(self, seconds: float) -> None:
@@ -122,9 +122,17 @@ class Link:
         self.late += self.skipped
         return self.vision.at(self._tick, elapsed, twist, self.leader if self.with_frames else None)
 
+    def goes_on(self) -> bool:
+        """Whether the world has gone on since the tick, which a simulation that waits for commands does not."""
+        self._take(time.monotonic())
+        if self.pace != "vision" or self.leader is None:
+            return True
+        return self.vision.cameras[self.leader].last[0] > self._tick + 1.5 * PERIOD_S
+
     def answered(self) -> None:
         """Commands have left."""
-        self.answers.append(time.monotonic() - self._due)
+        self._left = time.monotonic()
+        self.answers.append(self._left - self._due)
 
     def now(self) -> Array:
         """Where the robots are (n, 3), which rest; not a number for those that are not seen. See `Vision.at`."""
@@ -217,7 +225,8 @@ class Link:
 
     def _alive(self) -> None:
         self._check()
-        asked = self._woken if self.pace == "vision" else -math.inf  # since when a simulation may have waited for us
+        # Since when a simulation may have waited for us.
+        asked = max(self._woken, self._left) if self.pace == "vision" else -math.inf
         if time.monotonic() - max(self.vision.heard, asked) > SILENT_S:
             self._take(time.monotonic())  # what came while this computer did something else
             if time.monotonic() - self.vision.heard > SILENT_S:

@@ -31,9 +31,10 @@ T = TypeVar("T")
 HOUSE = ("omni_control.", "omni_mj.")  # packages whose controllers are no guests
 ATTRIBUTE = "_guest"  # of a controller that is one
 HURRY_S = 1.0  # how much longer a guest is waited for when somebody wants to stop
-LOOK_S = 0.1  # how often is looked whether somebody does
+LOOK_S = 0.05  # how often is looked whether somebody does
 
 _hurried: float | None = None  # since when
+_look: Callable[[float], None] | None = None  # see `watched`
 _worker: "_Worker | None" = None
 
 
@@ -121,6 +122,21 @@ def hurry(wanted: bool = True) -> None:
     _hurried = time.monotonic() if wanted else None
 
 
+@contextmanager
+def watched(look: Callable[[float], None]) -> Iterator[None]:
+    """Within it, a function is called every `LOOK_S` while a guest is waited for, by the thread that waits.
+
+    Args:
+        look: is given how long the guest has been waited for, s. The guest has failed if it raises `TimeoutError`.
+    """
+    global _look
+    before, _look = _look, look
+    try:
+        yield
+    finally:
+        _look = before
+
+
 class _Worker:
     """A thread that does one task after the other."""
 
@@ -147,7 +163,8 @@ class _Worker:
             try:
                 return self._done.get(timeout=min(began + patience_s - now, LOOK_S))
             except Empty:
-                continue
+                if _look is not None:
+                    _look(time.monotonic() - began)
 
     def give_up(self) -> None:
         """Let the thread end as soon as it will, by an exception in what it does."""
