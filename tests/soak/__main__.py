@@ -18,8 +18,9 @@ PARTS = {  # name -> what does it, and how often
     "kills": (moments.kills, 50),
     "signals": (moments.signals, 150),
     "imports": (moments.imports, 30),
-    "places": (places.places, 40),
-    "hour": (hour.hour, 1),
+    "places": (places.places, 1),
+    "sizes": (places.sizes, 40),
+    "hour": (hour.hour, 60),
 }
 
 
@@ -31,16 +32,16 @@ def main() -> int:
     given = parser.parse_args()
     print(f"seed {given.seed}", flush=True)
     bad = 0
-    for word in given.parts or PARTS:
-        name, _, count = word.partition("=")
-        part, usual = PARTS[name]
-        done = 0
-        with tempfile.TemporaryDirectory(prefix="soak-") as folder:
+    with tempfile.TemporaryDirectory(prefix="soak-") as folder:
+        for word in given.parts or PARTS:
+            name, _, count = word.partition("=")
+            part, usual = PARTS[name]
+            done = 0
             for title, wrong in part(random.Random(given.seed), int(count or usual), Path(folder)):
                 done, bad = done + 1, bad + bool(wrong)
                 if wrong or given.verbose:
                     print(f"{name}: {title}: {'; '.join(wrong) or 'well'}", flush=True)
-        print(f"{name}: {done} done", flush=True)
+            print(f"{name}: {done} done", flush=True)
     print(f"{bad} went wrong (seed {given.seed})")
     return int(bad > 0)
 

@@ -12,6 +12,8 @@ import at
 import laws
 from programs import COMMANDS, Fork, signalled
 
+NAMES = ("run", "compare", "sweep", "serve")
+_TAKES_S: dict[str, float] = {}
 MODULES = 1500  # that are imported by a run, about
 Found = tuple[str, list[str]]  # what was done, and what was wrong
 PHASES = {  # kinds of events (at.py), and how often each is a moment
@@ -26,24 +28,22 @@ PHASES = {  # kinds of events (at.py), and how often each is a moment
 }
 
 
-def undisturbed(folder: Path, names: tuple[str, ...]) -> dict[str, tuple[Path, float]]:
-    """What each command leaves when nothing disturbs it, and how long it takes, s."""
-    left = {}
-    for name in names:
-        out, began = folder / f"{name}-whole", time.monotonic()
+def undisturbed(folder: Path, name: str) -> tuple[Path, float]:
+    """What a command leaves when nothing disturbs it, made once, and how long it takes, s."""
+    out = folder / f"{name}-whole"
+    if name not in _TAKES_S:
+        began = time.monotonic()
         done = Fork([*COMMANDS[name], "--out", str(out)]).wait()
         assert done.code == 0, done.err
-        left[name] = out, time.monotonic() - began
-    return left
+        _TAKES_S[name] = time.monotonic() - began
+    return out, _TAKES_S[name]
 
 
 def kills(rng: random.Random, count: int, folder: Path) -> Iterator[Found]:
     """SIGKILL at any time; afterwards the same command runs in the same folder, or a sweep goes on, to the same end."""
-    names = ("run", "compare", "sweep", "serve")
-    left = undisturbed(folder, names)
     for number in range(count):
-        name = names[number % len(names)]
-        whole, takes_s = left[name]
+        name = NAMES[number % len(NAMES)]
+        whole, takes_s = undisturbed(folder, name)
         out, moment = folder / f"{name}-{number}", rng.uniform(0, takes_s)
         fork = Fork([*COMMANDS[name], "--out", str(out)])
         time.sleep(moment)
@@ -58,12 +58,10 @@ def kills(rng: random.Random, count: int, folder: Path) -> Iterator[Found]:
 
 def signals(rng: random.Random, count: int, folder: Path) -> Iterator[Found]:
     """SIGINT and SIGTERM in every phase, at events that repeat."""
-    names = ("run", "compare", "sweep", "serve")
-    left = undisturbed(folder, names)
     numbers: dict[tuple[str, str], int] = {}
     for number in range(count):
-        name, (sent, code) = names[number % len(names)], rng.choice(list(laws.SIGNALS.items()))
-        whole, _ = left[name]
+        name, (sent, code) = NAMES[number % len(NAMES)], rng.choice(list(laws.SIGNALS.items()))
+        whole, _ = undisturbed(folder, name)
         (kind,) = rng.choices(list(PHASES), list(PHASES.values()))
         out = folder / f"{name}-{number}"
         words = [*COMMANDS[name], "--out", str(out)]

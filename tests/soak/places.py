@@ -22,13 +22,17 @@ RUN = COMMANDS["run"]
 
 
 def places(rng: random.Random, count: int, folder: Path) -> Iterator[Found]:
-    """Each place once, and of disks and memories as many sizes as are asked for."""
-    whole, _ = undisturbed(folder, ("run",))["run"]
+    """Each place once."""
+    whole, _ = undisturbed(folder, "run")
     yield from _surroundings(folder, whole)
     yield from _outputs(folder)
     yield from _one_core(folder, whole)
     if os.geteuid() == 0 and shutil.which(READER[0]):
         yield from _nobody(folder)
+
+
+def sizes(rng: random.Random, count: int, folder: Path) -> Iterator[Found]:
+    """Disks and memories of random sizes."""
     for number in range(count):
         yield _full_disk(rng, folder / f"disk-{number}")
         yield _little_memory(rng, folder / f"memory-{number}")

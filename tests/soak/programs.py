@@ -20,6 +20,7 @@ PATIENCE_S = 300.0
 SHORT = ("--set", "reference.waypoints=[[0, 0], [0.2, 0]]", "--set", "reference.settle_s=0.2")
 MEANS = ("--plant", "kinematic", "--controller", "flc", "--controller", "comp-flc")
 TWO = ("--scenario", "rect", "--scenario", "sprint")
+NOISES = "vision.position_noise_m=0,0.01"
 ANY_PORTS = ("--control-port", "0", "--blue-port", "0", "--yellow-port", "0")
 COMMANDS: Mapping[str, Sequence[str]] = {
     "run": ("run", "--scenario", "rect", *SHORT, *MEANS, "--seeds", "2"),
@@ -126,6 +127,7 @@ class Fork:
         gc.collect()
         self._out, self._err = (tempfile.TemporaryFile("w+") for _ in range(2))  # noqa: SIM115 (as long as the fork)
         sys.stdout.flush()
+        self._status: int | None = None
         self.pid = os.fork()
         if not self.pid:
             self._become(list(words), prepare)
@@ -134,21 +136,27 @@ class Fork:
         """End it at once."""
         os.kill(self.pid, signal.SIGKILL)
 
+    def ended(self) -> bool:
+        """Whether it has."""
+        if self._status is None:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            self._status = status if pid else None
+        return self._status is not None
+
     def wait(self) -> Ended:
         """Wait until it has ended."""
-        until, code = time.monotonic() + PATIENCE_S, None
-        while code is None:
-            pid, status = os.waitpid(self.pid, os.WNOHANG)
-            code = os.waitstatus_to_exitcode(status) if pid else None
-            if code is None and time.monotonic() > until:
+        until = time.monotonic() + PATIENCE_S
+        while not self.ended():
+            if time.monotonic() > until:
                 self.kill()
             time.sleep(0.01)
+        assert self._status is not None
         texts = []
         for file in (self._out, self._err):
             file.seek(0)
             texts.append(file.read())
             file.close()
-        return Ended(code, *texts)
+        return Ended(os.waitstatus_to_exitcode(self._status), *texts)
 
     def _become(self, words: list[str], prepare: Callable[[], object]) -> NoReturn:
         from omni_mj.cli import console
