@@ -19,7 +19,8 @@ PARTS = {  # name -> what does it, and how often
     "signals": (moments.signals, 150),
     "imports": (moments.imports, 30),
     "places": (places.places, 1),
-    "sizes": (places.sizes, 40),
+    "disks": (places.disks, 30),
+    "memories": (places.memories, 20),
     "hour": (hour.hour, 60),
 }
 

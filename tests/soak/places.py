@@ -31,11 +31,16 @@ def places(rng: random.Random, count: int, folder: Path) -> Iterator[Found]:
         yield from _nobody(folder)
 
 
-def sizes(rng: random.Random, count: int, folder: Path) -> Iterator[Found]:
-    """Disks and memories of random sizes."""
+def disks(rng: random.Random, count: int, folder: Path) -> Iterator[Found]:
+    """Disks that are full after as many bytes."""
     for number in range(count):
-        yield _full_disk(rng, folder / f"disk-{number}")
-        yield _little_memory(rng, folder / f"memory-{number}")
+        yield _full_disk(rng, folder / f"disk-{number}", undisturbed(folder, "run")[0])
+
+
+def memories(rng: random.Random, count: int, folder: Path) -> Iterator[Found]:
+    """Memories that are too small, or nearly."""
+    for number in range(count):
+        yield _little_memory(rng, folder / f"memory-{number}", undisturbed(folder, "run")[0])
 
 
 def _surroundings(folder: Path, whole: Path) -> Iterator[Found]:
@@ -106,7 +111,7 @@ def _nobody(folder: Path) -> Iterator[Found]:
         yield f"as nobody: {title}", laws.of_program(done.code, done.err, code)
 
 
-def _full_disk(rng: random.Random, out: Path) -> Found:
+def _full_disk(rng: random.Random, out: Path, whole: Path) -> Found:
     """A disk of its own that is full after some bytes; without the right to make one, files that may not be larger."""
     name, size = rng.choice(("run", "compare", "sweep", "serve")), round(1000 * 10 ** rng.uniform(0, 2.8))
     out.mkdir()
@@ -121,14 +126,14 @@ def _full_disk(rng: random.Random, out: Path) -> Found:
         done = Fork([*COMMANDS[name], "--out", str(here)], (lambda: None) if mounted else limit).wait()
         wrong = laws.of_program(done.code, done.err, 0, 1, 2)
         if here.exists():
-            wrong += laws.of_folder(here, out.parent / "run-whole") if name == "run" else laws.of_files(here)
+            wrong += laws.of_folder(here, whole) if name == "run" else laws.of_files(here)
         return f"{name} on a disk of {size // 1000} kB: {done.code} {done.err.strip()[-90:]}", wrong
     finally:
         _quietly(["umount", str(out)])
         shutil.rmtree(out, ignore_errors=True)
 
 
-def _little_memory(rng: random.Random, out: Path) -> Found:
+def _little_memory(rng: random.Random, out: Path, whole: Path) -> Found:
     """So much more than the program has when it begins: a line, or the whole result."""
     name, more = rng.choice(("run", "compare", "sweep", "serve")), round(rng.uniform(1, 200) * MB)
 
@@ -139,7 +144,7 @@ def _little_memory(rng: random.Random, out: Path) -> Found:
     done = Fork([*COMMANDS[name], "--out", str(out)], limit).wait()
     wrong = laws.of_program(done.code, done.err, 0, 1, 2)
     if out.exists():
-        wrong += laws.of_folder(out, out.parent / "run-whole") if name == "run" else laws.of_files(out)
+        wrong += laws.of_folder(out, whole) if name == "run" else laws.of_files(out)
     shutil.rmtree(out, ignore_errors=True)
     return f"{name} with {more // MB} MB: {done.code} {done.err.strip()[-90:]}", wrong
 

@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 
 HERE = Path(__file__).parent
 OMNI = (sys.executable, "-m", "omni_mj")
-PATIENCE_S = 300.0
+PATIENCE_S = 150.0
 SHORT = ("--set", "reference.waypoints=[[0, 0], [0.2, 0]]", "--set", "reference.settle_s=0.2")
 MEANS = ("--plant", "kinematic", "--controller", "flc", "--controller", "comp-flc")
 TWO = ("--scenario", "rect", "--scenario", "sprint")

@@ -45,12 +45,18 @@ class ServedRecording:
         self._before: Sequence[str] = ()
         self._stream = rr.RecordingStream(APPLICATION, recording_id=uuid.uuid4())
         self._stream.set_log_time_enabled(False)
-        connect(self._stream, _blueprint())
-        self._stream.send_recording_name(name)
-        scene.log_field(self._stream)
+        self._failure = ""  # for what is served, which goes on, nothing depends on a recording
+        try:
+            connect(self._stream, _blueprint())
+            self._stream.send_recording_name(name)
+            scene.log_field(self._stream)
+        except RuntimeError as failure:
+            self._failure = str(failure)
 
     def send(self, first: int, names: Sequence[str], log: Log, ball: Array) -> None:
         """Send frames from the `first` on: of robots, by the names of the log's rows, and of the ball (frames, 2)."""
+        if self._failure:
+            return
         frames = np.arange(first, first + log.length)
         time, stream = indexes(frames), self._stream
         for gone in sorted(set(self._before) - set(names)):
@@ -78,6 +84,8 @@ class ServedRecording:
 
     def close(self) -> str:
         """End it; say what did not arrive, if anything did not."""
+        if self._failure:
+            return self._failure
         try:
             self._stream.flush()
         except RuntimeError as failure:
