@@ -1,0 +1,35 @@
+"""Nobody else is asked: no connection to another machine, no usage statistics."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from omni_mj.show.recording.viewer import QUIET
+
+SHORT = ("--set", "reference.waypoints=[[0, 0], [0.1, 0]]", "--set", "reference.settle_s=0.1", "--plant", "kinematic")
+RUN = ("run", "--scenario", "rect", *SHORT, "--controller", "flc", "--no-figures", "--quiet")
+
+
+def test_the_viewer_that_is_started_sends_no_statistics() -> None:
+    """As it says itself of the configuration that it is given."""
+    said = subprocess.run(
+        [sys.executable, "-m", "rerun", "analytics", "config"], env=os.environ | QUIET, capture_output=True, text=True
+    )
+    assert json.loads(said.stdout)["analytics_enabled"] is False, said
+
+
+def test_a_run_makes_no_connection(tmp_path: Path) -> None:
+    """Whoever it is that would make one, Python or a library: as the system sees it."""
+    calls = tmp_path / "calls"
+    strace = shutil.which("strace")
+    if strace is None or subprocess.run([strace, "-o", calls, "true"], capture_output=True).returncode:
+        pytest.skip("needs strace, and to be let")
+    words = [strace, "-f", "-e", "trace=connect,bind,sendto,sendmsg,sendmmsg", "-o", calls, sys.executable, "-m"]
+    subprocess.run([*words, "omni_mj", *RUN, "--out", tmp_path / "out"], check=True, timeout=300)
+    assert (tmp_path / "out" / "recording.rrd").exists()
+    assert [line for line in calls.read_text().splitlines() if "AF_INET" in line] == []
