@@ -12,7 +12,7 @@ from pathlib import Path
 
 import laws
 from moments import Found, undisturbed
-from programs import COMMANDS, OMNI, Around, Ended, Fork
+from programs import COMMANDS, OMNI, Around, Ended
 
 MB = 1_000_000
 # Nobody, who may read all, since Python may be where only root does; and write where everybody may.
@@ -123,7 +123,7 @@ def _full_disk(rng: random.Random, out: Path, whole: Path) -> Found:
 
     try:
         here = out / "out"
-        done = Fork([*COMMANDS[name], "--out", str(here)], (lambda: None) if mounted else limit).wait()
+        done = Around([*OMNI, *COMMANDS[name], "--out", str(here)], prepare=None if mounted else limit).run()
         wrong = laws.of_program(done.code, done.err, 0, 1, 2)
         if here.exists():
             wrong += laws.of_folder(here, whole) if name == "run" else laws.of_files(here)
@@ -134,19 +134,15 @@ def _full_disk(rng: random.Random, out: Path, whole: Path) -> Found:
 
 
 def _little_memory(rng: random.Random, out: Path, whole: Path) -> Found:
-    """So much more than the program has when it begins: a line, or the whole result."""
-    name, more = rng.choice(("run", "compare", "sweep", "serve")), round(rng.uniform(1, 200) * MB)
-
-    def limit() -> None:
-        now = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (now + more, now + more))
-
-    done = Fork([*COMMANDS[name], "--out", str(out)], limit).wait()
+    """So many addresses, of which libraries and threads take most: a line, or the whole result."""
+    name, most = rng.choice(("run", "compare", "sweep", "serve")), round(rng.uniform(300, 3000) * MB)
+    limit = partial(resource.setrlimit, resource.RLIMIT_AS, (most, most))
+    done = Around([*OMNI, *COMMANDS[name], "--out", str(out)], prepare=limit).run()
     wrong = laws.of_program(done.code, done.err, 0, 1, 2)
     if out.exists():
         wrong += laws.of_folder(out, whole) if name == "run" else laws.of_files(out)
     shutil.rmtree(out, ignore_errors=True)
-    return f"{name} with {more // MB} MB: {done.code} {done.err.strip()[-90:]}", wrong
+    return f"{name} with {most // MB} MB of addresses: {done.code} {done.err.strip()[-90:]}", wrong
 
 
 def _quietly(words: Sequence[str]) -> bool:
