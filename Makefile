@@ -57,7 +57,7 @@ wheel: $(VENV)/.installed-release
 	build/wheel/venv/bin/python -m pip check
 	cd build/wheel && venv/bin/omni-mj --scenario rect --set reference.waypoints='[[0, 0], [0.2, 0.1]]'
 
-# Kills, signals, full disks, little memory and so on, at random: about half an hour; `tests/soak --help` has less.
+# Kills, signals, full disks, little memory and so on, at random; it takes long, and `tests/soak --help` has less.
 soak: $(VENV)/.installed-test
 	$(BIN)/python tests/soak
 
