@@ -96,7 +96,8 @@ def by_wheels(logs: Sequence[Log], settings: Settings) -> Part | None:
         lates = np.stack([np.zeros(len(held)), found.late[held.log if len(found.late) > 1 else 0 * held.log]], 1)
         prediction = predict(body, held, np.stack([believed, found.parameters]), lates)
     told = list(estimates(found, body, settings, used, given))
-    return Part("wheels", found, used, prediction, told, notes, list(suspects.odd_rims(found, body, used)))
+    odd = [] if given else list(suspects.odd_rims(found, body, used))  # without creep another cause is as likely
+    return Part("wheels", found, used, prediction, told, notes, odd)
 
 
 def by_commands(logs: Sequence[Log], settings: Settings, rolled: Fit | None) -> Part | None:
