@@ -1,4 +1,4 @@
-"""What sweeps cost: CPU time and memory of so many runs of `rect` under one controller, and what a million would.
+"""What sweeps cost: CPU time and memory of so many runs of `rect` under one controller, and what a million take.
 
     python tests/bench_sweep.py [--plant kinematic planar mujoco] [--runs 1000 10000] [--controller comp-flc]
                                 [--at-once 512] [--set SECTION.FIELD=VALUE ...]
