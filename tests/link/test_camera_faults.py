@@ -40,14 +40,14 @@ def wrapped(angle: Any) -> Any:
 
 
 def shown(*robots: list[Fault], frames: int = FRAMES, seed: int = 2, believed: float = 1.0, **vision: Any) -> NDArray:
-    """What is seen of such robots, (frames, n, 3), by a team that believes in a share of their twist."""
+    """What is seen of such robots, (frames, n, 3), carried on from when that was with a share of their twist."""
     settings, n = [VisionSettings(**{**SHARP, **vision})] * len(robots), len(robots)
-    look = camera(settings, [(seed,)] * n, robots, lambda: np.tile(believed * TWIST, (n, 1)))
+    look = camera(settings, [(seed,)] * n, robots)
     found = []
     for pose in poses(frames):
         measured, seen = look(np.tile(pose, (n, 1)))
         np.testing.assert_array_equal(seen, ~np.isnan(measured[:, 0]))
-        found.append(measured)
+        found.append(measured if look.age is None else measured + look.age[:, None] * believed * TWIST)
     return np.array(found)
 
 

@@ -102,11 +102,19 @@ def test_rollers_are_seen_to_turn(shot: Shot) -> None:
     assert (grey & changed).sum() > 100
 
 
-@pytest.mark.parametrize("tab", ["tracking", "velocity", "alpha", "heat"])
+@pytest.mark.parametrize("tab", ["tracking", "velocity", "why", "heat"])
 def test_every_tab_draws_the_lines_of_both_controllers(shot: Shot, tab: str) -> None:
     image = shot(3.0, tab)[PLOTS]
     for colour in (ORANGE, BLUE):
         assert count(image, colour) > 300, tab
+
+
+def test_who_estimates_no_alpha_has_the_ratio_alone(shot: Shot) -> None:
+    """The ratio is pale, the estimate of the controller's colour; labels are bright too."""
+    estimated, other = (shot(3.0, "alpha", controller)[PLOTS] for controller in ("comp-flc", "flc"))
+    assert count(estimated, BLUE) > 300
+    assert count(other, ORANGE) == 0
+    assert (other.max(-1) > 120).sum() > 2000
 
 
 @pytest.mark.parametrize("controller", ["flc", "comp-flc"])
