@@ -100,9 +100,9 @@ def _inside(out: Path, folder: str, record: dict[str, Any]) -> Iterator[str]:
     scenarios = record.get("scenarios")
     names = list(scenarios) if isinstance(scenarios, dict) else []
     if folder == "figures":
-        from omni_mj.show.figures import NAMES
+        from omni_mj.show.style import FIGURES
 
-        yield from (f"{folder}/{name}{ending}" for name in NAMES for ending in (".png", ".svg"))
+        yield from (f"{folder}/{name}{ending}" for name in FIGURES for ending in (".png", ".svg"))
     elif folder == PROVENANCE[1]:
         for place in _kept(record):
             parts = PurePosixPath(place).parts

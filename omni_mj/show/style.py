@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+# Of a run, in the order in which a report shows them.
+FIGURES = ("path", "output", "error", "why", "alpha", "temperatures", "seeds", "memberships", "surface")
 SHEET = Path(__file__).with_name("omni.mplstyle")
 REFERENCE = "#7F7F7F"
 BACKGROUND = "#C8C8C8"

@@ -17,7 +17,7 @@ from omni_mj.show.figures.first import FirstRows
 
 def test_each_figure_is_a_png_and_a_small_svg_the_same_every_time(runs: list[Path], tmp_path: Path) -> None:
     drawn_by_the_run = list((runs[0] / "figures").iterdir())
-    names = {f"{name}.{kind}" for name in figures.NAMES if name != "temperatures" for kind in ("png", "svg")}
+    names = {f"{name}.{kind}" for name in style.FIGURES if name != "temperatures" for kind in ("png", "svg")}
     assert {path.name for path in drawn_by_the_run} == names
     assert max(path.stat().st_size for path in drawn_by_the_run) < 1_000_000
     for stem in ("a", "b"):
@@ -29,7 +29,7 @@ def test_each_figure_is_a_png_and_a_small_svg_the_same_every_time(runs: list[Pat
 
 def test_what_a_run_has_no_data_for_is_not_drawn() -> None:
     names = list(drawings(made(1, n_seeds=2, heat=False)))
-    assert names == [name for name in figures.NAMES if name not in ("temperatures", "seeds")]
+    assert names == [name for name in style.FIGURES if name not in ("temperatures", "seeds")]
 
 
 @pytest.mark.parametrize("frames", [1, 16])

@@ -17,7 +17,6 @@ from omni_mj.show.figures.first import FirstRows
 if TYPE_CHECKING:
     from omni_mj.measure.result import Outcome
 
-NAMES = ("path", "output", "error", "why", "alpha", "temperatures", "seeds", "memberships", "surface")
 OVER_TIME = ("path", "output", "error", "why", "alpha", "temperatures")
 OF_THE_CONTROLLER = ("memberships", "surface")
 

@@ -11,7 +11,6 @@ import jinja2
 from omni_control.errors import OmniError, printable
 from omni_mj.files import write as write_file
 from omni_mj.measure.table import where
-from omni_mj.show import figures
 from omni_mj.show.report import cells
 from omni_mj.show.report.reading import Run, Source, data_uri, read
 
@@ -67,5 +66,7 @@ def _comparison(runs: Sequence[Run]) -> str | None:
     entries = {run.label: run.entry for run in runs if run.entry["results"]}
     if len(entries) < 2:
         return None
+    from omni_mj.show import figures  # which loads matplotlib, for reports of several runs alone
+
     informed = dict.fromkeys(name for run in runs for name in run.informed)
     return data_uri(figures.comparison_svg(entries, tuple(informed)), ".svg")

@@ -9,7 +9,7 @@ from typing import Any
 
 from omni_mj.measure import reading
 from omni_mj.scenarios.settings import every_setting
-from omni_mj.show import figures
+from omni_mj.show import style
 
 TYPES = {".svg": "image/svg+xml", ".png": "image/png"}
 
@@ -130,7 +130,7 @@ def _source(folder: Path, label: str, alone: bool) -> Source:
 
 def _figures(folder: Path) -> list[Figure]:
     found = []
-    for name in figures.NAMES:
+    for name in style.FIGURES:
         paths = [folder / "figures" / f"{name}{kind}" for kind in TYPES]
         found += [Figure(name, data_uri(path.read_bytes(), path.suffix)) for path in paths if path.is_file()][:1]
     return found
