@@ -16,8 +16,9 @@ COMPILE := $(BIN)/uv pip compile -q pyproject.toml --universal --python-version 
 run: $(VENV)/.installed
 	$(BIN)/python -m omni_mj.run --scenario rect --controller flc --controller comp-flc --controller adaptive-comp-flc
 
+# A process for each core, whose matrices are small: threads of their own only wait for each other.
 test: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
 check: $(VENV)/.installed-test
 	$(BIN)/ruff check .

@@ -117,8 +117,8 @@ def test_every_library_takes_such_a_folder(tmp_path: Path, monkeypatch: pytest.M
     assert sweep.resume(folder / "sweep").rows().num_rows == 2
 
     ports = [word for port in ("control", "blue", "yellow") for word in (f"--{port}-port", 0)]
-    served = ("serve", *ports, "--speed", 100, "--for", 0.1, "--no-record", "--quiet", "--out", folder / "served")
-    assert invoke(*served) == 0
+    served = ("serve", *ports, "--speed", 100, "--for", 0.1, "--no-record", "--quiet")
+    assert invoke(*served, "--set", "physics.kernel=numpy", "--out", folder / "served") == 0
     assert pq.read_table((folder / "served" / "trajectory.parquet").open("rb")).num_rows == 6
 
     assert "x_m" in tables.read(folder / "trajectory.parquet")
