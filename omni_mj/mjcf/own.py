@@ -17,7 +17,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, printable
 from omni_mj.mjcf import prepare, roles
 from omni_mj.mjcf.files import parts_of
 from omni_mj.mjcf.geometry import Body, Wheels
@@ -125,7 +125,7 @@ def read(file: str | Path, given: Mapping[str, str] | None = None) -> Own:
     """
     path = Path(file)
     if not path.is_file():
-        raise OmniError(f"there is no model {path}; give the path of a robot's MJCF: robot.xml")
+        raise OmniError(f"there is no model {printable(str(path))}; give the path of a robot's MJCF: robot.xml")
     named = tuple((role, tuple(text.split())) for role, text in (given or {}).items() if text.strip())
     changed = tuple(part.stat().st_mtime_ns for part in parts_of(path) if part.is_file())
     return _read(path, path.resolve(), changed, Names(**dict(named)))

@@ -4,7 +4,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import omni_mj as om
@@ -137,6 +137,7 @@ VALUES = st.one_of(
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(values=st.dictionaries(NAMES, VALUES, min_size=1, max_size=4))
+@example(values={"model.file": "\U00018cd6"})
 def test_any_settings_are_a_scenario_or_lines(tmp_path: Path, values: dict[str, object]) -> None:
     """One that is a scenario reads back from its file."""
     sections: dict[str, dict[str, object]] = {}
