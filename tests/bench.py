@@ -5,7 +5,7 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -82,15 +82,6 @@ def report(robots: int, wheels: str) -> dict[str, float]:
     assert not taped.failures
     commands = [Received.at_once(command) for command in log.channel("applied")]
 
-    def plant(kernel: str) -> Callable[[], object]:
-        driven = Simulation(chosen[kernel]).plant
-
-        def work() -> None:
-            for received in commands:
-                driven.advance(received)
-
-        return work
-
     def bare() -> Callable[[], object]:
         batch, ctrl = _standing(chosen["numpy"], robots, 1)
 
@@ -101,10 +92,7 @@ def report(robots: int, wheels: str) -> dict[str, float]:
 
         return work
 
-    works: dict[str, Callable[[], Callable[[], object]]] = {"bare": bare}
-    for kernel in KERNELS:
-        works |= {f"plant, {kernel}": partial(plant, kernel), f"loop, {kernel}": partial(_whole, chosen[kernel])}
-    times = fastest(works, ROUNDS if robots < 64 else 1)
+    times = fastest({"bare": bare, **_works(chosen, commands)}, ROUNDS if robots < 64 else 1)
     simulated = len(commands) * PERIOD_S * robots
     found = {name: used / times["bare"] for name, used in times.items() if name != "bare"}
     return {"bare simulated s per CPU-s": simulated / times["bare"], **found}
@@ -123,20 +111,26 @@ def report_planar(robots: int) -> dict[str, float]:
     log = Simulation(chosen["numpy"]).run()
     commands = [Received.at_once(command) for command in log.channel("applied")]
 
-    def plant(kernel: str) -> Callable[[], object]:
-        driven = Simulation(chosen[kernel]).plant
-
-        def work() -> None:
-            for received in commands:
-                driven.advance(received)
-
-        return work
-
-    works: dict[str, Callable[[], Callable[[], object]]] = {}
-    for kernel in KERNELS:
-        works |= {f"plant, {kernel}": partial(plant, kernel), f"loop, {kernel}": partial(_whole, chosen[kernel])}
     simulated = len(commands) * PERIOD_S * robots
-    return {name: simulated / used for name, used in fastest(works, ROUNDS).items()}
+    return {name: simulated / used for name, used in fastest(_works(chosen, commands), ROUNDS).items()}
+
+
+def _works(chosen: dict[str, Scenario], commands: Sequence[Received]) -> dict[str, Callable[[], Callable[[], object]]]:
+    """What is timed, by name: the plant alone under these commands, and the loop around it, by each kernel."""
+    works: dict[str, Callable[[], Callable[[], object]]] = {}
+    for kernel, own in chosen.items():
+        works |= {f"plant, {kernel}": partial(_plant, own, commands), f"loop, {kernel}": partial(_whole, own)}
+    return works
+
+
+def _plant(chosen: Scenario, commands: Sequence[Received]) -> Callable[[], object]:
+    driven = Simulation(chosen).plant
+
+    def work() -> None:
+        for received in commands:
+            driven.advance(received)
+
+    return work
 
 
 def _whole(chosen: Scenario) -> Callable[[], object]:

@@ -1,13 +1,12 @@
 """What faults do to a camera: what it shows in place of what is there, and when."""
 
 from collections.abc import Sequence
-from typing import Self
 
 import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.link.noise import Noise, Seed, Stream
-from omni_mj.link.schedule import Schedule
+from omni_mj.link.schedule import Met, Schedule
 from omni_mj.scenarios.clock import PERIOD_S
 from omni_mj.scenarios.faults import (
     Fault,
@@ -22,17 +21,16 @@ from omni_mj.scenarios.faults import (
     span,
 )
 
-OF_SIGHT = VisionOut, VisionFreeze, VisionMirrored, VisionWrongId, VisionBias
-OF_TIME = VisionClock, VisionJitter, VisionDelay
 
-
-class Sight:
+class Sight(Met):
     """What a camera shows of n robots. Biases add up; of several others taken for a robot the last counts.
 
     Args:
         schedule: of these kinds.
         seeds: one per robot.
     """
+
+    kinds = VisionOut, VisionFreeze, VisionMirrored, VisionWrongId, VisionBias
 
     def __init__(self, schedule: Schedule, seeds: Sequence[Seed]) -> None:
         n = len(seeds)
@@ -43,12 +41,6 @@ class Sight:
         self._confused, self._mirrored = np.zeros((2, n))
         self._other, self._bias = np.zeros((2, n, 3))
         self._last = np.full((n, 3), np.nan)
-
-    @classmethod
-    def of(cls, faults: Sequence[Sequence[Fault]], seeds: Sequence[Seed]) -> Self | None:
-        """Of robots with these faults; None where none of them has any that matters."""
-        schedule = Schedule(faults, *OF_SIGHT)
-        return cls(schedule, seeds) if schedule.kinds else None
 
     def look(self, pose: Array, frame: int) -> Array:
         """What there is to see in a frame, but for noise, in place of true poses (n, 3)."""
@@ -78,13 +70,15 @@ class Sight:
         return known & ~self._out
 
 
-class Timing:
+class Timing(Met):
     """When images of n robots arrive, and how old they are said to be. Errors of clocks and jitters add up.
 
     Args:
         schedule: of these kinds.
         seeds: one per robot.
     """
+
+    kinds = VisionClock, VisionJitter, VisionDelay
 
     def __init__(self, schedule: Schedule, seeds: Sequence[Seed]) -> None:
         n = len(seeds)
@@ -94,15 +88,9 @@ class Timing:
         self._loses, self._lost = np.zeros((2, n))
 
     @classmethod
-    def of(cls, faults: Sequence[Sequence[Fault]], seeds: Sequence[Seed]) -> Self | None:
-        """Of robots with these faults; None where none of them has any that matters."""
-        schedule = Schedule(faults, *OF_TIME)
-        return cls(schedule, seeds) if schedule.kinds else None
-
-    @classmethod
     def matters(cls, faults: Sequence[Fault]) -> bool:
         """Whether any of a robot's faults does."""
-        return any(isinstance(fault, OF_TIME) for fault in faults)
+        return any(isinstance(fault, cls.kinds) for fault in faults)
 
     def at(self, frame: int, time: float, delay: Array) -> tuple[Array, Array]:
         """Of an image that is taken in a frame, at a time in s.

@@ -1,19 +1,16 @@
 """What faults do to packets of the radio: which are lost, and which come behind younger ones."""
 
 from collections.abc import Sequence
-from typing import Self
 
 import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.link.noise import Noise, Seed, Stream
-from omni_mj.link.schedule import Schedule
+from omni_mj.link.schedule import Met, Schedule
 from omni_mj.scenarios.faults import Fault, RadioBursts, RadioDuplicates, RadioLoss, RadioOut, RadioReorder
 
-KINDS = RadioLoss, RadioBursts, RadioDuplicates, RadioReorder, RadioOut
 
-
-class Mishaps:
+class Mishaps(Met):
     """Of the packets to n robots. Each packet meets each kind by itself; of several of a kind chances join.
 
     A burst's chain starts without loss in the frame in which its fault begins.
@@ -22,6 +19,8 @@ class Mishaps:
         schedule: of these kinds.
         seeds: one per robot; rows with the same seed lose the same packets.
     """
+
+    kinds = RadioLoss, RadioBursts, RadioDuplicates, RadioReorder, RadioOut
 
     def __init__(self, schedule: Schedule, seeds: Sequence[Seed]) -> None:
         n = len(seeds)
@@ -33,12 +32,6 @@ class Mishaps:
         self._copies, self._delays = np.zeros((2, n), int)
         self._chains = dict[tuple[int, Fault], bool]()  # of the bursts that go on: whether in one
         self._bursts = np.ones(n)
-
-    @classmethod
-    def of(cls, faults: Sequence[Sequence[Fault]], seeds: Sequence[Seed]) -> Self | None:
-        """Of robots with these faults; None where none of them has any that matters."""
-        schedule = Schedule(faults, *KINDS)
-        return cls(schedule, seeds) if schedule.kinds else None
 
     def begin(self, frame: int) -> None:
         """Begin a frame."""

@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import ClassVar, Protocol, Self, TypeVar
 
+from omni_mj.link.noise import Seed
 from omni_mj.scenarios.faults import Fault, span
 
 Kind = TypeVar("Kind", bound=Fault)
@@ -60,3 +61,17 @@ class Schedule:
         changes = [passed for passed in range(self._next, frame + 1) if passed in self._changes]
         self._next = frame + 1
         return self.at(changes[-1]) if changes else None
+
+
+class Met(Protocol):
+    """What faults of some kinds do to n robots, made only where one of them has such a fault."""
+
+    kinds: ClassVar[tuple[type[Fault], ...]]
+
+    def __init__(self, schedule: Schedule, seeds: Sequence[Seed]) -> None: ...
+
+    @classmethod
+    def of(cls, faults: Sequence[Sequence[Fault]], seeds: Sequence[Seed]) -> Self | None:
+        """Of robots with these faults and seeds, one each; None where none of them has any of the kinds."""
+        schedule = Schedule(faults, *cls.kinds)
+        return cls(schedule, seeds) if schedule.kinds else None
