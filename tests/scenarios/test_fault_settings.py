@@ -15,8 +15,8 @@ from scenario_texts import errors, fits, load, refusal
 
 import omni_mj as om
 from omni_control.errors import OmniError
-from omni_mj.link.camera_faults import OF_SIGHT, OF_TIME
-from omni_mj.link.radio_faults import KINDS as OF_RADIO
+from omni_mj.link.camera_faults import Sight, Timing
+from omni_mj.link.radio_faults import Mishaps
 from omni_mj.measure import events, recovery
 from omni_mj.plants.faults import ACTS
 from omni_mj.scenarios import faults
@@ -158,7 +158,12 @@ def test_friction_needs_wheels_that_creep() -> None:
 def test_every_kind_acts_where_it_is_known_and_says_what_it_is() -> None:
     """Of those of plants on wheels there is a function each; every class has a kind of its own."""
     assert {kind for kind in KINDS.values() if kind.plants and set(ON_WHEELS) <= set(kind.plants)} == set(ACTS)
-    assert {kind for kind in KINDS.values() if not kind.plants} == {Delay, *OF_RADIO, *OF_SIGHT, *OF_TIME}
+    assert {kind for kind in KINDS.values() if not kind.plants} == {
+        Delay,
+        *Mishaps.kinds,
+        *Sight.kinds,
+        *Timing.kinds,
+    }
     declared = {kind for _, kind in inspect.getmembers(faults, inspect.isclass) if issubclass(kind, Fault)} - {Fault}
     assert declared == set(KINDS.values())
     for name, kind in KINDS.items():
