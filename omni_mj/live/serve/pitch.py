@@ -64,6 +64,7 @@ class Pitch:
         self._eyes = [Eye(number, self.rows) for number in range(self._vision.cameras)]
         self.due = min(eye.due for eye in self._eyes)
         self._build(list(names.values()))
+        self._rehearse()
         self._areas = areas(len(self._eyes), self.plant.surface, self._vision.overlap_m)
         wrong = [self.plant.overlap(robot, self.plant.pose()[:, :2]) for robot in range(len(self.names))]
         if any(wrong):
@@ -256,6 +257,11 @@ class Pitch:
         self.held = received(np.tile(self._nothing, (n, 1)), np.zeros(n, bool), 0)
         self.measured = np.full((n, 3), np.nan)
         self._seen = [(heading, self.cycle) for heading in self.plant.pose()[:, 2].tolist()]
+
+    def _rehearse(self) -> None:
+        """Let numba compile what it has not yet on this computer, which takes 20 s, before anybody waits for images."""
+        if self.rows and self.rows[0].settings.physics.kernel == "numba":
+            ServedPlant(self.rows, self.plant.pose()).advance(self.held)
 
     def _rows(self) -> list[Row]:
         """A row for each robot."""
