@@ -5,11 +5,32 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
+import numpy as np
+
 from omni_control.errors import OmniError
 from omni_mj.files import whole
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+
+def column(values: np.ndarray) -> "pa.Array":
+    """Numbers, or truth values, (n,), as a column; Arrow would import pandas for it first, for half a second."""
+    import pyarrow as pa
+
+    kind = pa.from_numpy_dtype(values.dtype)
+    data = np.packbits(values, bitorder="little") if values.dtype == bool else np.ascontiguousarray(values)
+    return pa.Array.from_buffers(kind, len(values), [None, pa.py_buffer(data)])
+
+
+def labels(which: np.ndarray, names: Sequence[str]) -> "pa.DictionaryArray":
+    """For each line, the name whose number is given, (n,)."""
+    import pyarrow as pa
+
+    coded = [name.encode() for name in names]
+    ends = np.cumsum([0, *map(len, coded)], dtype=np.int32)
+    words = pa.StringArray.from_buffers(len(names), pa.py_buffer(ends), pa.py_buffer(b"".join(coded)))
+    return pa.DictionaryArray.from_arrays(column(which.astype(np.int32)), words)
 
 
 def read(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":

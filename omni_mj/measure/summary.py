@@ -2,8 +2,8 @@
 
 import platform
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
 from dataclasses import asdict
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
@@ -203,11 +203,17 @@ def document(
 
 def versions() -> dict[str, str]:
     """Versions of Python and of the packages that decide the result."""
-    found = {"python": platform.python_version()}
-    for name in ("omni-mj", "mujoco", "numpy", "scipy", "rerun-sdk", "pyarrow", "piqp", "numba"):
-        with suppress(PackageNotFoundError):  # the last two are extras
-            found[name] = version(name)
-    return found
+    names = "omni-mj", "mujoco", "numpy", "scipy", "rerun-sdk", "pyarrow", "piqp", "numba"  # the last two are extras
+    return {"python": platform.python_version()} | {name: found for name in names if (found := _version(name))}
+
+
+@cache
+def _version(name: str) -> str | None:
+    """The version of a package, if it is installed; to read it takes milliseconds, and a summary is written often."""
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
 
 
 def _each_robot(log: Log, drawn: Mapping[str, Array]) -> list[dict[str, Any]]:

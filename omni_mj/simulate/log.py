@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -151,9 +151,8 @@ class Log:
 
         line, frame = np.nonzero(np.arange(self.length) < self.lengths[:, None])
         names = list(self.controllers)
-        labels = np.array([names.index(row.controller) for row in self.rows], np.int32)
-        columns: dict[str, Any] = {
-            "controller": pa.DictionaryArray.from_arrays(labels[line], names),
+        which = np.array([names.index(row.controller) for row in self.rows], np.int32)
+        columns: dict[str, np.ndarray] = {
             "seed": np.array([row.seed for row in self.rows], np.int64)[line],
             "place": np.array([row.place for row in self.rows], np.int32)[line],
             "frame": frame.astype(np.int32),
@@ -162,7 +161,8 @@ class Log:
         for name, titles in self.columns.items():
             data = self._data[name]
             columns |= {title: data[frame, line, i] for i, title in enumerate(titles)}
-        return pa.table(columns)
+        said = {"controller": parquet.labels(which[line], names)}
+        return pa.table(said | {title: parquet.column(values) for title, values in columns.items()})
 
     def save(self, path: Path) -> None:
         """Write the table as Parquet; the file appears whole or not at all."""

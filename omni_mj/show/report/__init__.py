@@ -4,6 +4,7 @@ The file holds its figures and its style; nothing is loaded from anywhere when i
 """
 
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 import jinja2
@@ -40,12 +41,7 @@ def write(folders: Sequence[Path], out: Path) -> None:
 def _html(folders: Sequence[Path]) -> str:
     sources = read(folders)
     runs = [run for source in sources for run in source.runs]
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
-    environment.filters |= {"number": cells.number, "change": cells.change, "plain": cells.plain}
-    return environment.get_template("report.html.j2").render(
+    return _template().render(
         title=_title(sources, runs),
         sources=sources,
         runs=runs,
@@ -53,6 +49,17 @@ def _html(folders: Sequence[Path]) -> str:
         differing=cells.differing(runs),
         cells=cells,
     )
+
+
+@cache
+def _template() -> jinja2.Template:
+    """What all reports are made with: reading it takes longer than filling it in."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    environment.filters |= {"number": cells.number, "change": cells.change, "plain": cells.plain}
+    return environment.get_template("report.html.j2")
 
 
 def _title(sources: Sequence[Source], runs: Sequence[Run]) -> str:
