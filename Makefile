@@ -1,5 +1,5 @@
 # make run: the paper's experiment · make test: all tests · make check: ruff and mypy · make hooks: the same before each
-# commit · make bench: speed, as ratios · make docs: the site, in build/site · make lessons: docs/lessons, run · make wheel: what is released, tried
+# commit · make bench: speed, as ratios · make docs: the site, in build/site · make lessons: the programs of the pages, run · make wheel: what is released, tried
 # make soak: machine faults, at random · make constraints: newer versions of what is installed
 PYTHON ?= python3
 VENV := .venv
@@ -42,11 +42,13 @@ docs: $(VENV)/.installed-docs
 	$(BIN)/sphinx-build -q -W --keep-going -b html -c docs . build/site
 	@echo "the site is in build/site/index.html"
 
-# The lessons' programs, which must print what the pages say; `make lessons WRITE=--write` writes it, and the figures.
+# The lessons' programs, which must print what the pages say; `make lessons WRITE=--write` writes it, and the figures. And what
+# the other documents tell to type.
 lessons: $(VENV)/.installed-test
 	rm -rf build/lessons && mkdir -p build/lessons
 	cd build/lessons && ../../$(BIN)/python ../../docs/lessons/run.py $(WRITE) ../../docs/lessons/*.md
 	$(if $(WRITE),cp build/lessons/*.png docs/lessons/)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m pages -n auto
 
 # The source and the wheel made of it, installed somewhere else and run there: the model and the scenarios must travel along.
 wheel: $(VENV)/.installed-release
@@ -59,9 +61,9 @@ wheel: $(VENV)/.installed-release
 	build/wheel/venv/bin/python -m pip check
 	cd build/wheel && venv/bin/omni-mj --scenario rect --set reference.waypoints='[[0, 0], [0.2, 0.1]]'
 
-# Kills, signals, full disks, little memory and so on, at random; it takes long, and `tests/soak --help` has less.
+# Kills, signals, full disks, little memory and so on, at random; it takes long, and `make soak SOAK="kills=1 disks=1"` less.
 soak: $(VENV)/.installed-test
-	$(BIN)/python tests/soak
+	$(BIN)/python tests/soak $(SOAK)
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -24,6 +24,7 @@ DOCUMENTS = {
 }
 
 
+@pytest.mark.pages
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_every_block_of_a_document_works(document: str, tmp_path: Path) -> None:
     """Blocks with a file's name are written to it, the others run; each must succeed."""
@@ -57,6 +58,7 @@ def test_files_that_the_documents_name_exist() -> None:
         assert all((ROOT / target).exists() for target in named), (document, named)
 
 
+@pytest.mark.pages
 @pytest.mark.parametrize("example", sorted(ROOT.glob("examples/*.py")), ids=lambda path: path.stem)
 def test_examples_are_short_and_run(example: Path, tmp_path: Path) -> None:
     """At most 30 lines each; what it prints is not checked, but it prints something."""

@@ -1,10 +1,8 @@
-"""The lessons: pages whose programs run, and whose text is what they print."""
+"""What `make lessons` runs: pages whose programs run, and whose text is what they print."""
 
 import subprocess
 import sys
 from pathlib import Path
-
-import pytest
 
 LESSONS = Path(__file__).parents[2] / "docs" / "lessons"
 RUN = [sys.executable, str(LESSONS / "run.py")]
@@ -12,15 +10,6 @@ RUN = [sys.executable, str(LESSONS / "run.py")]
 
 def lesson(folder: Path, *words: str) -> "subprocess.CompletedProcess[str]":
     return subprocess.run([*RUN, *words], cwd=folder, capture_output=True, text=True, timeout=300, check=False)
-
-
-@pytest.mark.parametrize("name", ["dead-time", "alpha-and-slip"])
-def test_a_lesson_says_what_its_program_prints(name: str, tmp_path: Path) -> None:
-    """The third, which takes longer, is run by `make lessons`. Figures that a page shows are those that are saved."""
-    page = LESSONS / f"{name}.md"
-    done = lesson(tmp_path, str(page))
-    assert (done.returncode, done.stderr) == (0, "")
-    assert all(f"({figure.name})" in page.read_text() for figure in tmp_path.iterdir())
 
 
 def test_a_page_that_says_something_else_is_told_and_written_anew(tmp_path: Path) -> None:
