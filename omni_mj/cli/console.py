@@ -1,5 +1,6 @@
 """What a user sees on the terminal: errors in a line each, progress."""
 
+import os
 import shlex
 import signal
 import sys
@@ -30,6 +31,8 @@ def invoke(command: click.Command, args: list[str] | None = None) -> NoReturn:
     streams.attend()
     try:
         words = sys.argv[1:] if args is None else args
+        if args is None and "film" not in words:  # nothing else draws by MuJoCo, which looks for libraries of windows
+            os.environ.setdefault("MUJOCO_GL", "disable")
         line = shlex.join([*_program(command).split(), *words])
         code = command.main(args=words, prog_name=_program(command), standalone_mode=False, obj=line)
         sys.stdout.flush()
