@@ -20,12 +20,12 @@ def confidence(values: Array) -> tuple[Array, Array]:
     Returns:
         Two arrays (...); not a number for the half width of a single sample.
     """
-    from scipy.special import stdtrit
-
     n = values.shape[-1]
     mean: Array = values.mean(-1)
     if n == 1:
         return mean, np.full_like(mean, np.nan)
+    from scipy.special import stdtrit  # late: runs of one seed do without
+
     return mean, stdtrit(n - 1, (1 + CONFIDENCE) / 2) * values.std(-1, ddof=1) / np.sqrt(n)
 
 
@@ -59,8 +59,6 @@ def paired(ours: Spread, theirs: Spread) -> tuple[float | None, float | None, fl
         there is none but by chance (p, two-sided, by Student's t); None for what cannot be said, since a seed has no
         value or is the only one.
     """
-    from scipy.special import stdtr
-
     if None in ours["seeds"] or None in theirs["seeds"]:
         return None, None, None
     differences = np.array(ours["seeds"]) - np.array(theirs["seeds"])
@@ -71,6 +69,8 @@ def paired(ours: Spread, theirs: Spread) -> tuple[float | None, float | None, fl
     error = differences.std(ddof=1) / np.sqrt(n)
     if error == 0:  # the same in every seed
         return float(difference), 0.0, float(difference == 0)
+    from scipy.special import stdtr
+
     return float(difference), float(half), float(2 * stdtr(n - 1, -abs(difference) / error))
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import expm
 
 from omni_control.kinematics import Array
 from omni_mj.onboard import arrays, laws
@@ -170,14 +169,14 @@ class Motors:
 
 
 def _conduction(s: MotorSettings, period: float) -> Array:
-    """Exact solution of the two nodes over one period (s) with constant heat into each.
+    """Exact solution of the two nodes over one period (s) with constant heat into each, by their two modes.
 
     Returns:
         (2, 4): temperatures over ambient of winding and housing, from those before and from the heats in W.
     """
     inner, outer = 1 / s.winding_housing_k_w, 1 / s.housing_ambient_k_w
-    rates = np.zeros((4, 4))
-    rates[0] = np.array([-inner, inner, 1.0, 0.0]) / s.winding_j_k
-    rates[1] = np.array([inner, -inner - outer, 0.0, 1.0]) / s.housing_j_k
-    solution: Array = expm(rates * period)
-    return solution[:2]
+    root = np.sqrt([s.winding_j_k, s.housing_j_k])
+    rates, modes = np.linalg.eigh(np.array([[inner, -inner], [-inner, inner + outer]]) / np.outer(root, root))
+    kept = modes * np.exp(-rates * period) @ modes.T * (root / root[:, None])
+    taken = modes * (-np.expm1(-rates * period) / rates) @ modes.T / np.outer(root, root)
+    return np.hstack([kept, taken])

@@ -48,14 +48,12 @@ class Drawn:
     @classmethod
     def of(cls, rows: Sequence[Row]) -> "Drawn":
         """What the seeds of these rows, which have as many wheels each, draw for them."""
-        from scipy.special import ndtr, ndtri
-
         varied = [row.settings.variation for row in rows]
         wheels = len(rows[0].settings.wheels.azimuths_deg)
         seeds = [row.noise_seed for row in rows]
         uniform = Noise(seeds, Stream.VARIATION, lambda rng, count: rng.random((count, 3 + 3 * wheels))).next()
-        tail = ndtr(-CUT)
-        normal = ndtri(tail + (1 - 2 * tail) * uniform)
+        spread = [column(varied, name) for name in ("friction", "motor_constant", "mass", "centre_m")]
+        normal = _normal(uniform) if np.any(spread) else np.zeros_like(uniform)
         body, friction, motors, wear = np.split(np.arange(3 + 3 * wheels), 3 + wheels * np.arange(3))
         return cls(
             friction=1 + column(varied, "friction") * normal[:, friction],
@@ -117,3 +115,12 @@ class Drawn:
             Columns(centre[:, :, axis], chassis).set(model.body_ipos[one, axis] + self.centre[:, [axis]])
         for axis in range(3):
             Columns(inertia[:, :, axis], chassis).set(model.body_inertia[one, axis] * self.mass)
+
+
+def _normal(uniform: Array) -> Array:
+    """Normal numbers, cut, from uniform ones."""
+    from scipy.special import ndtr, ndtri  # late: it takes longer to import than a world of robots that are alike
+
+    tail = ndtr(-CUT)
+    numbers: Array = ndtri(tail + (1 - 2 * tail) * uniform)
+    return numbers
