@@ -71,7 +71,8 @@ def test_what_vision_gets_wrong_costs_little() -> None:
     assert {"wrong id", "mirrored", "bad packet"} <= live.notes.counts.keys()
     assert live.notes.counts["moved"] == live.notes.counts["turned"] == 0
     bias = live.link.vision.cameras[1].bias - live.link.vision.cameras[0].bias
-    np.testing.assert_allclose(bias, [0.02, 0.02, 0.0], atol=1e-3)
+    np.testing.assert_allclose(bias[:2], 0.02, atol=1e-3)
+    assert abs(bias[2]) < 1e-2  # ten times as noisy
     error = np.abs(live.log.channel("pose") - live.log.channel("ref"))
     assert error[..., :2].max() < 0.02
     assert error[..., 2].max() < 0.1
