@@ -17,12 +17,13 @@ from omni_mj.simulate.simulation import Simulation
 
 SHORT = ("reference.waypoints=[[0, 0], [0.5, 0]]", "reference.settle_s=0")
 AWAY = ("reference.waypoints=[[0, 0], [0.4, 0], [0.4, 0.2]]", "reference.settle_s=0")
+FAST = ("physics.kernel=numba",)
 REST = {"vision_valid": True, "duty_peak": 0.5, "current_limited": 0.0, "battery": 22.0, "winding": 25.0}
 
 
 @cache
 def simulated(*overrides: str) -> Simulation:
-    simulation = Simulation(load("rect", [*SHORT, *overrides]))
+    simulation = Simulation(load("rect", [*SHORT, *FAST, *overrides], {"plant": "planar"}))
     simulation.run()
     return simulation
 

@@ -23,7 +23,8 @@ def measured(robot: str, axis: int) -> tuple[float, float]:
     is below zero at none, m/s.
     """
     base, found = np.linspace(0.15, 0.35, 5), []
-    scenario = om.scenario("rect", robot=robot, wheels={"model": "two-rollers"}, vision={"position_noise_m": 0.0})
+    fast = {"wheels": {"model": "two-rollers"}, "physics": {"kernel": "numba"}}
+    scenario = om.scenario("rect", robot=robot, vision={"position_noise_m": 0.0}, **fast)
     for step in (STEP_M_S, -STEP_M_S):
         sim = om.Simulation(scenario, ["p"], seeds=range(len(base)))
         speeds, places = [], []
