@@ -110,7 +110,7 @@ class MujocoPlant:
             self._faults = Faults(rows, MujocoBodies(self._batch, world, n), onboard, self._angles)
         if settings[0].physics.kernel == "numba":
             sensed = self._angles.T, self._turn_rates
-            self._between = Between(self._batch, world, onboard, sensed, (recorded, self._supplies))
+            self._between = Between(self._batch, world, onboard, sensed, self._failed, (recorded, self._supplies))
         self._cycle = 0
         self._heard: tuple[Array, np.ndarray] = np.full(n, np.nan), np.zeros(n, int)
 
@@ -160,7 +160,7 @@ class MujocoPlant:
 
     def _pass_compiled(self, k: int, between: Between) -> None:
         """As `_pass`, by compiled loops."""
-        between.before(k, self._gyro_error, self._push, self._failed, self._holds)
+        between.before(k)
         for substep in range(self._substeps):
             self._batch.step(self._living)
             between.after(k, substep == 0, substep == self._substeps - 1)
@@ -213,6 +213,11 @@ class MujocoPlant:
         self._firmware.correct(*self._heard, motors.winding)
         self._heard = np.full(len(self._failed), np.nan), np.zeros(len(self._failed), int)
         self._gyro_error = self._chance.gyro_error(gyro_bias)
+        if self._between is not None:
+            self._between.begin(self._gyro_error, self._push)
+            if self._faults is not None:
+                self._between.look()
+                self._between.hold(self._holds)
 
     def hold(self, current: Array | None) -> None:
         """Have drivers hold currents from now on, whatever the firmware asks; with none, a robot rolls out.
@@ -222,6 +227,8 @@ class MujocoPlant:
                 drive. None for all.
         """
         self._held = None if current is None or np.isnan(current).all() else np.array(current, float)
+        if self._between is not None:
+            self._between.hold(self._holds)
 
     @property
     def _holds(self) -> Array | None:
