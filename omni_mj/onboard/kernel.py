@@ -13,6 +13,8 @@ from typing import Any
 from omni_control.errors import OmniError
 from omni_mj.onboard import addresses, laws, wide
 
+OURS = "omni_mj.", "omni_control."  # modules whose functions are compiled with those that call them
+
 
 def check(kernel: str) -> None:
     """See that what a kernel needs is installed.
@@ -93,7 +95,7 @@ def _ours(function: Any, known: set[Any]) -> Iterator[Any]:
         getattr(each, name) for each in found if isinstance(each, ModuleType) for name in names if hasattr(each, name)
     ]
     for each in found:
-        if isinstance(each, FunctionType) and each.__module__.startswith("omni_mj.") and each not in known:
+        if isinstance(each, FunctionType) and each.__module__.startswith(OURS) and each not in known:
             known.add(each)
             yield each
             yield from _ours(each, known)

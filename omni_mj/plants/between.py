@@ -8,8 +8,8 @@ order, and reach into the batch's arrays themselves. Each is handed one array al
 import numpy as np
 from mujoco.batch import Batch
 
-from omni_control.kinematics import Array
-from omni_mj.onboard import by_robot
+from omni_control.kinematics import Array, wrapped
+from omni_mj.onboard import by_robot, laws
 from omni_mj.onboard.arrays import RimArrays, TractionArrays
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
@@ -25,6 +25,10 @@ from omni_mj.plants.cells import (
     FOLLOWING,
     GYRO,
     LOAD,
+    QW,
+    QX,
+    QY,
+    QZ,
     RATE,
     SLIP,
     SLIP_ANGLE,
@@ -33,10 +37,8 @@ from omni_mj.plants.cells import (
     VY,
     WRENCH,
     Cells,
-    W,
     X,
     Y,
-    Z,
 )
 from omni_mj.plants.table import CREEPS, HELD, PLACES, ROBOTS, Seen, Table, Writer
 from omni_mj.worlds.build import World
@@ -51,6 +53,7 @@ class Between:
         onboard: firmware, motors, battery and traction of the robots.
         sensed: what encoders and gyros showed last, (W, n) rad and (n,) rad/s; written.
         off: robots that are switched off, (n,); a live array.
+        heading: at the start, full turns counted, (n,) rad; written at the end of each frame.
         recorded: written: wheel speeds, voltages and currents of a frame's cycles (3, cycles, W, n), and the battery's
             voltage (cycles, n, 1).
     """
@@ -62,11 +65,12 @@ class Between:
         onboard: tuple[Firmware, Motors, Battery, Traction],
         sensed: tuple[Array, Array],
         off: np.ndarray,
+        heading: Array,
         recorded: tuple[Array, Array],
     ) -> None:
         (angle, rate), n = sensed, len(off)
         shapes = (n,), (n, 2), angle.shape, (n,), angle.shape, (2, n), (2, n), (3, n), (n,), (2, n)
-        self._seen = Seen(angle, rate, off, *recorded, *map(np.zeros, shapes))
+        self._seen = Seen(angle, rate, off, *recorded, *map(np.zeros, shapes), heading)
         creeps = world.robots[0].slip_dofs.size > 0
         self._writer = Writer(Cells.of(batch, world), self._seen, onboard, creeps)
         self._firmware, self._table = onboard[0], self._writer.table
@@ -102,9 +106,14 @@ class Between:
         """
         self._after(self._table, k, first, last)
 
-    def end(self, period: float) -> None:
-        """Warm motors and discharge batteries after a frame that lasted so long, s."""
-        self._end(self._table, period)
+    def end(self, period: float) -> bool:
+        """Warm motors and discharge batteries after a frame that lasted so long, s, and read headings.
+
+        Returns:
+            Whether a robot that is on has toppled.
+        """
+        toppled: bool = self._end(self._table, period)
+        return toppled
 
 
 def before(t: Table, k: int, cycle: int) -> None:
@@ -151,11 +160,17 @@ def after(t: Table, k: int, first: bool, last: bool) -> None:
         _press(table.rims(t), c, s.load)
 
 
-def end(t: Table, period: float) -> None:
+def end(t: Table, period: float) -> bool:
     """See `Between.end`."""
-    s = table.seen(t)
+    c, s, places, toppled = table.cells(t), table.seen(t), t[PLACES], False
     by_robot.warm(table.motors(t), table.heat(t), s.recorded[2], s.recorded[0], s.heats)
     by_robot.discharge(table.battery(t), table.charge(t), period)
+    for i in range(t[ROBOTS]):
+        state, robot = c.state[i // places], c.robots[i % places]
+        w, x, y, z = state[robot[QW]], state[robot[QX]], state[robot[QY]], state[robot[QZ]]
+        s.heading[i] += wrapped(laws.heading(w, x, y, z) - s.heading[i])
+        toppled = toppled or (laws.toppled(x, y) and not s.off[i])
+    return toppled
 
 
 def _travel(t: TractionArrays, c: Cells, s: Seen) -> None:
@@ -164,7 +179,7 @@ def _travel(t: TractionArrays, c: Cells, s: Seen) -> None:
     _weigh(c, s.load)
     for i in range(n):
         state, robot = c.state[i // places], c.robots[i % places]
-        half = complex(state[robot[W]], state[robot[Z]])
+        half = complex(state[robot[QW]], state[robot[QZ]])
         facing = half * half
         body = complex(state[robot[VX]], state[robot[VY]]) * facing.conjugate()
         s.place[0, i], s.place[1, i] = state[robot[X]], state[robot[Y]]

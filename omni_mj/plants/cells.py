@@ -9,9 +9,9 @@ from omni_control.kinematics import Array
 from omni_mj.mjcf import roles
 from omni_mj.worlds.build import World
 
-# Columns of `Cells.wheels`, and of `Cells.robots`: x, y; the quaternion's w, z; vx, vy and turn rate; the wrench; gyro.
+# Columns of `Cells.wheels`, and of `Cells.robots`: x, y; the quaternion; vx, vy and turn rate; the wrench; gyro.
 ANGLE, SPEED, CTRL, ENCODER, LOAD, SLIP_ANGLE, SLIP, BOTTOM, FOLLOWING = range(9)
-X, Y, W, Z, VX, VY, RATE, WRENCH, GYRO = 0, 1, 2, 3, 4, 5, 6, 7, 13
+X, Y, QW, QX, QY, QZ, VX, VY, RATE, WRENCH, GYRO = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 15
 
 
 class Cells(NamedTuple):
@@ -23,7 +23,7 @@ class Cells(NamedTuple):
         limit: dry friction of their joints, (worlds, nv).
         impedance: of these constraints, (worlds, nv, 5).
         wheels: columns of each place's wheels in state, those of sensors, and of slip hinges, (places, 9, W).
-        robots: of each place's robot, (places, 14).
+        robots: of each place's robot, (places, 16).
         pitch: between rollers if they are handed over, else 0, (1,) rad.
     """
 
@@ -46,7 +46,7 @@ class Cells(NamedTuple):
 
         qpos, qvel, ctrl, forces = (first(name) for name in ("qpos", "qvel", "ctrl", "xfrc_applied"))
         wheels = np.zeros((len(world.robots), 9, len(world.kinematics.azimuths)), np.int64)
-        robots = np.zeros((len(world.robots), 14), np.int64)
+        robots = np.zeros((len(world.robots), 16), np.int64)
         creeps = world.robots[0].slip_dofs.size > 0
         kept = creeps and world.robots[0].rollers.shape[1] == roles.KEPT
         for place, robot in enumerate(world.robots):
@@ -57,7 +57,7 @@ class Cells(NamedTuple):
                 wheels[place, SLIP_ANGLE], wheels[place, SLIP] = qpos + robot.slip_qpos, robot.slip_dofs
             if kept:
                 wheels[place, BOTTOM:] = qvel + robot.roller_dofs.T
-            robots[place, [X, Y, W, Z]] = qpos + np.array(robot.qpos)[[0, 1, 3, 6]]
+            robots[place, [X, Y, QW, QX, QY, QZ]] = qpos + np.array(robot.qpos)[[0, 1, 3, 4, 5, 6]]
             robots[place, [VX, VY, RATE]] = qvel + np.array(robot.dofs)[[0, 1, 5]]
             robots[place, WRENCH:GYRO] = forces + 6 * robot.chassis + np.arange(6)
             robots[place, GYRO] = robot.gyro

@@ -48,6 +48,7 @@ class Seen(NamedTuple):
     twist: Array  # of the robot's middle, in its frame, (3, n) m/s and rad/s
     drawn: Array  # from batteries, (n,) A
     heats: Array  # of the motors, (2, n)
+    heading: Array  # at the end of the last frame, full turns counted, (n,) rad
 
 
 # Sizes; of what is held: wheels of which drivers hold a current, all or none.
@@ -129,7 +130,7 @@ def cells(t: Table) -> Cells:
         floats(a[2], (worlds, t[DOFS])),
         floats(a[3], (worlds, t[DOFS], 5)),
         numbers(a[4], (places, 9, t[WHEELS])),
-        numbers(a[5], (places, 14)),
+        numbers(a[5], (places, 16)),
         floats(a[6], (1,)),
     )
 
@@ -153,6 +154,7 @@ def seen(t: Table) -> Seen:
         floats(a[12], (3, n)),
         floats(a[13], (n,)),
         floats(a[14], (2, n)),
+        floats(a[15], (n,)),
     )
 
 
