@@ -90,21 +90,21 @@ class Between:
         if held is not None:
             self._seen.held[:] = held.T
 
-    def before(self, k: int) -> None:
-        """From what was sensed to voltages and the limits of slip hinges, in the cycle `k` of a frame."""
-        firmware = self._firmware
-        self._before(self._table, k, firmware.cycle)
-        firmware.cycle += 1
-
-    def after(self, k: int, first: bool, last: bool) -> None:
-        """From a physics step to the next.
+    def cycle(self, k: int, batch: Batch, living: np.ndarray | None, substeps: int) -> None:
+        """Let the wheel loops run, and physics until they do again.
 
         Args:
             k: the cycle's number in the frame.
-            first: whether it was the cycle's first, at whose start MuJoCo sensed.
-            last: whether it was the cycle's last.
+            batch: of the robots' worlds.
+            living: numbers of those that are stepped; None for all.
+            substeps: how many of them there are in a cycle.
         """
-        self._after(self._table, k, first, last)
+        table, after, firmware = self._table, self._after, self._firmware
+        self._before(table, k, firmware.cycle)
+        firmware.cycle += 1
+        for substep in range(substeps):
+            batch.step(living)
+            after(table, k, substep == 0, substep == substeps - 1)
 
     def end(self, period: float) -> bool:
         """Warm motors and discharge batteries after a frame that lasted so long, s, and read headings.
@@ -117,7 +117,7 @@ class Between:
 
 
 def before(t: Table, k: int, cycle: int) -> None:
-    """See `Between.before`."""
+    """From what was sensed to voltages and the limits of slip hinges, in the cycle `k` of a frame."""
     c, s = table.cells(t), table.seen(t)
     f, m, b = table.firmware(t), table.motors(t), table.battery(t)
     places, n = t[PLACES], t[ROBOTS]
@@ -143,7 +143,10 @@ def before(t: Table, k: int, cycle: int) -> None:
 
 
 def after(t: Table, k: int, first: bool, last: bool) -> None:
-    """See `Between.after`."""
+    """From a physics step, the `first` or `last` in the cycle `k` of a frame, to the next.
+
+    MuJoCo senses at a step's start: what loops see is of the first step's, however many there are in a cycle.
+    """
     c, s = table.cells(t), table.seen(t)
     places, pitch = t[PLACES], c.pitch[0]
     for i in range(t[ROBOTS]):

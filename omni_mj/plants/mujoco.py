@@ -117,7 +117,9 @@ class MujocoPlant:
 
     def pose(self) -> Array:
         """See `Plant`."""
-        return np.column_stack([self._at.position.get()[:, :2], self._heading])
+        poses = self._at.position.get().copy()
+        poses[:, 2] = self._heading
+        return poses
 
     def twist(self) -> Array:
         """See `Plant`."""
@@ -148,7 +150,7 @@ class MujocoPlant:
         if between is None:
             self._pass(k)
         else:
-            self._pass_compiled(k, between)
+            between.cycle(k, self._batch, self._living, self._substeps)
         self._cycle = (k + 1) % self.cycles
         if self._cycle:
             return {}
@@ -159,13 +161,6 @@ class MujocoPlant:
         else:
             toppled = between.end(PERIOD_S)
         return self._check() if toppled or np.count_nonzero(self._warnings) else {}
-
-    def _pass_compiled(self, k: int, between: Between) -> None:
-        """As `_pass`, by compiled loops."""
-        between.before(k)
-        for substep in range(self._substeps):
-            self._batch.step(self._living)
-            between.after(k, substep == 0, substep == self._substeps - 1)
 
     def _pass(self, k: int) -> None:
         """Let the wheel loops run, and physics until they do again, in the cycle `k` of a frame."""
