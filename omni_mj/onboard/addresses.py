@@ -46,4 +46,4 @@ def truths(address: int, shape: Shape) -> np.ndarray:
 
 def _there(address: int, shape: Shape, kind: type[np.generic]) -> np.ndarray:
     size = int(np.prod(shape)) * np.dtype(kind).itemsize
-    return np.frombuffer((ctypes.c_char * size).from_address(int(address)), kind).reshape(shape)
+    return np.frombuffer(memoryview((ctypes.c_char * size).from_address(int(address))), kind).reshape(shape)

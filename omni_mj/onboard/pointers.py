@@ -3,18 +3,21 @@
 from typing import Any
 
 import numpy as np
-from numba import carray, types
+from numba import types
 from numba.extending import intrinsic
+from numba.np.numpy_support import carray
 
 
-@intrinsic
-def _pointer(typing: Any, address: Any) -> Any:
-    """An address as a pointer."""
+def _inttoptr(typing: Any, address: Any) -> Any:
+    """The code that makes a pointer of an address."""
 
     def code(context: Any, builder: Any, signature: Any, given: Any) -> Any:
         return builder.inttoptr(given[0], context.get_value_type(types.voidptr))
 
     return types.voidptr(types.int64), code
+
+
+_pointer: Any = intrinsic(_inttoptr)
 
 
 def floats(address: int, shape: tuple[int, ...]) -> Any:

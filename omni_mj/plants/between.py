@@ -70,7 +70,7 @@ class Between:
     ) -> None:
         (angle, rate), n = sensed, len(off)
         shapes = (n,), (n, 2), angle.shape, (n,), angle.shape, (2, n), (2, n), (3, n), (n,), (2, n)
-        self._seen = Seen(angle, rate, off, *recorded, *map(np.zeros, shapes), heading)
+        self._seen = Seen._make([angle, rate, off, *recorded, *map(np.zeros, shapes), heading])
         creeps = world.robots[0].slip_dofs.size > 0
         self._writer = Writer(Cells.of(batch, world), self._seen, onboard, creeps)
         self._firmware, self._table = onboard[0], self._writer.table

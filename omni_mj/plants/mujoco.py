@@ -113,7 +113,7 @@ class MujocoPlant:
             self._between = Between(self._batch, world, onboard, sensed, *kept, (recorded, self._supplies))
         self._cycle = 0
         self._nothing: tuple[Array, np.ndarray] = np.full(n, np.nan), np.zeros(n, int)
-        self._heard = self._nothing
+        self._heard: tuple[Array, np.ndarray] = self._nothing
 
     def pose(self) -> Array:
         """See `Plant`."""
