@@ -33,10 +33,10 @@ class HeadingEstimate:
     ) -> None:
         self.heading, self.bias = np.zeros((2, len(heading))) if room is None else room
         self.heading[:] = heading
-        self._period = period
         firmware = [s.firmware for s in settings]
-        self._heading_gain = column(firmware, "heading_gain")[:, 0]
-        self._bias_gain = column(firmware, "bias_gain")[:, 0]
+        self._heading_share = column(firmware, "heading_gain")[:, 0] * period
+        self._bias_share = column(firmware, "bias_gain")[:, 0] * period
+        self._robots = np.arange(len(heading))
         oldest = max(longest(s.radio, s.fault) for s in settings)
         self._past = np.tile(self.heading, (oldest + 1, 1))
         self._frame = 0
@@ -57,12 +57,13 @@ class HeadingEstimate:
     def correct(self, seen: Array, age: np.ndarray) -> None:
         """Compare with vision's heading (n,) that arrived in this frame, sent `age` (n,) frames ago, if one did."""
         self._past[self._frame % len(self._past)] = self.heading
-        then = self._past[(self._frame - age) % len(self._past), np.arange(len(self.heading))]
+        then = self._past[(self._frame - age) % len(self._past), self._robots]
         error = wrap_angle(seen - then)
         error = np.where(np.isnan(error), 0.0, error)
-        self.heading += self._heading_gain * self._period * error
-        self._past += self._heading_gain * self._period * error  # what is corrected once is not corrected again
-        self.bias -= self._bias_gain * self._period * error
+        correction = self._heading_share * error
+        self.heading += correction
+        self._past += correction  # what is corrected once is not corrected again
+        self.bias -= self._bias_share * error
         self._frame += 1
 
 
@@ -117,6 +118,7 @@ class Firmware:
         self._nominal = column(firmware, "nominal_voltage_v")
         self._turn_gain = column(firmware, "turn_gain")[:, 0]
         self._derate = column(firmware, "derate").astype(bool)
+        self._derates = bool(self._derate.any())
         self._hot = column([s.motor for s in settings], "limit_c")
         self._derated = DERATED * column([s.motor for s in settings], "nominal_current_a")
         self._swing: Array | None = None
@@ -163,7 +165,7 @@ class Firmware:
         if not self._heeds:
             heading = self._found(heading)
         self.estimate.correct(heading, age)
-        if self._derate.any():
+        if self._derates:
             left = np.clip((self._hot - winding) / DERATE_BAND_K, 0, 1)
             current = np.where(self._derate & (left < 1), left * self._derated, np.inf)
             self._swing = self._f.swing.T

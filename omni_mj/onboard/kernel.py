@@ -11,7 +11,9 @@ from types import FunctionType, ModuleType
 from typing import Any
 
 from omni_control.errors import OmniError
-from omni_mj.onboard import laws, wide
+from omni_mj.onboard import addresses, laws, wide
+
+OURS = "omni_mj.", "omni_control."  # modules whose functions are compiled with those that call them
 
 
 def check(kernel: str) -> None:
@@ -41,17 +43,28 @@ def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:
     import numba
     from numba.extending import overload, register_jitable
 
+    from omni_mj.onboard import pointers
+
     config: Any = numba.config
-    for law, instead in (laws.where, wide.where), (laws.count, wide.count), (laws.direction, wide.direction):
-        if law not in _REGISTERED:
-            overload(law)(_always(instead))
-            _REGISTERED.add(law)
+    instead: dict[Callable[..., Any], Callable[..., Any]] = {
+        laws.where: wide.where,
+        laws.count: wide.count,
+        laws.direction: wide.direction,
+        addresses.floats: pointers.floats,
+        addresses.vectors: pointers.vectors,
+        addresses.numbers: pointers.numbers,
+        addresses.truths: pointers.truths,
+    }
+    for function, other in instead.items():
+        if function not in _REGISTERED:
+            overload(function)(_always(other))
+            _REGISTERED.add(function)
     functions = list(_ours(loop, {loop}))
     for function in functions:
         if function not in _REGISTERED:
             register_jitable(function)
             _REGISTERED.add(function)
-    sources = sorted({str(function.__code__.co_filename) for function in [loop, *functions]})
+    sources = sorted({str(function.__code__.co_filename) for function in [loop, *functions, *instead.values()]})
     digest = hashlib.sha256(b"".join(Path(source).read_bytes() for source in sources)).hexdigest()
     kept = config.CACHE_DIR
     config.CACHE_DIR = str(Path(kept or _cache()) / digest[:16])
@@ -82,7 +95,7 @@ def _ours(function: Any, known: set[Any]) -> Iterator[Any]:
         getattr(each, name) for each in found if isinstance(each, ModuleType) for name in names if hasattr(each, name)
     ]
     for each in found:
-        if isinstance(each, FunctionType) and each.__module__.startswith("omni_mj.") and each not in known:
+        if isinstance(each, FunctionType) and each.__module__.startswith(OURS) and each not in known:
             known.add(each)
             yield each
             yield from _ours(each, known)

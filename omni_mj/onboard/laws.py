@@ -21,6 +21,7 @@ CELL_V = np.array([3.0, 3.4, 3.55, 3.63, 3.66, 3.70, 3.83, 4.05, 4.2])
 CUT_OFF_S = 1.0  # time constant with which the battery's cut-off sees the voltage
 AT_REST_M_S = 0.01  # below it, dry drag fades, and a robot comes to rest
 LEAST_LOAD_N = 1e-3  # of a wheel in the air
+TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2  # sine squared of half the tilt: x^2 + y^2 of the quaternion
 
 
 def where(condition: Truth, one: Number, other: Number) -> Number:
@@ -228,6 +229,16 @@ def over_gap(angle: Number, gap: Number) -> Truth:
 def left_for_the_rim(friction: Number, held: Number, radius: Number) -> Number:
     """Highest torque over load about the axle, m, where the bearings have their part of the friction circle."""
     return np.sqrt(np.maximum(friction**2 - held * held, 0.0)) * radius
+
+
+def heading(w: Number, x: Number, y: Number, z: Number) -> Number:
+    """Heading of a robot, in (-pi, pi], by its quaternion, whatever it is tilted by."""
+    return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+def toppled(x: Number, y: Number) -> Truth:
+    """Whether a robot is tilted by more than 45 degrees, by its quaternion."""
+    return x * x + y * y > TOPPLED
 
 
 def pressed(load: Number) -> Number:

@@ -66,7 +66,7 @@ class Motors:
 
     def weaken(self, share: Array) -> None:
         """From now on have a share (n, wheels) of the magnets' field at the start."""
-        self._cold_constant = self._new_constant * share
+        self._cold_constant = arrays.filled(self._new_constant * share, share.shape)
         self._update()
 
     def drive(self, voltage: Array, wheel_speed: Array) -> tuple[Array, Array, Array]:

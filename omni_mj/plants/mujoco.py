@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from omni_control.kinematics import Array, Kinematics, wrap_angle
+from omni_control.kinematics import Array, Kinematics, wrapped
 from omni_mj.link.radio import Received
-from omni_mj.onboard import kernel
+from omni_mj.onboard import kernel, laws
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.motor import Motor
@@ -30,7 +30,6 @@ from omni_mj.worlds.columns import Columns
 from omni_mj.worlds.wheels import contact_slip
 
 THREADED = 16  # robots from which several threads gain more in a step than they lose by meeting at its end
-TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2  # of the quaternion's x^2 + y^2: tilted by more than 45 degrees
 # MuJoCo resets an unstable simulation silently after one of these.
 _UNSTABLE = {
     mujoco.mjtWarning.mjWARN_BADQPOS: "a position is not a number or too large",
@@ -110,13 +109,17 @@ class MujocoPlant:
             self._faults = Faults(rows, MujocoBodies(self._batch, world, n), onboard, self._angles)
         if settings[0].physics.kernel == "numba":
             sensed = self._angles.T, self._turn_rates
-            self._between = Between(self._batch, world, onboard, sensed, (recorded, self._supplies))
+            kept = self._failed, self._heading
+            self._between = Between(self._batch, world, onboard, sensed, *kept, (recorded, self._supplies))
         self._cycle = 0
-        self._heard: tuple[Array, np.ndarray] = np.full(n, np.nan), np.zeros(n, int)
+        self._nothing: tuple[Array, np.ndarray] = np.full(n, np.nan), np.zeros(n, int)
+        self._heard: tuple[Array, np.ndarray] = self._nothing
 
     def pose(self) -> Array:
         """See `Plant`."""
-        return np.column_stack([self._at.position.get()[:, :2], self._heading])
+        poses = self._at.position.get().copy()
+        poses[:, 2] = self._heading
+        return poses
 
     def twist(self) -> Array:
         """See `Plant`."""
@@ -147,23 +150,17 @@ class MujocoPlant:
         if between is None:
             self._pass(k)
         else:
-            self._pass_compiled(k, between)
+            between.cycle(k, self._batch, self._living, self._substeps)
         self._cycle = (k + 1) % self.cycles
         if self._cycle:
             return {}
         if between is None:
             self._motors.warm(self.currents, self._speeds)
             self._battery.discharge(PERIOD_S)
+            toppled = self._face()
         else:
-            between.end(PERIOD_S)
-        return self._check()
-
-    def _pass_compiled(self, k: int, between: Between) -> None:
-        """As `_pass`, by compiled loops."""
-        between.before(k, self._gyro_error, self._push, self._failed, self._holds)
-        for substep in range(self._substeps):
-            self._batch.step(self._living)
-            between.after(k, substep == 0, substep == self._substeps - 1)
+            toppled = between.end(PERIOD_S)
+        return self._check() if toppled or np.count_nonzero(self._warnings) else {}
 
     def _pass(self, k: int) -> None:
         """Let the wheel loops run, and physics until they do again, in the cycle `k` of a frame."""
@@ -172,7 +169,7 @@ class MujocoPlant:
         duty = self._firmware.duties(self._turn_rates + self._gyro_error, self._angles)
         if (held := self._holds) is not None:
             motors.hold(duty, held, at.wheel_speed.get(), battery.voltage[:, None])
-        if self._any_off:
+        if np.count_nonzero(self._failed):
             duty[self._failed] = 0.0
         self._speeds[k], self._supplies[k, :, 0] = at.wheel_speed.get(), battery.voltage
         self._voltages[k], self.currents[k], told = motors.drive(duty * self._supplies[k], self._speeds[k])
@@ -203,7 +200,7 @@ class MujocoPlant:
     def _begin(self) -> None:
         """Begin a frame: what changes from frame to frame."""
         motors, gyro_bias = self._motors, self._chance.gyro_bias
-        self._push, self._any_off = self._chance.push(), bool(self._failed.any())
+        self._push = self._chance.push()
         if self._faults is not None:
             self._faults.begin()
             self._push, gyro_bias = self._push + self._faults.push, gyro_bias + self._faults.gyro
@@ -211,8 +208,13 @@ class MujocoPlant:
         self._at.resistance.set(motors.resistance)
         self._at.constant.set(motors.constant)
         self._firmware.correct(*self._heard, motors.winding)
-        self._heard = np.full(len(self._failed), np.nan), np.zeros(len(self._failed), int)
+        self._heard = self._nothing
         self._gyro_error = self._chance.gyro_error(gyro_bias)
+        if self._between is not None:
+            self._between.begin(self._gyro_error, self._push)
+            if self._faults is not None:
+                self._between.look()
+                self._between.hold(self._holds)
 
     def hold(self, current: Array | None) -> None:
         """Have drivers hold currents from now on, whatever the firmware asks; with none, a robot rolls out.
@@ -222,6 +224,8 @@ class MujocoPlant:
                 drive. None for all.
         """
         self._held = None if current is None or np.isnan(current).all() else np.array(current, float)
+        if self._between is not None:
+            self._between.hold(self._holds)
 
     @property
     def _holds(self) -> Array | None:
@@ -277,19 +281,22 @@ class MujocoPlant:
         batch.forward(worlds)
         self._sense()
 
+    def _face(self) -> bool:
+        """Read headings; say whether a robot that is on has toppled."""
+        w, x, y, z = self._at.quaternion.get().T
+        self._heading += wrapped(laws.heading(w, x, y, z) - self._heading)
+        return bool((laws.toppled(x, y) & ~self._failed).any())
+
     def _check(self) -> dict[int, str]:
-        """Find what has failed, stop it, and read the headings of the others."""
+        """Find what has failed, and stop it."""
         causes: dict[int, str] = {}
-        for warning, meaning in _UNSTABLE.items() if self._warnings.any() else ():
+        for warning, meaning in _UNSTABLE.items():
             broken = np.repeat(self._batch.warning[:, warning, 1] > 0, self._places) & ~self._failed
             text = f"became unstable: {meaning} (MuJoCo warning {mujoco.mjtWarning(warning).name})"
             causes |= {int(row): text for row in np.flatnonzero(broken) if int(row) not in causes}
         unstable = list(causes)
-        w, x, y, z = self._at.quaternion.get().T
-        toppled = np.flatnonzero((x * x + y * y > TOPPLED) & ~self._failed)
+        toppled = np.flatnonzero(laws.toppled(*self._at.quaternion.get().T[1:3]) & ~self._failed)
         causes |= {int(row): "toppled over" for row in toppled if int(row) not in causes}
-        heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        self._heading = self._heading + wrap_angle(heading - self._heading)
         if causes:
             self._stop(list(causes), unstable)
         return causes

@@ -1,6 +1,7 @@
 """The two kernels: loops over robots that numba compiles reckon by the laws that numpy does."""
 
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import Traction
+from omni_mj.plants import between
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.settings import Settings
 from omni_mj.simulate.simulation import Simulation
@@ -136,6 +138,23 @@ def test_the_kernels_drive_the_same_run(wheels: str) -> None:
     np.testing.assert_allclose(loops, numpys, rtol=0, atol=1e-5)
     np.testing.assert_allclose(*(log.channel("winding") for log in logs), rtol=1e-6)
     np.testing.assert_allclose(*(log.channel("battery") for log in logs), rtol=1e-3)
+
+
+@pytest.mark.parametrize("changes", [{}, {"wheels": {"model": "two-rollers"}, "physics": {"substeps": 2}}])
+def test_the_loops_between_steps_do_compiled_what_they_do_as_python(changes: dict[str, dict[str, Any]]) -> None:
+    """Two frames, in which no rounding reaches an encoder's count: then it grows by contacts alone."""
+    seen = []
+    for python in (True, False):
+        physics = {"kernel": "numba", **changes.get("physics", {})}
+        plant = mujoco([with_settings(**{**changes, "physics": physics})])
+        loops = plant._between
+        assert loops is not None
+        if python:
+            loops._before, loops._after, loops._end = between.before, between.after, between.end
+        poses = drive(plant, np.full((2, 1, 3), 0.5))
+        seen.append([poses, plant.currents.copy(), plant._motors.winding, plant._battery.charge])
+    for one, other in zip(*seen, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
 
 
 def test_neither_threads_nor_the_batch_change_a_bit_of_the_compiled_loops() -> None:

@@ -1,5 +1,6 @@
 """Worlds of a scene and n robots: parts by role, and what is refused."""
 
+import copy
 import os
 import re
 from collections.abc import Callable
@@ -105,6 +106,22 @@ def test_a_hull_and_walls_change_nothing_with_one_robot(made_of: Callable[..., P
     for name, value in arrays(build.world().model).items():
         if not re.match("n?geom|ngeom|body_geom|body_bvh|n?bvh|pair_geom|mesh|.*adr$|sensor_objid", name):
             np.testing.assert_array_equal(arrays(model)[name], value, err_msg=name)
+
+
+def test_the_islands_that_a_robot_alone_goes_without_change_no_bit() -> None:
+    """All that touches is one island. Half a second of it slipping and turning, with and without the list of them."""
+    model, poses = build.world().model, []
+    assert model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ISLAND
+    assert not build.world(places=2).model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ISLAND
+    for islands in (False, True):
+        own, data = copy.copy(model), mujoco.MjData(model)
+        own.opt.disableflags ^= islands * int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
+        data.qpos, data.ctrl = build.world().standing, [9.0, -4.0, 2.0, 7.0]
+        for _ in range(500):
+            mujoco.mj_step(own, data)
+        poses.append(data.qpos.copy())
+    assert np.linalg.norm(poses[0][:2]) > 0.05
+    np.testing.assert_array_equal(*poses)
 
 
 def test_a_scene_with_another_solver_is_refused_at_once(write: Callable[..., str]) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.link.radio import Radio, Received
+from omni_mj.link.radio import Radio
 from omni_mj.live.serve.cameras import CYCLES, Eye, Image, Name, detection
 from omni_mj.live.serve.commands import HEADING, IMAGE, Refusal, nothing, packet, received
 from omni_mj.live.serve.field import areas, standard, surface
@@ -95,15 +95,16 @@ class Pitch:
 
     def step(self) -> None:
         """Go on by a cycle."""
-        arrived: Received | None = None
-        if self._radio.quiet:
-            self._radio.wait()
+        radio, plant, arrived = self._radio, self.plant, None
+        if radio.quiet:
+            radio.wait()
         else:
-            packets, new, _ = self._radio.deliver()
+            packets, new, _ = radio.deliver()
             if new.any():
-                self.held = arrived = received(packets, new, self.cycle + self.plant.frame_in)
-        for robot, cause in self.plant.cycle(arrived).items():
-            self._tell("robot failed", f"{label(self.names[robot])} {cause} at {self.time_s:.3f} s")
+                self.held = arrived = received(packets, new, self.cycle + plant.frame_in)
+        if failed := plant.cycle(arrived):
+            for robot, cause in failed.items():
+                self._tell("robot failed", f"{label(self.names[robot])} {cause} at {self.time_s:.3f} s")
         self.cycle += 1
 
     def command(self, team: Team, commands: Sequence[RobotCommand]) -> tuple[list[Refusal], list[int]]:

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from omni_control.kinematics import Array, world_to_body, wrap_angle
+from omni_control.kinematics import Array, world_to_body, wrapped
+from omni_mj.onboard import laws
 from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.scenarios.rows import Row
 
@@ -46,10 +47,9 @@ class ServedPlant(MujocoPlant):
 
     def pose(self) -> Array:
         """See `Plant`; also between frames."""
-        w, x, y, z = self._at.quaternion.get().T
-        heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        poses = self._at.position.get().copy()
-        poses[:, 2] = self._heading + wrap_angle(heading - self._heading)
+        poses = super().pose()
+        if self._cycle:
+            poses[:, 2] += wrapped(laws.heading(*self._at.quaternion.get().T) - self._heading)
         return poses
 
     @property
@@ -80,11 +80,10 @@ class ServedPlant(MujocoPlant):
         self._at.wheel_speed.set(speeds)
         self._heading[robot], self._turn_rates[robot] = pose[2], twist[2]
         self._firmware.estimate.place(robot, float(pose[2]))
-        self._any_off = bool(self._failed.any())
 
     def remove(self, robot: int) -> None:
         """Take a robot away: it is switched off, and waits where nothing is."""
-        self.present[robot], self._failed[robot], self._any_off = False, True, True
+        self.present[robot], self._failed[robot] = False, True
         self._chance.force[robot] = 0.0
         self._put(robot, np.zeros(3), AWAY_M + robot)
 

@@ -1,0 +1,40 @@
+"""What `addresses` are compiled to. Importing this takes numba."""
+
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.extending import intrinsic
+from numba.np.numpy_support import carray
+
+
+def _inttoptr(typing: Any, address: Any) -> Any:
+    """The code that makes a pointer of an address."""
+
+    def code(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        return builder.inttoptr(given[0], context.get_value_type(types.voidptr))
+
+    return types.voidptr(types.int64), code
+
+
+_pointer: Any = intrinsic(_inttoptr)
+
+
+def floats(address: int, shape: tuple[int, ...]) -> Any:
+    """See `addresses.floats`."""
+    return carray(_pointer(address), shape, np.float64)
+
+
+def vectors(address: int, shape: tuple[int, ...]) -> Any:
+    """See `addresses.vectors`."""
+    return carray(_pointer(address), shape, np.complex128)
+
+
+def numbers(address: int, shape: tuple[int, ...]) -> Any:
+    """See `addresses.numbers`."""
+    return carray(_pointer(address), shape, np.int64)
+
+
+def truths(address: int, shape: tuple[int, ...]) -> Any:
+    """See `addresses.truths`."""
+    return carray(_pointer(address), shape, np.bool_)
