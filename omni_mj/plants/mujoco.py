@@ -13,10 +13,9 @@ from omni_mj.link.radio import Received
 from omni_mj.onboard import kernel, laws
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
-from omni_mj.onboard.motor import Motor
 from omni_mj.onboard.motors import Motors
-from omni_mj.onboard.traction import EVERY, Traction
-from omni_mj.plants import Telemetry, batches
+from omni_mj.onboard.traction import EVERY
+from omni_mj.plants import Telemetry, batches, friction
 from omni_mj.plants.between import Between
 from omni_mj.plants.bodies import MujocoBodies
 from omni_mj.plants.bound import Bound
@@ -24,9 +23,8 @@ from omni_mj.plants.chance import Chance
 from omni_mj.plants.faults import Faults
 from omni_mj.plants.variation import Drawn
 from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.settings import PERIOD_S, Settings, column
+from omni_mj.scenarios.settings import PERIOD_S, column
 from omni_mj.worlds import build
-from omni_mj.worlds.columns import Columns
 from omni_mj.worlds.wheels import contact_slip
 
 THREADED = 16  # robots from which several threads gain more in a step than they lose by meeting at its end
@@ -80,7 +78,7 @@ class MujocoPlant:
         self.drawn = Drawn.of(rows)
         self.drawn.write(self._batch, world)
         self._radius = world.kinematics.radius - self.drawn.wear
-        self._set_friction(settings)
+        self._traction = friction.set_up(self._batch, world, settings, self.drawn, self._creeps)
         self._at = Bound.of(self._batch, world)
 
         self._start = np.array(start, float)
@@ -246,25 +244,6 @@ class MujocoPlant:
 
     def _sense(self) -> None:
         self._angles[:], self._turn_rates[:] = self._at.encoders.get(), self._at.gyro.get()[:, 0]
-
-    def _set_friction(self, settings: Sequence[Settings]) -> None:
-        """Write each robot's friction into its world's copy of the model's fields."""
-        world, drive, drawn = self._world, [s.drive for s in settings], self.drawn
-        robots, n = world.robots, len(settings)
-        if not self._creeps:  # otherwise the slip hinges have it
-            pairs, friction = self._batch.expand("pair_friction"), column([s.carpet for s in settings], "friction")
-            for direction in range(2):
-                Columns(pairs[:, :, direction], world.pairs).set(friction)
-        motors, hubs = [Motor.of(s.motor) for s in settings], np.array([robot.wheel_dofs for robot in robots])
-        dry, damping = self._batch.expand("dof_frictionloss"), self._batch.expand("dof_damping")
-        Columns(dry, hubs).set(column(motors, "wheel_dry") + column(drive, "gear_friction_nm"))
-        Columns(damping, hubs).set(column(motors, "wheel_viscous"))
-        rollers = np.array([robot.roller_dofs.ravel() for robot in robots])
-        Columns(damping, rollers).set(column(drive, "roller_damping_nm_s"))
-        centre = world.model.body_ipos[robots[0].chassis] + np.column_stack([drawn.centre, np.zeros(n)])
-        inertia = world.model.dof_invweight0[robots[0].slip_dofs] if self._creeps else np.ones(1)
-        timestep = world.model.opt.timestep
-        self._traction = Traction(settings, world.kinematics, centre, inertia, timestep, drawn.friction, drawn.wear)
 
     def _stand(self, worlds: np.ndarray) -> None:
         """Put the robots of some worlds where they start, at rest on their rollers; their sensors say so."""
