@@ -4,7 +4,10 @@
 
 import os
 import random
+import signal
 import sys
+import threading
+import time
 import warnings
 from pathlib import Path
 
@@ -14,6 +17,8 @@ import pytest
 
 import omni_mj as om
 from omni_control import Controller
+from omni_control.controllers import guests
+from omni_control.errors import ControllerError
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Simulation
 
@@ -109,3 +114,14 @@ def test_one_that_cannot_be_made_costs_its_own_rows(tmp_path: Path, body: str, s
     assert bits(log, "comp-flc") == alone
     assert {failure.controller for failure in simulation.failures} == {"Made"}
     assert says in simulation.failures[0].cause
+
+
+def test_the_wait_for_one_ends_whatever_signals_come() -> None:
+    """While it is waited for, a signal's handler may take longer than is left until the next look at the time."""
+    before = signal.signal(signal.SIGALRM, lambda *_: time.sleep(3 * guests.LOOK_S))
+    signal.setitimer(signal.ITIMER_REAL, guests.LOOK_S / 2)
+    try:
+        with pytest.raises(ControllerError, match="did not answer"):
+            guests.Guest("Slow", patience_s=0.2).call(lambda: threading.Event().wait(10), "ever")
+    finally:
+        signal.signal(signal.SIGALRM, before)

@@ -18,7 +18,7 @@ import warnings
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from typing import Any, TypeVar
 
 import numpy as np
@@ -141,8 +141,12 @@ class _Worker:
     """A thread that does one task after the other."""
 
     def __init__(self) -> None:
-        self._tasks, self._done = SimpleQueue[Callable[[], Any]](), SimpleQueue[tuple[Any, BaseException | None]]()
-        self._given_up = False
+        self._tasks, self._given_up = SimpleQueue[Callable[[], Any]](), False
+        self._answer: tuple[Any, BaseException | None] = None, None
+        # A lock is free while there is an answer. A queue would not do: CPython's `SimpleQueue.get` waits without end
+        # when a signal's handler takes longer than what is left of its timeout.
+        self._answered = threading.Lock()
+        self._answered.acquire()
         self._thread = threading.Thread(target=self._work, name="guest", daemon=True)
         self._thread.start()
 
@@ -160,11 +164,11 @@ class _Worker:
                 raise TimeoutError(f"it was waited for for {patience_s:g} s")
             if _hurried is not None and now - max(began, _hurried) >= HURRY_S:
                 raise TimeoutError("it was to stop")
-            try:
-                return self._done.get(timeout=min(began + patience_s - now, LOOK_S))
-            except Empty:
-                if _look is not None:
-                    _look(time.monotonic() - began)
+            if self._answered.acquire(timeout=min(began + patience_s - now, LOOK_S)):
+                answer, self._answer = self._answer, (None, None)
+                return answer
+            if _look is not None:
+                _look(time.monotonic() - began)
 
     def give_up(self) -> None:
         """Let the thread end as soon as it will, by an exception in what it does."""
@@ -177,10 +181,11 @@ class _Worker:
         while not self._given_up:
             task = self._tasks.get()
             try:
-                self._done.put((contextvars.Context().run(task), None))
+                self._answer = contextvars.Context().run(task), None
             except BaseException as error:
-                self._done.put((None, error))
+                self._answer = None, error
             del task
+            self._answered.release()
 
 
 class _Voice(io.TextIOBase):
