@@ -112,8 +112,8 @@ class ServedRecording:
 
 
 def to_file(path: Path) -> Connect:
-    """Leads to an .rrd file."""
-    return lambda stream, blueprint: stream.save(path, default_blueprint=blueprint)
+    """Leads to an .rrd file, without a list of its parts at its end, which rerun would keep in memory until then."""
+    return lambda stream, blueprint: stream.save(path, blueprint, write_footer=False)
 
 
 def to_viewer(url: str) -> Connect:
