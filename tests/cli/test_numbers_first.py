@@ -1,11 +1,13 @@
 """What was computed is on the disk before anything is drawn, and whatever ends a run, its folder says what it holds."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pyarrow.parquet as pq
 import pytest
@@ -83,6 +85,19 @@ def test_a_recording_that_fails_costs_no_numbers(
     assert "the recording could not be written to its end: ValueError: refused" in err
     assert err.count("\n") == 1
     assert whole(tmp_path / "out")
+
+
+def test_a_recording_leaves_the_disk_to_the_numbers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where there is no more room than they will need, it ends, and that is said once."""
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: SimpleNamespace(free=1_000_000))
+    assert invoke(*RUN, "--quiet", "--no-figures", "--out", tmp_path / "out") == 1
+    err = capsys.readouterr().err
+    assert "the recording could not be written to its end: the 1.0 MB that are left on the disk are for the num" in err
+    assert err.count("\n") == 1
+    assert whole(tmp_path / "out")
+    assert not (tmp_path / "out" / "recording.rrd").exists()
 
 
 def test_a_killed_run_says_that_it_is_unfinished(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -44,7 +44,9 @@ def options(given: Sequence[str] | None = None) -> argparse.Namespace:
     parse.add_argument("--mirror", type=float, default=0.0, help="how often a heading is seen the wrong way round")
     parse.add_argument("--swap", type=float, default=0.0, help="how often a robot has another's number")
     parse.add_argument("--patience", type=float, default=10.0, help="for the next commands, in lockstep, s")
-    parse.add_argument("--dark", type=int, nargs=2, default=(0, 0), help="first frame without vision, and the next with")
+    parse.add_argument(
+        "--dark", type=int, nargs=2, default=(0, 0), help="first frame without vision, and the next with"
+    )
     parse.add_argument("--junk", type=float, default=0.0, help="bad packets per frame")
     parse.add_argument("--seed", type=int, default=0)
     parse.add_argument("--frames", type=int, default=sys.maxsize)
