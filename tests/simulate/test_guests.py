@@ -11,6 +11,7 @@ import time
 import warnings
 from pathlib import Path
 
+import click
 import hostile
 import numpy as np
 import pytest
@@ -46,7 +47,7 @@ def alone() -> list[bytes]:
 @pytest.mark.parametrize("kind", [*hostile.FAIL, *hostile.GO_ON])
 def test_others_do_what_they_do_alone(kind: type[Controller], alone: list[bytes]) -> None:
     """Before it and after it in the table, with references and errors as they were; it fails alone, and is named."""
-    program = sys.stdout, sys.stderr, os.getcwd(), warnings.filters[:], np.geterr()
+    program = sys.stdout, sys.stderr, sys.excepthook, os.getcwd(), warnings.filters[:], np.geterr()
     random_numbers = random.getstate(), np.random.get_state(legacy=False)["state"]["key"].tobytes()
     for order in (("comp-flc", kind), (kind, "comp-flc")):
         log, simulation = run(*order)
@@ -59,7 +60,7 @@ def test_others_do_what_they_do_alone(kind: type[Controller], alone: list[bytes]
             assert failure.cause.startswith(kind.__name__)
             assert f"in frame {hostile.AT}" in failure.cause
             assert len(failure.cause) < 700
-    assert (sys.stdout, sys.stderr, os.getcwd(), warnings.filters[:], np.geterr()) == program
+    assert (sys.stdout, sys.stderr, sys.excepthook, os.getcwd(), warnings.filters[:], np.geterr()) == program
     assert (random.getstate(), np.random.get_state(legacy=False)["state"]["key"].tobytes()) == random_numbers
 
 
@@ -91,6 +92,8 @@ def test_what_it_prints_is_told_apart(capsys: pytest.CaptureFixture[str]) -> Non
     """On stderr, after its name, so that tables on stdout stay tables."""
     run(hostile.Prints)
     assert capsys.readouterr() == ("", "Prints: hello\nPrints: you 3\n")
+    guests.Guest("Click", patience_s=5.0).call(lambda: click.echo("by a library"), "ever")
+    assert capsys.readouterr() == ("", "Click: by a library\n")
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,10 @@ T = TypeVar("T")
 HOUSE = ("omni_control.", "omni_mj.")  # packages whose controllers are no guests
 ATTRIBUTE = "_guest"  # of a controller that is one
 HURRY_S = 1.0  # how much longer a guest is waited for when somebody wants to stop
+OURS = (  # what is put back in its place
+    (sys, "stdout"), (sys, "stderr"), (sys, "stdin"), (sys, "excepthook"), (sys, "unraisablehook"),
+    (threading, "excepthook"), (threading, "_trace_hook"), (threading, "_profile_hook"),
+)  # fmt: skip
 LOOK_S = 0.05  # how often is looked whether somebody does
 
 _hurried: float | None = None  # since when
@@ -86,7 +90,7 @@ class Guest:
     def _aside(self) -> Iterator[None]:
         """Put away what is the program's, within it the guest's is in place."""
         bits, state, folder = get_bit_generator(), random.getstate(), _folder()
-        filters, streams = warnings.filters[:], (sys.stdout, sys.stderr)
+        filters, depth, ours = warnings.filters[:], sys.getrecursionlimit(), [getattr(*each) for each in OURS]
         set_bit_generator(self._numpy)
         random.setstate(self._python)
         if self._voice.closed:
@@ -96,7 +100,10 @@ class Guest:
         try:
             yield
         finally:
-            sys.stdout, sys.stderr = streams
+            for (module, name), value in zip(OURS, ours, strict=True):
+                setattr(module, name, value)
+            if sys.getrecursionlimit() != depth:
+                sys.setrecursionlimit(depth)
             self._numpy, self._python = get_bit_generator(), random.getstate()
             set_bit_generator(bits)
             random.setstate(state)
@@ -178,6 +185,7 @@ class _Worker:
         )
 
     def _work(self) -> None:
+        trace, profile = sys.gettrace(), sys.getprofile()
         while not self._given_up:
             task = self._tasks.get()
             try:
@@ -185,6 +193,8 @@ class _Worker:
             except BaseException as error:
                 self._answer = None, error
             del task
+            sys.settrace(trace)
+            sys.setprofile(profile)
             self._answered.release()
 
 
@@ -196,7 +206,13 @@ class _Voice(io.TextIOBase):
         self.listener: Any = None
 
     def write(self, text: str) -> int:
-        """See `io.TextIOBase`; nobody listening costs nothing."""
+        """See `io.TextIOBase`; nobody listening costs nothing.
+
+        Raises:
+            TypeError: it is no text, by which others know that this is no binary stream.
+        """
+        if not isinstance(text, str):
+            raise TypeError(f"a text is needed, not {type(text).__name__}")
         for line in text.splitlines(keepends=True):
             said = line if self._begun else f"{self._name}: {line}"
             self._begun = not line.endswith("\n")
