@@ -48,8 +48,9 @@ def check_room(folder: Path, needed_b: float) -> None:
     Raises:
         OmniError: it does not.
     """
-    if (free := shutil.disk_usage(folder).free) < needed_b + SPARE_B:
-        raise OmniError(f"the {free / 1e6:.1f} MB that are left on the disk are for the numbers")
+    disk = shutil.disk_usage(folder)
+    if disk.total and disk.free < needed_b + SPARE_B:  # some file systems say nothing
+        raise OmniError(f"the {disk.free / 1e6:.1f} MB that are left on the disk are for the numbers")
 
 
 def _sync_names(folder: Path) -> None:

@@ -91,7 +91,7 @@ def test_a_recording_leaves_the_disk_to_the_numbers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Where there is no more room than they will need, it ends, and that is said once."""
-    monkeypatch.setattr(shutil, "disk_usage", lambda folder: SimpleNamespace(free=1_000_000))
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: SimpleNamespace(total=1e9, free=1e6))
     assert invoke(*RUN, "--quiet", "--no-figures", "--out", tmp_path / "out") == 1
     err = capsys.readouterr().err
     assert "the recording could not be written to its end: the 1.0 MB that are left on the disk are for the num" in err

@@ -33,7 +33,7 @@ ATTRIBUTE = "_guest"  # of a controller that is one
 HURRY_S = 1.0  # how much longer a guest is waited for when somebody wants to stop
 OURS = (  # what is put back in its place
     (sys, "stdout"), (sys, "stderr"), (sys, "stdin"), (sys, "excepthook"), (sys, "unraisablehook"),
-    (threading, "excepthook"), (threading, "_trace_hook"), (threading, "_profile_hook"),
+    (threading, "excepthook"),
 )  # fmt: skip
 LOOK_S = 0.05  # how often is looked whether somebody does
 
@@ -91,6 +91,7 @@ class Guest:
         """Put away what is the program's, within it the guest's is in place."""
         bits, state, folder = get_bit_generator(), random.getstate(), _folder()
         filters, depth, ours = warnings.filters[:], sys.getrecursionlimit(), [getattr(*each) for each in OURS]
+        hooks = threading.gettrace(), threading.getprofile()
         set_bit_generator(self._numpy)
         random.setstate(self._python)
         if self._voice.closed:
@@ -102,6 +103,8 @@ class Guest:
         finally:
             for (module, name), value in zip(OURS, ours, strict=True):
                 setattr(module, name, value)
+            threading.settrace(hooks[0])
+            threading.setprofile(hooks[1])
             if sys.getrecursionlimit() != depth:
                 sys.setrecursionlimit(depth)
             self._numpy, self._python = get_bit_generator(), random.getstate()
