@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from omni_mj.studies.cost import Cost
 
 BAD_INPUT, FAILED = 2, 1
+NO_MEMORY = "Could not allocate memory"  # what MuJoCo's compiler says
 LEFT = "left by its terminal"
 ENDED: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}  # what a signal did, in words
 if hasattr(signal, "SIGHUP"):
@@ -47,6 +48,11 @@ def invoke(command: click.Command, args: list[str] | None = None) -> NoReturn:
         fail(message if context is None else f"{message.rstrip('.')}; see {context.command_path} --help", BAD_INPUT)
     except OSError as error:
         fail(f"{error.filename or 'file system'}: {error.strerror or error}", FAILED)
+    except (MemoryError, ImportError, ValueError) as error:
+        if isinstance(error, ValueError) and NO_MEMORY not in str(error):
+            raise
+        why = " ".join(str(error).split())
+        fail("there is too little memory, or a library cannot be loaded" + f": {why}" * bool(why), FAILED)
     sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
+import click
 import pyarrow.parquet as pq
 import pytest
 from commands import invoke, strict
@@ -143,3 +144,15 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("file", "first")]
+
+
+@pytest.mark.parametrize(
+    "error", [MemoryError(), ImportError("failed to map"), ValueError("Could not allocate memory")]
+)
+def test_little_memory_is_a_line(error: Exception, capsys: pytest.CaptureFixture[str]) -> None:
+    @click.command("any")
+    def command() -> None:
+        raise error
+
+    assert invoke(command=command) == 1
+    assert capsys.readouterr().err.startswith("error: there is too little memory, or a library cannot be loaded")
