@@ -1,11 +1,15 @@
 """Files that appear whole or not at all, and are still there after the power failed."""
 
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+from omni_control.errors import OmniError
+
+SPARE_B = 1_000_000  # of disk, for what is small: summary, report, provenance
 PARTIAL = ".partial"  # after the name of a file that is being written
 
 
@@ -36,6 +40,17 @@ def write(path: Path, content: str) -> None:
     """
     with whole(path) as file:
         file.write(content.encode())
+
+
+def check_room(folder: Path, needed_b: float) -> None:
+    """See that what can be done without leaves room for what cannot, so many bytes, on the disk of a folder.
+
+    Raises:
+        OmniError: it does not.
+    """
+    disk = shutil.disk_usage(folder)
+    if disk.total and disk.free < needed_b + SPARE_B:  # some file systems say nothing
+        raise OmniError(f"the {disk.free / 1e6:.1f} MB that are left on the disk are for the numbers")
 
 
 def _sync_names(folder: Path) -> None:

@@ -13,6 +13,8 @@ from omni_mj.files import whole
 if TYPE_CHECKING:
     import pyarrow as pa
 
+GROUP_ROWS = 20_000  # of a file that is joined, at least; what is written of each group stays in memory until the end
+
 
 def column(values: np.ndarray) -> "pa.Array":
     """Numbers, or truth values, (n,), as a column; Arrow would import pandas for it first, for half a second."""
@@ -70,16 +72,21 @@ def write(table: "pa.Table", path: Path) -> None:
 
 
 def join(parts: Sequence[Path], path: Path) -> None:
-    """Make one file of several with the same columns, of which one at a time is in memory.
+    """Make one file of several with the same columns, of which a few at a time are in memory.
 
     Raises:
         OmniError, OSError: as of `read` and `write`; the parts stay.
     """
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
+    held: list[pa.Table] = []
     with whole(path) as file, pq.ParquetWriter(file, schema(parts[0]), compression="zstd") as table:
         for part in parts:
-            table.write_table(read(part))
+            held.append(read(part))
+            if part is parts[-1] or sum(each.num_rows for each in held) >= GROUP_ROWS:
+                table.write_table(pa.concat_tables(held))
+                held.clear()
 
 
 @contextmanager
@@ -90,6 +97,6 @@ def _opened(path: Path) -> Iterator[BinaryIO]:
     try:
         with path.open("rb") as file:
             yield file
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or str(error)
         raise OmniError(f"{path} cannot be read: {' '.join(reason.split())}") from None

@@ -29,7 +29,8 @@ class CommandLimits:
 
 
 def _clip(vector: Array, translation: Array, rotation: Array) -> Array:
-    size = np.sqrt((vector[:, :2] ** 2).sum(1, keepdims=True))
+    with np.errstate(over="ignore"):  # one that is too large to be squared stops the robot
+        size = np.sqrt((vector[:, :2] ** 2).sum(1, keepdims=True))
     scale = np.minimum(1.0, translation / np.maximum(size, 1e-300))
     return np.concatenate([vector[:, :2] * scale, np.clip(vector[:, 2:], -rotation, rotation)], axis=1)
 

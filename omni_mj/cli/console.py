@@ -21,6 +21,11 @@ if TYPE_CHECKING:
     from omni_mj.studies.cost import Cost
 
 BAD_INPUT, FAILED = 2, 1
+NO_MEMORY = "Could not allocate memory"  # what MuJoCo's compiler says
+LEFT = "left by its terminal"
+ENDED: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}  # what a signal did, in words
+if hasattr(signal, "SIGHUP"):
+    ENDED[signal.SIGHUP] = LEFT
 EVENTS_SHOWN = 5
 MESSAGE = 4000  # characters of a line, at most
 PROGRESS_STEP = 12  # frames from one look of the progress bar to the next
@@ -46,6 +51,11 @@ def invoke(command: click.Command, args: list[str] | None = None) -> NoReturn:
         fail(message if context is None else f"{message.rstrip('.')}; see {context.command_path} --help", BAD_INPUT)
     except OSError as error:
         fail(f"{error.filename or 'file system'}: {error.strerror or error}", FAILED)
+    except (MemoryError, ImportError, ValueError) as error:
+        if isinstance(error, ValueError) and NO_MEMORY not in str(error):
+            raise
+        why = " ".join(str(error).split())
+        fail("there is too little memory, or a library cannot be loaded" + f": {why}" * bool(why), FAILED)
     sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -179,21 +189,23 @@ def drawing(folder: Path) -> Iterator[None]:
     """Within it, what cannot be drawn, or is interrupted, ends the program with a line: the numbers are on the disk."""
     kept = f"the numbers are whole in {folder}; figures and report may be missing"
 
-    def terminated(number: int, frame: FrameType | None) -> NoReturn:
-        fail(f"terminated; {kept}", 128 + number)
+    def ended(number: int, frame: FrameType | None) -> NoReturn:
+        fail(f"{ENDED[number]}; {kept}", 128 + number)
 
-    before = signal.getsignal(signal.SIGTERM)
+    before = {number: signal.getsignal(number) for number in ENDED if number != signal.SIGINT}
     try:
-        if before != signal.SIG_IGN:
-            signal.signal(signal.SIGTERM, terminated)
+        for number, handler in before.items():
+            if handler != signal.SIG_IGN:
+                signal.signal(number, ended)
         yield
     except KeyboardInterrupt:
-        fail(f"interrupted; {kept}", 128 + signal.SIGINT)
+        fail(f"{ENDED[signal.SIGINT]}; {kept}", 128 + signal.SIGINT)
     except Exception as error:
         reason = (isinstance(error, OSError) and error.strerror) or f"{type(error).__name__}: {error}"
         fail(f"not all could be drawn: {' '.join(reason.split())}; {kept}", FAILED)
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def print_events(entry: Mapping[str, Any]) -> None:

@@ -3,6 +3,7 @@
 import gc
 import json
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -133,16 +134,18 @@ def _listen(chosen: "Options", quiet: bool) -> None:
     from omni_mj.studies.outcome import StoppedError
 
     notes = Notes(_warn)
-    with Interrupts() as interrupts, session.listening(chosen, notes, interrupts.check) as link:
-        until = time.monotonic() + (chosen.duration_s or float("inf"))
+    with Interrupts() as interrupts:
         try:
-            while time.monotonic() < until:
-                link.listen(min(1.0, max(until - time.monotonic(), 0.0)))
-                if not quiet:
-                    print(f"{len(link.vision.cameras)} cameras, {len(link.heard.robots())} robots", flush=True)
-        except StoppedError:
-            pass
-        print("\n".join([*listen.cameras(link.vision.cameras), *link.heard.robots(), *_counts(notes)]))
+            with session.listening(chosen, notes, interrupts.check) as link:
+                until = time.monotonic() + (chosen.duration_s or float("inf"))
+                with suppress(StoppedError):
+                    while time.monotonic() < until:
+                        link.listen(min(1.0, max(until - time.monotonic(), 0.0)))
+                        if not quiet:
+                            print(f"{len(link.vision.cameras)} cameras, {len(link.heard.robots())} robots", flush=True)
+                print("\n".join([*listen.cameras(link.vision.cameras), *link.heard.robots(), *_counts(notes)]))
+        except StoppedError as stopped:
+            interrupts.end(stopped.reason, "vision had not been listened to for long enough to say anything")
 
 
 def _drive(

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM as a request that is granted at the next good moment, so that no file is cut off."""
+"""Signals as a request that is granted at the next good moment, so that no file is cut off."""
 
 import signal
 from types import FrameType
@@ -9,12 +9,10 @@ from omni_mj.studies.outcome import StoppedError
 
 
 class Interrupts:
-    """While entered, remembers the first SIGINT or SIGTERM, unless they are ignored as in a background job.
+    """While entered, remembers the first signal of `console.ENDED`, unless it is ignored as in a background job.
 
-    A second signal ends the program at once.
+    A second signal ends the program at once, but for that of a terminal that closes: shell and system may each send it.
     """
-
-    HANDLED = (signal.SIGINT, signal.SIGTERM)
 
     def __init__(self) -> None:
         self._received = 0
@@ -22,7 +20,7 @@ class Interrupts:
     def check(self) -> None:
         """Raise `StoppedError` if a signal has come."""
         if self._received:
-            raise StoppedError("interrupted" if self._received == signal.SIGINT else "terminated")
+            raise StoppedError(console.ENDED[self._received])
 
     def end(self, stopped: str | None, left: str) -> None:
         """End the program, if a signal stopped what it did; it returns what one that a signal ended does by convention.
@@ -36,7 +34,7 @@ class Interrupts:
 
     def __enter__(self) -> "Interrupts":
         guests.hurry(False)
-        self._before = {number: signal.getsignal(number) for number in self.HANDLED}
+        self._before = {number: signal.getsignal(number) for number in console.ENDED}
         for number, handler in self._before.items():
             if handler != signal.SIG_IGN:
                 signal.signal(number, self._remember)
@@ -50,3 +48,5 @@ class Interrupts:
         self._received = number
         guests.hurry()
         self.__exit__()
+        if console.ENDED[number] == console.LEFT:
+            signal.signal(number, signal.SIG_IGN)

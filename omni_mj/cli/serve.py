@@ -3,6 +3,7 @@
 import gc
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ import click
 
 from omni_control.errors import OmniError
 from omni_mj.cli import complete, console, folders, options
+from omni_mj.files import check_room
 
 if TYPE_CHECKING:
     from omni_mj.live.serve.log import Tape
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
 OUTPUTS = ("trajectory.parquet", "recording.rrd", "scenario.toml", *folders.PROVENANCE)
 
 PORT = click.IntRange(0, 65_535)
+TABLE_B = 20e6  # of disk, that a recording leaves to the table, which goes on
 
 
 @click.command("serve")
@@ -183,9 +186,11 @@ def _taped(
 
         for url in (url for url in viewers if not answers(url)):
             click.echo(f"warning: no viewer at {url}; the run goes on without it", err=True)
-        places = [to_viewer(url) for url in viewers if answers(url)]
-        places += [] if folder is None or not record else [to_file(folder / "recording.rrd")]
-        shown = [ServedRecording(place, chosen.settings, f"serve {chosen.name}") for place in places]
+        title = f"serve {chosen.name}"
+        shown = [ServedRecording(to_viewer(url), chosen.settings, title) for url in viewers if answers(url)]
+        if folder is not None and record:
+            room = partial(check_room, folder, TABLE_B)
+            shown.append(ServedRecording(to_file(folder / "recording.rrd"), chosen.settings, title, room))
 
     def keep(block: Block) -> None:
         if table is not None:

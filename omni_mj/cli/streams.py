@@ -1,11 +1,13 @@
 """Standard streams that are closed, or that nobody reads any more: neither costs numbers or figures."""
 
+import errno
 import io
 import os
 import sys
 from typing import Any, TextIO
 
 OUT, ERR = 1, 2
+GONE = (errno.EPIPE, errno.EIO)  # the reader of a pipe, a terminal
 OUTPUT = "standard output"  # as the name of the file that cannot be written
 
 
@@ -34,7 +36,7 @@ class _Raw(io.FileIO):
             return super().write(data)
         except OSError as error:
             os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())  # what is left shall not complain at the end
-            if self.fileno() == OUT and not isinstance(error, BrokenPipeError):
+            if self.fileno() == OUT and error.errno not in GONE:
                 raise OSError(error.errno, error.strerror, OUTPUT) from None
             return memoryview(data).nbytes
 

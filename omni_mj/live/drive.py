@@ -24,6 +24,7 @@ from omni_mj.simulate.simulation import Exchange, See, Simulation
 from omni_mj.simulate.teams import told
 
 LOST_FRAMES = round(SILENT_S * FRAME_RATE_HZ)  # without being seen, after which a robot is told to stop
+BACK_LOOKS = 7  # in which all robots are seen, one after the other, until vision is taken to be back, and they to stand
 HUNG_S = 0.5  # without its answer, after which a controller is given up
 REMEMBERED = 64  # commands, for the heading that a robot will have: more than a second
 NEAR_M, NEAR_RAD = 0.03, 0.05  # from where it starts, from which on a robot need not be brought there
@@ -237,11 +238,11 @@ class Live(Simulation):
         at = f"{self.frame * PERIOD_S:.2f} s"
         text = f"{at}: vision has fallen silent; robots are told to stop until it is back"
         self.notes.add("silence", text, always=True)
-        pose = np.full((len(self.rows), 3), np.nan)
-        while np.isnan(pose).any():
+        looks = 0
+        while looks < BACK_LOOKS:
             self.outbound.stop()
             pose = self.link.find(SILENT_S / 5)
-        self.link.find(2 * SILENT_S)
+            looks = 0 if np.isnan(pose).any() else looks + 1
         self.notes.add("return", f"{at}: vision is back", always=True)
         self.approach(self._reference())
         self.link.restart()

@@ -129,7 +129,7 @@ def _by_rows(table: "pa.Table", path: Path) -> Frames:
 
     try:
         labels = table["controller"].cast(pa.string()).to_pylist()
-        seed, place, frame = (table[key].to_numpy().astype(int) for key in KEYS[1:])
+        seed, place, frame = (table[key].cast(pa.int64()).to_numpy() for key in KEYS[1:])
         values = {name: table[name].to_numpy() for name in table.column_names if name not in KEYS}
         for column in values.values():
             column.astype(float)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from omni_control.errors import OmniError, printable
+from omni_control.errors import OmniError
 from omni_mj.measure.result import Outcome
 from omni_mj.provenance import frames, here, identified, studies
 from omni_mj.provenance.folder import Folder, importable
@@ -82,8 +82,7 @@ def repeat(path: Path, begin: Begin = lambda title, count: nothing) -> Repetitio
     except OmniError:
         raise
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:  # whatever was changed
-        why = printable(f"{type(error).__name__}: {error}", 200)
-        raise OmniError(f"what {path} holds is not as a run leaves it: {why}; make the run again") from error
+        raise OmniError(f"what {path} holds is not as a run leaves it; make the run again") from error
 
 
 def _repeated(path: Path, begin: Begin) -> Repetition:

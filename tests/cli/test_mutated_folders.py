@@ -2,8 +2,11 @@
 
 import json
 import os
+import shutil
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from commands import invoke, strict
 from mutations import mutated
@@ -51,3 +54,18 @@ def test_what_is_no_record_is_refused(folder: Path, text: str, capsys: pytest.Ca
                 assert invoke(command, folder) == 2
                 assert capsys.readouterr().err.count("\n") == 1
         (folder / name).write_bytes(before)
+
+
+@pytest.mark.parametrize("name", ["frame", "place", "x_m"])
+def test_a_table_that_lacks_numbers_is_refused(
+    folder: Path, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By whatever reads it, in a line."""
+    copy = shutil.copytree(folder, tmp_path / "copy")
+    table = pq.read_table(folder / "trajectory.parquet")
+    nothing = pa.array([None] * table.num_rows, pa.float64())
+    pq.write_table(table.set_column(table.column_names.index(name), name, nothing), copy / "trajectory.parquet")
+    for command in (("verify", copy, "--quiet"), ("film", copy, tmp_path / "film.gif")):
+        code, err = invoke(*command), capsys.readouterr().err
+        assert code == 2 or (name, command[0], code) == ("x_m", "verify", 1)
+        assert all(line.startswith("error: ") for line in err.splitlines())

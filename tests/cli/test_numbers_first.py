@@ -1,12 +1,15 @@
 """What was computed is on the disk before anything is drawn, and whatever ends a run, its folder says what it holds."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
+import click
 import pyarrow.parquet as pq
 import pytest
 from commands import invoke, strict
@@ -85,6 +88,19 @@ def test_a_recording_that_fails_costs_no_numbers(
     assert whole(tmp_path / "out")
 
 
+def test_a_recording_leaves_the_disk_to_the_numbers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where there is no more room than they will need, it ends, and that is said once."""
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: SimpleNamespace(total=1e9, free=1e6))
+    assert invoke(*RUN, "--quiet", "--no-figures", "--out", tmp_path / "out") == 1
+    err = capsys.readouterr().err
+    assert "the recording could not be written to its end: the 1.0 MB that are left on the disk are for the num" in err
+    assert err.count("\n") == 1
+    assert whole(tmp_path / "out")
+    assert not (tmp_path / "out" / "recording.rrd").exists()
+
+
 def test_a_killed_run_says_that_it_is_unfinished(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Nobody is warned of SIGKILL: in the folder is a summary that says so, and nothing that looks whole."""
     out = tmp_path / "out"
@@ -128,3 +144,15 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("file", "first")]
+
+
+@pytest.mark.parametrize(
+    "error", [MemoryError(), ImportError("failed to map"), ValueError("Could not allocate memory")]
+)
+def test_little_memory_is_a_line(error: Exception, capsys: pytest.CaptureFixture[str]) -> None:
+    @click.command("any")
+    def command() -> None:
+        raise error
+
+    assert invoke(command=command) == 1
+    assert capsys.readouterr().err.startswith("error: there is too little memory, or a library cannot be loaded")

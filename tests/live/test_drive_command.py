@@ -1,10 +1,12 @@
 """`omni-mj drive` as a process, with a simulator that is another: what it prints and leaves, what it survives."""
 
 import json
+import os
 import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -184,3 +186,19 @@ def test_nobody_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert not (tmp_path / "out").exists()
     assert invoke("run", "--scenario", "rect", "--plant", "live", "--out", tmp_path / "out") == 2
     assert "omni-mj drive" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("what", ["--dry-run", "--no-record"])
+def test_one_signal_ends_the_wait_for_vision(tmp_path: Path, capsys: pytest.CaptureFixture[str], what: str) -> None:
+    before = signal.getsignal(signal.SIGTERM)
+
+    def end() -> None:
+        while signal.getsignal(signal.SIGTERM) is before:
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=end, daemon=True).start()
+    where = ("--vision", f"127.0.0.1:{free_port()}", "--wait", PATIENCE_S, "--out", tmp_path / "out")
+    assert invoke("drive", "--scenario", "rect", what, *where) == 128 + signal.SIGTERM
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("error: terminated; ")

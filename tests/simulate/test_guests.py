@@ -4,16 +4,22 @@
 
 import os
 import random
+import signal
 import sys
+import threading
+import time
 import warnings
 from pathlib import Path
 
+import click
 import hostile
 import numpy as np
 import pytest
 
 import omni_mj as om
 from omni_control import Controller
+from omni_control.controllers import guests
+from omni_control.errors import ControllerError
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Simulation
 
@@ -41,7 +47,7 @@ def alone() -> list[bytes]:
 @pytest.mark.parametrize("kind", [*hostile.FAIL, *hostile.GO_ON])
 def test_others_do_what_they_do_alone(kind: type[Controller], alone: list[bytes]) -> None:
     """Before it and after it in the table, with references and errors as they were; it fails alone, and is named."""
-    program = sys.stdout, sys.stderr, os.getcwd(), warnings.filters[:], np.geterr()
+    program = sys.stdout, sys.stderr, sys.excepthook, os.getcwd(), warnings.filters[:], np.geterr()
     random_numbers = random.getstate(), np.random.get_state(legacy=False)["state"]["key"].tobytes()
     for order in (("comp-flc", kind), (kind, "comp-flc")):
         log, simulation = run(*order)
@@ -54,7 +60,7 @@ def test_others_do_what_they_do_alone(kind: type[Controller], alone: list[bytes]
             assert failure.cause.startswith(kind.__name__)
             assert f"in frame {hostile.AT}" in failure.cause
             assert len(failure.cause) < 700
-    assert (sys.stdout, sys.stderr, os.getcwd(), warnings.filters[:], np.geterr()) == program
+    assert (sys.stdout, sys.stderr, sys.excepthook, os.getcwd(), warnings.filters[:], np.geterr()) == program
     assert (random.getstate(), np.random.get_state(legacy=False)["state"]["key"].tobytes()) == random_numbers
 
 
@@ -86,6 +92,8 @@ def test_what_it_prints_is_told_apart(capsys: pytest.CaptureFixture[str]) -> Non
     """On stderr, after its name, so that tables on stdout stay tables."""
     run(hostile.Prints)
     assert capsys.readouterr() == ("", "Prints: hello\nPrints: you 3\n")
+    guests.Guest("Click", patience_s=5.0).call(lambda: click.echo("by a library"), "ever")
+    assert capsys.readouterr() == ("", "Click: by a library\n")
 
 
 @pytest.mark.parametrize(
@@ -109,3 +117,14 @@ def test_one_that_cannot_be_made_costs_its_own_rows(tmp_path: Path, body: str, s
     assert bits(log, "comp-flc") == alone
     assert {failure.controller for failure in simulation.failures} == {"Made"}
     assert says in simulation.failures[0].cause
+
+
+def test_the_wait_for_one_ends_whatever_signals_come() -> None:
+    """While it is waited for, a signal's handler may take longer than is left until the next look at the time."""
+    before = signal.signal(signal.SIGALRM, lambda *_: time.sleep(3 * guests.LOOK_S))
+    signal.setitimer(signal.ITIMER_REAL, guests.LOOK_S / 2)
+    try:
+        with pytest.raises(ControllerError, match="did not answer"):
+            guests.Guest("Slow", patience_s=0.2).call(lambda: threading.Event().wait(10), "ever")
+    finally:
+        signal.signal(signal.SIGALRM, before)

@@ -10,6 +10,7 @@ import tempfile
 import time
 from pathlib import Path
 
+import everywhere
 import hour
 import moments
 import places
@@ -17,6 +18,7 @@ import places
 PARTS = {  # name -> what does it, and how often
     "kills": (moments.kills, 50),
     "signals": (moments.signals, 150),
+    "commands": (everywhere.commands, 100),
     "imports": (moments.imports, 30),
     "places": (places.places, 1),
     "disks": (places.disks, 30),

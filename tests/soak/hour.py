@@ -13,7 +13,7 @@ from programs import ANY_PORTS, Fork
 
 MB = 1_000_000
 EVERY_S = 0.5
-MOST_MB = 8.0  # that memory may grow from the first half to the second: some pages more or less
+MOST_MB = 3.0  # that memory may grow from the first half to the second: some pages more or less
 
 
 def hour(rng: random.Random, count: int, folder: Path) -> Iterator[Found]:

@@ -10,7 +10,7 @@ from typing import Any
 import pyarrow.parquet as pq
 from PIL import Image
 
-SIGNALS = {signal.SIGINT: 130, signal.SIGTERM: 143}
+SIGNALS = {number: 128 + number for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
 NO_REASON = "gave no reason"
 RAW = re.compile(r"Traceback|Exception ignored|Fatal Python error|Segmentation|core dumped|^\w*Error: ", re.MULTILINE)
 

@@ -134,7 +134,12 @@ class Fork:
 
     def kill(self) -> None:
         """End it at once."""
-        os.kill(self.pid, signal.SIGKILL)
+        self.send(signal.SIGKILL)
+
+    def send(self, number: signal.Signals) -> None:
+        """Send it a signal, if it has not ended."""
+        if not self.ended():
+            os.kill(self.pid, number)
 
     def ended(self) -> bool:
         """Whether it has."""
@@ -168,7 +173,8 @@ class Fork:
             os.dup2(self._err.fileno(), 2)
             sys.stdout, sys.stderr = (open(number, "w", closefd=False) for number in (1, 2))  # noqa: SIM115
             signal.signal(signal.SIGINT, signal.default_int_handler)
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+            for each in (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
+                signal.signal(each, signal.SIG_DFL)
             prepare()
             console.invoke(cli, words)
         except SystemExit as end:

@@ -5,6 +5,7 @@
 import os
 import random
 import sys
+import threading
 import time
 import warnings
 from contextlib import suppress
@@ -87,6 +88,21 @@ class Unsaid(Honest):
         self.channels = {"x": object()}
 
 
+class Wide(Honest):
+    def spoil(self, seen):
+        self.channels = {"x": np.zeros((len(seen.pose), 100_000))}
+
+
+class Hooks(Honest):
+    """Into what Python calls by itself."""
+
+    def spoil(self, seen):
+        sys.excepthook = sys.unraisablehook = threading.excepthook = None
+        sys.setprofile(lambda *_: 1 / 0)
+        threading.setprofile(lambda *_: 1 / 0)
+        sys.setrecursionlimit(60)
+
+
 class Hangs(Honest):
     patience_s: ClassVar[float] = 0.3
 
@@ -156,8 +172,28 @@ class Prints(Honest):
         print("hello\nyou", 3)
 
 
-FAIL = (Exits, Interrupts, Unspeakable, Loud, Deep, Ragged, Text, Complex, Infinite, Unsaid, Hangs, Stubborn)
-GO_ON = (Writes, Swaps, Cheats, Seeds, Closes, Prints)
+class Races(Honest):
+    def command(self, frame, seen):
+        return np.full(seen.pose.shape, 1e308)
+
+
+FAIL = (
+    Exits,
+    Interrupts,
+    Unspeakable,
+    Loud,
+    Deep,
+    Ragged,
+    Text,
+    Complex,
+    Infinite,
+    Unsaid,
+    Wide,
+    Hooks,
+    Hangs,
+    Stubborn,
+)
+GO_ON = (Writes, Swaps, Cheats, Seeds, Closes, Prints, Races)
 
 
 class Dice(Honest):

@@ -44,6 +44,9 @@ def options(given: Sequence[str] | None = None) -> argparse.Namespace:
     parse.add_argument("--mirror", type=float, default=0.0, help="how often a heading is seen the wrong way round")
     parse.add_argument("--swap", type=float, default=0.0, help="how often a robot has another's number")
     parse.add_argument("--patience", type=float, default=10.0, help="for the next commands, in lockstep, s")
+    parse.add_argument(
+        "--dark", type=int, nargs=2, default=(0, 0), help="first frame without vision, and the next with"
+    )
     parse.add_argument("--junk", type=float, default=0.0, help="bad packets per frame")
     parse.add_argument("--seed", type=int, default=0)
     parse.add_argument("--frames", type=int, default=sys.maxsize)
@@ -129,7 +132,7 @@ class Peer:
         """What each camera sees now; what it stamps is when it sends, and the age before that."""
         said, pose = self.said, self.robots.at(self.said.age)
         now = frame * PERIOD_S
-        for camera in range(said.cameras):
+        for camera in range(0 if said.dark[0] <= frame < said.dark[1] else said.cameras):
             middle = (camera - (said.cameras - 1) / 2) * 2.0
             robots = []
             for number, (x, y, heading) in enumerate(pose):

@@ -13,6 +13,7 @@ from omni_control.errors import ControllerError, printable
 from omni_control.kinematics import Array
 
 RECORDED = ("predicted", "alpha_hat", "latency_hat")
+MOST_COLUMNS = 256  # of a controller's own that are recorded
 MOST_FRAMES = 36_000  # that a controller may remember of what was sent
 
 
@@ -77,6 +78,10 @@ def said(controller: Controller, n: int, when: str) -> Said:
                 f"{name} has a channel {channel!r} of shape {values.shape} {when}; ({n},) or ({n}, k) is needed"
             )
         channels[channel] = values.reshape(n, -1)
+    if (columns := sum(values.shape[1] for values in channels.values())) > MOST_COLUMNS:
+        raise ControllerError(
+            f"{name} has {columns} columns in its channels {when}; {MOST_COLUMNS} at most are recorded"
+        )
     return Said(recorded, channels)
 
 

@@ -18,7 +18,7 @@ import warnings
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from typing import Any, TypeVar
 
 import numpy as np
@@ -31,6 +31,10 @@ T = TypeVar("T")
 HOUSE = ("omni_control.", "omni_mj.")  # packages whose controllers are no guests
 ATTRIBUTE = "_guest"  # of a controller that is one
 HURRY_S = 1.0  # how much longer a guest is waited for when somebody wants to stop
+OURS = (  # what is put back in its place
+    (sys, "stdout"), (sys, "stderr"), (sys, "stdin"), (sys, "excepthook"), (sys, "unraisablehook"),
+    (threading, "excepthook"),
+)  # fmt: skip
 LOOK_S = 0.05  # how often is looked whether somebody does
 
 _hurried: float | None = None  # since when
@@ -86,7 +90,8 @@ class Guest:
     def _aside(self) -> Iterator[None]:
         """Put away what is the program's, within it the guest's is in place."""
         bits, state, folder = get_bit_generator(), random.getstate(), _folder()
-        filters, streams = warnings.filters[:], (sys.stdout, sys.stderr)
+        filters, depth, ours = warnings.filters[:], sys.getrecursionlimit(), [getattr(*each) for each in OURS]
+        hooks = threading.gettrace(), threading.getprofile()
         set_bit_generator(self._numpy)
         random.setstate(self._python)
         if self._voice.closed:
@@ -96,7 +101,12 @@ class Guest:
         try:
             yield
         finally:
-            sys.stdout, sys.stderr = streams
+            for (module, name), value in zip(OURS, ours, strict=True):
+                setattr(module, name, value)
+            threading.settrace(hooks[0])
+            threading.setprofile(hooks[1])
+            if sys.getrecursionlimit() != depth:
+                sys.setrecursionlimit(depth)
             self._numpy, self._python = get_bit_generator(), random.getstate()
             set_bit_generator(bits)
             random.setstate(state)
@@ -141,8 +151,12 @@ class _Worker:
     """A thread that does one task after the other."""
 
     def __init__(self) -> None:
-        self._tasks, self._done = SimpleQueue[Callable[[], Any]](), SimpleQueue[tuple[Any, BaseException | None]]()
-        self._given_up = False
+        self._tasks, self._given_up = SimpleQueue[Callable[[], Any]](), False
+        self._answer: tuple[Any, BaseException | None] = None, None
+        # A lock is free while there is an answer. A queue would not do: CPython's `SimpleQueue.get` waits without end
+        # when a signal's handler takes longer than what is left of its timeout.
+        self._answered = threading.Lock()
+        self._answered.acquire()
         self._thread = threading.Thread(target=self._work, name="guest", daemon=True)
         self._thread.start()
 
@@ -160,11 +174,11 @@ class _Worker:
                 raise TimeoutError(f"it was waited for for {patience_s:g} s")
             if _hurried is not None and now - max(began, _hurried) >= HURRY_S:
                 raise TimeoutError("it was to stop")
-            try:
-                return self._done.get(timeout=min(began + patience_s - now, LOOK_S))
-            except Empty:
-                if _look is not None:
-                    _look(time.monotonic() - began)
+            if self._answered.acquire(timeout=min(began + patience_s - now, LOOK_S)):
+                answer, self._answer = self._answer, (None, None)
+                return answer
+            if _look is not None:
+                _look(time.monotonic() - began)
 
     def give_up(self) -> None:
         """Let the thread end as soon as it will, by an exception in what it does."""
@@ -174,13 +188,17 @@ class _Worker:
         )
 
     def _work(self) -> None:
+        trace, profile = sys.gettrace(), sys.getprofile()
         while not self._given_up:
             task = self._tasks.get()
             try:
-                self._done.put((contextvars.Context().run(task), None))
+                self._answer = contextvars.Context().run(task), None
             except BaseException as error:
-                self._done.put((None, error))
+                self._answer = None, error
             del task
+            sys.settrace(trace)
+            sys.setprofile(profile)
+            self._answered.release()
 
 
 class _Voice(io.TextIOBase):
@@ -191,7 +209,13 @@ class _Voice(io.TextIOBase):
         self.listener: Any = None
 
     def write(self, text: str) -> int:
-        """See `io.TextIOBase`; nobody listening costs nothing."""
+        """See `io.TextIOBase`; nobody listening costs nothing.
+
+        Raises:
+            TypeError: it is no text, by which others know that this is no binary stream.
+        """
+        if not isinstance(text, str):
+            raise TypeError(f"a text is needed, not {type(text).__name__}")
         for line in text.splitlines(keepends=True):
             said = line if self._begun else f"{self._name}: {line}"
             self._begun = not line.endswith("\n")

@@ -16,7 +16,7 @@ from omni_mj.live.wire.vision import Detection, VisionPacket
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ
 
 GEOMETRY_CYCLES = CYCLE_RATE_HZ  # from one packet of the geometry to the next
-REMEMBERED = 100_000  # sendings whose lateness is kept
+REMEMBERED = 10_000  # sendings whose lateness is kept
 
 
 class Publisher:

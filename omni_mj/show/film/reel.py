@@ -74,7 +74,11 @@ class Reel:
         count = len(settings.wheels.kinematics.azimuths)
         needed = _columns(parquet.schema(frames).names, count)
         table = parquet.read(frames, needed)
-        if len(table.column_names) < len(needed) or not table.num_rows:
+        if (
+            len(table.column_names) < len(needed)
+            or not table.num_rows
+            or any(each.null_count for each in table.columns)
+        ):
             raise OmniError(f"{frames} is not a run's trajectory: it lacks what a film shows")
         column = {name: table[name].to_numpy() for name in table.column_names}
         known = list(dict.fromkeys(column["controller"]))

@@ -8,6 +8,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.scenarios.settings import Settings
 from omni_mj.show.recording import colours, robot_shape, scene
@@ -38,24 +39,32 @@ class ServedRecording:
         connect: leads the stream there.
         settings: of the robots.
         name: of the recording.
+        check: called before each block; what it raises ends the recording.
     """
 
-    def __init__(self, connect: Connect, settings: Settings, name: str) -> None:
+    def __init__(
+        self, connect: Connect, settings: Settings, name: str, check: Callable[[], None] = lambda: None
+    ) -> None:
         rr.set_strict_mode(True)
-        self._settings, self._shown = settings, set[str]()
+        self._settings, self._shown, self._check = settings, set[str](), check
         self._before: Sequence[str] = ()
         self._stream = rr.RecordingStream(APPLICATION, recording_id=uuid.uuid4())
         self._stream.set_log_time_enabled(False)
         self._failure = ""  # for what is served, which goes on, nothing depends on a recording
         try:
+            check()
             connect(self._stream, _blueprint())
             self._stream.send_recording_name(name)
             scene.log_field(self._stream)
-        except RuntimeError as failure:
+        except (RuntimeError, OmniError) as failure:
             self._failure = str(failure)
 
     def send(self, first: int, names: Sequence[str], log: Log, ball: Array) -> None:
         """Send frames from the `first` on: of robots, by the names of the log's rows, and of the ball (frames, 2)."""
+        try:
+            self._check()
+        except OmniError as failure:
+            self._failure = self._failure or str(failure)
         if self._failure:
             return
         frames = np.arange(first, first + log.length)
@@ -85,15 +94,13 @@ class ServedRecording:
 
     def close(self) -> str:
         """End it; say what did not arrive, if anything did not."""
-        if self._failure:
-            return self._failure
         try:
             self._stream.flush()
         except RuntimeError as failure:
-            return str(failure)
+            self._failure = self._failure or str(failure)
         finally:
             self._stream.disconnect()
-        return ""
+        return self._failure
 
     def _show(self, name: str, lines: Mapping[str, int]) -> None:
         """Log a robot's shape once, and how its lines look, so many of each channel."""
@@ -112,8 +119,8 @@ class ServedRecording:
 
 
 def to_file(path: Path) -> Connect:
-    """Leads to an .rrd file."""
-    return lambda stream, blueprint: stream.save(path, default_blueprint=blueprint)
+    """Leads to an .rrd file, without a list of its parts at its end, which rerun would keep in memory until then."""
+    return lambda stream, blueprint: stream.save(path, blueprint, write_footer=False)
 
 
 def to_viewer(url: str) -> Connect:

@@ -10,7 +10,9 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from omni_control.errors import OmniError
 from omni_control.kinematics import Array
+from omni_mj.files import check_room
 from omni_mj.measure.events import Watch
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show.recording import robots, scene, tabs, texts
@@ -21,6 +23,7 @@ from omni_mj.simulate.simulation import Simulation
 from omni_mj.worlds.build import kinematics
 
 APPLICATION = "omni-mj"
+NUMBER_B = 8  # of a table, before it is packed
 
 
 class Recording:
@@ -183,14 +186,15 @@ class Recording:
 
     def _fail(self, failure: Exception) -> None:
         """Give up: what is sent does not arrive."""
-        self._failure = self._failure or " ".join(f"{type(failure).__name__}: {failure}".split())
+        said = str(failure) if isinstance(failure, OmniError) else f"{type(failure).__name__}: {failure}"
+        self._failure = self._failure or " ".join(said.split())
 
     def _blueprint(self) -> rrb.Blueprint:
         return blueprint([robot.name for robot in self._robots], self._paths, self._tabs, self._live)
 
 
 class FileRecording(Recording):
-    """An .rrd file.
+    """An .rrd file, which ends where the disk has no more room than the numbers will need.
 
     Args:
         path: of the file; its folder must exist.
@@ -202,7 +206,16 @@ class FileRecording(Recording):
         self._path = path
 
     def _connect(self, stream: rr.RecordingStream) -> None:
+        self._check_room()
         stream.save(self._path, default_blueprint=self._blueprint())
+
+    def _send(self, stream: rr.RecordingStream, frames: Frames) -> None:
+        self._check_room()
+        super()._send(stream, frames)
+
+    def _check_room(self) -> None:
+        followed = sum(reference.frames for reference in self._simulation.references)
+        check_room(self._path.parent, NUMBER_B * followed * sum(map(len, self._log.columns.values())))
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import jinja2
 
-from omni_control.errors import OmniError, printable
+from omni_control.errors import OmniError
 from omni_mj.files import write as write_file
 from omni_mj.measure.table import where
 from omni_mj.show.report import cells
@@ -32,9 +32,9 @@ def write(folders: Sequence[Path], out: Path) -> None:
         html = _html(folders)
     except OmniError:
         raise
-    except (jinja2.UndefinedError, LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
-        why = printable(f"{type(error).__name__}: {error}", 200)
-        raise OmniError(f"a summary.json is not of this version, or was changed: {why}; make the run again") from None
+    except (jinja2.UndefinedError, LookupError, TypeError, AttributeError, ValueError, ArithmeticError):
+        named = ", ".join(map(str, folders))
+        raise OmniError(f"summary.json in {named} is not of this version, or was changed; make the run again") from None
     write_file(out, html)
 
 
