@@ -68,7 +68,7 @@ def test_an_estimate_of_alpha_stands_in_a_band_of_two_deviations() -> None:
     estimate = np.stack([np.full(3, 0.9), np.ones(3)])
     log = filled(table, FRAMES, own={"alpha_sigma": np.full((2, 3), 0.05)}, alpha_hat=estimate)
     axes = drawn(lambda: series.alpha(FirstRows(log))).axes
-    assert [each.get_title(loc="left") for each in axes] == ["says, $x$", "says, $y$"]
+    assert [each.get_title(loc="left") for each in axes] == ["says, x", "says, y"]
     (band,) = [each for each in axes[0].collections if each.get_label().startswith("_")]
     edges = band.get_paths()[0].vertices[:, 1]
     np.testing.assert_allclose([edges.min(), edges.max()], [0.8, 1.0])

@@ -1,13 +1,13 @@
 """The path travelled: at full scale differences vanish, so where controllers stray farthest is shown enlarged."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FixedLocator, MaxNLocator
 from scipy.ndimage import maximum_filter1d
 from scipy.spatial import cKDTree
 
@@ -56,7 +56,7 @@ def path(first: FirstRows) -> Figure:
     spots = _spots(reference, pose, OVERVIEW_IN if few else MANY_OVERVIEW_IN, DETAIL_IN if few else MANY_DETAIL_IN)
     for number, (axes, spot) in enumerate(zip(details, spots, strict=False)):
         if not few and spot.controller:
-            axes.plot(*pose[:, 0].T, color=style.REFERENCE, lw=0.8)
+            axes.plot(*pose[:, 0].T, label=f"{names[0]}, to compare", **canvas.TO_COMPARE)
         _draw(axes, names, reference, pose, range(len(names)) if few else [spot.controller])
         mark = "AB"[number] if few else str(number + 1)
         _enlarge(axes, spot, f"{mark}, {spot.wide}" if few else f"{mark} {names[spot.controller]}")
@@ -78,9 +78,11 @@ def path(first: FirstRows) -> Figure:
         overview.plot(*travelled[-1:].T, "X", color=style.colour(first.slots[i]), ms=8, mec="black", zorder=6,
                       label=f"{names[i]} failed")  # fmt: skip
     overview.margins(MARGIN)
-    overview.set(xlabel="$x$ in m", ylabel="$y$ in m")
-    canvas.legend(figure, overview)
-    figure.suptitle("Path travelled" + (", and enlarged where each controller strays farthest" if not few else ""))
+    overview.set(xlabel="x in m", ylabel="y in m")
+    canvas.legend(figure, [overview, *details[: len(spots)]])
+    figure.suptitle(
+        f"Path travelled, and enlarged, in cm, where {'controllers stray' if few else 'each strays farthest'}"
+    )
     return figure
 
 
@@ -121,11 +123,19 @@ def _draw(axes: Axes, controllers: tuple[str, ...], reference: Array, pose: Arra
 
 
 def _enlarge(axes: Axes, spot: Spot, title: str) -> None:
+    """Show a square, with scales that tell cm from its centre."""
     (x, y), half = spot.centre, spot.half
     axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half), title=title)
-    axes.xaxis.set_major_locator(MaxNLocator(3))
-    axes.yaxis.set_major_locator(MaxNLocator(3))
+    apart = np.asarray(MaxNLocator(4, steps=canvas.STEPS).tick_values(-half, half))
+    shown = apart[np.abs(apart) <= half]
+    for axis, middle in ((axes.xaxis, x), (axes.yaxis, y)):
+        axis.set_major_locator(FixedLocator(middle + shown))
+        axis.set_major_formatter(_centimetres_from(middle))
     axes.spines[:].set_visible(True)
+
+
+def _centimetres_from(middle: float) -> Callable[[float, float], str]:
+    return lambda tick, _: f"{100 * (tick - middle):.3g}"
 
 
 def _spots(reference: Array, pose: Array, overview: tuple[float, float], detail: float) -> list[Spot]:
