@@ -20,12 +20,15 @@ SUBPIXELS = 64  # FreeType's, of a pixel
 
 
 class Line(NamedTuple):
-    """A line of text as a picture (rows, columns) of ink, 0 to 255; its size and what is below the baseline, pixels."""
+    """A line of text: its width, height and depth below the baseline in pixels, and the picture of it.
 
+    That is the ink (rows, columns), 0 to 255, with `above` rows over the baseline, `left` pixels from where it begins.
+    """
+
+    size: tuple[float, float, float]
     ink: np.ndarray
-    width: float
-    height: float
-    descent: float
+    above: int
+    left: float
 
 
 def picture(figure: Figure) -> Image.Image:
@@ -36,15 +39,14 @@ def picture(figure: Figure) -> Image.Image:
 
 
 class Canvas(FigureCanvasAgg):
-    """Agg's canvas with a `Renderer`."""
+    """Agg's canvas with a `Renderer`, for one picture."""
 
     renderer: "Renderer"
 
     def get_renderer(self) -> "Renderer":
-        """The renderer of the figure as large as it is now."""
-        wide, high = self.figure.bbox.size
-        if "renderer" not in vars(self) or (self.renderer.width, self.renderer.height) != (int(wide), int(high)):
-            self.renderer = Renderer(wide, high, self.figure.dpi)  # type: ignore[no-untyped-call]
+        """The one renderer of the figure, which is as large now as it will be drawn."""
+        if "renderer" not in vars(self):
+            self.renderer = Renderer(*self.figure.bbox.size, self.figure.dpi)  # type: ignore[no-untyped-call]
         return self.renderer
 
 
@@ -57,7 +59,7 @@ class Renderer(RendererAgg):
         """Width, height and what is below the baseline of a line of text, pixels."""
         if ismath:
             return super().get_text_width_height_descent(s, prop, ismath)  # type: ignore[no-untyped-call]
-        return self._line(s, prop)[1:]
+        return self._line(s, prop).size
 
     def draw_text(
         self, gc: Gc, x: float, y: float, s: str, prop: FontProperties, angle: float, ismath: bool | str = False,
@@ -68,14 +70,16 @@ class Renderer(RendererAgg):
             super().draw_text(gc, x, y, s, prop, angle, ismath, mtext)  # type: ignore[no-untyped-call]
             return
         line = self._line(s, prop)
-        ink = np.rot90(line.ink) if angle else line.ink
-        left, below = (line.descent, 0.0) if angle else (0.0, line.descent)
-        left = x - ink.shape[1] + left if angle else x
+        y = self.height - y  # from below
+        if angle:
+            ink, x, y = np.rot90(line.ink), round(x) - line.above, y + line.left
+        else:
+            ink, x, y = line.ink, x + line.left, round(y) - (len(line.ink) - line.above)
         *colour, opaque = gc.get_rgb()
         image = np.empty((*ink.shape, 4), np.uint8)
         image[..., :3] = np.rint(255 * np.array(colour))
         image[..., 3] = np.rint(opaque * ink)
-        self.draw_image(gc, round(left), round(self.height - y - below), image[::-1])
+        self.draw_image(gc, round(x), round(y), image[::-1])
 
     def _line(self, text: str, font: FontProperties) -> Line:
         hints: LoadFlags = get_hinting_flag()  # type: ignore[no-untyped-call]
@@ -90,4 +94,8 @@ def _laid_out(text: str, path: str, points: float, dpi: float, hints: LoadFlags)
     font.set_text(text, 0.0, flags=hints)
     font.draw_glyphs_to_bitmap(antialiased=True)
     width, height = font.get_width_height()
-    return Line(np.array(font.get_image()), width / SUBPIXELS, height / SUBPIXELS, font.get_descent() / SUBPIXELS)
+    deep, left = font.get_descent(), font.get_bitmap_offset()[0]
+    above = (height - deep) // SUBPIXELS + 1  # of the two rows that FreeType's picture has more than the text, one
+    return Line(
+        (width / SUBPIXELS, height / SUBPIXELS, deep / SUBPIXELS), np.array(font.get_image()), above, left / SUBPIXELS
+    )

@@ -22,7 +22,8 @@ def why(first: FirstRows) -> Figure:
     _, top = canvas.reach(error, list(first.failed))
     for i, (axes, name) in enumerate(zip(grid[:, 0], first.names, strict=True)):
         axes.plot(*canvas.thin(error[:, i]), color=style.colour(first.slots[i]), zorder=3)
-        axes.set_title(f"{name}, {_numbers(error[:, i], first.channel('duty_peak')[:, i, 0])}")
+        called = f"{name} failed; until then" if i in first.failed else f"{name},"
+        axes.set_title(f"{called} {_numbers(error[:, i], first.channel('duty_peak')[:, i, 0])}")
         _causes(axes, first, i, max(top, 1e-9))
         if i in first.failed:
             canvas.mark_failure(axes, max(int(first.log.lengths[first.rows[i]]) - 1, 0), first.slots[i], name)
