@@ -36,7 +36,7 @@ OFF_SCALE = 1.5  # as many times as far as the others a row that failed may stra
 LOST = 3.0  # as many times as far as most controllers strayed one that is shown in part too
 LIMIT_DASHES = dict(zip(LIMITS.values(), ("-", (0, (1, 1))), strict=True))
 STEPS = (1, 2, 2.5, 5, 10)  # between ticks, in powers of ten
-TO_COMPARE: dict[str, Any] = {"color": style.REFERENCE, "lw": 0.8, "ls": (0, (4, 1.5))}
+TO_COMPARE: dict[str, Any] = {"color": style.REFERENCE, "lw": 0.8}
 HALO = withStroke(linewidth=2.5, foreground="white")
 
 

@@ -22,6 +22,7 @@ WIDER = 0.75  # half the width of a square, over how far is strayed in it
 LEAST_M = 0.005
 ENLARGED = 2.0  # times at least
 MARGIN = 0.06  # around the overview, as a share of what it shows
+BESIDE = 0.08  # as a share of the path's extent, within which squares have one mark
 COLUMNS = 4  # of enlarged places, where each controller has its own
 OVERVIEW_IN, MANY_OVERVIEW_IN = (4.7, 3.9), (7.1, 3.4)
 DETAIL_IN, MANY_DETAIL_IN = 1.65, 1.4
@@ -54,6 +55,7 @@ def path(first: FirstRows) -> Figure:
     few = len(names) <= canvas.TOGETHER
     figure, overview, details = _few() if few else _many(len(names))
     spots = _spots(reference, pose, OVERVIEW_IN if few else MANY_OVERVIEW_IN, DETAIL_IN if few else MANY_DETAIL_IN)
+    marks: list[str] = []
     for number, (axes, spot) in enumerate(zip(details, spots, strict=False)):
         if not few and spot.controller:
             axes.plot(*pose[:, 0].T, label=f"{names[0]}, to compare", **canvas.TO_COMPARE)
@@ -66,9 +68,10 @@ def path(first: FirstRows) -> Figure:
         overview.add_patch(
             Rectangle(tuple(spot.centre - spot.half), 2 * spot.half, 2 * spot.half, fill=False, ec=edge, lw=1, zorder=7)
         )
-        corner, side = (spot.half, "left") if few or number % 2 else (-spot.half, "right")  # not one over the other
-        x, y = spot.centre
-        overview.text(x + corner, y + spot.half, mark, ha=side, weight="bold", zorder=8, path_effects=[canvas.HALO])
+        marks.append(mark)
+    for group in _beside_each_other(spots, BESIDE * float(np.ptp(reference, axis=0).max())):
+        x, y = spots[group[0]].centre + spots[group[0]].half
+        overview.text(x, y, " ".join(marks[i] for i in group), weight="bold", zorder=8, path_effects=[canvas.HALO])
     for axes in details[len(spots) :]:
         axes.remove()
     _draw(overview, names, reference, pose, range(len(names)))
@@ -172,6 +175,17 @@ def _spots(reference: Array, pose: Array, overview: tuple[float, float], detail:
         point = int(typical.argmax())
         spots.append(spot(point, int(np.argsort(astray[point])[(pose.shape[1] - 1) // 2])))
     return spots
+
+
+def _beside_each_other(spots: Sequence[Spot], near: float) -> list[list[int]]:
+    """Numbers of the squares whose marks would lie on one another, `near` m or less apart, together."""
+    groups: list[list[int]] = []
+    for i, spot in enumerate(spots):
+        corner = spot.centre + spot.half
+        there = (g for g in groups if np.linalg.norm(spots[g[0]].centre + spots[g[0]].half - corner) <= near)
+        group = next(there, None)
+        groups.append([i]) if group is None else group.append(i)
+    return groups
 
 
 def _astray(reference: Array, pose: Array) -> tuple[Array, np.ndarray]:

@@ -12,6 +12,7 @@ from omni_mj.show.figures.first import FirstRows
 
 PAPER_ALPHA = (0.7, 1.0)  # section 2
 ALPHA_AXES = ("x", "y")
+BESIDE = canvas.TO_COMPARE | {"ls": (0, (4, 1.5))}  # curves that are solid
 SIGMA = "own_alpha_sigma"  # a controller's own, in its estimate
 RATIO = f"displacement achieved over commanded in {metrics.ALPHA_WINDOW_FRAMES} frames"
 ALPHA_SAID = (
@@ -123,7 +124,7 @@ def _compare(first: FirstRows, values: Array, labels: list[str], reference: Arra
             if reference is not None and (i == 0 or not together):
                 axes.plot(*canvas.thin(reference[:, j]), color=style.BACKGROUND, lw=3.5, zorder=1, label="reference")
             if i and not together:
-                axes.plot(*canvas.thin(values[:, 0, j]), label=f"{names[0]}, to compare", **canvas.TO_COMPARE)
+                axes.plot(*canvas.thin(values[:, 0, j]), label=f"{names[0]}, to compare", **BESIDE)
             if together:
                 canvas.curve(axes, values[:, i, j], i, first.slots[i], name)
             else:
