@@ -47,6 +47,7 @@ def _speeds(axes: Axes, robot: "Robot") -> None:
             u, follow(law, u, np.abs(u), PERIOD_S), "-", lw=1, color="k", label=LAW if kind == "forward" else None
         )
     axes.axline((0, 0), slope=1, ls=":", lw=1, color="0.6", label="without slip")
+    axes.margins(x=0.03)
     axes.set(title=robot.name, xlabel="speed of the wheels u in m/s", ylabel="speed of the body v in m/s")
     axes.legend()
 

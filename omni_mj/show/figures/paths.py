@@ -138,7 +138,7 @@ def _enlarge(axes: Axes, spot: Spot, title: str) -> None:
 
 
 def _centimetres_from(middle: float) -> Callable[[float, float], str]:
-    return lambda tick, _: f"{100 * (tick - middle):.3g}"
+    return lambda tick, _: f"{100 * (tick - middle):.3g}".replace("-", "\N{MINUS SIGN}")
 
 
 def _spots(reference: Array, pose: Array, overview: tuple[float, float], detail: float) -> list[Spot]:
