@@ -28,6 +28,7 @@ def choose(wrong: object, allowed: Iterable[str]) -> str:
     names = list(allowed)
     near = difflib.get_close_matches(str(wrong), names, n=3)
     if near and len(names) > MANY:
-        return f"did you mean {' or '.join(filter(None, (', '.join(map(repr, near[:-1])), repr(near[-1]))))}?"
+        *others, last = map(repr, near)
+        return f"did you mean {', '.join(others)} or {last}?" if others else f"did you mean {last}?"
     hint = f"did you mean {near[0]!r}? " if near else ""
     return f"{hint}choose from {', '.join(names)}"

@@ -25,7 +25,7 @@ PLOTS = {  # of each robot: channel -> its unit
 }
 AXES = "x", "y", "turning"  # of commands, whether the field's or the robot's own
 TEAMS = {"blue": (60, 110, 230), "yellow": (235, 200, 40)}
-SLOTS = {"blue": (1, 5, 8, 2, 9, 10), "yellow": (4, 0, 7, 6, 11, 3)}  # of lines, in `style`: cold, and warm
+SLOTS = {"blue": (1, 5, 2, 9, 8, 10), "yellow": (4, 0, 7, 3, 6, 11)}  # of lines, in `style`: cold, and warm
 BALL = (250, 130, 30)
 BALL_RADIUS_M = 0.0215
 BELOW_M = 10.0  # the carpet: where robots are that are not there
@@ -109,7 +109,7 @@ class ServedRecording:
             each = AXES if channel == "command" else [f"wheel {i + 1}" for i in range(count)] if count > 1 else [""]
             look = rr.SeriesLines(
                 names=[f"{name} {one}".rstrip() for one in each],
-                colors=[colours.pale(own, 0.5 * i / count) for i in range(count)],
+                colors=[colours.pale(own, 0.7 * i / count) for i in range(count)],
             )
             self._stream.log(f"plots/{channel}/{_entity(name)}", look, static=True)
 
