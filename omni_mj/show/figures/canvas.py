@@ -184,9 +184,9 @@ def legend(figure: Figure, axes: Axes | Sequence[Axes], columns: int = 5) -> Non
 
 
 def _legend_in(labels: Sequence[str], columns: int) -> float:
-    """About how wide a legend of so many columns is, inches."""
-    lines = -(-len(labels) // columns)
-    return sum(ENTRY_IN + LETTER_IN * max(map(len, labels[i : i + lines])) for i in range(0, len(labels), lines))
+    """About how wide a legend of so many columns is, inches; matplotlib fills them as evenly as they can be."""
+    letters = np.array_split([len(label) for label in labels], columns)
+    return float(sum(ENTRY_IN + LETTER_IN * column.max() for column in letters))
 
 
 def mark_failure(axes: Axes, frame: int, slot: int, name: str) -> None:

@@ -1,5 +1,7 @@
 """Figures over time: the controllers' output, the errors, the motor correction factor alpha."""
 
+from textwrap import wrap
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -139,7 +141,8 @@ def _compare(first: FirstRows, values: Array, labels: list[str], reference: Arra
         room = max(0.08 * (high - low), 1e-9)
         axes.set_ylim(0 if reference is None else low - room, high + room)
         if together and reference is None:
-            axes.set_title("; ".join(_said(first, i, name, values[..., j], labels[j]) for i, name in enumerate(names)))
+            said = "; ".join(_said(first, i, name, values[..., j], labels[j]) for i, name in enumerate(names))
+            axes.set_title("\n".join(wrap(said, round(canvas.SMALL_PER_IN * canvas.WIDTH_IN), break_on_hyphens=False)))
     canvas.legend(figure, list(grid.flat))
     return figure
 

@@ -25,7 +25,7 @@ PLOTS = {  # of each robot: channel -> its unit
 }
 AXES = "x", "y", "turning"  # of commands, whether the field's or the robot's own
 TEAMS = {"blue": (60, 110, 230), "yellow": (235, 200, 40)}
-SLOTS = {"blue": (1, 5, 2, 9, 8, 10), "yellow": (4, 0, 7, 3, 6, 11)}  # of lines, in `style`: cold, and warm
+SLOTS = {"blue": (1, 5, 2, 11, 8, 10), "yellow": (4, 0, 7, 3, 6, 9)}  # of lines, in `style`: cold, and warm
 BALL = (250, 130, 30)
 BALL_RADIUS_M = 0.0215
 BELOW_M = 10.0  # the carpet: where robots are that are not there
