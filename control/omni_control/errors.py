@@ -3,6 +3,8 @@
 import difflib
 from collections.abc import Iterable
 
+MANY = 60  # names
+
 
 class OmniError(ValueError):
     """What a user gave, or asked for, cannot be: the message says what, why, and what is allowed."""
@@ -19,8 +21,14 @@ def printable(text: str, most: int = 500) -> str:
 
 
 def choose(wrong: object, allowed: Iterable[str]) -> str:
-    """'did you mean X? choose from A, B, C' for a misspelt name; the names in the order given."""
+    """'did you mean X? choose from A, B, C' for a misspelt name; the names in the order given.
+
+    Where there are more than anybody reads, and some are like it, those alone: 'did you mean X, Y or Z?'.
+    """
     names = list(allowed)
-    near = difflib.get_close_matches(str(wrong), names, n=1)
+    near = difflib.get_close_matches(str(wrong), names, n=3)
+    if near and len(names) > MANY:
+        *others, last = map(repr, near)
+        return f"did you mean {', '.join(others)} or {last}?" if others else f"did you mean {last}?"
     hint = f"did you mean {near[0]!r}? " if near else ""
     return f"{hint}choose from {', '.join(names)}"

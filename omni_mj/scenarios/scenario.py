@@ -209,7 +209,7 @@ def scenario(
 
     Args:
         name_or_path: one of those that come with the package, or a file.
-        plant: what is driven: "mujoco", "kinematic", or `file.py:Class`.
+        plant: what is driven: "mujoco", "planar", "kinematic", or `file.py:Class`.
         robot: name of a robot, path of its .toml file, or what `om.robot` gave.
         controllers: names, classes derived from `omni_control.Controller`, or `file.py:Class`.
         seed: the first.

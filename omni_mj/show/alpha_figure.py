@@ -22,6 +22,7 @@ QUANTITIES = {
     "speeding_up": ("gain while speeding up", 1.0),
     "lag_s": ("lag in ms", 1000.0),
 }
+MARKS, HATCHES = "os^", ("", "///", "...")  # of directions, for those who see no colours
 COLUMNS = 4  # of conditions
 LOGARITHMIC = 30  # times the least value: beyond it, an axis is
 
@@ -56,10 +57,12 @@ def _condition(study: "Study", name: str | None, gain: Axes, lag: Axes) -> None:
         return
     values, found = study.conditions[name], study.changed[name]
     for i, direction in enumerate(DIRECTIONS):
-        colour = style.colour(i)
-        gain.plot(values, found.steady[:, i], "o-", color=colour, label=f"{direction}, steady")
-        gain.plot(values, found.speeding_up[:, i], "s:", color=colour, label=f"{direction}, speeding up")
-        lag.plot(values, 1000 * found.lag_s[:, i], "o-", color=colour)
+        colour, mark = style.colour(i), MARKS[i]
+        gain.plot(values, found.steady[:, i], f"{mark}-", color=colour, label=f"{direction}, steady")
+        gain.plot(
+            values, found.speeding_up[:, i], f"{mark}:", color=colour, mfc="white", label=f"{direction}, speeding up"
+        )
+        lag.plot(values, 1000 * found.lag_s[:, i], f"{mark}-", color=colour)
     every = list(study.changed.values())
     gain.set_ylim(np.nanmin([np.nanmin(r.speeding_up) for r in every]) - 0.05, 1.05)
     lag.set_ylim(0, 1050 * np.nanmax([np.nanmax(r.lag_s) for r in every]))
@@ -87,6 +90,9 @@ def _causes(study: "Study", name: str, axes: Axes) -> None:
             [factor * each[i] for each in added.values()],
             width,
             color=style.colour(i),
+            hatch=HATCHES[i],
+            edgecolor="white",
+            lw=0,
             label=list(DIRECTIONS)[i],
         )
     axes.axhline(0, color="#888888", lw=0.8)

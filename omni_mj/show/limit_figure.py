@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib import style as matplotlib_style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.show import style
@@ -17,7 +18,7 @@ from omni_mj.studies.limit.plan import AIMS
 if TYPE_CHECKING:
     from omni_mj.studies.limit import LimitResult
 
-AXES = ("x in m/s", "y in m/s", "turn rate in rad/s")
+AXES = ("velocity in x, m/s", "velocity in y, m/s", "turn rate, rad/s")
 TURNS_RAD = 0.01  # of a reference's heading, below which its turn rate is not drawn
 
 
@@ -41,7 +42,7 @@ def save(result: "LimitResult", path: Path) -> None:
             axes.tick_params(labelbottom=False)
         grid[1].legend(loc="upper right", ncols=2)
         grid[-1].set_xlabel("time in s")
-        robot = f", {outcome.scenario.robot}" if outcome.scenario.plant == "mujoco" else ""
+        robot = "" if outcome.scenario.plant == "kinematic" else f", {outcome.scenario.robot}"
         figure.suptitle(f"What is possible on {outcome.scenario.name}{robot}", x=0.01, ha="left")
         canvas.save_png(figure, path)
 
@@ -52,12 +53,13 @@ def _learning(result: "LimitResult", axes: Axes) -> None:
     for i, aim in enumerate(AIMS):
         values = [100 * each[aim] for each in result.history]
         label = {"max": "maximum", "mean": "mean"}[aim]
-        axes.semilogy(attempts, values, "o-", color=style.colour(i), label=f"{label}, without noise")
+        axes.semilogy(attempts, values, f"{'os'[i]}-", color=style.colour(i), label=f"{label}, without noise")
         spread = result.outcomes[0].entry["results"][LIMIT]["error_m"]["distance"][aim]
         if spread["median"]:
             axes.axhline(100 * spread["median"], color=style.colour(i), ls=":", label=f"{label}, with noise")
     if 0 < result.own_from < len(attempts):
         axes.axvline(result.own_from - 0.5, color=style.REFERENCE, lw=0.8, ls="--")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set(xlabel="attempt", ylabel="error in the plane, cm")
     axes.margins(x=0.02)
     axes.legend(loc="upper right", ncols=2, frameon=True, edgecolor="none", framealpha=0.9)

@@ -71,6 +71,9 @@ def _bars(found: "Sweep", lines: Lines) -> Figure:
         axes.set_yticks(at + 0.4 - thick / 2, settings)
         axes.invert_yaxis()
         axes.set(title=OF[of], xlabel=HEADINGS[found.plan.design[0]][key])
+        axes.margins(x=0.05)
+        axes.set_xlim(left=0)
+        axes.grid(axis="y", visible=False)
     canvas.legend(figure, grid[0])
     return figure
 

@@ -16,7 +16,7 @@ REFERENCE = "#7F7F7F"
 BACKGROUND = "#C8C8C8"
 COLOURS = (
     "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#999933", "#332288",
-    "#117733", "#AA4499", "#661100",
+    "#661100", "#AA4499", "#117733",
 )  # fmt: skip
 SHIPPED = ("flc", "comp-flc", "adaptive-comp-flc", "mpc", "comp-flc-lag", "lqr", "p", "smith", "oracle")
 DASHES = (
@@ -29,9 +29,9 @@ DASHES = (
     "-",
     (0, (2, 1)),
     (0, (3, 1, 3, 1, 1, 1)),
-    (0, (4, 1, 1, 1)),
-    "-",
     (0, (7, 3)),
+    "-",
+    (0, (4, 1, 1, 1)),
 )
 # Markers, and sizes that look alike.
 MARKERS = {

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 Cell = dict[str, Any]
 ERROR, RATE = "maximum error in the plane, cm: median", "robots that failed, %"
+BESIDE = 0.03  # of the width, over which the intervals at a value are spread, not to lie on one another
+LEVEL = 5  # values across, above which their labels are turned, not to overlap
 LABELLED = 60  # cells of a heat map at most, for their numbers to be written in them
 
 
@@ -41,19 +43,22 @@ def _lines(cells: list[Cell], names: list[str], axis: "Axis") -> Figure:
     figure = Figure(figsize=(8, 5.5))
     error, rate = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     at = np.arange(len(axis.values)) if _words(axis) else np.array(axis.values, float)
-    for slot, name in zip(style.slots(names), names, strict=True):
+    apart = BESIDE * float(np.ptp(at)) / len(names)
+    for i, (slot, name) in enumerate(zip(style.slots(names), names, strict=True)):
         own = [_worst(cells, name, {axis.name: value}) for value in axis.values]
         look = style.line(slot)
         middle, low, high = (_of(own, lambda c, key=key: _cm(c[STRAYED][key])) for key in ("median", "low", "high"))
         error.plot(at, middle, label=name, **look)
         error.fill_between(at, low, high, color=look["color"], alpha=0.2, lw=0)
         failed = [_of(own, lambda c, key=key: 100 * c[key]) for key in ("failure_rate", "failure_low", "failure_high")]
-        rate.plot(at, failed[0], **look)
-        rate.fill_between(at, failed[1], failed[2], color=look["color"], alpha=0.2, lw=0)
+        beside = at + (i - (len(names) - 1) / 2) * apart
+        rate.plot(beside, failed[0], **look)
+        rate.vlines(beside, failed[1], failed[2], color=look["color"], lw=1.2, zorder=2.5)
     error.set_yscale("log")
     error.yaxis.set_major_formatter("{x:g}")
     error.set_ylabel(f"{ERROR}\nand its 95 % interval")
-    rate.set(xlabel=axis.name, ylabel=RATE)
+    rate.set(xlabel=axis.name, ylabel=f"{RATE},\nand 95 % intervals")
+    rate.margins(x=0.03)
     rate.set_ylim(bottom=0)
     if _words(axis):
         rate.set_xticks(at, list(map(str, axis.values)))
@@ -84,7 +89,9 @@ def _maps(cells: list[Cell], names: list[str], down: "Axis", across: "Axis") -> 
         line[0].set_ylabel(down.name)
     for axes in grid[-1]:
         axes.set_xlabel(across.name)
-    grid[-1, 0].set_xticks(range(len(across.values)), [_short(value) for value in across.values], rotation=45)
+    for axes in grid[-1]:
+        axes.set_xticks(range(len(across.values)), [_short(value) for value in across.values])
+        axes.tick_params(axis="x", labelrotation=45 if len(across.values) > LEVEL else 0)
     grid[0, 0].set_yticks(range(len(down.values)), [_short(value) for value in down.values])
     return figure
 

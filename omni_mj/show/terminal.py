@@ -30,9 +30,11 @@ def show(table: "Table") -> None:
     for i, heading in enumerate(table.headings):
         left = i < table.left
         drawn.add_column(heading, justify="left" if left else "right", no_wrap=left, overflow="fold")
+    before = ""
     for row in table.rows:
-        if row[0] and table.left > 1 and drawn.row_count:
+        if row[0] not in ("", before) and table.left > 1 and drawn.row_count:
             drawn.add_section()
+        before = row[0]
         drawn.add_row(*map(escape, row))
     console = Console(width=width())
     console.print(table.title, style="bold", highlight=False, markup=False)

@@ -2,13 +2,14 @@
 
 import math
 import pickle
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 from scenario_texts import NUMBERS, SETTINGS, SHEET, SWITCHES, WHOLE, errors, given, value_of
 
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, choose
 from omni_mj.scenarios import references
 from omni_mj.scenarios import settings as module
 from omni_mj.scenarios.robot_settings import CarpetSettings
@@ -18,6 +19,7 @@ from omni_mj.scenarios.settings import (
     ReferenceSettings,
     Settings,
     column,
+    every_setting,
 )
 
 UNITS = {
@@ -259,3 +261,10 @@ def test_less_acceleration_sideways_is_passed_on_and_commands_know_none() -> Non
     assert references.motion_limits(ControlSettings()).side_acceleration is None
     with pytest.raises(OmniError, match=r"reference\.max_side_acceleration_m_s2 must be 0, .* at least 0\.01"):
         ReferenceSettings(max_side_acceleration_m_s2=0.005)
+
+
+def test_of_more_names_than_anybody_reads_only_those_alike_are_told() -> None:
+    names = [each.full for each in every_setting()]
+    said = choose("vision.position_nose_m", names)
+    assert re.fullmatch(r"did you mean 'vision.position_noise_m'(, '[a-z_.]+')? or '[a-z_.]+'\?", said)
+    assert choose("qqqqqq", names) == f"choose from {', '.join(names)}"

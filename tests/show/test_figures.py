@@ -1,5 +1,7 @@
 """The figures show what was recorded, tellable apart, as small files that are the same every time."""
 
+import itertools
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -7,11 +9,13 @@ import pytest
 from drawn import ALPHA, FRAMES, SPEED, TURN, curves, drawings, drawn, first, made
 from logs import filled, rows
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.image import imread
 from matplotlib.lines import Line2D
 
 from omni_mj.measure import metrics
 from omni_mj.show import figures, style
-from omni_mj.show.figures import canvas, paths, series
+from omni_mj.show.figures import canvas, lettering, paths, series
 from omni_mj.show.figures.first import FirstRows
 
 
@@ -25,6 +29,29 @@ def test_each_figure_is_a_png_and_a_small_svg_the_same_every_time(runs: list[Pat
             canvas.save(series.error(first(made(frames=60))), tmp_path / stem)
     for kind in ("png", "svg"):
         assert (tmp_path / f"a.{kind}").read_bytes() == (tmp_path / f"b.{kind}").read_bytes()
+
+
+def test_a_picture_is_what_is_drawn_and_keeps_to_its_edges(runs: list[Path]) -> None:
+    """Each has ink, and none at the edge, where what is drawn would be cut off."""
+    for path in (runs[0] / "figures").glob("*.png"):
+        ink = imread(path)[..., :3].min(axis=-1) < 0.9
+        assert ink.mean() > 0.01, path
+        assert not any(edge.any() for edge in (ink[0], ink[-1], ink[:, 0], ink[:, -1])), path
+
+
+def test_text_lies_where_matplotlib_would_draw_it() -> None:
+    """Of level and of upright lines in several sizes, to a pixel: their ink, and the middle of it."""
+    for angle, size, ha, va in itertools.product((0, 90), (8, 10), ("left", "right", "center"), ("top", "baseline")):
+        figure = Figure(figsize=(3, 3), dpi=150)
+        figure.text(0.5, 0.5, "Agq |x|", rotation=angle, fontsize=size, ha=ha, va=va)
+        pictures = [np.asarray(lettering.picture(figure))]
+        figure.savefig(file := BytesIO(), format="png")
+        pictures.append(255 * imread(BytesIO(file.getvalue())))
+        ours, theirs = (255.0 - each[..., 0] for each in pictures)
+        assert ours.sum() == pytest.approx(theirs.sum(), rel=0.02)
+        for axis in range(2):
+            middles = [each.sum(1 - axis) @ np.arange(len(each)) / each.sum() for each in (ours, theirs)]
+            assert middles[0] == pytest.approx(middles[1], abs=1)
 
 
 def test_what_a_run_has_no_data_for_is_not_drawn() -> None:
@@ -68,7 +95,7 @@ def test_an_estimate_of_alpha_stands_in_a_band_of_two_deviations() -> None:
     estimate = np.stack([np.full(3, 0.9), np.ones(3)])
     log = filled(table, FRAMES, own={"alpha_sigma": np.full((2, 3), 0.05)}, alpha_hat=estimate)
     axes = drawn(lambda: series.alpha(FirstRows(log))).axes
-    assert [each.get_title(loc="left") for each in axes] == ["says, $x$", "says, $y$"]
+    assert [each.get_title(loc="left") for each in axes] == ["says, x", "says, y"]
     (band,) = [each for each in axes[0].collections if each.get_label().startswith("_")]
     edges = band.get_paths()[0].vertices[:, 1]
     np.testing.assert_allclose([edges.min(), edges.max()], [0.8, 1.0])

@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib import rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
@@ -20,6 +19,7 @@ from omni_mj.files import whole
 from omni_mj.measure.limits import LIMITS
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show import style
+from omni_mj.show.figures import lettering, scales
 
 TOGETHER = 3  # as many curves can be told apart in one pair of axes; more get axes each
 LEFT_IN, RIGHT_IN, ABOVE_IN, BELOW_IN = 0.7, 0.2, 0.3, 0.6  # around the panels, for what is written beside them
@@ -27,7 +27,7 @@ GAP_IN = (0.65, 0.42)  # between panels
 WIDTH_IN, COLUMN_IN = 7.1, 2.6  # of the panels of a figure with one or two columns, and of each of one with more
 LINE_IN, HEAD_IN, FOOT_IN = 0.18, 0.08, 0.1  # of a line of the title or legend, and around them
 ENTRY_IN, LETTER_IN = 0.75, 0.075  # of a legend: around a label, and each of its letters
-TITLE_PER_IN, SMALL_PER_IN = 10, 14  # letters of a title and of what is written smaller, at least
+TITLE_PER_IN, SMALL_PER_IN = 11, 14  # letters of a title and of what is written smaller, at least
 SECONDS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600)  # between ticks
 TICKS = 7  # along an axis over time at most, by the inch of which there are two
 BINS = 600  # along a curve, narrower than a dot of the printed figure
@@ -35,15 +35,20 @@ MARKS = 12  # along a curve
 OFF_SCALE = 1.5  # as many times as far as the others a row that failed may stray and still be shown whole
 LOST = 3.0  # as many times as far as most controllers strayed one that is shown in part too
 LIMIT_DASHES = dict(zip(LIMITS.values(), ("-", (0, (1, 1))), strict=True))
+STEPS = (1, 2, 2.5, 5, 10)  # between ticks, in powers of ten
+TO_COMPARE: dict[str, Any] = {"color": style.REFERENCE, "lw": 0.8}
 HALO = withStroke(linewidth=2.5, foreground="white")
 
 
 def save(figure: Figure, stem: Path, svg: bool = True) -> None:
     """Write `stem`.png and, if wanted, `stem`.svg, the same bytes for the same figure."""
+    if figure.get_layout_engine() is None:
+        scales.flatten(figure)
     # The canvases draw once, where savefig would draw twice; the layout found for one is right for the other.
     figure.dpi = rcParams["savefig.dpi"]
+    image = lettering.picture(figure)
     with whole(stem.with_suffix(".png")) as file:
-        FigureCanvasAgg(figure).print_png(file, pil_kwargs={"compress_level": 1})  # type: ignore[no-untyped-call]
+        image.save(file, "png", compress_level=1, dpi=(figure.dpi, figure.dpi))
     if not svg:
         return
     figure.set_layout_engine("none")
@@ -66,7 +71,7 @@ def save_png(figure: Figure, path: Path, dpi: float | None = None) -> None:
 def title(figure: Figure, text: str, notes: Sequence[str] = (), explained: str = "") -> None:
     """Write the title, notes and an explanation, smaller, below it, in lines as long as the figure is wide."""
     wide = figure.get_figwidth()
-    lines = [line for part in (text, *notes) for line in wrap(part, round(TITLE_PER_IN * wide))]
+    lines = [line for part in (text, *notes) for line in wrap(part, round(TITLE_PER_IN * wide), break_on_hyphens=False)]
     small = wrap(explained, round(SMALL_PER_IN * wide))
     _grow(figure, above=HEAD_IN + LINE_IN * (len(lines) + 0.9 * len(small)))
     high = figure.get_figheight()
@@ -137,7 +142,7 @@ def over_time(
     axis.set_major_formatter(lambda frame, _: f"{frame:g}\n{frame / FRAME_RATE_HZ:g} s")
     grid[0, 0].set_xlim(0, last)
     for axes in grid.flat:
-        axes.yaxis.set_major_locator(MaxNLocator(max(round(3 * height), 3)))
+        axes.yaxis.set_major_locator(MaxNLocator(max(round(3 * height), 3), steps=STEPS))
     for axes in grid[-1]:
         axes.set_xlabel("frames of 1/60 s (fp)")
     return figure, grid
@@ -179,19 +184,9 @@ def legend(figure: Figure, axes: Axes | Sequence[Axes], columns: int = 5) -> Non
 
 
 def _legend_in(labels: Sequence[str], columns: int) -> float:
-    """About how wide a legend of so many columns is, inches."""
-    lines = -(-len(labels) // columns)
-    return sum(ENTRY_IN + LETTER_IN * max(map(len, labels[i : i + lines])) for i in range(0, len(labels), lines))
-
-
-def mark_greatest(axes: Axes, values: Array, slot: int, text: str) -> None:
-    """Label the greatest of a controller's values (frames,) where it is."""
-    frame = int(np.nanargmax(values))
-    inward = "left" if frame < 0.03 * len(values) else "right" if frame > 0.97 * len(values) else "center"
-    axes.annotate(
-        text, (frame, values[frame]), (0, 4), textcoords="offset points", ha=inward, va="bottom", fontsize=8,
-        color=style.colour(slot), annotation_clip=False, zorder=5, path_effects=[HALO],
-    )  # fmt: skip
+    """About how wide a legend of so many columns is, inches; matplotlib fills them as evenly as they can be."""
+    letters = np.array_split([len(label) for label in labels], columns)
+    return float(sum(ENTRY_IN + LETTER_IN * column.max() for column in letters))
 
 
 def mark_failure(axes: Axes, frame: int, slot: int, name: str) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from omni_control.fuzzy import rules as fuzzy
 from omni_mj.scenarios.settings import ControlSettings
@@ -21,8 +21,8 @@ def memberships(control: ControlSettings) -> Figure:
     figure.suptitle("Membership functions of the fuzzy controller")
     e_x, v_x = fuzzy.ENGINE.inputs[0], fuzzy.ENGINE.outputs[0]
     sides = (
-        (e_x, "Inputs $e_x$, $e_y$ (the paper's figure 5)", "position error in cm", 100 * control.error_range_m),
-        (v_x, "Outputs $v_x$, $v_y$ (the paper's figure 6)", "velocity in m/s", control.speed_range_m_s),
+        (e_x, "Inputs, of x and y (the paper's figure 5)", "position error in cm", 100 * control.error_range_m),
+        (v_x, "Outputs, of x and y (the paper's figure 6)", "velocity in m/s", control.speed_range_m_s),
     )
     for axes, (variable, title, label, reach) in zip((inputs, outputs), sides, strict=True):
         for k, (name, corners) in enumerate(variable.sets.items()):
@@ -34,7 +34,8 @@ def memberships(control: ControlSettings) -> Figure:
                           annotation_clip=False)  # fmt: skip
         axes.set(xlabel=label, xlim=(reach * variable.low, reach * variable.high), ylim=(0, 1.02))
         axes.set_title(title, pad=18)
-        axes.yaxis.set_major_locator(MaxNLocator(4))
+        axes.yaxis.set_major_locator(MultipleLocator(0.5))
+        axes.xaxis.set_major_formatter("{x:g}")
     inputs.set_ylabel("degree of membership")
     outputs.tick_params(labelleft=False)
     return figure
@@ -52,7 +53,7 @@ def surface(control: ControlSettings) -> Figure:
     vx = flc(np.stack([ex, ey], axis=-1))[..., 0]
     solid.plot_surface(100 * ex, 100 * ey, vx, cmap="cividis", rcount=33, ccount=33, lw=0.2, edgecolor="#FFFFFF80")
     solid.zaxis.set_major_locator(MaxNLocator(5))
-    solid.set(xlabel="$e_x$ in cm", ylabel="$e_y$ in cm", zlabel="$v_x$ in m/s")
+    solid.set(xlabel="error in x, cm", ylabel="error in y, cm", zlabel="velocity in x, m/s")
     solid.view_init(elev=25, azim=-120)
     for axis in (solid.xaxis, solid.yaxis):
         axis.set_ticks(100 * reach * np.linspace(-1, 1, 5))
@@ -63,10 +64,10 @@ def surface(control: ControlSettings) -> Figure:
     for dashes, share in zip(DASHES, (0, 0.125, 0.25), strict=False):
         v = flc(np.stack([fine, np.full_like(fine, share * reach)], axis=-1))[..., 0]
         section.plot(100 * fine, v, color=style.colour(DASHES.index(dashes)), ls=dashes, lw=1.5,
-                     label=f"$e_y$ = {100 * share * reach:g} cm")  # fmt: skip
-    section.xaxis.set_major_locator(MaxNLocator(5))
-    section.yaxis.set_major_locator(MaxNLocator(5))
-    section.set(xlabel="$e_x$ in cm", ylabel="$v_x$ in m/s", title="Sections")
+                     label=f"error in y: {100 * share * reach:g} cm")  # fmt: skip
+    section.xaxis.set_major_locator(MaxNLocator(5, steps=canvas.STEPS))
+    section.yaxis.set_major_locator(MaxNLocator(5, steps=canvas.STEPS))
+    section.set(xlabel="error in x, cm", ylabel="velocity in x, m/s", title="Sections")
     section.axhline(0, color="#888888", lw=0.8)
     section.axvline(0, color="#888888", lw=0.8)
     section.legend(loc="upper left")

@@ -1,13 +1,13 @@
 """The path travelled: at full scale differences vanish, so where controllers stray farthest is shown enlarged."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FixedLocator, MaxNLocator
 from scipy.ndimage import maximum_filter1d
 from scipy.spatial import cKDTree
 
@@ -22,6 +22,7 @@ WIDER = 0.75  # half the width of a square, over how far is strayed in it
 LEAST_M = 0.005
 ENLARGED = 2.0  # times at least
 MARGIN = 0.06  # around the overview, as a share of what it shows
+BESIDE = 0.08  # as a share of the path's extent, within which squares have one mark
 COLUMNS = 4  # of enlarged places, where each controller has its own
 OVERVIEW_IN, MANY_OVERVIEW_IN = (4.7, 3.9), (7.1, 3.4)
 DETAIL_IN, MANY_DETAIL_IN = 1.65, 1.4
@@ -54,9 +55,10 @@ def path(first: FirstRows) -> Figure:
     few = len(names) <= canvas.TOGETHER
     figure, overview, details = _few() if few else _many(len(names))
     spots = _spots(reference, pose, OVERVIEW_IN if few else MANY_OVERVIEW_IN, DETAIL_IN if few else MANY_DETAIL_IN)
+    marks: list[str] = []
     for number, (axes, spot) in enumerate(zip(details, spots, strict=False)):
         if not few and spot.controller:
-            axes.plot(*pose[:, 0].T, color=style.REFERENCE, lw=0.8)
+            axes.plot(*pose[:, 0].T, label=f"{names[0]}, to compare", **canvas.TO_COMPARE)
         _draw(axes, names, reference, pose, range(len(names)) if few else [spot.controller])
         mark = "AB"[number] if few else str(number + 1)
         _enlarge(axes, spot, f"{mark}, {spot.wide}" if few else f"{mark} {names[spot.controller]}")
@@ -66,9 +68,10 @@ def path(first: FirstRows) -> Figure:
         overview.add_patch(
             Rectangle(tuple(spot.centre - spot.half), 2 * spot.half, 2 * spot.half, fill=False, ec=edge, lw=1, zorder=7)
         )
-        corner, side = (spot.half, "left") if few or number % 2 else (-spot.half, "right")  # not one over the other
-        x, y = spot.centre
-        overview.text(x + corner, y + spot.half, mark, ha=side, weight="bold", zorder=8, path_effects=[canvas.HALO])
+        marks.append(mark)
+    for group in _beside_each_other(spots, BESIDE * float(np.ptp(reference, axis=0).max())):
+        x, y = spots[group[0]].centre + spots[group[0]].half
+        overview.text(x, y, " ".join(marks[i] for i in group), weight="bold", zorder=8, path_effects=[canvas.HALO])
     for axes in details[len(spots) :]:
         axes.remove()
     _draw(overview, names, reference, pose, range(len(names)))
@@ -78,9 +81,11 @@ def path(first: FirstRows) -> Figure:
         overview.plot(*travelled[-1:].T, "X", color=style.colour(first.slots[i]), ms=8, mec="black", zorder=6,
                       label=f"{names[i]} failed")  # fmt: skip
     overview.margins(MARGIN)
-    overview.set(xlabel="$x$ in m", ylabel="$y$ in m")
-    canvas.legend(figure, overview)
-    figure.suptitle("Path travelled" + (", and enlarged where each controller strays farthest" if not few else ""))
+    overview.set(xlabel="x in m", ylabel="y in m")
+    canvas.legend(figure, [overview, *details[: len(spots)]])
+    figure.suptitle(
+        f"Path travelled, and enlarged, in cm, where {'controllers stray' if few else 'each strays farthest'}"
+    )
     return figure
 
 
@@ -121,11 +126,19 @@ def _draw(axes: Axes, controllers: tuple[str, ...], reference: Array, pose: Arra
 
 
 def _enlarge(axes: Axes, spot: Spot, title: str) -> None:
+    """Show a square, with scales that tell cm from its centre."""
     (x, y), half = spot.centre, spot.half
     axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half), title=title)
-    axes.xaxis.set_major_locator(MaxNLocator(3))
-    axes.yaxis.set_major_locator(MaxNLocator(3))
+    apart = np.asarray(MaxNLocator(4, steps=canvas.STEPS).tick_values(-half, half))
+    shown = apart[np.abs(apart) <= half]
+    for axis, middle in ((axes.xaxis, x), (axes.yaxis, y)):
+        axis.set_major_locator(FixedLocator(middle + shown))
+        axis.set_major_formatter(_centimetres_from(middle))
     axes.spines[:].set_visible(True)
+
+
+def _centimetres_from(middle: float) -> Callable[[float, float], str]:
+    return lambda tick, _: f"{100 * (tick - middle):.3g}".replace("-", "\N{MINUS SIGN}")
 
 
 def _spots(reference: Array, pose: Array, overview: tuple[float, float], detail: float) -> list[Spot]:
@@ -162,6 +175,17 @@ def _spots(reference: Array, pose: Array, overview: tuple[float, float], detail:
         point = int(typical.argmax())
         spots.append(spot(point, int(np.argsort(astray[point])[(pose.shape[1] - 1) // 2])))
     return spots
+
+
+def _beside_each_other(spots: Sequence[Spot], near: float) -> list[list[int]]:
+    """Numbers of the squares whose marks would lie on one another, `near` m or less apart, together."""
+    groups: list[list[int]] = []
+    for i, spot in enumerate(spots):
+        corner = spot.centre + spot.half
+        there = (g for g in groups if np.linalg.norm(spots[g[0]].centre + spots[g[0]].half - corner) <= near)
+        group = next(there, None)
+        groups.append([i]) if group is None else group.append(i)
+    return groups
 
 
 def _astray(reference: Array, pose: Array) -> tuple[Array, np.ndarray]:

@@ -15,8 +15,8 @@ MOST_DOTS = 60  # seeds beyond which single ones are not shown
 STATISTICS = {"max": "maximum", "mean": "mean"}
 # Axis -> where its errors are in a result, their name, their unit, and how many of that are 1 m or 1 rad.
 ERRORS = {
-    "x": ("error_m", "$x$", "cm", 100.0),
-    "y": ("error_m", "$y$", "cm", 100.0),
+    "x": ("error_m", "x", "cm", 100.0),
+    "y": ("error_m", "y", "cm", 100.0),
     "distance": ("error_m", "the plane", "cm", 100.0),
     "heading": ("error_rad", "heading", "deg", 180 / np.pi),
 }

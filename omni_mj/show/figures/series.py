@@ -1,5 +1,7 @@
 """Figures over time: the controllers' output, the errors, the motor correction factor alpha."""
 
+from textwrap import wrap
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -12,6 +14,7 @@ from omni_mj.show.figures.first import FirstRows
 
 PAPER_ALPHA = (0.7, 1.0)  # section 2
 ALPHA_AXES = ("x", "y")
+BESIDE = canvas.TO_COMPARE | {"ls": (0, (4, 1.5))}  # curves that are solid
 SIGMA = "own_alpha_sigma"  # a controller's own, in its estimate
 RATIO = f"displacement achieved over commanded in {metrics.ALPHA_WINDOW_FRAMES} frames"
 ALPHA_SAID = (
@@ -21,9 +24,9 @@ ALPHA_SAID = (
 )
 # Axis of an error -> its label, its unit, and how many of that are 1 m or 1 rad.
 ERRORS = {
-    "x": ("$|x_r - x|$", "cm", 100.0),
-    "y": ("$|y_r - y|$", "cm", 100.0),
-    "heading": (r"$|\theta_r - \theta|$", "deg", 180 / np.pi),
+    "x": ("|error| in x", "cm", 100.0),
+    "y": ("|error| in y", "cm", 100.0),
+    "heading": ("|error| of heading", "deg", 180 / np.pi),
 }
 
 
@@ -32,17 +35,17 @@ def output(first: FirstRows) -> Figure:
     poses = first.reference
     turns = np.ptp(poses[:, 2]) > 0
     reference = np.diff(poses, axis=0, append=poses[-1:]) * FRAME_RATE_HZ
-    labels = ["$v_x$ in m/s", "$v_y$ in m/s", r"$\omega$ in rad/s"][: 3 if turns else 2]
+    labels = ["velocity in x, m/s", "velocity in y, m/s", "turn rate, rad/s"][: 3 if turns else 2]
     figure = _compare(first, first.channel("command"), labels, reference)
     figure.suptitle("Velocities commanded")
     return figure
 
 
 def error(first: FirstRows) -> Figure:
-    """Absolute errors of position (figures 9 and 12), and of heading if there are any, with the greatest labelled."""
+    """Absolute errors of position (figures 9 and 12), and of heading if there are any; above them, the greatest."""
     axes = [axis for axis in ERRORS if axis != "heading" or first.turns]
     errors = np.stack([ERRORS[axis][2] * first.errors(axis) for axis in axes], axis=-1)
-    figure = _compare(first, errors, [f"{ERRORS[axis][0]} in {ERRORS[axis][1]}" for axis in axes], None)
+    figure = _compare(first, errors, [f"{ERRORS[axis][0]}, {ERRORS[axis][1]}" for axis in axes], None)
     figure.suptitle("Absolute errors")
     return figure
 
@@ -69,7 +72,7 @@ def alpha(first: FirstRows) -> Figure:
             if not np.isnan(low).all():
                 within = {"color": style.colour(slot), "alpha": 0.25, "lw": 0, "zorder": 1}
                 axes.fill_between(np.arange(len(low)), low, high, **within)
-            axes.set_title(f"{first.names[i]}, ${ALPHA_AXES[j]}$")
+            axes.set_title(f"{first.names[i]}, {ALPHA_AXES[j]}")
             if i in first.failed:
                 canvas.mark_failure(axes, _end(first, i), slot, first.names[i])
         line[0].set_ylabel("alpha")
@@ -107,7 +110,7 @@ def _end(first: FirstRows, controller: int) -> int:
 def _compare(first: FirstRows, values: Array, labels: list[str], reference: Array | None) -> Figure:
     """All controllers' values (frames, controllers, axes): together, or when there are many each over the first.
 
-    Without a reference, the values are errors: they start at zero and the greatest is written beside it.
+    Without a reference, the values are errors: they start at zero and the greatest is written above them.
     """
     names, failed = first.names, list(first.failed)
     together = len(names) <= canvas.TOGETHER
@@ -123,34 +126,31 @@ def _compare(first: FirstRows, values: Array, labels: list[str], reference: Arra
             if reference is not None and (i == 0 or not together):
                 axes.plot(*canvas.thin(reference[:, j]), color=style.BACKGROUND, lw=3.5, zorder=1, label="reference")
             if i and not together:
-                axes.plot(*canvas.thin(values[:, 0, j]), color=style.REFERENCE, lw=0.8, label=f"{names[0]}, to compare")
+                axes.plot(*canvas.thin(values[:, 0, j]), label=f"{names[0]}, to compare", **BESIDE)
             if together:
                 canvas.curve(axes, values[:, i, j], i, first.slots[i], name)
             else:
                 axes.plot(*canvas.thin(values[:, i, j]), color=style.colour(first.slots[i]), zorder=3)
-                axes.set_title(_title(first, i, j, values, label, reference is None))
+                own = name if j == 0 else ""
+                axes.set_title(own if reference is not None else _said(first, i, own, values[..., j], label))
             if i in failed:
                 canvas.mark_failure(axes, _end(first, i), first.slots[i], name)
-            elif together and reference is None:
-                canvas.mark_greatest(axes, values[:, i, j], first.slots[i], f"{np.nanmax(values[:, i, j]):.2f}")
     for j, axes in enumerate(grid[:, 0] if together else grid[0]):
         shown = values[..., j] if reference is None else np.column_stack([values[..., j], reference[:, j]])
         low, high = canvas.reach(shown, failed)
         room = max(0.08 * (high - low), 1e-9)
-        axes.set_ylim(0 if reference is None else low - room, high + (2 if together else 1) * room)
+        axes.set_ylim(0 if reference is None else low - room, high + room)
+        if together and reference is None:
+            said = "; ".join(_said(first, i, name, values[..., j], labels[j]) for i, name in enumerate(names))
+            axes.set_title("\n".join(wrap(said, round(canvas.SMALL_PER_IN * canvas.WIDTH_IN), break_on_hyphens=False)))
     canvas.legend(figure, list(grid.flat))
     return figure
 
 
-def _title(first: FirstRows, i: int, j: int, values: Array, label: str, of_errors: bool) -> str:
-    """What stands above the axes that a controller has for itself: its name over the first of them."""
-    name = first.names[i] if j == 0 else ""
+def _said(first: FirstRows, i: int, name: str, errors: Array, label: str) -> str:
+    """A controller's name and the greatest of its errors (frames, controllers), in the unit that ends the label."""
     if i in first.failed:
-        rest = "failed"
-    elif of_errors:
-        rest = f"at most {np.nanmax(values[:, i, j]):.2f} {label.split()[-1]}"
-    else:
-        rest = ""
-    if of_errors and np.nanmax(values[:, i, j], initial=0.0) > canvas.reach(values[..., j], list(first.failed))[1]:
-        rest += ", beyond the scale"
-    return ", ".join(filter(None, (name, rest)))
+        return f"{name} failed".strip()
+    greatest = float(np.nanmax(errors[:, i], initial=0.0))
+    beyond = greatest > canvas.reach(errors, list(first.failed))[1]
+    return f"{name} at most {greatest:.2f} {label.split()[-1]}".strip() + ", beyond the scale" * beyond

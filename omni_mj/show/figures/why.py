@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from omni_control.kinematics import Array
 from omni_mj.measure import causes
@@ -22,7 +22,8 @@ def why(first: FirstRows) -> Figure:
     _, top = canvas.reach(error, list(first.failed))
     for i, (axes, name) in enumerate(zip(grid[:, 0], first.names, strict=True)):
         axes.plot(*canvas.thin(error[:, i]), color=style.colour(first.slots[i]), zorder=3)
-        axes.set_title(f"{name}, {_numbers(error[:, i], first.channel('duty_peak')[:, i, 0])}")
+        called = f"{name} failed; until then" if i in first.failed else f"{name},"
+        axes.set_title(f"{called} {_numbers(error[:, i], first.channel('duty_peak')[:, i, 0])}")
         _causes(axes, first, i, max(top, 1e-9))
         if i in first.failed:
             canvas.mark_failure(axes, max(int(first.log.lengths[first.rows[i]]) - 1, 0), first.slots[i], name)
@@ -36,12 +37,13 @@ def _causes(axes: Axes, first: FirstRows, controller: int, top: float) -> None:
     """Draw the lines below the error, with the share of the frames at the end of each."""
     found = causes.of_row(first.log, first.rows[controller])
     axes.set_ylim(-LINE * top * (len(found) + 0.3), 1.05 * top)
-    axes.set_yticks([tick for tick in MaxNLocator(4).tick_values(0, top) if 0 <= tick <= 1.05 * top])
+    ticks = np.asarray(MaxNLocator(4, steps=canvas.STEPS).tick_values(0, top))
+    axes.yaxis.set_major_locator(FixedLocator(list(ticks[(ticks >= 0) & (ticks <= 1.05 * top)])))
     axes.axhline(0, color="#888888", lw=0.8)
     for line, (cause, frames) in enumerate(found.items()):
         middle = -LINE * top * (line + 0.65)
         axes.broken_barh(spans(frames), (middle - 0.3 * LINE * top, 0.6 * LINE * top), color="#333333", lw=0)
-        share = f"{100 * frames.mean():.3g}" if len(frames) else "0"
+        share = f"{100 * frames.mean():.1f}" if frames.any() else "0"
         axes.annotate(
             f"{causes.CAUSES[cause]}  {share} %", (1.0, middle), (5, 0), xycoords=("axes fraction", "data"),
             textcoords="offset points", va="center", fontsize=8, annotation_clip=False,

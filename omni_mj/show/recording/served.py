@@ -11,6 +11,7 @@ import rerun.blueprint as rrb
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.scenarios.settings import Settings
+from omni_mj.show import style
 from omni_mj.show.recording import colours, robot_shape, scene
 from omni_mj.show.recording.stream import APPLICATION
 from omni_mj.show.recording.timelines import TIME, indexes
@@ -25,6 +26,7 @@ PLOTS = {  # of each robot: channel -> its unit
 }
 AXES = "x", "y", "turning"  # of commands, whether the field's or the robot's own
 TEAMS = {"blue": (60, 110, 230), "yellow": (235, 200, 40)}
+SLOTS = {"blue": (1, 5, 2, 11, 8, 10), "yellow": (4, 0, 7, 3, 6, 9)}  # of lines, in `style`: cold, and warm
 BALL = (250, 130, 30)
 BALL_RADIUS_M = 0.0215
 BELOW_M = 10.0  # the carpet: where robots are that are not there
@@ -107,13 +109,14 @@ class ServedRecording:
         if name in self._shown:
             return
         self._shown.add(name)
-        team = TEAMS[name.split()[0]]
-        robot_shape.log(self._stream, f"world/{_entity(name)}/at", team, self._settings)
+        team, number = name.split()
+        robot_shape.log(self._stream, f"world/{_entity(name)}/at", TEAMS[team], self._settings)
+        own = style.rgb(style.colour(SLOTS[team][int(number) % len(SLOTS[team])]))
         for channel, count in lines.items():
             each = AXES if channel == "command" else [f"wheel {i + 1}" for i in range(count)] if count > 1 else [""]
             look = rr.SeriesLines(
                 names=[f"{name} {one}".rstrip() for one in each],
-                colors=[colours.pale(team, 0.2 + 0.5 * i / count) for i in range(count)],
+                colors=[colours.pale(own, 0.7 * i / count) for i in range(count)],
             )
             self._stream.log(f"plots/{channel}/{_entity(name)}", look, static=True)
 
