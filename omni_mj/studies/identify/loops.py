@@ -41,6 +41,4 @@ class Loops:
         gain = firmware.kp + Motor.of(settings.motor).speed_constant
         frame, rate = CYCLE_RATE_HZ // FRAME_RATE_HZ, firmware.kd / gain
         wait = float(np.mean(-frame * np.arange(every) % every))  # of as many frames in a row, after which it repeats
-        return cls(
-            wait * cycle - rate, (every + 1) * cycle * firmware.kp / gain - rate, (every / 2 + 1) * cycle
-        )
+        return cls(wait * cycle - rate, (every + 1) * cycle * firmware.kp / gain - rate, (every / 2 + 1) * cycle)
