@@ -75,8 +75,10 @@ def look(log: Log, inputs: Array, in_body: bool, what: str, earliest: float = 0.
     if np.sqrt((np.abs(said) ** 2).mean()) < MOVES_M_S:
         return Look(float(late), float("nan"), turning)
 
-    def best(body: bool) -> tuple[float, float, complex, complex]:
-        moved = motion if body else motion * ahead  # in the axes that inputs are said to be in
+    def best(body: bool, mirrored: bool = False) -> tuple[float, float, complex, complex]:
+        world = motion * ahead
+        moved = world.conj() if mirrored else world
+        moved = moved * ahead.conj() if body else moved  # in the axes that inputs are said to be in
         tried = [(*_complex(_smooth(said[at(delay)]), moved), float(delay)) for delay in delays]
         a, b, share, delay = max(tried, key=lambda t: t[2])
         return delay, share, a, b
@@ -90,15 +92,16 @@ def look(log: Log, inputs: Array, in_body: bool, what: str, earliest: float = 0.
             f"{100 * max(share, 0):.0f} % along the {wrong}, as said; name their columns for the {right} axes"
         )
     if share < FOLLOWS:
+        _, of_mirrored, one, _ = best(in_body, True)
+        if of_mirrored > 0.6:  # of inputs along the body's axes, which turn in the field's
+            raise OmniError(f"{log.name}: of pose and {what} one has other axes: {_kind(one.conjugate())}")
         raise OmniError(
             f"{log.name}: the {what} explain {100 * max(share, 0):.0f} % of the motion at any delay up to "
             f"{LATEST_S:g} s; are they this robot's?"
         )
     if abs(b) > abs(a):
-        kind = {0: "y is mirrored", 1: "x and y are swapped", 2: "x is mirrored", -1: "x and y are swapped"}
-        turn = round(float(np.angle(b)) / (np.pi / 2))
         order = "; or are wheels in another order than the file's?" if what == "wheels" else ""
-        raise OmniError(f"{log.name}: of pose and {what} one has other axes: {kind[turn if turn != -2 else 2]}{order}")
+        raise OmniError(f"{log.name}: of pose and {what} one has other axes: {_kind(b)}{order}")
     if abs(np.angle(a)) > TURNED_RAD:
         raise OmniError(
             f"{log.name}: motion is turned by {np.degrees(np.angle(a)):.0f} degrees from the {what}; "
@@ -111,6 +114,12 @@ def look(log: Log, inputs: Array, in_body: bool, what: str, earliest: float = 0.
             f"{log.name}: the robot goes {abs(a):.2g} times as far as the {what} say; are x_m and y_m in m, and {units}"
         )
     return Look(delay, share, turning)
+
+
+def _kind(mirror: complex) -> str:
+    """What makes motion `mirror` times the conjugate of inputs."""
+    turn = round(float(np.angle(mirror)) / (np.pi / 2))
+    return ("y is mirrored", "x and y are swapped", "x is mirrored", "x and y are swapped")[turn]
 
 
 def _smooth(values: np.ndarray) -> np.ndarray:
@@ -127,7 +136,7 @@ def _complex(u: np.ndarray, v: np.ndarray) -> tuple[complex, complex, float]:
     power, mirror = float((np.abs(u) ** 2).sum()), complex((u * u).sum())
     along, across = complex((u.conj() * v).sum()), complex((u * v).sum())  # of v
     first, second = along / max(power, 1e-12), 0j
-    if power - abs(mirror) >= ONE_LINE * (power + abs(mirror)):  # normal equations; else u keeps to one line
+    if power - abs(mirror) > ONE_LINE * (power + abs(mirror)):  # normal equations; else u keeps to one line
         size = power**2 - abs(mirror) ** 2
         first = (power * along - mirror.conjugate() * across) / size
         second = (power * across - mirror * along) / size

@@ -15,7 +15,8 @@ by z f_i. So along an axis
 
     (tau + T0 |v|) (v' + drag / m) = K u - v,        T0 = m / (C sum N_i d_i^2),    tau = z m / sum d_i^2.
 
-Turn rates are commanded through a loop on the gyro, (1 + k) u - k w. What loops are late by is in `loops`. All is per mass: forces are accelerations here.
+Turn rates are commanded through a loop on the gyro, (1 + k) u - k w. What loops are late by is in `loops`. All is per
+mass: forces are accelerations here.
 What a carpet that slopes pulls is constant in the world, as no other force is, so that moves in several directions tell
 it. That wheels differ, in radius or in the stiffness of their loops, is not fitted but tested for (`suspects`).
 """
