@@ -85,6 +85,10 @@ def look(log: Log, inputs: Array, in_body: bool, what: str, earliest: float = 0.
 
     delay, share, a, b = best(in_body)
     other = best(not in_body)
+    if in_body:  # such axes turn in the field's, in which poses may be mirrored
+        _, of_mirrored, mirror, _ = best(True, mirrored=True)
+        if of_mirrored > max(share, other[1]) + 0.1 and of_mirrored > 0.6:
+            raise OmniError(f"{log.name}: of pose and {what} one has other axes: {_kind(mirror.conjugate())}")
     if other[1] > share + 0.1 and other[1] > 0.6 and abs(np.angle(other[2])) < TURNED_RAD:
         right, wrong = ("field's", "robot's") if in_body else ("robot's", "field's")
         raise OmniError(
@@ -92,9 +96,6 @@ def look(log: Log, inputs: Array, in_body: bool, what: str, earliest: float = 0.
             f"{100 * max(share, 0):.0f} % along the {wrong}, as said; name their columns for the {right} axes"
         )
     if share < FOLLOWS:
-        _, of_mirrored, one, _ = best(in_body, True)
-        if of_mirrored > 0.6:  # of inputs along the body's axes, which turn in the field's
-            raise OmniError(f"{log.name}: of pose and {what} one has other axes: {_kind(one.conjugate())}")
         raise OmniError(
             f"{log.name}: the {what} explain {100 * max(share, 0):.0f} % of the motion at any delay up to "
             f"{LATEST_S:g} s; are they this robot's?"
