@@ -33,15 +33,7 @@ OWN = {  # what the data set says of omni3, and guesses of what it does not: mas
     "pile": "0.1",
 }
 WHEELS = ("wheels.radius_m", "wheels.gain_forward", "wheels.gain_sideways")
-COLUMNS = {
-    "wheel, mm": 2e3,
-    "as": 1,
-    "arm, mm": 1e3,
-    "later by, ms": 1e3,
-    "more so, %": 100,
-    "creep": 1,
-    "lasts, mm": 1,
-}
+COLUMNS = ("wheel, mm", "as", "arm, mm", "later by, ms", "more so, %", "creep", "lasts, mm")
 
 
 def robot_file(folder: Path) -> Path:

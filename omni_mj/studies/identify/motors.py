@@ -33,7 +33,7 @@ from omni_mj.studies.identify.logs import Log
 from omni_mj.studies.identify.motion import Part
 
 NORMAL = 1.96
-# Errors of 56 logs over those of residuals within half a second: windings warm and cool more slowly (bench of coverage).
+# Errors of 56 logs over those of residuals within half a second: windings warm more slowly (docs/identify.md).
 LASTS = {"resistance_ohm": 4.0, "constant_nm_a": 1.8}
 TURNING_RAD_S, MOVING_M_S = 0.5, 0.15  # what is looked at for forces: straight moves, faster than that
 LET_GO_S, LEAST_S, SLOW_M_S, ALONG = 0.05, 0.2, 0.1, np.cos(np.radians(20))
