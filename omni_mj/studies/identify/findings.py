@@ -15,7 +15,7 @@ from omni_mj.studies.identify.segments import Segments
 FRAME_S = 1 / 60
 FAST_M_S, PULLING_M_S2, MOVING_M_S = 1.0, 1.0, 0.5  # what creep needs: this speed, and this acceleration while moving
 LONG_ENOUGH_S = 0.2
-# Residuals over their noise, from which a law that misfits tells nothing. That of wheels leaves out slip at the most; it
+# Residuals over noise, from which a law that misfits tells nothing. That of wheels leaves out slip at the most; it
 # is 3 to 8 of a robot in a laboratory whose radius it tells (docs/identify.md), 18 where two wheels are swapped.
 LAWLESS, LAWLESS_WHEELS = 2.0, 10.0
 DRIVES_M_S, TURNS_RAD_S = 0.1, 0.3  # root mean square along an axis, below which its gain is not told
