@@ -24,7 +24,7 @@ from omni_mj.measure.table import Table, text
 from omni_mj.onboard.laws import at_temperature
 from omni_mj.scenarios import robots
 from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.settings import PERIOD_S, Settings
+from omni_mj.scenarios.settings import CYCLE_RATE_HZ, PERIOD_S, Settings
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies import run
 from omni_mj.studies.identify.logs import Log, read
@@ -103,7 +103,10 @@ def start_file(settings: Settings, robot: str, number: int, folder: Path) -> str
 
 
 def truths(settings: Settings, warm: Warm) -> dict[str, float]:
-    """Numbers of the plant, as far as they are told, with motors as warm as they were."""
+    """Numbers of the plant, as far as they are told, with motors as warm as they were.
+
+    Its steps are semi-implicit, so that bodies are half a step ahead of what forces make of them.
+    """
     closed, mass = expected(settings), settings.body.mass_kg
     warmer = at_temperature(1.0, settings.motor.copper_per_k, warm[0])
     weaker = at_temperature(1.0, settings.motor.magnet_per_k, warm[1])
@@ -121,7 +124,7 @@ def truths(settings: Settings, warm: Warm) -> dict[str, float]:
         "wheels.arm_m": settings.wheels.arm_m,
         "wheels.clock_s": 0.0,
         "wheels.drift": 0.0,
-        "commands.latency_s": settings.radio.delay_frames * PERIOD_S,
+        "commands.latency_s": settings.radio.delay_frames * PERIOD_S - 0.5 / CYCLE_RATE_HZ / settings.physics.substeps,
         "wheels.slope_x_rad": 0.0,
         "wheels.slope_y_rad": 0.0,
         "motors.constant_nm_a": settings.motor.constant_nm_a * weaker,

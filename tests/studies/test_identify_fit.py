@@ -1,6 +1,7 @@
 """Identification of robots whose truth is known, by a law written apart: within its errors, and misfits named."""
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -8,11 +9,13 @@ import numpy as np
 import pytest
 from synthetic import Logs, Truth, logs
 
+from omni_control.errors import OmniError
 from omni_mj.scenarios.scenario import scenario
 from omni_mj.studies.identify import axes, law, motion, suspects
 from omni_mj.studies.identify.logs import Log
 from omni_mj.studies.identify.predict import first_poses
 from omni_mj.studies.identify.segments import cut
+from omni_mj.studies.identify.wheels import twists
 
 TRUTHS = [
     Truth(),
@@ -145,6 +148,30 @@ def test_a_first_look_finds_delay_and_axes() -> None:
     assert TRUTHS[0].late < seen.delay < TRUTHS[0].late + 0.15  # latency, lag, and creep
     assert seen.follows > 0.8
     assert seen.turning == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (lambda p: p[:, [1, 0, 2]], "x and y are swapped"),
+        (lambda p: p * [1, -1, 1], "y is mirrored"),
+        (lambda p: p * [-1, 1, 1], "x is mirrored"),
+    ],
+)
+def test_other_axes_of_the_field_are_seen_by_wheels_of_a_robot_that_turns(
+    spoil: Callable[[np.ndarray], np.ndarray], says: str
+) -> None:
+    """Along the robot's own axes, such motion is another in each heading."""
+    one = log(driven(), 0)
+    assert one.wheels is not None
+    with pytest.raises(OmniError, match=says):
+        axes.look(replace(one, pose=spoil(one.pose)), twists(one, SETTINGS), True, "wheels")
+
+
+def test_a_log_that_is_too_short_for_any_stretch_has_none() -> None:
+    one = log(driven(), 0)
+    assert one.command is not None
+    assert not len(cut([one.part(slice(0, 20))], [one.command[:20]], [False]))
 
 
 @pytest.mark.parametrize("wheels", [True, False])

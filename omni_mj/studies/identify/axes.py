@@ -75,14 +75,20 @@ def look(log: Log, inputs: Array, in_body: bool, what: str, earliest: float = 0.
     if np.sqrt((np.abs(said) ** 2).mean()) < MOVES_M_S:
         return Look(float(late), float("nan"), turning)
 
-    def best(body: bool) -> tuple[float, float, complex, complex]:
-        moved = motion if body else motion * ahead  # in the axes that inputs are said to be in
+    def best(body: bool, mirrored: bool = False) -> tuple[float, float, complex, complex]:
+        world = motion * ahead
+        moved = world.conj() if mirrored else world
+        moved = moved * ahead.conj() if body else moved  # in the axes that inputs are said to be in
         tried = [(*_complex(_smooth(said[at(delay)]), moved), float(delay)) for delay in delays]
         a, b, share, delay = max(tried, key=lambda t: t[2])
         return delay, share, a, b
 
     delay, share, a, b = best(in_body)
     other = best(not in_body)
+    if in_body:  # such axes turn in the field's, in which poses may be mirrored
+        _, of_mirrored, mirror, _ = best(True, mirrored=True)
+        if of_mirrored > max(share, other[1]) + 0.1 and of_mirrored > 0.6:
+            raise OmniError(f"{log.name}: of pose and {what} one has other axes: {_kind(mirror.conjugate())}")
     if other[1] > share + 0.1 and other[1] > 0.6 and abs(np.angle(other[2])) < TURNED_RAD:
         right, wrong = ("field's", "robot's") if in_body else ("robot's", "field's")
         raise OmniError(
@@ -95,10 +101,8 @@ def look(log: Log, inputs: Array, in_body: bool, what: str, earliest: float = 0.
             f"{LATEST_S:g} s; are they this robot's?"
         )
     if abs(b) > abs(a):
-        kind = {0: "y is mirrored", 1: "x and y are swapped", 2: "x is mirrored", -1: "x and y are swapped"}
-        turn = round(float(np.angle(b)) / (np.pi / 2))
         order = "; or are wheels in another order than the file's?" if what == "wheels" else ""
-        raise OmniError(f"{log.name}: of pose and {what} one has other axes: {kind[turn if turn != -2 else 2]}{order}")
+        raise OmniError(f"{log.name}: of pose and {what} one has other axes: {_kind(b)}{order}")
     if abs(np.angle(a)) > TURNED_RAD:
         raise OmniError(
             f"{log.name}: motion is turned by {np.degrees(np.angle(a)):.0f} degrees from the {what}; "
@@ -111,6 +115,12 @@ def look(log: Log, inputs: Array, in_body: bool, what: str, earliest: float = 0.
             f"{log.name}: the robot goes {abs(a):.2g} times as far as the {what} say; are x_m and y_m in m, and {units}"
         )
     return Look(delay, share, turning)
+
+
+def _kind(mirror: complex) -> str:
+    """What makes motion `mirror` times the conjugate of inputs."""
+    turn = round(float(np.angle(mirror)) / (np.pi / 2))
+    return ("y is mirrored", "x and y are swapped", "x is mirrored", "x and y are swapped")[turn]
 
 
 def _smooth(values: np.ndarray) -> np.ndarray:
@@ -127,7 +137,7 @@ def _complex(u: np.ndarray, v: np.ndarray) -> tuple[complex, complex, float]:
     power, mirror = float((np.abs(u) ** 2).sum()), complex((u * u).sum())
     along, across = complex((u.conj() * v).sum()), complex((u * v).sum())  # of v
     first, second = along / max(power, 1e-12), 0j
-    if power - abs(mirror) >= ONE_LINE * (power + abs(mirror)):  # normal equations; else u keeps to one line
+    if power - abs(mirror) > ONE_LINE * (power + abs(mirror)):  # normal equations; else u keeps to one line
         size = power**2 - abs(mirror) ** 2
         first = (power * along - mirror.conjugate() * across) / size
         second = (power * across - mirror * along) / size

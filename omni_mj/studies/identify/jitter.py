@@ -17,8 +17,8 @@ import numpy as np
 from scipy import stats
 
 from omni_control.kinematics import Array
-from omni_mj.studies.identify.findings import KINDS, Estimate, Kind, judged
-from omni_mj.studies.identify.fit import LATE, Fit
+from omni_mj.studies.identify.findings import Estimate, Kind, judged
+from omni_mj.studies.identify.fit import Fit
 from omni_mj.studies.identify.logs import Log
 from omni_mj.studies.identify.residuals import COMMANDS, residuals
 from omni_mj.studies.identify.segments import Segments
@@ -30,7 +30,7 @@ STEPS = (
 )
 KIND = Kind("jitter of the delay, standard deviation", "s", LIMIT_S, SHARE, "", STEPS)
 LOST = Kind("commands that were lost, share", "", 0.02, 0, "", STEPS)
-LAW_S = KINDS[LATE].law  # by which the law is wrong about delays, from move to move
+LAW_S = 2.3e-3  # by which the law is wrong about delays, from move to move
 LAGS = 10  # of residuals, of which sums count
 LASTING = 0.45  # share of residuals with delays of their own that lasts, from which on they are not delays
 LONGEST_S, GRID = 0.1, 401

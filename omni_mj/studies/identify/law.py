@@ -15,7 +15,8 @@ by z f_i. So along an axis
 
     (tau + T0 |v|) (v' + drag / m) = K u - v,        T0 = m / (C sum N_i d_i^2),    tau = z m / sum d_i^2.
 
-Turn rates are commanded through a loop on the gyro, (1 + k) u - k w. All is per mass: forces are accelerations here.
+Turn rates are commanded through a loop on the gyro, (1 + k) u - k w. What loops are late by is in `loops`. All is per
+mass: forces are accelerations here.
 What a carpet that slopes pulls is constant in the world, as no other force is, so that moves in several directions tell
 it. That wheels differ, in radius or in the stiffness of their loops, is not fitted but tested for (`suspects`).
 """
@@ -27,6 +28,7 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios.settings import Settings
+from omni_mj.studies.identify.loops import Loops
 from omni_mj.studies.identify.segments import COARSEST_S, Segments
 
 NAMES = (
@@ -72,6 +74,7 @@ class Body:
         spun: drag of rollers that are spun up, over the same and the speed of the rim, 1/m.
         commutation: by which share a motor's resistance grows with the speed of its wheel, s/m.
         hub: inertia of a motor, as a mass at the rim, over the mass.
+        loops: what is late in them.
     """
 
     wheels: Array
@@ -86,6 +89,7 @@ class Body:
     spun: float
     commutation: float
     hub: float
+    loops: Loops
 
     @classmethod
     def of(cls, settings: Settings) -> "Body":
@@ -105,9 +109,8 @@ class Body:
         motor = Motor.of(settings.motor)
         commutation = motor.commutation * motor.gear / (motor.resistance * radius)
         hub = motor.inertia * motor.gear**2 / (radius**2 * body.mass_kg)
-        return cls(
-            geometry.matrix, outward, geometry.arm, radius, centre, mass, rest, shift, viscous, spun, commutation, hub
-        )
+        known = geometry.matrix, outward, geometry.arm, radius, centre, mass, rest, shift, viscous, spun
+        return cls(*known, commutation, hub, Loops.of(settings))
 
 
 @dataclass(frozen=True)
@@ -147,7 +150,8 @@ def simulate(
     odd, softer = (1 + np.moveaxis(par[at : at + count], 0, -1) for at in (len(NAMES), len(NAMES) + count))
     lean = par[LEAN_X] + 1j * par[LEAN_Y]
     parts = max(1, int(np.ceil(segments.period / (COARSEST_S if coarsest is None else coarsest))))
-    inputs, duration = _inputs(segments, late, parameters[:, DRIFT], parts)
+    waits = 0.0 if segments.wheels else body.loops.wait
+    inputs, duration = _inputs(segments, late + waits, parameters[:, DRIFT], parts)
     wheels, outward = body.wheels, body.outward
     arm, creep, give = body.arm * par[ARM], par[CREEP][..., None], par[GIVE][..., None] * softer
     stretch = np.ones((1, len(parameters), 3))
@@ -215,6 +219,10 @@ def simulate(
             resisting[..., 2] += resisting_turn
             driven = ((body.hub * soft * yields) @ basis[: len(wheels)]).reshape(*v.shape, 3, 3) * squares
             inverse = _inverse(body.mass + driven)
+            late = (yields @ basis[: len(wheels)]).reshape(*v.shape, 3, 3) * squares * body.loops.seen
+            late[..., 2] += body.loops.turned * resisting_turn
+            share = inverse @ late  # of the mass that loops which see late do away with
+            inverse = inverse + share @ (inverse + share @ inverse)
         pushing = stretch * ((yields * rim) @ wheels) + down
         if not segments.wheels:  # of the loop on the gyro, what depends on the turn rate is solved for
             pushing = pushing + resisting_turn * middle[..., 2:]

@@ -33,13 +33,15 @@ from omni_mj.studies.identify.logs import Log
 from omni_mj.studies.identify.motion import Part
 
 NORMAL = 1.96
+# Errors of 56 logs over those of residuals within half a second: windings warm more slowly (docs/identify.md).
+LASTS = {"resistance_ohm": 4.0, "constant_nm_a": 1.8}
 TURNING_RAD_S, MOVING_M_S = 0.5, 0.15  # what is looked at for forces: straight moves, faster than that
 LET_GO_S, LEAST_S, SLOW_M_S, ALONG = 0.05, 0.2, 0.1, np.cos(np.radians(20))
 STEPS = "moves at several speeds, with the columns of currents and voltages"
 ROLLS = "roll-outs from 1 to 1.5 m/s along that axis, four or more (column coasting, or currents)"
 KINDS = {
-    "resistance_ohm": Kind("resistance of a motor", "ohm", 0, 0.2, "", STEPS, 0.005),
-    "constant_nm_a": Kind("torque constant of a motor", "N m/A", 0, 0.1, "", STEPS, 0.0016),
+    "resistance_ohm": Kind("resistance of a motor", "ohm", 0, 0.2, "", STEPS, 5e-4),
+    "constant_nm_a": Kind("torque constant of a motor", "N m/A", 0, 0.1, "", STEPS, 5e-5),
     "mass_kg": Kind("mass by currents", "kg", 0, 0.2, "", STEPS, 0.0125),
     "efficiency": Kind("efficiency of the force", "", 0, 0.2, "", STEPS, 0.0125),
     "drag_forward_n": Kind("drag of all forward, by currents", "N", 0, 0.3, "", STEPS, 0.03),
@@ -69,7 +71,7 @@ def by_motors(logs: Sequence[Log], settings: Settings, rolled: Part | None) -> t
             number = name.split("_")[0]
             # What is wrong of one motor's lines is of all alike: the error of their mean is that of one.
             value, error = (float(np.mean([getattr(one, number + of) for one in each])) for of in ("", "_error"))
-            estimates.append(judged(name, KINDS[name], "motors", value, error, NORMAL))
+            estimates.append(judged(name, KINDS[name], "motors", value, LASTS[name] * error, NORMAL))
         constant = estimates[-1].value if estimates[-1].told else constant
     if rolled is not None and any(log.motors and log.motors.current is not None for log in those):
         estimates += _forces([log for log in logs if log.wheels is not None], settings, rolled, constant)

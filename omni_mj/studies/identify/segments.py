@@ -106,7 +106,7 @@ def cut(logs: Sequence[Log], inputs: Sequence[Array], in_body: Sequence[bool], w
         start, offset = clock[-1][-1] + APART_S, offset + len(log.time)
     longest = max(map(len, lines), default=0)
     padded = np.array([np.append(own, np.full(longest - len(own), own[-1])) for own in lines], int)
-    padded = padded.reshape(-1, longest)
+    padded = padded.reshape(len(lines), longest)
     pose, acting, when = np.concatenate([log.pose for log in logs]), np.concatenate(inputs), np.concatenate(clock)
     real = np.arange(longest) < np.array([len(own) for own in lines], int)[:, None]
     there = np.isfinite(pose).all(1)[padded] & real

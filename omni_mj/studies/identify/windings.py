@@ -1,8 +1,9 @@
 """Resistance and torque constant of each motor, by voltages and currents; and motors that are not as the others.
 
 At the terminals V = (R + X |w|) i + k G w, with the wheel's speed w and the gear G, by least squares of each motor's
-lines. Both may change over the log, in proportion to time: windings warm up. Commutation X / R is the file's. Lines
-whose currents are d late against their speeds show another resistance by d k G w' / i.
+lines. Both may change over the log, in proportion to time: windings warm up. Commutation X / R is the file's. Where
+voltages are of other times than speeds, by d, that adds d k G w', which is fitted as well: left out, it would count as
+resistance, and what that then lacks in steady driving as constant.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,7 +17,6 @@ from omni_mj.scenarios.settings import Settings
 from omni_mj.studies.identify.errors import MEMORY_S, regress
 from omni_mj.studies.identify.logs import Log
 
-STAMPS_S = 1.5e-3  # by which currents may be late against speeds: our plant's are, a step and a half of its physics
 DIFFERENT, SURE = 0.05, 3.0  # share of the constant, and standard errors, by which motors of a kind do not differ
 
 
@@ -43,18 +43,17 @@ def windings(logs: Sequence[Log], settings: Settings) -> list[Winding]:
     lags = [max(1, round(MEMORY_S / log.period)) for log in logs]
     found = []
     for wheel in range(min(speed.shape[1] for speed, _, _ in whole)):
-        rows, volts, late = list[Array](), list[Array](), list[Array]()
+        rows, volts = list[Array](), list[Array]()
         for log, (speeds, currents, voltages) in zip(logs, whole, strict=True):
             speed, current = speeds[:, wheel], currents[:, wheel]
             opposed = 1 + motor.commutation * motor.gear / motor.resistance * np.abs(speed)
             own = np.stack([opposed * current, motor.gear * speed], -1)
-            rows.append(np.concatenate([own, own * np.linspace(-0.5, 0.5, len(own))[:, None]], -1)[:, None])
+            warmer = own * np.linspace(-0.5, 0.5, len(own))[:, None]
+            faster = np.gradient(speed, log.time[1:])[:, None]
+            rows.append(np.concatenate([own, warmer, faster], -1)[:, None])
             volts.append(voltages[:, wheel, None])
-            late.append(np.stack([current, np.gradient(speed, log.time[1:])], -1))
         value, error = regress(rows, volts, lags)
-        drawn, faster = np.concatenate(late).T
-        stamps = STAMPS_S * value[1] * motor.gear * float(drawn @ faster) / max(float(drawn @ drawn), 1e-12)
-        numbers = value[0], np.hypot(error[0], stamps), value[1], error[1], value[3], error[3]
+        numbers = value[0], error[0], value[1], error[1], value[3], error[3]
         found.append(Winding(*map(float, numbers)))
     return found
 
