@@ -1,8 +1,8 @@
 """Which images of vision are believed: those of where a robot can be, by where it was seen before.
 
-A camera may take another robot for this one, read its pattern backwards, or show an old image again. None of that is
-noise, and a filter that takes it for noise is led astray, with all that learns from it. The gate compares images with
-images, not with what a filter expects: whatever state a filter is in, what it is shown does not depend on it.
+A camera may take another robot for this one, or read its pattern backwards. That is no noise, and a filter that takes
+it for noise is led astray, with all that learns from it. The gate compares images with images, not with what a filter
+expects: whatever state a filter is in, what it is shown does not depend on it.
 
 **Places.** A robot that drives at v can be made to go at 2 v by a blow, if what hits it as fast is much heavier. Images
 that are t apart are no farther from each other than 2 v t, but for the noise of both; two robots stand 0.18 m apart at
@@ -12,7 +12,8 @@ least, which at 60 images a second and the 3.7 m/s of the league's simulators is
 **Headings.** What looks turned by more than a right angle, in a time in which the robot cannot turn that far, is a
 pattern read backwards, and is turned back.
 
-**Repeats.** A noisy camera never sees the same pose twice, to the last bit: that is an old image.
+**Repeats.** A camera may be frozen. What it shows is believed, as that of a robot that stands; but where it ends, that
+image counts as being as old as it is.
 
 **Doubt ends.** Robots are carried off, and images that were believed may have been the wrong ones. What is seen in
 `DOUBTED` images in a row is so. If q of all images were wrong, and each by itself, that would happen by mistake once
@@ -55,8 +56,7 @@ class Gate:
 
     def __init__(self, noise: Array, limits: Sequence[MotionLimits], period: float) -> None:
         n = len(noise)
-        self._period, self._noisy = period, (noise > 0).all(1)
-        self._noise = NOISE * noise[:, 0]
+        self._period, self._noise = period, NOISE * noise[:, 0]
         speed, turn_rate = np.maximum(OTHERS, [[limit.speed, limit.turn_rate] for limit in limits]).T
         self._speed, self._turn_rate = BLOW * speed, turn_rate
         self._shown, self._believed = np.full((2, n, 3), np.nan)  # the last image, and the last that was believed
@@ -85,8 +85,7 @@ class Gate:
 
     def _judged(self, measured: Array, age: Array, between: Array, moved: Array, away: Flags) -> Array:
         """See `__call__`; `between` images (n,) s, they have `moved` (n, 3), some too far `away` (n,)."""
-        repeated, seen = (measured == self._shown).all(1), ~np.isnan(measured[:, 0])
-        new = seen & ~(repeated & self._noisy)
+        repeated, new = (measured == self._shown).all(1), ~np.isnan(measured[:, 0])
         far = new & away
         self._elsewhere = np.where(new, np.where(far, self._elsewhere + 1, 0.0), self._elsewhere)
         found = self._elsewhere >= DOUBTED
@@ -100,7 +99,7 @@ class Gate:
 
         believed = np.where(taken[:, None], measured, np.nan)
         believed[back, 2] = wrap_angle(believed[back, 2] + np.pi)
-        self._shown = np.where(seen[:, None], measured, self._shown)
+        self._shown = np.where(new[:, None], measured, self._shown)
         self._believed = np.where(taken[:, None], believed, self._believed)
         fresh = taken & ~repeated
         self._age, self._since = np.where(fresh, age, self._age), np.where(fresh, 0.0, self._since)
