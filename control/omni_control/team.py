@@ -20,6 +20,7 @@ from omni_control.controllers.checks import RECORDED, answer, said
 from omni_control.controllers.guests import guest_of
 from omni_control.delay import CommandsInFlight, Rows
 from omni_control.errors import ControllerError, OmniError
+from omni_control.estimation.gate import Gate
 from omni_control.estimation.kalman import KalmanFilter
 from omni_control.estimation.late import MOST_FRAMES, Late
 from omni_control.estimation.tracking import Tracker
@@ -77,8 +78,10 @@ class Team:
         self._period = told[0].period
         delays = np.array([t.delay_frames for t in told])
         self._delay = int(delays[0]) if (delays == delays[0]).all() else delays
-        self.filter = KalmanFilter(pose, self._period, np.array([t.vision_noise for t in told]))
-        self._limits = CommandLimits([t.limits for t in told], self._period)
+        noise, limits = np.array([t.vision_noise for t in told]), [t.limits for t in told]
+        self.filter = KalmanFilter(pose, self._period, noise)
+        self._gate = Gate(noise, limits, self._period)
+        self._limits = CommandLimits(limits, self._period)
         self._tracker = Tracker(self.filter, latency, self._period)
         self._memory = [max(c.memory_frames, math.ceil(c.told.latency_frames) + 1) for c in self.controllers]
         self._sent = CommandsInFlight(self.n, max(*self._memory, self._tracker.longest) + MOST_FRAMES)
@@ -116,6 +119,7 @@ class Team:
         ages = None if age is None else self._ages(age)
 
         self.frame += 1
+        seen = self._gate(seen, ages)
         self._sent.push(self.last)
         now = self._tracker
         now.update(seen, ages, self._sent)

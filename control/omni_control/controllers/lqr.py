@@ -38,6 +38,10 @@ class Lqr(Controller):
 
     What a robot does besides counts as a constant disturbance of its velocity, without which drag and alpha would leave
     a lasting error. Its estimate takes as long as a command to show, and a frame more, to follow.
+
+    No disturbance is believed to be more than `speed_range_m_s`, as much as the fuzzy controllers correct at most, or,
+    turning, that over `error_range_m`. Wheels that slide, a robot that is off or a pose that jumps depart by more, for
+    which no command makes up, and the estimate would wind up.
     """
 
     def __init__(self, told: Told, reference: Reference, n: int) -> None:
@@ -50,6 +54,7 @@ class Lqr(Controller):
             told.speed_range_m_s**-2,
         )
         self.disturbance = np.zeros((n, 3))
+        self._most = told.speed_range_m_s * np.array([1.0, 1.0, 1 / told.error_range_m])
         self._pose: Array | None = None
         self._feed_forward: Array | None = None
 
@@ -70,6 +75,7 @@ class Lqr(Controller):
         before, self._pose = pose if self._pose is None else self._pose, pose
         besides = (pose_error(pose, before) - self.robot.moved) / self.told.period
         self.disturbance = self.disturbance + (besides - self.disturbance) / (self.told.latency_frames + 2)
+        self.disturbance = np.clip(self.disturbance, -self._most, self._most)
 
     def _wanted(self, frame: int) -> tuple[Array, Array, Array]:
         """Pose, velocity and command (n, 3) of a nominal robot on the reference, at the end of the dead time."""

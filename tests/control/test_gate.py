@@ -1,0 +1,134 @@
+"""Laws of the gate: what a robot can do passes as it is, what it cannot does not, and no doubt lasts."""
+
+import numpy as np
+import pytest
+from closed_loop import NOISE, BodyFrame, T, reported, vision
+from hypothesis import given
+from hypothesis import strategies as st
+from laws import FEW, LAW
+from playing import play, starts
+from ways import TIMED, along
+
+from omni_control import MotionLimits, Team, Told
+from omni_control.controllers import make
+from omni_control.estimation import gate
+from omni_control.estimation.gate import DOUBTED, Gate
+from omni_control.kinematics import Array, wrap_angle
+
+LIMITS = MotionLimits(3.7, 4.7, 26.0, 50.8)
+seeds = st.integers(0, 2**32 - 1)
+
+
+def gate_of(n: int, noise: Array = NOISE) -> Gate:
+    return Gate(np.tile(noise, (n, 1)), [LIMITS] * n, T)
+
+
+def driven(rng: np.random.Generator, frames: int, n: int, missed: float) -> tuple[Array, Array]:
+    """Images (frames, n, 3) and ages (frames, n) of robots that go from standing to full speed from frame to frame."""
+    velocity = rng.uniform(-1, 1, (frames, n, 3)) * [3.7 / np.sqrt(2), 3.7 / np.sqrt(2), 20.0]
+    pose = rng.uniform(-3, 3, (n, 3)) + np.cumsum(velocity * T, axis=0)
+    share = rng.uniform(0, 1, (frames, n))
+    images = pose - share[..., None] * T * velocity + NOISE * rng.standard_normal(pose.shape)
+    images[..., 2] = wrap_angle(images[..., 2])
+    images[rng.random((frames, n)) < missed] = np.nan
+    return images, share * T
+
+
+@LAW
+@given(seeds, st.floats(0, 0.5))
+def test_all_that_a_robot_can_do_is_believed_to_the_bit(seed: int, missed: float) -> None:
+    """Whatever blows it gets, however images are late or missed: the gate changes nothing."""
+    images, ages = driven(np.random.default_rng(seed), 60, 5, missed)
+    believes = gate_of(5)
+    for image, age in zip(images, ages, strict=True):
+        np.testing.assert_array_equal(believes(image, age), image)
+
+
+def test_noise_alone_is_doubted_as_seldom_as_stated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two images of a robot at rest, doubted in one of a hundred: of 1e5 robots 1,000, +- four of sqrt(1000)."""
+    monkeypatch.setattr(gate, "BLOW", 0.0)
+    monkeypatch.setattr(gate, "NOISE", gate.of_noise(0.01))
+    believes, rng = gate_of(100_000), np.random.default_rng(0)
+    believes(NOISE * rng.standard_normal((100_000, 3)))
+    doubted = np.isnan(believes(NOISE * rng.standard_normal((100_000, 3)))[:, 0])
+    assert doubted.sum() == pytest.approx(1000, abs=127)
+
+
+@LAW
+@given(seeds, st.floats(0.18, 10.0), st.floats(-np.pi, np.pi))
+def test_another_robot_is_not_taken_for_this_one(seed: int, away: float, direction: float) -> None:
+    """One that stands anywhere beside a robot at rest is seen in some images, not in two in a row: none is believed."""
+    rng = np.random.default_rng(seed)
+    other = np.array([[away * np.cos(direction), away * np.sin(direction), 1.0]])
+    believes, mistaken = gate_of(1), True
+    for _ in range(100):
+        mistaken = not mistaken and rng.random() < 0.5
+        pose = NOISE * rng.standard_normal((1, 3))
+        np.testing.assert_array_equal(believes(pose + mistaken * other), np.nan if mistaken else pose)
+
+
+@LAW
+@given(seeds, st.floats(-np.pi, np.pi), st.floats(-20, 20))
+def test_headings_seen_backwards_are_turned_back(seed: int, heading: float, rate: float) -> None:
+    """In any images but the first, up to nine in a row, of robots that turn: to rounding."""
+    rng, believes, in_a_row = np.random.default_rng(seed), gate_of(1), 0
+    for k in range(100):
+        true = np.array([[0, 0, wrap_angle(heading + rate * T * k)]]) + NOISE * rng.standard_normal((1, 3))
+        backwards = k > 0 and in_a_row < DOUBTED - 1 and rng.random() < 0.5
+        in_a_row = in_a_row + 1 if backwards else 0
+        image = true.copy()
+        image[:, 2] = wrap_angle(true[:, 2] + np.pi * backwards)
+        found = believes(image)
+        np.testing.assert_array_equal(found[:, :2], true[:, :2])
+        assert abs(wrap_angle(found[0, 2] - true[0, 2])) < 1e-14
+
+
+@LAW
+@given(seeds, st.floats(0, 1), st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-np.pi, np.pi)))
+def test_whatever_was_seen_a_robot_is_believed_within_ten_images(
+    seed: int, missed: float, place: tuple[float, float, float]
+) -> None:
+    """After any images: from the tenth of where a robot really is, each is believed, as it is. No gate is stuck."""
+    rng, believes = np.random.default_rng(seed), gate_of(3)
+    for _ in range(rng.integers(0, 60)):
+        image = rng.uniform(-4, 4, (3, 3))
+        image[rng.random(3) < missed] = np.nan
+        believes(image, rng.uniform(0, 0.2, 3))
+    for k in range(3 * DOUBTED):
+        image = reported(np.array(place) + NOISE * rng.standard_normal((3, 3)))
+        found = believes(image)
+        if k >= DOUBTED - 1:
+            np.testing.assert_array_equal(found[:, :2], image[:, :2])
+        if k >= 2 * DOUBTED - 2:  # a heading is first looked at when the place is believed
+            np.testing.assert_array_equal(found, image)
+
+
+def test_a_robot_may_come_out_of_a_frozen_image_as_far_as_it_has_driven() -> None:
+    """The image is believed while it lasts; afterwards it is as old as it is."""
+    believes, image = gate_of(1), np.array([[0.1, 0.2, 0.3]])
+    for _ in range(20):
+        np.testing.assert_array_equal(believes(image), image)
+    moved = image + np.array([1.5, 0.0, 0.0])  # 4.5 m/s
+    np.testing.assert_array_equal(believes(moved), moved)
+
+
+@FEW
+@given(seeds, st.floats(0.05, 0.3))
+def test_a_team_drives_on_as_if_nothing_had_been_mistaken(seed: int, share: float) -> None:
+    """Another robot 1.5 m away, up to three images of ten: all that is said is as if those images had not been.
+
+    So it is whatever a controller makes of what it sees.
+    """
+    rng, n, frames = np.random.default_rng(seed), 2, 100
+    errors = vision(rng, frames, n, gaps=0.0)
+    wrong = (rng.random((frames, n)) < share) & (np.arange(frames) > 0)[:, None]
+    lied, missed = errors.copy(), errors.copy()
+    lied[wrong] += [1.5, 0.3, np.pi]
+    missed[wrong] = np.nan
+    told, start = Told(T, 4), starts(n)
+    driven = [
+        play(Team(make("comp-flc", told, along(TIMED, n), n), start), BodyFrame(start, 4.5, 0.9, 0.02), each)
+        for each in (lied, missed)
+    ]
+    for name, values in driven[0].items():
+        np.testing.assert_array_equal(values, driven[1][name], err_msg=name)
