@@ -123,7 +123,10 @@ def test_on_wheels_that_creep_late_images_cost_millimetres() -> None:
     Who carries them on by his own velocity and takes that for seen strays by metres here.
     """
     chosen = scenario.scenario(
-        "rect", plant="planar", controllers=["adaptive-comp-flc"], vision={**QUIET, "delay_s": 0.05},
+        "rect",
+        plant="planar",
+        controllers=["adaptive-comp-flc"],
+        vision={**QUIET, "delay_s": 0.05},
         physics={"kernel": "numba"},
     )
     log = Simulation(chosen).run()
