@@ -17,6 +17,8 @@ from omni_control.kinematics import Array
 starts = st.tuples(st.floats(-0.12, 0.12), st.floats(-0.12, 0.12), st.floats(-1, 1))
 delays = st.integers(0, 9)
 
+LITTLE = 2.0**-10
+
 
 def augmented(delay: int, lag: float) -> tuple[Array, Array, Array, float]:
     """A, B, Q, r of the state [position, velocity, commands in flight, oldest first], with the default weights."""
@@ -36,23 +38,29 @@ def augmented(delay: int, lag: float) -> tuple[Array, Array, Array, float]:
 
 
 def gain_of(delay: int, lag: float) -> Array:
-    """Gain (m,) of the controller on the augmented state: its answer to each part of it, all others being zero."""
+    """Gain (m,) of the controller on the augmented state: its answer to a little of each part, all others being zero.
+
+    A little, so that a robot can brake within the error: a millimetre, or what comes of a millimetre a second.
+    """
     gains: list[Array] = []
     for part in range(2 + delay):
         controller = Lqr(told(delay, lag), REST, 1)
         robot, sent = controller.robot, commands_for(controller)
-        pose, commands = np.full((1, 3), float(part == 0)), np.zeros((2 + delay, 1, 3))  # none, last to act, in flight
+        pose, commands = (
+            np.full((1, 3), LITTLE * (part == 0)),
+            np.zeros((2 + delay, 1, 3)),
+        )  # none, last to act, in flight
         if part:
-            commands[part] = 1 / (1 - robot.keep) if part == 1 else 1  # brings a robot from rest to 1 m/s
+            commands[part] = LITTLE / (1 - robot.keep) if part == 1 else LITTLE  # brings a robot from rest to a mm/s
         for command in commands[:-1]:
             sent.push(command)
             controller.command(0, seen_at(controller.told, pose, sent))
         if part == 1:
             pose = (T - robot.slide) * commands[1]  # where it is then, so that there is no disturbance
         sent.push(commands[-1])
-        answer = -controller.command(0, seen_at(controller.told, pose, sent))[0]
+        answer = -controller.command(0, seen_at(controller.told, pose, sent))[0] / LITTLE
         assert (answer == answer[0]).all(), "the same for all axes"
-        gains.append(answer[0] - gains[0] * pose[0, 0] if part == 1 else answer[0])
+        gains.append(answer[0] - gains[0] * pose[0, 0] / LITTLE if part == 1 else answer[0])
     return np.array(gains)
 
 

@@ -7,6 +7,8 @@ from omni_control.controllers.nominal import NominalRobot, pose_error
 from omni_control.kinematics import Array
 from omni_control.reference import Reference
 
+BRAKE = 0.25  # of the acceleration that may be commanded: carpets may give less, and commands take their time to act
+
 
 def lqr_gain(transition: Array, effect: Array, state_weight: Array, command_weight: float) -> Array:
     """Gain K (m,) of u = -K x that minimises the sum of x' Q x + r u^2 over all frames.
@@ -42,6 +44,9 @@ class Lqr(Controller):
     No disturbance is believed to be more than `speed_range_m_s`, as much as the fuzzy controllers correct at most, or,
     turning, that over `error_range_m`. Wheels that slide, a robot that is off or a pose that jumps depart by more, for
     which no command makes up, and the estimate would wind up.
+
+    Of the optimal command, the way back to the reference is not faster than robots can brake within the error: the
+    optimum knows no limit of acceleration, beyond which it swings.
     """
 
     def __init__(self, told: Told, reference: Reference, n: int) -> None:
@@ -54,6 +59,7 @@ class Lqr(Controller):
             told.speed_range_m_s**-2,
         )
         self.disturbance = np.zeros((n, 3))
+        self._brake = BRAKE * np.array([*2 * [told.limits.acceleration], told.limits.turn_acceleration])
         self._most = told.speed_range_m_s * np.array([1.0, 1.0, 1 / told.error_range_m])
         self._pose: Array | None = None
         self._feed_forward: Array | None = None
@@ -67,8 +73,14 @@ class Lqr(Controller):
         velocity = velocity + self.disturbance
         self.predicted = position + self.told.lag_s * velocity
         at, speed, feed_forward = self._wanted(frame)
-        correction = self.gain[0] * pose_error(at, position) + self.gain[1] * (speed - velocity)
+        correction = self._way_back(pose_error(at, position)) + self.gain[1] * (speed - velocity)
         return feed_forward - self.disturbance + correction
+
+    def _way_back(self, error: Array) -> Array:
+        """Velocities towards where robots should be, (n, 3), not faster than they can brake within the error."""
+        sizes = np.column_stack([*2 * [np.hypot(*error.T[:2])], np.abs(error[:, 2])])
+        brake = np.sqrt(2 * self._brake * sizes)
+        return error * np.minimum(self.gain[0], brake / np.maximum(sizes, 1e-9))
 
     def _disturb(self, pose: Array) -> None:
         """Estimate the disturbance from what robots that are at `pose` (n, 3) now did more than the model."""
