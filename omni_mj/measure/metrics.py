@@ -12,12 +12,12 @@ from omni_mj.measure.running import Effort, ErrorStatistics
 from omni_mj.measure.way import Way
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S
-from omni_mj.simulate.log import Log
+from omni_mj.simulate.log import FIRST_FRAMES, Log
 
 if TYPE_CHECKING:
     from omni_mj.simulate.simulation import Failure
 
-BLOCK_FRAMES = 512  # that are measured at once
+BLOCK_FRAMES = FIRST_FRAMES  # that are measured at once: a log grows no more
 PEAKS = {"peak_voltage_v": "voltage_peak", "peak_current_a": "current_peak", "peak_winding_c": "winding"}
 ALPHA_AXES = ("x", "y")
 ALPHA_WINDOW_FRAMES = 15  # 0.25 s
