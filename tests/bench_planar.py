@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.measure import causes
+from omni_mj.measure import metrics
 from omni_mj.robots import builtin as builtin_robots
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.library import builtin as builtin_scenarios
@@ -41,7 +41,7 @@ def driven(plant: str, name: str, given: argparse.Namespace, robot: str, substep
     error = np.nan_to_num((log.channel("ref") - log.channel("pose"))[..., :2])
     rms = np.sqrt((error**2).sum(-1).mean(0))
     shape = len(given.controller), given.seeds
-    return rms.reshape(shape), causes.row_metrics(log)["sliding_share"].reshape(shape)
+    return rms.reshape(shape), metrics.row_metrics(log)["sliding_share"].reshape(shape)
 
 
 def swaps(full: Array, planar: Array, names: list[str]) -> list[str]:

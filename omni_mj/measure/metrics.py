@@ -1,23 +1,23 @@
-"""What is measured of each row of a log: errors, effort, settling, peaks, and the motor correction factor alpha."""
+"""What is measured of each row: errors, effort, settling, peaks, causes, recovery; and the motor correction factor."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from omni_control.kinematics import Array, wrap_angle
-from omni_mj.measure import causes
+from omni_control.kinematics import Array
+from omni_mj.measure import causes, recovery
+from omni_mj.measure.errors import AXES, UNITS, errors
+from omni_mj.measure.running import Effort, ErrorStatistics
+from omni_mj.measure.way import Way
+from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S
-from omni_mj.simulate.log import Log
+from omni_mj.simulate.log import FIRST_FRAMES, Log
 
 if TYPE_CHECKING:
     from omni_mj.simulate.simulation import Failure
 
-AXES = ("x", "y", "distance", "along", "across", "heading")  # distance: in the plane; along and across: the path
-UNITS = dict.fromkeys(AXES, "m") | {"heading": "rad"}
-PERCENTILE = 99
-STATISTICS = ("max", f"p{PERCENTILE}", "mean", "rms")
-STILL_M = 1e-6  # from the frame before to the frame after: 30 um/s, at which a reference has no direction
+BLOCK_FRAMES = FIRST_FRAMES  # that are measured at once: a log grows no more
 PEAKS = {"peak_voltage_v": "voltage_peak", "peak_current_a": "current_peak", "peak_winding_c": "winding"}
 ALPHA_AXES = ("x", "y")
 ALPHA_WINDOW_FRAMES = 15  # 0.25 s
@@ -27,173 +27,116 @@ ALPHA_START_FRAMES = 9  # 0.15 s: the lag of a robot's wheels and their creep, i
 SETTLED_M = 0.01
 
 
-def errors(log: Log) -> dict[str, Array]:
-    """Absolute difference between the true pose and the timed reference, axis of `AXES` -> (frames, n) m or rad.
+class Tally:
+    """What is measured of rows whose frames come in blocks: the same numbers, to the bit, however they are cut.
 
-    Distance is that in the plane; along is the part of it in the direction of `travel`, across the part to the left of
-    that; headings that differ by full turns are equal. Not a number where a row has no frame.
-    """
-    reference = log.channel("ref")
-    difference = log.channel("pose") - reference
-    x, y, turn = np.moveaxis(difference, -1, 0)
-    cosine, sine = np.moveaxis(travel(reference[..., :2]), -1, 0)
-    return {
-        "x": np.abs(x),
-        "y": np.abs(y),
-        "distance": np.hypot(x, y),
-        "along": np.abs(cosine * x + sine * y),
-        "across": np.abs(cosine * y - sine * x),
-        "heading": np.abs(wrap_angle(turn)),
-    }
-
-
-def travel(reference: Array) -> Array:
-    """The direction in which timed references travel: from the frame before to the frame after.
-
-    At rest it is the last direction, before the first move that of the first, and x where there is no move at all.
+    It holds a few numbers a row, of the errors the largest 1 %, and the ways, but no frames.
 
     Args:
-        reference: positions (frames, n, 2), m; not a number where a row has no frame.
-
-    Returns:
-        Unit vectors (frames, n, 2).
+        rows: one per robot.
+        ways: the timed reference of each row; of those that share one, the same object.
     """
-    if not len(reference):
-        return np.empty_like(reference)
-    before, after = (
-        np.concatenate(ends) for ends in ((reference[:1], reference[:-1]), (reference[1:], reference[-1:]))
-    )
-    step = np.where(np.isnan(after), reference, after) - before
-    length = np.hypot(step[..., :1], step[..., 1:])
-    moves = length > STILL_M
-    along_x = np.broadcast_to((1.0, 0.0), step.shape).copy()
-    unit = np.divide(step, length, out=along_x, where=moves)
-    last = np.maximum.accumulate(np.where(moves, np.arange(len(step))[:, None, None], -1))
-    direction: Array = np.take_along_axis(unit, np.where(last < 0, moves.argmax(0), last), axis=0)
-    return direction
 
+    def __init__(self, rows: Sequence[Row], ways: Sequence[Way]) -> None:
+        n, frames = len(rows), max((way.frames for way in ways), default=0)
+        self.frames = 0
+        self._ways = ways
+        shared = {id(way): way for way in ways if way.frames}
+        self._travel = [(way, [row for row, each in enumerate(ways) if each is way]) for way in shared.values()]
+        self._lengths = np.zeros(n, int)
+        self._errors = {axis: ErrorStatistics(n, frames) for axis in AXES}
+        self._effort = Effort((n, 2))
+        self._near = np.zeros(n, int)  # the frame after the last one that is not near
+        self._peaks = {name: np.full(n, np.nan) for name in PEAKS}
+        self._shares, self._recoveries = causes.Shares(rows), recovery.Recoveries(rows)
 
-def error_statistics(error: Array) -> dict[str, Array]:
-    """Maximum, 99th percentile, mean and root mean square over the frames that each row has.
+    def add(self, block: Log) -> None:
+        """Go on with the frames that follow those so far, a log of these alone."""
+        if not block.length:
+            return
+        error = errors(block, self._direction(block.length))
+        for axis, statistics in self._errors.items():
+            statistics.add(error[axis], self.frames)
+        self._effort.add(block.channel("command")[..., :2])
+        number = self.frames + np.arange(1, block.length + 1)[:, None]
+        far = np.where(error["distance"] >= SETTLED_M, number, 0)
+        self._near = np.maximum(self._near, far.max(0))
+        for name, channel in PEAKS.items():
+            peak = np.fmax.reduce(block.channel(channel), axis=(0, 2))
+            self._peaks[name] = np.fmax(self._peaks[name], peak)
+        self._shares.add(block)
+        self._recoveries.add(error["distance"], self.frames)
+        self._lengths += block.lengths
+        self.frames += block.length
 
-    Args:
-        error: (frames, n), not a number where a row has no frame.
+    def row_metrics(self, failures: "Iterable[Failure]" = ()) -> dict[str, Array]:
+        """Each row in single numbers, name -> (n,), once all frames are there; see `row_metrics`.
 
-    Returns:
-        Statistic of `STATISTICS` -> (n,), not a number for a row without any frame.
-    """
-    known = ~np.isnan(error)
-    frames = known.sum(0)
-    zeroed = np.where(known, error, 0.0)
-    with np.errstate(invalid="ignore"):  # no frames: 0 / 0
-        mean, rms = zeroed.sum(0) / frames, np.sqrt((zeroed**2).sum(0) / frames)
-    greatest = np.where(frames > 0, zeroed.max(0, initial=0.0), np.nan)
-    return dict(zip(STATISTICS, (greatest, _percentile(error, frames > 0), mean, rms), strict=True))
+        Args:
+            failures: of rows that were stopped before their end.
+        """
+        failed = [failure.row for failure in failures]
+        found = {
+            f"{axis}_{statistic}_{UNITS[axis]}": values
+            for axis, statistics in self._errors.items()
+            for statistic, values in statistics.value.items()
+        }
+        found["effort_m_s2"] = self._effort.value
+        found["excess_effort_m_s2"] = self._excess_effort()
+        found["settle_s"] = self._settling_times()
+        unbounded = set(found)
+        found["greatest_at_s"] = self._errors["distance"].greatest_at_s
+        found |= {name: peak.copy() for name, peak in self._peaks.items()} | self._shares.value
+        for name, values in found.items():
+            values[self._lengths == 0] = np.nan
+            values[failed] = np.inf if name in unbounded else np.nan
+        return found | self._recoveries.value(failed)
 
+    def _direction(self, frames: int) -> Array:
+        """In which the references travel in the next frames, (frames, n, 2); any for rows that have none any more."""
+        direction = np.zeros((frames, len(self._ways), 2))
+        number = np.arange(self.frames, self.frames + frames)
+        for way, rows in self._travel:
+            direction[:, rows] = way.direction.take(number, axis=0, mode="clip")[:, None]
+        return direction
 
-def _percentile(error: Array, rows: np.ndarray) -> Array:
-    """Of the `rows` (n,) that have frames, linear between the two nearest; not a number for the others."""
-    found = np.full(len(rows), np.nan)
-    if rows.any():
-        found[rows] = np.nanpercentile(error[:, rows], PERCENTILE, axis=0)
-    return found
+    def _excess_effort(self) -> Array:
+        """What the effort is above that of the reference's own velocities, as a root of the squares' difference, m/s^2.
 
+        Squares, since that of a command is the reference's plus that of all that is added to it, as far as the two are
+        unrelated. It compares no frame with another, so that it is the same however early a controller sends what the
+        reference needs; a difference frame by frame would depend on a dead time and a lag that controllers believe in
+        each their own way. Who asks for less than the reference has none: zero for the reference's own velocities,
+        whenever they are sent.
+        """
+        own = np.array([way.effort_square for way in self._ways])
+        excess: Array = np.sqrt(np.maximum(self._effort.square - own, 0.0))
+        return excess
 
-def control_effort(command: Array) -> Array:
-    """Root mean square over the frames of the change of a command per second.
+    def _settling_times(self) -> Array:
+        """Time from the end of the reference's last move until the error in the plane stays below 1 cm, (n,) s.
 
-    Args:
-        command: velocities sent (frames, ..., axes), m/s; before the first frame it is zero, and not a number where a
-            row has no frame.
-
-    Returns:
-        (...) m/s^2, of the magnitude over all axes.
-    """
-    change = np.diff(command, axis=0, prepend=np.zeros_like(command[:1])) / PERIOD_S
-    squared = (change**2).sum(-1)
-    known = ~np.isnan(squared)
-    with np.errstate(invalid="ignore"):  # no frames: 0 / 0
-        effort: Array = np.sqrt(np.where(known, squared, 0.0).sum(0) / known.sum(0))
-    return effort
-
-
-def excess_effort(command: Array, reference: Array) -> Array:
-    """What `control_effort` is above that of the reference's own velocities, as a root of the squares' difference.
-
-    Squares, since that of a command is the reference's plus that of all that is added to it, as far as the two are
-    unrelated. It compares no frame with another, so that it is the same however early a controller sends what the
-    reference needs; a difference frame by frame would depend on a dead time and a lag that controllers believe in
-    each their own way. Who asks for less than the reference has none.
-
-    Args:
-        command: translational velocities sent (frames, n, 2), m/s.
-        reference: positions of each row's timed reference (frames, n, 2), m.
-
-    Returns:
-        (n,) m/s^2; zero for the reference's own velocities, whenever they are sent.
-    """
-    after = np.concatenate([reference[1:], reference[-1:]])
-    velocity = (np.where(np.isnan(after), reference, after) - reference) / PERIOD_S
-    squares = control_effort(command) ** 2 - control_effort(velocity) ** 2
-    excess: Array = np.sqrt(np.maximum(squares, 0.0))
-    return excess
-
-
-def settling_times(reference: Array, error: Array) -> Array:
-    """Time from the end of the reference's last move until the error in the plane stays below 1 cm to the last frame.
-
-    Args:
-        reference: poses of each row's timed reference, (frames, n, 3).
-        error: in the plane (frames, n), m; not a number where a row has no frame.
-
-    Returns:
-        (n,) s; zero for a robot that is that near from the end of the move on, infinite for one that is not in its last
-        frame: it never settles; not a number for one without any frame.
-    """
-    frames = np.arange(1, len(error) + 1)[:, None]
-    length = (~np.isnan(error)).sum(0)
-    change = np.diff(reference, axis=0)
-    moves = ((change != 0) & ~np.isnan(change)).any(-1)
-    rest = np.where(moves, frames[:-1], 0).max(0, initial=0)
-    near_from = np.where(error >= SETTLED_M, frames, 0).max(0, initial=0)  # after the last frame that is not near
-    times = np.where(near_from < length, np.maximum(near_from - rest, 0) * PERIOD_S, np.inf)
-    return np.where(length > 0, times, np.nan)
+        Zero for a robot that is that near from the end of the move on, infinite for one that is not in its last frame:
+        it never settles.
+        """
+        rest = np.array([way.rest for way in self._ways], int)
+        return np.where(self._near < self._lengths, np.maximum(self._near - rest, 0) * PERIOD_S, np.inf)
 
 
 def row_metrics(log: Log, failures: "Iterable[Failure]" = ()) -> dict[str, Array]:
     """Each row in single numbers, name -> (n,).
 
     `x_max_m`, `distance_mean_m`, `across_p99_m`, `heading_rms_rad` and the like, `effort_m_s2`, `excess_effort_m_s2`,
-    `settle_s`, `greatest_at_s` (when the error in the plane is greatest), the peaks and the shares of `causes`. A row
-    that failed has errors, efforts and a time to settle without bound, so that no average gets better by failing; when
-    its error was greatest, its peaks and its shares are not comparable: not a number, as for a row without any frame.
+    `settle_s`, `greatest_at_s` (when the error in the plane is greatest), the peaks, the shares of `causes` and what
+    `recovery` tells of faults. A row that failed has errors, efforts and a time to settle without bound, so that no
+    average gets better by failing; when its error was greatest, its peaks and its shares are not comparable: not a
+    number, as for a row without any frame.
     """
-    error = errors(log)
-    found = {
-        f"{axis}_{statistic}_{UNITS[axis]}": values
-        for axis in AXES
-        for statistic, values in error_statistics(error[axis]).items()
-    }
-    command, reference = log.channel("command")[..., :2], log.channel("ref")
-    found["effort_m_s2"] = control_effort(command)
-    found["excess_effort_m_s2"] = excess_effort(command, reference[..., :2])
-    found["settle_s"] = settling_times(reference, error["distance"])
-    unbounded = set(found)
-    at = np.nan_to_num(error["distance"], nan=-1.0)
-    found["greatest_at_s"] = at.argmax(0) * PERIOD_S if log.length else np.full(len(log.rows), np.nan)
-    found |= {name: _peaks(log.channel(channel)) for name, channel in PEAKS.items()} | causes.row_metrics(log)
-    failed = [failure.row for failure in failures]
-    for name, values in found.items():
-        values[log.lengths == 0] = np.nan
-        values[failed] = np.inf if name in unbounded else np.nan
-    return found
-
-
-def _peaks(values: Array) -> Array:
-    """The largest of (frames, n, columns) per row; not a number where there is none."""
-    known = ~np.isnan(values)
-    peak: Array = np.where(known, values, -np.inf).max((0, 2), initial=-np.inf)
-    return np.where(known.any((0, 2)), peak, np.nan)
+    reference = log.channel("ref")
+    tally = Tally(log.rows, [Way(reference[:length, row]) for row, length in enumerate(log.lengths)])
+    for first in range(0, log.length, BLOCK_FRAMES):
+        tally.add(log.part(first, first + BLOCK_FRAMES))
+    return tally.row_metrics(failures)
 
 
 def alpha_windows(position: Array, command: Array) -> Array:

@@ -5,22 +5,18 @@ frame, not from its end: some last until the end of the run, and a controller ma
 Whatever else happens in that time counts too.
 """
 
-import math
-from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.measure.metrics import errors
 from omni_mj.measure.statistics import Spread, spread
 from omni_mj.measure.table import Table, number
 from omni_mj.scenarios.faults import span
+from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.simulate.log import Log
-
-if TYPE_CHECKING:
-    from omni_mj.simulate.simulation import Failure
 
 AFTER_S, NEAR_M = 2.0, 0.02
 EXCURSION, RECOVERY = "excursion_m", "recovery_s"
@@ -36,28 +32,52 @@ DEFINITIONS = {
 }
 
 
-def row_metrics(log: Log, failures: "Iterable[Failure]" = ()) -> dict[str, Array]:
-    """Each row's `fault_1_excursion_m`, `fault_1_recovery_s` and so on, name -> (n,); nothing without faults.
+class Recoveries:
+    """How rows come back from their faults, of errors that come in blocks of frames.
 
-    Faults are numbered as in the row's settings. Not a number of a fault that a row does not have or did not come to;
-    of a row that failed the excursion is infinite, as its errors are, and so is the time of one that does not recover.
+    Args:
+        rows: one per robot; their faults are numbered as in their settings.
     """
-    failed = {failure.row for failure in failures}
-    count = max((len(row.settings.fault) for row in log.rows), default=0)
-    found = {_name(i, what): np.full(len(log.rows), np.nan) for i in range(count) for what in (EXCURSION, RECOVERY)}
-    distance = errors(log)["distance"] if count else np.zeros((0, 0))
-    for row, own in enumerate(log.rows):
-        for i, fault in enumerate(own.settings.fault):
-            if not fault.concerns(own.place):
-                continue
-            start, end = span(fault)
-            last = min(end + AFTER_S * FRAME_RATE_HZ, float(log.lengths[row]))
-            error = distance[start : int(last), row]
-            if row in failed:
-                found[_name(i, EXCURSION)][row] = found[_name(i, RECOVERY)][row] = np.inf
-            elif error.size:
-                found[_name(i, EXCURSION)][row], found[_name(i, RECOVERY)][row] = error.max(), _recovery(error)
-    return found
+
+    def __init__(self, rows: Sequence[Row]) -> None:
+        shape = max((len(row.settings.fault) for row in rows), default=0), len(rows)
+        self._first, self._stop = np.full(shape, np.inf), np.full(shape, np.inf)  # frames; none is for a row without
+        for own, row in enumerate(rows):
+            for i, fault in enumerate(row.settings.fault):
+                if fault.concerns(row.place):
+                    start, end = span(fault)
+                    self._first[i, own], self._stop[i, own] = start, end + AFTER_S * FRAME_RATE_HZ
+        self._excursion = np.full(shape, np.nan)
+        self._near, self._end = np.zeros(shape), np.zeros(shape)  # frames after the last that is not near, and the last
+
+    def add(self, distance: Array, first: int) -> None:
+        """Go on with errors in the plane (frames, n) from the frame `first` on, m; not a number where there is none."""
+        frame = first + np.arange(len(distance))[:, None]
+        for i in range(len(self._first)):
+            error = np.where((frame >= self._first[i]) & (frame < self._stop[i]), distance, np.nan)
+            self._excursion[i] = np.fmax(self._excursion[i], np.fmax.reduce(error, axis=0))
+            for after, met in ((self._near, error >= NEAR_M), (self._end, ~np.isnan(error))):
+                after[i] = np.maximum(after[i], np.where(met, frame + 1, 0).max(0))
+
+    def value(self, failed: Sequence[int]) -> dict[str, Array]:
+        """Each row's `fault_1_excursion_m`, `fault_1_recovery_s` and so on, name -> (n,); nothing without faults.
+
+        Not a number of a fault that a row does not have or did not come to; of a row that failed the excursion is
+        infinite, as its errors are, and so is the time of one that does not recover.
+
+        Args:
+            failed: numbers of the rows that failed.
+        """
+        found: dict[str, Array] = {}
+        for i, first in enumerate(self._first):
+            excursion, recovered = self._excursion[i].copy(), np.full(len(first), np.nan)
+            met = ~np.isnan(excursion)
+            times = np.maximum(self._near[i] - first, 0)[met] * PERIOD_S
+            recovered[met] = np.where((self._near[i] < self._end[i])[met], times, np.inf)
+            lost = [row for row in failed if np.isfinite(first[row])]
+            excursion[lost] = recovered[lost] = np.inf
+            found |= {_name(i, EXCURSION): excursion, _name(i, RECOVERY): recovered}
+        return found
 
 
 def results(log: Log, controller: str, measured: Mapping[str, Array]) -> list[dict[str, Any]]:
@@ -66,7 +86,7 @@ def results(log: Log, controller: str, measured: Mapping[str, Array]) -> list[di
     Args:
         log: what was recorded.
         controller: whose rows.
-        measured: what `row_metrics` says of the log.
+        measured: what `metrics.row_metrics` says of the log.
     """
     rows = log.of(controller)
     told = []
@@ -126,13 +146,6 @@ def _lines(summary: Mapping[str, Any]) -> Iterator[list[str]]:
         for _, controller, fault in sorted(told, key=lambda each: each[0]):
             name, last = fault["fault"] if fault["fault"] != last else "", fault["fault"]
             yield [name, controller, number(fault[EXCURSION]["median"], 100), _recovered(fault[RECOVERY])]
-
-
-def _recovery(error: Array) -> float:
-    """From errors (frames,) in m: s until they are small for good; infinite if the last is not."""
-    far = np.flatnonzero(error >= NEAR_M)
-    frames = int(far[-1]) + 1 if far.size else 0
-    return frames * PERIOD_S if frames < len(error) else math.inf
 
 
 def _name(i: int, what: str) -> str:

@@ -11,6 +11,8 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.measure import causes, events, limits, metrics, paper, recovery
+from omni_mj.measure.errors import AXES, UNITS
+from omni_mj.measure.running import STATISTICS
 from omni_mj.measure.statistics import CONFIDENCE, Spread, plain, spread
 from omni_mj.measure.verdict import DEFINITIONS as VERDICTS
 from omni_mj.measure.verdict import verdicts
@@ -152,15 +154,12 @@ def results(log: Log, failures: "Iterable[Failure]", measured: Mapping[str, Arra
     for controller in log.controllers:
         rows = log.of(controller)
         error = {
-            axis: {
-                statistic: spread(measured[f"{axis}_{statistic}_{metrics.UNITS[axis]}"][rows])
-                for statistic in metrics.STATISTICS
-            }
-            for axis in metrics.AXES
+            axis: {statistic: spread(measured[f"{axis}_{statistic}_{UNITS[axis]}"][rows]) for statistic in STATISTICS}
+            for axis in AXES
         }
         found[controller] = {
-            "error_m": {axis: error[axis] for axis in metrics.AXES if metrics.UNITS[axis] == "m"},
-            "error_rad": {axis: error[axis] for axis in metrics.AXES if metrics.UNITS[axis] == "rad"},
+            "error_m": {axis: error[axis] for axis in AXES if UNITS[axis] == "m"},
+            "error_rad": {axis: error[axis] for axis in AXES if UNITS[axis] == "rad"},
             "reduction_percent": _reduction(error, base) if base else None,
             **{name: spread(measured[name][rows]) for name in SINGLE},
             "recovery": recovery.results(log, controller, measured),
@@ -232,9 +231,9 @@ def _reduction(error: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, d
             name: None
             if error[axis][name]["median"] is None or not base[axis][name]["median"]
             else 100 * (1 - error[axis][name]["median"] / base[axis][name]["median"])
-            for name in metrics.STATISTICS
+            for name in STATISTICS
         }
-        for axis in metrics.AXES
+        for axis in AXES
     }
 
 

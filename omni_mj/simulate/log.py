@@ -1,6 +1,7 @@
 """What a simulation records of each row and frame: in memory while it goes on, as an Arrow table after."""
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -62,7 +63,7 @@ class Log:
     Attributes:
         rows: as given.
         columns: channel -> its columns in a table.
-        length: frames recorded so far.
+        length: frames recorded so far, since the last `clear`.
         lengths: how many of them each row has, (n,): one that failed or came to its end before has fewer.
     """
 
@@ -144,6 +145,21 @@ class Log:
     def channel(self, name: str) -> np.ndarray:
         """A channel's frames (length, n, columns); not a number, or false, where a row recorded none."""
         return self._data[name][: self.length]
+
+    def part(self, first: int, stop: int) -> "Log":
+        """The frames from `first` to before `stop`, as a log of these alone, to be read only: memory is shared."""
+        found = copy(self)
+        found._data = {name: data[first : min(stop, self.length)] for name, data in self._data.items()}
+        found.length = found._room = len(found._data["pose"])
+        found.lengths = np.clip(self.lengths - first, 0, found.length)
+        return found
+
+    def clear(self) -> None:
+        """Forget all frames, in whose room the next ones come."""
+        for data in self._data.values():
+            data.fill(False if data.dtype == bool else np.nan)
+        self.length = 0
+        self.lengths = np.zeros(len(self.rows), int)
 
     def table(self) -> "pa.Table":
         """One line per row and frame that it recorded, rows in their order."""

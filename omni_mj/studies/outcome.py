@@ -9,7 +9,7 @@ import numpy as np
 
 from omni_control.controllers.base import Controller
 from omni_control.kinematics import Array
-from omni_mj.measure import metrics, recovery, summary
+from omni_mj.measure import metrics, summary
 from omni_mj.measure.result import Outcome
 from omni_mj.scenarios import rows
 from omni_mj.scenarios.controllers import find, label
@@ -109,7 +109,7 @@ def _measured(
     stopped: str | None = None,
 ) -> Outcome:
     failures = sorted(failures, key=lambda failure: (failure.time_s, failure.row))  # whatever the batch
-    measured = metrics.row_metrics(log, failures) | recovery.row_metrics(log, failures)
+    measured = metrics.row_metrics(log, failures)
     entry = summary.entry(scenario, log, failures, measured, wall_s, stopped, drawn)
     return Outcome(scenario, entry, log.rows, failures, measured, log, drawn)
 

@@ -52,7 +52,8 @@ def test_motors_at_full_voltage_and_drivers_that_limit_are_counted_by_frames() -
     limited = np.zeros((FRAMES, 1, 4))
     limited[30:36, 0, 2] = 0.1
     log = filled(rows(), FRAMES, slip=0.0, duty_peak=duty, current_limited=limited)
-    found = {name: values[0] for name, values in causes.row_metrics(log).items()}
+    measured = metrics.row_metrics(log)
+    found = {name: measured[name][0] for name in causes.NAMES}
     assert found == pytest.approx(
         {"sliding_share": 0, "full_voltage_share": 0.25, "current_limited_share": 0.1, "held_back_share": 0,
          "duty_mean": (15 * 1.0 + 45 * 0.2) / 60}

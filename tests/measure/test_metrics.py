@@ -9,6 +9,9 @@ from hypothesis import strategies as st
 from logs import failure, filled, rows
 
 from omni_mj.measure import causes, metrics
+from omni_mj.measure.errors import AXES, errors
+from omni_mj.measure.running import Effort
+from omni_mj.measure.way import travel
 
 T = 1 / 60
 
@@ -20,14 +23,39 @@ def moving(frames: int, rest: int) -> np.ndarray:
     return poses
 
 
+def effort(command: np.ndarray) -> np.ndarray:
+    """Of commands (frames, ..., axes)."""
+    found = Effort(command.shape[1:])
+    found.add(command)
+    return found.value
+
+
+def excess_effort(command: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """Of commands beside the positions of references, (frames, n, 2)."""
+    channels = {
+        name: np.pad(each, [(0, 0), (0, 0), (0, 1)]) for name, each in (("command", command), ("ref", reference))
+    }
+    ends = (~np.isnan(reference[..., 0])).sum(0)
+    log = filled(rows(("a",), range(command.shape[1])), len(command), ends, **channels)
+    return metrics.row_metrics(log)["excess_effort_m_s2"]
+
+
+def settling_times(reference: np.ndarray, distance: np.ndarray) -> np.ndarray:
+    """Of robots that are so far (frames, n) aside of references (frames, n, 3)."""
+    aside = reference + np.where(np.arange(3) == 1, distance[..., None], 0.0)
+    ends = (~np.isnan(distance)).sum(0)
+    log = filled(rows(("a",), range(distance.shape[1])), len(distance), ends, ref=reference, pose=aside)
+    return metrics.row_metrics(log)["settle_s"]
+
+
 def test_errors_are_those_along_the_axes_in_the_plane_and_of_the_heading_to_the_nearest_turn() -> None:
     """Off by 3 and -4 cm and by a turn less a tenth of a radian: 5 cm and a tenth."""
     pose = np.ones((2, 6, 3))
     pose[:, 4] += [0.03, -0.04, 2 * math.pi - 0.1]
-    errors = metrics.errors(filled(rows(("a", "b"), (0, 1, 2)), 2, ref=1.0, pose=pose))
-    assert list(errors) == list(metrics.AXES)
+    found = errors(filled(rows(("a", "b"), (0, 1, 2)), 2, ref=1.0, pose=pose))
+    assert list(found) == list(AXES)
     for axis, wanted in {"x": 0.03, "y": 0.04, "distance": 0.05, "heading": 0.1}.items():
-        error = errors[axis]
+        error = found[axis]
         assert error.shape == (2, 6)
         np.testing.assert_allclose(error[:, 4], wanted, atol=1e-12, err_msg=axis)
         np.testing.assert_array_equal(np.delete(error, 4, axis=1), 0.0)
@@ -40,12 +68,12 @@ def test_along_and_across_turn_with_the_path(seed: int, turn: float) -> None:
     rng = np.random.default_rng(seed)
     ref, pose = np.cumsum(rng.normal(size=(2, 30, 2, 3)), axis=1)
     rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
-    errors = metrics.errors(filled(rows(("a", "b")), 30, [30, 11], ref=ref, pose=pose))
-    np.testing.assert_allclose(np.hypot(errors["along"], errors["across"]), errors["distance"], rtol=1e-9)
+    found = errors(filled(rows(("a", "b")), 30, [30, 11], ref=ref, pose=pose))
+    np.testing.assert_allclose(np.hypot(found["along"], found["across"]), found["distance"], rtol=1e-9)
     ref, pose = (np.concatenate([each[..., :2] @ rotation.T, each[..., 2:]], axis=-1) for each in (ref, pose))
-    turned = metrics.errors(filled(rows(("a", "b")), 30, [30, 11], ref=ref, pose=pose))
+    turned = errors(filled(rows(("a", "b")), 30, [30, 11], ref=ref, pose=pose))
     for axis in ("along", "across"):
-        np.testing.assert_allclose(turned[axis], errors[axis], atol=1e-9, err_msg=axis)
+        np.testing.assert_allclose(turned[axis], found[axis], atol=1e-9, err_msg=axis)
 
 
 def test_on_a_circle_who_is_late_is_behind_and_who_is_outside_is_aside() -> None:
@@ -56,10 +84,10 @@ def test_on_a_circle_who_is_late_is_behind_and_who_is_outside_is_aside() -> None
     ref, pose = np.zeros((200, 2, 3)), np.zeros((200, 2, 3))
     ref[..., :2] = np.moveaxis(outside, -1, 0)
     pose[:, 0, :2], pose[:, 1, :2] = late[0].T, 1.05 * outside[0].T
-    errors = metrics.errors(filled(rows(("late", "outside")), 200, ref=ref, pose=pose))
+    found = errors(filled(rows(("late", "outside")), 200, ref=ref, pose=pose))
     chord = 2 * math.sin(0.05)
     for axis, wanted in {"along": (chord * math.cos(0.05), 0), "across": (chord * math.sin(0.05), 0.05)}.items():
-        np.testing.assert_allclose(errors[axis][1:-1], np.broadcast_to(wanted, (198, 2)), atol=1e-9, err_msg=axis)
+        np.testing.assert_allclose(found[axis][1:-1], np.broadcast_to(wanted, (198, 2)), atol=1e-9, err_msg=axis)
 
 
 def test_at_rest_the_last_direction_counts() -> None:
@@ -67,7 +95,7 @@ def test_at_rest_the_last_direction_counts() -> None:
     legs = [(0, 0)] * 5 + [(0, 0.01)] * 5 + [(0, 0)] * 5 + [(-0.01, 0)] * 5 + [(0, 0)] * 5
     ref = np.zeros((len(legs), 2, 2))
     ref[:, 0] = np.cumsum(legs, axis=0)
-    found = metrics.travel(ref)
+    found = travel(ref)
     # The first step back leads to frame 15; a direction looks both ways, so that it is new in the frame before.
     wanted = np.where(np.arange(len(legs))[:, None] < 14, (0.0, 1.0), (-1.0, 0.0))
     np.testing.assert_allclose(found[:, 0], wanted, atol=1e-12)
@@ -109,13 +137,13 @@ def test_effort_of_an_acceleration_an_oscillation_and_a_step() -> None:
     """Speeding up at 3 and 4 m/s^2 is 5 m/s^2; a sine's derivative shrinks by sinc(w T / 2) from frame to frame; a
     step of 0.6 m/s in the first of n frames is 0.6 / T once, so 0.6 / (T sqrt(n))."""
     speed = np.arange(1, 91)[:, None, None] * T
-    assert metrics.control_effort(np.concatenate([3.0 * speed, -4.0 * speed], axis=-1)) == pytest.approx([5.0])
+    assert effort(np.concatenate([3.0 * speed, -4.0 * speed], axis=-1)) == pytest.approx([5.0])
     w, frames = 2 * math.pi * 2.0, 600
     sine = 0.5 * np.sin(w * T * np.arange(1, frames + 1))[:, None]
     shrink = math.sin(w * T / 2) / (w * T / 2)
-    assert metrics.control_effort(sine) == pytest.approx(0.5 * w * shrink / math.sqrt(2), rel=1e-9)
+    assert effort(sine) == pytest.approx(0.5 * w * shrink / math.sqrt(2), rel=1e-9)
     step = np.full((25, 2, 2), [0.6, 0.0])
-    assert metrics.control_effort(step) == pytest.approx([0.6 * 60 / 5] * 2)
+    assert effort(step) == pytest.approx([0.6 * 60 / 5] * 2)
 
 
 def test_who_sends_the_references_own_velocities_has_no_excess_effort() -> None:
@@ -133,13 +161,13 @@ def test_who_sends_the_references_own_velocities_has_no_excess_effort() -> None:
     hum = np.where(np.arange(frames) % 2, 0.1, -0.1)[:, None] * (0.8, 0.6)  # across the way
     commands = np.stack([velocity, early, velocity + hum, 0.5 * velocity], axis=1)
     references = np.repeat(path[:, None], 4, axis=1)
-    excess = metrics.excess_effort(commands, references)
-    own = metrics.control_effort(hum)
+    excess = excess_effort(commands, references)
+    own = effort(hum)
     np.testing.assert_allclose(excess, [0, 0, own, 0], atol=1e-6)
     assert own == pytest.approx(0.2 / T, rel=0.01)  # but for the first frame, which comes from rest
     ended = np.where(np.arange(frames)[:, None, None] < 100, references, np.nan)
-    alone = metrics.excess_effort(commands[:100], references[:100])
-    np.testing.assert_allclose(metrics.excess_effort(np.where(np.isnan(ended), np.nan, commands), ended), alone)
+    alone = excess_effort(commands[:100], references[:100])
+    np.testing.assert_allclose(excess_effort(np.where(np.isnan(ended), np.nan, commands), ended), alone)
 
 
 def test_an_error_that_decays_settles_when_the_exponential_says() -> None:
@@ -147,7 +175,7 @@ def test_an_error_that_decays_settles_when_the_exponential_says() -> None:
     rest, frames = 30, 200
     after = np.maximum(np.arange(frames) - rest, 0) * T
     for start_m, tau_s in ((0.05, 0.1), (0.3, 0.25), (0.011, 1.0)):
-        times = metrics.settling_times(moving(frames, rest), start_m * np.exp(-after / tau_s)[:, None])
+        times = settling_times(moving(frames, rest), start_m * np.exp(-after / tau_s)[:, None])
         assert times == pytest.approx(math.ceil(tau_s * math.log(start_m / 0.01) / T) * T)
 
 
@@ -163,7 +191,7 @@ def test_settling_counts_the_last_excursion_of_each_row_from_the_end_of_its_own_
     ref[15:, 4] = np.nan
     error[:15, 5:] = 0.5
     wanted = [0, 0, (32 - 10) * T, np.inf, 0, 3 * T, 15 * T]
-    np.testing.assert_allclose(metrics.settling_times(ref, error), wanted)
+    np.testing.assert_allclose(settling_times(ref, error), wanted)
 
 
 def test_windows_of_alpha_are_ratios_of_displacements() -> None:

@@ -1,5 +1,6 @@
 """Recovery from faults: recomputed by hand, of rows of all kinds, in summaries and tables."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -9,10 +10,12 @@ from logs import failure, filled, rows
 from numpy.typing import NDArray
 
 import omni_mj as om
-from omni_mj.measure import events, recovery
+from omni_mj.measure import events, metrics, recovery
 from omni_mj.measure.table import text
 from omni_mj.scenarios.settings import Settings
 from omni_mj.show import compare_table
+from omni_mj.simulate.log import Log
+from omni_mj.simulate.simulation import Failure
 
 FRAME_S = 1 / 60
 PUSH = {"kind": "push", "at": 1.0, "for": 0.5, "force_n": 10.0}  # frames 60 to 89, looked at until 209
@@ -21,6 +24,11 @@ TILT = {"kind": "tilt", "at": 3.0, "angle_deg": 2.0}  # from frame 180 on
 
 def met(*faults: dict[str, Any]) -> Settings:
     return Settings(fault=faults)
+
+
+def recoveries(log: Log, failures: Sequence[Failure] = ()) -> dict[str, NDArray]:
+    """What is measured of faults."""
+    return {name: values for name, values in metrics.row_metrics(log, failures).items() if name.startswith("fault_")}
 
 
 def strayed(frames: int, **spans: tuple[int, int, float]) -> NDArray:
@@ -47,7 +55,7 @@ def strayed(frames: int, **spans: tuple[int, int, float]) -> NDArray:
 def test_excursion_and_recovery_are_those_until_two_seconds_after(
     spans: dict[str, Any], excursion: float, recovered: float | None
 ) -> None:
-    found = recovery.row_metrics(filled(rows(settings=met(PUSH)), 300, pose=strayed(300, **spans)))
+    found = recoveries(filled(rows(settings=met(PUSH)), 300, pose=strayed(300, **spans)))
     assert found["fault_1_excursion_m"] == pytest.approx([excursion], abs=1e-12)
     assert found["fault_1_recovery_s"] == pytest.approx([np.inf if recovered is None else recovered])
 
@@ -55,7 +63,7 @@ def test_excursion_and_recovery_are_those_until_two_seconds_after(
 def test_a_fault_that_goes_on_is_looked_at_until_the_end_of_the_run() -> None:
     """From its first frame; the fault before it until its own end."""
     pose = strayed(300, late=(200, 290, 0.1))
-    found = recovery.row_metrics(filled(rows(settings=met(PUSH, TILT)), 300, pose=pose))
+    found = recoveries(filled(rows(settings=met(PUSH, TILT)), 300, pose=pose))
     assert {name: values[0] for name, values in found.items()} == pytest.approx(
         {"fault_1_excursion_m": 0.1, "fault_1_recovery_s": np.inf, "fault_2_excursion_m": 0.1}
         | {"fault_2_recovery_s": 110 * FRAME_S}
@@ -67,10 +75,10 @@ def test_rows_that_failed_did_not_recover_and_those_without_a_fault_have_nothing
     own = [met(PUSH), met(PUSH), met(), met(PUSH)]
     table = [replace(row, settings=settings) for row, settings in zip(rows(("a", "b", "c", "d")), own, strict=True)]
     log = filled(table, 300, [300, 100, 300, 40])
-    found = recovery.row_metrics(log, [failure(log, 1)])
+    found = recoveries(log, [failure(log, 1)])
     np.testing.assert_array_equal(found["fault_1_excursion_m"], [0.0, np.inf, np.nan, np.nan])
     np.testing.assert_array_equal(found["fault_1_recovery_s"], [0.0, np.inf, np.nan, np.nan])
-    assert recovery.row_metrics(filled(rows(), 10)) == {}
+    assert recoveries(filled(rows(), 10)) == {}
 
 
 def test_a_summary_has_the_spread_over_the_rows_that_meet_the_same() -> None:
@@ -79,7 +87,7 @@ def test_a_summary_has_the_spread_over_the_rows_that_meet_the_same() -> None:
     table = [replace(r, settings=settings) for r, settings in zip(rows(("a",), range(4)), own, strict=True)]
     pose = np.concatenate([strayed(300, once=(60, 70 + 5 * i, 0.1 * (i + 1))) for i in range(4)], axis=1)
     log = filled(table, 300, pose=pose)
-    (told,) = recovery.results(log, "a", recovery.row_metrics(log))
+    (told,) = recovery.results(log, "a", recoveries(log))
     assert (told["kind"], told["at_s"], told["for_s"]) == ("push", 1.0, 0.5)
     assert told["fault"] == "push of 10 N towards 0 deg, from 1 s to 1.5 s"
     assert told["excursion_m"]["seeds"] == pytest.approx([0.1, 0.2, 0.4])

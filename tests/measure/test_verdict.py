@@ -9,6 +9,7 @@ from logs import failure, filled, rows
 from numpy.typing import ArrayLike
 
 from omni_mj.measure import metrics, summary, table
+from omni_mj.measure.running import STATISTICS
 from omni_mj.measure.statistics import spread
 from omni_mj.measure.verdict import verdicts
 from omni_mj.show import compare_table
@@ -109,7 +110,7 @@ def test_whoever_failed_is_behind_everybody_who_did_not() -> None:
 def limit(error_m: float) -> dict[str, Any]:
     """Errors of a limit, the same in all statistics."""
     axes = ("x", "y", "distance", "along", "across")
-    return {axis: {statistic: spread(np.full(SEEDS, error_m)) for statistic in metrics.STATISTICS} for axis in axes}
+    return {axis: {statistic: spread(np.full(SEEDS, error_m)) for statistic in STATISTICS} for axis in axes}
 
 
 def compared(

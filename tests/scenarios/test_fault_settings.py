@@ -17,7 +17,7 @@ import omni_mj as om
 from omni_control.errors import OmniError
 from omni_mj.link.camera_faults import Sight, Timing
 from omni_mj.link.radio_faults import Mishaps
-from omni_mj.measure import events, recovery
+from omni_mj.measure import events, metrics, recovery
 from omni_mj.plants.faults import ACTS
 from omni_mj.scenarios import faults
 from omni_mj.scenarios.checking import Setting
@@ -221,7 +221,7 @@ def test_a_fault_of_some_robots_is_theirs_alone() -> None:
     assert log.channel("vision_valid")[:, 0].any()
     assert not log.channel("vision_valid")[:, 1].any()
     assert {event.place for event in events.find(log) if event.kind == "fault"} == {1}
-    measured = recovery.row_metrics(log)
+    measured = metrics.row_metrics(log)
     assert np.isnan(measured["fault_1_excursion_m"][0])
     assert np.isfinite(measured["fault_1_excursion_m"][1])
     assert recovery.results(log, "flc", measured)[0]["fault"].endswith(", of robots 1")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.measure import metrics
+from omni_mj.measure.errors import errors
 from omni_mj.show import style
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Failure
@@ -57,8 +57,8 @@ class FirstRows:
         return self.channel("ref")[:, longest]
 
     def errors(self, axis: str) -> Array:
-        """Absolute errors along one of `metrics.AXES`, (frames, controllers), m or rad."""
-        return metrics.errors(self.log)[axis][: self.length, self.rows]
+        """Absolute errors along one of `errors.AXES`, (frames, controllers), m or rad."""
+        return errors(self.log)[axis][: self.length, self.rows]
 
     @property
     def turns(self) -> bool:

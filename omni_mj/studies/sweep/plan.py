@@ -9,15 +9,22 @@ from typing import Any, Self
 
 from omni_control.errors import OmniError
 from omni_mj.files import write
+from omni_mj.measure.errors import AXES
+from omni_mj.measure.metrics import BLOCK_FRAMES
 from omni_mj.scenarios.controllers import written
-from omni_mj.scenarios.references import timed
+from omni_mj.scenarios.references import reference_limits, timed
 from omni_mj.scenarios.rows import Row, table
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.simulate.alike import alike, all_alike
 from omni_mj.studies.sweep.grid import Axis, Value, at, made, points, together
 
 AT_ONCE = 128  # robots that are simulated at once
-FRAME_BYTES = 600  # of a robot-frame's log, with what is made of it to measure (docs/performance.md)
+# Of memory, about; measured (docs/scale.md).
+PROGRAM_BYTES = 300e6  # of a process, whatever it simulates
+FRAME_BYTES = 600  # of a robot-frame in the log, with what is made of it to measure
+LARGEST_BYTES = 2 * len(AXES) * 8 * 0.01  # of each robot-frame, of whose errors 1 % are kept, twice before they are cut
+REFERENCE_BYTES = 200  # of a frame of a reference, in the simulation, its team and what is measured
+LOOKED_AT = 128  # runs of a shard, for how many references its robots follow
 FORMAT = 1
 
 
@@ -127,12 +134,24 @@ class Plan:
         """Of the longest run."""
         return max(len(timed(each.settings).poses) for each in self.there)
 
-    @property
+    @cached_property
     def bytes(self) -> int:
-        """Of memory that a shard takes, about; it does not grow with the number of runs."""
-        most = max(len(job.runs) for job in self.jobs) * len(self.scenario.controllers)
+        """Of memory that a process takes, about; it does not grow with the number of runs, little with their length.
+
+        That of references does grow with it, which is much only where each robot follows its own.
+        """
+        largest = max(self.jobs, key=lambda job: len(job.runs))
         places = max(len(each.settings.world.places) for each in self.there)
-        return most * places * self.frames * FRAME_BYTES
+        robots = len(largest.runs) * len(self.scenario.controllers) * places
+        of_robot = BLOCK_FRAMES * FRAME_BYTES + self.frames * LARGEST_BYTES
+        return int(PROGRAM_BYTES + robots * of_robot + self._references(largest) * self.frames * REFERENCE_BYTES)
+
+    def _references(self, job: Job) -> int:
+        """How many references the robots of a shard follow, about: as few as some of its runs do, or each its own."""
+        some = job.runs[:: -(-len(job.runs) // LOOKED_AT)]
+        rows = self.rows(Job(job.number, some))
+        ways = {(row.settings.reference, reference_limits(row.settings), row.where) for row in rows}
+        return len(ways) if len(ways) < len(some) else len(ways) * len(job.runs) // len(some)
 
     def check_memory(self, jobs: int = 1) -> None:
         """See that as many shards at once fit.
@@ -143,10 +162,12 @@ class Plan:
         have = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else 0
         needed = jobs * self.bytes
         if have and needed > 0.8 * have:
-            fits = max(1, int(self.at_once * 0.5 * have / needed))
+            room = 0.5 * have / jobs - PROGRAM_BYTES
+            fits = int(self.at_once * room / (self.bytes - PROGRAM_BYTES))
+            fewer = "--jobs" if fits < 1 < jobs else f"--at-once {max(1, fits)}"
             raise OmniError(
                 f"{jobs * self.at_once} robots at once for {self.frames} frames need some {needed / 1e9:.1f} GB, and"
-                f" there are {have / 1e9:.1f}; give fewer: --at-once {fits}"
+                f" there are {have / 1e9:.1f}; give fewer: {fewer}"
             )
 
     def save(self, folder: Path) -> None:

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from omni_control.kinematics import Array
 from omni_mj import parquet
-from omni_mj.measure import metrics, recovery
+from omni_mj.measure.metrics import BLOCK_FRAMES, Tally
+from omni_mj.measure.way import Way
 from omni_mj.scenarios.distributions import value
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies.outcome import nothing
@@ -44,26 +46,40 @@ def run(plan: Plan, job: Job, after_frame: Callable[[int], None] = nothing) -> "
     """
     import pyarrow as pa
 
-    gc.collect()  # the shard before, which is held by itself in circles: its log would take as much memory again
+    gc.collect()  # the shard before, which is held by itself in circles, and would take as much memory again
     driven = simulation(plan, job)
-    log = driven.run(after_frame)
+    rows, measured = driven.rows, _measured(driven, after_frame)
     failures = {failure.row: failure for failure in driven.failures}
-    measured = metrics.row_metrics(log, driven.failures) | recovery.row_metrics(log, driven.failures)
     there = plan.scenarios(job)
     count = len(plan.scenario.controllers)
     number = [point for point, _ in job.runs for _ in range(count * len(there[point].settings.world.places))]
     columns: dict[str, object] = {"point": np.array(number, np.int32)}
     columns |= {name.name: [plan.points[point][name.name] for point in number] for name in plan.axes}
     columns |= {
-        "controller": [row.controller for row in log.rows],
-        "seed": np.array([row.seed for row in log.rows], np.int64),
-        "place": np.array([row.place for row in log.rows], np.int32),
-        "failed_at_s": [failures[i].time_s if i in failures else math.nan for i in range(len(log.rows))],
-        "cause": pa.array([failures[i].cause if i in failures else None for i in range(len(log.rows))], pa.string()),
+        "controller": [row.controller for row in rows],
+        "seed": np.array([row.seed for row in rows], np.int64),
+        "place": np.array([row.place for row in rows], np.int32),
+        "failed_at_s": [failures[i].time_s if i in failures else math.nan for i in range(len(rows))],
+        "cause": pa.array([failures[i].cause if i in failures else None for i in range(len(rows))], pa.string()),
     }
     drawn = {name for each in there.values() for name in each.distributions}
-    columns |= {name: [value(row.settings, name) for row in log.rows] for name in sorted(drawn)}
-    return pa.table(columns | dict(measured))
+    columns |= {name: [value(row.settings, name) for row in rows] for name in sorted(drawn)}
+    return pa.table(columns | measured)
+
+
+def _measured(driven: Simulation, after_frame: Callable[[int], None]) -> dict[str, Array]:
+    """Run, and measure block by block, so that no more than a block of frames is ever held."""
+    ways = {id(each): Way(each.poses) for each in driven.references}
+    tally = Tally(driven.rows, [ways[id(each)] for each in driven.references])
+
+    def after(frame: int) -> None:
+        if driven.log.length == BLOCK_FRAMES:
+            tally.add(driven.log)
+            driven.log.clear()
+        after_frame(frame)
+
+    tally.add(driven.run(after))
+    return tally.row_metrics(driven.failures)
 
 
 def save(table: "pa.Table", path: Path) -> None:
