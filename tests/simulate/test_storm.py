@@ -19,7 +19,7 @@ def test_everything_that_plants_on_wheels_know_happens_in_the_storm() -> None:
 
 def test_robots_come_out_of_the_storm_on_the_field_and_at_rest() -> None:
     """Whatever their controller believed meanwhile; its estimates are within what it allows. Each fault is an event."""
-    simulation = Simulation(STORM, ["comp-flc", "adaptive-comp-flc"], seeds=[5])
+    simulation = Simulation(STORM, ["comp-flc", "adaptive-comp-flc", "lqr"], seeds=[5])
     log = simulation.run()
     assert not simulation.failures
     pose = log.channel("pose")
