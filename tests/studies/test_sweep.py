@@ -88,7 +88,7 @@ def test_runs_longer_than_a_block_have_the_numbers_of_the_whole() -> None:
 
 
 def test_memory_does_not_grow_with_the_length_of_runs() -> None:
-    """20 robots for 15 s longer: their frames would be 11 MB more, what is kept of them is a twentieth of that at most."""
+    """20 robots for 15 s longer: their frames would be 11 MB more, what is kept of them is a twentieth at most."""
     highest = []
     for seconds in (10.0, 25.0):
         plan = long(seconds)
