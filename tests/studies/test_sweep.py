@@ -51,11 +51,12 @@ def test_each_run_is_what_it_is_alone(whole: sweep.Sweep) -> None:
             sections.setdefault(name.split(".")[0], {})[name.split(".")[1]] = value
         alone = om.run(scenario(**sections), NAMES, range(3)).rows()
         own = table.filter(pa.compute.equal(table["point"], point))
-        shared = [name for name in alone.column_names if name in own.column_names and name != "failed_at_s"]
+        alone, own = bits(alone), bits(own)
+        shared = [name for name in alone if name in own and name != "failed_at_s"]
         assert {"controller", "seed", "settle_s", "distance_p99_m", "heading_rms_rad", "held_back_share"} <= {*shared}
         for name in shared:
-            assert bits(own)[name] == bits(alone)[name], name
-        assert set(own["radio.delay_frames"].to_pylist()) == {values["radio.delay_frames"]}
+            assert own[name] == alone[name], name
+        assert set(own["radio.delay_frames"]) == {repr(values["radio.delay_frames"])}
 
 
 class Gone(om.Controller):
@@ -68,7 +69,7 @@ class Gone(om.Controller):
 
 
 def long(seconds: float) -> Plan:
-    """Of some robots that rest at the end for so long, one of which fails; vision is away for a while."""
+    """Of robots that rest at the end for so long, half of which fail before; vision is away for a while."""
     out = {"kind": "vision-out", "at": 8.0, "for": 1.0}
     chosen = om.scenario("rect", plant="kinematic", reference={**SHORT, "settle_s": seconds}, fault=(out,))
     return Plan(chosen.replace(controllers=("p", Gone), seeds=10), sweep.axes({"radio.delay_frames": [4]}))
@@ -87,9 +88,9 @@ def test_runs_longer_than_a_block_have_the_numbers_of_the_whole() -> None:
 
 
 def test_memory_does_not_grow_with_the_length_of_runs() -> None:
-    """20 robots for four times as long: their frames would be 20 MB more, what is kept of them is less than 1."""
+    """20 robots for 15 s longer: their frames would be 11 MB more, what is kept of them is a twentieth at most."""
     highest = []
-    for seconds in (10.0, 40.0):
+    for seconds in (10.0, 25.0):
         plan = long(seconds)
         _ = plan.frames
         tracemalloc.start()
@@ -98,7 +99,7 @@ def test_memory_does_not_grow_with_the_length_of_runs() -> None:
             highest.append(tracemalloc.get_traced_memory()[1])
         finally:
             tracemalloc.stop()
-    assert highest[1] - highest[0] < 0.05 * 20 * 1800 * 600
+    assert highest[1] - highest[0] < 0.05 * 20 * 15 * 60 * 600
 
 
 @pytest.mark.parametrize("at_once", [1, 5])

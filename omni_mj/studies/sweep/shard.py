@@ -69,7 +69,8 @@ def run(plan: Plan, job: Job, after_frame: Callable[[int], None] = nothing) -> "
 
 def _measured(driven: Simulation, after_frame: Callable[[int], None]) -> dict[str, Array]:
     """Run, and measure block by block, so that no more than a block of frames is ever held."""
-    ways = {id(each): Way(each.poses) for each in driven.references}
+    distinct = {id(each): each for each in driven.references}
+    ways = {key: Way(each.poses) for key, each in distinct.items()}
     tally = Tally(driven.rows, [ways[id(each)] for each in driven.references])
 
     def after(frame: int) -> None:
