@@ -1,6 +1,11 @@
-"""How many processes the tests run in, where `-n auto` leaves it open."""
+"""What holds of all tests: how many processes they run in, and that no example is too slow."""
 
 import os
+
+from hypothesis import settings
+
+settings.register_profile("patient", deadline=None)  # time says how busy a computer is
+settings.load_profile("patient")
 
 
 def pytest_xdist_auto_num_workers() -> int:

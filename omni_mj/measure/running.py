@@ -47,7 +47,8 @@ class Percentile:
     """
 
     def __init__(self, n: int, frames: int) -> None:
-        self._keep = frames - int(_below(np.array(max(frames, 1)))[0])
+        most = max(frames, 1)
+        self._keep = most - int(_below(np.array(most))[0])
         self._largest = [np.empty((0, n))]
         self._count = np.zeros(n, int)
 
