@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from omni_control.errors import OmniError
+from omni_mj.cli import options
 
 VIEWS = ("follow", "whole", "plan")
 LEAST, MOST = 64, 4096  # pixels
@@ -24,6 +25,7 @@ PANELS = 960, 320  # of a line of panels
 @click.option("--speed", type=click.FloatRange(0.01, 100), default=1.0, metavar="X", help="2 is twice as fast. [1]")
 @click.option("--rate", type=click.FloatRange(1, 60), default=15.0, metavar="HZ", help="Pictures a second. [15]")
 @click.option("--size", metavar="WxH", help="Of a picture, pixels. [960x320, higher for more than four controllers]")
+@options.ALLOW_CODE
 def command(
     folder: Path,
     out: Path | None,
@@ -34,6 +36,7 @@ def command(
     speed: float,
     rate: float,
     size: str | None,
+    allow_code: bool,
 ) -> None:
     """Draw the run in DIR as a film: OUT.gif, .webp, .mp4 or .webm, DIR/film.webp if none is named.
 
@@ -50,7 +53,7 @@ def command(
     from omni_mj.show.film.reel import Reel, grid
 
     writing.check(out)
-    reel = Reel.of(folder, controllers)
+    reel = Reel.of(folder, controllers, allow_code)
     wide, high = PANELS
     pixels = pixels or (wide, high * grid(len(reel.takes))[0])
     end = reel.duration_s if end_s is None else min(end_s, reel.duration_s)

@@ -60,8 +60,13 @@ class Reel:
     takes: Sequence[Take]
 
     @classmethod
-    def of(cls, folder: Path, controllers: Sequence[str] = ()) -> "Reel":
+    def of(cls, folder: Path, controllers: Sequence[str] = (), code: bool = False) -> "Reel":
         """Read the folder of a run; of its first seed, all controllers or those that are named.
+
+        Args:
+            folder: of a run.
+            controllers: their names. [all]
+            code: whether controllers of a user's own, which the scenario names, may be read.
 
         Raises:
             OmniError: it holds no run, no trajectory, or no such controller.
@@ -70,7 +75,7 @@ class Reel:
         for file in (folder / "scenario.toml", frames):
             if not file.is_file():
                 raise OmniError(f"{folder} holds no run to film: there is no {file.name}; give the folder of a run")
-        settings = scenario.load(str(folder / "scenario.toml")).settings
+        settings = scenario.load(str(folder / "scenario.toml"), code=code).settings
         count = len(settings.wheels.kinematics.azimuths)
         needed = _columns(parquet.schema(frames).names, count)
         table = parquet.read(frames, needed)
