@@ -1,9 +1,10 @@
 """Tables as Parquet files; by its name, Arrow would take a path with a colon in it for an address."""
 
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -90,13 +91,16 @@ def join(parts: Sequence[Path], path: Path) -> None:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[BinaryIO]:
-    """A file to read; what is wrong with it is a line."""
+def _opened(path: Path) -> "Iterator[pa.NativeFile]":
+    """A file to read; what is wrong with it is a line.
+
+    Arrow's own file: threads that read a file of Python's still hold it when a program ends at once, which they abort.
+    """
     import pyarrow as pa
 
     try:
-        with path.open("rb") as file:
+        with path.open("rb"), pa.OSFile(os.fsencode(path), "rb") as file:  # the first tells of errors in words
             yield file
-    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
+    except (OSError, pa.ArrowException) as error:
         reason = (isinstance(error, OSError) and error.strerror) or str(error)
         raise OmniError(f"{path} cannot be read: {' '.join(reason.split())}") from None

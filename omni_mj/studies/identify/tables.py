@@ -5,7 +5,6 @@ may begin with a byte order mark and lines of comment (#), and its header may ha
 passed over; so are columns that hold no numbers, unless they are asked for.
 """
 
-import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -92,8 +91,10 @@ def _csv(path: Path) -> Any:
         raise OmniError(f"{path.name}: column {twice} is there twice")
     body = "\n".join(line for line in lines[begin + 1 :] if line.strip())
     comma = separator != "," and "," in body
+    kept = pa.BufferOutputStream()  # Arrow's own, as in `omni_mj.parquet`
+    kept.write(body.encode() or b"\n")
     return pyarrow.csv.read_csv(
-        io.BytesIO(body.encode() or b"\n"),
+        pa.BufferReader(kept.getvalue()),
         read_options=pa.csv.ReadOptions(column_names=names),
         parse_options=pa.csv.ParseOptions(delimiter=separator),
         convert_options=pa.csv.ConvertOptions(decimal_point="," if comma else "."),
