@@ -6,7 +6,7 @@ if __name__ == "__main__":
     from omni_mj.cli import console
     from omni_mj.cli.run import command
 
-    console.invoke(command)
+    console.program(command)
 else:
     # Importing a module sets it as an attribute of its package: `import omni_mj.run` would put this file in the place
     # of the function `omni_mj.run`. What is set is what stands in sys.modules.

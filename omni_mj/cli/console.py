@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from omni_control.errors import OmniError, printable
-from omni_mj.cli import streams
+from omni_mj.cli import strays, streams
 
 if TYPE_CHECKING:
     from omni_mj.measure.result import Result
@@ -31,13 +31,23 @@ MESSAGE = 4000  # characters of a line, at most
 PROGRESS_STEP = 12  # frames from one look of the progress bar to the next
 
 
-def invoke(command: click.Command, args: list[str] | None = None) -> NoReturn:
+def program(command: click.Command) -> NoReturn:
+    """Run a click command by what was typed, as a program of its own, and exit; see `invoke`."""
+    strays.attend()
+    words = sys.argv[1:]
+    if "film" not in words:  # nothing else draws by MuJoCo, which looks for libraries of windows
+        os.environ.setdefault("MUJOCO_GL", "disable")
+    try:
+        invoke(command, words)
+    except SystemExit as end:
+        strays.leave(end.code if isinstance(end.code, int) else 0)
+        raise
+
+
+def invoke(command: click.Command, words: list[str]) -> NoReturn:
     """Run a click command and exit: 0 on success, 2 for bad input, 1 for a failure; each error is a line on stderr."""
     streams.attend()
     try:
-        words = sys.argv[1:] if args is None else args
-        if args is None and "film" not in words:  # nothing else draws by MuJoCo, which looks for libraries of windows
-            os.environ.setdefault("MUJOCO_GL", "disable")
         line = shlex.join([*_program(command).split(), *words])
         code = command.main(args=words, prog_name=_program(command), standalone_mode=False, obj=line)
         sys.stdout.flush()

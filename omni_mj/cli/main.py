@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from omni_control.errors import OmniError, choose
-from omni_mj.cli import console, strays
+from omni_mj.cli import console
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -129,12 +129,7 @@ def cli() -> None:
 
 def main() -> NoReturn:
     """Entry point of the console script."""
-    strays.attend()
-    try:
-        console.invoke(cli)
-    except SystemExit as end:
-        strays.leave(end.code if isinstance(end.code, int) else 0)
-        raise
+    console.program(cli)
 
 
 if __name__ == "__main__":

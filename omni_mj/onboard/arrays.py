@@ -158,6 +158,7 @@ class TractionArrays(NamedTuple):
 
 
 FIRMWARE_ROBOTS, FIRMWARE_WHEELS = 22, 11  # of the fields above, how many are (n,), and how many (W, n)
+MOTORS, BATTERY, RIMS = (len(kind._fields) for kind in (MotorArrays, BatteryArrays, RimArrays))  # fields of each
 
 
 def firmware(r: Array, w: Array) -> FirmwareArrays:

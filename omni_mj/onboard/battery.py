@@ -31,7 +31,7 @@ class Battery:
         self._cut_off = column(settings, "cut_off_v")[:, 0]
         self.charge = column(settings, "charge")[:, 0].copy()
         self.alive = np.ones(len(settings), bool)
-        self.block = np.zeros((7, len(settings)))
+        self.block = np.zeros((arrays.BATTERY, len(settings)))
         # Dead: infinite once it is; of whatever power then, no current is drawn.
         parts = arrays.battery(self.block)
         self._open, self._resistance, self._dead, self.voltage, self._drawn, self._loads, self.share = parts

@@ -47,7 +47,7 @@ class Motors:
         self._cold_resistance, self._gear = column(motors, "resistance"), column(motors, "gear")
         self._new_constant = arrays.filled(column(motors, "constant") * strength, shape)
         self._cold_constant = self._new_constant
-        self.block = np.zeros((5, wheels, len(settings)))
+        self.block = np.zeros((arrays.MOTORS, wheels, len(settings)))
         self._speed_constant, self.resistance, commutation, self._limit, self._held_back = (
             each.T for each in arrays.motors(self.block)
         )

@@ -81,7 +81,7 @@ class Traction:
         self._whole, self._gap, self._gaps = self._grip.copy(), arrays.filled(0.0, shape), False
         self._bearing, stiffness = column(drive, "roller_friction"), column(drive, "creep_stiffness")
         self._creep = 1 / (timestep * self._radius**2 * stiffness * inverse_inertia)
-        self.block = np.zeros((4, *shape[::-1]))
+        self.block = np.zeros((arrays.RIMS, *shape[::-1]))
         self._softness, self._rim_friction, self.limit, self.impedance = (each.T for each in arrays.rims(self.block))
         self.impedance[:] = 1.0
         self.wrench = np.zeros((6, shape[0])).T

@@ -12,6 +12,7 @@ from omni_mj.worlds.build import World
 # Columns of `Cells.wheels`, and of `Cells.robots`: x, y; the quaternion; vx, vy and turn rate; the wrench; gyro.
 ANGLE, SPEED, CTRL, ENCODER, LOAD, SLIP_ANGLE, SLIP, BOTTOM, FOLLOWING = range(9)
 X, Y, QW, QX, QY, QZ, VX, VY, RATE, WRENCH, GYRO = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 15
+OF_WHEEL, OF_ROBOT = FOLLOWING + 1, GYRO + 1  # how many there are
 
 
 class Cells(NamedTuple):
@@ -45,8 +46,8 @@ class Cells(NamedTuple):
             return offset // state.itemsize
 
         qpos, qvel, ctrl, forces = (first(name) for name in ("qpos", "qvel", "ctrl", "xfrc_applied"))
-        wheels = np.zeros((len(world.robots), 9, len(world.kinematics.azimuths)), np.int64)
-        robots = np.zeros((len(world.robots), 16), np.int64)
+        wheels = np.zeros((len(world.robots), OF_WHEEL, len(world.kinematics.azimuths)), np.int64)
+        robots = np.zeros((len(world.robots), OF_ROBOT), np.int64)
         creeps = world.robots[0].slip_dofs.size > 0
         kept = creeps and world.robots[0].rollers.shape[1] == roles.KEPT
         for place, robot in enumerate(world.robots):

@@ -25,7 +25,7 @@ from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import Traction
-from omni_mj.plants.cells import Cells
+from omni_mj.plants.cells import OF_ROBOT, OF_WHEEL, Cells
 
 Table = np.ndarray
 
@@ -108,17 +108,17 @@ def firmware(t: Table) -> FirmwareArrays:
 
 def motors(t: Table) -> MotorArrays:
     """What motors have."""
-    return arrays.motors(floats(t[BLOCKS + 2], (5, t[WHEELS], t[ROBOTS])))
+    return arrays.motors(floats(t[BLOCKS + 2], (arrays.MOTORS, t[WHEELS], t[ROBOTS])))
 
 
 def battery(t: Table) -> BatteryArrays:
     """What batteries have."""
-    return arrays.battery(floats(t[BLOCKS + 3], (7, t[ROBOTS])))
+    return arrays.battery(floats(t[BLOCKS + 3], (arrays.BATTERY, t[ROBOTS])))
 
 
 def rims(t: Table) -> RimArrays:
     """What rims have."""
-    return arrays.rims(floats(t[BLOCKS + 4], (4, t[WHEELS], t[ROBOTS])))
+    return arrays.rims(floats(t[BLOCKS + 4], (arrays.RIMS, t[WHEELS], t[ROBOTS])))
 
 
 def cells(t: Table) -> Cells:
@@ -129,8 +129,8 @@ def cells(t: Table) -> Cells:
         floats(a[1], (worlds, t[SENSORS])),
         floats(a[2], (worlds, t[DOFS])),
         floats(a[3], (worlds, t[DOFS], 5)),
-        numbers(a[4], (places, 9, t[WHEELS])),
-        numbers(a[5], (places, 16)),
+        numbers(a[4], (places, OF_WHEEL, t[WHEELS])),
+        numbers(a[5], (places, OF_ROBOT)),
         floats(a[6], (1,)),
     )
 
