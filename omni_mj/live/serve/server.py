@@ -110,8 +110,6 @@ class Server:
     def run(self, check: Callable[[], None] = lambda: None, until_s: float = math.inf) -> None:
         """Serve until simulated time is over, or `check`, which is called often, raises something."""
         self.publisher.look()
-        if self.in_real_time and self._pace.speed:  # compiled loops are loaded in a frame that no clock waits for
-            self._advance(self.pitch.cycle + CYCLES)
         self._pace.change(self._pace.speed, time.monotonic(), self.pitch.cycle)
         # In lockstep stamps are the same in all runs.
         self.publisher.begin(time.time() - self.pitch.time_s if self.in_real_time else 0.0)
