@@ -130,8 +130,7 @@ def command(
     summary = result.summary()
     if not quiet:
         compare_table.show(summary)
-        files = ", ".join(str(folder / output) for output in (*OUTPUTS, *KEPT) if (folder / output).exists())
-        print(f"{result.wall_s:.1f} s; results in {files}")
+        print(f"{console.results(folder, (*OUTPUTS, *KEPT))} after {result.wall_s:.0f} s")
     status = [outcome.entry["status"] for outcome in result.outcomes]
     interrupts.end(result.stopped, f"{status.count('done')} of {len(chosen)} scenarios are in {folder}")
     errors = [f"{o.scenario.name}: {o.entry['reason']}" for o in result.outcomes if o.entry["status"] == "failed"]

@@ -139,8 +139,12 @@ def checked(check: Callable[[], None], show: Callable[[int], None]) -> Callable[
 def tell(result: "Result", folder: Path, outputs: Iterable[str]) -> None:
     """Print a study's table, and which of its outputs are in the folder."""
     print(result.table())
-    left = ", ".join(output for output in outputs if (folder / output).exists())
-    print(f"results in {folder}/ ({left}) after {result.wall_s:.0f} s")
+    print(f"{results(folder, outputs)} after {result.wall_s:.0f} s")
+
+
+def results(folder: Path, outputs: Iterable[str]) -> str:
+    """Where results are, and which of the outputs."""
+    return f"results in {folder}/ ({', '.join(output for output in outputs if (folder / output).exists())})"
 
 
 @contextmanager

@@ -116,7 +116,9 @@ def _carry_on(plan: "Plan", folder: Path, where: "Workers | None", wishes: "list
         if found.complete:
             kept.keep(found, wishes)
         _show(found, quiet)
-    interrupts.end(found.stopped, f"{found.done} of {len(plan.jobs)} shards are in {folder}; --resume {folder} goes on")
+    interrupts.end(
+        found.stopped, f"{found.done} of {_shards(len(plan.jobs))} are in {folder}; --resume {folder} goes on"
+    )
 
 
 def _estimate(plan: "Plan", jobs: "list[Job]") -> str:
@@ -130,8 +132,13 @@ def _estimate(plan: "Plan", jobs: "list[Job]") -> str:
         trial.step()
     shard_s = (time.perf_counter() - started) * plan.frames / TRIAL_FRAMES
     runs = sum(len(job.runs) for job in jobs)
-    shards = f"{runs} runs of {len(plan.scenario.controllers)} controllers in {len(jobs)} shards"
-    return f"{shards}: about {_duration(shard_s * len(jobs))} and {plan.bytes / 1e9:.1f} GB of memory for one process"
+    controllers = len(plan.scenario.controllers)
+    what = f"{runs} runs of {controllers} controller{'s' * (controllers > 1)} in {_shards(len(jobs))}"
+    return f"{what}: about {_duration(shard_s * len(jobs))} and {plan.bytes / 1e9:.1f} GB of memory for one process"
+
+
+def _shards(count: int) -> str:
+    return f"{count} shard{'s' * (count > 1)}"
 
 
 def _duration(seconds: float) -> str:
@@ -160,5 +167,4 @@ def _show(found: "Sweep", quiet: bool) -> None:
         shown = sweep_table.shown(found)
     if shown and not quiet:
         terminal.show(shown)
-        files = ", ".join(str(folder / name) for name in OUTPUTS if (folder / name).exists())
-        print(f"{found.done} of {len(found.plan.jobs)} shards; results in {files}")
+        print(f"{found.done} of {_shards(len(found.plan.jobs))}; {console.results(folder, OUTPUTS)}")

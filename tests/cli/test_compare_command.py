@@ -82,7 +82,7 @@ def test_it_leaves_a_summary_markdown_and_a_figure_and_prints_the_table(done: tu
     for text in ("there", "bend", "Cheat (informed)", "Verdicts on comp-flc"):
         assert text in printed
         assert text in markdown
-    assert str(folder / "summary.json") in printed
+    assert f"results in {folder}/ (summary.json, " in printed
     assert imread(folder / "compare.png").std() > 0.05
     assert "<svg" in (folder / "compare.svg").read_text()
 

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import MaxNLocator, MultipleLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, MultipleLocator, NullLocator
 
 from omni_control.kinematics import Array
 from omni_mj.files import whole
@@ -35,6 +35,7 @@ MARKS = 12  # along a curve
 OFF_SCALE = 1.5  # as many times as far as the others a row that failed may stray and still be shown whole
 LOST = 3.0  # as many times as far as most controllers strayed one that is shown in part too
 LIMIT_DASHES = dict(zip(LIMITS.values(), ("-", (0, (1, 1))), strict=True))
+MANY = 200.0  # ratio of greatest to least above which 1, 2, 5 are too many ticks for a decade
 STEPS = (1, 2, 2.5, 5, 10)  # between ticks, in powers of ten
 TO_COMPARE: dict[str, Any] = {"color": style.REFERENCE, "lw": 0.8}
 HALO = withStroke(linewidth=2.5, foreground="white")
@@ -187,6 +188,16 @@ def _legend_in(labels: Sequence[str], columns: int) -> float:
     """About how wide a legend of so many columns is, inches; matplotlib fills them as evenly as they can be."""
     letters = np.array_split([len(label) for label in labels], columns)
     return float(sum(ENTRY_IN + LETTER_IN * column.max() for column in letters))
+
+
+def logarithmic(axes: Axes, low: float, high: float) -> None:
+    """Make the scale across logarithmic, from `low` to `high`, both above 0."""
+    axes.set_xscale("log")
+    axes.set_xlim(low, high)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1,) if high > MANY * low else (1, 2, 5)))
+    axes.xaxis.set_major_formatter("{x:g}")
+    if high <= MANY * low:
+        axes.xaxis.set_minor_locator(NullLocator())
 
 
 def mark_failure(axes: Axes, frame: int, slot: int, name: str) -> None:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullLocator
 
 from omni_control.kinematics import Array
 from omni_mj.measure import limits
@@ -19,7 +18,6 @@ from omni_mj.show.figures import canvas
 Entry = dict[str, Any]  # of a scenario, in a summary
 LINE_IN = 0.1  # height of a controller's line
 GAP = 1.5  # between entries, in lines
-MANY = 200.0  # ratio of greatest to least above which 1, 2, 5 are too many ticks for a decade
 LEAST_MARGIN = 1.15  # ratio, on either side of a logarithmic panel
 UNKNOWN = "failed"  # the place of a value that not every seed has
 
@@ -130,7 +128,8 @@ def _scaled(axes: Axes, panel: Panel, mean: Array, half: Array, shown: list[floa
         low, high = np.maximum(known - around, known / 2).min(), (known + around).max()
         margin = max(LEAST_MARGIN, (high / low) ** 0.05)
         low, high = low / margin, high * margin
-        place, end = _log_scale(axes, low, high), high
+        canvas.logarithmic(axes, low, high)
+        place, end = high * (high / low) ** 0.25, high
     else:
         end = float(np.max(known + around, initial=0.1))
         axes.set_xlim(-0.05 * end, 1.05 * end)
@@ -138,17 +137,6 @@ def _scaled(axes: Axes, panel: Panel, mean: Array, half: Array, shown: list[floa
     if unknown.any():
         _leave_room(axes, end, place, panel.unknown)
     return np.where(unknown, place, mean)
-
-
-def _log_scale(axes: Axes, low: float, high: float) -> float:
-    """Make a panel logarithmic from `low` to `high`, and return what lies a quarter of that beyond."""
-    axes.set_xscale("log")
-    axes.set_xlim(low, high)
-    axes.xaxis.set_major_locator(LogLocator(subs=(1,) if high > MANY * low else (1, 2, 5)))
-    axes.xaxis.set_major_formatter("{x:g}")
-    if high <= MANY * low:
-        axes.xaxis.set_minor_locator(NullLocator())
-    return high * (high / low) ** 0.25
 
 
 def _leave_room(axes: Axes, end: float, place: float, name: str) -> None:

@@ -21,10 +21,13 @@ ERRORS = {
     "heading": ("error_rad", "heading", "deg", 180 / np.pi),
 }
 PANEL_IN = 2.7
+APART = 10.0  # ratio of greatest to least of a panel above which its scale is logarithmic
 
 
 def seeds(entry: dict[str, Any], heading: bool) -> Figure:
     """Maximum and mean error of each controller and axis: a box from quartile to quartile, whiskers to the ends.
+
+    Where errors are far apart their scale is logarithmic.
 
     Args:
         entry: a scenario's, of the summary.
@@ -39,19 +42,22 @@ def seeds(entry: dict[str, Any], heading: bool) -> Figure:
     for (key, label), line in zip(STATISTICS.items(), grid, strict=True):
         for axis, panel in zip(axes, line, strict=True):
             part, name, unit, scale = ERRORS[axis]
+            drawn: list[float] = []
             for i, (controller, result) in enumerate(results.items()):
                 errors = result[part][axis][key]["seeds"]
                 count = max(count, len(errors))
+                drawn += [scale * error for error in errors if error is not None]
                 _box(panel, scale * np.array(errors, float), rows[i], slots[i])
                 printed = paper.get(controller, {}).get(axis)
                 if printed:
+                    drawn.append(scale * printed[key])
                     panel.plot(scale * printed[key], rows[i], "D", ms=6, mec="black", mfc="white", zorder=4,
                                label="the paper")  # fmt: skip
             for known, errors in limits.of(entry).items():
                 if part == "error_m" and errors[axis][key]["median"] is not None:
+                    drawn.append(scale * errors[axis][key]["median"])
                     canvas.mark_limit(panel, scale * errors[axis][key]["median"], known)
-            panel.margins(x=0.05)
-            panel.set_xlim(left=0)
+            _scale(panel, drawn)
             panel.grid(axis="y", visible=False)
             panel.set_xlabel(f"{label} |error| in {name}, {unit}")
     grid[0, 0].set_yticks(rows, [_label(name, result["failed"]) for name, result in results.items()])
@@ -59,6 +65,17 @@ def seeds(entry: dict[str, Any], heading: bool) -> Figure:
     canvas.legend(figure, list(grid.flat))
     figure.suptitle(f"Errors over {count} seeds")
     return figure
+
+
+def _scale(axes: Axes, drawn: list[float]) -> None:
+    """Let all of what is drawn across be seen."""
+    low, high = min(drawn, default=0.0), max(drawn, default=0.0)
+    if high > APART * low > 0:
+        margin = (high / low) ** 0.05
+        canvas.logarithmic(axes, low / margin, high * margin)
+    else:
+        axes.margins(x=0.05)
+        axes.set_xlim(left=0)
 
 
 def _box(axes: Axes, values: np.ndarray, row: int, slot: int) -> None:
