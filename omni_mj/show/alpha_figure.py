@@ -70,6 +70,7 @@ def _condition(study: "Study", name: str | None, gain: Axes, lag: Axes) -> None:
         axes.margins(x=0.06)
         if min(values) > 0 and max(values) > LOGARITHMIC * min(values):
             axes.set_xscale("log")
+            canvas.plain(axes.xaxis)
         else:
             axes.set_xticks(values, [f"{value:g}" for value in values])
         if axes.get_subplotspec().is_first_col():  # type: ignore[union-attr]

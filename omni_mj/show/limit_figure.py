@@ -59,6 +59,7 @@ def _learning(result: "LimitResult", axes: Axes) -> None:
             axes.axhline(100 * spread["median"], color=style.colour(i), ls=":", label=f"{label}, with noise")
     if 0 < result.own_from < len(attempts):
         axes.axvline(result.own_from - 0.5, color=style.REFERENCE, lw=0.8, ls="--")
+    canvas.plain(axes.yaxis)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set(xlabel="attempt", ylabel="error in the plane, cm")
     axes.margins(x=0.02)

@@ -55,7 +55,7 @@ def _lines(cells: list[Cell], names: list[str], axis: "Axis") -> Figure:
         rate.plot(beside, failed[0], **look)
         rate.vlines(beside, failed[1], failed[2], color=look["color"], lw=1.2, zorder=2.5)
     error.set_yscale("log")
-    error.yaxis.set_major_formatter("{x:g}")
+    canvas.plain(error.yaxis)
     error.set_ylabel(f"{ERROR}\nand its 95 % interval")
     rate.set(xlabel=axis.name, ylabel=f"{RATE},\nand 95 % intervals")
     rate.margins(x=0.03)

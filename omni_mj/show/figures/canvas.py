@@ -9,10 +9,11 @@ import numpy as np
 from matplotlib import rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import LogLocator, MaxNLocator, MultipleLocator, NullLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, MultipleLocator, NullFormatter, NullLocator
 
 from omni_control.kinematics import Array
 from omni_mj.files import whole
@@ -194,10 +195,17 @@ def logarithmic(axes: Axes, low: float, high: float) -> None:
     """Make the scale across logarithmic, from `low` to `high`, both above 0."""
     axes.set_xscale("log")
     axes.set_xlim(low, high)
-    axes.xaxis.set_major_locator(LogLocator(subs=(1,) if high > MANY * low else (1, 2, 5)))
-    axes.xaxis.set_major_formatter("{x:g}")
+    plain(axes.xaxis)
+
+
+def plain(axis: Axis) -> None:
+    """Write the values of a logarithmic axis, whose limits are final, as plain numbers."""
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1,) if high > MANY * low else (1, 2, 5)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
     if high <= MANY * low:
-        axes.xaxis.set_minor_locator(NullLocator())
+        axis.set_minor_locator(NullLocator())
 
 
 def mark_failure(axes: Axes, frame: int, slot: int, name: str) -> None:
