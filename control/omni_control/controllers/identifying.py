@@ -15,6 +15,8 @@ from omni_control.estimation.turning import Turning
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import IteratedReference, Reference
 
+LEAST_S = 1e-9  # below which nothing acts
+
 
 class Arrival(NamedTuple):
     """How n robots are predicted to be when the command that is being computed begins to act.
@@ -47,6 +49,7 @@ class Identifying(Controller):
         self.turning = self._turning(np.zeros((n, 3)))
         self.memory_frames = self.plant.longest + MOST_FRAMES
         self._started, self._answered = False, np.zeros((n, 3))
+        self._arriving: Plane = np.zeros(n, complex)  # velocity as it was predicted in the frame before
 
     def wanted(self, frame: int, seen: Seen, arrival: Arrival) -> Array:
         """Commands (n, 3) for robots that will have arrived like that when they act; see `Controller.command`."""
@@ -73,20 +76,29 @@ class Identifying(Controller):
         headings = np.full(len(before), np.nan) if measured is None else measured[:, 2]
         positions = None if measured is None else plane(measured[:, :2])
         latency = plant.latency if late is None else plant.latency + late.behind
-        turning.update(headings, sent.felt(latency[:, None])[:, 2], np.abs(plant.velocity), late)
+        felt = sent.felt(latency[:, None])
+        shortfall = (plane(felt[:, :2].copy()) * plant.turned - plant.velocity) * np.exp(-1j * before)
+        turning.update(headings, felt[:, 2], np.abs(plant.velocity), late, shortfall)
         plant.update(positions, (before + turning.heading) / 2, sent, late)
 
     def _predict(self, seen: Seen) -> Arrival:
         """How the commands that are still to act leave the robots."""
-        sent, latency = seen.sent, self.plant.latency
+        sent, plant, turning, latency = seen.sent, self.plant, self.turning, self.plant.latency
         if seen.steps:
             latency = latency + seen.steps[-1].behind
         count = math.ceil(latency.max())
         commands, left = sent.last(count), sent.ahead(latency[:, None])[sent.length - count :, :, 0]
         durations, across = left * self.told.period, plane(commands[..., :2])
-        headings = self.turning.follow(commands[..., 2], durations, np.abs(across))
+        # Velocities change too little meanwhile for what is missing of them to need more than a straight line.
+        until = np.add.accumulate(durations[::-1])[::-1]
+        whole = np.maximum(until[:1], LEAST_S)
+        going = self._arriving + (plant.velocity - self._arriving) * (until / whole)
+        facing = np.exp(-1j * (turning.heading + turning.rate * (whole - until)))
+        shortfalls = (across * plant.turned - going) * facing
+        headings = turning.follow(commands[..., 2], durations, np.abs(across), shortfalls)
         middles = np.exp(0.5j * (headings[:-1] + headings[1:]))
-        position, velocity = self.plant.follow(across, middles, durations)
+        position, velocity = plant.follow(across, middles, durations)
+        self._arriving = velocity
         return Arrival(position, velocity, headings[-1])
 
     def around(self, frame: Array, back: int, on: int) -> tuple[Array, Array]:
@@ -101,7 +113,7 @@ class Identifying(Controller):
         _, self._answered = self.reference.at(frame, self.predicted)
         return np.concatenate([np.repeat(poses[:1], back, axis=0), poses]), np.concatenate([before, twists])
 
-    def turn(self, rates: Array, speed: Array, target: Array, heading: Array) -> Array:
+    def turn(self, rates: Array, speed: Array, target: Array, heading: Array, shortfall: Plane) -> Array:
         """Turn rates (n,) to command: the inverse of how robots turn, and a heading hold.
 
         Args:
@@ -109,9 +121,10 @@ class Identifying(Controller):
             speed: of the reference when the command begins to act, (n,) m/s.
             target: heading of the reference when it begins to act, (n,) rad.
             heading: predicted for that time, (n,) rad.
+            shortfall: of the velocity, as is planned for that frame; see `Turning.step`.
         """
         before, after = (rates[:-1] + rates[1:]) / 2
-        asked = self.turning.ask(before, after, speed)
+        asked = self.turning.ask(before, after, speed, shortfall)
         return asked + self.told.heading_gain * wrap_angle(target - heading)
 
     def _record(self) -> None:
@@ -132,6 +145,8 @@ class Identifying(Controller):
             "friction_sigma": sigma[:, motion.FRICTION],
             "compass": found[:, motion.COMPASS],
             "compass_sigma": sigma[:, motion.COMPASS],
+            "coupling": turning.coupling.T,
+            "coupling_sigma": turning.sigma[:, 6:],
             "sliding": plant.sliding,
             "surprise": plant.surprise,
         }

@@ -12,8 +12,9 @@ least, which at 60 images a second and the 3.7 m/s of the league's simulators is
 **Headings.** What looks turned by more than a right angle, in a time in which the robot cannot turn that far, is a
 pattern read backwards, and is turned back.
 
-**Repeats.** A camera may be frozen. What it shows is believed, as that of a robot that stands; but where it ends, that
-image counts as being as old as it is.
+**Repeats.** A camera may be frozen. What it shows is believed, as that of a robot that stands, unless that one was
+faster before than any wheels could brake away in a frame (friction 1). Where it ends, that image counts as being as old
+as it is.
 
 **Doubt ends.** Robots are carried off, and images that were believed may have been the wrong ones. What is seen in
 `DOUBTED` images in a row is so. If q of all images were wrong, and each by itself, that would happen by mistake once
@@ -34,6 +35,7 @@ Flags = NDArray[np.bool_]
 OTHERS = 3.7, 26.0  # m/s and rad/s of robots in the league's simulators (ssl-simulation-setup)
 BLOW = 2.0  # times its own speed, that a robot may have after a blow
 FALSE_ALARM = 1e-9  # of noise alone, in an image
+BRAKING_M_S2 = 9.81  # that no wheels exceed
 DOUBTED = 10  # images in a row, of which the last is believed
 
 
@@ -61,7 +63,8 @@ class Gate:
         self._speed, self._turn_rate = BLOW * speed, turn_rate
         self._shown, self._believed = np.full((2, n, 3), np.nan)  # the last image, and the last that was believed
         self._age, self._since = np.zeros((2, n))  # of that, s: when it came, and for how long it has been the last
-        self._elsewhere, self._backwards, self._no_age = np.zeros((3, n))  # images in a row
+        self._elsewhere, self._backwards, self._frozen, self._no_age = np.zeros((4, n))  # images in a row
+        self._pace, self._braked = np.zeros(n), BRAKING_M_S2 * period  # m/s: before the last image, and lost in a frame
 
     def __call__(self, measured: Array, age: Array | None = None) -> Array:
         """Return poses (n, 3) to believe, headings in (-pi, pi]; not a number where there is none.
@@ -77,20 +80,24 @@ class Gate:
         distance, allowed = np.hypot(moved[:, 0], moved[:, 1]), self._speed * between + self._noise
         usual = (distance > 0) & (distance <= allowed) & (np.abs(moved[:, 2]) < np.pi / 2)
         if usual.all():
-            self._elsewhere[:] = self._backwards[:] = self._since[:] = 0.0
+            self._elsewhere[:] = self._backwards[:] = self._frozen[:] = self._since[:] = 0.0
+            self._pace = distance / between
             self._shown = self._believed = measured.copy()
             self._age = age
             return measured
-        return self._judged(measured, age, between, moved, distance > allowed)
+        return self._judged(measured, age, between, moved, distance, distance > allowed)
 
-    def _judged(self, measured: Array, age: Array, between: Array, moved: Array, away: Flags) -> Array:
-        """See `__call__`; `between` images (n,) s, they have `moved` (n, 3), some too far `away` (n,)."""
+    def _judged(self, measured: Array, age: Array, between: Array, moved: Array, distance: Array, away: Flags) -> Array:
+        """See `__call__`; `between` images (n,) s, they have `moved` (n, 3), a `distance` (n,), some too far `away`."""
         repeated, new = (measured == self._shown).all(1), ~np.isnan(measured[:, 0])
         far = new & away
         self._elsewhere = np.where(new, np.where(far, self._elsewhere + 1, 0.0), self._elsewhere)
         found = self._elsewhere >= DOUBTED
         self._elsewhere[found] = 0.0
-        taken = new & (~far | found)
+        later = self._since - (age - self._age) > self._period / 2  # and not the same one, told once more
+        stopped = repeated & later & (self._pace > self._braked)
+        self._frozen = np.where(new, np.where(stopped, self._frozen + 1, 0.0), self._frozen)
+        taken = new & (~far | found) & ((self._frozen == 0) | (self._frozen >= DOUBTED))
 
         turned = np.abs(wrap_angle(moved[:, 2])) > np.pi / 2
         back = taken & ~far & turned & (self._turn_rate * between < np.pi / 2)
@@ -102,5 +109,6 @@ class Gate:
         self._shown = np.where(new[:, None], measured, self._shown)
         self._believed = np.where(taken[:, None], believed, self._believed)
         fresh = taken & ~repeated
+        self._pace = np.where(fresh, distance / between, self._pace)
         self._age, self._since = np.where(fresh, age, self._age), np.where(fresh, 0.0, self._since)
         return believed

@@ -1,6 +1,6 @@
 """How robots turn, and the heading that they have: a Kalman filter that knows the commands.
 
-    (tau + g T_w s) w' = u + b - c_w n - g w        s = sqrt(v^2 + (l w)^2),   n = l w / s
+    (tau + g T_w s) w' = u + b - k e - c_w n - g w        s = sqrt(v^2 + (l w)^2),   n = l w / s
 
 u is the turn rate that acts, g the command per rate (the inverse of the motor correction factor alpha_3), tau the lag,
 and b what else turns the robot: the gyro's bias, a wheel that is weak, a centre of mass beside the middle.
@@ -13,11 +13,17 @@ of driving forward (`motion`; direction cosines d of the wheels' drive) for a bo
 
 A loop on the gyro of gain k, of which every robot has one, leaves 1 / (1 + k) of them and of tau. Rates follow commands
 so soon that s and n are told by the commands, of whole runs at once.
+
+k couples turning with driving: e is what a robot's velocity lacks of the one that is commanded, ahead and aside, which
+is how much its wheels give way under what they pull. Where they do not all give way alike, because those in front are
+nearer to the centre than those behind, or bear more, or one is weak, they turn the robot. Nobody is told k: it is
+believed to be 0. Driving aside, seven robots have 0.1 to 0.35 rad/m (planar plant).
 """
 
 import numpy as np
 
 from omni_control.estimation.late import Late
+from omni_control.estimation.motion import Plane
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 
 BIAS_RAD_S, BIAS_S = 0.05, 1.0  # standard deviation of b, and the time after which it is forgotten
@@ -26,11 +32,12 @@ GYRO_SHARE = 0.5  # that a gyro's loop leaves: gain 1
 LAG_SHARE = 0.8  # of the mean lag over all directions, without such a loop
 LAG_SIGMA = 0.3  # of the lag, relative to that of the wheel loops
 FRICTION, FRICTION_SIGMA = 0.8, 0.6  # of what it is told to be at most, and relative to that
+COUPLING_RAD_M = 0.25  # standard deviation of k
 KEPT_S = 12.0  # after which parameters are what was believed
 RATE_RAD_S2 = 1.5  # standard deviation of what the law does not know of w'
 LEAST_LAG_S = 1e-3
-LEAST, MOST = np.array([LEAST_LAG_S, 0.8, 0.0]), np.array([0.1, 1.9, 0.8])  # of lag, effort and friction
-STATES = 6  # heading, rate, bias; lag, effort, friction
+LEAST, MOST = np.array([[LEAST_LAG_S, 0.8, 0.0, -1.0, -1.0], [0.1, 1.9, 0.8, 1.0, 1.0]])  # of what is bounded below
+STATES = 8  # heading, rate, bias; lag, effort, friction, coupling ahead and aside
 INERTIA = 0.7  # J / (m l^2): TIGERs Mannheim's for their robots
 ARM_M, MEAN_COSINE, MEAN_SQUARE = 0.08, 0.787, 5 / 8  # of most robots: wheels at 60, 135, 225 and 300 degrees
 RUBBED_M_S = 0.03  # travel of wheels from which dry friction is all there
@@ -54,7 +61,8 @@ class Turning:
         lag: tau, (n,) s.
         effort: g, (n,).
         friction: c_w, (n,) rad/s.
-        variance: of heading, rate, bias, lag, effort and friction, (n, 6, 6).
+        coupling: k ahead and aside, (2, n) rad/m.
+        variance: of heading, rate, bias, lag, effort, friction and coupling, (n, 8, 8).
     """
 
     def __init__(
@@ -74,34 +82,52 @@ class Turning:
         self._creeps = GYRO_SHARE * INERTIA * square
         friction *= GYRO_SHARE / self._arm * square / size
         lag *= GYRO_SHARE
-        self._belief = np.array([0.0, max(LAG_SHARE * lag, LEAST_LAG_S), EFFORT, FRICTION * friction])
+        self._belief = np.array([0.0, max(LAG_SHARE * lag, LEAST_LAG_S), EFFORT, FRICTION * friction, 0.0, 0.0])
         self.heading, self.rate, self.creep = heading.copy(), np.zeros(n), np.zeros(n)
-        self.bias, self.lag, self.effort, self.friction = np.tile(self._belief[:, None], n)
+        self._found(np.tile(self._belief[:, None], n))
         self._period, self._noise = period, max(noise, 1e-3) ** 2
         sigma = np.array([BIAS_RAD_S, LAG_SIGMA * lag + 1e-6, EFFORT_SIGMA, FRICTION_SIGMA * friction + 1e-6])
-        keep = np.exp(-period / np.array([BIAS_S, KEPT_S, KEPT_S, KEPT_S]))
+        sigma = np.append(sigma, [COUPLING_RAD_M, COUPLING_RAD_M])
+        keep = np.exp(-period / np.append(BIAS_S, np.full(STATES - 3, KEPT_S)))
         self._keep, self._forget = keep, np.append([0.0, (RATE_RAD_S2 * period) ** 2], sigma**2 * (1 - keep**2))
         self._kept = np.append([1.0, 1.0], keep)  # of each state, by itself
         self._renewed = (1 - self._kept) * np.append([0.0, 0.0], self._belief)
         self._passed = np.tile(np.diag(self._kept), (n, 1, 1))  # how states depend on those a frame before
+        self._acts = np.empty((n, STATES - 3))  # what lag, effort, friction and coupling do like a command
         self.variance = np.zeros((n, STATES, STATES))
         self.variance[:, range(STATES), range(STATES)] = np.append([self._noise, 0.0], sigma**2)
 
     @property
     def sigma(self) -> Array:
-        """Standard deviation of heading, rate, bias, lag, effort and friction, (n, 6)."""
+        """Standard deviation of heading, rate, bias, lag, effort, friction and coupling, (n, 8)."""
         return np.sqrt(np.maximum(self.variance.reshape(-1, STATES**2)[:, :: STATES + 1], 0.0))
 
-    def _answer(self, command: Array, speed: Array) -> tuple[Array, Array, Array]:
+    def _found(self, parameters: Array) -> None:
+        """Take bias, lag, effort, friction and couplings, (6, n), for what they are."""
+        self.bias, self.lag, self.effort, self.friction = parameters[:4]
+        self.coupling = parameters[4:]
+
+    def _turned(self, shortfall: Plane | complex) -> Array:
+        """What turns robots like a command, rad/s: bias, and driving."""
+        ahead, aside = self.coupling
+        return self.bias - ahead * shortfall.real - aside * shortfall.imag
+
+    def _answer(self, command: Array, speed: Array, shortfall: Plane | complex = 0j) -> tuple[Array, Array, Array]:
         """Of robots (..., n) that are commanded and drive like that: time constants (s), final rates, and n."""
         rim = self._arm * command
         travel = np.hypot(speed, rim)
         late = self.lag / self.effort + self.effort * self._creeps * self.creep * travel
         rubbing = rim / np.maximum(travel, np.maximum(RUBBED_M_S, self._arm * self.friction))  # stops, no more
-        return late, (command + self.bias - self.friction * rubbing) / self.effort, rubbing
+        return late, (command + self._turned(shortfall) - self.friction * rubbing) / self.effort, rubbing
 
     def step(
-        self, heading: Array, rate: Array, command: Array, duration: float | Array, speed: Array
+        self,
+        heading: Array,
+        rate: Array,
+        command: Array,
+        duration: float | Array,
+        speed: Array,
+        shortfall: Plane | complex = 0j,
     ) -> tuple[Array, Array]:
         """Headings and rates after a while.
 
@@ -111,17 +137,18 @@ class Turning:
             command: turn rates that act, (n,) rad/s.
             duration: s, one or (n,).
             speed: at which robots drive, (n,) m/s.
+            shortfall: of velocities, e, (n,) m/s, ahead and aside of robots as real and imaginary parts.
         """
-        late, final, _ = self._answer(command, speed)
+        late, final, _ = self._answer(command, speed, shortfall)
         moved, rate, _ = _go_on(rate, final, late, duration)
         return heading + moved, rate
 
-    def follow(self, commands: Array, durations: Array, speeds: Array) -> Array:
-        """Headings (count + 1, n) from now on, after commands, each with its duration and speed (count, n).
+    def follow(self, commands: Array, durations: Array, speeds: Array, shortfalls: Plane | complex = 0j) -> Array:
+        """Headings (count + 1, n) from now on, after commands, each with duration, speed and shortfall (count, n).
 
         As by `step` after `step`; commands that act for no time change nothing, not even by rounding.
         """
-        late, final, _ = self._answer(commands, speeds)
+        late, final, _ = self._answer(commands, speeds, shortfalls)
         decay = np.exp(-durations / late)
         reached = np.empty((len(commands) + 1, len(self.rate)))
         reached[0] = self.rate
@@ -130,13 +157,20 @@ class Turning:
         moved = durations * final + late * (reached[:-1] - reached[1:])
         return np.add.accumulate(np.concatenate([self.heading[None], moved]))
 
-    def ask(self, before: Array, after: Array, speed: Array) -> Array:
-        """Commands (n,) that lead from rates `before` to `after`, rad/s, in a frame, at a `speed`; see `step`."""
-        late, _, rubbing = self._answer((before + after) / 2, speed)
+    def ask(self, before: Array, after: Array, speed: Array, shortfall: Plane | complex = 0j) -> Array:
+        """Commands (n,) that lead from rates `before` to `after`, rad/s, in a frame, driving so; see `step`."""
+        late, _, rubbing = self._answer((before + after) / 2, speed, shortfall)
         decay = np.exp(-self._period / late)
-        return (after - decay * before) * self.effort / (1 - decay) - self.bias + self.friction * rubbing
+        return (after - decay * before) * self.effort / (1 - decay) - self._turned(shortfall) + self.friction * rubbing
 
-    def update(self, measured: Array, command: Array, speed: Array, late: Late | None = None) -> None:
+    def update(
+        self,
+        measured: Array,
+        command: Array,
+        speed: Array,
+        late: Late | None = None,
+        shortfall: Plane | complex = 0j,
+    ) -> None:
         """Take in a frame.
 
         Args:
@@ -144,24 +178,27 @@ class Turning:
             command: turn rates that acted since the frame before, (n,) rad/s.
             speed: at which robots drove meanwhile, (n,) m/s.
             late: which robots stay in the frame where they are, and how much later they were seen. [none, and at once]
+            shortfall: as for `step`.
         """
-        period, (slow, final, rubbing) = self._period, self._answer(command, speed)
+        period, (slow, final, rubbing) = self._period, self._answer(command, speed, shortfall)
         moved, rate, decay = _go_on(self.rate, final, slow, period)
-        change, passed = (self.rate - rate) / period, self._passed
+        change, passed, acts = (self.rate - rate) / period, self._passed, self._acts
         passed[:, 1, 1], passed[:, 1, 2] = decay, (1 - decay) / self.effort  # of a rate, and gained by a command of 1
         passed[:, 0, 1] = carried = (1 - decay) * slow
         passed[:, 0, 2] = (period - carried) / self.effort
-        # A change of bias, lag, effort or friction acts like a command of: 1, -w', -w, -n.
-        acts = np.array([change, -(self.rate + rate) / 2, -rubbing]).T
+        # A change of bias, lag, effort, friction or couplings acts like a command of: 1, -w', -w, -n, -e.
+        acts[:, 0], acts[:, 1], acts[:, 2] = change, -(self.rate + rate) / 2, -rubbing
+        acts[:, 3], acts[:, 4] = -shortfall.real, -shortfall.imag
         np.multiply(passed[:, :2, 2:3], acts[:, None], out=passed[:, :2, 3:])
-        state = np.array([self.heading + moved, rate, self.bias, self.lag, self.effort, self.friction]).T
+        known = self.bias, self.lag, self.effort, self.friction, *self.coupling
+        state = np.array([self.heading + moved, rate, *known]).T
         state *= self._kept
         state += self._renewed
         variance = passed @ self.variance @ passed.swapaxes(1, 2)
         variance.reshape(-1, STATES**2)[:, :: STATES + 1] += self._forget
 
         if late is not None:
-            before = np.array([self.heading, self.rate, self.bias, self.lag, self.effort, self.friction]).T
+            before = np.array([self.heading, self.rate, *known]).T
             state = np.where(late.held[:, None], before, state)
             variance = np.where(late.held[:, None, None], self.variance, variance)
         seen, expected, to_heading = ~np.isnan(measured), state[:, 0], variance[:, 0]
@@ -176,7 +213,8 @@ class Turning:
         state += gain * surprise[:, None]
         bounded = state[:, 3:]
         np.minimum(np.maximum(bounded, LEAST, out=bounded), MOST, out=bounded)
-        self.heading, self.rate, self.bias, self.lag, self.effort, self.friction = state.T
+        self.heading, self.rate = state.T[:2]
+        self._found(state.T[2:])
 
 
 def _go_on(rate: Array, final: Array, late: Array, duration: float | Array) -> tuple[Array, Array, Array]:
