@@ -170,8 +170,8 @@ class MujocoPlant:
         if np.count_nonzero(self._failed):
             duty[self._failed] = 0.0
         self._speeds[k], self._supplies[k, :, 0] = at.wheel_speed.get(), battery.voltage
-        self._voltages[k], self.currents[k], told = motors.drive(duty * self._supplies[k], self._speeds[k])
-        at.ctrl.set(told)
+        self._voltages[k], self.currents[k] = motors.drive(duty * self._supplies[k], self._speeds[k])
+        at.ctrl.set(motors.told(self.currents[k], self._speeds[k]))
         if k % EVERY == 0:
             traction.travel(at.position.get(), at.quaternion.get(), at.velocity.get(), at.load.get(), self._angles)
             traction.wrench[:, :2] += self._push
