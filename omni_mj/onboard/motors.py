@@ -148,7 +148,7 @@ class Motors:
             currents: of the period's steps (steps, n, wheels), A.
             wheel_speeds: the same, rad/s.
         """
-        square, outer = 0.0, 0.0
+        square, outer = np.zeros((2, *self.winding.shape[::-1])).swapaxes(1, 2)
         # Where speed and current swing together, the mean of the product is not the product of the means.
         for current, speed in zip(currents, wheel_speeds, strict=True):
             squared = current * current
