@@ -50,7 +50,7 @@ def each_timed(asked: Iterable[tuple[Settings, Where]]) -> list[SampledReference
         OmniError: as `timed`.
     """
     ways = [(settings.reference, reference_limits(settings), where) for settings, where in asked]
-    found = {way: _IN_USE[way] for way in ways if way in _IN_USE}
+    found = {way: known for way in ways if (known := _IN_USE.get(way)) is not None}
     new = [way for way in dict.fromkeys(ways) if way not in found]
     for way, reference in zip(new, _planned(new), strict=True):
         found[way] = _IN_USE[way] = reference
