@@ -1,7 +1,7 @@
 """How far the plant planar agrees with the full one: errors of controllers on the same scenarios, robots and noise.
 
     python tests/bench_planar.py [--scenario rect ...] [--robot tigers-v2016 ...] [--controller comp-flc ...]
-                                 [--seeds 1] [--substeps 4] [--out FILE.json]
+                                 [--seeds 1] [--substeps 4] [--set SECTION.FIELD=VALUE ...] [--out FILE.json]
 
 By default all scenarios and robots, which takes an hour. A line for each scenario and robot: for each controller the
 rms of its position error on the full plant in cm, and by how many per cent that on planar differs; with `--substeps`,
@@ -31,7 +31,7 @@ def driven(plant: str, name: str, given: argparse.Namespace, robot: str, substep
     """rms of the position errors (controllers, seeds) in m, and shares of the time in which a wheel slides."""
     chosen = scenario.load(
         name,
-        [f"physics.substeps={substeps}"],
+        [*given.set, f"physics.substeps={substeps}"],
         {"plant": plant, "robot": robot, "controllers": given.controller, "seeds": given.seeds},
     )
     simulation = Simulation(chosen)
@@ -88,5 +88,6 @@ if __name__ == "__main__":
     parser.add_argument("--controller", nargs="+", default=list(CONTROLLERS))
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--substeps", type=int, default=0)
+    parser.add_argument("--set", action="append", default=[])
     parser.add_argument("--out", type=Path)
     report(parser.parse_args())

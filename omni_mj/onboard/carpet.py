@@ -71,7 +71,7 @@ class Carpet:
         """
         friction = self._friction
         if len(self._patches):
-            at = place[:, None] + heading[:, None] * self._wheels
+            at = (place + heading * self._wheels[:, None]).T
             for x, y, radius, other in self._patches:
                 friction = np.where(laws.inside(at, x + 1j * y, radius), other, friction)
         return friction

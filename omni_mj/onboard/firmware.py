@@ -143,6 +143,8 @@ class Firmware:
             getattr(f, name)[:] = getattr(self, "_" + name)[:, 0]
         f.back_emf[:], f.speed_constant[:] = self._back_emf[:, 0], self._speed_constant[:, 0]
         f.turn_gain[:] = self._turn_gain
+        for name in ("_counts_per_rad", "_rate_per_count", "_kp", "_back_emf", "_nominal"):
+            setattr(self, name, arrays.plain(getattr(self, name)))
 
     def receive(self, received: Received, winding: Array) -> None:
         """Take over what the radio holds in this frame: `correct`, then `obey`.

@@ -25,8 +25,8 @@ TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2  # sine squared of half the tilt: x^2 
 
 
 def where(condition: Truth, one: Number, other: Number) -> Number:
-    """One of two, by a condition (compiled: `wide`)."""
-    return np.where(condition, one, other)
+    """One of two, by a condition; `other` itself, in its own shape, where that holds nowhere (compiled: `wide`)."""
+    return np.where(condition, one, other) if np.count_nonzero(condition) else other
 
 
 def count(number: int) -> int:

@@ -54,6 +54,7 @@ class Motors:
         self._commutation = column(motors, "commutation") * self._gear  # per speed of the wheel
         commutation[:] = self._commutation
         self._dry, self._viscous = column(motors, "wheel_dry"), column(motors, "wheel_viscous")
+        self._losses = [arrays.plain(each) for each in (self._commutation, self._dry, self._viscous)]
         self._limit[:] = limit
         self._ambient = column(settings, "ambient_c")
         self._copper, self._magnet = column(settings, "copper_per_k"), column(settings, "magnet_per_k")
@@ -69,30 +70,36 @@ class Motors:
         self._cold_constant = arrays.filled(self._new_constant * share, share.shape)
         self._update()
 
-    def drive(self, voltage: Array, wheel_speed: Array) -> tuple[Array, Array, Array]:
+    def drive(self, voltage: Array, wheel_speed: Array) -> tuple[Array, Array]:
         """Find what a voltage does at a speed.
 
         The driver is an ideal chopper: where a current would be beyond its limit, driving or braking, it gives the
         terminals the voltage at which it is not, whatever battery and temperature are.
-
-        The dcmotor actuator knows a constant R in place of R + X |w|, so it is told the voltage that drives the same
-        current through that.
 
         Args:
             voltage: wanted at the terminals, V, (n, wheels).
             wheel_speed: rad/s, (n, wheels).
 
         Returns:
-            Voltage at the terminals and current in A, both (n, wheels), and the dcmotor's voltage (n, wheels).
+            Voltage at the terminals, and current in A, both (n, wheels).
         """
-        motor = self._speed_constant, self.resistance, self._commutation
+        motor = self._speed_constant, self.resistance, self._losses[0]
         current, back_emf, turning = laws.current(voltage, wheel_speed, *motor)
         over = np.abs(current) > self._limit
         if np.count_nonzero(over):
             volts, amperes = laws.held_back(current, self._limit, back_emf, turning)
             voltage, current = np.where(over, volts, voltage), np.where(over, amperes, current)
             self._held_back += over
-        return voltage, current, back_emf + current * self.resistance
+        return voltage, current
+
+    def told(self, current: Array, wheel_speed: Array) -> Array:
+        """Voltages for MuJoCo's dcmotor, which knows a constant R in place of R + X |w|, to drive these currents.
+
+        Args:
+            current: A, (n, wheels).
+            wheel_speed: rad/s, (n, wheels).
+        """
+        return np.asarray(self._speed_constant * wheel_speed + current * self.resistance)
 
     def arrays(self) -> MotorArrays:
         """The parts of `block`."""
@@ -141,10 +148,13 @@ class Motors:
             currents: of the period's steps (steps, n, wheels), A.
             wheel_speeds: the same, rad/s.
         """
-        squares, speeds = currents**2, np.abs(wheel_speeds)
-        square = squares.mean(0)
+        square, outer = np.zeros((2, *self.winding.shape[::-1])).swapaxes(1, 2)
         # Where speed and current swing together, the mean of the product is not the product of the means.
-        outer = laws.in_the_housing(squares, speeds, self._commutation, self._dry, self._viscous).mean(0)
+        for current, speed in zip(currents, wheel_speeds, strict=True):
+            squared = current * current
+            square += squared
+            outer += laws.in_the_housing(squared, np.abs(speed), *self._losses)
+        square, outer = square / len(currents), outer / len(currents)
         winding, _ = self._conduct(square * self.resistance, outer)
         # The resistance rises during the period: its mean makes the step exact to second order.
         mean = (self.resistance + self._resistance_at(winding)) / 2

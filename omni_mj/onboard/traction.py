@@ -127,21 +127,21 @@ class Traction:
             load: of the wheels, (n, W) N.
             angle: of the wheels, (n, W) rad; it matters to those that have lost rollers.
         """
-        wheel = body[:, None] * self._inward + self._turning * rate[:, None]
-        friction = self.carpet.friction(place, heading) * self._grip
+        wheel = body * self._inward[:, None] + self._turning * rate  # (W, n), as all that follows lies in memory
+        friction = self.carpet.friction(place, heading).T * self._grip.T
         if self._gaps:
-            friction = np.where(laws.over_gap(angle, self._gap), 0.0, friction)
-        speed, direction, held = laws.rolled(wheel, self._bearing, friction)
-        drag = load * (self.carpet.pile(direction, heading) * direction + held)
-        force = -arrays.total((drag * self._outward).T)
+            friction = np.where(laws.over_gap(angle, self._gap).T, 0.0, friction)
+        speed, direction, held = laws.rolled(wheel, self._bearing[:, 0], friction)
+        drag = load.T * (self.carpet.pile(direction.T, heading).T * direction + held)
+        force = -arrays.total(drag * self._outward[:, None])
         world = force * heading
         x, y, height = self.centre.T
         wrench = self.wrench
         wrench[:, 0], wrench[:, 1] = world.real, world.imag
         wrench[:, 3], wrench[:, 4] = height * world.imag, -height * world.real
-        wrench[:, 5] = -self._arm * arrays.total(drag.imag.T) - x * force.imag + y * force.real
-        self._softness[:] = self._creep * speed
-        self._rim_friction[:] = laws.left_for_the_rim(friction, held, self._radius)
+        wrench[:, 5] = -self._arm * arrays.total(drag.imag) - x * force.imag + y * force.real
+        np.multiply(self._creep, speed.T, out=self._softness)
+        self._rim_friction.T[:] = laws.left_for_the_rim(friction, held, self._radius.T)
 
     def arrays(self) -> TractionArrays:
         """What a compiled loop reads and writes until the centre or the carpet changes."""

@@ -134,7 +134,7 @@ def before(t: Table, k: int, cycle: int) -> None:
         for w in range(speed.shape[0]):
             voltage[w, i] = 0.0 if s.off[i] else voltage[w, i]
     by_robot.drive(0, n, m, speed, voltage, current)
-    for i in range(n):  # of the dcmotor, which knows no commutation: see `Motors.drive`
+    for i in range(n):  # of the dcmotor, which knows no commutation: see `Motors.told`
         for w in range(speed.shape[0]):
             told = m.speed_constant[w, i] * speed[w, i] + current[w, i] * m.resistance[w, i]
             c.state[i // places, c.wheels[i % places, CTRL, w]] = told

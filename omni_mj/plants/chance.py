@@ -24,6 +24,7 @@ class Chance:
     def __init__(self, rows: Sequence[Row]) -> None:
         settings, seeds = [row.settings for row in rows], [row.noise_seed for row in rows]
         self.force = column([s.disturbance for s in settings], "force_n")
+        self._pushed = bool(self.force.any())
         self._pushes = Noise(seeds, Stream.DISTURBANCE, lambda rng, count: rng.uniform(-1, 1, (count, 2)))
         sensors = [s.sensors for s in settings]
         bias = Noise(seeds, Stream.GYRO_BIAS, lambda rng, count: rng.standard_normal((count, 1))).next()
@@ -33,7 +34,7 @@ class Chance:
 
     def push(self) -> Array:
         """The next frame's forces on the chassis, (n, 2) N."""
-        return np.asarray(self.force * self._pushes.next())
+        return np.asarray(self.force * self._pushes.next()) if self._pushed else np.zeros((len(self.force), 2))
 
     def gyro_error(self, bias: Array) -> Array:
         """What gyros show too much in the next frame, (n,) rad/s, with a `bias` (n, 1) in rad/s."""

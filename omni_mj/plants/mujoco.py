@@ -71,7 +71,8 @@ class MujocoPlant:
         self._places = places
         if threads is None:
             threads = 1 if n < THREADED else os.cpu_count() or 1
-        self._batch = Batch(model, worlds, min(threads, worlds))
+        self._kernel = settings[0].physics.kernel
+        self._batch = self._made(model, worlds, min(threads, worlds))
         self._warnings = self._batch.warning[:, min(map(int, _UNSTABLE)) : max(map(int, _UNSTABLE)) + 1, 1]
         self.geometry: Kinematics | None = world.kinematics
         self._creeps = world.robots[0].slip_dofs.size > 0
@@ -105,13 +106,17 @@ class MujocoPlant:
         onboard = self._firmware, self._motors, self._battery, self._traction
         if any(row.faults for row in rows):
             self._faults = Faults(rows, MujocoBodies(self._batch, world, n), onboard, self._angles)
-        if settings[0].physics.kernel == "numba":
+        if self._kernel == "numba":
             sensed = self._angles.T, self._turn_rates
             kept = self._failed, self._heading
             self._between = Between(self._batch, world, onboard, sensed, *kept, (recorded, self._supplies))
         self._cycle = 0
         self._nothing: tuple[Array, np.ndarray] = np.full(n, np.nan), np.zeros(n, int)
         self._heard: tuple[Array, np.ndarray] = self._nothing
+
+    def _made(self, model: mujoco.MjModel, worlds: int, threads: int) -> Batch:
+        """What steps these worlds."""
+        return Batch(model, worlds, threads)
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -170,8 +175,8 @@ class MujocoPlant:
         if np.count_nonzero(self._failed):
             duty[self._failed] = 0.0
         self._speeds[k], self._supplies[k, :, 0] = at.wheel_speed.get(), battery.voltage
-        self._voltages[k], self.currents[k], told = motors.drive(duty * self._supplies[k], self._speeds[k])
-        at.ctrl.set(told)
+        self._voltages[k], self.currents[k] = motors.drive(duty * self._supplies[k], self._speeds[k])
+        at.ctrl.set(motors.told(self.currents[k], self._speeds[k]))
         if k % EVERY == 0:
             traction.travel(at.position.get(), at.quaternion.get(), at.velocity.get(), at.load.get(), self._angles)
             traction.wrench[:, :2] += self._push

@@ -1,9 +1,11 @@
 """The references that a scenario's settings ask for."""
 
 import math
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -15,12 +17,14 @@ from omni_control.reference import (
     IteratedReference,
     MotionLimits,
     SampledReference,
-    TimedReference,
+    drives,
 )
+from omni_control.reference.timed import Task
 from omni_control.traction import GRAVITY, WheelLimits
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, ControlSettings, ReferenceSettings, Settings
 
 Where = tuple[float, float, float]
+Way = tuple[ReferenceSettings, MotionLimits, Where]
 LONGEST_S = 24 * 3600.0
 ORIGIN: Where = (0.0, 0.0, 0.0)
 
@@ -35,7 +39,23 @@ def timed(settings: Settings, where: Where = ORIGIN) -> SampledReference:
     Raises:
         OmniError: on a carpet as slippery as `reference.friction` says, nobody can drive it; or it takes for ever.
     """
-    return _timed(settings.reference, reference_limits(settings), where)
+    (reference,) = each_timed([(settings, where)])
+    return reference
+
+
+def each_timed(asked: Iterable[tuple[Settings, Where]]) -> list[SampledReference]:
+    """`timed` of several; equal ones are one, and are planned anew only if nobody uses them any more.
+
+    Raises:
+        OmniError: as `timed`.
+    """
+    ways = [(settings.reference, reference_limits(settings), where) for settings, where in asked]
+    found = {way: known for way in ways if (known := _IN_USE.get(way)) is not None}
+    new = [way for way in dict.fromkeys(ways) if way not in found]
+    for way, reference in zip(new, _planned(new), strict=True):
+        found[way] = _IN_USE[way] = reference
+    _RECENT.extend(found.values())
+    return [found[way] for way in ways]
 
 
 def iterated(settings: Settings, n: int, where: Where = ORIGIN) -> IteratedReference:
@@ -74,7 +94,7 @@ def motion_limits(s: ReferenceSettings | ControlSettings) -> MotionLimits:
     )
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=4096)
 def reference_limits(settings: Settings) -> MotionLimits:
     """All limits that the reference keeps: those of its settings, and what they let the robot's wheels do at once.
 
@@ -114,11 +134,23 @@ def _rim_speed(settings: Settings) -> float:
     return back_emf / (motor.constant_nm_a * motor.gear) * settings.wheels.radius_m
 
 
-@lru_cache(maxsize=256)
-def _timed(task: ReferenceSettings, limits: MotionLimits, where: Where) -> SampledReference:
-    _check_length(task)
-    reference = _moving(task, limits).after_rest(_lead_frames(task))
-    return reference if where == ORIGIN else SampledReference(displaced(reference.poses, where), PERIOD_S)
+_IN_USE: WeakValueDictionary[Way, SampledReference] = WeakValueDictionary()
+_RECENT: deque[SampledReference] = deque(maxlen=256)  # are kept
+
+
+def _planned(ways: Sequence[Way]) -> list[SampledReference]:
+    """A reference for each; drives through way-points are planned together."""
+    for task, _, _ in ways:
+        _check_length(task)
+    driven = [way for way in ways if way[0].shape not in CURVES]
+    poses = dict(zip(driven, drives([_drive(task, limits) for task, limits, _ in driven], PERIOD_S), strict=True))
+    found = []
+    for way in ways:
+        task, limits, where = way
+        moving = SampledReference(poses[way], PERIOD_S) if way in poses else _curve(task, limits)
+        reference = moving.after_rest(_lead_frames(task))
+        found.append(reference if where == ORIGIN else SampledReference(displaced(reference.poses, where), PERIOD_S))
+    return found
 
 
 def _check_length(task: ReferenceSettings) -> None:
@@ -141,12 +173,13 @@ def _check_length(task: ReferenceSettings) -> None:
         )
 
 
-def _moving(task: ReferenceSettings, limits: MotionLimits) -> SampledReference:
-    settle_frames = round(task.settle_s * FRAME_RATE_HZ)
-    if task.shape in CURVES:
-        curve = CURVES[task.shape](task.length_m, task.width_m)
-        return CurveReference(curve, limits, PERIOD_S, task.laps, task.heading == "tangent", settle_frames)
-    return TimedReference(_visits(task), limits, PERIOD_S, round(task.dwell_s * FRAME_RATE_HZ), settle_frames)
+def _curve(task: ReferenceSettings, limits: MotionLimits) -> SampledReference:
+    curve, settle_frames = CURVES[task.shape](task.length_m, task.width_m), round(task.settle_s * FRAME_RATE_HZ)
+    return CurveReference(curve, limits, PERIOD_S, task.laps, task.heading == "tangent", settle_frames)
+
+
+def _drive(task: ReferenceSettings, limits: MotionLimits) -> Task:
+    return _visits(task), limits, round(task.dwell_s * FRAME_RATE_HZ), round(task.settle_s * FRAME_RATE_HZ)
 
 
 def _lead_frames(settings: ReferenceSettings) -> int:

@@ -12,6 +12,7 @@ import numpy as np
 from omni_control.controllers.base import Controller, Seen
 from omni_control.errors import OmniError, choose, printable
 from omni_control.kinematics import Array
+from omni_control.reference import SampledReference
 from omni_mj.link.late_camera import camera
 from omni_mj.link.radio import Radio, Received
 from omni_mj.plants import Plant
@@ -112,7 +113,8 @@ class Simulation:
             faults.check_plant(settings.fault, self.scenario.plant)
             faults.check_robots(settings.fault, len(settings.world.places))
         self._follow = follow
-        _check_delays(self._table)
+        self.references = references.each_timed((row.settings, row.where) for row in self._table)
+        _check_delays(self._table, self.references)
         self.reset()
 
     def reset(self, seed: int | None = None) -> None:
@@ -127,7 +129,7 @@ class Simulation:
             settings = {row.seed: self.scenario.settings_of(row.seed) for row in self.rows}
             self.rows = [replace(row, settings=settings[row.seed]) for row in self.rows]
         n = len(self.rows)
-        self.references = [references.timed(row.settings, row.where) for row in self.rows]
+        self.references = references.each_timed((row.settings, row.where) for row in self.rows)
         self.frame, self.failures = 0, list[Failure]()
         self._running = np.ones(n, bool)
         self._seen: Seen | None = None
@@ -250,16 +252,16 @@ class Simulation:
         return sent
 
 
-def _check_delays(table: Sequence[Row]) -> None:
+def _check_delays(table: Sequence[Row], ways: Sequence[SampledReference]) -> None:
     """See that commands arrive before the end of what rows follow.
 
     Raises:
         OmniError: none does.
     """
-    for row in {id(row.settings): row for row in table}.values():
-        delay, frames = row.settings.radio.delay_frames, references.timed(row.settings, row.where).frames
-        if delay >= frames:
+    for row, way in zip(table, ways, strict=True):
+        delay = row.settings.radio.delay_frames
+        if delay >= way.frames:
             raise OmniError(
-                f"radio.delay_frames = {delay} is no less than the {frames} frames of the reference: no command would "
-                "arrive before its end; make it shorter, or the reference longer (reference.settle_s)"
+                f"radio.delay_frames = {delay} is no less than the {way.frames} frames of the reference: no command "
+                "would arrive before its end; make it shorter, or the reference longer (reference.settle_s)"
             )

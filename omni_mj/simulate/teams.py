@@ -60,7 +60,7 @@ def assemble(
     return team
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=4096)
 def told(settings: Settings, geometry: Kinematics, wheels: bool) -> Told:
     """What the team's computer is told of the loop."""
     control, vision = settings.control, settings.vision
@@ -84,7 +84,7 @@ def told(settings: Settings, geometry: Kinematics, wheels: bool) -> Told:
 def _reference(rows: Sequence[Row]) -> Reference:
     if _iterated(rows[0]):
         return references.iterated(rows[0].settings, len(rows), rows[0].where)
-    own = [references.timed(row.settings, row.where) for row in rows]
+    own = references.each_timed((row.settings, row.where) for row in rows)
     return own[0] if all(each is own[0] for each in own) else EachReference(own)
 
 

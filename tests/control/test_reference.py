@@ -1,6 +1,7 @@
 """Laws of the reference: limits kept, way-points met at rest, no slower than the closed-form fastest motion."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +14,7 @@ from routes import SNAP_M, T, is_led_past_every_way_point, paths, poses
 from omni_control import IteratedReference, MotionLimits, TimedReference
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
+from omni_control.reference import drives
 
 LIMITS = MotionLimits()
 
@@ -247,3 +249,13 @@ def test_limits_and_waypoints_that_cannot_be_are_refused() -> None:
             TimedReference(points, MotionLimits(), 1 / 60)
         with pytest.raises(OmniError, match="way-point"):
             IteratedReference(points, MotionLimits(), 1 / 60, 1)
+
+
+@LAW
+@given(st.lists(st.tuples(paths, limits), min_size=2, max_size=4), st.floats(0.5, 2))
+def test_planned_together_each_is_as_alone(ways: list[tuple[list[tuple[float, ...]], MotionLimits]], f: float) -> None:
+    """To the bit; the first way also at another speed, which is planned beside it."""
+    (path, limit), *_ = ways
+    tasks = [(path, limit, 0, 1) for path, limit in [*ways, (path, replace(limit, speed=f * limit.speed))]]
+    for task, found in zip(tasks, drives(tasks, T), strict=True):
+        np.testing.assert_array_equal(found, TimedReference(*task[:2], T, *task[2:]).poses)

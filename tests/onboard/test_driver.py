@@ -32,7 +32,7 @@ def test_the_voltage_moves_no_farther_than_the_limit_asks(
 ) -> None:
     chosen = sheet(winding_c=winding, housing_c=housing)
     motors = Motors([chosen], 4, FRAME_S, limit, strength)
-    terminals, current, _ = motors.drive(np.full((1, 4), voltage), np.full((1, 4), speed))
+    terminals, current = motors.drive(np.full((1, 4), voltage), np.full((1, 4), speed))
     # Kirchhoff by hand, with copper and magnets at their temperatures: what would flow, cut at the limit either way.
     resistance = 0.942 * (1 + 0.00393 * (winding - 25)) + MAXON.commutation * MAXON.gear * abs(speed)
     back_emf = 0.036 * strength * (1 - 0.001 * (housing - 25)) * MAXON.gear * speed

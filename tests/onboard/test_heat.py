@@ -142,7 +142,7 @@ def test_electrical_power_is_that_of_the_shaft_and_of_all_heats(
     chosen = sheet(winding_c=temperature, housing_c=temperature, ambient_c=temperature, dry_share=dry_share)
     tiny = chosen.replace(winding_j_k=1e4, housing_j_k=1e5)  # that hardly warm: all heat stays, resistance too
     motors = Motors([tiny], 4, 1e-3)
-    terminals, current, _ = motors.drive(np.full((1, 4), voltage), np.full((1, 4), speed))
+    terminals, current = motors.drive(np.full((1, 4), voltage), np.full((1, 4), speed))
     constant, rotor = motors.constant, speed * MAXON.gear
     own = np.sign(rotor) * (dry_share + (1 - dry_share) * abs(rotor) / (6250 * np.pi / 30)) * 0.036 * 0.238
     shaft = (constant * current - own) * rotor

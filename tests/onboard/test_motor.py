@@ -146,7 +146,7 @@ def test_no_load_point_of_the_datasheet(spin_up: Run) -> None:
 
 def test_nominal_current_at_nominal_voltage_and_speed() -> None:
     turning = np.full((1, 4), NOMINAL_RPM / RPM / GEAR)
-    voltage, current, _ = Motors([sheet()], 4, 1 / 60).drive(np.full((1, 4), NOMINAL_V), turning)
+    voltage, current = Motors([sheet()], 4, 1 / 60).drive(np.full((1, 4), NOMINAL_V), turning)
     # What commutation is derived from: exact.
     np.testing.assert_allclose(current, NOMINAL_CURRENT, rtol=1e-9)
     np.testing.assert_array_equal(voltage, NOMINAL_V)

@@ -80,7 +80,7 @@ def test_robot_by_robot_is_as_all_at_once(n: int, seed: int) -> None:
         for k in range(8):
             duty = one.firmware.duties(met["gyro"][k], met["angle"][k])
             wanted = duty * one.battery.voltage[:, None]
-            volts[0, k], amperes[0, k], _ = one.motors.drive(wanted, met["speed"][k])
+            volts[0, k], amperes[0, k] = one.motors.drive(wanted, met["speed"][k])
             one.traction.travel(met["position"], quaternion, met["velocity"], met["load"][k], met["angle"][k])
             one.traction.press(met["load"][k])
             one.battery.load(volts[0, k], amperes[0, k])

@@ -42,7 +42,7 @@ def driven(plant: PlanarPlant, commands: NDArray) -> dict[str, NDArray]:
             np.stack([body.real, body.imag, w], axis=1),
             moved,
             plant._speeds.mean(0),
-            m.slip.T * RADIUS_M,
+            (m.speed - m.rims).T * RADIUS_M,
             m.load.T,
             m.torque.T,
         )
@@ -103,7 +103,7 @@ def test_energy_of_a_rolling_robot_only_falls_and_a_still_one_stays() -> None:
     plant = planar([quiet(), quiet()])
     m, r = plant._motion, plant._robots
     m.twist[:, 0] = forward = [1.0, 0.5, 0.0]
-    m.speed[:, 0] = forward @ r.rims[..., 0]
+    m.speed[:, 0] = forward @ r.rims[..., 0].T
     plant.hold(np.zeros((2, 4)))
     energy = []
     for _ in range(60):
@@ -124,7 +124,7 @@ def test_a_push_on_ice_gives_its_momentum_and_a_slope_g_sin() -> None:
     plant = planar([quiet(fault=[each], **ice) for each in (push, *tilts)])
     drive(plant, constant([0, 0, 0], 9, 3))
     gained = plant.twist()[:, :2] / (9 * FRAME_S)
-    rims = plant._bodies.rim * (plant._robots.rims[:2, :, 0] ** 2).sum(1)
+    rims = plant._bodies.rim * (plant._robots.rims[:, :2, 0] ** 2).sum(0)
     towards = 20.0 * np.array([math.cos(math.pi / 6), 0.5])
     # Ice holds up to 1 % of the weight, 1.3 % of the push.
     np.testing.assert_allclose(gained[0] * (MASS_KG + rims), towards, atol=0.015 * 20.0)

@@ -80,7 +80,8 @@ def run(
     speed, torque, told = [], [], []
     for _ in range(round(seconds / model.opt.timestep)):
         speed.append(data.qvel[wheel] * MAXON.gear)
-        _, current, data.ctrl[:] = motors.drive(terminals, data.qvel[None, wheels])
+        _, current = motors.drive(terminals, data.qvel[None, wheels])
+        data.ctrl[:] = motors.told(current, data.qvel[None, wheels])
         mujoco.mj_step(model, data)
         torque.append(data.actuator_force[0])
         told.append(current[0, 0])

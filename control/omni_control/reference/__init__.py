@@ -4,7 +4,7 @@ from omni_control.reference.base import Reference
 from omni_control.reference.curves import CURVES, CurveReference
 from omni_control.reference.iterated import IteratedReference
 from omni_control.reference.limits import MotionLimits
-from omni_control.reference.timed import EachReference, SampledReference, TimedReference
+from omni_control.reference.timed import EachReference, SampledReference, TimedReference, drives
 
 __all__ = [
     "CURVES",
@@ -15,4 +15,5 @@ __all__ = [
     "Reference",
     "SampledReference",
     "TimedReference",
+    "drives",
 ]

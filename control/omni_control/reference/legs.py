@@ -16,8 +16,10 @@ is left for speeding up and braking depends on the place alone, so that the fast
 
 import math
 from bisect import bisect_left
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -29,25 +31,56 @@ from omni_control.traction import WheelLimits, around
 _CELLS = 200  # of a leg on which wheels limit the drive
 
 
-def leg(start: Array, end: Array, limits: MotionLimits, period: float) -> Array:
-    """Poses (frames, 3) after `start` up to `end`, with a frame of rest there, or two where jerk is limited."""
-    jerk = limits.jerk is not None or limits.turn_jerk is not None
-    poses = (_gentlest if jerk else _fastest)(start, end, limits, period)
-    if limits.wheels is not None and not bearable(poses, limits, period):
-        plan = partial(_in_step, start, end, limits, limits.wheels)
-        poses = driven_on_wheels(partial(_between, start, end), plan, limits, limits.wheels, period)
-        poses = np.concatenate([poses, np.repeat(end[None], 2 if jerk else 1, axis=0)])
-    return poses[1:]
+Way = tuple[Array, Array, MotionLimits]  # from a pose to another, within limits
 
 
-def _fastest(start: Array, end: Array, limits: MotionLimits, period: float) -> Array:
-    """Poses (frames + 1, 3) from `start` on, as fast as limits of velocity and acceleration let heading and rest."""
-    pose, twist, poses = start[None], np.zeros((1, 3)), [start]
-    while max(np.abs(end - pose).max(), np.abs(twist).max()) > 1e-9:  # nm: beyond it there is only rounding
-        twist = approach_pose(pose, twist, end[None], limits, period)
+def legs(ways: Sequence[Way], period: float) -> list[Array]:
+    """Of each the poses (frames, 3) after its start up to its end, where it rests a frame, or two if jerk is limited.
+
+    Those that differ in nothing but poses and highest speeds are planned side by side, each as it would be alone.
+    """
+    found: dict[int, Array] = {}
+    together: dict[MotionLimits, list[int]] = {}
+    for number, (start, end, limits) in enumerate(ways):
+        if _jerks(limits):
+            found[number] = _gentlest(start, end, limits, period)
+        else:
+            together.setdefault(replace(limits, speed=1.0, turn_rate=1.0, wheels=None), []).append(number)
+    for numbers in together.values():
+        found |= zip(numbers, _fastest([ways[number] for number in numbers], period), strict=True)
+    return [_borne(way, found[number], period)[1:] for number, way in enumerate(ways)]
+
+
+def _jerks(limits: MotionLimits) -> bool:
+    return limits.jerk is not None or limits.turn_jerk is not None
+
+
+def _borne(way: Way, poses: Array, period: float) -> Array:
+    """The same poses, or others where wheels could not drive these."""
+    start, end, limits = way
+    if limits.wheels is None or bearable(poses, limits, period):
+        return poses
+    plan = partial(_in_step, start, end, limits, limits.wheels)
+    poses = driven_on_wheels(partial(_between, start, end), plan, limits, limits.wheels, period)
+    return np.concatenate([poses, np.repeat(end[None], 2 if _jerks(limits) else 1, axis=0)])
+
+
+def _fastest(ways: Sequence[Way], period: float) -> list[Array]:
+    """Poses (frames + 1, 3) from a start on, as fast as limits of velocity and acceleration let heading and rest."""
+    start, end = (np.array([way[i] for way in ways]) for i in (0, 1))
+    speeds: Any = np.array([(way[2].speed, way[2].turn_rate) for way in ways])
+    limits = replace(ways[0][2], speed=speeds[:, :1], turn_rate=speeds[:, 1:])
+    pose, twist, poses, ends = start, np.zeros_like(start), [start], np.full(len(ways), -1)
+    while True:
+        apart = np.maximum(np.abs(end - pose).max(1), np.abs(twist).max(1))
+        ends[(ends < 0) & ~(apart > 1e-9)] = len(poses) - 1  # nm: beyond it there is only rounding
+        if (ends >= 0).all():
+            break
+        twist = approach_pose(pose, twist, end, limits, period)
         pose = pose + twist * period
-        poses.append(pose[0])
-    return np.array([*poses[:-1], end] if len(poses) > 1 else poses)
+        poses.append(pose)
+    drives = np.array(poses)
+    return [np.concatenate([drives[:last, i], end[i : i + 1]]) for i, last in enumerate(ends)]
 
 
 # --- with a limit of jerk ---

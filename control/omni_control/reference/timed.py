@@ -7,8 +7,10 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_control.reference.legs import leg
+from omni_control.reference.legs import legs
 from omni_control.reference.limits import MotionLimits, checked_waypoints
+
+Task = tuple[Sequence[Sequence[float]], MotionLimits, int, int]  # see `drives`
 
 
 class SampledReference:
@@ -136,12 +138,31 @@ class TimedReference(SampledReference):
         dwell_frames: int = 0,
         settle_frames: int = 0,
     ) -> None:
-        points = checked_waypoints(waypoints)
-        legs: dict[bytes, Array] = {}  # laps repeat their legs
+        (poses,) = drives([(waypoints, limits, dwell_frames, settle_frames)], period)
+        super().__init__(poses, period)
+
+
+def drives(tasks: Sequence[Task], period: float) -> list[Array]:
+    """Poses (frames, 3) of a `TimedReference` for each task; many are planned in the time of a few.
+
+    Args:
+        tasks: the first two and the last two arguments of `TimedReference`.
+        period: length of a frame, s.
+
+    Raises:
+        OmniError: as `TimedReference`.
+    """
+    ways = [(checked_waypoints(points), limits) for points, limits, *_ in tasks]
+    distinct = {_key(ends, limits): (*ends, limits) for points, limits in ways for ends in pairwise(points)}
+    planned = dict(zip(distinct, legs(list(distinct.values()), period), strict=True))  # laps repeat their legs
+    found = []
+    for (points, limits), (_, _, dwell, settle) in zip(ways, tasks, strict=True):
         poses = [points[:1]]
         for ends in pairwise(points):
-            key = np.array(ends).tobytes()
-            if key not in legs:
-                legs[key] = leg(*ends, limits, period)
-            poses += [legs[key], np.repeat(ends[1][None], dwell_frames, axis=0)]
-        super().__init__(np.concatenate([*poses, np.repeat(points[-1:], settle_frames, axis=0)]), period)
+            poses += [planned[_key(ends, limits)], np.repeat(ends[1][None], dwell, axis=0)]
+        found.append(np.concatenate([*poses, np.repeat(points[-1:], settle, axis=0)]))
+    return found
+
+
+def _key(ends: tuple[Array, Array], limits: MotionLimits) -> tuple[bytes, MotionLimits]:
+    return np.array(ends).tobytes(), limits

@@ -16,9 +16,10 @@ class Robots(NamedTuple):
 
     outward: np.ndarray  # directions of the axles as complex numbers, (W,)
     contacts: Array  # where wheels touch, (2, W, n) m
-    rims: Array  # angular speed of each rim for the body's twist, (3, W, n) 1/m, 1/m, 1
-    squares: Array  # products of these: upper halves of symmetric matrices, (6, W, n)
+    rims: Array  # angular speed of each rim for the body's twist, (W, 3, n) 1/m, 1/m, 1
+    squares: Array  # products of these: upper halves of symmetric matrices, (W, 6, n)
     inertia: Array  # of body and rims over a cycle, such a half, (6, n) kg/s and kg m^2/s
+    rows: Array  # all of it, (3, 3, n)
     give: Array  # speed per torque that a cycle gives a hub, (n,) rad/s / (N m)
     viscous: Array  # friction of hubs, (n,) N m s/rad
     dry: Array  # the same, (W, n) N m
@@ -51,15 +52,14 @@ class Motion(NamedTuple):
     angle: Array  # of hubs, (W, n) rad
     speed: Array  # (W, n) rad/s
     torque: Array  # between hubs and rims, (W, n) N m
-    slip: Array  # of hubs against rims, (W, n) rad/s
+    rims: Array  # their speed, which rubber lets differ from the hubs', (W, n) rad/s
     load: Array  # of wheels, (W, n) N
-    raised: Array  # part of it that rollers shift from wheel to wheel, (W, n) N
+    standing: Array  # part of it that nothing pulls at: weight, and what rollers shift from wheel to wheel, (W, n) N
     seen_angle: Array  # what encoders show: a cycle ago, (W, n) rad
     seen_rate: Array  # what gyros do, (n,) rad/s
-    ground: Array  # drag at the carpet, (2, n) N
-    push: Array  # on the chassis, (2, n) N
     force: Array  # all but the wheels' pull, and its moment, (3, n) N and N m
-    tilt: Array  # moments that tilt the robot back and aside, summed over the cycles of a frame, (2, n) N m
+    tilting: Array  # moments of drag and pushes that tilt the robot back and aside, (2, n) N m
+    tilt: Array  # with those of the wheels' pull, summed over the cycles of a frame, (2, n) N m
 
 
 class Scratch(NamedTuple):
@@ -69,7 +69,6 @@ class Scratch(NamedTuple):
     give: Array  # speed per torque of the hub, (W, n)
     pull: Array  # torque per slip, (W, n)
     held: Array  # torque of wheels that slide, (W, n) N m; else 0
-    rims: Array  # angular speed of the rim, (W, n) rad/s
     momentum: Array  # before, over a cycle, with what acts, (3, n)
     sums: Array  # over wheels: of the matrix (6), and of the right side (3), (9, n)
     twist: Array  # after, of the middle first, (3, n)
@@ -80,5 +79,5 @@ class Scratch(NamedTuple):
     @classmethod
     def of(cls, n: int, wheels: int) -> "Scratch":
         """Of n robots with as many wheels each."""
-        shapes = [(wheels, n)] * 5 + [(3, n), (9, n), (3, n), (n,), (n,), (2, n)]
+        shapes = [(wheels, n)] * 4 + [(3, n), (9, n), (3, n), (n,), (n,), (2, n)]
         return cls(*map(np.zeros, shapes))

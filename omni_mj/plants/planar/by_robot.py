@@ -100,37 +100,39 @@ def _drag(
     by_robot.travel(first, last, t, s.momentum, m.facing, s.twist, m.load, m.angle)
     for i in range(first, last):
         c, d, x, y = m.facing[0, i], m.facing[1, i], t.wrench[0, i], t.wrench[1, i]
-        m.ground[0, i], m.ground[1, i], m.force[2, i] = c * x + d * y, c * y - d * x, t.wrench[5, i]
+        s.sums[3, i], s.sums[4, i], m.force[2, i] = c * x + d * y, c * y - d * x, t.wrench[5, i]
         for each in range(3):
             s.sums[each, i] = 0.0
     for w in range(m.speed.shape[0]):
         outward = r.outward[w]
         for i in range(first, last):
-            rim, x, y = m.speed[w, i] - m.slip[w, i], r.contacts[0, w, i], r.contacts[1, w, i]
+            rim, x, y = m.rims[w, i], r.contacts[0, w, i], r.contacts[1, w, i]
             spin, axle = np.abs(rim), s.twist[0, i] * outward.real + s.twist[1, i] * outward.imag
             aside = planar.spinning(axle, spin, r.bearing[w, i], r.spin_up[w, i])
             along = planar.rolling(rim, spin, r.cost[w, i], r.cost_fades[w, i]) / r.lever[w, i]
             force = complex(aside, along) * outward
-            m.ground[0, i] += force.real
-            m.ground[1, i] += force.imag
+            s.sums[3, i] += force.real
+            s.sums[4, i] += force.imag
             m.force[2, i] += x * force.imag - y * force.real
         for i in range(first, last):
-            spin = np.abs(m.speed[w, i] - m.slip[w, i])
+            spin = np.abs(m.rims[w, i])
             raised = planar.lifting(spin, r.lift[w, i], r.lift_fades[w, i])
-            m.raised[w, i] = raised
+            m.standing[w, i] = r.weight[w, i] + raised
             s.sums[0, i] += raised
             s.sums[1, i] += r.contacts[0, w, i] * raised
             s.sums[2, i] += r.contacts[1, w, i] * raised
     for w in range(m.speed.shape[0]):
         for i in range(first, last):
             shared = r.even[w, i] * s.sums[0, i] + r.ahead[w, i] * s.sums[1, i] + r.aside[w, i] * s.sums[2, i]
-            m.raised[w, i] -= shared
+            m.standing[w, i] -= shared
     for i in range(first, last):
-        c, d = m.facing[0, i], m.facing[1, i]
-        m.push[0, i], m.push[1, i] = c * push[0, i] + d * push[1, i], c * push[1, i] - d * push[0, i]
-        m.force[0, i] = m.ground[0, i] + m.push[0, i] + (c * downhill[0, i] + d * downhill[1, i])
-        m.force[1, i] = m.ground[1, i] + m.push[1, i] + (c * downhill[1, i] - d * downhill[0, i])
-        m.force[2, i] += r.pushed[0, i] * m.push[1, i] - r.pushed[1, i] * m.push[0, i]
+        c, d, x, y = m.facing[0, i], m.facing[1, i], s.sums[3, i], s.sums[4, i]
+        ahead, aside = c * push[0, i] + d * push[1, i], c * push[1, i] - d * push[0, i]
+        m.force[0, i] = x + ahead + (c * downhill[0, i] + d * downhill[1, i])
+        m.force[1, i] = y + aside + (c * downhill[1, i] - d * downhill[0, i])
+        m.force[2, i] += r.pushed[0, i] * aside - r.pushed[1, i] * ahead
+        m.tilting[0, i] = r.height[i] * x - r.pushed_height[i] * ahead
+        m.tilting[1, i] = r.height[i] * y - r.pushed_height[i] * aside
 
 
 def _pull(first: int, last: int, r: Robots, m: Motion, s: Scratch, t: TractionArrays, current: Array) -> None:
@@ -148,25 +150,26 @@ def _pull(first: int, last: int, r: Robots, m: Motion, s: Scratch, t: TractionAr
 def _solve(first: int, last: int, r: Robots, m: Motion, s: Scratch, limit: Array) -> None:
     """Find the twists, and which wheels slide."""
     wheels = limit.shape[0]
-    for i in range(first, last):
-        inertia = r.inertia[0, i], r.inertia[1, i], r.inertia[2, i], r.inertia[3, i], r.inertia[4, i], r.inertia[5, i]
-        twist, force = (m.twist[0, i], m.twist[1, i], m.twist[2, i]), (m.force[0, i], m.force[1, i], m.force[2, i])
-        s.momentum[0, i], s.momentum[1, i], s.momentum[2, i] = planar.momentum(inertia, twist, force)
+    for each in range(3):
+        row = r.rows[each]
+        for i in range(first, last):
+            twist = m.twist[0, i], m.twist[1, i], m.twist[2, i]
+            s.momentum[each, i] = planar.momentum((row[0, i], row[1, i], row[2, i]), twist, m.force[each, i])
     for _ in range(1 + PASSES):
         for each in range(6):
-            sums, own, squares = s.sums[each], r.inertia[each], r.squares[each]
+            sums, own = s.sums[each], r.inertia[each]
             for i in range(first, last):
                 sums[i] = own[i]
             for w in range(wheels):
                 for i in range(first, last):
-                    sums[i] += s.pull[w, i] * squares[w, i]
+                    sums[i] += s.pull[w, i] * r.squares[w, each, i]
         for each in range(3):
-            sums, momentum, rims = s.sums[6 + each], s.momentum[each], r.rims[each]
+            sums, momentum = s.sums[6 + each], s.momentum[each]
             for i in range(first, last):
                 sums[i] = momentum[i]
             for w in range(wheels):
                 for i in range(first, last):
-                    sums[i] += (s.pull[w, i] * s.end[w, i] + s.held[w, i]) * rims[w, i]
+                    sums[i] += (s.pull[w, i] * s.end[w, i] + s.held[w, i]) * r.rims[w, each, i]
         for i in range(first, last):
             a = s.sums[0, i], s.sums[1, i], s.sums[2, i], s.sums[3, i], s.sums[4, i], s.sums[5, i]
             b = s.sums[6, i], s.sums[7, i], s.sums[8, i]
@@ -176,11 +179,11 @@ def _solve(first: int, last: int, r: Robots, m: Motion, s: Scratch, limit: Array
             for i in range(first, last):
                 most, pull, held = limit[w, i], s.pull[w, i], s.held[w, i]
                 rim = (
-                    r.rims[0, w, i] * s.twist[0, i] + r.rims[1, w, i] * s.twist[1, i] + r.rims[2, w, i] * s.twist[2, i]
+                    r.rims[w, 0, i] * s.twist[0, i] + r.rims[w, 1, i] * s.twist[1, i] + r.rims[w, 2, i] * s.twist[2, i]
                 )
                 torque = laws.where(held == 0, pull * (s.end[w, i] - rim), held)
                 over = (np.abs(torque) > most) & (held == 0)
-                s.rims[w, i], m.torque[w, i] = rim, np.minimum(np.maximum(torque, -most), most)
+                m.rims[w, i], m.torque[w, i] = rim, np.minimum(np.maximum(torque, -most), most)
                 s.held[w, i], s.pull[w, i] = (
                     laws.where(over, np.copysign(most, torque), held),
                     laws.where(over, 0.0, pull),
@@ -193,26 +196,25 @@ def _solve(first: int, last: int, r: Robots, m: Motion, s: Scratch, limit: Array
 def _advance(first: int, last: int, r: Robots, m: Motion, s: Scratch) -> None:
     """Move hubs and bodies, and find what wheels carry then."""
     for i in range(first, last):
-        s.sums[0, i], s.sums[1, i] = m.ground[0, i], m.ground[1, i]
+        s.sums[0, i] = s.sums[1, i] = 0.0
     for w in range(m.speed.shape[0]):
         for i in range(first, last):
             m.seen_angle[w, i] = m.angle[w, i]
             m.speed[w, i] = s.end[w, i] - s.give[w, i] * m.torque[w, i]
             m.angle[w, i] += CYCLE_S * m.speed[w, i]
-            m.slip[w, i] = m.speed[w, i] - s.rims[w, i]
         for i in range(first, last):
-            s.sums[0, i] += m.torque[w, i] * r.rims[0, w, i]
-            s.sums[1, i] += m.torque[w, i] * r.rims[1, w, i]
+            s.sums[0, i] += m.torque[w, i] * r.rims[w, 0, i]
+            s.sums[1, i] += m.torque[w, i] * r.rims[w, 1, i]
     for i in range(first, last):
-        back = r.height[i] * s.sums[0, i] - r.pushed_height[i] * m.push[0, i]
-        aside = r.height[i] * s.sums[1, i] - r.pushed_height[i] * m.push[1, i]
+        back = r.height[i] * s.sums[0, i] + m.tilting[0, i]
+        aside = r.height[i] * s.sums[1, i] + m.tilting[1, i]
         m.tilt[0, i] += back
         m.tilt[1, i] += aside
         s.sums[0, i], s.sums[1, i] = back, aside
     for w in range(m.speed.shape[0]):
         for i in range(first, last):
             shifted = r.ahead[w, i] * s.sums[0, i] + r.aside[w, i] * s.sums[1, i]
-            m.load[w, i] = np.maximum(r.weight[w, i] - shifted + m.raised[w, i], 0.0)
+            m.load[w, i] = np.maximum(m.standing[w, i] - shifted, 0.0)
     for i in range(first, last):
         x, y, rate, cosine, sine = s.twist[0, i], s.twist[1, i], s.twist[2, i], m.facing[0, i], m.facing[1, i]
         m.seen_rate[i] = m.twist[2, i]

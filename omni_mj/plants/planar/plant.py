@@ -67,10 +67,10 @@ class PlanarPlant:
             heading=heading.copy(),
             facing=facing,
             twist=np.zeros((3, n)),
-            **{name: np.zeros(shape) for name in ("angle", "speed", "torque", "slip", "raised", "seen_angle")},
+            **{name: np.zeros(shape) for name in ("angle", "speed", "torque", "rims", "standing", "seen_angle")},
             load=bodies.weight.T.copy(),
             seen_rate=np.zeros(n),
-            **{name: np.zeros((2, n)) for name in ("ground", "push", "tilt")},
+            **{name: np.zeros((2, n)) for name in ("tilting", "tilt")},
             force=np.zeros((3, n)),
         )
         self._failed = np.zeros(n, bool)
@@ -81,9 +81,9 @@ class PlanarPlant:
         self._gear = column([s.motor for s in settings], "gear")
         self._battery = Battery([s.battery for s in settings])
         self._firmware = Firmware(settings, geometry, self._motion.heading, build.CYCLE_S, PERIOD_S)
-        # For an inertia of 1, see `laws.soft`.
+        inverse = np.full(1, 1 / build.CYCLE_S)  # with which the traction's softness is that of `laws.soft`
         self._traction = Traction(
-            settings, geometry, bodies.whole.centre, np.ones(1), build.CYCLE_S, self.drawn.friction, self.drawn.wear
+            settings, geometry, bodies.whole.centre, inverse, build.CYCLE_S, self.drawn.friction, self.drawn.wear
         )
         self._faults: Faults | None = None
         if any(row.faults for row in rows):
@@ -136,7 +136,7 @@ class PlanarPlant:
             if (held := self._holds) is not None:
                 motors.hold(duty, held, m.speed.T, battery.voltage[:, None])
             self._speeds[k], self._supplies[k] = m.speed.T, battery.voltage
-            self._voltages[k], self.currents[k], _ = motors.drive(duty * battery.voltage[:, None], m.speed.T)
+            self._voltages[k], self.currents[k] = motors.drive(duty * battery.voltage[:, None], m.speed.T)
             if k % EVERY == 0:
                 cycle.drag(r, m, self._traction, push, self._bodies.downhill)
             cycle.move(r, m, rims.rim_friction, rims.softness, self.currents[k].T)
@@ -199,13 +199,13 @@ class PlanarPlant:
         then, now = (np.array([np.cos(h), np.sin(h)]) for h in (m.heading[robot], m.heading[robot] + turn))
         m.place[:, robot] += turned(then, middle) - turned(now, middle) + np.array([x, y])
         m.heading[robot] += turn
-        for values in (m.twist, m.speed, m.torque, m.slip, m.seen_rate):
+        for values in (m.twist, m.speed, m.torque, m.rims, m.seen_rate):
             values[..., robot] = 0.0
 
     def telemetry(self) -> Telemetry:
         """See `Plant`."""
         m, recorded = self._motion, (self._voltages, self.currents, self._supplies[..., None])
-        slip = np.abs(m.slip.T) * self._radius
+        slip = np.abs(m.speed.T - m.rims.T) * self._radius
         return Telemetry.of_wheels(m.angle.T, m.speed.T, slip, recorded, self._motors, self._battery)
 
     def _check_failed(self, place: Array) -> dict[int, str]:
@@ -228,7 +228,7 @@ class PlanarPlant:
         self._failed[list(causes)] = True
         off = self._failed
         m.place[:, off] = place[:, off]
-        for values in (m.twist, m.speed, m.torque, m.slip, m.seen_rate):
+        for values in (m.twist, m.speed, m.torque, m.rims, m.seen_rate):
             values[..., off] = 0.0
         m.load[:, off] = r.weight[:, off]
         return causes
