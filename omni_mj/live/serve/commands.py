@@ -7,7 +7,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Received
-from omni_mj.live.serve.plant import REMEMBERED_FRAMES
+from omni_mj.live.serve.squad import REMEMBERED_FRAMES
 from omni_mj.live.wire.simulation import MoveCommand, RobotCommand, SimulatorError
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ
 
