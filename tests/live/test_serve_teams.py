@@ -57,7 +57,7 @@ def test_a_robot_drives_among_others_as_it_does_among_its_own(three: str, kernel
     np.testing.assert_allclose(told.battery, [own[0].battery[0], own[1].battery[1]], atol=1e-3)
     np.testing.assert_allclose(told.current_mean[1, :3], own[1].current_mean[1], atol=0.01)
     assert np.isnan(told.current_mean[1, 3])  # of the wheel that it does not have
-    assert mixed.plant.wheels.tolist() == [4, 3]
+    assert mixed.plant.wheels == [4, 3]
 
 
 def test_a_heavy_robot_pushes_a_light_one(three: str) -> None:
@@ -92,7 +92,7 @@ def test_whoever_takes_the_body_of_the_other_team_s_robot_is_its_own_team_s(thre
     assert pitch.place({}, {(Team.BLUE, 3)}) == []
     before = np.delete(pitch.plant.pose(), 3, axis=0)
     assert put(pitch, 5, 3.0, 1.0, 0.5, team=Team.YELLOW) == []
-    assert pitch.plant.wheels.tolist() == [4, 4, 4, 3, *[4] * 7, 3]
+    assert pitch.plant.wheels == [4, 4, 4, 3, *[4] * 7, 3]
     np.testing.assert_allclose(np.delete(pitch.plant.pose(), 3, axis=0), before, atol=1e-12)
     drive(pitch, 20, yellow=(local(5, 0.8),))
     assert np.hypot(*(pitch.plant.pose()[3, :2] - [3.0, 1.0])) > 0.1

@@ -110,6 +110,11 @@ class Pitch:
                 self._tell("robot failed", f"{label(self.names[robot])} {cause} at {self.time_s:.3f} s")
         self.cycle += 1
 
+    def advance(self, until: int) -> None:
+        """Go on up to a cycle."""
+        while self.cycle < until:
+            self.step()
+
     def command(self, team: Team, commands: Sequence[RobotCommand]) -> tuple[list[Refusal], list[int]]:
         """Send commands to robots of a team; they act when the radio has brought them.
 
@@ -117,15 +122,15 @@ class Pitch:
             What is refused, and the numbers of those robots of the team's that were commanded.
         """
         refused, commanded, to = list[Refusal](), list[int](), list[int]()
-        packets = np.tile(self._nothing, (len(self.names), 1))
+        packets, present = self._nothing.copy(), self.plant.present
         for command in commands:
-            if (robot := self._find((team, command.id))) is None or not self.plant.present[robot]:
+            if (robot := self._find((team, command.id))) is None or not present[robot]:
                 there = ", ".join(str(number) for number in self.numbers(team)) or "none"
                 text = f"there is no {label((team, command.id))} on the field; there: {there}"
                 refused.append(Refusal("UNKNOWN_ROBOT", text))
                 continue
             commanded.append(command.id)
-            sent = packet(command, int(self.plant.wheels[robot]))
+            sent = packet(command, self.plant.wheels[robot])
             if isinstance(sent, Refusal):
                 refused.append(sent)
             elif sent is not None:
@@ -247,17 +252,17 @@ class Pitch:
 
     def _build(self, poses: Sequence[Array]) -> None:
         self.plant = ServedPlant(self.rows, np.array(poses, float))
-        self._nothing = nothing(int(self.plant.wheels.max()))
+        n, empty = len(self.rows), nothing(max(self.plant.wheels))
+        self._nothing = np.tile(empty, (n, 1))
         settings = [row.settings for row in self.rows]
         self._radio = Radio(
             [each.radio for each in settings],
             [row.noise_seed for row in self.rows],
             [row.faults for row in self.rows],
             CYCLES,
-            self._nothing,
+            empty,
         )
-        n = len(self.rows)
-        self.held = received(np.tile(self._nothing, (n, 1)), np.zeros(n, bool), 0)
+        self.held = received(self._nothing, np.zeros(n, bool), 0)
         self.measured = np.full((n, 3), np.nan)
         self._seen = [(heading, self.cycle) for heading in self.plant.pose()[:, 2].tolist()]
 

@@ -29,7 +29,7 @@ class ServedPlant:
     Attributes:
         squads: of the robots.
         cycles: of the wheel loops in a frame.
-        wheels: of each robot, (n,).
+        wheels: of each robot, n.
         reach: radius of each robot's hull about its middle, (n,) m.
         surface: length and width between the walls, (2,) m.
         unstable: whether physics has failed, after which all stand where they last were.
@@ -51,7 +51,7 @@ class ServedPlant:
                 squad.stand()
         self._of = {int(place): (squad, robot) for squad in self.squads for robot, place in enumerate(squad.places)}
         self._cycle, self.cycles, self._substeps = 0, self.squads[0].cycles, rows[0].settings.physics.substeps
-        self.wheels = np.array([len(row.settings.wheels.azimuths_deg) for row in rows])
+        self.wheels = [len(row.settings.wheels.azimuths_deg) for row in rows]
         self.reach = self._all(lambda squad: np.full(len(squad.places), squad.reach))
         model = worlds[0].model
         self._walls = {name: model.geom(name).id for name in WALLS}
@@ -110,7 +110,7 @@ class ServedPlant:
         for squad in squads:
             if failed := squad.end():
                 causes |= {int(squad.places[robot]): cause for robot, cause in failed.items()}
-        if any(squad.unstable for squad in squads):
+        if causes and any(squad.unstable for squad in squads):
             self.unstable, self._batch.warning[:] = True, 0
             for squad in squads:
                 squad.recover()
