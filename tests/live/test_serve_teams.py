@@ -73,8 +73,8 @@ def test_a_heavy_robot_pushes_a_light_one(three: str) -> None:
     before = np.array(masses) @ pitch.plant.twist()[:, 0]
     drive(pitch, 2)
     after = pitch.plant.twist()[:, 0]
-    # Not counted: creep and drag in two frames, and rotors, which by their gears weigh another 0.4 kg a robot. Of robots
-    # that weigh the same nothing would be left.
+    # Not counted: creep and drag in two frames, and rotors, which by their gears weigh another 0.4 kg a robot. Of
+    # robots that weigh the same nothing would be left.
     assert np.array(masses) @ after == pytest.approx(before, rel=0.35)
     assert before == pytest.approx(2.65 - 4.1)
 
