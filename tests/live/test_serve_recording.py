@@ -85,7 +85,7 @@ def test_a_process_that_is_ended_leaves_a_whole_table_and_recording(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "run"
-    options = "--lockstep", "--set", FAST, "--yellow", "1", "--yellow-robot", "tigers-v2016", "--out", str(out)
+    options = "--lockstep", "--set", FAST, "--yellow", "1", "--yellow-robot", "tigers-v2020", "--out", str(out)
     with served(*options) as (client, process):
         for _ in range(45):
             client.step(serving.local(0, 0.5))
@@ -98,7 +98,7 @@ def test_a_process_that_is_ended_leaves_a_whole_table_and_recording(
     files = {"trajectory.parquet", "recording.rrd", "scenario.toml", "scenario-yellow.toml", "provenance.json"}
     assert files <= {path.name for path in out.iterdir()}
     robots = [om.scenario(out / name).robot for name in ("scenario.toml", "scenario-yellow.toml")]
-    assert robots == ["tigers-v2020", "tigers-v2016"]
+    assert robots == ["tigers-v2016", "tigers-v2020"]
     assert len(pl.read_parquet(out / "trajectory.parquet")) == 2 * 45
     rerun, without_list = Path(serving.sys.executable).with_name("rerun"), ["--check-footers", "false"]
     said = subprocess.run(
