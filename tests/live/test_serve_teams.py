@@ -114,3 +114,20 @@ def test_wheels_that_creep_and_wheels_that_do_not_take_two_worlds(tmp_path: Path
     file = robot(tmp_path, {r"\[wheels\]": '[wheels]\ncreep = "off"'})
     with pytest.raises(OmniError, match=r"--yellow-robot .*: robots of one world have the same wheels\.creep"):
         pitch_of(yellow="1", robot=NEW, yellow_robot=file)
+
+
+def test_a_carpet_leans_under_both_teams_or_under_neither(tmp_path: Path) -> None:
+    """By 20 degrees: robots whose motors are off roll down, slower than a thing that slides without friction."""
+    file = tmp_path / "slope.toml"
+    tilt = '[[fault]]\nkind = "tilt"\nat = 0.0\nangle_deg = 20.0\n'
+    file.write_text(tilt)
+    pitch = pitch_of(*QUIET, FAST, yellow="1", robot=OLD, yellow_robot=NEW, scenario=str(file))
+    for squad in pitch.plant.squads:
+        squad.hold(np.zeros((1, 4)))  # no currents: robots roll
+    drive(pitch, 15)
+    rolled = pitch.plant.twist()[:, 0]
+    assert (rolled > 0.05).all()
+    assert (rolled < 9.81 * np.sin(np.radians(20)) * 15 / 60).all()
+    file.write_text(f"{tilt}robots = [0]\n")
+    with pytest.raises(OmniError, match="their faults must have the same tilts"):
+        pitch_of(blue="0,", yellow="1,", robot=OLD, yellow_robot=NEW, scenario=str(file))

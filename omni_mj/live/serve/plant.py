@@ -10,6 +10,7 @@ from omni_control.kinematics import Array
 from omni_mj.link.radio import Received
 from omni_mj.live.serve.squad import Squad
 from omni_mj.plants import Telemetry
+from omni_mj.plants.faults.world import check_carpet
 from omni_mj.plants.mujoco import batch_of
 from omni_mj.scenarios.rows import Row
 from omni_mj.worlds import build
@@ -35,10 +36,11 @@ class ServedPlant:
         unstable: whether physics has failed, after which all stand where they last were.
 
     Raises:
-        OmniError: see `build.mixed` and `MujocoPlant`.
+        OmniError: see `build.mixed`, `check_carpet` and `MujocoPlant`.
     """
 
     def __init__(self, rows: Sequence[Row], start: Array) -> None:
+        check_carpet(rows)
         shapes = [Shape.of(row.settings) for row in rows]
         worlds = build.mixed([row.settings for row in rows], hulls=True)
         self._batch = batch_of(worlds[0], 1)
