@@ -44,7 +44,8 @@ def driven(pitch: Pitch, frames: int = 30) -> Pitch:
 @pytest.mark.parametrize("kernel", ["numpy", "numba"])
 def test_a_robot_drives_among_others_as_it_does_among_its_own(three: str, kernel: str) -> None:
     """Blue drives as blue of a world of its kind, yellow as yellow of one of its own, and they are told apart."""
-    pytest.importorskip("numba")
+    if kernel == "numba":
+        pytest.importorskip("numba")
     sets = *QUIET, FAST, f"physics.kernel={kernel}"
     mixed, *alike = (
         driven(pitch_of(*sets, yellow="1", robot=blue, yellow_robot=yellow))
@@ -131,3 +132,19 @@ def test_a_carpet_leans_under_both_teams_or_under_neither(tmp_path: Path) -> Non
     file.write_text(f"{tilt}robots = [0]\n")
     with pytest.raises(OmniError, match="their faults must have the same tilts"):
         pitch_of(blue="0,", yellow="1,", robot=OLD, yellow_robot=NEW, scenario=str(file))
+
+
+def test_a_world_that_becomes_unstable_goes_on_from_where_both_teams_last_were(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # where MuJoCo logs its warnings
+    pitch = driven(pitch_of(*QUIET, FAST, yellow="2", robot=OLD, yellow_robot=NEW))
+    assert pitch.place({}, {(Team.YELLOW, 1)}) == []
+    before = pitch.plant.pose()[:2]
+    pitch.plant._batch.bind("qvel")[0, 3] = 1e12
+    driven(pitch, 1)
+    np.testing.assert_array_equal(pitch.plant.pose()[:2], before)
+    assert pitch.plant.unstable
+    driven(pitch, 20)
+    assert pitch.plant.driven.tolist() == [True, True, False]
+    assert (np.hypot(*(pitch.plant.pose()[:2] - before)[:, :2].T) > 0.05).all()
