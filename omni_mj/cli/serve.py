@@ -1,7 +1,7 @@
 """`omni-mj serve`: a simulator of the league, which any team's software can drive, with our physics."""
 
 import gc
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from omni_mj.live.serve.server import Server
     from omni_mj.scenarios.scenario import Scenario
 
-OUTPUTS = ("trajectory.parquet", "recording.rrd", "scenario.toml", *folders.PROVENANCE)
+YELLOW = "scenario-yellow.toml"  # what robots the other team has, if they are others
+OUTPUTS = ("trajectory.parquet", "recording.rrd", "scenario.toml", YELLOW, *folders.PROVENANCE)
 
 PORT = click.IntRange(0, 65_535)
 TABLE_B = 20e6  # of disk, that a recording leaves to the table, which goes on
@@ -102,8 +103,9 @@ def command(
     ours = line_up.load(name, overrides, head)
     theirs = ours if yellow_robot is None else line_up.load(name, overrides, head | {"robot": yellow_robot})
     line_up.check_together(ours, theirs)
-    teams = line_up.numbers(blue, "--blue"), line_up.numbers(yellow, "--yellow")
-    poses = line_up.poses(*teams, ours if name is not None else None)
+    teams = {"blue": ours, "yellow": theirs}
+    wanted = line_up.numbers(blue, "--blue"), line_up.numbers(yellow, "--yellow")
+    poses = line_up.poses(*wanted, ours if name is not None else None)
 
     def tell(text: str) -> None:
         if not quiet:
@@ -122,10 +124,10 @@ def command(
     server = Server(pitch, ports, speed, lockstep or "", tell)
     try:
         if folder is None:
-            _execute(server, until_s, quiet, None, ours, record, viewers)
+            _execute(server, until_s, quiet, None, teams, record, viewers)
         else:
             with console.writing(folder):
-                _execute(server, until_s, quiet, folder, ours, record, viewers)
+                _execute(server, until_s, quiet, folder, teams, record, viewers)
     finally:
         server.close()
 
@@ -135,7 +137,7 @@ def _execute(
     until_s: float | None,
     quiet: bool,
     folder: Path | None,
-    chosen: "Scenario",
+    teams: Mapping[str, "Scenario"],
     record: bool,
     viewers: Sequence[str],
 ) -> None:
@@ -145,7 +147,7 @@ def _execute(
     from omni_mj.studies.outcome import StoppedError
 
     stopped = None
-    with Interrupts() as interrupts, _taped(server.pitch, folder, chosen, record, viewers) as tape:
+    with Interrupts() as interrupts, _taped(server.pitch, folder, teams, record, viewers) as tape:
         if tape is not None:
             server.after_frame = tape.add
         if not quiet:
@@ -164,7 +166,7 @@ def _execute(
 
 @contextmanager
 def _taped(
-    pitch: "Pitch", folder: Path | None, chosen: "Scenario", record: bool, viewers: Sequence[str]
+    pitch: "Pitch", folder: Path | None, teams: Mapping[str, "Scenario"], record: bool, viewers: Sequence[str]
 ) -> "Iterator[Tape | None]":
     """What records, if anything shall."""
     if folder is None and not viewers:
@@ -172,13 +174,17 @@ def _taped(
         return
     from omni_mj.live.serve.log import Block, Parquet, Tape
 
-    table, shown = None, []
+    table, shown, chosen, theirs = None, [], teams["blue"], teams["yellow"]
+    robots = {team: each.settings for team, each in teams.items()}
     if folder is not None:
         from omni_mj.measure.result import write
         from omni_mj.provenance import record as provenance
 
         write(folder / "scenario.toml", chosen.to_toml())
-        provenance.save(folder, "serve", console.command_line(), [chosen])
+        if theirs != chosen:
+            write(folder / YELLOW, theirs.to_toml())
+        given = {} if theirs == chosen else {"yellow": theirs.to_toml()}
+        provenance.save(folder, "serve", console.command_line(), [chosen], given=given)
         table = Parquet(folder / "trajectory.parquet")
     if viewers or (folder is not None and record):
         from omni_mj.show.recording.served import ServedRecording, to_file, to_viewer
@@ -187,10 +193,10 @@ def _taped(
         for url in (url for url in viewers if not answers(url)):
             click.echo(f"warning: no viewer at {url}; the run goes on without it", err=True)
         title = f"serve {chosen.name}"
-        shown = [ServedRecording(to_viewer(url), chosen.settings, title) for url in viewers if answers(url)]
+        shown = [ServedRecording(to_viewer(url), robots, title) for url in viewers if answers(url)]
         if folder is not None and record:
             room = partial(check_room, folder, TABLE_B)
-            shown.append(ServedRecording(to_file(folder / "recording.rrd"), chosen.settings, title, room))
+            shown.append(ServedRecording(to_file(folder / "recording.rrd"), robots, title, room))
 
     def keep(block: Block) -> None:
         if table is not None:

@@ -1,6 +1,6 @@
 """Cameras: what each sends, how often, how old, and by how much one sees robots elsewhere than the others do."""
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -13,6 +13,7 @@ from omni_mj.live.wire.vision import Detection
 
 OLDEST_S = 0.5  # between capture and sending that a peer can mean; more, or less than none, is of two clocks
 MOST_LOST = 1000  # frames between two; more are of another count
+INTERVALS = 120  # between frames, of which the usual one is known
 LEAST_GAIN = 0.02  # with which differences between cameras are learned in the end
 
 
@@ -39,6 +40,7 @@ class Camera:
     last: tuple[float, float] = (0.0, 0.0)
     since: int = 0  # frames since then, with those that were lost, without the first
     newest: tuple[int, float] | None = None  # number and time of capture
+    intervals: deque[float] = field(default_factory=lambda: deque(maxlen=INTERVALS))  # of its stamps, newest last, s
 
     def add(self, detection: Detection, arrival: float) -> bool:
         """Take a frame in, and say whether it is new: neither late nor here before."""
@@ -56,6 +58,7 @@ class Camera:
             step = step if 1 < step < MOST_LOST else 1  # not all number their frames
             self.lost += step - 1
             self.since += step
+            self.intervals.append((sent - self.last[0]) / step)
         else:
             self.first, self.since = (sent, arrival), 0
         self.newest, self.last = (detection.frame_number, captured), (sent, arrival)
@@ -77,6 +80,12 @@ class Camera:
     def received_hz(self) -> float:
         """Frames a second of ours."""
         return self._rate(1)
+
+    @property
+    def usual_hz(self) -> float:
+        """Frames a second of its own clock as most of the last ones came, whatever stalled between; or not a number."""
+        usual = float(np.median(self.intervals)) if self.intervals else 0.0
+        return 1 / usual if usual > 0 else np.nan
 
     def _rate(self, clock: int) -> float:
         span = self.last[clock] - self.first[clock]

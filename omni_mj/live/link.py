@@ -22,7 +22,7 @@ GRACE_S = 0.001  # for which the other cameras' frames are waited for after that
 PATIENCE_S = 0.05  # same, where cameras look at one time and go on when commands have come: a simulation that waits
 OVERDUE = 1.6  # periods after a tick at which a frame is taken to be lost
 SHORTEST_S = 0.0125  # of a period, where a simulation goes faster than time: it waits for commands anyway
-SAME_RATE = 0.05  # by which frames may differ from 60 a second of their own clock, for the loop to go with them
+SAME_RATE = 0.03  # by which frames may differ from 60 a second of their own clock, for the loop to go with them
 SETTLE_S = 0.05  # in which frames arrive that were on their way
 CHECK_S = 0.05  # how often it is looked whether to stop, while nothing comes
 
@@ -84,7 +84,7 @@ class Link:
                 that waits for commands that is not known.
         """
         self.leader = leading(self.vision.cameras, self._seeing, time.monotonic(), SILENT_S)
-        rate = math.nan if self.leader is None else self.vision.cameras[self.leader].stamped_hz
+        rate = math.nan if self.leader is None else self.vision.cameras[self.leader].usual_hz
         fits = abs(rate / FRAME_RATE_HZ - 1) < SAME_RATE
         if pace == "vision" and not fits and not math.isnan(rate):
             raise OmniError(

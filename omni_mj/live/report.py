@@ -9,6 +9,7 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_mj.live import answer
 from omni_mj.live.drive import Live
+from omni_mj.live.link import SAME_RATE
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 
 
@@ -60,6 +61,13 @@ def told(summary: Mapping[str, Any]) -> list[str]:
     if late["p50"] is not None:
         times = ", ".join(f"{name} {1e3 * value:.1f}" for name, value in late.items())
         lines.append(f"commands left so many ms after each tick: {times}")
+    ticks = summary["ticks"]
+    hz = summary["cameras"][str(ticks["camera"])]["stamped_hz"] if ticks["with_frames"] else None
+    if hz is not None and abs(hz / FRAME_RATE_HZ - 1) > SAME_RATE:
+        lines.append(
+            f"each frame of camera {ticks['camera']} was a tick, and it sent {hz:.1f} a second: all was driven "
+            f"{hz / FRAME_RATE_HZ:.2f} times as fast; --rate {FRAME_RATE_HZ} goes by this computer's clock"
+        )
     for robot in summary["robots"]:
         parts = []
         if robot["fitted"]["latency_frames"] is not None:

@@ -6,7 +6,7 @@ a hinge along the axle on which it slips. Its encoder is the <jointpos> sensor o
 <freejoint> that carries the wheels is the chassis, and the <gyro> is the one on a site of it.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import mujoco
@@ -67,15 +67,16 @@ class Robot:
 
 
 def find(
-    model: mujoco.MjModel, file: str, names: Names | None = None, prefixes: Sequence[str] = ()
+    model: mujoco.MjModel, file: str, names: Names | None = None, prefixes: Mapping[int, str] | None = None
 ) -> tuple[Robot, ...]:
-    """Find the robots of a model, in the order of their bodies.
+    """Find robots of a model.
 
     Args:
         model: compiled; robots stand upright in it.
         file: named in messages.
         names: of parts that are not found by what they do.
-        prefixes: before the names of each robot's parts. [none]
+        prefixes: which are sought, by their numbers in the order of bodies, and what is before the names of their
+            parts. [all, nothing]
 
     Raises:
         OmniError: roles that nothing fills, by name, and what would fill them, a line each.
@@ -85,10 +86,10 @@ def find(
     roots = np.unique(model.body_rootid[model.jnt_bodyid[model.actuator_trnid[dc_motors(model), 0]]])
     if not roots.size:
         raise OmniError(f"{file}: no wheels; a wheel is a hinge that a <dcmotor> drives" + _other_motors(model))
-    each = prefixes or [""] * len(roots)
+    sought = dict.fromkeys(range(len(roots)), "") if prefixes is None else prefixes
     return tuple(
-        _Finder(model, data, file, names or Names(), prefix).robot(int(root))
-        for root, prefix in zip(roots, each, strict=True)
+        _Finder(model, data, file, names or Names(), prefix).robot(int(roots[number]))
+        for number, prefix in sought.items()
     )
 
 

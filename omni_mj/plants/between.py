@@ -90,21 +90,14 @@ class Between:
         if held is not None:
             self._seen.held[:] = held.T
 
-    def cycle(self, k: int, batch: Batch, living: np.ndarray | None, substeps: int) -> None:
-        """Let the wheel loops run, and physics until they do again.
+    def before(self, k: int) -> None:
+        """Let the wheel loops run in the cycle `k` of a frame, before physics steps."""
+        self._before(self._table, k, self._firmware.cycle)
+        self._firmware.cycle += 1
 
-        Args:
-            k: the cycle's number in the frame.
-            batch: of the robots' worlds.
-            living: numbers of those that are stepped; None for all.
-            substeps: how many of them there are in a cycle.
-        """
-        table, after, firmware = self._table, self._after, self._firmware
-        self._before(table, k, firmware.cycle)
-        firmware.cycle += 1
-        for substep in range(substeps):
-            batch.step(living)
-            after(table, k, substep == 0, substep == substeps - 1)
+    def after(self, k: int, first: bool, last: bool) -> None:
+        """See to what follows a physics step, the `first` or `last` in the cycle `k` of a frame."""
+        self._after(self._table, k, first, last)
 
     def end(self, period: float) -> bool:
         """Warm motors and discharge batteries after a frame that lasted so long, s, and read headings.

@@ -25,6 +25,7 @@ from omni_mj.plants.variation import Drawn
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, column
 from omni_mj.worlds import build
+from omni_mj.worlds.build import World
 from omni_mj.worlds.wheels import contact_slip
 
 THREADED = 16  # robots from which several threads gain more in a step than they lose by meeting at its end
@@ -36,6 +37,18 @@ _UNSTABLE = {
 }
 
 
+def model_of(world: World) -> mujoco.MjModel:
+    """What is stepped of a world that was built."""
+    model = copy.copy(world.model)
+    model.actuator_ctrllimited[:] = 0  # the battery limits, also where braking motors lift its voltage
+    return model
+
+
+def batch_of(world: World, worlds: int, threads: int = 1) -> Batch:
+    """So many worlds like one that was built, stepped by so many threads."""
+    return Batch(model_of(world), worlds, threads)
+
+
 class MujocoPlant:
     """Robots with roller wheels on carpet; those of one world collide with each other and with its walls.
 
@@ -44,7 +57,8 @@ class MujocoPlant:
             their models are made of (`Shape`) and the physics must be the same for all.
         start: poses at the start, (n, 3).
         threads: of the physics. Results do not depend on it. [one below 16 robots, else as many as cores]
-        hulls: whether robots meet each other and the walls. [if a world has several; where they start is then checked]
+        within: a batch of one world, and where these robots are in it, perhaps with others: whoever steps it calls
+            `before`, `after` and `end` of all its plants. [a batch of their own; where they start is then checked]
 
     Attributes:
         geometry: of the wheels, as they are when new.
@@ -58,21 +72,26 @@ class MujocoPlant:
     """
 
     def __init__(
-        self, rows: Sequence[Row], start: Array, threads: int | None = None, hulls: bool | None = None
+        self,
+        rows: Sequence[Row],
+        start: Array,
+        threads: int | None = None,
+        within: tuple[Batch, World] | None = None,
     ) -> None:
-        settings, places = [row.settings for row in rows], batches.places(rows)
+        settings, places = [row.settings for row in rows], batches.places(rows) if within is None else len(rows)
         batches.check(rows)
         kernel.check(settings[0].physics.kernel)
-        self._world = world = build.world(settings[0], places, hulls=hulls)
         self.cycles, self._substeps = round(PERIOD_S / build.CYCLE_S), settings[0].physics.substeps
-        model = copy.copy(world.model)
-        model.actuator_ctrllimited[:] = 0  # the battery limits, also where braking motors lift its voltage
-        n, worlds = len(rows), len(rows) // places
+        n, worlds, checked = len(rows), len(rows) // places, within is None
         self._places = places
-        if threads is None:
-            threads = 1 if n < THREADED else os.cpu_count() or 1
         self._kernel = settings[0].physics.kernel
-        self._batch = self._made(model, worlds, min(threads, worlds))
+        if within is None:
+            world = build.world(settings[0], places)
+            if threads is None:
+                threads = 1 if n < THREADED else os.cpu_count() or 1
+            within = self._made(world, worlds, min(threads, worlds)), world
+        self._batch, self._world = within
+        world = self._world
         self._warnings = self._batch.warning[:, min(map(int, _UNSTABLE)) : max(map(int, _UNSTABLE)) + 1, 1]
         self.geometry: Kinematics | None = world.kinematics
         self._creeps = world.robots[0].slip_dofs.size > 0
@@ -88,7 +107,7 @@ class MujocoPlant:
         self._living: np.ndarray | None = None  # worlds that are stepped; None for all
         self._angles, self._turn_rates = np.zeros((len(world.kinematics.azimuths), n)).T, np.zeros(n)
         self._stand(np.arange(worlds))
-        if places > 1 and hulls is None:
+        if places > 1 and checked:
             batches.check_start(rows, world.model, self._batch.bind("qpos"))
 
         self._chance = Chance(rows)
@@ -114,9 +133,9 @@ class MujocoPlant:
         self._nothing: tuple[Array, np.ndarray] = np.full(n, np.nan), np.zeros(n, int)
         self._heard: tuple[Array, np.ndarray] = self._nothing
 
-    def _made(self, model: mujoco.MjModel, worlds: int, threads: int) -> Batch:
-        """What steps these worlds."""
-        return Batch(model, worlds, threads)
+    def _made(self, world: World, worlds: int, threads: int) -> Batch:
+        """What steps so many worlds like one that was built."""
+        return batch_of(world, worlds, threads)
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -144,31 +163,48 @@ class MujocoPlant:
         Returns:
             As `advance`, at the end of a frame; nothing within one.
         """
-        k = self._cycle
+        self.before(received)
+        for substep in range(self._substeps):
+            self._batch.step(self._living)
+            self.after(substep)
+        return self.end()
+
+    def before(self, received: Received | None = None) -> None:
+        """Do what a cycle begins with, until physics steps; see `cycle`."""
+        k, between = self._cycle, self._between
         if received is not None:
             self._obey(received)
         if k == 0:
             self._begin()
-        between = self._between
         if between is None:
-            self._pass(k)
+            self._command(k)
         else:
-            between.cycle(k, self._batch, self._living, self._substeps)
-        self._cycle = (k + 1) % self.cycles
+            between.before(k)
+
+    def after(self, substep: int) -> None:
+        """Do what comes after a physics step of a cycle, by the step's number in it."""
+        last, between = substep == self._substeps - 1, self._between
+        if between is None:
+            self._follow(substep == 0, last)
+        else:
+            between.after(self._cycle, substep == 0, last)
+
+    def end(self) -> dict[int, str]:
+        """End a cycle; see there."""
+        self._cycle = (self._cycle + 1) % self.cycles
         if self._cycle:
             return {}
-        if between is None:
+        if self._between is None:
             self._motors.warm(self.currents, self._speeds)
             self._battery.discharge(PERIOD_S)
             toppled = self._face()
         else:
-            toppled = between.end(PERIOD_S)
+            toppled = self._between.end(PERIOD_S)
         return self._check() if toppled or np.count_nonzero(self._warnings) else {}
 
-    def _pass(self, k: int) -> None:
-        """Let the wheel loops run, and physics until they do again, in the cycle `k` of a frame."""
-        at, slips = self._at, self._at.slips
-        motors, battery, traction = self._motors, self._battery, self._traction
+    def _command(self, k: int) -> None:
+        """Let the wheel loops run in the cycle `k` of a frame: from what was sensed to voltages."""
+        at, motors, battery, traction = self._at, self._motors, self._battery, self._traction
         duty = self._firmware.duties(self._turn_rates + self._gyro_error, self._angles)
         if (held := self._holds) is not None:
             motors.hold(duty, held, at.wheel_speed.get(), battery.voltage[:, None])
@@ -181,17 +217,25 @@ class MujocoPlant:
             traction.travel(at.position.get(), at.quaternion.get(), at.velocity.get(), at.load.get(), self._angles)
             traction.wrench[:, :2] += self._push
             at.wrench.set(traction.wrench)
-        for substep in range(self._substeps):
-            if slips is not None:
-                traction.press(at.load.get())
-                slips.limit.set(traction.limit)
-                slips.impedance.set(traction.impedance)
-            self._batch.step(self._living)
-            if substep == 0:  # what MuJoCo sensed at its start: a cycle ago, however many steps there are in it
-                self._sense()
-            if at.handover is not None:
-                at.handover()
-        battery.load(self._voltages[k], self.currents[k])
+        self._press()
+
+    def _press(self) -> None:
+        """Let the wheels' loads limit how much their rims hold."""
+        if (slips := self._at.slips) is not None:
+            self._traction.press(self._at.load.get())
+            slips.limit.set(self._traction.limit)
+            slips.impedance.set(self._traction.impedance)
+
+    def _follow(self, first: bool, last: bool) -> None:
+        """What comes after the `first` or `last` physics step of a cycle."""
+        if first:  # what MuJoCo sensed at its start: a cycle ago, however many steps there are in it
+            self._sense()
+        if self._at.handover is not None:
+            self._at.handover()
+        if last:
+            self._battery.load(self._voltages[self._cycle], self.currents[self._cycle])
+        else:
+            self._press()
 
     def _obey(self, received: Received) -> None:
         """Take over commands, and keep vision's headings until the next frame begins."""
@@ -252,17 +296,18 @@ class MujocoPlant:
 
     def _stand(self, worlds: np.ndarray) -> None:
         """Put the robots of some worlds where they start, at rest on their rollers; their sensors say so."""
-        batch, places = self._batch, self._places
-        batch.bind("qpos")[worlds], batch.bind("qvel")[worlds] = self._world.standing, 0.0
+        places = self._places
         rows = (worlds[:, None] * places + np.arange(places)).ravel()
-        position, quaternion = self._at.position.get().copy(), self._at.quaternion.get().copy()
+        standing = self._world.standing[np.array([robot.qpos for robot in self._world.robots])]
+        positions, speeds = self._at.qpos.get().copy(), self._at.qvel.get().copy()
+        positions[rows], speeds[rows] = standing[rows % places], 0.0
         x, y, heading = self._start[rows].T
-        position[rows, 0], position[rows, 1] = x, y
-        quaternion[rows] = np.stack([np.cos(heading / 2), *np.zeros((2, len(rows))), np.sin(heading / 2)], axis=1)
-        self._at.position.set(position)
-        self._at.quaternion.set(quaternion)
+        positions[rows, 0], positions[rows, 1] = x, y
+        positions[rows, 3:7] = np.stack([np.cos(heading / 2), *np.zeros((2, len(rows))), np.sin(heading / 2)], axis=1)
+        self._at.qpos.set(positions)
+        self._at.qvel.set(speeds)
         self._heading[rows] = heading
-        batch.forward(worlds)
+        self._batch.forward(worlds)
         self._sense()
 
     def _face(self) -> bool:

@@ -14,7 +14,8 @@ import mujoco
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.plants.mujoco import MujocoPlant, model_of
+from omni_mj.worlds.build import World
 
 CONTACTS, CONSTRAINTS = 128, 512  # of a world, at most; a robot on full wheels has up to 70 contacts
 LEAST_TOLERANCE = 1e-6  # of the solver: float32 knows no less
@@ -97,10 +98,10 @@ class WarpBatch:
 class WarpPlant(MujocoPlant):
     """`MujocoPlant` on MuJoCo Warp; for arguments, attributes and errors see there. Its kernel is numpy."""
 
-    def _made(self, model: mujoco.MjModel, worlds: int, threads: int) -> Any:
+    def _made(self, world: World, worlds: int, threads: int) -> Any:
         if self._kernel != "numpy":
             raise OmniError("physics by MuJoCo Warp needs physics.kernel = numpy")
-        return WarpBatch(model, worlds)
+        return WarpBatch(model_of(world), worlds)
 
 
 def _field(of: Any, name: str) -> tuple[Any, str]:

@@ -6,9 +6,11 @@ for, they are switched on, and meet each other and every geom of the scene that 
 robot that has fallen.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Self
 
 import mujoco
 import numpy as np
@@ -20,7 +22,8 @@ from omni_mj.scenarios import models
 from omni_mj.scenarios.robot_settings import WheelSettings
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, Settings
 from omni_mj.worlds import parts, two_rollers
-from omni_mj.worlds.contact import RIGID, STIFFEST, creeping
+from omni_mj.worlds.contact import RIGID, STIFFEST, Contact, creeping
+from omni_mj.worlds.hulls import reach, switch_on
 from omni_mj.worlds.parts import Part
 from omni_mj.worlds.shape import Shape
 from omni_mj.worlds.wheels import WheelGeometry
@@ -45,13 +48,14 @@ class World:
     """A compiled world and where its robots are in it, to be read only: it is shared by all who ask for the same.
 
     Args:
-        model: n robots, named `robot_1/...` and so on, all at the origin.
-        robots: in the order of their places.
+        model: robots named `robot_1/...` and so on by their places, all at the origin.
+        robots: n of one shape, in the order of their places: all that are in it, unless it is `mixed`.
         standing: positions (nq,) with every robot at rest at the origin, its weight on its rollers.
         kinematics: of each robot's wheels.
         wheels: where each robot's rollers are, for its slip.
         pairs: contacts of carpet and rollers, numbers of each robot's, (n, pairs).
         loads: addresses in sensordata of the forces on each robot's wheels in the direction of z, (n, wheels).
+        reach: radius of the circle about a robot's middle that its hull stays in, m; 0 without a hull.
     """
 
     model: mujoco.MjModel
@@ -61,6 +65,7 @@ class World:
     wheels: WheelGeometry
     pairs: Ids
     loads: Ids
+    reach: float
 
     @property
     def weight(self) -> float:
@@ -75,7 +80,7 @@ def world(
     substeps: int | None = None,
     hulls: bool | None = None,
 ) -> World:
-    """A scene with robots on it, built once.
+    """A scene with robots of one shape on it, built once.
 
     Args:
         settings: of the robots; what their `Shape` says counts. [the default robot's]
@@ -88,14 +93,39 @@ def world(
         OmniError: numbers of which no robot can be made, a robot's or scene's file that lacks a part, or a scene that
             has other solver options than rollers need.
     """
-    chosen = settings or Settings()
-    if chosen.wheels.creep == "off" and chosen.wheels.model != "rollers":
-        raise OmniError(f"wheels.creep = off needs wheels.model = rollers, not {chosen.wheels.model}")
-    robot = parts.of(Shape.of(chosen))
+    return mixed([settings or Settings()] * places, scene, substeps, hulls)[0]
+
+
+def mixed(
+    settings: Sequence[Settings],
+    scene: str = models.SCENE,
+    substeps: int | None = None,
+    hulls: bool | None = None,
+) -> tuple[World, ...]:
+    """A scene with robots of any shapes on it, built once: for each shape the same world, with the robots that have it.
+
+    Args:
+        settings: of the robot at each place; what their `Shape` says counts.
+        scene: name or path of its MJCF file.
+        substeps: physics steps per cycle of the wheel loops. [as in the first one's settings]
+        hulls: whether robots meet each other and walls. [if they are several]
+
+    Returns:
+        In the order in which the shapes come.
+
+    Raises:
+        OmniError: see `world`; or some robots' wheels creep and others' do not, which takes two solvers.
+    """
+    for each in settings:
+        if each.wheels.creep == "off" and each.wheels.model != "rollers":
+            raise OmniError(f"wheels.creep = off needs wheels.model = rollers, not {each.wheels.model}")
+    if len({each.wheels.creep for each in settings}) > 1:
+        raise OmniError("wheels.creep must be the same for all robots of a world, on or off")
+    shapes = [Shape.of(each) for each in settings]
     path = models.scene_path(scene).resolve()
     changed = path.stat().st_mtime_ns  # a file edited since is read again
-    steps, meet = substeps or chosen.physics.substeps, places > 1 if hulls is None else hulls
-    return _world(robot, path, changed, Shape.of(chosen), places, steps, meet)
+    steps, meet = substeps or settings[0].physics.substeps, len(settings) > 1 if hulls is None else hulls
+    return _worlds(tuple((parts.of(shape), shape) for shape in shapes), path, changed, steps, meet)
 
 
 def kinematics(wheels: WheelSettings) -> Kinematics:
@@ -104,56 +134,95 @@ def kinematics(wheels: WheelSettings) -> Kinematics:
 
 
 @lru_cache(maxsize=16)
-def _world(robot: Part, scene: Path, changed: int, kind: Shape, places: int, substeps: int, hulls: bool) -> World:
-    part, whole = robot.spec.copy(), _read(scene)
+def _worlds(
+    robots: tuple[tuple[Part, Shape], ...], scene: Path, changed: int, substeps: int, hulls: bool
+) -> tuple[World, ...]:
+    whole = _read(scene)
     _check_solver(whole, scene.name)
     if whole.geom("carpet") is None:
         raise OmniError(f"{scene.name}: no carpet; it is a geom of this name, on which the rollers roll")
-    alone = _compile(part, robot.file)
-    (found,) = robot.find(alone)
-    if np.abs(found.phases).max() > 1e-3:
-        raise OmniError(f"{robot.file}: the rollers of each wheel must be evenly spaced, one at the bottom")
-    creeps = found.slip_dofs.size > 0
-    contact = creeping(alone, found.rollers.ravel(), kind.body.mass_kg / len(found.wheels)) if creeps else RIGID
-    rollers = robot.touching
-    if kind.wheels.model == "two-rollers":
-        two_rollers.reduce(part, alone, found)
-        left = {geom.name for geom in part.geoms}
-        rollers = tuple(name for name in rollers if name in left)
-    for name in _SCENES:
-        setattr(part, name, getattr(whole, name))
-    if hulls:
-        _switch_on_hulls(part, robot)
-    rims = [alone.body(rim).name for rim in found.rims]
-    for place in range(places):
-        prefix = parts.prefix(place)
-        whole.attach(part.copy(), frame=whole.worldbody.add_frame(), prefix=prefix)
-        for roller in rollers:
-            contact.add(whole, "carpet", prefix + roller)
-        for rim in rims:
-            _add_load_sensor(whole, prefix + rim)
-    if places == 1:  # what touches is one island, of which to make a list costs 7 % of a step
+    kinds = {robot: _Kind.of(*robot, whole, hulls) for robot in dict.fromkeys(robots)}
+    for place, robot in enumerate(robots):
+        kinds[robot].attach(whole, parts.prefix(place))
+    if len(robots) == 1:  # what touches is one island, of which to make a list costs 7 % of a step
         whole.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
-    whole.option.impratio = contact.impratio
+    (whole.option.impratio,) = {kind.contact.impratio for kind in kinds.values()}
     whole.option.timestep = whole.option.timestep / substeps
-    model = _compile(whole, robot.file)
-    robots = robot.find(model, places)
-    for one in robots:  # backward Euler: a slip speed decays within a step
+    model = _compile(whole, ", ".join(part.file for part, _ in kinds))
+    places = {kind: [place for place, robot in enumerate(robots) if robot == kind] for kind in kinds}
+    found = {(part, shape): part.find(model, at) for (part, shape), at in places.items()}
+    for one in (each for same in found.values() for each in same):  # backward Euler: a slip speed decays within a step
         model.dof_solref[one.slip_dofs] = -1.0, -STIFFEST / model.opt.timestep
         model.dof_solimp[one.slip_dofs, :2] = STIFFEST
-    if places == 1:
+    if len(robots) == 1:
         standing = _standing(model)
     else:
-        standing = _each_standing(model, robots, _world(robot, scene, changed, kind, 1, substeps, False))
-    return World(
-        model=model,
-        robots=robots,
-        standing=standing,
-        kinematics=kinematics(kind.wheels),
-        wheels=WheelGeometry.of(model, robots[0], 2 * np.pi / kind.wheels.rollers),
-        pairs=_pairs(model, robots),
-        loads=_loads(model, places),
+        standing = model.qpos0.copy()
+        for kind, same in found.items():
+            (alone,) = _worlds((kind,), scene, changed, substeps, False)
+            for one in same:
+                standing[one.qpos] = alone.standing[alone.robots[0].qpos]
+    return tuple(
+        World(
+            model=model,
+            robots=same,
+            standing=standing,
+            kinematics=kinematics(shape.wheels),
+            wheels=WheelGeometry.of(model, same[0], 2 * np.pi / shape.wheels.rollers),
+            pairs=_pairs(model, same),
+            loads=_loads(model, same),
+            reach=kinds[part, shape].reach,
+        )
+        for (part, shape), same in found.items()
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Kind:
+    """Robots of one shape, to be attached to a scene.
+
+    Args:
+        spec: to be copied.
+        rollers: names of the geoms that touch the carpet.
+        rims: names of the bodies whose loads are sensed.
+        contact: of rollers and carpet.
+        reach: see `World`.
+    """
+
+    spec: mujoco.MjSpec
+    rollers: tuple[str, ...]
+    rims: tuple[str, ...]
+    contact: Contact
+    reach: float
+
+    @classmethod
+    def of(cls, robot: Part, shape: Shape, scene: mujoco.MjSpec, hulls: bool) -> Self:
+        """Make them ready for a scene."""
+        part = robot.spec.copy()
+        alone = _compile(part, robot.file)
+        (found,) = robot.find(alone)
+        if np.abs(found.phases).max() > 1e-3:
+            raise OmniError(f"{robot.file}: the rollers of each wheel must be evenly spaced, one at the bottom")
+        creeps = found.slip_dofs.size > 0
+        contact = creeping(alone, found.rollers.ravel(), shape.body.mass_kg / len(found.wheels)) if creeps else RIGID
+        rollers = robot.touching
+        if shape.wheels.model == "two-rollers":
+            two_rollers.reduce(part, alone, found)
+            left = {geom.name for geom in part.geoms}
+            rollers = tuple(name for name in rollers if name in left)
+        for name in _SCENES:
+            setattr(part, name, getattr(scene, name))
+        if hulls:
+            switch_on(part, robot)
+        return cls(part, rollers, tuple(alone.body(rim).name for rim in found.rims), contact, reach(alone, robot))
+
+    def attach(self, scene: mujoco.MjSpec, prefix: str) -> None:
+        """Put one on a scene, at the origin."""
+        scene.attach(self.spec.copy(), frame=scene.worldbody.add_frame(), prefix=prefix)
+        for roller in self.rollers:
+            self.contact.add(scene, "carpet", prefix + roller)
+        for rim in self.rims:
+            _add_load_sensor(scene, prefix + rim)
 
 
 def _read(file: Path) -> mujoco.MjSpec:
@@ -183,17 +252,6 @@ def _check_solver(scene: mujoco.MjSpec, file: str) -> None:
         raise OmniError(f"{file}: <option> differs from what rollers need; set {', '.join(wrong)}, as field.xml does")
 
 
-def _switch_on_hulls(part: mujoco.MjSpec, robot: Part) -> None:
-    if not robot.hull:
-        raise OmniError(
-            f"{robot.file}: no hull; robots that share a world meet with their geoms of the class 'hull', or those "
-            "that 'hull' names"
-        )
-    for name in robot.hull:
-        hull = part.geom(name)
-        hull.contype = hull.conaffinity = 1
-
-
 def _add_load_sensor(world: mujoco.MjSpec, rim: str) -> None:
     """Have the force between carpet and whatever is on a rim sensed, in the world's axes."""
     sensor = world.add_sensor(name=f"load/{rim}")
@@ -204,9 +262,11 @@ def _add_load_sensor(world: mujoco.MjSpec, rim: str) -> None:
     sensor.intprm[:3] = 1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), 3, 1
 
 
-def _loads(model: mujoco.MjModel, places: int) -> Ids:
+def _loads(model: mujoco.MjModel, robots: tuple[Robot, ...]) -> Ids:
+    """Addresses of the loads of each robot's wheels, (robots, wheels)."""
     sensors = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_CONTACT)
-    return np.asarray(model.sensor_adr[sensors].reshape(places, -1) + 2)  # z
+    address = dict(zip(model.sensor_refid[sensors].tolist(), model.sensor_adr[sensors] + 2, strict=True))  # z
+    return np.array([[address[rim] for rim in robot.rims.tolist()] for robot in robots])
 
 
 def _pairs(model: mujoco.MjModel, robots: tuple[Robot, ...]) -> Ids:
@@ -223,11 +283,3 @@ def _standing(model: mujoco.MjModel) -> Array:
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, nstep=round(SETTLING_S / model.opt.timestep))
     return data.qpos.copy()
-
-
-def _each_standing(model: mujoco.MjModel, robots: tuple[Robot, ...], one: World) -> Array:
-    """Positions (nq,) of robots that stand as the one of another world does."""
-    standing = model.qpos0.copy()
-    for robot in robots:
-        standing[robot.qpos] = one.standing[one.robots[0].qpos]
-    return standing

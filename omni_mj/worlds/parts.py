@@ -1,5 +1,6 @@
 """What a world is built from for each robot: our shape with the numbers of its settings, or a user's own model."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -34,9 +35,10 @@ class Part:
     touching: tuple[str, ...]
     hull: tuple[str, ...]
 
-    def find(self, model: mujoco.MjModel, places: int = 0) -> tuple[Robot, ...]:
-        """Where the parts of so many robots are in a world that they were attached to; of one alone, with none."""
-        return roles.find(model, self.file, self.names, [prefix(place) for place in range(places)])
+    def find(self, model: mujoco.MjModel, places: Iterable[int] | None = None) -> tuple[Robot, ...]:
+        """Where the parts of robots are in a world, attached at these places; of one alone, without any."""
+        prefixes = None if places is None else {place: prefix(place) for place in places}
+        return roles.find(model, self.file, self.names, prefixes)
 
 
 def prefix(place: int) -> str:

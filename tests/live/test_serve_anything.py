@@ -24,7 +24,7 @@ def goes_on(pitch: Pitch) -> None:
             assert decode(VisionPacket, encode(packet)).detection is not None
     encode(VisionPacket(geometry=pitch.geometry()))
     here = pitch.plant.pose()[pitch.plant.present, :2]
-    assert (np.abs(here) < pitch.plant.surface / 2 - pitch.plant.radius + 0.01).all()
+    assert (np.abs(here) < pitch.plant.surface / 2 - pitch.plant.reach[:, None] + 0.01).all()
     assert pitch.plant.driven.sum() == pitch.plant.present.sum()
 
 

@@ -137,7 +137,6 @@ def test_either_side_is_killed_and_comes_back_and_what_ends_it_ends_it_cleanly()
     [
         (["--blue", "x"], "--blue takes how many robots, such as 3, or their numbers, such as 0,4,7, not 'x'"),
         (["--blue", "0", "--yellow", "0"], "a world has 1 to 12 robots, --blue and --yellow together, not 0"),
-        (["--yellow-robot", "tigers-v2020"], "--yellow-robot tigers-v2020: robots of one world have the same body"),
         (["--blue", "1,1"], "--blue: robots have different numbers from 0 to 15, not '1,1'"),
         (["--plant", "kinematic"], "No such option"),
         (["--speed", "-1"], "--speed must be a number from 0 to 1000, not -1"),

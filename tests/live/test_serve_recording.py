@@ -12,6 +12,7 @@ from commands import invoke
 from served import FAST, QUIET, drive, local, pitch_of
 from serving import served
 
+import omni_mj as om
 from omni_mj.live.serve import log
 from omni_mj.live.serve.log import Block, Parquet, Tape
 from omni_mj.live.serve.pitch import Pitch
@@ -84,7 +85,8 @@ def test_a_process_that_is_ended_leaves_a_whole_table_and_recording(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "run"
-    with served("--lockstep", "--set", FAST, "--yellow", "1", "--out", str(out)) as (client, process):
+    options = "--lockstep", "--set", FAST, "--yellow", "1", "--yellow-robot", "tigers-v2020", "--out", str(out)
+    with served(*options) as (client, process):
         for _ in range(45):
             client.step(serving.local(0, 0.5))
         process.send_signal(signal.SIGINT)
@@ -93,9 +95,10 @@ def test_a_process_that_is_ended_leaves_a_whole_table_and_recording(
     assert error.splitlines()[-1] == (
         f"error: interrupted; 0.8 s were simulated; what was recorded until then is in {out}"
     )
-    assert {"trajectory.parquet", "recording.rrd", "scenario.toml", "provenance.json"} <= {
-        p.name for p in out.iterdir()
-    }
+    files = {"trajectory.parquet", "recording.rrd", "scenario.toml", "scenario-yellow.toml", "provenance.json"}
+    assert files <= {path.name for path in out.iterdir()}
+    robots = [om.scenario(out / name).robot for name in ("scenario.toml", "scenario-yellow.toml")]
+    assert robots == ["tigers-v2016", "tigers-v2020"]
     assert len(pl.read_parquet(out / "trajectory.parquet")) == 2 * 45
     rerun, without_list = Path(serving.sys.executable).with_name("rerun"), ["--check-footers", "false"]
     said = subprocess.run(

@@ -39,7 +39,7 @@ def test_positive_rim_speeds_turn_the_robot_counter_clockwise() -> None:
     """All at v turn it at v / arm, after some lag."""
     pitch = pitch_of(*QUIET, FAST)
     drive(pitch, 60, rims(0, 0.1, 0.1, 0.1, 0.1))
-    arm = pitch.plant.geometry.arm
+    arm = pitch.plant.squads[0].geometry.arm
     assert at(pitch)[2] == pytest.approx(0.1 / arm, rel=0.2)
 
 
@@ -52,9 +52,9 @@ def test_a_command_acts_in_the_next_cycle_after_the_dead_time(delay: int) -> Non
     assert not pitch.command(Team.BLUE, [local(0, 1.0)])[0]
     for _ in range(16 * delay):
         pitch.step()
-        assert np.abs(pitch.plant._voltages[(pitch.cycle - 1) % 16]).max() < 0.5
+        assert np.abs(pitch.plant.squads[0]._voltages[(pitch.cycle - 1) % 16]).max() < 0.5
     pitch.step()
-    assert np.abs(pitch.plant._voltages[(pitch.cycle - 1) % 16]).max() > 2
+    assert np.abs(pitch.plant.squads[0]._voltages[(pitch.cycle - 1) % 16]).max() > 2
 
 
 @pytest.mark.parametrize("sets", [(), ("vision.rate_hz=75", "vision.delay_s=0.03", "radio.delay_frames=3")])
@@ -69,7 +69,7 @@ def test_a_robot_that_spins_drives_where_the_field_s_velocity_leads(sets: tuple[
     for _ in range(7):  # commands come in the middle of frames
         pitch.step()
     drive(pitch, 120, world(0, 0.5, 0.0, 8.0))
-    off = pitch.plant._firmware.estimate.heading - pitch.plant.pose()[:, 2]
+    off = pitch.plant.squads[0]._firmware.estimate.heading - pitch.plant.pose()[:, 2]
     assert abs(np.angle(np.exp(1j * off[0]))) < 0.03
     way = at(pitch)[:2] - [-1.0, 0.0]
     assert np.arctan2(way[1], way[0]) == pytest.approx(0.0, abs=0.1)

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from wire_messages import bad_packets
 
+from omni_mj.live.cameras import Camera
 from omni_mj.live.notes import Notes
 from omni_mj.live.vision import PERSIST, Vision
 from omni_mj.live.wire import encode
@@ -57,6 +58,17 @@ def test_a_robot_is_seen_once_per_detection_and_carried_on_between() -> None:
     assert not seen.any()
     np.testing.assert_allclose(pose[0], moving(PERIOD_S), atol=ALLOWED_M)
     assert np.isnan(pose[1]).all()
+
+
+def test_the_usual_rate_is_that_of_frames_that_nothing_held_up() -> None:
+    """A camera of 65 a second whose computer stalls for 45 ms now and then sends 60.6, and is none of 60."""
+    camera, time = Camera(), 0.0
+    assert math.isnan(camera.usual_hz)
+    for frame in range(300):
+        time += 1 / 65 + (0.045 if frame % 40 == 39 else 0.0)
+        camera.add(Detection(frame, time - 0.01, time, 0, (), (), ()), time)
+    assert camera.stamped_hz == pytest.approx(1 / (1 / 65 + 0.045 / 40), rel=1e-2)
+    assert camera.usual_hz == pytest.approx(65)
 
 
 def test_headings_count_full_turns() -> None:

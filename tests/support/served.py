@@ -28,12 +28,17 @@ class Ended(Exception):  # noqa: N818
     """Ends a server."""
 
 
-def pitch_of(*sets: str, blue: str = "1", yellow: str = "0", scenario: str | None = None, seed: int = 0) -> Pitch:
-    """What `serve` makes of these options."""
-    chosen = line_up.load(scenario, sets, {"seed": seed})
+def pitch_of(
+    *sets: str, blue: str = "1", yellow: str = "0", scenario: str | None = None, seed: int = 0, **robots: str
+) -> Pitch:
+    """What `serve` makes of these options; `robots` are `robot` and `yellow_robot`."""
+    head = {"seed": seed} | {key: value for key, value in robots.items() if key == "robot"}
+    chosen = line_up.load(scenario, sets, head)
+    theirs = line_up.load(scenario, sets, head | {"robot": robots.get("yellow_robot", chosen.robot)})
+    line_up.check_together(chosen, theirs)
     numbers = line_up.numbers(blue, "--blue"), line_up.numbers(yellow, "--yellow")
     poses = line_up.poses(*numbers, chosen if scenario else None)
-    return Pitch({Team.BLUE: chosen, Team.YELLOW: chosen}, poses)
+    return Pitch({Team.BLUE: chosen, Team.YELLOW: theirs}, poses)
 
 
 @contextmanager

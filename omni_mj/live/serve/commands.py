@@ -7,7 +7,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Received
-from omni_mj.live.serve.plant import REMEMBERED_FRAMES
+from omni_mj.live.serve.squad import REMEMBERED_FRAMES
 from omni_mj.live.wire.simulation import MoveCommand, RobotCommand, SimulatorError
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ
 
@@ -75,11 +75,12 @@ def received(held: Array, new: np.ndarray, compared: int) -> Received:
     """
     age = np.rint((compared - held[:, IMAGE]) / (CYCLE_RATE_HZ // FRAME_RATE_HZ)).astype(int)
     known = new & (age <= REMEMBERED_FRAMES)
+    body, wheels = held[:, BODY] > 0, held[:, WHEELS:]
     return Received(
         command=held[:, :3],
         heading=np.where(known, held[:, HEADING], np.nan),
-        age=np.where(known, age, 0),
+        age=age * known,
         new=new,
-        body=held[:, BODY] > 0 if held[:, BODY].any() else None,
-        wheels=None if np.isnan(held[:, WHEELS:]).all() else held[:, WHEELS:],
+        body=body if np.count_nonzero(body) else None,
+        wheels=wheels if np.count_nonzero(~np.isnan(wheels)) else None,
     )

@@ -14,7 +14,6 @@ from omni_mj.live.serve.pitch import MOST
 from omni_mj.live.wire.simulation import Team
 from omni_mj.scenarios import distributions, references, scenario
 from omni_mj.scenarios.scenario import Scenario
-from omni_mj.worlds.shape import Shape
 
 TIMEOUT_S = 0.1  # after which robots stop, as in the league's simulators
 APART_M, COLUMN = 0.5, 6  # robots of a team that stand in a column
@@ -52,12 +51,13 @@ def check_together(ours: Scenario, theirs: Scenario) -> None:
     """See that one world can hold the robots of both teams.
 
     Raises:
-        OmniError: their bodies, wheels or gears differ.
+        OmniError: the wheels of one team creep and the other's do not, or they need other steps of physics.
     """
-    if Shape.of(ours.settings) != Shape.of(theirs.settings):
+    one, other = ({"wheels.creep": s.wheels.creep, "physics": s.physics} for s in (ours.settings, theirs.settings))
+    if differ := [name for name in one if one[name] != other[name]]:
         raise OmniError(
-            f"--yellow-robot {theirs.robot}: robots of one world have the same body, wheels and gear, and it differs in"
-            f" these from {ours.robot}; others may be its motors, firmware, battery and sensors"
+            f"--yellow-robot {theirs.robot}: robots of one world have the same {' and '.join(differ)}, and it differs "
+            f"from {ours.robot}; all else may differ"
         )
 
 

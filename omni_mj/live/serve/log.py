@@ -91,9 +91,7 @@ class Tape:
         pitch = self._pitch
         self._names, self._balls = self._present(), list[Array]()
         rows = [replace(pitch.rows[pitch.names.index(name)], place=name[1]) for name in self._names]
-        geometry = pitch.plant.geometry
-        assert geometry is not None
-        self._log = Log(rows, len(geometry.azimuths))
+        self._log = Log(rows, max(pitch.plant.wheels))
 
     def _present(self) -> list[Name]:
         here = zip(self._pitch.names, self._pitch.plant.present, strict=True)

@@ -22,6 +22,7 @@ from omni_mj.scenarios.faults import of_robot
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ
+from omni_mj.worlds import build
 
 MOST = 12  # robots in a world
 ROBOT_HEIGHT_M = 0.15  # of the patterns that cameras see
@@ -59,6 +60,7 @@ class Pitch:
         self.size, self.cycle = standard(), 0
         self.ball: Array | None = np.zeros(2)
         self._vision = scenarios[Team.BLUE].settings.vision
+        self._reach = {team: build.world(each.settings).reach for team, each in scenarios.items()}
         self.names = list(names)
         self.rows = self._rows()
         self._eyes = [Eye(number, self.rows) for number in range(self._vision.cameras)]
@@ -66,7 +68,8 @@ class Pitch:
         self._build(list(names.values()))
         self._rehearse()
         self._areas = areas(len(self._eyes), self.plant.surface, self._vision.overlap_m)
-        wrong = [self.plant.overlap(robot, self.plant.pose()[:, :2]) for robot in range(len(self.names))]
+        places, reach = self.plant.pose()[:, :2], self.plant.reach
+        wrong = [self.plant.overlap(robot, places, reach) for robot in range(len(self.names))]
         if any(wrong):
             robot = next(robot for robot, text in enumerate(wrong) if text)
             raise OmniError(f"{label(self.names[robot])} starts in {wrong[robot]}")
@@ -107,6 +110,11 @@ class Pitch:
                 self._tell("robot failed", f"{label(self.names[robot])} {cause} at {self.time_s:.3f} s")
         self.cycle += 1
 
+    def advance(self, until: int) -> None:
+        """Go on up to a cycle."""
+        while self.cycle < until:
+            self.step()
+
     def command(self, team: Team, commands: Sequence[RobotCommand]) -> tuple[list[Refusal], list[int]]:
         """Send commands to robots of a team; they act when the radio has brought them.
 
@@ -114,20 +122,20 @@ class Pitch:
             What is refused, and the numbers of those robots of the team's that were commanded.
         """
         refused, commanded, to = list[Refusal](), list[int](), list[int]()
-        packets = np.empty((len(self.names), len(self._nothing)))
+        packets, present = self._nothing.copy(), self.plant.present
         for command in commands:
-            if (robot := self._find((team, command.id))) is None or not self.plant.present[robot]:
+            if (robot := self._find((team, command.id))) is None or not present[robot]:
                 there = ", ".join(str(number) for number in self.numbers(team)) or "none"
                 text = f"there is no {label((team, command.id))} on the field; there: {there}"
                 refused.append(Refusal("UNKNOWN_ROBOT", text))
                 continue
             commanded.append(command.id)
-            sent = packet(command, self._wheels)
+            sent = packet(command, self.plant.wheels[robot])
             if isinstance(sent, Refusal):
                 refused.append(sent)
             elif sent is not None:
                 sent[HEADING], sent[IMAGE] = self._seen[robot]
-                packets[robot] = sent
+                packets[robot, : len(sent)] = sent
                 to.append(robot)
         if to:
             self._radio.send(packets, np.array(sorted(set(to))))
@@ -186,9 +194,9 @@ class Pitch:
             OmniError: no such field can be, or a robot would stand in its walls.
         """
         walls = surface(size)
-        room = walls / 2 - self.plant.radius
-        for name, pose, present in zip(self.names, self.plant.pose(), self.plant.present, strict=True):
-            if present and (np.abs(pose[:2]) > room).any():
+        plant = self.plant
+        for name, pose, present, reach in zip(self.names, plant.pose(), plant.present, plant.reach, strict=True):
+            if present and (np.abs(pose[:2]) > walls / 2 - reach).any():
                 raise OmniError(f"{label(name)} would stand in a wall of a field of {walls[0]:g} x {walls[1]:g} m")
         self.size = size
         self.plant.move_walls(*walls)
@@ -226,7 +234,8 @@ class Pitch:
         places[: len(self.names)] = np.where(self.plant.present[:, None], self.plant.pose()[:, :2], np.nan)
         for name, (pose, _) in wanted.items():
             places[names.index(name)] = pose[:2]
-        found = {name: self.plant.overlap(names.index(name), places) for name in wanted}
+        reach = np.array([self._reach[team] for team, _ in names])
+        found = {name: self.plant.overlap(names.index(name), places, reach) for name in wanted}
         return {name: why for name, why in found.items() if why}
 
     def _grow(self, new: Sequence[Name], wanted: dict[Name, tuple[Array, Array]]) -> None:
@@ -243,19 +252,17 @@ class Pitch:
 
     def _build(self, poses: Sequence[Array]) -> None:
         self.plant = ServedPlant(self.rows, np.array(poses, float))
-        assert self.plant.geometry is not None
-        self._wheels = len(self.plant.geometry.azimuths)
-        self._nothing = nothing(self._wheels)
+        n, empty = len(self.rows), nothing(max(self.plant.wheels))
+        self._nothing = np.tile(empty, (n, 1))
         settings = [row.settings for row in self.rows]
         self._radio = Radio(
             [each.radio for each in settings],
             [row.noise_seed for row in self.rows],
             [row.faults for row in self.rows],
             CYCLES,
-            self._nothing,
+            empty,
         )
-        n = len(self.rows)
-        self.held = received(np.tile(self._nothing, (n, 1)), np.zeros(n, bool), 0)
+        self.held = received(self._nothing, np.zeros(n, bool), 0)
         self.measured = np.full((n, 3), np.nan)
         self._seen = [(heading, self.cycle) for heading in self.plant.pose()[:, 2].tolist()]
 

@@ -1,91 +1,132 @@
-"""The plant that `serve` drives: one world with walls, whose robots are put down and taken away while it goes on."""
+"""What moves in `serve`: one world with walls, in which robots of any shapes meet."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import fields
 
-import mujoco
 import numpy as np
 
-from omni_control.kinematics import Array, world_to_body, wrapped
-from omni_mj.onboard import laws
-from omni_mj.plants.mujoco import MujocoPlant
+from omni_control.kinematics import Array
+from omni_mj.link.radio import Received
+from omni_mj.live.serve.squad import Squad
+from omni_mj.plants import Telemetry
+from omni_mj.plants.faults.world import check_carpet
+from omni_mj.plants.mujoco import batch_of
 from omni_mj.scenarios.rows import Row
+from omni_mj.worlds import build
+from omni_mj.worlds.shape import Shape
 
-AWAY_M = 10.0  # height at which robots that are taken away wait, each a metre above the one before
 WALLS = {"wall_front": (1, 0), "wall_left": (0, 1), "wall_back": (-1, 0), "wall_right": (0, -1)}
-REMEMBERED_FRAMES = 120  # for which robots know what they held for their headings; older images tell them nothing
 CLEARANCE_M = 0.001  # that robots put down side by side need; a touch is no overlap
 
 
-class ServedPlant(MujocoPlant):
-    """A plant of one world; robots that are away are neither driven nor in anybody's way.
+class ServedPlant:
+    """A world of n robots; of the shapes that they have, each is a squad.
 
     Args:
-        rows: of the robots.
+        rows: of the robots, by their places in the world; the physics must be the same for all.
         start: poses at the start, (n, 3).
 
     Attributes:
-        present: which robots are on the field, (n,).
+        squads: of the robots.
+        cycles: of the wheel loops in a frame.
+        wheels: of each robot, n.
+        reach: radius of each robot's hull about its middle, (n,) m.
         surface: length and width between the walls, (2,) m.
+        unstable: whether physics has failed, after which all stand where they last were.
 
     Raises:
-        OmniError: see `MujocoPlant`.
+        OmniError: see `build.mixed`, `check_carpet` and `MujocoPlant`.
     """
 
     def __init__(self, rows: Sequence[Row], start: Array) -> None:
-        super().__init__(rows, start, threads=1, hulls=True)
-        model, n = self._world.model, len(rows)
-        self.present = np.ones(n, bool)
+        check_carpet(rows)
+        shapes = [Shape.of(row.settings) for row in rows]
+        worlds = build.mixed([row.settings for row in rows], hulls=True)
+        self._batch = batch_of(worlds[0], 1)
+        self.squads = list[Squad]()
+        for shape, world in zip(dict.fromkeys(shapes), worlds, strict=True):
+            places = [place for place, each in enumerate(shapes) if each == shape]
+            self.squads.append(Squad([rows[place] for place in places], start[places], self._batch, world))
+        if len(self.squads) > 1:  # what the first ones sensed was before the others stood where they start
+            for squad in self.squads:
+                squad.stand()
+        self._of = {int(place): (squad, robot) for squad in self.squads for robot, place in enumerate(squad.places)}
+        self._cycle, self.cycles, self._substeps = 0, self.squads[0].cycles, rows[0].settings.physics.substeps
+        self.wheels = [len(row.settings.wheels.azimuths_deg) for row in rows]
+        self.reach = self._all(lambda squad: np.full(len(squad.places), squad.reach))
+        model = worlds[0].model
         self._walls = {name: model.geom(name).id for name in WALLS}
         self._positions = self._batch.expand("geom_pos")
         walls = self._positions[0, list(self._walls.values()), :2]
         self.surface = walls.max(0) - walls.min(0)
-        hulls = (model.geom_contype > 0) & (model.geom_type == mujoco.mjtGeom.mjGEOM_CYLINDER)
-        self.radius = float(np.max(model.geom_size[hulls, 0] + np.hypot(*model.geom_pos[hulls, :2].T)))
-        self._strength = self._chance.force.copy()
-        self._firmware.estimate.remember(REMEMBERED_FRAMES)
-        self._good, self.unstable = self.pose(), False
+        self.unstable = False
+
+    @property
+    def present(self) -> np.ndarray:
+        """Which robots are on the field, (n,)."""
+        return self._all(lambda squad: squad.present)
+
+    @property
+    def driven(self) -> np.ndarray:
+        """Which robots are present and have not toppled, (n,)."""
+        return self._all(lambda squad: squad.driven)
 
     def pose(self) -> Array:
-        """See `Plant`; also between frames."""
-        poses = super().pose()
-        if self._cycle:
-            poses[:, 2] += wrapped(laws.heading(*self._at.quaternion.get().T) - self._heading)
-        return poses
+        """Where robots are, (n, 3), also between frames; see `Plant`."""
+        return self._all(Squad.pose)
+
+    def twist(self) -> Array:
+        """How they move, (n, 3); see `Plant`."""
+        return self._all(Squad.twist)
+
+    def telemetry(self) -> Telemetry:
+        """See `Plant`; of wheels that a robot does not have, not a number."""
+        told = [squad.telemetry() for squad in self.squads]
+        each = {field.name: [getattr(one, field.name) for one in told] for field in fields(Telemetry)}
+        return Telemetry(**{name: self._gathered(parts) for name, parts in each.items()})
 
     @property
     def frame_in(self) -> int:
         """Cycles from now to the next beginning of a frame, in which headings are compared; none at one."""
         return -self._cycle % self.cycles
 
-    @property
-    def driven(self) -> np.ndarray:
-        """Which robots are present and have not toppled, (n,)."""
-        return self.present & ~self._failed
+    def advance(self, received: Received) -> dict[int, str]:
+        """See `Plant`."""
+        causes = self.cycle(received)
+        for _ in range(1, self.cycles):
+            causes = self.cycle()
+        return causes
+
+    def cycle(self, received: Received | None = None) -> dict[int, str]:
+        """Move on by a cycle of the wheel loops; see `MujocoPlant.cycle`."""
+        squads = self.squads
+        for squad in squads:
+            squad.before(None if received is None else self._part(received, squad))
+        for substep in range(self._substeps):
+            self._batch.step()
+            for squad in squads:
+                squad.after(substep)
+        self._cycle += 1
+        causes = dict[int, str]()
+        for squad in squads:
+            if failed := squad.end():
+                causes |= {int(squad.places[robot]): cause for robot, cause in failed.items()}
+        if causes and any(squad.unstable for squad in squads):
+            self.unstable, self._batch.warning[:] = True, 0
+            for squad in squads:
+                squad.recover()
+        return causes
 
     def place(self, robot: int, pose: Array, twist: Array) -> None:
-        """Put a robot down, upright, its wheels rolling with it.
-
-        Args:
-            robot: its number.
-            pose: where, (3,).
-            twist: with which velocity, world frame, (3,).
-        """
-        self.present[robot], self._failed[robot], self._living = True, False, None
-        self._chance.force[robot] = self._strength[robot]
-        self._put(robot, pose, float(self._world.standing[self._world.robots[robot].qpos[2]]))
-        velocity, speeds = self._at.velocity.get().copy(), self._at.wheel_speed.get().copy()
-        velocity[robot, [0, 1, 5]] = twist
-        speeds[robot] = self._world.kinematics.wheel_speeds(world_to_body(twist, pose[2]))
-        self._at.velocity.set(velocity)
-        self._at.wheel_speed.set(speeds)
-        self._heading[robot], self._turn_rates[robot] = pose[2], twist[2]
-        self._firmware.estimate.place(robot, float(pose[2]))
+        """Put a robot down; see `Squad.place`."""
+        squad, number = self._of[robot]
+        squad.place(number, pose, twist)
 
     def remove(self, robot: int) -> None:
-        """Take a robot away: it is switched off, and waits where nothing is."""
-        self.present[robot], self._failed[robot] = False, True
-        self._chance.force[robot] = 0.0
-        self._put(robot, np.zeros(3), AWAY_M + robot)
+        """Take a robot away; see `Squad.remove`."""
+        squad, number = self._of[robot]
+        squad.remove(number)
 
     def move_walls(self, length: float, width: float) -> None:
         """Set the walls so far from each other, in m, about the field's centre."""
@@ -93,45 +134,33 @@ class ServedPlant(MujocoPlant):
         for name, (x, y) in WALLS.items():
             self._positions[0, self._walls[name], :2] = x * length / 2, y * width / 2
 
-    def overlap(self, robot: int, places: Array) -> str:
+    def overlap(self, robot: int, places: Array, reach: Array) -> str:
         """What a robot would stand in at `places[robot]`, the others being at theirs, (n, 2) m; nothing if it is free.
 
-        A robot that is away has a place that is not a number.
+        A robot that is away has a place that is not a number; `reach` (n,) m is how far each is about its middle.
         """
-        room = self.surface / 2 - self.radius + CLEARANCE_M
+        room = self.surface / 2 - reach[robot] + CLEARANCE_M
         if (np.abs(places[robot]) > room).any():
             return f"a wall: the field ends at |x| = {self.surface[0] / 2:g} m and |y| = {self.surface[1] / 2:g} m"
         apart = np.hypot(*(places - places[robot]).T)
         apart[robot] = np.inf
-        near = np.flatnonzero(apart < 2 * self.radius - CLEARANCE_M)
+        near = np.flatnonzero(apart < reach[robot] + reach - CLEARANCE_M)
         return f"a robot that is {apart[near[0]]:.3f} m away" if near.size else ""
 
-    def _begin(self) -> None:
-        if not self.present.all():
-            for robot in np.flatnonzero(~self.present):  # nothing holds them there
-                self._put(int(robot), np.zeros(3), AWAY_M + robot)
-        np.copyto(self._good, super().pose(), where=self.driven[:, None])
-        super()._begin()
+    def _part(self, received: Received, squad: Squad) -> Received:
+        """What a squad holds."""
+        return received if len(self.squads) == 1 else received.of(squad.places, squad.wheels)
 
-    def _put(self, robot: int, pose: Array, height: float) -> None:
-        """Set a robot upright and at rest, its wheels turned as they are."""
-        position, quaternion = self._at.position.get().copy(), self._at.quaternion.get().copy()
-        speeds = self._at.qvel.get().copy()
-        position[robot] = *pose[:2], height
-        quaternion[robot] = np.cos(pose[2] / 2), 0.0, 0.0, np.sin(pose[2] / 2)
-        speeds[robot] = 0.0
-        self._at.position.set(position)
-        self._at.quaternion.set(quaternion)
-        self._at.qvel.set(speeds)
+    def _all(self, of: Callable[[Squad], np.ndarray]) -> np.ndarray:
+        """What each robot has of something."""
+        return self._gathered([of(squad) for squad in self.squads])
 
-    def _stop(self, rows: list[int], unstable: list[int]) -> None:
-        """See `MujocoPlant`; robots of a world that became unstable go on from where they last were, at rest."""
-        super()._stop(rows, unstable)
-        self._living = None
-        if unstable:
-            self.unstable, self._batch.warning[:] = True, 0
-            for robot in range(len(self.present)):
-                if self.present[robot]:
-                    self.place(robot, self._good[robot], np.zeros(3))
-                else:
-                    self.remove(robot)
+    def _gathered(self, parts: Sequence[np.ndarray]) -> np.ndarray:
+        """Values of the squads' robots, (k,) or (k, m) each, as those of all; not a number where some have fewer."""
+        if len(parts) == 1:
+            return parts[0]
+        most = max(parts, key=lambda part: part.shape[1:])
+        values = np.full((len(self._of), *most.shape[1:]), np.nan).astype(most.dtype)
+        for squad, part in zip(self.squads, parts, strict=True):
+            values.reshape(len(values), -1)[squad.places, : math.prod(part.shape[1:])] = part.reshape(len(part), -1)
+        return values

@@ -150,7 +150,8 @@ class Server:
         """Simulate up to a cycle."""
         pitch, publisher = self.pitch, self.publisher
         while pitch.cycle < until:
-            pitch.step()
+            frame, sending = pitch.cycle // CYCLES * CYCLES + CYCLES, publisher.due
+            pitch.advance(max(min(until, frame, pitch.due, frame if sending is None else sending), pitch.cycle + 1))
             if pitch.due <= pitch.cycle:
                 publisher.look()
             elif publisher.due is not None:

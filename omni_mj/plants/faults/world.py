@@ -1,5 +1,7 @@
 """What the world does to robots: it pushes, loads and moves them, and the carpet changes."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from omni_control.errors import OmniError
@@ -22,15 +24,26 @@ def push(robots: Robots) -> Act:
     return act
 
 
+def check_carpet(rows: Sequence[Row]) -> None:
+    """See that robots of a world can stand on one carpet.
+
+    Raises:
+        OmniError: those of some tilt when those of others do not.
+    """
+    tilts = [[fault for fault in row.faults if isinstance(fault, faults.Tilt)] for row in rows]
+    if any(each != tilts[0] for each in tilts):
+        raise OmniError("robots that share a world stand on one carpet: their faults must have the same tilts")
+
+
 def tilt(robots: Robots) -> Act:
     """Carpets that lean."""
-    places, tilts = 1 + max(row.place for row in robots.rows), [_tilts(row) for row in robots.rows]
-    if any(tilt != tilts[number - number % places] for number, tilt in enumerate(tilts)):
-        raise OmniError("robots that share a world stand on one carpet: their faults must have the same tilts")
-    robots.bodies.lean(np.zeros((len(tilts), 2)))
+    n, places = len(robots.rows), 1 + max(row.place for row in robots.rows)
+    for first in range(0, n, places):
+        check_carpet(robots.rows[first : first + places])
+    robots.bodies.lean(np.zeros((n, 2)))
 
     def act(active: Active) -> None:
-        along = np.zeros((len(tilts), 2))
+        along = np.zeros((n, 2))
         for row, tilt in active.of(faults.Tilt):
             along[row] += np.sin(np.radians(tilt.angle_deg)) * _towards(tilt.direction_deg)
         robots.bodies.lean(along)
@@ -83,10 +96,6 @@ def kidnap(robots: Robots) -> Act:
             robots.bodies.put(row, hand.moved)
 
     return act
-
-
-def _tilts(row: Row) -> list[faults.Fault]:
-    return [fault for fault in row.faults if isinstance(fault, faults.Tilt)]
 
 
 def _towards(degrees: float) -> Array:

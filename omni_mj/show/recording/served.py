@@ -39,16 +39,16 @@ class ServedRecording:
 
     Args:
         connect: leads the stream there.
-        settings: of the robots.
+        robots: settings of each team's.
         name: of the recording.
         check: called before each block; what it raises ends the recording.
     """
 
     def __init__(
-        self, connect: Connect, settings: Settings, name: str, check: Callable[[], None] = lambda: None
+        self, connect: Connect, robots: Mapping[str, Settings], name: str, check: Callable[[], None] = lambda: None
     ) -> None:
         rr.set_strict_mode(True)
-        self._settings, self._shown, self._check = settings, set[str](), check
+        self._robots, self._shown, self._check = robots, set[str](), check
         self._before: Sequence[str] = ()
         self._stream = rr.RecordingStream(APPLICATION, recording_id=uuid.uuid4())
         self._stream.set_log_time_enabled(False)
@@ -83,7 +83,7 @@ class ServedRecording:
             pose = log.channel("pose")[:, row]
             entity = f"world/{_entity(name)}"
             stream.send_columns(f"{entity}/at", time, scene.transform(pose))
-            for i, (mount, axis) in enumerate(robot_shape.wheel_mounts(self._settings)):
+            for i, (mount, axis) in enumerate(robot_shape.wheel_mounts(self._robots[name.split()[0]])):
                 angle = np.nan_to_num(log.channel("wheel_angle")[:, row, i])
                 stream.send_columns(f"{entity}/at/wheel_{i + 1}", time, scene.turned(mount, angle, axis))
             for channel in PLOTS:
@@ -110,7 +110,7 @@ class ServedRecording:
             return
         self._shown.add(name)
         team, number = name.split()
-        robot_shape.log(self._stream, f"world/{_entity(name)}/at", TEAMS[team], self._settings)
+        robot_shape.log(self._stream, f"world/{_entity(name)}/at", TEAMS[team], self._robots[team])
         own = style.rgb(style.colour(SLOTS[team][int(number) % len(SLOTS[team])]))
         for channel, count in lines.items():
             each = AXES if channel == "command" else [f"wheel {i + 1}" for i in range(count)] if count > 1 else [""]
