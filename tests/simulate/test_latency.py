@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from compiled import NUMBA
 from driving import FRAME_S, mujoco
 from driving import drive as driven
 from numpy.typing import NDArray
@@ -102,7 +103,7 @@ def responses(axis: int, stiffness: float) -> tuple[NDArray, NDArray]:
     told = np.zeros((max(map(len, commands)), len(commands), 3))
     for i, command in enumerate(commands):
         told[: len(command), i, axis] = command
-    robot = Settings().replace(drive={"creep_stiffness": stiffness}, wheels={"model": "two-rollers"})
+    robot = Settings().replace(drive={"creep_stiffness": stiffness}, wheels={"model": "two-rollers"}, physics=NUMBA)
     way = driven(mujoco([robot] * len(SPEEDS)), told)[:, :, axis]
     found = [measure(profile, way[: len(commands[i]) + 1, [i]]) for i, profile in enumerate(PROFILES)]
     return np.array([each.steady[0] for each in found]), np.array([each.lag_s[0] / FRAME_S for each in found])

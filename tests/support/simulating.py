@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
+import compiled
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,6 +49,9 @@ def simulation(
     name: str = "rect",
     route: tuple[str, ...] = SHORT,
 ) -> Simulation:
+    if plant == "mujoco":
+        compiled.once(plant)
+        overrides = ("physics.kernel=numba", *overrides)
     head = {"plant": plant, "controllers": controllers, "seed": seed, "seeds": seeds}
     return Simulation(scenario.load(name, route + overrides, head))
 
