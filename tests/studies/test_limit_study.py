@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import compiled
 import numpy as np
 import pytest
 from matplotlib.image import imread
@@ -27,12 +28,14 @@ LONGER = {"reference": {**ROUTE, "waypoints": [[0, 0], [0.15, 0.05, 0.2]], "lead
 SLOW = {"alpha_time_s": 10.0}
 PLANTS: dict[str, dict[str, Any]] = {
     "kinematic": {"plant": "kinematic", "kinematic": SLOW},
-    "mujoco": {"wheels": {"model": "two-rollers"}},
+    "mujoco": {"wheels": {"model": "two-rollers"}, "physics": compiled.NUMBA},
 }
 SEEDS = 2
 
 
 def route(plant: str, **sections: Any) -> om.Scenario:
+    if plant == "mujoco":
+        compiled.once(plant)
     return om.scenario("rect", **{"reference": ROUTE, **PLANTS[plant], **sections})
 
 
