@@ -94,6 +94,7 @@ def test_a_controller_that_is_better_is_the_limit(monkeypatch: pytest.MonkeyPatc
     """Here one that is told the truth, where vision is so noisy that nobody else sees anything: it says whose it is."""
     monkeypatch.setattr(rivals, "competitors", lambda: ["oracle"])
     monkeypatch.setattr(practice, "WEIGHTS", (0.01, 0.03))
+    monkeypatch.setattr(practice, "SEEDS", 2)
     blind = route("kinematic", vision={"position_noise_m": 0.05, "heading_noise_rad": 0.5})
     result = om.limit(blind, SEEDS, iterations=2)
     assert result.summary()["limit"]["of"] == {"max": "oracle", "mean": "oracle"}
