@@ -3,6 +3,7 @@
 from functools import cache
 from pathlib import Path
 
+import compiled
 import numpy as np
 import pytest
 
@@ -22,8 +23,9 @@ def measured(robot: str, axis: int) -> tuple[float, float]:
     lag grow in proportion to speed. Dry friction costs as much at any speed: what a line through speeds over commands
     is below zero at none, m/s.
     """
+    compiled.once("mujoco")
     base, found = np.linspace(0.15, 0.35, 5), []
-    fast = {"wheels": {"model": "two-rollers"}, "physics": {"kernel": "numba"}}
+    fast = {"wheels": {"model": "two-rollers"}, "physics": compiled.NUMBA}
     scenario = om.scenario("rect", robot=robot, vision={"position_noise_m": 0.0}, **fast)
     for step in (STEP_M_S, -STEP_M_S):
         sim = om.Simulation(scenario, ["p"], seeds=range(len(base)))
