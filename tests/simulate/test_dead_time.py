@@ -42,7 +42,8 @@ def test_with_jitter_applied_is_what_was_commanded_about_k_d_frames_ago() -> Non
     both = [(delay, jitter) for delay in range(1, 13) for jitter in range(delay + 1)]
     cases = [(f"radio.delay_frames={delay}", f"radio.jitter_frames={jitter}", sees) for delay, jitter in both]
     log = whole(batch(cases, ("comp-flc",), (3,)))
-    for (delay, jitter), age in zip(both, ages(log.channel("command"), log.channel("applied")).T, strict=True):
+    command, applied = (log.channel(name)[:, None] for name in ("command", "applied"))
+    for (delay, jitter), age in zip(both, ages(command, applied)[:, 0].T, strict=True):
         settled = age[delay + jitter :]
         assert ((delay - jitter <= settled) & (settled <= delay + jitter)).all()
         assert (np.diff(age) <= 1).all()  # never back to an older one

@@ -89,8 +89,8 @@ def whole(simulated: Simulation, after_frame: Callable[[int], None] = lambda fra
 
 
 def ages(command: NDArray, applied: NDArray) -> NDArray:
-    """How many frames ago what is applied was commanded (frames, ...), of (frames, ..., 3); k + 1 for nothing in k."""
+    """Frames since what is applied was commanded (frames, a, b), of both (frames, a, b, 3); k + 1 for nothing in k."""
     sent = np.concatenate([np.zeros_like(command[:1]), command])  # 0 is what is applied before anything arrives
     same = (sent[None] == applied[:, None]).all(-1)
     assert (same.sum(1) == 1).all(), "noisy commands, no two of which are equal"
-    return (np.arange(1, len(command) + 1) - same.argmax(1).T).T
+    return np.arange(1, len(command) + 1)[:, None, None] - same.argmax(1)
