@@ -5,7 +5,7 @@ import sys
 
 from hypothesis import settings
 
-# Three processes import all modules, and tests start a hundred more: compiled once, whatever the environment wants.
+# Each process imports all tests, which are rewritten and compiled before: once, whatever the environment wants.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 

@@ -199,7 +199,7 @@ def test_an_interrupted_run_keeps_what_it_recorded(tmp_path: Path) -> None:
 
 
 def test_a_full_disk_is_one_line_and_leaves_what_fits(tmp_path: Path) -> None:
-    """A limit on file sizes stands in for a full disk: the recording, of 1.5 MB, does not fit."""
+    """A limit on file sizes stands in for a full disk: the recording, of 1.7 MB, does not fit."""
     options = ["--scenario", "rect", "--plant", "kinematic", "--quiet", "--no-figures", "--out", str(tmp_path / "run")]
     limited = 'ulimit -f 700; exec "$0" "$@"'  # units of 1 KiB
     done = subprocess.run(

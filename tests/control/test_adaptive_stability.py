@@ -1,4 +1,4 @@
-"""Stability of adaptive-comp-flc over 400 random cases: alpha, dead time, noise, gaps and ways.
+"""Stability of adaptive-comp-flc over a thousand random cases: alpha, dead time, noise, gaps and ways.
 
 No divergence means two things here.
 
@@ -22,8 +22,7 @@ from omni_control.kinematics import Array
 from omni_control.reference.limits import approach
 
 ADAPTIVE = "adaptive-comp-flc"
-CASES, TOLD = 400, (2, 6, 10, 14)  # frames: a quarter of the controllers that all would need
-NOISIER = 10.0  # 13 mm and 0.1 rad
+CASES, NOISIER = 1000, 10.0  # 13 mm and 0.1 rad
 LEG, LEGS, REST = 50, 2, 200  # frames
 FRAMES, LAST_SECOND = LEG * LEGS + REST, slice(-60, None)
 ALPHA_CHANGES = 45  # frames between steps of alpha
@@ -76,20 +75,20 @@ def alphas(rng: np.random.Generator, n: int) -> Array:
 
 
 @cache
-def driven(controller: str, seed: int = 0) -> tuple[Array, Array]:
+def thousand(controller: str, seed: int = 0) -> tuple[Array, Array]:
     """Errors of the poses (frames, cases, 3), and whether the controller was told what the noise is (cases,).
 
     Dead times are 2 to 12 frames and told up to 2 frames wrong; a half of the controllers take the noise for a tenth of
     what it is. Robots of which the same is told are the rows of one controller.
     """
     rng = np.random.default_rng(seed)
-    told = rng.choice(TOLD, CASES)
+    told = 2 * rng.integers(0, 8, CASES)  # even numbers: half as many controllers
     lowest, highest = np.maximum(told - 2, 2), np.minimum(told + 2, 12)
     delay = rng.integers(lowest, highest + 1)
     knows, noise = rng.random(CASES) < 0.5, vision(rng, FRAMES, CASES, NOISIER, gaps=0.002)
     poses, alpha = ways(rng, CASES), alphas(rng, CASES)
     error = np.empty((FRAMES, CASES, 3))
-    for frames in TOLD:
+    for frames in range(0, 16, 2):
         for times, who in ((NOISIER, knows), (1.0, ~knows)):
             rows = np.flatnonzero((told == frames) & who)
             known = Told(
@@ -116,7 +115,7 @@ def swing(error: Array) -> Array:
 
 def test_no_robot_loses_its_reference() -> None:
     """The median of the largest distances is 5 cm, told of the noise or not, and 99 of 100 are below half a metre."""
-    error, knows = driven(ADAPTIVE)
+    error, knows = thousand(ADAPTIVE)
     largest = np.hypot(error[..., 0], error[..., 1]).max(0)
     assert largest.max() < 1.0
     assert np.quantile(largest, 0.98) < 0.5
@@ -129,7 +128,7 @@ def test_every_robot_settles_where_the_noise_is_known() -> None:
 
     The largest are of robots that are still on their way back.
     """
-    error, knows = driven(ADAPTIVE)
+    error, knows = thousand(ADAPTIVE)
     assert np.median(swing(error)[knows]) < 0.008
     assert np.quantile(swing(error)[knows], 0.99) < 0.025
     assert swing(error)[knows].max() < 0.09
@@ -142,7 +141,7 @@ def test_robots_remain_near_where_noise_is_taken_for_motion() -> None:
     What the identifier takes for evidence is noise, and the filter, which can only believe that robots move more,
     follows it.
     """
-    error, knows = driven(ADAPTIVE)
+    error, knows = thousand(ADAPTIVE)
     assert np.median(swing(error)[~knows]) < 0.015
     assert np.quantile(swing(error)[~knows], 0.95) < 0.06
     assert swing(error).max() < 0.25
@@ -151,6 +150,6 @@ def test_robots_remain_near_where_noise_is_taken_for_motion() -> None:
 
 def test_the_criterion_tells_a_loop_that_swings() -> None:
     """In the same cases, the noise known, flc does not settle in every tenth."""
-    error, knows = driven("flc")
+    error, knows = thousand("flc")
     assert (swing(error)[knows] > 0.06).mean() > 0.08
     assert swing(error)[knows].max() > 0.1

@@ -1,4 +1,4 @@
-"""Loops that numba compiles, for tests of what is not reckoned between physics steps: they take half the time.
+"""Loops that numba compiles, for tests of what is not reckoned between physics steps: frames take less time.
 
 That they reckon what numpy does is the law of test_kernels.py.
 """
