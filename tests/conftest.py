@@ -1,8 +1,13 @@
-"""What holds of all tests: how many processes they run in, and that no example is too slow."""
+"""What holds of all tests: how many processes they run in, what those share, and that no example is too slow."""
 
 import os
+import sys
 
 from hypothesis import settings
+
+# Each process imports all tests, which are rewritten and compiled before: once, whatever the environment wants.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 settings.register_profile("patient", deadline=None)  # time says how busy a computer is
 settings.load_profile("patient")

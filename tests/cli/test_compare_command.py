@@ -119,11 +119,11 @@ def test_what_the_limit_command_leaves_stands_beside(
     options = [word for path in (tiny, files / "there.toml") for word in ("--scenario", str(path))] + common
     options += [word for name in CONTROLLERS for word in ("--controller", name)]
     given = ["--half-width", "0", "--limits", str(limited)]
-    line = [*COMPARE, *options, *given, "--out", str(tmp_path / "out")]
-    process = subprocess.run(line, capture_output=True, text=True, timeout=120, check=False)
-    assert (process.returncode, process.stderr) == (0, "")
-    assert "limit" in [line.split()[0] for line in process.stdout.splitlines() if line.split()]
-    assert "over limit: maximum/mean in the plane" in process.stdout
+    assert invoke("compare", *options, *given, "--out", tmp_path / "out") == 0
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    assert "limit" in [line.split()[0] for line in printed.out.splitlines() if line.split()]
+    assert "over limit: maximum/mean in the plane" in printed.out
     found = strict(tmp_path / "out" / "summary.json")
     assert found["half_width"] == 0
     for words in ("--half-width 0", f"--seed {FIRST} ", f"--limits {limited}"):
@@ -200,12 +200,14 @@ def test_a_signal_leaves_what_was_done(files: Path, tmp_path: Path) -> None:
             text=True,
             preexec_fn=lambda number=number: signal.signal(number, signal.SIG_DFL),  # a background job ignores SIGINT
         )
+    deadline = time.monotonic() + 60
     for (number, reason), process in processes.items():
-        out, deadline = tmp_path / reason, time.monotonic() + 60
-        while not (out / "compare.md").exists():  # after the first scenario
+        while not (tmp_path / reason / "compare.md").exists():  # after the first scenario
             assert time.monotonic() < deadline
             time.sleep(0.05)
         process.send_signal(number)
+    for (number, reason), process in processes.items():
+        out = tmp_path / reason
         _, stderr = process.communicate(timeout=60)
         assert process.returncode == 128 + number, stderr
         assert stderr.splitlines()[-1] == f"error: {reason}; 1 of 2 scenarios are in {out}"

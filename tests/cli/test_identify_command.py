@@ -4,6 +4,7 @@ import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
+import compiled
 import numpy as np
 import pytest
 from commands import invoke, strict
@@ -143,7 +144,8 @@ def test_our_own_recording_of_our_own_robot(tmp_path: Path, capsys: pytest.Captu
         "max_acceleration_m_s2": 2.0,
         "settle_s": 0.5,
     }
-    rect = om.scenario("rect", reference=route, wheels={"model": "two-rollers"})
+    compiled.once("mujoco")
+    rect = om.scenario("rect", reference=route, wheels={"model": "two-rollers"}, physics=compiled.NUMBA)
     om.run(rect, ["comp-flc"], seeds=[0]).save(tmp_path / "run")
     assert invoke("identify", tmp_path / "run" / "trajectory.parquet", "--out", tmp_path / "out") == 0
     out = capsys.readouterr().out

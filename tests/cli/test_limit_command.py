@@ -6,11 +6,16 @@ import pytest
 from commands import invoke, strict
 from matplotlib.image import imread
 
+from omni_mj.studies.limit import practice
+
 ROUTE = ("--set", "reference.waypoints=[[0,0],[0.05,0.02,0.1]]", "--set", "reference.settle_s=0.1")
 
 
-def test_the_limit_is_a_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """It prints a table, and leaves numbers, frames, the scenario and a picture."""
+def test_the_limit_is_a_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It prints a table, and leaves numbers, frames, the scenario and a picture; of fewer seeds of practice."""
+    monkeypatch.setattr(practice, "SEEDS", 2)
     out = tmp_path / "out"
     words = ("rect", "--plant", "kinematic", *ROUTE, "--seeds", 2, "--seed", 3, "--iterations", 2, "--out", out)
     assert invoke("limit", *words) == 0

@@ -20,6 +20,7 @@ from omni_mj.studies.slip import checks, study
 from omni_mj.studies.slip.moves import straight
 
 HEAVY = ("mujoco", "scipy", "pyarrow", "rerun", "matplotlib", "jinja2", "numpy", "pydantic")
+FAST = ("--set", "wheels.model=two-rollers", "--set", "physics.kernel=numba")
 SMALL = {"charge": (0.15, 1.0), "speed_m_s": (1.0,)}
 
 
@@ -85,7 +86,7 @@ def test_the_alpha_study_is_a_command(
     monkeypatch.delitem(conditions.CAUSES, "battery")
     assert invoke("alpha", "--robot", "nobody") == 2
     assert "unknown robot 'nobody'" in capsys.readouterr().err
-    assert invoke("alpha", "--robot", "tigers-v2016", "--set", "wheels.model=two-rollers", "--out", tmp_path) == 0
+    assert invoke("alpha", "--robot", "tigers-v2016", *FAST, "--out", tmp_path) == 0
     assert "share of creep" in capsys.readouterr().out
     assert {p.name for p in tmp_path.iterdir()} == {"summary.json", "scenario.toml", "alpha.png", *folders.PROVENANCE}
     summary = strict(tmp_path / "summary.json")
@@ -110,10 +111,7 @@ def test_the_slip_study_is_a_command(
     own = tmp_path / "own.toml"
     own.write_text(robots.robot_path("tigers-v2016").read_text())
     out = tmp_path / "out"
-    assert (
-        invoke("slip", "--robot", "tigers-v2016", "--robot", own, "--set", "wheels.model=two-rollers", "--out", out)
-        == 0
-    )
+    assert invoke("slip", "--robot", "tigers-v2016", "--robot", own, *FAST, "--out", out) == 0
     printed = capsys.readouterr().out
     assert "TIGERs Mannheim, Firmware" in printed
     assert "own; nothing published" in printed

@@ -173,19 +173,20 @@ def test_an_interrupted_run_keeps_what_it_recorded(tmp_path: Path) -> None:
     processes = {}
     for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)):
         out = tmp_path / str(code)
-        endless = ("--scenario", "rect", "--set", "reference.laps=60", "--no-figures", "--out", str(out))
+        endless = ("--scenario", "rect", "--plant", "kinematic", "--set", "reference.laps=60", "--no-figures")
         processes[number, code, out] = subprocess.Popen(
-            [*RUN, *endless],
+            [*RUN, *endless, "--out", str(out)],
             stderr=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             text=True,
             preexec_fn=lambda number=number: signal.signal(number, signal.SIG_DFL),  # a background job ignores SIGINT
         )
-    for (number, code, out), process in processes.items():
-        deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 60
+    for (number, _, out), process in processes.items():
         while not (out / "recording.rrd").exists() and time.monotonic() < deadline:
             time.sleep(0.1)
         process.send_signal(number)
+    for (_, code, out), process in processes.items():
         _, stderr = process.communicate(timeout=60)
         assert process.returncode == code, stderr
         assert "what was recorded until then" in stderr.splitlines()[-1]
@@ -198,8 +199,8 @@ def test_an_interrupted_run_keeps_what_it_recorded(tmp_path: Path) -> None:
 
 
 def test_a_full_disk_is_one_line_and_leaves_what_fits(tmp_path: Path) -> None:
-    """A limit on file sizes stands in for a full disk: the recording, of 2.7 MB, does not fit."""
-    options = ["--scenario", "rect", "--quiet", "--no-figures", "--out", str(tmp_path / "run")]
+    """A limit on file sizes stands in for a full disk: the recording, of 1.7 MB, does not fit."""
+    options = ["--scenario", "rect", "--plant", "kinematic", "--quiet", "--no-figures", "--out", str(tmp_path / "run")]
     limited = 'ulimit -f 700; exec "$0" "$@"'  # units of 1 KiB
     done = subprocess.run(
         ["bash", "-c", limited, *RUN, *options], capture_output=True, text=True, check=False, timeout=120

@@ -1,8 +1,6 @@
 """A run of a user's model says what it ran, with all files of it, and repeats elsewhere."""
 
 import shutil
-import subprocess
-import sys
 from hashlib import sha256
 from pathlib import Path
 
@@ -10,7 +8,6 @@ import pytest
 from commands import invoke, strict
 from own_robot import written
 
-OMNI = [sys.executable, "-m", "omni_mj"]
 SHORT = ("--set", "reference.waypoints=[[0, 0, 0], [0.1, 0.05, 0.2]]", "--set", "reference.settle_s=0.1")
 BARE = ("--no-record", "--no-figures", "--quiet")
 # A tetrahedron of 2 cm.
@@ -32,13 +29,17 @@ def model(folder: Path, meshes: str = "../meshes") -> Path:
     return file
 
 
-def test_it_repeats_from_another_folder_without_the_users_files(tmp_path: Path) -> None:
+def test_it_repeats_from_another_folder_without_the_users_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """All three of the robot's files are kept as they are to each other, byte for byte."""
     there, elsewhere = tmp_path / "there", tmp_path / "elsewhere"
     kept = {path.name: path.read_bytes() for path in (model(there), *there.rglob("*.*"))}
     words = ("run", "--scenario", "rect", *SHORT, "--model", "robot/mine.xml", "--controller", "comp-flc", *BARE)
-    done = subprocess.run([*OMNI, *words, "--out", "out"], cwd=there, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
+    monkeypatch.chdir(there)
+    assert invoke(*words, "--out", "out") == 0
+    assert capsys.readouterr().err == ""
+    monkeypatch.chdir(tmp_path)
     shutil.move(there / "out", elsewhere)
     shutil.rmtree(there)
     said = strict(elsewhere / "provenance.json")["scenarios"]["rect"]["model"]
@@ -50,14 +51,12 @@ def test_it_repeats_from_another_folder_without_the_users_files(tmp_path: Path) 
         data = (elsewhere / each["file"]).read_bytes()
         assert data == kept[Path(each["file"]).name]
         assert sha256(data).hexdigest() == each["sha256"]
-    done = subprocess.run([*OMNI, "verify", elsewhere], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("repeats: 1 rows, ")
+    assert invoke("verify", elsewhere) == 0
+    assert capsys.readouterr().out.startswith("repeats: 1 rows, ")
     (elsewhere / said["file"]).write_bytes(kept["mine.xml"].replace(b'mass="2.2"', b'mass="2.3"'))
     (elsewhere / said["parts"][0]["file"]).unlink()
-    done = subprocess.run([*OMNI, "verify", elsewhere], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    first, second = done.stderr.splitlines()
+    assert invoke("verify", elsewhere) == 2
+    first, second = capsys.readouterr().err.splitlines()
     assert "mine.xml, the model mine.xml, is not what was run: its SHA-256 was " in first
     assert "a part of the model mine.xml, cannot be read: No such file or directory" in second
 

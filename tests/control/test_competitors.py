@@ -5,7 +5,7 @@ import pytest
 from closed_loop import Lagged, T, commands_for, drive, seen_at
 from hypothesis import given
 from hypothesis import strategies as st
-from laws import FEW
+from laws import FEW, FEWER
 from ways import KINDS, LIMITS, PATH, REST, TIMED, along, told
 
 from omni_control import TimedReference
@@ -17,6 +17,7 @@ COMPETITORS = ("p", "smith", "lqr", "mpc", "oracle")
 LINEAR, IDENTIFYING = COMPETITORS[:3], COMPETITORS[3:]
 ADAPTIVE = "adaptive-comp-flc"
 each = pytest.mark.parametrize("name", COMPETITORS)
+each_identifying = pytest.mark.parametrize("name", IDENTIFYING)
 each_linear = pytest.mark.parametrize("name", LINEAR)
 both_references = pytest.mark.parametrize("kind", KINDS)
 
@@ -30,22 +31,36 @@ def test_only_the_oracle_knows_the_truth_and_says_so() -> None:
     assert "knows the true state" in (find("oracle").__doc__ or "").splitlines()[0]
 
 
-@each
-@FEW
-@given(
+of_other_robots = given(
     delay=st.integers(1, 7),
     wrong=st.sampled_from([-1, 0, 1]),
     lag=st.sampled_from([0.0, 0.02, 0.05]),
     seed=st.integers(0, 99),
 )
+
+
+@each_linear
+@FEW
+@of_other_robots
 def test_stable_on_robots_that_are_weaker_and_slower_or_faster_than_told(
     name: str, delay: int, wrong: int, lag: float, seed: int
 ) -> None:
+    check_stable(name, 4, delay, wrong, lag, seed)
+
+
+@each_identifying
+@FEWER
+@of_other_robots
+def test_those_that_identify_are_stable_on_them_too(name: str, delay: int, wrong: int, lag: float, seed: int) -> None:
+    check_stable(name, 2 if name == "mpc" else 10, delay, wrong, lag, seed)  # programs are solved one by one
+
+
+def check_stable(name: str, n: int, delay: int, wrong: int, lag: float, seed: int) -> None:
     """Alpha from 0.5 to 1.1 and a frame more or less of dead time: robots that start off a resting reference get there.
 
     Through the filter, which reckons with what was told.
     """
-    rng, n, frames = np.random.default_rng(seed), 2 if name == "mpc" else 4, 360  # programs are solved one by one
+    rng, frames = np.random.default_rng(seed), 360
     start = rng.uniform(-0.1, 0.1, (n, 3))
     controller = make(name, told(delay, lag), REST, n)
     alpha, noise = rng.uniform(0.5, 1.1, (n, 3)), np.zeros((frames, n, 3))

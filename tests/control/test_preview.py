@@ -4,7 +4,7 @@ import numpy as np
 from closed_loop import T
 from hypothesis import given
 from hypothesis import strategies as st
-from laws import LAW
+from laws import FEW, LAW
 
 from omni_control import CURVES, CurveReference, IteratedReference, MotionLimits, Reference, TimedReference
 from omni_control.kinematics import Array
@@ -48,7 +48,7 @@ def disturbed(rng: np.random.Generator, n: int, frames: int, rest: int) -> tuple
     return reference, pose
 
 
-@LAW
+@FEW
 @given(seeds, st.integers(0, 60), st.integers(0, 30))
 def test_a_preview_of_what_is_planned_anew_is_the_plan_of_now(seed: int, frames: int, rest: int) -> None:
     """What is answered afterwards, if nothing disturbs: at rest, on the way and past way-points; asked before or not.

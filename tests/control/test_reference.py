@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from laws import LAW
+from laws import FEW, LAW
 from routes import SNAP_M, T, is_led_past_every_way_point, paths, poses
 
 from omni_control import IteratedReference, MotionLimits, TimedReference
@@ -76,7 +76,7 @@ def test_a_timed_reference_rests_on_every_way_point(
     assert (reference.poses[frame:] == path[-1]).all()
 
 
-@LAW
+@FEW
 @given(paths, limits, st.integers(0, 5))
 def test_every_lap_of_a_closed_way_is_the_same(path: list[tuple[float, ...]], limit: MotionLimits, dwell: int) -> None:
     """At rest on a way-point nothing of the way there is left: further laps repeat the first bit for bit."""
@@ -179,7 +179,7 @@ def test_a_perfect_robot_is_led_along_the_timed_path(
         pose = pose + twist * T
 
 
-@LAW
+@FEW
 @given(paths, limits)
 def test_a_perfect_robot_is_led_past_every_way_point_to_rest_on_the_last(
     path: list[tuple[float, ...]], limit: MotionLimits

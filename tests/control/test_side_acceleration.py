@@ -139,7 +139,7 @@ def test_an_iterated_reference_keeps_the_ellipse_for_a_disturbed_robot(
         last, pose = twist, pose + twist * T + rng.normal(0, 0.02, (3, 3))
 
 
-@LAW
+@FEW
 @given(paths, limits)
 def test_a_perfect_robot_is_led_past_every_way_point_to_rest_on_the_last(
     path: list[tuple[float, ...]], limit: MotionLimits

@@ -1,5 +1,6 @@
 """A camera with a clock of its own: what arrives when, of what age, and what a team makes of it."""
 
+import compiled
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -122,6 +123,7 @@ def test_on_wheels_that_creep_late_images_cost_millimetres() -> None:
 
     Who carries them on by his own velocity and takes that for seen strays by metres here.
     """
+    compiled.once("planar")
     chosen = scenario.scenario(
         "rect",
         plant="planar",

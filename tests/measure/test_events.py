@@ -3,6 +3,7 @@
 from functools import cache
 from typing import Any
 
+import compiled
 import numpy as np
 import pytest
 from logs import failure, filled, rows
@@ -23,6 +24,7 @@ REST = {"vision_valid": True, "duty_peak": 0.5, "current_limited": 0.0, "battery
 
 @cache
 def simulated(*overrides: str) -> Simulation:
+    compiled.once("planar")
     simulation = Simulation(load("rect", [*SHORT, *FAST, *overrides], {"plant": "planar"}))
     simulation.run()
     return simulation

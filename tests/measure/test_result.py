@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import compiled
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -17,12 +18,14 @@ from omni_mj.measure.result import Outcome, Result
 from omni_mj.measure.table import table
 
 SEEDS = (3, 4, 5)
+RECT = om.scenario("rect", physics=compiled.NUMBA)
 
 
 @pytest.fixture(scope="module")
 def result() -> om.Result:
     """The default scenario on real physics, three seeds."""
-    return om.run("rect", seeds=SEEDS)
+    compiled.once("mujoco")
+    return om.run(RECT, seeds=SEEDS)
 
 
 @pytest.fixture(scope="module")
@@ -166,7 +169,7 @@ def test_files_hold_the_same(result: om.Result, tmp_path: Path) -> None:
         np.testing.assert_array_equal(kept[name].to_pylist(), frames[name].to_pylist(), err_msg=name)
     again = om.scenario(folder / "scenario.toml")
     assert (again.seed_list, again.controllers) == (list(SEEDS), ("flc", "comp-flc"))
-    assert again.settings == om.scenario("rect").settings
+    assert again.settings == RECT.settings
 
 
 def test_the_table_shows_medians_and_the_paper(result: om.Result) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import compiled
 import mujoco
 import numpy as np
 import pytest
@@ -34,8 +35,9 @@ def write(tmp_path: Path) -> Write:
 
 def path(**sections: Any) -> NDArray:
     """True poses (frames, 3) on a short way; wheels of two rollers, for speed, unless told otherwise."""
+    compiled.once("mujoco")
     sections["wheels"] = {"model": "two-rollers"} | sections.get("wheels", {})
-    chosen = om.scenario("rect", controllers=["comp-flc"], reference=WAY, **sections)
+    chosen = om.scenario("rect", controllers=["comp-flc"], reference=WAY, physics=compiled.NUMBA, **sections)
     result = om.run(chosen)
     assert not result.failures, result.failures
     frames = result.frames()

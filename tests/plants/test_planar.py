@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+import compiled
 import numpy as np
 import pytest
 from default_robot import ARM_M, COM_HEIGHT_M, CONTACTS, GRAVITY, MASS_KG, RADIUS_M, TANGENTS
@@ -25,6 +26,7 @@ FREE: dict[str, Any] = {
 
 def planar(chosen: list[Settings], start: ArrayLike | None = None, seeds: list[int] | None = None) -> PlanarPlant:
     poses = np.zeros((len(chosen), 3)) if start is None else np.asarray(start, float)
+    compiled.ready("planar", chosen)
     return PlanarPlant(rows(chosen, seeds), poses)
 
 

@@ -3,6 +3,7 @@
 from functools import cache
 from pathlib import Path
 
+import compiled
 import numpy as np
 import pytest
 
@@ -15,37 +16,42 @@ UNITS = {"lag": "s", "drag": "m_s"}
 
 
 @cache
-def measured(robot: str, axis: int) -> tuple[float, float]:
-    """Lag of small steps up and down, s, over speeds near rest, and from there to rest; and what is missing of speeds.
+def measured(robot: str) -> list[tuple[float, float]]:
+    """Of both axes: lag of small steps up and down, s, over speeds near rest, and from there to rest; and drag, m/s.
 
     After a step of a first-order lag tau the way falls behind by the step times tau and the dead time. Creep lets the
     lag grow in proportion to speed. Dry friction costs as much at any speed: what a line through speeds over commands
-    is below zero at none, m/s.
+    is below zero at none.
     """
-    base, found = np.linspace(0.15, 0.35, 5), []
-    fast = {"wheels": {"model": "two-rollers"}, "physics": {"kernel": "numba"}}
+    compiled.once("mujoco")
+    base = np.linspace(0.15, 0.35, 5)
+    fast = {"wheels": {"model": "two-rollers"}, "physics": compiled.NUMBA}
     scenario = om.scenario("rect", robot=robot, vision={"position_noise_m": 0.0}, **fast)
-    for step in (STEP_M_S, -STEP_M_S):
-        sim = om.Simulation(scenario, ["p"], seeds=range(len(base)))
-        speeds, places = [], []
-        for frame in range(BEFORE + AFTER + 20):
-            sim.observe()
-            command = np.zeros((len(base), 3))
-            command[:, axis] = base + (step if frame >= BEFORE else 0.0)
-            sim.step(command)
-            speeds.append(sim.plant.twist()[:, axis])
-            places.append(sim.plant.pose()[:, axis])
-        before, after = np.mean(speeds[BEFORE - 20 : BEFORE], axis=0), np.mean(speeds[-20:], axis=0)
-        way = places[BEFORE + AFTER - 1] - places[BEFORE - 1]
-        found.append(np.array([(after * AFTER / 60 - way) / (after - before) - DELAY / 60, before]))
-    lag, speed = np.mean(found, axis=0)
-    return float(np.polyfit(speed, lag, 1)[1]), -float(np.polyfit(base, speed, 1)[1])
+    cases = [(axis, step, speed) for axis in (0, 1) for step in (STEP_M_S, -STEP_M_S) for speed in base]
+    rows, axes = np.arange(len(cases)), np.array([axis for axis, _, _ in cases])
+    sim = om.Simulation(scenario, ["p"], seeds=range(len(cases)))
+    speeds, places = [], []
+    for frame in range(BEFORE + AFTER + 20):
+        sim.observe()
+        command = np.zeros((len(cases), 3))
+        command[rows, axes] = [speed + (step if frame >= BEFORE else 0.0) for _, step, speed in cases]
+        sim.step(command)
+        speeds.append(sim.plant.twist()[rows, axes])
+        places.append(sim.plant.pose()[rows, axes])
+    before, after = np.mean(speeds[BEFORE - 20 : BEFORE], axis=0), np.mean(speeds[-20:], axis=0)
+    way = places[BEFORE + AFTER - 1] - places[BEFORE - 1]
+    late = (after * AFTER / 60 - way) / (after - before) - DELAY / 60
+    lags, starts = (values.reshape(2, 2, len(base)).mean(1) for values in (late, before))
+    return [
+        (float(np.polyfit(speed, lag, 1)[1]), -float(np.polyfit(base, speed, 1)[1]))
+        for lag, speed in zip(lags, starts, strict=True)
+    ]
 
 
 @pytest.mark.parametrize("axis", [0, 1], ids=["ahead", "aside"])
 @pytest.mark.parametrize("robot", ["tigers-v2016", "tigers-v2020"])
 def test_lag_and_drag_of_a_robot_follow_from_its_gains(robot: str, axis: int) -> None:
-    facts, (lag, drag) = om.robot(robot).facts, measured(robot, axis)
+    facts, (lag, drag) = om.robot(robot).facts, measured(robot)[axis]
     way = ("ahead", "aside")[axis]
     # Rotors and rolling resistance, which the formula leaves out, and 2 ms of scatter brought to rest: 20 %.
     assert facts[f"lag_{way}_s"] == pytest.approx(lag, rel=0.2)

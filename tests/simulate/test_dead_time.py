@@ -2,11 +2,8 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import settings as hypothesis_settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
-from simulating import COMPENSATED, DISTURBED, FLC, FRAME_S, IDEAL, PLANTS, Grid, ages, run
+from simulating import COMPENSATED, DISTURBED, FLC, FRAME_S, IDEAL, PLANTS, Grid, ages, batch, run, whole
 
 ACCELERATION = 0.826  # of the reference (paper, section 2)
 
@@ -16,14 +13,16 @@ def errors(trajectory: Grid) -> NDArray:
     return np.abs(trajectory.channel("pose") - trajectory.channel("ref"))[:, :, 0, :2].max(0)
 
 
-@hypothesis_settings(deadline=None, max_examples=15, derandomize=True)
-@given(delay=st.integers(0, 30), seed=st.integers(0, 1000))
-def test_applied_is_what_was_commanded_k_d_frames_ago(delay: int, seed: int) -> None:
-    trajectory = run("kinematic", (f"radio.delay_frames={delay}",), seed=seed)
-    command, applied = trajectory.channel("command"), trajectory.channel("applied")
-    # Copies: equal to the last bit, zero before.
-    np.testing.assert_array_equal(applied[delay:], command[: len(command) - delay])
-    assert (applied[:delay] == 0).all()
+def test_applied_is_what_was_commanded_k_d_frames_ago() -> None:
+    """Of each dead time up to half a second, and both controllers, with two seeds."""
+    delays = range(31)
+    log = whole(batch([(f"radio.delay_frames={delay}",) for delay in delays], ("flc", "comp-flc"), (0, 7)))
+    assert (log.lengths == log.length).all()
+    for row, delay in enumerate(np.repeat(delays, 4)):
+        command, applied = log.channel("command")[:, row], log.channel("applied")[:, row]
+        # Copies: equal to the last bit, zero before.
+        np.testing.assert_array_equal(applied[delay:], command[: log.length - delay])
+        assert (applied[:delay] == 0).all()
 
 
 @pytest.mark.parametrize("delay", [0, 3, 6])
@@ -37,18 +36,18 @@ def test_applied_is_delayed_on_the_mujoco_plant_too(delay: int) -> None:
     np.testing.assert_allclose(trajectory.channel("pose")[: delay + 1], 0.0, atol=1.3e-4)
 
 
-@hypothesis_settings(deadline=None, max_examples=10, derandomize=True)
-@given(delay=st.integers(1, 12), data=st.data(), seed=st.integers(0, 1000))
-def test_with_jitter_applied_is_what_was_commanded_about_k_d_frames_ago(
-    delay: int, data: st.DataObject, seed: int
-) -> None:
-    jitter = data.draw(st.integers(0, delay))
+def test_with_jitter_applied_is_what_was_commanded_about_k_d_frames_ago() -> None:
+    """Of each dead time up to 12 frames, and each jitter that it allows."""
     sees = "vision.miss_probability=0"  # without an image a command is given again, and its age cannot be told
-    age = ages(run("kinematic", (f"radio.delay_frames={delay}", f"radio.jitter_frames={jitter}", sees), seed=seed))
-    settled = age[delay + jitter :]
-    assert ((delay - jitter <= settled) & (settled <= delay + jitter)).all()
-    assert (np.diff(age, axis=0) <= 1).all()  # never back to an older one
-    assert len(np.unique(settled)) > 1 or jitter == 0
+    both = [(delay, jitter) for delay in range(1, 13) for jitter in range(delay + 1)]
+    cases = [(f"radio.delay_frames={delay}", f"radio.jitter_frames={jitter}", sees) for delay, jitter in both]
+    log = whole(batch(cases, ("comp-flc",), (3,)))
+    command, applied = (log.channel(name)[:, None] for name in ("command", "applied"))
+    for (delay, jitter), age in zip(both, ages(command, applied)[:, 0].T, strict=True):
+        settled = age[delay + jitter :]
+        assert ((delay - jitter <= settled) & (settled <= delay + jitter)).all()
+        assert (np.diff(age) <= 1).all()  # never back to an older one
+        assert len(np.unique(settled)) > 1 or jitter == 0
 
 
 @pytest.mark.parametrize("plant", PLANTS)

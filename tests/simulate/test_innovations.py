@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import compiled
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -10,7 +11,11 @@ from omni_mj.scenarios import scenario
 from omni_mj.simulate.simulation import Simulation
 
 GAPS = ("vision.miss_probability=0.02", "vision.miss_frames=10")
-CORNER = ("reference.waypoints=[[-1, -0.75, 0], [0, -0.75, 0], [0, 0, 1.5]]", "reference.settle_s=0.5")
+CORNER = (
+    "reference.waypoints=[[-1, -0.75, 0], [0, -0.75, 0], [0, 0, 1.5]]",
+    "reference.settle_s=0.5",
+    "physics.kernel=numba",
+)
 CASES = {
     "kinematic": ("rect", "kinematic", 10, ()),
     "kinematic, alpha anew in each frame": ("rect", "kinematic", 10, ("kinematic.alpha_time_s=0",)),
@@ -35,6 +40,8 @@ class Certainty:
 def certainty(request: pytest.FixtureRequest) -> Certainty:
     name, plant, seeds, overrides = CASES[request.param]
     head = {"plant": plant, "seeds": seeds, "controllers": ("comp-flc",)}
+    if plant == "mujoco":
+        compiled.once(plant)
     simulation = Simulation(scenario.load(name, overrides, head))
     kalman, said = simulation.team.filter, []
     log = simulation.run(lambda frame: said.append((kalman.normalised.copy(), kalman.pose.copy(), kalman.sigma.copy())))

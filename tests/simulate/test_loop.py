@@ -55,7 +55,7 @@ def test_seeds_differ_and_controllers_share_their_noise(plant: str) -> None:
     np.testing.assert_array_equal(seen, trajectory.channel("vision_valid")[:, 1, :, 0])
     first, second = noise[seen.all(1), FLC, :2].transpose(1, 0, 2)
     assert (first != second).all()
-    age = ages(trajectory)
+    age = ages(trajectory.channel("command"), trajectory.channel("applied"))
     np.testing.assert_array_equal(age[:, FLC], age[:, COMPENSATED])
     assert (age[:, FLC, 0] != age[:, FLC, 1]).any()
 

@@ -13,7 +13,7 @@ from omni_mj.scenarios.rows import Row
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Simulation
 
-ROUTE = ("reference.waypoints=[[0,0],[0.25,0]]", "reference.settle_s=0.1")
+ROUTE = ("reference.waypoints=[[0,0],[0.25,0]]", "reference.settle_s=0.1", "physics.kernel=numba")
 RECT = scenario.load("rect", ROUTE)
 
 

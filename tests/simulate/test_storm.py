@@ -1,5 +1,6 @@
 """The scenario in which everything happens at once: robots err, but stay within the field and come to rest."""
 
+import compiled
 import numpy as np
 import pytest
 
@@ -9,7 +10,7 @@ from omni_mj.scenarios.faults import KINDS, ON_WHEELS
 from omni_mj.simulate.simulation import Simulation
 
 HALF_FIELD_M = (4.5, 3.0)  # division B
-STORM = om.scenario("storm", plant="planar", physics={"kernel": "numba"})
+STORM = om.scenario("storm", plant="planar", physics=compiled.NUMBA)
 
 
 def test_everything_that_plants_on_wheels_know_happens_in_the_storm() -> None:
@@ -19,6 +20,7 @@ def test_everything_that_plants_on_wheels_know_happens_in_the_storm() -> None:
 
 def test_robots_come_out_of_the_storm_on_the_field_and_at_rest() -> None:
     """Whatever their controller believed meanwhile; its estimates are within what it allows. Each fault is an event."""
+    compiled.once("planar")
     simulation = Simulation(STORM, ["comp-flc", "adaptive-comp-flc", "lqr"], seeds=[5])
     log = simulation.run()
     assert not simulation.failures

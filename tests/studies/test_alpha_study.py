@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import compiled
 import numpy as np
 import pytest
 from hypothesis import given
@@ -20,15 +21,21 @@ CHANGED = {"acceleration_m_s2": (3.0,), "pile": (0.2,), "winding_c": (120.0,), "
 FORWARD, SIDEWAYS, _ = range(3)
 
 
+def fast() -> om.Scenario:
+    """On what costs least."""
+    compiled.once("mujoco")
+    return om.scenario("rect", wheels={"model": "two-rollers"}, physics=compiled.NUMBA)
+
+
 @pytest.fixture(scope="module")
 def result() -> Iterator[alpha.AlphaResult]:
-    """More of some conditions than the robot has as it is, on the faster wheels; causes are creep, drag and battery.
+    """More of some conditions than the robot has as it is; causes are creep, drag and battery.
 
     A cause less halves the robots; what heat does is among the conditions.
     """
     with pytest.MonkeyPatch.context() as patched:
         patched.delitem(conditions.CAUSES, "heat")
-        yield om.alpha(om.scenario("rect", wheels={"model": "two-rollers"}), CHANGED, tasks=("rect",))
+        yield om.alpha(fast(), CHANGED, tasks=("rect",))
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +156,7 @@ def test_a_study_that_is_stopped_has_found_nothing() -> None:
         if frame == 3:
             raise StoppedError("interrupted")
 
-    stopped = om.alpha(om.scenario("rect", wheels={"model": "two-rollers"}), {}, after_frame=stop)
+    stopped = om.alpha(fast(), {}, after_frame=stop)
     assert (stopped.study, stopped.stopped, stopped.table()) == (None, "interrupted", "")
     summary = stopped.summary()
     assert summary["alpha"] is None

@@ -9,6 +9,7 @@ import pytest
 import omni_mj as om
 from omni_mj.measure import summary
 from omni_mj.measure.result import Outcome
+from omni_mj.studies.limit import practice
 from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
 
 SEEDS = range(7, 10)
@@ -222,8 +223,10 @@ def test_sending_the_references_own_velocities_is_no_effort_of_ones_own(scenario
 
 @pytest.fixture(scope="module")
 def study(scenarios: list[om.Scenario]) -> dict[str, Any]:
-    """What a study of the first one's limit says."""
-    return om.limit(scenarios[0], SEEDS, iterations=2).summary()
+    """What a study of the first one's limit says, of fewer seeds of practice."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(practice, "SEEDS", 2)
+        return om.limit(scenarios[0], SEEDS, iterations=2).summary()
 
 
 def test_limits_that_are_known_stand_in_the_summary(study: dict[str, Any], scenarios: list[om.Scenario]) -> None:

@@ -4,6 +4,7 @@ import gzip
 import tempfile
 from pathlib import Path
 
+import compiled
 import game_logs
 import numpy as np
 import pytest
@@ -67,7 +68,8 @@ def test_our_simulated_robot_from_a_log_of_its_vision(tmp_path: Path) -> None:
         "max_acceleration_m_s2": 2.0,
         "settle_s": 0.1,
     }
-    rect = om.scenario("rect", reference=route, wheels={"model": "two-rollers"})
+    compiled.once("mujoco")
+    rect = om.scenario("rect", reference=route, wheels={"model": "two-rollers"}, physics=compiled.NUMBA)
     result = om.run(rect, ["comp-flc"], seeds=[0])
     frames = result.frames()
     time = np.arange(frames.num_rows) / 60

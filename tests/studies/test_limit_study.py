@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import compiled
 import numpy as np
 import pytest
 from matplotlib.image import imread
@@ -27,12 +28,14 @@ LONGER = {"reference": {**ROUTE, "waypoints": [[0, 0], [0.15, 0.05, 0.2]], "lead
 SLOW = {"alpha_time_s": 10.0}
 PLANTS: dict[str, dict[str, Any]] = {
     "kinematic": {"plant": "kinematic", "kinematic": SLOW},
-    "mujoco": {"wheels": {"model": "two-rollers"}},
+    "mujoco": {"wheels": {"model": "two-rollers"}, "physics": compiled.NUMBA},
 }
 SEEDS = 2
 
 
 def route(plant: str, **sections: Any) -> om.Scenario:
+    if plant == "mujoco":
+        compiled.once(plant)
     return om.scenario("rect", **{"reference": ROUTE, **PLANTS[plant], **sections})
 
 
@@ -91,6 +94,7 @@ def test_a_controller_that_is_better_is_the_limit(monkeypatch: pytest.MonkeyPatc
     """Here one that is told the truth, where vision is so noisy that nobody else sees anything: it says whose it is."""
     monkeypatch.setattr(rivals, "competitors", lambda: ["oracle"])
     monkeypatch.setattr(practice, "WEIGHTS", (0.01, 0.03))
+    monkeypatch.setattr(practice, "SEEDS", 2)
     blind = route("kinematic", vision={"position_noise_m": 0.05, "heading_noise_rad": 0.5})
     result = om.limit(blind, SEEDS, iterations=2)
     assert result.summary()["limit"]["of"] == {"max": "oracle", "mean": "oracle"}

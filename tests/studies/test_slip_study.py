@@ -1,5 +1,6 @@
 """The slip study finds on simulated robots what the law of creep says of them, whatever vision's noise."""
 
+import compiled
 import numpy as np
 import pytest
 
@@ -27,8 +28,9 @@ FIXED = {
 
 
 def driven(moves: tuple[Move, ...] = MOVES, **sections: dict[str, object]) -> SlipResult:
-    wheels = MODEL | sections.pop("wheels", {})
-    result = om.slip([om.scenario("rect", wheels=wheels, **FIXED, **sections)], moves, check=False)
+    compiled.once("mujoco")
+    sections = {"wheels": MODEL, "physics": compiled.NUMBA} | sections
+    result = om.slip([om.scenario("rect", **FIXED, **sections)], moves, check=False)
     assert result.failures == []
     return result
 

@@ -38,9 +38,14 @@ def here(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
 
 @pytest.fixture(scope="module")
 def workers() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """The address of a scheduler, and two workers, processes of their own that share nothing with this one."""
+    """The address of a scheduler, and two workers, processes of their own that share nothing with this one.
+
+    All are there; how soon they answer says how busy a computer is.
+    """
     command = [sys.executable, "-m", "distributed.cli.dask_worker", "--no-nanny", "--nthreads", "1", "--no-dashboard"]
-    with LocalCluster(n_workers=0, dashboard_address=None, silence_logs=50) as scheduler:
+    cluster = LocalCluster(n_workers=0, dashboard_address=None, silence_logs=50)
+    with pytest.MonkeyPatch.context() as patient, cluster as scheduler:
+        patient.setattr(elsewhere, "ANSWER_S", 120.0)
         address = scheduler.scheduler_address
         processes = [subprocess.Popen([*command, address], stderr=subprocess.DEVNULL) for _ in range(2)]
         with Client(address) as client:

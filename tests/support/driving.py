@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+import compiled
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -26,7 +27,8 @@ def with_settings(**sections: dict[str, Any]) -> Settings:
 
 
 def quiet(**sections: dict[str, Any]) -> Settings:
-    """As above, with a gyro that makes no error."""
+    """As above, with a gyro that makes no error, reckoned by compiled loops."""
+    sections["physics"] = compiled.NUMBA | sections.get("physics", {})
     sections["sensors"] = {"gyro_noise_rad_s": 0.0, "gyro_bias_rad_s": 0.0} | sections.get("sensors", {})
     return with_settings(**sections)
 
@@ -46,6 +48,7 @@ def mujoco(
     settings: Sequence[Settings], start: ArrayLike | None = None, seeds: Sequence[int] | None = None, **more: Any
 ) -> MujocoPlant:
     """The physical plant with a robot for each of `settings`, at the origin if nothing else is said."""
+    compiled.ready("mujoco", settings)
     threads = more.pop("threads", None)
     poses = np.zeros((len(settings), 3)) if start is None else np.asarray(start, float)
     return MujocoPlant(rows(settings, seeds, **more), poses, threads)

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import compiled
 import numpy as np
 import pytest
 from default_robot import RADIUS_M, TANGENTS
@@ -34,6 +35,7 @@ def standing(plant: Plant, frames: int = SETTLE) -> NDArray:
 
 def planar(settings: list[Settings], start: ArrayLike | None = None) -> PlanarPlant:
     """Robots on the planar plant, at the origin if nothing else is said."""
+    compiled.ready("planar", settings)
     return PlanarPlant(rows(settings), np.zeros((len(settings), 3)) if start is None else np.asarray(start, float))
 
 

@@ -1,13 +1,15 @@
 """What the tests of the loop share: short runs, and their logs as a grid of controllers and seeds."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
+import compiled
 import numpy as np
 from numpy.typing import NDArray
 
 from omni_mj.scenarios import scenario
+from omni_mj.scenarios.rows import Row
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Simulation
 
@@ -48,6 +50,9 @@ def simulation(
     name: str = "rect",
     route: tuple[str, ...] = SHORT,
 ) -> Simulation:
+    if plant == "mujoco":
+        compiled.once(plant)
+        overrides = ("physics.kernel=numba", *overrides)
     head = {"plant": plant, "controllers": controllers, "seed": seed, "seeds": seeds}
     return Simulation(scenario.load(name, route + overrides, head))
 
@@ -58,16 +63,33 @@ def run(*what: Any, **more: Any) -> Grid:
     return finished(simulation(*what, **more))
 
 
+def batch(
+    cases: Sequence[tuple[str, ...]], controllers: Sequence[str], seeds: Sequence[int], route: tuple[str, ...] = SHORT
+) -> Simulation:
+    """All cases on the kinematic plant at once, which costs little more than one: a row is what it is alone.
+
+    Its rows are all seeds of all controllers of all cases.
+    """
+    chosen = [scenario.load("rect", route + case, {"plant": "kinematic"}) for case in cases]
+    each = [(c, name, seed) for c in chosen for name in controllers for seed in seeds]
+    rows = [Row(i, 0, name, seed, c.settings, c.robot) for i, (c, name, seed) in enumerate(each)]
+    return Simulation(chosen[0], controllers, rows=rows)
+
+
 def finished(simulated: Simulation, after_frame: Callable[[int], None] = lambda frame: None) -> Grid:
     """Run to the end; no row may fail."""
+    return Grid(whole(simulated, after_frame))
+
+
+def whole(simulated: Simulation, after_frame: Callable[[int], None] = lambda frame: None) -> Log:
+    """As above, all rows in a line."""
     log = simulated.run(after_frame)
     assert not simulated.failures, simulated.failures[0]
-    return Grid(log)
+    return log
 
 
-def ages(trajectory: Grid) -> NDArray:
-    """How many frames ago what is applied was commanded (frames, controllers, seeds); k + 1 for nothing in frame k."""
-    command, applied = (trajectory.channel(name) for name in ("command", "applied"))
+def ages(command: NDArray, applied: NDArray) -> NDArray:
+    """Frames since what is applied was commanded (frames, a, b), of both (frames, a, b, 3); k + 1 for nothing in k."""
     sent = np.concatenate([np.zeros_like(command[:1]), command])  # 0 is what is applied before anything arrives
     same = (sent[None] == applied[:, None]).all(-1)
     assert (same.sum(1) == 1).all(), "noisy commands, no two of which are equal"

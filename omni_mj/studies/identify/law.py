@@ -151,7 +151,7 @@ def simulate(
     lean = par[LEAN_X] + 1j * par[LEAN_Y]
     parts = max(1, int(np.ceil(segments.period / (COARSEST_S if coarsest is None else coarsest))))
     waits = 0.0 if segments.wheels else body.loops.wait
-    inputs, duration = _inputs(segments, late + waits, parameters[:, DRIFT], parts)
+    inputs, duration = segments.means(late + waits, parameters[:, DRIFT], parts)
     wheels, outward = body.wheels, body.outward
     arm, creep, give = body.arm * par[ARM], par[CREEP][..., None], par[GIVE][..., None] * softer
     stretch = np.ones((1, len(parameters), 3))
@@ -275,28 +275,3 @@ def _basis(body: Body) -> Array:
     axles = np.stack([body.outward.real, body.outward.imag, none], -1)
     rows = [body.wheels[:, None], across, axles[:, None]]
     return np.concatenate([np.einsum("wki,wkj->wij", row, row).reshape(-1, 9) for row in rows])
-
-
-def _inputs(segments: Segments, late: Array, drift: Array, parts: int) -> tuple[Array, Array]:
-    """Mean inputs of each step (S, P, q, K), and its duration (S, q) s."""
-    time, clock = segments.time, segments.clock
-    edges = time[:, :1] + np.zeros((1, 1))
-    if parts > 1:
-        share = np.arange(1, parts + 1) / parts
-        inner = time[:, :-1, None] + np.diff(time)[..., None] * share
-        edges = np.concatenate([time[:, :1], inner.reshape(len(time), -1)], 1)
-    else:
-        edges = time
-    duration = np.diff(edges)
-    middle = segments.middle[segments.log][:, None]
-    found: dict[bytes, Array] = {}
-    means = []
-    for p in range(late.shape[1]):
-        key = late[:, p].tobytes() + drift[p].tobytes()
-        if key not in found:
-            at = edges - late[:, p, None] - drift[p] * (edges - middle)
-            line = np.clip(np.searchsorted(clock, at, side="right") - 1, segments.first[:, None], len(clock) - 1)
-            total = segments.summed[line] + (at - clock[line])[..., None] * segments.inputs[line]
-            found[key] = np.diff(total, axis=1) / np.maximum(duration, 1e-9)[..., None]
-        means.append(found[key])
-    return np.stack(means, 1), duration

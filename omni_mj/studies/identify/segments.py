@@ -75,6 +75,34 @@ class Segments:
             last[own[len(own) - len(own) // 4 :]] = True
         return self.some(~last), self.some(last)
 
+    def means(self, late: Array, drift: Array, parts: int) -> tuple[Array, Array]:
+        """Mean inputs of each step (S, P, q, K), and its duration (S, q) s; a sample has `parts` steps.
+
+        Args:
+            late: by how much inputs act late (S, P), s.
+            drift: by which share of the time since the middle of the log they do so besides, (P,).
+            parts: steps from a sample to the next.
+        """
+        time, clock = self.time, self.clock
+        edges = time
+        if parts > 1:
+            share = np.arange(1, parts + 1) / parts
+            inner = time[:, :-1, None] + np.diff(time)[..., None] * share
+            edges = np.concatenate([time[:, :1], inner.reshape(len(time), -1)], 1)
+        duration = np.diff(edges)
+        middle = self.middle[self.log][:, None]
+        found: dict[bytes, Array] = {}
+        means = []
+        for p in range(late.shape[1]):
+            key = late[:, p].tobytes() + drift[p].tobytes()
+            if key not in found:
+                at = edges - late[:, p, None] - drift[p] * (edges - middle)
+                line = np.clip(np.searchsorted(clock, at, side="right") - 1, self.first[:, None], len(clock) - 1)
+                total = self.summed[line] + (at - clock[line])[..., None] * self.inputs[line]
+                found[key] = np.diff(total, axis=1) / np.maximum(duration, 1e-9)[..., None]
+            means.append(found[key])
+        return np.stack(means, 1), duration
+
 
 def cut(logs: Sequence[Log], inputs: Sequence[Array], in_body: Sequence[bool], wheels: bool = False) -> Segments:
     """Segments of logs.

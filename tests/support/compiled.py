@@ -1,0 +1,30 @@
+"""Loops that numba compiles, for tests of what is not reckoned between physics steps: frames take less time.
+
+That they reckon what numpy does is the law of test_kernels.py.
+"""
+
+import fcntl
+import os
+import tempfile
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+
+import omni_mj as om
+from omni_mj.scenarios.settings import Settings
+
+NUMBA = {"kernel": "numba"}
+
+
+@cache
+def once(plant: str) -> None:
+    """Have a plant's loops compiled by one process for all, which takes half a minute; the others wait for it."""
+    with (Path(tempfile.gettempdir()) / f"omni-mj-{os.getuid()}-{plant}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        om.Simulation(om.scenario("rect", plant=plant, physics=NUMBA), ["p"]).step()
+
+
+def ready(plant: str, settings: Iterable[Settings]) -> None:
+    """As above, if any of the settings asks for compiled loops."""
+    if any(each.physics.kernel == "numba" for each in settings):
+        once(plant)
