@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from copy import copy
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -72,9 +73,12 @@ class Log:
         self.columns = channels(wheels)
         self.length = 0
         self.lengths = np.zeros(len(self.rows), int)
-        self._room = 0
-        self._data: dict[str, np.ndarray] = {}
-        self._make_room()
+        # All channels side by side, (frames, n, columns of all), so that a frame is written at once.
+        ends = np.cumsum([0, *(len(titles) for titles in self.columns.values())]).tolist()
+        self._at = {name: slice(*ends) for name, ends in zip(self.columns, pairwise(ends), strict=True)}
+        self._usual = {name: np.full((len(rows), len(titles)), np.nan) for name, titles in self.columns.items()}
+        self._usual_width = ends[-1]
+        self._data = self._nothing(FIRST_FRAMES, ends[-1])
 
     @classmethod
     def joined(cls, logs: "Sequence[Log]", rows: Sequence[Row]) -> "Log":
@@ -86,14 +90,14 @@ class Log:
         """
         found = cls(rows, len(logs[0].columns["winding"]))
         found.length = max(log.length for log in logs)
-        while found._room < found.length:
+        while len(found._data) < found.length:
             found._make_room()
         for log in logs:
             own = numbers(rows, log.rows)
             found.lengths[own] = log.lengths
             for name, titles in log.columns.items():
                 found._add(name, len(titles))
-                found._data[name][: log.length, own, : len(titles)] = log.channel(name)
+                found._data[: log.length, own, found._first(name, len(titles))] = log.channel(name)
         return found
 
     @property
@@ -125,39 +129,41 @@ class Log:
         Args:
             recorded: which rows; of the others nothing is.
             own: channels of controllers' own, name -> (n, k).
-            values: every channel, (n, columns) or (n,).
+            values: channels, (n, columns) or (n,); of those not given nothing is recorded.
         """
-        if self.length == self._room:
+        if self.length == len(self._data):
             self._make_room()
-        everyone = recorded.all()
         for name, value in own.items():
-            self._add(OWN + name, np.shape(value)[-1])
-        for name, value in {**values, **{OWN + name: value for name, value in own.items()}}.items():
-            columns = value if value.ndim == 2 else value[:, None]
-            room = self._data[name][self.length, :, : columns.shape[1]]
-            if everyone:
-                room[:] = columns
-            else:
-                room[recorded] = columns[recorded]
+            self._add(OWN + name, value.shape[-1])
+        frame, everyone = self._data[self.length], np.count_nonzero(recorded) == len(recorded)
+        into = frame if everyone else frame.copy()
+        usual = [values.get(name, nothing) for name, nothing in self._usual.items()]
+        usual = [value if value.ndim == 2 else value[:, None] for value in usual]
+        np.concatenate(usual, axis=1, out=into[:, : self._usual_width])
+        for name, value in own.items():
+            into[:, self._first(OWN + name, value.shape[-1])] = value
+        if not everyone:
+            frame[recorded] = into[recorded]
         self.length += 1
         self.lengths += recorded
 
     def channel(self, name: str) -> np.ndarray:
         """A channel's frames (length, n, columns); not a number, or false, where a row recorded none."""
-        return self._data[name][: self.length]
+        values = self._data[: self.length, :, self._at[name]]
+        return values == 1 if name == "vision_valid" else values
 
     def part(self, first: int, stop: int) -> "Log":
         """The frames from `first` to before `stop`, as a log of these alone, to be read only: memory is shared."""
         found = copy(self)
-        found._data = {name: data[first : min(stop, self.length)] for name, data in self._data.items()}
-        found.length = found._room = len(found._data["pose"])
+        found.columns, found._at = dict(self.columns), dict(self._at)
+        found._data = self._data[first : min(stop, self.length)]
+        found.length = len(found._data)
         found.lengths = np.clip(self.lengths - first, 0, found.length)
         return found
 
     def clear(self) -> None:
         """Forget all frames, in whose room the next ones come."""
-        for data in self._data.values():
-            data.fill(False if data.dtype == bool else np.nan)
+        self._data.fill(np.nan)
         self.length = 0
         self.lengths = np.zeros(len(self.rows), int)
 
@@ -175,7 +181,7 @@ class Log:
             "time_s": frame * PERIOD_S,
         }
         for name, titles in self.columns.items():
-            data = self._data[name]
+            data = self.channel(name)
             columns |= {title: data[frame, line, i] for i, title in enumerate(titles)}
         said = {"controller": parquet.labels(which[line], names)}
         return pa.table(said | {title: parquet.column(values) for title, values in columns.items()})
@@ -186,20 +192,22 @@ class Log:
 
     def _make_room(self) -> None:
         """Double the frames that there is room for."""
-        more = self._room or FIRST_FRAMES
-        for name, titles in self.columns.items():
-            fresh = self._nothing(name, more, len(titles))
-            self._data[name] = np.concatenate([self._data[name], fresh]) if self._room else fresh
-        self._room += more
+        self._data = np.concatenate([self._data, np.full_like(self._data, np.nan)])
+
+    def _first(self, name: str, width: int) -> slice:
+        """Where the first columns of a channel are."""
+        first = self._at[name].start
+        return slice(first, first + width)
 
     def _add(self, name: str, width: int) -> None:
         """Make room for a channel of a controller's own; in what was recorded before there is nothing of it."""
         known = len(self.columns.get(name, ()))
         if width > known:
             self.columns[name] = (name,) if width == 1 else tuple(f"{name}_{i + 1}" for i in range(width))
-            fresh = self._nothing(name, self._room, width - known)
-            self._data[name] = np.concatenate([self._data[name], fresh], axis=-1) if known else fresh
+            first, fresh = self._data.shape[-1], self._nothing(len(self._data), width)
+            if known:
+                fresh[..., :known] = self._data[..., self._at[name]]
+            self._data, self._at[name] = np.concatenate([self._data, fresh], axis=-1), slice(first, first + width)
 
-    def _nothing(self, name: str, frames: int, width: int) -> np.ndarray:
-        shape = frames, len(self.rows), width
-        return np.zeros(shape, bool) if name == "vision_valid" else np.full(shape, np.nan)
+    def _nothing(self, frames: int, columns: int) -> Array:
+        return np.full((frames, len(self.rows), columns), np.nan)
