@@ -45,6 +45,7 @@ class SampledReference:
         """See `Reference`: linear between frames; at rest before the first, which counts as now, and after the last."""
         rows = np.empty((len(pose), 6))
         rows[:] = self._between(frame)
+        rows.flags.writeable = False
         return rows[:, :3], rows[:, 3:]
 
     def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
