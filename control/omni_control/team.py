@@ -238,10 +238,12 @@ class Team:
             for name, table in record.items():
                 table[rows] = own.recorded[name]
             for name, columns in own.channels.items():
-                table = self.channels.get(name, np.empty((self.n, 0)))
-                missing = np.full((self.n, max(columns.shape[1] - table.shape[1], 0)), np.nan)
-                self.channels[name] = table = np.concatenate([table, missing], axis=1)
-                table[rows, : columns.shape[1]] = columns
+                width, known = columns.shape[1], self.channels.get(name)
+                if known is None or known.shape[1] < width:
+                    self.channels[name] = np.full((self.n, width), np.nan)
+                    if known is not None:
+                        self.channels[name][:, : known.shape[1]] = known
+                self.channels[name][rows, :width] = columns
         for table in (*record.values(), *self.channels.values()) if self._failures else ():
             table[self.failed] = np.nan
         self.predicted, self.alpha_hat, self.latency_hat = (record[name] for name in RECORDED)

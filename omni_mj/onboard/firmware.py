@@ -191,8 +191,7 @@ class Firmware:
         self._along_x[:] = vx * self._forward + vy * self._left
         self._along_y[:] = vy * self._forward - vx * self._left
         self._turn_rate[:] = command[:, 2] * (1 + self._turn_gain)
-        new = slice(None) if received.new is None else received.new
-        self._stops[new] = self.cycle + self._patience[new]
+        np.copyto(self._stops, self.cycle + self._patience, where=True if received.new is None else received.new)
         self._hush()
 
     def hear(self, deaf: np.ndarray, off: np.ndarray, encoders: Array) -> None:
@@ -226,7 +225,7 @@ class Firmware:
         if not self._heeds:
             ignores = self._deaf | self._lost
             self._stops[ignores] = np.minimum(self._stops[ignores], self.cycle)
-        self._next_stop = float(self._stops.min())
+        self._next_stop = float(np.minimum.reduce(self._stops))
 
     def duties(self, gyro: Array, encoders: Array) -> Array:
         """Return the motors' duties (n, wheels) in [-1, 1].

@@ -73,12 +73,7 @@ class Log:
         self.columns = channels(wheels)
         self.length = 0
         self.lengths = np.zeros(len(self.rows), int)
-        # All channels side by side, (frames, n, columns of all), so that a frame is written at once.
-        ends = np.cumsum([0, *(len(titles) for titles in self.columns.values())]).tolist()
-        self._at = {name: slice(*ends) for name, ends in zip(self.columns, pairwise(ends), strict=True)}
-        self._usual = {name: np.full((len(rows), len(titles)), np.nan) for name, titles in self.columns.items()}
-        self._usual_width = ends[-1]
-        self._data = self._nothing(FIRST_FRAMES, ends[-1])
+        self._lay_out(FIRST_FRAMES)
 
     @classmethod
     def joined(cls, logs: "Sequence[Log]", rows: Sequence[Row]) -> "Log":
@@ -93,10 +88,11 @@ class Log:
         while len(found._data) < found.length:
             found._make_room()
         for log in logs:
+            found._widen({name: len(titles) for name, titles in log.columns.items()})
+        for log in logs:
             own = numbers(rows, log.rows)
             found.lengths[own] = log.lengths
             for name, titles in log.columns.items():
-                found._add(name, len(titles))
                 found._data[: log.length, own, found._first(name, len(titles))] = log.channel(name)
         return found
 
@@ -134,16 +130,19 @@ class Log:
         if self.length == len(self._data):
             self._make_room()
         for name, value in own.items():
-            self._add(OWN + name, value.shape[-1])
-        frame, everyone = self._data[self.length], np.count_nonzero(recorded) == len(recorded)
-        into = frame if everyone else frame.copy()
-        usual = [values.get(name, nothing) for name, nothing in self._usual.items()]
-        usual = [value if value.ndim == 2 else value[:, None] for value in usual]
-        np.concatenate(usual, axis=1, out=into[:, : self._usual_width])
-        for name, value in own.items():
-            into[:, self._first(OWN + name, value.shape[-1])] = value
-        if not everyone:
-            frame[recorded] = into[recorded]
+            values[OWN + name] = value
+        self._widen({OWN + name: value.shape[1] for name, value in own.items()})
+        columns = [values.get(name, nothing) for name, nothing in self._nothing.items()]
+        for i, (value, nothing) in enumerate(zip(columns, self._nothing.values(), strict=True)):
+            if value.ndim == 1:
+                columns[i] = value[:, None]
+            elif value.shape != nothing.shape:
+                columns[i] = np.concatenate([value, nothing[:, value.shape[1] :]], axis=1)
+        frame = self._data[self.length]
+        if np.count_nonzero(recorded) == len(recorded):
+            np.concatenate(columns, axis=1, out=frame)
+        else:
+            frame[recorded] = np.concatenate(columns, axis=1)[recorded]
         self.length += 1
         self.lengths += recorded
 
@@ -199,15 +198,22 @@ class Log:
         first = self._at[name].start
         return slice(first, first + width)
 
-    def _add(self, name: str, width: int) -> None:
-        """Make room for a channel of a controller's own; in what was recorded before there is nothing of it."""
-        known = len(self.columns.get(name, ()))
-        if width > known:
+    def _widen(self, widths: Mapping[str, int]) -> None:
+        """Make room for channels of so many columns; in what was recorded before there is nothing of them."""
+        wider = {name: width for name, width in widths.items() if width > len(self.columns.get(name, ()))}
+        if not wider:
+            return
+        for name, width in wider.items():
             self.columns[name] = (name,) if width == 1 else tuple(f"{name}_{i + 1}" for i in range(width))
-            first, fresh = self._data.shape[-1], self._nothing(len(self._data), width)
-            if known:
-                fresh[..., :known] = self._data[..., self._at[name]]
-            self._data, self._at[name] = np.concatenate([self._data, fresh], axis=-1), slice(first, first + width)
+        before, at = self._data, self._at
+        self._lay_out(len(before))
+        for name, columns in at.items() if self.length else ():
+            self._data[..., self._first(name, columns.stop - columns.start)] = before[..., columns]
 
-    def _nothing(self, frames: int, columns: int) -> Array:
-        return np.full((frames, len(self.rows), columns), np.nan)
+    def _lay_out(self, frames: int) -> None:
+        """Have room for so many frames, all channels side by side, so that a frame is written at once."""
+        widths, n = {name: len(titles) for name, titles in self.columns.items()}, len(self.rows)
+        ends = np.cumsum([0, *widths.values()]).tolist()
+        self._at = {name: slice(*ends) for name, ends in zip(widths, pairwise(ends), strict=True)}
+        self._nothing = {name: np.full((n, width), np.nan) for name, width in widths.items()}
+        self._data = np.full((frames, n, ends[-1]), np.nan)
