@@ -183,7 +183,7 @@ class Team:
 
     @property
     def _failures(self) -> bool:
-        return np.count_nonzero(self.failed) > 0
+        return bool(np.count_nonzero(self.failed))
 
     def _part(self, known: "_Known", rows: Rows, memory: int, delay: int | Array) -> Seen:
         """What is known of some robots, in arrays of its own."""

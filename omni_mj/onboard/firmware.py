@@ -166,10 +166,14 @@ class Firmware:
             heading = self._found(heading)
         self.estimate.correct(heading, age)
         if self._derates:
-            left = np.clip((self._hot - winding) / DERATE_BAND_K, 0, 1)
-            current = np.where(self._derate & (left < 1), left * self._derated, np.inf)
             self._swing = self._f.swing.T
-            self._swing[:] = self._resistance * current
+            spare = self._hot - winding
+            if np.count_nonzero(spare < DERATE_BAND_K):
+                left = np.clip(spare / DERATE_BAND_K, 0, 1)
+                current = np.where(self._derate & (left < 1), left * self._derated, np.inf)
+                self._swing[:] = self._resistance * current
+            else:
+                self._swing[:] = np.inf
 
     def _found(self, heading: Array) -> Array:
         """Vision's headings (n,) but for those of robots that do not listen; one that was lost takes it for its own."""

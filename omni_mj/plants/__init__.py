@@ -64,7 +64,11 @@ class Telemetry:
         """
         voltages, currents, supplies = recorded
         sizes, count = np.abs(voltages), len(voltages)
-        duties = np.divide(sizes, supplies, out=np.zeros_like(sizes), where=supplies > 0)
+        on = supplies > 0
+        if np.count_nonzero(on) == on.size:
+            duties = sizes / supplies
+        else:
+            duties = np.divide(sizes, supplies, out=np.zeros_like(sizes), where=on)
         return cls(
             wheel_angle=angle.copy(),
             wheel_speed=speed.copy(),

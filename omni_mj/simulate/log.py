@@ -129,15 +129,13 @@ class Log:
         """
         if self.length == len(self._data):
             self._make_room()
+        if own:
+            self._widen({OWN + name: value.shape[1] for name, value in own.items()})
         for name, value in own.items():
-            values[OWN + name] = value
-        self._widen({OWN + name: value.shape[1] for name, value in own.items()})
+            missing = self._nothing[OWN + name][:, value.shape[1] :]
+            values[OWN + name] = np.concatenate([value, missing], axis=1) if missing.size else value
         columns = [values.get(name, nothing) for name, nothing in self._nothing.items()]
-        for i, (value, nothing) in enumerate(zip(columns, self._nothing.values(), strict=True)):
-            if value.ndim == 1:
-                columns[i] = value[:, None]
-            elif value.shape != nothing.shape:
-                columns[i] = np.concatenate([value, nothing[:, value.shape[1] :]], axis=1)
+        columns = [value if value.ndim == 2 else value[:, None] for value in columns]
         frame = self._data[self.length]
         if np.count_nonzero(recorded) == len(recorded):
             np.concatenate(columns, axis=1, out=frame)

@@ -148,7 +148,7 @@ class Simulation:
     @property
     def done(self) -> bool:
         """Whether every row has come to the end of its reference, or was stopped before."""
-        return not self._recorded.any()
+        return not np.count_nonzero(self._recorded)
 
     @property
     def drawn(self) -> dict[str, Array]:

@@ -40,7 +40,7 @@ class Tracker:
             age: how long before this frame that was, (n,) s. [in it]
             sent: commands up to the frame before, `late.MOST_FRAMES` more of them than `longest`.
         """
-        if age is None and not self._clock.behind.any():
+        if age is None and not np.count_nonzero(self._clock.behind):
             displacement = np.add.reduce(self._shares * sent.last(self.longest)) * self._period
             self._filter.update(measured, displacement)
             self.pose, self.twist, self.steps = self._filter.pose, self._filter.twist, ()

@@ -61,10 +61,10 @@ class SampledReference:
         """Poses and twists (..., 6) at frames: a number, (n,), or with the components last."""
         last = self.frames - 1
         if isinstance(frame, float | int):  # of most controllers: needs no arrays of indices
-            frame = min(max(frame, 0), last)
-            before = int(frame)
-            here, following = self._rows[before], self._rows[min(before + 1, last)]
-            return here + (frame - before) * (following - here)
+            kept = min(max(frame, 0), last)
+            row = int(kept)
+            of_row, of_next = self._rows[row], self._rows[min(row + 1, last)]
+            return of_row + (kept - row) * (of_next - of_row)
         frame = np.minimum(np.maximum(frame, 0), last)
         frame = frame[..., None] if frame.ndim < 2 else frame
         before = frame.astype(int)
