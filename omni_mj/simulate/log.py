@@ -73,6 +73,7 @@ class Log:
         self.columns = channels(wheels)
         self.length = 0
         self.lengths = np.zeros(len(self.rows), int)
+        self._data: Array
         self._lay_out(FIRST_FRAMES)
 
     @classmethod
@@ -214,4 +215,4 @@ class Log:
         ends = np.cumsum([0, *widths.values()]).tolist()
         self._at = {name: slice(*ends) for name, ends in zip(widths, pairwise(ends), strict=True)}
         self._nothing = {name: np.full((n, width), np.nan) for name, width in widths.items()}
-        self._data: Array = np.full((frames, n, ends[-1]), np.nan)
+        self._data = np.full((frames, n, ends[-1]), np.nan)
