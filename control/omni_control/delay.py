@@ -89,23 +89,40 @@ class CommandsInFlight:
 
     def ahead(self, latency: float | Array) -> Array:
         """Share of each command kept that is still to act, (length, n, 3), for a latency (n, 3) in frames."""
-        return np.minimum(np.maximum(latency - (_ages(self.length) - 1), 0.0), 1.0)
+        return _ahead_alike(latency, self.length) if isinstance(latency, float | int) else _ahead(latency, self.length)
 
     def acted(self, latency: float | Array) -> Array:
         """Share of each command kept that acted in the frame just past, (length, n, 3), for a latency (n, 3)."""
-        return np.maximum(1 - np.abs(latency - (_ages(self.length) - 1)), 0.0)
+        return acted(latency, self.length)
 
     def felt(self, latency: float | Array) -> Array:
         """Commands (n, 3) that acted in the frame just past, on its average, for a latency (n, 3) in frames."""
         return (self.acted(latency) * self.last(self.length)).sum(0)
 
 
+def acted(latency: float | Array, length: int) -> Array:
+    """Share of each of the last `length` commands that acted in the frame just past; see `CommandsInFlight.acted`."""
+    return np.maximum(1 - np.abs(latency - _since(length)), 0.0)
+
+
+def _ahead(latency: float | Array, length: int) -> Array:
+    return np.minimum(np.maximum(latency - _since(length), 0.0), 1.0)
+
+
 @lru_cache
-def _ages(length: int) -> Array:
-    """Frames since each of so many commands was sent, (length, 1, 1): 1 for the newest."""
-    ages = np.arange(length, 0.0, -1)[:, None, None]
-    ages.flags.writeable = False
-    return ages
+def _ahead_alike(latency: float, length: int) -> Array:
+    """Those of one latency for all, which is asked for again in every frame."""
+    shares = _ahead(latency, length)
+    shares.flags.writeable = False
+    return shares
+
+
+@lru_cache
+def _since(length: int) -> Array:
+    """Whole frames since each of so many commands was sent, (length, 1, 1): 0 for the newest."""
+    frames = np.arange(length - 1, -1.0, -1)[:, None, None]
+    frames.flags.writeable = False
+    return frames
 
 
 def compensation(in_flight: Array, alpha: Array | float, period: float) -> Array:

@@ -22,11 +22,15 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 _PAST_HALF_A_TURN = np.nextafter(-np.pi, 0)
+_SURELY_WITHIN, _ZERO = 3.14, np.zeros(())  # rad: of these only a copy need be made
 
 
 def wrap_angle(angle: ArrayLike) -> Array:
     """Return `angle` (rad, any shape) mapped into (-pi, pi]."""
-    return wrapped(np.asarray(angle, float))
+    angles = np.asarray(angle, float)
+    if np.count_nonzero(np.abs(angles) < _SURELY_WITHIN) == angles.size:
+        return angles + _ZERO
+    return wrapped(angles)
 
 
 def wrapped(angle: Array) -> Array:

@@ -25,14 +25,18 @@ class CommandLimits:
 
     def __call__(self, command: Array, last: Array) -> Array:
         """Return the commands (n, 3) that may be sent, given those wanted and those sent in the frame before."""
-        return last + _clip(_clip(command, *self._highest) - last, *self._step)
+        with np.errstate(over="ignore"):  # one that is too large to be squared stops the robot
+            allowed = _clip(command, *self._highest)
+        return last + _clip(allowed - last, *self._step)
 
 
 def _clip(vector: Array, translation: Array, rotation: Array) -> Array:
-    with np.errstate(over="ignore"):  # one that is too large to be squared stops the robot
-        size = np.sqrt((vector[:, :2] ** 2).sum(1, keepdims=True))
-    scale = np.minimum(1.0, translation / np.maximum(size, 1e-300))
-    return np.concatenate([vector[:, :2] * scale, np.clip(vector[:, 2:], -rotation, rotation)], axis=1)
+    squares, clipped = vector[:, :2] ** 2, np.empty_like(vector)
+    size = np.sqrt(squares[:, :1] + squares[:, 1:])
+    scale = np.minimum(translation / np.maximum(size, 1e-300), 1.0)
+    np.multiply(vector[:, :2], scale, out=clipped[:, :2])
+    np.minimum(np.maximum(vector[:, 2:], -rotation), rotation, out=clipped[:, 2:])
+    return clipped
 
 
 def within_rate(wanted: Array, step: float) -> Array:

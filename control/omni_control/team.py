@@ -49,6 +49,7 @@ class Team:
             number for rows that failed.
         channels: what else they record, by name: (n, k), not a number for rows that have no such channel, or failed.
         failed: which rows have failed or were stopped, (n,).
+        knows_truth: whether one of the controllers does, which must then be told.
         last: the commands that were sent last, (n, 3); zero at first.
 
     Raises:
@@ -86,7 +87,7 @@ class Team:
         self._memory = [max(c.memory_frames, math.ceil(c.told.latency_frames) + 1) for c in self.controllers]
         self._sent = CommandsInFlight(self.n, max(*self._memory, self._tracker.longest) + MOST_FRAMES)
         self._truthful = [type(c).knows_truth for c in self.controllers]  # of the class, by which others know it
-        self._knows_truth = any(self._truthful)
+        self.knows_truth = any(self._truthful)
         self._guests = [guest_of(c) for c in self.controllers]
         self._said = [said(c, len(c.predicted), "when it was made") for c in self.controllers]
 
@@ -111,10 +112,11 @@ class Team:
                 knows it.
         """
         seen = self._checked(measured, "what vision reports")
-        seen[self.failed] = np.nan
-        if self._knows_truth and truth is None:
+        if self._failures:
+            seen[self.failed] = np.nan
+        if self.knows_truth and truth is None:
             raise OmniError("a controller of this team knows the truth, which must be given with what vision reports")
-        if self._knows_truth and truth is not None:
+        if self.knows_truth and truth is not None:
             self._true = self._held(*(self._checked(values, "the truth") for values in truth))
         ages = None if age is None else self._ages(age)
 
@@ -136,15 +138,17 @@ class Team:
         """
         if self._known is None:
             raise OmniError("robots must be observed before they are commanded, in every frame")
-        wanted, failures = np.zeros((self.n, 3)), bool(self.failed.any())
+        wanted, failures = np.zeros((self.n, 3)), self._failures
         for i, rows in enumerate(self._rows):
             if not (failures and self.failed[rows].all()):
                 known = self._true if self._truthful[i] else self._known
                 assert known is not None, "checked when it was observed"
                 wanted[rows] = self._asked(i, known)
-        wanted[self.failed] = 0.0
+        if self._failures:
+            wanted[self.failed] = 0.0
         command = self._limits(wanted, self.last)
-        command[self.failed] = 0.0
+        if self._failures:
+            command[self.failed] = 0.0
         self._record()
         self.last, self._known = command, None
         return command.copy()
@@ -177,16 +181,20 @@ class Team:
         self.failed[rows] = True
         self._record()
 
+    @property
+    def _failures(self) -> bool:
+        return bool(np.count_nonzero(self.failed))
+
     def _part(self, known: "_Known", rows: Rows, memory: int, delay: int | Array) -> Seen:
         """What is known of some robots, in arrays of its own."""
-        pose, twist, measured = (np.array(values[rows]) for values in known[:3])
-        age = None if known.age is None else np.array(known.age[rows])
-        steps = tuple(late.of(rows) for late in known.steps)
+        pose, twist, measured = known.pose[rows].copy(), known.twist[rows].copy(), known.measured[rows].copy()
+        age = None if known.age is None else known.age[rows].copy()
+        steps = tuple(late.of(rows) for late in known.steps) if known.steps else ()
         return Seen(pose, twist, measured, self._sent.of(rows, memory), self._period, delay, age, steps)
 
     def _held(self, pose: Array, twist: Array) -> "_Known":
         """The truth, but for robots that have failed, of which nobody knows what becomes: they stay where they were."""
-        if self._true is not None and self.failed.any():
+        if self._true is not None and self._failures:
             pose[self.failed], twist[self.failed] = self._true[0][self.failed], 0.0
         return _Known(pose, twist, pose)
 
@@ -205,7 +213,7 @@ class Team:
         except ControllerError as error:
             self._fail(np.arange(self.n)[rows], error)
             return np.zeros_like(seen.pose)
-        if np.isfinite(wanted).all():
+        if np.count_nonzero(np.isfinite(wanted)) == wanted.size:
             return wanted
         robots = np.arange(self.n)[rows]
         wrong = np.asarray(~np.isfinite(wanted).all(1))
@@ -226,23 +234,25 @@ class Team:
         """Put together what the controllers say of themselves."""
         record = {name: np.empty((self.n, 3)) for name in RECORDED}
         self.channels: dict[str, Array] = {}
-        failures = bool(self.failed.any())
         for own, rows in zip(self._said, self._rows, strict=True):
             for name, table in record.items():
                 table[rows] = own.recorded[name]
             for name, columns in own.channels.items():
-                table = self.channels.get(name, np.empty((self.n, 0)))
-                missing = np.full((self.n, max(columns.shape[1] - table.shape[1], 0)), np.nan)
-                self.channels[name] = table = np.concatenate([table, missing], axis=1)
-                table[rows, : columns.shape[1]] = columns
-        for table in (*record.values(), *self.channels.values()) if failures else ():
+                width, known = columns.shape[1], self.channels.get(name)
+                if known is None or known.shape[1] < width:
+                    self.channels[name] = np.full((self.n, width), np.nan)
+                    if known is not None:
+                        self.channels[name][:, : known.shape[1]] = known
+                self.channels[name][rows, :width] = columns
+        for table in (*record.values(), *self.channels.values()) if self._failures else ():
             table[self.failed] = np.nan
         self.predicted, self.alpha_hat, self.latency_hat = (record[name] for name in RECORDED)
 
     def _checked(self, values: ArrayLike, what: str, *, finite: bool = False) -> Array:
         """Numbers (n, 3), copied."""
         checked = np.array(values, float)
-        if checked.shape != (self.n, 3) or np.isinf(checked).any() or (finite and np.isnan(checked).any()):
+        finite_ones = np.isfinite(checked) if finite else ~np.isinf(checked)
+        if checked.shape != (self.n, 3) or np.count_nonzero(finite_ones) < checked.size:
             shape = f"({self.n}, 3)"
             got = f"not of shape {checked.shape}" if checked.shape != (self.n, 3) else "which these are not"
             raise OmniError(f"{what} must be finite numbers {shape}, {got}")

@@ -29,10 +29,16 @@ class Camera:
         self, settings: Sequence[VisionSettings], seeds: Sequence[Seed], faults: Sequence[Sequence[Fault]] = ()
     ) -> None:
         noise = [column(settings, name) for name in ("position_noise_m", "position_noise_m", "heading_noise_rad")]
-        self._sigma = np.concatenate(noise, axis=1)
-        self._noise = Noise(seeds, Stream.VISION_NOISE, lambda rng, count: rng.standard_normal((count, 3)))
-        self._misses = Noise(seeds, Stream.VISION_MISSES, lambda rng, count: rng.random((count, 1)))
-        self._probability = column(settings, "miss_probability")[:, 0]
+        sigma, probability = np.concatenate(noise, axis=1), column(settings, "miss_probability")
+        self._errors = Noise(
+            seeds, Stream.VISION_NOISE, lambda rng, count: rng.standard_normal((count, 3)), lambda block: sigma * block
+        )
+        self._begins = Noise(
+            seeds,
+            Stream.VISION_MISSES,
+            lambda rng, count: rng.random((count, 1)),
+            lambda block: (block < probability)[..., 0],
+        )
         self._gap = column(settings, "miss_frames")[:, 0]
         self._since = np.full(len(seeds), np.inf)  # frames since the last gap began
         self._sight = Sight.of(faults, seeds)
@@ -45,18 +51,21 @@ class Camera:
             pose: true, (n, 3).
             frame: of the loop in which this image is taken, by which faults go. [the next one]
         """
-        begins = self._misses.next()[:, 0] < self._probability
+        begins = self._begins.next()
         if self._first:
             begins[:] = self._first = False  # a robot is placed where the camera sees it
         self._frame = (self._frame if frame is None else frame) + 1
         sight, shown = self._sight, pose
         if sight is not None:
             shown = sight.look(pose, self._frame - 1)
-        self._since = np.where(begins, 0.0, self._since + 1)
+        self._since += 1
+        if np.count_nonzero(begins):
+            self._since[begins] = 0.0
         seen = self._since >= self._gap
-        measured = shown + self._sigma * self._noise.next()
+        measured = shown + self._errors.next()
         measured[:, 2] = wrap_angle(measured[:, 2])
-        measured[~seen] = np.nan
+        if np.count_nonzero(seen) < len(seen):
+            measured[~seen] = np.nan
         if sight is not None:
             seen = sight.show(measured)
         return measured, seen

@@ -89,6 +89,7 @@ class Radio:
         nothing: Sequence[float] = (0.0, 0.0, 0.0, np.nan),
     ) -> None:
         self._delay = column(settings, "delay_frames")[:, 0].astype(int) * ticks
+        self._latest = int(self._delay.max())
         self._jitter = column(settings, "jitter_frames")[:, 0].astype(int) * ticks
         self._jitters = bool(self._jitter.any())
         self._late = Noise(seeds, Stream.RADIO_JITTER, lambda rng, count: rng.random((count, 1)))
@@ -113,15 +114,25 @@ class Radio:
 
     def exchange(self, command: Array, heading: Array) -> Received:
         """Send commands (n, 3) and headings (n,); return what the robots hold in this frame."""
-        self.send(np.column_stack([command, heading]))
+        packets = np.empty((len(command), 4))
+        packets[:, :3], packets[:, 3] = command, heading
+        self.send(packets)
         packet, new, age = self.deliver()
-        return Received(packet[:, :3], np.where(new, packet[:, 3], np.nan), age, new)
+        seen = packet[:, 3]
+        if np.count_nonzero(new) < len(new):
+            seen[~new] = np.nan
+        return Received(packet[:, :3], seen, age, new)
 
     def send(self, packets: Array, to: np.ndarray | None = None) -> None:
         """Send packets (n, k), to those robots alone whose numbers are given; to all if none are."""
         tick, ring = self._tick, len(self._packets)
-        to = self._robots if to is None else to
         late = self._delay
+        if to is None and not (self._jitters or self._loses or self._mishaps):  # as `exchange` does 60 times a second
+            self._packets[tick % ring] = packets
+            self._arriving[(tick + late) % ring, self._robots] = tick
+            self._last = max(self._last, tick + self._latest)
+            return
+        to = self._robots if to is None else to
         if self._jitters:
             late = late + np.rint((2 * self._jitter + 1) * self._late.next()[:, 0] - (self._jitter + 0.5)).astype(int)
         if self._loses:
@@ -181,3 +192,4 @@ class Radio:
             self._delay = self._usual.copy()
             for row, delay in active.of(Delay):
                 self._delay[row] = delay.to * self._ticks
+            self._latest = int(self._delay.max())

@@ -168,10 +168,14 @@ class Firmware:
             heading = self._found(heading)
         self.estimate.correct(heading, age)
         if self._derates:
-            left = np.clip((self._hot - winding) / DERATE_BAND_K, 0, 1)
-            current = np.where(self._derate & (left < 1), left * self._derated, np.inf)
             self._swing = self._f.swing.T
-            self._swing[:] = self._resistance * current
+            spare = self._hot - winding
+            if np.count_nonzero(spare < DERATE_BAND_K):
+                left = np.clip(spare / DERATE_BAND_K, 0, 1)
+                current = np.where(self._derate & (left < 1), left * self._derated, np.inf)
+                self._swing[:] = self._resistance * current
+            else:
+                self._swing[:] = np.inf
 
     def _found(self, heading: Array) -> Array:
         """Vision's headings (n,) but for those of robots that do not listen; one that was lost takes it for its own."""
@@ -193,8 +197,7 @@ class Firmware:
         self._along_x[:] = vx * self._forward + vy * self._left
         self._along_y[:] = vy * self._forward - vx * self._left
         self._turn_rate[:] = command[:, 2] * (1 + self._turn_gain)
-        new = slice(None) if received.new is None else received.new
-        self._stops[new] = self.cycle + self._patience[new]
+        np.copyto(self._stops, self.cycle + self._patience, where=True if received.new is None else received.new)
         self._hush()
 
     def hear(self, deaf: np.ndarray, off: np.ndarray, encoders: Array) -> None:
@@ -228,7 +231,7 @@ class Firmware:
         if not self._heeds:
             ignores = self._deaf | self._lost
             self._stops[ignores] = np.minimum(self._stops[ignores], self.cycle)
-        self._next_stop = float(self._stops.min())
+        self._next_stop = float(np.minimum.reduce(self._stops))
 
     def duties(self, gyro: Array, encoders: Array) -> Array:
         """Return the motors' duties (n, wheels) in [-1, 1].

@@ -63,18 +63,22 @@ class Telemetry:
             battery: theirs.
         """
         voltages, currents, supplies = recorded
-        sizes = np.abs(voltages)
-        duties = np.divide(sizes, supplies, out=np.zeros_like(sizes), where=supplies > 0)
+        sizes, count = np.abs(voltages), len(voltages)
+        on = supplies > 0
+        if np.count_nonzero(on) == on.size:
+            duties = sizes / supplies
+        else:
+            duties = np.divide(sizes, supplies, out=np.zeros_like(sizes), where=on)
         return cls(
             wheel_angle=angle.copy(),
             wheel_speed=speed.copy(),
             voltage=voltages[-1].copy(),
             current=currents[-1].copy(),
-            voltage_mean=voltages.mean(0),
-            current_mean=currents.mean(0),
-            duty_peak=np.minimum(duties, 1.0).max((0, 2)),
-            voltage_peak=sizes.max((0, 2)),
-            current_peak=np.abs(currents).max((0, 2)),
+            voltage_mean=np.add.reduce(voltages) / count,
+            current_mean=np.add.reduce(currents) / count,
+            duty_peak=np.minimum(np.maximum.reduce(duties, (0, 2)), 1.0),
+            voltage_peak=np.maximum.reduce(sizes, (0, 2)),
+            current_peak=np.maximum.reduce(np.abs(currents), (0, 2)),
             current_limited=motors.limited.copy(),
             winding=motors.winding.copy(),
             housing=motors.housing.copy(),

@@ -240,9 +240,11 @@ class MujocoPlant:
     def _obey(self, received: Received) -> None:
         """Take over commands, and keep vision's headings until the next frame begins."""
         self._firmware.obey(received)
-        seen, age = self._heard
-        arrived = ~np.isnan(received.heading)
-        self._heard = np.where(arrived, received.heading, seen), np.where(arrived, received.age, age)
+        (seen, age), missing = self._heard, np.isnan(received.heading)
+        if np.count_nonzero(missing):
+            self._heard = np.where(missing, seen, received.heading), np.where(missing, age, received.age)
+        else:
+            self._heard = received.heading, received.age
 
     def _begin(self) -> None:
         """Begin a frame: what changes from frame to frame."""

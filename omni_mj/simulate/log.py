@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from copy import copy
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -72,9 +73,8 @@ class Log:
         self.columns = channels(wheels)
         self.length = 0
         self.lengths = np.zeros(len(self.rows), int)
-        self._room = 0
-        self._data: dict[str, np.ndarray] = {}
-        self._make_room()
+        self._data: Array
+        self._lay_out(FIRST_FRAMES)
 
     @classmethod
     def joined(cls, logs: "Sequence[Log]", rows: Sequence[Row]) -> "Log":
@@ -86,14 +86,15 @@ class Log:
         """
         found = cls(rows, len(logs[0].columns["winding"]))
         found.length = max(log.length for log in logs)
-        while found._room < found.length:
+        while len(found._data) < found.length:
             found._make_room()
+        for log in logs:
+            found._widen({name: len(titles) for name, titles in log.columns.items()})
         for log in logs:
             own = numbers(rows, log.rows)
             found.lengths[own] = log.lengths
             for name, titles in log.columns.items():
-                found._add(name, len(titles))
-                found._data[name][: log.length, own, : len(titles)] = log.channel(name)
+                found._data[: log.length, own, found._first(name, len(titles))] = log.channel(name)
         return found
 
     @property
@@ -125,39 +126,42 @@ class Log:
         Args:
             recorded: which rows; of the others nothing is.
             own: channels of controllers' own, name -> (n, k).
-            values: every channel, (n, columns) or (n,).
+            values: channels, (n, columns) or (n,); of those not given nothing is recorded.
         """
-        if self.length == self._room:
+        if self.length == len(self._data):
             self._make_room()
-        everyone = recorded.all()
+        if own:
+            self._widen({OWN + name: value.shape[1] for name, value in own.items()})
         for name, value in own.items():
-            self._add(OWN + name, np.shape(value)[-1])
-        for name, value in {**values, **{OWN + name: value for name, value in own.items()}}.items():
-            columns = value if value.ndim == 2 else value[:, None]
-            room = self._data[name][self.length, :, : columns.shape[1]]
-            if everyone:
-                room[:] = columns
-            else:
-                room[recorded] = columns[recorded]
+            missing = self._nothing[OWN + name][:, value.shape[1] :]
+            values[OWN + name] = np.concatenate([value, missing], axis=1) if missing.size else value
+        columns = [values.get(name, nothing) for name, nothing in self._nothing.items()]
+        columns = [value if value.ndim == 2 else value[:, None] for value in columns]
+        frame = self._data[self.length]
+        if np.count_nonzero(recorded) == len(recorded):
+            np.concatenate(columns, axis=1, out=frame)
+        else:
+            frame[recorded] = np.concatenate(columns, axis=1)[recorded]
         self.length += 1
         self.lengths += recorded
 
     def channel(self, name: str) -> np.ndarray:
         """A channel's frames (length, n, columns); not a number, or false, where a row recorded none."""
-        return self._data[name][: self.length]
+        values = self._data[: self.length, :, self._at[name]]
+        return values == 1 if name == "vision_valid" else values
 
     def part(self, first: int, stop: int) -> "Log":
         """The frames from `first` to before `stop`, as a log of these alone, to be read only: memory is shared."""
         found = copy(self)
-        found._data = {name: data[first : min(stop, self.length)] for name, data in self._data.items()}
-        found.length = found._room = len(found._data["pose"])
+        found.columns, found._at = dict(self.columns), dict(self._at)
+        found._data = self._data[first : min(stop, self.length)]
+        found.length = len(found._data)
         found.lengths = np.clip(self.lengths - first, 0, found.length)
         return found
 
     def clear(self) -> None:
         """Forget all frames, in whose room the next ones come."""
-        for data in self._data.values():
-            data.fill(False if data.dtype == bool else np.nan)
+        self._data.fill(np.nan)
         self.length = 0
         self.lengths = np.zeros(len(self.rows), int)
 
@@ -175,7 +179,7 @@ class Log:
             "time_s": frame * PERIOD_S,
         }
         for name, titles in self.columns.items():
-            data = self._data[name]
+            data = self.channel(name)
             columns |= {title: data[frame, line, i] for i, title in enumerate(titles)}
         said = {"controller": parquet.labels(which[line], names)}
         return pa.table(said | {title: parquet.column(values) for title, values in columns.items()})
@@ -186,20 +190,29 @@ class Log:
 
     def _make_room(self) -> None:
         """Double the frames that there is room for."""
-        more = self._room or FIRST_FRAMES
-        for name, titles in self.columns.items():
-            fresh = self._nothing(name, more, len(titles))
-            self._data[name] = np.concatenate([self._data[name], fresh]) if self._room else fresh
-        self._room += more
+        self._data = np.concatenate([self._data, np.full_like(self._data, np.nan)])
 
-    def _add(self, name: str, width: int) -> None:
-        """Make room for a channel of a controller's own; in what was recorded before there is nothing of it."""
-        known = len(self.columns.get(name, ()))
-        if width > known:
+    def _first(self, name: str, width: int) -> slice:
+        """Where the first columns of a channel are."""
+        first = self._at[name].start
+        return slice(first, first + width)
+
+    def _widen(self, widths: Mapping[str, int]) -> None:
+        """Make room for channels of so many columns; in what was recorded before there is nothing of them."""
+        wider = {name: width for name, width in widths.items() if width > len(self.columns.get(name, ()))}
+        if not wider:
+            return
+        for name, width in wider.items():
             self.columns[name] = (name,) if width == 1 else tuple(f"{name}_{i + 1}" for i in range(width))
-            fresh = self._nothing(name, self._room, width - known)
-            self._data[name] = np.concatenate([self._data[name], fresh], axis=-1) if known else fresh
+        before, at = self._data, self._at
+        self._lay_out(len(before))
+        for name, columns in at.items() if self.length else ():
+            self._data[..., self._first(name, columns.stop - columns.start)] = before[..., columns]
 
-    def _nothing(self, name: str, frames: int, width: int) -> np.ndarray:
-        shape = frames, len(self.rows), width
-        return np.zeros(shape, bool) if name == "vision_valid" else np.full(shape, np.nan)
+    def _lay_out(self, frames: int) -> None:
+        """Have room for so many frames, all channels side by side, so that a frame is written at once."""
+        widths, n = {name: len(titles) for name, titles in self.columns.items()}, len(self.rows)
+        ends = np.cumsum([0, *widths.values()]).tolist()
+        self._at = {name: slice(*ends) for name, ends in zip(widths, pairwise(ends), strict=True)}
+        self._nothing = {name: np.full((n, width), np.nan) for name, width in widths.items()}
+        self._data = np.full((frames, n, ends[-1]), np.nan)

@@ -150,7 +150,7 @@ class Simulation:
     @property
     def done(self) -> bool:
         """Whether every row has come to the end of its reference, or was stopped before."""
-        return not self._recorded.any()
+        return not np.count_nonzero(self._recorded)
 
     @property
     def drawn(self) -> dict[str, Array]:
@@ -176,7 +176,8 @@ class Simulation:
         if self._seen is None:
             self._pose = self.plant.pose()
             measured, self._valid = self.camera(self._pose)
-            self._seen = self.team.observe(measured, (self._pose, self.plant.twist()), self.camera.age)
+            truth = (self._pose, self.plant.twist()) if self.team.knows_truth else None
+            self._seen = self.team.observe(measured, truth, self.camera.age)
         return self._seen
 
     def step(self, command: Array | None = None) -> None:

@@ -49,7 +49,8 @@ class AlphaEstimator:
             del self._positions[0]
         count = len(self._positions) - 1
         achieved = self._positions[-1] - self._positions[0]
-        commanded = sent.last(count, skip=self._delay)[..., :2].sum(0) * self._period
+        commanded = np.add.reduce(sent.last(count, skip=self._delay)[..., :2]) * self._period
         ratio = (achieved * commanded + self._rho * self.value) / (commanded**2 + self._rho)
-        self.value = np.clip(ratio, *self._bounds)
+        low, high = self._bounds
+        self.value = np.minimum(np.maximum(ratio, low), high)
         return self.value

@@ -77,9 +77,10 @@ class Gate:
         self._since += self._period
         age = self._no_age if age is None else age
         between = self._since + np.abs(age - self._age)  # at least a frame, whatever cameras' clocks say
-        distance, allowed = np.hypot(moved[:, 0], moved[:, 1]), self._speed * between + self._noise
-        usual = (distance > 0) & (distance <= allowed) & (np.abs(moved[:, 2]) < np.pi / 2)
-        if usual.all():
+        x, y, turned = moved.T
+        distance, allowed = np.hypot(x, y), self._speed * between + self._noise
+        usual = (distance > 0) & (distance <= allowed) & (np.abs(turned) < np.pi / 2)
+        if np.count_nonzero(usual) == len(usual):
             self._elsewhere[:] = self._backwards[:] = self._frozen[:] = self._since[:] = 0.0
             self._pace = distance / between
             self._shown = self._believed = measured.copy()

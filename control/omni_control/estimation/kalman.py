@@ -46,12 +46,17 @@ class KalmanFilter:
         self._xx = np.broadcast_to(self._noise, self.pose.shape).copy()
         self._xb, self._bb = np.zeros((2, *self.pose.shape))
         self._scale = np.ones_like(self.pose)
-        self.normalised = np.full_like(self.pose, np.nan)
+        self._innovation, self._variance = np.full_like(self.pose, np.nan), np.ones_like(self.pose)
 
     @property
     def sigma(self) -> Array:
         """See the class."""
         return np.sqrt(self._xx)
+
+    @property
+    def normalised(self) -> Array:
+        """See the class."""
+        return np.asarray(self._innovation / np.sqrt(self._variance))
 
     def update(
         self, measured: Array, displacement: Array, late: Late | None = None, onward: Array | float = 0.0
@@ -64,12 +69,12 @@ class KalmanFilter:
             late: which robots stay in the frame where they are, and how much later they were seen. [none, and at once]
             onward: what commands should have caused until then, (n, 3).
         """
-        t = self._period
-        pose, drift = self.pose + displacement + t * self.drift, self._keep * self.drift
+        t, keep = self._period, self._keep
+        pose, drift = self.pose + displacement + t * self.drift, keep * self.drift
         noise = self._scale * (GAIN_ERROR * displacement) ** 2
         xx = self._xx + 2 * t * self._xb + t**2 * self._bb + noise
-        xb = self._keep * (self._xb + t * self._bb)
-        bb = self._keep**2 * self._bb + self._scale * self._wander
+        xb = keep * (self._xb + t * self._bb)
+        bb = keep**2 * self._bb + self._scale * self._wander
 
         expected, with_x, with_b, variance = pose, xx, xb, xx + self._noise  # of the pose that is seen
         if late is not None:
@@ -80,17 +85,23 @@ class KalmanFilter:
             variance = with_x + after * with_b + np.maximum(after / t, 0.0) * noise + self._noise
         innovation = measured - expected
         innovation[:, 2] = wrap_angle(innovation[:, 2])
-        seen = ~np.isnan(innovation)
-        surprise = np.where(seen, innovation, 0.0)
-        gain_x, gain_b = np.where(seen, with_x / variance, 0.0), np.where(seen, with_b / variance, 0.0)
+        surprise, gain_x, gain_b = innovation, with_x / variance, with_b / variance
+        missed = np.isnan(innovation)
+        if misses := np.count_nonzero(missed):
+            surprise = np.where(missed, 0.0, innovation)
+            gain_x[missed] = gain_b[missed] = 0.0
+        left = 1 - gain_x
         self.pose = pose + gain_x * surprise
         self.drift = drift + gain_b * surprise
-        self._xx, self._xb, self._bb = (1 - gain_x) * xx, (1 - gain_x) * xb, bb - gain_b * xb
+        self._xx, self._xb, self._bb = left * xx, left * xb, bb - gain_b * xb
         if late is not None:
             self._xx, self._xb = self._xx - gain_x * after * xb, self._xb - gain_x * after * bb
             self._bb = self._bb - gain_b * after * bb
         self.twist = displacement / t + self.drift
-        self.normalised = innovation / np.sqrt(variance)
-        ratio = np.where(seen, np.minimum(surprise**2 / variance, 9.0), 1.0)
-        self._scale = np.clip(self._scale * np.exp((1 - SCALE_MEMORY) * (ratio - 1)), *SCALE_BOUNDS)
+        self._innovation, self._variance = innovation, variance
+        ratio = np.minimum(surprise**2 / variance, 9.0)
+        if misses:
+            ratio[missed] = 1.0
+        scale, (least, most) = self._scale * np.exp((1 - SCALE_MEMORY) * (ratio - 1)), SCALE_BOUNDS
+        self._scale = np.minimum(np.maximum(scale, least), most)
         return self.pose

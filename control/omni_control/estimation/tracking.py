@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from omni_control.delay import CommandsInFlight
+from omni_control.delay import CommandsInFlight, acted
 from omni_control.estimation.kalman import KalmanFilter
 from omni_control.estimation.late import Clock, Late
 from omni_control.kinematics import Array
@@ -28,6 +28,7 @@ class Tracker:
         self._filter, self._latency, self._period = filter, latency, period
         self._clock = Clock(len(latency), period)
         self.longest = math.ceil(latency.max()) + 1
+        self._shares = acted(latency, self.longest)  # of commands, in the frame just past
         self.pose, self.twist = filter.pose, filter.twist
         self.steps: tuple[Late, ...] = ()
 
@@ -39,8 +40,9 @@ class Tracker:
             age: how long before this frame that was, (n,) s. [in it]
             sent: commands up to the frame before, `late.MOST_FRAMES` more of them than `longest`.
         """
-        if age is None and not self._clock.behind.any():
-            self._filter.update(measured, self._displacement(sent, self._latency))
+        if age is None and not np.count_nonzero(self._clock.behind):
+            displacement = np.add.reduce(self._shares * sent.last(self.longest)) * self._period
+            self._filter.update(measured, displacement)
             self.pose, self.twist, self.steps = self._filter.pose, self._filter.twist, ()
             return
         steps = self._clock.steps(np.zeros(len(measured)) if age is None else age, ~np.isnan(measured[:, 0]))

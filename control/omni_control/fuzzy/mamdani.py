@@ -139,7 +139,7 @@ class Mamdani:
             names = ", ".join(v.name for v in self.inputs)
             raise OmniError(f"the last axis of the inputs must hold {names}; their shape is {values.shape}")
         columns = values.reshape(-1, len(self.inputs)).T
-        if np.isnan(columns).any():
+        if np.count_nonzero(np.isnan(columns)):
             lost = ", ".join(v.name for v, c in zip(self.inputs, columns, strict=True) if np.isnan(c).any())
             raise OmniError(f"an input of the fuzzy rules is not a number: {lost}")
         shape = (*values.shape[:-1], len(self.outputs))

@@ -45,21 +45,28 @@ class SampledReference:
 
     def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
         """See `Reference`: linear between frames; at rest before the first, which counts as now, and after the last."""
-        here, twist = self._between(np.asarray(frame))
-        return np.broadcast_to(here, pose.shape), np.broadcast_to(twist, pose.shape)
+        rows = np.empty((len(pose), 6))
+        rows[:] = self._between(frame)
+        rows.flags.writeable = False
+        return rows[:, :3], rows[:, 3:]
 
     def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
         """See `Reference`."""
         first = np.asarray(frame)
         first = first[..., None] if first.ndim == 1 else first
-        here, twists = self._between(first + np.arange(count)[:, None, None])
-        shape = (count, *pose.shape)
-        if here.shape == shape:
-            return here, twists
-        return np.broadcast_to(here, shape), np.broadcast_to(twists, shape)
+        rows = self._between(first + np.arange(count)[:, None, None])
+        if rows.shape[1] < len(pose):
+            rows = np.repeat(rows, len(pose), axis=1)
+        return rows[..., :3], rows[..., 3:]
 
-    def _between(self, frame: Array) -> tuple[Array, Array]:
+    def _between(self, frame: float | Array) -> Array:
+        """Poses and twists (..., 6) at frames: a number, (n,), or with the components last."""
         last = self.frames - 1
+        if isinstance(frame, float | int):  # of most controllers: needs no arrays of indices
+            kept = min(max(frame, 0), last)
+            row = int(kept)
+            of_row, of_next = self._rows[row], self._rows[min(row + 1, last)]
+            return of_row + (kept - row) * (of_next - of_row)
         frame = np.minimum(np.maximum(frame, 0), last)
         frame = frame[..., None] if frame.ndim < 2 else frame
         before = frame.astype(int)
@@ -69,8 +76,7 @@ class SampledReference:
         else:
             frame, before, after = (np.concatenate([each, each], axis=-1) for each in (frame, before, after))
             here, following = self._rows[before, range(6)], self._rows[after, range(6)]
-        rows = here + (frame - before) * (following - here)
-        return rows[..., :3], rows[..., 3:]
+        return here + (frame - before) * (following - here)
 
 
 class EachReference(SampledReference):
@@ -95,7 +101,7 @@ class EachReference(SampledReference):
         self.poses.flags.writeable = False
         self._rows = _with_twists(self.poses, self.period)
 
-    def _between(self, frame: Array) -> tuple[Array, Array]:
+    def _between(self, frame: float | Array) -> Array:
         last, n = self.frames - 1, self.poses.shape[1]
         frame = np.minimum(np.maximum(frame, 0), last)
         frame = frame[..., None] if frame.ndim < 2 else frame
@@ -105,8 +111,7 @@ class EachReference(SampledReference):
         after = np.minimum(before + 1, last)
         robots, columns = np.arange(n)[:, None], np.arange(6)
         here, following = self._rows[before, robots, columns], self._rows[after, robots, columns]
-        rows = here + (frame - before) * (following - here)
-        return rows[..., :3], rows[..., 3:]
+        return here + (frame - before) * (following - here)
 
 
 def _with_twists(poses: Array, period: float) -> Array:

@@ -101,7 +101,7 @@ class PlanarPlant:
     def pose(self) -> Array:
         """See `Plant`."""
         m = self._motion
-        return np.stack([*(m.place + turned(m.facing, self._robots.middle)), m.heading], axis=1)
+        return np.array([*(m.place + turned(m.facing, self._robots.middle)), m.heading]).T.copy()
 
     def twist(self) -> Array:
         """See `Plant`."""
@@ -216,10 +216,11 @@ class PlanarPlant:
         """
         m, r = self._motion, self._robots
         (x, y), (along, across), weight = self._polygon
-        topples = (along * (m.tilt[1] + y * weight) > across * (m.tilt[0] + x * weight)).any(0)
-        broken = ~np.isfinite(m.place[0] + m.place[1] + m.heading)
-        if not (topples.any() or broken.any() or self._failed.any()):
+        outside = along * (m.tilt[1] + y * weight) > across * (m.tilt[0] + x * weight)
+        whole = np.isfinite(m.place[0] + m.place[1] + m.heading)
+        if not np.count_nonzero(outside) and np.count_nonzero(whole & ~self._failed) == len(whole):
             return {}
+        topples, broken = outside.any(0), ~whole
         causes = {
             int(row): "would topple over, which the plant planar does not follow" for row in np.flatnonzero(topples)
         }
@@ -248,7 +249,7 @@ class PlanarPlant:
 def turned(facing: Array, vectors: Array) -> Array:
     """Vectors (2, n) along the world's axes, of robots whose headings' cosines and sines are `facing` (2, n)."""
     (c, s), (x, y) = facing, vectors
-    return np.stack([c * x - s * y, s * x + c * y])
+    return np.array([c * x - s * y, s * x + c * y])
 
 
 def _check(rows: Sequence[Row]) -> None:
