@@ -2,6 +2,7 @@
 
 import importlib.util
 import inspect
+import os
 import sys
 from collections.abc import Callable
 from functools import lru_cache
@@ -63,7 +64,7 @@ def source(name: str) -> bytes:
 
 def _run(path: Path) -> ModuleType:
     """Run a Python file as a module, once as long as it does not change."""
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise OmniError(f"there is no file {path}")
     state = path.stat()
     return _module(path.resolve(), path, (state.st_mtime_ns, state.st_size))

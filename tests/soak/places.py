@@ -104,7 +104,7 @@ def _nobody(folder: Path) -> Iterator[Found]:
         "a folder of its own": ((*RUN, "--out", str(mine / "own")), 0),
         "overwriting a run of somebody else's": ((*RUN, "--overwrite", "--out", str(folder / "run-whole")), 2),
         "going on with a sweep in one": (("sweep", "--resume", str(folder / "run-whole")), 2),
-        "a report of somebody else's run": (("report", str(folder / "run-whole")), 1),
+        "a report of somebody else's run": (("report", str(folder / "run-whole")), 2),
     }
     for title, (words, code) in cases.items():
         done = Around([*READER, *OMNI, *words], {"HOME": "/nonexistent"}, options={"cwd": folder}).run()

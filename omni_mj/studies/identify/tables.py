@@ -5,6 +5,7 @@ may begin with a byte order mark and lines of comment (#), and its header may ha
 passed over; so are columns that hold no numbers, unless they are asked for.
 """
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,7 @@ def read(path: Path) -> dict[str, np.ndarray]:
     """
     import pyarrow as pa
 
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise OmniError(f"there is no log {path}")
     kinds = {".csv": _csv, ".parquet": parquet.read}
     if path.suffix.lower() not in kinds:

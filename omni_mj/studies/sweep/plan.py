@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from omni_control.errors import OmniError
-from omni_mj.files import write
+from omni_mj.files import text_of, write
 from omni_mj.measure.errors import AXES
 from omni_mj.measure.metrics import BLOCK_FRAMES
 from omni_mj.scenarios.controllers import written
@@ -190,7 +190,7 @@ class Plan:
         """
         path = folder / "sweep.json"
         try:
-            content = json.loads(path.read_text(encoding="utf-8"))
+            content = json.loads(text_of(path))
             if content["format"] != FORMAT:
                 raise OmniError(f"{path} is of format {content['format']!r}; this version reads {FORMAT}")
             method, samples = content.get("design") or (None, 0)
