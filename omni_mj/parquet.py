@@ -1,8 +1,9 @@
 """Tables as Parquet files; by its name, Arrow would take a path with a colon in it for an address."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ from omni_mj.files import whole
 if TYPE_CHECKING:
     import pyarrow as pa
 
-GROUP_ROWS = 20_000  # of a file that is joined, at least; what is written of each group stays in memory until the end
+GROUP_ROWS = 20_000  # of a file that is written in parts, of which some things stay in memory until the end
 
 
 def column(values: np.ndarray) -> "pa.Array":
@@ -60,16 +61,19 @@ def schema(path: Path) -> "pa.Schema":
         return pq.read_schema(file)
 
 
-def write(table: "pa.Table", path: Path) -> None:
-    """Write a table to a file that appears whole or not at all.
+def write(tables: "Iterable[pa.Table]", path: Path) -> None:
+    """Write tables with the same columns, at least one, one after the other to a file that appears whole or not at all.
 
     Raises:
         OSError: see `omni_mj.files.whole`.
     """
     import pyarrow.parquet as pq
 
-    with whole(path) as file:
-        pq.write_table(table, file, compression="zstd")
+    parts = iter(tables)
+    first = next(parts)
+    with whole(path) as file, pq.ParquetWriter(file, first.schema, compression="zstd") as writer:
+        for each in chain([first], parts):
+            writer.write_table(each)
 
 
 def join(parts: Sequence[Path], path: Path) -> None:
