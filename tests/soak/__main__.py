@@ -14,6 +14,7 @@ import everywhere
 import hour
 import moments
 import places
+import together
 
 PARTS = {  # name -> what does it, and how often
     "kills": (moments.kills, 50),
@@ -23,6 +24,7 @@ PARTS = {  # name -> what does it, and how often
     "places": (places.places, 1),
     "disks": (places.disks, 30),
     "memories": (places.memories, 20),
+    "pairs": (together.pairs, 600),
     "hour": (hour.hour, 60),
 }
 
