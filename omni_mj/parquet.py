@@ -105,6 +105,6 @@ def _opened(path: Path) -> "Iterator[pa.NativeFile]":
     try:
         with path.open("rb"), pa.OSFile(os.fsencode(path), "rb") as file:  # the first tells of errors in words
             yield file
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, pa.ArrowException, UnicodeError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or str(error)
         raise OmniError(f"{path} cannot be read: {' '.join(reason.split())}") from None

@@ -197,8 +197,10 @@ class Plan:
             axis = Axis if method else made
             grid = tuple(axis(each["name"], tuple(each["values"])) for each in content["axes"])
             chosen = load(str(folder / "scenario.toml"), code=True, head={"controllers": content["controllers"]})
+            if not grid:
+                raise ValueError("it varies nothing")
             return cls(chosen, grid, int(content["at_once"]), (method, int(samples)) if method else None)
         except OSError as error:
             raise OmniError(f"{folder} holds no sweep: {path.name}: {error.strerror}") from None
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, OverflowError) as error:
             raise OmniError(f"{path} is not a sweep's: {error}") from None
