@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, printable
 from omni_mj.files import whole
 
 if TYPE_CHECKING:
@@ -107,4 +107,4 @@ def _opened(path: Path) -> "Iterator[pa.NativeFile]":
             yield file
     except (OSError, pa.ArrowException, UnicodeError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or str(error)
-        raise OmniError(f"{path} cannot be read: {' '.join(reason.split())}") from None
+        raise OmniError(f"{path} cannot be read: {printable(reason)}") from None
