@@ -1,5 +1,7 @@
 """A controller from a file has a process of its own, which it can spoil as it likes: others' numbers stay the same."""
 
+import inspect
+import random
 from pathlib import Path
 
 import hostile
@@ -18,7 +20,8 @@ SCENARIO = om.scenario(
 
 
 def file(kind: type) -> str:
-    return f"{hostile_process.__file__}:{kind.__name__}"
+    """How it is named by the file that it is in."""
+    return f"{inspect.getfile(kind)}:{kind.__name__}"
 
 
 @pytest.fixture(scope="module")
@@ -59,3 +62,17 @@ def test_what_one_has_started_ends_with_it(together: Simulation) -> None:
     for pid in pids.astype(int):
         status = Path(f"/proc/{pid}/stat")
         assert not status.exists() or status.read_text().rpartition(")")[2].split()[0] == "Z"
+
+
+def test_what_it_prints_is_told_apart(capfd: pytest.CaptureFixture[str]) -> None:
+    """On stderr, after its name, so that tables on stdout stay tables."""
+    Simulation(SCENARIO, [file(hostile.Prints)]).run()
+    assert capfd.readouterr() == ("", "Prints: hello\nPrints: you 3\n")
+
+
+def test_its_dice_fall_as_in_a_thread() -> None:
+    """Seeded by its name, or by itself; those of the program are as they were."""
+    before = random.getstate()
+    thrown = [Simulation(SCENARIO, [kind]).run().channel("own_dice") for kind in (hostile.Dice, file(hostile.Dice))]
+    np.testing.assert_array_equal(*thrown)
+    assert random.getstate() == before

@@ -11,6 +11,7 @@ import math
 import os
 import signal
 import sys
+import warnings
 import weakref
 from collections.abc import Callable
 from contextlib import suppress
@@ -47,7 +48,9 @@ class Apart(Controller):
             if stream is not None:
                 stream.flush()  # or what is in it would be written twice
         try:
-            pid = os.fork()
+            with warnings.catch_warnings():  # from 3.12 on of other threads, of which nothing is used there
+                warnings.simplefilter("ignore", DeprecationWarning)
+                pid = os.fork()
         except OSError as error:
             raise AnsweredError(f"{_name(self)} cannot have a process of its own: {error.strerror}") from None
         if not pid:
