@@ -19,6 +19,8 @@ MB = 1_000_000
 NOBODY = ("--reuid", "65534", "--regid", "65534", "--clear-groups")
 READER = ("setpriv", *NOBODY, "--inh-caps", "+dac_read_search", "--ambient-caps", "+dac_read_search")
 RUN = COMMANDS["run"]
+# What glibc's loader says, and with which code it ends a program, where a new thread has no room for a library's data.
+LOADER, LOADERS = "cannot allocate memory for thread-local data", 127
 
 
 def places(rng: random.Random, count: int, folder: Path) -> Iterator[Found]:
@@ -138,7 +140,8 @@ def _little_memory(rng: random.Random, out: Path, whole: Path) -> Found:
     name, most = rng.choice(("run", "compare", "sweep", "serve")), round(rng.uniform(300, 3000) * MB)
     limit = partial(resource.setrlimit, resource.RLIMIT_AS, (most, most))
     done = Around([*OMNI, *COMMANDS[name], "--out", str(out)], prepare=limit).run()
-    wrong = laws.of_program(done.code, done.err, 0, 1, 2)
+    ended = done.code == LOADERS and LOADER in done.err  # as by a kill: nobody is asked
+    wrong = [] if ended else laws.of_program(done.code, done.err, 0, 1, 2)
     if out.exists():
         wrong += laws.of_folder(out, whole) if name == "run" else laws.of_files(out)
     shutil.rmtree(out, ignore_errors=True)
