@@ -49,8 +49,9 @@ def read(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
     """
     import pyarrow.parquet as pq
 
-    with _opened(path) as file:
-        return pq.read_table(file, columns=None if columns is None else list(columns))
+    wanted = None if columns is None else list(columns)
+    with _opened(path) as file:  # without threads: where there is no memory for one, Arrow waits for it for ever
+        return pq.read_table(file, columns=wanted, use_threads=False, pre_buffer=False)
 
 
 def schema(path: Path) -> "pa.Schema":

@@ -1,5 +1,7 @@
 """What is recorded costs the same per frame however long a run, and its file is the same however it is written."""
 
+import subprocess
+import sys
 import tracemalloc
 from pathlib import Path
 
@@ -44,3 +46,15 @@ def test_a_table_in_parts_is_the_table(tmp_path: Path, monkeypatch: pytest.Monke
     assert read["frame"].to_pylist() == [*range(10), *range(4)]
     np.testing.assert_array_equal(read["x_m"], np.append(numbers[:, 0, 0], numbers[:4, 2, 0]))
     assert read.schema.names == log.table().schema.names
+
+
+def test_a_table_is_read_without_threads(tmp_path: Path) -> None:
+    """Where there is no memory for one, Arrow would wait for it for ever: `serve` did, at its end."""
+    filled(rows(["a"]), 10).save(tmp_path / "table.parquet")
+    code = (
+        "import os, sys, pathlib, pyarrow.parquet\nfrom omni_mj import parquet\n"
+        "before = len(os.listdir('/proc/self/task'))\nparquet.read(pathlib.Path(sys.argv[1]))\n"
+        "print(len(os.listdir('/proc/self/task')) - before)"
+    )
+    words = [sys.executable, "-c", code, str(tmp_path / "table.parquet")]
+    assert subprocess.run(words, capture_output=True, text=True, check=True).stdout == "0\n"
