@@ -49,9 +49,11 @@ def read(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
     """
     import pyarrow.parquet as pq
 
-    wanted = None if columns is None else list(columns)
     with _opened(path) as file:  # without threads: where there is no memory for one, Arrow waits for it for ever
-        return pq.read_table(file, columns=wanted, use_threads=False, pre_buffer=False)
+        table = pq.ParquetFile(file, pre_buffer=False)
+        if missing := [name for name in columns or () if name not in table.schema_arrow.names]:
+            raise OmniError(f"{path} cannot be read: it has no column {missing[0]}")
+        return table.read(None if columns is None else list(columns), use_threads=False)
 
 
 def schema(path: Path) -> "pa.Schema":
