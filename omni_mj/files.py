@@ -1,14 +1,17 @@
 """Files that appear whole or not at all, and are still there after the power failed."""
 
+import errno
 import os
 import shutil
+import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
 from omni_control.errors import OmniError
 
+MOST_BYTES = 500_000_000  # of a file that is read whole
 SPARE_B = 1_000_000  # of disk, for what is small: summary, report, provenance
 PARTIAL = ".partial"  # after the name of a file that is being written
 
@@ -28,8 +31,13 @@ def whole(path: Path) -> Iterator[BinaryIO]:
             os.fsync(file.fileno())
         partial.replace(path)
         _sync_names(path.parent)
+    except OSError as error:
+        if error.filename == str(partial):
+            error.filename = str(path)  # what is wanted there
+        raise
     finally:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
 
 
 def write(path: Path, content: str) -> None:
@@ -40,6 +48,29 @@ def write(path: Path, content: str) -> None:
     """
     with whole(path) as file:
         file.write(content.encode())
+
+
+def text_of(path: Path) -> str:
+    """What a file holds.
+
+    Raises:
+        OSError: it cannot be read, is no file but a device or the like, or holds more than anybody means.
+        ValueError: it is not text.
+    """
+    with open(path, "rb", opener=_opened) as file:
+        data = file.read(MOST_BYTES + 1)
+    if len(data) > MOST_BYTES:
+        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
+    return data.decode()
+
+
+def _opened(path: str, flags: int) -> int:
+    """Open what is a file; something else is not waited for."""
+    handle = os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+    if not stat.S_ISREG(os.fstat(handle).st_mode) and not stat.S_ISDIR(os.fstat(handle).st_mode):
+        os.close(handle)
+        raise OSError(errno.EINVAL, "it is not a regular file", path)
+    return handle
 
 
 def check_room(folder: Path, needed_b: float) -> None:

@@ -1,20 +1,21 @@
 """Tables as Parquet files; by its name, Arrow would take a path with a colon in it for an address."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, printable
 from omni_mj.files import whole
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-GROUP_ROWS = 20_000  # of a file that is joined, at least; what is written of each group stays in memory until the end
+GROUP_ROWS = 20_000  # of a file that is written in parts, of which some things stay in memory until the end
 
 
 def column(values: np.ndarray) -> "pa.Array":
@@ -48,8 +49,11 @@ def read(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
     """
     import pyarrow.parquet as pq
 
-    with _opened(path) as file:
-        return pq.read_table(file, columns=None if columns is None else list(columns))
+    with _opened(path) as file:  # without threads: where there is no memory for one, Arrow waits for it for ever
+        table = pq.ParquetFile(file, pre_buffer=False)
+        if missing := [name for name in columns or () if name not in table.schema_arrow.names]:
+            raise OmniError(f"{path} cannot be read: it has no column {missing[0]}")
+        return table.read(None if columns is None else list(columns), use_threads=False)
 
 
 def schema(path: Path) -> "pa.Schema":
@@ -60,16 +64,19 @@ def schema(path: Path) -> "pa.Schema":
         return pq.read_schema(file)
 
 
-def write(table: "pa.Table", path: Path) -> None:
-    """Write a table to a file that appears whole or not at all.
+def write(tables: "Iterable[pa.Table]", path: Path) -> None:
+    """Write tables with the same columns, at least one, one after the other to a file that appears whole or not at all.
 
     Raises:
         OSError: see `omni_mj.files.whole`.
     """
     import pyarrow.parquet as pq
 
-    with whole(path) as file:
-        pq.write_table(table, file, compression="zstd")
+    parts = iter(tables)
+    first = next(parts)
+    with whole(path) as file, pq.ParquetWriter(file, first.schema, compression="zstd") as writer:
+        for each in chain([first], parts):
+            writer.write_table(each)
 
 
 def join(parts: Sequence[Path], path: Path) -> None:
@@ -101,6 +108,6 @@ def _opened(path: Path) -> "Iterator[pa.NativeFile]":
     try:
         with path.open("rb"), pa.OSFile(os.fsencode(path), "rb") as file:  # the first tells of errors in words
             yield file
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, pa.ArrowException, UnicodeError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or str(error)
-        raise OmniError(f"{path} cannot be read: {' '.join(reason.split())}") from None
+        raise OmniError(f"{path} cannot be read: {printable(reason)}") from None

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from omni_control.controllers.apart import Apart
 from omni_control.controllers.base import Controller, Seen, Told
 from omni_control.controllers.checks import RECORDED, answer, said
 from omni_control.controllers.guests import guest_of
@@ -184,6 +185,12 @@ class Team:
     @property
     def _failures(self) -> bool:
         return bool(np.count_nonzero(self.failed))
+
+    def leave(self) -> None:
+        """Let controllers go that have processes of their own; they cannot be asked again."""
+        for controller in self.controllers:
+            if isinstance(controller, Apart):
+                controller.leave()
 
     def _part(self, known: "_Known", rows: Rows, memory: int, delay: int | Array) -> Seen:
         """What is known of some robots, in arrays of its own."""

@@ -1,5 +1,6 @@
 """What a user sees on the terminal: errors in a line each, progress."""
 
+import errno
 import os
 import shlex
 import signal
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from omni_mj.studies.cost import Cost
 
 BAD_INPUT, FAILED = 2, 1
+NO_PATH = (errno.ENAMETOOLONG, errno.ELOOP)  # what no file can be at
 NO_MEMORY = "Could not allocate memory"  # what MuJoCo's compiler says
 LEFT = "left by its terminal"
 ENDED: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}  # what a signal did, in words
@@ -47,6 +49,9 @@ def program(command: click.Command) -> NoReturn:
 def invoke(command: click.Command, words: list[str]) -> NoReturn:
     """Run a click command and exit: 0 on success, 2 for bad input, 1 for a failure; each error is a line on stderr."""
     streams.attend()
+    for word in words:
+        if not word.isascii() and word.encode(errors="ignore").decode() != word:
+            fail(f"{word!r} is not UTF-8, which names of files and all other words must be", BAD_INPUT)
     try:
         line = shlex.join([*_program(command).split(), *words])
         code = command.main(args=words, prog_name=_program(command), standalone_mode=False, obj=line)
@@ -60,6 +65,8 @@ def invoke(command: click.Command, words: list[str]) -> NoReturn:
         message = " ".join(error.format_message().split())
         fail(message if context is None else f"{message.rstrip('.')}; see {context.command_path} --help", BAD_INPUT)
     except OSError as error:
+        if error.errno in NO_PATH:
+            fail(f"{error.strerror}: {printable(str(error.filename), 100)}", BAD_INPUT)
         fail(f"{error.filename or 'file system'}: {error.strerror or error}", FAILED)
     except (MemoryError, ImportError, ValueError) as error:
         if isinstance(error, ValueError) and NO_MEMORY not in str(error):

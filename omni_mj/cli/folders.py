@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from omni_control.errors import OmniError
-from omni_mj.files import PARTIAL
+from omni_mj.files import PARTIAL, text_of
 
 PROVENANCE = (
     "provenance.json",
@@ -65,6 +65,11 @@ def _clear(out: Path, outputs: list[str]) -> None:
     Raises:
         OmniError: no run left the folder, or one of its folders is a link to somewhere else.
     """
+    begun = {f"{mark}{PARTIAL}" for mark in MARKS}
+    if all(path.name in begun and path.is_file() for path in out.iterdir()):  # a run was killed in its first moment
+        for path in list(out.iterdir()):
+            path.unlink()
+        return
     record = next((found for mark, keys in MARKS.items() if (found := _record(out / mark, keys)) is not None), None)
     if record is None:
         raise OmniError(
@@ -89,7 +94,7 @@ def _clear(out: Path, outputs: list[str]) -> None:
 def _record(path: Path, keys: Iterable[str]) -> dict[str, Any] | None:
     """What a run noted down in a file, or None if no run wrote it."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(text_of(path))
     except (OSError, ValueError, RecursionError):
         return None
     return found if isinstance(found, dict) and all(key in found for key in keys) else None

@@ -1,5 +1,6 @@
 """`omni-mj new`: files to begin with. In the texts in starters/, NAME and CLASS stand for what they are called."""
 
+import os
 import re
 from pathlib import Path
 
@@ -26,12 +27,15 @@ def command(kind: str, name: str, overwrite: bool, quiet: bool) -> None:
     path = Path(name if name.endswith(ENDINGS[kind]) else name + ENDINGS[kind])
     if not re.fullmatch(r"[A-Za-z][\w-]*", path.stem, re.ASCII):
         raise OmniError(f"the name of a {kind} must be a letter and then letters, digits, _ or -, unlike {path.stem!r}")
-    if path.exists() and not overwrite:
+    if os.path.exists(path) and not overwrite:
         raise OmniError(f"there is a file {path}; give another name, or --overwrite to replace it")
-    if not path.parent.is_dir():
+    if not os.path.isdir(path.parent):
         raise OmniError(f"there is no folder {path.parent} for {path.name}")
     called = "".join(word[:1].upper() + word[1:] for word in re.split(r"[_-]", path.stem))
-    write(path, _starter(kind).replace("CLASS", called).replace("NAME", path.stem))
+    try:
+        write(path, _starter(kind).replace("CLASS", called).replace("NAME", path.stem))
+    except OSError as error:
+        raise OmniError(f"cannot write {path}: {error.strerror}") from None
     if not quiet:
         drive = {
             "scenario": f"--scenario {path}",

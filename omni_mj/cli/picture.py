@@ -1,5 +1,6 @@
 """`omni-mj picture`: what the rerun viewer shows of a recording, without a display."""
 
+import os
 import re
 import time
 from collections.abc import Callable
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
 
 PATIENCE_S = 30.0  # for a viewer to load and draw
+MAGIC = b"RRF"  # with which recordings begin
 STILL_S = 0.2  # between two looks that find no change
 TABS = ("tracking", "velocity", "why", "alpha", "wheels", "heat", "summary", "events", "settings")  # of every recording
 T = TypeVar("T")
@@ -42,8 +44,11 @@ def command(recording: Path, out: Path, time_s: float, tabs: tuple[str, ...], si
     """
     if not re.fullmatch(r"[1-9]\d{2,3}x[1-9]\d{2,3}", size):
         raise OmniError(f"--size must be like 1600x900, not {size}")
-    if not recording.is_file():
+    if not os.path.isfile(recording):
         raise OmniError(f"there is no recording {recording}")
+    with recording.open("rb") as file:
+        if not file.read(len(MAGIC)) == MAGIC:
+            raise OmniError(f"{recording} is no recording of rerun's")
     from rerun.experimental import ViewerClient
 
     from omni_mj.files import whole

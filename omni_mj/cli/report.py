@@ -22,5 +22,8 @@ def command(folders: tuple[Path, ...], out: Path | None) -> None:
         raise OmniError(f"--out {out} must be a file whose name ends in .html")
     from omni_mj.show import report
 
-    report.write(folders, out)
+    try:
+        report.write(folders, out)
+    except OSError as error:
+        raise OmniError(f"cannot write --out {out}: {error.strerror}") from None
     print(f"report in {out}")

@@ -1,6 +1,7 @@
 """What is possible on a scenario at best, as `omni-mj limit` found it: the line that no competitor crosses."""
 
 import json
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from omni_control.errors import OmniError, choose
+from omni_mj.files import text_of
 from omni_mj.measure.statistics import Spread, spread
 from omni_mj.scenarios.scenario import Scenario
 
@@ -57,9 +59,9 @@ def read(path: Path) -> Study:
     Raises:
         OmniError: it cannot be read, or is no such thing.
     """
-    file = path / "summary.json" if path.is_dir() else path
+    file = path / "summary.json" if os.path.isdir(path) else path
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
+        found = json.loads(text_of(file))
     except OSError as error:
         raise OmniError(f"cannot read the limit in {file}: {error.strerror}") from None
     except (ValueError, RecursionError) as error:

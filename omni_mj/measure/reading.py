@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from omni_control.errors import OmniError
+from omni_mj.files import text_of
 from omni_mj.measure.summary import FORMAT
 
 # What a summary, and what is said in it of a scenario, must hold, and as what.
@@ -34,7 +35,7 @@ def read(folder: Path) -> dict[str, Any]:
     """
     path = folder / "summary.json"
     try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
+        summary = json.loads(text_of(path))
     except OSError as error:
         if _served(folder):
             raise OmniError(
@@ -61,7 +62,7 @@ def read(folder: Path) -> dict[str, Any]:
 def _served(folder: Path) -> bool:
     """Whether `serve` recorded it."""
     try:
-        return bool(json.loads((folder / "provenance.json").read_text(encoding="utf-8"))["study"] == "serve")
+        return bool(json.loads(text_of(folder / "provenance.json"))["study"] == "serve")
     except (OSError, ValueError, KeyError, TypeError):
         return False
 

@@ -8,6 +8,7 @@ What is changed of the file, beside what every plant writes (motors' constants, 
 - nothing touches anything but rollers the carpet, and hulls each other; what else is in its world is left out.
 """
 
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
@@ -124,7 +125,7 @@ def read(file: str | Path, given: Mapping[str, str] | None = None) -> Own:
         OmniError: there is no such file, it is no MJCF, or it lacks what the program needs; a line for each.
     """
     path = Path(file)
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise OmniError(f"there is no model {printable(str(path))}; give the path of a robot's MJCF: robot.xml")
     named = tuple((role, tuple(text.split())) for role, text in (given or {}).items() if text.strip())
     changed = tuple(part.stat().st_mtime_ns for part in parts_of(path) if part.is_file())

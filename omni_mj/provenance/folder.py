@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from omni_control.errors import OmniError
+from omni_mj.files import text_of
 from omni_mj.measure import reading
 from omni_mj.measure.summary import UNFINISHED
 from omni_mj.provenance import here, identified
@@ -170,7 +171,7 @@ class Folder:
     def _check_settings(self, file: Path, entry: Mapping[str, Any]) -> None:
         """See that a scenario's file has the settings that the summary says were run."""
         try:
-            data = toml_files.parse(file.read_text(encoding="utf-8"))
+            data = toml_files.parse(text_of(file))
         except OSError as error:
             raise OmniError(f"{file} cannot be read: {error.strerror}") from None
         except ValueError as error:
@@ -206,7 +207,7 @@ def importable(folder: Path) -> Iterator[None]:
 def _record(path: Path) -> dict[str, Any]:
     file = path / FILE
     try:
-        record = json.loads(file.read_text(encoding="utf-8"))
+        record = json.loads(text_of(file))
     except FileNotFoundError:
         if (path / "summary.json").exists():
             old = "an older version of omni-mj wrote it, or Python without the command line"

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from omni_control.errors import OmniError
+from omni_mj.files import text_of
 from omni_mj.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ def read(path: Path) -> dict[str, Any]:
     """
     file = path / FILE
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
+        found = json.loads(text_of(file))
     except (OSError, ValueError) as error:
         raise OmniError(f"{file} cannot be read: {' '.join(str(error).split())}") from None
     if not isinstance(found, dict) or not all(isinstance(found.get(part), dict) for part in PARTS):

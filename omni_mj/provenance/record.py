@@ -58,7 +58,8 @@ def save(
         "began": datetime.now(UTC).isoformat(timespec="seconds"), "frames_kept": frames, "given": dict(given or {}),
         "scenarios": described, "modules": shelf.modules(), **found,
     }  # fmt: skip
-    write(folder / FILE, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
+    write(folder / FILE, json.dumps(content, indent=2, ensure_ascii=False) + "\n")  # by which the folder is ours
+    shelf.write()
 
 
 def begin(
@@ -94,11 +95,15 @@ class _Shelf:
             number += 1
             place = f"{SOURCES}/{number}/{name}"
         self._kept[place] = data
-        path = self._folder / place
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with whole(path) as file:
-            file.write(data)
         return {"file": place, "sha256": here.digest(data)}
+
+    def write(self) -> None:
+        """Write all that is kept."""
+        for place, data in self._kept.items():
+            path = self._folder / place
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with whole(path) as file:
+                file.write(data)
 
     def put_model(self, file: Path) -> dict[str, Any]:
         """Keep a model with all that it is made of, side by side as it was; or say why that cannot be."""

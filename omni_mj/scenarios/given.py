@@ -1,5 +1,6 @@
 """What a user gives for a scenario, in files and on the command line, before it is checked."""
 
+import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,7 +21,7 @@ def read_file(name_or_path: str) -> tuple[dict[str, Any], str]:
         OmniError: there is no such scenario or file, or it is not TOML.
     """
     path = builtin().get(name_or_path)
-    if path is None and (name_or_path.endswith(".toml") or Path(name_or_path).is_file()):
+    if path is None and (name_or_path.endswith(".toml") or os.path.isfile(name_or_path)):
         path = Path(name_or_path)
     if path is None:
         hint = choose(name_or_path, sorted(builtin()))

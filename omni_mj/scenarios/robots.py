@@ -5,6 +5,7 @@ What the default robot's file gives depends on the robot, so that every other mu
 told of it.
 """
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -56,7 +57,7 @@ def robot_path(robot: str) -> Path:
         OmniError: there is no such robot or file.
     """
     if robot.endswith(".toml"):
-        if not (path := Path(robot)).is_file():
+        if not os.path.isfile(path := Path(robot)):
             raise OmniError(f"there is no robot's file {path}")
         return path
     known = builtin()

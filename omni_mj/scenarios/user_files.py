@@ -2,6 +2,7 @@
 
 import importlib.util
 import inspect
+import os
 import sys
 from collections.abc import Callable
 from functools import lru_cache
@@ -10,8 +11,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from omni_control.errors import OmniError, choose
+from omni_control.errors import OmniError, choose, printable
 
+_OURS = "omni_user_"  # before the names of the modules
 _SOURCE = "__omni_source__"  # a module's attribute: the bytes that it was made of
 
 
@@ -45,6 +47,11 @@ def find(name: str, what: str, fits: Callable[[type], bool]) -> type[Any]:
     return own[class_name]
 
 
+def found_here(kind: type) -> bool:
+    """Whether a class is of such a file."""
+    return kind.__module__.startswith(_OURS)
+
+
 def source(name: str) -> bytes:
     """The source of the class named `file.py:Class`, as it was run.
 
@@ -57,7 +64,7 @@ def source(name: str) -> bytes:
 
 def _run(path: Path) -> ModuleType:
     """Run a Python file as a module, once as long as it does not change."""
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise OmniError(f"there is no file {path}")
     state = path.stat()
     return _module(path.resolve(), path, (state.st_mtime_ns, state.st_size))
@@ -65,7 +72,7 @@ def _run(path: Path) -> ModuleType:
 
 @lru_cache
 def _module(file: Path, path: Path, state: tuple[int, int]) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(f"omni_user_{file.stem}", file)
+    spec = importlib.util.spec_from_file_location(_OURS + file.stem, file)
     assert spec is not None, "a .py file has a loader"
     assert isinstance(spec.loader, SourceLoader)
     module = importlib.util.module_from_spec(spec)
@@ -75,7 +82,6 @@ def _module(file: Path, path: Path, state: tuple[int, int]) -> ModuleType:
         data = file.read_bytes()
         vars(module)[_SOURCE] = data
         exec(spec.loader.source_to_code(data, str(file)), vars(module))
-    except Exception as error:
-        reason = " ".join(str(error).split())
-        raise OmniError(f"{path} cannot be run: {type(error).__name__}: {reason}") from error
+    except (Exception, SystemExit) as error:
+        raise OmniError(f"{path} cannot be run: {type(error).__name__}: {printable(str(error))}") from error
     return module

@@ -16,7 +16,7 @@ from omni_mj.scenarios.settings import PERIOD_S
 if TYPE_CHECKING:
     import pyarrow as pa
 
-FIRST_FRAMES = 512  # that there is room for at the start; it doubles when they are full
+FIRST_FRAMES = 512  # that there is room for at the start
 OWN = "own_"  # before the names of channels of a controller's own
 
 
@@ -60,6 +60,7 @@ class Log:
     Args:
         rows: one per robot.
         wheels: of each robot.
+        frames: that are expected; where more come, room for them doubles when it is full.
 
     Attributes:
         rows: as given.
@@ -68,8 +69,8 @@ class Log:
         lengths: how many of them each row has, (n,): one that failed or came to its end before has fewer.
     """
 
-    def __init__(self, rows: Sequence[Row], wheels: int) -> None:
-        self.rows = list(rows)
+    def __init__(self, rows: Sequence[Row], wheels: int, frames: int = 0) -> None:
+        self.rows, self._expected = list(rows), frames
         self.columns = channels(wheels)
         self.length = 0
         self.lengths = np.zeros(len(self.rows), int)
@@ -84,8 +85,9 @@ class Log:
             logs: of robots with as many wheels.
             rows: all rows, in their order; each has the controller, seed and place of one in the logs, no other has.
         """
-        found = cls(rows, len(logs[0].columns["winding"]))
-        found.length = max(log.length for log in logs)
+        length = max(log.length for log in logs)
+        found = cls(rows, len(logs[0].columns["winding"]), length)
+        found.length = length
         while len(found._data) < found.length:
             found._make_room()
         for log in logs:
@@ -165,11 +167,14 @@ class Log:
         self.length = 0
         self.lengths = np.zeros(len(self.rows), int)
 
-    def table(self) -> "pa.Table":
-        """One line per row and frame that it recorded, rows in their order."""
+    def table(self, first: int = 0, stop: int | None = None) -> "pa.Table":
+        """One line per row and frame that it recorded, rows in their order; of them those from `first` to `stop`."""
         import pyarrow as pa
 
-        line, frame = np.nonzero(np.arange(self.length) < self.lengths[:, None])
+        ends = np.cumsum(self.lengths)
+        lines = np.arange(self.lengths.sum())[first:stop]
+        line = np.searchsorted(ends, lines, side="right")
+        frame = lines - (ends - self.lengths)[line]
         names = list(self.controllers)
         which = np.array([names.index(row.controller) for row in self.rows], np.int32)
         columns: dict[str, np.ndarray] = {
@@ -185,12 +190,15 @@ class Log:
         return pa.table(said | {title: parquet.column(values) for title, values in columns.items()})
 
     def save(self, path: Path) -> None:
-        """Write the table as Parquet; the file appears whole or not at all."""
-        parquet.write(self.table(), path)
+        """Write the table as Parquet, some lines after the others; the file appears whole or not at all."""
+        firsts = range(0, max(int(self.lengths.sum()), 1), parquet.GROUP_ROWS)
+        parquet.write((self.table(first, first + parquet.GROUP_ROWS) for first in firsts), path)
 
     def _make_room(self) -> None:
-        """Double the frames that there is room for."""
-        self._data = np.concatenate([self._data, np.full_like(self._data, np.nan)])
+        """Make room for all frames that are expected, or twice as many as there is room for."""
+        room = len(self._data)
+        more = max(self._expected - room, 0) or room
+        self._data = np.concatenate([self._data, np.full((more, *self._data.shape[1:]), np.nan)])
 
     def _first(self, name: str, width: int) -> slice:
         """Where the first columns of a channel are."""

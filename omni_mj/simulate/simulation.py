@@ -137,10 +137,10 @@ class Simulation:
         start = np.array([reference.poses[0] for reference in self.references])
         geometry = kinematics(self.rows[0].settings.wheels)
         self.plant, self.camera, self.radio = self._robots(start)
-        wheels = self.plant.geometry is not None
-        self.team = assemble(self.rows, self._kinds, start, geometry, wheels, self._stop, self._follow)
-        self.log = Log(self.rows if self._logged else [], self.plant.telemetry().wheel_angle.shape[1])
+        rolls, wheels = self.plant.geometry is not None, self.plant.telemetry().wheel_angle.shape[1]
+        self.team = assemble(self.rows, self._kinds, start, geometry, rolls, self._stop, self._follow)
         self._frames = np.array([reference.frames for reference in self.references])
+        self.log = Log(self.rows if self._logged else [], wheels, int(self._frames.max()))
         distinct = {id(reference): reference for reference in self.references}
         self._followers = [
             (reference, np.flatnonzero([each is reference for each in self.references]))

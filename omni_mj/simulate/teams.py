@@ -11,7 +11,7 @@ from omni_control.errors import ControllerError
 from omni_control.kinematics import Array, Kinematics
 from omni_control.reference import EachReference, Reference
 from omni_control.team import Team
-from omni_mj.scenarios import references
+from omni_mj.scenarios import references, user_files
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 
@@ -47,10 +47,11 @@ def assemble(
     made, unmade, members = list[Controller](), list[np.ndarray](), [np.array(group) for group in together.values()]
     for group in members:
         row, n = rows[group[0]], len(group)
+        kind = kinds[row.controller]
         known = told(row.settings, geometry, wheels)
         reference = _reference([rows[i] for i in group]) if follow is None else follow(group)
         try:
-            made.append(make(kinds[row.controller], known, reference, n, dict(_parameters(row))))
+            made.append(make(kind, known, reference, n, dict(_parameters(row)), user_files.found_here(kind)))
         except ControllerError as error:
             on_failure(group, error)
             unmade.append(group)

@@ -12,7 +12,7 @@ from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.simulate.log import channels
 
 NUMBER_B = 8
-COPIES = 2.5  # of all numbers, at most: a log's room doubles; a table of it is made, and packed
+COPIES = 2.0  # of all numbers, at most: the blocks of a comparison are put together, a table of all is asked for
 # Robots times simulated seconds per second of one core, about (docs/performance.md); the kinematic plant's are numpy's.
 PACES = {"kinematic": 300.0, "two-rollers": 35.0, "rollers": 18.0}
 FROM_ROBOTS = 16  # in a batch, more cores than one are used

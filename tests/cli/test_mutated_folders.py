@@ -69,3 +69,34 @@ def test_a_table_that_lacks_numbers_is_refused(
         code, err = invoke(*command), capsys.readouterr().err
         assert code == 2 or (name, command[0], code) == ("x_m", "verify", 1)
         assert all(line.startswith("error: ") for line in err.splitlines())
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"axes": []},
+        {"axes": ""},
+        {"axes": [{"name": "carpet.friction", "values": [10**400]}]},
+        {"at_once": float("inf")},
+        {"format": None},
+    ],
+)
+def test_a_sweep_that_varies_nothing_or_what_cannot_be_is_refused(
+    folder: Path, wrong: dict[str, object], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copy(folder / "scenario.toml", tmp_path)
+    plan = {"format": 1, "controllers": ["flc"], "at_once": 2, "axes": [{"name": "carpet.friction", "values": [0.3]}]}
+    (tmp_path / "sweep.json").write_text(json.dumps(plan | wrong))
+    assert invoke("sweep", "--resume", tmp_path, "--quiet") == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_table_whose_columns_have_no_names_is_refused(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Bytes that are no text."""
+    copy = shutil.copytree(folder, tmp_path / "copy")
+    table = copy / "trajectory.parquet"
+    table.write_bytes(table.read_bytes().replace(b"ref_heading_rad", b"ref_headin\xdf_rad"))
+    assert invoke("film", copy, tmp_path / "film.gif") == 2
+    assert "cannot be read" in capsys.readouterr().err

@@ -31,6 +31,13 @@ class Hangs(Controller):
         return AHEAD if frame < 2 * FROM else 0 * AHEAD
 
 
+class Endless(Controller):
+    """Never comes out of compiled code, which lets nothing else in its process run."""
+
+    def command(self, frame, seen):
+        return sum(range(10**15)) if frame == FROM else AHEAD
+
+
 def stands(truth: Path) -> bool:
     poses = [line.split()[1:] for line in truth.read_text().splitlines()[-4:-1]]
     return len(poses) == 3 and poses[0] == poses[1] == poses[2]
@@ -47,11 +54,14 @@ def test_robots_stand_until_the_controller_answers(tmp_path: Path, monkeypatch: 
     assert live.log.length > 2 * FROM
 
 
-def test_a_controller_that_hangs_for_long_is_given_up(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+@pytest.mark.parametrize("controller", [Hangs, f"{__file__}:Endless"])
+def test_a_controller_that_hangs_for_long_is_given_up(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, controller: str | type[Controller]
+) -> None:
     """Long before its own patience is over: its robots stand, and the run ends with the reason."""
     monkeypatch.setattr(Hangs, "for_s", 20.0)
     with peer("--patience", 1 / 60, "--truth", tmp_path / "truth") as options:
-        live = driven(on_wire(Hangs), options)
+        live = driven(on_wire(controller), options)
         until = time.monotonic() + 20
         while not stands(tmp_path / "truth"):
             assert time.monotonic() < until

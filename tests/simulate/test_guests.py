@@ -15,6 +15,7 @@ import click
 import hostile
 import numpy as np
 import pytest
+from simulating import bits
 
 import omni_mj as om
 from omni_control import Controller
@@ -31,12 +32,6 @@ SCENARIO = om.scenario(
 def run(*kinds: str | type[Controller]) -> tuple[Log, Simulation]:
     simulation = Simulation(SCENARIO, kinds)
     return simulation.run(), simulation
-
-
-def bits(log: Log, controller: str) -> list[bytes]:
-    """All that was recorded of a controller's rows."""
-    names = [name for name in log.columns if not name.startswith("own_")]
-    return [log.channel(name)[: log.lengths[row], row].tobytes() for name in names for row in log.of(controller)]
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,7 @@ import everywhere
 import hour
 import moments
 import places
+import together
 
 PARTS = {  # name -> what does it, and how often
     "kills": (moments.kills, 50),
@@ -23,8 +24,11 @@ PARTS = {  # name -> what does it, and how often
     "places": (places.places, 1),
     "disks": (places.disks, 30),
     "memories": (places.memories, 20),
+    "pairs": (together.pairs, 600),
     "hour": (hour.hour, 60),
 }
+
+EVERY = 10  # after how many there is a line that says so
 
 
 def main() -> int:
@@ -39,9 +43,11 @@ def main() -> int:
         for word in given.parts or PARTS:
             name, _, count = word.partition("=")
             part, usual = PARTS[name]
-            done = 0
-            for title, wrong in part(random.Random(given.seed), int(count or usual), Path(folder)):
+            done, most = 0, int(count or usual)
+            for title, wrong in part(random.Random(given.seed), most, Path(folder)):
                 done, bad = done + 1, bad + bool(wrong)
+                if done % EVERY == 0:
+                    print(f"{name}: {done} of {most}, {bad} wrong so far", flush=True)
                 if wrong or given.verbose:
                     print(f"{name}: {title}: {'; '.join(wrong) or 'well'}", flush=True)
             print(f"{name}: {done} done", flush=True)

@@ -1,6 +1,5 @@
 """Every command, ended by any signal at any time: never a traceback, never half a file."""
 
-import os
 import random
 import shutil
 import signal
@@ -23,7 +22,6 @@ FAST = ("--set", "wheels.model=two-rollers")
 
 def commands(rng: random.Random, count: int, folder: Path) -> Iterator[Found]:
     """All in turn; of which of them a signal ends, by its default or by ours, there is a line or nothing at all."""
-    os.environ.setdefault("MUJOCO_GL", "egl")  # for films, before MuJoCo is imported
     whole, _ = undisturbed(folder, "run")
     log = folder / "log.csv"
     log.write_text(LOG)

@@ -19,6 +19,8 @@ MB = 1_000_000
 NOBODY = ("--reuid", "65534", "--regid", "65534", "--clear-groups")
 READER = ("setpriv", *NOBODY, "--inh-caps", "+dac_read_search", "--ambient-caps", "+dac_read_search")
 RUN = COMMANDS["run"]
+# What glibc's loader says, and with which code it ends a program, where a new thread has no room for a library's data.
+LOADER, LOADERS = "cannot allocate memory for thread-local data", 127
 
 
 def places(rng: random.Random, count: int, folder: Path) -> Iterator[Found]:
@@ -104,7 +106,7 @@ def _nobody(folder: Path) -> Iterator[Found]:
         "a folder of its own": ((*RUN, "--out", str(mine / "own")), 0),
         "overwriting a run of somebody else's": ((*RUN, "--overwrite", "--out", str(folder / "run-whole")), 2),
         "going on with a sweep in one": (("sweep", "--resume", str(folder / "run-whole")), 2),
-        "a report of somebody else's run": (("report", str(folder / "run-whole")), 1),
+        "a report of somebody else's run": (("report", str(folder / "run-whole")), 2),
     }
     for title, (words, code) in cases.items():
         done = Around([*READER, *OMNI, *words], {"HOME": "/nonexistent"}, options={"cwd": folder}).run()
@@ -138,7 +140,8 @@ def _little_memory(rng: random.Random, out: Path, whole: Path) -> Found:
     name, most = rng.choice(("run", "compare", "sweep", "serve")), round(rng.uniform(300, 3000) * MB)
     limit = partial(resource.setrlimit, resource.RLIMIT_AS, (most, most))
     done = Around([*OMNI, *COMMANDS[name], "--out", str(out)], prepare=limit).run()
-    wrong = laws.of_program(done.code, done.err, 0, 1, 2)
+    ended = done.code == LOADERS and LOADER in done.err  # as by a kill: nobody is asked
+    wrong = [] if ended else laws.of_program(done.code, done.err, 0, 1, 2)
     if out.exists():
         wrong += laws.of_folder(out, whole) if name == "run" else laws.of_files(out)
     shutil.rmtree(out, ignore_errors=True)

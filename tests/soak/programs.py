@@ -14,6 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
+os.environ.setdefault("MUJOCO_GL", "egl")  # for films; read when MuJoCo is imported, by whatever part comes first
 HERE = Path(__file__).parent
 OMNI = (sys.executable, "-m", "omni_mj")
 PATIENCE_S = 150.0

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from omni_control import Controller
 from omni_mj.live import session
 from omni_mj.live.drive import Live
 from omni_mj.live.notes import Notes
@@ -39,7 +40,7 @@ def peer(*said: object) -> Iterator[Options]:
         process.wait()
 
 
-def on_wire(controller: str, **sections: object) -> Scenario:
+def on_wire(controller: str | type[Controller], **sections: object) -> Scenario:
     sections = {"reference": ROUTE, "control": EXACT, **sections}
     return scenario("rect", plant="live", controllers=[controller], **sections)
 

@@ -94,3 +94,9 @@ def ages(command: NDArray, applied: NDArray) -> NDArray:
     same = (sent[None] == applied[:, None]).all(-1)
     assert (same.sum(1) == 1).all(), "noisy commands, no two of which are equal"
     return np.arange(1, len(command) + 1)[:, None, None] - same.argmax(1)
+
+
+def bits(log: Log, controller: str) -> list[bytes]:
+    """All that was recorded of a controller's rows, but for what it says of itself."""
+    names = [name for name in log.columns if not name.startswith("own_")]
+    return [log.channel(name)[: log.lengths[row], row].tobytes() for name in names for row in log.of(controller)]

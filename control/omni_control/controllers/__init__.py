@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import TypeVar
 
-from omni_control.controllers import guests
+from omni_control.controllers import apart, guests
 from omni_control.controllers.base import Controller, Told
 from omni_control.controllers.checks import check_made, where
 from omni_control.errors import ControllerError, OmniError, choose
@@ -66,11 +66,17 @@ def checked_parameters(kind: type[Controller], given: Mapping[str, object]) -> d
 
 
 def make(
-    kind: str | type[Kind], told: Told, reference: Reference, n: int, parameters: Mapping[str, object] | None = None
+    kind: str | type[Kind],
+    told: Told,
+    reference: Reference,
+    n: int,
+    parameters: Mapping[str, object] | None = None,
+    alone: bool = False,
 ) -> Controller:
     """A controller of `n` robots, by its class or its name, its `parameters` set before its constructor runs.
 
-    Somebody else's gets copies of what it is told and of the reference, which are then its own.
+    Somebody else's gets copies of what it is told and of the reference, which are then its own. `alone` is for one that
+    no other code needs to reach: it has a process of its own, where the system has such.
 
     Raises:
         OmniError: there is no controller of that name, or a parameter is wrong.
@@ -83,9 +89,16 @@ def make(
     if guest is None:
         return _made(found, told, reference, n, given)
     own = copy.deepcopy((told, reference))
-    controller = guest.call(lambda: _made(found, *own, n, given), "when it was made")
-    if controller.told != told:
-        raise ControllerError(f"{found.__name__} changed what it was told; that must stay as it is")
+
+    def made() -> Controller:
+        controller = _made(found, *own, n, given)
+        if controller.told != told:
+            raise ControllerError(f"{found.__name__} changed what it was told; that must stay as it is")
+        return controller
+
+    if alone and apart.POSSIBLE:
+        return apart.make(found, told, reference, n, made)
+    controller = guest.call(made, "when it was made")
     vars(controller)[guests.ATTRIBUTE] = guest
     return controller
 

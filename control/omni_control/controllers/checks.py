@@ -17,6 +17,10 @@ MOST_COLUMNS = 256  # of a controller's own that are recorded
 MOST_FRAMES = 36_000  # that a controller may remember of what was sent
 
 
+class AnsweredError(ControllerError):
+    """A controller failed elsewhere; it is named already, with when and where."""
+
+
 @dataclass(frozen=True)
 class Said:
     """What a controller of n robots says of itself: see `Controller`.
@@ -39,6 +43,8 @@ def answer(controller: Controller, frame: int, seen: Seen) -> tuple[Array, Said]
     name, shape = type(controller).__name__, seen.pose.shape
     try:
         wanted = _numbers(controller.command(frame, seen))
+    except AnsweredError:
+        raise
     except Exception as error:
         raise ControllerError(f"{name} failed in frame {frame}{where(type(controller), error)}") from error
     if wanted.shape != shape:

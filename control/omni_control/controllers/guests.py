@@ -2,8 +2,8 @@
 
 A guest is asked in a thread that can be given up when it does not answer. Python's and numpy's global random numbers
 are its own, whoever seeds them; what it prints goes to stderr after its name; the working folder, warnings and numpy's
-error handling are afterwards as they were. This is what mistakes need; whoever means to do harm can still, since a
-guest is code that runs in this process.
+error handling are afterwards as they were. This is what mistakes need, not more: a guest here is code that runs in this
+process. Those from files have processes of their own (`apart`).
 """
 
 import contextvars
@@ -147,6 +147,39 @@ def watched(look: Callable[[float], None]) -> Iterator[None]:
         _look = before
 
 
+def wait(answered: Callable[[float], bool], patience_s: float) -> None:
+    """Wait for a guest's answer.
+
+    Args:
+        answered: waits so many seconds at most, and returns whether there is one.
+        patience_s: after which it has failed.
+
+    Raises:
+        TimeoutError: there is none in time.
+    """
+    began = time.monotonic()
+    while True:
+        now = time.monotonic()
+        if now - began >= patience_s:
+            raise TimeoutError(f"it was waited for for {patience_s:g} s")
+        if _hurried is not None and now - max(began, _hurried) >= HURRY_S:
+            raise TimeoutError("it was to stop")
+        if answered(min(began + patience_s - now, LOOK_S)):
+            return
+        if _look is not None:
+            _look(time.monotonic() - began)
+
+
+def settle(name: str) -> None:
+    """Make all of this process a guest's: random numbers as in `Guest`, and streams that say its name."""
+    seed = zlib.crc32(name.encode())
+    set_bit_generator(np.random.MT19937(seed))
+    random.seed(seed)
+    voice = _Voice(name)
+    voice.listener = open(2, "w", buffering=1, errors="backslashreplace", closefd=False)  # noqa: SIM115
+    sys.stdout = sys.stderr = voice
+
+
 class _Worker:
     """A thread that does one task after the other."""
 
@@ -167,18 +200,9 @@ class _Worker:
             TimeoutError: it does neither in time.
         """
         self._tasks.put(task)
-        began = time.monotonic()
-        while True:
-            now = time.monotonic()
-            if now - began >= patience_s:
-                raise TimeoutError(f"it was waited for for {patience_s:g} s")
-            if _hurried is not None and now - max(began, _hurried) >= HURRY_S:
-                raise TimeoutError("it was to stop")
-            if self._answered.acquire(timeout=min(began + patience_s - now, LOOK_S)):
-                answer, self._answer = self._answer, (None, None)
-                return answer
-            if _look is not None:
-                _look(time.monotonic() - began)
+        wait(lambda most_s: self._answered.acquire(timeout=most_s), patience_s)
+        answer, self._answer = self._answer, (None, None)
+        return answer
 
     def give_up(self) -> None:
         """Let the thread end as soon as it will, by an exception in what it does."""
@@ -188,13 +212,15 @@ class _Worker:
         )
 
     def _work(self) -> None:
-        trace, profile = sys.gettrace(), sys.getprofile()
+        trace, profile, program = sys.gettrace(), sys.getprofile(), os.getpid()
         while not self._given_up:
             task = self._tasks.get()
             try:
                 self._answer = contextvars.Context().run(task), None
             except BaseException as error:
                 self._answer = None, error
+            if os.getpid() != program:  # the guest has forked, and this is not who was asked
+                os._exit(0)
             del task
             sys.settrace(trace)
             sys.setprofile(profile)

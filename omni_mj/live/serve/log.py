@@ -139,6 +139,6 @@ class Parquet:
 
         if self._tables:
             part = self._path.with_name(f"{self._path.stem}-{len(self._parts):05d}{self._path.suffix}")
-            parquet.write(pa.concat_tables(self._tables), part)
+            parquet.write([pa.concat_tables(self._tables)], part)
             self._parts.append(part)
             self._tables.clear()

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,7 +103,7 @@ def read(folders: Sequence[Path]) -> list[Source]:
     Raises:
         OmniError: one of them holds no summary, or one that cannot be read.
     """
-    names = [folder.resolve().name for folder in folders]
+    names = [Path(os.path.realpath(folder)).name for folder in folders]
     unique = len(set(names)) == len(names)
     labels = [name if unique else str(folder) for folder, name in zip(folders, names, strict=True)]
     return [_source(folder, label, alone=len(folders) == 1) for folder, label in zip(folders, labels, strict=True)]

@@ -6,6 +6,7 @@ are big-endian, of 4 bytes but for the time's 8. Kinds that count here are 2 and
 """
 
 import gzip
+import os
 import struct
 import zlib
 from array import array
@@ -111,7 +112,7 @@ def read(path: Path) -> Sightings:
 
 def _packets(path: Path, notes: list[str]) -> Iterator[tuple[float, _Packet]]:
     """Times of receipt (s) and packets of vision; a file that is cut off ends there, with a note."""
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise OmniError(f"there is no log {path}")
     name, number = path.name, 0
     try:

@@ -5,13 +5,14 @@ may begin with a byte order mark and lines of comment (#), and its header may ha
 passed over; so are columns that hold no numbers, unless they are asked for.
 """
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, printable
 from omni_mj import parquet
 
 SEPARATORS = ",;\t"
@@ -26,7 +27,7 @@ def read(path: Path) -> dict[str, np.ndarray]:
     """
     import pyarrow as pa
 
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise OmniError(f"there is no log {path}")
     kinds = {".csv": _csv, ".parquet": parquet.read}
     if path.suffix.lower() not in kinds:
@@ -35,7 +36,7 @@ def read(path: Path) -> dict[str, np.ndarray]:
         table = kinds[path.suffix.lower()](path)
         columns = {name.strip().lower(): _numbers(table[name]) for name in table.column_names if name}
     except (pa.ArrowException, OSError, UnicodeError) as error:
-        raise OmniError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
+        raise OmniError(f"{path} cannot be read: {printable(str(error))}") from None
     columns = _lines_with_something(columns)
     for name, unit in CLOCKS.items():
         if "time_s" not in columns and name in columns and columns[name].dtype.kind in "fiu":

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from omni_control.errors import OmniError
-from omni_mj.files import write
+from omni_mj.files import text_of, write
 from omni_mj.measure.errors import AXES
 from omni_mj.measure.metrics import BLOCK_FRAMES
 from omni_mj.scenarios.controllers import written
@@ -190,15 +190,17 @@ class Plan:
         """
         path = folder / "sweep.json"
         try:
-            content = json.loads(path.read_text(encoding="utf-8"))
+            content = json.loads(text_of(path))
             if content["format"] != FORMAT:
                 raise OmniError(f"{path} is of format {content['format']!r}; this version reads {FORMAT}")
             method, samples = content.get("design") or (None, 0)
             axis = Axis if method else made
             grid = tuple(axis(each["name"], tuple(each["values"])) for each in content["axes"])
             chosen = load(str(folder / "scenario.toml"), code=True, head={"controllers": content["controllers"]})
+            if not grid:
+                raise ValueError("it varies nothing")
             return cls(chosen, grid, int(content["at_once"]), (method, int(samples)) if method else None)
         except OSError as error:
             raise OmniError(f"{folder} holds no sweep: {path.name}: {error.strerror}") from None
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, OverflowError) as error:
             raise OmniError(f"{path} is not a sweep's: {error}") from None

@@ -85,7 +85,7 @@ def _measured(driven: Simulation, after_frame: Callable[[int], None]) -> dict[st
 
 def save(table: "pa.Table", path: Path) -> None:
     """Write a table as Parquet; the file appears whole or not at all, and is then on the disk."""
-    parquet.write(table, path)
+    parquet.write([table], path)
 
 
 def file(folder: Path, job: Job) -> Path:
