@@ -1,28 +1,30 @@
 """What controllers are told, once and in every frame, and that they cannot change it for others."""
 
-from pathlib import Path
+from contextlib import suppress
+from copy import deepcopy
 
 import numpy as np
 import pytest
 from simulating import PLANTS, Grid
 
+from omni_control import Controller, Seen, Told
+from omni_control.kinematics import Array
+from omni_control.reference import Reference
 from omni_mj.scenarios import scenario
 from omni_mj.simulate.simulation import Simulation
 
 FRAME_S = 1 / 60
 SHORT = ("reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]", "reference.settle_s=0.1")
-WITNESS = """
-from copy import deepcopy
-
-from omni_control import Controller
 
 
 class Witness(Controller):
-    def __init__(self, told, reference, n):
-        super().__init__(told, reference, n)
-        self.witnessed = []
+    """Remembers what it has seen."""
 
-    def command(self, frame, seen):
+    def __init__(self, told: Told, reference: Reference, n: int) -> None:
+        super().__init__(told, reference, n)
+        self.witnessed: list[tuple[Array, ...]] = []
+
+    def command(self, frame: int, seen: Seen) -> Array:
         self.witnessed.append(deepcopy((seen.pose, seen.twist, seen.measured, seen.sent.last(1)[0])))
         return self.reference.at(frame, seen.pose)[1]
 
@@ -32,31 +34,25 @@ class TrueWitness(Witness):
 
 
 class Vandal(Witness):
-    def command(self, frame, seen):
+    def command(self, frame: int, seen: Seen) -> Array:
         command = super().command(frame, seen)
         for given in (seen.pose, seen.twist, seen.measured, seen.sent.last(1), self.reference.at(frame, seen.pose)[0]):
-            try:
+            with suppress(ValueError):  # read-only
                 given += 1.0
-            except ValueError:  # read-only
-                pass
         return command
-"""
 
 
-def simulated(folder: Path, plant: str, *names: str, overrides: tuple[str, ...] = ()) -> Simulation:
-    """A short run, over, of classes of the file above with two seeds."""
-    (folder / "witness.py").write_text(WITNESS)
-    chosen = [f"{folder / 'witness.py'}:{name}" for name in names]
-    head = {"plant": plant, "controllers": chosen, "seeds": 2}
-    simulation = Simulation(scenario.load("rect", [*SHORT, *overrides], head))
+def simulated(plant: str, *kinds: type[Controller], overrides: tuple[str, ...] = ()) -> Simulation:
+    """A short run, over, of classes with two seeds."""
+    simulation = Simulation(scenario.load("rect", [*SHORT, *overrides], {"plant": plant, "seeds": 2}), kinds)
     simulation.run()
     return simulation
 
 
 @pytest.mark.parametrize("plant", PLANTS)
-def test_controllers_see_vision_unless_they_know_the_truth(tmp_path: Path, plant: str) -> None:
+def test_controllers_see_vision_unless_they_know_the_truth(plant: str) -> None:
     """Each controller is given its own rows, in every frame, and the commands that it sent the frame before."""
-    simulation = simulated(tmp_path, plant, "Witness", "TrueWitness")
+    simulation = simulated(plant, Witness, TrueWitness)
     channel = Grid(simulation.log).channel
     for i, controller in enumerate(simulation.team.controllers):
         pose, twist, measured, sent = (np.array(column) for column in zip(*controller.witnessed, strict=True))
@@ -77,19 +73,19 @@ def test_controllers_see_vision_unless_they_know_the_truth(tmp_path: Path, plant
             assert np.abs(pose - true)[..., :2].max() < 0.03
 
 
-def test_a_controller_cannot_change_what_others_see(tmp_path: Path) -> None:
+def test_a_controller_cannot_change_what_others_see() -> None:
     """Arrays that it is given are its own: writing to them changes nothing but its copies."""
-    quiet, loud = (simulated(tmp_path, "kinematic", name, "TrueWitness") for name in ("Witness", "Vandal"))
+    quiet, loud = (simulated("kinematic", kind, TrueWitness) for kind in (Witness, Vandal))
     for name in ("pose", "vision", "command", "applied"):
         one, other = (Grid(s.log).channel(name) for s in (quiet, loud))
         np.testing.assert_array_equal(one, other, err_msg=name)
 
 
 @pytest.mark.parametrize(("error", "believed"), [(0, 6), (3, 9), (-2, 4), (-7, 0)])
-def test_controllers_are_told_what_the_team_believes(tmp_path: Path, error: int, believed: int) -> None:
+def test_controllers_are_told_what_the_team_believes(error: int, believed: int) -> None:
     """The dead time with its error, never below none, and vision's noise; what is believed does not change what is."""
     overrides = (f"control.delay_error_frames={error}", "vision.position_noise_m=0.002")
-    simulation = simulated(tmp_path, "kinematic", "Witness", overrides=overrides)
+    simulation = simulated("kinematic", Witness, overrides=overrides)
     told = simulation.team.controllers[0].told
     assert (told.delay_frames, told.period) == (believed, FRAME_S)
     assert (told.position_noise_m, told.heading_noise_rad) == (0.002, 0.01)
