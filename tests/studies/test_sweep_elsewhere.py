@@ -1,5 +1,6 @@
 """Sweeps that other processes run: every row once and to the bit what it is here, whoever is killed meanwhile."""
 
+import gc
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -94,7 +95,12 @@ def test_processes_of_this_machine_find_the_same(here: dict[str, list[str]], tmp
 
 
 def test_what_cannot_be_is_said_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def clients() -> int:
+        return sum(isinstance(each, Client) for each in gc.get_objects())
+
     monkeypatch.setattr(elsewhere, "ANSWER_S", 0.2)
+    gc.collect()
+    before = clients()
     for given, words in (
         ({"jobs": 0}, "jobs must be at least 1, not 0"),
         ({"jobs": 2, "cluster": "tcp://127.0.0.1:9"}, "processes of this machine, or a cluster"),
@@ -103,6 +109,7 @@ def test_what_cannot_be_is_said_in_a_line(tmp_path: Path, monkeypatch: pytest.Mo
     ):
         with pytest.raises(om.OmniError, match=words):
             sweep.sweep(scenario(), VARY, NAMES, out=tmp_path / "none", **given)
+    assert clients() == before, "one that is left over is finalized where it keeps the next from starting"
     begin = ["--scenario", "rect", "--vary", "carpet.friction=0.5", "--quiet", "--out", str(tmp_path / "other")]
     with pytest.raises(om.OmniError, match="no Dask scheduler answers at nonsense"):
         command.main([*begin, "--cluster", "nonsense"], standalone_mode=False)

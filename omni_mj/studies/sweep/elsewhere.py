@@ -1,5 +1,6 @@
 """Shards run in other processes, of this machine or a Dask cluster: tables come back, files are written here alone."""
 
+import gc
 import multiprocessing
 import signal
 import sys
@@ -131,12 +132,8 @@ def _cluster(cluster: Any) -> Iterator[Executor]:
         from distributed import Client as Scheduler
     except ModuleNotFoundError:
         raise OmniError("a cluster needs the package distributed: pip install 'omni-mj[cluster]'") from None
-    connect: Any = Scheduler  # which is not typed
     own = not isinstance(cluster, Scheduler)
-    try:
-        client = connect(cluster, timeout=ANSWER_S) if own else cluster
-    except (OSError, ValueError, TypeError) as error:
-        raise OmniError(f"no Dask scheduler answers at {cluster}: {str(error).splitlines()[0]}") from None
+    client = _connected(Scheduler, cluster) if own else cluster
     try:
         try:
             client.wait_for_workers(1, timeout=ANSWER_S)
@@ -146,3 +143,14 @@ def _cluster(cluster: Any) -> Iterator[Executor]:
     finally:
         if own:
             client.close()
+
+
+def _connected(connect: Any, address: str) -> Any:
+    """A client of the scheduler at an address."""
+    try:
+        return connect(address, timeout=ANSWER_S)
+    except (OSError, ValueError, TypeError) as error:
+        reason = str(error).splitlines()[0]
+    # Its finalizer waits for a lock that the start of another client holds, and must not run in the thread of that one.
+    gc.collect()
+    raise OmniError(f"no Dask scheduler answers at {address}: {reason}")
