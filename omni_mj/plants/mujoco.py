@@ -1,10 +1,8 @@
 """The physical plant: robots of models/ in worlds of one or several, stepped on all cores, driven by their firmware."""
 
-import copy
 import os
 from collections.abc import Sequence
 
-import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
@@ -29,24 +27,6 @@ from omni_mj.worlds.build import World
 from omni_mj.worlds.wheels import contact_slip
 
 THREADED = 16  # robots from which several threads gain more in a step than they lose by meeting at its end
-# MuJoCo resets an unstable simulation silently after one of these.
-_UNSTABLE = {
-    mujoco.mjtWarning.mjWARN_BADQPOS: "a position is not a number or too large",
-    mujoco.mjtWarning.mjWARN_BADQVEL: "a velocity is not a number or too large",
-    mujoco.mjtWarning.mjWARN_BADQACC: "an acceleration is not a number or too large",
-}
-
-
-def model_of(world: World) -> mujoco.MjModel:
-    """What is stepped of a world that was built."""
-    model = copy.copy(world.model)
-    model.actuator_ctrllimited[:] = 0  # the battery limits, also where braking motors lift its voltage
-    return model
-
-
-def batch_of(world: World, worlds: int, threads: int = 1) -> Batch:
-    """So many worlds like one that was built, stepped by so many threads."""
-    return Batch(model_of(world), worlds, threads)
 
 
 class MujocoPlant:
@@ -92,7 +72,7 @@ class MujocoPlant:
             within = self._made(world, worlds, min(threads, worlds)), world
         self._batch, self._world = within
         world = self._world
-        self._warnings = self._batch.warning[:, min(map(int, _UNSTABLE)) : max(map(int, _UNSTABLE)) + 1, 1]
+        self._warnings = batches.warnings(self._batch)
         self.geometry: Kinematics | None = world.kinematics
         self._creeps = world.robots[0].slip_dofs.size > 0
         self.drawn = Drawn.of(rows)
@@ -135,7 +115,7 @@ class MujocoPlant:
 
     def _made(self, world: World, worlds: int, threads: int) -> Batch:
         """What steps so many worlds like one that was built."""
-        return batch_of(world, worlds, threads)
+        return batches.made(world, worlds, threads)
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -320,11 +300,7 @@ class MujocoPlant:
 
     def _check(self) -> dict[int, str]:
         """Find what has failed, and stop it."""
-        causes: dict[int, str] = {}
-        for warning, meaning in _UNSTABLE.items():
-            broken = np.repeat(self._batch.warning[:, warning, 1] > 0, self._places) & ~self._failed
-            text = f"became unstable: {meaning} (MuJoCo warning {mujoco.mjtWarning(warning).name})"
-            causes |= {int(row): text for row in np.flatnonzero(broken) if int(row) not in causes}
+        causes = batches.unstable(self._batch, self._failed)
         unstable = list(causes)
         toppled = np.flatnonzero(laws.toppled(*self._at.quaternion.get().T[1:3]) & ~self._failed)
         causes |= {int(row): "toppled over" for row in toppled if int(row) not in causes}

@@ -14,7 +14,8 @@ import mujoco
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_mj.plants.mujoco import MujocoPlant, model_of
+from omni_mj.plants import batches
+from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.worlds.build import World
 
 CONTACTS, CONSTRAINTS = 128, 512  # of a world, at most; a robot on full wheels has up to 70 contacts
@@ -101,7 +102,7 @@ class WarpPlant(MujocoPlant):
     def _made(self, world: World, worlds: int, threads: int) -> Any:
         if self._kernel != "numpy":
             raise OmniError("physics by MuJoCo Warp needs physics.kernel = numpy")
-        return WarpBatch(model_of(world), worlds)
+        return WarpBatch(batches.model_of(world), worlds)
 
 
 def _field(of: Any, name: str) -> tuple[Any, str]:

@@ -9,9 +9,8 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Received
 from omni_mj.live.serve.squad import Squad
-from omni_mj.plants import Telemetry
+from omni_mj.plants import Telemetry, batches
 from omni_mj.plants.faults.world import check_carpet
-from omni_mj.plants.mujoco import batch_of
 from omni_mj.scenarios.rows import Row
 from omni_mj.worlds import build
 from omni_mj.worlds.shape import Shape
@@ -43,7 +42,7 @@ class ServedPlant:
         check_carpet(rows)
         shapes = [Shape.of(row.settings) for row in rows]
         worlds = build.mixed([row.settings for row in rows], hulls=True)
-        self._batch = batch_of(worlds[0], 1)
+        self._batch = batches.made(worlds[0], 1)
         self.squads = list[Squad]()
         for shape, world in zip(dict.fromkeys(shapes), worlds, strict=True):
             places = [place for place, each in enumerate(shapes) if each == shape]
