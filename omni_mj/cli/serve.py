@@ -180,11 +180,12 @@ def _taped(
         from omni_mj.measure.result import write
         from omni_mj.provenance import record as provenance
 
+        given = {} if theirs == chosen else {"yellow": theirs.to_toml()}
+        # First of all, since by it --overwrite knows the folder for ours.
+        provenance.save(folder, "serve", console.command_line(), [chosen], given=given)
         write(folder / "scenario.toml", chosen.to_toml())
         if theirs != chosen:
             write(folder / YELLOW, theirs.to_toml())
-        given = {} if theirs == chosen else {"yellow": theirs.to_toml()}
-        provenance.save(folder, "serve", console.command_line(), [chosen], given=given)
         table = Parquet(folder / "trajectory.parquet")
     if viewers or (folder is not None and record):
         from omni_mj.show.recording.served import ServedRecording, to_file, to_viewer
