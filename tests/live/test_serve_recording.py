@@ -97,8 +97,8 @@ def test_a_process_that_is_ended_leaves_a_whole_table_and_recording(
     )
     files = {"trajectory.parquet", "recording.rrd", "scenario.toml", "scenario-yellow.toml", "provenance.json"}
     assert files <= {path.name for path in out.iterdir()}
-    times = {path.stat().st_mtime_ns: path.name for path in out.iterdir() if path.is_file()}
-    assert times[min(times)] == "provenance.json", "by which --overwrite knows it if it is killed now"
+    times = {path.name: path.stat().st_mtime_ns for path in out.iterdir() if path.is_file()}
+    assert times["provenance.json"] == min(times.values()), "by which --overwrite knows a folder, whenever it is killed"
     robots = [om.scenario(out / name).robot for name in ("scenario.toml", "scenario-yellow.toml")]
     assert robots == ["tigers-v2016", "tigers-v2020"]
     assert len(pl.read_parquet(out / "trajectory.parquet")) == 2 * 45
