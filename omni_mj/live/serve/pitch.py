@@ -269,7 +269,9 @@ class Pitch:
     def _rehearse(self) -> None:
         """Let numba compile what it has not yet on this computer, which takes 20 s, before anybody waits for images."""
         if self.rows and self.rows[0].settings.physics.kernel == "numba":
-            ServedPlant(self.rows, self.plant.pose()).advance(self.held)
+            plant = ServedPlant(self.rows, self.plant.pose())
+            for _ in range(plant.cycles):
+                plant.cycle(self.held)
 
     def _rows(self) -> list[Row]:
         """A row for each robot."""

@@ -90,13 +90,6 @@ class ServedPlant:
         """Cycles from now to the next beginning of a frame, in which headings are compared; none at one."""
         return -self._cycle % self.cycles
 
-    def advance(self, received: Received) -> dict[int, str]:
-        """See `Plant`."""
-        causes = self.cycle(received)
-        for _ in range(1, self.cycles):
-            causes = self.cycle()
-        return causes
-
     def cycle(self, received: Received | None = None) -> dict[int, str]:
         """Move on by a cycle of the wheel loops; see `MujocoPlant.cycle`."""
         squads = self.squads
