@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_control.reference.curves import CURVES
+from omni_control.reference.iterated import ARRIVAL_ANGLE_RAD, ARRIVAL_RADIUS_M
 from omni_mj.measure import causes
 from omni_mj.scenarios import references
 from omni_mj.scenarios.faults import span
@@ -215,9 +215,7 @@ class _Way:
     def __init__(self, row: Row) -> None:
         settings = row.settings.reference
         self._timed = settings.mode == "timed"
-        plan = None if settings.shape in CURVES else references.iterated(row.settings, 1, row.where)
-        self._points = np.zeros((0, 3)) if plan is None else plan.waypoints
-        self._near = (0.0, 0.0) if plan is None else (plan.arrival_radius, plan.arrival_angle)
+        self._points = references.waypoints(settings, row.where)
         self._arrivals = [0]  # of the timed reference, at the way-points so far
         self._ahead = [*range(1, len(self._points))]  # way-points that are yet to be reached
         self._reached = 0  # frame in which the last was
@@ -259,5 +257,4 @@ class _Way:
 
     def _is_near(self, pose: Array, point: Array) -> np.ndarray:
         offset = np.abs(pose - point)
-        radius, angle = self._near
-        return (np.hypot(offset[:, 0], offset[:, 1]) < radius) & (offset[:, 2] < angle)
+        return (np.hypot(offset[:, 0], offset[:, 1]) < ARRIVAL_RADIUS_M) & (offset[:, 2] < ARRIVAL_ANGLE_RAD)

@@ -64,9 +64,17 @@ def iterated(settings: Settings, n: int, where: Where = ORIGIN) -> IteratedRefer
     Raises:
         OmniError: as `timed`.
     """
-    task = settings.reference
-    visits = displaced(np.array(_visits(task)), where)
-    return IteratedReference(visits.tolist(), reference_limits(settings), PERIOD_S, n, rest_frames=_lead_frames(task))
+    points, rest = waypoints(settings.reference, where), _lead_frames(settings.reference)
+    return IteratedReference(points.tolist(), reference_limits(settings), PERIOD_S, n, rest_frames=rest)
+
+
+def waypoints(task: ReferenceSettings, where: Where = ORIGIN) -> Array:
+    """The poses (points, 3) that a reference visits one after the other, on all its laps; of a curve none.
+
+    Raises:
+        OmniError: as `timed`.
+    """
+    return np.zeros((0, 3)) if task.shape in CURVES else displaced(np.array(_visits(task), float), where)
 
 
 def displaced(poses: Array, where: Where) -> Array:

@@ -124,8 +124,8 @@ def test_drivers_that_limit_a_current_are_told_with_the_motor() -> None:
 def test_way_points_are_reached_within_2_cm_and_a_tenth_of_a_radian() -> None:
     """Recomputed from the poses: the first frame near each in turn, on two laps over the same way-points."""
     back = ("reference.waypoints=[[0, 0], [0.3, 0], [0, 0]]", "reference.laps=2")
-    for mode in ("timed", "iterated"):
-        simulation = simulated(*back, f"reference.mode={mode}")
+    for more in ("reference.mode=timed", "reference.mode=iterated", "reference.max_jerk_m_s3=20"):
+        simulation = simulated(*back, more)
         found = events.find_all(simulation.log)
         for i, controller in enumerate(simulation.log.controllers):
             own = [(e.frame, e.text) for e in found if (e.kind, e.controller) == (events.WAY_POINT, controller)]

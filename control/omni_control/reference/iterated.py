@@ -10,6 +10,8 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.reference.limits import MotionLimits, approach_pose, checked_waypoints
 
+ARRIVAL_RADIUS_M, ARRIVAL_ANGLE_RAD = 0.02, 0.1  # of a way-point, within which it is reached
+
 
 @dataclass(frozen=True)
 class _Plan:
@@ -50,8 +52,8 @@ class IteratedReference:
         limits: MotionLimits,
         period: float,
         n: int,
-        arrival_radius: float = 0.02,
-        arrival_angle: float = 0.1,
+        arrival_radius: float = ARRIVAL_RADIUS_M,
+        arrival_angle: float = ARRIVAL_ANGLE_RAD,
         rest_frames: int = 0,
     ) -> None:
         if limits.jerk or limits.turn_jerk:
