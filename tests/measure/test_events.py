@@ -9,8 +9,11 @@ import pytest
 from logs import failure, filled, rows
 
 from omni_control.limits import CommandLimits
+from omni_control.reference.curves import CURVES
 from omni_control.reference.limits import MotionLimits
 from omni_mj.measure import events
+from omni_mj.scenarios import references
+from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.scenario import load
 from omni_mj.scenarios.settings import Settings
 from omni_mj.simulate.log import Log
@@ -138,6 +141,18 @@ def test_way_points_are_reached_within_2_cm_and_a_tenth_of_a_radian() -> None:
                     expected.append((frame, f"way-point {k} of 4 reached"))
             assert own == expected
             assert len(own) >= 3  # one that keeps no timetable is late
+
+
+@pytest.mark.parametrize("name", builtin())
+def test_a_robot_that_is_where_it_should_be_reaches_every_way_point_of_every_scenario(name: str) -> None:
+    """One after the other, whatever shape, limits and laps it has; curves have none."""
+    settings = load(name).settings
+    poses = references.timed(settings).poses
+    log = filled(rows(settings=settings), len(poses), pose=poses[:, None], ref=poses[:, None])
+    reached = [event.text for event in events.find_all(log) if event.kind == events.WAY_POINT]
+    last = max(len(references.waypoints(settings.reference)) - 1, 0)
+    assert reached == [f"way-point {k} of {last} reached" for k in range(1, last + 1)]
+    assert last or settings.reference.shape in CURVES
 
 
 def test_a_watch_tells_each_event_once_while_the_log_grows() -> None:
