@@ -90,8 +90,7 @@ class Pitch:
         for eye, area in zip(self._eyes, self._areas, strict=True):
             if eye.due <= self.cycle:
                 image = eye.look(self.cycle, self.names, self.plant.pose(), self.plant.present, self.ball, area)
-                seen = ~np.isnan(image.poses[:, 2])
-                self.measured[seen] = image.poses[seen]
+                np.copyto(self.measured, image.poses, where=~np.isnan(image.poses[:, 2:]))
                 images.append(image)
         self.due = min(eye.due for eye in self._eyes)
         return images
