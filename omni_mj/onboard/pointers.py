@@ -24,7 +24,9 @@ def _calling(typing: Any, function: Any, one: Any, other: Any) -> Any:
     def code(context: Any, builder: Any, signature: Any, given: Any) -> Any:
         pointer = context.get_value_type(types.voidptr)
         kind = ir.FunctionType(ir.VoidType(), [pointer, pointer])
-        builder.call(builder.inttoptr(given[0], kind.as_pointer()), [builder.inttoptr(each, pointer) for each in given[1:]])
+        builder.call(
+            builder.inttoptr(given[0], kind.as_pointer()), [builder.inttoptr(each, pointer) for each in given[1:]]
+        )
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, types.int64), code

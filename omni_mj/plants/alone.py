@@ -1,5 +1,6 @@
 """A world by itself, which compiled loops can step: no way back to Python between its physics steps, no copies."""
 
+import copy
 import ctypes
 import sys
 from functools import cache
@@ -57,6 +58,14 @@ class Alone:
         """Find what follows from the state, sensors among it."""
         if ids is None or len(ids):
             mujoco.mj_forward(self.model, self._data)
+
+    def get_model(self, sim: int = 0) -> mujoco.MjModel:
+        """A copy of the model as it is now."""
+        return copy.copy(self.model)
+
+    def get_data(self, sim: int = 0) -> mujoco.MjData:
+        """A copy of the data."""
+        return copy.copy(self._data)
 
 
 @cache

@@ -1,7 +1,7 @@
 """What happens between the physics steps of the MuJoCo plant, in loops that numba compiles.
 
-Two calls a step, `before` and `after` it, do what those of `AtOnce` do with numpy, in the same order, and reach into the
-batch's arrays themselves. Each is handed one array alone (`table`). Where a world is alone, one call does for many
+Two calls a step, `before` and `after` it, do what those of `AtOnce` do with numpy, in the same order, and reach into
+the batch's arrays themselves. Each is handed one array alone (`table`). Where a world is alone, one call does for many
 cycles, physics steps among them (`burst`).
 """
 

@@ -39,7 +39,8 @@ class MujocoPlant:
         start: poses at the start, (n, 3).
         threads: of the physics. Results do not depend on it. [one below 16 robots, else as many as cores]
         within: a batch of one world, and where these robots are in it, perhaps with others: whoever steps it calls
-            `begin` and `end` of all its plants, and `cycles.go` in between. [a batch of their own; where they start is then checked]
+            `begin` and `end` of all its plants, and `cycles.go` in between. [a batch of their own; where they start is
+            then checked]
 
     Attributes:
         geometry: of the wheels, as they are when new.

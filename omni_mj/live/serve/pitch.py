@@ -95,6 +95,10 @@ class Pitch:
         self.due = min(eye.due for eye in self._eyes)
         return images
 
+    def step(self) -> None:
+        """Go on by a cycle."""
+        self.advance(self.cycle + 1)
+
     def advance(self, until: int) -> None:
         """Go on up to a cycle: as many at a time as there are until one at which something arrives, or a frame ends."""
         radio, plant = self._radio, self.plant

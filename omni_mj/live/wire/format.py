@@ -74,7 +74,8 @@ class _Table(NamedTuple):
     """Plain tuples: of a packet with 12 robots, a hundred are gone through, cold, between two pieces of physics."""
 
     write: list[tuple[int, bytes, Write, str]]  # place in the NamedTuple, tag, how, label; by number: so it is written
-    read: dict[int, tuple[int, Read, bool, tuple[int, ...]]]  # by tag: place, how, whether a message, places it excludes
+    # By tag: place, how, whether it is a message, places that it excludes.
+    read: dict[int, tuple[int, Read, bool, tuple[int, ...]]]
     messages: list[tuple[int, type[Any], bool]]  # place, class, whether repeated
     required: list[tuple[int, str]]  # place, name
     names: list[str]  # by place
