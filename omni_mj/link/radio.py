@@ -1,5 +1,6 @@
 """The radio link: a queue in which each command spends k_d frames, more or less, if it is not lost."""
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -163,14 +164,21 @@ class Radio:
         return self._holding.copy(), new, tick - self._held
 
     @property
-    def quiet(self) -> bool:
-        """Whether nothing arrives in this tick or later of what was sent until now."""
-        return self._last < self._tick
+    def quiet(self) -> int:
+        """For how many ticks from this one on nothing arrives of what was sent until now."""
+        if self._last < self._tick:
+            return sys.maxsize
+        ahead = np.arange(self._tick, self._last + 1) % len(self._arriving)
+        comes = (self._arriving[ahead] >= 0).any(1)
+        if self._behind is not None:
+            comes |= (self._behind[ahead] >= 0).any(1)
+        return int(comes.argmax()) if np.count_nonzero(comes) else sys.maxsize
 
-    def wait(self) -> None:
-        """End a tick in which all is quiet: a `deliver` of which nobody asks what robots hold."""
-        self._tick += 1
-        self._change()
+    def wait(self, ticks: int = 1) -> None:
+        """End ticks in which all is quiet: a `deliver` each of which nobody asks what robots hold."""
+        for _ in range(ticks):
+            self._tick += 1
+            self._change()
 
     def _send_amiss(self, mishaps: Mishaps, to: np.ndarray, late: np.ndarray) -> np.ndarray:
         """See to packets that come behind others, `late` (n,) as they are anyway; return who gets his as usual."""

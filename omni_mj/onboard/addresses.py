@@ -44,6 +44,11 @@ def truths(address: int, shape: Shape) -> np.ndarray:
     return _there(address, shape, np.bool_)
 
 
+def call(function: int, one: int, other: int) -> None:
+    """Call the C function that is there with two pointers (compiled: `pointers`)."""
+    ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(int(function))(int(one), int(other))
+
+
 def _there(address: int, shape: Shape, kind: type[np.generic]) -> np.ndarray:
     size = int(np.prod(shape)) * np.dtype(kind).itemsize
     return np.frombuffer(memoryview((ctypes.c_char * size).from_address(int(address))), kind).reshape(shape)

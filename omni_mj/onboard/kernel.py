@@ -54,6 +54,7 @@ def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:
         addresses.vectors: pointers.vectors,
         addresses.numbers: pointers.numbers,
         addresses.truths: pointers.truths,
+        addresses.call: pointers.call,
     }
     for function, other in instead.items():
         if function not in _REGISTERED:

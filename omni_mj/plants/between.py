@@ -1,15 +1,17 @@
 """What happens between the physics steps of the MuJoCo plant, in loops that numba compiles.
 
-Two calls a step: `before` it sensors and commands become voltages, loads become limits of the slip hinges; `after` it
-sensors are read, rollers handed over, and the battery sags. They do what `MujocoPlant` does with numpy, in the same
-order, and reach into the batch's arrays themselves. Each is handed one array alone (`table`).
+Two calls a step, `before` and `after` it, do what those of `AtOnce` do with numpy, in the same order, and reach into
+the batch's arrays themselves. Each is handed one array alone (`table`). Where a world is alone, one call does for many
+cycles, physics steps among them (`burst`).
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 from mujoco.batch import Batch
 
 from omni_control.kinematics import Array, wrapped
-from omni_mj.onboard import by_robot, laws
+from omni_mj.onboard import addresses, by_robot, laws
 from omni_mj.onboard.arrays import RimArrays, TractionArrays
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
@@ -17,6 +19,7 @@ from omni_mj.onboard.kernel import compiled
 from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import EVERY, Traction
 from omni_mj.plants import table
+from omni_mj.plants.alone import Alone
 from omni_mj.plants.cells import (
     ANGLE,
     BOTTOM,
@@ -40,27 +43,22 @@ from omni_mj.plants.cells import (
     X,
     Y,
 )
-from omni_mj.plants.table import CREEPS, HELD, PLACES, ROBOTS, Seen, Table, Writer
+from omni_mj.plants.table import CREEPS, END, HELD, PLACES, ROBOTS, Seen, Table, Writer
 from omni_mj.worlds.build import World
 
 
 class Between:
-    """What happens before and after each step.
+    """What happens before and after each step; see `AtOnce`.
 
     Args:
         batch: of the robots' worlds.
         world: as built.
-        onboard: firmware, motors, battery and traction of the robots.
-        sensed: what encoders and gyros showed last, (W, n) rad and (n,) rad/s; written.
-        off: robots that are switched off, (n,); a live array.
-        heading: at the start, full turns counted, (n,) rad; written at the end of each frame.
-        recorded: written: wheel speeds, voltages and currents of a frame's cycles (3, cycles, W, n), and the battery's
-            voltage (cycles, n, 1).
+        onboard, sensed, off, heading, recorded: as of `AtOnce`.
     """
 
     def __init__(
         self,
-        batch: Batch,
+        batch: Batch | Alone,
         world: World,
         onboard: tuple[Firmware, Motors, Battery, Traction],
         sensed: tuple[Array, Array],
@@ -75,6 +73,7 @@ class Between:
         self._writer = Writer(Cells.of(batch, world), self._seen, onboard, creeps)
         self._firmware, self._table = onboard[0], self._writer.table
         self._before, self._after, self._end = compiled(before), compiled(after), compiled(end)
+        self._burst, self._address = compiled(burst), addresses.of(self._table)
 
     def look(self) -> None:
         """Find anew what others stand in for when a fault begins or ends."""
@@ -99,6 +98,25 @@ class Between:
         """See to what follows a physics step, the `first` or `last` in the cycle `k` of a frame."""
         self._after(self._table, k, first, last)
 
+    def burst(
+        self, world: Alone, others: "Sequence[Between]", first: int, count: int, substeps: int, living: bool
+    ) -> None:
+        """Go through cycles of a frame, with physics steps if the world is `living`, of all its robots.
+
+        Args:
+            world: theirs.
+            others: what happens to those of other groups, after these.
+            first: number of the first cycle in its frame.
+            count: of the cycles.
+            substeps: physics steps in a cycle.
+            living: whether there are any.
+        """
+        groups = self, *others
+        tables = np.array([each._address for each in groups])
+        self._burst(tables, world.stepping, first, count, substeps, living, self._firmware.cycle)
+        for each in groups:
+            each._firmware.cycle += count
+
     def end(self, period: float) -> bool:
         """Warm motors and discharge batteries after a frame that lasted so long, s, and read headings.
 
@@ -107,6 +125,23 @@ class Between:
         """
         toppled: bool = self._end(self._table, period)
         return toppled
+
+
+def burst(
+    tables: np.ndarray, stepping: np.ndarray, first: int, count: int, substeps: int, living: bool, cycle: int
+) -> None:
+    """See `Between.burst`: `tables` are addresses of the groups' tables, `stepping` is the world's.
+
+    All of them have had as many cycles before: `cycle`.
+    """
+    for k in range(count):
+        for address in tables:
+            before(addresses.numbers(address, (END,)), first + k, cycle + k)
+        for substep in range(substeps):
+            if living:
+                addresses.call(stepping[0], stepping[1], stepping[2])
+            for address in tables:
+                after(addresses.numbers(address, (END,)), first + k, substep == 0, substep == substeps - 1)
 
 
 def before(t: Table, k: int, cycle: int) -> None:

@@ -6,14 +6,15 @@ from collections.abc import Sequence
 import numpy as np
 from mujoco.batch import Batch
 
-from omni_control.kinematics import Array, Kinematics, wrapped
+from omni_control.kinematics import Array, Kinematics
 from omni_mj.link.radio import Received
 from omni_mj.onboard import kernel, laws
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.motors import Motors
-from omni_mj.onboard.traction import EVERY
-from omni_mj.plants import Telemetry, batches, friction
+from omni_mj.plants import Telemetry, batches, cycles, friction
+from omni_mj.plants.alone import Alone
+from omni_mj.plants.at_once import AtOnce
 from omni_mj.plants.between import Between
 from omni_mj.plants.bodies import MujocoBodies
 from omni_mj.plants.bound import Bound
@@ -38,13 +39,15 @@ class MujocoPlant:
         start: poses at the start, (n, 3).
         threads: of the physics. Results do not depend on it. [one below 16 robots, else as many as cores]
         within: a batch of one world, and where these robots are in it, perhaps with others: whoever steps it calls
-            `before`, `after` and `end` of all its plants. [a batch of their own; where they start is then checked]
+            `begin` and `end` of all its plants, and `cycles.go` in between. [a batch of their own; where they start is
+            then checked]
 
     Attributes:
         geometry: of the wheels, as they are when new.
         drawn: what the robots' seeds drew for them.
         cycles: of the wheel loops in a frame.
         currents: of the motors in each cycle of the frame just past, (cycles, n, wheels) A.
+        between: what happens between physics steps.
 
     Raises:
         OmniError: rows that one batch cannot hold (see `batches`), a robot that starts in another or in a wall, or a
@@ -56,7 +59,7 @@ class MujocoPlant:
         rows: Sequence[Row],
         start: Array,
         threads: int | None = None,
-        within: tuple[Batch, World] | None = None,
+        within: tuple[Batch | Alone, World] | None = None,
     ) -> None:
         settings, places = [row.settings for row in rows], batches.places(rows) if within is None else len(rows)
         batches.check(rows)
@@ -100,22 +103,19 @@ class MujocoPlant:
         self._speeds, self._voltages, self.currents = recorded.swapaxes(2, 3)
         self._supplies = np.zeros((self.cycles, n, 1))  # the battery's voltage of each step
         self._held: Array | None = None
-        self._between: Between | None = None
-        self._faults: Faults | None = None
         onboard = self._firmware, self._motors, self._battery, self._traction
+        self._faults: Faults | None = None
         if any(row.faults for row in rows):
             self._faults = Faults(rows, MujocoBodies(self._batch, world, n), onboard, self._angles)
-        if self._kernel == "numba":
-            sensed = self._angles.T, self._turn_rates
-            kept = self._failed, self._heading
-            self._between = Between(self._batch, world, onboard, sensed, *kept, (recorded, self._supplies))
+        state = onboard, (self._angles.T, self._turn_rates), self._failed, self._heading, (recorded, self._supplies)
+        self.between = AtOnce(self._at, *state) if self._kernel == "numpy" else Between(self._batch, world, *state)
         self._cycle = 0
         self._nothing: tuple[Array, np.ndarray] = np.full(n, np.nan), np.zeros(n, int)
         self._heard: tuple[Array, np.ndarray] = self._nothing
 
-    def _made(self, world: World, worlds: int, threads: int) -> Batch:
+    def _made(self, world: World, worlds: int, threads: int) -> Batch | Alone:
         """What steps so many worlds like one that was built."""
-        return batches.made(world, worlds, threads)
+        return batches.made(world, worlds, threads, self._kernel)
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -129,93 +129,36 @@ class MujocoPlant:
 
     def advance(self, received: Received) -> dict[int, str]:
         """See `Plant`."""
-        self.cycle(received)
-        for _ in range(1, self.cycles):
-            causes = self.cycle()
-        return causes
+        return self.go(self.cycles, received)
 
-    def cycle(self, received: Received | None = None) -> dict[int, str]:
-        """Move on by a cycle of the wheel loops, of which there are as many in a frame as `cycles` says.
+    def go(self, count: int, received: Received | None = None) -> dict[int, str]:
+        """Move on by some cycles of the wheel loops, of which there are as many in a frame as `cycles` says.
 
         Args:
+            count: how many, no more than are left of the frame.
             received: what robots hold from now on, if anything arrived; headings are compared in the next frame.
 
         Returns:
             As `advance`, at the end of a frame; nothing within one.
         """
-        self.before(received)
-        for substep in range(self._substeps):
-            self._batch.step(self._living)
-            self.after(substep)
-        return self.end()
+        self.begin(received)
+        cycles.go(self._batch, [self.between], self._cycle, count, self._substeps, self._living)
+        return self.end(count)
 
-    def before(self, received: Received | None = None) -> None:
-        """Do what a cycle begins with, until physics steps; see `cycle`."""
-        k, between = self._cycle, self._between
+    def begin(self, received: Received | None = None) -> None:
+        """Do what comes before cycles; see `go`."""
         if received is not None:
             self._obey(received)
-        if k == 0:
+        if self._cycle == 0:
             self._begin()
-        if between is None:
-            self._command(k)
-        else:
-            between.before(k)
 
-    def after(self, substep: int) -> None:
-        """Do what comes after a physics step of a cycle, by the step's number in it."""
-        last, between = substep == self._substeps - 1, self._between
-        if between is None:
-            self._follow(substep == 0, last)
-        else:
-            between.after(self._cycle, substep == 0, last)
-
-    def end(self) -> dict[int, str]:
-        """End a cycle; see there."""
-        self._cycle = (self._cycle + 1) % self.cycles
+    def end(self, count: int) -> dict[int, str]:
+        """Do what comes after so many; see `go`."""
+        self._cycle = (self._cycle + count) % self.cycles
         if self._cycle:
             return {}
-        if self._between is None:
-            self._motors.warm(self.currents, self._speeds)
-            self._battery.discharge(PERIOD_S)
-            toppled = self._face()
-        else:
-            toppled = self._between.end(PERIOD_S)
+        toppled = self.between.end(PERIOD_S)
         return self._check() if toppled or np.count_nonzero(self._warnings) else {}
-
-    def _command(self, k: int) -> None:
-        """Let the wheel loops run in the cycle `k` of a frame: from what was sensed to voltages."""
-        at, motors, battery, traction = self._at, self._motors, self._battery, self._traction
-        duty = self._firmware.duties(self._turn_rates + self._gyro_error, self._angles)
-        if (held := self._holds) is not None:
-            motors.hold(duty, held, at.wheel_speed.get(), battery.voltage[:, None])
-        if np.count_nonzero(self._failed):
-            duty[self._failed] = 0.0
-        self._speeds[k], self._supplies[k, :, 0] = at.wheel_speed.get(), battery.voltage
-        self._voltages[k], self.currents[k] = motors.drive(duty * self._supplies[k], self._speeds[k])
-        at.ctrl.set(motors.told(self.currents[k], self._speeds[k]))
-        if k % EVERY == 0:
-            traction.travel(at.position.get(), at.quaternion.get(), at.velocity.get(), at.load.get(), self._angles)
-            traction.wrench[:, :2] += self._push
-            at.wrench.set(traction.wrench)
-        self._press()
-
-    def _press(self) -> None:
-        """Let the wheels' loads limit how much their rims hold."""
-        if (slips := self._at.slips) is not None:
-            self._traction.press(self._at.load.get())
-            slips.limit.set(self._traction.limit)
-            slips.impedance.set(self._traction.impedance)
-
-    def _follow(self, first: bool, last: bool) -> None:
-        """What comes after the `first` or `last` physics step of a cycle."""
-        if first:  # what MuJoCo sensed at its start: a cycle ago, however many steps there are in it
-            self._sense()
-        if self._at.handover is not None:
-            self._at.handover()
-        if last:
-            self._battery.load(self._voltages[self._cycle], self.currents[self._cycle])
-        else:
-            self._press()
 
     def _obey(self, received: Received) -> None:
         """Take over commands, and keep vision's headings until the next frame begins."""
@@ -228,22 +171,18 @@ class MujocoPlant:
 
     def _begin(self) -> None:
         """Begin a frame: what changes from frame to frame."""
-        motors, gyro_bias = self._motors, self._chance.gyro_bias
-        self._push = self._chance.push()
+        motors, gyro_bias, push = self._motors, self._chance.gyro_bias, self._chance.push()
         if self._faults is not None:
             self._faults.begin()
-            self._push, gyro_bias = self._push + self._faults.push, gyro_bias + self._faults.gyro
-            self._push[self._failed] = 0.0
+            push, gyro_bias = push + self._faults.push, gyro_bias + self._faults.gyro
+            push[self._failed] = 0.0
+            self.between.look()
+            self.between.hold(self._holds)
         self._at.resistance.set(motors.resistance)
         self._at.constant.set(motors.constant)
         self._firmware.correct(*self._heard, motors.winding)
         self._heard = self._nothing
-        self._gyro_error = self._chance.gyro_error(gyro_bias)
-        if self._between is not None:
-            self._between.begin(self._gyro_error, self._push)
-            if self._faults is not None:
-                self._between.look()
-                self._between.hold(self._holds)
+        self.between.begin(self._chance.gyro_error(gyro_bias), push)
 
     def hold(self, current: Array | None) -> None:
         """Have drivers hold currents from now on, whatever the firmware asks; with none, a robot rolls out.
@@ -253,8 +192,7 @@ class MujocoPlant:
                 drive. None for all.
         """
         self._held = None if current is None or np.isnan(current).all() else np.array(current, float)
-        if self._between is not None:
-            self._between.hold(self._holds)
+        self.between.hold(self._holds)
 
     @property
     def _holds(self) -> Array | None:
@@ -291,12 +229,6 @@ class MujocoPlant:
         self._heading[rows] = heading
         self._batch.forward(worlds)
         self._sense()
-
-    def _face(self) -> bool:
-        """Read headings; say whether a robot that is on has toppled."""
-        w, x, y, z = self._at.quaternion.get().T
-        self._heading += wrapped(laws.heading(w, x, y, z) - self._heading)
-        return bool((laws.toppled(x, y) & ~self._failed).any())
 
     def _check(self) -> dict[int, str]:
         """Find what has failed, and stop it."""

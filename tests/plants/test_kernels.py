@@ -147,10 +147,10 @@ def test_the_loops_between_steps_do_compiled_what_they_do_as_python(changes: dic
     for python in (True, False):
         physics = {"kernel": "numba", **changes.get("physics", {})}
         plant = mujoco([with_settings(**{**changes, "physics": physics})])
-        loops = plant._between
-        assert loops is not None
+        loops = plant.between
+        assert isinstance(loops, between.Between)
         if python:
-            loops._before, loops._after, loops._end = between.before, between.after, between.end
+            loops._burst, loops._end = between.burst, between.end
         poses = drive(plant, np.full((2, 1, 3), 0.5))
         seen.append([poses, plant.currents.copy(), plant._motors.winding, plant._battery.charge])
     for one, other in zip(*seen, strict=True):

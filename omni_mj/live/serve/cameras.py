@@ -31,7 +31,7 @@ class Image:
         cycle: in which it was taken.
         names: of the robots at that time.
         poses: measured (n, 3), not a number where a robot was not seen.
-        ball: measured (2,) m, or None.
+        ball: measured, m, or None.
         sent: when it is sent, s of simulated time; never, if it is lost, is infinite.
         behind: by how much its camera's clock is behind itself, s.
     """
@@ -41,7 +41,7 @@ class Image:
     cycle: int
     names: tuple[Name, ...]
     poses: Array
-    ball: Array | None
+    ball: tuple[float, float] | None
     sent: float
     behind: float
 
@@ -103,8 +103,10 @@ class Eye:
             area: what the camera sees.
         """
         measured, _ = self._camera(poses, cycle // CYCLES)
-        measured[~(present & area.sees(poses[:, :2]))] = np.nan
-        vision, frame, noise = self._vision, self._frame, self._ball.next()[0]
+        hidden = ~(present & area.sees(poses[:, :2]))
+        if np.count_nonzero(hidden):
+            measured[hidden] = np.nan
+        vision, frame, noise = self._vision, self._frame, self._ball.next()[0].tolist()
         time, delay, behind = cycle / CYCLE_RATE_HZ, vision.delay_s, 0.0
         if self._timing is not None:
             delays, errors = self._timing.at(cycle // CYCLES, time, np.array([delay]))
@@ -117,8 +119,9 @@ class Eye:
         self._frame += 1
         self.due = self._cycle_of(self._frame)
         where = None
-        if ball is not None and area.sees(ball[None])[0]:
-            where = ball + noise * vision.position_noise_m + self._offset[:2]
+        if ball is not None and area.covers(x := float(ball[0]), y := float(ball[1])):
+            sigma, (aside_x, aside_y, _) = vision.position_noise_m, self._offset.tolist()
+            where = x + noise[0] * sigma + aside_x, y + noise[1] * sigma + aside_y
         return Image(self._number, frame, cycle, tuple(names), measured + self._offset, where, sent, behind)
 
     def _cycle_of(self, frame: int) -> int:
@@ -139,13 +142,12 @@ def detection(image: Image, area: Area, clock: float, height: float) -> Detectio
     for (team, number), (x, y, heading) in zip(image.names, image.poses.tolist(), strict=True):
         if not math.isnan(x):
             teams[team == Team.BLUE].append(DetectedRobot(number, x, y, heading, 1.0, *area.pixel(x, y), height))
-    ball = () if image.ball is None else (_ball(image.ball, area),)
+    ball = () if image.ball is None else (_ball(*image.ball, area),)
     captured = clock + image.cycle / CYCLE_RATE_HZ
     yellow, blue_ones = (tuple(sorted(team)) for team in teams)
     return Detection(image.frame, captured, clock + image.sent, image.camera, ball, yellow, blue_ones, captured)
 
 
-def _ball(ball: Array, area: Area) -> DetectedBall:
-    x, y = map(float, ball)
+def _ball(x: float, y: float, area: Area) -> DetectedBall:
     pixel_x, pixel_y = area.pixel(x, y)
     return DetectedBall(x, y, pixel_x=pixel_x, pixel_y=pixel_y)

@@ -80,6 +80,11 @@ class Area:
         """Which of the points (n, 2) are in it, (n,)."""
         return np.asarray((np.abs(points - self.middle) <= self.half).all(1))
 
+    def covers(self, x: float, y: float) -> bool:
+        """Whether a point is in it."""
+        (middle_x, middle_y), (half_x, half_y) = self._bounds
+        return abs(x - middle_x) <= half_x and abs(y - middle_y) <= half_y
+
     def pixel(self, x: float, y: float) -> tuple[float, float]:
         """Where a point on the carpet is in the image, which looks straight down."""
         scale, middle_x, middle_y = self._scale
@@ -111,6 +116,10 @@ class Area:
     @cached_property
     def _focal_length(self) -> float:
         return float(HEIGHT_M * np.min(np.array(IMAGE) / (2 * self.half)))
+
+    @cached_property
+    def _bounds(self) -> tuple[list[float], list[float]]:
+        return self.middle.tolist(), self.half.tolist()
 
     @cached_property
     def _scale(self) -> tuple[float, float, float]:

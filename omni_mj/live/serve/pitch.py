@@ -90,30 +90,33 @@ class Pitch:
         for eye, area in zip(self._eyes, self._areas, strict=True):
             if eye.due <= self.cycle:
                 image = eye.look(self.cycle, self.names, self.plant.pose(), self.plant.present, self.ball, area)
-                seen = ~np.isnan(image.poses[:, 2])
-                self.measured[seen] = image.poses[seen]
+                np.copyto(self.measured, image.poses, where=~np.isnan(image.poses[:, 2:]))
                 images.append(image)
         self.due = min(eye.due for eye in self._eyes)
         return images
 
     def step(self) -> None:
         """Go on by a cycle."""
-        radio, plant, arrived = self._radio, self.plant, None
-        if radio.quiet:
-            radio.wait()
-        else:
-            packets, new, _ = radio.deliver()
-            if new.any():
-                self.held = arrived = received(packets, new, self.cycle + plant.frame_in)
-        if failed := plant.cycle(arrived):
-            for robot, cause in failed.items():
-                self._tell("robot failed", f"{label(self.names[robot])} {cause} at {self.time_s:.3f} s")
-        self.cycle += 1
+        self.advance(self.cycle + 1)
 
     def advance(self, until: int) -> None:
-        """Go on up to a cycle."""
+        """Go on up to a cycle: as many at a time as there are until one at which something arrives, or a frame ends."""
+        radio, plant = self._radio, self.plant
         while self.cycle < until:
-            self.step()
+            arrived, quiet = None, radio.quiet
+            if quiet:
+                count = min(quiet, until - self.cycle, plant.left)
+                radio.wait(count)
+            else:
+                packets, new, _ = radio.deliver()
+                if new.any():
+                    self.held = arrived = received(packets, new, self.cycle + plant.frame_in)
+                count = min(1 + radio.quiet, until - self.cycle, plant.left)
+                radio.wait(count - 1)
+            if failed := plant.go(count, arrived):
+                for robot, cause in failed.items():
+                    self._tell("robot failed", f"{label(self.names[robot])} {cause} at {self.time_s:.3f} s")
+            self.cycle += count
 
     def command(self, team: Team, commands: Sequence[RobotCommand]) -> tuple[list[Refusal], list[int]]:
         """Send commands to robots of a team; they act when the radio has brought them.
@@ -270,8 +273,7 @@ class Pitch:
         """Let numba compile what it has not yet on this computer, which takes 20 s, before anybody waits for images."""
         if self.rows and self.rows[0].settings.physics.kernel == "numba":
             plant = ServedPlant(self.rows, self.plant.pose())
-            for _ in range(plant.cycles):
-                plant.cycle(self.held)
+            plant.go(plant.cycles, self.held)
 
     def _rows(self) -> list[Row]:
         """A row for each robot."""

@@ -9,7 +9,7 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Received
 from omni_mj.live.serve.squad import Squad
-from omni_mj.plants import Telemetry, batches
+from omni_mj.plants import Telemetry, batches, cycles
 from omni_mj.plants.faults.world import check_carpet
 from omni_mj.scenarios.rows import Row
 from omni_mj.worlds import build
@@ -42,7 +42,7 @@ class ServedPlant:
         check_carpet(rows)
         shapes = [Shape.of(row.settings) for row in rows]
         worlds = build.mixed([row.settings for row in rows], hulls=True)
-        self._batch = batches.made(worlds[0], 1)
+        self._batch = batches.made(worlds[0], 1, kernel=rows[0].settings.physics.kernel)
         self.squads = list[Squad]()
         for shape, world in zip(dict.fromkeys(shapes), worlds, strict=True):
             places = [place for place, each in enumerate(shapes) if each == shape]
@@ -90,19 +90,22 @@ class ServedPlant:
         """Cycles from now to the next beginning of a frame, in which headings are compared; none at one."""
         return -self._cycle % self.cycles
 
-    def cycle(self, received: Received | None = None) -> dict[int, str]:
-        """Move on by a cycle of the wheel loops; see `MujocoPlant.cycle`."""
+    @property
+    def left(self) -> int:
+        """Cycles that are left of the frame; all at its beginning."""
+        return self.cycles - self._cycle % self.cycles
+
+    def go(self, count: int, received: Received | None = None) -> dict[int, str]:
+        """Move on by some cycles of the wheel loops, no more than are left of the frame; see `MujocoPlant.go`."""
         squads = self.squads
         for squad in squads:
-            squad.before(None if received is None else self._part(received, squad))
-        for substep in range(self._substeps):
-            self._batch.step()
-            for squad in squads:
-                squad.after(substep)
-        self._cycle += 1
+            squad.begin(None if received is None else self._part(received, squad))
+        between = [squad.between for squad in squads]
+        cycles.go(self._batch, between, self._cycle % self.cycles, count, self._substeps, None)
+        self._cycle += count
         causes = dict[int, str]()
         for squad in squads:
-            if failed := squad.end():
+            if failed := squad.end(count):
                 causes |= {int(squad.places[robot]): cause for robot, cause in failed.items()}
         if causes and any(squad.unstable for squad in squads):
             self.unstable, self._batch.warning[:] = True, 0

@@ -7,6 +7,7 @@ from mujoco.batch import Batch
 
 from omni_control.kinematics import Array, world_to_body, wrapped
 from omni_mj.onboard import laws
+from omni_mj.plants.alone import Alone
 from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.scenarios.rows import Row
 from omni_mj.worlds.build import World
@@ -32,7 +33,7 @@ class Squad(MujocoPlant):
         unstable: whether physics has failed since the last `recover`.
     """
 
-    def __init__(self, rows: Sequence[Row], start: Array, batch: Batch, world: World) -> None:
+    def __init__(self, rows: Sequence[Row], start: Array, batch: Batch | Alone, world: World) -> None:
         super().__init__(rows, start, within=(batch, world))
         self.present, self.places = np.ones(len(rows), bool), np.array([row.place for row in rows])
         self.wheels, self.reach = len(world.kinematics.azimuths), world.reach

@@ -70,23 +70,15 @@ def repeated(number: int, kind: type) -> Field:
     return Field(number, kind, "repeated")
 
 
-class _Entry(NamedTuple):
-    place: int  # in the NamedTuple
-    name: str
-    tag: bytes
-    label: str
-    read: Read
-    write: Write
-    message: type[Any] | None
-    others: tuple[int, ...]  # places that this field excludes
-
-
 class _Table(NamedTuple):
-    entries: list[_Entry]  # by number: the order in which they are written
-    by_tag: dict[int, _Entry]
+    """Plain tuples: of a packet with 12 robots, a hundred are gone through, cold, between two pieces of physics."""
+
+    write: list[tuple[int, bytes, Write, str]]  # place in the NamedTuple, tag, how, label; by number: so it is written
+    # By tag: place, how, whether it is a message, places that it excludes.
+    read: dict[int, tuple[int, Read, bool, tuple[int, ...]]]
     messages: list[tuple[int, type[Any], bool]]  # place, class, whether repeated
     required: list[tuple[int, str]]  # place, name
-    size: int
+    names: list[str]  # by place
 
 
 def encode(message: tuple[Any, ...]) -> bytes:
@@ -95,23 +87,24 @@ def encode(message: tuple[Any, ...]) -> bytes:
     Raises:
         WireError: a required field is None, or a value has the wrong type or is out of its kind's range.
     """
-    written = bytearray()
-    for entry in _table(type(message)).entries:
-        value = message[entry.place]
-        try:
-            if entry.label == "repeated":
+    table, written, place = _table(type(message)), bytearray(), 0
+    try:
+        for place, tag, write, label in table.write:
+            value = message[place]
+            if label == "repeated":
                 for each in value:
-                    written += entry.tag
-                    written += entry.write(each)
+                    written += tag
+                    written += write(each)
             elif value is not None:
-                written += entry.tag
-                written += entry.write(value)
-            elif entry.label == "required":
+                written += tag
+                written += write(value)
+            elif label == "required":
                 raise ValueError("is required")
-        except WireError:  # of a message within this one
-            raise
-        except (TypeError, ValueError, OverflowError, AttributeError, struct.error) as error:
-            raise WireError(f"{type(message).__name__}.{entry.name} cannot be {value!r}: {error}") from None
+    except WireError:  # of a message within this one
+        raise
+    except (TypeError, ValueError, OverflowError, AttributeError, struct.error) as error:
+        what = f"{type(message).__name__}.{table.names[place]}"
+        raise WireError(f"{what} cannot be {message[place]!r}: {error}") from None
     return bytes(written)
 
 
@@ -132,7 +125,7 @@ def decode(kind: type[Message], data: bytes) -> Message:
 def _read(kind: type[Message], *parts: bytes) -> Message:
     """A message; sent twice, it is merged: each part is well-formed, and what is required may be in any."""
     table = _table(kind)
-    values: list[Any] = [None] * table.size
+    values: list[Any] = [None] * len(table.names)
     for data in parts:
         at, end = 0, len(data)
         while at < end:
@@ -140,19 +133,20 @@ def _read(kind: type[Message], *parts: bytes) -> Message:
             at += 1
             if tag > 0x7F:
                 tag, at = read_varint(data, at - 1, end, MOST_OF_32_BITS)
-            entry = table.by_tag.get(tag)
+            entry = table.read.get(tag)
             if entry is None:
                 at = _skipped(data, at, end, tag)
                 continue
-            value, at = entry.read(data, at, end)
-            for other in entry.others:
+            place, read, within, others = entry
+            value, at = read(data, at, end)
+            for other in others:
                 values[other] = None
-            if entry.message is None:
-                values[entry.place] = values[entry.place] if value is None else value
-            elif values[entry.place] is None:
-                values[entry.place] = [value]
+            if not within:
+                values[place] = values[place] if value is None else value
+            elif values[place] is None:
+                values[place] = [value]
             else:
-                values[entry.place].append(value)
+                values[place].append(value)
     for place, message, many in table.messages:
         held = values[place]
         if many:
@@ -202,19 +196,20 @@ def _table(kind: type) -> _Table:
     """What the annotations of a message say."""
     described = fields(kind)
     exclusive = [place for place, field in enumerate(described.values()) if field.label == "one of"]
-    entries = []
-    for place, (name, field) in enumerate(described.items()):
+    table = _Table([], {}, [], [], list(described))
+    for place, (name, field) in sorted(enumerate(described.items()), key=lambda item: item[1][1].number):
         coded, message = field.kind, None
         if not isinstance(coded, Kind):
             coded, message = (of_enumeration(coded), None) if issubclass(coded, IntEnum) else (_of(coded), coded)
         others = tuple(other for other in exclusive if other != place) if place in exclusive else ()
-        tag = write_varint(field.number << 3 | coded.wire_type)
-        entries.append(_Entry(place, name, tag, field.label, coded.read, coded.write, message, others))
-    entries.sort(key=lambda entry: described[entry.name].number)
-    by_tag = {read_varint(entry.tag, 0, len(entry.tag))[0]: entry for entry in entries}
-    messages = [(entry.place, entry.message, entry.label == "repeated") for entry in entries if entry.message]
-    needed = [(entry.place, entry.name) for entry in entries if entry.label == "required"]
-    return _Table(entries, by_tag, messages, needed, len(entries))
+        tag = field.number << 3 | coded.wire_type
+        table.write.append((place, write_varint(tag), coded.write, field.label))
+        table.read[tag] = place, coded.read, message is not None, others
+        if message is not None:
+            table.messages.append((place, message, field.label == "repeated"))
+        if field.label == "required":
+            table.required.append((place, name))
+    return table
 
 
 def _of(message: type[Any]) -> Kind:

@@ -20,6 +20,9 @@ Read = Callable[[bytes, int, int], tuple[Any, int]]  # of (data, from, end): val
 Write = Callable[[Any], bytes]
 
 
+_BYTES = [bytes([value]) for value in range(0x80)]
+
+
 class WireError(OmniError):
     """Bytes that are no such message, or values that a message cannot carry."""
 
@@ -49,6 +52,8 @@ def read_varint(data: bytes, at: int, end: int, most: int = 10) -> tuple[int, in
 
 def write_varint(value: int) -> bytes:
     """A number of 0 to 2^64 - 1."""
+    if 0 <= value <= 0x7F:
+        return _BYTES[value]
     written = bytearray()
     while value > 0x7F:
         written.append(value & 0x7F | 0x80)
@@ -79,19 +84,23 @@ def _integer(least: int, most: int, *, scale: float = 1.0) -> Kind:
 def _real(code: str, wire_type: int, *, scale: float = 1.0) -> Kind:
     """IEEE 754 numbers, the lowest byte first; on the wire they are multiplied by a scale."""
     form = struct.Struct(code)
+    size, unpack = form.size, form.unpack_from
 
     def read(data: bytes, at: int, end: int) -> tuple[float, int]:
-        after = at + form.size
+        after = at + size
         if after > end:
             raise WireError("cut off within a number")
-        return form.unpack_from(data, at)[0] / scale, after
+        return unpack(data, at)[0] / scale, after
 
-    return Kind(wire_type, read, lambda value: form.pack(value * scale))
+    return Kind(wire_type, read, form.pack if scale == 1.0 else lambda value: form.pack(value * scale))
 
 
 def read_sized(data: bytes, at: int, end: int) -> tuple[bytes, int]:
     """Bytes after their number."""
-    size, at = read_varint(data, at, end, MOST_OF_32_BITS)
+    if at < end and data[at] < 0x80:  # as of most
+        size, at = data[at], at + 1
+    else:
+        size, at = read_varint(data, at, end, MOST_OF_32_BITS)
     if size > end - at:
         raise WireError(f"cut off: {size} bytes are announced, {end - at} are left")
     return data[at : at + size], at + size
