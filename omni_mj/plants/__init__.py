@@ -81,12 +81,12 @@ class Telemetry:
             speed: of the wheels, (n, W) rad/s.
             slip: of the wheels, (n, W) m/s.
             recorded: voltages and currents of the frame's cycles (cycles, n, W), V and A, and the battery's voltage
-                (cycles, n, 1) V.
+                (cycles, n) V.
             motors: theirs.
             battery: theirs.
         """
         voltages, currents, supplies = recorded
-        sizes, count = np.abs(voltages), len(voltages)
+        sizes, count, supplies = np.abs(voltages), len(voltages), supplies.reshape(len(voltages), -1, 1)
         on = supplies > 0
         if np.count_nonzero(on) == on.size:
             duties = sizes / supplies

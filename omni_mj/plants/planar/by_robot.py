@@ -3,17 +3,13 @@
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.onboard import by_robot, laws
-from omni_mj.onboard.arrays import (
-    BatteryArrays,
-    ChargeArrays,
-    FirmwareArrays,
-    HeatArrays,
-    MotorArrays,
-    TractionArrays,
-)
+from omni_mj.onboard import by_frame, by_robot, laws
+from omni_mj.onboard import table as onboard
+from omni_mj.onboard.arrays import MotorArrays, TractionArrays
+from omni_mj.onboard.table import Table
 from omni_mj.onboard.traction import EVERY
 from omni_mj.plants.planar import laws as planar
+from omni_mj.plants.planar import table
 from omni_mj.plants.planar.arrays import Motion, Robots, Scratch
 from omni_mj.plants.planar.cycle import PASSES
 from omni_mj.worlds.build import CYCLE_S
@@ -21,71 +17,63 @@ from omni_mj.worlds.build import CYCLE_S
 TOGETHER = 512  # robots whose numbers stay in near memory
 
 
-def frame(
-    cycle: int,
-    period: float,
-    r: Robots,
-    m: Motion,
-    s: Scratch,
-    f: FirmwareArrays,
-    motors: MotorArrays,
-    heat: HeatArrays,
-    b: BatteryArrays,
-    charge: ChargeArrays,
-    t: TractionArrays,
-    gyro: Array,
-    push: Array,
-    downhill: Array,
-    held: Array,
-    speeds: Array,
-    voltages: Array,
-    currents: Array,
-    supplies: Array,
-) -> None:
-    """Move on by as many cycles as `speeds` has room for.
+def obey(t: Table, cycle: int) -> None:
+    """Take over the commands that are noted, after so many cycles."""
+    by_frame.obey(onboard.firmware(t), cycle)
 
-    Args:
-        cycle: number of those before.
-        period: what they last, s.
-        r: robots.
-        m: how they move; written.
-        s: what is noted.
-        f: their firmware.
-        motors: their motors.
-        heat: of these.
-        b: their batteries.
-        charge: of these.
-        t: their wheels on the carpet.
-        gyro: what gyros show too much, (n,) rad/s.
-        push: on chassis, in the world's axes, (2, n) N.
-        downhill: on all of a robot, in the world's axes, (2, n) N.
-        held: currents that drivers hold, (W, n) A, or not a number; or empty.
-        speeds: written: of hubs in each cycle, (cycles, W, n) rad/s.
-        voltages: written: of motors, (cycles, W, n) V.
-        currents: written: of motors, (cycles, W, n) A.
-        supplies: written: of batteries, (cycles, n) V.
+
+def go(t: Table, cycle: int, frame: int, period: float) -> bool:
+    """Let a frame pass, after so many cycles and frames, that lasts a `period`, s.
+
+    Returns:
+        Whether all robots stand on their wheels at places that are numbers.
     """
-    n = len(gyro)
+    r, m, s, f, g = table.robots(t), table.motion(t), table.scratch(t), onboard.firmware(t), table.frame(t)
+    motors, heat, b, traction = onboard.motors(t), onboard.heat(t), onboard.battery(t), onboard.traction(t)
+    by_frame.correct(f, heat, onboard.past(t), frame)
+    n = len(g.gyro)
+    for i in range(n):
+        m.before[0, i], m.before[1, i] = m.place[0, i], m.place[1, i]
+        m.tilt[0, i] = m.tilt[1, i] = 0.0
     for begin in range(0, n, TOGETHER):
         first, last = laws.count(begin), laws.count(min(begin + TOGETHER, n))
-        for k in range(speeds.shape[0]):
-            speed, voltage, current = speeds[k], voltages[k], currents[k]
+        for k in range(g.supplies.shape[0]):
+            speed, voltage, current = g.recorded[0, k], g.recorded[1, k], g.recorded[2, k]
             for i in range(first, last):
-                s.gyro[i], supplies[k, i] = m.seen_rate[i] + gyro[i], b.voltage[i]
+                s.gyro[i], g.supplies[k, i] = m.seen_rate[i] + g.gyro[i], b.voltage[i]
             for w in range(speed.shape[0]):
                 for i in range(first, last):
                     speed[w, i] = m.speed[w, i]
             by_robot.control(first, last, cycle + k, f, s.gyro, m.seen_angle)
-            by_robot.supply(first, last, f, motors, b, held, speed, voltage)
+            by_robot.supply(first, last, f, motors, b, g.held, speed, voltage)
             by_robot.drive(first, last, motors, speed, voltage, current)
             if k % EVERY == 0:
-                _drag(first, last, r, m, s, t, push, downhill)
-            _pull(first, last, r, m, s, t, current)
-            _solve(first, last, r, m, s, t.rims.limit)
+                _drag(first, last, r, m, s, traction, g.push, g.downhill)
+            _pull(first, last, r, m, s, traction, motors, current)
+            _solve(first, last, r, m, s, traction.rims.limit)
             _advance(first, last, r, m, s)
             by_robot.load(first, last, b, voltage, current, s.drawn)
-    by_robot.warm(motors, heat, currents, speeds, s.heats)
-    by_robot.discharge(b, charge, period)
+    by_robot.warm(motors, heat, g.recorded[2], g.recorded[0], s.heats)
+    by_robot.discharge(b, onboard.charge(t), period)
+    return _stand(r, m, g.supplies.shape[0])
+
+
+def look(t: Table) -> None:
+    """Find the poses of robots."""
+    r, m, g = table.robots(t), table.motion(t), table.frame(t)
+    for i in range(len(g.pose)):
+        x, y = planar.turned(m.facing[0, i], m.facing[1, i], r.middle[0, i], r.middle[1, i])
+        g.pose[i, 0], g.pose[i, 1], g.pose[i, 2] = m.place[0, i] + x, m.place[1, i] + y, m.heading[i]
+
+
+def tell(t: Table) -> None:
+    """Find the telemetry of robots."""
+    r, m, g = table.robots(t), table.motion(t), table.frame(t)
+    for w in range(g.slip.shape[0]):
+        for i in range(g.slip.shape[1]):
+            g.slip[w, i] = np.abs(m.speed[w, i] - m.rims[w, i]) * r.radius[w, i]
+    wheels, recorded = (m.angle, m.speed, g.slip), (g.recorded[1], g.recorded[2], g.supplies)
+    by_frame.tell(g.telemetry, wheels, recorded, onboard.heat(t), onboard.battery(t))
 
 
 def _drag(
@@ -135,13 +123,15 @@ def _drag(
         m.tilting[1, i] = r.height[i] * y - r.pushed_height[i] * aside
 
 
-def _pull(first: int, last: int, r: Robots, m: Motion, s: Scratch, t: TractionArrays, current: Array) -> None:
+def _pull(
+    first: int, last: int, r: Robots, m: Motion, s: Scratch, t: TractionArrays, motors: MotorArrays, current: Array
+) -> None:
     """Find how hubs and rubber pull, and what friction allows."""
     for w in range(current.shape[0]):
         for i in range(first, last):
             pressed = laws.pressed(m.load[w, i])
             soft = planar.soft(t.rims.softness[w, i], pressed, r.contact[w, i])
-            motor, hub = r.torque_constant[w, i] * current[w, i], (r.give[i], r.viscous[i], r.dry[w, i])
+            motor, hub = motors.speed_constant[w, i] * current[w, i], (r.give[i], r.viscous[i], r.dry[w, i])
             end, give = planar.hub(m.speed[w, i], motor, m.torque[w, i], soft, *hub)
             t.rims.limit[w, i] = t.rims.rim_friction[w, i] * pressed
             s.end[w, i], s.give[w, i], s.pull[w, i], s.held[w, i] = end, give, 1 / (soft + give), 0.0
@@ -218,9 +208,24 @@ def _advance(first: int, last: int, r: Robots, m: Motion, s: Scratch) -> None:
     for i in range(first, last):
         x, y, rate, cosine, sine = s.twist[0, i], s.twist[1, i], s.twist[2, i], m.facing[0, i], m.facing[1, i]
         m.seen_rate[i] = m.twist[2, i]
-        m.place[0, i] += CYCLE_S * (cosine * x - sine * y)
-        m.place[1, i] += CYCLE_S * (sine * x + cosine * y)
+        ahead, aside = planar.turned(cosine, sine, x, y)
+        m.place[0, i] += CYCLE_S * ahead
+        m.place[1, i] += CYCLE_S * aside
         m.heading[i] += CYCLE_S * rate
         c, d = planar.small(CYCLE_S * rate)
         m.facing[0, i], m.facing[1, i] = cosine * c - sine * d, sine * c + cosine * d
         m.twist[0, i], m.twist[1, i], m.twist[2, i] = c * x + d * y, c * y - d * x, rate
+
+
+def _stand(r: Robots, m: Motion, cycles: int) -> bool:
+    """Whether all robots stand, at places that are numbers, after so many cycles."""
+    stand = True
+    for i in range(len(m.heading)):
+        weight = 0.0
+        for w in range(r.weight.shape[0]):
+            weight += r.weight[w, i]
+        for w in range(r.weight.shape[0]):
+            corner, edge = (r.corners[0, w, i], r.corners[1, w, i]), (r.edges[0, w, i], r.edges[1, w, i])
+            stand = stand and not planar.falls(corner, edge, (m.tilt[0, i], m.tilt[1, i]), weight * cycles)
+        stand = stand and np.isfinite(m.place[0, i] + m.place[1, i] + m.heading[i])
+    return stand
