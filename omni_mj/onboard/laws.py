@@ -13,6 +13,7 @@ import numpy as np
 Number = Any  # a float, or an array of floats
 Vector = Any  # of the plane: a complex number, or an array of them
 Truth = Any  # a bool, or an array of bools
+Some = tuple[int, int] | None  # robots: the number of the first, and that after the last; or the only one there is
 
 REFERENCE_C = 25.0  # at which the datasheet gives resistance and torque constant
 # Open-circuit voltage of a LiPo cell over its state of charge: 4.2 V full, 3.7 V nominal at half, steep below a tenth.
@@ -33,6 +34,13 @@ def where(condition: Truth, one: Number, other: Number) -> Number:
 def count(number: int) -> int:
     """The number of a robot, 0 or more (compiled: `wide`)."""
     return number
+
+
+def each(some: Some) -> range:
+    """Numbers of some robots; where it is the only one, a compiler knows, and makes no loop of it."""
+    if some is None:
+        return range(1)
+    return range(some[0], some[1])
 
 
 def direction(angle: Number) -> tuple[Number, Number]:

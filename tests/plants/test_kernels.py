@@ -88,19 +88,19 @@ def test_robot_by_robot_is_as_all_at_once(n: int, seed: int) -> None:
             body = (met["velocity"][:, 0] + 1j * met["velocity"][:, 1]) * np.exp(-1j * heading)
             twist = np.stack([body.real, body.imag, met["velocity"][:, 5]])
             for part in [(i, i + 1) for i in range(n)] if k % 2 else [(0, n)]:  # together, or one after the other
-                by_robot.control(*part, other.firmware.cycle, f, met["gyro"][k], met["angle"][k].T)
-                by_robot.supply(*part, f, m, b, np.zeros((0, n)), speed, volts[1, k].T)
-                by_robot.drive(*part, m, speed, volts[1, k].T, amperes[1, k].T)
-                by_robot.travel(*part, t, met["position"].T, facing, twist, load, met["angle"][k].T)
-                by_robot.press(*part, t.rims, load)
-                by_robot.load(*part, b, volts[1, k].T, amperes[1, k].T, np.zeros(n))
+                by_robot.control(part, other.firmware.cycle, f, met["gyro"][k], met["angle"][k].T)
+                by_robot.supply(part, f, m, b, np.zeros((0, n)), speed, volts[1, k].T)
+                by_robot.drive(part, m, speed, volts[1, k].T, amperes[1, k].T)
+                by_robot.travel(part, t, met["position"].T, facing, twist, load, met["angle"][k].T)
+                by_robot.press(part, t.rims, load)
+                by_robot.load(part, b, volts[1, k].T, amperes[1, k].T, np.zeros(n))
             other.firmware.cycle += 1
             np.testing.assert_allclose(f.held.T, duty, rtol=0, atol=ROUNDING)
         one.motors.warm(amperes[0], met["speed"])
         one.battery.discharge(PERIOD_S)
         heat, charge = other.motors.heat_arrays(), other.battery.charge_arrays()
-        by_robot.warm(m, heat, amperes[1].swapaxes(1, 2), met["speed"].swapaxes(1, 2), np.zeros((2, n)))
-        by_robot.discharge(b, charge, PERIOD_S)
+        by_robot.warm((0, n), m, heat, amperes[1].swapaxes(1, 2), met["speed"].swapaxes(1, 2), np.zeros((2, n)))
+        by_robot.discharge((0, n), b, charge, PERIOD_S)
     for numpys, loops in (
         (one.firmware.estimate.heading, other.firmware.estimate.heading),
         (volts[0], volts[1]),

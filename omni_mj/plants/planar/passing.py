@@ -7,6 +7,7 @@ from omni_mj.link.radio import Received
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.kernel import compiled
+from omni_mj.onboard.laws import Some
 from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import EVERY, Traction
 from omni_mj.plants import Telemetry
@@ -89,7 +90,8 @@ class Loops:
 
     def __init__(self, onboard: Onboard, robots: Robots, motion: Motion, frame: Frame) -> None:
         self._writer, self._firmware, self._frame = Writer(onboard, robots, motion, frame), onboard[0], frame
-        self._table = self._writer.table
+        self._table, n = self._writer.table, len(motion.heading)
+        self._all: Some = None if n == 1 else (0, n)
         loops = by_robot.obey, by_robot.go, by_robot.look, by_robot.tell
         self._obey, self._go, self._look, self._tell = map(compiled, loops)
 
@@ -100,7 +102,7 @@ class Loops:
     def obey(self, received: Received) -> None:
         """See `AtOnce`."""
         self._firmware.note(received)
-        self._obey(self._table, self._firmware.cycle)
+        self._obey(self._table, self._all, self._firmware.cycle)
 
     def go(self, received: Received, held: Array | None) -> bool:
         """See `AtOnce`."""
@@ -109,17 +111,17 @@ class Loops:
         self._table[HELD] = 0 if held is None else len(frame.held)
         if held is not None:
             frame.held[:] = held.T
-        stand: bool = self._go(self._table, firmware.cycle, firmware.estimate.frame, PERIOD_S)
+        stand: bool = self._go(self._table, self._all, firmware.cycle, firmware.estimate.frame, PERIOD_S)
         firmware.cycle += len(frame.supplies)
         firmware.estimate.frame += 1
         return stand
 
     def pose(self) -> Array:
         """See `AtOnce`."""
-        self._look(self._table)
+        self._look(self._table, self._all)
         return self._frame.pose.copy()
 
     def telemetry(self) -> Telemetry:
         """See `AtOnce`."""
-        self._tell(self._table)
+        self._tell(self._table, self._all)
         return Telemetry(self._frame.telemetry.copy())
