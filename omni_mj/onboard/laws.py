@@ -39,8 +39,8 @@ def count(number: int) -> int:
 def each(some: Some) -> range:
     """Numbers of some robots; where it is the only one, a compiler knows, and makes no loop of it."""
     if some is None:
-        return range(1)
-    return range(some[0], some[1])
+        return range(count(0), count(1))
+    return range(count(some[0]), count(some[1]))
 
 
 def direction(angle: Number) -> tuple[Number, Number]:

@@ -47,7 +47,7 @@ def go(t: Table, some: Some, cycle: int, frame: int, period: float) -> bool:
         _cycles(t, some, cycle)
     else:
         for begin in range(some[0], some[1], TOGETHER):
-            _cycles(t, (laws.count(begin), laws.count(min(begin + TOGETHER, some[1]))), cycle)
+            _cycles(t, (begin, min(begin + TOGETHER, some[1])), cycle)
     by_robot.warm(some, motors, heat, g.recorded[2], g.recorded[0], s.heats)
     by_robot.discharge(some, battery, onboard.charge(t), period)
     return _stand(some, r, m, g.supplies.shape[0])
