@@ -33,14 +33,14 @@ class Camera:
         self._errors = Noise(
             seeds, Stream.VISION_NOISE, lambda rng, count: rng.standard_normal((count, 3)), lambda block: sigma * block
         )
-        self._begins = Noise(
+        self._visible = Noise(
             seeds,
             Stream.VISION_MISSES,
             lambda rng, count: rng.random((count, 1)),
-            lambda block: (block < probability)[..., 0],
+            lambda block: self._between_gaps((block < probability)[..., 0]),
         )
         self._gap = column(settings, "miss_frames")[:, 0]
-        self._since = np.full(len(seeds), np.inf)  # frames since the last gap began
+        self._begun = np.full(len(seeds), -np.inf)  # image of a block in which the last gap began
         self._sight = Sight.of(faults, seeds)
         self._frame, self._first = 0, True
 
@@ -51,17 +51,11 @@ class Camera:
             pose: true, (n, 3).
             frame: of the loop in which this image is taken, by which faults go. [the next one]
         """
-        begins = self._begins.next()
-        if self._first:
-            begins[:] = self._first = False  # a robot is placed where the camera sees it
         self._frame = (self._frame if frame is None else frame) + 1
         sight, shown = self._sight, pose
         if sight is not None:
             shown = sight.look(pose, self._frame - 1)
-        self._since += 1
-        if np.count_nonzero(begins):
-            self._since[begins] = 0.0
-        seen = self._since >= self._gap
+        seen: np.ndarray = self._visible.next()
         measured = shown + self._errors.next()
         measured[:, 2] = wrap_angle(measured[:, 2])
         if np.count_nonzero(seen) < len(seen):
@@ -69,3 +63,12 @@ class Camera:
         if sight is not None:
             seen = sight.show(measured)
         return measured, seen
+
+    def _between_gaps(self, begins: np.ndarray) -> np.ndarray:
+        """Whether robots are seen in a block of images in which gaps begin, both (images, n)."""
+        if self._first:
+            begins[0] = self._first = False  # a robot is placed where the camera sees it
+        image = np.arange(len(begins), dtype=float)[:, None]
+        begun = np.maximum.accumulate(np.where(begins, image, self._begun))
+        self._begun = begun[-1] - len(begins)
+        return np.asarray(image - begun >= self._gap)

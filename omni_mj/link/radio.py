@@ -89,15 +89,14 @@ class Radio:
         ticks: int = 1,
         nothing: Sequence[float] = (0.0, 0.0, 0.0, np.nan),
     ) -> None:
-        self._delay = column(settings, "delay_frames")[:, 0].astype(int) * ticks
-        self._latest = int(self._delay.max())
+        self._usual = column(settings, "delay_frames")[:, 0].astype(int) * ticks
         self._jitter = column(settings, "jitter_frames")[:, 0].astype(int) * ticks
         self._jitters = bool(self._jitter.any())
         self._late = Noise(seeds, Stream.RADIO_JITTER, lambda rng, count: rng.random((count, 1)))
         self._loss = column(settings, "loss_probability")[:, 0]
         self._loses = bool(self._loss.any())
         self._losses = Noise(seeds, Stream.RADIO_LOSSES, lambda rng, count: rng.random((count, 1)))
-        self._usual, self._schedule, self._ticks = self._delay, Schedule(faults, Delay), ticks
+        self._schedule, self._ticks = Schedule(faults, Delay), ticks
         self._mishaps = Mishaps.of(faults, seeds)
         room = max(map(longest, settings, faults or [()] * len(settings))) * ticks + 1
         n = len(seeds)
@@ -111,6 +110,7 @@ class Radio:
         self._held = self._newest
         self._robots = np.arange(n)
         self._tick, self._last = 0, -1  # now, and when the last of those in flight arrives
+        self._take(self._usual)
         self._change()
 
     def exchange(self, command: Array, heading: Array) -> Received:
@@ -130,7 +130,10 @@ class Radio:
         late = self._delay
         if to is None and not (self._jitters or self._loses or self._mishaps):  # as `exchange` does 60 times a second
             self._packets[tick % ring] = packets
-            self._arriving[(tick + late) % ring, self._robots] = tick
+            if self._alike:
+                self._arriving[(tick + self._latest) % ring] = tick
+            else:
+                self._arriving[(tick + late) % ring, self._robots] = tick
             self._last = max(self._last, tick + self._latest)
             return
         to = self._robots if to is None else to
@@ -159,8 +162,9 @@ class Radio:
             self._held = np.where(behind >= 0, behind, np.where(new, arrived, self._held))
             new, behind[:] = new | (behind >= 0), -1
         arrived[:] = -1
-        held = self._packets[self._held % ring, self._robots]
-        self._holding = np.where(new[:, None], held, self._holding)
+        if np.count_nonzero(new):
+            held = self._packets[self._held % ring, self._robots]
+            np.copyto(self._holding, held, where=new[:, None])
         return self._holding.copy(), new, tick - self._held
 
     @property
@@ -197,7 +201,12 @@ class Radio:
         if self._mishaps is not None:
             self._mishaps.begin(self._tick // self._ticks)
         if (active := self._schedule.at(self._tick // self._ticks)) is not None:
-            self._delay = self._usual.copy()
-            for row, delay in active.of(Delay):
-                self._delay[row] = delay.to * self._ticks
-            self._latest = int(self._delay.max())
+            delay = self._usual.copy()
+            for row, fault in active.of(Delay):
+                delay[row] = fault.to * self._ticks
+            self._take(delay)
+
+    def _take(self, delay: np.ndarray) -> None:
+        """Have what is sent from now on take so many ticks, (n,)."""
+        self._delay, self._latest = delay, int(delay.max())
+        self._alike = bool((delay == self._latest).all())

@@ -36,7 +36,8 @@ def total(each: np.ndarray) -> np.ndarray:
 class FirmwareArrays(NamedTuple):
     """Of `Firmware` and its heading.
 
-    A loop writes heading, due, cosine, sine, turning, last_count, integral, last_error and held.
+    A loop writes heading, bias, turn_rate, stops, due, cosine, sine, turning, along_x, along_y, swing, last_count,
+    integral, last_error and held.
     """
 
     heading: Array  # (n,) rad
@@ -61,6 +62,19 @@ class FirmwareArrays(NamedTuple):
     back_emf: Array  # fed forward, (n,) V s/rad
     speed_constant: Array  # of the datasheet, (n,) V s/rad
     nominal: Array  # (n,) V
+    patience: Array  # cycles from a new command to when the robot stands, (n,)
+    ignores: Array  # whether the robot obeys no command, 0 or 1, (n,)
+    told_x: Array  # command, (n,) m/s
+    told_y: Array  # same
+    told_turn: Array  # same, (n,) rad/s
+    new: Array  # whether it has just arrived, 0 or 1, (n,)
+    seen: Array  # heading that vision saw, (n,) rad, or not a number
+    age: Array  # frames since it was sent, (n,)
+    heading_share: Array  # of its error, by which the heading is put right, (n,)
+    bias_share: Array  # and the gyro's bias, (n,) 1/s
+    hot: Array  # where derating ends, (n,) deg C; infinite of a robot without
+    derated: Array  # current where it begins, (n,) A
+    resistance: Array  # of the datasheet, (n,) ohm
     turn: Array  # wheel speed per turn rate, (W, n)
     along_x: Array  # wheel speeds for the command at heading 0, (W, n) rad/s
     along_y: Array  # at 90 degrees
@@ -72,6 +86,8 @@ class FirmwareArrays(NamedTuple):
     held: Array  # duties, (W, n)
     count_scale: Array  # what encoders show over the angles of wheels, (W, n)
     count_shift: Array  # and besides, (W, n) rad
+    forward: Array  # wheel speed per velocity ahead, (W, n) rad/m
+    left: Array  # and aside
 
 
 class MotorArrays(NamedTuple):
@@ -162,15 +178,16 @@ class TractionArrays(NamedTuple):
     wrench: Array  # (6, n)
 
 
-FIRMWARE_ROBOTS, FIRMWARE_WHEELS = 22, 11  # of the fields above, how many are (n,), and how many (W, n)
+FIRMWARE_ROBOTS, FIRMWARE_WHEELS = 35, 13  # of the fields above, how many are (n,), and how many (W, n)
 MOTORS, BATTERY, RIMS = (len(kind._fields) for kind in (MotorArrays, BatteryArrays, RimArrays))  # fields of each
 
 
 def firmware(r: Array, w: Array) -> FirmwareArrays:
-    """The parts of `r` (22, n) and `w` (11, W, n)."""
+    """The parts of `r` (35, n) and `w` (13, W, n)."""
     state = r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], r[9], r[10], r[11], r[12], r[13], r[14], r[15], r[16]
-    more = r[17], r[18], r[19], r[20], r[21], w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7], w[8], w[9], w[10]
-    return FirmwareArrays(*state, *more)
+    more = r[17], r[18], r[19], r[20], r[21], r[22], r[23], r[24], r[25], r[26], r[27], r[28], r[29], r[30], r[31]
+    last = r[32], r[33], r[34], w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7], w[8], w[9], w[10], w[11], w[12]
+    return FirmwareArrays(*state, *more, *last)
 
 
 def motors(w: Array) -> MotorArrays:

@@ -4,67 +4,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from omni_control.kinematics import Array, Kinematics, wrap_angle
-from omni_mj.link.radio import Received, longest
+from omni_control.kinematics import Array, Kinematics
+from omni_mj.link.radio import Received
 from omni_mj.onboard import arrays, laws
 from omni_mj.onboard.arrays import FirmwareArrays
+from omni_mj.onboard.heading import HeadingEstimate
 from omni_mj.onboard.motor import Motor
 from omni_mj.scenarios.settings import Settings, column
 
-DERATE_BAND_K = 10.0  # derating begins this far below the limit
 DERATED = 2.0  # nominal currents; allowed at the beginning of derating, none at the limit
-
-
-class HeadingEstimate:
-    """Heading of n robots: the gyro integrated, its bias and drift corrected by vision's heading.
-
-    Vision's heading arrives with a command, as late as that: it is compared with what the robot itself held for its
-    heading when the command was sent.
-
-    Args:
-        settings: one per robot.
-        heading: at the start, (n,) rad.
-        period: time between corrections, s.
-        room: where to keep headings and biases, (n,) and (n,). [in arrays of its own]
-    """
-
-    def __init__(
-        self, settings: Sequence[Settings], heading: Array, period: float, room: tuple[Array, Array] | None = None
-    ) -> None:
-        self.heading, self.bias = np.zeros((2, len(heading))) if room is None else room
-        self.heading[:] = heading
-        firmware = [s.firmware for s in settings]
-        self._heading_share = column(firmware, "heading_gain")[:, 0] * period
-        self._bias_share = column(firmware, "bias_gain")[:, 0] * period
-        self._robots = np.arange(len(heading))
-        oldest = max(longest(s.radio, s.fault) for s in settings)
-        self._past = np.tile(self.heading, (oldest + 1, 1))
-        self._frame = 0
-
-    def remember(self, frames: int) -> None:
-        """Begin anew to keep what was held for the headings, for so many frames."""
-        self._past = np.tile(self.heading, (frames + 1, 1))
-
-    def place(self, robot: int, heading: float) -> None:
-        """Forget what was: a robot has been put down with a heading (rad) that it is told."""
-        self.heading[robot] = self._past[:, robot] = heading
-        self.bias[robot] = 0.0
-
-    def turn(self, rate: Array, timestep: Array | float) -> None:
-        """Turn for `timestep` (s; one, or (n,)) at what the gyro shows less its bias, `rate` (n,) in rad/s."""
-        self.heading += rate * timestep
-
-    def correct(self, seen: Array, age: np.ndarray) -> None:
-        """Compare with vision's heading (n,) that arrived in this frame, sent `age` (n,) frames ago, if one did."""
-        self._past[self._frame % len(self._past)] = self.heading
-        then = self._past[(self._frame - age) % len(self._past), self._robots]
-        error = wrap_angle(seen - then)
-        error = np.where(np.isnan(error), 0.0, error)
-        correction = self._heading_share * error
-        self.heading += correction
-        self._past += correction  # what is corrected once is not corrected again
-        self.bias -= self._bias_share * error
-        self._frame += 1
 
 
 class Firmware:
@@ -102,47 +50,47 @@ class Firmware:
         motors = [Motor.of(s.motor) for s in settings]
         self.block = np.zeros((arrays.FIRMWARE_ROBOTS, n)), np.zeros((arrays.FIRMWARE_WHEELS, wheels, n))
         self._f = f = arrays.firmware(*self.block)
-        self.estimate = HeadingEstimate(settings, heading, period, (f.heading, f.bias))
-        self._resistance, self._speed_constant = column(motors, "resistance"), column(motors, "speed_constant")
+        self.estimate = HeadingEstimate(settings, heading, period, (f.heading, f.bias, f.heading_share, f.bias_share))
+        self._speed_constant = column(motors, "speed_constant")
         # Calls from one run of each robot's loops to the next; those of tests may be further apart than the loops'.
         self._every = np.maximum(1.0, np.rint(1 / (column(firmware, "rate_hz") * timestep)))
         self._timestep = self._every * timestep
         self._each = self._timestep[:, 0]
         self._slow, self._held = bool((self._every > 1).any()), f.held.T
         self._gated = self._slow  # whether some robots' loops do not run in every call
-        self._forward, self._left, self._turn = kinematics.matrix.T / kinematics.radius
+        f.forward[:], f.left[:], f.turn[:] = (kinematics.matrix.T / kinematics.radius)[..., None]
         self._radius = kinematics.radius
         self._kp, self._ki, self._kd = (column(firmware, name) for name in ("kp", "ki", "kd"))
         self._integrates = bool(self._ki.any() or self._kd.any())
         self._back_emf = column(firmware, "feed_forward") * self._speed_constant
         self._nominal = column(firmware, "nominal_voltage_v")
-        self._turn_gain = column(firmware, "turn_gain")[:, 0]
-        self._derate = column(firmware, "derate").astype(bool)
-        self._derates = bool(self._derate.any())
-        self._hot = column([s.motor for s in settings], "limit_c")
-        self._derated = DERATED * column([s.motor for s in settings], "nominal_current_a")
+        f.turn_gain[:] = column(firmware, "turn_gain")[:, 0]
+        derates, thermal = column(firmware, "derate")[:, 0].astype(bool), [s.motor for s in settings]
+        self._derates = bool(derates.any())
+        f.hot[:] = np.where(derates, column(thermal, "limit_c")[:, 0], np.inf)
+        f.derated[:] = DERATED * column(thermal, "nominal_current_a")[:, 0]
+        f.resistance[:] = column(motors, "resistance")[:, 0]
         self._swing: Array | None = None
         f.swing[:], f.rims[:], f.gyro_scale[:], f.count_scale[:] = np.inf, np.nan, 1.0, 1.0
         self._count_scale, self._count_shift = f.count_scale.T, f.count_shift.T
         self._misled = False  # whether sensors show anything but what there is
-        self._deaf, self._lost, self._heeds = np.zeros(n, bool), np.zeros(n, bool), True
+        self._lost, self._heeds = np.zeros(n, bool), True
         counts = column([s.sensors for s in settings], "encoder_counts") * column(motors, "gear") / (2 * np.pi)
         self._counts_per_rad, self._rate_per_count = counts, 1 / (counts * self._timestep)
         self._last_count, self._integral, self._last_error = f.last_count.T, f.integral.T, f.last_error.T
-        self._along_x, self._along_y, self._turn_rate = f.along_x.T, f.along_y.T, f.turn_rate
+        told = FirmwareArrays._fields.index("told_x")
+        self._told = self.block[0][told : told + 3].T
         self._body: np.ndarray | None = None
         self._all_body = False
         self._wheels: Array | None = None
         # Calls of `duties` without a new command after which a robot stops; the calls there were, that at which each
         # robot stops, and the first of these.
         timeout = column(firmware, "timeout_s")[:, 0]
-        self._patience = np.where(timeout > 0, np.rint(timeout / timestep), np.inf)
-        self.cycle, self._stops, self._next_stop = 0, f.stops, float(self._patience.min())
-        f.stops[:], f.turn[:] = self._patience, self._turn[:, None]
+        f.stops[:] = f.patience[:] = np.where(timeout > 0, np.rint(timeout / timestep), np.inf)
+        self.cycle, self._next_stop = 0, float(f.stops.min())
         for name in ("every", "timestep", "counts_per_rad", "rate_per_count", "kp", "ki", "kd", "nominal"):
             getattr(f, name)[:] = getattr(self, "_" + name)[:, 0]
         f.back_emf[:], f.speed_constant[:] = self._back_emf[:, 0], self._speed_constant[:, 0]
-        f.turn_gain[:] = self._turn_gain
         for name in ("_counts_per_rad", "_rate_per_count", "_kp", "_back_emf", "_nominal"):
             setattr(self, name, arrays.plain(getattr(self, name)))
 
@@ -168,37 +116,40 @@ class Firmware:
             heading = self._found(heading)
         self.estimate.correct(heading, age)
         if self._derates:
-            self._swing = self._f.swing.T
-            spare = self._hot - winding
-            if np.count_nonzero(spare < DERATE_BAND_K):
-                left = np.clip(spare / DERATE_BAND_K, 0, 1)
-                current = np.where(self._derate & (left < 1), left * self._derated, np.inf)
-                self._swing[:] = self._resistance * current
-            else:
-                self._swing[:] = np.inf
+            f, self._swing = self._f, self._f.swing.T
+            f.swing[:] = laws.swing(winding.T, f.hot, f.derated, f.resistance)
+
+    def listen(self, heading: Array, age: np.ndarray) -> None:
+        """Write down for a compiled loop what `correct` is told."""
+        self._f.seen[:] = heading if self._heeds else self._found(heading)
+        self._f.age[:] = age
 
     def _found(self, heading: Array) -> Array:
         """Vision's headings (n,) but for those of robots that do not listen; one that was lost takes it for its own."""
         for robot in np.flatnonzero(self._lost & ~np.isnan(heading)):
             self.estimate.place(int(robot), float(heading[robot]))
-            self._lost[robot] = False
+            self._lost[robot], self._f.ignores[robot] = False, 0.0
             heading = np.where(np.arange(len(heading)) == robot, np.nan, heading)
         return np.where(self._f.off != 0, np.nan, heading)
 
     def obey(self, received: Received) -> None:
         """Take over commands, from the next call of `duties` on."""
-        command, self._body = received.command, received.body
-        self._wheels = None if received.wheels is None else received.wheels / self._radius
-        self._f.body[:] = 0.0 if received.body is None else received.body
-        self._f.rims.T[:] = np.nan if self._wheels is None else self._wheels
-        self._all_body = self._body is not None and bool(self._body.all())
-        # Wheel speeds are linear in cosine and sine of the heading, which alone change between commands.
-        vx, vy = command[:, :1], command[:, 1:2]
-        self._along_x[:] = vx * self._forward + vy * self._left
-        self._along_y[:] = vy * self._forward - vx * self._left
-        self._turn_rate[:] = command[:, 2] * (1 + self._turn_gain)
-        np.copyto(self._stops, self.cycle + self._patience, where=True if received.new is None else received.new)
+        self.note(received)
+        f = self._f
+        f.along_x[:], f.along_y[:] = laws.along(f.told_x, f.told_y, f.forward, f.left)
+        f.turn_rate[:] = laws.told_turn(f.told_turn, f.turn_gain)
+        np.copyto(f.stops, self.cycle + f.patience, where=f.new != 0)
         self._hush()
+
+    def note(self, received: Received) -> None:
+        """Write down commands, for `obey` or a compiled loop."""
+        f, self._body = self._f, received.body
+        self._wheels = None if received.wheels is None else received.wheels / self._radius
+        f.body[:] = 0.0 if received.body is None else received.body
+        f.rims.T[:] = np.nan if self._wheels is None else self._wheels
+        f.new[:] = 1.0 if received.new is None else received.new
+        self._told[:] = received.command
+        self._all_body = self._body is not None and bool(self._body.all())
 
     def hear(self, deaf: np.ndarray, off: np.ndarray, encoders: Array) -> None:
         """Have loops run, and obey commands, from now on, but for some robots.
@@ -217,7 +168,8 @@ class Firmware:
         self._integral[new] = self._last_error[new] = f.bias[new] = 0.0
         shown = laws.shown(encoders, self._count_scale, self._count_shift)
         self._last_count[new] = laws.counted(shown, self._counts_per_rad)[new]
-        self._lost, self._deaf, self._heeds = (self._lost | new) & ~off, deaf | off, False
+        self._lost, self._heeds = (self._lost | new) & ~off, False
+        f.ignores[:] = deaf | off | self._lost
         self._hush()
 
     def mislead(self, gyro: Array, encoders: Array, angle: Array) -> None:
@@ -228,10 +180,10 @@ class Firmware:
 
     def _hush(self) -> None:
         """See to robots that are to stop now."""
+        stops = self._f.stops
         if not self._heeds:
-            ignores = self._deaf | self._lost
-            self._stops[ignores] = np.minimum(self._stops[ignores], self.cycle)
-        self._next_stop = float(np.minimum.reduce(self._stops))
+            np.copyto(stops, np.minimum(stops, self.cycle), where=self._f.ignores != 0)
+        self._next_stop = float(np.minimum.reduce(stops))
 
     def duties(self, gyro: Array, encoders: Array) -> Array:
         """Return the motors' duties (n, wheels) in [-1, 1].
@@ -282,23 +234,25 @@ class Firmware:
 
     def _wheel_speeds(self, rate: Array) -> Array:
         """Wheel speeds (n, wheels) for the commands: equation 2, the turn-rate loop, then the inverse of equation 3."""
-        turn = (self._turn_rate - self._turn_gain * rate)[:, None] * self._turn
+        f = self._f
+        turn = (f.turn_rate - f.turn_gain * rate)[:, None] * f.turn.T
         if self._all_body:
-            wanted = self._along_x + turn
+            wanted: Array = f.along_x.T + turn
         else:
             heading = self.estimate.heading
             if self._body is not None:
                 heading = np.where(self._body, 0.0, heading)
             c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
-            wanted = laws.wheel_speed(c, s, self._along_x, self._along_y, turn)
+            wanted = laws.wheel_speed(c, s, f.along_x.T, f.along_y.T, turn)
         if self._wheels is None:
             return wanted
         return np.where(np.isnan(self._wheels), wanted, self._wheels)
 
     def _stop_where_silent(self) -> None:
         """Let robots stand that have had no new command for too long (`firmware.timeout_s`)."""
-        over = self.cycle >= self._stops
-        self._along_x[over] = self._along_y[over] = self._turn_rate[over] = 0.0
+        f = self._f
+        over = self.cycle >= f.stops
+        f.along_x[:, over] = f.along_y[:, over] = f.turn_rate[over] = 0.0
         if self._wheels is not None:
             self._wheels = np.where(over[:, None], np.nan, self._wheels)
-        self._next_stop = float(self._stops[~over].min(initial=np.inf))
+        self._next_stop = float(f.stops[~over].min(initial=np.inf))

@@ -13,6 +13,7 @@ import numpy as np
 Number = Any  # a float, or an array of floats
 Vector = Any  # of the plane: a complex number, or an array of them
 Truth = Any  # a bool, or an array of bools
+Some = tuple[int, int] | None  # robots: the number of the first, and that after the last; or the only one there is
 
 REFERENCE_C = 25.0  # at which the datasheet gives resistance and torque constant
 # Open-circuit voltage of a LiPo cell over its state of charge: 4.2 V full, 3.7 V nominal at half, steep below a tenth.
@@ -20,6 +21,7 @@ CHARGE = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.0])
 CELL_V = np.array([3.0, 3.4, 3.55, 3.63, 3.66, 3.70, 3.83, 4.05, 4.2])
 CUT_OFF_S = 1.0  # time constant with which the battery's cut-off sees the voltage
 AT_REST_M_S = 0.01  # below it, dry drag fades, and a robot comes to rest
+DERATE_BAND_K = 10.0  # derating begins this far below the limit
 LEAST_LOAD_N = 1e-3  # of a wheel in the air
 TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2  # sine squared of half the tilt: x^2 + y^2 of the quaternion
 
@@ -34,9 +36,46 @@ def count(number: int) -> int:
     return number
 
 
+def each(some: Some) -> range:
+    """Numbers of some robots; where it is the only one, a compiler knows, and makes no loop of it."""
+    if some is None:
+        return range(count(0), count(1))
+    return range(count(some[0]), count(some[1]))
+
+
 def direction(angle: Number) -> tuple[Number, Number]:
     """Cosine and sine of an angle, rad (compiled: `wide`)."""
     return np.cos(angle), np.sin(angle)
+
+
+def along(x: Number, y: Number, forward: Number, left: Number) -> tuple[Number, Number]:
+    """Speeds of a wheel, rad/s, for a velocity in m/s, at heading 0 and at 90 degrees (equation 3).
+
+    Args:
+        x: velocity.
+        y: same.
+        forward: speed of the wheel per velocity ahead, rad/m.
+        left: per velocity aside.
+    """
+    return x * forward + y * left, y * forward - x * left
+
+
+def told_turn(rate: Number, gain: Number) -> Number:
+    """Turn rate asked for, rad/s, of which a turn-rate loop of a gain takes off that of the gyro, gain times."""
+    return rate * (1 + gain)
+
+
+def swing(winding: Number, hot: Number, derated: Number, resistance: Number) -> Number:
+    """How far a motor's voltage may be from its back-EMF, V: infinitely, but where the winding is close to its limit.
+
+    Args:
+        winding: temperature, deg C.
+        hot: limit, at which no current is left.
+        derated: current where derating begins, A.
+        resistance: of the terminals, ohm.
+    """
+    left = np.minimum(np.maximum((hot - winding) / DERATE_BAND_K, 0.0), 1.0)
+    return where(left < 1, resistance * (left * derated), np.inf)
 
 
 def wheel_speed(cosine: Number, sine: Number, along_x: Number, along_y: Number, turn: Number) -> Number:

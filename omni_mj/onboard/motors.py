@@ -92,6 +92,10 @@ class Motors:
             self._held_back += over
         return voltage, current
 
+    def torque(self, current: Array) -> Array:
+        """Torques at the wheels, N m, of currents (n, wheels) in A: constants of torque and speed are one."""
+        return np.asarray(self._speed_constant * current)
+
     def told(self, current: Array, wheel_speed: Array) -> Array:
         """Voltages for MuJoCo's dcmotor, which knows a constant R in place of R + X |w|, to drive these currents.
 

@@ -1,6 +1,6 @@
 """The plants: what moves when commanded. All answer the same few calls, so every controller runs on each."""
 
-from dataclasses import dataclass, fields
+from functools import cache
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from omni_mj.onboard.motors import Motors
 
 
-@dataclass(frozen=True)
 class Telemetry:
     """What the robots' W wheels and motors are doing at a frame; not a number on a plant that has none.
 
@@ -24,6 +23,9 @@ class Telemetry:
     which the driver held a motor's current back.
     Temperatures of windings and housings (n, W) in deg C, the battery's voltage under load (n,) in V, and the speed at
     which the wheels' contact points slide over the carpet, slip (n, W) m/s.
+
+    Args:
+        columns: all of it side by side in the order above, (n, 10 W + 4), of which the others are parts.
     """
 
     wheel_angle: Array
@@ -40,6 +42,27 @@ class Telemetry:
     housing: Array
     battery: Array
     slip: Array
+
+    def __init__(self, columns: Array) -> None:
+        self.columns = columns
+
+    def __getattr__(self, name: str) -> Array:
+        """A part, by its name."""
+        if name not in NAMES:
+            raise AttributeError(f"telemetry has no {name!r}")
+        part: Array = self.columns[:, places(_wheels(self.columns))[name]]
+        return part
+
+    @classmethod
+    def empty(cls, n: int, wheels: int) -> "Telemetry":
+        """Room for that of n robots with so many wheels each."""
+        return cls(np.empty((n, _EACH_WHEEL * wheels + len(_SINGLE))))
+
+    @classmethod
+    def of(cls, **parts: Array) -> "Telemetry":
+        """Of all its parts, by their names."""
+        columns = [parts[name] if parts[name].ndim == 2 else parts[name][:, None] for name in NAMES]
+        return cls(np.concatenate(columns, axis=1))
 
     @classmethod
     def of_wheels(
@@ -58,40 +81,62 @@ class Telemetry:
             speed: of the wheels, (n, W) rad/s.
             slip: of the wheels, (n, W) m/s.
             recorded: voltages and currents of the frame's cycles (cycles, n, W), V and A, and the battery's voltage
-                (cycles, n, 1) V.
+                (cycles, n) V.
             motors: theirs.
             battery: theirs.
         """
         voltages, currents, supplies = recorded
-        sizes, count = np.abs(voltages), len(voltages)
+        sizes, count, supplies = np.abs(voltages), len(voltages), supplies.reshape(len(voltages), -1, 1)
         on = supplies > 0
         if np.count_nonzero(on) == on.size:
             duties = sizes / supplies
         else:
             duties = np.divide(sizes, supplies, out=np.zeros_like(sizes), where=on)
-        return cls(
-            wheel_angle=angle.copy(),
-            wheel_speed=speed.copy(),
-            voltage=voltages[-1].copy(),
-            current=currents[-1].copy(),
+        return cls.of(
+            wheel_angle=angle,
+            wheel_speed=speed,
+            voltage=voltages[-1],
+            current=currents[-1],
             voltage_mean=np.add.reduce(voltages) / count,
             current_mean=np.add.reduce(currents) / count,
             duty_peak=np.minimum(np.maximum.reduce(duties, (0, 2)), 1.0),
             voltage_peak=np.maximum.reduce(sizes, (0, 2)),
             current_peak=np.maximum.reduce(np.abs(currents), (0, 2)),
-            current_limited=motors.limited.copy(),
-            winding=motors.winding.copy(),
-            housing=motors.housing.copy(),
-            battery=battery.voltage.copy(),
+            current_limited=motors.limited,
+            winding=motors.winding,
+            housing=motors.housing,
+            battery=battery.voltage,
             slip=slip,
         )
 
     @classmethod
     def of_no_wheels(cls, n: int, wheels: int = 4) -> "Telemetry":
         """That of n robots on a plant that has no wheels, in the columns of a robot that has."""
-        single = ("duty_peak", "voltage_peak", "current_peak", "battery")
-        shapes = {f.name: (n,) if f.name in single else (n, wheels) for f in fields(cls)}
-        return cls(**{name: np.full(shape, np.nan) for name, shape in shapes.items()})
+        return cls(np.full_like(cls.empty(n, wheels).columns, np.nan))
+
+    def named(self) -> dict[str, Array]:
+        """All parts by their names."""
+        return {name: self.columns[:, place] for name, place in places(_wheels(self.columns)).items()}
+
+
+NAMES = tuple(Telemetry.__annotations__)
+_SINGLE = {"duty_peak", "voltage_peak", "current_peak", "battery"}  # of a robot, the others of each of its wheels
+_EACH_WHEEL = len(NAMES) - len(_SINGLE)
+
+
+@cache
+def places(wheels: int) -> dict[str, slice | int]:
+    """Where the parts are in the columns of telemetry of robots with so many wheels."""
+    found, column = dict[str, slice | int](), 0
+    for name in NAMES:
+        width = 1 if name in _SINGLE else wheels
+        found[name] = column if name in _SINGLE else slice(column, column + width)
+        column += width
+    return found
+
+
+def _wheels(columns: Array) -> int:
+    return (columns.shape[1] - len(_SINGLE)) // _EACH_WHEEL
 
 
 class Plant(Protocol):

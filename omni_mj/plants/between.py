@@ -156,12 +156,12 @@ def before(t: Table, k: int, cycle: int) -> None:
         s.gyro[i], s.supplies[k, i] = s.rate[i] + s.error[i], b.voltage[i]
         for w in range(speed.shape[0]):
             speed[w, i] = c.state[i // places, c.wheels[i % places, SPEED, w]]
-    by_robot.control(0, n, cycle, f, s.gyro, s.angle)
-    by_robot.supply(0, n, f, m, b, s.held, speed, voltage)
+    by_robot.control((0, n), cycle, f, s.gyro, s.angle)
+    by_robot.supply((0, n), f, m, b, s.held, speed, voltage)
     for i in range(n):
         for w in range(speed.shape[0]):
             voltage[w, i] = 0.0 if s.off[i] else voltage[w, i]
-    by_robot.drive(0, n, m, speed, voltage, current)
+    by_robot.drive((0, n), m, speed, voltage, current)
     for i in range(n):  # of the dcmotor, which knows no commutation: see `Motors.told`
         for w in range(speed.shape[0]):
             told = m.speed_constant[w, i] * speed[w, i] + current[w, i] * m.resistance[w, i]
@@ -186,7 +186,7 @@ def after(t: Table, k: int, first: bool, last: bool) -> None:
         if pitch > 0:
             _hand_over(c.state[world], c.wheels[place], pitch)
     if last:
-        by_robot.load(0, t[ROBOTS], table.battery(t), s.recorded[1, k], s.recorded[2, k], s.drawn)
+        by_robot.load((0, t[ROBOTS]), table.battery(t), s.recorded[1, k], s.recorded[2, k], s.drawn)
     elif t[CREEPS]:
         _press(table.rims(t), c, s.load)
 
@@ -194,8 +194,8 @@ def after(t: Table, k: int, first: bool, last: bool) -> None:
 def end(t: Table, period: float) -> bool:
     """See `Between.end`."""
     c, s, places, toppled = table.cells(t), table.seen(t), t[PLACES], False
-    by_robot.warm(table.motors(t), table.heat(t), s.recorded[2], s.recorded[0], s.heats)
-    by_robot.discharge(table.battery(t), table.charge(t), period)
+    by_robot.warm((0, t[ROBOTS]), table.motors(t), table.heat(t), s.recorded[2], s.recorded[0], s.heats)
+    by_robot.discharge((0, t[ROBOTS]), table.battery(t), table.charge(t), period)
     for i in range(t[ROBOTS]):
         state, robot = c.state[i // places], c.robots[i % places]
         w, x, y, z = state[robot[QW]], state[robot[QX]], state[robot[QY]], state[robot[QZ]]
@@ -216,7 +216,7 @@ def _travel(t: TractionArrays, c: Cells, s: Seen) -> None:
         s.place[0, i], s.place[1, i] = state[robot[X]], state[robot[Y]]
         s.facing[0, i], s.facing[1, i] = facing.real, facing.imag
         s.twist[0, i], s.twist[1, i], s.twist[2, i] = body.real, body.imag, state[robot[RATE]]
-    by_robot.travel(0, n, t, s.place, s.facing, s.twist, s.load, s.angle)
+    by_robot.travel((0, n), t, s.place, s.facing, s.twist, s.load, s.angle)
     for i in range(n):
         state, robot = c.state[i // places], c.robots[i % places]
         t.wrench[0, i] += s.push[i, 0]
@@ -237,7 +237,7 @@ def _press(r: RimArrays, c: Cells, load: Array) -> None:
     """Write limits and impedances of all robots' slip hinges."""
     places, n = c.robots.shape[0], load.shape[1]
     _weigh(c, load)
-    by_robot.press(0, n, r, load)
+    by_robot.press((0, n), r, load)
     for i in range(n):
         for w in range(load.shape[0]):
             world, slip = i // places, c.wheels[i % places, SLIP, w]

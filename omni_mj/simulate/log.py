@@ -10,6 +10,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj import parquet
+from omni_mj.plants import NAMES
 from omni_mj.scenarios.rows import Row, numbers
 from omni_mj.scenarios.settings import PERIOD_S
 
@@ -122,28 +123,33 @@ class Log:
         """Time of each frame (length,), s."""
         return np.arange(self.length, dtype=float) * PERIOD_S
 
-    def write(self, recorded: np.ndarray, own: Mapping[str, Array], **values: np.ndarray) -> None:
+    def write(
+        self, recorded: np.ndarray, own: Mapping[str, Array], telemetry: Array | None = None, **values: np.ndarray
+    ) -> None:
         """Record a frame of the rows that are `recorded` (n,).
 
         Args:
             recorded: which rows; of the others nothing is.
             own: channels of controllers' own, name -> (n, k).
-            values: channels, (n, columns) or (n,); of those not given nothing is recorded.
+            telemetry: the channels of `Telemetry`, its columns.
+            values: other channels, (n, columns) or (n,), or what broadcasts to it; of those not given nothing is
+                recorded.
         """
         if self.length == len(self._data):
             self._make_room()
         if own:
             self._widen({OWN + name: value.shape[1] for name, value in own.items()})
-        for name, value in own.items():
-            missing = self._nothing[OWN + name][:, value.shape[1] :]
-            values[OWN + name] = np.concatenate([value, missing], axis=1) if missing.size else value
-        columns = [values.get(name, nothing) for name, nothing in self._nothing.items()]
-        columns = [value if value.ndim == 2 else value[:, None] for value in columns]
-        frame = self._data[self.length]
+        frame, at = self._data[self.length], self._at
+        parts = [(at[name], value if value.ndim == 2 else value[:, None]) for name, value in values.items()]
+        parts += [(self._first(OWN + name, value.shape[1]), value) for name, value in own.items()]
+        if telemetry is not None:
+            parts.append((slice(at[NAMES[0]].start, at[NAMES[-1]].stop), telemetry))
         if np.count_nonzero(recorded) == len(recorded):
-            np.concatenate(columns, axis=1, out=frame)
+            for columns, value in parts:
+                frame[:, columns] = value
         else:
-            frame[recorded] = np.concatenate(columns, axis=1)[recorded]
+            for columns, value in parts:
+                np.copyto(frame[:, columns], value, where=recorded[:, None])
         self.length += 1
         self.lengths += recorded
 
@@ -222,5 +228,4 @@ class Log:
         widths, n = {name: len(titles) for name, titles in self.columns.items()}, len(self.rows)
         ends = np.cumsum([0, *widths.values()]).tolist()
         self._at = {name: slice(*ends) for name, ends in zip(widths, pairwise(ends), strict=True)}
-        self._nothing = {name: np.full((n, width), np.nan) for name, width in widths.items()}
         self._data = np.full((frames, n, ends[-1]), np.nan)

@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from omni_control.controllers.base import Controller, Seen
+from omni_control.delay import Rows
 from omni_control.errors import OmniError, choose, printable
 from omni_control.kinematics import Array
 from omni_control.reference import SampledReference
@@ -140,12 +141,15 @@ class Simulation:
         rolls, wheels = self.plant.geometry is not None, self.plant.telemetry().wheel_angle.shape[1]
         self.team = assemble(self.rows, self._kinds, start, geometry, rolls, self._stop, self._follow)
         self._frames = np.array([reference.frames for reference in self.references])
+        self._shortest = int(self._frames.min())
         self.log = Log(self.rows if self._logged else [], wheels, int(self._frames.max()))
         distinct = {id(reference): reference for reference in self.references}
-        self._followers = [
+        self._followers: list[tuple[SampledReference, Rows]] = [
             (reference, np.flatnonzero([each is reference for each in self.references]))
             for reference in distinct.values()
         ]
+        if len(distinct) == 1:
+            self._followers = [(self.references[0], slice(None))]
 
     @property
     def done(self) -> bool:
@@ -223,13 +227,13 @@ class Simulation:
             applied=received.command,
             alpha_hat=self.team.alpha_hat,
             latency_hat=self.team.latency_hat,
-            **vars(self.plant.telemetry()),
+            telemetry=self.plant.telemetry().columns,
         )
 
     @property
     def _recorded(self) -> np.ndarray:
         """Which rows go on (n,)."""
-        return self._running & (self.frame < self._frames)
+        return self._running if self.frame < self._shortest else self._running & (self.frame < self._frames)
 
     def _reference(self) -> Array:
         """Where the rows should be in this frame (n, 3)."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
 from omni_mj.link.radio import Radio
-from omni_mj.onboard.firmware import HeadingEstimate
+from omni_mj.onboard.heading import HeadingEstimate
 
 
 def observer(

@@ -13,12 +13,12 @@ from laws import LAW
 from omni_control.errors import OmniError
 from omni_control.kinematics import Kinematics
 from omni_mj.link.radio import Received
-from omni_mj.onboard import by_robot, kernel
+from omni_mj.onboard import by_frame, by_robot, kernel
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import Traction
-from omni_mj.plants import between
+from omni_mj.plants import Telemetry, between
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.settings import Settings
 from omni_mj.simulate.simulation import Simulation
@@ -74,10 +74,17 @@ def test_robot_by_robot_is_as_all_at_once(n: int, seed: int) -> None:
     received = Received(met["command"], heading, np.zeros(n, int), np.arange(n) % 2 == 0, met["body"], met["rims"])
     for _ in range(2):
         volts, amperes = np.zeros((2, 2, 8, n, 4))
-        for robots in (one, other):
-            robots.firmware.receive(received, robots.motors.winding)
+        one.firmware.receive(received, one.motors.winding)
         f, m, b, t = (each.arrays() for each in (other.firmware, other.motors, other.battery, other.traction))
+        heat, charge, estimate = other.motors.heat_arrays(), other.battery.charge_arrays(), other.firmware.estimate
+        other.firmware.listen(received.heading, received.age)
+        by_frame.correct((0, n), f, heat, estimate.past, estimate.frame)
+        other.firmware.note(received)
+        by_frame.obey((0, n), f, other.firmware.cycle)
+        estimate.frame += 1
+        supplies = np.zeros((8, n))
         for k in range(8):
+            supplies[k] = one.battery.voltage
             duty = one.firmware.duties(met["gyro"][k], met["angle"][k])
             wanted = duty * one.battery.voltage[:, None]
             volts[0, k], amperes[0, k] = one.motors.drive(wanted, met["speed"][k])
@@ -88,21 +95,28 @@ def test_robot_by_robot_is_as_all_at_once(n: int, seed: int) -> None:
             body = (met["velocity"][:, 0] + 1j * met["velocity"][:, 1]) * np.exp(-1j * heading)
             twist = np.stack([body.real, body.imag, met["velocity"][:, 5]])
             for part in [(i, i + 1) for i in range(n)] if k % 2 else [(0, n)]:  # together, or one after the other
-                by_robot.control(*part, other.firmware.cycle, f, met["gyro"][k], met["angle"][k].T)
-                by_robot.supply(*part, f, m, b, np.zeros((0, n)), speed, volts[1, k].T)
-                by_robot.drive(*part, m, speed, volts[1, k].T, amperes[1, k].T)
-                by_robot.travel(*part, t, met["position"].T, facing, twist, load, met["angle"][k].T)
-                by_robot.press(*part, t.rims, load)
-                by_robot.load(*part, b, volts[1, k].T, amperes[1, k].T, np.zeros(n))
+                by_robot.control(part, other.firmware.cycle, f, met["gyro"][k], met["angle"][k].T)
+                by_robot.supply(part, f, m, b, np.zeros((0, n)), speed, volts[1, k].T)
+                by_robot.drive(part, m, speed, volts[1, k].T, amperes[1, k].T)
+                by_robot.travel(part, t, met["position"].T, facing, twist, load, met["angle"][k].T)
+                by_robot.press(part, t.rims, load)
+                by_robot.load(part, b, volts[1, k].T, amperes[1, k].T, np.zeros(n))
             other.firmware.cycle += 1
             np.testing.assert_allclose(f.held.T, duty, rtol=0, atol=ROUNDING)
         one.motors.warm(amperes[0], met["speed"])
         one.battery.discharge(PERIOD_S)
-        heat, charge = other.motors.heat_arrays(), other.battery.charge_arrays()
-        by_robot.warm(m, heat, amperes[1].swapaxes(1, 2), met["speed"].swapaxes(1, 2), np.zeros((2, n)))
-        by_robot.discharge(b, charge, PERIOD_S)
+        by_robot.warm((0, n), m, heat, amperes[1].swapaxes(1, 2), met["speed"].swapaxes(1, 2), np.zeros((2, n)))
+        by_robot.discharge((0, n), b, charge, PERIOD_S)
+        wheels, out = (met["angle"][-1], met["speed"][-1], np.abs(met["speed"][0])), Telemetry.empty(n, 4)
+        recorded = amperes[1].swapaxes(1, 2), supplies
+        by_frame.tell((0, n), out.columns, (*(w.T for w in wheels),), (volts[1].swapaxes(1, 2), *recorded), heat, b)
+        told = Telemetry.of_wheels(*wheels, (volts[0], amperes[0], supplies), one.motors, one.battery)
+        for name, values in told.named().items():
+            np.testing.assert_allclose(getattr(out, name), values, rtol=ROUNDING, atol=ROUNDING, err_msg=name)
     for numpys, loops in (
         (one.firmware.estimate.heading, other.firmware.estimate.heading),
+        (one.firmware.estimate.bias, other.firmware.estimate.bias),
+        (one.firmware.arrays().swing, other.firmware.arrays().swing),
         (volts[0], volts[1]),
         (amperes[0], amperes[1]),
         (one.traction.wrench, other.traction.wrench),

@@ -177,7 +177,7 @@ def test_both_kernels_give_the_same() -> None:
         path = [drive(plant, ramp(np.array([[2.5, 1.0, 3.0], [-1.0, 2.0, -4.0]]), 6.0, 30))]
         plant.hold(np.array([[1.0, np.nan, -1.0, 0.0]] * 2))
         path.append(drive(plant, constant([0.5, 0, 0], 10, 2)))
-        ends.append((np.concatenate(path), vars(plant.telemetry())))
+        ends.append((np.concatenate(path), plant.telemetry().named()))
     np.testing.assert_allclose(ends[0][0], ends[1][0], atol=1e-7)
     for name, values in ends[0][1].items():
         np.testing.assert_allclose(values, ends[1][1][name], rtol=1e-5, atol=1e-5, err_msg=name)

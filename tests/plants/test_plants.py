@@ -65,7 +65,7 @@ def test_disturbance_is_uniform_with_the_amplitude_asked_for() -> None:
 
 
 def test_the_kinematic_plant_has_no_wheels() -> None:
-    telemetry = vars(KinematicPlant(rows([Settings()] * 3), np.zeros((3, 3))).telemetry())
+    telemetry = KinematicPlant(rows([Settings()] * 3), np.zeros((3, 3))).telemetry().named()
     shapes = {name: (3,) if name.endswith("peak") or name == "battery" else (3, 4) for name in telemetry}
     assert {name: values.shape for name, values in telemetry.items()} == shapes
     assert all(np.isnan(values).all() for values in telemetry.values())
@@ -116,10 +116,10 @@ def test_telemetry_handed_out_does_not_change_afterwards() -> None:
     plant = plant_of([Settings()])
     plant.advance(Received.at_once(0.1 * np.ones((1, 3)), np.zeros(1)))
     telemetry = plant.telemetry()
-    before = {name: values.copy() for name, values in vars(telemetry).items()}
+    before = {name: values.copy() for name, values in telemetry.named().items()}
     plant.advance(Received.at_once(-np.ones((1, 3)), np.zeros(1)))
-    later = vars(plant.telemetry())
-    for name, values in vars(telemetry).items():
+    later = plant.telemetry().named()
+    for name, values in telemetry.named().items():
         np.testing.assert_array_equal(values, before[name], err_msg=name)
         assert (values != later[name]).any(), name
 

@@ -11,6 +11,7 @@ import pytest
 from logs import WHEELS, filled, rows
 
 from omni_mj import parquet
+from omni_mj.plants import Telemetry
 from omni_mj.simulate.log import FIRST_FRAMES, Log
 
 
@@ -58,3 +59,15 @@ def test_a_table_is_read_without_threads(tmp_path: Path) -> None:
     )
     words = [sys.executable, "-c", code, str(tmp_path / "table.parquet")]
     assert subprocess.run(words, capture_output=True, text=True, check=True).stdout == "0\n"
+
+
+def test_telemetry_is_written_at_once_where_its_names_say() -> None:
+    """Of two rows, the second of which is not recorded; every number is another."""
+    log, told = Log(rows(["a", "b"]), WHEELS), Telemetry.empty(2, WHEELS)
+    told.columns[:] = np.arange(told.columns.size).reshape(told.columns.shape)
+    log.write(np.array([True, False]), {}, telemetry=told.columns)
+    assert set(told.named()) < set(log.columns)
+    for name, values in told.named().items():
+        np.testing.assert_array_equal(log.channel(name)[0, 0], np.ravel(values[0]), err_msg=name)
+        assert np.isnan(log.channel(name)[0, 1]).all()
+    assert np.isnan(log.channel("pose")).all()

@@ -48,6 +48,6 @@ def test_it_drives_where_its_kinematics_say(wheels: str) -> None:
 def test_its_motors_and_battery_have_three_wheels_each() -> None:
     plant = mujoco([quiet(wheels=THREE)] * 2, [[0, 0, 0], [0, 1, 0]], places=2)
     drive(plant, ramp([[0.5, 0, 0], [0, 0.5, 0]], 2.0, 5))
-    for name, values in vars(plant.telemetry()).items():
+    for name, values in plant.telemetry().named().items():
         assert values.shape in ((2,), (2, 3)), name
         assert np.isfinite(values).all(), name

@@ -57,7 +57,6 @@ class Tape:
         if names != self._names or self._log.length == BLOCK_FRAMES:
             self.flush()
         robots = [pitch.names.index(name) for name in names]
-        telemetry = {name: values[robots] for name, values in vars(pitch.plant.telemetry()).items()}
         nothing, command = np.full((len(robots), 3), np.nan), pitch.held.command[robots]
         measured = pitch.measured[robots]
         self._log.write(
@@ -72,7 +71,7 @@ class Tape:
             applied=command,
             alpha_hat=nothing,
             latency_hat=nothing,
-            **telemetry,
+            telemetry=pitch.plant.telemetry().columns[robots],
         )
         self._balls.append(np.full(2, np.nan) if pitch.ball is None else pitch.ball)
         pitch.measured[:] = np.nan

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import fields
 
 import numpy as np
 
@@ -81,9 +80,8 @@ class ServedPlant:
 
     def telemetry(self) -> Telemetry:
         """See `Plant`; of wheels that a robot does not have, not a number."""
-        told = [squad.telemetry() for squad in self.squads]
-        each = {field.name: [getattr(one, field.name) for one in told] for field in fields(Telemetry)}
-        return Telemetry(**{name: self._gathered(parts) for name, parts in each.items()})
+        told = [squad.telemetry().named() for squad in self.squads]
+        return Telemetry.of(**{name: self._gathered([parts[name] for parts in told]) for name in told[0]})
 
     @property
     def frame_in(self) -> int:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Array
+from omni_mj.plants import Telemetry
 
 
 class Robots(NamedTuple):
@@ -16,6 +17,9 @@ class Robots(NamedTuple):
 
     outward: np.ndarray  # directions of the axles as complex numbers, (W,)
     contacts: Array  # where wheels touch, (2, W, n) m
+    corners: Array  # the same, one after the other round the robot, (2, W, n) m
+    edges: Array  # from each to the next, (2, W, n) m
+    radius: Array  # of wheels, without what they have lost, (W, n) m
     rims: Array  # angular speed of each rim for the body's twist, (W, 3, n) 1/m, 1/m, 1
     squares: Array  # products of these: upper halves of symmetric matrices, (W, 6, n)
     inertia: Array  # of body and rims over a cycle, such a half, (6, n) kg/s and kg m^2/s
@@ -23,7 +27,6 @@ class Robots(NamedTuple):
     give: Array  # speed per torque that a cycle gives a hub, (n,) rad/s / (N m)
     viscous: Array  # friction of hubs, (n,) N m s/rad
     dry: Array  # the same, (W, n) N m
-    torque_constant: Array  # torque of a hub per current now, (W, n) N m/A
     contact: Array  # slip over torque of the contacts, (W, n) rad/s / (N m)
     lever: Array  # from axles to the carpet, (W, n) m
     bearing: Array  # and the six that follow: see `rollers`, (W, n)
@@ -46,6 +49,7 @@ class Motion(NamedTuple):
     """Where robots are and what they do; written in every cycle."""
 
     place: Array  # of the centre of mass in the world, (2, n) m
+    before: Array  # the same, when the frame began
     heading: Array  # (n,) rad
     facing: Array  # its cosine and sine, (2, n)
     twist: Array  # of the centre of mass, (3, n) m/s and rad/s
@@ -60,6 +64,27 @@ class Motion(NamedTuple):
     force: Array  # all but the wheels' pull, and its moment, (3, n) N and N m
     tilting: Array  # moments of drag and pushes that tilt the robot back and aside, (2, n) N m
     tilt: Array  # with those of the wheels' pull, summed over the cycles of a frame, (2, n) N m
+
+
+class Frame(NamedTuple):
+    """What acts in a frame, and what is noted of it."""
+
+    gyro: Array  # what gyros show too much, (n,) rad/s
+    push: Array  # on chassis, in the world's axes, (2, n) N
+    downhill: Array  # on all of a robot, in the world's axes, (2, n) N
+    held: Array  # currents that drivers hold, (W, n) A, or not a number
+    recorded: Array  # speeds of hubs, voltages and currents of each cycle, (3, cycles, W, n) rad/s, V and A
+    supplies: Array  # voltages of batteries in them, (cycles, n) V
+    slip: Array  # between hubs and rims, at the carpet, (W, n) m/s
+    telemetry: Array  # its columns, (n, 10 W + 4)
+    pose: Array  # of the robots' middles, (n, 3)
+
+    @classmethod
+    def of(cls, n: int, wheels: int, cycles: int) -> "Frame":
+        """Of n robots with as many wheels each, in a frame of so many cycles."""
+        each, parts = (wheels, n), Telemetry.empty(n, wheels).columns.shape
+        shapes = (n,), (2, n), (2, n), each, (3, cycles, *each), (cycles, n), each, parts, (n, 3)
+        return cls(*map(np.zeros, shapes))
 
 
 class Scratch(NamedTuple):

@@ -3,17 +3,14 @@
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.onboard import by_robot, laws
-from omni_mj.onboard.arrays import (
-    BatteryArrays,
-    ChargeArrays,
-    FirmwareArrays,
-    HeatArrays,
-    MotorArrays,
-    TractionArrays,
-)
+from omni_mj.onboard import by_frame, by_robot, laws
+from omni_mj.onboard import table as onboard
+from omni_mj.onboard.arrays import MotorArrays, TractionArrays
+from omni_mj.onboard.laws import Some, each
+from omni_mj.onboard.table import Table
 from omni_mj.onboard.traction import EVERY
 from omni_mj.plants.planar import laws as planar
+from omni_mj.plants.planar import table
 from omni_mj.plants.planar.arrays import Motion, Robots, Scratch
 from omni_mj.plants.planar.cycle import PASSES
 from omni_mj.worlds.build import CYCLE_S
@@ -21,91 +18,97 @@ from omni_mj.worlds.build import CYCLE_S
 TOGETHER = 512  # robots whose numbers stay in near memory
 
 
-def frame(
-    cycle: int,
-    period: float,
-    r: Robots,
-    m: Motion,
-    s: Scratch,
-    f: FirmwareArrays,
-    motors: MotorArrays,
-    heat: HeatArrays,
-    b: BatteryArrays,
-    charge: ChargeArrays,
-    t: TractionArrays,
-    gyro: Array,
-    push: Array,
-    downhill: Array,
-    held: Array,
-    speeds: Array,
-    voltages: Array,
-    currents: Array,
-    supplies: Array,
-) -> None:
-    """Move on by as many cycles as `speeds` has room for.
+def obey(t: Table, some: Some, cycle: int) -> None:
+    """Take over the commands that are noted, after so many cycles."""
+    by_frame.obey(some, onboard.firmware(t), cycle)
+
+
+def go(t: Table, some: Some, cycle: int, frame: int, period: float) -> bool:
+    """Let a frame pass.
 
     Args:
-        cycle: number of those before.
-        period: what they last, s.
-        r: robots.
-        m: how they move; written.
-        s: what is noted.
-        f: their firmware.
-        motors: their motors.
-        heat: of these.
-        b: their batteries.
-        charge: of these.
-        t: their wheels on the carpet.
-        gyro: what gyros show too much, (n,) rad/s.
-        push: on chassis, in the world's axes, (2, n) N.
-        downhill: on all of a robot, in the world's axes, (2, n) N.
-        held: currents that drivers hold, (W, n) A, or not a number; or empty.
-        speeds: written: of hubs in each cycle, (cycles, W, n) rad/s.
-        voltages: written: of motors, (cycles, W, n) V.
-        currents: written: of motors, (cycles, W, n) A.
-        supplies: written: of batteries, (cycles, n) V.
+        t: where all is.
+        some: robots: all, or the only one.
+        cycle: number of cycles before.
+        frame: number of frames before.
+        period: what a frame lasts, s.
+
+    Returns:
+        Whether all robots stand on their wheels at places that are numbers.
     """
-    n = len(gyro)
-    for begin in range(0, n, TOGETHER):
-        first, last = laws.count(begin), laws.count(min(begin + TOGETHER, n))
-        for k in range(speeds.shape[0]):
-            speed, voltage, current = speeds[k], voltages[k], currents[k]
-            for i in range(first, last):
-                s.gyro[i], supplies[k, i] = m.seen_rate[i] + gyro[i], b.voltage[i]
-            for w in range(speed.shape[0]):
-                for i in range(first, last):
-                    speed[w, i] = m.speed[w, i]
-            by_robot.control(first, last, cycle + k, f, s.gyro, m.seen_angle)
-            by_robot.supply(first, last, f, motors, b, held, speed, voltage)
-            by_robot.drive(first, last, motors, speed, voltage, current)
-            if k % EVERY == 0:
-                _drag(first, last, r, m, s, t, push, downhill)
-            _pull(first, last, r, m, s, t, current)
-            _solve(first, last, r, m, s, t.rims.limit)
-            _advance(first, last, r, m, s)
-            by_robot.load(first, last, b, voltage, current, s.drawn)
-    by_robot.warm(motors, heat, currents, speeds, s.heats)
-    by_robot.discharge(b, charge, period)
+    r, m = table.robots(t), table.motion(t)
+    motors, heat, battery = onboard.motors(t), onboard.heat(t), onboard.battery(t)
+    g, s = table.frame(t), table.scratch(t)
+    by_frame.correct(some, onboard.firmware(t), heat, onboard.past(t), frame)
+    for i in each(some):
+        m.before[0, i], m.before[1, i] = m.place[0, i], m.place[1, i]
+        m.tilt[0, i] = m.tilt[1, i] = 0.0
+    if some is None:
+        _cycles(t, some, cycle)
+    else:
+        for begin in range(some[0], some[1], TOGETHER):
+            _cycles(t, (begin, min(begin + TOGETHER, some[1])), cycle)
+    by_robot.warm(some, motors, heat, g.recorded[2], g.recorded[0], s.heats)
+    by_robot.discharge(some, battery, onboard.charge(t), period)
+    return _stand(some, r, m, g.supplies.shape[0])
 
 
-def _drag(
-    first: int, last: int, r: Robots, m: Motion, s: Scratch, t: TractionArrays, push: Array, downhill: Array
-) -> None:
+def _cycles(t: Table, some: Some, cycle: int) -> None:
+    """Let the cycles of a frame pass for some robots, after so many."""
+    r, m, s, g = table.robots(t), table.motion(t), table.scratch(t), table.frame(t)
+    f, motors, b, traction = onboard.firmware(t), onboard.motors(t), onboard.battery(t), onboard.traction(t)
+    for k in range(g.supplies.shape[0]):
+        speed, voltage, current = g.recorded[0, k], g.recorded[1, k], g.recorded[2, k]
+        for i in each(some):
+            s.gyro[i], g.supplies[k, i] = m.seen_rate[i] + g.gyro[i], b.voltage[i]
+        for w in range(speed.shape[0]):
+            for i in each(some):
+                speed[w, i] = m.speed[w, i]
+        by_robot.control(some, cycle + k, f, s.gyro, m.seen_angle)
+        by_robot.supply(some, f, motors, b, g.held, speed, voltage)
+        by_robot.drive(some, motors, speed, voltage, current)
+        if k % EVERY == 0:
+            _drag(some, r, m, s, traction, g.push, g.downhill)
+        _pull(some, r, m, s, traction, motors, current)
+        _solve(some, r, m, s, traction.rims.limit)
+        _advance(some, r, m, s)
+        by_robot.load(some, b, voltage, current, s.drawn)
+
+
+def look(t: Table, some: Some) -> None:
+    """Find the poses of robots."""
+    r, m, g = table.robots(t), table.motion(t), table.frame(t)
+    for i in each(some):
+        x, y = planar.turned(m.facing[0, i], m.facing[1, i], r.middle[0, i], r.middle[1, i])
+        g.pose[i, 0], g.pose[i, 1], g.pose[i, 2] = m.place[0, i] + x, m.place[1, i] + y, m.heading[i]
+
+
+def tell(t: Table, some: Some) -> None:
+    """Find the telemetry of robots."""
+    r, m, g = table.robots(t), table.motion(t), table.frame(t)
+    for w in range(g.slip.shape[0]):
+        for i in each(some):
+            g.slip[w, i] = np.abs(m.speed[w, i] - m.rims[w, i]) * r.radius[w, i]
+    wheels, recorded = (m.angle, m.speed, g.slip), (g.recorded[1], g.recorded[2], g.supplies)
+    by_frame.tell(some, g.telemetry, wheels, recorded, onboard.heat(t), onboard.battery(t))
+
+
+def _drag(some: Some, r: Robots, m: Motion, s: Scratch, t: TractionArrays, push: Array, downhill: Array) -> None:
     """See `cycle.drag`."""
-    for i in range(first, last):
+    for i in each(some):
         x, y, c, d = r.middle[0, i], r.middle[1, i], m.facing[0, i], m.facing[1, i]
         s.twist[0, i], s.twist[1, i] = m.twist[0, i] - m.twist[2, i] * y, m.twist[1, i] + m.twist[2, i] * x
         s.twist[2, i] = m.twist[2, i]
         s.momentum[0, i], s.momentum[1, i] = m.place[0, i] + c * x - d * y, m.place[1, i] + d * x + c * y
-    by_robot.travel(first, last, t, s.momentum, m.facing, s.twist, m.load, m.angle)
-    for i in range(first, last):
+    by_robot.travel(some, t, s.momentum, m.facing, s.twist, m.load, m.angle)
+    for i in each(some):
         c, d, x, y = m.facing[0, i], m.facing[1, i], t.wrench[0, i], t.wrench[1, i]
         s.sums[3, i], s.sums[4, i], m.force[2, i] = c * x + d * y, c * y - d * x, t.wrench[5, i]
-        for each in range(3):
-            s.sums[each, i] = 0.0
+        for row in range(3):
+            s.sums[row, i] = 0.0
     for w in range(m.speed.shape[0]):
         outward = r.outward[w]
-        for i in range(first, last):
+        for i in each(some):
             rim, x, y = m.rims[w, i], r.contacts[0, w, i], r.contacts[1, w, i]
             spin, axle = np.abs(rim), s.twist[0, i] * outward.real + s.twist[1, i] * outward.imag
             aside = planar.spinning(axle, spin, r.bearing[w, i], r.spin_up[w, i])
@@ -114,7 +117,7 @@ def _drag(
             s.sums[3, i] += force.real
             s.sums[4, i] += force.imag
             m.force[2, i] += x * force.imag - y * force.real
-        for i in range(first, last):
+        for i in each(some):
             spin = np.abs(m.rims[w, i])
             raised = planar.lifting(spin, r.lift[w, i], r.lift_fades[w, i])
             m.standing[w, i] = r.weight[w, i] + raised
@@ -122,10 +125,10 @@ def _drag(
             s.sums[1, i] += r.contacts[0, w, i] * raised
             s.sums[2, i] += r.contacts[1, w, i] * raised
     for w in range(m.speed.shape[0]):
-        for i in range(first, last):
+        for i in each(some):
             shared = r.even[w, i] * s.sums[0, i] + r.ahead[w, i] * s.sums[1, i] + r.aside[w, i] * s.sums[2, i]
             m.standing[w, i] -= shared
-    for i in range(first, last):
+    for i in each(some):
         c, d, x, y = m.facing[0, i], m.facing[1, i], s.sums[3, i], s.sums[4, i]
         ahead, aside = c * push[0, i] + d * push[1, i], c * push[1, i] - d * push[0, i]
         m.force[0, i] = x + ahead + (c * downhill[0, i] + d * downhill[1, i])
@@ -135,48 +138,48 @@ def _drag(
         m.tilting[1, i] = r.height[i] * y - r.pushed_height[i] * aside
 
 
-def _pull(first: int, last: int, r: Robots, m: Motion, s: Scratch, t: TractionArrays, current: Array) -> None:
+def _pull(some: Some, r: Robots, m: Motion, s: Scratch, t: TractionArrays, motors: MotorArrays, current: Array) -> None:
     """Find how hubs and rubber pull, and what friction allows."""
     for w in range(current.shape[0]):
-        for i in range(first, last):
+        for i in each(some):
             pressed = laws.pressed(m.load[w, i])
             soft = planar.soft(t.rims.softness[w, i], pressed, r.contact[w, i])
-            motor, hub = r.torque_constant[w, i] * current[w, i], (r.give[i], r.viscous[i], r.dry[w, i])
+            motor, hub = motors.speed_constant[w, i] * current[w, i], (r.give[i], r.viscous[i], r.dry[w, i])
             end, give = planar.hub(m.speed[w, i], motor, m.torque[w, i], soft, *hub)
             t.rims.limit[w, i] = t.rims.rim_friction[w, i] * pressed
             s.end[w, i], s.give[w, i], s.pull[w, i], s.held[w, i] = end, give, 1 / (soft + give), 0.0
 
 
-def _solve(first: int, last: int, r: Robots, m: Motion, s: Scratch, limit: Array) -> None:
+def _solve(some: Some, r: Robots, m: Motion, s: Scratch, limit: Array) -> None:
     """Find the twists, and which wheels slide."""
     wheels = limit.shape[0]
-    for each in range(3):
-        row = r.rows[each]
-        for i in range(first, last):
+    for row in range(3):
+        rows = r.rows[row]
+        for i in each(some):
             twist = m.twist[0, i], m.twist[1, i], m.twist[2, i]
-            s.momentum[each, i] = planar.momentum((row[0, i], row[1, i], row[2, i]), twist, m.force[each, i])
+            s.momentum[row, i] = planar.momentum((rows[0, i], rows[1, i], rows[2, i]), twist, m.force[row, i])
     for _ in range(1 + PASSES):
-        for each in range(6):
-            sums, own = s.sums[each], r.inertia[each]
-            for i in range(first, last):
+        for row in range(6):
+            sums, own = s.sums[row], r.inertia[row]
+            for i in each(some):
                 sums[i] = own[i]
             for w in range(wheels):
-                for i in range(first, last):
-                    sums[i] += s.pull[w, i] * r.squares[w, each, i]
-        for each in range(3):
-            sums, momentum = s.sums[6 + each], s.momentum[each]
-            for i in range(first, last):
+                for i in each(some):
+                    sums[i] += s.pull[w, i] * r.squares[w, row, i]
+        for row in range(3):
+            sums, momentum = s.sums[6 + row], s.momentum[row]
+            for i in each(some):
                 sums[i] = momentum[i]
             for w in range(wheels):
-                for i in range(first, last):
-                    sums[i] += (s.pull[w, i] * s.end[w, i] + s.held[w, i]) * r.rims[w, each, i]
-        for i in range(first, last):
+                for i in each(some):
+                    sums[i] += (s.pull[w, i] * s.end[w, i] + s.held[w, i]) * r.rims[w, row, i]
+        for i in each(some):
             a = s.sums[0, i], s.sums[1, i], s.sums[2, i], s.sums[3, i], s.sums[4, i], s.sums[5, i]
             b = s.sums[6, i], s.sums[7, i], s.sums[8, i]
             s.twist[0, i], s.twist[1, i], s.twist[2, i] = planar.solved(a, b)
         slide = 0
         for w in range(wheels):
-            for i in range(first, last):
+            for i in each(some):
                 most, pull, held = limit[w, i], s.pull[w, i], s.held[w, i]
                 rim = (
                     r.rims[w, 0, i] * s.twist[0, i] + r.rims[w, 1, i] * s.twist[1, i] + r.rims[w, 2, i] * s.twist[2, i]
@@ -193,34 +196,49 @@ def _solve(first: int, last: int, r: Robots, m: Motion, s: Scratch, limit: Array
             break
 
 
-def _advance(first: int, last: int, r: Robots, m: Motion, s: Scratch) -> None:
+def _advance(some: Some, r: Robots, m: Motion, s: Scratch) -> None:
     """Move hubs and bodies, and find what wheels carry then."""
-    for i in range(first, last):
+    for i in each(some):
         s.sums[0, i] = s.sums[1, i] = 0.0
     for w in range(m.speed.shape[0]):
-        for i in range(first, last):
+        for i in each(some):
             m.seen_angle[w, i] = m.angle[w, i]
             m.speed[w, i] = s.end[w, i] - s.give[w, i] * m.torque[w, i]
             m.angle[w, i] += CYCLE_S * m.speed[w, i]
-        for i in range(first, last):
+        for i in each(some):
             s.sums[0, i] += m.torque[w, i] * r.rims[w, 0, i]
             s.sums[1, i] += m.torque[w, i] * r.rims[w, 1, i]
-    for i in range(first, last):
+    for i in each(some):
         back = r.height[i] * s.sums[0, i] + m.tilting[0, i]
         aside = r.height[i] * s.sums[1, i] + m.tilting[1, i]
         m.tilt[0, i] += back
         m.tilt[1, i] += aside
         s.sums[0, i], s.sums[1, i] = back, aside
     for w in range(m.speed.shape[0]):
-        for i in range(first, last):
+        for i in each(some):
             shifted = r.ahead[w, i] * s.sums[0, i] + r.aside[w, i] * s.sums[1, i]
             m.load[w, i] = np.maximum(m.standing[w, i] - shifted, 0.0)
-    for i in range(first, last):
+    for i in each(some):
         x, y, rate, cosine, sine = s.twist[0, i], s.twist[1, i], s.twist[2, i], m.facing[0, i], m.facing[1, i]
         m.seen_rate[i] = m.twist[2, i]
-        m.place[0, i] += CYCLE_S * (cosine * x - sine * y)
-        m.place[1, i] += CYCLE_S * (sine * x + cosine * y)
+        ahead, aside = planar.turned(cosine, sine, x, y)
+        m.place[0, i] += CYCLE_S * ahead
+        m.place[1, i] += CYCLE_S * aside
         m.heading[i] += CYCLE_S * rate
         c, d = planar.small(CYCLE_S * rate)
         m.facing[0, i], m.facing[1, i] = cosine * c - sine * d, sine * c + cosine * d
         m.twist[0, i], m.twist[1, i], m.twist[2, i] = c * x + d * y, c * y - d * x, rate
+
+
+def _stand(some: Some, r: Robots, m: Motion, cycles: int) -> bool:
+    """Whether all robots stand, at places that are numbers, after so many cycles."""
+    stand = True
+    for i in each(some):
+        weight = 0.0
+        for w in range(r.weight.shape[0]):
+            weight += r.weight[w, i]
+        for w in range(r.weight.shape[0]):
+            corner, edge = (r.corners[0, w, i], r.corners[1, w, i]), (r.edges[0, w, i], r.edges[1, w, i])
+            stand = stand and not planar.falls(corner, edge, (m.tilt[0, i], m.tilt[1, i]), weight * cycles)
+        stand = stand and np.isfinite(m.place[0, i] + m.place[1, i] + m.heading[i])
+    return stand

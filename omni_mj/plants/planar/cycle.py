@@ -43,7 +43,7 @@ def drag(r: Robots, m: Motion, traction: Traction, push: Array, downhill: Array)
     np.add(r.weight, raised - shared, out=m.standing)
 
 
-def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, current: Array) -> None:
+def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, motor: Array) -> None:
     """Move on by a cycle.
 
     Args:
@@ -51,11 +51,11 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, current: Ar
         m: how they move; written.
         rim_friction: see `omni_mj.onboard.arrays.RimArrays`, (W, n).
         softness: the same.
-        current: of the motors, (W, n) A.
+        motor: torques of the motors, at the hubs, (W, n) N m.
     """
     pressed = onboard.pressed(m.load)
     limit, soft = rim_friction * pressed, laws.soft(softness, pressed, r.contact)
-    end, give = laws.hub(m.speed, r.torque_constant * current, m.torque, soft, r.give, r.viscous, r.dry)
+    end, give = laws.hub(m.speed, motor, m.torque, soft, r.give, r.viscous, r.dry)
     pull = 1 / (soft + give)
     momentum = laws.momentum(tuple(r.rows), tuple(m.twist), m.force)
     twist = _twist(r.inertia, momentum, pull, pull * end, r.squares, r.rims)
@@ -98,6 +98,21 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, current: Ar
     c, s = laws.small(turn)
     m.facing[0], m.facing[1] = cosine * c - sine * s, sine * c + cosine * s
     m.twist[0], m.twist[1], m.twist[2] = c * x + s * y, c * y - s * x, rate
+
+
+def falls(r: Robots, m: Motion, cycles: int) -> np.ndarray:
+    """Which robots (n,) would topple in a frame of so many cycles.
+
+    Over its wheels a robot stands as long as the point is between them that balances weight and forces: within the
+    frame it may leave them, on the mean it may not.
+    """
+    outside: np.ndarray = laws.falls(tuple(r.corners), tuple(r.edges), tuple(m.tilt), r.weight.sum(0) * cycles)
+    return np.asarray(outside.any(0))
+
+
+def where(m: Motion) -> Array:
+    """What is a number (n,) where a robot's pose is one."""
+    return np.asarray(m.place[0] + m.place[1] + m.heading)
 
 
 def _twist(inertia: Array, momentum: Array, pull: Array, ends: Array, squares: Array, rims: Array) -> Twist:

@@ -15,7 +15,7 @@ which is linear in v: three equations. A wheel of which more torque would be ask
 
 import numpy as np
 
-from omni_mj.onboard.laws import Number, where
+from omni_mj.onboard.laws import Number, Truth, where
 from omni_mj.worlds.build import CYCLE_S
 
 RESTING = 1 - 400.0 * CYCLE_S  # of its speed a hub keeps in a cycle that dry friction stops; models/ssl_robot.xml
@@ -104,3 +104,23 @@ def rolling(speed: Number, spin: Number, cost: Number, fades: Number) -> Number:
 def lifting(spin: Number, lift: Number, fades: Number) -> Number:
     """Load that a turning wheel takes over, N; see `rollers.Standing`."""
     return lift * spin * spin / (1 + fades * spin)
+
+
+def turned(cosine: Number, sine: Number, x: Number, y: Number) -> tuple[Number, Number]:
+    """A vector along the world's axes, of a robot whose heading has this cosine and sine."""
+    return cosine * x - sine * y, sine * x + cosine * y
+
+
+def falls(
+    corner: tuple[Number, Number], edge: tuple[Number, Number], tilt: tuple[Number, Number], weight: Number
+) -> Truth:
+    """Whether the point that balances weight and forces is outside of an edge of the polygon of the wheels.
+
+    Args:
+        corner: where the edge begins, m.
+        edge: to where it ends, counter-clockwise, m.
+        tilt: moments that tilt the robot back and aside, summed over cycles, N m.
+        weight: the same, N.
+    """
+    (x, y), (along, across), (back, aside) = corner, edge, tilt
+    return along * (aside + y * weight) > across * (back + x * weight)

@@ -16,7 +16,7 @@ from omni_mj.worlds.contact import ADDED_MASS_KG, FRICTION_RATE_HZ, FRICTION_STI
 
 
 def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, drawn: Drawn) -> Robots:
-    """N robots of one geometry, as they stand; the motors' torque constants are not in it yet."""
+    """N robots of one geometry, as they stand."""
     motors, drive = [Motor.of(s.motor) for s in settings], [s.drive for s in settings]
     wheels, shape = settings[0].wheels, drawn.wear.shape
     stiff = np.array([[damping(s.body.mass_kg / shape[1])] for s in settings])
@@ -31,9 +31,14 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
     body = np.stack([mass, none, none, mass, none, inertia])
     whole = (body + bodies.rim * squares.sum(2)) / CYCLE_S
     friction = ADDED_MASS_KG * FRICTION_STIFFER * FRICTION_RATE_HZ  # of a contact, N s/m
+    contacts = np.stack([arms.real, arms.imag]).swapaxes(1, 2)
+    corners = contacts[:, np.argsort(np.angle(outward))]
     found = Robots(
         outward=outward,
-        contacts=np.stack([arms.real, arms.imag]).swapaxes(1, 2),
+        contacts=contacts,
+        corners=corners,
+        edges=np.roll(corners, -1, axis=1) - corners,
+        radius=(geometry.radius - drawn.wear).T,
         rims=rims.transpose(2, 0, 1),
         squares=squares.transpose(2, 0, 1),
         inertia=whole,
@@ -41,7 +46,6 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
         give=(CYCLE_S / bodies.hub)[:, 0],
         viscous=column(motors, "wheel_viscous")[:, 0],
         dry=((column(motors, "wheel_dry") + column(drive, "gear_friction_nm")) * np.ones(shape)).T,
-        torque_constant=np.zeros(shape).T,
         contact=1 / (friction * rollers.count * lever**2).T,
         lever=lever.T,
         bearing=(column(drive, "roller_damping_nm_s") * rollers.count * rollers.spin).T,

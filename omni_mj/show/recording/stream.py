@@ -118,7 +118,7 @@ class Recording:
         followed = [simulation.references[robot.row] for robot in self._robots]
         self._paths: list[Array] = [each.poses for each in {id(each): each for each in followed}.values()]
         self._watches = [Watch(log, robot.row) for robot in self._robots]
-        telemetry = vars(simulation.plant.telemetry())
+        telemetry = simulation.plant.telemetry().named()
         absent = {name for name, values in telemetry.items() if np.isnan(values).all()}  # a plant may have no wheels
         wheels = kinematics(log.rows[0].settings.wheels)
         self._tabs = tabs.tabs(wheels, absent)

@@ -2,7 +2,7 @@
 
 A Kalman filter on `Deviations`, with what a run with noise adds to them. Vision's heading corrects the firmware's, late
 and noisy, and the gyro turns it: the firmware has a compass error c, by which it turns all commands, and a bias b of
-the gyro of which it knows a part. Both follow laws that are known (`onboard.firmware.HeadingEstimate`),
+the gyro of which it knows a part. Both follow laws that are known (`onboard.heading.HeadingEstimate`),
 
     c(k+1) = c(k) + T b(k) + T g e(k),    b(k+1) = b(k) + T h e(k),    e(k) = heading sent - own heading at that time,
 
