@@ -17,6 +17,7 @@ import numpy as np
 
 from omni_control.delay import CommandsInFlight
 from omni_control.estimation import evidence, motion
+from omni_control.estimation.arrays import PlantArrays
 from omni_control.estimation.late import Late
 from omni_control.estimation.motion import Motion, Plane, pairs, plane
 from omni_control.kinematics import Array, Kinematics
@@ -78,7 +79,7 @@ class Identifier:
         self._gives, self._ends = np.array([1.0, softness]), 1 - np.exp(-period / ENDS_S)
         self._period, self._delay, self._told = period, delay_frames, max(noise, 1e-4) ** 2
         self.noise = np.full(n, self._told)
-        self._last: list[Plane] = [np.full(n, np.nan, complex)] * 3  # the position seen, its differences, and theirs
+        self._last: Plane = np.full((3, n), np.nan, complex)  # the position seen, its differences, and theirs
         lag = max(LAG_SHARE * lag, LEAST_LAG_S)
         self._believed = np.array([0, EFFORT, EFFORT, creep, softness * creep, FRICTION * friction, 0, lag])
         state = np.concatenate([pairs(position), np.zeros((n, 4)), np.tile(self._believed, (n, 1))], axis=1)
@@ -127,6 +128,24 @@ class Identifier:
         self._past, self._frames = np.empty((MISTAKEN_FRAMES, n, motion.COUNT)), 0  # parameters in the last of them
         self._lasts = np.zeros(n)  # s, for how long acceleration has been missing
         self._lacks: Plane = np.zeros((2, n), complex)
+
+    @property
+    def arrays(self) -> PlantArrays:
+        """What loops over robots read, and write in its place; then they say that they `took` in a frame."""
+        known = self._state, self.variance, self.noise, self.surprise, self.sliding, self._lasts, self._last
+        still = self._lacks, self._past, np.zeros_like(self.position)
+        how = self._kept, self._renewed, self._forget, self._restless, self._gives, self._lowest, self._highest
+        return PlantArrays(*known, *still, *how, self._period, float(self._delay), self._told, float(self._ends))
+
+    @property
+    def frames(self) -> int:
+        """How many of those that were taken in had a report of vision."""
+        return self._frames
+
+    def took(self, reported: bool) -> None:
+        """Say that loops took in a frame, with a report of vision or without."""
+        self._frames += reported
+        self._know(self._state)
 
     @property
     def sigma(self) -> Array:
@@ -257,7 +276,7 @@ class Identifier:
         rough = np.abs(second - self._last[2]) ** 2 / 40
         change = evidence.noisier(self.noise, rough)
         self.noise = self.noise + np.where(np.isnan(rough), 0.0, change)
-        self._last = [measured, first, second]
+        self._last = np.array([measured, first, second])
 
     def _correct(self, state: Array, measured: Plane, late: Late | None) -> None:
         """Correct the state (n, 14) by the positions (n,) that vision reports, less the way from here to there."""

@@ -25,6 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omni_control.estimation.evidence import Number
 from omni_control.kinematics import Array, Kinematics
 
 Plane = NDArray[np.complex128]
@@ -35,7 +36,7 @@ COUNT = len(NAMES)
 
 RUBBED_M_S = 0.05  # speed from which dry friction is all there
 STARTING_M_S = 0.01  # same, of a motion that is asked for: it must be overcome before there is any
-_ONE, _RUBBED = np.ones(()), np.full((), RUBBED_M_S)  # numpy would have to convert Python's in each step
+_ONE = np.ones(())  # numpy would have to convert Python's in each step
 
 
 def pairs(vector: Plane) -> Array:
@@ -170,7 +171,12 @@ def _along(free: Array, rubbed: Array, out: Array | None = None) -> Array:
 
     It stops them, but does not turn them back.
     """
-    return np.divide(free, np.maximum(np.abs(free.view(complex)), np.maximum(_RUBBED, rubbed)), out=out)
+    return np.divide(free, fading(np.abs(free.view(complex)), rubbed), out=out)
+
+
+def fading(speed: Number, rubbed: Number) -> Number:
+    """Speed over which dry friction of up to `rubbed` m/s fades, of robots that drive at `speed`."""
+    return np.maximum(speed, np.maximum(RUBBED_M_S, rubbed))
 
 
 def softness(geometry: Kinematics | None) -> float:

@@ -22,6 +22,7 @@ believed to be 0. Driving aside, seven robots have 0.1 to 0.35 rad/m (planar pla
 
 import numpy as np
 
+from omni_control.estimation.arrays import TurningArrays
 from omni_control.estimation.evidence import Number
 from omni_control.estimation.late import Late
 from omni_control.estimation.motion import Plane
@@ -91,12 +92,18 @@ class Turning:
         sigma = np.append(sigma, [COUPLING_RAD_M, COUPLING_RAD_M])
         keep = np.exp(-period / np.append(BIAS_S, np.full(STATES - 3, KEPT_S)))
         self._keep, self._forget = keep, np.append([0.0, (RATE_RAD_S2 * period) ** 2], sigma**2 * (1 - keep**2))
-        self._kept = np.append([1.0, 1.0], keep)  # of each state, by itself
+        self._kept = np.append([1.0, 0.0], keep)  # of each state, by itself; a rate depends on others too
         self._renewed = (1 - self._kept) * np.append([0.0, 0.0], self._belief)
         self._passed = np.tile(np.diag(self._kept), (n, 1, 1))  # how states depend on those a frame before
         self._acts = np.empty((n, STATES - 3))  # what lag, effort, friction and coupling do like a command
         self.variance = np.zeros((n, STATES, STATES))
         self.variance[:, range(STATES), range(STATES)] = np.append([self._noise, 0.0], sigma**2)
+
+    @property
+    def arrays(self) -> TurningArrays:
+        """What loops over robots read, and write in its place."""
+        known, how = (self._state, self.variance, self.creep), (self._kept, self._renewed, self._forget, LEAST, MOST)
+        return TurningArrays(*known, *how, self._period, self._noise, self._creeps, self._arm)
 
     @property
     def sigma(self) -> Array:
