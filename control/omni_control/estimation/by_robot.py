@@ -202,7 +202,7 @@ def corrected(i: int, p: PlantArrays, place: complex, after: float) -> None:
     """Correct by what vision reports; see `Identifier._correct`."""
     state, variance, of = p.state[i], p.variance[i], np.empty((2, 14))
     if np.isnan(place.real) or np.isnan(place.imag):
-        within(state[6:], p.lowest, p.highest)
+        within(state, 6, p.lowest, p.highest)
         return
     for j in range(2):
         for k in range(14):
@@ -215,7 +215,7 @@ def corrected(i: int, p: PlantArrays, place: complex, after: float) -> None:
     weigh_x, weigh_y = (x * yy - y * yx) / area, (y * xx - x * xy) / area
     for k in range(14):
         state[k] += weigh_x * of[0, k] + weigh_y * of[1, k]
-    within(state[6:], p.lowest, p.highest)
+    within(state, 6, p.lowest, p.highest)
     for j in range(14):
         gain_x, gain_y = (of[0, j] * yy - of[1, j] * yx) / area, (of[1, j] * xx - of[0, j] * xy) / area
         for k in range(j, 14):
@@ -234,9 +234,11 @@ def felt(i: int, p: PlantArrays, frame: int, before: complex, unaided: complex) 
     p.lasts[i] = evidence.lasting(p.lasts[i], slides, p.period)
     p.sliding[i] = now = evidence.believed(was, slides, p.lasts[i], p.ends)
     frames = len(p.past)
-    p.past[frame % frames, i] = state[6:]
-    if was < 0.5 <= now:
-        state[6:] = p.past[(frame + 1) % frames if frame >= frames else 0, i]
+    begins, oldest = was < 0.5 <= now, (frame + 1) % frames if frame >= frames else 0
+    for k in range(8):
+        p.past[frame % frames, i, k] = state[6 + k]
+        if begins:
+            state[6 + k] = p.past[oldest, i, k]
 
 
 def turned(
@@ -267,13 +269,13 @@ def turned(
             state[j] += gain * of[j] * surprise
             for k in range(8):
                 variance[j, k] -= gain * of[j] * of[k]
-    within(state[3:], t.least, t.most)
+    within(state, 3, t.least, t.most)
 
 
-def within(values: Array, least: Array, most: Array) -> None:
-    """Keep values where they can be, all (k,)."""
-    for k in range(len(values)):
-        values[k] = min(max(values[k], least[k]), most[k])
+def within(state: Array, first: int, least: Array, most: Array) -> None:
+    """Keep the last states, from `first` on, where they can be."""
+    for k in range(len(least)):
+        state[first + k] = min(max(state[first + k], least[k]), most[k])
 
 
 def answer(i: int, t: TurningArrays, command: float, speed: float, shortfall: complex) -> tuple[float, float, float]:
