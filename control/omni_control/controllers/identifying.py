@@ -51,7 +51,7 @@ class Identifying(Controller):
         self.memory_frames = self.plant.longest + MOST_FRAMES
         self._started, self._answered = False, np.zeros((n, 3))
         self._arriving: Plane = np.zeros(n, complex)  # velocity as it was predicted in the frame before
-        self._loops: Loops | None = None
+        self.loops: Loops | None = None
 
     def wanted(self, frame: int, seen: Seen, arrival: Arrival) -> Array:
         """Commands (n, 3) for robots that will have arrived like that when they act; see `Controller.command`."""
@@ -62,7 +62,7 @@ class Identifying(Controller):
         if not self._started:
             self._started, self.plant, self.turning = True, self._identifier(seen.pose), self._turning(seen.pose)
             compiled = self.told.compiled
-            self._loops = None if compiled is None else Loops(self.turning, self.plant, compiled)
+            self.loops = None if compiled is None else Loops(self.turning, self.plant, compiled)
         for late in seen.steps[:-1]:
             self._identify(None, seen.sent, late)
         self._identify(seen.measured, seen.sent, *seen.steps[-1:])
@@ -73,8 +73,8 @@ class Identifying(Controller):
 
     def _identify(self, measured: Array | None, sent: CommandsInFlight, late: Late | None = None) -> None:
         """Take in a frame, of which vision reports poses (n, 3); none on the way to that."""
-        if self._loops is not None:
-            self._loops.identify(measured, sent, late)
+        if self.loops is not None:
+            self.loops.identify(measured, sent, late)
             return
         plant, turning = self.plant, self.turning
         before = turning.heading
@@ -88,8 +88,8 @@ class Identifying(Controller):
 
     def _predict(self, seen: Seen) -> Arrival:
         """How the commands that are still to act leave the robots."""
-        if self._loops is not None:
-            return Arrival(*self._loops.predict(seen.sent, seen.steps[-1] if seen.steps else None))
+        if self.loops is not None:
+            return Arrival(*self.loops.predict(seen.sent, seen.steps[-1] if seen.steps else None))
         sent, plant, turning, latency = seen.sent, self.plant, self.turning, self.plant.latency
         turning.creep = plant.motion.parameters[:, motion.CREEP.start]
         if seen.steps:

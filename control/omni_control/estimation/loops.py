@@ -24,10 +24,13 @@ class Loops:
         turning: how they turn, as known at the start; only this changes it from then on.
         plant: where they are and their law, same.
         compiled: what makes machine code of a loop, with all that it calls.
+
+    Attributes:
+        arrays: of both, for loops of the same kind.
     """
 
     def __init__(self, turning: Turning, plant: Identifier, compiled: Compile) -> None:
-        self._plant, self._arrays = plant, (turning.arrays, plant.arrays)
+        self._plant, self.arrays = plant, (turning.arrays, plant.arrays)
         self._identify, self._predict = compiled(by_robot.identify), compiled(by_robot.predict)
         n = len(plant.position)
         self._unseen = np.full((n, 3), np.nan)
@@ -37,7 +40,7 @@ class Loops:
         """Take in a frame, of which vision reports poses (n, 3); none on the way to that."""
         reported, commands = measured is not None, sent.last(sent.length).copy()
         seen = self._unseen if measured is None else measured
-        self._identify(*self._arrays, self._late(late), self._plant.frames, reported, seen, commands)
+        self._identify(*self.arrays, self._late(late), self._plant.frames, reported, seen, commands)
         self._plant.took(reported)
 
     def predict(self, sent: CommandsInFlight, late: Late | None) -> tuple[Plane, Plane, Array]:
@@ -45,7 +48,7 @@ class Loops:
         n = len(self._unseen)
         position, velocity, heading = np.empty(n, complex), np.empty(n, complex), np.empty(n)
         commands = sent.last(sent.length).copy()
-        self._predict(*self._arrays, self._late(late), commands, position, velocity, heading)
+        self._predict(*self.arrays, self._late(late), commands, position, velocity, heading)
         return position, velocity, heading
 
     def _late(self, late: Late | None) -> LateArrays:

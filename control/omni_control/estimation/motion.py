@@ -162,7 +162,7 @@ class Motion:
         back = heading.conj()
         v, later, mean = pairs(before * back), pairs(after * back), (before + after) / 2
         decay = np.exp(-duration / self.late(np.abs(before)))
-        towards = pairs(mean * back) / np.maximum(np.abs(mean), STARTING_M_S)[..., None]
+        towards = pairs(mean * back) / starting(np.abs(mean))[..., None]
         return plane(((later - decay * v) / (1 - decay) + self._rubbed * towards) * self.effort) * heading
 
 
@@ -177,6 +177,11 @@ def _along(free: Array, rubbed: Array, out: Array | None = None) -> Array:
 def fading(speed: Number, rubbed: Number) -> Number:
     """Speed over which dry friction of up to `rubbed` m/s fades, of robots that drive at `speed`."""
     return np.maximum(speed, np.maximum(RUBBED_M_S, rubbed))
+
+
+def starting(speed: Number) -> Number:
+    """Speed over which that friction is made up for, of a motion that is asked for."""
+    return np.maximum(speed, STARTING_M_S)
 
 
 def softness(geometry: Kinematics | None) -> float:

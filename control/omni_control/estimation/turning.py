@@ -166,8 +166,8 @@ class Turning:
     def ask(self, before: Array, after: Array, speed: Array, shortfall: Plane | complex = 0j) -> Array:
         """Commands (n,) that lead from rates `before` to `after`, rad/s, in a frame, driving so; see `step`."""
         late, _, rubbing = self._answer((before + after) / 2, speed, shortfall)
-        decay = np.exp(-self._period / late)
-        return (after - decay * before) * self.effort / (1 - decay) - self._turned(shortfall) + self.friction * rubbing
+        decay, turned = np.exp(-self._period / late), self._turned(shortfall)
+        return asked(before, after, decay, self.effort, turned, self.friction * rubbing)
 
     def update(
         self,
@@ -245,6 +245,11 @@ def answer(
     travel = np.hypot(speed, rim)
     rubbing = rim / np.maximum(travel, np.maximum(RUBBED_M_S, arm * friction))  # stops, no more
     return still + slower * travel, (command + turned - friction * rubbing) / effort, rubbing
+
+
+def asked(before: Number, after: Number, decay: Number, effort: Number, turned: Number, rubbed: Number) -> Number:
+    """Commands from rates to rates, of which the share `decay` is left, of robots that are turned and rubbed."""
+    return (after - decay * before) * effort / (1 - decay) - turned + rubbed
 
 
 def go_on(rate: Number, final: Number, late: Number, duration: Number) -> tuple[Number, Number, Number]:
