@@ -48,14 +48,16 @@ def _limited(
     wanted: list[float], last: list[float], speed: float, turn_rate: float, change: float, turn_change: float
 ) -> list[float]:
     """What may be sent to one robot, to the same bits."""
-    allowed = _clipped(*wanted, speed, turn_rate)
+    allowed = _clipped(wanted, speed, turn_rate)
     changes = [now - before for now, before in zip(allowed, last, strict=True)]
-    return [before + more for before, more in zip(last, _clipped(*changes, change, turn_change), strict=True)]
+    return [before + more for before, more in zip(last, _clipped(changes, change, turn_change), strict=True)]
 
 
-def _clipped(x: float, y: float, turn: float, translation: float, rotation: float) -> tuple[float, float, float]:
+def _clipped(vector: list[float], translation: float, rotation: float) -> list[float]:
+    """As `_clip`, of one robot."""
+    x, y, turn = vector
     scale = min(translation / max(math.sqrt(x * x + y * y), 1e-300), 1.0)
-    return x * scale, y * scale, min(max(turn, -rotation), rotation)
+    return [x * scale, y * scale, min(max(turn, -rotation), rotation)]
 
 
 def within_rate(wanted: Array, step: float) -> Array:

@@ -12,9 +12,10 @@ import numpy as np
 
 from omni_control.estimation import turning
 from omni_control.estimation.arrays import PlantArrays, TurningArrays
-from omni_control.estimation.by_robot import Axes, answer, axes
+from omni_control.estimation.by_robot import Axes, axes
 from omni_control.estimation.evidence import Number
 from omni_control.estimation.motion import Plane, starting
+from omni_control.estimation.turning_by_robot import answer
 from omni_control.kinematics import Array, wrapped
 
 STIFFNESS = 12.0  # 1/s: of the fuzzy controller near zero error, for which the damping is made

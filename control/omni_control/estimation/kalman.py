@@ -1,11 +1,13 @@
 """Filtering of vision by a Kalman filter that knows the commands in flight."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from omni_control.estimation.evidence import Number
 from omni_control.estimation.late import Late
-from omni_control.kinematics import FEW, Array, wrap_angle, wrapped
+from omni_control.kinematics import FEW, Array, wrap_angle
 
 GAIN_ERROR = 0.06  # standard deviation of what a robot does in a frame, over what its commands say
 DRIFT_M_S2, DRIFT_RAD_S2 = 0.1, 0.5  # change per square root of a second of what it does besides
@@ -76,7 +78,7 @@ class KalmanFilter:
         if late is None and len(measured) <= FEW:
             return self._update_few(measured, displacement)
         t, known = self._period, (self.pose, self.drift, self._xx, self._xb, self._bb)
-        pose, drift, xx, xb, bb, noise = _carried(self._law, *known, displacement, self._scale, self._wander)
+        pose, drift, xx, xb, bb, noise = _carried(self._law, known, displacement, self._scale, self._wander)
 
         expected, with_x, with_b, variance = pose, xx, xb, xx + self._noise  # of the pose that is seen
         if late is not None:
@@ -110,16 +112,17 @@ class KalmanFilter:
         state = self.pose, self.drift, self._xx, self._xb, self._bb, displacement, self._scale, measured
         table = np.concatenate(state).reshape(len(state), -1).T.tolist()
         found = []
-        for axis, ((*known, seen), (wander, noise)) in enumerate(zip(table, self._told, strict=True)):
-            pose, drift, xx, xb, bb, _ = _carried(self._law, *known, wander)
+        for axis, (known, (wander, noise)) in enumerate(zip(table, self._told, strict=True)):
+            displaced, scale, seen = known[5:]
+            pose, drift, xx, xb, bb, _ = _carried(self._law, known[:5], displaced, scale, wander)
             innovation, variance = seen - pose, xx + noise
             if axis % 3 == 2 and not abs(innovation) < np.pi:
-                innovation = float(wrapped(np.float64(innovation)))
+                innovation = float(wrap_angle(innovation))
             missed = innovation != innovation  # not a number
             surprise, gains = (0.0, (0.0, 0.0)) if missed else (innovation, (xx / variance, xb / variance))
             ratio = 1.0 if missed else min(surprise * surprise / variance, LARGEST)
             corrected = _corrected(pose, drift, xx, xb, bb, surprise, *gains)
-            twist = known[5] / self._period + corrected[1]
+            twist = displaced / self._period + corrected[1]
             found.append((*corrected, twist, innovation, variance, (1 - SCALE_MEMORY) * (ratio - 1)))
         columns = np.array(found).T.reshape(len(found[0]), *measured.shape)
         self.pose, self.drift, self._xx, self._xb, self._bb, self.twist, self._innovation, self._variance, log = columns
@@ -133,17 +136,10 @@ class KalmanFilter:
 
 
 def _carried(
-    law: tuple[float, ...],
-    pose: Number,
-    drift: Number,
-    xx: Number,
-    xb: Number,
-    bb: Number,
-    displacement: Number,
-    scale: Number,
-    wander: Number,
+    law: tuple[float, ...], known: Sequence[Number], displacement: Number, scale: Number, wander: Number
 ) -> tuple[Number, ...]:
     """The state after a frame, its variances, and what the displacement adds to them; numbers or arrays alike."""
+    pose, drift, xx, xb, bb = known
     t, keep, t_2, keep_2 = law
     uncertain = GAIN_ERROR * displacement
     noise = scale * (uncertain * uncertain)

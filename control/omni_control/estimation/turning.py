@@ -118,7 +118,8 @@ class Turning:
 
     def _turned(self, shortfall: Plane | complex) -> Array:
         """What turns robots like a command, rad/s: bias, and driving."""
-        return driven(self.bias, *self.coupling, shortfall)
+        ahead, aside = self.coupling
+        return driven(self.bias, ahead, aside, shortfall)
 
     def _answer(self, command: Array, speed: Array, shortfall: Plane | complex = 0j) -> tuple[Array, Array, Array]:
         """See `answer`."""
