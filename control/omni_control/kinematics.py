@@ -21,6 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+FEW = 2  # robots up to which Python reckons with single numbers sooner than numpy with arrays
+
 _PAST_HALF_A_TURN = np.nextafter(-np.pi, 0)
 _SURELY_WITHIN, _ZERO = 3.14, np.zeros(())  # rad: of these only a copy need be made
 

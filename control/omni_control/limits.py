@@ -1,11 +1,12 @@
 """What the team's computer may command: speed and acceleration limits on the way to the radio."""
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
 
-from omni_control.kinematics import Array
+from omni_control.kinematics import FEW, Array
 from omni_control.reference.limits import MotionLimits
 
 
@@ -22,9 +23,13 @@ class CommandLimits:
             [[s.speed, s.acceleration * period, s.turn_rate, s.turn_acceleration * period] for s in limits]
         ).T[..., None]
         self._highest, self._step = (speed, turn_rate), (acceleration, turn_acceleration)  # (n, 1) each
+        self._each = np.concatenate([speed, turn_rate, acceleration, turn_acceleration], axis=1).tolist()
 
     def __call__(self, command: Array, last: Array) -> Array:
         """Return the commands (n, 3) that may be sent, given those wanted and those sent in the frame before."""
+        if len(command) <= FEW:
+            each = zip(command.tolist(), last.tolist(), self._each, strict=True)
+            return np.array([_limited(wanted, sent, *limits) for wanted, sent, limits in each])
         with np.errstate(over="ignore"):  # one that is too large to be squared stops the robot
             allowed = _clip(command, *self._highest)
         return last + _clip(allowed - last, *self._step)
@@ -37,6 +42,22 @@ def _clip(vector: Array, translation: Array, rotation: Array) -> Array:
     np.multiply(vector[:, :2], scale, out=clipped[:, :2])
     np.minimum(np.maximum(vector[:, 2:], -rotation), rotation, out=clipped[:, 2:])
     return clipped
+
+
+def _limited(
+    wanted: list[float], last: list[float], speed: float, turn_rate: float, change: float, turn_change: float
+) -> list[float]:
+    """What may be sent to one robot, to the same bits."""
+    allowed = _clipped(wanted, speed, turn_rate)
+    changes = [now - before for now, before in zip(allowed, last, strict=True)]
+    return [before + more for before, more in zip(last, _clipped(changes, change, turn_change), strict=True)]
+
+
+def _clipped(vector: list[float], translation: float, rotation: float) -> list[float]:
+    """As `_clip`, of one robot."""
+    x, y, turn = vector
+    scale = min(translation / max(math.sqrt(x * x + y * y), 1e-300), 1.0)
+    return [x * scale, y * scale, min(max(turn, -rotation), rotation)]
 
 
 def within_rate(wanted: Array, step: float) -> Array:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omni_control.controllers.apart import Apart
 from omni_control.controllers.base import Controller, Seen, Told
-from omni_control.controllers.checks import RECORDED, answer, said
+from omni_control.controllers.checks import Said, answer, said, together
 from omni_control.controllers.guests import guest_of
 from omni_control.delay import CommandsInFlight, Rows
 from omni_control.errors import ControllerError, OmniError
@@ -96,7 +96,7 @@ class Team:
         self.last, self.failed = np.zeros((self.n, 3)), np.zeros(self.n, bool)
         self._known: _Known | None = None  # until it is answered by commands
         self._true: _Known | None = None
-        self._record()
+        self._record: Said | None = None
 
     def observe(
         self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None, age: ArrayLike | None = None
@@ -150,7 +150,7 @@ class Team:
         command = self._limits(wanted, self.last)
         if self._failures:
             command[self.failed] = 0.0
-        self._record()
+        self._record = None
         self.last, self._known = command, None
         return command.copy()
 
@@ -180,7 +180,7 @@ class Team:
     def stop(self, rows: Rows) -> None:
         """Take robots out of the game: from now on they are sent zero, and their controllers' mistakes are none."""
         self.failed[rows] = True
-        self._record()
+        self._record = None
 
     @property
     def _failures(self) -> bool:
@@ -237,23 +237,35 @@ class Team:
         self.failed[new] = True
         self._on_failure(new, reason)
 
-    def _record(self) -> None:
-        """Put together what the controllers say of themselves."""
-        record = {name: np.empty((self.n, 3)) for name in RECORDED}
-        self.channels: dict[str, Array] = {}
-        for own, rows in zip(self._said, self._rows, strict=True):
-            for name, table in record.items():
-                table[rows] = own.recorded[name]
-            for name, columns in own.channels.items():
-                width, known = columns.shape[1], self.channels.get(name)
-                if known is None or known.shape[1] < width:
-                    self.channels[name] = np.full((self.n, width), np.nan)
-                    if known is not None:
-                        self.channels[name][:, : known.shape[1]] = known
-                self.channels[name][rows, :width] = columns
-        for table in (*record.values(), *self.channels.values()) if self._failures else ():
-            table[self.failed] = np.nan
-        self.predicted, self.alpha_hat, self.latency_hat = (record[name] for name in RECORDED)
+    @property
+    def predicted(self) -> Array:
+        """See the class."""
+        return self._recorded.recorded["predicted"]
+
+    @property
+    def alpha_hat(self) -> Array:
+        """See the class."""
+        return self._recorded.recorded["alpha_hat"]
+
+    @property
+    def latency_hat(self) -> Array:
+        """See the class."""
+        return self._recorded.recorded["latency_hat"]
+
+    @property
+    def channels(self) -> dict[str, Array]:
+        """See the class."""
+        return self._recorded.channels
+
+    @property
+    def _recorded(self) -> Said:
+        """What the controllers say of themselves, put together when it is asked for."""
+        if self._record is None:
+            self._record = together(self._said, self._rows, self.n)
+            tables = (*self._record.recorded.values(), *self._record.channels.values())
+            for table in tables if self._failures else ():
+                table[self.failed] = np.nan
+        return self._record
 
     def _checked(self, values: ArrayLike, what: str, *, finite: bool = False) -> Array:
         """Numbers (n, 3), copied."""

@@ -11,6 +11,7 @@ from omni_control.errors import ControllerError
 from omni_control.kinematics import Array, Kinematics
 from omni_control.reference import EachReference, Reference
 from omni_control.team import Team
+from omni_mj.onboard.kernel import compiled
 from omni_mj.scenarios import references, user_files
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, Settings
@@ -79,6 +80,7 @@ def told(settings: Settings, geometry: Kinematics, wheels: bool) -> Told:
         alpha_window_frames=control.alpha_window_frames,
         geometry=geometry,
         limits=references.motion_limits(control),
+        compiled=compiled if settings.physics.kernel == "numba" else None,
     )
 
 

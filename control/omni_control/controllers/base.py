@@ -5,8 +5,9 @@ limits), and returns new commands in the world frame (figure 4 of the paper).
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -35,6 +36,8 @@ class Told:
         alpha_window_frames: window of the estimate of alpha (equation 8), frames.
         geometry: of the wheels, or None where nobody said.
         limits: of what may be commanded, translation and turning; the defaults are the league simulators'.
+        compiled: what makes machine code of a loop over robots and of what that calls, such as numba, for controllers
+            that have such loops. [they reckon with all robots at once, by numpy]
 
     Raises:
         OmniError: a time, a noise or a number of frames that cannot be; all that are wrong, one line each.
@@ -53,6 +56,7 @@ class Told:
     alpha_window_frames: int = 15
     geometry: Kinematics | None = None
     limits: MotionLimits = field(default=COMMAND_LIMITS)
+    compiled: Callable[[Callable[..., Any]], Callable[..., Any]] | None = None
 
     def __post_init__(self) -> None:
         """Check the numbers; those of the fuzzy controller are checked where it is made."""

@@ -2,6 +2,7 @@
 
 import inspect
 import traceback
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from omni_control.controllers.base import Controller, Seen
+from omni_control.delay import Rows
 from omni_control.errors import ControllerError, printable
 from omni_control.kinematics import Array
 
@@ -88,6 +90,34 @@ def said(controller: Controller, n: int, when: str) -> Said:
         raise ControllerError(
             f"{name} has {columns} columns in its channels {when}; {MOST_COLUMNS} at most are recorded"
         )
+    return Said(recorded, channels)
+
+
+def together(each: Sequence[Said], rows: Sequence[Rows], n: int) -> Said:
+    """What several controllers of `n` robots say of themselves, in arrays of its own.
+
+    Args:
+        each: what they say.
+        rows: the robots of each.
+        n: as above.
+
+    Returns:
+        That of all robots; not a number for those whose controller has no such channel, or a narrower one.
+    """
+    if len(each) == 1 and isinstance(rows[0], slice):  # of all robots
+        return Said(*({name: values.copy() for name, values in own.items()} for own in vars(each[0]).values()))
+    recorded = {name: np.empty((n, 3)) for name in RECORDED}
+    channels: dict[str, Array] = {}
+    for own, part in zip(each, rows, strict=True):
+        for name, table in recorded.items():
+            table[part] = own.recorded[name]
+        for name, columns in own.channels.items():
+            width, known = columns.shape[1], channels.get(name)
+            if known is None or known.shape[1] < width:
+                channels[name] = np.full((n, width), np.nan)
+                if known is not None:
+                    channels[name][:, : known.shape[1]] = known
+            channels[name][part, :width] = columns
     return Said(recorded, channels)
 
 

@@ -10,6 +10,7 @@ from omni_control.delay import CommandsInFlight
 from omni_control.estimation import motion
 from omni_control.estimation.identify import Identifier
 from omni_control.estimation.late import MOST_FRAMES, Late
+from omni_control.estimation.loops import Loops
 from omni_control.estimation.motion import Plane, pairs, plane
 from omni_control.estimation.turning import Turning
 from omni_control.kinematics import Array, wrap_angle
@@ -50,6 +51,7 @@ class Identifying(Controller):
         self.memory_frames = self.plant.longest + MOST_FRAMES
         self._started, self._answered = False, np.zeros((n, 3))
         self._arriving: Plane = np.zeros(n, complex)  # velocity as it was predicted in the frame before
+        self.loops: Loops | None = None
 
     def wanted(self, frame: int, seen: Seen, arrival: Arrival) -> Array:
         """Commands (n, 3) for robots that will have arrived like that when they act; see `Controller.command`."""
@@ -59,11 +61,11 @@ class Identifying(Controller):
         """See `Controller`."""
         if not self._started:
             self._started, self.plant, self.turning = True, self._identifier(seen.pose), self._turning(seen.pose)
-        plant, turning = self.plant, self.turning
+            compiled = self.told.compiled
+            self.loops = None if compiled is None else Loops(self.turning, self.plant, compiled)
         for late in seen.steps[:-1]:
             self._identify(None, seen.sent, late)
         self._identify(seen.measured, seen.sent, *seen.steps[-1:])
-        turning.creep = plant.motion.parameters[:, motion.CREEP.start]
         arrival = self._predict(seen)
         self.predicted = np.concatenate([pairs(arrival.position), arrival.heading[:, None]], axis=1)
         self._record()
@@ -71,6 +73,9 @@ class Identifying(Controller):
 
     def _identify(self, measured: Array | None, sent: CommandsInFlight, late: Late | None = None) -> None:
         """Take in a frame, of which vision reports poses (n, 3); none on the way to that."""
+        if self.loops is not None:
+            self.loops.identify(measured, sent, late)
+            return
         plant, turning = self.plant, self.turning
         before = turning.heading
         headings = np.full(len(before), np.nan) if measured is None else measured[:, 2]
@@ -83,7 +88,10 @@ class Identifying(Controller):
 
     def _predict(self, seen: Seen) -> Arrival:
         """How the commands that are still to act leave the robots."""
+        if self.loops is not None:
+            return Arrival(*self.loops.predict(seen.sent, seen.steps[-1] if seen.steps else None))
         sent, plant, turning, latency = seen.sent, self.plant, self.turning, self.plant.latency
+        turning.creep = plant.motion.parameters[:, motion.CREEP.start]
         if seen.steps:
             latency = latency + seen.steps[-1].behind
         count = math.ceil(latency.max())

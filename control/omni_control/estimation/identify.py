@@ -13,12 +13,11 @@ parameters are kept, all but creep, which is the slip that grows with accelerati
 is no sliding, but a robot that has become another, and is learned.
 """
 
-from collections import deque
-
 import numpy as np
 
 from omni_control.delay import CommandsInFlight
-from omni_control.estimation import motion
+from omni_control.estimation import evidence, motion
+from omni_control.estimation.arrays import PlantArrays
 from omni_control.estimation.late import Late
 from omni_control.estimation.motion import Motion, Plane, pairs, plane
 from omni_control.kinematics import Array, Kinematics
@@ -31,21 +30,10 @@ CREEP_SIGMA, CREEPS_ALIKE = 0.35, 0.8  # relative: of four published robots, 20 
 FRICTION, FRICTION_SIGMA = 0.8, 0.4  # of what it is told to be at most
 LATENCY_FRAMES = 1.2  # standard deviation of what the dead time is told wrong by
 LAG_SHARE, LAG_SIGMA = 0.75, 0.5  # lag forward of the mean over all directions; relative
-ACCELERATION_M_S2 = 0.35  # standard deviation of what the law does not know of v'
-UNKNOWN_SHARE = 0.3  # same, of the acceleration that it asks for; all of it where wheels slide
 PUSH_M_S, PUSH_S = 0.02, 0.5  # standard deviation of b, and the time after which it is forgotten
-NOISE_FRAMES, ROUGHEST = 60.0, 25.0  # over which the noise of vision is averaged; of a frame, relative
-SURPRISE_FRAMES = 10  # over which it is averaged
-MOST_SURPRISED = 30.0
-SPREAD_FRAMES = 0.5, 2.0  # of latencies, over which the change of commands is taken
-EVIDENT_M_S = 0.1  # below it a robot may be held by dry friction and shows nothing of its parameters
 REACH_FRAMES = 4, 5  # how far the latency may be below and above what it is told
-SLIDING_FRAMES = 8  # over which accelerations asked for and missing are averaged
-ASKED_M_S2, MISSING_M_S2, MISSING_SHARE = 1.0, 0.5, 0.3  # of them, from which on wheels are taken to slide
-BEGINS_FRAMES, ENDS_S = 4.0, 0.5  # in which that is believed, and not believed any more
+ENDS_S = 0.5  # in which it is not believed any more that wheels slide
 MISTAKEN_FRAMES = 14  # before sliding is believed, in which it was taken for other parameters
-PASSES_S, SHRINKS = 1.03, 4.0  # how long it may last, and by how much faster than it grew that time shrinks
-SURPRISING = 1.5  # from which on parameters count on less
 LEAST_LAG_S = 1e-3
 STATES = 6 + motion.COUNT  # position, velocity, push; parameters
 _UNITS = np.array([1, 1j, 1, 1j])  # the world's axes, of velocity and of push
@@ -91,7 +79,7 @@ class Identifier:
         self._gives, self._ends = np.array([1.0, softness]), 1 - np.exp(-period / ENDS_S)
         self._period, self._delay, self._told = period, delay_frames, max(noise, 1e-4) ** 2
         self.noise = np.full(n, self._told)
-        self._last: list[Plane] = [np.full(n, np.nan, complex)] * 3  # the position seen, its differences, and theirs
+        self._last: Plane = np.full((3, n), np.nan, complex)  # the position seen, its differences, and theirs
         lag = max(LAG_SHARE * lag, LEAST_LAG_S)
         self._believed = np.array([0, EFFORT, EFFORT, creep, softness * creep, FRICTION * friction, 0, lag])
         state = np.concatenate([pairs(position), np.zeros((n, 4)), np.tile(self._believed, (n, 1))], axis=1)
@@ -123,7 +111,7 @@ class Identifier:
         renewed = np.sqrt(1 - keep**2)
         self._forget = np.zeros((STATES, STATES))
         self._forget[6:, 6:] = belief * np.outer(renewed, renewed)
-        restless = np.array([ACCELERATION_M_S2 * period, PUSH_M_S * np.sqrt(1 - keep_push**2)]) ** 2
+        restless = np.array([evidence.ACCELERATION_M_S2 * period, PUSH_M_S * np.sqrt(1 - keep_push**2)]) ** 2
         self._restless = np.repeat(restless, 2)  # of velocity and push
         self._kept = np.concatenate([[1, 1, 0, 0], [keep_push] * 2, keep])  # of each state, by itself
         self._renewed = np.concatenate([np.zeros(6), (1 - keep) * self._believed])
@@ -137,9 +125,27 @@ class Identifier:
         self.variance[:, [0, 1], [0, 1]] = self._told
         self.variance[:, 6:, 6:] = belief
         self.surprise, self.sliding = np.ones(n), np.zeros(n)
-        self._past: deque[Array] = deque(maxlen=MISTAKEN_FRAMES)  # parameters in the last frames
+        self._past, self._frames = np.empty((MISTAKEN_FRAMES, n, motion.COUNT)), 0  # parameters in the last of them
         self._lasts = np.zeros(n)  # s, for how long acceleration has been missing
         self._lacks: Plane = np.zeros((2, n), complex)
+
+    @property
+    def arrays(self) -> PlantArrays:
+        """What loops over robots read, and write in its place; then they say that they `took` in a frame."""
+        known = self._state, self.variance, self.noise, self.surprise, self.sliding, self._lasts, self._last
+        still = self._lacks, self._past, np.zeros_like(self.position)
+        how = self._kept, self._renewed, self._forget, self._restless, self._gives, self._lowest, self._highest
+        return PlantArrays(*known, *still, *how, self._period, float(self._delay), self._told, float(self._ends))
+
+    @property
+    def frames(self) -> int:
+        """How many of those that were taken in had a report of vision."""
+        return self._frames
+
+    def took(self, reported: bool) -> None:
+        """Say that loops took in a frame, with a report of vision or without."""
+        self._frames += reported
+        self._know(self._state)
 
     @property
     def sigma(self) -> Array:
@@ -207,8 +213,7 @@ class Identifier:
         latency, number, count = self.latency, 6 + motion.LATENCY, self.longest
         if late is not None:
             latency, count = latency + late.behind, count + int(late.behind.max())
-        least, most = SPREAD_FRAMES
-        spread = np.sqrt(np.minimum(np.maximum(self.variance[:, number, number], least**2), most**2))
+        spread = evidence.spread(self.variance[:, number, number])
         sooner, later = np.maximum(latency - spread, 0.0), latency + spread
         shares = sent.acted(np.array([latency, sooner, later]))[-count:]
         acting, early, belated = np.add.reduce(shares * plane(sent.last(count)[..., :2])[:, None])
@@ -223,8 +228,8 @@ class Identifier:
         acts, effect, passed = self._acts, self._effect, self._passed
         back, speed, effort = ahead.conj(), np.abs(self.velocity), self.motion.effort
         change = (step.before - step.velocity) / self._period
-        evident = np.minimum(speed / EVIDENT_M_S, 1.0) ** 2
-        obeys = evident * (1 - self.sliding) * np.minimum(SURPRISING / self.surprise, 1.0) ** 2
+        evident = evidence.evident(speed)
+        obeys = evidence.obeys(evident, self.sliding, self.surprise)
         axes = acts.view(float)  # (n, 24); of what is of one axis, that of the other is zero
         acts[:, :4] = _UNITS * back[:, None]
         acts[:, 4], acts[:, 10] = -1j * arrived * back, later * back
@@ -236,8 +241,8 @@ class Identifier:
         effect[:, :, :2], effect[:, :, 2:] = left, (self._lasting - left) / effort[:, None]
         self._driven[...] = pairs(plane(pairs(acts) * effect) * ahead[:, None])
         variance: Array = passed @ self.variance @ passed.swapaxes(1, 2) + self._forget
-        doubted = (UNKNOWN_SHARE + self.sliding)[:, None] / ACCELERATION_M_S2 * np.abs(change.view(complex))
-        restless = np.minimum(np.maximum(self.surprise, 1.0), MOST_SURPRISED)[:, None] * self._restless
+        doubted = evidence.doubted(self.sliding[:, None], np.abs(change.view(complex)))
+        restless = evidence.restless(self.surprise)[:, None] * self._restless
         restless[:, :2] *= 1 + doubted**2
         variance.reshape(-1, STATES**2)[:, 2 * (STATES + 1) : 6 * (STATES + 1) : STATES + 1] += restless
         return variance
@@ -249,19 +254,16 @@ class Identifier:
             state: as corrected.
             lacks: acceleration of the law in the frame just past, and what vision took from it, (2, n) m/s^2.
         """
-        self._lacks = self._lacks + (lacks - self._lacks) / SLIDING_FRAMES
-        asked, missing = self._lacks
-        size = np.maximum(np.abs(asked), ASKED_M_S2)
-        along = (missing * asked.conj()).real / size
-        slides = along > np.maximum(MISSING_M_S2, MISSING_SHARE * size)
-        self._lasts = np.maximum(self._lasts + np.where(slides, 1.0, -SHRINKS) * self._period, 0.0)
-        passing, was = slides & (self._lasts < PASSES_S), self.sliding
-        self.sliding = was + (passing - was) * np.where(passing, 1 / BEGINS_FRAMES, self._ends)
-        self._past.append(state[:, 6:])
+        self._lacks = evidence.lacking(self._lacks, lacks)
+        slides, was = evidence.slides(*self._lacks), self.sliding
+        self._lasts = evidence.lasting(self._lasts, slides, self._period)
+        self.sliding = evidence.believed(was, slides, self._lasts, self._ends)
+        self._past[self._frames % MISTAKEN_FRAMES] = state[:, 6:]
+        self._frames += 1
         begins = (was < 0.5) & (self.sliding >= 0.5)
-        if begins.any():
-            state = state.copy()
-            state[begins, 6:] = self._past[0][begins]
+        if np.count_nonzero(begins):
+            oldest = self._frames % MISTAKEN_FRAMES if self._frames > MISTAKEN_FRAMES else 0
+            state[begins, 6:] = self._past[oldest][begins]
         return state
 
     def _doubt(self, measured: Plane) -> None:
@@ -272,9 +274,9 @@ class Identifier:
         first = measured - self._last[0]
         second = first - self._last[1]
         rough = np.abs(second - self._last[2]) ** 2 / 40
-        change = (np.minimum(rough, ROUGHEST * self.noise) - self.noise) / NOISE_FRAMES
+        change = evidence.noisier(self.noise, rough)
         self.noise = self.noise + np.where(np.isnan(rough), 0.0, change)
-        self._last = [measured, first, second]
+        self._last = np.array([measured, first, second])
 
     def _correct(self, state: Array, measured: Plane, late: Late | None) -> None:
         """Correct the state (n, 14) by the positions (n,) that vision reports, less the way from here to there."""
@@ -296,4 +298,4 @@ class Identifier:
         variance = self.variance - of_position.swapaxes(1, 2) @ (inverse @ of_position)
         self.variance = (variance + variance.swapaxes(1, 2)) / 2
         surprise = np.add.reduce((innovation * weighed)[:, 0], axis=1) / 2
-        self.surprise = self.surprise + seen * (np.minimum(surprise, 50.0) - self.surprise) / SURPRISE_FRAMES
+        self.surprise = np.where(seen, evidence.surprised(self.surprise, surprise), self.surprise)

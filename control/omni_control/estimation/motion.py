@@ -25,6 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omni_control.estimation.evidence import Number
 from omni_control.kinematics import Array, Kinematics
 
 Plane = NDArray[np.complex128]
@@ -35,7 +36,7 @@ COUNT = len(NAMES)
 
 RUBBED_M_S = 0.05  # speed from which dry friction is all there
 STARTING_M_S = 0.01  # same, of a motion that is asked for: it must be overcome before there is any
-_ONE, _RUBBED = np.ones(()), np.full((), RUBBED_M_S)  # numpy would have to convert Python's in each step
+_ONE = np.ones(())  # numpy would have to convert Python's in each step
 
 
 def pairs(vector: Plane) -> Array:
@@ -161,7 +162,7 @@ class Motion:
         back = heading.conj()
         v, later, mean = pairs(before * back), pairs(after * back), (before + after) / 2
         decay = np.exp(-duration / self.late(np.abs(before)))
-        towards = pairs(mean * back) / np.maximum(np.abs(mean), STARTING_M_S)[..., None]
+        towards = pairs(mean * back) / starting(np.abs(mean))[..., None]
         return plane(((later - decay * v) / (1 - decay) + self._rubbed * towards) * self.effort) * heading
 
 
@@ -170,7 +171,17 @@ def _along(free: Array, rubbed: Array, out: Array | None = None) -> Array:
 
     It stops them, but does not turn them back.
     """
-    return np.divide(free, np.maximum(np.abs(free.view(complex)), np.maximum(_RUBBED, rubbed)), out=out)
+    return np.divide(free, fading(np.abs(free.view(complex)), rubbed), out=out)
+
+
+def fading(speed: Number, rubbed: Number) -> Number:
+    """Speed over which dry friction of up to `rubbed` m/s fades, of robots that drive at `speed`."""
+    return np.maximum(speed, np.maximum(RUBBED_M_S, rubbed))
+
+
+def starting(speed: Number) -> Number:
+    """Speed over which that friction is made up for, of a motion that is asked for."""
+    return np.maximum(speed, STARTING_M_S)
 
 
 def softness(geometry: Kinematics | None) -> float:

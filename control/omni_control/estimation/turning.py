@@ -22,6 +22,8 @@ believed to be 0. Driving aside, seven robots have 0.1 to 0.35 rad/m (planar pla
 
 import numpy as np
 
+from omni_control.estimation.arrays import TurningArrays
+from omni_control.estimation.evidence import Number
 from omni_control.estimation.late import Late
 from omni_control.estimation.motion import Plane
 from omni_control.kinematics import Array, Kinematics, wrap_angle
@@ -83,14 +85,14 @@ class Turning:
         friction *= GYRO_SHARE / self._arm * square / size
         lag *= GYRO_SHARE
         self._belief = np.array([0.0, max(LAG_SHARE * lag, LEAST_LAG_S), EFFORT, FRICTION * friction, 0.0, 0.0])
-        self.heading, self.rate, self.creep = heading.copy(), np.zeros(n), np.zeros(n)
-        self._found(np.tile(self._belief[:, None], n))
+        self.creep = np.zeros(n)
+        self._know(np.concatenate([heading[:, None], np.zeros((n, 1)), np.tile(self._belief, (n, 1))], axis=1))
         self._period, self._noise = period, max(noise, 1e-3) ** 2
         sigma = np.array([BIAS_RAD_S, LAG_SIGMA * lag + 1e-6, EFFORT_SIGMA, FRICTION_SIGMA * friction + 1e-6])
         sigma = np.append(sigma, [COUPLING_RAD_M, COUPLING_RAD_M])
         keep = np.exp(-period / np.append(BIAS_S, np.full(STATES - 3, KEPT_S)))
         self._keep, self._forget = keep, np.append([0.0, (RATE_RAD_S2 * period) ** 2], sigma**2 * (1 - keep**2))
-        self._kept = np.append([1.0, 1.0], keep)  # of each state, by itself
+        self._kept = np.append([1.0, 0.0], keep)  # of each state, by itself; a rate depends on others too
         self._renewed = (1 - self._kept) * np.append([0.0, 0.0], self._belief)
         self._passed = np.tile(np.diag(self._kept), (n, 1, 1))  # how states depend on those a frame before
         self._acts = np.empty((n, STATES - 3))  # what lag, effort, friction and coupling do like a command
@@ -98,27 +100,32 @@ class Turning:
         self.variance[:, range(STATES), range(STATES)] = np.append([self._noise, 0.0], sigma**2)
 
     @property
+    def arrays(self) -> TurningArrays:
+        """What loops over robots read, and write in its place."""
+        known, how = (self._state, self.variance, self.creep), (self._kept, self._renewed, self._forget, LEAST, MOST)
+        return TurningArrays(*known, *how, self._period, self._noise, self._creeps, self._arm)
+
+    @property
     def sigma(self) -> Array:
         """Standard deviation of heading, rate, bias, lag, effort, friction and coupling, (n, 8)."""
         return np.sqrt(np.maximum(self.variance.reshape(-1, STATES**2)[:, :: STATES + 1], 0.0))
 
-    def _found(self, parameters: Array) -> None:
-        """Take bias, lag, effort, friction and couplings, (6, n), for what they are."""
-        self.bias, self.lag, self.effort, self.friction = parameters[:4]
-        self.coupling = parameters[4:]
+    def _know(self, state: Array) -> None:
+        """Take the state (n, 8) for what is known."""
+        self._state = state
+        self.heading, self.rate, self.bias, self.lag, self.effort, self.friction = state.T[:6]
+        self.coupling = state.T[6:]
 
     def _turned(self, shortfall: Plane | complex) -> Array:
         """What turns robots like a command, rad/s: bias, and driving."""
         ahead, aside = self.coupling
-        return self.bias - ahead * shortfall.real - aside * shortfall.imag
+        return driven(self.bias, ahead, aside, shortfall)
 
     def _answer(self, command: Array, speed: Array, shortfall: Plane | complex = 0j) -> tuple[Array, Array, Array]:
-        """Of robots (..., n) that are commanded and drive like that: time constants (s), final rates, and n."""
-        rim = self._arm * command
-        travel = np.hypot(speed, rim)
-        late = self.lag / self.effort + self.effort * self._creeps * self.creep * travel
-        rubbing = rim / np.maximum(travel, np.maximum(RUBBED_M_S, self._arm * self.friction))  # stops, no more
-        return late, (command + self._turned(shortfall) - self.friction * rubbing) / self.effort, rubbing
+        """See `answer`."""
+        still, slower = self.lag / self.effort, self.effort * self._creeps * self.creep
+        turned = self._turned(shortfall)
+        return answer(command, speed, turned, still, slower, self.effort, self.friction, self._arm)
 
     def step(
         self,
@@ -140,7 +147,7 @@ class Turning:
             shortfall: of velocities, e, (n,) m/s, ahead and aside of robots as real and imaginary parts.
         """
         late, final, _ = self._answer(command, speed, shortfall)
-        moved, rate, _ = _go_on(rate, final, late, duration)
+        moved, rate, _ = go_on(rate, final, late, duration)
         return heading + moved, rate
 
     def follow(self, commands: Array, durations: Array, speeds: Array, shortfalls: Plane | complex = 0j) -> Array:
@@ -160,8 +167,8 @@ class Turning:
     def ask(self, before: Array, after: Array, speed: Array, shortfall: Plane | complex = 0j) -> Array:
         """Commands (n,) that lead from rates `before` to `after`, rad/s, in a frame, driving so; see `step`."""
         late, _, rubbing = self._answer((before + after) / 2, speed, shortfall)
-        decay = np.exp(-self._period / late)
-        return (after - decay * before) * self.effort / (1 - decay) - self._turned(shortfall) + self.friction * rubbing
+        decay, turned = np.exp(-self._period / late), self._turned(shortfall)
+        return asked(before, after, decay, self.effort, turned, self.friction * rubbing)
 
     def update(
         self,
@@ -181,7 +188,7 @@ class Turning:
             shortfall: as for `step`.
         """
         period, (slow, final, rubbing) = self._period, self._answer(command, speed, shortfall)
-        moved, rate, decay = _go_on(self.rate, final, slow, period)
+        moved, rate, decay = go_on(self.rate, final, slow, period)
         change, passed, acts = (self.rate - rate) / period, self._passed, self._acts
         passed[:, 1, 1], passed[:, 1, 2] = decay, (1 - decay) / self.effort  # of a rate, and gained by a command of 1
         passed[:, 0, 1] = carried = (1 - decay) * slow
@@ -190,16 +197,13 @@ class Turning:
         acts[:, 0], acts[:, 1], acts[:, 2] = change, -(self.rate + rate) / 2, -rubbing
         acts[:, 3], acts[:, 4] = -shortfall.real, -shortfall.imag
         np.multiply(passed[:, :2, 2:3], acts[:, None], out=passed[:, :2, 3:])
-        known = self.bias, self.lag, self.effort, self.friction, *self.coupling
-        state = np.array([self.heading + moved, rate, *known]).T
-        state *= self._kept
-        state += self._renewed
+        state = self._kept * self._state + self._renewed
+        state[:, 0], state[:, 1] = self.heading + moved, rate
         variance = passed @ self.variance @ passed.swapaxes(1, 2)
         variance.reshape(-1, STATES**2)[:, :: STATES + 1] += self._forget
 
         if late is not None:
-            before = np.array([self.heading, self.rate, *known]).T
-            state = np.where(late.held[:, None], before, state)
+            state = np.where(late.held[:, None], self._state, state)
             variance = np.where(late.held[:, None, None], self.variance, variance)
         seen, expected, to_heading = ~np.isnan(measured), state[:, 0], variance[:, 0]
         of_seen = to_heading[:, 0]
@@ -213,11 +217,43 @@ class Turning:
         state += gain * surprise[:, None]
         bounded = state[:, 3:]
         np.minimum(np.maximum(bounded, LEAST, out=bounded), MOST, out=bounded)
-        self.heading, self.rate = state.T[:2]
-        self._found(state.T[2:])
+        self._know(state)
 
 
-def _go_on(rate: Array, final: Array, late: Array, duration: float | Array) -> tuple[Array, Array, Array]:
+# Laws for single numbers and arrays alike, by which loops over robots reckon too (`by_robot`).
+
+
+def driven(bias: Number, ahead: Number, aside: Number, shortfall: Number) -> Number:
+    """What turns robots like a command, rad/s: bias, and driving, by couplings and e."""
+    return bias - ahead * shortfall.real - aside * shortfall.imag
+
+
+def answer(
+    command: Number,
+    speed: Number,
+    turned: Number,
+    still: Number,
+    slower: Number,
+    effort: Number,
+    friction: Number,
+    arm: float,
+) -> tuple[Number, Number, Number]:
+    """Of robots that are commanded, drive and are turned like that: time constants (s), final rates, and n.
+
+    Time constants are `still` and `slower` times how fast wheels travel, which are tau / g and g T_w.
+    """
+    rim = arm * command
+    travel = np.hypot(speed, rim)
+    rubbing = rim / np.maximum(travel, np.maximum(RUBBED_M_S, arm * friction))  # stops, no more
+    return still + slower * travel, (command + turned - friction * rubbing) / effort, rubbing
+
+
+def asked(before: Number, after: Number, decay: Number, effort: Number, turned: Number, rubbed: Number) -> Number:
+    """Commands from rates to rates, of which the share `decay` is left, of robots that are turned and rubbed."""
+    return (after - decay * before) * effort / (1 - decay) - turned + rubbed
+
+
+def go_on(rate: Number, final: Number, late: Number, duration: Number) -> tuple[Number, Number, Number]:
     """Angles turned (n,) in a while, rates after it, and the shares left of those before, towards `final` ones."""
     decay, excess = np.exp(-duration / late), rate - final
     return duration * final + excess * (1 - decay) * late, final + excess * decay, decay

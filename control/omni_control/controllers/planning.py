@@ -1,0 +1,96 @@
+"""What adaptive-comp-flc commands, by loops over robots, for a compiler; by the same laws as there.
+
+The damping of an error of velocity that goes with a correction of stiffness k of the position: a robot that creeps
+answers to a command u with a lag, (lag) v' + g v = u, and under the latter alone would swing. With the gain
+
+    k_v = -g + sqrt(g^2 + 2 k lag)
+
+on the difference of velocities, errors decay with a damping ratio of at least 1/sqrt(2), the most at no lag.
+"""
+
+import numpy as np
+
+from omni_control.estimation import turning
+from omni_control.estimation.arrays import PlantArrays, TurningArrays
+from omni_control.estimation.by_robot import Axes, axes
+from omni_control.estimation.evidence import Number
+from omni_control.estimation.motion import Plane, starting
+from omni_control.estimation.turning_by_robot import answer
+from omni_control.kinematics import Array, wrapped
+
+STIFFNESS = 12.0  # 1/s: of the fuzzy controller near zero error, for which the damping is made
+
+
+def damping(effort: Number, late: Number) -> Number:
+    """The gain k_v for an effort g and a time constant lag / g."""
+    return np.sqrt(effort * (effort + 2 * STIFFNESS * late)) - effort
+
+
+def ask(law: Axes, before: complex, after: complex, heading: complex, duration: float) -> complex:
+    """See `Motion.ask`."""
+    back, speed, mean = heading.conjugate(), abs(before), (before + after) / 2
+    v, later, towards = before * back, after * back, mean * back / starting(abs(mean))
+    decay_0 = np.exp(-duration / (law.still[0] + law.slower[0] * speed))
+    decay_1 = np.exp(-duration / (law.still[1] + law.slower[1] * speed))
+    ahead = ((later.real - decay_0 * v.real) / (1 - decay_0) + law.rubbed[0] * towards.real) * law.effort[0]
+    aside = ((later.imag - decay_1 * v.imag) / (1 - decay_1) + law.rubbed[1] * towards.imag) * law.effort[1]
+    return complex(ahead, aside) * heading
+
+
+def plan(
+    t: TurningArrays,
+    p: PlantArrays,
+    poses: Array,
+    twists: Array,
+    velocity: Plane,
+    heading: Array,
+    corrected: Array,
+    step: float,
+    gain: float,
+    wanted: Array,
+) -> None:
+    """Commands; see `AdaptiveCompFlc`.
+
+    Args:
+        t: headings, as identified.
+        p: positions and their law, same.
+        poses: of the reference from some frames before the command acts until as many after it, (frames, n, 3).
+        twists: same.
+        velocity: that robots will have, (n,) m/s.
+        heading: same, (n,) rad.
+        corrected: velocities for the errors of position, (n, 2) m/s.
+        step: by which planned commands may change per frame, m/s.
+        gain: of the heading hold, 1/s.
+        wanted: commands (n, 3); written.
+    """
+    now, period = len(poses) // 2, p.period
+    for i in range(len(wanted)):
+        law, state = axes(i, p), p.state[i]
+        aside = heading[i] - poses[now, i, 2]  # facing as the robot will, not as it should
+        low_x, low_y, high_x, high_y = -np.inf, -np.inf, np.inf, np.inf
+        edge, face = 0j, 0j
+        for k in range(1, 2 * now):
+            there, speed = complex(twists[k, i, 0], twists[k, i, 1]), complex(twists[k - 1, i, 0], twists[k - 1, i, 1])
+            before, after = (speed + there) / 2, (there + complex(twists[k + 1, i, 0], twists[k + 1, i, 1])) / 2
+            facing = np.exp(1j * (poses[k, i, 2] + twists[k, i, 2] * (period / 2) + aside))
+            asked, reach = ask(law, before, after, facing, period), step * abs(k - now)
+            low_x, low_y = max(low_x, asked.real - reach), max(low_y, asked.imag - reach)
+            high_x, high_y = min(high_x, asked.real + reach), min(high_y, asked.imag + reach)
+            if k == now:
+                edge, face = before, facing
+        planned = complex((high_x + low_x) / 2, (high_y + low_y) / 2)
+
+        speed_now, behind = abs(edge), (edge - velocity[i]) * face.conjugate()
+        late_0, late_1 = law.still[0] + law.slower[0] * speed_now, law.still[1] + law.slower[1] * speed_now
+        damped_0, damped_1 = damping(law.effort[0], late_0) * behind.real, damping(law.effort[1], late_1) * behind.imag
+        command = planned + complex(corrected[i, 0], corrected[i, 1]) + complex(damped_0, damped_1) * face
+        sent = (command - complex(state[4], state[5])) * np.exp(1j * state[6])
+
+        missing = (planned - edge) * face.conjugate()
+        first = (twists[now - 1, i, 2] + twists[now, i, 2]) / 2
+        then = (twists[now, i, 2] + twists[now + 1, i, 2]) / 2
+        slow, _, rubbing = answer(i, t, (first + then) / 2, speed_now, missing)
+        turned = turning.driven(t.state[i, 2], t.state[i, 6], t.state[i, 7], missing)
+        turn = turning.asked(first, then, np.exp(-period / slow), t.state[i, 4], turned, t.state[i, 5] * rubbing)
+        wanted[i, 0], wanted[i, 1] = sent.real, sent.imag
+        wanted[i, 2] = turn + gain * wrapped(poses[now, i, 2] - heading[i])

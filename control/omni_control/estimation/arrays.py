@@ -1,0 +1,60 @@
+"""What loops over robots read and write of the filters that identify n of them: plain arrays, as they are there."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omni_control.estimation.motion import Plane
+from omni_control.kinematics import Array
+
+
+class TurningArrays(NamedTuple):
+    """Of `Turning`. A loop writes state, variance and creep."""
+
+    state: Array  # (n, 8)
+    variance: Array  # (n, 8, 8)
+    creep: Array  # (n,)
+    kept: Array  # (8,)
+    renewed: Array  # (8,)
+    forget: Array  # (8,)
+    least: Array  # (5,)
+    most: Array  # (5,)
+    period: float
+    noise: float
+    creeps: float
+    arm: float
+
+
+class PlantArrays(NamedTuple):
+    """Of `Identifier`. A loop writes those before `kept`."""
+
+    state: Array  # (n, 14)
+    variance: Array  # (n, 14, 14)
+    noise: Array  # (n,)
+    surprise: Array  # (n,)
+    sliding: Array  # (n,)
+    lasts: Array  # (n,)
+    seen: Plane  # (3, n)
+    lacks: Plane  # (2, n)
+    past: Array  # (frames, n, 8)
+    arriving: Plane  # (n,)
+    kept: Array  # (14,)
+    renewed: Array  # (14,)
+    forget: Array  # (14, 14)
+    restless: Array  # (4,)
+    gives: Array  # (2,)
+    lowest: Array  # (8,)
+    highest: Array  # (8,)
+    period: float
+    delay: float
+    told: float
+    ends: float
+
+
+class LateArrays(NamedTuple):
+    """As `Late`, of which there always is one."""
+
+    behind: Array  # (n,)
+    held: NDArray[np.bool_]  # (n,)
+    after: Array  # (n,)

@@ -1,0 +1,74 @@
+"""`Turning` by loops over robots, and what its filter shares with that of positions; see `by_robot`."""
+
+import numpy as np
+
+from omni_control.estimation import turning
+from omni_control.estimation.arrays import TurningArrays
+from omni_control.kinematics import Array, wrapped
+
+
+def turned(
+    i: int, t: TurningArrays, held: bool, after: float, seen: float, command: float, speed: float, shortfall: complex
+) -> None:
+    """Take in a frame of a heading; see `Turning.update`."""
+    state, variance, of = t.state[i], t.variance[i], np.empty(8)
+    if not held:
+        heading, rate, effort = state[0], state[1], state[4]
+        slow, final, rubbing = answer(i, t, command, speed, shortfall)
+        moved, later, decay = turning.go_on(rate, final, slow, t.period)
+        maps, carried = np.empty((2, 7)), (1 - decay) * slow
+        maps[0, 0], maps[0, 1] = carried, (t.period - carried) / effort
+        maps[1, 0], maps[1, 1] = decay, (1 - decay) / effort
+        acts = (rate - later) / t.period, -(rate + later) / 2, -rubbing, -shortfall.real, -shortfall.imag
+        for k in range(5):
+            maps[0, 2 + k], maps[1, 2 + k] = maps[0, 1] * acts[k], maps[1, 1] * acts[k]
+        carry(variance, maps, t.kept)
+        for k in range(8):
+            variance[k, k] += t.forget[k]
+            state[k] = t.kept[k] * state[k] + t.renewed[k]
+        state[0], state[1] = heading + moved, later
+    if not np.isnan(seen):
+        for k in range(8):
+            of[k] = variance[0, k] + after * variance[1, k]
+        gain, surprise = 1 / (of[0] + after * of[1] + t.noise), wrapped(seen - (state[0] + after * state[1]))
+        for j in range(8):
+            state[j] += gain * of[j] * surprise
+            for k in range(8):
+                variance[j, k] -= gain * of[j] * of[k]
+    within(state, 3, t.least, t.most)
+
+
+def answer(i: int, t: TurningArrays, command: float, speed: float, shortfall: complex) -> tuple[float, float, float]:
+    """See `turning.answer`."""
+    state = t.state[i]
+    lag, effort, friction = state[3], state[4], state[5]
+    pushed = turning.driven(state[2], state[6], state[7], shortfall)
+    slower = effort * t.creeps * t.creep[i]
+    return turning.answer(command, speed, pushed, lag / effort, slower, effort, friction, t.arm)
+
+
+def carry(variance: Array, maps: Array, kept: Array) -> None:
+    """Pass a variance (m, m) on by a matrix of the diagonal `kept` (m,), and `maps` (r, k) in its last k columns."""
+    size, (rows, width) = len(variance), maps.shape
+    first, half = size - width, np.empty_like(variance)
+    for j in range(size):
+        for k in range(size):
+            half[j, k] = kept[j] * variance[j, k]
+    for j in range(rows):
+        for m in range(width):
+            for k in range(size):
+                half[j, k] += maps[j, m] * variance[first + m, k]
+    for j in range(size):
+        for k in range(size):
+            variance[j, k] = half[j, k] * kept[k]
+        for k in range(rows):
+            total = variance[j, k]
+            for m in range(width):
+                total += half[j, first + m] * maps[k, m]
+            variance[j, k] = total
+
+
+def within(state: Array, first: int, least: Array, most: Array) -> None:
+    """Keep the last states, from `first` on, where they can be."""
+    for k in range(len(least)):
+        state[first + k] = min(max(state[first + k], least[k]), most[k])
