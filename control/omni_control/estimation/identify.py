@@ -72,6 +72,7 @@ class Identifier:
         variance: of all states, (n, 14, 14).
         surprise: square of the innovations over what the filter expects, (n,); 1 for a robot that keeps to the law.
         sliding: how far wheels are believed to slide, (n,): 0 not, 1 certainly.
+        gained: acceleration by the law in the frame just past, ahead and aside of robots, (n,) m/s^2.
         longest: commands that must be kept.
     """
 
@@ -136,7 +137,7 @@ class Identifier:
         self.variance = np.zeros((n, STATES, STATES))
         self.variance[:, [0, 1], [0, 1]] = self._told
         self.variance[:, 6:, 6:] = belief
-        self.surprise, self.sliding = np.ones(n), np.zeros(n)
+        self.surprise, self.sliding, self.gained = np.ones(n), np.zeros(n), np.zeros(n, complex)
         self._past: deque[Array] = deque(maxlen=MISTAKEN_FRAMES)  # parameters in the last frames
         self._lasts = np.zeros(n)  # s, for how long acceleration has been missing
         self._lacks: Plane = np.zeros((2, n), complex)
@@ -223,6 +224,7 @@ class Identifier:
         acts, effect, passed = self._acts, self._effect, self._passed
         back, speed, effort = ahead.conj(), np.abs(self.velocity), self.motion.effort
         change = (step.before - step.velocity) / self._period
+        self.gained = -plane(change)
         evident = np.minimum(speed / EVIDENT_M_S, 1.0) ** 2
         obeys = evident * (1 - self.sliding) * np.minimum(SURPRISING / self.surprise, 1.0) ** 2
         axes = acts.view(float)  # (n, 24); of what is of one axis, that of the other is zero
