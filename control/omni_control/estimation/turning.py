@@ -27,7 +27,7 @@ from omni_control.estimation.motion import Plane
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 
 BIAS_RAD_S, BIAS_S = 0.05, 1.0  # standard deviation of b, and the time after which it is forgotten
-EFFORT, EFFORT_SIGMA = 1.01, 0.05
+EFFORT, EFFORT_SIGMA = 1.02, 0.05
 GYRO_SHARE = 0.5  # that a gyro's loop leaves: gain 1
 LAG_SHARE = 0.8  # of the mean lag over all directions, without such a loop
 LAG_SIGMA = 0.3  # of the lag, relative to that of the wheel loops
