@@ -210,14 +210,23 @@ class WheelLimits:
 
     @cached_property
     def _loads(self) -> tuple[Array, Array]:
-        """Shares of the weight (wheels,) that wheels bear at rest, and what accelerations add, (wheels, 3) per mass.
+        """See `loads`."""
+        return loads(self.kinematics, self.centre_height)
 
-        Equal springs under a rigid body: of all loads in balance those with the least squares.
-        """
-        azimuths = self.kinematics.azimuths
-        levers = self.kinematics.arm * np.stack([np.cos(azimuths), np.sin(azimuths)])
-        spread = np.linalg.pinv(np.vstack([np.ones(len(azimuths)), levers]))
-        return spread[:, 0], np.pad(-self.centre_height * spread[:, 1:], ((0, 0), (0, 1)))
+
+def loads(kinematics: Kinematics, centre_height: float) -> tuple[Array, Array]:
+    """Shares of the weight (wheels,) that wheels bear at rest, and what accelerations add, (wheels, 3) per mass.
+
+    Equal springs under a rigid body: of all loads in balance those with the least squares.
+
+    Args:
+        kinematics: of the wheels; the centre of mass is over their middle.
+        centre_height: of it, m.
+    """
+    azimuths = kinematics.azimuths
+    levers = kinematics.arm * np.stack([np.cos(azimuths), np.sin(azimuths)])
+    spread = np.linalg.pinv(np.vstack([np.ones(len(azimuths)), levers]))
+    return spread[:, 0], np.pad(-centre_height * spread[:, 1:], ((0, 0), (0, 1)))
 
 
 def around(dragged: Array, ends: Literal["edge", "wrap"]) -> Array:

@@ -55,6 +55,6 @@ class AdaptiveCompFlc(Identifying):
         behind = pairs((edge - velocity) * face.conj())
         besides = plane(corrected) + plane(damping(law.effort, law.late(speed)) * behind) * face
         across = pairs(self.plant.ask(planned + besides))
-        missing = (planned - edge) * face.conj()
-        turn = self.turn(twists[now - 1 : now + 2, :, 2], speed, target[:, 2], heading, missing)
+        rates, ahead = twists[now - 1 : now + 2, :, 2], edges[now - 1 : now + 1]
+        turn = self.turn(rates, ahead, face, target[:, 2], heading, planned)
         return np.concatenate([across, turn[:, None]], axis=1)

@@ -8,11 +8,12 @@ import numpy as np
 from omni_control.controllers.base import Controller, Seen, Told
 from omni_control.delay import CommandsInFlight
 from omni_control.estimation import motion
+from omni_control.estimation.compliance import UNYIELDING, Compliance
 from omni_control.estimation.identify import Identifier
 from omni_control.estimation.late import MOST_FRAMES, Late
 from omni_control.estimation.loops import Loops
 from omni_control.estimation.motion import Plane, pairs, plane
-from omni_control.estimation.turning import Turning
+from omni_control.estimation.turning import GYRO_SHARE, Turning
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import IteratedReference, Reference
 
@@ -49,6 +50,8 @@ class Identifying(Controller):
         self.plant = self._identifier(np.zeros((n, 3)))
         self.turning = self._turning(np.zeros((n, 3)))
         self.memory_frames = self.plant.longest + MOST_FRAMES
+        gives_way = told.lag_s > 0 or told.creep_s2_m > 0
+        self._compliance = Compliance(told.geometry, GYRO_SHARE) if told.geometry and gives_way else None
         self._started, self._answered = False, np.zeros((n, 3))
         self._arriving: Plane = np.zeros(n, complex)  # velocity as it was predicted in the frame before
         self.loops: Loops | None = None
@@ -62,7 +65,8 @@ class Identifying(Controller):
         if not self._started:
             self._started, self.plant, self.turning = True, self._identifier(seen.pose), self._turning(seen.pose)
             compiled = self.told.compiled
-            self.loops = None if compiled is None else Loops(self.turning, self.plant, compiled)
+            gives = UNYIELDING if self._compliance is None else self._compliance.arrays
+            self.loops = None if compiled is None else Loops(self.turning, self.plant, gives, compiled)
         for late in seen.steps[:-1]:
             self._identify(None, seen.sent, late)
         self._identify(seen.measured, seen.sent, *seen.steps[-1:])
@@ -82,16 +86,25 @@ class Identifying(Controller):
         positions = None if measured is None else plane(measured[:, :2])
         latency = plant.latency if late is None else plant.latency + late.behind
         felt = sent.felt(latency[:, None])
-        shortfall = (plane(felt[:, :2].copy()) * plant.turned - plant.velocity) * np.exp(-1j * before)
-        turning.update(headings, felt[:, 2], np.abs(plant.velocity), late, shortfall)
+        back = np.exp(-1j * before)
+        shortfall = (plane(felt[:, :2].copy()) * plant.turned - plant.velocity) * back
+        pulled = self._pulled(plant.velocity * back, turning.rate, plant.gained, shortfall)
+        turning.update(headings, felt[:, 2] + pulled, np.abs(plant.velocity), late, shortfall)
         plant.update(positions, (before + turning.heading) / 2, sent, late)
+
+    def _pulled(self, velocity: Plane, rate: Array, gained: Plane, shortfall: Plane) -> Array | float:
+        """Turn rates that wheels add which give way; see `Compliance.turned`."""
+        if self._compliance is None:
+            return 0.0
+        lag, creep = self.plant.motion.parameters[:, motion.LAG.start], self.turning.creep
+        return self._compliance.turned(velocity, rate, gained, shortfall, lag, creep)
 
     def _predict(self, seen: Seen) -> Arrival:
         """How the commands that are still to act leave the robots."""
         if self.loops is not None:
             return Arrival(*self.loops.predict(seen.sent, seen.steps[-1] if seen.steps else None))
         sent, plant, turning, latency = seen.sent, self.plant, self.turning, self.plant.latency
-        turning.creep = plant.motion.parameters[:, motion.CREEP.start]
+        turning.creep = plant.motion.effort[:, 0] ** 2 * plant.motion.parameters[:, motion.CREEP.start]
         if seen.steps:
             latency = latency + seen.steps[-1].behind
         count = math.ceil(latency.max())
@@ -103,7 +116,9 @@ class Identifying(Controller):
         going = self._arriving + (plant.velocity - self._arriving) * (until / whole)
         facing = np.exp(-1j * (turning.heading + turning.rate * (whole - until)))
         shortfalls = (across * plant.turned - going) * facing
-        headings = turning.follow(commands[..., 2], durations, np.abs(across), shortfalls)
+        gained = (self._arriving - plant.velocity) / whole * facing
+        pulled = self._pulled(going * facing, turning.rate, gained, shortfalls)
+        headings = turning.follow(commands[..., 2] + pulled, durations, np.abs(across), shortfalls)
         middles = np.exp(0.5j * (headings[:-1] + headings[1:]))
         position, velocity = plant.follow(across, middles, durations)
         self._arriving = velocity
@@ -121,18 +136,24 @@ class Identifying(Controller):
         _, self._answered = self.reference.at(frame, self.predicted)
         return np.concatenate([np.repeat(poses[:1], back, axis=0), poses]), np.concatenate([before, twists])
 
-    def turn(self, rates: Array, speed: Array, target: Array, heading: Array, shortfall: Plane) -> Array:
+    def turn(
+        self, rates: Array, velocities: Plane, facing: Plane, target: Array, heading: Array, planned: Plane
+    ) -> Array:
         """Turn rates (n,) to command: the inverse of how robots turn, and a heading hold.
 
         Args:
             rates: of the reference in the frame before, in the one in which the command acts, and after it, (3, n).
-            speed: of the reference when the command begins to act, (n,) m/s.
+            velocities: of the reference when the command begins to act and a frame later, (2, n) m/s, world frame.
+            facing: expected heading in between, unit vectors (n,).
             target: heading of the reference when it begins to act, (n,) rad.
             heading: predicted for that time, (n,) rad.
-            shortfall: of the velocity, as is planned for that frame; see `Turning.step`.
+            planned: command for the way, (n,) m/s, world frame.
         """
         before, after = (rates[:-1] + rates[1:]) / 2
-        asked = self.turning.ask(before, after, speed, shortfall)
+        along, gained = velocities * facing.conj(), (velocities[1] - velocities[0]) * facing.conj() / self.told.period
+        shortfall = planned * facing.conj() - along[0]
+        pulled = self._pulled(along[0], (before + after) / 2, gained, shortfall)
+        asked = self.turning.ask(before, after, np.abs(along[0]), shortfall) - pulled
         return asked + self.told.heading_gain * wrap_angle(target - heading)
 
     def _record(self) -> None:

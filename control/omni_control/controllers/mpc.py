@@ -68,6 +68,6 @@ class Mpc(Identifying):
         best, bound = minimise(hessian, gradient, Limits(last, planned, ways, step, limits.speed))
         self.channels["bound"] = bound.astype(float)
         across = pairs(plant.ask(ahead.feed_forward[0] + best[:, 0]))
-        missing = (ahead.feed_forward[0] - edges[0]) * facing[0].conj()
-        turn = self.turn(twists[:3, :, 2], size[0], poses[1, :, 2], arrival.heading, missing)
+        rates, straight = twists[:3, :, 2], ahead.feed_forward[0]
+        turn = self.turn(rates, edges[:2], facing[0], poses[1, :, 2], arrival.heading, straight)
         return np.concatenate([across, turn[:, None]], axis=1)

@@ -11,11 +11,11 @@ on the difference of velocities, errors decay with a damping ratio of at least 1
 import numpy as np
 
 from omni_control.estimation import turning
-from omni_control.estimation.arrays import PlantArrays, TurningArrays
+from omni_control.estimation.arrays import GivesArrays, PlantArrays, TurningArrays
 from omni_control.estimation.by_robot import Axes, axes
 from omni_control.estimation.evidence import Number
 from omni_control.estimation.motion import Plane, starting
-from omni_control.estimation.turning_by_robot import answer
+from omni_control.estimation.turning_by_robot import answer, pulled
 from omni_control.kinematics import Array, wrapped
 
 STIFFNESS = 12.0  # 1/s: of the fuzzy controller near zero error, for which the damping is made
@@ -40,6 +40,7 @@ def ask(law: Axes, before: complex, after: complex, heading: complex, duration: 
 def plan(
     t: TurningArrays,
     p: PlantArrays,
+    g: GivesArrays,
     poses: Array,
     twists: Array,
     velocity: Plane,
@@ -54,6 +55,7 @@ def plan(
     Args:
         t: headings, as identified.
         p: positions and their law, same.
+        g: how wheels give way.
         poses: of the reference from some frames before the command acts until as many after it, (frames, n, 3).
         twists: same.
         velocity: that robots will have, (n,) m/s.
@@ -68,7 +70,7 @@ def plan(
         law, state = axes(i, p), p.state[i]
         aside = heading[i] - poses[now, i, 2]  # facing as the robot will, not as it should
         low_x, low_y, high_x, high_y = -np.inf, -np.inf, np.inf, np.inf
-        edge, face = 0j, 0j
+        edge, leaving, face = 0j, 0j, 0j
         for k in range(1, 2 * now):
             there, speed = complex(twists[k, i, 0], twists[k, i, 1]), complex(twists[k - 1, i, 0], twists[k - 1, i, 1])
             before, after = (speed + there) / 2, (there + complex(twists[k + 1, i, 0], twists[k + 1, i, 1])) / 2
@@ -77,7 +79,7 @@ def plan(
             low_x, low_y = max(low_x, asked.real - reach), max(low_y, asked.imag - reach)
             high_x, high_y = min(high_x, asked.real + reach), min(high_y, asked.imag + reach)
             if k == now:
-                edge, face = before, facing
+                edge, leaving, face = before, after, facing
         planned = complex((high_x + low_x) / 2, (high_y + low_y) / 2)
 
         speed_now, behind = abs(edge), (edge - velocity[i]) * face.conjugate()
@@ -86,11 +88,13 @@ def plan(
         command = planned + complex(corrected[i, 0], corrected[i, 1]) + complex(damped_0, damped_1) * face
         sent = (command - complex(state[4], state[5])) * np.exp(1j * state[6])
 
-        missing = (planned - edge) * face.conjugate()
+        along, missing = edge * face.conjugate(), (planned - edge) * face.conjugate()
+        gained = (leaving - edge) * face.conjugate() / period
         first = (twists[now - 1, i, 2] + twists[now, i, 2]) / 2
         then = (twists[now, i, 2] + twists[now + 1, i, 2]) / 2
         slow, _, rubbing = answer(i, t, (first + then) / 2, speed_now, missing)
         turned = turning.driven(t.state[i, 2], t.state[i, 6], t.state[i, 7], missing)
         turn = turning.asked(first, then, np.exp(-period / slow), t.state[i, 4], turned, t.state[i, 5] * rubbing)
+        turn -= pulled(g, along, (first + then) / 2, gained, missing, state[13], t.creep[i])
         wanted[i, 0], wanted[i, 1] = sent.real, sent.imag
         wanted[i, 2] = turn + gain * wrapped(poses[now, i, 2] - heading[i])

@@ -39,6 +39,7 @@ class PlantArrays(NamedTuple):
     lacks: Plane  # (2, n)
     past: Array  # (frames, n, 8)
     arriving: Plane  # (n,)
+    gained: Plane  # (n,)
     kept: Array  # (14,)
     renewed: Array  # (14,)
     forget: Array  # (14, 14)
@@ -50,6 +51,16 @@ class PlantArrays(NamedTuple):
     delay: float
     told: float
     ends: float
+
+
+class GivesArrays(NamedTuple):
+    """Of `Compliance`; of robots whose wheels do not give way, of no wheel."""
+
+    rims: Plane  # (W,)
+    standing: Array  # (W,)
+    shifting: Plane  # (W,)
+    arm: float
+    share: float
 
 
 class LateArrays(NamedTuple):

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_control.estimation import evidence, turning
-from omni_control.estimation.arrays import LateArrays, PlantArrays, TurningArrays
+from omni_control.estimation.arrays import GivesArrays, LateArrays, PlantArrays, TurningArrays
 from omni_control.estimation.motion import Plane, fading
-from omni_control.estimation.turning_by_robot import answer, carry, turned, within
+from omni_control.estimation.turning_by_robot import answer, carry, pulled, turned, within
 from omni_control.kinematics import Array
 
 LEAST_S = 1e-9  # below which nothing acts
@@ -40,13 +40,21 @@ class Gone(NamedTuple):
 
 
 def identify(
-    t: TurningArrays, p: PlantArrays, late: LateArrays, frame: int, reported: bool, measured: Array, sent: Array
+    t: TurningArrays,
+    p: PlantArrays,
+    g: GivesArrays,
+    late: LateArrays,
+    frame: int,
+    reported: bool,
+    measured: Array,
+    sent: Array,
 ) -> None:
     """Take in a frame.
 
     Args:
         t: headings; written.
         p: positions; written.
+        g: how wheels give way.
         late: how far filters are behind.
         frame: number of frames taken in before of which vision reported.
         reported: whether this is one; no more than a step on the way to it otherwise.
@@ -70,13 +78,16 @@ def identify(
             early += max(1 - abs(sooner - since), 0.0) * command
             belated += max(1 - abs(later - since), 0.0) * command
         arrived = acting * compass
-        shortfall = (arrived - velocity) * np.exp(-1j * heading)
+        back = np.exp(-1j * heading)
+        shortfall = (arrived - velocity) * back
+        turn += pulled(g, velocity * back, t.state[i, 1], p.gained[i], shortfall, state[13], t.creep[i])
         turned(i, t, held, after, measured[i, 2] if reported else np.nan, turn, abs(velocity), shortfall)
 
         middle = np.exp(1j * ((heading + t.state[i, 0]) / 2))
         gone = step(law, velocity, arrived + push, middle, p.period)
         unaided = velocity
         if not held:
+            p.gained[i] = complex(gone.velocity[0] - gone.before[0], gone.velocity[1] - gone.before[1]) / p.period
             change = (belated - early) / (later - sooner) * compass
             passed(i, p, law, gone, arrived, change, middle, abs(velocity))
             for k in range(14):
@@ -219,13 +230,21 @@ def felt(i: int, p: PlantArrays, frame: int, before: complex, unaided: complex) 
 
 
 def predict(
-    t: TurningArrays, p: PlantArrays, late: LateArrays, sent: Array, position: Plane, velocity: Plane, heading: Array
+    t: TurningArrays,
+    p: PlantArrays,
+    g: GivesArrays,
+    late: LateArrays,
+    sent: Array,
+    position: Plane,
+    velocity: Plane,
+    heading: Array,
 ) -> None:
     """How the commands that are still to act leave the robots; see `Identifying._predict`.
 
     Args:
         t: headings.
         p: positions; what is `arriving` is written.
+        g: how wheels give way.
         late: how far filters are behind.
         sent: commands up to the frame before, (count, n, 3).
         position: at the end, (n,) m; written.
@@ -235,7 +254,7 @@ def predict(
     count = len(sent)
     for i in range(len(position)):
         state, law = p.state[i], axes(i, p)
-        t.creep[i] = state[9]
+        t.creep[i] = state[7] ** 2 * state[9]
         place, v, push = complex(state[0], state[1]), complex(state[2], state[3]), complex(state[4], state[5])
         began, angle, rate, now = v, t.state[i, 0], t.state[i, 1], t.state[i, 0]
         latency, compass = p.delay + state[12] + late.behind[i], np.exp(-1j * state[6])
@@ -246,7 +265,9 @@ def predict(
             across, turn = complex(sent[j, i, 0], sent[j, i, 1]), sent[j, i, 2]
             going = p.arriving[i] + (began - p.arriving[i]) * (until / whole)
             facing = np.exp(-1j * (now + t.state[i, 1] * (whole - until)))
-            slow, final, _ = answer(i, t, turn, abs(across), (across * compass - going) * facing)
+            gained, shortfall = (p.arriving[i] - began) / whole * facing, (across * compass - going) * facing
+            turn += pulled(g, going * facing, t.state[i, 1], gained, shortfall, state[13], t.creep[i])
+            slow, final, _ = answer(i, t, turn, abs(across), shortfall)
             moved, rate, _ = turning.go_on(rate, final, slow, duration)
             middle = np.exp(1j * (angle + moved / 2))
             angle += moved

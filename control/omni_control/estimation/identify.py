@@ -60,6 +60,7 @@ class Identifier:
         variance: of all states, (n, 14, 14).
         surprise: square of the innovations over what the filter expects, (n,); 1 for a robot that keeps to the law.
         sliding: how far wheels are believed to slide, (n,): 0 not, 1 certainly.
+        gained: acceleration by the law in the frame just past, ahead and aside of robots, (n,) m/s^2.
         longest: commands that must be kept.
     """
 
@@ -124,7 +125,7 @@ class Identifier:
         self.variance = np.zeros((n, STATES, STATES))
         self.variance[:, [0, 1], [0, 1]] = self._told
         self.variance[:, 6:, 6:] = belief
-        self.surprise, self.sliding = np.ones(n), np.zeros(n)
+        self.surprise, self.sliding, self.gained = np.ones(n), np.zeros(n), np.zeros(n, complex)
         self._past, self._frames = np.empty((MISTAKEN_FRAMES, n, motion.COUNT)), 0  # parameters in the last of them
         self._lasts = np.zeros(n)  # s, for how long acceleration has been missing
         self._lacks: Plane = np.zeros((2, n), complex)
@@ -133,7 +134,7 @@ class Identifier:
     def arrays(self) -> PlantArrays:
         """What loops over robots read, and write in its place; then they say that they `took` in a frame."""
         known = self._state, self.variance, self.noise, self.surprise, self.sliding, self._lasts, self._last
-        still = self._lacks, self._past, np.zeros_like(self.position)
+        still = self._lacks, self._past, np.zeros_like(self.position), self.gained
         how = self._kept, self._renewed, self._forget, self._restless, self._gives, self._lowest, self._highest
         return PlantArrays(*known, *still, *how, self._period, float(self._delay), self._told, float(self._ends))
 
@@ -179,15 +180,15 @@ class Identifier:
         arrived = acting * self.turned
         step = self.motion.step(before, arrived + self.push, ahead, self._period)
         variance = self._passed_on(step, arrived, per_frame * self.turned, ahead)
-        unaided = plane(step.velocity) * ahead
+        unaided, gained = plane(step.velocity) * ahead, plane(step.velocity - step.before) / self._period
         state = self._kept * self._state + self._renewed
         state[:, :2] += pairs(plane(step.moved) * ahead)
         state[:, 2:4] = pairs(unaided)
         if late is not None:
             state = np.where(late.held[:, None], self._state, state)
             variance = np.where(late.held[:, None, None], self.variance, variance)
-            unaided = plane(state[:, 2:4]).copy()
-        self.variance = variance
+            unaided, gained = plane(state[:, 2:4]).copy(), np.where(late.held, self.gained, gained)
+        self.variance, self.gained = variance, gained
         if measured is None:
             self._know(state)
             return

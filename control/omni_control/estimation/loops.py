@@ -7,7 +7,7 @@ import numpy as np
 
 from omni_control.delay import CommandsInFlight
 from omni_control.estimation import by_robot
-from omni_control.estimation.arrays import LateArrays
+from omni_control.estimation.arrays import GivesArrays, LateArrays
 from omni_control.estimation.identify import Identifier
 from omni_control.estimation.late import Late
 from omni_control.estimation.motion import Plane
@@ -23,14 +23,15 @@ class Loops:
     Args:
         turning: how they turn, as known at the start; only this changes it from then on.
         plant: where they are and their law, same.
+        gives: how their wheels give way.
         compiled: what makes machine code of a loop, with all that it calls.
 
     Attributes:
-        arrays: of both, for loops of the same kind.
+        arrays: of these, for loops of the same kind.
     """
 
-    def __init__(self, turning: Turning, plant: Identifier, compiled: Compile) -> None:
-        self._plant, self.arrays = plant, (turning.arrays, plant.arrays)
+    def __init__(self, turning: Turning, plant: Identifier, gives: GivesArrays, compiled: Compile) -> None:
+        self._plant, self.arrays = plant, (turning.arrays, plant.arrays, gives)
         self._identify, self._predict = compiled(by_robot.identify), compiled(by_robot.predict)
         n = len(plant.position)
         self._unseen = np.full((n, 3), np.nan)

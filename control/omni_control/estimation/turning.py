@@ -15,9 +15,9 @@ A loop on the gyro of gain k, of which every robot has one, leaves 1 / (1 + k) o
 so soon that s and n are told by the commands, of whole runs at once.
 
 k couples turning with driving: e is what a robot's velocity lacks of the one that is commanded, ahead and aside, which
-is how much its wheels give way under what they pull. Where they do not all give way alike, because those in front are
-nearer to the centre than those behind, or bear more, or one is weak, they turn the robot. Nobody is told k: it is
-believed to be 0. Driving aside, seven robots have 0.1 to 0.35 rad/m (planar plant).
+is how much its wheels give way under what they pull. What follows for turning from their geometry (`compliance`) is
+part of u here; k is what is left of it, because a wheel is weak, or the centre of mass not where it is believed to be.
+Nobody is told k: it is believed to be 0.
 """
 
 import numpy as np
@@ -58,7 +58,7 @@ class Turning:
 
     Attributes:
         heading, rate: (n,) rad and rad/s; headings count full turns.
-        creep: that of driving forward T, as others know it, (n,) s^2/m.
+        creep: of wheels that drive forward, over the acceleration g^2 T, as others know it, (n,) s^2/m.
         bias: b, (n,) rad/s.
         lag: tau, (n,) s.
         effort: g, (n,).

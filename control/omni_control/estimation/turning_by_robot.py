@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from omni_control.estimation import turning
-from omni_control.estimation.arrays import TurningArrays
+from omni_control.estimation import compliance, turning
+from omni_control.estimation.arrays import GivesArrays, TurningArrays
 from omni_control.kinematics import Array, wrapped
 
 
@@ -45,6 +45,19 @@ def answer(i: int, t: TurningArrays, command: float, speed: float, shortfall: co
     pushed = turning.driven(state[2], state[6], state[7], shortfall)
     slower = effort * t.creeps * t.creep[i]
     return turning.answer(command, speed, pushed, lag / effort, slower, effort, friction, t.arm)
+
+
+def pulled(
+    g: GivesArrays, velocity: complex, rate: float, acceleration: complex, shortfall: complex, lag: float, creep: float
+) -> float:
+    """See `Compliance.turned`; zero for robots of whose wheels nothing is known."""
+    moment, whole = 0.0, 0.0
+    for w in range(len(g.rims)):
+        load = compliance.loaded(acceleration, g.standing[w], g.shifting[w])
+        stiff = compliance.stiffness(velocity, g.arm * rate, g.rims[w], load, lag, creep)
+        moment += stiff * (shortfall.conjugate() * g.rims[w]).real
+        whole += stiff
+    return g.share * moment / whole if whole > 0 else 0.0
 
 
 def carry(variance: Array, maps: Array, kept: Array) -> None:
