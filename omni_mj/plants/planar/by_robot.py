@@ -211,10 +211,28 @@ def _advance(first: int, last: int, r: Robots, m: Motion, s: Scratch) -> None:
         m.tilt[0, i] += back
         m.tilt[1, i] += aside
         s.sums[0, i], s.sums[1, i] = back, aside
+        s.sums[2, i] = s.sums[3, i] = s.sums[4, i] = 0.0
     for w in range(m.speed.shape[0]):
         for i in range(first, last):
-            shifted = r.ahead[w, i] * s.sums[0, i] + r.aside[w, i] * s.sums[1, i]
-            m.load[w, i] = np.maximum(m.standing[w, i] - shifted, 0.0)
+            m.turns[w, i] += r.passing[i] * m.rims[w, i]
+            spin = np.abs(m.rims[w, i])
+            ripple = planar.rippling(m.turns[w, i], spin, r.ripple[w, i], r.ripple_grows[w, i])
+            m.load[w, i] = ripple
+            s.sums[2, i] += ripple
+            s.sums[3, i] += r.contacts[0, w, i] * ripple
+            s.sums[4, i] += r.contacts[1, w, i] * ripple
+    for each in range(3):
+        for i in range(first, last):
+            pressed = s.sums[2 + each, i]
+            yields = planar.swaying(pressed, m.sway[each, i], m.sway_rate[each, i], r.spring[i], r.damper[i])
+            m.sway_rate[each, i] += CYCLE_S * yields
+            m.sway[each, i] += CYCLE_S * m.sway_rate[each, i]
+            s.sums[2 + each, i] = pressed - r.carried[i] * yields
+    for w in range(m.speed.shape[0]):
+        for i in range(first, last):
+            back, aside = s.sums[3, i] + s.sums[0, i], s.sums[4, i] + s.sums[1, i]
+            shared = r.even[w, i] * s.sums[2, i] + r.ahead[w, i] * back + r.aside[w, i] * aside
+            m.load[w, i] = np.maximum(m.standing[w, i] + m.load[w, i] - shared, 0.0)
     for i in range(first, last):
         x, y, rate, cosine, sine = s.twist[0, i], s.twist[1, i], s.twist[2, i], m.facing[0, i], m.facing[1, i]
         m.seen_rate[i] = m.twist[2, i]

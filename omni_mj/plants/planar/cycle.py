@@ -39,7 +39,8 @@ def drag(r: Robots, m: Motion, traction: Traction, push: Array, downhill: Array)
     turning = total(x * each.imag - y * each.real)
     m.force[2] = traction.wrench[:, 5] + turning + (r.pushed[0] * pushed.imag - r.pushed[1] * pushed.real)
     raised = laws.lifting(spin, r.lift, r.lift_fades)
-    shared = r.even * total(raised) + r.ahead * total(x * raised) + r.aside * total(y * raised)
+    sums = moments(r, raised)
+    shared = r.even * sums[0] + r.ahead * sums[1] + r.aside * sums[2]
     np.add(r.weight, raised - shared, out=m.standing)
 
 
@@ -89,7 +90,16 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, current: Ar
     np.add(m.angle, CYCLE_S * m.speed, out=m.angle)
     tilt = r.height * total(m.torque[:, None] * r.rims[:, :2]) + m.tilting
     np.add(m.tilt, tilt, out=m.tilt)
-    np.maximum(m.standing - (r.ahead * tilt[0] + r.aside * tilt[1]), 0.0, out=m.load)
+    np.add(m.turns, r.passing * rims, out=m.turns)
+    ripple = laws.rippling(m.turns, np.abs(rims), r.ripple, r.ripple_grows)
+    pressed = moments(r, ripple)
+    yields = laws.swaying(pressed, m.sway, m.sway_rate, r.spring, r.damper)
+    np.add(m.sway_rate, CYCLE_S * yields, out=m.sway_rate)
+    np.add(m.sway, CYCLE_S * m.sway_rate, out=m.sway)
+    pressed -= r.carried * yields
+    pressed[1:] += tilt
+    shared = r.even * pressed[0] + r.ahead * pressed[1] + r.aside * pressed[2]
+    np.maximum(m.standing + ripple - shared, 0.0, out=m.load)
 
     (x, y, rate), (cosine, sine), turn = twist, m.facing, CYCLE_S * twist[2]
     m.place[0] += CYCLE_S * (cosine * x - sine * y)
@@ -98,6 +108,18 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, current: Ar
     c, s = laws.small(turn)
     m.facing[0], m.facing[1] = cosine * c - sine * s, sine * c + cosine * s
     m.twist[0], m.twist[1], m.twist[2] = c * x + s * y, c * y - s * x, rate
+
+
+def moments(r: Robots, load: Array) -> Array:
+    """Sums over the wheels of their loads (W, n), and of the loads times how far ahead and aside wheels are, (3, n)."""
+    ahead, aside = r.contacts
+    return np.stack([total(load), total(ahead * load), total(aside * load)])
+
+
+def at_rest(r: Robots) -> Array:
+    """How robots sway, (3, n), that stand with a roller of each wheel at the bottom."""
+    nothing = np.zeros_like(r.ripple)
+    return moments(r, laws.rippling(nothing, nothing, r.ripple, r.ripple_grows)) / r.spring
 
 
 def _twist(inertia: Array, momentum: Array, pull: Array, ends: Array, squares: Array, rims: Array) -> Twist:

@@ -101,6 +101,32 @@ def rolling(speed: Number, spin: Number, cost: Number, fades: Number) -> Number:
     return -cost * speed / (1 + fades * spin)
 
 
+def rippling(turns: Number, spin: Number, ripple: Number, grows: Number) -> Number:
+    """Load that a wheel at a height takes over as rollers pass, N: arcs of parabolas in place of a cosine.
+
+    Args:
+        turns: of the wheel, in rollers.
+        spin: its speed, without sign, rad/s.
+        ripple: see `rollers.Standing`.
+        grows: the same.
+    """
+    away = 0.25 - np.abs(turns - np.floor(turns + 0.5))
+    return (ripple + grows * spin) * (8 * away * (1 - 2 * np.abs(away)))
+
+
+def swaying(pressed: Number, sway: Number, rate: Number, spring: Number, damper: Number) -> Number:
+    """How a robot sways on wheels that press unevenly, s'' = p - d s' - k s: a force, which is mass times acceleration.
+
+    Args:
+        pressed: force up of all wheels at a height, or moment of it, p.
+        sway: s.
+        rate: s'.
+        spring: k, of all wheels over the mass that moves, 1/s^2.
+        damper: d, the same, 1/s.
+    """
+    return pressed - damper * rate - spring * sway
+
+
 def lifting(spin: Number, lift: Number, fades: Number) -> Number:
     """Load that a turning wheel takes over, N; see `rollers.Standing`."""
     return lift * spin * spin / (1 + fades * spin)

@@ -70,6 +70,9 @@ class PlanarPlant:
             **{name: np.zeros(shape) for name in ("angle", "speed", "torque", "rims", "standing", "seen_angle")},
             load=bodies.weight.T.copy(),
             seen_rate=np.zeros(n),
+            turns=np.zeros(shape),
+            sway=cycle.at_rest(self._robots),
+            sway_rate=np.zeros((3, n)),
             **{name: np.zeros((2, n)) for name in ("tilting", "tilt")},
             force=np.zeros((3, n)),
         )

@@ -39,6 +39,7 @@ _LOADS_N = 2 ** (np.arange(-20, 41) / 4)  # between which is interpolated, so th
 _SPEEDS = 50.0, 100.0  # of a wheel at 1.5 and 3 m/s, rad/s
 _DAMPING = 160.0  # N s/m; torque and lift know only its product with the speed
 _SAMPLES, _HALVINGS = 1501, 45
+_PARABOLA = np.pi**3 / 32  # height of arcs of parabolas (`laws.rippling`) whose first harmonic is 1
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,8 @@ class Standing:
         count: of the rollers that touch the carpet, on average.
         spin: mean square of a roller's speed over that of its wheel along the axle, 1/m^2.
         cost, cost_fades: of turning, cost w / (1 + cost_fades |w|) N m.
+        ripple, ripple_grows: load at that height as rollers pass, (ripple + ripple_grows |w|) cos N, with a roller at
+            the bottom where the cosine is 1.
         lift, lift_fades: load of a turning wheel at the height at which it stands, lift w^2 / (1 + lift_fades |w|) N.
     """
 
@@ -60,14 +63,19 @@ class Standing:
     cost_fades: Array
     lift: Array
     lift_fades: Array
+    ripple: Array
+    ripple_grows: Array
 
     @classmethod
     def of(cls, wheels: WheelSettings, load: Array, damping: Array) -> Self:
         """Of wheels under loads (n, W) in N, on carpets of a damping (n, 1) in N s/m; results are (n, W)."""
         table, more = _table(wheels), damping / _DAMPING
         at = np.log(np.maximum(load, _LOADS_N[0]))
-        lever, count, spin, cost, cost_fades, lift, lift_fades = (np.interp(at, np.log(_LOADS_N), row) for row in table)
-        return cls(lever, count, spin, more * cost, more * cost_fades, more**2 * lift, more * lift_fades)
+        lever, count, spin, cost, cost_fades, lift, lift_fades, ripple, ripple_grows = (
+            np.interp(at, np.log(_LOADS_N), row) for row in table
+        )
+        turning = more * cost, more * cost_fades, more**2 * lift, more * lift_fades
+        return cls(lever, count, spin, *turning, ripple, more * ripple_grows)
 
 
 @lru_cache(maxsize=16)
@@ -79,7 +87,11 @@ def _table(wheels: WheelSettings) -> tuple[Array, ...]:
     cost_fades = (slow / half - fast / full) / (fast - slow)
     lift_fades = (few / half**2 - many / full**2) / (many / full - few / half)
     cost, lift = slow / half * (1 + half * cost_fades), few / half**2 * (1 + half * lift_fades)
-    return carpet.lever(height), carpet.count(height), carpet.spin(height), cost, cost_fades, lift, lift_fades
+    ripple = carpet.ripple(height, 0.0)
+    turning = carpet.ripple(carpet.height(loads, half), half)
+    ripple_grows = np.copysign((np.abs(turning) - np.abs(ripple)) / half, ripple.real)
+    standing = carpet.lever(height), carpet.count(height), carpet.spin(height)
+    return *standing, cost, cost_fades, lift, lift_fades, _PARABOLA * ripple.real, _PARABOLA * ripple_grows
 
 
 class _Carpet:
@@ -92,6 +104,7 @@ class _Carpet:
         self._below = ((outer - roller) * np.cos(phi) + along)[:, None]
         self._falling = np.gradient(self._below[:, 0], phi)[:, None]
         self._upright, self._centre = np.cos(phi)[:, None], outer - roller
+        self._wave = np.exp(1j * wheels.rollers * phi)[:, None]
         self._share, self._outer = (phi[1] - phi[0]) / pitch, outer
 
     def force(self, height: Array, speed: float) -> Array:
@@ -122,6 +135,10 @@ class _Carpet:
         """Mean over the rollers that touch the carpet of what is one over the square of their radius there, 1/m^2."""
         radius, stands = (self._below + height) / 2 * self._upright - self._centre, self._below > height
         return np.asarray((stands / radius**2).sum(0) / stands.sum(0))
+
+    def ripple(self, height: Array, speed: float) -> np.ndarray:
+        """First harmonic of the load as rollers pass at a height, N: real where it is as in a mirror."""
+        return np.asarray(2 * self._share * (self.force(height, speed) * self._wave).sum(0))
 
     def turning(self, loads: Array, height: Array, speed: float) -> tuple[Array, Array]:
         """Torque that turning costs, N m, and what the wheel carries more at a height, N."""
