@@ -61,6 +61,7 @@ class Motion(NamedTuple):
     rims: Array  # their speed, which rubber lets differ from the hubs', (W, n) rad/s
     load: Array  # of wheels, (W, n) N
     standing: Array  # part of it that nothing pulls at: weight, and what rollers shift from wheel to wheel, (W, n) N
+    ripple: Array  # of load over `laws.passing`, (W, n) N
     turns: Array  # of rims, in rollers that came down, (W, n)
     sway: Array  # up, ahead and aside, on what rollers press: see `laws.swaying`, (3, n) N s^2 and N m s^2
     sway_rate: Array  # (3, n) N s and N m s

@@ -116,6 +116,7 @@ def _drag(
             m.force[2, i] += x * force.imag - y * force.real
         for i in range(first, last):
             spin = np.abs(m.rims[w, i])
+            m.ripple[w, i] = planar.rippling(spin, r.ripple[w, i], r.ripple_grows[w, i])
             raised = planar.lifting(spin, r.lift[w, i], r.lift_fades[w, i])
             m.standing[w, i] = r.weight[w, i] + raised
             s.sums[0, i] += raised
@@ -215,8 +216,7 @@ def _advance(first: int, last: int, r: Robots, m: Motion, s: Scratch) -> None:
     for w in range(m.speed.shape[0]):
         for i in range(first, last):
             m.turns[w, i] += r.passing[i] * m.rims[w, i]
-            spin = np.abs(m.rims[w, i])
-            ripple = planar.rippling(m.turns[w, i], spin, r.ripple[w, i], r.ripple_grows[w, i])
+            ripple = m.ripple[w, i] * planar.passing(m.turns[w, i])
             m.load[w, i] = ripple
             s.sums[2, i] += ripple
             s.sums[3, i] += r.contacts[0, w, i] * ripple

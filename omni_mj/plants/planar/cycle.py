@@ -38,6 +38,7 @@ def drag(r: Robots, m: Motion, traction: Traction, push: Array, downhill: Array)
     m.tilting[0], m.tilting[1], m.force[0], m.force[1] = tilting.real, tilting.imag, whole.real, whole.imag
     turning = total(x * each.imag - y * each.real)
     m.force[2] = traction.wrench[:, 5] + turning + (r.pushed[0] * pushed.imag - r.pushed[1] * pushed.real)
+    m.ripple[:] = laws.rippling(spin, r.ripple, r.ripple_grows)
     raised = laws.lifting(spin, r.lift, r.lift_fades)
     sums = moments(r, raised)
     shared = r.even * sums[0] + r.ahead * sums[1] + r.aside * sums[2]
@@ -91,7 +92,7 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, current: Ar
     tilt = r.height * total(m.torque[:, None] * r.rims[:, :2]) + m.tilting
     np.add(m.tilt, tilt, out=m.tilt)
     np.add(m.turns, r.passing * rims, out=m.turns)
-    ripple = laws.rippling(m.turns, np.abs(rims), r.ripple, r.ripple_grows)
+    ripple = m.ripple * laws.passing(m.turns)
     pressed = moments(r, ripple)
     yields = laws.swaying(pressed, m.sway, m.sway_rate, r.spring, r.damper)
     np.add(m.sway_rate, CYCLE_S * yields, out=m.sway_rate)
@@ -118,8 +119,7 @@ def moments(r: Robots, load: Array) -> Array:
 
 def at_rest(r: Robots) -> Array:
     """How robots sway, (3, n), that stand with a roller of each wheel at the bottom."""
-    nothing = np.zeros_like(r.ripple)
-    return moments(r, laws.rippling(nothing, nothing, r.ripple, r.ripple_grows)) / r.spring
+    return moments(r, r.ripple * laws.passing(np.zeros_like(r.ripple))) / r.spring
 
 
 def _twist(inertia: Array, momentum: Array, pull: Array, ends: Array, squares: Array, rims: Array) -> Twist:

@@ -101,17 +101,14 @@ def rolling(speed: Number, spin: Number, cost: Number, fades: Number) -> Number:
     return -cost * speed / (1 + fades * spin)
 
 
-def rippling(turns: Number, spin: Number, ripple: Number, grows: Number) -> Number:
-    """Load that a wheel at a height takes over as rollers pass, N: arcs of parabolas in place of a cosine.
+def passing(turns: Number) -> Number:
+    """A wave that is 1/16 with a roller at the bottom and -1/16 between two: arcs of parabolas in place of a cosine.
 
     Args:
         turns: of the wheel, in rollers.
-        spin: its speed, without sign, rad/s.
-        ripple: see `rollers.Standing`.
-        grows: the same.
     """
-    away = 0.25 - np.abs(turns - np.floor(turns + 0.5))
-    return (ripple + grows * spin) * (8 * away * (1 - 2 * np.abs(away)))
+    away = 0.25 - np.abs(turns - np.rint(turns))
+    return away * (0.5 - np.abs(away))
 
 
 def swaying(pressed: Number, sway: Number, rate: Number, spring: Number, damper: Number) -> Number:
@@ -125,6 +122,11 @@ def swaying(pressed: Number, sway: Number, rate: Number, spring: Number, damper:
         damper: d, the same, 1/s.
     """
     return pressed - damper * rate - spring * sway
+
+
+def rippling(spin: Number, ripple: Number, grows: Number) -> Number:
+    """Load that a wheel at a height takes over as rollers pass, N, over `passing`; see `rollers.Standing`."""
+    return ripple + grows * spin
 
 
 def lifting(spin: Number, lift: Number, fades: Number) -> Number:

@@ -39,7 +39,7 @@ _LOADS_N = 2 ** (np.arange(-20, 41) / 4)  # between which is interpolated, so th
 _SPEEDS = 50.0, 100.0  # of a wheel at 1.5 and 3 m/s, rad/s
 _DAMPING = 160.0  # N s/m; torque and lift know only its product with the speed
 _SAMPLES, _HALVINGS = 1501, 45
-_PARABOLA = np.pi**3 / 32  # height of arcs of parabolas (`laws.rippling`) whose first harmonic is 1
+_WAVE = np.pi**3 / 2  # waves of `laws.passing` whose first harmonic is 1
 
 
 @dataclass(frozen=True)
@@ -51,9 +51,9 @@ class Standing:
         count: of the rollers that touch the carpet, on average.
         spin: mean square of a roller's speed over that of its wheel along the axle, 1/m^2.
         cost, cost_fades: of turning, cost w / (1 + cost_fades |w|) N m.
-        ripple, ripple_grows: load at that height as rollers pass, (ripple + ripple_grows |w|) cos N, with a roller at
-            the bottom where the cosine is 1.
         lift, lift_fades: load of a turning wheel at the height at which it stands, lift w^2 / (1 + lift_fades |w|) N.
+        ripple, ripple_grows: of the load at that height as rollers pass, over `laws.passing`, ripple + ripple_grows |w|
+            N.
     """
 
     lever: Array
@@ -91,7 +91,7 @@ def _table(wheels: WheelSettings) -> tuple[Array, ...]:
     turning = carpet.ripple(carpet.height(loads, half), half)
     ripple_grows = np.copysign((np.abs(turning) - np.abs(ripple)) / half, ripple.real)
     standing = carpet.lever(height), carpet.count(height), carpet.spin(height)
-    return *standing, cost, cost_fades, lift, lift_fades, _PARABOLA * ripple.real, _PARABOLA * ripple_grows
+    return *standing, cost, cost_fades, lift, lift_fades, _WAVE * ripple.real, _WAVE * ripple_grows
 
 
 class _Carpet:
