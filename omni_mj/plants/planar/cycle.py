@@ -113,8 +113,9 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, current: Ar
 
 def moments(r: Robots, load: Array) -> Array:
     """Sums over the wheels of their loads (W, n), and of the loads times how far ahead and aside wheels are, (3, n)."""
-    ahead, aside = r.contacts
-    return np.stack([total(load), total(ahead * load), total(aside * load)])
+    found = np.empty((3, load.shape[1]))
+    found[0], found[1:] = total(load), total((r.contacts * load).swapaxes(0, 1))
+    return found
 
 
 def at_rest(r: Robots) -> Array:

@@ -11,6 +11,15 @@ The body. With M its inertia and that of the rims, and F what else acts,
     M (v - v_before) / h = F + sum r t / R,
 
 which is linear in v: three equations. A wheel of which more torque would be asked than Coulomb's limit has that limit.
+
+The load. Rollers that pass press unevenly, by p_i at a wheel at a height, so that p = sum p_i (1, x_i, y_i) is a force up
+and two moments. The robot sways up, ahead and aside on the contacts, count of them at a wheel, each of them a spring K, a
+damper c and a mass m (`omni_mj.worlds.contact`). With the mass M of the robot, and s for the sway times all mass,
+
+    s'' = p - d s' - k s,    (k, d) = sum count (K, c) / (M + sum count m),
+
+and M s'' / (M + sum count m) of p is left, for wheels to share as they share weight and moments; of each p_i they keep
+beside that what no motion of the body feels. Both moments are reckoned as if mass and springs were spread alike.
 """
 
 import numpy as np
