@@ -12,9 +12,9 @@ The body. With M its inertia and that of the rims, and F what else acts,
 
 which is linear in v: three equations. A wheel of which more torque would be asked than Coulomb's limit has that limit.
 
-The load. Rollers that pass press unevenly, by p_i at a wheel at a height, so that p = sum p_i (1, x_i, y_i) is a force up
-and two moments. The robot sways up, ahead and aside on the contacts, count of them at a wheel, each of them a spring K, a
-damper c and a mass m (`omni_mj.worlds.contact`). With the mass M of the robot, and s for the sway times all mass,
+The load. Rollers that pass press unevenly, by p_i at a wheel at a height, so that p = sum p_i (1, x_i, y_i) is a force
+up and two moments. The robot sways up, ahead and aside on the contacts, count of them at a wheel, each of them a spring
+K, a damper c and a mass m (`omni_mj.worlds.contact`). With the mass M of the robot, and s for the sway times all mass,
 
     s'' = p - d s' - k s,    (k, d) = sum count (K, c) / (M + sum count m),
 

@@ -17,8 +17,8 @@ The mean over phi carries the load, which gives z. From the same mean follow
 - the torque f h' that turning costs, which the dampers take;
 - the lift: contacts press more as rollers come down than they pull as these go up, for they cannot pull. At the height
   at which it stands, a wheel that turns carries more;
-- the ripple: the first harmonic of the load over the rollers that pass, which at rest is that of the springs alone. What
-  the robot gives way to it is in `laws.swaying`.
+- the ripple: the first harmonic of the load over the rollers that pass, at rest that of the springs alone. How the
+  robot gives way to it is in `laws`.
 
 Torque and lift are w and w^2 where the wheel turns slowly, and each grows with a power less where it turns fast.
 
