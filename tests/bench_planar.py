@@ -2,11 +2,15 @@
 
     python tests/bench_planar.py [--scenario rect ...] [--robot tigers-v2016 ...] [--controller comp-flc ...]
                                  [--seeds 1] [--substeps 4] [--set SECTION.FIELD=VALUE ...] [--out FILE.json]
+                                 [--full FILE.json ...]
 
 By default all scenarios and robots, which takes an hour. A line for each scenario and robot: for each controller the
 rms of its position error on the full plant in cm, and by how many per cent that on planar differs; with `--substeps`,
 also by how many the full plant's own does when it takes so many steps in a cycle. `sliding` is the share of the time
-for which a wheel on the full plant slips by more than creep lets it. Controllers that swap their places are named.
+for which a wheel on the full plant slips by more than creep lets it. Controllers that swap their places are named, with
+the number of seeds with which the first is the better one on each plant. `--full` takes the errors on the full plant,
+which changes less often and costs more, from files that `--out` has written with the same arguments; only what is in
+them is compared.
 """
 
 import argparse
@@ -45,10 +49,11 @@ def driven(plant: str, name: str, given: argparse.Namespace, robot: str, substep
 
 
 def swaps(full: Array, planar: Array, names: list[str]) -> list[str]:
-    """Pairs of controllers of which another is the better one by the median over seeds, and by how much on each."""
+    """Pairs of controllers of which another is the better one by the median over seeds; by how much, how often."""
     one, other = np.median(full, 1), np.median(planar, 1)
     return [
-        f"{names[i]} and {names[j]} ({100 * (one[i] / one[j] - 1):+.1f} %, {100 * (other[i] / other[j] - 1):+.1f} %)"
+        f"{names[i]} and {names[j]} ({100 * (one[i] / one[j] - 1):+.1f} %, {100 * (other[i] / other[j] - 1):+.1f} %; "
+        f"{(full[i] < full[j]).sum()} and {(planar[i] < planar[j]).sum()} of {full.shape[1]})"
         for i, j in itertools.combinations(range(len(names)), 2)
         if (one[i] - one[j]) * (other[i] - other[j]) < 0
     ]
@@ -58,8 +63,16 @@ def report(given: argparse.Namespace) -> list[dict[str, Any]]:
     """Compare, and print a line for each scenario and robot as soon as it is known."""
     print(f"{'':32s} sliding", *(f"{name:>24s}" for name in given.controller))
     found = []
-    for name, robot in itertools.product(given.scenario, given.robot):
-        full, slides = driven("mujoco", name, given, robot, 1)
+    known = [entry for file in given.full for entry in json.loads(file.read_text())]
+    runs = {(entry["scenario"], entry["robot"]): entry for entry in known}
+    for name, robot in runs or itertools.product(given.scenario, given.robot):
+        if runs:
+            before = runs[name, robot]
+            if before["controllers"] != given.controller or len(before["full"][0]) != given.seeds:
+                raise SystemExit(f"{name}, {robot}: other controllers or another number of seeds in the file of --full")
+            full, slides = np.array(before["full"]), np.array(before["sliding"])
+        else:
+            full, slides = driven("mujoco", name, given, robot, 1)
         planar, _ = driven("planar", name, given, robot, 1)
         entry = {"scenario": name, "robot": robot, "controllers": given.controller}
         entry |= {"full": full.tolist(), "planar": planar.tolist(), "sliding": slides.tolist()}
@@ -90,4 +103,5 @@ if __name__ == "__main__":
     parser.add_argument("--substeps", type=int, default=0)
     parser.add_argument("--set", action="append", default=[])
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--full", type=Path, nargs="+", default=[])
     report(parser.parse_args())

@@ -29,12 +29,18 @@ class Robots(NamedTuple):
     dry: Array  # the same, (W, n) N m
     contact: Array  # slip over torque of the contacts, (W, n) rad/s / (N m)
     lever: Array  # from axles to the carpet, (W, n) m
-    bearing: Array  # and the six that follow: see `rollers`, (W, n)
+    bearing: Array  # and the seven that follow: see `rollers`, (W, n)
     spin_up: Array
     cost: Array
     cost_fades: Array
     lift: Array
     lift_fades: Array
+    ripple: Array
+    ripple_grows: Array
+    passing: Array  # rollers that come down in a cycle for a rim's speed, (n,) s/rad
+    spring: Array  # of wheels, over what they move as the robot sways, (n,) 1/s^2
+    damper: Array  # the same, (n,) 1/s
+    carried: Array  # share of that which is the robot, (n,)
     middle: Array  # of the robot, (2, n) m
     pushed: Array  # where pushes act, (2, n) m
     height: Array  # of the centre of mass, (n,) m
@@ -59,6 +65,10 @@ class Motion(NamedTuple):
     rims: Array  # their speed, which rubber lets differ from the hubs', (W, n) rad/s
     load: Array  # of wheels, (W, n) N
     standing: Array  # part of it that nothing pulls at: weight, and what rollers shift from wheel to wheel, (W, n) N
+    ripple: Array  # of load over `laws.passing`, (W, n) N
+    turns: Array  # of rims, in rollers that came down, (W, n)
+    sway: Array  # up, ahead and aside, on what rollers press: see `laws.swaying`, (3, n) N s^2 and N m s^2
+    sway_rate: Array  # (3, n) N s and N m s
     seen_angle: Array  # what encoders show: a cycle ago, (W, n) rad
     seen_rate: Array  # what gyros do, (n,) rad/s
     force: Array  # all but the wheels' pull, and its moment, (3, n) N and N m

@@ -119,6 +119,7 @@ def _drag(some: Some, r: Robots, m: Motion, s: Scratch, t: TractionArrays, push:
             m.force[2, i] += x * force.imag - y * force.real
         for i in each(some):
             spin = np.abs(m.rims[w, i])
+            m.ripple[w, i] = planar.rippling(spin, r.ripple[w, i], r.ripple_grows[w, i])
             raised = planar.lifting(spin, r.lift[w, i], r.lift_fades[w, i])
             m.standing[w, i] = r.weight[w, i] + raised
             s.sums[0, i] += raised
@@ -214,10 +215,27 @@ def _advance(some: Some, r: Robots, m: Motion, s: Scratch) -> None:
         m.tilt[0, i] += back
         m.tilt[1, i] += aside
         s.sums[0, i], s.sums[1, i] = back, aside
+        s.sums[2, i] = s.sums[3, i] = s.sums[4, i] = 0.0
     for w in range(m.speed.shape[0]):
         for i in each(some):
-            shifted = r.ahead[w, i] * s.sums[0, i] + r.aside[w, i] * s.sums[1, i]
-            m.load[w, i] = np.maximum(m.standing[w, i] - shifted, 0.0)
+            m.turns[w, i] += r.passing[i] * m.rims[w, i]
+            ripple = m.ripple[w, i] * planar.passing(m.turns[w, i])
+            m.load[w, i] = ripple
+            s.sums[2, i] += ripple
+            s.sums[3, i] += r.contacts[0, w, i] * ripple
+            s.sums[4, i] += r.contacts[1, w, i] * ripple
+    for way in range(3):
+        for i in each(some):
+            pressed = s.sums[2 + way, i]
+            yields = planar.swaying(pressed, m.sway[way, i], m.sway_rate[way, i], r.spring[i], r.damper[i])
+            m.sway_rate[way, i] += CYCLE_S * yields
+            m.sway[way, i] += CYCLE_S * m.sway_rate[way, i]
+            s.sums[2 + way, i] = pressed - r.carried[i] * yields
+    for w in range(m.speed.shape[0]):
+        for i in each(some):
+            back, aside = s.sums[3, i] + s.sums[0, i], s.sums[4, i] + s.sums[1, i]
+            shared = r.even[w, i] * s.sums[2, i] + r.ahead[w, i] * back + r.aside[w, i] * aside
+            m.load[w, i] = np.maximum(m.standing[w, i] + m.load[w, i] - shared, 0.0)
     for i in each(some):
         x, y, rate, cosine, sine = s.twist[0, i], s.twist[1, i], s.twist[2, i], m.facing[0, i], m.facing[1, i]
         m.seen_rate[i] = m.twist[2, i]

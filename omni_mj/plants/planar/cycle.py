@@ -38,8 +38,10 @@ def drag(r: Robots, m: Motion, traction: Traction, push: Array, downhill: Array)
     m.tilting[0], m.tilting[1], m.force[0], m.force[1] = tilting.real, tilting.imag, whole.real, whole.imag
     turning = total(x * each.imag - y * each.real)
     m.force[2] = traction.wrench[:, 5] + turning + (r.pushed[0] * pushed.imag - r.pushed[1] * pushed.real)
+    m.ripple[:] = laws.rippling(spin, r.ripple, r.ripple_grows)
     raised = laws.lifting(spin, r.lift, r.lift_fades)
-    shared = r.even * total(raised) + r.ahead * total(x * raised) + r.aside * total(y * raised)
+    sums = moments(r, raised)
+    shared = r.even * sums[0] + r.ahead * sums[1] + r.aside * sums[2]
     np.add(r.weight, raised - shared, out=m.standing)
 
 
@@ -89,7 +91,16 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, motor: Arra
     np.add(m.angle, CYCLE_S * m.speed, out=m.angle)
     tilt = r.height * total(m.torque[:, None] * r.rims[:, :2]) + m.tilting
     np.add(m.tilt, tilt, out=m.tilt)
-    np.maximum(m.standing - (r.ahead * tilt[0] + r.aside * tilt[1]), 0.0, out=m.load)
+    np.add(m.turns, r.passing * rims, out=m.turns)
+    ripple = m.ripple * laws.passing(m.turns)
+    pressed = moments(r, ripple)
+    yields = laws.swaying(pressed, m.sway, m.sway_rate, r.spring, r.damper)
+    np.add(m.sway_rate, CYCLE_S * yields, out=m.sway_rate)
+    np.add(m.sway, CYCLE_S * m.sway_rate, out=m.sway)
+    pressed -= r.carried * yields
+    pressed[1:] += tilt
+    shared = r.even * pressed[0] + r.ahead * pressed[1] + r.aside * pressed[2]
+    np.maximum(m.standing + ripple - shared, 0.0, out=m.load)
 
     (x, y, rate), (cosine, sine), turn = twist, m.facing, CYCLE_S * twist[2]
     m.place[0] += CYCLE_S * (cosine * x - sine * y)
@@ -113,6 +124,18 @@ def falls(r: Robots, m: Motion, cycles: int) -> np.ndarray:
 def where(m: Motion) -> Array:
     """What is a number (n,) where a robot's pose is one."""
     return np.asarray(m.place[0] + m.place[1] + m.heading)
+
+
+def moments(r: Robots, load: Array) -> Array:
+    """Sums over the wheels of their loads (W, n), and of the loads times how far ahead and aside wheels are, (3, n)."""
+    found = np.empty((3, load.shape[1]))
+    found[0], found[1:] = total(load), total((r.contacts * load).swapaxes(0, 1))
+    return found
+
+
+def at_rest(r: Robots) -> Array:
+    """How robots sway, (3, n), that stand with a roller of each wheel at the bottom."""
+    return moments(r, r.ripple * laws.passing(np.zeros_like(r.ripple))) / r.spring
 
 
 def _twist(inertia: Array, momentum: Array, pull: Array, ends: Array, squares: Array, rims: Array) -> Twist:

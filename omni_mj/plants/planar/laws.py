@@ -11,6 +11,15 @@ The body. With M its inertia and that of the rims, and F what else acts,
     M (v - v_before) / h = F + sum r t / R,
 
 which is linear in v: three equations. A wheel of which more torque would be asked than Coulomb's limit has that limit.
+
+The load. Rollers that pass press unevenly, by p_i at a wheel at a height, so that p = sum p_i (1, x_i, y_i) is a force
+up and two moments. The robot sways up, ahead and aside on the contacts, count of them at a wheel, each of them a spring
+K, a damper c and a mass m (`omni_mj.worlds.contact`). With the mass M of the robot, and s for the sway times all mass,
+
+    s'' = p - d s' - k s,    (k, d) = sum count (K, c) / (M + sum count m),
+
+and M s'' / (M + sum count m) of p is left, for wheels to share as they share weight and moments; of each p_i they keep
+beside that what no motion of the body feels. Both moments are reckoned as if mass and springs were spread alike.
 """
 
 import numpy as np
@@ -99,6 +108,34 @@ def spinning(axle: Number, spin: Number, bearing: Number, spin_up: Number) -> Nu
 def rolling(speed: Number, spin: Number, cost: Number, fades: Number) -> Number:
     """Torque on a wheel that turns over its rollers, N m; see `rollers.Standing`."""
     return -cost * speed / (1 + fades * spin)
+
+
+def passing(turns: Number) -> Number:
+    """A wave that is 1/16 with a roller at the bottom and -1/16 between two: arcs of parabolas in place of a cosine.
+
+    Args:
+        turns: of the wheel, in rollers.
+    """
+    away = 0.25 - np.abs(turns - np.rint(turns))
+    return away * (0.5 - np.abs(away))
+
+
+def swaying(pressed: Number, sway: Number, rate: Number, spring: Number, damper: Number) -> Number:
+    """How a robot sways on wheels that press unevenly, s'' = p - d s' - k s: a force, which is mass times acceleration.
+
+    Args:
+        pressed: force up of all wheels at a height, or moment of it, p.
+        sway: s.
+        rate: s'.
+        spring: k, of all wheels over the mass that moves, 1/s^2.
+        damper: d, the same, 1/s.
+    """
+    return pressed - damper * rate - spring * sway
+
+
+def rippling(spin: Number, ripple: Number, grows: Number) -> Number:
+    """Load that a wheel at a height takes over as rollers pass, N, over `passing`; see `rollers.Standing`."""
+    return ripple + grows * spin
 
 
 def lifting(spin: Number, lift: Number, fades: Number) -> Number:

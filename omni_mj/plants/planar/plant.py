@@ -67,8 +67,11 @@ class PlanarPlant:
             facing=facing,
             twist=np.zeros((3, n)),
             **{name: np.zeros(shape) for name in ("angle", "speed", "torque", "rims", "standing", "seen_angle")},
+            **{name: np.zeros(shape) for name in ("ripple", "turns")},
             load=bodies.weight.T.copy(),
             seen_rate=np.zeros(n),
+            sway=cycle.at_rest(self._robots),
+            sway_rate=np.zeros((3, n)),
             **{name: np.zeros((2, n)) for name in ("tilting", "tilt")},
             force=np.zeros((3, n)),
         )

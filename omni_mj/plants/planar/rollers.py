@@ -16,7 +16,9 @@ The mean over phi carries the load, which gives z. From the same mean follow
 - the radius on which the wheel rolls: a contact acts in the middle of its depth, with the lever (h + z) / 2;
 - the torque f h' that turning costs, which the dampers take;
 - the lift: contacts press more as rollers come down than they pull as these go up, for they cannot pull. At the height
-  at which it stands, a wheel that turns carries more.
+  at which it stands, a wheel that turns carries more;
+- the ripple: the first harmonic of the load over the rollers that pass, at rest that of the springs alone. How the
+  robot gives way to it is in `laws`.
 
 Torque and lift are w and w^2 where the wheel turns slowly, and each grows with a power less where it turns fast.
 
@@ -39,6 +41,7 @@ _LOADS_N = 2 ** (np.arange(-20, 41) / 4)  # between which is interpolated, so th
 _SPEEDS = 50.0, 100.0  # of a wheel at 1.5 and 3 m/s, rad/s
 _DAMPING = 160.0  # N s/m; torque and lift know only its product with the speed
 _SAMPLES, _HALVINGS = 1501, 45
+_WAVE = np.pi**3 / 2  # waves of `laws.passing` whose first harmonic is 1
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,8 @@ class Standing:
         spin: mean square of a roller's speed over that of its wheel along the axle, 1/m^2.
         cost, cost_fades: of turning, cost w / (1 + cost_fades |w|) N m.
         lift, lift_fades: load of a turning wheel at the height at which it stands, lift w^2 / (1 + lift_fades |w|) N.
+        ripple, ripple_grows: of the load at that height as rollers pass, over `laws.passing`, ripple + ripple_grows |w|
+            N.
     """
 
     lever: Array
@@ -60,14 +65,19 @@ class Standing:
     cost_fades: Array
     lift: Array
     lift_fades: Array
+    ripple: Array
+    ripple_grows: Array
 
     @classmethod
     def of(cls, wheels: WheelSettings, load: Array, damping: Array) -> Self:
         """Of wheels under loads (n, W) in N, on carpets of a damping (n, 1) in N s/m; results are (n, W)."""
         table, more = _table(wheels), damping / _DAMPING
         at = np.log(np.maximum(load, _LOADS_N[0]))
-        lever, count, spin, cost, cost_fades, lift, lift_fades = (np.interp(at, np.log(_LOADS_N), row) for row in table)
-        return cls(lever, count, spin, more * cost, more * cost_fades, more**2 * lift, more * lift_fades)
+        lever, count, spin, cost, cost_fades, lift, lift_fades, ripple, ripple_grows = (
+            np.interp(at, np.log(_LOADS_N), row) for row in table
+        )
+        turning = more * cost, more * cost_fades, more**2 * lift, more * lift_fades
+        return cls(lever, count, spin, *turning, ripple, more * ripple_grows)
 
 
 @lru_cache(maxsize=16)
@@ -79,7 +89,11 @@ def _table(wheels: WheelSettings) -> tuple[Array, ...]:
     cost_fades = (slow / half - fast / full) / (fast - slow)
     lift_fades = (few / half**2 - many / full**2) / (many / full - few / half)
     cost, lift = slow / half * (1 + half * cost_fades), few / half**2 * (1 + half * lift_fades)
-    return carpet.lever(height), carpet.count(height), carpet.spin(height), cost, cost_fades, lift, lift_fades
+    ripple = carpet.ripple(height, 0.0)
+    turning = carpet.ripple(carpet.height(loads, half), half)
+    ripple_grows = np.copysign((np.abs(turning) - np.abs(ripple)) / half, ripple.real)
+    standing = carpet.lever(height), carpet.count(height), carpet.spin(height)
+    return *standing, cost, cost_fades, lift, lift_fades, _WAVE * ripple.real, _WAVE * ripple_grows
 
 
 class _Carpet:
@@ -92,6 +106,7 @@ class _Carpet:
         self._below = ((outer - roller) * np.cos(phi) + along)[:, None]
         self._falling = np.gradient(self._below[:, 0], phi)[:, None]
         self._upright, self._centre = np.cos(phi)[:, None], outer - roller
+        self._wave = np.exp(1j * wheels.rollers * phi)[:, None]
         self._share, self._outer = (phi[1] - phi[0]) / pitch, outer
 
     def force(self, height: Array, speed: float) -> Array:
@@ -122,6 +137,10 @@ class _Carpet:
         """Mean over the rollers that touch the carpet of what is one over the square of their radius there, 1/m^2."""
         radius, stands = (self._below + height) / 2 * self._upright - self._centre, self._below > height
         return np.asarray((stands / radius**2).sum(0) / stands.sum(0))
+
+    def ripple(self, height: Array, speed: float) -> np.ndarray:
+        """First harmonic of the load as rollers pass at a height, N: real where it is as in a mirror."""
+        return np.asarray(2 * self._share * (self.force(height, speed) * self._wave).sum(0))
 
     def turning(self, loads: Array, height: Array, speed: float) -> tuple[Array, Array]:
         """Torque that turning costs, N m, and what the wheel carries more at a height, N."""

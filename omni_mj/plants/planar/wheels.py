@@ -12,7 +12,7 @@ from omni_mj.plants.planar.rollers import Standing
 from omni_mj.plants.variation import Drawn
 from omni_mj.scenarios.settings import Settings, column
 from omni_mj.worlds.build import CYCLE_S
-from omni_mj.worlds.contact import ADDED_MASS_KG, FRICTION_RATE_HZ, FRICTION_STIFFER, damping
+from omni_mj.worlds.contact import ADDED_MASS_KG, FRICTION_RATE_HZ, FRICTION_STIFFER, STIFFNESS_N_M, damping
 
 
 def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, drawn: Drawn) -> Robots:
@@ -27,6 +27,8 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
     rims = np.stack([tangents.real, tangents.imag, (arms.conj() * tangents).imag]) / lever
     squares = rims[[0, 0, 0, 1, 1, 2]] * rims[[0, 1, 2, 1, 2, 2]]
     mass, centre, inertia = bodies.whole
+    count = rollers.count.sum(1)
+    moved = mass + ADDED_MASS_KG * count
     none, pushed = np.zeros_like(mass), bodies.chassis.centre - centre
     body = np.stack([mass, none, none, mass, none, inertia])
     whole = (body + bodies.rim * squares.sum(2)) / CYCLE_S
@@ -54,6 +56,12 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
         cost_fades=rollers.cost_fades.T,
         lift=rollers.lift.T,
         lift_fades=rollers.lift_fades.T,
+        ripple=rollers.ripple.T,
+        ripple_grows=rollers.ripple_grows.T,
+        passing=np.full(len(mass), CYCLE_S * wheels.rollers / (2 * np.pi)),
+        spring=STIFFNESS_N_M * count / moved,
+        damper=stiff[:, 0] * count / moved,
+        carried=mass / moved,
         middle=-centre[:, :2].T,
         pushed=pushed[:, :2].T,
         height=centre[:, 2],
