@@ -131,9 +131,9 @@ def test_robot_by_robot_is_as_all_at_once(n: int, seed: int) -> None:
         np.testing.assert_allclose(loops, numpys, rtol=ROUNDING, atol=ROUNDING)
 
 
-@pytest.mark.parametrize("wheels", ["rollers", "two-rollers"])
-def test_the_kernels_drive_the_same_run(wheels: str) -> None:
-    """A loop with a controller, full wheels and two rollers, two robots of a world.
+@pytest.mark.parametrize(("wheels", "controller"), [("rollers", "comp-flc"), ("two-rollers", "adaptive-comp-flc")])
+def test_the_kernels_drive_the_same_run(wheels: str, controller: str) -> None:
+    """A loop with a controller, one of them of compiled loops too, full wheels and two rollers, two robots of a world.
 
     Rounding moves rollers in contact by 1e-13 m in two seconds. Where it moves an encoder's count into the next cycle,
     a wheel misses 0.3 rad/s for 1 ms, and the robot 1e-6 m: allowed, 10 times.
@@ -146,7 +146,7 @@ def test_the_kernels_drive_the_same_run(wheels: str) -> None:
     ]
     logs = []
     for name in ("numpy", "numba"):
-        chosen = scenario.load("rect", [*more, f"physics.kernel={name}"], {"seeds": 1, "controllers": ("comp-flc",)})
+        chosen = scenario.load("rect", [*more, f"physics.kernel={name}"], {"seeds": 1, "controllers": (controller,)})
         logs.append(Simulation(chosen).run())
     numpys, loops = (log.channel("pose") for log in logs)
     np.testing.assert_allclose(loops, numpys, rtol=0, atol=1e-5)

@@ -18,10 +18,10 @@ NUMBA = {"kernel": "numba"}
 
 @cache
 def once(plant: str) -> None:
-    """Have a plant's loops compiled by one process for all, which takes half a minute; the others wait for it."""
+    """Have a plant's loops, and a controller's, compiled by one process for all, in half a minute; the others wait."""
     with (Path(tempfile.gettempdir()) / f"omni-mj-{os.getuid()}-{plant}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        om.Simulation(om.scenario("rect", plant=plant, physics=NUMBA), ["p"]).step()
+        om.Simulation(om.scenario("rect", plant=plant, physics=NUMBA), ["adaptive-comp-flc"]).step()
 
 
 def ready(plant: str, settings: Iterable[Settings]) -> None:

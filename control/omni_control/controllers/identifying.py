@@ -8,6 +8,7 @@ import numpy as np
 from omni_control.controllers.base import Controller, Seen, Told
 from omni_control.delay import CommandsInFlight
 from omni_control.estimation import motion
+from omni_control.estimation.by_robot import LEAST_S
 from omni_control.estimation.compliance import UNYIELDING, Compliance
 from omni_control.estimation.identify import Identifier
 from omni_control.estimation.late import MOST_FRAMES, Late
@@ -16,8 +17,6 @@ from omni_control.estimation.motion import Plane, pairs, plane
 from omni_control.estimation.turning import GYRO_SHARE, Turning
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import IteratedReference, Reference
-
-LEAST_S = 1e-9  # below which nothing acts
 
 
 class Arrival(NamedTuple):

@@ -44,14 +44,14 @@ class KalmanFilter:
         self.twist, self.drift = np.zeros((2, *self.pose.shape))
         self._period = period
         self._noise = np.maximum(np.asarray(noise, float), (1e-5, 1e-5, 1e-4)) ** 2  # a camera resolves no less
-        self._keep = np.exp(-period / DRIFT_TIME_S)
+        keep = np.exp(-period / DRIFT_TIME_S)
+        self._law = period, float(keep), period**2, float(keep**2)
         self._wander = np.array([DRIFT_M_S2, DRIFT_M_S2, DRIFT_RAD_S2]) ** 2 * period
         self._xx = np.broadcast_to(self._noise, self.pose.shape).copy()
         self._xb, self._bb = np.zeros((2, *self.pose.shape))
         self._scale = np.ones_like(self.pose)
-        self._law = period, float(self._keep), period**2, float(self._keep**2)
-        told = np.broadcast_arrays(self._wander, self._noise, self.pose)[:2]
-        self._told = list(zip(*(each.ravel().tolist() for each in told), strict=True))
+        each = np.broadcast_arrays(self._wander, self._noise, self.pose)[:2]
+        self._each = list(zip(*(values.ravel().tolist() for values in each), strict=True))  # axis of each robot
         self._innovation, self._variance = np.full_like(self.pose, np.nan), np.ones_like(self.pose)
 
     @property
@@ -112,7 +112,7 @@ class KalmanFilter:
         state = self.pose, self.drift, self._xx, self._xb, self._bb, displacement, self._scale, measured
         table = np.concatenate(state).reshape(len(state), -1).T.tolist()
         found = []
-        for axis, (known, (wander, noise)) in enumerate(zip(table, self._told, strict=True)):
+        for axis, (known, (wander, noise)) in enumerate(zip(table, self._each, strict=True)):
             displaced, scale, seen = known[5:]
             pose, drift, xx, xb, bb, _ = _carried(self._law, known[:5], displaced, scale, wander)
             innovation, variance = seen - pose, xx + noise
