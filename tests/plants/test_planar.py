@@ -119,7 +119,7 @@ def test_loads_ripple_and_robots_sway_as_on_the_full_plant() -> None:
     seen = driven(planar(chosen), commands)["load"][45:]
     np.testing.assert_allclose(seen.mean(0), whole.mean(0), rtol=0.03)  # a standard error of 30 frames
     # A quarter: half of it is the standard error of 120 values, the rest are higher harmonics, which only the full
-    # plant has. Without ripple a robot that cruises has a hundredth of this.
+    # plant has. Without ripple a robot that cruises has less than a tenth of this.
     np.testing.assert_allclose(seen.std(0).mean(1), whole.std(0).mean(1), rtol=0.25)
     assert (whole.std(0).mean(1) > 0.25).all()
 
