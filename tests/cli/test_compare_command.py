@@ -1,8 +1,10 @@
 """`omni-mj compare` as a user types it: its files, what it prints, what ends it."""
 
+import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -113,9 +115,8 @@ def test_what_the_limit_command_leaves_stands_beside(
     tiny, limited = tmp_path / "tiny.toml", tmp_path / "limit-tiny"
     tiny.write_text("[reference]\nwaypoints = [[0, 0], [0.05, 0.02]]\nsettle_s = 0.1\n")
     common = ["--plant", "kinematic", "--seeds", str(SEEDS), "--seed", str(FIRST)]
-    line = [*COMPARE[:-1], "limit", str(tiny), *common, "--iterations", "2", "--quiet", "--out", str(limited)]
-    process = subprocess.run(line, capture_output=True, text=True, timeout=120, check=False)
-    assert (process.returncode, process.stderr) == (0, "")
+    assert invoke("limit", tiny, *common, "--iterations", 2, "--quiet", "--out", limited) == 0
+    assert capsys.readouterr() == ("", "")
     options = [word for path in (tiny, files / "there.toml") for word in ("--scenario", str(path))] + common
     options += [word for name in CONTROLLERS for word in ("--controller", name)]
     given = ["--half-width", "0", "--limits", str(limited)]
@@ -186,36 +187,54 @@ def test_rows_that_fail_are_noted_and_the_others_go_on(
     assert f"- late: Cheat, seed {FIRST}: Cheat failed" in (tmp_path / "out" / "compare.md").read_text()
 
 
-def test_a_signal_leaves_what_was_done(files: Path, tmp_path: Path) -> None:
-    """Both signals at once, each to a process of its own."""
+def test_a_signal_leaves_what_was_done(
+    files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], undrawn: None
+) -> None:
+    """One in a process of its own, as in a terminal, the other in this one, where nothing is drawn."""
     (tmp_path / "endless.toml").write_text("[reference]\nwaypoints = [[0, 0], [1, 0], [0, 0]]\nlaps = 1000\n")
-    given = ("--scenario", files / "there.toml", "--scenario", tmp_path / "endless.toml", "--plant", "kinematic")
-    given += tuple(word for name in CONTROLLERS for word in ("--controller", name))
-    processes = {}
-    for number, reason in ((signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")):
-        processes[number, reason] = subprocess.Popen(
-            [*COMPARE, *map(str, given), "--seeds", "2", "--out", str(tmp_path / reason)],
-            stderr=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            text=True,
-            preexec_fn=lambda number=number: signal.signal(number, signal.SIG_DFL),  # a background job ignores SIGINT
-        )
-    deadline = time.monotonic() + 60
-    for (number, reason), process in processes.items():
-        while not (tmp_path / reason / "compare.md").exists():  # after the first scenario
-            assert time.monotonic() < deadline
+    given = ["--scenario", str(files / "there.toml"), "--scenario", str(tmp_path / "endless.toml")]
+    given += ["--plant", "kinematic", *(word for name in CONTROLLERS for word in ("--controller", name))]
+    given += ["--seeds", "2", "--out"]
+
+    def is_there(out: Path) -> bool:
+        """Whether the first scenario is done, for which it is waited."""
+        deadline = time.monotonic() + 60
+        while not (out / "compare.md").exists() and time.monotonic() < deadline:
             time.sleep(0.05)
-        process.send_signal(number)
-    for (number, reason), process in processes.items():
+        return (out / "compare.md").exists()
+
+    def left(reason: str, code: int, number: int, stderr: str, files: set[str]) -> None:
         out = tmp_path / reason
-        _, stderr = process.communicate(timeout=60)
-        assert process.returncode == 128 + number, stderr
+        assert code == 128 + number, stderr
         assert stderr.splitlines()[-1] == f"error: {reason}; 1 of 2 scenarios are in {out}"
         result = strict(out / "summary.json")
         assert (result["complete"], result["stopped"]) == (False, reason)
         assert [entry["status"] for entry in result["scenarios"].values()] == ["done", "not run"]
         assert f"- endless: not run: {reason}" in (out / "compare.md").read_text()
-        assert {p.name for p in out.iterdir()} == FILES | {"scenarios"}
+        assert {p.name for p in out.iterdir()} == files | {"scenarios"}
+
+    process = subprocess.Popen(
+        [*COMPARE, *given, str(tmp_path / "interrupted")],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background job ignores it
+    )
+    assert is_there(tmp_path / "interrupted")
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=60)
+    left("interrupted", process.returncode, signal.SIGINT, stderr, FILES)
+
+    def send() -> None:
+        if is_there(tmp_path / "terminated"):
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    code = invoke("compare", *given, tmp_path / "terminated")
+    sender.join()
+    undrawn_files = FILES - {"compare.png", "compare.svg"}
+    left("terminated", code, signal.SIGTERM, capsys.readouterr().err, undrawn_files)
 
 
 def test_bad_input_is_a_line_that_says_what_is_allowed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
