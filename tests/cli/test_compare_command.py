@@ -14,6 +14,7 @@ from commands import invoke, strict
 from matplotlib.image import imread
 
 from omni_mj.scenarios.library import builtin
+from omni_mj.studies.limit import practice
 
 COMPARE = [sys.executable, "-m", "omni_mj", "compare"]
 SEEDS, FIRST = 3, 7
@@ -109,9 +110,13 @@ def test_the_same_command_gives_the_same_numbers_and_figure_and_keeps_frames_whe
 
 
 def test_what_the_limit_command_leaves_stands_beside(
-    files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Beside the one scenario of two whose limit is known: ratios in the table, lines in the figure."""
+    """Beside the one scenario of two whose limit is known: ratios in the table, lines in the figure.
+
+    The limit's robots practise with fewer seeds than a user's.
+    """
+    monkeypatch.setattr(practice, "SEEDS", 2)
     tiny, limited = tmp_path / "tiny.toml", tmp_path / "limit-tiny"
     tiny.write_text("[reference]\nwaypoints = [[0, 0], [0.05, 0.02]]\nsettle_s = 0.1\n")
     common = ["--plant", "kinematic", "--seeds", str(SEEDS), "--seed", str(FIRST)]
