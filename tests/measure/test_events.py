@@ -142,7 +142,7 @@ def test_way_points_are_reached_within_2_cm_and_a_tenth_of_a_radian() -> None:
 
 def test_a_watch_tells_each_event_once_while_the_log_grows() -> None:
     """Together those of the whole run: no event depends on what comes after its frame."""
-    simulation = Simulation(load("rect", [*AWAY, "motor.limit_c=25.02"]))
+    simulation = Simulation(load("rect", [*AWAY, *FAST, "wheels.model=two-rollers", "motor.limit_c=25.02"]))
     watches, heard = {}, []
 
     def after_frame(frame: int) -> None:

@@ -23,10 +23,11 @@ def measured(robot: str) -> list[tuple[float, float]]:
     lag grow in proportion to speed. Dry friction costs as much at any speed: what a line through speeds over commands
     is below zero at none.
     """
-    compiled.once("mujoco")
+    compiled.once("planar")
     base = np.linspace(0.15, 0.35, 5)
-    fast = {"wheels": {"model": "two-rollers"}, "physics": compiled.NUMBA}
-    scenario = om.scenario("rect", robot=robot, vision={"position_noise_m": 0.0}, **fast)
+    scenario = om.scenario(
+        "rect", plant="planar", robot=robot, vision={"position_noise_m": 0.0}, physics=compiled.NUMBA
+    )
     cases = [(axis, step, speed) for axis in (0, 1) for step in (STEP_M_S, -STEP_M_S) for speed in base]
     rows, axes = np.arange(len(cases)), np.array([axis for axis, _, _ in cases])
     sim = om.Simulation(scenario, ["p"], seeds=range(len(cases)))
