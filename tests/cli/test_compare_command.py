@@ -14,7 +14,6 @@ from commands import invoke, strict
 from matplotlib.image import imread
 
 from omni_mj.scenarios.library import builtin
-from omni_mj.studies.limit import practice
 
 COMPARE = [sys.executable, "-m", "omni_mj", "compare"]
 SEEDS, FIRST = 3, 7
@@ -107,59 +106,6 @@ def test_the_same_command_gives_the_same_numbers_and_figure_and_keeps_frames_whe
         table = pq.read_table(tmp_path / "trajectories" / f"{name}.parquet")
         assert table.num_rows == SEEDS * 3 * entry["frames"]
         assert (tmp_path / "scenarios" / f"{name}.toml").exists()
-
-
-def test_what_the_limit_command_leaves_stands_beside(
-    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Beside the one scenario of two whose limit is known: ratios in the table, lines in the figure.
-
-    The limit's robots practise with fewer seeds than a user's.
-    """
-    monkeypatch.setattr(practice, "SEEDS", 2)
-    tiny, limited = tmp_path / "tiny.toml", tmp_path / "limit-tiny"
-    tiny.write_text("[reference]\nwaypoints = [[0, 0], [0.05, 0.02]]\nsettle_s = 0.1\n")
-    common = ["--plant", "kinematic", "--seeds", str(SEEDS), "--seed", str(FIRST)]
-    assert invoke("limit", tiny, *common, "--iterations", 2, "--quiet", "--out", limited) == 0
-    assert capsys.readouterr() == ("", "")
-    options = [word for path in (tiny, files / "there.toml") for word in ("--scenario", str(path))] + common
-    options += [word for name in CONTROLLERS for word in ("--controller", name)]
-    given = ["--half-width", "0", "--limits", str(limited)]
-    assert invoke("compare", *options, *given, "--out", tmp_path / "out") == 0
-    printed = capsys.readouterr()
-    assert printed.err == ""
-    assert "limit" in [line.split()[0] for line in printed.out.splitlines() if line.split()]
-    assert "over limit: maximum/mean in the plane" in printed.out
-    found = strict(tmp_path / "out" / "summary.json")
-    assert found["half_width"] == 0
-    for words in ("--half-width 0", f"--seed {FIRST} ", f"--limits {limited}"):
-        assert words in found["repeat"]
-    entries, own = found["scenarios"], strict(limited / "summary.json")["scenarios"]["tiny"]["results"]
-    assert entries["tiny"]["limit"] == own["limit"]["error_m"]
-    assert [entries["there"][key] for key in ("limit", "over_limit")] == [None, None]
-    assert all(ratio > 1 for ratio in entries["tiny"]["over_limit"]["comp-flc"].values())
-    markdown = (tmp_path / "out" / "compare.md").read_text()
-    assert "| comp-flc | limit | limit without noise |" in markdown
-    assert "| over limit |" in markdown
-    drawn = (tmp_path / "out" / "compare.svg").read_text()
-    assert "<!-- limit -->" in drawn
-    assert "<!-- limit without noise -->" in drawn
-
-    other = ("--set", "radio.delay_frames=5", "--limits", limited / "summary.json", "--out", tmp_path / "none")
-    assert invoke("compare", *options, *other) == 2
-    wanted = "error: the limit of 'tiny' is another's: found with radio.delay_frames = 6, not 5"
-    assert capsys.readouterr().err.splitlines() == [wanted]
-    (tmp_path / "no.json").write_text("{")
-    (tmp_path / "stopped.json").write_text('{"limit": {}, "scenarios": {"there": {}}, "stopped": "interrupted"}')
-    for path, says in (
-        (tmp_path / "no.json", "not valid JSON"),
-        (tmp_path / "out", "holds no limit; give the folder that omni-mj limit SCENARIO --out FOLDER leaves"),
-        (tmp_path / "stopped.json", "was not found: interrupted"),
-    ):
-        assert invoke("compare", *options, "--limits", path, "--out", tmp_path / "none") == 2
-        (error,) = capsys.readouterr().err.splitlines()
-        assert says in error
-    assert not (tmp_path / "none").exists()
 
 
 def test_one_seed_has_no_interval_and_says_so(

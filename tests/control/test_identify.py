@@ -66,13 +66,18 @@ def follow(
     told: int = DELAY,
     unseen: slice = slice(0),
     push: float | Array = 0,
+    batches: int = 1,
 ) -> tuple[Identifier, Array, Array]:
-    """Identify while commands (frames, n, 2) are driven; the identifier, parameters and their sigma, (frames, n, 8)."""
+    """Identify while commands (frames, n, 2) are driven; the identifier, parameters and their sigma, (frames, n, 8).
+
+    Robots of as many batches are seen with the same noise.
+    """
     frames, n = commands.shape[:2]
     found = Identifier(np.zeros(n, complex), T, told, NOISE, *TOLD)
     sent, history, sigma = CommandsInFlight(n, found.longest), [], []
     for k in range(frames):
-        seen = plane(plant.position + NOISE * rng.standard_normal((n, 2)))
+        noise = np.tile(NOISE * rng.standard_normal((n // batches, 2)), (batches, 1))
+        seen = plane(plant.position + noise)
         if k in range(*unseen.indices(frames)):
             seen[:] = np.nan
         found.update(seen, np.zeros(n), sent)
@@ -142,14 +147,14 @@ def test_half_a_second_without_vision_costs_nothing_but_evidence() -> None:
 def test_wheels_that_slide_and_pushes_leave_what_is_found_sane() -> None:
     """A grip of 1.5 m/s^2 that sines of 3 m/s^2 exceed; a push of 5 m/s^2 for 0.2 s. Alpha stays in [0.65, 1.15].
 
-    Sliding is noticed, and not where nothing slides. Ten robots each, all in one batch.
+    Sliding is noticed, and not where nothing slides. Ten robots each, all in one.
     """
     rng, none = np.random.default_rng(5), np.zeros(10)
     truth = np.tile([0, 1.1, 1.15, 0.05, 0.085, 0.03, 0, 0.015], (30, 1))
     commands = weaving(rng, 480, 10)
     commands = np.concatenate([commands, 1.3 * commands, 1.3 * commands], axis=1)
     grip, push = np.concatenate([none + np.inf, none + 1.5, none + np.inf]), np.concatenate([none, none, none + 5.0])
-    found, history, _ = follow(Creeping(truth, grip), commands, np.random.default_rng(6), push=push)
+    found, history, _ = follow(Creeping(truth, grip), commands, np.random.default_rng(6), push=push, batches=3)
     assert found.sliding[:10].max() < 0.5
     alpha = 1 / history[:, 10:, 1:3]
     assert alpha.min() > 0.65

@@ -18,12 +18,12 @@ from omni_mj.measure.result import Outcome, Result
 from omni_mj.measure.table import table
 
 SEEDS = (3, 4, 5)
-RECT = om.scenario("rect", wheels={"model": "two-rollers"}, physics=compiled.NUMBA)
+RECT = om.scenario("rect", physics=compiled.NUMBA)
 
 
 @pytest.fixture(scope="module")
 def result() -> om.Result:
-    """The default scenario on real physics, but for the rollers off the carpet; three seeds."""
+    """The default scenario on real physics, three seeds."""
     compiled.once("mujoco")
     return om.run(RECT, seeds=SEEDS)
 

@@ -169,7 +169,7 @@ def test_on_wheels_that_creep_dead_time_and_creep_are_told_apart(axis: int) -> N
     And both, in most of five seeds, within two and a half of the standard deviations that the identifier gives.
     """
     lag, creep = responses(axis, RIGID)[1].mean(), SLIP[axis]
-    trajectory = drive("mujoco", TOLD, axis, 5)
+    trajectory = drive("mujoco", TOLD, axis, 5, ())
     late = found(trajectory, axis) - TOLD - lag
     slip, unsure = (trajectory.channel(name)[-1, 0, :, axis] for name in ("own_creep", "own_creep_sigma"))
     assert np.abs(late).max() < 0.5

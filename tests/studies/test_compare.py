@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import compiled
 import numpy as np
 import pytest
 
@@ -130,10 +131,13 @@ class Failing(Feed):
 def test_seeds_in_blocks_give_the_numbers_of_all_at_once(plant: str, seeds: int) -> None:
     """To the last bit, with a controller that fails, robots of which each is its own, and two in a world: half widths
     that nobody's errors have ask for all seeds, in blocks of five; a half width of zero runs all of them at once."""
+    if plant == "mujoco":
+        compiled.once(plant)
     places = [[0, 0, 0], [0, 1, 0]] if plant == "kinematic" else [[0, 0, 0]]
     chosen = om.scenario(
         "rect-noise", plant=plant, reference={"waypoints": [[0, 0], [0.1, 0.05]], "settle_s": 0.1},
         world={"places": places}, variation={"friction": 0.1}, wheels={"model": "two-rollers"},
+        physics=compiled.NUMBA,
     )  # fmt: skip
     blocks: list[list[int]] = []
 

@@ -58,7 +58,8 @@ def test_a_robot_slips_as_the_law_says(fixed: SlipResult) -> None:
 def test_robots_of_the_package_slip_as_the_law_says(name: str) -> None:
     """And roll out so, within 8 %: bearings' viscous part and the spinning up of rollers."""
     compiled.once("mujoco")
-    (robot,) = om.slip([om.scenario("rect", robot=name, physics=compiled.NUMBA)], MOVES, check=False).robots.values()
+    chosen = om.scenario("rect", robot=name, wheels=MODEL, physics=compiled.NUMBA)
+    (robot,) = om.slip([chosen], MOVES, check=False).robots.values()
     check_law(robot)
     for axis in ("forward", "turning"):
         assert robot.measured[f"drag_{axis}"] == pytest.approx(robot.law[f"drag_{axis}"], rel=0.08), axis
