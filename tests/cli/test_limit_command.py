@@ -24,9 +24,10 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module", autouse=True)
 def little_practice() -> Iterator[None]:
-    """With fewer seeds than a user's."""
+    """With fewer seeds than a user's, and fewer regulators."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(practice, "SEEDS", 2)
+        patch.setattr(practice, "WEIGHTS", (0.01, 0.03))
         yield
 
 

@@ -227,9 +227,10 @@ def test_sending_the_references_own_velocities_is_no_effort_of_ones_own(scenario
 
 @pytest.fixture(scope="module")
 def study(scenarios: list[om.Scenario]) -> dict[str, Any]:
-    """What a study of the first one's limit says, of fewer seeds of practice."""
+    """What a study of the first one's limit says, of fewer seeds of practice and regulators."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(practice, "SEEDS", 2)
+        patch.setattr(practice, "WEIGHTS", (0.01, 0.03))
         return om.limit(scenarios[0], SEEDS, iterations=2).summary()
 
 

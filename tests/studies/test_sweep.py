@@ -88,6 +88,7 @@ def test_runs_longer_than_a_block_have_the_numbers_of_the_whole() -> None:
         np.testing.assert_array_equal(found[name].to_numpy(), values[order], err_msg=name)
 
 
+@pytest.mark.usefixtures("whole")  # by which all is imported
 def test_memory_does_not_grow_with_the_length_of_runs() -> None:
     """20 robots for 8 s longer: their frames would be 6 MB more, what is kept of them is a twentieth at most."""
     highest = []
@@ -138,7 +139,8 @@ def test_a_killed_process_loses_no_shard_that_was_done(
     """Killed as soon as two shards are on the disk; another process, this one, goes on."""
     folder = tmp_path / "sweep"
     begin = [
-        sys.executable, "-m", "omni_mj.cli.main", "sweep", "--quiet", "--scenario", "rect", "--plant", "kinematic", "--seeds", "3", "--at-once", "2", "--out", str(folder),
+        sys.executable, "-m", "omni_mj.cli.main", "sweep", "--quiet",
+        "--scenario", "rect", "--plant", "kinematic", "--seeds", "3", "--at-once", "2", "--out", str(folder),
         "--vary", "radio.delay_frames=0:4:4", "--vary", "kinematic.alpha_low=0.7,0.9", "--controller", "p",
         "--controller", "flc", "--set", "reference.waypoints=[[0, 0], [0.2, 0.1]]", "--set", "reference.settle_s=0.2",
     ]  # fmt: skip
