@@ -1,16 +1,13 @@
 """`omni-mj compare` as a user types it: its files, what it prints, what ends it."""
 
-import os
 import signal
 import subprocess
 import sys
-import threading
-import time
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from commands import invoke, strict
+from commands import appears, invoke, signalled, strict
 from matplotlib.image import imread
 
 from omni_mj.scenarios.library import builtin
@@ -147,13 +144,6 @@ def test_a_signal_leaves_what_was_done(
     given += ["--plant", "kinematic", *(word for name in CONTROLLERS for word in ("--controller", name))]
     given += ["--seeds", "2", "--out"]
 
-    def is_there(out: Path) -> bool:
-        """Whether the first scenario is done, for which it is waited."""
-        deadline = time.monotonic() + 60
-        while not (out / "compare.md").exists() and time.monotonic() < deadline:
-            time.sleep(0.05)
-        return (out / "compare.md").exists()
-
     def left(reason: str, code: int, number: int, stderr: str, files: set[str]) -> None:
         out = tmp_path / reason
         assert code == 128 + number, stderr
@@ -171,21 +161,14 @@ def test_a_signal_leaves_what_was_done(
         text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background job ignores it
     )
-    assert is_there(tmp_path / "interrupted")
+    assert appears(tmp_path / "interrupted" / "compare.md")  # after the first scenario
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=60)
     left("interrupted", process.returncode, signal.SIGINT, stderr, FILES)
 
-    def send() -> None:
-        if is_there(tmp_path / "terminated"):
-            os.kill(os.getpid(), signal.SIGTERM)
-
-    sender = threading.Thread(target=send)
-    sender.start()
-    code = invoke("compare", *given, tmp_path / "terminated")
-    sender.join()
-    undrawn_files = FILES - {"compare.png", "compare.svg"}
-    left("terminated", code, signal.SIGTERM, capsys.readouterr().err, undrawn_files)
+    with signalled(signal.SIGTERM, tmp_path / "terminated" / "compare.md"):
+        code = invoke("compare", *given, tmp_path / "terminated")
+    left("terminated", code, signal.SIGTERM, capsys.readouterr().err, FILES - {"compare.png", "compare.svg"})
 
 
 def test_bad_input_is_a_line_that_says_what_is_allowed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,18 +1,15 @@
 """`omni-mj run`: what it prints, what it leaves, what ends it."""
 
 import json
-import os
 import shutil
 import signal
 import subprocess
 import sys
-import threading
-import time
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from commands import invoke, strict
+from commands import appears, invoke, signalled, strict
 from rerun.chunk import RrdReader
 
 from omni_mj.cli import run
@@ -173,14 +170,6 @@ def test_programs_are_named_as_a_user_starts_them(tmp_path: Path, monkeypatch: p
 ENDLESS = ("--scenario", "rect", "--plant", "kinematic", "--set", "reference.laps=60", "--no-figures")
 
 
-def records(out: Path) -> bool:
-    """Whether a run records, for which it is waited."""
-    deadline = time.monotonic() + 60
-    while not (out / "recording.rrd").exists() and time.monotonic() < deadline:
-        time.sleep(0.1)
-    return (out / "recording.rrd").exists()
-
-
 def keeps_what_it_recorded(out: Path, stderr: str) -> None:
     """A run's folder and what it said, when it was stopped on its way."""
     assert "what was recorded until then" in stderr.splitlines()[-1]
@@ -201,7 +190,7 @@ def test_an_interrupted_run_keeps_what_it_recorded(tmp_path: Path) -> None:
         text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background job ignores it
     )
-    assert records(tmp_path / "out")
+    assert appears(tmp_path / "out" / "recording.rrd")
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=60)
     assert process.returncode == 130, stderr
@@ -212,14 +201,8 @@ def test_an_interrupted_run_keeps_what_it_recorded(tmp_path: Path) -> None:
 def test_other_signals_keep_it_as_well(
     number: int, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def send() -> None:
-        if records(tmp_path / "out"):
-            os.kill(os.getpid(), number)
-
-    sender = threading.Thread(target=send)
-    sender.start()
-    assert invoke("run", *ENDLESS, "--out", tmp_path / "out") == code
-    sender.join()
+    with signalled(number, tmp_path / "out" / "recording.rrd"):
+        assert invoke("run", *ENDLESS, "--out", tmp_path / "out") == code
     keeps_what_it_recorded(tmp_path / "out", capsys.readouterr().err)
 
 

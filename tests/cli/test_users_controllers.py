@@ -1,18 +1,15 @@
 """A user's own controller from the command line: it runs like any other, and its mistakes are lines."""
 
-import os
 import signal
 import subprocess
 import sys
-import threading
-import time
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from commands import invoke, strict
+from commands import appears, invoke, signalled, strict
 from rerun.chunk import RrdReader
 
 from omni_control.errors import OmniError
@@ -199,14 +196,6 @@ def hangs() -> str:
     return add("Slow", f"    def command(self, frame, seen):\n{body}        return 0 * seen.pose")
 
 
-def hung() -> bool:
-    """Whether it hangs, for which it is waited."""
-    deadline = time.monotonic() + 60
-    while not Path("hangs").exists() and time.monotonic() < deadline:
-        time.sleep(0.05)
-    return Path("hangs").exists()
-
-
 def kept(stderr: str) -> None:
     """It was waited for for a second, then what was recorded is kept."""
     assert "Traceback" not in stderr
@@ -224,7 +213,7 @@ def test_one_signal_is_enough_for_one_that_hangs() -> None:
         text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background job ignores it
     )
-    assert hung()
+    assert appears(Path("hangs"))
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=60)
     assert process.returncode == 130, stderr
@@ -232,12 +221,6 @@ def test_one_signal_is_enough_for_one_that_hangs() -> None:
 
 
 def test_one_sigterm_is_enough_as_well(capsys: pytest.CaptureFixture[str]) -> None:
-    def send() -> None:
-        if hung():
-            os.kill(os.getpid(), signal.SIGTERM)
-
-    sender = threading.Thread(target=send)
-    sender.start()
-    assert invoke(*BESIDE_FLC, hangs()) == 143
-    sender.join()
+    with signalled(signal.SIGTERM, Path("hangs")):
+        assert invoke(*BESIDE_FLC, hangs()) == 143
     kept(capsys.readouterr().err)
