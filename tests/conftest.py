@@ -1,5 +1,6 @@
 """What holds of all tests: how many processes they run in, what those share, and that no example is too slow."""
 
+import gc
 import os
 import sys
 
@@ -11,6 +12,16 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 settings.register_profile("patient", deadline=None)  # time says how busy a computer is
 settings.load_profile("patient")
+
+
+def pytest_collection() -> None:
+    """What is imported stays until the end: that it is no garbage need not be found out again and again."""
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_xdist_auto_num_workers() -> int:

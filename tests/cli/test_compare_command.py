@@ -3,12 +3,11 @@
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from commands import invoke, strict
+from commands import appears, invoke, signalled, strict
 from matplotlib.image import imread
 
 from omni_mj.scenarios.library import builtin
@@ -106,56 +105,6 @@ def test_the_same_command_gives_the_same_numbers_and_figure_and_keeps_frames_whe
         assert (tmp_path / "scenarios" / f"{name}.toml").exists()
 
 
-def test_what_the_limit_command_leaves_stands_beside(
-    files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Beside the one scenario of two whose limit is known: ratios in the table, lines in the figure."""
-    tiny, limited = tmp_path / "tiny.toml", tmp_path / "limit-tiny"
-    tiny.write_text("[reference]\nwaypoints = [[0, 0], [0.05, 0.02]]\nsettle_s = 0.1\n")
-    common = ["--plant", "kinematic", "--seeds", str(SEEDS), "--seed", str(FIRST)]
-    line = [*COMPARE[:-1], "limit", str(tiny), *common, "--iterations", "2", "--quiet", "--out", str(limited)]
-    process = subprocess.run(line, capture_output=True, text=True, timeout=120, check=False)
-    assert (process.returncode, process.stderr) == (0, "")
-    options = [word for path in (tiny, files / "there.toml") for word in ("--scenario", str(path))] + common
-    options += [word for name in CONTROLLERS for word in ("--controller", name)]
-    given = ["--half-width", "0", "--limits", str(limited)]
-    assert invoke("compare", *options, *given, "--out", tmp_path / "out") == 0
-    printed = capsys.readouterr()
-    assert printed.err == ""
-    assert "limit" in [line.split()[0] for line in printed.out.splitlines() if line.split()]
-    assert "over limit: maximum/mean in the plane" in printed.out
-    found = strict(tmp_path / "out" / "summary.json")
-    assert found["half_width"] == 0
-    for words in ("--half-width 0", f"--seed {FIRST} ", f"--limits {limited}"):
-        assert words in found["repeat"]
-    entries, own = found["scenarios"], strict(limited / "summary.json")["scenarios"]["tiny"]["results"]
-    assert entries["tiny"]["limit"] == own["limit"]["error_m"]
-    assert [entries["there"][key] for key in ("limit", "over_limit")] == [None, None]
-    assert all(ratio > 1 for ratio in entries["tiny"]["over_limit"]["comp-flc"].values())
-    markdown = (tmp_path / "out" / "compare.md").read_text()
-    assert "| comp-flc | limit | limit without noise |" in markdown
-    assert "| over limit |" in markdown
-    drawn = (tmp_path / "out" / "compare.svg").read_text()
-    assert "<!-- limit -->" in drawn
-    assert "<!-- limit without noise -->" in drawn
-
-    other = ("--set", "radio.delay_frames=5", "--limits", limited / "summary.json", "--out", tmp_path / "none")
-    assert invoke("compare", *options, *other) == 2
-    wanted = "error: the limit of 'tiny' is another's: found with radio.delay_frames = 6, not 5"
-    assert capsys.readouterr().err.splitlines() == [wanted]
-    (tmp_path / "no.json").write_text("{")
-    (tmp_path / "stopped.json").write_text('{"limit": {}, "scenarios": {"there": {}}, "stopped": "interrupted"}')
-    for path, says in (
-        (tmp_path / "no.json", "not valid JSON"),
-        (tmp_path / "out", "holds no limit; give the folder that omni-mj limit SCENARIO --out FOLDER leaves"),
-        (tmp_path / "stopped.json", "was not found: interrupted"),
-    ):
-        assert invoke("compare", *options, "--limits", path, "--out", tmp_path / "none") == 2
-        (error,) = capsys.readouterr().err.splitlines()
-        assert says in error
-    assert not (tmp_path / "none").exists()
-
-
 def test_one_seed_has_no_interval_and_says_so(
     files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], undrawn: None
 ) -> None:
@@ -186,36 +135,40 @@ def test_rows_that_fail_are_noted_and_the_others_go_on(
     assert f"- late: Cheat, seed {FIRST}: Cheat failed" in (tmp_path / "out" / "compare.md").read_text()
 
 
-def test_a_signal_leaves_what_was_done(files: Path, tmp_path: Path) -> None:
-    """Both signals at once, each to a process of its own."""
+def test_a_signal_leaves_what_was_done(
+    files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], undrawn: None
+) -> None:
+    """One in a process of its own, as in a terminal, the other in this one, where nothing is drawn."""
     (tmp_path / "endless.toml").write_text("[reference]\nwaypoints = [[0, 0], [1, 0], [0, 0]]\nlaps = 1000\n")
-    given = ("--scenario", files / "there.toml", "--scenario", tmp_path / "endless.toml", "--plant", "kinematic")
-    given += tuple(word for name in CONTROLLERS for word in ("--controller", name))
-    processes = {}
-    for number, reason in ((signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")):
-        processes[number, reason] = subprocess.Popen(
-            [*COMPARE, *map(str, given), "--seeds", "2", "--out", str(tmp_path / reason)],
-            stderr=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            text=True,
-            preexec_fn=lambda number=number: signal.signal(number, signal.SIG_DFL),  # a background job ignores SIGINT
-        )
-    deadline = time.monotonic() + 60
-    for (number, reason), process in processes.items():
-        while not (tmp_path / reason / "compare.md").exists():  # after the first scenario
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
-        process.send_signal(number)
-    for (number, reason), process in processes.items():
+    given = ["--scenario", str(files / "there.toml"), "--scenario", str(tmp_path / "endless.toml")]
+    given += ["--plant", "kinematic", *(word for name in CONTROLLERS for word in ("--controller", name))]
+    given += ["--seeds", "2", "--out"]
+
+    def left(reason: str, code: int, number: int, stderr: str, files: set[str]) -> None:
         out = tmp_path / reason
-        _, stderr = process.communicate(timeout=60)
-        assert process.returncode == 128 + number, stderr
+        assert code == 128 + number, stderr
         assert stderr.splitlines()[-1] == f"error: {reason}; 1 of 2 scenarios are in {out}"
         result = strict(out / "summary.json")
         assert (result["complete"], result["stopped"]) == (False, reason)
         assert [entry["status"] for entry in result["scenarios"].values()] == ["done", "not run"]
         assert f"- endless: not run: {reason}" in (out / "compare.md").read_text()
-        assert {p.name for p in out.iterdir()} == FILES | {"scenarios"}
+        assert {p.name for p in out.iterdir()} == files | {"scenarios"}
+
+    process = subprocess.Popen(
+        [*COMPARE, *given, str(tmp_path / "interrupted")],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background job ignores it
+    )
+    assert appears(tmp_path / "interrupted" / "compare.md")  # after the first scenario
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=60)
+    left("interrupted", process.returncode, signal.SIGINT, stderr, FILES)
+
+    with signalled(signal.SIGTERM, tmp_path / "terminated" / "compare.md"):
+        code = invoke("compare", *given, tmp_path / "terminated")
+    left("terminated", code, signal.SIGTERM, capsys.readouterr().err, FILES - {"compare.png", "compare.svg"})
 
 
 def test_bad_input_is_a_line_that_says_what_is_allowed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,11 +14,15 @@ import omni_mj as om
 HEAD = ["time_s", "x_m", "y_m", "heading_rad", "vx_cmd_world_m_s", "vy_cmd_world_m_s", "w_cmd_rad_s"]
 
 
-@pytest.fixture
-def log(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def table() -> np.ndarray:
     """Six seconds of a robot."""
     of = logs(om.scenario("rect").settings, [Truth()], 6.0, seed=1, speed=1.5)
-    table = np.column_stack([of.time, of.pose[:, 0], of.command[:, 0]])
+    return np.column_stack([of.time, of.pose[:, 0], of.command[:, 0]])
+
+
+@pytest.fixture
+def log(table: np.ndarray, tmp_path: Path) -> Path:
     np.savetxt(path := tmp_path / "log.csv", table, delimiter=",", header=",".join(HEAD), comments="")
     return path
 

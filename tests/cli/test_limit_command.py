@@ -1,5 +1,8 @@
-"""`omni-mj limit` as a user types it."""
+"""`omni-mj limit` as a user types it, and `omni-mj compare` beside what it leaves."""
 
+from collections.abc import Iterator
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -8,18 +11,38 @@ from matplotlib.image import imread
 
 from omni_mj.studies.limit import practice
 
-ROUTE = ("--set", "reference.waypoints=[[0,0],[0.05,0.02,0.1]]", "--set", "reference.settle_s=0.1")
+SEEDS, FIRST = 2, 3
+COMMON = ("--plant", "kinematic", "--set", "reference.settle_s=0.1", "--seeds", SEEDS, "--seed", FIRST)
 
 
-def test_the_limit_is_a_command(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("given") / "tiny.toml"
+    path.write_text("[reference]\nwaypoints = [[0, 0], [0.05, 0.02, 0.1]]\n")
+    return path
+
+
+@pytest.fixture(scope="module", autouse=True)
+def little_practice() -> Iterator[None]:
+    """With fewer seeds than a user's, and fewer regulators."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(practice, "SEEDS", 2)
+        patch.setattr(practice, "WEIGHTS", (0.01, 0.03))
+        yield
+
+
+@pytest.fixture(scope="module")
+def limited(tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The folder that a limit leaves, and what is printed."""
+    out = tmp_path_factory.mktemp("limited") / "out"
+    with redirect_stdout(StringIO()) as printed:
+        assert invoke("limit", tiny, *COMMON, "--iterations", 2, "--out", out) == 0
+    return out, printed.getvalue()
+
+
+def test_the_limit_is_a_command(limited: tuple[Path, str], tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """It prints a table, and leaves numbers, frames, the scenario and a picture; of fewer seeds of practice."""
-    monkeypatch.setattr(practice, "SEEDS", 2)
-    out = tmp_path / "out"
-    words = ("rect", "--plant", "kinematic", *ROUTE, "--seeds", 2, "--seed", 3, "--iterations", 2, "--out", out)
-    assert invoke("limit", *words) == 0
-    printed = capsys.readouterr().out
+    out, printed = limited
     assert [line.split("  ")[0] for line in printed.splitlines()[2:4]] == ["limit", "limit without noise"]
     files = {"summary.json", "scenario.toml", "trajectory.parquet", "limit.png", "provenance.json", "sources"}
     assert {path.name for path in out.iterdir()} == files
@@ -30,8 +53,52 @@ def test_the_limit_is_a_command(
     assert min(imread(out / "limit.png").shape[:2]) > 800
     assert invoke("verify", out) == 0
     assert capsys.readouterr().out.startswith("repeats: ")
-    assert summary["repeat"].startswith("omni-mj limit rect --plant kinematic --seed 3 --seeds 2 --set")
+    assert summary["repeat"].startswith(f"omni-mj limit {tiny} --plant kinematic --seed 3 --seeds 2 --set")
     assert summary["repeat"].endswith(" --iterations 2")
+
+
+def test_what_it_leaves_stands_beside_in_a_comparison(
+    limited: tuple[Path, str], tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Beside the one scenario of two whose limit is known: ratios in the table, lines in the figure."""
+    there, folder = tmp_path / "there.toml", limited[0]
+    there.write_text("[reference]\nwaypoints = [[0, 0], [0.2, 0.1]]\n")
+    options = (*COMMON, "--scenario", tiny, "--scenario", there, "--controller", "flc", "--controller", "comp-flc")
+    assert invoke("compare", *options, "--half-width", 0, "--limits", folder, "--out", tmp_path / "out") == 0
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    assert "limit" in [line.split()[0] for line in printed.out.splitlines() if line.split()]
+    assert "over limit: maximum/mean in the plane" in printed.out
+    found = strict(tmp_path / "out" / "summary.json")
+    assert found["half_width"] == 0
+    for words in ("--half-width 0", f"--seed {FIRST} ", f"--limits {folder}"):
+        assert words in found["repeat"]
+    entries, own = found["scenarios"], strict(folder / "summary.json")["scenarios"]["tiny"]["results"]
+    assert entries["tiny"]["limit"] == own["limit"]["error_m"]
+    assert [entries["there"][key] for key in ("limit", "over_limit")] == [None, None]
+    assert all(ratio > 1 for ratio in entries["tiny"]["over_limit"]["comp-flc"].values())
+    markdown = (tmp_path / "out" / "compare.md").read_text()
+    assert "| comp-flc | limit | limit without noise |" in markdown
+    assert "| over limit |" in markdown
+    drawn = (tmp_path / "out" / "compare.svg").read_text()
+    assert "<!-- limit -->" in drawn
+    assert "<!-- limit without noise -->" in drawn
+
+    other = ("--set", "radio.delay_frames=5", "--limits", folder / "summary.json", "--out", tmp_path / "none")
+    assert invoke("compare", *options, *other) == 2
+    wanted = "error: the limit of 'tiny' is another's: found with radio.delay_frames = 6, not 5"
+    assert capsys.readouterr().err.splitlines() == [wanted]
+    (tmp_path / "no.json").write_text("{")
+    (tmp_path / "stopped.json").write_text('{"limit": {}, "scenarios": {"there": {}}, "stopped": "interrupted"}')
+    for path, says in (
+        (tmp_path / "no.json", "not valid JSON"),
+        (tmp_path / "out", "holds no limit; give the folder that omni-mj limit SCENARIO --out FOLDER leaves"),
+        (tmp_path / "stopped.json", "was not found: interrupted"),
+    ):
+        assert invoke("compare", *options, "--limits", path, "--out", tmp_path / "none") == 2
+        (error,) = capsys.readouterr().err.splitlines()
+        assert says in error
+    assert not (tmp_path / "none").exists()
 
 
 def test_bad_input_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,12 +5,11 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from commands import invoke, strict
+from commands import appears, invoke, signalled, strict
 from rerun.chunk import RrdReader
 
 from omni_mj.cli import run
@@ -168,34 +167,43 @@ def test_programs_are_named_as_a_user_starts_them(tmp_path: Path, monkeypatch: p
     assert run._program("rerun") == ".venv/bin/rerun"
 
 
+ENDLESS = ("--scenario", "rect", "--plant", "kinematic", "--set", "reference.laps=60", "--no-figures")
+
+
+def keeps_what_it_recorded(out: Path, stderr: str) -> None:
+    """A run's folder and what it said, when it was stopped on its way."""
+    assert "what was recorded until then" in stderr.splitlines()[-1]
+    assert "Traceback" not in stderr
+    summary = json.loads((out / "summary.json").read_text())
+    entry = summary["scenarios"]["rect"]
+    assert (summary["complete"], entry["status"]) == (False, "stopped")
+    assert summary["stopped"] == entry["reason"] in ("interrupted", "terminated", "left by its terminal")
+    assert pq.read_table(out / "trajectory.parquet").num_rows == 2 * entry["frames"] > 0
+
+
 def test_an_interrupted_run_keeps_what_it_recorded(tmp_path: Path) -> None:
-    """All signals at once, each to a process of its own."""
-    processes = {}
-    for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)):
-        out = tmp_path / str(code)
-        endless = ("--scenario", "rect", "--plant", "kinematic", "--set", "reference.laps=60", "--no-figures")
-        processes[number, code, out] = subprocess.Popen(
-            [*RUN, *endless, "--out", str(out)],
-            stderr=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            text=True,
-            preexec_fn=lambda number=number: signal.signal(number, signal.SIG_DFL),  # a background job ignores SIGINT
-        )
-    deadline = time.monotonic() + 60
-    for (number, _, out), process in processes.items():
-        while not (out / "recording.rrd").exists() and time.monotonic() < deadline:
-            time.sleep(0.1)
-        process.send_signal(number)
-    for (_, code, out), process in processes.items():
-        _, stderr = process.communicate(timeout=60)
-        assert process.returncode == code, stderr
-        assert "what was recorded until then" in stderr.splitlines()[-1]
-        assert "Traceback" not in stderr
-        summary = json.loads((out / "summary.json").read_text())
-        entry = summary["scenarios"]["rect"]
-        assert (summary["complete"], entry["status"]) == (False, "stopped")
-        assert summary["stopped"] == entry["reason"] in ("interrupted", "terminated", "left by its terminal")
-        assert pq.read_table(out / "trajectory.parquet").num_rows == 2 * entry["frames"] > 0
+    """A process of its own, as in a terminal."""
+    process = subprocess.Popen(
+        [*RUN, *ENDLESS, "--out", str(tmp_path / "out")],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background job ignores it
+    )
+    assert appears(tmp_path / "out" / "recording.rrd")
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=60)
+    assert process.returncode == 130, stderr
+    keeps_what_it_recorded(tmp_path / "out", stderr)
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_other_signals_keep_it_as_well(
+    number: int, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with signalled(number, tmp_path / "out" / "recording.rrd"):
+        assert invoke("run", *ENDLESS, "--out", tmp_path / "out") == code
+    keeps_what_it_recorded(tmp_path / "out", capsys.readouterr().err)
 
 
 def test_a_full_disk_is_one_line_and_leaves_what_fits(tmp_path: Path) -> None:

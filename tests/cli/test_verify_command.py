@@ -125,12 +125,14 @@ def test_a_folder_holds_what_was_run(made: Path) -> None:
         assert text not in (made / "provenance.json").read_text()
 
 
-def test_it_repeats_from_another_folder_without_the_users_files(made: Path, tmp_path: Path) -> None:
+def test_it_repeats_from_another_folder_without_the_users_files(
+    made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     before = sorted(made.rglob("*"))
-    done = program("verify", made, cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
+    monkeypatch.chdir(tmp_path)
+    assert invoke("verify", made) == 0
     rows, frames = 4, pq.read_table(made / "trajectory.parquet").num_rows
-    assert done.stdout == f"repeats: {rows} rows, {frames} frames identical bit for bit\n"
+    assert capsys.readouterr() == (f"repeats: {rows} rows, {frames} frames identical bit for bit\n", "")
     assert sorted(made.rglob("*")) == before, "it leaves nothing"
 
 

@@ -73,7 +73,7 @@ def test_the_reference_planned_anew_leads_through_all_way_points() -> None:
         n, path = 3, np.array(PATH)
         reference = IteratedReference(PATH, LIMITS, T, n, rest_frames=LEAD)
         plant = BodyFrame(np.repeat(path[:1], n, axis=0), delay, [[1.0], [0.8], [0.6]], 0.01)
-        run = drive(controller(reference, n, delay, drag_m_s=0.04), plant, exact(n, 9 * SECOND), limits=limited)
+        run = drive(controller(reference, n, delay, drag_m_s=0.04), plant, exact(n, 7 * SECOND), limits=limited)
         for point in path[1:]:
             # Within the 2 cm at which a way-point counts as reached, and as much that the prediction may be off.
             assert np.hypot(*np.moveaxis(run.pose[..., :2] - point[:2], -1, 0)).min(0).max() < 0.04

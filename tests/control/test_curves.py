@@ -172,7 +172,7 @@ def test_a_curve_takes_the_time_of_the_phase_plane(shape: str, size: tuple[float
     def solve(start: float, end: float, z: float) -> Callable[[Array], Array]:
         sign = np.sign(end - start)
         solution = solve_ivp(
-            lambda u, z: sign * steepest(u, z), (start, end), [z], max_step=0.01, rtol=1e-8, dense_output=True
+            lambda u, z: sign * steepest(u, z), (start, end), [z], max_step=0.1, rtol=1e-8, dense_output=True
         )
         return lambda u: solution.sol(u)[0]
 
@@ -191,7 +191,8 @@ def test_a_curve_takes_the_time_of_the_phase_plane(shape: str, size: tuple[float
         return float(at(np.array(u))[0] / math.sqrt(min(bounds)))
 
     corners = np.linspace(0, 2 * np.pi, 33)
-    fastest = sum(quad(slowness, u, v, epsrel=1e-6)[0] for u, v in pairwise(corners))
+    # Steps and sums ten times as fine change it by 1e-6 of it.
+    fastest = sum(quad(slowness, u, v, epsrel=1e-4)[0] for u, v in pairwise(corners))
     poses = drive(shape, size, MotionLimits(FREE, acceleration))
     assert_takes(poses, fastest, 1e-3)
 

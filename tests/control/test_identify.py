@@ -18,16 +18,16 @@ GIVES = np.array([1.0, 5 / 3])
 
 
 class Creeping:
-    """n robots with heading 0 that creep: parameters (n, 8) in the order of `motion.NAMES`, and a grip, m/s^2."""
+    """n robots with heading 0 that creep: parameters (n, 8) in the order of `motion.NAMES`, and grips, m/s^2."""
 
-    def __init__(self, parameters: Array, grip: float = np.inf) -> None:
-        self.parameters, self.grip = parameters, grip
+    def __init__(self, parameters: Array, grip: float | Array = np.inf) -> None:
         n = len(parameters)
+        self.parameters, self.grip = parameters, np.broadcast_to(grip, n)
         self.position, self.velocity = np.zeros((2, n, 2))
         self._sent = np.zeros((40, n, 2))
 
-    def advance(self, command: Array, push: float = 0.0) -> None:
-        """Send commands (n, 2) and go on by a frame, pushed by an acceleration forward."""
+    def advance(self, command: Array, push: float | Array = 0.0) -> None:
+        """Send commands (n, 2) and go on by a frame, pushed by accelerations forward."""
         self._sent = np.concatenate([self._sent[1:], command[None]])
         compass, g, creep = self.parameters[:, 0], self.parameters[:, 1:3], self.parameters[:, 3:5]
         friction, latency, lag = self.parameters[:, 5:6], DELAY + self.parameters[:, 6], self.parameters[:, 7:8]
@@ -40,7 +40,8 @@ class Creeping:
             slow = np.maximum(size, 0.02)
             pull = (u - friction * GIVES * v / slow - g * v) / (lag * GIVES + g**2 * creep * size)
             pull *= np.minimum(1, self.grip / np.maximum(np.hypot(*pull.T), 1e-9))[:, None]
-            self.velocity = v + T / FINE * (pull + np.array([push, 0.0]))
+            pull[:, 0] += push
+            self.velocity = v + T / FINE * pull
             self.position = self.position + T / FINE * (v + self.velocity) / 2
 
 
@@ -64,14 +65,19 @@ def follow(
     rng: np.random.Generator,
     told: int = DELAY,
     unseen: slice = slice(0),
-    push: float = 0,
+    push: float | Array = 0,
+    batches: int = 1,
 ) -> tuple[Identifier, Array, Array]:
-    """Identify while commands (frames, n, 2) are driven; the identifier, parameters and their sigma, (frames, n, 8)."""
+    """Identify while commands (frames, n, 2) are driven; the identifier, parameters and their sigma, (frames, n, 8).
+
+    Robots of as many batches are seen with the same noise.
+    """
     frames, n = commands.shape[:2]
     found = Identifier(np.zeros(n, complex), T, told, NOISE, *TOLD)
     sent, history, sigma = CommandsInFlight(n, found.longest), [], []
     for k in range(frames):
-        seen = plane(plant.position + NOISE * rng.standard_normal((n, 2)))
+        noise = np.tile(NOISE * rng.standard_normal((n // batches, 2)), (batches, 1))
+        seen = plane(plant.position + noise)
         if k in range(*unseen.indices(frames)):
             seen[:] = np.nan
         found.update(seen, np.zeros(n), sent)
@@ -141,22 +147,20 @@ def test_half_a_second_without_vision_costs_nothing_but_evidence() -> None:
 def test_wheels_that_slide_and_pushes_leave_what_is_found_sane() -> None:
     """A grip of 1.5 m/s^2 that sines of 3 m/s^2 exceed; a push of 5 m/s^2 for 0.2 s. Alpha stays in [0.65, 1.15].
 
-    Sliding is noticed, and not where nothing slides.
+    Sliding is noticed, and not where nothing slides. Ten robots each, all in one.
     """
-    rng = np.random.default_rng(5)
-    truth = np.tile([0, 1.1, 1.15, 0.05, 0.085, 0.03, 0, 0.015], (10, 1))
+    rng, none = np.random.default_rng(5), np.zeros(10)
+    truth = np.tile([0, 1.1, 1.15, 0.05, 0.085, 0.03, 0, 0.015], (30, 1))
     commands = weaving(rng, 480, 10)
-    still, *_ = follow(Creeping(truth), commands, np.random.default_rng(6))
-    assert still.sliding.max() < 0.5
-    slid: list[float] = []
-    for grip, push in ((1.5, 0.0), (np.inf, 5.0)):
-        found, history, _ = follow(Creeping(truth, grip), 1.3 * commands, np.random.default_rng(6), push=push)
-        alpha = 1 / history[:, :, 1:3]
-        assert alpha.min() > 0.65
-        assert alpha.max() < 1.15
-        assert np.abs(history[..., motion.LATENCY]).max() < 4.01
-        slid.append(float(found.surprise.max()))
-    assert np.isfinite(slid).all()
+    commands = np.concatenate([commands, 1.3 * commands, 1.3 * commands], axis=1)
+    grip, push = np.concatenate([none + np.inf, none + 1.5, none + np.inf]), np.concatenate([none, none, none + 5.0])
+    found, history, _ = follow(Creeping(truth, grip), commands, np.random.default_rng(6), push=push, batches=3)
+    assert found.sliding[:10].max() < 0.5
+    alpha = 1 / history[:, 10:, 1:3]
+    assert alpha.min() > 0.65
+    assert alpha.max() < 1.15
+    assert np.abs(history[:, 10:, motion.LATENCY]).max() < 4.01
+    assert np.isfinite(found.surprise).all()
 
 
 def test_a_row_of_a_batch_is_what_it_is_alone() -> None:

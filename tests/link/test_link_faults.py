@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import compiled
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -78,12 +79,15 @@ def test_jitter_is_about_the_dead_time_of_the_moment() -> None:
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
 def test_a_longer_dead_time_is_that_of_a_radio_of_which_the_team_believes_the_old_one(plant: str) -> None:
     """To the last bit, also of the heading that the firmware compares with what it held for its own as long ago."""
+    if plant == "mujoco":
+        compiled.once(plant)
     chosen = om.scenario(
         "rect",
         plant=plant,
         controllers=["comp-flc"],
         reference={"waypoints": [[0, 0, 0], [0.2, 0, 1.0]], "settle_s": 0.2},
         wheels={"model": "two-rollers"},
+        physics=compiled.NUMBA,
     )
     told = chosen.settings.replace(radio={"delay_frames": 9}, control={"delay_error_frames": -3})
     met = chosen.settings.replace(fault=[{"kind": "delay", "at": 0, "to": 9}])

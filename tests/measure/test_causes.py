@@ -1,5 +1,6 @@
 """Why robots stray: what counts as sliding, as held back, and how shares come of it."""
 
+import compiled
 import numpy as np
 import pytest
 from hypothesis import given
@@ -103,7 +104,8 @@ def test_a_seed_that_failed_is_left_out() -> None:
 def test_the_terminal_tells_of_causes_that_matter_beside_the_errors() -> None:
     """On friction 0.15 wheels slide; on the paper's rectangle as it is nothing does, and nothing is said."""
     way = {"waypoints": [[0, 0], [0.4, 0]], "max_acceleration_m_s2": 2.5}
-    slippery = om.scenario("rect", plant="planar", reference=way, carpet={"friction": 0.15})
+    compiled.once("planar")
+    slippery = om.scenario("rect", plant="planar", reference=way, carpet={"friction": 0.15}, physics=compiled.NUMBA)
     result = om.run(slippery, ["comp-flc"], seeds=[0])
     told = causes.table(result.summary())
     assert told

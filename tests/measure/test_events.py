@@ -157,7 +157,7 @@ def test_a_robot_that_is_where_it_should_be_reaches_every_way_point_of_every_sce
 
 def test_a_watch_tells_each_event_once_while_the_log_grows() -> None:
     """Together those of the whole run: no event depends on what comes after its frame."""
-    simulation = Simulation(load("rect", [*AWAY, "motor.limit_c=25.02"]))
+    simulation = Simulation(load("rect", [*AWAY, *FAST, "wheels.model=two-rollers", "motor.limit_c=25.02"]))
     watches, heard = {}, []
 
     def after_frame(frame: int) -> None:

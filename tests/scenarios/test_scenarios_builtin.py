@@ -17,13 +17,16 @@ from omni_mj.measure import recovery
 from omni_mj.scenarios import references, scenario
 from omni_mj.scenarios.faults import Friction, span
 from omni_mj.scenarios.library import builtin
+from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S, Settings
+from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies.slip.law import expected
 from omni_mj.worlds.build import kinematics
 
 TASKS = ("circle", "eight", "square-spin", "sprint", "waypoints")
+PAPERS = ("flc", "comp-flc")
 FIELD_M = (9.0, 6.0)  # division B, RoboCup-SSL rules
 ROBOT_M = 0.09  # radius of the largest robot, same
 
@@ -55,21 +58,36 @@ def test_the_tasks_are_there_and_take_8_to_25_seconds(name: str) -> None:
     assert 8 <= (len(poses) - 1) * PERIOD_S <= 25
 
 
+EXACT = (
+    "kinematic.alpha_low=1",
+    "radio.delay_frames=0",
+    "control.lag_s=0",
+    "vision.position_noise_m=0",
+    "vision.heading_noise_rad=0",
+    "vision.miss_probability=0",
+)
+
+
+@cache
+def exact() -> Log:
+    """All tasks in one batch, by the paper's controllers: a row each is what it is alone."""
+    chosen = [scenario.load(name, EXACT, {"plant": "kinematic"}) for name in TASKS]
+    rows = [(each, label) for each in chosen for label in PAPERS]
+    numbered = [Row(i, 0, label, 0, each.settings, each.robot) for i, (each, label) in enumerate(rows)]
+    simulation = Simulation(chosen[0], PAPERS, rows=numbered)
+    simulation.run()
+    assert not simulation.failures
+    return simulation.log
+
+
 @pytest.mark.parametrize("name", TASKS)
 def test_a_certain_robot_without_dead_time_drives_every_task_exactly(name: str) -> None:
     """On equation 7 with alpha = 1, without noise and dead time, feed-forward alone is the task: nothing is left."""
-    exact = [
-        "kinematic.alpha_low=1",
-        "radio.delay_frames=0",
-        "control.lag_s=0",
-        "vision.position_noise_m=0",
-        "vision.heading_noise_rad=0",
-        "vision.miss_probability=0",
-    ]
-    simulation = Simulation(scenario.load(name, exact, {"plant": "kinematic", "controllers": ["flc", "comp-flc"]}))
-    simulation.run()
-    errors = simulation.log.channel("pose") - simulation.log.channel("ref")
-    assert simulation.log.length == len(built_in(name)[1])
+    log, frames = exact(), len(built_in(name)[1])
+    first = TASKS.index(name) * len(PAPERS)
+    rows = slice(first, first + len(PAPERS))
+    assert (log.lengths[rows] == frames).all()
+    errors = log.channel("pose")[:frames, rows] - log.channel("ref")[:frames, rows]
     np.testing.assert_allclose(errors, 0, rtol=0, atol=1e-9)
 
 

@@ -13,6 +13,7 @@ from omni_mj import robots as shipped
 BEFORE, AFTER, DELAY = 120, 60, 6  # frames
 STEP_M_S = 0.04
 UNITS = {"lag": "s", "drag": "m_s"}
+ON = {"tigers-v2016": "mujoco", "tigers-v2020": "planar"}  # of either plant
 
 
 @cache
@@ -23,10 +24,10 @@ def measured(robot: str) -> list[tuple[float, float]]:
     lag grow in proportion to speed. Dry friction costs as much at any speed: what a line through speeds over commands
     is below zero at none.
     """
-    compiled.once("mujoco")
+    compiled.once(plant := ON[robot])
     base = np.linspace(0.15, 0.35, 5)
     fast = {"wheels": {"model": "two-rollers"}, "physics": compiled.NUMBA}
-    scenario = om.scenario("rect", robot=robot, vision={"position_noise_m": 0.0}, **fast)
+    scenario = om.scenario("rect", plant=plant, robot=robot, vision={"position_noise_m": 0.0}, **fast)
     cases = [(axis, step, speed) for axis in (0, 1) for step in (STEP_M_S, -STEP_M_S) for speed in base]
     rows, axes = np.arange(len(cases)), np.array([axis for axis, _, _ in cases])
     sim = om.Simulation(scenario, ["p"], seeds=range(len(cases)))
@@ -49,7 +50,7 @@ def measured(robot: str) -> list[tuple[float, float]]:
 
 
 @pytest.mark.parametrize("axis", [0, 1], ids=["ahead", "aside"])
-@pytest.mark.parametrize("robot", ["tigers-v2016", "tigers-v2020"])
+@pytest.mark.parametrize("robot", ON)
 def test_lag_and_drag_of_a_robot_follow_from_its_gains(robot: str, axis: int) -> None:
     facts, (lag, drag) = om.robot(robot).facts, measured(robot)[axis]
     way = ("ahead", "aside")[axis]

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import compiled
 import pytest
 from recorded import Driven, Recorded, driven_by
 
@@ -39,7 +40,9 @@ def comparison(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
     """A small rectangle with a turn in it, on real wheels."""
     path = tmp_path_factory.mktemp("run") / "recording.rrd"
-    return driven_by(path, ["flc", "comp-flc"], TURNING, "wheels.model=two-rollers", plant="mujoco")
+    compiled.once("mujoco")
+    fast = "wheels.model=two-rollers", "physics.kernel=numba"
+    return driven_by(path, ["flc", "comp-flc"], TURNING, *fast, plant="mujoco")
 
 
 @pytest.fixture(scope="session")

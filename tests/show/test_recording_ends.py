@@ -106,7 +106,7 @@ def test_a_block_is_made_of_its_own_frames(tmp_path: Path) -> None:
     chosen = scenario.load("rect-noise", ["reference.laps=2", "reference.settle_s=0.1"], {"plant": "kinematic"})
 
     def record_run(path: Path, wiped: bool) -> int:
-        simulation = Simulation(chosen, ["flc", "comp-flc"])
+        simulation = Simulation(chosen, ["comp-flc"])
         log = simulation.log
         with FileRecording(path, simulation) as recording:
 

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
 
+import compiled
 import numpy as np
 import pytest
 from matplotlib.image import imread
@@ -35,7 +36,8 @@ Shot = Callable[..., NDArray]
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A robot drives 1 m ahead, then 0.8 m to the left."""
     path = tmp_path_factory.mktemp("rendering") / "recording.rrd"
-    way = ["reference.waypoints=[[0, 0], [1, 0], [1, 0.8]]", "wheels.model=two-rollers"]
+    way = ["reference.waypoints=[[0, 0], [1, 0], [1, 0.8]]", "wheels.model=two-rollers", "physics.kernel=numba"]
+    compiled.once("mujoco")
     record(Simulation(scenario.load("rect", way)), path)
     return path
 

@@ -33,7 +33,6 @@ RIGID, CREEPING = 1000.0, Settings().drive.creep_stiffness  # of wheels that har
 SLIP = 0.068, 0.103  # s^2/m, of the default robot, by the fits of TIGERs Mannheim (docs/slip.md)
 SPEEDS = np.array([0.5, 1.0])  # m/s
 PROFILES = [Profile(speed, 2.0) for speed in SPEEDS]  # at 3 m/s^2 aside, stiff wheels slide where they bear least
-MUJOCO = ("wheels.model=two-rollers",)  # 0.4 of the cost; finds what full wheels do to 0.02 frames
 
 
 def wrong(delay: int, axis: int) -> tuple[str, ...]:
@@ -170,7 +169,7 @@ def test_on_wheels_that_creep_dead_time_and_creep_are_told_apart(axis: int) -> N
     And both, in most of five seeds, within two and a half of the standard deviations that the identifier gives.
     """
     lag, creep = responses(axis, RIGID)[1].mean(), SLIP[axis]
-    trajectory = drive("mujoco", TOLD, axis, 5, MUJOCO)
+    trajectory = drive("mujoco", TOLD, axis, 5, ())
     late = found(trajectory, axis) - TOLD - lag
     slip, unsure = (trajectory.channel(name)[-1, 0, :, axis] for name in ("own_creep", "own_creep_sigma"))
     assert np.abs(late).max() < 0.5

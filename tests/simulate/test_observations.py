@@ -3,9 +3,10 @@
 from contextlib import suppress
 from copy import deepcopy
 
+import compiled
 import numpy as np
 import pytest
-from simulating import PLANTS, Grid
+from simulating import FAST, PLANTS, Grid
 
 from omni_control import Controller, Seen, Told
 from omni_control.kinematics import Array
@@ -44,6 +45,9 @@ class Vandal(Witness):
 
 def simulated(plant: str, *kinds: type[Controller], overrides: tuple[str, ...] = ()) -> Simulation:
     """A short run, over, of classes with two seeds."""
+    if plant == "mujoco":
+        compiled.once(plant)
+        overrides = (*FAST, *overrides)
     simulation = Simulation(scenario.load("rect", [*SHORT, *overrides], {"plant": plant, "seeds": 2}), kinds)
     simulation.run()
     return simulation

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from simulating import PLANTS, simulation
+from simulating import FAST, PLANTS, simulation
 
 from omni_control.errors import OmniError
 from omni_mj.scenarios import scenario
@@ -13,7 +13,7 @@ from omni_mj.scenarios.rows import Row
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Simulation
 
-ROUTE = ("reference.waypoints=[[0,0],[0.25,0]]", "reference.settle_s=0.1", "physics.kernel=numba")
+ROUTE = ("reference.waypoints=[[0,0],[0.25,0]]", "reference.settle_s=0.1", *FAST)
 RECT = scenario.load("rect", ROUTE)
 
 

@@ -23,8 +23,8 @@ FORWARD, SIDEWAYS, _ = range(3)
 
 def fast() -> om.Scenario:
     """On what costs least."""
-    compiled.once("mujoco")
-    return om.scenario("rect", wheels={"model": "two-rollers"}, physics=compiled.NUMBA)
+    compiled.once("planar")
+    return om.scenario("rect", plant="planar", physics=compiled.NUMBA)
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import compiled
 import numpy as np
 import pytest
 
@@ -130,10 +131,13 @@ class Failing(Feed):
 def test_seeds_in_blocks_give_the_numbers_of_all_at_once(plant: str, seeds: int) -> None:
     """To the last bit, with a controller that fails, robots of which each is its own, and two in a world: half widths
     that nobody's errors have ask for all seeds, in blocks of five; a half width of zero runs all of them at once."""
+    if plant == "mujoco":
+        compiled.once(plant)
     places = [[0, 0, 0], [0, 1, 0]] if plant == "kinematic" else [[0, 0, 0]]
     chosen = om.scenario(
         "rect-noise", plant=plant, reference={"waypoints": [[0, 0], [0.1, 0.05]], "settle_s": 0.1},
         world={"places": places}, variation={"friction": 0.1}, wheels={"model": "two-rollers"},
+        physics=compiled.NUMBA,
     )  # fmt: skip
     blocks: list[list[int]] = []
 
@@ -223,9 +227,10 @@ def test_sending_the_references_own_velocities_is_no_effort_of_ones_own(scenario
 
 @pytest.fixture(scope="module")
 def study(scenarios: list[om.Scenario]) -> dict[str, Any]:
-    """What a study of the first one's limit says, of fewer seeds of practice."""
+    """What a study of the first one's limit says, of fewer seeds of practice and regulators."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(practice, "SEEDS", 2)
+        patch.setattr(practice, "WEIGHTS", (0.01, 0.03))
         return om.limit(scenarios[0], SEEDS, iterations=2).summary()
 
 

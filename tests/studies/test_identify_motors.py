@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import compiled
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -16,7 +17,7 @@ from omni_mj.studies.slip.law import expected
 from omni_mj.studies.slip.moves import Move, longest
 from omni_mj.studies.slip.record import drive
 
-CHOSEN = scenario("rect", robot="tigers-v2020", wheels={"model": "two-rollers"})
+CHOSEN = scenario("rect", robot="tigers-v2020", wheels={"model": "two-rollers"}, physics=compiled.NUMBA)
 MOVES = [
     Move(kind, sign * speed, 2.0, 0.3, True)
     for kind in ("forward", "sideways")
@@ -28,6 +29,7 @@ MOVES = [
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Log]:
     """Eight moves, each a log of its own: speed up, hold, and motors off."""
+    compiled.once("mujoco")
     frames = longest(MOVES)
     commands = np.stack([move.commands(frames) for move in MOVES], 1)
     held = np.stack([np.where(move.free(frames), 0.0, np.nan) for move in MOVES], 1)

@@ -57,7 +57,9 @@ def test_a_robot_slips_as_the_law_says(fixed: SlipResult) -> None:
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_robots_of_the_package_slip_as_the_law_says(name: str) -> None:
     """And roll out so, within 8 %: bearings' viscous part and the spinning up of rollers."""
-    (robot,) = om.slip([name], MOVES, check=False).robots.values()
+    compiled.once("mujoco")
+    chosen = om.scenario("rect", robot=name, wheels=MODEL, physics=compiled.NUMBA)
+    (robot,) = om.slip([chosen], MOVES, check=False).robots.values()
     check_law(robot)
     for axis in ("forward", "turning"):
         assert robot.measured[f"drag_{axis}"] == pytest.approx(robot.law[f"drag_{axis}"], rel=0.08), axis
@@ -140,7 +142,8 @@ def test_robots_that_are_not_there_or_named_twice_are_refused() -> None:
 
 def test_a_robot_that_falls_is_left_out_and_told() -> None:
     """It is pushed over; there are no figures of it, and no open loop that would need them."""
-    pushed = om.scenario("rect", wheels=MODEL, disturbance={"force_n": 1000.0})
+    compiled.once("mujoco")
+    pushed = om.scenario("rect", wheels=MODEL, physics=compiled.NUMBA, disturbance={"force_n": 1000.0})
     result = om.slip([pushed], [straight("forward", 1.5, rolls_out=True)])
     (failure,) = result.failures
     assert failure.cause == "toppled over"

@@ -1,6 +1,11 @@
-"""What the tests of the command line share: commands in this process, and strict JSON."""
+"""What the tests of the command line share: commands in this process, signals that they get, and strict JSON."""
 
 import json
+import os
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +22,30 @@ def invoke(*args: object, command: click.Command = cli) -> int:
         console.invoke(command, list(map(str, args)))
     assert isinstance(end.value.code, int)
     return end.value.code
+
+
+def appears(path: Path) -> bool:
+    """Whether a file does, for which it is waited."""
+    deadline = time.monotonic() + 60
+    while not path.exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return path.exists()
+
+
+@contextmanager
+def signalled(number: int, path: Path) -> Iterator[None]:
+    """Send this process a signal once a file is there."""
+
+    def send() -> None:
+        if appears(path):
+            os.kill(os.getpid(), number)
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    try:
+        yield
+    finally:
+        sender.join()
 
 
 def strict(path: Path) -> Any:

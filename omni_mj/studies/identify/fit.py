@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 from scipy.optimize import least_squares
+from scipy.special import stdtrit
 
 from omni_control.kinematics import Array
 from omni_mj.studies.identify import law
@@ -143,7 +143,7 @@ def fit(
         covariance(residual, jacobian, segments, problem.taken),
         parameters,
         found.x[: len(late)],
-        float(stats.t.ppf(0.975, max(len(segments) - 1, 1))),
+        float(stdtrit(max(len(segments) - 1, 1), 0.975)),
         bound,
         residuals(residual[..., :2], segments.there, lacks.position),
         residuals(residual[..., 2:] / problem.metres, segments.there, lacks.heading),

@@ -14,7 +14,7 @@ What residuals are left without d_s, and how long they last, makes e_s, and 2 ms
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy import stats
+from scipy.special import gammaincinv
 
 from omni_control.kinematics import Array
 from omni_mj.studies.identify.findings import Estimate, Kind, judged
@@ -79,7 +79,7 @@ def of_moves(fitted: Fit, segments: Segments, left_out: int = 0) -> Estimate:
     mean = (own / whole).sum(1, keepdims=True) / (1 / whole).sum(1, keepdims=True)
     likelihood: Array = -0.5 * (np.log(whole) + (own - mean) ** 2 / whole).sum(1) - 0.5 * np.log((1 / whole).sum(1))
     best = int(np.argmax(likelihood))
-    inside = grid[likelihood > likelihood[best] - stats.chi2.ppf(0.95, 1) / 2]
+    inside = grid[likelihood > likelihood[best] - gammaincinv(0.5, 0.95)]  # half of chi-squared's 95 %
     low, high = float(inside[0]), float(inside[-1])
     value, half, why = float(grid[best]), (high - low) / 2, None
     if left_out:

@@ -21,7 +21,7 @@ Errors are those of Newey and West over half a second; of roll-outs, what they d
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy import stats
+from scipy.special import stdtrit
 
 from omni_control.kinematics import Array
 from omni_mj.onboard.motor import Motor
@@ -148,7 +148,7 @@ def _roll_outs(logs: Sequence[Log]) -> Iterator[Estimate]:
         if len(values := found[axis]) >= 2:
             error = float(np.std(values, ddof=1) / np.sqrt(len(values)))
             yield judged(
-                name, KINDS[name], "motors", float(np.mean(values)), error, float(stats.t.ppf(0.975, len(values) - 1))
+                name, KINDS[name], "motors", float(np.mean(values)), error, float(stdtrit(len(values) - 1, 0.975))
             )
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import ndtr
 
 from omni_control.kinematics import Array
 
@@ -66,7 +66,7 @@ def residuals(each: Array, there: np.ndarray, allowed: float) -> Residuals:
     second = (each[:, 2:] - 2 * each[:, 1:-1] + each[:, :-2])[three]
     changes = float(np.sqrt((second**2).mean() / 6)) if second.size else 0.0
     error = max(power - max(lasting, 0.0), 1e-30) / np.sqrt(max(pairs, 1))
-    unlikely = float(stats.norm.sf((lasting - allowed**2) / error))
+    unlikely = float(ndtr((allowed**2 - lasting) / error))
     return Residuals(float(np.sqrt(power)), changes, float(np.sqrt(max(lasting, 0.0))), allowed, unlikely)
 
 

@@ -9,7 +9,7 @@ the residuals that are left then.
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy import stats
+from scipy.special import ndtr
 
 from omni_control.kinematics import Array
 from omni_mj.studies.identify import law
@@ -37,7 +37,7 @@ def odd_rims(found: Fit, body: law.Body, segments: Segments) -> Iterator[str]:
     share, error = shares(residual, alone, segments)
     wheel = int(np.argmax(share**2 * (alone**2).sum(0)))  # that explains most
     off = float(np.hypot(error[wheel], ALIKE))
-    if 2 * len(share) * stats.norm.sf(abs(share[wheel]) / off) < ALARM:  # Bonferroni: of any wheel, either way
+    if 2 * len(share) * ndtr(-abs(share[wheel]) / off) < ALARM:  # Bonferroni: of any wheel, either way
         yield (
             f"wheel {wheel + 1}: it goes {100 * share[wheel]:+.1f} +- {100 * off:.1f} % farther than its angle says, "
             "beside the others; is it worn, or its encoder's scale another?"
