@@ -74,7 +74,7 @@ class Firmware:
         f.swing[:], f.rims[:], f.gyro_scale[:], f.count_scale[:] = np.inf, np.nan, 1.0, 1.0
         self._count_scale, self._count_shift = f.count_scale.T, f.count_shift.T
         self._misled = False  # whether sensors show anything but what there is
-        self._lost, self._heeds = np.zeros(n, bool), True
+        self._deaf, self._lost, self._heeds = np.zeros(n, bool), np.zeros(n, bool), True
         counts = column([s.sensors for s in settings], "encoder_counts") * column(motors, "gear") / (2 * np.pi)
         self._counts_per_rad, self._rate_per_count = counts, 1 / (counts * self._timestep)
         self._last_count, self._integral, self._last_error = f.last_count.T, f.integral.T, f.last_error.T
@@ -128,7 +128,7 @@ class Firmware:
         """Vision's headings (n,) but for those of robots that do not listen; one that was lost takes it for its own."""
         for robot in np.flatnonzero(self._lost & ~np.isnan(heading)):
             self.estimate.place(int(robot), float(heading[robot]))
-            self._lost[robot], self._f.ignores[robot] = False, 0.0
+            self._lost[robot], self._f.ignores[robot] = False, self._deaf[robot]
             heading = np.where(np.arange(len(heading)) == robot, np.nan, heading)
         return np.where(self._f.off != 0, np.nan, heading)
 
@@ -168,8 +168,8 @@ class Firmware:
         self._integral[new] = self._last_error[new] = f.bias[new] = 0.0
         shown = laws.shown(encoders, self._count_scale, self._count_shift)
         self._last_count[new] = laws.counted(shown, self._counts_per_rad)[new]
-        self._lost, self._heeds = (self._lost | new) & ~off, False
-        f.ignores[:] = deaf | off | self._lost
+        self._lost, self._deaf, self._heeds = (self._lost | new) & ~off, deaf | off, False
+        f.ignores[:] = self._deaf | self._lost
         self._hush()
 
     def mislead(self, gyro: Array, encoders: Array, angle: Array) -> None:

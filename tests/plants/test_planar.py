@@ -111,9 +111,9 @@ def test_loads_ripple_and_robots_sway_as_on_the_full_plant() -> None:
     chosen, commands, loads = [quiet()] * 3, ramp(twists, 2.0, 75), []
     full = mujoco(chosen)
     for command in commands:
-        full.cycle(Received(command, full.pose()[:, 2], np.zeros(3, int)))
+        full.go(1, Received(command, full.pose()[:, 2], np.zeros(3, int)))
         for _ in range(1, full.cycles):
-            full.cycle()
+            full.go(1)
             loads.append(full._at.load.get().copy())
     whole = np.array(loads)[45 * 15 :]
     seen = driven(planar(chosen), commands)["load"][45:]

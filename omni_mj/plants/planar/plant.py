@@ -88,7 +88,7 @@ class PlanarPlant:
         )
         self._frame = Frame.of(n, count, self.cycles)
         self._frame.downhill[:] = bodies.downhill
-        self._speeds, _, self.currents = self._frame.recorded.swapaxes(2, 3)
+        self._speeds, self._voltages, self.currents = self._frame.recorded.swapaxes(2, 3)
         onboard = self._firmware, self._motors, self._battery, self._traction
         self._faults: Faults | None = None
         if any(row.faults for row in rows):
