@@ -71,4 +71,4 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
         ahead=bodies.ahead.T,
         aside=bodies.aside.T,
     )
-    return Robots(*map(np.ascontiguousarray, found))
+    return Robots(*(np.array(each, order="C") for each in found))  # of their own: they are written to
