@@ -15,8 +15,9 @@ STATE = "qpos", "qvel", "ctrl", "xfrc_applied"
 class Alone:
     """As much of `mujoco.batch.Batch` as plants use, of one world: its arrays are the model's and the data's own.
 
-    A step has the same bits as in a batch (`tests/plants/test_world_by_itself.py`). If MuJoCo gives up for want of memory while
-    a compiled loop steps, it ends the process with a line; 12 robots on full wheels use a sixtieth of what there is.
+    A step has the same bits as in a batch (`tests/plants/test_world_by_itself.py`). If MuJoCo gives up for want of
+    memory while a compiled loop steps, it ends the process with a line; 12 robots on full wheels use a sixtieth of what
+    there is.
 
     Args:
         model: of the world; changed where others write into what `expand` gives.

@@ -13,7 +13,7 @@ from omni_control.kinematics import Array
 from omni_mj.scenarios.settings import Settings
 from omni_mj.show import style
 from omni_mj.show.recording import colours, robot_shape, scene
-from omni_mj.show.recording.stream import APPLICATION
+from omni_mj.show.recording.stream import APPLICATION, FLUSH_S
 from omni_mj.show.recording.timelines import TIME, indexes
 from omni_mj.simulate.log import Log
 
@@ -97,11 +97,10 @@ class ServedRecording:
     def close(self) -> str:
         """End it; say what did not arrive, if anything did not."""
         try:
-            self._stream.flush()
+            self._stream.flush(timeout_sec=FLUSH_S)
+            self._stream.disconnect()
         except RuntimeError as failure:
             self._failure = self._failure or str(failure)
-        finally:
-            self._stream.disconnect()
         return self._failure
 
     def _show(self, name: str, lines: Mapping[str, int]) -> None:

@@ -24,6 +24,9 @@ from omni_mj.worlds.build import kinematics
 
 APPLICATION = "omni-mj"
 NUMBER_B = 8  # of a table, before it is packed
+# For a block of a megabyte. Where rerun's writer dies of a full disk while it is told to flush, which one run in fifty
+# on a full disk met, rerun waits for ever.
+FLUSH_S = 30.0
 
 
 class Recording:
@@ -180,7 +183,7 @@ class Recording:
 
     def _flush(self, stream: rr.RecordingStream) -> None:
         try:
-            stream.flush()
+            stream.flush(timeout_sec=FLUSH_S)
         except RuntimeError as failure:
             self._fail(failure)
 
