@@ -146,13 +146,14 @@ def passed(
     change_0, change_1 = (gone.before[0] - gone.velocity[0]) / p.period, (gone.before[1] - gone.velocity[1]) / p.period
     shown = evidence.evident(speed)
     obeys = evidence.obeys(shown, p.sliding[i], p.surprise[i])
+    creeps = evidence.creeps(shown, speed, evidence.idles(p.lacks[0, i], p.lacks[1, i]))
     acts[0] = acts[2] = back
     acts[1] = acts[3] = 1j * back
     acts[4] = -1j * arrived * back * obeys
     acts[5] = complex((gone.before[0] + gone.velocity[0]) / -2 * obeys, 0.0)
     acts[6] = complex(0.0, (gone.before[1] + gone.velocity[1]) / -2 * obeys)
-    acts[7] = complex(law.effort[0] ** 2 * (shown * speed) * change_0, 0.0)
-    acts[8] = complex(0.0, law.effort[1] ** 2 * (shown * speed) * change_1)
+    acts[7] = complex(law.effort[0] ** 2 * creeps * change_0, 0.0)
+    acts[8] = complex(0.0, law.effort[1] ** 2 * creeps * change_1)
     acts[9] = -complex(gone.rubbing[0], gone.rubbing[1]) * obeys
     acts[10] = later * back * obeys
     acts[11] = complex(change_0 * law.gives[0], change_1 * law.gives[1]) * obeys
@@ -219,7 +220,7 @@ def felt(i: int, p: PlantArrays, frame: int, before: complex, unaided: complex) 
     missing = evidence.lacking(p.lacks[1, i], (unaided - complex(state[2], state[3])) / p.period)
     p.lacks[0, i], p.lacks[1, i] = asked, missing
     slides = evidence.slides(asked, missing)
-    p.lasts[i] = evidence.lasting(p.lasts[i], slides, p.period)
+    p.lasts[i] = evidence.lasting(p.lasts[i], slides, evidence.idles(asked, missing), p.period)
     p.sliding[i] = now = evidence.believed(was, slides, p.lasts[i], p.ends)
     frames = len(p.past)
     begins, oldest = was < 0.5 <= now, (frame + 1) % frames if frame >= frames else 0

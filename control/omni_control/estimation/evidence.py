@@ -20,6 +20,7 @@ SPREAD_FRAMES = 0.5, 2.0  # of latencies, over which the change of commands is t
 EVIDENT_M_S = 0.1  # below it a robot may be held by dry friction and shows nothing of its parameters
 SLIDING_FRAMES = 8  # over which accelerations asked for and missing are averaged
 ASKED_M_S2, MISSING_M_S2, MISSING_SHARE = 1.0, 0.5, 0.3  # of them, from which on wheels are taken to slide
+IDLE_SHARE = 0.7  # of what is asked, from which on a robot obeys nothing: one that has become another does more
 BEGINS_FRAMES = 4.0  # in which that is believed
 PASSES_S, SHRINKS = 1.03, 4.0  # how long it may last, and by how much faster than it grew that time shrinks
 
@@ -72,9 +73,20 @@ def slides(asked: Number, missing: Number) -> Truth:
     return along > np.maximum(MISSING_M_S2, MISSING_SHARE * size)
 
 
-def lasting(lasts: Number, now: Truth, period: float) -> Number:
-    """For how long it has, s."""
-    return np.maximum(lasts + (now * (1.0 + SHRINKS) - SHRINKS) * period, 0.0)
+def idles(asked: Number, missing: Number) -> Truth:
+    """Whether nearly all of it stays away: of a robot that hears no commands, is held, or is switched off."""
+    size = np.maximum(np.abs(asked), ASKED_M_S2)
+    return (missing * asked.conjugate()).real > IDLE_SHARE * size**2
+
+
+def creeps(shown: Number, speed: Number, idle: Truth) -> Number:
+    """Speed, m/s, by which a robot that shows so much shows its creep, sliding or not; none, where it obeys nothing."""
+    return shown * speed * (1.0 - idle * 1.0)
+
+
+def lasting(lasts: Number, now: Truth, idle: Truth, period: float) -> Number:
+    """For how long it has, s; time in which a robot is idle tells nothing of what it has become, and does not count."""
+    return np.maximum(lasts + (now * (1.0 + SHRINKS) - SHRINKS - (now & idle) * 1.0) * period, 0.0)
 
 
 def believed(sliding: Number, now: Truth, lasts: Number, ends: float) -> Number:

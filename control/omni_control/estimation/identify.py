@@ -231,13 +231,14 @@ class Identifier:
         change = (step.before - step.velocity) / self._period
         evident = evidence.evident(speed)
         obeys = evidence.obeys(evident, self.sliding, self.surprise)
+        creeps = evidence.creeps(evident, speed, evidence.idles(*self._lacks))
         axes = acts.view(float)  # (n, 24); of what is of one axis, that of the other is zero
         acts[:, :4] = _UNITS * back[:, None]
         acts[:, 4], acts[:, 10] = -1j * arrived * back, later * back
         axes[:, 10:14:3] = (step.before + step.velocity) / -2
         axes[:, 18:20], axes[:, 22:] = -step.rubbing, change * self._gives
         acts[:, 4:] *= obeys[:, None]
-        axes[:, 14:18:3] = effort**2 * (evident * speed)[:, None] * change
+        axes[:, 14:18:3] = effort**2 * creeps[:, None] * change
         left = np.array([step.carried, step.decay])[:, :, None]
         effect[:, :, :2], effect[:, :, 2:] = left, (self._lasting - left) / effort[:, None]
         self._driven[...] = pairs(plane(pairs(acts) * effect) * ahead[:, None])
@@ -257,7 +258,7 @@ class Identifier:
         """
         self._lacks = evidence.lacking(self._lacks, lacks)
         slides, was = evidence.slides(*self._lacks), self.sliding
-        self._lasts = evidence.lasting(self._lasts, slides, self._period)
+        self._lasts = evidence.lasting(self._lasts, slides, evidence.idles(*self._lacks), self._period)
         self.sliding = evidence.believed(was, slides, self._lasts, self._ends)
         self._past[self._frames % MISTAKEN_FRAMES] = state[:, 6:]
         self._frames += 1
