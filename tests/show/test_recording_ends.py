@@ -145,3 +145,31 @@ def test_a_killed_run_leaves_its_blocks(tmp_path: Path) -> None:
         assert sorted(recorded.frames(entity)) == list(range(lengths[entity]))
     assert "| laps | **100** |" in recorded.static("/settings", "TextDocument:text")[0]
     assert "has not ended" in recorded.static("/summary", "TextDocument:text")[0]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="pipes have the size that they have")
+def test_a_file_that_takes_nothing_more_costs_the_recording_and_holds_up_nobody(tmp_path: Path) -> None:
+    """A pipe of 1 MiB that nobody reads: rerun waits for what it writes there as for a writer that has died."""
+    program = f"""
+import fcntl, os
+from pathlib import Path
+from omni_mj.scenarios.scenario import load
+from omni_mj.show.recording import FileRecording, patience
+from omni_mj.simulate.simulation import Simulation
+patience.FLUSH_S = 1.0
+path = Path({str(tmp_path / "pipe")!r})
+os.mkfifo(path)
+held = os.open(path, os.O_RDWR)
+fcntl.fcntl(held, fcntl.F_SETPIPE_SZ, 2**20)
+simulation = Simulation(load("rect", [], {{"plant": "kinematic"}}))
+try:
+    with FileRecording(path, simulation) as recording:
+        simulation.run(lambda frame: recording.update())
+except OSError as error:
+    print(error.strerror)
+print(simulation.done)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    said, ended = done.stdout.splitlines()
+    assert "could not be written to its end" in said
+    assert (ended, done.returncode) == ("True", 0)

@@ -12,8 +12,8 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.scenarios.settings import Settings
 from omni_mj.show import style
-from omni_mj.show.recording import colours, robot_shape, scene
-from omni_mj.show.recording.stream import APPLICATION, FLUSH_S
+from omni_mj.show.recording import colours, patience, robot_shape, scene
+from omni_mj.show.recording.stream import APPLICATION
 from omni_mj.show.recording.timelines import TIME, indexes
 from omni_mj.simulate.log import Log
 
@@ -97,7 +97,7 @@ class ServedRecording:
     def close(self) -> str:
         """End it; say what did not arrive, if anything did not."""
         try:
-            self._stream.flush(timeout_sec=FLUSH_S)
+            patience.flush(self._stream)
             self._stream.disconnect()
         except RuntimeError as failure:
             self._failure = self._failure or str(failure)

@@ -15,7 +15,7 @@ from omni_control.kinematics import Array
 from omni_mj.files import check_room
 from omni_mj.measure.events import Watch
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
-from omni_mj.show.recording import robots, scene, tabs, texts
+from omni_mj.show.recording import patience, robots, scene, tabs, texts
 from omni_mj.show.recording.layout import blueprint
 from omni_mj.show.recording.robots import Robot, Track
 from omni_mj.show.recording.timelines import Frames, indexes
@@ -24,9 +24,6 @@ from omni_mj.worlds.build import kinematics
 
 APPLICATION = "omni-mj"
 NUMBER_B = 8  # of a table, before it is packed
-# For a block of a megabyte. Where rerun's writer dies of a full disk while it is told to flush, which one run in fifty
-# on a full disk met, rerun waits for ever.
-FLUSH_S = 30.0
 
 
 class Recording:
@@ -58,8 +55,7 @@ class Recording:
     ) -> None:
         with self._costs_the_run_nothing():
             if stream := self._begun():
-                self._flush(stream)
-                stream.disconnect()
+                self._flush(stream, last=True)
 
     def update(self) -> None:
         """Send what was recorded since the last time if it fills a block."""
@@ -101,8 +97,7 @@ class Recording:
     def _current(self) -> rr.RecordingStream | None:
         """The stream of the simulation's present log, begun anew where that is another; see `_begun`."""
         if self._stream and self._log is not self._simulation.log and self._simulation.log.length:
-            self._flush(self._stream)
-            self._stream.disconnect()
+            self._flush(self._stream, last=True)
             self._stream = None
         return self._begun()
 
@@ -181,9 +176,11 @@ class Recording:
                 stream.log(line.entity, line.style(), static=True)
                 self._lines.append(line)
 
-    def _flush(self, stream: rr.RecordingStream) -> None:
+    def _flush(self, stream: rr.RecordingStream, last: bool = False) -> None:
         try:
-            stream.flush(timeout_sec=FLUSH_S)
+            patience.flush(stream)
+            if last:
+                stream.disconnect()
         except RuntimeError as failure:
             self._fail(failure)
 
