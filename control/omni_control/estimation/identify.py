@@ -10,7 +10,8 @@ the parameters. That is told by innovations larger than the filter expects, and,
 stays away: what the law asked for, and what vision has had to take from it, both over a few frames. Parameters then
 are again what they were before it began, since until then it was taken for theirs; velocity is left to vision, and
 parameters are kept, all but creep, which is the slip that grows with acceleration. What does not pass within a second
-is no sliding, but a robot that has become another, and is learned.
+is no sliding, but a robot that has become another, and is learned; one that does nothing of what is asked hears
+nothing, or is held, and nothing is learned of it, not even creep, however long that lasts.
 """
 
 import numpy as np
