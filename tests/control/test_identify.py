@@ -65,12 +65,14 @@ def follow(
     rng: np.random.Generator,
     told: int = DELAY,
     unseen: slice = slice(0),
+    silent: slice = slice(0),
     push: float | Array = 0,
     batches: int = 1,
 ) -> tuple[Identifier, Array, Array]:
     """Identify while commands (frames, n, 2) are driven; the identifier, parameters and their sigma, (frames, n, 8).
 
-    Robots of as many batches are seen with the same noise.
+    In frames that are silent, robots are told to stand in place of what was sent. Robots of as many batches are seen
+    with the same noise.
     """
     frames, n = commands.shape[:2]
     found = Identifier(np.zeros(n, complex), T, told, NOISE, *TOLD)
@@ -84,7 +86,7 @@ def follow(
         history.append(found.motion.parameters.copy())
         sigma.append(found.sigma)
         sent.push(np.concatenate([commands[k], np.zeros((n, 1))], axis=1))
-        plant.advance(commands[k], push if 300 <= k < 312 else 0.0)
+        plant.advance(commands[k] * (k not in range(*silent.indices(frames))), push if 300 <= k < 312 else 0.0)
     return found, np.array(history), np.array(sigma)
 
 
@@ -142,6 +144,20 @@ def test_half_a_second_without_vision_costs_nothing_but_evidence() -> None:
     found, history, _ = follow(plant, commands, rng, unseen=slice(360, 390))
     assert np.abs(history[-1] - history[359])[:, 1:3].max() < 0.02
     assert np.abs(found.position - plane(plant.position)).max() < 0.05
+
+
+def test_a_robot_that_hears_nothing_tells_nothing_of_itself() -> None:
+    """A radio that is silent for 3 s: what was found stays, but for what is forgotten at rest, a fifth of the way back.
+
+    Taken for another robot it would creep four times as much, and answer four frames later or sooner.
+    """
+    rng = np.random.default_rng(8)
+    truth = np.tile([0, 1.1, 1.15, 0.05, 0.085, 0.03, 0, 0.015], (10, 1))
+    _, history, _ = follow(Creeping(truth), weaving(rng, 480, 10), rng, silent=slice(300, 480))
+    before, after = history[299], history[479]
+    assert np.abs(after - before)[:, motion.EFFORT].max() < 0.1
+    assert np.abs(after / before - 1)[:, motion.CREEP].max() < 0.3
+    assert np.abs(after - before)[:, motion.LATENCY].max() < 0.5
 
 
 def test_wheels_that_slide_and_pushes_leave_what_is_found_sane() -> None:
