@@ -46,9 +46,6 @@ class Team:
         frame: k, that of the last observation; -1 before the first.
         filter: of vision, of all robots.
         estimate, twist: filtered poses and twists (n, 3).
-        predicted, alpha_hat, latency_hat: what the controllers say of themselves (see `Controller`), (n, 3); not a
-            number for rows that failed.
-        channels: what else they record, by name: (n, k), not a number for rows that have no such channel, or failed.
         failed: which rows have failed or were stopped, (n,).
         knows_truth: whether one of the controllers does, which must then be told.
         last: the commands that were sent last, (n, 3); zero at first.
@@ -239,22 +236,22 @@ class Team:
 
     @property
     def predicted(self) -> Array:
-        """See the class."""
+        """Where robots will be, as `Controller`s say, (n, 3); of failed rows not a number, as in the next two."""
         return self._recorded.recorded["predicted"]
 
     @property
     def alpha_hat(self) -> Array:
-        """See the class."""
+        """See `Controller`."""
         return self._recorded.recorded["alpha_hat"]
 
     @property
     def latency_hat(self) -> Array:
-        """See the class."""
+        """See `Controller`."""
         return self._recorded.recorded["latency_hat"]
 
     @property
     def channels(self) -> dict[str, Array]:
-        """See the class."""
+        """What else they record, by name: (n, k), not a number for rows that have no such channel, or failed."""
         return self._recorded.channels
 
     @property

@@ -157,7 +157,7 @@ def test_a_robot_that_hears_nothing_tells_nothing_of_itself() -> None:
     before, after = history[299], history[479]
     assert np.abs(after - before)[:, motion.EFFORT].max() < 0.1
     assert np.abs(after / before - 1)[:, motion.CREEP].max() < 0.3
-    assert np.abs(after - before)[:, motion.LATENCY].max() < 0.5
+    assert np.abs(after - before)[:, motion.LATENCY].max() < 0.75
 
 
 def test_wheels_that_slide_and_pushes_leave_what_is_found_sane() -> None:

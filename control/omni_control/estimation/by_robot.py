@@ -89,7 +89,7 @@ def identify(
         if not held:
             p.gained[i] = complex(gone.velocity[0] - gone.before[0], gone.velocity[1] - gone.before[1]) / p.period
             change = (belated - early) / (later - sooner) * compass
-            passed(i, p, law, gone, arrived, change, middle, abs(velocity))
+            passed(i, p, law, gone, arrived, change, middle, velocity)
             for k in range(14):
                 if k < 2 or k > 3:
                     state[k] = p.kept[k] * state[k] + p.renewed[k]
@@ -101,7 +101,7 @@ def identify(
             place = complex(measured[i, 0], measured[i, 1]) - after * unaided
             doubt(i, p, place)
             corrected(i, p, place, after)
-            felt(i, p, frame, velocity, unaided)
+            felt(i, p, frame, velocity, unaided, arrived)
 
 
 def axes(i: int, p: PlantArrays) -> Axes:
@@ -139,14 +139,16 @@ def step(law: Axes, velocity: complex, command: complex, heading: complex, durat
 
 
 def passed(
-    i: int, p: PlantArrays, law: Axes, gone: Gone, arrived: complex, later: complex, heading: complex, speed: float
+    i: int, p: PlantArrays, law: Axes, gone: Gone, arrived: complex, later: complex, heading: complex, velocity: complex
 ) -> None:
     """The variance after a step; see `Identifier._passed_on`."""
     back, acts, maps = heading.conjugate(), np.empty(12, np.complex128), np.empty((4, 12))
     change_0, change_1 = (gone.before[0] - gone.velocity[0]) / p.period, (gone.before[1] - gone.velocity[1]) / p.period
+    speed = abs(velocity)
     shown = evidence.evident(speed)
     obeys = evidence.obeys(shown, p.sliding[i], p.surprise[i])
-    creeps = evidence.creeps(shown, speed, evidence.idles(p.lacks[0, i], p.lacks[1, i]))
+    idle = evidence.idles(p.lacks[0, i], p.lacks[1, i], arrived, p.seen[1, i] / p.period)
+    creeps = evidence.creeps(shown, speed, idle)
     acts[0] = acts[2] = back
     acts[1] = acts[3] = 1j * back
     acts[4] = -1j * arrived * back * obeys
@@ -213,14 +215,15 @@ def corrected(i: int, p: PlantArrays, place: complex, after: float) -> None:
     p.surprise[i] = evidence.surprised(p.surprise[i], (x * weigh_x + y * weigh_y) / 2)
 
 
-def felt(i: int, p: PlantArrays, frame: int, before: complex, unaided: complex) -> None:
+def felt(i: int, p: PlantArrays, frame: int, before: complex, unaided: complex, arrived: complex) -> None:
     """Find whether wheels slide; see `Identifier._felt`."""
     state, was = p.state[i], p.sliding[i]
     asked = evidence.lacking(p.lacks[0, i], (unaided - before) / p.period)
     missing = evidence.lacking(p.lacks[1, i], (unaided - complex(state[2], state[3])) / p.period)
     p.lacks[0, i], p.lacks[1, i] = asked, missing
     slides = evidence.slides(asked, missing)
-    p.lasts[i] = evidence.lasting(p.lasts[i], slides, evidence.idles(asked, missing), p.period)
+    idle = evidence.idles(asked, missing, arrived, p.seen[1, i] / p.period)
+    p.lasts[i] = evidence.lasting(p.lasts[i], slides, idle, p.period)
     p.sliding[i] = now = evidence.believed(was, slides, p.lasts[i], p.ends)
     frames = len(p.past)
     begins, oldest = was < 0.5 <= now, (frame + 1) % frames if frame >= frames else 0

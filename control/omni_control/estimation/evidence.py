@@ -20,7 +20,7 @@ SPREAD_FRAMES = 0.5, 2.0  # of latencies, over which the change of commands is t
 EVIDENT_M_S = 0.1  # below it a robot may be held by dry friction and shows nothing of its parameters
 SLIDING_FRAMES = 8  # over which accelerations asked for and missing are averaged
 ASKED_M_S2, MISSING_M_S2, MISSING_SHARE = 1.0, 0.5, 0.3  # of them, from which on wheels are taken to slide
-IDLE_SHARE = 0.7  # of what is asked, from which on a robot obeys nothing: one that has become another does more
+IDLE_SHARE = 0.7  # of what is asked, acceleration and speed: a robot without it obeys nothing
 BEGINS_FRAMES = 4.0  # in which that is believed
 PASSES_S, SHRINKS = 1.03, 4.0  # how long it may last, and by how much faster than it grew that time shrinks
 
@@ -73,10 +73,14 @@ def slides(asked: Number, missing: Number) -> Truth:
     return along > np.maximum(MISSING_M_S2, MISSING_SHARE * size)
 
 
-def idles(asked: Number, missing: Number) -> Truth:
-    """Whether nearly all of it stays away: of a robot that hears no commands, is held, or is switched off."""
-    size = np.maximum(np.abs(asked), ASKED_M_S2)
-    return (missing * asked.conjugate()).real > IDLE_SHARE * size**2
+def idles(asked: Number, missing: Number, command: Number, seen: Number) -> Truth:
+    """Whether nearly all of it stays away, and speed too: of a robot that hears nothing, is held, or is switched off.
+
+    A weaker one, which lacks acceleration as long as it is not known to be that, is seen to drive.
+    """
+    size, least = np.maximum(np.abs(asked), ASKED_M_S2), (1 - IDLE_SHARE) * np.abs(command) ** 2
+    stands = (seen * command.conjugate()).real <= least
+    return ((missing * asked.conjugate()).real > IDLE_SHARE * size**2) & stands
 
 
 def creeps(shown: Number, speed: Number, idle: Truth) -> Number:

@@ -197,7 +197,8 @@ class Identifier:
         self._doubt(measured)
         self._correct(state, measured, late)
         velocity = plane(state[:, 2:4])
-        self._know(self._felt(state, (unaided - np.array([before, velocity])) / self._period))
+        lacks = (unaided - np.array([before, velocity])) / self._period
+        self._know(self._felt(state, lacks, arrived))
 
     def _know(self, state: Array) -> None:
         """Take the state (n, 14) for what is known."""
@@ -232,7 +233,7 @@ class Identifier:
         change = (step.before - step.velocity) / self._period
         evident = evidence.evident(speed)
         obeys = evidence.obeys(evident, self.sliding, self.surprise)
-        creeps = evidence.creeps(evident, speed, evidence.idles(*self._lacks))
+        creeps = evidence.creeps(evident, speed, self._idles(arrived))
         axes = acts.view(float)  # (n, 24); of what is of one axis, that of the other is zero
         acts[:, :4] = _UNITS * back[:, None]
         acts[:, 4], acts[:, 10] = -1j * arrived * back, later * back
@@ -250,16 +251,17 @@ class Identifier:
         variance.reshape(-1, STATES**2)[:, 2 * (STATES + 1) : 6 * (STATES + 1) : STATES + 1] += restless
         return variance
 
-    def _felt(self, state: Array, lacks: Plane) -> Array:
+    def _felt(self, state: Array, lacks: Plane, arrived: Plane) -> Array:
         """Find whether wheels slide; the state (n, 14) without what was learned when they began to.
 
         Args:
             state: as corrected.
             lacks: acceleration of the law in the frame just past, and what vision took from it, (2, n) m/s^2.
+            arrived: commands that acted in it, (n,) m/s.
         """
         self._lacks = evidence.lacking(self._lacks, lacks)
         slides, was = evidence.slides(*self._lacks), self.sliding
-        self._lasts = evidence.lasting(self._lasts, slides, evidence.idles(*self._lacks), self._period)
+        self._lasts = evidence.lasting(self._lasts, slides, self._idles(arrived), self._period)
         self.sliding = evidence.believed(was, slides, self._lasts, self._ends)
         self._past[self._frames % MISTAKEN_FRAMES] = state[:, 6:]
         self._frames += 1
@@ -268,6 +270,12 @@ class Identifier:
             oldest = self._frames % MISTAKEN_FRAMES if self._frames > MISTAKEN_FRAMES else 0
             state[begins, 6:] = self._past[oldest][begins]
         return state
+
+    def _idles(self, arrived: Plane) -> Array:
+        """Whether robots obey nothing (n,), by commands that arrived, (n,) m/s, and how fast vision saw them move."""
+        asked, missing = self._lacks
+        idle: Array = evidence.idles(asked, missing, arrived, self._last[1] / self._period)
+        return idle
 
     def _doubt(self, measured: Plane) -> None:
         """Find how large the noise of vision is, by third differences of positions (n,), which motion hardly shows in.
