@@ -236,7 +236,7 @@ class Team:
 
     @property
     def predicted(self) -> Array:
-        """Where robots will be, as `Controller`s say, (n, 3); of failed rows not a number, as in the next two."""
+        """Where controllers say that robots will be, (n, 3); of failed rows not a number, as in the next two."""
         return self._recorded.recorded["predicted"]
 
     @property
