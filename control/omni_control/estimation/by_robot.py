@@ -147,8 +147,7 @@ def passed(
     speed = abs(velocity)
     shown = evidence.evident(speed)
     obeys = evidence.obeys(shown, p.sliding[i], p.surprise[i])
-    idle = evidence.idles(p.lacks[0, i], p.lacks[1, i], arrived, p.seen[1, i] / p.period)
-    creeps = evidence.creeps(shown, speed, idle)
+    creeps = evidence.creeps(shown, speed, idles(i, p, arrived))
     acts[0] = acts[2] = back
     acts[1] = acts[3] = 1j * back
     acts[4] = -1j * arrived * back * obeys
@@ -177,6 +176,12 @@ def passed(
     usual = evidence.restless(p.surprise[i])
     for j in range(4):
         variance[2 + j, 2 + j] += usual * p.restless[j] * (1 + doubted**2 if j < 2 else 1.0)
+
+
+def idles(i: int, p: PlantArrays, arrived: complex) -> bool:
+    """See `Identifier._idles`."""
+    idle: bool = evidence.idles(p.lacks[0, i], p.lacks[1, i], arrived, p.seen[1, i] / p.period)
+    return idle
 
 
 def doubt(i: int, p: PlantArrays, place: complex) -> None:
@@ -222,8 +227,7 @@ def felt(i: int, p: PlantArrays, frame: int, before: complex, unaided: complex, 
     missing = evidence.lacking(p.lacks[1, i], (unaided - complex(state[2], state[3])) / p.period)
     p.lacks[0, i], p.lacks[1, i] = asked, missing
     slides = evidence.slides(asked, missing)
-    idle = evidence.idles(asked, missing, arrived, p.seen[1, i] / p.period)
-    p.lasts[i] = evidence.lasting(p.lasts[i], slides, idle, p.period)
+    p.lasts[i] = evidence.lasting(p.lasts[i], slides, idles(i, p, arrived), p.period)
     p.sliding[i] = now = evidence.believed(was, slides, p.lasts[i], p.ends)
     frames = len(p.past)
     begins, oldest = was < 0.5 <= now, (frame + 1) % frames if frame >= frames else 0

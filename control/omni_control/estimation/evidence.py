@@ -68,8 +68,7 @@ def lacking(lacks: Number, now: Number) -> Number:
 
 def slides(asked: Number, missing: Number) -> Truth:
     """Whether an acceleration that was asked for stays away, both vectors of the plane, m/s^2."""
-    size = np.maximum(np.abs(asked), ASKED_M_S2)
-    along = (missing * asked.conjugate()).real / size
+    size, along = _asked(asked, missing)
     return along > np.maximum(MISSING_M_S2, MISSING_SHARE * size)
 
 
@@ -78,9 +77,9 @@ def idles(asked: Number, missing: Number, command: Number, seen: Number) -> Trut
 
     A weaker one, which lacks acceleration as long as it is not known to be that, is seen to drive.
     """
-    size, least = np.maximum(np.abs(asked), ASKED_M_S2), (1 - IDLE_SHARE) * np.abs(command) ** 2
-    stands = (seen * command.conjugate()).real <= least
-    return ((missing * asked.conjugate()).real > IDLE_SHARE * size**2) & stands
+    size, along = _asked(asked, missing)
+    stands = (seen * command.conjugate()).real <= (1 - IDLE_SHARE) * np.abs(command) ** 2
+    return (along > IDLE_SHARE * size) & stands
 
 
 def creeps(shown: Number, speed: Number, idle: Truth) -> Number:
@@ -97,3 +96,9 @@ def believed(sliding: Number, now: Truth, lasts: Number, ends: float) -> Number:
     """How far wheels are believed to slide after a frame in which they seem to or not; `ends` is what is forgotten."""
     passing = now & (lasts < PASSES_S)
     return sliding + (passing - sliding) * (passing * (1 / BEGINS_FRAMES) + (1 - passing) * ends)
+
+
+def _asked(asked: Number, missing: Number) -> tuple[Number, Number]:
+    """The size of an acceleration that was asked for, and what is missing along it, m/s^2."""
+    size = np.maximum(np.abs(asked), ASKED_M_S2)
+    return size, (missing * asked.conjugate()).real / size
