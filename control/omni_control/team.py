@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omni_control.controllers.apart import Apart
-from omni_control.controllers.base import Controller, Seen, Told
-from omni_control.controllers.checks import Said, answer, said, together
+from omni_control.controllers.base import Controller, Seen
+from omni_control.controllers.checks import Said, answer, one_controller_each, said, together, told_of_each
 from omni_control.controllers.guests import guest_of
 from omni_control.delay import CommandsInFlight, Rows
 from omni_control.errors import ControllerError, OmniError
@@ -68,11 +68,11 @@ class Team:
         if pose.ndim != 2 or pose.shape[1] != 3 or not np.isfinite(pose).all():
             raise OmniError(f"the start must be finite poses (n, 3), not of shape {pose.shape}")
         self.n, self.frame, self.estimate = len(pose), -1, pose
-        self._rows = _one_controller_each(self.controllers, rows, self.n)
+        self._rows = one_controller_each(self.controllers, rows, self.n)
         self._on_failure = on_failure
 
         self._told = [c.told for c in self.controllers]
-        told = _told_of_each(self.controllers, self._rows, self.n)
+        told = told_of_each(self.controllers, self._rows, self.n)
         latency = np.array([[t.latency_frames] for t in told])
         self._period = told[0].period
         delays = np.array([t.delay_frames for t in told])
@@ -293,30 +293,3 @@ class _Known(NamedTuple):
     measured: Array
     age: Array | None = None
     steps: tuple[Late, ...] = ()
-
-
-def _one_controller_each(controllers: Sequence[Controller], rows: Sequence[Rows] | None, n: int) -> list[Rows]:
-    """The rows of each controller, checked; slices where they can be, which are read without copying."""
-    sizes = [len(c.predicted) for c in controllers]
-    ends = np.cumsum(sizes)
-    given = [slice(end - size, end) for end, size in zip(ends, sizes, strict=True)] if rows is None else rows
-    try:
-        robots = [np.arange(n)[part] for part in given]
-    except IndexError:
-        robots = []
-    every = sorted(np.concatenate([[], *robots])) == list(range(n))
-    if [len(part) for part in robots] != sizes or not every or 0 in sizes or not n:
-        raise OmniError(
-            f"{n} robots need one controller each; there are controllers for {sizes} robots, in rows {rows}"
-        )
-    return [slice(int(part[0]), int(part[-1]) + 1) if (np.diff(part) == 1).all() else part for part in robots]
-
-
-def _told_of_each(controllers: Sequence[Controller], rows: Sequence[Rows], n: int) -> list[Told]:
-    """What was told of each robot."""
-    table = np.empty(n, object)
-    for controller, part in zip(controllers, rows, strict=True):
-        table[part] = controller.told
-    if len({told.period for told in table}) > 1:
-        raise OmniError("controllers that are called together must be told frames of the same length")
-    return list(table)

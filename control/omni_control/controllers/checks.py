@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omni_control.controllers.base import Controller, Seen
+from omni_control.controllers.base import Controller, Seen, Told
 from omni_control.delay import Rows
-from omni_control.errors import ControllerError, printable
+from omni_control.errors import ControllerError, OmniError, printable
 from omni_control.kinematics import Array
 
 RECORDED = ("predicted", "alpha_hat", "latency_hat")
@@ -165,3 +165,38 @@ def _numbers(values: ArrayLike) -> Array:
     if given.dtype.kind not in "biufO":
         raise TypeError("the commands are text, not numbers")
     return numbers
+
+
+def one_controller_each(controllers: Sequence[Controller], rows: Sequence[Rows] | None, n: int) -> list[Rows]:
+    """The rows of each controller among n robots, checked; slices where they can be, which are read without copying.
+
+    Raises:
+        OmniError: robots have no controller, or two.
+    """
+    sizes = [len(c.predicted) for c in controllers]
+    ends = np.cumsum(sizes)
+    given = [slice(end - size, end) for end, size in zip(ends, sizes, strict=True)] if rows is None else rows
+    try:
+        robots = [np.arange(n)[part] for part in given]
+    except IndexError:
+        robots = []
+    every = sorted(np.concatenate([[], *robots])) == list(range(n))
+    if [len(part) for part in robots] != sizes or not every or 0 in sizes or not n:
+        raise OmniError(
+            f"{n} robots need one controller each; there are controllers for {sizes} robots, in rows {rows}"
+        )
+    return [slice(int(part[0]), int(part[-1]) + 1) if (np.diff(part) == 1).all() else part for part in robots]
+
+
+def told_of_each(controllers: Sequence[Controller], rows: Sequence[Rows], n: int) -> list[Told]:
+    """What was told of each of n robots, by the rows of each controller.
+
+    Raises:
+        OmniError: frames of different lengths.
+    """
+    table = np.empty(n, object)
+    for controller, part in zip(controllers, rows, strict=True):
+        table[part] = controller.told
+    if len({told.period for told in table}) > 1:
+        raise OmniError("controllers that are called together must be told frames of the same length")
+    return list(table)
