@@ -1,11 +1,23 @@
-"""Adaptive comp-FLC: the paper's controller on a robot whose response is identified while it is driven."""
+"""Adaptive comp-FLC: the paper's controller on a robot whose response is identified while it is driven.
+
+**Lead.** A robot that creeps answers to a command u with a lag, (lag) v' + g v = u, and under a correction F(e) of its
+error alone would swing. So the fuzzy controller F is asked for x = e + T e', the error that is left a lead time later:
+
+    T = 2 lag / (g + s),   s = sqrt(g^2 + 2 k lag),   k the slope of F at no error
+
+- Where F has that slope, errors decay with a damping ratio of 1/sqrt(2) or more; where it has others, of at least
+  sqrt(2 g / (g + s)).
+- Whatever F is, if it has the sign of x: T <= lag / g, so that m = 1 - g T / lag >= 0. V = int F dx + m lag e'^2 / 2
+  changes at the rate -F^2 T / lag - m g e'^2, so that errors of any size end.
+- Where F saturates nothing is damped: a robot that is far off comes back at the speed F / g that F asks for.
+"""
 
 import numpy as np
 
 from omni_control.controllers.base import Seen, Told
 from omni_control.controllers.identifying import Arrival, Identifying
-from omni_control.controllers.planning import damping, plan
-from omni_control.estimation.motion import pairs, plane
+from omni_control.controllers.planning import plan
+from omni_control.estimation.motion import Plane, pairs, plane
 from omni_control.fuzzy.rules import FuzzyLaw
 from omni_control.kinematics import Array
 from omni_control.limits import within_rate
@@ -15,12 +27,17 @@ LOOK_FRAMES = 10  # ahead and back, over which a command that changes too fast i
 RATE_SHARE = 0.75  # of what commands may change by, that the reference may ask for; the rest is the feedback's
 
 
+def lead(effort: Array, late: Array, stiffness: float) -> Array:
+    """Lead times T of efforts g and time constants lag / g, s, for a correction of a stiffness k, 1/s."""
+    lag = effort * late
+    return 2 * lag / (effort + np.sqrt(effort**2 + 2 * stiffness * lag))
+
+
 class AdaptiveCompFlc(Identifying):
     """adaptive-comp-flc: comp-FLC that identifies latency, alpha, slip, dry friction and compass error online.
 
     Pose and velocity are predicted to when the command will act, by the law of `estimation.motion`. What is sent is the
-    inverse of that law for the reference of that time; the fuzzy controller's correction of the position that is left,
-    and the damping that goes with it (`planning`).
+    inverse of that law for the reference of that time, and the fuzzy controller's correction of the error that is left.
 
     A reference whose acceleration jumps asks for a command that jumps, by lag times that. Commands cannot, so that
     the jump is spread over the frames before and after it (`limits.within_rate`).
@@ -37,24 +54,34 @@ class AdaptiveCompFlc(Identifying):
         period, law, now = self.told.period, self.plant.motion, LOOK_FRAMES + 1
         position, velocity, heading = arrival
         poses, twists = self.around(frame + self.plant.latency, now, now)
-        target = poses[now]
-        corrected = self.fuzzy(target[:, :2] - pairs(position))
+        target, speeds = poses[now], plane(twists[..., :2])
+        edge = (speeds[now - 1] + speeds[now]) / 2  # velocity of the reference when the command begins to act
+        face = np.exp(1j * (heading + twists[now, :, 2] * (period / 2)))  # as the robot will, not as it should
+        corrected = self._corrected(plane(target[:, :2]) - position, edge - velocity, np.abs(edge), face)
         if self.loops is not None and self._plan is not None:
             reference, commands = (np.ascontiguousarray(poses), np.ascontiguousarray(twists)), np.empty_like(target)
             limits = self._step, self.told.heading_gain
-            self._plan(*self.loops.arrays, *reference, velocity, heading, corrected, *limits, commands)
+            self._plan(*self.loops.arrays, *reference, heading, corrected, *limits, commands)
             return commands
-        speeds = plane(twists[..., :2])
         edges = (speeds[:-1] + speeds[1:]) / 2
         middles = (poses[..., 2] + twists[..., 2] * (period / 2))[1:-1]
-        facing = np.exp(1j * (middles + (heading - target[:, 2])))  # as the robot will, not as it should
-        asked = pairs(law.ask(edges[:-1], edges[1:], facing, period))
+        asked = pairs(law.ask(edges[:-1], edges[1:], np.exp(1j * (middles + (heading - target[:, 2]))), period))
         planned = plane(within_rate(asked, self._step))
-
-        edge, face, speed = edges[now - 1], facing[now - 1], np.abs(edges[now - 1])
-        behind = pairs((edge - velocity) * face.conj())
-        besides = plane(corrected) + plane(damping(law.effort, law.late(speed)) * behind) * face
-        across = pairs(self.plant.ask(planned + besides))
+        across = pairs(self.plant.ask(planned + plane(corrected)))
         rates, ahead = twists[now - 1 : now + 2, :, 2], edges[now - 1 : now + 1]
         turn = self.turn(rates, ahead, face, target[:, 2], heading, planned)
         return np.concatenate([across, turn[:, None]], axis=1)
+
+    def _corrected(self, error: Plane, behind: Plane, speed: Array, facing: Plane) -> Array:
+        """The fuzzy controller's velocities (n, 2), m/s, world frame.
+
+        Args:
+            error: of position (n,), m, world frame.
+            behind: of velocity (n,), m/s, same.
+            speed: at which robots should drive (n,), m/s.
+            facing: of robots, unit vectors (n,).
+        """
+        law = self.plant.motion
+        times = lead(law.effort, law.late(speed), self.fuzzy.stiffness)
+        leading = plane(times * pairs(behind * facing.conj())) * facing
+        return self.fuzzy(pairs(error + leading))

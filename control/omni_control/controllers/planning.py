@@ -1,29 +1,13 @@
-"""What adaptive-comp-flc commands, by loops over robots, for a compiler; by the same laws as there.
-
-The damping of an error of velocity that goes with a correction of stiffness k of the position: a robot that creeps
-answers to a command u with a lag, (lag) v' + g v = u, and under the latter alone would swing. With the gain
-
-    k_v = -g + sqrt(g^2 + 2 k lag)
-
-on the difference of velocities, errors decay with a damping ratio of at least 1/sqrt(2), the most at no lag.
-"""
+"""What adaptive-comp-flc commands, by loops over robots, for a compiler; by the same laws as there."""
 
 import numpy as np
 
 from omni_control.estimation import turning
 from omni_control.estimation.arrays import GivesArrays, PlantArrays, TurningArrays
 from omni_control.estimation.by_robot import Axes, axes
-from omni_control.estimation.evidence import Number
-from omni_control.estimation.motion import Plane, starting
+from omni_control.estimation.motion import starting
 from omni_control.estimation.turning_by_robot import answer, pulled
 from omni_control.kinematics import Array, wrapped
-
-STIFFNESS = 12.0  # 1/s: of the fuzzy controller near zero error, for which the damping is made
-
-
-def damping(effort: Number, late: Number) -> Number:
-    """The gain k_v for an effort g and a time constant lag / g."""
-    return np.sqrt(effort * (effort + 2 * STIFFNESS * late)) - effort
 
 
 def ask(law: Axes, before: complex, after: complex, heading: complex, duration: float) -> complex:
@@ -43,7 +27,6 @@ def plan(
     g: GivesArrays,
     poses: Array,
     twists: Array,
-    velocity: Plane,
     heading: Array,
     corrected: Array,
     step: float,
@@ -58,9 +41,8 @@ def plan(
         g: how wheels give way.
         poses: of the reference from some frames before the command acts until as many after it, (frames, n, 3).
         twists: same.
-        velocity: that robots will have, (n,) m/s.
-        heading: same, (n,) rad.
-        corrected: velocities for the errors of position, (n, 2) m/s.
+        heading: that robots will have, (n,) rad.
+        corrected: velocities for their errors, (n, 2) m/s.
         step: by which planned commands may change per frame, m/s.
         gain: of the heading hold, 1/s.
         wanted: commands (n, 3); written.
@@ -82,17 +64,14 @@ def plan(
                 edge, leaving, face = before, after, facing
         planned = complex((high_x + low_x) / 2, (high_y + low_y) / 2)
 
-        speed_now, behind = abs(edge), (edge - velocity[i]) * face.conjugate()
-        late_0, late_1 = law.still[0] + law.slower[0] * speed_now, law.still[1] + law.slower[1] * speed_now
-        damped_0, damped_1 = damping(law.effort[0], late_0) * behind.real, damping(law.effort[1], late_1) * behind.imag
-        command = planned + complex(corrected[i, 0], corrected[i, 1]) + complex(damped_0, damped_1) * face
+        command = planned + complex(corrected[i, 0], corrected[i, 1])
         sent = (command - complex(state[4], state[5])) * np.exp(1j * state[6])
 
         along, missing = edge * face.conjugate(), (planned - edge) * face.conjugate()
         gained = (leaving - edge) * face.conjugate() / period
         first = (twists[now - 1, i, 2] + twists[now, i, 2]) / 2
         then = (twists[now, i, 2] + twists[now + 1, i, 2]) / 2
-        slow, _, rubbing = answer(i, t, (first + then) / 2, speed_now, missing)
+        slow, _, rubbing = answer(i, t, (first + then) / 2, abs(edge), missing)
         turned = turning.driven(t.state[i, 2], t.state[i, 6], t.state[i, 7], missing)
         turn = turning.asked(first, then, np.exp(-period / slow), t.state[i, 4], turned, t.state[i, 5] * rubbing)
         turn -= pulled(g, along, (first + then) / 2, gained, missing, state[13], t.creep[i])

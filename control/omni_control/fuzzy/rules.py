@@ -87,6 +87,15 @@ class FuzzyLaw:
         if not (0 < self.error_range_m < np.inf and 0 < self.speed_range_m_s < np.inf):
             raise OmniError("the ranges of the fuzzy controller must be positive numbers")
 
+    @property
+    def stiffness(self) -> float:
+        """Velocity per error at no error, 1/s.
+
+        Per range e of its small error PS fires 2 e, and adds 2 e times the half of the universe that ZO does not reach
+        into: a moment of 2 e x 3/8 to ZO's area of 1/2.
+        """
+        return 1.5 * self.speed_range_m_s / self.error_range_m
+
     def __call__(self, error: ArrayLike) -> Array:
         """Return velocities [vx, vy] (..., 2) in m/s for position errors [ex, ey] (..., 2) in m.
 
