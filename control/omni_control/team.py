@@ -79,9 +79,9 @@ class Team:
         self._delay = int(delays[0]) if (delays == delays[0]).all() else delays
         noise, limits = np.array([t.vision_noise for t in told]), [t.limits for t in told]
         self.filter = KalmanFilter(pose, self._period, noise)
-        self._gate = Gate(noise, limits, self._period)
-        self._limits = CommandLimits(limits, self._period)
-        self._tracker = Tracker(self.filter, latency, self._period)
+        compiled = told[0].compiled
+        self._limits = CommandLimits(limits, self._period, compiled)
+        self._tracker = Tracker(self.filter, Gate(noise, limits, self._period), latency, self._period, compiled)
         self._memory = [max(c.memory_frames, math.ceil(c.told.latency_frames) + 1) for c in self.controllers]
         self._sent = CommandsInFlight(self.n, max(*self._memory, self._tracker.longest) + MOST_FRAMES)
         self._truthful = [type(c).knows_truth for c in self.controllers]  # of the class, by which others know it
@@ -119,10 +119,9 @@ class Team:
         ages = None if age is None else self._ages(age)
 
         self.frame += 1
-        seen = self._gate(seen, ages)
         self._sent.push(self.last)
         now = self._tracker
-        now.update(seen, ages, self._sent)
+        seen = now.update(seen, ages, self._sent)
         self.estimate, self.twist = now.pose.copy(), now.twist
         self._known = _Known(now.pose, now.twist, seen, ages, now.steps)
         return self._part(self._known, slice(None), self._sent.length, self._delay)
