@@ -17,7 +17,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from omni_control.controllers.apart import Apart
 from omni_control.controllers.base import Controller, Seen
-from omni_control.controllers.checks import Said, answer, one_controller_each, said, together, told_of_each
+from omni_control.controllers.checks import (
+    Said,
+    answer,
+    one_controller_each,
+    own_answer,
+    said,
+    together,
+    told_of_each,
+)
 from omni_control.controllers.guests import guest_of
 from omni_control.delay import CommandsInFlight, Rows
 from omni_control.errors import ControllerError, OmniError
@@ -90,7 +98,7 @@ class Team:
         self._said = [said(c, len(c.predicted), "when it was made") for c in self.controllers]
 
         self.twist = self._tracker.twist
-        self.last, self.failed = np.zeros((self.n, 3)), np.zeros(self.n, bool)
+        self.last, self.failed, self._failures = np.zeros((self.n, 3)), np.zeros(self.n, bool), False
         self._known: _Known | None = None  # until it is answered by commands
         self._true: _Known | None = None
         self._record: Said | None = None
@@ -175,12 +183,8 @@ class Team:
 
     def stop(self, rows: Rows) -> None:
         """Take robots out of the game: from now on they are sent zero, and their controllers' mistakes are none."""
-        self.failed[rows] = True
+        self._out(rows)
         self._record = None
-
-    @property
-    def _failures(self) -> bool:
-        return bool(np.count_nonzero(self.failed))
 
     def leave(self) -> None:
         """Let controllers go that have processes of their own; they cannot be asked again."""
@@ -207,7 +211,7 @@ class Team:
         seen = self._part(known, rows, self._memory[i], self._told[i].delay_frames)
         try:
             if guest is None:
-                wanted, self._said[i] = answer(controller, self.frame, seen)
+                wanted, self._said[i] = own_answer(controller, self.frame, seen)
             else:
                 seen = replace(seen, sent=seen.sent.copy())
                 wanted, self._said[i] = guest.call(
@@ -230,8 +234,12 @@ class Team:
         if self._on_failure is None:
             raise reason
         new = rows[~self.failed[rows]]
-        self.failed[new] = True
+        self._out(new)
         self._on_failure(new, reason)
+
+    def _out(self, rows: Rows) -> None:
+        self.failed[rows] = True
+        self._failures = bool(np.count_nonzero(self.failed))
 
     @property
     def predicted(self) -> Array:
