@@ -30,7 +30,11 @@ _SURELY_WITHIN, _ZERO = 3.14, np.zeros(())  # rad: of these only a copy need be 
 def wrap_angle(angle: ArrayLike) -> Array:
     """Return `angle` (rad, any shape) mapped into (-pi, pi]."""
     angles = np.asarray(angle, float)
-    if np.count_nonzero(np.abs(angles) < _SURELY_WITHIN) == angles.size:
+    if angles.size == 1:
+        within = abs(angles.item()) < _SURELY_WITHIN
+    else:
+        within = np.count_nonzero(np.abs(angles) < _SURELY_WITHIN) == angles.size
+    if within:
         return angles + _ZERO
     return wrapped(angles)
 

@@ -1,8 +1,9 @@
 """What the team's computer may command: speed and acceleration limits on the way to the radio."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -16,23 +17,42 @@ class CommandLimits:
     Args:
         limits: those of each of n robots.
         period: length of a frame T, s.
+        compiled: see `Told`.
     """
 
-    def __init__(self, limits: Sequence[MotionLimits], period: float) -> None:
-        speed, acceleration, turn_rate, turn_acceleration = np.array(
-            [[s.speed, s.acceleration * period, s.turn_rate, s.turn_acceleration * period] for s in limits]
-        ).T[..., None]
+    def __init__(
+        self,
+        limits: Sequence[MotionLimits],
+        period: float,
+        compiled: Callable[[Callable[..., Any]], Callable[..., Any]] | None = None,
+    ) -> None:
+        self._each = np.array(
+            [[s.speed, s.turn_rate, s.acceleration * period, s.turn_acceleration * period] for s in limits]
+        )
+        speed, turn_rate, acceleration, turn_acceleration = self._each.T[..., None]
         self._highest, self._step = (speed, turn_rate), (acceleration, turn_acceleration)  # (n, 1) each
-        self._each = np.concatenate([speed, turn_rate, acceleration, turn_acceleration], axis=1).tolist()
+        self._loop = None if compiled is None else compiled(_limit)
 
     def __call__(self, command: Array, last: Array) -> Array:
         """Return the commands (n, 3) that may be sent, given those wanted and those sent in the frame before."""
+        if self._loop is not None:
+            sent = np.empty_like(command)
+            self._loop(command, last, self._each, sent)
+            return sent
         if len(command) <= FEW:
-            each = zip(command.tolist(), last.tolist(), self._each, strict=True)
-            return np.array([_limited(wanted, sent, *limits) for wanted, sent, limits in each])
+            each = zip(command.tolist(), last.tolist(), self._each.tolist(), strict=True)
+            return np.array([_limited(wanted, sent, limits) for wanted, sent, limits in each])
         with np.errstate(over="ignore"):  # one that is too large to be squared stops the robot
             allowed = _clip(command, *self._highest)
         return last + _clip(allowed - last, *self._step)
+
+
+def _limit(command: Array, last: Array, limits: Array, sent: Array) -> None:
+    """As `CommandLimits`, robot by robot, for a compiler; what may be sent is written."""
+    for i in range(len(command)):
+        wanted, before = (command[i, 0], command[i, 1], command[i, 2]), (last[i, 0], last[i, 1], last[i, 2])
+        each = limits[i, 0], limits[i, 1], limits[i, 2], limits[i, 3]
+        sent[i, 0], sent[i, 1], sent[i, 2] = _limited(wanted, before, each)
 
 
 def _clip(vector: Array, translation: Array, rotation: Array) -> Array:
@@ -44,20 +64,19 @@ def _clip(vector: Array, translation: Array, rotation: Array) -> Array:
     return clipped
 
 
-def _limited(
-    wanted: list[float], last: list[float], speed: float, turn_rate: float, change: float, turn_change: float
-) -> list[float]:
+def _limited(wanted: Sequence[float], last: Sequence[float], limits: Sequence[float]) -> tuple[float, float, float]:
     """What may be sent to one robot, to the same bits."""
-    allowed = _clipped(wanted, speed, turn_rate)
-    changes = [now - before for now, before in zip(allowed, last, strict=True)]
-    return [before + more for before, more in zip(last, _clipped(changes, change, turn_change), strict=True)]
+    (wanted_x, wanted_y, wanted_turn), (last_x, last_y, last_turn) = wanted, last
+    speed, turn_rate, change, turn_change = limits
+    x, y, turn = _clipped(wanted_x, wanted_y, wanted_turn, speed, turn_rate)
+    x, y, turn = _clipped(x - last_x, y - last_y, turn - last_turn, change, turn_change)
+    return last_x + x, last_y + y, last_turn + turn
 
 
-def _clipped(vector: list[float], translation: float, rotation: float) -> list[float]:
+def _clipped(x: float, y: float, turn: float, translation: float, rotation: float) -> tuple[float, float, float]:
     """As `_clip`, of one robot."""
-    x, y, turn = vector
     scale = min(translation / max(math.sqrt(x * x + y * y), 1e-300), 1.0)
-    return [x * scale, y * scale, min(max(turn, -rotation), rotation)]
+    return x * scale, y * scale, min(max(turn, -rotation), rotation)
 
 
 def within_rate(wanted: Array, step: float) -> Array:

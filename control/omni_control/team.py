@@ -17,7 +17,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from omni_control.controllers.apart import Apart
 from omni_control.controllers.base import Controller, Seen
-from omni_control.controllers.checks import Said, answer, one_controller_each, said, together, told_of_each
+from omni_control.controllers.checks import (
+    Said,
+    answer,
+    one_controller_each,
+    own_answer,
+    said,
+    together,
+    told_of_each,
+)
 from omni_control.controllers.guests import guest_of
 from omni_control.delay import CommandsInFlight, Rows
 from omni_control.errors import ControllerError, OmniError
@@ -79,9 +87,9 @@ class Team:
         self._delay = int(delays[0]) if (delays == delays[0]).all() else delays
         noise, limits = np.array([t.vision_noise for t in told]), [t.limits for t in told]
         self.filter = KalmanFilter(pose, self._period, noise)
-        self._gate = Gate(noise, limits, self._period)
-        self._limits = CommandLimits(limits, self._period)
-        self._tracker = Tracker(self.filter, latency, self._period)
+        compiled = told[0].compiled
+        self._limits = CommandLimits(limits, self._period, compiled)
+        self._tracker = Tracker(self.filter, Gate(noise, limits, self._period), latency, self._period, compiled)
         self._memory = [max(c.memory_frames, math.ceil(c.told.latency_frames) + 1) for c in self.controllers]
         self._sent = CommandsInFlight(self.n, max(*self._memory, self._tracker.longest) + MOST_FRAMES)
         self._truthful = [type(c).knows_truth for c in self.controllers]  # of the class, by which others know it
@@ -90,7 +98,7 @@ class Team:
         self._said = [said(c, len(c.predicted), "when it was made") for c in self.controllers]
 
         self.twist = self._tracker.twist
-        self.last, self.failed = np.zeros((self.n, 3)), np.zeros(self.n, bool)
+        self.last, self.failed, self._failures = np.zeros((self.n, 3)), np.zeros(self.n, bool), False
         self._known: _Known | None = None  # until it is answered by commands
         self._true: _Known | None = None
         self._record: Said | None = None
@@ -119,10 +127,9 @@ class Team:
         ages = None if age is None else self._ages(age)
 
         self.frame += 1
-        seen = self._gate(seen, ages)
         self._sent.push(self.last)
         now = self._tracker
-        now.update(seen, ages, self._sent)
+        seen = now.update(seen, ages, self._sent)
         self.estimate, self.twist = now.pose.copy(), now.twist
         self._known = _Known(now.pose, now.twist, seen, ages, now.steps)
         return self._part(self._known, slice(None), self._sent.length, self._delay)
@@ -176,12 +183,8 @@ class Team:
 
     def stop(self, rows: Rows) -> None:
         """Take robots out of the game: from now on they are sent zero, and their controllers' mistakes are none."""
-        self.failed[rows] = True
+        self._out(rows)
         self._record = None
-
-    @property
-    def _failures(self) -> bool:
-        return bool(np.count_nonzero(self.failed))
 
     def leave(self) -> None:
         """Let controllers go that have processes of their own; they cannot be asked again."""
@@ -208,7 +211,7 @@ class Team:
         seen = self._part(known, rows, self._memory[i], self._told[i].delay_frames)
         try:
             if guest is None:
-                wanted, self._said[i] = answer(controller, self.frame, seen)
+                wanted, self._said[i] = own_answer(controller, self.frame, seen)
             else:
                 seen = replace(seen, sent=seen.sent.copy())
                 wanted, self._said[i] = guest.call(
@@ -231,8 +234,12 @@ class Team:
         if self._on_failure is None:
             raise reason
         new = rows[~self.failed[rows]]
-        self.failed[new] = True
+        self._out(new)
         self._on_failure(new, reason)
+
+    def _out(self, rows: Rows) -> None:
+        self.failed[rows] = True
+        self._failures = bool(np.count_nonzero(self.failed))
 
     @property
     def predicted(self) -> Array:

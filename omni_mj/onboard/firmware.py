@@ -143,13 +143,16 @@ class Firmware:
 
     def note(self, received: Received) -> None:
         """Write down commands, for `obey` or a compiled loop."""
-        f, self._body = self._f, received.body
-        self._wheels = None if received.wheels is None else received.wheels / self._radius
-        f.body[:] = 0.0 if received.body is None else received.body
-        f.rims.T[:] = np.nan if self._wheels is None else self._wheels
+        f = self._f
+        if received.body is not None or self._body is not None:
+            self._body = received.body
+            f.body[:] = 0.0 if received.body is None else received.body
+            self._all_body = self._body is not None and bool(self._body.all())
+        if received.wheels is not None or self._wheels is not None:
+            self._wheels = None if received.wheels is None else received.wheels / self._radius
+            f.rims.T[:] = np.nan if self._wheels is None else self._wheels
         f.new[:] = 1.0 if received.new is None else received.new
         self._told[:] = received.command
-        self._all_body = self._body is not None and bool(self._body.all())
 
     def hear(self, deaf: np.ndarray, off: np.ndarray, encoders: Array) -> None:
         """Have loops run, and obey commands, from now on, but for some robots.

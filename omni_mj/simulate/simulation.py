@@ -15,7 +15,8 @@ from omni_control.errors import OmniError, choose, printable
 from omni_control.kinematics import Array
 from omni_control.reference import SampledReference
 from omni_mj.link.late_camera import camera
-from omni_mj.link.radio import Radio, Received
+from omni_mj.link.radio import Received
+from omni_mj.link.steady_radio import radio
 from omni_mj.plants import Plant
 from omni_mj.scenarios import distributions, faults, references
 from omni_mj.scenarios.controllers import resolve
@@ -211,7 +212,7 @@ class Simulation:
         return (
             find_plant(self.scenario.plant)(self.rows, start),
             camera([row.settings.vision for row in self.rows], noise, happening),
-            Radio([row.settings.radio for row in self.rows], noise, happening),
+            radio([row.settings.radio for row in self.rows], noise, happening),
         )
 
     def _record(self, seen: Seen, sent: Array, received: Received) -> None:

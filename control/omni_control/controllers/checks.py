@@ -2,7 +2,7 @@
 
 import inspect
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,17 +43,34 @@ def answer(controller: Controller, frame: int, seen: Seen) -> tuple[Array, Said]
         ControllerError: it raised an exception, its commands have another shape, or what it says of itself has.
     """
     name, shape = type(controller).__name__, seen.pose.shape
-    try:
-        wanted = _numbers(controller.command(frame, seen))
-    except AnsweredError:
-        raise
-    except Exception as error:
-        raise ControllerError(f"{name} failed in frame {frame}{where(type(controller), error)}") from error
+    wanted = _asked(controller, frame, seen, _numbers)
     if wanted.shape != shape:
         raise ControllerError(
             f"{name} returned commands of shape {wanted.shape} in frame {frame}; {shape} finite are needed"
         )
     return wanted, said(controller, len(wanted), f"in frame {frame}")
+
+
+def own_answer(controller: Controller, frame: int, seen: Seen) -> tuple[Array, Said]:
+    """As `answer`, of a controller that is no guest: what it answers is what it should be, if it answers.
+
+    Raises:
+        ControllerError: it raised an exception.
+    """
+    wanted, channels = _asked(controller, frame, seen, lambda commands: commands), controller.channels
+    own = {name: values.reshape(len(wanted), -1) for name, values in channels.items()} if channels else {}
+    return wanted, Said({what: getattr(controller, what) for what in RECORDED}, own)
+
+
+def _asked(controller: Controller, frame: int, seen: Seen, become: Callable[[Array], Array]) -> Array:
+    """What becomes of a controller's commands."""
+    try:
+        return become(controller.command(frame, seen))
+    except AnsweredError:
+        raise
+    except Exception as error:
+        name = type(controller).__name__
+        raise ControllerError(f"{name} failed in frame {frame}{where(type(controller), error)}") from error
 
 
 def said(controller: Controller, n: int, when: str) -> Said:
@@ -105,7 +122,11 @@ def together(each: Sequence[Said], rows: Sequence[Rows], n: int) -> Said:
         That of all robots; not a number for those whose controller has no such channel, or a narrower one.
     """
     if len(each) == 1 and isinstance(rows[0], slice):  # of all robots
-        return Said(*({name: values.copy() for name, values in own.items()} for own in vars(each[0]).values()))
+        own = each[0]
+        return Said(
+            {name: values.copy() for name, values in own.recorded.items()},
+            {name: values.copy() for name, values in own.channels.items()} if own.channels else {},
+        )
     recorded = {name: np.empty((n, 3)) for name in RECORDED}
     channels: dict[str, Array] = {}
     for own, part in zip(each, rows, strict=True):

@@ -27,6 +27,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from omni_control.estimation.evidence import Number, Truth
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import MotionLimits
 
@@ -37,6 +38,11 @@ BLOW = 2.0  # times its own speed, that a robot may have after a blow
 FALSE_ALARM = 1e-9  # of noise alone, in an image
 BRAKING_M_S2 = 9.81  # that no wheels exceed
 DOUBTED = 10  # images in a row, of which the last is believed
+
+# What is known of each robot: how fast it may go, m/s, and how far noise leads, m; the age of the last image that was
+# believed, when it came, and for how long it has been the last, both s; speed before the last image, m/s; images in a row
+SPEED, NOISY, AGE, SINCE, PACE, ELSEWHERE, BACKWARDS, FROZEN = range(8)
+SHOWN, BELIEVED = range(2)  # the last image, and the last that was believed
 
 
 def of_noise(chance: float) -> float:
@@ -54,17 +60,19 @@ class Gate:
         noise: standard deviation of what vision reports, (n, 3), m and rad.
         limits: of what each of them may be commanded; blows of others are of `OTHERS` at least.
         period: length of a frame, s.
+
+    Attributes:
+        known: of robots, (8, n).
+        images: (2, n, 3).
     """
 
     def __init__(self, noise: Array, limits: Sequence[MotionLimits], period: float) -> None:
         n = len(noise)
-        self._period, self._noise = period, NOISE * noise[:, 0]
-        speed, turn_rate = np.maximum(OTHERS, [[limit.speed, limit.turn_rate] for limit in limits]).T
-        self._speed, self._turn_rate = BLOW * speed, turn_rate
-        self._shown, self._believed = np.full((2, n, 3), np.nan)  # the last image, and the last that was believed
-        self._age, self._since = np.zeros((2, n))  # of that, s: when it came, and for how long it has been the last
-        self._elsewhere, self._backwards, self._frozen, self._no_age = np.zeros((4, n))  # images in a row
-        self._pace, self._braked = np.zeros(n), BRAKING_M_S2 * period  # m/s: before the last image, and lost in a frame
+        self._period, self._no_age = period, np.zeros(n)
+        self.known, self.images = np.zeros((8, n)), np.full((2, n, 3), np.nan)
+        speed, self._turn_rate = np.maximum(OTHERS, [[limit.speed, limit.turn_rate] for limit in limits]).T
+        self.known[SPEED], self.known[NOISY] = BLOW * speed, NOISE * noise[:, 0]
+        self._braked = BRAKING_M_S2 * period  # m/s, in a frame
 
     def __call__(self, measured: Array, age: Array | None = None) -> Array:
         """Return poses (n, 3) to believe, headings in (-pi, pi]; not a number where there is none.
@@ -73,43 +81,52 @@ class Gate:
             measured: poses seen (n, 3), not a number where a robot was not seen.
             age: for how long robots had been where they were seen, (n,) s. [none]
         """
-        moved = measured - self._believed
-        self._since += self._period
+        k, moved = self.known, measured - self.images[BELIEVED]
+        k[SINCE] += self._period
         age = self._no_age if age is None else age
-        between = self._since + np.abs(age - self._age)  # at least a frame, whatever cameras' clocks say
+        between = k[SINCE] + np.abs(age - k[AGE])  # at least a frame, whatever cameras' clocks say
         x, y, turned = moved.T
-        distance, allowed = np.hypot(x, y), self._speed * between + self._noise
-        usual = (distance > 0) & (distance <= allowed) & (np.abs(turned) < np.pi / 2)
-        if np.count_nonzero(usual) == len(usual):
-            self._elsewhere[:] = self._backwards[:] = self._frozen[:] = self._since[:] = 0.0
-            self._pace = distance / between
-            self._shown = self._believed = measured.copy()
-            self._age = age
+        distance, allowed = np.hypot(x, y), reach(k[SPEED], between, k[NOISY])
+        fits = usual(distance, allowed, turned)
+        if np.count_nonzero(fits) == len(fits):
+            k[SINCE], k[ELSEWHERE:] = 0.0, 0.0
+            k[PACE], k[AGE], self.images[:] = distance / between, age, measured
             return measured
         return self._judged(measured, age, between, moved, distance, distance > allowed)
 
     def _judged(self, measured: Array, age: Array, between: Array, moved: Array, distance: Array, away: Flags) -> Array:
         """See `__call__`; `between` images (n,) s, they have `moved` (n, 3), a `distance` (n,), some too far `away`."""
-        repeated, new = (measured == self._shown).all(1), ~np.isnan(measured[:, 0])
+        k, (shown, last) = self.known, self.images
+        repeated, new = (measured == shown).all(1), ~np.isnan(measured[:, 0])
         far = new & away
-        self._elsewhere = np.where(new, np.where(far, self._elsewhere + 1, 0.0), self._elsewhere)
-        found = self._elsewhere >= DOUBTED
-        self._elsewhere[found] = 0.0
-        later = self._since - (age - self._age) > self._period / 2  # and not the same one, told once more
-        stopped = repeated & later & (self._pace > self._braked)
-        self._frozen = np.where(new, np.where(stopped, self._frozen + 1, 0.0), self._frozen)
-        taken = new & (~far | found) & ((self._frozen == 0) | (self._frozen >= DOUBTED))
+        k[ELSEWHERE] = np.where(new, np.where(far, k[ELSEWHERE] + 1, 0.0), k[ELSEWHERE])
+        found = k[ELSEWHERE] >= DOUBTED
+        k[ELSEWHERE, found] = 0.0
+        later = k[SINCE] - (age - k[AGE]) > self._period / 2  # and not the same one, told once more
+        stopped = repeated & later & (k[PACE] > self._braked)
+        k[FROZEN] = np.where(new, np.where(stopped, k[FROZEN] + 1, 0.0), k[FROZEN])
+        taken = new & (~far | found) & ((k[FROZEN] == 0) | (k[FROZEN] >= DOUBTED))
 
         turned = np.abs(wrap_angle(moved[:, 2])) > np.pi / 2
         back = taken & ~far & turned & (self._turn_rate * between < np.pi / 2)
-        self._backwards = np.where(taken, np.where(back, self._backwards + 1, 0.0), self._backwards)
-        back &= self._backwards < DOUBTED
+        k[BACKWARDS] = np.where(taken, np.where(back, k[BACKWARDS] + 1, 0.0), k[BACKWARDS])
+        back &= k[BACKWARDS] < DOUBTED
 
         believed = np.where(taken[:, None], measured, np.nan)
         believed[back, 2] = wrap_angle(believed[back, 2] + np.pi)
-        self._shown = np.where(new[:, None], measured, self._shown)
-        self._believed = np.where(taken[:, None], believed, self._believed)
+        np.copyto(shown, measured, where=new[:, None])
+        np.copyto(last, believed, where=taken[:, None])
         fresh = taken & ~repeated
-        self._pace = np.where(fresh, distance / between, self._pace)
-        self._age, self._since = np.where(fresh, age, self._age), np.where(fresh, 0.0, self._since)
+        k[PACE] = np.where(fresh, distance / between, k[PACE])
+        k[AGE], k[SINCE] = np.where(fresh, age, k[AGE]), np.where(fresh, 0.0, k[SINCE])
         return believed
+
+
+def reach(speed: Number, between: Number, noise: Number) -> Number:
+    """How far apart images can be that are so far apart in time."""
+    return speed * between + noise
+
+
+def usual(distance: Number, allowed: Number, turned: Number) -> Truth:
+    """Whether a robot has moved, and no farther than it can: what nearly all images say."""
+    return (distance > 0) & (distance <= allowed) & (np.abs(turned) < np.pi / 2)

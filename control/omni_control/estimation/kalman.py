@@ -7,13 +7,17 @@ from numpy.typing import ArrayLike
 
 from omni_control.estimation.evidence import Number
 from omni_control.estimation.late import Late
-from omni_control.kinematics import FEW, Array, wrap_angle
+from omni_control.kinematics import FEW, Array, wrap_angle, wrapped
 
 GAIN_ERROR = 0.06  # standard deviation of what a robot does in a frame, over what its commands say
 DRIFT_M_S2, DRIFT_RAD_S2 = 0.1, 0.5  # change per square root of a second of what it does besides
 DRIFT_TIME_S = 0.5  # after which that is forgotten
 SCALE_MEMORY, LARGEST = 0.97, 9.0  # of the innovations by which the process noise is scaled; of one, squared
 SCALE_BOUNDS = (0.1, 100.0)
+
+# What is known of each axis of each robot: state, variances, factor of the process noise; what the last frame was like.
+POSE, DRIFT, XX, XB, BB, SCALE, TWIST, INNOVATION, VARIANCE = range(9)
+WANDER, NOISE = range(2)  # of each axis, for good
 
 
 class KalmanFilter:
@@ -32,6 +36,9 @@ class KalmanFilter:
         noise: standard deviation of what vision reports, per axis (3,) or per robot and axis (n, 3), m and rad.
 
     Attributes:
+        state: all that is known, (9, n, 3); another array after each frame.
+        axes: what axes are like, (2, n, 3).
+        law: numbers of the law, of which `_carried` takes the first four, and the period.
         pose: filtered poses (n, 3); headings count full turns.
         twist: filtered twists (n, 3).
         drift: the part of the twist that commands do not explain, (n, 3).
@@ -40,29 +47,46 @@ class KalmanFilter:
     """
 
     def __init__(self, pose: Array, period: float, noise: ArrayLike) -> None:
-        self.pose = np.array(pose, float)
-        self.twist, self.drift = np.zeros((2, *self.pose.shape))
+        self.state = np.zeros((9, *pose.shape))
         self._period = period
-        self._noise = np.maximum(np.asarray(noise, float), (1e-5, 1e-5, 1e-4)) ** 2  # a camera resolves no less
+        noise = np.maximum(np.asarray(noise, float), (1e-5, 1e-5, 1e-4)) ** 2  # a camera resolves no less
         keep = np.exp(-period / DRIFT_TIME_S)
         self._law = period, float(keep), period**2, float(keep**2)
-        self._wander = np.array([DRIFT_M_S2, DRIFT_M_S2, DRIFT_RAD_S2]) ** 2 * period
-        self._xx = np.broadcast_to(self._noise, self.pose.shape).copy()
-        self._xb, self._bb = np.zeros((2, *self.pose.shape))
-        self._scale = np.ones_like(self.pose)
-        each = np.broadcast_arrays(self._wander, self._noise, self.pose)[:2]
-        self._each = list(zip(*(values.ravel().tolist() for values in each), strict=True))  # axis of each robot
-        self._innovation, self._variance = np.full_like(self.pose, np.nan), np.ones_like(self.pose)
+        self.law = np.array(self._law)
+        self.axes = np.empty((2, *pose.shape))
+        self.axes[WANDER] = np.array([DRIFT_M_S2, DRIFT_M_S2, DRIFT_RAD_S2]) ** 2 * period
+        self.axes[NOISE] = noise
+        self.state[POSE], self.state[XX], self.state[SCALE] = pose, noise, 1.0
+        self.state[INNOVATION], self.state[VARIANCE] = np.nan, 1.0
+        self._each = self.axes.reshape(2, -1).T.tolist()  # axis of each robot
+
+    @property
+    def pose(self) -> Array:
+        """See the class."""
+        pose: Array = self.state[POSE]
+        return pose
+
+    @property
+    def twist(self) -> Array:
+        """See the class."""
+        twist: Array = self.state[TWIST]
+        return twist
+
+    @property
+    def drift(self) -> Array:
+        """See the class."""
+        drift: Array = self.state[DRIFT]
+        return drift
 
     @property
     def sigma(self) -> Array:
         """See the class."""
-        return np.sqrt(self._xx)
+        return np.sqrt(self.state[XX])
 
     @property
     def normalised(self) -> Array:
         """See the class."""
-        return np.asarray(self._innovation / np.sqrt(self._variance))
+        return np.asarray(self.state[INNOVATION] / np.sqrt(self.state[VARIANCE]))
 
     def update(
         self, measured: Array, displacement: Array, late: Late | None = None, onward: Array | float = 0.0
@@ -77,16 +101,15 @@ class KalmanFilter:
         """
         if late is None and len(measured) <= FEW:
             return self._update_few(measured, displacement)
-        t, known = self._period, (self.pose, self.drift, self._xx, self._xb, self._bb)
-        pose, drift, xx, xb, bb, noise = _carried(self._law, known, displacement, self._scale, self._wander)
+        t, before, (wander, noise) = self._period, self.state, self.axes
+        pose, drift, xx, xb, bb, moving = _carried(self._law, before[:SCALE], displacement, before[SCALE], wander)
 
-        expected, with_x, with_b, variance = pose, xx, xb, xx + self._noise  # of the pose that is seen
+        expected, with_x, with_b, variance = pose, xx, xb, xx + noise  # of the pose that is seen
         if late is not None:
             held, after = late.held[:, None], late.after[:, None]
-            pose, drift = np.where(held, self.pose, pose), np.where(held, self.drift, drift)
-            xx, xb, bb = np.where(held, self._xx, xx), np.where(held, self._xb, xb), np.where(held, self._bb, bb)
+            pose, drift, xx, xb, bb = np.where(held, before[:SCALE], (pose, drift, xx, xb, bb))
             expected, with_x, with_b = pose + onward + after * drift, xx + after * xb, xb + after * bb
-            variance = with_x + after * with_b + np.maximum(after / t, 0.0) * noise + self._noise
+            variance = with_x + after * with_b + np.maximum(after / t, 0.0) * moving + noise
         innovation = measured - expected
         innovation[:, 2] = wrap_angle(innovation[:, 2])
         surprise, gain_x, gain_b = innovation, with_x / variance, with_b / variance
@@ -94,45 +117,76 @@ class KalmanFilter:
         if misses := np.count_nonzero(missed):
             surprise = np.where(missed, 0.0, innovation)
             gain_x[missed] = gain_b[missed] = 0.0
-        corrected = _corrected(pose, drift, xx, xb, bb, surprise, gain_x, gain_b)
-        self.pose, self.drift, self._xx, self._xb, self._bb = corrected
+        state = np.empty_like(before)
+        state[POSE], state[DRIFT], state[XX], state[XB], state[BB] = _corrected(
+            pose, drift, xx, xb, bb, surprise, gain_x, gain_b
+        )
         if late is not None:
-            self._xx, self._xb = self._xx - gain_x * after * xb, self._xb - gain_x * after * bb
-            self._bb = self._bb - gain_b * after * bb
-        self.twist = displacement / t + self.drift
-        self._innovation, self._variance = innovation, variance
+            state[XX] -= gain_x * after * xb
+            state[XB] -= gain_x * after * bb
+            state[BB] -= gain_b * after * bb
+        state[TWIST] = displacement / t + state[DRIFT]
+        state[INNOVATION], state[VARIANCE] = innovation, variance
         ratio = np.minimum(surprise**2 / variance, LARGEST)
         if misses:
             ratio[missed] = 1.0
-        self._rescale((1 - SCALE_MEMORY) * (ratio - 1))
-        return self.pose
+        state[SCALE] = _growth(ratio)
+        return self.take(state)
 
     def _update_few(self, measured: Array, displacement: Array) -> Array:
         """The same number by number, to the same bits."""
-        state = self.pose, self.drift, self._xx, self._xb, self._bb, displacement, self._scale, measured
-        table = np.concatenate(state).reshape(len(state), -1).T.tolist()
-        found = []
-        for axis, (known, (wander, noise)) in enumerate(zip(table, self._each, strict=True)):
-            displaced, scale, seen = known[5:]
-            pose, drift, xx, xb, bb, _ = _carried(self._law, known[:5], displaced, scale, wander)
-            innovation, variance = seen - pose, xx + noise
-            if axis % 3 == 2 and not abs(innovation) < np.pi:
-                innovation = float(wrap_angle(innovation))
-            missed = innovation != innovation  # not a number
-            surprise, gains = (0.0, (0.0, 0.0)) if missed else (innovation, (xx / variance, xb / variance))
-            ratio = 1.0 if missed else min(surprise * surprise / variance, LARGEST)
-            corrected = _corrected(pose, drift, xx, xb, bb, surprise, *gains)
-            twist = displaced / self._period + corrected[1]
-            found.append((*corrected, twist, innovation, variance, (1 - SCALE_MEMORY) * (ratio - 1)))
-        columns = np.array(found).T.reshape(len(found[0]), *measured.shape)
-        self.pose, self.drift, self._xx, self._xb, self._bb, self.twist, self._innovation, self._variance, log = columns
-        self._rescale(log)
+        known = *self.state[: SCALE + 1], displacement, measured
+        table = np.concatenate(known).reshape(len(known), -1).T.tolist()
+        each = enumerate(zip(table, self._each, strict=True))
+        found = [filtered(self._law, row[:SCALE], *row[SCALE:], *own, axis % 3 == 2) for axis, (row, own) in each]
+        return self.take(np.ascontiguousarray(np.array(found).T).reshape(self.state.shape))
+
+    def take(self, state: Array) -> Array:
+        """Go on to a `state` (9, n, 3), with the logarithm of its growth in place of the factor of the process noise.
+
+        Returns:
+            The filtered poses (n, 3).
+        """
+        least, most = SCALE_BOUNDS
+        scale = self.state[SCALE] * np.exp(state[SCALE])
+        np.minimum(np.maximum(scale, least), most, out=state[SCALE])
+        self.state = state
         return self.pose
 
-    def _rescale(self, log: Array) -> None:
-        """Scale the process noise by the exponentials of numbers (n, 3)."""
-        least, most = SCALE_BOUNDS
-        self._scale = np.minimum(np.maximum(self._scale * np.exp(log), least), most)
+
+def filtered(
+    law: tuple[float, ...],
+    known: Sequence[float],
+    scale: float,
+    displaced: float,
+    seen: float,
+    wander: float,
+    noise: float,
+    turns: bool,
+) -> tuple[float, ...]:
+    """One axis of one robot after a frame, in the order of `KalmanFilter.state`, for `KalmanFilter.take`.
+
+    Args:
+        law: see `KalmanFilter`.
+        known: of it before, up to its factor of the process noise.
+        scale: that factor.
+        displaced: by the commands that acted.
+        seen: where, or not a number.
+        wander: of its drift.
+        noise: variance of what is seen.
+        turns: whether it is the heading.
+    """
+    pose, drift, xx, xb, bb, _ = _carried(law, known, displaced, scale, wander)
+    innovation, variance = seen - pose, xx + noise
+    if turns and not abs(innovation) < np.pi:
+        innovation = float(wrapped(innovation))
+    surprise, gain_x, gain_b, ratio = innovation, xx / variance, xb / variance, 1.0
+    if innovation != innovation:  # not a number
+        surprise = gain_x = gain_b = 0.0
+    else:
+        ratio = min(surprise * surprise / variance, LARGEST)
+    pose, drift, xx, xb, bb = _corrected(pose, drift, xx, xb, bb, surprise, gain_x, gain_b)
+    return pose, drift, xx, xb, bb, _growth(ratio), displaced / law[0] + drift, innovation, variance
 
 
 def _carried(
@@ -154,3 +208,8 @@ def _corrected(
     """The state and its variances after a correction."""
     left = 1 - gain_x
     return pose + gain_x * surprise, drift + gain_b * surprise, left * xx, left * xb, bb - gain_b * xb
+
+
+def _growth(ratio: Number) -> Number:
+    """Logarithm of how the process noise grows, by innovations over what they should be, squared."""
+    return (1 - SCALE_MEMORY) * (ratio - 1)

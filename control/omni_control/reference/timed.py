@@ -65,6 +65,8 @@ class SampledReference:
         if isinstance(frame, float | int):  # of most controllers: needs no arrays of indices
             kept = min(max(frame, 0), last)
             row = int(kept)
+            if row == kept:
+                return self._rows[row]
             of_row, of_next = self._rows[row], self._rows[min(row + 1, last)]
             return of_row + (kept - row) * (of_next - of_row)
         frame = np.minimum(np.maximum(frame, 0), last)
@@ -118,7 +120,7 @@ def _with_twists(poses: Array, period: float) -> Array:
     """Poses (frames, ..., 3), and beside each the twist from there to the next, (frames, ..., 6)."""
     twists = np.zeros_like(poses)
     twists[:-1] = np.diff(poses, axis=0) / period
-    return np.concatenate([poses, twists], axis=-1)
+    return np.concatenate([poses, twists], axis=-1) + 0.0  # no zero of these is negative, as of those in between
 
 
 class TimedReference(SampledReference):
