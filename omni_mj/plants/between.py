@@ -11,7 +11,8 @@ import numpy as np
 from mujoco.batch import Batch
 
 from omni_control.kinematics import Array, wrapped
-from omni_mj.onboard import addresses, by_robot, laws
+from omni_mj.link.radio import Received
+from omni_mj.onboard import addresses, by_frame, by_robot, laws
 from omni_mj.onboard.arrays import RimArrays, TractionArrays
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
@@ -72,16 +73,25 @@ class Between:
         creeps = world.robots[0].slip_dofs.size > 0
         self._writer = Writer(Cells.of(batch, world), self._seen, onboard, creeps)
         self._firmware, self._table = onboard[0], self._writer.table
-        self._before, self._after, self._end = compiled(before), compiled(after), compiled(end)
+        self._obey, self._begin, self._end = compiled(obey), compiled(begin), compiled(end)
+        self._before, self._after = compiled(before), compiled(after)
         self._burst, self._address = compiled(burst), addresses.of(self._table)
 
     def look(self) -> None:
         """Find anew what others stand in for when a fault begins or ends."""
         self._writer.look()
 
-    def begin(self, gyro_error: Array, push: Array) -> None:
-        """Begin a frame, in which gyros show so much too much, (n,) rad/s, and chassis are pushed, (n, 2) N."""
+    def obey(self, received: Received) -> None:
+        """Take over commands, from the next cycle on."""
+        self._firmware.note(received)
+        self._obey(self._table, self._firmware.cycle)
+
+    def begin(self, heard: tuple[Array, np.ndarray], gyro_error: Array, push: Array) -> None:
+        """Begin a frame; see `AtOnce`."""
         self._seen.error[:], self._seen.push[:] = gyro_error, push
+        self._firmware.listen(*heard)
+        self._begin(self._table, self._firmware.estimate.frame)
+        self._firmware.estimate.frame += 1
 
     def hold(self, held: Array | None) -> None:
         """Have drivers hold currents from now on, (n, W) A, or not a number; None for none."""
@@ -142,6 +152,16 @@ def burst(
                 addresses.call(stepping[0], stepping[1], stepping[2])
             for address in tables:
                 after(addresses.numbers(address, (END,)), first + k, substep == 0, substep == substeps - 1)
+
+
+def obey(t: Table, cycle: int) -> None:
+    """Take over the commands that are noted, after so many cycles."""
+    by_frame.obey((0, t[ROBOTS]), table.firmware(t), cycle)
+
+
+def begin(t: Table, frame: int) -> None:
+    """Begin a frame, after so many, with the headings that are noted."""
+    by_frame.correct((0, t[ROBOTS]), table.firmware(t), table.heat(t), table.past(t), frame)
 
 
 def before(t: Table, k: int, cycle: int) -> None:

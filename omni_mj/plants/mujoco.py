@@ -162,7 +162,7 @@ class MujocoPlant:
 
     def _obey(self, received: Received) -> None:
         """Take over commands, and keep vision's headings until the next frame begins."""
-        self._firmware.obey(received)
+        self.between.obey(received)
         (seen, age), missing = self._heard, np.isnan(received.heading)
         if np.count_nonzero(missing):
             self._heard = np.where(missing, seen, received.heading), np.where(missing, age, received.age)
@@ -180,9 +180,8 @@ class MujocoPlant:
             self.between.hold(self._holds)
         self._at.resistance.set(motors.resistance)
         self._at.constant.set(motors.constant)
-        self._firmware.correct(*self._heard, motors.winding)
+        self.between.begin(self._heard, self._chance.gyro_error(gyro_bias), push)
         self._heard = self._nothing
-        self.between.begin(self._chance.gyro_error(gyro_bias), push)
 
     def hold(self, current: Array | None) -> None:
         """Have drivers hold currents from now on, whatever the firmware asks; with none, a robot rolls out.
