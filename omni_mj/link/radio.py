@@ -109,7 +109,7 @@ class Radio:
         self._behind = None if self._mishaps is None else np.full((room, n), -1)
         self._held = self._newest
         self._robots = np.arange(n)
-        self._tick, self._last = 0, -1  # now, and when the last of those in flight arrives
+        self._tick, self._coming = 0, set[int]()  # now, and the ticks from now on in which a packet arrives
         self._take(self._usual)
         self._change()
 
@@ -132,9 +132,10 @@ class Radio:
             self._packets[tick % ring] = packets
             if self._alike:
                 self._arriving[(tick + self._latest) % ring] = tick
+                self._coming.add(tick + self._latest)
             else:
                 self._arriving[(tick + late) % ring, self._robots] = tick
-            self._last = max(self._last, tick + self._latest)
+                self._coming.update((tick + late).tolist())
             return
         to = self._robots if to is None else to
         if self._jitters:
@@ -145,8 +146,9 @@ class Radio:
         if self._mishaps is not None:
             to = self._send_amiss(self._mishaps, to, late)
         # Later ones overwrite: of two that arrive together the last sent counts.
-        self._arriving[(tick + late[to]) % ring, to] = tick
-        self._last = max(self._last, tick + int(late[to].max(initial=-1)))
+        arrives = tick + late[to]
+        self._arriving[arrives % ring, to] = tick
+        self._coming.update(arrives.tolist())
 
     def deliver(self) -> tuple[Array, np.ndarray, np.ndarray]:
         """End a tick: what robots hold (n, k), whether it arrived now (n,), and its age in ticks (n,)."""
@@ -170,19 +172,15 @@ class Radio:
     @property
     def quiet(self) -> int:
         """For how many ticks from this one on nothing arrives of what was sent until now."""
-        if self._last < self._tick:
-            return sys.maxsize
-        ahead = np.arange(self._tick, self._last + 1) % len(self._arriving)
-        comes = (self._arriving[ahead] >= 0).any(1)
-        if self._behind is not None:
-            comes |= (self._behind[ahead] >= 0).any(1)
-        return int(comes.argmax()) if np.count_nonzero(comes) else sys.maxsize
+        return min(self._coming) - self._tick if self._coming else sys.maxsize
 
     def wait(self, ticks: int = 1) -> None:
         """End ticks in which all is quiet: a `deliver` each of which nobody asks what robots hold."""
         for _ in range(ticks):
+            self._coming.discard(self._tick)
             self._tick += 1
-            self._change()
+            if self._tick % self._ticks == 0:
+                self._change()
 
     def _send_amiss(self, mishaps: Mishaps, to: np.ndarray, late: np.ndarray) -> np.ndarray:
         """See to packets that come behind others, `late` (n,) as they are anyway; return who gets his as usual."""
@@ -191,13 +189,11 @@ class Radio:
         later = to[behind[to] > 0]
         after = self._tick + late[later] + behind[later] * self._ticks
         self._behind[after % len(self._packets), later] = self._tick
-        self._last = max(self._last, int(after.max(initial=-1)))
+        self._coming.update(after.tolist())
         return to[arrives[to]]
 
     def _change(self) -> None:
-        """Take over what happens in the frame that begins, if one does."""
-        if self._tick % self._ticks:
-            return
+        """Take over what happens in the frame that begins."""
         if self._mishaps is not None:
             self._mishaps.begin(self._tick // self._ticks)
         if (active := self._schedule.at(self._tick // self._ticks)) is not None:

@@ -7,6 +7,7 @@ sensors are read, rollers handed over, and the battery sags. `between` has the s
 import numpy as np
 
 from omni_control.kinematics import Array, wrapped
+from omni_mj.link.radio import Received
 from omni_mj.onboard import laws
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
@@ -48,8 +49,20 @@ class AtOnce:
     def look(self) -> None:
         """See `Between`: here everything is found where it is used."""
 
-    def begin(self, gyro_error: Array, push: Array) -> None:
-        """Begin a frame, in which gyros show so much too much, (n,) rad/s, and chassis are pushed, (n, 2) N."""
+    def obey(self, received: Received) -> None:
+        """Take over commands, from the next cycle on."""
+        self._firmware.obey(received)
+
+    def begin(self, heard: tuple[Array, np.ndarray], gyro_error: Array, push: Array) -> None:
+        """Begin a frame.
+
+        Args:
+            heard: vision's headings that arrived since the frame before, (n,) rad, not a number where none did; and
+                frames since they were sent, (n,).
+            gyro_error: by which gyros show too much, (n,) rad/s.
+            push: on chassis, (n, 2) N.
+        """
+        self._firmware.correct(*heard, self._motors.winding)
         self._gyro_error, self._push = gyro_error, push
 
     def hold(self, held: Array | None) -> None:

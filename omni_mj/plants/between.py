@@ -2,7 +2,7 @@
 
 Two calls a step, `before` and `after` it, do what those of `AtOnce` do with numpy, in the same order, and reach into
 the batch's arrays themselves. Each is handed one array alone (`table`). Where a world is alone, one call does for many
-cycles, physics steps among them (`burst`).
+cycles, physics steps among them (`Burst`).
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,8 @@ import numpy as np
 from mujoco.batch import Batch
 
 from omni_control.kinematics import Array, wrapped
-from omni_mj.onboard import addresses, by_robot, laws
+from omni_mj.link.radio import Received
+from omni_mj.onboard import addresses, by_frame, by_robot, laws
 from omni_mj.onboard.arrays import RimArrays, TractionArrays
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
@@ -54,6 +55,10 @@ class Between:
         batch: of the robots' worlds.
         world: as built.
         onboard, sensed, off, heading, recorded: as of `AtOnce`.
+
+    Attributes:
+        firmware: of the robots.
+        table: what loops are handed; live.
     """
 
     def __init__(
@@ -71,51 +76,40 @@ class Between:
         self._seen = Seen._make([angle, rate, off, *recorded, *map(np.zeros, shapes), heading])
         creeps = world.robots[0].slip_dofs.size > 0
         self._writer = Writer(Cells.of(batch, world), self._seen, onboard, creeps)
-        self._firmware, self._table = onboard[0], self._writer.table
-        self._before, self._after, self._end = compiled(before), compiled(after), compiled(end)
-        self._burst, self._address = compiled(burst), addresses.of(self._table)
+        self.firmware, self.table = onboard[0], self._writer.table
+        self._obey, self._begin, self._end = compiled(obey), compiled(begin), compiled(end)
+        self._before, self._after = compiled(before), compiled(after)
 
     def look(self) -> None:
         """Find anew what others stand in for when a fault begins or ends."""
         self._writer.look()
 
-    def begin(self, gyro_error: Array, push: Array) -> None:
-        """Begin a frame, in which gyros show so much too much, (n,) rad/s, and chassis are pushed, (n, 2) N."""
+    def obey(self, received: Received) -> None:
+        """Take over commands, from the next cycle on."""
+        self.firmware.note(received)
+        self._obey(self.table, self.firmware.cycle)
+
+    def begin(self, heard: tuple[Array, np.ndarray], gyro_error: Array, push: Array) -> None:
+        """Begin a frame; see `AtOnce`."""
         self._seen.error[:], self._seen.push[:] = gyro_error, push
+        self.firmware.listen(*heard)
+        self._begin(self.table, self.firmware.estimate.frame)
+        self.firmware.estimate.frame += 1
 
     def hold(self, held: Array | None) -> None:
         """Have drivers hold currents from now on, (n, W) A, or not a number; None for none."""
-        self._table[HELD] = 0 if held is None else len(self._seen.held)
+        self.table[HELD] = 0 if held is None else len(self._seen.held)
         if held is not None:
             self._seen.held[:] = held.T
 
     def before(self, k: int) -> None:
         """Let the wheel loops run in the cycle `k` of a frame, before physics steps."""
-        self._before(self._table, k, self._firmware.cycle)
-        self._firmware.cycle += 1
+        self._before(self.table, k, self.firmware.cycle)
+        self.firmware.cycle += 1
 
     def after(self, k: int, first: bool, last: bool) -> None:
         """See to what follows a physics step, the `first` or `last` in the cycle `k` of a frame."""
-        self._after(self._table, k, first, last)
-
-    def burst(
-        self, world: Alone, others: "Sequence[Between]", first: int, count: int, substeps: int, living: bool
-    ) -> None:
-        """Go through cycles of a frame, with physics steps if the world is `living`, of all its robots.
-
-        Args:
-            world: theirs.
-            others: what happens to those of other groups, after these.
-            first: number of the first cycle in its frame.
-            count: of the cycles.
-            substeps: physics steps in a cycle.
-            living: whether there are any.
-        """
-        groups = self, *others
-        tables = np.array([each._address for each in groups])
-        self._burst(tables, world.stepping, first, count, substeps, living, self._firmware.cycle)
-        for each in groups:
-            each._firmware.cycle += count
+        self._after(self.table, k, first, last)
 
     def end(self, period: float) -> bool:
         """Warm motors and discharge batteries after a frame that lasted so long, s, and read headings.
@@ -123,14 +117,36 @@ class Between:
         Returns:
             Whether a robot that is on has toppled.
         """
-        toppled: bool = self._end(self._table, period)
+        toppled: bool = self._end(self.table, period)
         return toppled
+
+
+class Burst:
+    """Goes through cycles of a frame, physics steps among them, of a world by itself.
+
+    Args:
+        world: of all the robots.
+        groups: what happens to them between the steps, to one after the other.
+        substeps: physics steps in a cycle.
+    """
+
+    def __init__(self, world: Alone, groups: Sequence[Between], substeps: int) -> None:
+        self._world, self._groups, self._substeps = world, groups, substeps
+        self._tables = np.array([addresses.of(each.table) for each in groups])
+        self._burst = compiled(burst)
+
+    def go(self, first: int, count: int, living: bool) -> None:
+        """Go through some, from the `first` of their frame on, with physics steps if the world is `living`."""
+        stepping, firmware = self._world.stepping, [each.firmware for each in self._groups]
+        self._burst(self._tables, stepping, first, count, self._substeps, living, firmware[0].cycle)
+        for each in firmware:
+            each.cycle += count
 
 
 def burst(
     tables: np.ndarray, stepping: np.ndarray, first: int, count: int, substeps: int, living: bool, cycle: int
 ) -> None:
-    """See `Between.burst`: `tables` are addresses of the groups' tables, `stepping` is the world's.
+    """See `Burst.go`: `tables` are addresses of the groups' tables, `stepping` is the world's.
 
     All of them have had as many cycles before: `cycle`.
     """
@@ -142,6 +158,16 @@ def burst(
                 addresses.call(stepping[0], stepping[1], stepping[2])
             for address in tables:
                 after(addresses.numbers(address, (END,)), first + k, substep == 0, substep == substeps - 1)
+
+
+def obey(t: Table, cycle: int) -> None:
+    """Take over the commands that are noted, after so many cycles."""
+    by_frame.obey((0, t[ROBOTS]), table.firmware(t), cycle)
+
+
+def begin(t: Table, frame: int) -> None:
+    """Begin a frame, after so many, with the headings that are noted."""
+    by_frame.correct((0, t[ROBOTS]), table.firmware(t), table.heat(t), table.past(t), frame)
 
 
 def before(t: Table, k: int, cycle: int) -> None:

@@ -12,13 +12,14 @@ from omni_mj.onboard import kernel, laws
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.motors import Motors
-from omni_mj.plants import Telemetry, batches, cycles, friction
+from omni_mj.plants import Telemetry, batches, friction
 from omni_mj.plants.alone import Alone
 from omni_mj.plants.at_once import AtOnce
 from omni_mj.plants.between import Between
 from omni_mj.plants.bodies import MujocoBodies
 from omni_mj.plants.bound import Bound
 from omni_mj.plants.chance import Chance
+from omni_mj.plants.cycles import Cycles
 from omni_mj.plants.faults import Faults
 from omni_mj.plants.variation import Drawn
 from omni_mj.scenarios.rows import Row
@@ -39,7 +40,7 @@ class MujocoPlant:
         start: poses at the start, (n, 3).
         threads: of the physics. Results do not depend on it. [one below 16 robots, else as many as cores]
         within: a batch of one world, and where these robots are in it, perhaps with others: whoever steps it calls
-            `begin` and `end` of all its plants, and `cycles.go` in between. [a batch of their own; where they start is
+            `begin` and `end` of all its plants, and `Cycles.go` in between. [a batch of their own; where they start is
             then checked]
 
     Attributes:
@@ -109,7 +110,7 @@ class MujocoPlant:
             self._faults = Faults(rows, MujocoBodies(self._batch, world, n), onboard, self._angles)
         state = onboard, (self._angles.T, self._turn_rates), self._failed, self._heading, (recorded, self._supplies)
         self.between = AtOnce(self._at, *state) if self._kernel == "numpy" else Between(self._batch, world, *state)
-        self._cycle = 0
+        self._cycles, self._cycle = Cycles(self._batch, [self.between], self._substeps), 0
         self._nothing: tuple[Array, np.ndarray] = np.full(n, np.nan), np.zeros(n, int)
         self._heard: tuple[Array, np.ndarray] = self._nothing
 
@@ -142,7 +143,7 @@ class MujocoPlant:
             As `advance`, at the end of a frame; nothing within one.
         """
         self.begin(received)
-        cycles.go(self._batch, [self.between], self._cycle, count, self._substeps, self._living)
+        self._cycles.go(self._cycle, count, self._living)
         return self.end(count)
 
     def begin(self, received: Received | None = None) -> None:
@@ -162,7 +163,7 @@ class MujocoPlant:
 
     def _obey(self, received: Received) -> None:
         """Take over commands, and keep vision's headings until the next frame begins."""
-        self._firmware.obey(received)
+        self.between.obey(received)
         (seen, age), missing = self._heard, np.isnan(received.heading)
         if np.count_nonzero(missing):
             self._heard = np.where(missing, seen, received.heading), np.where(missing, age, received.age)
@@ -180,9 +181,8 @@ class MujocoPlant:
             self.between.hold(self._holds)
         self._at.resistance.set(motors.resistance)
         self._at.constant.set(motors.constant)
-        self._firmware.correct(*self._heard, motors.winding)
+        self.between.begin(self._heard, self._chance.gyro_error(gyro_bias), push)
         self._heard = self._nothing
-        self.between.begin(self._chance.gyro_error(gyro_bias), push)
 
     def hold(self, current: Array | None) -> None:
         """Have drivers hold currents from now on, whatever the firmware asks; with none, a robot rolls out.

@@ -14,11 +14,11 @@ from omni_mj.onboard.addresses import floats, numbers, truths
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.motors import Motors
-from omni_mj.onboard.table import ROBOTS, WHEELS, Table, battery, charge, firmware, heat, motors, rims, traction
+from omni_mj.onboard.table import ROBOTS, WHEELS, Table, battery, charge, firmware, heat, motors, past, rims, traction
 from omni_mj.onboard.traction import Traction
 from omni_mj.plants.cells import OF_ROBOT, OF_WHEEL, Cells
 
-__all__ = ["ROBOTS", "Table", "battery", "charge", "firmware", "heat", "motors", "rims", "traction"]
+__all__ = ["ROBOTS", "Table", "battery", "charge", "firmware", "heat", "motors", "past", "rims", "traction"]
 
 
 class Seen(NamedTuple):

@@ -8,7 +8,8 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Received
 from omni_mj.live.serve.squad import Squad
-from omni_mj.plants import Telemetry, batches, cycles
+from omni_mj.plants import Telemetry, batches
+from omni_mj.plants.cycles import Cycles
 from omni_mj.plants.faults.world import check_carpet
 from omni_mj.scenarios.rows import Row
 from omni_mj.worlds import build
@@ -50,7 +51,9 @@ class ServedPlant:
             for squad in self.squads:
                 squad.stand()
         self._of = {int(place): (squad, robot) for squad in self.squads for robot, place in enumerate(squad.places)}
-        self._cycle, self.cycles, self._substeps = 0, self.squads[0].cycles, rows[0].settings.physics.substeps
+        self._cycle, self.cycles = 0, self.squads[0].cycles
+        between = [squad.between for squad in self.squads]
+        self._cycles = Cycles(self._batch, between, rows[0].settings.physics.substeps)
         self.wheels = [len(row.settings.wheels.azimuths_deg) for row in rows]
         self.reach = self._all(lambda squad: np.full(len(squad.places), squad.reach))
         model = worlds[0].model
@@ -98,8 +101,7 @@ class ServedPlant:
         squads = self.squads
         for squad in squads:
             squad.begin(None if received is None else self._part(received, squad))
-        between = [squad.between for squad in squads]
-        cycles.go(self._batch, between, self._cycle % self.cycles, count, self._substeps, None)
+        self._cycles.go(self._cycle % self.cycles, count)
         self._cycle += count
         causes = dict[int, str]()
         for squad in squads:

@@ -39,6 +39,7 @@ class Squad(MujocoPlant):
         self.wheels, self.reach = len(world.kinematics.azimuths), world.reach
         self._strength = self._chance.force.copy()
         self._firmware.estimate.remember(REMEMBERED_FRAMES)
+        self.between.look()
         self._good, self.unstable = self.pose(), False
 
     def pose(self) -> Array:
