@@ -23,6 +23,7 @@ from omni_mj.measure.metrics import row_metrics
 from omni_mj.measure.statistics import CONFIDENCE, holm, paired, spread
 from omni_mj.measure.table import Table, text
 from omni_mj.robots import builtin as robots
+from omni_mj.scenarios.references import timed
 from omni_mj.scenarios.rows import Row, table
 from omni_mj.scenarios.scenario import Scenario, scenario
 from omni_mj.simulate.simulation import Simulation
@@ -118,7 +119,7 @@ def study(scenarios: Sequence[Scenario], seeds: int, folder: Path | None) -> lis
     found = {each["name"]: each for each in known}
     left = [each for each in scenarios if each.name not in found]
     for robot in robots():
-        own = [each for each in left if each.robot == robot]
+        own = sorted((each for each in left if each.robot == robot), key=lambda each: timed(each.settings).frames)
         for first in range(0, len(own), AT_ONCE):
             for each in driven(own[first : first + AT_ONCE], seeds):
                 found[each["name"]] = each
