@@ -1,0 +1,211 @@
+"""Does the adaptive controller do harm anywhere: scenarios drawn at random, in which it and comp-flc drive side by side.
+
+    python tests/bench_drawn.py [--scenarios 100] [--seed 0] [--seeds 4] [--only 3 17 ...] [--plant mujoco]
+                                [--kernel numba] [--folder DIR]
+
+Each scenario draws a robot of the catalogue, a route, friction, dead time and by how much it is told wrong, noise, and
+some of them a weak wheel, a biased gyro, or pushes. One in five asks for more than wheels are made for, up to 1.2 times
+what friction lets them do. Verdicts are those of `omni-mj compare`, over all scenarios. With --folder each scenario is
+written there as a file that `omni-mj run` takes, and what came of it as a line, so that a study can be broken off and
+gone on with.
+"""
+
+import argparse
+import json
+from collections.abc import Iterator, Sequence
+from math import degrees, pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from omni_mj.measure.metrics import row_metrics
+from omni_mj.measure.statistics import CONFIDENCE, holm, paired, spread
+from omni_mj.measure.table import Table, text
+from omni_mj.robots import builtin as robots
+from omni_mj.scenarios.references import timed
+from omni_mj.scenarios.rows import Row, table
+from omni_mj.scenarios.scenario import Scenario, scenario
+from omni_mj.simulate.simulation import Simulation
+
+SUBJECT = "adaptive-comp-flc"
+CONTROLLERS = (SUBJECT, "comp-flc", "comp-flc-lag")
+ROUTES = ("league", "league-smooth", "eight", "circle", "sprint", "square-spin")
+BEYOND, WEAK, BIASED, PUSHED = 0.2, 0.3, 0.3, 0.3  # shares of scenarios
+AT_ONCE = 8  # scenarios of one robot that are simulated together
+HEADING_DEG = 3.0  # within which headings shall be where traction allows it
+SLIDES = 0.01  # share of frames in which wheels slide, up to which it does
+MEASURED = ("distance_max_m", "distance_mean_m", "heading_max_rad", "sliding_share", "full_voltage_share")
+Found = dict[str, Any]
+
+
+def drawn(seed: int, number: int) -> Scenario:
+    """A scenario of a study."""
+    rng = np.random.default_rng([seed, number])
+    robot, friction = str(rng.choice(list(robots()))), rng.uniform(0.45, 0.95)
+    base, reference = _route(rng)
+    beyond, delay, noise = rng.random() < BEYOND, int(rng.integers(2, 11)), rng.uniform(1, 3)
+    reference |= {
+        "max_speed_m_s": rng.uniform(0.8, 3.0),
+        "max_acceleration_m_s2": rng.uniform(2.0, 5.0) if beyond else rng.uniform(0.5, 3.0),
+        "max_side_acceleration_m_s2": 0.0,
+        "max_jerk_m_s3": rng.uniform(7, 40) if rng.random() < 0.5 else 0.0,
+        "friction": friction * (rng.uniform(1.0, 1.2) if beyond else 1.0),
+        "wheel_share": 1.0 if beyond else rng.uniform(0.7, 0.85),
+    }
+    weak = {"kind": "motor-weak", "at": 0.0, "wheel": int(rng.integers(1, 5)), "to": rng.uniform(0.6, 0.9)}
+    pushes = [_push(rng), _push(rng)]
+    is_weak, biased, pushed = (rng.random() < share for share in (WEAK, BIASED, PUSHED))
+    told = {base: True, "beyond": beyond, "weak": is_weak, "biased": biased, "pushed": pushed}
+    return scenario(
+        base,
+        robot=robot,
+        controllers=CONTROLLERS,
+        name=f"drawn-{seed}-{number}",
+        description=", ".join(word for word, applies in told.items() if applies),
+        reference=reference,
+        world={"places": [[0.0, 0.0, rng.uniform(-pi, pi)]]},
+        carpet={"friction": friction},
+        radio={"delay_frames": delay},
+        control={"delay_error_frames": int(rng.integers(-2, 3))},
+        vision={"position_noise_m": 0.0013 * noise, "heading_noise_rad": 0.01 * noise},
+        sensors={"gyro_bias_rad_s": 0.05 if biased else 0.01},
+        fault=[weak] * is_weak + pushes * pushed,
+    )
+
+
+def _route(rng: np.random.Generator) -> tuple[str, dict[str, Any]]:
+    """A scenario that comes with the package, and what is driven in place of its route."""
+    kind = rng.integers(3)
+    if kind == 0:
+        return str(rng.choice(ROUTES)), {}
+    length, width = rng.uniform(1, 5), rng.uniform(1, 3)
+    if kind == 1:
+        size = {"length_m": length, "width_m": width}
+        return "waypoints", size | {"count": int(rng.integers(4, 9)), "seed": int(rng.integers(1_000_000))}
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * (length / 2, width / 2)
+    turns = rng.uniform(-pi, pi, len(corners)) * (rng.random() < 0.5)
+    points = np.column_stack([corners[:: int(rng.choice([-1, 1]))], turns])
+    return "rect", {"waypoints": points.tolist()}
+
+
+def _push(rng: np.random.Generator) -> dict[str, Any]:
+    """Up to what a crash that the rules allow is (`fault-push`)."""
+    lasts, bearing = rng.uniform(0.05, 0.3), rng.uniform(-180, 180)
+    push = {"kind": "push", "at": rng.uniform(0.5, 5), "for": lasts}
+    return push | {"force_n": min(rng.uniform(0.5, 2) / lasts, 20.0), "direction_deg": bearing}
+
+
+def driven(scenarios: Sequence[Scenario], seeds: int) -> Iterator[Found]:
+    """What comes of scenarios of one robot, simulated together."""
+    rows: list[Row] = []
+    for each in scenarios:
+        for row in table(each.labels, range(seeds), each.settings_of, each.robot):
+            rows.append(Row(len(rows), row.place, row.controller, row.seed, row.settings, row.robot))
+    simulation = Simulation(scenarios[0], rows=rows)
+    measured = row_metrics(simulation.run(), simulation.failures)
+    count = len(rows) // len(scenarios)
+    for k, each in enumerate(scenarios):
+        results: dict[str, Any] = {label: {} for label in each.labels}
+        for label, own in zip(each.labels, np.split(np.arange(k * count, (k + 1) * count), len(each.labels)), strict=True):
+            results[label] = {name: measured[name][own].tolist() for name in MEASURED}
+        yield {"name": each.name, "robot": each.robot, "description": each.description, "results": results}
+
+
+def study(scenarios: Sequence[Scenario], seeds: int, folder: Path | None) -> list[Found]:
+    """Results of scenarios, in their order; those that are in the folder are not run again."""
+    kept = folder / "results.jsonl" if folder else None
+    known = [json.loads(line) for line in kept.read_text("utf-8").splitlines()] if kept and kept.exists() else []
+    found = {each["name"]: each for each in known}
+    left = [each for each in scenarios if each.name not in found]
+    for robot in robots():
+        own = sorted((each for each in left if each.robot == robot), key=lambda each: timed(each.settings).frames)
+        for first in range(0, len(own), AT_ONCE):
+            for each in driven(own[first : first + AT_ONCE], seeds):
+                found[each["name"]] = each
+                if kept:
+                    with kept.open("a", encoding="utf-8") as out:
+                        out.write(json.dumps(each) + "\n")
+    return [found[each.name] for each in scenarios]
+
+
+def compared(found: Sequence[Found]) -> list[dict[str, Any]]:
+    """The subject against each rival in each scenario, maximum and mean; differences are paired over seeds."""
+    pairs = []
+    for each in found:
+        for rival in CONTROLLERS[1:]:
+            for name in ("distance_max_m", "distance_mean_m"):
+                ours, theirs = (spread(np.array(each["results"][label][name])) for label in (SUBJECT, rival))
+                _, _, p = paired(ours, theirs)
+                means = [np.inf if one["mean"] is None else one["mean"] for one in (ours, theirs)]
+                pairs.append({"scenario": each, "rival": rival, "error": name.split("_")[1], "means": means, "p": p})
+    tested = [pair for pair in pairs if pair["p"] is not None]
+    for pair, adjusted in zip(tested, holm(np.array([pair["p"] for pair in tested])), strict=True):
+        pair["chance"] = bool(adjusted > 1 - CONFIDENCE)
+    return pairs
+
+
+def verdicts(pairs: Sequence[dict[str, Any]]) -> Iterator[Table]:
+    """How often the subject is ahead of each rival, and where it is not."""
+    rows = []
+    for rival in CONTROLLERS[1:]:
+        for error in ("max", "mean"):
+            own = [pair for pair in pairs if (pair["rival"], pair["error"]) == (rival, error)]
+            ratio = np.array([pair["means"][0] / pair["means"][1] for pair in own])
+            sure = sum(a >= b and not pair.get("chance", True) for pair in own for a, b in [pair["means"]])
+            quantiles = (f"{value:.2f}" for value in np.quantile(ratio, [0, 0.5, 0.9, 1]))
+            rows.append([f"{rival}, {error}", str((ratio < 1).sum()), str((ratio >= 1).sum()), str(sure), *quantiles])
+    headings = ["against", "ahead", "behind", "beyond chance", "ratio: least", "median", "9 in 10", "most"]
+    yield Table(f"{SUBJECT} in {len(rows) and len(own)} scenarios, means over seeds", headings, rows, 1)
+    lost = [pair for pair in pairs if pair["means"][0] >= pair["means"][1]]
+    rows = [
+        [
+            pair["scenario"]["name"], pair["scenario"]["robot"], f"{pair['rival']}, {pair['error']}",
+            *(f"{100 * mean:.2f}" for mean in pair["means"]),
+            "-" if pair["p"] is None else f"{pair['p']:.2g}", pair["scenario"]["description"],
+        ]
+        for pair in lost
+    ]  # fmt: skip
+    yield Table("behind", ["scenario", "robot", "against", "cm", "theirs", "p", ""], rows, 3)
+
+
+def headings(found: Sequence[Found]) -> Table:
+    """Where the subject's heading strays too far, in the worst seed, and what the rivals' does there."""
+    rows = []
+    for each in found:
+        worst = [degrees(max(result["heading_max_rad"])) for result in each["results"].values()]
+        slides, volts = (max(each["results"][SUBJECT][name]) for name in ("sliding_share", "full_voltage_share"))
+        if worst[0] > HEADING_DEG:
+            numbers = (f"{value:.1f}" for value in (*worst, 100 * slides, 100 * volts))
+            rows.append([each["name"], each["robot"], *numbers, "" if slides > SLIDES else "yes", each["description"]])
+    title = f"headings beyond {HEADING_DEG:g} degrees"
+    return Table(title, ["", "robot", *CONTROLLERS, "slides, %", "full V, %", "traction allows", ""], rows, 2)
+
+
+def main() -> None:
+    """The command."""
+    parser = argparse.ArgumentParser(description="Does the adaptive controller do harm anywhere?")
+    parser.add_argument("--scenarios", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=0, help="From which scenarios are drawn.")
+    parser.add_argument("--seeds", type=int, default=4, help="Of each scenario's noise.")
+    parser.add_argument("--only", type=int, nargs="+", help="Numbers of scenarios. [all]")
+    parser.add_argument("--plant", default="mujoco")
+    parser.add_argument("--kernel", default="numpy")
+    parser.add_argument("--folder", type=Path, help="Where scenarios and results stay. [nowhere]")
+    given = parser.parse_args()
+    scenarios = [drawn(given.seed, number) for number in given.only or range(given.scenarios)]
+    scenarios = [
+        each.replace(plant=given.plant, settings=each.settings.replace(physics={"kernel": given.kernel}))
+        for each in scenarios
+    ]
+    if given.folder:
+        given.folder.mkdir(parents=True, exist_ok=True)
+        for each in scenarios:
+            (given.folder / f"{each.name}.toml").write_text(each.to_toml(), "utf-8")
+    found = study(scenarios, given.seeds, given.folder)
+    for each in (*verdicts(compared(found)), headings(found)):
+        print(text(each), flush=True)
+
+
+if __name__ == "__main__":
+    main()
