@@ -67,17 +67,21 @@ def follow(
     unseen: slice = slice(0),
     silent: slice = slice(0),
     push: float | Array = 0,
+    hand: float | Array = 0,
+    blow: float | Array = 0,
     batches: int = 1,
 ) -> tuple[Identifier, Array, Array]:
     """Identify while commands (frames, n, 2) are driven; the identifier, parameters and their sigma, (frames, n, 8).
 
-    In frames that are silent, robots are told to stand in place of what was sent. Robots of as many batches are seen
-    with the same noise.
+    In frames that are silent, robots are told to stand in place of what was sent. Before frame 300 a hand displaces
+    them, (n, 2) m, and a blow makes them faster, (n, 2) m/s. Robots of as many batches are seen with the same noise.
     """
     frames, n = commands.shape[:2]
     found = Identifier(np.zeros(n, complex), T, told, NOISE, *TOLD)
     sent, history, sigma = CommandsInFlight(n, found.longest), [], []
     for k in range(frames):
+        if k == 300:
+            plant.position, plant.velocity = plant.position + hand, plant.velocity + blow
         noise = np.tile(NOISE * rng.standard_normal((n // batches, 2)), (batches, 1))
         seen = plane(plant.position + noise)
         if k in range(*unseen.indices(frames)):
@@ -144,6 +148,30 @@ def test_half_a_second_without_vision_costs_nothing_but_evidence() -> None:
     found, history, _ = follow(plant, commands, rng, unseen=slice(360, 390))
     assert np.abs(history[-1] - history[359])[:, 1:3].max() < 0.02
     assert np.abs(found.position - plane(plant.position)).max() < 0.05
+
+
+@pytest.mark.parametrize(("hidden", "hand"), [(0, 0.05), (9, 0.4)])
+def test_a_robot_that_is_put_elsewhere_has_not_driven_there(hidden: int, hand: float) -> None:
+    """Seen at once, or after nine frames: from the sixth image on its velocity is known, and of the rest what was.
+
+    Taken for a way that was driven, 5 cm would be a velocity of 0.3 m/s and more.
+    """
+    rng = np.random.default_rng(9)
+    truth, commands = np.tile([0, 1.1, 1.15, 0.05, 0.085, 0.03, 0, 0.015], (10, 1)), weaving(rng, 306 + hidden, 10)
+    plant = Creeping(truth)
+    found, history, _ = follow(plant, commands, rng, unseen=slice(300, 300 + hidden), hand=np.array([hand, 0.0]))
+    assert np.abs(found.velocity - plane(plant.velocity)).max() < 0.15
+    assert np.abs(found.push).max() < 0.05
+    assert np.abs(history[-1] - history[299])[:, motion.EFFORT].max() < 0.03
+
+
+@pytest.mark.parametrize("faster", [0.4, 3.0])
+def test_a_blow_is_found_in_six_images(faster: float) -> None:
+    """Of less than what could be taken for a hand's, or of more, to a quarter of it, which wheels soon brake again."""
+    rng = np.random.default_rng(10)
+    plant = Creeping(np.tile([0, 1.1, 1.15, 0.05, 0.085, 0.03, 0, 0.015], (10, 1)))
+    found, _, _ = follow(plant, weaving(rng, 306, 10), rng, blow=np.array([faster, 0.0]))
+    assert np.abs(found.velocity - plane(plant.velocity)).max() < faster / 4
 
 
 def test_a_robot_that_hears_nothing_tells_nothing_of_itself() -> None:

@@ -209,6 +209,15 @@ def corrected(i: int, p: PlantArrays, place: complex, after: float) -> None:
     area = xx * yy - xy * yx
     x, y = place.real - state[0], place.imag - state[1]
     weigh_x, weigh_y = (x * yy - y * yx) / area, (y * xx - x * xy) / area
+    surprise = (x * weigh_x + y * weigh_y) / 2
+    p.surprise[i] = evidence.surprised(p.surprise[i], surprise)
+    far = abs(complex(x, y))
+    if evidence.carried(surprise, far, p.period):
+        state[0] += x
+        state[1] += y
+        within(state, 6, p.lowest, p.highest)
+        set_down(variance, far, noise, p.period)
+        return
     for k in range(14):
         state[k] += weigh_x * of[0, k] + weigh_y * of[1, k]
     within(state, 6, p.lowest, p.highest)
@@ -217,7 +226,19 @@ def corrected(i: int, p: PlantArrays, place: complex, after: float) -> None:
         for k in range(j, 14):
             variance[j, k] -= gain_x * of[0, k] + gain_y * of[1, k]
             variance[k, j] = variance[j, k]
-    p.surprise[i] = evidence.surprised(p.surprise[i], (x * weigh_x + y * weigh_y) / 2)
+
+
+def set_down(variance: Array, far: float, noise: float, period: float) -> None:
+    """Change the variance (14, 14) of a robot that was put `far` from where it was expected, m; see `evidence.carried`.
+
+    It is where it is seen, but for the noise, of a variance in m^2. How fast it is, which could have led as far in a
+    frame, the next image tells. Nothing else is known better than before.
+    """
+    variance[:2] = 0.0
+    variance[:, :2] = 0.0
+    for j in range(2):
+        variance[j, j] = noise
+        variance[2 + j, 2 + j] += (far / period) ** 2
 
 
 def felt(i: int, p: PlantArrays, frame: int, before: complex, unaided: complex, arrived: complex) -> None:

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from omni_control.estimation.gate import BRAKING_M_S2
+
 Number = Any  # a float, or an array of floats
 Truth = Any  # a bool, or an array of bools
 
@@ -38,6 +40,14 @@ def obeys(shown: Number, sliding: Number, surprise: Number) -> Number:
 def surprised(surprise: Number, now: Number) -> Number:
     """The mean square of innovations over what was expected, with that of `now`."""
     return surprise + (np.minimum(now, LARGEST) - surprise) / SURPRISE_FRAMES
+
+
+def carried(surprise: Number, far: Number, period: float) -> Truth:
+    """Whether a robot was put where it is seen, `far` from where it was expected, m: by what is no motion.
+
+    Noise does that once in e^50 images, and wheels lead less far in a frame. Nor does a blow of less than 1 m/s.
+    """
+    return (surprise > LARGEST) & (far > BRAKING_M_S2 * period**2)
 
 
 def restless(surprise: Number) -> Number:

@@ -12,6 +12,10 @@ are again what they were before it began, since until then it was taken for thei
 parameters are kept, all but creep, which is the slip that grows with acceleration. What does not pass within a second
 is no sliding, but a robot that has become another, and is learned; one that does nothing of what is asked hears
 nothing, or is held, and nothing is learned of it, not even creep, however long that lasts.
+
+A robot that is seen where no motion leads was put there, or the camera was moved. It then is where it is seen, which
+tells nothing of its velocity, of what pushes it, nor of its parameters: a filter that took the way for one that was
+driven would believe in 1 m/s for a while.
 """
 
 import numpy as np
@@ -19,6 +23,7 @@ import numpy as np
 from omni_control.delay import CommandsInFlight
 from omni_control.estimation import evidence, motion
 from omni_control.estimation.arrays import PlantArrays
+from omni_control.estimation.by_robot import set_down
 from omni_control.estimation.late import Late
 from omni_control.estimation.motion import Motion, Plane, pairs, plane
 from omni_control.kinematics import Array, Kinematics
@@ -298,15 +303,23 @@ class Identifier:
             after = late.after[:, None, None]
             of_position = of_position + after * self.variance[:, 2:4]
             of_seen = of_position[:, :, :2] + after * of_position[:, :, 2:4]
-        expected = of_seen + np.maximum(self.noise, self._told)[:, None, None] * _IDENTITY
+        noise = np.maximum(self.noise, self._told)
+        expected = of_seen + noise[:, None, None] * _IDENTITY
         adjugate = expected[:, ::-1, ::-1] * _COFACTORS
         area = np.add.reduce(expected[:, 0] * adjugate[:, 0], axis=1)
         inverse = adjugate * (seen / area)[:, None, None]
         weighed = innovation @ inverse  # (n, 1, 2)
+        surprise = np.add.reduce((innovation * weighed)[:, 0], axis=1) / 2
+        far, known = np.abs(innovation.view(complex)[:, 0, 0]), self.variance
+        carried = np.flatnonzero(evidence.carried(surprise, far, self._period))
+        weighed[carried] = 0.0
+        state[carried, :2] += innovation[carried, 0]
         state += (weighed @ of_position)[:, 0]
         parameters = state[:, 6:]
         np.minimum(np.maximum(parameters, self._lowest, out=parameters), self._highest, out=parameters)
         variance = self.variance - of_position.swapaxes(1, 2) @ (inverse @ of_position)
         self.variance = (variance + variance.swapaxes(1, 2)) / 2
-        surprise = np.add.reduce((innovation * weighed)[:, 0], axis=1) / 2
+        for i in carried:
+            self.variance[i] = known[i]
+            set_down(self.variance[i], far[i], noise[i], self._period)
         self.surprise = np.where(seen, evidence.surprised(self.surprise, surprise), self.surprise)
