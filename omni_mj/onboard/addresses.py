@@ -39,6 +39,11 @@ def numbers(address: int, shape: Shape) -> np.ndarray:
     return _there(address, shape, np.int64)
 
 
+def words(address: int, shape: Shape) -> np.ndarray:
+    """The array of int32 that is there (compiled: `pointers`)."""
+    return _there(address, shape, np.int32)
+
+
 def truths(address: int, shape: Shape) -> np.ndarray:
     """The array of bool that is there (compiled: `pointers`)."""
     return _there(address, shape, np.bool_)

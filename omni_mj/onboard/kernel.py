@@ -54,6 +54,7 @@ def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:
         addresses.floats: pointers.floats,
         addresses.vectors: pointers.vectors,
         addresses.numbers: pointers.numbers,
+        addresses.words: pointers.words,
         addresses.truths: pointers.truths,
         addresses.call: pointers.call,
     }

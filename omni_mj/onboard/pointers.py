@@ -51,6 +51,11 @@ def numbers(address: int, shape: tuple[int, ...]) -> Any:
     return carray(_pointer(address), shape, np.int64)
 
 
+def words(address: int, shape: tuple[int, ...]) -> Any:
+    """See `addresses.words`."""
+    return carray(_pointer(address), shape, np.int32)
+
+
 def truths(address: int, shape: tuple[int, ...]) -> Any:
     """See `addresses.truths`."""
     return carray(_pointer(address), shape, np.bool_)

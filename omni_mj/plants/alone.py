@@ -9,6 +9,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from omni_mj.onboard import addresses
+from omni_mj.plants import loads
+
 STATE = "qpos", "qvel", "ctrl", "xfrc_applied"
 
 
@@ -26,11 +29,12 @@ class Alone:
         model: as given.
         state: one piece of memory with all of `STATE` in it, (1, numbers).
         warning: MuJoCo's warnings, the last one's detail and how many there were, (1, warnings, 2).
-        stepping: addresses of `mj_step`, and of model and data, which it is handed.
+        stepping: what `step` is handed: addresses of `mj_step`, of model and data, and the table of `Loads`.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self.model, self._data = model, mujoco.MjData(model)
+        self._loads = loads.Loads(model, self._data)
         fields = [getattr(self._data, name) for name in STATE]
         first = min(fields, key=lambda field: int(field.ctypes.data))
         end = max(field.ctypes.data + field.nbytes for field in fields)
@@ -38,7 +42,7 @@ class Alone:
         self.state = np.lib.stride_tricks.as_strided(first, (1, size), (end - first.ctypes.data, first.itemsize))
         details = self._data.warning.lastinfo
         self.warning = np.lib.stride_tricks.as_strided(details, (1, len(details), 2), (0, *details.strides, 4))
-        self.stepping = np.array([_mj_step(), model._address, self._data._address], np.int64)
+        self.stepping = np.array([_mj_step(), model._address, self._data._address, *self._loads.table], np.int64)
 
     def bind(self, name: str) -> np.ndarray:
         """A field of `MjData`, (1, ...)."""
@@ -54,20 +58,29 @@ class Alone:
     def step(self, ids: np.ndarray | None = None) -> None:
         """Step the world, unless `ids` has none."""
         if ids is None or len(ids):
-            mujoco.mj_step(self.model, self._data)
+            step(self.stepping)
 
     def forward(self, ids: np.ndarray | None = None) -> None:
         """Find what follows from the state, sensors among it."""
         if ids is None or len(ids):
             mujoco.mj_forward(self.model, self._data)
+            loads.weigh(self._loads.table)
 
     def get_model(self, sim: int = 0) -> mujoco.MjModel:
         """A copy of the model as it is now."""
-        return copy.copy(self.model)
+        model = copy.copy(self.model)
+        self._loads.give_back(model)
+        return model
 
     def get_data(self, sim: int = 0) -> mujoco.MjData:
         """A copy of the data."""
         return copy.copy(self._data)
+
+
+def step(stepping: np.ndarray) -> None:
+    """Step a world; compiled or not."""
+    addresses.call(stepping[0], stepping[1], stepping[2])
+    loads.weigh(stepping[3:])
 
 
 @cache

@@ -19,7 +19,7 @@ from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.kernel import compiled
 from omni_mj.onboard.motors import Motors
 from omni_mj.onboard.traction import EVERY, Traction
-from omni_mj.plants import table
+from omni_mj.plants import alone, table
 from omni_mj.plants.alone import Alone
 from omni_mj.plants.cells import (
     ANGLE,
@@ -125,20 +125,19 @@ class Burst:
     """Goes through cycles of a frame, physics steps among them, of a world by itself.
 
     Args:
-        world: of all the robots.
-        groups: what happens to them between the steps, to one after the other.
+        groups: what happens to its robots between the steps, to one after the other.
         substeps: physics steps in a cycle.
     """
 
-    def __init__(self, world: Alone, groups: Sequence[Between], substeps: int) -> None:
-        self._world, self._groups, self._substeps = world, groups, substeps
+    def __init__(self, groups: Sequence[Between], substeps: int) -> None:
+        self._groups, self._substeps = groups, substeps
         self._tables = np.array([addresses.of(each.table) for each in groups])
         self._burst = compiled(burst)
 
-    def go(self, first: int, count: int, living: bool) -> None:
+    def go(self, world: Alone, first: int, count: int, living: bool) -> None:
         """Go through some, from the `first` of their frame on, with physics steps if the world is `living`."""
-        stepping, firmware = self._world.stepping, [each.firmware for each in self._groups]
-        self._burst(self._tables, stepping, first, count, self._substeps, living, firmware[0].cycle)
+        firmware = [each.firmware for each in self._groups]
+        self._burst(self._tables, world.stepping, first, count, self._substeps, living, firmware[0].cycle)
         for each in firmware:
             each.cycle += count
 
@@ -155,7 +154,7 @@ def burst(
             before(addresses.numbers(address, (END,)), first + k, cycle + k)
         for substep in range(substeps):
             if living:
-                addresses.call(stepping[0], stepping[1], stepping[2])
+                alone.step(stepping)
             for address in tables:
                 after(addresses.numbers(address, (END,)), first + k, substep == 0, substep == substeps - 1)
 

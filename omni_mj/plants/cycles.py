@@ -14,28 +14,28 @@ class Cycles:
     """Goes through them.
 
     Args:
-        batch: of all the robots.
         plants: what happens to them between physics steps, to one group after the other.
         substeps: physics steps in a cycle.
     """
 
-    def __init__(self, batch: Batch | Alone, plants: Sequence[AtOnce | Between], substeps: int) -> None:
-        self._batch, self._plants, self._substeps = batch, plants, substeps
+    def __init__(self, plants: Sequence[AtOnce | Between], substeps: int) -> None:
+        self._plants, self._substeps = plants, substeps
         groups = [each for each in plants if isinstance(each, Between)]
-        self._burst = Burst(batch, groups, substeps) if isinstance(batch, Alone) and groups else None
+        self._burst = Burst(groups, substeps) if groups else None
 
-    def go(self, first: int, count: int, living: np.ndarray | None = None) -> None:
+    def go(self, batch: Batch | Alone, first: int, count: int, living: np.ndarray | None = None) -> None:
         """Go through some cycles of a frame.
 
         Args:
+            batch: of all the robots.
             first: number of the first cycle in its frame.
             count: of the cycles.
             living: worlds that are stepped; None for all.
         """
-        if self._burst is not None:
-            self._burst.go(first, count, living is None or len(living) > 0)
+        if self._burst is not None and isinstance(batch, Alone):
+            self._burst.go(batch, first, count, living is None or len(living) > 0)
             return
-        batch, plants, substeps = self._batch, self._plants, self._substeps
+        plants, substeps = self._plants, self._substeps
         for k in range(first, first + count):
             for each in plants:
                 each.before(k)

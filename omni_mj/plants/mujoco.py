@@ -110,7 +110,7 @@ class MujocoPlant:
             self._faults = Faults(rows, MujocoBodies(self._batch, world, n), onboard, self._angles)
         state = onboard, (self._angles.T, self._turn_rates), self._failed, self._heading, (recorded, self._supplies)
         self.between = AtOnce(self._at, *state) if self._kernel == "numpy" else Between(self._batch, world, *state)
-        self._cycles, self._cycle = Cycles(self._batch, [self.between], self._substeps), 0
+        self._cycles, self._cycle = Cycles([self.between], self._substeps), 0
         self._nothing: tuple[Array, np.ndarray] = np.full(n, np.nan), np.zeros(n, int)
         self._heard: tuple[Array, np.ndarray] = self._nothing
 
@@ -143,7 +143,7 @@ class MujocoPlant:
             As `advance`, at the end of a frame; nothing within one.
         """
         self.begin(received)
-        self._cycles.go(self._cycle, count, self._living)
+        self._cycles.go(self._batch, self._cycle, count, self._living)
         return self.end(count)
 
     def begin(self, received: Received | None = None) -> None:

@@ -12,6 +12,7 @@ from omni_mj.onboard import addresses
         (addresses.floats, np.float64),
         (addresses.vectors, np.complex128),
         (addresses.numbers, np.int64),
+        (addresses.words, np.int32),
         (addresses.truths, np.bool_),
     ],
 )

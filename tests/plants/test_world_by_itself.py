@@ -7,9 +7,9 @@ from driving import mujoco, quiet
 from mujoco.batch import Batch
 
 from omni_mj.link.radio import Received
-from omni_mj.onboard import addresses
+from omni_mj.onboard.kernel import compiled
 from omni_mj.plants import batches
-from omni_mj.plants.alone import STATE, Alone
+from omni_mj.plants.alone import STATE, Alone, step
 from omni_mj.worlds import build
 
 FIELDS = "dof_frictionloss", "dof_solimp", "actuator_gainprm", "geom_pos", "opt.gravity"
@@ -25,9 +25,9 @@ def standing(made: type[Alone] | type[Batch]) -> Alone | Batch:
     return one
 
 
-@pytest.mark.parametrize("way", ["step", "address"])
+@pytest.mark.parametrize("way", ["as written", "compiled"])
 def test_it_steps_as_a_batch_of_one_does(way: str) -> None:
-    """Driven by voltages and pushes, with fields of the model that change: MuJoCo's own step, on other copies."""
+    """Driven by voltages and pushes, with fields of the model that change: MuJoCo's own step and sensors, on copies."""
     batch, alone = standing(Batch), standing(Alone)
     assert isinstance(alone, Alone)
     rng = np.random.default_rng(1)
@@ -39,10 +39,10 @@ def test_it_steps_as_a_batch_of_one_does(way: str) -> None:
             one.expand("dof_frictionloss")[0, -4:] = 0.01 * number
             one.expand("opt.gravity")[0, 0] = 0.1 * number
         batch.step()
-        if way == "step":
+        if way == "as written":
             alone.step()
         else:
-            addresses.call(*alone.stepping)
+            compiled(step)(alone.stepping)
     for name in (*STATE, "sensordata"):
         np.testing.assert_array_equal(alone.bind(name), batch.bind(name), name)
     for name in FIELDS:

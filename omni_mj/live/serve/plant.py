@@ -52,8 +52,7 @@ class ServedPlant:
                 squad.stand()
         self._of = {int(place): (squad, robot) for squad in self.squads for robot, place in enumerate(squad.places)}
         self._cycle, self.cycles = 0, self.squads[0].cycles
-        between = [squad.between for squad in self.squads]
-        self._cycles = Cycles(self._batch, between, rows[0].settings.physics.substeps)
+        self._cycles = Cycles([squad.between for squad in self.squads], rows[0].settings.physics.substeps)
         self.wheels = [len(row.settings.wheels.azimuths_deg) for row in rows]
         self.reach = self._all(lambda squad: np.full(len(squad.places), squad.reach))
         model = worlds[0].model
@@ -101,7 +100,7 @@ class ServedPlant:
         squads = self.squads
         for squad in squads:
             squad.begin(None if received is None else self._part(received, squad))
-        self._cycles.go(self._cycle % self.cycles, count)
+        self._cycles.go(self._batch, self._cycle % self.cycles, count)
         self._cycle += count
         causes = dict[int, str]()
         for squad in squads:

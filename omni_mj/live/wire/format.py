@@ -35,6 +35,7 @@ from omni_mj.live.wire.kinds import (
     with_size,
     write_varint,
 )
+from omni_mj.live.wire.layout import Layout
 
 MAX_BYTES = 65_507  # of a UDP datagram's payload over IPv4
 MAX_GROUPS = 100  # within each other, in what is skipped; as deep as protobuf's own parsers go
@@ -79,6 +80,7 @@ class _Table(NamedTuple):
     messages: list[tuple[int, type[Any], bool]]  # place, class, whether repeated
     required: list[tuple[int, str]]  # place, name
     names: list[str]  # by place
+    layout: Layout | None
 
 
 def encode(message: tuple[Any, ...]) -> bytes:
@@ -88,6 +90,8 @@ def encode(message: tuple[Any, ...]) -> bytes:
         WireError: a required field is None, or a value has the wrong type or is out of its kind's range.
     """
     table, written, place = _table(type(message)), bytearray(), 0
+    if table.layout is not None and (whole := table.layout.write(message)) is not None:
+        return whole
     try:
         for place, tag, write, label in table.write:
             value = message[place]
@@ -125,6 +129,8 @@ def decode(kind: type[Message], data: bytes) -> Message:
 def _read(kind: type[Message], *parts: bytes) -> Message:
     """A message; sent twice, it is merged: each part is well-formed, and what is required may be in any."""
     table = _table(kind)
+    if table.layout is not None and len(parts) == 1 and (whole := table.layout.read(parts[0])) is not None:
+        return kind(*whole)
     values: list[Any] = [None] * len(table.names)
     for data in parts:
         at, end = 0, len(data)
@@ -196,7 +202,7 @@ def _table(kind: type) -> _Table:
     """What the annotations of a message say."""
     described = fields(kind)
     exclusive = [place for place, field in enumerate(described.values()) if field.label == "one of"]
-    table = _Table([], {}, [], [], list(described))
+    table, kinds = _Table([], {}, [], [], list(described), None), list[tuple[int, int, Kind]]()
     for place, (name, field) in sorted(enumerate(described.items()), key=lambda item: item[1][1].number):
         coded, message = field.kind, None
         if not isinstance(coded, Kind):
@@ -204,12 +210,13 @@ def _table(kind: type) -> _Table:
         others = tuple(other for other in exclusive if other != place) if place in exclusive else ()
         tag = field.number << 3 | coded.wire_type
         table.write.append((place, write_varint(tag), coded.write, field.label))
+        kinds.append((place, tag, coded))
         table.read[tag] = place, coded.read, message is not None, others
         if message is not None:
             table.messages.append((place, message, field.label == "repeated"))
         if field.label == "required":
             table.required.append((place, name))
-    return table
+    return table._replace(layout=Layout.of(kinds))
 
 
 def _of(message: type[Any]) -> Kind:

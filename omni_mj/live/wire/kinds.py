@@ -20,6 +20,8 @@ Read = Callable[[bytes, int, int], tuple[Any, int]]  # of (data, from, end): val
 Write = Callable[[Any], bytes]
 
 
+ONE_BYTE = "B"
+
 _BYTES = [bytes([value]) for value in range(0x80)]
 
 
@@ -29,11 +31,21 @@ class WireError(OmniError):
 
 @dataclass(frozen=True)
 class Kind:
-    """How a value is written: its wire type, how it is read, how it is written."""
+    """How a value is written.
+
+    Args:
+        wire_type: of it.
+        read: how it is read.
+        write: how it is written.
+        form: code in `struct` of one that has a fixed size, or, `ONE_BYTE`, of one from 0 to 127; "" of others.
+        scale: with which it is multiplied on the wire; None where that is not said of it.
+    """
 
     wire_type: int
     read: Read
     write: Write
+    form: str = ""
+    scale: float | None = None
 
 
 def read_varint(data: bytes, at: int, end: int, most: int = 10) -> tuple[int, int]:
@@ -78,7 +90,7 @@ def _integer(least: int, most: int, *, scale: float = 1.0) -> Kind:
             raise ValueError(f"must be from {least} to {most}")
         return write_varint(whole & 0xFFFF_FFFF_FFFF_FFFF)
 
-    return Kind(VARINT, read, write)
+    return Kind(VARINT, read, write, ONE_BYTE if scale == 1.0 else "")
 
 
 def _real(code: str, wire_type: int, *, scale: float = 1.0) -> Kind:
@@ -92,7 +104,8 @@ def _real(code: str, wire_type: int, *, scale: float = 1.0) -> Kind:
             raise WireError("cut off within a number")
         return unpack(data, at)[0] / scale, after
 
-    return Kind(wire_type, read, form.pack if scale == 1.0 else lambda value: form.pack(value * scale))
+    write = form.pack if scale == 1.0 else lambda value: form.pack(value * scale)
+    return Kind(wire_type, read, write, code[-1], None if scale == 1.0 else scale)
 
 
 def read_sized(data: bytes, at: int, end: int) -> tuple[bytes, int]:
