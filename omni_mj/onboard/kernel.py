@@ -13,7 +13,6 @@ from typing import Any
 from omni_control.errors import OmniError
 from omni_mj.onboard import addresses, laws, wide
 
-INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 OURS = "omni_mj.", "omni_control."  # modules whose functions are compiled with those that call them
 
 
@@ -60,24 +59,25 @@ def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:
     }
     for function, other in instead.items():
         if function not in _REGISTERED:
-            overload(function, jit_options=INNER)(_always(other))
+            overload(function, jit_options=_UNCALLED)(_always(other))
             _REGISTERED.add(function)
     functions = list(_ours(loop, {loop}))
     for function in functions:
         if function not in _REGISTERED:
-            register_jitable(**INNER)(function)
+            register_jitable(**_UNCALLED)(function)
             _REGISTERED.add(function)
     sources = sorted({str(function.__code__.co_filename) for function in [loop, *functions, *instead.values()]})
     digest = hashlib.sha256(b"".join(Path(source).read_bytes() for source in sources)).hexdigest()
     kept = config.CACHE_DIR
     config.CACHE_DIR = str(Path(kept or _cache()) / digest[:16])
     try:
-        return numba.njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(loop)
+        return numba.njit(cache=True, error_model="numpy", **_UNCALLED)(loop)
     finally:
         config.CACHE_DIR = kept
 
 
 _REGISTERED: set[Any] = set()
+_UNCALLED: Any = {"no_cfunc_wrapper": True}  # an entry for C, which nobody calls, is another copy of all to optimise
 
 
 def _always(instead: Callable[..., Any]) -> Callable[..., Any]:

@@ -1,8 +1,12 @@
 """The robots that come with the package: a file each, with every number of it and where that comes from."""
 
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 
 
-def builtin() -> dict[str, Path]:
+@cache
+def builtin() -> Mapping[str, Path]:
     """Their files, by name."""
-    return {path.stem: path for path in sorted(Path(__file__).parent.glob("*.toml"))}
+    return MappingProxyType({path.stem: path for path in sorted(Path(__file__).parent.glob("*.toml"))})

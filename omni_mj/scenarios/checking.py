@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
 
 import numpy as np
@@ -136,9 +137,10 @@ class Checked(BaseModel):
         return {known: getattr(self, name) for known, name in self._names().items()}
 
     @classmethod
-    def declared(cls) -> list[Setting]:
+    @cache
+    def declared(cls) -> tuple[Setting, ...]:
         """What the declarations of its fields say."""
-        return [cls._declared(name) for name in cls.model_fields]
+        return tuple(cls._declared(name) for name in cls.model_fields)
 
     @classmethod
     def _names(cls) -> dict[str, str]:

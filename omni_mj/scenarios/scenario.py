@@ -4,6 +4,7 @@ import inspect
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, Self
 
@@ -61,9 +62,10 @@ class Scenario(Checked):
         return [self.seed + i for i in range(self.seeds)]
 
     @classmethod
-    def declared(cls) -> list[Setting]:
+    @cache
+    def declared(cls) -> tuple[Setting, ...]:
         """What the declarations of its own fields say; those of the settings are in their sections."""
-        return [cls._declared(name) for name in cls.model_fields if name not in ("settings", "distributions")]
+        return tuple(cls._declared(name) for name in cls.model_fields if name not in ("settings", "distributions"))
 
     def settings_of(self, seed: int) -> Settings:
         """The settings of a seed's rows; an `OmniError` where what is drawn is not allowed."""

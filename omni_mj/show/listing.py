@@ -7,7 +7,7 @@ import ast
 import json
 import re
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from importlib.util import find_spec
 from pathlib import Path
@@ -105,7 +105,7 @@ def _controllers() -> list[list[str]]:
     return [[name, _first_line(where) + remarks.get(name, "")] for name, where in CONTROLLERS.items()]
 
 
-def _described(files: dict[str, Path]) -> list[list[str]]:
+def _described(files: Mapping[str, Path]) -> list[list[str]]:
     """Names and descriptions of TOML files."""
     read = {name: tomllib.loads(path.read_text(encoding="utf-8")) for name, path in files.items()}
     return [[name, data.get("description", "")] for name, data in read.items()]

@@ -31,15 +31,15 @@ class Creeping:
         self._sent = np.concatenate([self._sent[1:], command[None]])
         compass, g, creep = self.parameters[:, 0], self.parameters[:, 1:3], self.parameters[:, 3:5]
         friction, latency, lag = self.parameters[:, 5:6], DELAY + self.parameters[:, 6], self.parameters[:, 7:8]
-        turned, robots = np.exp(-1j * compass), np.arange(len(compass))
-        for k in range(FINE):
-            age = np.floor(latency - (k + 0.5) / FINE).astype(int) + 1
-            sent = plane(self._sent[-1 - age, robots]) * turned
-            u, v = np.stack([sent.real, sent.imag], axis=1), self.velocity
-            size = np.hypot(*v.T)[:, None]
-            slow = np.maximum(size, 0.02)
-            pull = (u - friction * GIVES * v / slow - g * v) / (lag * GIVES + g**2 * creep * size)
-            pull *= np.minimum(1, self.grip / np.maximum(np.hypot(*pull.T), 1e-9))[:, None]
+        age = np.floor(latency - (np.arange(FINE)[:, None] + 0.5) / FINE).astype(int) + 1
+        sent = plane(self._sent[-1 - age, np.arange(len(compass))]) * np.exp(-1j * compass)
+        told, dry, still, soft = np.stack([sent.real, sent.imag], axis=-1), friction * GIVES, lag * GIVES, g**2 * creep
+        for u in told:
+            v = self.velocity
+            size = np.hypot(v[:, :1], v[:, 1:])
+            pull = (u - (dry / np.maximum(size, 0.02) + g) * v) / (still + soft * size)
+            if np.isfinite(self.grip).any():
+                pull *= np.minimum(1, self.grip / np.maximum(np.hypot(*pull.T), 1e-9))[:, None]
             pull[:, 0] += push
             self.velocity = v + T / FINE * pull
             self.position = self.position + T / FINE * (v + self.velocity) / 2

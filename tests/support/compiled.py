@@ -18,10 +18,14 @@ NUMBA = {"kernel": "numba"}
 
 @cache
 def once(plant: str) -> None:
-    """Have a plant's loops, and a controller's, compiled by one process for all, in half a minute; the others wait."""
+    """Have a plant's loops, and a controller's, compiled by one process for all, in a minute; the others wait.
+
+    For a robot by itself, and for several: these are other loops, or other machine code.
+    """
     with (Path(tempfile.gettempdir()) / f"omni-mj-{os.getuid()}-{plant}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        om.Simulation(om.scenario("rect", plant=plant, physics=NUMBA), ["adaptive-comp-flc"]).step()
+        for controllers in (["adaptive-comp-flc"], ["p", "flc"]):
+            om.Simulation(om.scenario("rect", plant=plant, physics=NUMBA), controllers).step()
 
 
 def ready(plant: str, settings: Iterable[Settings]) -> None:

@@ -179,10 +179,18 @@ def _reachable(
     turn = 2 * bend * step
     kept, gained = (curvature[:-1] / curvature[1:]) ** 2, turn_acceleration * turn / curvature[1:] ** 2
     lap = np.stack([aside * bend / acceleration, aside * turn, kept, gained], axis=1).tolist()
-    reached = [z := float(highest[0])]
+    z = float(highest[0])
+    reached = [z]
+    straight_on = math.pi / 2
     for most, (scale, angle, keep, gain) in zip(highest[1:].tolist(), cycle(lap), strict=False):
-        along_circle = math.sin(min(math.asin(min(scale * z, 1.0)) + angle, math.pi / 2)) / scale
-        reached.append(z := min(most, along_circle, keep * z + gain))
+        turned = math.asin(scale * z) + angle if scale * z < 1 else straight_on
+        along_circle = (math.sin(turned) if turned < straight_on else 1.0) / scale
+        z = keep * z + gain
+        if along_circle < z:
+            z = along_circle
+        if most < z:
+            z = most
+        reached.append(z)
     return np.array(reached)
 
 
