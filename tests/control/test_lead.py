@@ -13,16 +13,21 @@ from omni_control.fuzzy.rules import FuzzyLaw
 from omni_control.kinematics import Array
 
 FUZZY = FuzzyLaw()
-LAGS = st.floats(1e-3, 0.6)  # s, the longest that of 3 m/s on wheels that creep by 0.2 s^2/m
+efforts, lags = st.floats(0.85, 1.9), st.floats(1e-3, 0.6)  # the lag of 3 m/s on wheels that creep by 0.2 s^2/m
+
+
+def lead_of(effort: float, lag: float) -> float:
+    """T, s."""
+    return float(lead(np.array(effort), np.array(lag / effort), FUZZY.stiffness))
 
 
 @LAW
-@given(lag=LAGS, slope=st.floats(0.01, 40.0))
-def test_small_errors_are_damped_at_every_slope_of_the_correction(lag: float, slope: float) -> None:
-    """By the roots of t e'' + (1 + f T) e' + f e = 0: where f is the slope at no error, by 1/sqrt(2) or more."""
-    time, stiff = float(lead(np.array(lag), FUZZY.stiffness)), np.sqrt(1 + 2 * FUZZY.stiffness * lag)
-    for f, least in ((FUZZY.stiffness, np.sqrt(0.5)), (slope, np.sqrt(2 / (1 + stiff)))):
-        roots = np.roots([lag, 1 + f * time, f])
+@given(effort=efforts, lag=lags, slope=st.floats(0.01, 40.0))
+def test_small_errors_are_damped_at_every_slope_of_the_correction(effort: float, lag: float, slope: float) -> None:
+    """By the roots of lag e'' + (g + f T) e' + f e = 0: where f is the slope at no error, by 1/sqrt(2) or more."""
+    stiff = np.sqrt(effort**2 + 2 * FUZZY.stiffness * lag)
+    for f, least in ((FUZZY.stiffness, np.sqrt(0.5)), (slope, min(1, np.sqrt(2 * effort / (effort + stiff))))):
+        roots = np.roots([lag, effort + f * lead_of(effort, lag), f])
         assert (
             -roots.real / np.abs(roots)
         ).min() > least - 1e-6  # that of a double root is known to half of the digits
@@ -36,21 +41,21 @@ def test_the_stiffness_is_the_slope_of_the_fuzzy_surface_at_no_error() -> None:
 
 
 def test_errors_of_any_size_end() -> None:
-    """Of t e'' + e' + F(e + T e') = 0, integrated (Runge-Kutta): from 3 m and 4 m/s, all robots end at no error.
+    """Of lag e'' + g e' + F(e + T e') = 0, integrated (Runge-Kutta): from 3 m and 4 m/s, all robots end at no error.
 
-    The slowest need (3 m + 4 m/s x 0.6 s) / (0.83 m/s) to where F falls, and are within a millimetre 3 s later.
+    The slowest need 3 m / (0.83 m/s / 1.9) to where F falls, and are within a millimetre 3 s later.
     """
     rng, n, step = np.random.default_rng(3), 100, 0.02
-    lag = rng.uniform(0.03, 0.6, n)
-    ahead = lead(lag, FUZZY.stiffness)
+    effort, lag = rng.uniform(0.85, 1.9, n), rng.uniform(0.03, 0.6, n)
+    ahead = lead(effort, lag / effort, FUZZY.stiffness)
     state = np.array([rng.uniform(-3, 3, n), rng.uniform(-4, 4, n)])
 
     def rate(state: Array) -> Array:
         error, change = state
         correction = FUZZY(np.stack([error + ahead * change, np.zeros(n)], axis=1))[:, 0]
-        return np.array([change, -(change + correction) / lag])
+        return np.array([change, -(effort * change + correction) / lag])
 
-    for _ in range(round(((3 + 4 * 0.6) / 0.83 + 3) / step)):
+    for _ in range(round((3 * 1.9 / 0.83 + 4 * 0.6 + 3) / step)):
         a = rate(state)
         b = rate(state + step / 2 * a)
         c = rate(state + step / 2 * b)

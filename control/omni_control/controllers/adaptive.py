@@ -1,17 +1,15 @@
 """Adaptive comp-FLC: the paper's controller on a robot whose response is identified while it is driven.
 
-**Lead.** A robot that creeps takes up velocities with a lag t, and under a correction F(e) of its error alone would
-swing. So the fuzzy controller F is asked for x = e + T e', the error that is left a lead time later:
+**Lead.** A robot that creeps answers to a command u with a lag, (lag) v' + g v = u, and under a correction F(e) of its
+error alone would swing. So the fuzzy controller F is asked for x = e + T e', the error that is left a lead time later:
 
-    T = 2 t / (1 + s),   s = sqrt(1 + 2 k t),   k the slope of F at no error
-
-What is sent is such that the robot makes the velocity F(x) besides the reference's: t e'' + e' + F(x) = 0.
+    T = 2 lag / (g + s),   s = sqrt(g^2 + 2 k lag),   k the slope of F at no error
 
 - Where F has that slope, errors decay with a damping ratio of 1/sqrt(2) or more; where it has others, of at least
-  sqrt(2 / (1 + s)).
-- Whatever F is, if it has the sign of x: T <= t, so that m = 1 - T / t >= 0. V = int F dx + m t e'^2 / 2 changes at the
-  rate -F^2 T / t - m e'^2, so that errors of any size end.
-- Where F saturates nothing is damped: a robot that is far off comes back at the speed that F asks for.
+  sqrt(2 g / (g + s)).
+- Whatever F is, if it has the sign of x: T <= lag / g, so that m = 1 - g T / lag >= 0. V = int F dx + m lag e'^2 / 2
+  changes at the rate -F^2 T / lag - m g e'^2, so that errors of any size end.
+- Where F saturates nothing is damped: a robot that is far off comes back at the speed F / g that F asks for.
 """
 
 import numpy as np
@@ -29,9 +27,10 @@ LOOK_FRAMES = 10  # ahead and back, over which a command that changes too fast i
 RATE_SHARE = 0.75  # of what commands may change by, that the reference may ask for; the rest is the feedback's
 
 
-def lead(late: Array, stiffness: float) -> Array:
-    """Lead times T for lags t, s, and a correction of a slope k, 1/s."""
-    return 2 * late / (1 + np.sqrt(1 + 2 * stiffness * late))
+def lead(effort: Array, late: Array, stiffness: float) -> Array:
+    """Lead times T of efforts g and time constants lag / g, s, for a correction of a stiffness k, 1/s."""
+    lag = effort * late
+    return 2 * lag / (effort + np.sqrt(effort**2 + 2 * stiffness * lag))
 
 
 class AdaptiveCompFlc(Identifying):
@@ -74,7 +73,7 @@ class AdaptiveCompFlc(Identifying):
         return np.concatenate([across, turn[:, None]], axis=1)
 
     def _corrected(self, error: Plane, behind: Plane, speed: Array, facing: Plane) -> Array:
-        """Commands (n, 2) for the fuzzy controller's velocities, m/s, world frame.
+        """The fuzzy controller's velocities (n, 2), m/s, world frame.
 
         Args:
             error: of position (n,), m, world frame.
@@ -83,6 +82,6 @@ class AdaptiveCompFlc(Identifying):
             facing: of robots, unit vectors (n,).
         """
         law = self.plant.motion
-        ahead = plane(lead(law.late(speed), self.fuzzy.stiffness) * pairs(behind * facing.conj())) * facing
-        velocity = plane(self.fuzzy(pairs(error + ahead)))
-        return pairs(plane(law.effort * pairs(velocity * facing.conj())) * facing)
+        times = lead(law.effort, law.late(speed), self.fuzzy.stiffness)
+        leading = plane(times * pairs(behind * facing.conj())) * facing
+        return self.fuzzy(pairs(error + leading))
