@@ -82,3 +82,30 @@ def test_few_robots_are_filtered_and_limited_as_among_many(seed: int, n: int) ->
             assert np.array_equal(one, other[:n], equal_nan=True), name
         wanted = rng.normal(0, 1, (many, 3)) * 10.0 ** rng.integers(-3, 200, (many, 1))
         assert np.array_equal(few(wanted[:n], last[:n]), all_of_them(wanted, last)[:n])
+
+
+@LAW
+@given(seed=st.integers(0, 10_000), n=st.integers(1, FEW + 2), late=st.booleans())
+def test_a_team_takes_in_frames_by_loops_as_by_numpy(seed: int, n: int, late: bool) -> None:
+    """Bit for bit, with images that are missing, elsewhere, backwards, the same again, or late, which numpy takes in.
+
+    What a loop leaves to numpy depends on all robots of a team, and must not be seen in one that is not concerned.
+    """
+    rng, start = np.random.default_rng(seed), np.random.default_rng(seed).normal(0, 1, (n, 3))
+    limits, loop = MotionLimits(*rng.uniform(0.5, 5, 4)), lambda function: function
+    teams = [
+        Team(make("p", Told(T, 3, limits=limits, compiled=compiled), REFERENCE, n), start) for compiled in (None, loop)
+    ]
+    measured = start
+    for k in range(25):
+        again = rng.random((n, 1)) < 0.05
+        measured = np.where(again, measured, start + rng.normal(0, [0.01, 0.01, 0.1], (n, 3)))
+        measured[rng.random(n) < 0.1] = np.nan
+        measured[rng.random(n) < 0.05] += rng.choice([[0.5, 0, 0], [0, 0, np.pi]])
+        age = rng.uniform(0, 0.03, n) if late and k == 10 else None
+        one, other = (team.step(measured, age=age) for team in teams)
+        np.testing.assert_array_equal(other, one)
+        for name in ("estimate", "twist"):
+            np.testing.assert_array_equal(getattr(teams[1], name), getattr(teams[0], name))
+        for name in ("state", "sigma", "normalised"):
+            np.testing.assert_array_equal(getattr(teams[1].filter, name), getattr(teams[0].filter, name))

@@ -9,8 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from omni_mj.link import steady_radio
 from omni_mj.link.noise import Stream
 from omni_mj.link.radio import Radio, Received
+from omni_mj.link.steady_radio import SteadyRadio
+from omni_mj.scenarios.faults import Delay, RadioLoss
 from omni_mj.scenarios.settings import RadioSettings
 
 SIGMAS = 5  # of a statistic's own spread
@@ -183,3 +186,35 @@ def test_each_robot_has_a_dead_time_and_a_jitter_of_its_own() -> None:
                 if values is None:
                     continue
                 np.testing.assert_array_equal(values[[i]], getattr(single, name))
+
+
+@settings(deadline=None, max_examples=30, derandomize=True)
+@given(delay=st.integers(0, 12), robots=st.integers(1, 4), seed=st.integers(0, 2**32 - 1))
+def test_a_radio_that_nothing_disturbs_is_a_queue(delay: int, robots: int, seed: int) -> None:
+    """All that robots hold, to the bit, of the two radios; and a packet in flight is its own."""
+    chosen, seeds = [RadioSettings(delay_frames=delay)] * robots, [(i,) for i in range(robots)]
+    general, steady, rng = (
+        Radio(chosen, seeds),
+        steady_radio.radio(chosen, seeds, [()] * robots),
+        np.random.default_rng(seed),
+    )
+    assert isinstance(steady, SteadyRadio)
+    for _ in range(3 * delay + 3):
+        command, heading = rng.normal(size=(robots, 3)), rng.normal(size=robots)
+        one, other = (each.exchange(command, heading) for each in (general, steady))
+        command[:] = heading[:] = 0.0
+        for name in ("command", "heading", "age"):
+            np.testing.assert_array_equal(getattr(other, name), getattr(one, name))
+        np.testing.assert_array_equal(True if other.new is None else other.new, one.new)
+
+
+def test_what_disturbs_a_radio_is_not_left_out() -> None:
+    """Jitter, losses, dead times that differ, faults: none of them is a queue."""
+    usual, seeds = RadioSettings(delay_frames=2), [(0,), (1,)]
+    more = {"jitter_frames": 1}, {"loss_probability": 0.1}, {"delay_frames": 3}
+    for changed in more:
+        assert isinstance(
+            steady_radio.radio([usual, RadioSettings(**{"delay_frames": 2, **changed})], seeds, [(), ()]), Radio
+        )
+    for fault in (Delay(at=1.0, to=4), RadioLoss(at=1.0, probability=0.1)):
+        assert isinstance(steady_radio.radio([usual] * 2, seeds, [(), (fault,)]), Radio)

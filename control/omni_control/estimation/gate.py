@@ -39,8 +39,8 @@ FALSE_ALARM = 1e-9  # of noise alone, in an image
 BRAKING_M_S2 = 9.81  # that no wheels exceed
 DOUBTED = 10  # images in a row, of which the last is believed
 
-# What is known of each robot: how fast it may go, m/s, and how far noise leads, m; the age of the last image that was
-# believed, when it came, and for how long it has been the last, both s; speed before the last image, m/s; images in a row
+# What is known of each robot: how fast it may go, m/s, and how far noise leads, m; of the last image that was believed
+# its age when it came and for how long it has been the last, s; speed before the last image, m/s; images in a row.
 SPEED, NOISY, AGE, SINCE, PACE, ELSEWHERE, BACKWARDS, FROZEN = range(8)
 SHOWN, BELIEVED = range(2)  # the last image, and the last that was believed
 

@@ -137,8 +137,12 @@ class KalmanFilter:
         """The same number by number, to the same bits."""
         known = *self.state[: SCALE + 1], displacement, measured
         table = np.concatenate(known).reshape(len(known), -1).T.tolist()
-        each = enumerate(zip(table, self._each, strict=True))
-        found = [filtered(self._law, row[:SCALE], *row[SCALE:], *own, axis % 3 == 2) for axis, (row, own) in each]
+        found = [
+            filtered(self._law, state, scale, displaced, seen, wander, noise, axis % 3 == 2)
+            for axis, ((*state, scale, displaced, seen), (wander, noise)) in enumerate(
+                zip(table, self._each, strict=True)
+            )
+        ]
         return self.take(np.ascontiguousarray(np.array(found).T).reshape(self.state.shape))
 
     def take(self, state: Array) -> Array:
@@ -190,7 +194,7 @@ def filtered(
 
 
 def _carried(
-    law: tuple[float, ...], known: Sequence[Number], displacement: Number, scale: Number, wander: Number
+    law: tuple[float, ...], known: Sequence[Number] | Array, displacement: Number, scale: Number, wander: Number
 ) -> tuple[Number, ...]:
     """The state after a frame, its variances, and what the displacement adds to them; numbers or arrays alike."""
     pose, drift, xx, xb, bb = known

@@ -20,7 +20,7 @@ def take_in(
     measured: Array,
     after: Array,
 ) -> bool:
-    """Take in a frame in which all robots were seen, just now, where they can be.
+    """Take in a frame in which all robots were seen, just now, where they can be, or not at all.
 
     Args:
         known: see `Gate`; written.
@@ -40,14 +40,19 @@ def take_in(
     for i in range(len(measured)):
         distance, between = _moved(i, known, images, period, measured)
         allowed = gate.reach(known[gate.SPEED, i], between, known[gate.NOISY, i])
-        if not gate.usual(distance, allowed, measured[i, 2] - images[gate.BELIEVED, i, 2]):
+        seen = gate.usual(distance, allowed, measured[i, 2] - images[gate.BELIEVED, i, 2])
+        if not (seen or np.isnan(measured[i]).all()):
             return False
     for i in range(len(measured)):
         distance, between = _moved(i, known, images, period, measured)
-        known[gate.PACE, i], known[gate.AGE, i], known[gate.SINCE, i] = distance / between, 0.0, 0.0
-        known[gate.ELSEWHERE, i] = known[gate.BACKWARDS, i] = known[gate.FROZEN, i] = 0.0
+        if np.isnan(measured[i, 0]):
+            known[gate.SINCE, i] += period
+        else:
+            known[gate.PACE, i], known[gate.AGE, i], known[gate.SINCE, i] = distance / between, 0.0, 0.0
+            known[gate.ELSEWHERE, i] = known[gate.BACKWARDS, i] = known[gate.FROZEN, i] = 0.0
+            for k in range(3):
+                images[gate.SHOWN, i, k] = images[gate.BELIEVED, i, k] = measured[i, k]
         for k in range(3):
-            images[gate.SHOWN, i, k] = images[gate.BELIEVED, i, k] = measured[i, k]
             displaced = shares[0, i, 0] * sent[0, i, k]
             for j in range(1, len(sent)):
                 displaced += shares[j, i, 0] * sent[j, i, k]

@@ -4,6 +4,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Received
+from omni_mj.onboard.arrays import put
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.kernel import compiled
@@ -32,10 +33,12 @@ class AtOnce:
 
     def __init__(self, onboard: Onboard, robots: Robots, motion: Motion, frame: Frame) -> None:
         self._firmware, self._motors, self._battery, self._traction = onboard
-        self._robots, self._motion, self._frame = robots, motion, frame
+        self._all, self._motion, self._frame = robots, motion, frame
+        self.look()
 
     def look(self) -> None:
-        """See `Loops.look`; here, arrays are found by their names."""
+        """Find anew what has changed of robots."""
+        self._robots = self._all.plain()
 
     def obey(self, received: Received) -> None:
         """Take over commands."""
@@ -61,12 +64,15 @@ class AtOnce:
             duty = firmware.duties(m.seen_rate + g.gyro, m.seen_angle.T)
             if held is not None:
                 motors.hold(duty, held, m.speed.T, battery.voltage[:, None])
-            speeds[k], g.supplies[k] = m.speed.T, battery.voltage
-            voltages[k], currents[k] = motors.drive(duty * battery.voltage[:, None], m.speed.T)
+            put(m.speed.T, speeds[k])
+            put(battery.voltage, g.supplies[k])
+            voltage, current = motors.drive(duty * battery.voltage[:, None], m.speed.T)
+            put(voltage, voltages[k])
+            put(current, currents[k])
             if k % EVERY == 0:
                 cycle.drag(r, m, self._traction, g.push, g.downhill)
-            cycle.move(r, m, rims.rim_friction, rims.softness, motors.torque(currents[k]).T)
-            battery.load(voltages[k], currents[k])
+            cycle.move(r, m, rims.rim_friction, rims.softness, motors.torque(current).T)
+            battery.load(voltage, current)
         motors.warm(currents, speeds)
         battery.discharge(PERIOD_S)
         return not np.count_nonzero(cycle.falls(r, m, len(speeds))) and bool(np.isfinite(cycle.where(m)).all())
