@@ -17,8 +17,9 @@ from omni_mj.onboard.addresses import floats, numbers, words
 
 Table = np.ndarray
 
-# The table: addresses of numbers and pointers in MuJoCo's data; sizes; the carpet's geom; addresses of what is shown,
-# of the sensors' places in it and of each geom's; where a contact has its fields.
+# The table: addresses of numbers and pointers in MuJoCo's data; how many sensors and geoms there are; the carpet;
+# addresses of what is shown, of the sensors' places in it and of each geom's; bytes of a contact, and where it has its
+# fields, counted in float64 and in int32.
 CONTACTS, ROWS, FIRST, FORCE, SENSORS, GEOMS, CARPET, SHOWN, PLACES, OF_GEOM = range(10)
 SIZE, FRAME, ADHESION, DIMENSIONS, TOUCHING, ROW = range(10, 16)
 END = 16
@@ -36,23 +37,25 @@ class Loads:
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        kinds = model.sensor_type == mujoco.mjtSensor.mjSENS_CONTACT, model.sensor_reftype == mujoco.mjtObj.mjOBJ_XBODY
-        self._sensors = np.flatnonzero(kinds[0] & kinds[1])
+        carpet = model.geom("carpet").id
+        added = (model.sensor_type == mujoco.mjtSensor.mjSENS_CONTACT) & (model.sensor_objid == carpet)
+        self._sensors = np.flatnonzero(added & (model.sensor_objtype == mujoco.mjtObj.mjOBJ_GEOM))
         self._places = model.sensor_adr[self._sensors].astype(np.int64)
+        rims = dict(zip(model.sensor_refid[self._sensors].tolist(), self._places.tolist(), strict=True))
         self._of_geom = np.full(model.ngeom, -1)
-        for body, place in zip(model.sensor_refid[self._sensors], self._places, strict=True):
-            self._of_geom[[_within(model, part, body) for part in model.geom_bodyid]] = place
-        carpets = model.sensor_objid[self._sensors]
+        for geom, body in enumerate(model.geom_bodyid.tolist()):
+            while body and body not in rims:
+                body = int(model.body_parentid[body])
+            self._of_geom[geom] = rims.get(body, -1)
         model.sensor_needstage[self._sensors] = mujoco.mjtStage.mjSTAGE_NONE
         whole, contact, base = _layout("mjData"), _layout("mjContact"), data._address
         self.table: Table = np.zeros(END, np.int64)
         self.table[:SENSORS] = [base + getattr(whole, name).offset for name in ("ncon", "nefc", "contact", "efc_force")]
-        self.table[SENSORS:SHOWN] = len(carpets), model.ngeom, carpets[0] if len(carpets) else -1
+        self.table[SENSORS:SHOWN] = len(self._places), model.ngeom, carpet
         self.table[SHOWN:SIZE] = [addresses.of(each) for each in (data.sensordata, self._places, self._of_geom)]
         self.table[SIZE] = ctypes.sizeof(contact)
-        self.table[FRAME:] = [
-            getattr(contact, name).offset for name in ("frame", "adhesion", "dim", "geom", "efc_address")
-        ]
+        self.table[FRAME:DIMENSIONS] = [getattr(contact, name).offset // 8 for name in ("frame", "adhesion")]
+        self.table[DIMENSIONS:] = [getattr(contact, name).offset // 4 for name in ("dim", "geom", "efc_address")]
 
     def give_back(self, model: mujoco.MjModel) -> None:
         """Switch the sensors of a copy of the model on."""
@@ -61,7 +64,10 @@ class Loads:
 
 def weigh(t: Table) -> None:
     """Write the force between carpet and each rim, world frame, N, where its sensor has it."""
-    shown, places = _shown(t), numbers(t[PLACES], (t[SENSORS],))
+    places = numbers(t[PLACES], (t[SENSORS],))
+    if len(places) == 0:
+        return
+    shown = floats(t[SHOWN], (places.max() + 3,))
     for place in places:
         shown[place] = shown[place + 1] = shown[place + 2] = 0.0
     count, rows = words(t[CONTACTS], (1,))[0], words(t[ROWS], (1,))[0]
@@ -69,29 +75,16 @@ def weigh(t: Table) -> None:
         return
     first, of_geom = numbers(t[FIRST], (1,))[0], numbers(t[OF_GEOM], (t[GEOMS],))
     force, whole = floats(numbers(t[FORCE], (1,))[0], (rows,)), words(first, (count, t[SIZE] // 4))
-    real, frame, adhesion = floats(first, (count, t[SIZE] // 8)), t[FRAME] // 8, t[ADHESION] // 8
+    real, frame = floats(first, (count, t[SIZE] // 8)), t[FRAME]
     for i in range(count):
-        one, other, row = whole[i, t[TOUCHING] // 4], whole[i, t[TOUCHING] // 4 + 1], whole[i, t[ROW] // 4]
+        one, other, row = whole[i, t[TOUCHING]], whole[i, t[TOUCHING] + 1], whole[i, t[ROW]]
         roller, sign = (other, 1.0) if one == t[CARPET] else (one, -1.0)
-        if row < 0 or roller < 0 or (other != t[CARPET] and one != t[CARPET]) or of_geom[roller] < 0:
+        if row < 0 or roller < 0 or t[CARPET] not in (one, other) or of_geom[roller] < 0:
             continue
-        for k in range(min(whole[i, t[DIMENSIONS] // 4], 3)):
-            along = sign * (force[row + k] - (real[i, adhesion] if k == 0 else 0.0))
+        for k in range(min(whole[i, t[DIMENSIONS]], 3)):
+            along = sign * (force[row + k] - (real[i, t[ADHESION]] if k == 0 else 0.0))
             for axis in range(3):
                 shown[of_geom[roller] + axis] += real[i, frame + 3 * k + axis] * along
-
-
-def _shown(t: Table) -> np.ndarray:
-    """What the sensors show, as far as the last of those that are replaced."""
-    places = numbers(t[PLACES], (t[SENSORS],))
-    return floats(t[SHOWN], (places.max() + 3 if len(places) else 0,))
-
-
-def _within(model: mujoco.MjModel, part: int, body: int) -> bool:
-    """Whether a body is another, or hangs on it: it has a greater number than what it hangs on."""
-    while part > body:
-        part = model.body_parentid[part]
-    return part == body
 
 
 @cache

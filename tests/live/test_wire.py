@@ -117,6 +117,19 @@ def test_the_last_of_several_counts_and_messages_merge() -> None:
     assert decode(MoveCommand, encode(world) + encode(local)) == local
 
 
+def test_the_same_message_has_other_bytes_too() -> None:
+    """Fields in another order, a number in more bytes than it needs; and numbers that need two."""
+    robot = DetectedRobot(4, 1.25, -0.5, 0.5, 1.0, 2.0, 3.0, 0.15)
+    data = encode(robot)
+    assert len(data) == 37
+    assert decode(DetectedRobot, data[5:] + data[:5]) == decode(DetectedRobot, data)
+    assert decode(DetectedRobot, data[:6] + b"\x84\x00" + data[7:]) == decode(DetectedRobot, data)
+    for number in (127, 128):
+        other = encode(robot._replace(robot_id=number))
+        assert other == data[:6] + (b"\x7f" if number == 127 else b"\x80\x01") + data[7:]
+        assert decode(DetectedRobot, other).robot_id == number
+
+
 def test_an_unknown_value_of_an_enumeration_is_as_if_absent() -> None:
     assert decode(RobotId, bytes.fromhex("0801" + "1009")) == RobotId(1, None)
     assert decode(RobotId, bytes.fromhex("1002" + "1009")) == RobotId(None, Team.BLUE)

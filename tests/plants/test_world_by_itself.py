@@ -15,12 +15,16 @@ from omni_mj.worlds import build
 FIELDS = "dof_frictionloss", "dof_solimp", "actuator_gainprm", "geom_pos", "opt.gravity"
 
 
+def two_robots() -> build.World:
+    return build.world(quiet().replace(wheels={"model": "two-rollers"}), places=2)
+
+
 def standing(made: type[Alone] | type[Batch]) -> Alone | Batch:
-    world = build.world(quiet().replace(wheels={"model": "two-rollers"}), places=2)
+    world = two_robots()
     one = Alone(batches.model_of(world)) if made is Alone else Batch(batches.model_of(world), 1, 1)
     one.bind("sensordata")  # a batch copies what is asked for before it steps
     one.bind("qpos")[0] = world.standing
-    one.bind("qpos")[0, world.robots[1].qpos[1]] = 1.0
+    one.bind("qpos")[0, world.robots[1].qpos[1]] = 0.179  # hulls touch
     one.forward()
     return one
 
@@ -47,6 +51,16 @@ def test_it_steps_as_a_batch_of_one_does(way: str) -> None:
         np.testing.assert_array_equal(alone.bind(name), batch.bind(name), name)
     for name in FIELDS:
         np.testing.assert_array_equal(alone.expand(name), batch.expand(name), name)
+
+
+def test_a_copy_of_it_senses_loads_as_it_does() -> None:
+    alone = standing(Alone)
+    alone.step()
+    model, data = alone.get_model(), alone.get_data()
+    mj.mj_forward(model, data)
+    alone.forward()
+    np.testing.assert_array_equal(data.sensordata, alone.bind("sensordata")[0])
+    assert data.sensordata[two_robots().loads].sum() > 0.0
 
 
 def test_a_world_that_is_not_among_those_to_be_stepped_stands_still() -> None:

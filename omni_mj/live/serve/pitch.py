@@ -223,7 +223,10 @@ class Pitch:
         return detection(image, self._areas[image.camera], clock + offset, ROBOT_HEIGHT_M)
 
     def _find(self, name: Name) -> int | None:
-        return self.names.index(name) if name in self.names else None
+        try:
+            return self.names.index(name)
+        except ValueError:
+            return None
 
     def _free(self, teams: Collection[Team], wanted: Container[Name]) -> int | None:
         """The body of a robot of these teams that is away, and stays away."""
