@@ -97,8 +97,12 @@ def machine() -> dict[str, str]:
 
 
 def _hash(folder: Path, *without: Path) -> str:
-    files = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.suffix in SOURCE}
-    kept = {name: path for name, path in files.items() if not any(path.is_relative_to(other) for other in without)}
+    kept: dict[str, Path] = {}
+    left_out = {str(other) for other in without}
+    for at, below, names in os.walk(folder):
+        below[:] = [name for name in below if os.path.join(at, name) not in left_out]
+        there = Path(at).relative_to(folder)
+        kept |= {(there / name).as_posix(): Path(at, name) for name in names if os.path.splitext(name)[1] in SOURCE}
     return digest("".join(f"{digest(kept[name].read_bytes())} {name}\n" for name in sorted(kept)).encode())
 
 

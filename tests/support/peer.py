@@ -9,6 +9,7 @@ as commands have come. Line by line it writes the true poses, a frame each: numb
 
 import argparse
 import random
+import select
 import socket
 import sys
 import time
@@ -161,9 +162,9 @@ class Peer:
             try:
                 data, client = self.commands.recvfrom(65536)
             except BlockingIOError:
-                if time.monotonic() >= until:
+                if (left := until - time.monotonic()) <= 0:
                     return
-                time.sleep(0.0003)
+                select.select([self.commands], [], [], left)
                 continue
             if self.random.random() < self.said.loss:
                 continue

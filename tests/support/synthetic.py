@@ -79,6 +79,8 @@ def logs(
     softer = motor.commutation_ohm_s * motor.gear / (motor.resistance_ohm * radius)
     places = np.stack([np.ones(len(azimuth)), arm * outward.real, arm * outward.imag], 1)
     spread = places @ np.linalg.inv(places.T @ places)
+    rest, shift, share = spread @ [mass * 9.81, 0.0, 0.0], spread[:, 1:].T, np.append(weak, np.ones(len(azimuth) - 1))
+    along, across = np.conj(drive), np.conj(outward)
     inertia = np.array([mass, mass, settings.body.yaw_inertia_kg_m2])[:, None] * np.eye(3)
     rows = np.stack([drive.real, drive.imag, np.full(len(azimuth), arm)], 1)
     inverse = np.linalg.inv(inertia + ring * rows.T @ rows)
@@ -93,31 +95,29 @@ def logs(
     poses, angles = np.zeros((lines, n, 3)), np.zeros((lines, n, len(azimuth)))
     for k in range(lines):
         poses[k], angles[k] = np.stack([z.real, z.imag, heading], 1), angle
-        for i in range(fine):
-            t = (k + (i + 0.5) / fine) / rate
-            line = np.floor((t - late[:, 0]) * rate).astype(int)
-            u = np.where((line >= 0)[:, None], command[np.maximum(line, 0), np.arange(n)], 0.0)
+        times = (k + (np.arange(fine) + 0.5) / fine) / rate
+        line = np.floor((times[:, None] - late[:, 0]) * rate).astype(int)
+        sent = np.where((line >= 0)[..., None], command[np.maximum(line, 0), np.arange(n)], 0.0)
+        for t, u in zip(times, sent, strict=True):
             ahead = np.exp(1j * heading)
-            told = (np.conj(drive) * ((u[:, 0] + 1j * u[:, 1]) / ahead)[:, None]).real
+            told = (along * ((u[:, 0] + 1j * u[:, 1]) / ahead)[:, None]).real
             told = told + arm * (u[:, 2] + settings.firmware.turn_gain * (u[:, 2] - w))[:, None]
             body = (v / ahead)[:, None]
             travel = body + 1j * arm * w[:, None] * outward
-            load = spread @ [mass * 9.81, 0.0, 0.0] - mass * height * (
-                np.stack([pulling.real, pulling.imag], 1) @ spread[:, 1:].T
-            )
-            ground = (np.conj(drive) * travel).real
+            load = rest - mass * height * (np.stack([pulling.real, pulling.imag], 1) @ shift)
+            ground = (along * travel).real
             size = np.maximum(np.abs(travel), SLOWEST_M_S)
-            holds = stiffness * load * np.where(np.arange(len(azimuth)) == 0, weak, 1.0) / size
+            holds = stiffness * load * share / size
             soft = give / mass * (1 + softer * np.abs(told))
-            wanted = scale * told - friction * np.clip(told / 0.05, -1, 1)
+            wanted = scale * told - friction * np.minimum(np.maximum(told / 0.05, -1), 1)
             rim = (hub * rim + dt * (wanted / soft + holds * ground)) / (hub + dt * (1 / soft + holds))
             force = holds * (rim - ground)
             angle = angle + dt * rim / radius
-            along = (np.conj(outward) * travel).real
-            sideways = rollers * load * along / np.maximum(np.abs(along), SLOWEST_M_S) + viscous * along
+            axle = (across * travel).real
+            sideways = rollers * load * axle / np.maximum(np.abs(axle), SLOWEST_M_S) + viscous * axle
             drag = pile * load * travel / size
             whole = (force * drive - drag - sideways * outward).sum(1)
-            moment = (arm * force - arm * (np.conj(drive) * drag).real).sum(1)
+            moment = (arm * force - arm * (along * drag).real).sum(1)
             gained = np.stack([whole.real, whole.imag, moment], 1) @ inverse.T
             pulling = gained[:, 0] + 1j * gained[:, 1]
             world = pulling * ahead + push * np.sin(2 * np.pi * 1.1 * t) + lean

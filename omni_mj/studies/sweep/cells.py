@@ -1,5 +1,6 @@
 """What a sweep says of each point and controller: how often robots fail, and how far they stray, with confidence."""
 
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,15 +32,21 @@ def median(values: Array) -> tuple[float, float, float]:
     The interval has no assumption on how values spread: as many lie below the median as heads come of n coins. Not a
     number for its ends where samples are too few (below 6).
     """
-    from scipy.stats import binom
-
     ordered, n = np.sort(values), len(values)
-    beyond = (1 - CONFIDENCE) / 2  # how likely so few of n samples lie below the median
-    low = int(binom.ppf(beyond, n, 0.5))
-    low -= bool(binom.cdf(low, n, 0.5) > beyond)
+    low = _left_out(n)
     with np.errstate(invalid="ignore"):  # infinite less infinite
         middle = float(np.median(ordered))
     return (middle, float(ordered[low]), float(ordered[n - 1 - low])) if low >= 0 else (middle, np.nan, np.nan)
+
+
+@cache
+def _left_out(n: int) -> int:
+    """How many of n samples are below the interval of their median; -1 where all would have to be within."""
+    from scipy.stats import binom
+
+    beyond = (1 - CONFIDENCE) / 2  # how likely so few of n samples lie below the median
+    low = int(binom.ppf(beyond, n, 0.5))
+    return low - bool(binom.cdf(low, n, 0.5) > beyond)
 
 
 def of(table: "pa.Table", axes: list[str]) -> list[dict[str, Any]]:
