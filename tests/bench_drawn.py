@@ -34,7 +34,7 @@ from omni_mj.simulate.simulation import Simulation
 SUBJECT = "adaptive-comp-flc"
 CONTROLLERS = (SUBJECT, "comp-flc", "comp-flc-lag")
 ROUTES = ("league", "league-smooth", "eight", "circle", "sprint", "square-spin")
-BEYOND, WEAK, BIASED, PUSHED = 0.2, 0.3, 0.3, 0.3  # shares of scenarios
+BEYOND, TRAITS = 0.2, {"weak": 0.3, "biased": 0.3, "pushed": 0.3}  # shares of scenarios
 AT_ONCE = 8  # scenarios of one robot that are simulated together
 HEADING_DEG = 3.0  # within which headings shall be where traction allows it
 SLIDES = 0.01  # share of frames in which wheels slide, up to which it does
@@ -58,22 +58,21 @@ def drawn(seed: int, number: int) -> Scenario:
     }
     weak = {"kind": "motor-weak", "at": 0.0, "wheel": int(rng.integers(1, 5)), "to": rng.uniform(0.6, 0.9)}
     pushes = [_push(rng), _push(rng)]
-    is_weak, biased, pushed = (rng.random() < share for share in (WEAK, BIASED, PUSHED))
-    told = {base: True, "beyond": beyond, "weak": is_weak, "biased": biased, "pushed": pushed}
+    has = {"beyond": beyond} | {trait: rng.random() < share for trait, share in TRAITS.items()}
     return scenario(
         base,
         robot=robot,
         controllers=CONTROLLERS,
         name=f"drawn-{seed}-{number}",
-        description=", ".join(word for word, applies in told.items() if applies),
+        description=", ".join([base, *(trait for trait, there in has.items() if there)]),
         reference=reference,
         world={"places": [[0.0, 0.0, rng.uniform(-pi, pi)]]},
         carpet={"friction": friction},
         radio={"delay_frames": delay},
         control={"delay_error_frames": int(rng.integers(-2, 3))},
         vision={"position_noise_m": 0.0013 * noise, "heading_noise_rad": 0.01 * noise},
-        sensors={"gyro_bias_rad_s": 0.05 if biased else 0.01},
-        fault=[weak] * is_weak + pushes * pushed,
+        sensors={"gyro_bias_rad_s": 0.05 if has["biased"] else 0.01},
+        fault=[weak] * has["weak"] + pushes * has["pushed"],
     )
 
 
@@ -178,8 +177,9 @@ def headings(found: Sequence[Found]) -> Iterator[Table]:
     slides = np.array([max(each["results"][SUBJECT]["sliding_share"]) for each in found])
     asked = np.array(["beyond" in each["description"] for each in found])
     parts = {
-        "wheels slide in less than 1 % of the frames": ~asked & (slides <= SLIDES),
-        "wheels slide": ~asked & (slides > SLIDES),
+        "within, wheels slide in less than 1 % of the frames": ~asked & (slides <= SLIDES),
+        "within, wheels slide": ~asked & (slides > SLIDES),
+        **{f"within, {trait}": ~asked & [trait in each["description"] for each in found] for trait in TRAITS},
         "beyond what friction lets wheels do": asked,
     }
     rows = [
