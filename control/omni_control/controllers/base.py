@@ -37,7 +37,7 @@ class Told:
         geometry: of the wheels, or None where nobody said.
         limits: of what may be commanded, translation and turning; the defaults are the league simulators'.
         compiled: what makes machine code of a loop over robots and of what that calls, such as numba, for controllers
-            that have such loops. [they reckon with all robots at once, by numpy]
+            that have such loops and for the team. [they reckon with all robots at once, by numpy]
 
     Raises:
         OmniError: a time, a noise or a number of frames that cannot be; all that are wrong, one line each.
