@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from omni_control.estimation.gate import BRAKING_M_S2
-
 Number = Any  # a float, or an array of floats
 Truth = Any  # a bool, or an array of bools
 
@@ -17,6 +15,7 @@ UNKNOWN_SHARE = 0.3  # same, of the acceleration that it asks for; all of it whe
 NOISE_FRAMES, ROUGHEST = 60.0, 25.0  # over which the noise of vision is averaged; of a frame, relative
 SURPRISE_FRAMES, LARGEST = 10, 50.0  # over which it is averaged; of a frame
 MOST_SURPRISED = 30.0
+BRAKING_M_S2 = 9.81  # that no wheels exceed
 SURPRISING = 1.5  # from which on parameters count on less
 SPREAD_FRAMES = 0.5, 2.0  # of latencies, over which the change of commands is taken
 EVIDENT_M_S = 0.1  # below it a robot may be held by dry friction and shows nothing of its parameters

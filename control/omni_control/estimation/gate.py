@@ -27,7 +27,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from omni_control.estimation.evidence import Number, Truth
+from omni_control.estimation.evidence import BRAKING_M_S2, Number, Truth
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import MotionLimits
 
@@ -36,7 +36,6 @@ Flags = NDArray[np.bool_]
 OTHERS = 3.7, 26.0  # m/s and rad/s of robots in the league's simulators (ssl-simulation-setup)
 BLOW = 2.0  # times its own speed, that a robot may have after a blow
 FALSE_ALARM = 1e-9  # of noise alone, in an image
-BRAKING_M_S2 = 9.81  # that no wheels exceed
 DOUBTED = 10  # images in a row, of which the last is believed
 
 # What is known of each robot: how fast it may go, m/s, and how far noise leads, m; of the last image that was believed
