@@ -8,7 +8,7 @@ from closed_loop import Equation7, Run, T, drive, limited, vision
 
 from omni_control import MotionLimits, TimedReference, Told
 from omni_control.controllers import make
-from omni_control.estimation import identify
+from omni_control.estimation import belief
 from omni_control.kinematics import Array
 
 DELAY, WINDOW, LEAD, REST, STEP_AT = 6, 15, 15, 120, 150  # frames; robots are at 1.8 m/s when alpha steps
@@ -115,8 +115,8 @@ def test_at_standstill_alpha_hardly_changes() -> None:
             arrived, expected = estimates[-REST + 2 * WINDOW], estimates[-REST + 2 * WINDOW]
             assert arrived == pytest.approx(alpha, abs=0.06)
             if controller != "comp-flc":
-                left = np.exp(-(REST - 2 * WINDOW - 1) * T / identify.KEPT_S)
-                expected = 1 / (identify.EFFORT + left * (1 / arrived - identify.EFFORT))
+                left = np.exp(-(REST - 2 * WINDOW - 1) * T / belief.KEPT_S)
+                expected = 1 / (belief.EFFORT + left * (1 / arrived - belief.EFFORT))
             # Means of ten robots' alphas are not those of their inverses: 0.01.
             assert estimates[-1] == pytest.approx(expected, abs=0.05 if controller == "comp-flc" else 0.01)
 

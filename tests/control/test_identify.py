@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from omni_control import CommandsInFlight
-from omni_control.estimation import identify, motion
+from omni_control.estimation import belief, motion
 from omni_control.estimation.identify import Identifier
 from omni_control.estimation.motion import plane
 from omni_control.kinematics import Array
@@ -128,7 +128,7 @@ def test_an_axis_that_is_not_driven_is_believed_to_be_like_the_other() -> None:
     _, found, sigma = follow(Creeping(np.tile([0, 1.25, 0.95, 0.05, 0.08, 0.03, 0, 0.015], (4, 1))), commands, rng)
     forward, aside = found[-1, :, 1], found[-1, :, 2]
     np.testing.assert_allclose(forward, 1.25, atol=0.03)
-    assert ((aside > identify.EFFORT - 0.02) & (aside < 1.25)).all()
+    assert ((aside > belief.EFFORT - 0.02) & (aside < 1.25)).all()
     assert (sigma[-1, :, 2] > 2 * sigma[-1, :, 1]).all()
 
 
@@ -137,8 +137,8 @@ def test_at_rest_what_was_found_is_forgotten() -> None:
     rng = np.random.default_rng(3)
     commands = np.concatenate([weaving(rng, 360, 3), np.zeros((360, 3, 2))])
     _, found, _ = follow(Creeping(np.tile([0, 1.3, 1.3, 0.05, 0.08, 0.0, 0, 0.015], (3, 1))), commands, rng)
-    off = found[[420, 719], :, 1:3].mean((1, 2)) - identify.EFFORT
-    assert off[1] / off[0] == pytest.approx(np.exp(-299 * T / identify.KEPT_S), abs=0.1)
+    off = found[[420, 719], :, 1:3].mean((1, 2)) - belief.EFFORT
+    assert off[1] / off[0] == pytest.approx(np.exp(-299 * T / belief.KEPT_S), abs=0.1)
 
 
 def test_half_a_second_without_vision_costs_nothing_but_evidence() -> None:

@@ -23,25 +23,14 @@ import numpy as np
 from omni_control.delay import CommandsInFlight
 from omni_control.estimation import evidence, motion
 from omni_control.estimation.arrays import PlantArrays
+from omni_control.estimation.belief import REACH_FRAMES, STATES, believed
 from omni_control.estimation.by_robot import set_down
 from omni_control.estimation.late import Late
 from omni_control.estimation.motion import Motion, Plane, pairs, plane
 from omni_control.kinematics import Array, Kinematics
 
-KEPT_S = 12.0  # after which parameters are what was believed
-COMPASS_S = 2.0  # same, of the compass error, which a robot's own filter corrects
-COMPASS_RAD = 0.02  # its standard deviation
-EFFORT, EFFORT_SIGMA, EFFORTS_ALIKE = 1.1, 0.12, 0.5  # alpha 0.8 to 1
-CREEP_SIGMA, CREEPS_ALIKE = 0.35, 0.8  # relative: of four published robots, 20 % forward and 30 % sideways
-FRICTION, FRICTION_SIGMA = 0.8, 0.4  # of what it is told to be at most
-LATENCY_FRAMES = 1.2  # standard deviation of what the dead time is told wrong by
-LAG_SHARE, LAG_SIGMA = 0.75, 0.5  # lag forward of the mean over all directions; relative
-PUSH_M_S, PUSH_S = 0.02, 0.5  # standard deviation of b, and the time after which it is forgotten
-REACH_FRAMES = 4, 5  # how far the latency may be below and above what it is told
 ENDS_S = 0.5  # in which it is not believed any more that wheels slide
 MISTAKEN_FRAMES = 14  # before sliding is believed, in which it was taken for other parameters
-LEAST_LAG_S = 1e-3
-STATES = 6 + motion.COUNT  # position, velocity, push; parameters
 _UNITS = np.array([1, 1j, 1, 1j])  # the world's axes, of velocity and of push
 _IDENTITY, _COFACTORS = np.eye(2), np.array([[1.0, -1.0], [-1.0, 1.0]])
 
@@ -82,46 +71,17 @@ class Identifier:
         geometry: Kinematics | None = None,
     ) -> None:
         n = len(position)
-        softness = motion.softness(geometry)
-        self._gives, self._ends = np.array([1.0, softness]), 1 - np.exp(-period / ENDS_S)
+        self._gives, self._ends = np.array([1.0, motion.softness(geometry)]), 1 - np.exp(-period / ENDS_S)
         self._period, self._delay, self._told = period, delay_frames, max(noise, 1e-4) ** 2
         self.noise = np.full(n, self._told)
         self._last: Plane = np.full((3, n), np.nan, complex)  # the position seen, its differences, and theirs
-        lag = max(LAG_SHARE * lag, LEAST_LAG_S)
-        self._believed = np.array([0, EFFORT, EFFORT, creep, softness * creep, FRICTION * friction, 0, lag])
-        state = np.concatenate([pairs(position), np.zeros((n, 4)), np.tile(self._believed, (n, 1))], axis=1)
+        belief = believed(period, delay_frames, lag, creep, friction, self._gives[1])
+        state = np.concatenate([pairs(position), np.zeros((n, 4)), np.tile(belief.parameters, (n, 1))], axis=1)
         self.motion = Motion(state[:, 6:], geometry)
         self._know(state)
-        below, above = min(REACH_FRAMES[0], delay_frames), REACH_FRAMES[1]
-        self.longest = delay_frames + above + 4
-        self._lowest = np.array([-0.2, 0.85, 0.85, 0, 0, 0, -below, LEAST_LAG_S])
-        self._highest = np.array([0.2, 1.9, 1.9, 0.2, 0.35, 0.15, above, 0.1])
-
-        sigma = np.array(
-            [
-                COMPASS_RAD,
-                EFFORT_SIGMA,
-                EFFORT_SIGMA,
-                *(CREEP_SIGMA * self._believed[motion.CREEP] + 1e-6),
-                FRICTION_SIGMA * friction + 1e-6,
-                LATENCY_FRAMES,
-                LAG_SIGMA * (lag - LEAST_LAG_S) + 1e-6,
-            ]
-        )
-        alike = np.eye(motion.COUNT)
-        alike[1, 2] = alike[2, 1] = EFFORTS_ALIKE
-        alike[3, 4] = alike[4, 3] = CREEPS_ALIKE
-        belief = alike * np.outer(sigma, sigma)
-        kept = np.full(motion.COUNT, KEPT_S)
-        kept[motion.COMPASS] = COMPASS_S
-        keep, keep_push = np.exp(-period / kept), np.exp(-period / PUSH_S)
-        renewed = np.sqrt(1 - keep**2)
-        self._forget = np.zeros((STATES, STATES))
-        self._forget[6:, 6:] = belief * np.outer(renewed, renewed)
-        restless = np.array([evidence.ACCELERATION_M_S2 * period, PUSH_M_S * np.sqrt(1 - keep_push**2)]) ** 2
-        self._restless = np.repeat(restless, 2)  # of velocity and push
-        self._kept = np.concatenate([[1, 1, 0, 0], [keep_push] * 2, keep])  # of each state, by itself
-        self._renewed = np.concatenate([np.zeros(6), (1 - keep) * self._believed])
+        self.longest = delay_frames + REACH_FRAMES[1] + 4
+        self._lowest, self._highest = belief.lowest, belief.highest
+        self._kept, self._renewed, self._forget, self._restless = belief.passing
         self._lasting = np.array([period, 1.0])[:, None, None, None]  # what a command moves and gains without lag
         # Written anew in each frame: what velocity, push and parameters do like a command, in the body's axes; its
         # effect on position and velocity there; and how states depend on those before.
@@ -130,7 +90,7 @@ class Identifier:
         self._driven = self._passed[:, :4, 2:].reshape(n, 2, 2, -1).transpose(1, 0, 3, 2)  # a view, as `_effect`
         self.variance = np.zeros((n, STATES, STATES))
         self.variance[:, [0, 1], [0, 1]] = self._told
-        self.variance[:, 6:, 6:] = belief
+        self.variance[:, 6:, 6:] = belief.variance
         self.surprise, self.sliding, self.gained = np.ones(n), np.zeros(n), np.zeros(n, complex)
         self._past, self._frames = np.empty((MISTAKEN_FRAMES, n, motion.COUNT)), 0  # parameters in the last of them
         self._lasts = np.zeros(n)  # s, for how long acceleration has been missing
