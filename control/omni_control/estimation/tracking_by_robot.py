@@ -72,17 +72,8 @@ def take_in(
                 axes[kalman.NOISE, i, k],
                 k == 2,
             )
-            (
-                after[kalman.POSE, i, k],
-                after[kalman.DRIFT, i, k],
-                after[kalman.XX, i, k],
-                after[kalman.XB, i, k],
-                after[kalman.BB, i, k],
-                after[kalman.SCALE, i, k],
-                after[kalman.TWIST, i, k],
-                after[kalman.INNOVATION, i, k],
-                after[kalman.VARIANCE, i, k],
-            ) = found
+            for row in range(len(found)):
+                after[row, i, k] = found[row]
     return True
 
 
