@@ -32,6 +32,8 @@ def standing(made: type[Alone] | type[Batch]) -> Alone | Batch:
 @pytest.mark.parametrize("way", ["as written", "compiled"])
 def test_it_steps_as_a_batch_of_one_does(way: str) -> None:
     """Driven by voltages and pushes, with fields of the model that change: MuJoCo's own step and sensors, on copies."""
+    if way == "compiled":
+        pytest.importorskip("numba")
     batch, alone = standing(Batch), standing(Alone)
     assert isinstance(alone, Alone)
     rng = np.random.default_rng(1)
