@@ -21,22 +21,13 @@ def filled(values: Array | float, shape: tuple[int, int]) -> Array:
 
 
 def plain(values: Array) -> Array:
-    """A column (n,) or (n, 1) as a single number (1,) or (1, 1) where all are the same, which is faster for numpy."""
+    """A column (n, 1) as a single number (1, 1) where all are the same, with which numpy reckons faster."""
     return values[:1] if (values == values[0]).all() else values
 
 
-def put(values: Array, into: Array) -> None:
-    """Copy numbers, of many robots in each cycle.
-
-    Numpy's own copying is the C library's, which takes ten times as long on some processors (AMD's Zen 3, glibc 2.36)
-    where two arrays do not begin at the same place of a cache line.
-    """
-    np.positive(values, out=into)
-
-
-def total(each: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
+def total(each: np.ndarray) -> np.ndarray:
     """Sums over wheels of (W, ..., n), one after the other: numpy's own would round by the number of robots."""
-    found: np.ndarray = np.add(each[0], each[1], out=out)
+    found: np.ndarray = each[0] + each[1]
     for wheel in each[2:]:
         found += wheel
     return found

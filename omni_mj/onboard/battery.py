@@ -48,7 +48,7 @@ class Battery:
         duty = laws.share(voltage, (self.voltage + self._dead)[:, None])
         drawn = arrays.total((duty * current).T)
         self._drawn += drawn
-        np.multiply(self.share, laws.sagged(self._open, self._resistance, drawn), out=self.voltage)
+        self.voltage[:] = self.share * laws.sagged(self._open, self._resistance, drawn)
         self._loads += 1
 
     def arrays(self) -> BatteryArrays:

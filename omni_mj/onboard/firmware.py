@@ -224,7 +224,7 @@ class Firmware:
         if self.cycle == 1:  # wherever the wheels stand when the robot is switched on
             self._last_count[:] = count
         speed = (count - self._last_count) * self._rate_per_count
-        arrays.put(count, self._last_count)
+        self._last_count[:] = count
         voltage, error = laws.proportional(wanted, speed, self._kp, self._back_emf)
         if self._integrates:
             gains = self._ki, self._kd, self._timestep, self._nominal

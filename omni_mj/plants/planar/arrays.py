@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.onboard.arrays import plain
 from omni_mj.plants import Telemetry
 
 
@@ -50,11 +49,6 @@ class Robots(NamedTuple):
     even: Array  # share of a load that each wheel takes, (W, n)
     ahead: Array  # load per moment, (W, n) 1/m
     aside: Array
-
-    def plain(self) -> "Robots":
-        """The same, with (1,) in place of (n,) where robots are alike; see `omni_mj.onboard.arrays.plain`."""
-        own = {name: values for name, values in self._asdict().items() if values.ndim == 1 and name != "outward"}
-        return self._replace(**{name: plain(values) for name, values in own.items()})
 
 
 class Motion(NamedTuple):

@@ -4,7 +4,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.onboard import laws as onboard
-from omni_mj.onboard.arrays import put, total
+from omni_mj.onboard.arrays import total
 from omni_mj.onboard.traction import Traction
 from omni_mj.plants.planar import laws
 from omni_mj.plants.planar.arrays import Motion, Robots
@@ -38,7 +38,7 @@ def drag(r: Robots, m: Motion, traction: Traction, push: Array, downhill: Array)
     m.tilting[0], m.tilting[1], m.force[0], m.force[1] = tilting.real, tilting.imag, whole.real, whole.imag
     turning = total(x * each.imag - y * each.real)
     m.force[2] = traction.wrench[:, 5] + turning + (r.pushed[0] * pushed.imag - r.pushed[1] * pushed.real)
-    put(laws.rippling(spin, r.ripple, r.ripple_grows), m.ripple)
+    m.ripple[:] = laws.rippling(spin, r.ripple, r.ripple_grows)
     raised = laws.lifting(spin, r.lift, r.lift_fades)
     sums = moments(r, raised)
     shared = r.even * sums[0] + r.ahead * sums[1] + r.aside * sums[2]
@@ -62,7 +62,7 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, motor: Arra
     momentum = laws.momentum(tuple(r.rows), tuple(m.twist), m.force)
     twist = _twist(r.inertia, momentum, pull, pull * end, r.squares, r.rims)
     rims = _rims(r.rims, twist, m.rims)
-    torque = np.multiply(pull, end - rims, out=m.torque)
+    torque = pull * (end - rims)
     over = np.abs(torque) > limit
     held = np.zeros_like(pull) if np.count_nonzero(over) else pull
     for _ in range(PASSES if held is not pull else 0):
@@ -81,11 +81,12 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, motor: Arra
         rims[:, some] = _rims(of, found)
         torque = np.where(held == 0, pull * (end - rims), held)
         over = (np.abs(torque) > limit) & (held == 0)
-    if held is not pull:
+    if held is pull:
+        m.torque[:] = torque
+    else:
         np.minimum(np.maximum(torque, -limit, out=m.torque), limit, out=m.torque)
 
-    put(m.angle, m.seen_angle)
-    put(m.twist[2], m.seen_rate)
+    m.seen_angle[:], m.seen_rate[:] = m.angle, m.twist[2]
     np.subtract(end, give * m.torque, out=m.speed)
     np.add(m.angle, CYCLE_S * m.speed, out=m.angle)
     tilt = r.height * total(m.torque[:, None] * r.rims[:, :2]) + m.tilting
@@ -106,12 +107,8 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, motor: Arra
     m.place[1] += CYCLE_S * (sine * x + cosine * y)
     np.add(m.heading, turn, out=m.heading)
     c, s = laws.small(turn)
-    turned = cosine * c - sine * s
-    np.add(sine * c, cosine * s, out=sine)
-    put(turned, cosine)
-    np.add(c * x, s * y, out=m.twist[0])
-    np.subtract(c * y, s * x, out=m.twist[1])
-    put(rate, m.twist[2])
+    m.facing[0], m.facing[1] = cosine * c - sine * s, sine * c + cosine * s
+    m.twist[0], m.twist[1], m.twist[2] = c * x + s * y, c * y - s * x, rate
 
 
 def falls(r: Robots, m: Motion, cycles: int) -> np.ndarray:
@@ -132,8 +129,7 @@ def where(m: Motion) -> Array:
 def moments(r: Robots, load: Array) -> Array:
     """Sums over the wheels of their loads (W, n), and of the loads times how far ahead and aside wheels are, (3, n)."""
     found = np.empty((3, load.shape[1]))
-    total(load, found[0])
-    total((r.contacts * load).swapaxes(0, 1), found[1:])
+    found[0], found[1:] = total(load), total((r.contacts * load).swapaxes(0, 1))
     return found
 
 

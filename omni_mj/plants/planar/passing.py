@@ -4,7 +4,6 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Received
-from omni_mj.onboard.arrays import put
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.kernel import compiled
@@ -33,12 +32,10 @@ class AtOnce:
 
     def __init__(self, onboard: Onboard, robots: Robots, motion: Motion, frame: Frame) -> None:
         self._firmware, self._motors, self._battery, self._traction = onboard
-        self._all, self._motion, self._frame = robots, motion, frame
-        self.look()
+        self._robots, self._motion, self._frame = robots, motion, frame
 
     def look(self) -> None:
-        """Find anew what has changed of robots."""
-        self._robots = self._all.plain()
+        """See `Loops.look`; here, arrays are found by their names."""
 
     def obey(self, received: Received) -> None:
         """Take over commands."""
@@ -64,15 +61,12 @@ class AtOnce:
             duty = firmware.duties(m.seen_rate + g.gyro, m.seen_angle.T)
             if held is not None:
                 motors.hold(duty, held, m.speed.T, battery.voltage[:, None])
-            put(m.speed.T, speeds[k])
-            put(battery.voltage, g.supplies[k])
-            voltage, current = motors.drive(duty * battery.voltage[:, None], m.speed.T)
-            put(voltage, voltages[k])
-            put(current, currents[k])
+            speeds[k], g.supplies[k] = m.speed.T, battery.voltage
+            voltages[k], currents[k] = motors.drive(duty * battery.voltage[:, None], m.speed.T)
             if k % EVERY == 0:
                 cycle.drag(r, m, self._traction, g.push, g.downhill)
-            cycle.move(r, m, rims.rim_friction, rims.softness, motors.torque(current).T)
-            battery.load(voltage, current)
+            cycle.move(r, m, rims.rim_friction, rims.softness, motors.torque(currents[k]).T)
+            battery.load(voltages[k], currents[k])
         motors.warm(currents, speeds)
         battery.discharge(PERIOD_S)
         return not np.count_nonzero(cycle.falls(r, m, len(speeds))) and bool(np.isfinite(cycle.where(m)).all())

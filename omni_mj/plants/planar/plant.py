@@ -147,7 +147,6 @@ class PlanarPlant:
         m.place[:] += turned(m.facing[0], m.facing[1], x, y)
         m.twist[0] -= m.twist[2] * y
         m.twist[1] += m.twist[2] * x
-        self._passes.look()
 
     def lean(self, along: Array) -> None:
         """Stand on carpets that lean so that gravity has the parts `along` (n, 2) of itself along them."""
