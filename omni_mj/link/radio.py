@@ -110,7 +110,7 @@ class Radio:
         self._held = self._newest
         self._robots = np.arange(n)
         self._tick, self._coming = 0, set[int]()  # now, and the ticks from now on in which a packet arrives
-        self._take(self._usual)
+        self._delay = self._usual  # of what is sent from now on, (n,)
         self._change()
 
     def exchange(self, command: Array, heading: Array) -> Received:
@@ -126,17 +126,7 @@ class Radio:
 
     def send(self, packets: Array, to: np.ndarray | None = None) -> None:
         """Send packets (n, k), to those robots alone whose numbers are given; to all if none are."""
-        tick, ring = self._tick, len(self._packets)
-        late = self._delay
-        if to is None and not (self._jitters or self._loses or self._mishaps):  # as `exchange` does 60 times a second
-            self._packets[tick % ring] = packets
-            if self._alike:
-                self._arriving[(tick + self._latest) % ring] = tick
-                self._coming.add(tick + self._latest)
-            else:
-                self._arriving[(tick + late) % ring, self._robots] = tick
-                self._coming.update((tick + late).tolist())
-            return
+        tick, ring, late = self._tick, len(self._packets), self._delay
         to = self._robots if to is None else to
         if self._jitters:
             late = late + np.rint((2 * self._jitter + 1) * self._late.next()[:, 0] - (self._jitter + 0.5)).astype(int)
@@ -200,9 +190,4 @@ class Radio:
             delay = self._usual.copy()
             for row, fault in active.of(Delay):
                 delay[row] = fault.to * self._ticks
-            self._take(delay)
-
-    def _take(self, delay: np.ndarray) -> None:
-        """Have what is sent from now on take so many ticks, (n,)."""
-        self._delay, self._latest = delay, int(delay.max())
-        self._alike = bool((delay == self._latest).all())
+            self._delay = delay
