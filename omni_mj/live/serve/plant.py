@@ -97,11 +97,10 @@ class ServedPlant:
 
     def go(self, count: int, received: Received | None = None) -> dict[int, str]:
         """Move on by some cycles of the wheel loops, no more than are left of the frame; see `MujocoPlant.go`."""
-        squads, within = self.squads, self._cycle % self.cycles
-        if received is not None or not within:
-            for squad in squads:
-                squad.begin(None if received is None else self._part(received, squad))
-        self._cycles.go(self._batch, within, count)
+        squads = self.squads
+        for squad in squads:
+            squad.begin(None if received is None else self._part(received, squad))
+        self._cycles.go(self._batch, self._cycle % self.cycles, count)
         self._cycle += count
         causes = dict[int, str]()
         for squad in squads:
