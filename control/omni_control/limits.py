@@ -29,6 +29,7 @@ class CommandLimits:
         self._each = np.array(
             [[s.speed, s.turn_rate, s.acceleration * period, s.turn_acceleration * period] for s in limits]
         )
+        self._few = self._each.tolist()
         speed, turn_rate, acceleration, turn_acceleration = self._each.T[..., None]
         self._highest, self._step = (speed, turn_rate), (acceleration, turn_acceleration)  # (n, 1) each
         self._loop = None if compiled is None else compiled(_limit)
@@ -40,7 +41,7 @@ class CommandLimits:
             self._loop(command, last, self._each, sent)
             return sent
         if len(command) <= FEW:
-            each = zip(command.tolist(), last.tolist(), self._each.tolist(), strict=True)
+            each = zip(command.tolist(), last.tolist(), self._few, strict=True)
             return np.array([_limited(wanted, sent, limits) for wanted, sent, limits in each])
         with np.errstate(over="ignore"):  # one that is too large to be squared stops the robot
             allowed = _clip(command, *self._highest)
