@@ -58,7 +58,7 @@ def own_answer(controller: Controller, frame: int, seen: Seen) -> tuple[Array, S
         ControllerError: it raised an exception.
     """
     wanted, channels = _asked(controller, frame, seen, lambda commands: commands), controller.channels
-    own = {name: values.reshape(len(wanted), -1) for name, values in channels.items()} if channels else {}
+    own = {name: values.reshape(len(wanted), -1) for name, values in channels.items()}
     return wanted, Said({what: getattr(controller, what) for what in RECORDED}, own)
 
 
@@ -125,7 +125,7 @@ def together(each: Sequence[Said], rows: Sequence[Rows], n: int) -> Said:
         own = each[0]
         return Said(
             {name: values.copy() for name, values in own.recorded.items()},
-            {name: values.copy() for name, values in own.channels.items()} if own.channels else {},
+            {name: values.copy() for name, values in own.channels.items()},
         )
     recorded = {name: np.empty((n, 3)) for name in RECORDED}
     channels: dict[str, Array] = {}
