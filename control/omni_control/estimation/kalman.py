@@ -38,7 +38,7 @@ class KalmanFilter:
     Attributes:
         state: all that is known, (9, n, 3); another array after each frame.
         axes: what axes are like, (2, n, 3).
-        law: numbers of the law, of which `_carried` takes the first four, and the period.
+        law: numbers of the law, of which the first is the period.
         pose: filtered poses (n, 3); headings count full turns.
         twist: filtered twists (n, 3).
         drift: the part of the twist that commands do not explain, (n, 3).
@@ -47,8 +47,7 @@ class KalmanFilter:
     """
 
     def __init__(self, pose: Array, period: float, noise: ArrayLike) -> None:
-        self.state = np.zeros((9, *pose.shape))
-        self._period = period
+        state = np.zeros((9, *pose.shape))
         noise = np.maximum(np.asarray(noise, float), (1e-5, 1e-5, 1e-4)) ** 2  # a camera resolves no less
         keep = np.exp(-period / DRIFT_TIME_S)
         self._law = period, float(keep), period**2, float(keep**2)
@@ -56,27 +55,10 @@ class KalmanFilter:
         self.axes = np.empty((2, *pose.shape))
         self.axes[WANDER] = np.array([DRIFT_M_S2, DRIFT_M_S2, DRIFT_RAD_S2]) ** 2 * period
         self.axes[NOISE] = noise
-        self.state[POSE], self.state[XX], self.state[SCALE] = pose, noise, 1.0
-        self.state[INNOVATION], self.state[VARIANCE] = np.nan, 1.0
+        state[POSE], state[XX], state[SCALE] = pose, noise, 1.0
+        state[INNOVATION], state[VARIANCE] = np.nan, 1.0
+        self._know(state)
         self._each = self.axes.reshape(2, -1).T.tolist()  # axis of each robot
-
-    @property
-    def pose(self) -> Array:
-        """See the class."""
-        pose: Array = self.state[POSE]
-        return pose
-
-    @property
-    def twist(self) -> Array:
-        """See the class."""
-        twist: Array = self.state[TWIST]
-        return twist
-
-    @property
-    def drift(self) -> Array:
-        """See the class."""
-        drift: Array = self.state[DRIFT]
-        return drift
 
     @property
     def sigma(self) -> Array:
@@ -101,7 +83,7 @@ class KalmanFilter:
         """
         if late is None and len(measured) <= FEW:
             return self._update_few(measured, displacement)
-        t, before, (wander, noise) = self._period, self.state, self.axes
+        t, before, (wander, noise) = self._law[0], self.state, self.axes
         pose, drift, xx, xb, bb, moving = _carried(self._law, before[:SCALE], displacement, before[SCALE], wander)
 
         expected, with_x, with_b, variance = pose, xx, xb, xx + noise  # of the pose that is seen
@@ -154,8 +136,13 @@ class KalmanFilter:
         least, most = SCALE_BOUNDS
         scale = self.state[SCALE] * np.exp(state[SCALE])
         np.minimum(np.maximum(scale, least), most, out=state[SCALE])
-        self.state = state
+        self._know(state)
         return self.pose
+
+    def _know(self, state: Array) -> None:
+        """Take the state (9, n, 3) for what is known."""
+        self.state = state
+        self.pose, self.drift, self.twist = state[POSE], state[DRIFT], state[TWIST]
 
 
 def filtered(
