@@ -1,12 +1,14 @@
-"""Files that appear whole or not at all, and are still there after the power failed."""
+"""Files that appear whole or not at all, and are still there after the power failed; and those that are shipped."""
 
 import errno
 import os
 import shutil
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import BinaryIO
 
 from omni_control.errors import OmniError
@@ -71,6 +73,12 @@ def _opened(path: str, flags: int) -> int:
         os.close(handle)
         raise OSError(errno.EINVAL, "it is not a regular file", path)
     return handle
+
+
+@cache
+def shipped(folder: Path) -> Mapping[str, Path]:
+    """The TOML files of a folder of the package's own, by name; looked up once."""
+    return MappingProxyType({path.stem: path for path in sorted(folder.glob("*.toml"))})
 
 
 def check_room(folder: Path, needed_b: float) -> None:

@@ -1,12 +1,11 @@
 """The robots that come with the package: a file each, with every number of it and where that comes from."""
 
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
-from types import MappingProxyType
+
+from omni_mj.files import shipped
 
 
-@cache
 def builtin() -> Mapping[str, Path]:
     """Their files, by name."""
-    return MappingProxyType({path.stem: path for path in sorted(Path(__file__).parent.glob("*.toml"))})
+    return shipped(Path(__file__).parent)
