@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -78,29 +77,3 @@ def _clipped(x: float, y: float, turn: float, translation: float, rotation: floa
     """As `_clip`, of one robot."""
     scale = min(translation / max(math.sqrt(x * x + y * y), 1e-300), 1.0)
     return x * scale, y * scale, min(max(turn, -rotation), rotation)
-
-
-def within_rate(wanted: Array, step: float) -> Array:
-    """The middle one of successive commands, changed so that none need change by more than `step` from one to the next.
-
-    Of all sequences that keep to the step, the one that stays nearest to those wanted (least largest difference) is
-    the mean of the highest below and the lowest above them (E. J. McShane, Bull. Amer. Math. Soc. 40, 1934, for
-    functions of bounded slope). It is the same where they keep to it, and leads symmetrically over a jump.
-
-    Args:
-        wanted: commands of an odd number of frames, (frames, ...), the middle one being that of now.
-        step: largest change of a component per frame.
-
-    Returns:
-        (...), the component-wise nearest.
-    """
-    reach = _reach(len(wanted), step, wanted.ndim - 1)
-    return (np.minimum.reduce(wanted + reach) + np.maximum.reduce(wanted - reach)) / 2
-
-
-@lru_cache
-def _reach(frames: int, step: float, dimensions: int) -> Array:
-    """How far commands may be from the middle one of so many, (frames, 1, ...)."""
-    reach = step * np.abs(np.arange(frames) - frames // 2).reshape(-1, *[1] * dimensions)
-    reach.flags.writeable = False
-    return reach

@@ -1,13 +1,36 @@
-"""What adaptive-comp-flc commands, by loops over robots, for a compiler; by the same laws as there."""
+"""Commands that set out in time; and what adaptive-comp-flc commands, by loops over robots, for a compiler."""
 
 import numpy as np
 
 from omni_control.estimation import turning
 from omni_control.estimation.arrays import GivesArrays, PlantArrays, TurningArrays
 from omni_control.estimation.by_robot import Axes, axes
-from omni_control.estimation.motion import starting
+from omni_control.estimation.motion import Plane, pairs, plane, starting
 from omni_control.estimation.turning_by_robot import answer, pulled
 from omni_control.kinematics import Array, wrapped
+
+
+def in_time(coming: Plane, step: float) -> Plane:
+    """The command of now from which those that come are missed by least, if it changes by `step` a frame at most.
+
+    A command of the k-th frame from now is missed by as much as it is farther than k steps. Where none would be missed,
+    the command of now is as it is wanted. Otherwise it is the one that halves the largest miss, between what is wanted
+    now and what will be: the middle of the highest and the lowest that come, each less what can be made up for until
+    then. That is done along the direction in which most would be missed, and across it.
+
+    Args:
+        coming: commands that are wanted, now first, (frames, n) m/s.
+        step: largest change in a frame, m/s.
+
+    Returns:
+        (n,) m/s.
+    """
+    ways, reach = coming - coming[0], step * np.arange(len(coming))[:, None]
+    sizes = np.abs(ways)
+    worst = (sizes - reach).argmax(0), np.arange(coming.shape[1])
+    along = np.divide(ways[worst], sizes[worst], out=np.ones_like(coming[0]), where=sizes[worst] > 0)
+    parts, reach = pairs(ways * along.conj()), reach[..., None]
+    return coming[0] + plane((parts + reach).min(0) + (parts - reach).max(0)) / 2 * along
 
 
 def ask(law: Axes, before: complex, after: complex, heading: complex, duration: float) -> complex:
@@ -21,6 +44,21 @@ def ask(law: Axes, before: complex, after: complex, heading: complex, duration: 
     return complex(ahead, aside) * heading
 
 
+def _in_time(coming: Plane, step: float) -> complex:
+    """See `in_time`; of one robot, (frames,)."""
+    worst, along = 0.0, complex(1.0)
+    for k in range(1, len(coming)):
+        size = abs(coming[k] - coming[0])
+        if size - step * k > worst:
+            worst, along = size - step * k, (coming[k] - coming[0]) / size
+    low_x, low_y, high_x, high_y = 0.0, 0.0, 0.0, 0.0
+    for k in range(1, len(coming)):
+        way, reach = (coming[k] - coming[0]) * along.conjugate(), step * k
+        low_x, low_y = max(low_x, way.real - reach), max(low_y, way.imag - reach)
+        high_x, high_y = min(high_x, way.real + reach), min(high_y, way.imag + reach)
+    return coming[0] + complex((high_x + low_x) / 2, (high_y + low_y) / 2) * along
+
+
 def plan(
     t: TurningArrays,
     p: PlantArrays,
@@ -29,51 +67,52 @@ def plan(
     twists: Array,
     heading: Array,
     corrected: Array,
+    fading: Array,
     step: float,
     gain: float,
     wanted: Array,
 ) -> None:
-    """Commands; see `AdaptiveCompFlc`.
+    """Commands; see `AdaptiveCompFlc`, by the same laws as there.
 
     Args:
         t: headings, as identified.
         p: positions and their law, same.
         g: how wheels give way.
-        poses: of the reference from some frames before the command acts until as many after it, (frames, n, 3).
+        poses: of the reference, from the frame before the one in which the command acts, (frames + 2, n, 3).
         twists: same.
         heading: that robots will have, (n,) rad.
         corrected: velocities for their errors, (n, 2) m/s.
-        step: by which planned commands may change per frame, m/s.
+        fading: what is left of those in each frame, (frames,).
+        step: by which commands may change per frame, m/s.
         gain: of the heading hold, 1/s.
         wanted: commands (n, 3); written.
     """
-    now, period = len(poses) // 2, p.period
+    frames, period = len(fading), p.period
+    coming = np.empty(frames, np.complex128)
     for i in range(len(wanted)):
         law, state = axes(i, p), p.state[i]
-        aside = heading[i] - poses[now, i, 2]  # facing as the robot will, not as it should
-        low_x, low_y, high_x, high_y = -np.inf, -np.inf, np.inf, np.inf
+        aside = heading[i] - poses[1, i, 2]  # facing as the robot will, not as it should
+        correction = complex(corrected[i, 0], corrected[i, 1])
         edge, leaving, face = 0j, 0j, 0j
-        for k in range(1, 2 * now):
-            there, speed = complex(twists[k, i, 0], twists[k, i, 1]), complex(twists[k - 1, i, 0], twists[k - 1, i, 1])
-            before, after = (speed + there) / 2, (there + complex(twists[k + 1, i, 0], twists[k + 1, i, 1])) / 2
-            facing = np.exp(1j * (poses[k, i, 2] + twists[k, i, 2] * (period / 2) + aside))
-            asked, reach = ask(law, before, after, facing, period), step * abs(k - now)
-            low_x, low_y = max(low_x, asked.real - reach), max(low_y, asked.imag - reach)
-            high_x, high_y = min(high_x, asked.real + reach), min(high_y, asked.imag + reach)
-            if k == now:
+        for k in range(frames):
+            then = complex(twists[k + 1, i, 0], twists[k + 1, i, 1])
+            before = (complex(twists[k, i, 0], twists[k, i, 1]) + then) / 2
+            after = (then + complex(twists[k + 2, i, 0], twists[k + 2, i, 1])) / 2
+            facing = np.exp(1j * (poses[k + 1, i, 2] + twists[k + 1, i, 2] * (period / 2) + aside))
+            coming[k] = ask(law, before, after, facing, period) + fading[k] * correction
+            if k == 0:
                 edge, leaving, face = before, after, facing
-        planned = complex((high_x + low_x) / 2, (high_y + low_y) / 2)
-
-        command = planned + complex(corrected[i, 0], corrected[i, 1])
+        command = _in_time(coming, step)
+        planned = command - correction
         sent = (command - complex(state[4], state[5])) * np.exp(1j * state[6])
 
         along, missing = edge * face.conjugate(), (planned - edge) * face.conjugate()
         gained = (leaving - edge) * face.conjugate() / period
-        first = (twists[now - 1, i, 2] + twists[now, i, 2]) / 2
-        then = (twists[now, i, 2] + twists[now + 1, i, 2]) / 2
-        slow, _, rubbing = answer(i, t, (first + then) / 2, abs(edge), missing)
+        first = (twists[0, i, 2] + twists[1, i, 2]) / 2
+        last = (twists[1, i, 2] + twists[2, i, 2]) / 2
+        slow, _, rubbing = answer(i, t, (first + last) / 2, abs(edge), missing)
         turned = turning.driven(t.state[i, 2], t.state[i, 6], t.state[i, 7], missing)
-        turn = turning.asked(first, then, np.exp(-period / slow), t.state[i, 4], turned, t.state[i, 5] * rubbing)
-        turn -= pulled(g, along, (first + then) / 2, gained, missing, state[13], t.creep[i])
+        turn = turning.asked(first, last, np.exp(-period / slow), t.state[i, 4], turned, t.state[i, 5] * rubbing)
+        turn -= pulled(g, along, (first + last) / 2, gained, missing, state[13], t.creep[i])
         wanted[i, 0], wanted[i, 1] = sent.real, sent.imag
-        wanted[i, 2] = turn + gain * wrapped(poses[now, i, 2] - heading[i])
+        wanted[i, 2] = turn + gain * wrapped(poses[1, i, 2] - heading[i])
