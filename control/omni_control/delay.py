@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_control.kinematics import Array
+from omni_control.kinematics import Array, Number
 
 Rows = slice | Sequence[int] | np.ndarray[Any, np.dtype[np.intp]]
 
@@ -89,7 +89,10 @@ class CommandsInFlight:
 
     def ahead(self, latency: float | Array) -> Array:
         """Share of each command kept that is still to act, (length, n, 3), for a latency (n, 3) in frames."""
-        return _ahead_alike(latency, self.length) if isinstance(latency, float | int) else _ahead(latency, self.length)
+        if isinstance(latency, float | int):
+            return _ahead_alike(latency, self.length)
+        shares: Array = left(latency, _since(self.length))
+        return shares
 
     def acted(self, latency: float | Array) -> Array:
         """Share of each command kept that acted in the frame just past, (length, n, 3), for a latency (n, 3)."""
@@ -105,14 +108,15 @@ def acted(latency: float | Array, length: int) -> Array:
     return np.maximum(1 - np.abs(latency - _since(length)), 0.0)
 
 
-def _ahead(latency: float | Array, length: int) -> Array:
-    return np.minimum(np.maximum(latency - _since(length), 0.0), 1.0)
+def left(latency: Number, since: Number) -> Number:
+    """Share of a command that is still to act, so many frames since it was sent."""
+    return np.minimum(np.maximum(latency - since, 0.0), 1.0)
 
 
 @lru_cache
 def _ahead_alike(latency: float, length: int) -> Array:
     """Those of one latency for all, which is asked for again in every frame."""
-    shares = _ahead(latency, length)
+    shares: Array = left(latency, _since(length))
     shares.flags.writeable = False
     return shares
 
@@ -133,4 +137,9 @@ def compensation(in_flight: Array, alpha: Array | float, period: float) -> Array
         alpha: motor correction factors (n, 3), 1 for a robot that does as told.
         period: length of a frame T, s.
     """
-    return alpha * in_flight.sum(0) * period
+    return caused(in_flight.sum(0), alpha, period)
+
+
+def caused(commands: Number, alpha: Number, period: float) -> Number:
+    """Displacement by a sum of commands."""
+    return alpha * commands * period

@@ -16,21 +16,15 @@ import numpy as np
 
 from omni_control.controllers.base import Seen, Told
 from omni_control.controllers.identifying import Arrival, Identifying
-from omni_control.controllers.planning import plan
+from omni_control.controllers.planning import lead, plan
 from omni_control.estimation.motion import Plane, pairs, plane
-from omni_control.fuzzy.rules import FuzzyLaw
+from omni_control.fuzzy.rules import ENGINE, FuzzyLaw
 from omni_control.kinematics import Array
 from omni_control.limits import within_rate
 from omni_control.reference import Reference
 
 LOOK_FRAMES = 10  # ahead and back, over which a command that changes too fast is spread
 RATE_SHARE = 0.75  # of what commands may change by, that the reference may ask for; the rest is the feedback's
-
-
-def lead(effort: Array, late: Array, stiffness: float) -> Array:
-    """Lead times T of efforts g and time constants lag / g, s, for a correction of a stiffness k, 1/s."""
-    lag = effort * late
-    return 2 * lag / (effort + np.sqrt(effort**2 + 2 * stiffness * lag))
 
 
 class AdaptiveCompFlc(Identifying):
@@ -54,15 +48,15 @@ class AdaptiveCompFlc(Identifying):
         period, law, now = self.told.period, self.plant.motion, LOOK_FRAMES + 1
         position, velocity, heading = arrival
         poses, twists = self.around(frame + self.plant.latency, now, now)
+        if self.loops is not None and self._plan is not None:
+            reference, commands = (np.ascontiguousarray(poses), np.ascontiguousarray(twists)), np.empty_like(seen.pose)
+            fuzzy, limits = (ENGINE.tables, self.fuzzy.ranges), (self._step, self.told.heading_gain)
+            self._plan(*self.loops.arrays, *reference, *arrival, *fuzzy, self.fuzzy.stiffness, *limits, commands)
+            return commands
         target, speeds = poses[now], plane(twists[..., :2])
         edge = (speeds[now - 1] + speeds[now]) / 2  # velocity of the reference when the command begins to act
         face = np.exp(1j * (heading + twists[now, :, 2] * (period / 2)))  # as the robot will, not as it should
         corrected = self._corrected(plane(target[:, :2]) - position, edge - velocity, np.abs(edge), face)
-        if self.loops is not None and self._plan is not None:
-            reference, commands = (np.ascontiguousarray(poses), np.ascontiguousarray(twists)), np.empty_like(target)
-            limits = self._step, self.told.heading_gain
-            self._plan(*self.loops.arrays, *reference, heading, corrected, *limits, commands)
-            return commands
         edges = (speeds[:-1] + speeds[1:]) / 2
         middles = (poses[..., 2] + twists[..., 2] * (period / 2))[1:-1]
         asked = pairs(law.ask(edges[:-1], edges[1:], np.exp(1j * (middles + (heading - target[:, 2]))), period))

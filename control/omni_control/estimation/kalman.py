@@ -5,9 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omni_control.estimation.evidence import Number
 from omni_control.estimation.late import Late
-from omni_control.kinematics import FEW, Array, wrap_angle, wrapped
+from omni_control.kinematics import FEW, Array, Number, wrap_angle, wrapped
 
 GAIN_ERROR = 0.06  # standard deviation of what a robot does in a frame, over what its commands say
 DRIFT_M_S2, DRIFT_RAD_S2 = 0.1, 0.5  # change per square root of a second of what it does besides
