@@ -36,7 +36,7 @@ class CommandsInFlight:
     def __init__(self, n: int, length: int) -> None:
         self.length = length
         self._sent = np.zeros((2 * length, n, 3))  # the newest ends at _end; what is written stays as it is
-        self._end = length
+        self._end, self._shown = length, _to_read(self._sent)
 
     def push(self, command: Array) -> None:
         """Add the commands (n, 3) that were sent in the frame just past.
@@ -51,7 +51,7 @@ class CommandsInFlight:
         if self._end == len(self._sent):  # a new table, since views of the old one have been handed out
             kept = self._sent[self._end - self.length + 1 :]
             self._sent, self._end = np.zeros_like(self._sent), self.length - 1
-            self._sent[: self._end] = kept
+            self._sent[: self._end], self._shown = kept, _to_read(self._sent)
         self._sent[self._end] = command
         self._end += 1
 
@@ -63,7 +63,9 @@ class CommandsInFlight:
         """
         part = object.__new__(CommandsInFlight)
         part._sent = self.last(self.length if length is None else length)[:, rows]
-        part._sent.flags.writeable = False
+        if not isinstance(rows, slice):
+            part._sent.flags.writeable = False
+        part._shown = part._sent
         part.length = part._end = len(part._sent)
         return part
 
@@ -72,6 +74,7 @@ class CommandsInFlight:
         other = object.__new__(CommandsInFlight)
         other._sent, other.length, other._end = self._sent.copy(), self.length, self._end
         other._sent.flags.writeable = False
+        other._shown = other._sent
         return other
 
     def last(self, count: int, skip: int = 0) -> Array:
@@ -83,9 +86,7 @@ class CommandsInFlight:
         if count + skip > self.length:
             raise OmniError(f"{count + skip} commands were asked for, but only {self.length} are kept")
         end = self._end - skip
-        commands = self._sent[end - count : end]
-        commands.flags.writeable = False
-        return commands
+        return self._shown[end - count : end]
 
     def ahead(self, latency: float | Array) -> Array:
         """Share of each command kept that is still to act, (length, n, 3), for a latency (n, 3) in frames."""
@@ -101,6 +102,13 @@ class CommandsInFlight:
     def felt(self, latency: float | Array) -> Array:
         """Commands (n, 3) that acted in the frame just past, on its average, for a latency (n, 3) in frames."""
         return (self.acted(latency) * self.last(self.length)).sum(0)
+
+
+def _to_read(table: Array) -> Array:
+    """The same table, to be read only."""
+    shown = table.view()
+    shown.flags.writeable = False
+    return shown
 
 
 def acted(latency: float | Array, length: int) -> Array:

@@ -12,7 +12,7 @@ from omni_control.kinematics import Array
 
 
 def velocity(t: Tables, ranges: tuple[float, float], x: float, y: float) -> tuple[float, float]:
-    """The velocity for errors of a position, m; see `FuzzyLaw`, which has the ranges. If an error is no number, none."""
+    """The velocity for errors of a position, m; see `FuzzyLaw`, which has the ranges. Of what is no number, none."""
     errors, found = np.empty(2), np.empty(2)
     errors[0], errors[1] = x / ranges[0], y / ranges[0]
     if np.isnan(errors).any():
