@@ -7,47 +7,42 @@ import numpy as np
 
 from omni_control.fuzzy.centroid import under
 from omni_control.fuzzy.mamdani import degree
-from omni_control.fuzzy.tables import Rows, Tables
+from omni_control.fuzzy.tables import Tables
 from omni_control.kinematics import Array
 
 
 def velocity(t: Tables, ranges: tuple[float, float], x: float, y: float) -> tuple[float, float]:
     """The velocity for errors of a position, m; see `FuzzyLaw`, which has the ranges. Of what is no number, none."""
-    errors, found = np.empty(2), np.empty(2)
-    errors[0], errors[1] = x / ranges[0], y / ranges[0]
-    if np.isnan(errors).any():
+    if np.isnan(x) or np.isnan(y):
         return np.nan, np.nan
-    evaluate(t, errors, found)
-    return ranges[1] * found[0], ranges[1] * found[1]
-
-
-def evaluate(t: Tables, values: Array, outputs: Array) -> None:
-    """Find the outputs (outputs,), written, for inputs (inputs,) that are numbers."""
-    degrees = np.empty(len(t.owner))
-    for k in range(len(degrees)):
-        i = t.owner[k]
-        value = min(max(values[i], t.ends[0, i]), t.ends[1, i])
-        degrees[k] = degree(value, t.sides[0, k], t.sides[1, k], t.sides[2, k], t.sides[3, k])
-    strengths = np.empty(t.conditions.shape[1])
-    for k in range(len(strengths)):
-        strengths[k] = degrees[t.conditions[0, k]]
-        for j in range(1, len(t.conditions)):
-            strengths[k] = min(strengths[k], degrees[t.conditions[j, k]])
     heights = np.empty(t.rules.shape[1])
+    infer(t, (x / ranges[0], y / ranges[0]), heights)
+    return ranges[1] * centre(t, heights, 0), ranges[1] * centre(t, heights, 1)
+
+
+def infer(t: Tables, values: tuple[float, ...], heights: Array) -> None:
+    """Find the heights (sets,), written, of outputs' sets for inputs that are numbers; see `Mamdani.infer`."""
     for k in range(len(heights)):
-        heights[k] = _highest(strengths, t.rules[:, k])
-    for o in range(len(outputs)):
-        area, moment = 0.0, 0.0
-        for k in range(t.regions.shape[1]):
-            r = t.regions[:, k, o]
-            more, turning = under(_highest(heights, t.members[:, k, o]), r[0], r[1], r[2], r[3], r[4], r[5], r[6])
-            area, moment = area + more, moment + turning
-        outputs[o] = t.middle[o] + moment / area
+        heights[k] = -np.inf
+        for j in range(len(t.rules)):
+            strength = np.inf
+            for condition in range(len(t.conditions)):
+                s = t.conditions[condition, t.rules[j, k]]
+                i = t.owner[s]
+                value = min(max(values[i], t.ends[0, i]), t.ends[1, i])
+                strength = min(strength, degree(value, t.sides[0, s], t.sides[1, s], t.sides[2, s], t.sides[3, s]))
+            heights[k] = max(heights[k], strength)
 
 
-def _highest(values: Array, rows: Rows) -> float:
-    """The highest of some values."""
-    highest: float = values[rows[0]]
-    for j in range(1, len(rows)):
-        highest = max(highest, values[rows[j]])
-    return highest
+def centre(t: Tables, heights: Array, o: int) -> float:
+    """An output for heights; see `CentreOfGravity`."""
+    area, moment, r = 0.0, 0.0, t.regions
+    for k in range(r.shape[1]):
+        level = heights[t.members[0, k, o]]
+        for j in range(1, len(t.members)):
+            level = max(level, heights[t.members[j, k, o]])
+        polynomials = r[2, k, o], r[3, k, o], r[4, k, o], r[5, k, o], r[6, k, o]
+        more, turning = under(level, r[0, k, o], r[1, k, o], *polynomials)
+        area, moment = area + more, moment + turning
+    found: float = t.middle[o] + moment / area
+    return found
