@@ -29,6 +29,7 @@ ROUNDS = 3  # the fastest of these counts: other work on the machine only ever a
 DRIVE = ["reference.waypoints=[[0, 0], [1, 0.5]]", "reference.settle_s=0"]
 SHORT = ["reference.waypoints=[[0, 0], [0.1, 0.05]]", "reference.settle_s=0"]  # of many robots
 CONTROLLERS = "adaptive-comp-flc", "mpc"  # the costliest
+FRAMES = "p", "flc", "comp-flc", "adaptive-comp-flc", "lqr", "mpc"
 KERNELS, WHAT = ("numpy", "numba"), ("plant ", "loop ")
 CASES = (1, "rollers"), (1, "two-rollers"), (16, "rollers"), (64, "rollers"), (64, "two-rollers")
 PLANAR = 1, 64, 1024
@@ -114,6 +115,17 @@ def report_planar(robots: int) -> dict[str, float]:
 
     simulated = len(commands) * PERIOD_S * robots
     return {name: simulated / used for name, used in fastest(_works(chosen, commands), ROUNDS).items()}
+
+
+def report_frames(controller: str) -> dict[str, float]:
+    """CPU time of a frame of one robot through the whole loop on `planar`, ms, by each kernel."""
+    works, frames = {}, 0
+    for kernel in KERNELS:
+        head = {"plant": "planar", "seeds": 1, "controllers": (controller,)}
+        chosen = scenario.load("rect", [f"physics.kernel={kernel}"], head)
+        frames = Simulation(chosen).run().length
+        works[f"{kernel}, ms"] = partial(_whole, chosen)
+    return {name: 1e3 * used / frames for name, used in fastest(works, 2 * ROUNDS).items()}
 
 
 def _works(chosen: dict[str, Scenario], commands: Sequence[Received]) -> dict[str, Callable[[], Callable[[], object]]]:
@@ -231,6 +243,10 @@ def main() -> None:
     print(f"{'robots':24s}", *(f"{what + kernel:>14s}" for kernel in KERNELS for what in WHAT))
     for robots in PLANAR:
         show(f"{robots}, planar", report_planar(robots))
+    print("\na frame of one robot on planar through the whole loop, ms of CPU time")
+    print(f"{'controller':24s}", *(f"{kernel:>14s}" for kernel in KERNELS))
+    for name in FRAMES:
+        show(f"{name}, planar", report_frames(name))
     print("\nbare steps on two threads, times as fast as on one (wall)")
     for robots in (2, 4, 8, 16, 64):
         show(f"{robots} on two threads", report_threads(robots))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_control.kinematics import Array
+from omni_control.kinematics import Array, Number
 
 Rows = slice | Sequence[int] | np.ndarray[Any, np.dtype[np.intp]]
 
@@ -36,7 +36,7 @@ class CommandsInFlight:
     def __init__(self, n: int, length: int) -> None:
         self.length = length
         self._sent = np.zeros((2 * length, n, 3))  # the newest ends at _end; what is written stays as it is
-        self._end = length
+        self._end, self._shown = length, _to_read(self._sent)
 
     def push(self, command: Array) -> None:
         """Add the commands (n, 3) that were sent in the frame just past.
@@ -51,7 +51,7 @@ class CommandsInFlight:
         if self._end == len(self._sent):  # a new table, since views of the old one have been handed out
             kept = self._sent[self._end - self.length + 1 :]
             self._sent, self._end = np.zeros_like(self._sent), self.length - 1
-            self._sent[: self._end] = kept
+            self._sent[: self._end], self._shown = kept, _to_read(self._sent)
         self._sent[self._end] = command
         self._end += 1
 
@@ -63,7 +63,9 @@ class CommandsInFlight:
         """
         part = object.__new__(CommandsInFlight)
         part._sent = self.last(self.length if length is None else length)[:, rows]
-        part._sent.flags.writeable = False
+        if not isinstance(rows, slice):
+            part._sent.flags.writeable = False
+        part._shown = part._sent
         part.length = part._end = len(part._sent)
         return part
 
@@ -72,6 +74,7 @@ class CommandsInFlight:
         other = object.__new__(CommandsInFlight)
         other._sent, other.length, other._end = self._sent.copy(), self.length, self._end
         other._sent.flags.writeable = False
+        other._shown = other._sent
         return other
 
     def last(self, count: int, skip: int = 0) -> Array:
@@ -83,13 +86,14 @@ class CommandsInFlight:
         if count + skip > self.length:
             raise OmniError(f"{count + skip} commands were asked for, but only {self.length} are kept")
         end = self._end - skip
-        commands = self._sent[end - count : end]
-        commands.flags.writeable = False
-        return commands
+        return self._shown[end - count : end]
 
     def ahead(self, latency: float | Array) -> Array:
         """Share of each command kept that is still to act, (length, n, 3), for a latency (n, 3) in frames."""
-        return _ahead_alike(latency, self.length) if isinstance(latency, float | int) else _ahead(latency, self.length)
+        if isinstance(latency, float | int):
+            return _ahead_alike(latency, self.length)
+        shares: Array = left(latency, _since(self.length))
+        return shares
 
     def acted(self, latency: float | Array) -> Array:
         """Share of each command kept that acted in the frame just past, (length, n, 3), for a latency (n, 3)."""
@@ -100,19 +104,27 @@ class CommandsInFlight:
         return (self.acted(latency) * self.last(self.length)).sum(0)
 
 
+def _to_read(table: Array) -> Array:
+    """The same table, to be read only."""
+    shown = table.view()
+    shown.flags.writeable = False
+    return shown
+
+
 def acted(latency: float | Array, length: int) -> Array:
     """Share of each of the last `length` commands that acted in the frame just past; see `CommandsInFlight.acted`."""
     return np.maximum(1 - np.abs(latency - _since(length)), 0.0)
 
 
-def _ahead(latency: float | Array, length: int) -> Array:
-    return np.minimum(np.maximum(latency - _since(length), 0.0), 1.0)
+def left(latency: Number, since: Number) -> Number:
+    """Share of a command that is still to act, so many frames since it was sent."""
+    return np.minimum(np.maximum(latency - since, 0.0), 1.0)
 
 
 @lru_cache
 def _ahead_alike(latency: float, length: int) -> Array:
     """Those of one latency for all, which is asked for again in every frame."""
-    shares = _ahead(latency, length)
+    shares: Array = left(latency, _since(length))
     shares.flags.writeable = False
     return shares
 
@@ -133,4 +145,9 @@ def compensation(in_flight: Array, alpha: Array | float, period: float) -> Array
         alpha: motor correction factors (n, 3), 1 for a robot that does as told.
         period: length of a frame T, s.
     """
-    return alpha * in_flight.sum(0) * period
+    return caused(in_flight.sum(0), alpha, period)
+
+
+def caused(commands: Number, alpha: Number, period: float) -> Number:
+    """Displacement by a sum of commands."""
+    return alpha * commands * period

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omni_control.controllers.apart import Apart
-from omni_control.controllers.base import Controller, Seen
+from omni_control.controllers.base import Controller, Seen, carried
 from omni_control.controllers.checks import (
     Said,
     answer,
@@ -106,7 +106,14 @@ class Team:
     def observe(
         self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None, age: ArrayLike | None = None
     ) -> Seen:
-        """Begin a frame with what vision reports; return what is known of all robots.
+        """Begin a frame with what vision reports; return what is known of all robots (`see`, then `seen`)."""
+        self.see(measured, truth, age)
+        return self.seen
+
+    def see(
+        self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None, age: ArrayLike | None = None
+    ) -> Array:
+        """Begin a frame with what vision reports; return what is believed of it, brought to this frame, (n, 3).
 
         Args:
             measured: poses seen (n, 3), headings in (-pi, pi]; not a number where a robot was not seen.
@@ -132,7 +139,16 @@ class Team:
         seen = now.update(seen, ages, self._sent)
         self.estimate, self.twist = now.pose.copy(), now.twist
         self._known = _Known(now.pose, now.twist, seen, ages, now.steps)
-        return self._part(self._known, slice(None), self._sent.length, self._delay)
+        return carried(seen, ages, now.twist)
+
+    @property
+    def seen(self) -> Seen:
+        """What is known of all robots in this frame, until they are commanded.
+
+        Raises:
+            OmniError: nothing was observed since the last commands.
+        """
+        return self._part(self._observed(), slice(None), self._sent.length, self._delay)
 
     def command(self) -> Array:
         """Ask the controllers, once a frame; return the commands (n, 3) within the limits, and count them as sent.
@@ -141,12 +157,11 @@ class Team:
             OmniError: nothing was observed since the last commands.
             ControllerError: a controller failed, and nobody handles it.
         """
-        if self._known is None:
-            raise OmniError("robots must be observed before they are commanded, in every frame")
+        seen = self._observed()
         wanted, failures = np.zeros((self.n, 3)), self._failures
         for i, rows in enumerate(self._rows):
             if not (failures and self.failed[rows].all()):
-                known = self._true if self._truthful[i] else self._known
+                known = self._true if self._truthful[i] else seen
                 assert known is not None, "checked when it was observed"
                 wanted[rows] = self._asked(i, known)
         if self._failures:
@@ -162,7 +177,7 @@ class Team:
         self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None, age: ArrayLike | None = None
     ) -> Array:
         """A whole frame, from what vision reports to commands (n, 3): `observe`, then `command`."""
-        self.observe(measured, truth, age)
+        self.see(measured, truth, age)
         return self.command()
 
     def limited(self, command: ArrayLike) -> Array:
@@ -191,6 +206,16 @@ class Team:
         for controller in self.controllers:
             if isinstance(controller, Apart):
                 controller.leave()
+
+    def _observed(self) -> "_Known":
+        """What was observed in this frame.
+
+        Raises:
+            OmniError: nothing was since the last commands.
+        """
+        if self._known is None:
+            raise OmniError("robots must be observed before they are commanded, in every frame")
+        return self._known
 
     def _part(self, known: "_Known", rows: Rows, memory: int, delay: int | Array) -> Seen:
         """What is known of some robots, in arrays of its own."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from omni_control.controllers import guests
-from omni_control.controllers.base import Seen
 from omni_control.delay import CommandsInFlight
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.link.radio import Received
@@ -122,9 +121,9 @@ class Live(Simulation):
         """See `Simulation`."""
         return super().done or self.frame >= self._most
 
-    def observe(self) -> Seen:
+    def _look(self) -> Array:
         """See `Simulation`; waits for the next tick."""
-        if self._seen is None:
+        if self._vision is None:
             if not self._ticks:
                 self._ticks = self._next()
             pose, seen, brought, age = self._ticks.pop(0)
@@ -136,7 +135,7 @@ class Live(Simulation):
             for number in np.flatnonzero(self._unseen == LOST_FRAMES + 1):
                 text = f"{self.frame * PERIOD_S:.2f} s: robot {self.ids[number]} is not seen and told to stop"
                 self.notes.add("lost", text, always=True)
-        return super().observe()
+        return super()._look()
 
     def run(self, after_frame: Callable[[int], None] = lambda frame: None) -> Log:
         """See `Simulation`; whatever ends it, robots are told to stand at once."""
@@ -158,7 +157,7 @@ class Live(Simulation):
         turning, alpha = self.team.latency_hat[:, 2], self.team.alpha_hat[:, 2]
         self.outbound.latency = np.where(np.isfinite(turning), turning, self._told)
         self.outbound.alpha = np.where(np.isfinite(alpha), alpha, 1.0)
-        self.observe()
+        self._look()
         super().step(self.outbound.sent if self.outbound.held else command)
         if self.outbound.lost.any() or self.outbound.held:
             self.team.sent(self.outbound.sent)

@@ -135,7 +135,7 @@ class Simulation:
         self.frame, self.failures = 0, list[Failure]()
         self._running = np.ones(n, bool)
         self._seen: Seen | None = None
-
+        self._vision: Array | None = None  # until the step
         start = np.array([reference.poses[0] for reference in self.references])
         geometry = kinematics(self.rows[0].settings.wheels)
         self.plant, self.camera, self.radio = self._robots(start)
@@ -171,7 +171,6 @@ class Simulation:
         if self.frame:
             self.reset()
         while not self.done:
-            self.observe()
             self.step()
             after_frame(self.frame - 1)
         return self.log
@@ -179,10 +178,8 @@ class Simulation:
     def observe(self) -> Seen:
         """What the team sees of all robots in this frame; the same, however often it is asked before the next step."""
         if self._seen is None:
-            self._pose = self.plant.pose()
-            measured, self._valid = self.camera(self._pose)
-            truth = (self._pose, self.plant.twist()) if self.team.knows_truth else None
-            self._seen = self.team.observe(measured, truth, self.camera.age)
+            self._look()
+            self._seen = self.team.seen
         return self._seen
 
     def step(self, command: Array | None = None) -> None:
@@ -195,16 +192,25 @@ class Simulation:
         Raises:
             OmniError: the command is not (n, 3) finite numbers.
         """
-        seen = self.observe()
+        vision = self._look()
         sent = self.team.command() if command is None else self._instead(command)
         received = self.radio.exchange(sent, self.team.estimate[:, 2])
         if self._logged:
-            self._record(seen, sent, received)
+            self._record(vision, sent, received)
         failed = self.plant.advance(received)
-        self.frame, self._seen = self.frame + 1, None
+        self.frame, self._seen, self._vision = self.frame + 1, None, None
         for row, cause in failed.items():
             self._stop(np.array([row]), cause)
             self.team.stop(np.array([row]))
+
+    def _look(self) -> Array:
+        """What vision reports of this frame (n, 3), as the team believes it; however often it is asked."""
+        if self._vision is None:
+            self._pose = self.plant.pose()
+            measured, self._valid = self.camera(self._pose)
+            truth = (self._pose, self.plant.twist()) if self.team.knows_truth else None
+            self._vision = self.team.see(measured, truth, self.camera.age)
+        return self._vision
 
     def _robots(self, start: Array) -> tuple[Plant, See, Exchange]:
         """The robots at the start (n, 3), and what is between them and the team."""
@@ -215,13 +221,13 @@ class Simulation:
             radio([row.settings.radio for row in self.rows], noise, happening),
         )
 
-    def _record(self, seen: Seen, sent: Array, received: Received) -> None:
+    def _record(self, vision: Array, sent: Array, received: Received) -> None:
         self.log.write(
             self._recorded,
             self.team.channels,
             ref=self._reference(),
             pose=self._pose,
-            vision=seen.carried,
+            vision=vision,
             vision_valid=self._valid,
             predicted=self.team.predicted,
             command=sent,

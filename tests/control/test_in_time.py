@@ -10,7 +10,9 @@ from omni_control.controllers.planning import _in_time, in_time
 
 STEP = 0.1  # m/s a frame
 parts = st.floats(-3, 3)
-ways = st.lists(st.tuples(parts, parts), min_size=1, max_size=12).map(lambda way: np.array([complex(*at) for at in way]))
+ways = st.lists(st.tuples(parts, parts), min_size=1, max_size=12).map(
+    lambda way: np.array([complex(*at) for at in way])
+)
 
 
 def of(way: NDArray) -> complex:

@@ -8,7 +8,7 @@ from laws import LAW
 
 from omni_control import MotionLimits, TimedReference, Told
 from omni_control.controllers import make
-from omni_control.controllers.adaptive import lead
+from omni_control.controllers.planning import lead
 from omni_control.fuzzy.rules import FuzzyLaw
 from omni_control.kinematics import Array
 

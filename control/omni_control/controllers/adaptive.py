@@ -16,19 +16,13 @@ import numpy as np
 
 from omni_control.controllers.base import Seen, Told
 from omni_control.controllers.identifying import Arrival, Identifying
-from omni_control.controllers.planning import in_time, plan
+from omni_control.controllers.planning import fade, in_time, lead, plan
 from omni_control.estimation.motion import Plane, pairs, plane
-from omni_control.fuzzy.rules import FuzzyLaw
+from omni_control.fuzzy.rules import ENGINE, FuzzyLaw
 from omni_control.kinematics import Array
 from omni_control.reference import Reference
 
 LOOK_FRAMES = 10  # ahead; with 20 nothing changes, on `league`, `waypoints` and `slippery`
-
-
-def lead(effort: Array, late: Array, stiffness: float) -> Array:
-    """Lead times T of efforts g and time constants lag / g, s, for a correction of a stiffness k, 1/s."""
-    lag = effort * late
-    return 2 * lag / (effort + np.sqrt(effort**2 + 2 * stiffness * lag))
 
 
 class AdaptiveCompFlc(Identifying):
@@ -46,7 +40,6 @@ class AdaptiveCompFlc(Identifying):
         super().__init__(told, reference, n)
         self.fuzzy = FuzzyLaw(told.error_range_m, told.speed_range_m_s)
         self._step = told.limits.acceleration * told.period
-        self._fading = np.exp(-self.fuzzy.stiffness * told.period * np.arange(LOOK_FRAMES))
         self._plan = None if told.compiled is None else told.compiled(plan)
 
     def wanted(self, frame: int, seen: Seen, arrival: Arrival) -> Array:
@@ -54,34 +47,34 @@ class AdaptiveCompFlc(Identifying):
         period, law = self.told.period, self.plant.motion
         position, velocity, heading = arrival
         poses, twists = self.around(frame + self.plant.latency, 1, LOOK_FRAMES)
+        if self.loops is not None and self._plan is not None:
+            reference, commands = (np.ascontiguousarray(poses), np.ascontiguousarray(twists)), np.empty_like(seen.pose)
+            fuzzy, limits = (ENGINE.tables, self.fuzzy.ranges), (self._step, self.told.heading_gain)
+            self._plan(*self.loops.arrays, *reference, *arrival, *fuzzy, self.fuzzy.stiffness, *limits, commands)
+            return commands
         target, speeds = poses[1], plane(twists[..., :2])
         edge = (speeds[0] + speeds[1]) / 2  # velocity of the reference when the command begins to act
         face = np.exp(1j * (heading + twists[1, :, 2] * (period / 2)))  # as the robot will, not as it should
-        corrected = self._corrected(plane(target[:, :2]) - position, edge - velocity, np.abs(edge), face)
-        if self.loops is not None and self._plan is not None:
-            reference, commands = (np.ascontiguousarray(poses), np.ascontiguousarray(twists)), np.empty_like(target)
-            limits = self._fading, self._step, self.told.heading_gain
-            self._plan(*self.loops.arrays, *reference, heading, corrected, *limits, commands)
-            return commands
+        error = self._leading(plane(target[:, :2]) - position, edge - velocity, np.abs(edge), face)
+        correction = plane(self.fuzzy(pairs(error)))
         edges = (speeds[:-1] + speeds[1:]) / 2
         middles = (poses[..., 2] + twists[..., 2] * (period / 2))[1:-1]
         asked = law.ask(edges[:-1], edges[1:], np.exp(1j * (middles + (heading - target[:, 2]))), period)
-        correction = plane(corrected)
-        command = in_time(asked + self._fading[:, None] * correction, self._step)
+        fading = fade(correction, error, period) ** np.arange(LOOK_FRAMES)[:, None]
+        command = in_time(asked + fading * correction, self._step)
         across = pairs(self.plant.ask(command))
         turn = self.turn(twists[:3, :, 2], edges[:2], face, target[:, 2], heading, command - correction)
         return np.concatenate([across, turn[:, None]], axis=1)
 
-    def _corrected(self, error: Plane, behind: Plane, speed: Array, facing: Plane) -> Array:
-        """The fuzzy controller's velocities (n, 2), m/s, world frame.
+    def _leading(self, error: Plane, behind: Plane, speed: Array, facing: Plane) -> Plane:
+        """Errors of position (n,) that are left a lead time later, m, world frame.
 
         Args:
-            error: of position (n,), m, world frame.
+            error: of position now, (n,) m, world frame.
             behind: of velocity (n,), m/s, same.
             speed: at which robots should drive (n,), m/s.
             facing: of robots, unit vectors (n,).
         """
         law = self.plant.motion
         times = lead(law.effort, law.late(speed), self.fuzzy.stiffness)
-        leading = plane(times * pairs(behind * facing.conj())) * facing
-        return self.fuzzy(pairs(error + leading))
+        return error + plane(times * pairs(behind * facing.conj())) * facing

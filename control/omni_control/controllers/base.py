@@ -110,11 +110,7 @@ class Seen:
     @property
     def carried(self) -> Array:
         """What was measured, brought from when it was seen to this frame by the filtered twist, (n, 3)."""
-        if self.age is None:
-            return self.measured
-        carried = self.measured + self.age[:, None] * self.twist
-        carried[:, 2] = wrap_angle(carried[:, 2])
-        return carried
+        return carried(self.measured, self.age, self.twist)
 
     @property
     def in_flight(self) -> Array:
@@ -132,6 +128,15 @@ class Seen:
     def arriving(self) -> Array:
         """Poses (n, 3) to which the commands in flight lead by the end of the dead time (equation 11), alpha = 1."""
         return self.pose + compensation(self.in_flight, 1.0, self.period)
+
+
+def carried(measured: Array, age: Array | None, twist: Array) -> Array:
+    """See `Seen.carried`."""
+    if age is None:
+        return measured
+    brought = measured + age[:, None] * twist
+    brought[:, 2] = wrap_angle(brought[:, 2])
+    return brought
 
 
 class Controller:

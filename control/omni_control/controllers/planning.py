@@ -1,5 +1,7 @@
 """Commands that set out in time; and what adaptive-comp-flc commands, by loops over robots, for a compiler."""
 
+from typing import Any
+
 import numpy as np
 
 from omni_control.estimation import turning
@@ -7,7 +9,11 @@ from omni_control.estimation.arrays import GivesArrays, PlantArrays, TurningArra
 from omni_control.estimation.by_robot import Axes, axes
 from omni_control.estimation.motion import Plane, pairs, plane, starting
 from omni_control.estimation.turning_by_robot import answer, pulled
-from omni_control.kinematics import Array, wrapped
+from omni_control.fuzzy.by_robot import velocity
+from omni_control.fuzzy.tables import Tables
+from omni_control.kinematics import Array, Number, wrapped
+
+NONE_M = 1e-12  # an error that is none
 
 
 def in_time(coming: Plane, step: float) -> Plane:
@@ -31,6 +37,17 @@ def in_time(coming: Plane, step: float) -> Plane:
     along = np.divide(ways[worst], sizes[worst], out=np.ones_like(coming[0]), where=sizes[worst] > 0)
     parts, reach = pairs(ways * along.conj()), reach[..., None]
     return coming[0] + plane((parts + reach).min(0) + (parts - reach).max(0)) / 2 * along
+
+
+def lead(effort: Number, late: Number, stiffness: float) -> Number:
+    """Lead times T, s, of efforts g and time constants lag / g, for a correction of a stiffness k, 1/s."""
+    lag = effort * late
+    return 2 * lag / (effort + np.sqrt(effort**2 + 2 * stiffness * lag))
+
+
+def fade(correction: Any, error: Any, period: float) -> Number:
+    """What a period leaves of a correction, m/s, as it takes an error away, m: fast near none, and slowly from afar."""
+    return np.exp(-period * np.abs(correction) / np.maximum(np.abs(error), NONE_M))
 
 
 def ask(law: Axes, before: complex, after: complex, heading: complex, duration: float) -> complex:
@@ -65,9 +82,12 @@ def plan(
     g: GivesArrays,
     poses: Array,
     twists: Array,
+    position: Plane,
+    reached: Plane,
     heading: Array,
-    corrected: Array,
-    fading: Array,
+    rules: Tables,
+    ranges: tuple[float, float],
+    stiffness: float,
     step: float,
     gain: float,
     wanted: Array,
@@ -80,28 +100,38 @@ def plan(
         g: how wheels give way.
         poses: of the reference, from the frame before the one in which the command acts, (frames + 2, n, 3).
         twists: same.
-        heading: that robots will have, (n,) rad.
-        corrected: velocities for their errors, (n, 2) m/s.
-        fading: what is left of those in each frame, (frames,).
+        position: that robots will have, (n,) m.
+        reached: velocity, same, m/s.
+        heading: same, rad.
+        rules: of the correction.
+        ranges: of it, see `FuzzyLaw`.
+        stiffness: same, 1/s.
         step: by which commands may change per frame, m/s.
         gain: of the heading hold, 1/s.
         wanted: commands (n, 3); written.
     """
-    frames, period = len(fading), p.period
+    frames, period = len(poses) - 2, p.period
     coming = np.empty(frames, np.complex128)
     for i in range(len(wanted)):
         law, state = axes(i, p), p.state[i]
-        aside = heading[i] - poses[1, i, 2]  # facing as the robot will, not as it should
-        correction = complex(corrected[i, 0], corrected[i, 1])
+        otherwise = heading[i] - poses[1, i, 2]  # facing as the robot will, not as it should
         edge, leaving, face = 0j, 0j, 0j
         for k in range(frames):
-            then = complex(twists[k + 1, i, 0], twists[k + 1, i, 1])
-            before = (complex(twists[k, i, 0], twists[k, i, 1]) + then) / 2
-            after = (then + complex(twists[k + 2, i, 0], twists[k + 2, i, 1])) / 2
-            facing = np.exp(1j * (poses[k + 1, i, 2] + twists[k + 1, i, 2] * (period / 2) + aside))
-            coming[k] = ask(law, before, after, facing, period) + fading[k] * correction
+            there, past = complex(twists[k + 1, i, 0], twists[k + 1, i, 1]), complex(twists[k, i, 0], twists[k, i, 1])
+            before, after = (past + there) / 2, (there + complex(twists[k + 2, i, 0], twists[k + 2, i, 1])) / 2
+            facing = np.exp(1j * (poses[k + 1, i, 2] + twists[k + 1, i, 2] * (period / 2) + otherwise))
+            coming[k] = ask(law, before, after, facing, period)
             if k == 0:
                 edge, leaving, face = before, after, facing
+
+        behind, speed = (edge - reached[i]) * face.conjugate(), abs(edge)
+        ahead = lead(law.effort[0], law.still[0] + law.slower[0] * speed, stiffness) * behind.real
+        aside = lead(law.effort[1], law.still[1] + law.slower[1] * speed, stiffness) * behind.imag
+        error = complex(poses[1, i, 0], poses[1, i, 1]) - position[i] + complex(ahead, aside) * face
+        correction = complex(*velocity(rules, ranges, error.real, error.imag))
+        fading = fade(correction, error, period)
+        for k in range(frames):
+            coming[k] += fading**k * correction
         command = _in_time(coming, step)
         planned = command - correction
         sent = (command - complex(state[4], state[5])) * np.exp(1j * state[6])

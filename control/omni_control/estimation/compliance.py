@@ -19,9 +19,8 @@ travel faster give way more; and acceleration takes load from the wheels on the 
 import numpy as np
 
 from omni_control.estimation.arrays import GivesArrays
-from omni_control.estimation.evidence import Number
 from omni_control.estimation.motion import Plane
-from omni_control.kinematics import Array, Kinematics
+from omni_control.kinematics import Array, Kinematics, Number
 from omni_control.traction import GRAVITY, loads
 
 HEIGHT_M = 0.047  # of the centre of mass: TIGERs Mannheim's robots have 45 and 49 mm

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-Number = Any  # a float, or an array of floats
+from omni_control.kinematics import Number
+
 Truth = Any  # a bool, or an array of bools
 
 ACCELERATION_M_S2 = 0.35  # standard deviation of what the law does not know of v'

@@ -27,8 +27,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from omni_control.estimation.evidence import BRAKING_M_S2, Number, Truth
-from omni_control.kinematics import Array, wrap_angle
+from omni_control.estimation.evidence import BRAKING_M_S2, Truth
+from omni_control.kinematics import Array, Number, wrap_angle
 from omni_control.reference import MotionLimits
 
 Flags = NDArray[np.bool_]

@@ -5,15 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omni_control.estimation.evidence import Number
 from omni_control.estimation.late import Late
-from omni_control.kinematics import FEW, Array, wrap_angle, wrapped
+from omni_control.kinematics import FEW, Array, Number, wrap_angle, wrapped
 
 GAIN_ERROR = 0.06  # standard deviation of what a robot does in a frame, over what its commands say
 DRIFT_M_S2, DRIFT_RAD_S2 = 0.1, 0.5  # change per square root of a second of what it does besides
 DRIFT_TIME_S = 0.5  # after which that is forgotten
 SCALE_MEMORY, LARGEST = 0.97, 9.0  # of the innovations by which the process noise is scaled; of one, squared
-SCALE_BOUNDS = (0.1, 100.0)
+SCALE_BOUNDS = np.array(0.1), np.array(100.0)  # numpy would have to convert Python's numbers each time
 
 # What is known of each axis of each robot: state, variances, factor of the process noise; what the last frame was like.
 POSE, DRIFT, XX, XB, BB, SCALE, TWIST, INNOVATION, VARIANCE = range(9)
@@ -133,9 +132,10 @@ class KalmanFilter:
         Returns:
             The filtered poses (n, 3).
         """
-        least, most = SCALE_BOUNDS
-        scale = self.state[SCALE] * np.exp(state[SCALE])
-        np.minimum(np.maximum(scale, least), most, out=state[SCALE])
+        (least, most), scale = SCALE_BOUNDS, state[SCALE]
+        np.exp(scale, out=scale)
+        scale *= self.state[SCALE]
+        np.minimum(np.maximum(scale, least, out=scale), most, out=scale)
         self._know(state)
         return self.pose
 

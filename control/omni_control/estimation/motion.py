@@ -25,8 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omni_control.estimation.evidence import Number
-from omni_control.kinematics import Array, Kinematics
+from omni_control.kinematics import Array, Kinematics, Number
 
 Plane = NDArray[np.complex128]
 

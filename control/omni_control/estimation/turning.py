@@ -23,10 +23,9 @@ Nobody is told k: it is believed to be 0.
 import numpy as np
 
 from omni_control.estimation.arrays import TurningArrays
-from omni_control.estimation.evidence import Number
 from omni_control.estimation.late import Late
 from omni_control.estimation.motion import Plane
-from omni_control.kinematics import Array, Kinematics, wrap_angle
+from omni_control.kinematics import Array, Kinematics, Number, wrap_angle
 
 BIAS_RAD_S, BIAS_S = 0.05, 1.0  # standard deviation of b, and the time after which it is forgotten
 EFFORT, EFFORT_SIGMA = 1.02, 0.05

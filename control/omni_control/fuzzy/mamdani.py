@@ -16,13 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from omni_control.errors import OmniError, choose
 from omni_control.fuzzy.centroid import CentreOfGravity
-from omni_control.kinematics import Array
+from omni_control.fuzzy.tables import Tables
+from omni_control.kinematics import Array, Number
 
 Rule = tuple[Mapping[str, str], Mapping[str, str]]
 
 BLOCK = 1000  # evaluations at a time, so that their arrays stay in a core's cache
 FAINT = 1e-9  # rounding may leave 1e-16 of a strength that is zero
-_ZERO, _ONE = np.zeros(()), np.ones(())  # numpy would have to convert Python's at each call
 
 
 @dataclass(frozen=True)
@@ -92,6 +92,9 @@ class Mamdani:
             `({"e_x": "NB", "e_y": "PS"}, {"v_x": "NB"})`. Conditions are joined by "and"; an input that a rule does not
             mention may have any value.
 
+    Attributes:
+        tables: sets and rules, as a compiled loop reads them.
+
     Raises:
         OmniError: there are no rules, or one is empty or names what does not exist; two variables have the same name;
             an input's set has a vertical side inside its universe, where outputs would jump; or there are inputs for
@@ -102,28 +105,31 @@ class Mamdani:
         self.inputs, self.outputs, self.rules = tuple(inputs), tuple(outputs), tuple(rules)
         _check(self.inputs, self.outputs, self.rules)
         sets = [s for v in self.inputs for s in v.sets.values()]
-        corners = np.array([astuple(s) for s in sets], float).T[..., None]  # (4, sets, 1)
-        self._owner = np.array([i for i, v in enumerate(self.inputs) for _ in v.sets])
+        corners = np.array([astuple(s) for s in sets], float).T  # (4, sets)
+        owner = np.array([i for i, v in enumerate(self.inputs) for _ in v.sets])
         # A side is (z - foot) slope. A vertical one lies at an end of the universe or beyond and bounds no input.
-        widths, sign = corners[1:3] - corners[::3], np.array([[[1.0]], [[-1.0]]])
-        self._slopes = 1 / np.where(widths == 0, sign, widths)
-        self._feet = np.where(widths == 0, -np.inf * sign, corners[::3])
-        self._low, self._high = np.array([[[v.low] for v in self.inputs], [[v.high] for v in self.inputs]], float)
+        widths, sign = corners[1:3] - corners[::3], np.array([[1.0], [-1.0]])
+        slopes = 1 / np.where(widths == 0, sign, widths)
+        feet = np.where(widths == 0, -np.inf * sign, corners[::3])
+        ends = np.array([[v.low for v in self.inputs], [v.high for v in self.inputs]], float)
 
         row = {key: i for i, key in enumerate((v.name, label) for v in self.inputs for label in v.sets)}
-        self._conditions = _table([[row[key] for key in conditions.items()] for conditions, _ in self.rules])
+        conditions = _table([[row[key] for key in conditions.items()] for conditions, _ in self.rules])
         concluded: dict[tuple[int, str], list[int]] = {}
         for o, v in enumerate(self.outputs):
             for label in v.sets:
                 if by := [i for i, (_, conclusions) in enumerate(self.rules) if conclusions.get(v.name) == label]:
                     concluded[o, label] = by
-        self._rules = _table(list(concluded.values()))
         self._centre = CentreOfGravity(
             [
                 (np.array([astuple(s) for label, s in v.sets.items() if (o, label) in concluded], float), v.low, v.high)
                 for o, v in enumerate(self.outputs)
             ]
         )
+        of_outputs = self._centre.members, self._centre.regions, self._centre.middle
+        sides = np.array([feet[0], slopes[0], feet[1], slopes[1]])
+        self.tables = Tables(ends, owner, sides, conditions, _table(list(concluded.values())), *of_outputs)
+        self._ends, self._sides = tuple(ends[..., None]), tuple(sides[..., None])
         self._check_cover(np.array([o for o, _ in concluded]))
 
     def __call__(self, values: ArrayLike) -> Array:
@@ -158,18 +164,15 @@ class Mamdani:
         return self.defuzzify(self.infer(self.fuzzify(columns)))
 
     def fuzzify(self, values: Array) -> Array:
-        """Return the degrees (sets, n) to which inputs (inputs, n) belong to their sets, input by input."""
-        clipped = np.minimum(np.maximum(values, self._low), self._high)
-        sides = clipped.take(self._owner, axis=0) - self._feet
-        sides *= self._slopes
-        degrees = np.minimum(sides[0], sides[1])
-        np.minimum(degrees, _ONE, out=degrees)
-        return np.maximum(degrees, _ZERO, out=degrees)
+        """Return the degrees (sets, n), see `degree`, to which inputs (inputs, n) belong to their sets, one by one."""
+        low, high = self._ends
+        clipped = np.minimum(np.maximum(values, low), high)
+        return degree(clipped.take(self.tables.owner, axis=0), *self._sides)
 
     def infer(self, degrees: Array) -> Array:
         """Return the heights (sets, n) of the outputs' sets, output by output, but for those that no rule concludes."""
-        strengths = np.minimum.reduce(degrees.take(self._conditions, axis=0))
-        return np.maximum.reduce(strengths.take(self._rules, axis=0))
+        strengths = np.minimum.reduce(degrees.take(self.tables.conditions, axis=0))
+        return np.maximum.reduce(strengths.take(self.tables.rules, axis=0))
 
     def defuzzify(self, heights: Array) -> Array:
         """Return the outputs (outputs, n) for the heights (sets, n) that `infer` returns."""
@@ -190,6 +193,14 @@ class Mamdani:
                 if not (heights[output_of_set == o] > FAINT).any():
                     where = ", ".join(f"{v.name} = {z:g}" for v, z in zip(self.inputs, corner, strict=True))
                     raise OmniError(f"no rule gives {output.name} at {where}: add rules, or widen the inputs' sets")
+
+
+def degree(value: Number, foot: Number, slope: Number, other_foot: Number, other_slope: Number) -> Number:
+    """Degree to which a value belongs to a set with these sides, each from its foot on in proportion to a slope.
+
+    What is above 1 counts as 1, and below 0 as 0: no region reaches beyond, and the order of degrees stays (`under`).
+    """
+    return np.minimum((value - foot) * slope, (value - other_foot) * other_slope)
 
 
 def _check(inputs: Sequence[Variable], outputs: Sequence[Variable], rules: Sequence[Rule]) -> None:

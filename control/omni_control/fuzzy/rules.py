@@ -56,7 +56,7 @@ def memberships(value: ArrayLike) -> Array:
     """Return the degrees (..., 5) to which errors over their range (...) belong to the sets in the order of LABELS."""
     value = np.asarray(value, float)
     degrees = ENGINE.fuzzify(np.stack([value.ravel()] * 2))[: len(LABELS)]
-    return degrees.T.reshape(*value.shape, len(LABELS))
+    return np.clip(degrees, 0.0, 1.0).T.reshape(*value.shape, len(LABELS))
 
 
 @dataclass(frozen=True)
@@ -86,6 +86,11 @@ class FuzzyLaw:
         """
         if not (0 < self.error_range_m < np.inf and 0 < self.speed_range_m_s < np.inf):
             raise OmniError("the ranges of the fuzzy controller must be positive numbers")
+
+    @property
+    def ranges(self) -> tuple[float, float]:
+        """Of errors and speeds, m and m/s."""
+        return self.error_range_m, self.speed_range_m_s
 
     @property
     def stiffness(self) -> float:
