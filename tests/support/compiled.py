@@ -20,8 +20,11 @@ NUMBA = {"kernel": "numba"}
 def once(plant: str) -> None:
     """Have a plant's loops, and a controller's, compiled by one process for all, in a minute; the others wait.
 
-    For a robot by itself, and for several: these are other loops, or other machine code.
+    For a robot by itself, and for several: these are other loops, or other machine code. A team's, which it has on any
+    plant, come first, and with a lock of their own: two processes may need them at the same time for two plants.
     """
+    if plant != "kinematic":
+        once("kinematic")
     with (Path(tempfile.gettempdir()) / f"omni-mj-{os.getuid()}-{plant}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         for controllers in (["adaptive-comp-flc"], ["p", "flc"]):
