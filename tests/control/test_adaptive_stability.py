@@ -13,6 +13,7 @@ long dead times.
 
 from functools import cache
 
+import compiled
 import numpy as np
 from closed_loop import NOISE, Equation7, T, drive, limited, vision
 
@@ -20,7 +21,6 @@ from omni_control import Told
 from omni_control.controllers import make
 from omni_control.kinematics import Array
 from omni_control.reference.limits import approach
-from omni_mj.onboard import kernel
 
 ADAPTIVE = "adaptive-comp-flc"
 CASES, NOISIER = 1000, 10.0  # 13 mm and 0.1 rad
@@ -101,7 +101,7 @@ def thousand(controller: str, seed: int = 0) -> tuple[Array, Array]:
                 creep_s2_m=0,
                 position_noise_m=times * NOISE[0],
                 heading_noise_rad=times * NOISE[2],
-                compiled=kernel.compiled,
+                compiled=compiled.loops(),
             )
             plant = Equation7(poses[0, rows], alpha[:, rows], delay[rows])
             made = make(controller, known, OneEach(poses[:, rows]), len(rows))
