@@ -69,14 +69,19 @@ class Clock:
         self._newest = None
         self._least = 0.0, 0.0
         self._buckets: deque[tuple[float, float]] = deque(maxlen=BUCKETS)
+        self._guessed = FITTED_FROM  # first buckets of which packets were chosen before the rate was known
 
     def _close(self) -> None:
         """End a bucket, and fit the line anew."""
         self._buckets.append(self._least)
+        if len(self._buckets) == 2 * self._guessed:
+            self._keep(len(self._buckets) - self._guessed)
+            self._guessed = 0
         stamps, arrivals = np.array(self._buckets).T
         late = arrivals - self._arrival - self._slope * (stamps - self._stamp)
         if len(late) > LATE_BUCKETS and (late[-LATE_BUCKETS:] > LATE_S).all():
-            self._buckets = deque(list(self._buckets)[-LATE_BUCKETS:], maxlen=BUCKETS)
+            self._keep(LATE_BUCKETS)
+            self._guessed = LATE_BUCKETS
             stamps, arrivals = stamps[-LATE_BUCKETS:], arrivals[-LATE_BUCKETS:]
         x, y = stamps - stamps[-1], arrivals - arrivals[-1]
         if len(x) >= FITTED_FROM and np.ptp(x) > 0:
@@ -84,3 +89,7 @@ class Clock:
             self._slope = slope if slope > 0 else self._slope
         self._stamp = float(stamps[-1])
         self._arrival = float(arrivals[-1] + (y - self._slope * x).min())
+
+    def _keep(self, newest: int) -> None:
+        """Forget all buckets but the newest."""
+        self._buckets = deque(list(self._buckets)[-newest:], maxlen=BUCKETS)

@@ -13,6 +13,7 @@ long dead times.
 
 from functools import cache
 
+import compiled
 import numpy as np
 from closed_loop import NOISE, Equation7, T, drive, limited, vision
 
@@ -42,8 +43,8 @@ class OneEach:
 
     def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
         first = np.broadcast_to(np.asarray(frame, float).T, pose.T.shape).T
-        here, later = (self._between(first + np.arange(count)[:, None, None] + i) for i in (0, 1))
-        return here, (later - here) / T
+        poses = self._between(first + np.arange(count + 1)[:, None, None])
+        return poses[:-1], np.diff(poses, axis=0) / T
 
     def _between(self, frame: float | Array) -> Array:
         frame = np.clip(
@@ -100,6 +101,7 @@ def thousand(controller: str, seed: int = 0) -> tuple[Array, Array]:
                 creep_s2_m=0,
                 position_noise_m=times * NOISE[0],
                 heading_noise_rad=times * NOISE[2],
+                compiled=compiled.loops(),
             )
             plant = Equation7(poses[0, rows], alpha[:, rows], delay[rows])
             made = make(controller, known, OneEach(poses[:, rows]), len(rows))

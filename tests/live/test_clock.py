@@ -25,18 +25,18 @@ def fed(offset: float, rate: float, seconds: float, seed: int = 0) -> tuple[Cloc
 def test_offset_and_rate_are_found_through_jitter(offset: float, rate: float, seed: int) -> None:
     """Of 15 packets in each quarter of a second the fastest is JITTER_S / 15 late, with as much spread.
 
-    Over the 40 of ten seconds a line's value at its end has twice the spread over the root of 40; ten times that is
-    allowed, and that the line lies below the fastest of all, by five times the spread of one. The first three buckets,
-    of which the fastest is chosen before the rate is known, may be late by 3 JITTER_S, at a mean distance of 5 s from
-    the middle of the 40, whose variance is 8.3 s^2: 4e-4 of the rate.
+    Over the 37 of ten seconds that are left, as the first three were chosen before the rate was known, a line's value
+    at its end has twice the spread over the root of 37; ten times that is allowed, and that the line lies below the
+    fastest of all, by five times the spread of one. Their times' variance is 7.1 s^2: the rate's spread is 1.2e-5, of
+    which ten times is allowed.
     """
     clock, now = fed(offset, rate, 10.0, seed)
     spread = JITTER_S / 15
     resolution = 1e-6 if abs(offset) > 1e7 else 1e-9  # of numbers as large as times since 1970
     assert clock.ours(offset + rate * now) == pytest.approx(
-        now, abs=6 * spread + 20 * spread / np.sqrt(40) + resolution
+        now, abs=6 * spread + 20 * spread / np.sqrt(37) + resolution
     )
-    assert clock.rate == pytest.approx(rate, rel=5e-4)
+    assert clock.rate == pytest.approx(rate, rel=1.2e-4)
     assert clock.theirs(clock.ours(offset + 3.0)) == pytest.approx(offset + 3.0, abs=1e-6)
 
 

@@ -1,5 +1,7 @@
 """Whatever valid message comes, however absurd, is obeyed or refused with a reason, and the world goes on."""
 
+from functools import cache
+
 import numpy as np
 from hypothesis import given, settings
 from served import FAST, QUIET, pitch_of
@@ -11,8 +13,13 @@ from omni_mj.live.wire import decode, encode
 from omni_mj.live.wire.simulation import RobotControl, SimulatorCommand, Team
 from omni_mj.live.wire.vision import VisionPacket
 
-PITCH = pitch_of(*QUIET, FAST, blue="2", yellow="1", seed=1)
 BODIES = 3
+
+
+@cache
+def shared() -> Pitch:
+    """What all messages go to, made when the first does: this file is read by every process."""
+    return pitch_of(*QUIET, FAST, blue="2", yellow="1", seed=1)
 
 
 def goes_on(pitch: Pitch) -> None:
@@ -31,7 +38,7 @@ def goes_on(pitch: Pitch) -> None:
 @settings(deadline=None, max_examples=80, derandomize=True)
 @given(messages(SimulatorCommand))
 def test_commands_to_the_simulator(command: SimulatorCommand) -> None:
-    pitch = PITCH if len(PITCH.names) <= BODIES + 3 else pitch_of(*QUIET, FAST)
+    pitch = shared() if len(shared().names) <= BODIES + 3 else pitch_of(*QUIET, FAST)
     wishes = control.obey(pitch, command)
     assert all(refusal.code and refusal.text for refusal in wishes.refused)
     goes_on(pitch)
@@ -40,7 +47,8 @@ def test_commands_to_the_simulator(command: SimulatorCommand) -> None:
 @settings(deadline=None, max_examples=80, derandomize=True)
 @given(messages(RobotControl))
 def test_commands_to_robots(control: RobotControl) -> None:
-    refused, commanded = PITCH.command(Team.BLUE, control.robot_commands)
+    pitch = shared()
+    refused, commanded = pitch.command(Team.BLUE, control.robot_commands)
     assert all(refusal.code and refusal.text for refusal in refused)
-    assert set(commanded) <= set(PITCH.numbers(Team.BLUE))
-    goes_on(PITCH)
+    assert set(commanded) <= set(pitch.numbers(Team.BLUE))
+    goes_on(pitch)

@@ -19,7 +19,9 @@ CONTROLLERS = ("flc", "comp-flc", "oracle")
 
 def short(name: str, waypoints: list[list[float]], **sections: dict[str, object]) -> om.Scenario:
     reference = {"waypoints": waypoints, "settle_s": 0.5}
-    return om.scenario("rect", plant="kinematic", reference=reference, **sections).replace(name=name)
+    compiled.once("kinematic")
+    chosen = om.scenario("rect", plant="kinematic", reference=reference, physics=compiled.NUMBA, **sections)
+    return chosen.replace(name=name)
 
 
 @pytest.fixture(scope="module")

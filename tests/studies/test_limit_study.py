@@ -27,15 +27,14 @@ ROUTE = {
 LONGER = {"reference": {**ROUTE, "waypoints": [[0, 0], [0.15, 0.05, 0.2]], "lead_s": 0.15, "settle_s": 0.15}}
 SLOW = {"alpha_time_s": 10.0}
 PLANTS: dict[str, dict[str, Any]] = {
-    "kinematic": {"plant": "kinematic", "kinematic": SLOW},
+    "kinematic": {"plant": "kinematic", "kinematic": SLOW, "physics": compiled.NUMBA},
     "mujoco": {"wheels": {"model": "two-rollers"}, "physics": compiled.NUMBA},
 }
 SEEDS = 2
 
 
 def route(plant: str, **sections: Any) -> om.Scenario:
-    if plant == "mujoco":
-        compiled.once(plant)
+    compiled.once(plant)
     return om.scenario("rect", **{"reference": ROUTE, **PLANTS[plant], **sections})
 
 

@@ -71,7 +71,9 @@ def batch(
 
     Its rows are all seeds of all controllers of all cases.
     """
-    chosen = [scenario.load("rect", route + case, {"plant": "kinematic"}) for case in cases]
+    compiled.once("kinematic")
+    sets = "physics.kernel=numba", *route
+    chosen = [scenario.load("rect", sets + case, {"plant": "kinematic"}) for case in cases]
     each = [(c, name, seed) for c in chosen for name in controllers for seed in seeds]
     rows = [Row(i, 0, name, seed, c.settings, c.robot) for i, (c, name, seed) in enumerate(each)]
     return Simulation(chosen[0], controllers, rows=rows)
