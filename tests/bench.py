@@ -122,10 +122,10 @@ def report_frames(controller: str) -> dict[str, float]:
     works, frames = {}, 0
     for kernel in KERNELS:
         head = {"plant": "planar", "seeds": 1, "controllers": (controller,)}
-        chosen = scenario.load("rect", [f"physics.kernel={kernel}"], head)
+        chosen = scenario.load("rect", [*DRIVE, f"physics.kernel={kernel}"], head)
         frames = Simulation(chosen).run().length
         works[f"{kernel}, ms"] = partial(_whole, chosen)
-    return {name: 1e3 * used / frames for name, used in fastest(works, 2 * ROUNDS).items()}
+    return {name: 1e3 * used / frames for name, used in fastest(works, ROUNDS).items()}
 
 
 def _works(chosen: dict[str, Scenario], commands: Sequence[Received]) -> dict[str, Callable[[], Callable[[], object]]]:
