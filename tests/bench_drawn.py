@@ -6,8 +6,9 @@
 Each draws a robot of the catalogue, a route, friction, dead time and by how much it is told wrong, noise, and some of
 them a weak wheel, a biased gyro, or pushes. References ask for 70 to 85 % of what friction lets wheels do, in one
 scenario of five for 100 to 120 %. Differences are tested as `omni-mj compare` tests them: seed by seed, and by Holm's
-method over all. With --folder each scenario is written there as a file that `omni-mj` takes, and what came of it as a
-line, so that a study can be broken off and gone on with.
+method over all. What robots are taken for where traction ends, and how soon they are back: `bench_drawn_traction`. With
+--folder each scenario is written there as a file that `omni-mj` takes, and what came of it as a line, so that a study
+can be broken off and gone on with.
 """
 
 import argparse
@@ -20,8 +21,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from bench_drawn_traction import back, returns, taken, taken_for
 
 from omni_control.kinematics import Array
+from omni_mj.measure.errors import errors
 from omni_mj.measure.metrics import row_metrics
 from omni_mj.measure.statistics import CONFIDENCE, holm, paired, spread
 from omni_mj.measure.table import Table, text
@@ -105,13 +108,17 @@ def driven(scenarios: Sequence[Scenario], seeds: int) -> Iterator[Found]:
         for row in table(each.labels, range(seeds), each.settings_of, each.robot):
             rows.append(replace(row, world=len(rows)))
     simulation = Simulation(scenarios[0], rows=rows)
-    measured = row_metrics(simulation.run(), simulation.failures)
+    log = simulation.run()
+    measured, distance = row_metrics(log, simulation.failures), errors(log)["distance"]
     own = np.arange(len(rows)).reshape(len(scenarios), -1, seeds)
     for each, of_labels in zip(scenarios, own, strict=True):
         results = {
             label: {name: measured[name][of].tolist() for name in MEASURED}
             for label, of in zip(each.labels, of_labels, strict=True)
         }
+        for label, of in zip(each.labels, of_labels, strict=True):
+            results[label]["spells"] = [returns(log, row, distance[:, row]) for row in of]
+        results[SUBJECT]["taken_for"] = [taken_for(log, row) for row in of_labels[each.labels.index(SUBJECT)]]
         yield {"name": each.name, "robot": each.robot, "description": each.description, "results": results}
 
 
@@ -167,6 +174,17 @@ def verdicts(pairs: Sequence[dict[str, Any]]) -> Iterator[Table]:
             numbers.append("" if pair["p"] is None else f"{pair['p']:.2g}")
             rows.append([*_names(pair["of"]), f"{pair['rival']}, {pair['error']}", *numbers])
     yield Table("behind", ["scenario", "robot", "", "against", "cm", "its", "p, not adjusted"], rows, 4)
+
+
+def of_traction(found: Sequence[Found]) -> dict[str, list[Found]]:
+    """Results by whether wheels can do what is asked of them, and whether the subject's do it without sliding."""
+    parts: dict[str, list[Found]] = {"wheels hold": [], "wheels slide": [], "beyond friction": []}
+    for each in found:
+        slides = max(each["results"][SUBJECT]["sliding_share"]) > SLIDES
+        parts[
+            "beyond friction" if "beyond" in each["description"] else f"wheels {'slide' if slides else 'hold'}"
+        ].append(each)
+    return parts
 
 
 def headings(found: Sequence[Found]) -> Iterator[Table]:
@@ -230,7 +248,8 @@ def main() -> None:
         for each in scenarios:
             (given.folder / f"{each.name}.toml").write_text(each.to_toml(), "utf-8")
     found = study(scenarios, given.seeds, given.folder)
-    for said in (*verdicts(compared(found)), *headings(found)):
+    parts = of_traction(found)
+    for said in (*verdicts(compared(found)), *headings(found), back(parts, CONTROLLERS), taken(parts, SUBJECT)):
         print(text(said), flush=True)
 
 
