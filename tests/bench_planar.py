@@ -1,14 +1,15 @@
 """How far the plant planar agrees with the full one: errors of controllers on the same scenarios, robots and noise.
 
     python tests/bench_planar.py [--scenario rect ...] [--robot tigers-v2016 ...] [--controller comp-flc ...]
-                                 [--seeds 20] [--set SECTION.FIELD=VALUE ...] [--out FILE.jsonl] [--known]
+                                 [--seeds 20] [--finer] [--set SECTION.FIELD=VALUE ...] [--out FILE.jsonl] [--known]
 
 By default all scenarios and robots, which takes hours. Prints the tables of docs/planar.md. What is compared is the rms
 of a robot's distance from its reference over a run. Both plants are given the same noise, so that a seed's two errors
 are a pair: a difference is the mean of the logarithms of their ratios, as per cent, with half its 95 % interval. Seeds
 are added five by five until it is known on which side of its bar a difference is, or there are `--seeds`. The bar is
-1 %; where wheels slide, 5 % or what the full plant itself moves by with four substeps, of the first five seeds. Pairs
-of controllers that are in another order on planar are named.
+1 %; where wheels slide 5 %, or with `--finer` what the full plant itself moves by with four substeps, of the first five
+seeds, which follows in brackets. Differences beyond their bar are bold. Then it is said how many are, and which pairs
+of controllers are in another order on planar.
 
 A run is a line of `--out`, and is not run again; `--known` prints what is there, and runs nothing.
 """
@@ -61,7 +62,9 @@ class Runs:
 
     def run(self, cell: Cell, plant: str, controllers: Iterable[str], seeds: Iterable[int]) -> None:
         """Run what is not known yet."""
-        wanted = [(name, seed) for name in controllers for seed in seeds if (*cell, plant, name, seed) not in self.found]
+        wanted = [
+            (name, seed) for name in controllers for seed in seeds if (*cell, plant, name, seed) not in self.found
+        ]
         if not wanted:
             return
         name, robot = cell
@@ -116,7 +119,7 @@ class Agreement:
         seeds = runs.seeds(cell, controller, FULL, PLANAR)
         (full, slides), (planar, _) = (runs.values(cell, plant, controller, seeds) for plant in (FULL, PLANAR))
         both = np.isfinite(full) & np.isfinite(planar)
-        again = [seed for seed in runs.seeds(cell, controller, FULL, FINER)]
+        again = runs.seeds(cell, controller, FULL, FINER)
         before, finer = (runs.values(cell, plant, controller, again)[0] for plant in (FULL, FINER))
         return cls(
             np.stack([full, planar])[:, both],
@@ -127,9 +130,14 @@ class Agreement:
         )
 
     @property
+    def sliding(self) -> bool:
+        """Whether wheels do."""
+        return self.slides >= SLIDES
+
+    @property
     def bar(self) -> float:
         """Per cent within which plants shall agree."""
-        return HOLDING if self.slides < SLIDES else max(SLIDING, abs(np.nan_to_num(self.own[0])))
+        return max(SLIDING, abs(np.nan_to_num(self.own[0]))) if self.sliding else HOLDING
 
     @property
     def decided(self) -> bool:
@@ -139,8 +147,8 @@ class Agreement:
 
     def __str__(self) -> str:
         difference, half = self.differs
-        said = f"{100 * np.median(self.errors[0]):.3f}, {difference:+.1f} ± {half:.1f} %"
-        if self.slides >= SLIDES and np.isfinite(self.own[0]):
+        said = f"{100 * np.median(self.errors[0]):.3f}, {round(difference, 1) + 0.0:+.1f} ± {half:.1f} %"
+        if self.sliding and np.isfinite(self.own[0]):
             said += f" ({self.own[0]:+.1f} ± {self.own[1]:.1f})"
         if self.failed:
             said += f", {self.failed} fail on one plant"
@@ -153,42 +161,60 @@ def ratio(one: Array, other: Array) -> tuple[float, float]:
     return float(100 * np.expm1(mean)), float(100 * np.expm1(half))
 
 
-def study(runs: Runs, cells: Sequence[Cell], controllers: Sequence[str], most: int) -> None:
+def study(runs: Runs, cells: Sequence[Cell], controllers: Sequence[str], most: int, finer: bool) -> None:
     """Run both plants: all cells with the first seeds, then those again of which more must be known."""
     for first, cell in itertools.product(range(0, most, SEEDS), cells):
         seeds = range(first, min(first + SEEDS, most))
         left = [name for name in controllers if not first or not Agreement.of(runs, cell, name).decided]
         for plant in (FULL, PLANAR):
             runs.run(cell, plant, left, seeds)
-        if not first:
-            sliding = [name for name in controllers if Agreement.of(runs, cell, name).slides >= SLIDES]
-            runs.run(cell, FINER, sliding, seeds)
-        said = (f"{name} {Agreement.of(runs, cell, name)}" for name in left)
-        if left:
-            print(f"{' '.join(cell)}, {seeds.stop} seeds:", "; ".join(said), flush=True)
+        if finer and not first:
+            runs.run(cell, FINER, [name for name in left if Agreement.of(runs, cell, name).sliding], seeds)
 
 
-def tables(runs: Runs, cells: Sequence[Cell], controllers: Sequence[str]) -> Iterator[str]:
+def tables(found: dict[Cell, dict[str, Agreement]], controllers: Sequence[str]) -> Iterator[str]:
     """Lines of markdown, a table for each robot."""
-    for robot, own in itertools.groupby(sorted(cells, key=lambda cell: cell[1]), key=lambda cell: cell[1]):
-        yield from ("", f"| `{robot}` | seeds | sliding | " + " | ".join(f"`{name}`" for name in controllers) + " |")
+    for robot in dict.fromkeys(robot for _, robot in found):
+        yield from ("", f"| `{robot}` | seeds | sliding | {' | '.join(f'`{name}`' for name in controllers)} |")
         yield "|---" * (3 + len(controllers)) + "|"
-        for cell in own:
-            known = [runs.seeds(cell, name, FULL, PLANAR) for name in controllers]
-            if any(known):
-                found = [Agreement.of(runs, cell, name) if known_ else None for name, known_ in zip(controllers, known)]
-                numbers = dict.fromkeys(str(len(seeds)) for seeds in known if seeds)
-                slides = dict.fromkeys(f"{each.slides:.2f}" for each in found if each)
-                cells_ = [f"`{cell[0]}`", ", ".join(numbers), ", ".join(slides), *("" if a is None else str(a) for a in found)]
-                yield f"| {' | '.join(cells_)} |"
+        for name, own in ((cell[0], own) for cell, own in found.items() if cell[1] == robot):
+            seeds = dict.fromkeys(str(each.errors.shape[1]) for each in own.values())
+            slides = dict.fromkeys(f"{each.slides:.2f}" if each.sliding else "" for each in own.values())
+            said = (str(own.get(each, "")) for each in controllers)
+            yield f"| `{name}` | {', '.join(seeds)} | {', '.join(filter(None, slides))} | {' | '.join(said)} |"
 
 
-if __name__ == "__main__":
+def verdicts(runs: Runs, found: dict[Cell, dict[str, Agreement]]) -> Iterator[str]:
+    """How many differences are within their bars, and which controllers are in another order."""
+    for sliding, where in (False, "nothing slides"), (True, "wheels slide"):
+        own = [each for of in found.values() for each in of.values() if each.sliding == sliding]
+        beyond = [each for each in own if abs(each.differs[0]) > each.bar]
+        within, sure = len(own) - len(beyond), sum(each.decided for each in beyond)
+        yield f"Where {where}, {within} of {len(own)} differences are within; {sure} are beyond by no chance."
+    pairs = [(cell, pair) for cell, of in found.items() for pair in itertools.combinations(of, 2)]
+    orders = {(cell, pair): [_apart(runs, cell, pair, plant) for plant in (FULL, PLANAR)] for cell, pair in pairs}
+    swapped = {pair: (full, planar) for pair, (full, planar) in orders.items() if full[0] * planar[0] < 0}
+    yield f"Of {len(pairs)} pairs of controllers {len(swapped)} are in another order."
+    for ((scene, robot), (one, other)), apart in swapped.items():
+        said = " and ".join(f"{difference:+.1f} ± {half:.1f} %" for difference, half in apart)
+        yield f"{scene}, {robot}: {one} against {other} {said}"
+
+
+def _apart(runs: Runs, cell: Cell, pair: tuple[str, str], plant: str) -> tuple[float, float]:
+    """By how many per cent one controller's error is larger than another's on a plant, with what both have known."""
+    seeds = set.intersection(*(set(runs.seeds(cell, name, FULL, PLANAR)) for name in pair))
+    one, other = (runs.values(cell, plant, name, sorted(seeds))[0] for name in pair)
+    return ratio(one, other)
+
+
+def main() -> None:
+    """The command."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--scenario", nargs="+", default=list(builtin_scenarios()))
     parser.add_argument("--robot", nargs="+", default=list(builtin_robots()))
     parser.add_argument("--controller", nargs="+", default=list(CONTROLLERS))
     parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--finer", action="store_true")
     parser.add_argument("--set", action="append", default=[])
     parser.add_argument("--out", type=Path)
     parser.add_argument("--known", action="store_true")
@@ -196,6 +222,14 @@ if __name__ == "__main__":
     runs = Runs(given.set, given.out)
     cells = [(name, robot) for robot in given.robot for name in given.scenario]
     if not given.known:
-        study(runs, cells, given.controller, given.seeds)
-    for line in tables(runs, cells, given.controller):
+        study(runs, cells, given.controller, given.seeds, given.finer)
+    found: dict[Cell, dict[str, Agreement]] = {}
+    for cell, name in itertools.product(cells, given.controller):
+        if runs.seeds(cell, name, FULL, PLANAR):
+            found.setdefault(cell, {})[name] = Agreement.of(runs, cell, name)
+    for line in (*tables(found, given.controller), "", *verdicts(runs, found)):
         print(line)
+
+
+if __name__ == "__main__":
+    main()
