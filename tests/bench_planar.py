@@ -1,107 +1,235 @@
 """How far the plant planar agrees with the full one: errors of controllers on the same scenarios, robots and noise.
 
     python tests/bench_planar.py [--scenario rect ...] [--robot tigers-v2016 ...] [--controller comp-flc ...]
-                                 [--seeds 1] [--substeps 4] [--set SECTION.FIELD=VALUE ...] [--out FILE.json]
-                                 [--full FILE.json ...]
+                                 [--seeds 20] [--finer] [--set SECTION.FIELD=VALUE ...] [--out FILE.jsonl] [--known]
 
-By default all scenarios and robots, which takes an hour. A line for each scenario and robot: for each controller the
-rms of its position error on the full plant in cm, and by how many per cent that on planar differs; with `--substeps`,
-also by how many the full plant's own does when it takes so many steps in a cycle. `sliding` is the share of the time
-for which a wheel on the full plant slips by more than creep lets it. Controllers that swap their places are named, with
-the number of seeds with which the first is the better one on each plant. `--full` takes the errors on the full plant,
-which changes less often and costs more, from files that `--out` has written with the same arguments; only what is in
-them is compared.
+By default all scenarios and robots, which takes hours. Prints the tables of docs/planar.md. What is compared is the rms
+of a robot's distance from its reference over a run. Both plants are given the same noise, so that a seed's two errors
+are a pair: a difference is the mean of the logarithms of their ratios, as per cent, with half its 95 % interval. Seeds
+are added five by five until it is known on which side of its bar a difference is, or there are `--seeds`. The bar is
+1 %; where wheels slide 5 %, or with `--finer` what the full plant itself moves by with four substeps, of the first five
+seeds, which follows in brackets. Differences beyond their bar are bold. Then it is said how many are, and which pairs
+of controllers are in another order on planar.
+
+A run is a line of `--out`, and is not run again; `--known` prints what is there, and runs nothing.
 """
 
 import argparse
 import itertools
 import json
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.measure import metrics
+from omni_mj.measure.metrics import row_metrics
+from omni_mj.measure.statistics import confidence
 from omni_mj.robots import builtin as builtin_robots
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.library import builtin as builtin_scenarios
 from omni_mj.simulate.simulation import Simulation
 
-CONTROLLERS = "flc", "comp-flc", "adaptive-comp-flc", "lqr"
+CONTROLLERS = "comp-flc", "adaptive-comp-flc", "lqr"
+SEEDS = 5  # at a time; with three controllers fewer robots than those for which the full plant takes several threads
+SLIDES = 0.01  # share of the frames in which a wheel slides, from which on a run is said to
+HOLDING, SLIDING = 1.0, 5.0  # per cent by which plants may differ
+FULL, PLANAR, FINER = "mujoco", "planar", "mujoco, four substeps"
+Cell = tuple[str, str]  # scenario and robot
+Run = tuple[str, str, str, str, int]  # and plant, controller, seed
 
 
-def driven(plant: str, name: str, given: argparse.Namespace, robot: str, substeps: int) -> tuple[Array, Array]:
-    """rms of the position errors (controllers, seeds) in m, and shares of the time in which a wheel slides."""
-    chosen = scenario.load(
-        name,
-        [*given.set, f"physics.substeps={substeps}"],
-        {"plant": plant, "robot": robot, "controllers": given.controller, "seeds": given.seeds},
-    )
-    simulation = Simulation(chosen)
-    log = simulation.run()
-    for failure in simulation.failures:
-        print(f"    {plant}: {failure}", flush=True)
-    error = np.nan_to_num((log.channel("ref") - log.channel("pose"))[..., :2])
-    rms = np.sqrt((error**2).sum(-1).mean(0))
-    shape = len(given.controller), given.seeds
-    return rms.reshape(shape), metrics.row_metrics(log)["sliding_share"].reshape(shape)
+@dataclass
+class Runs:
+    """What is known of runs: distance, rms in m, infinite for a robot that failed, and the share in which it slides.
 
+    Args:
+        overrides: of settings, in all of them.
+        file: where they are kept.
+    """
 
-def swaps(full: Array, planar: Array, names: list[str]) -> list[str]:
-    """Pairs of controllers of which another is the better one by the median over seeds; by how much, how often."""
-    one, other = np.median(full, 1), np.median(planar, 1)
-    return [
-        f"{names[i]} and {names[j]} ({100 * (one[i] / one[j] - 1):+.1f} %, {100 * (other[i] / other[j] - 1):+.1f} %; "
-        f"{(full[i] < full[j]).sum()} and {(planar[i] < planar[j]).sum()} of {full.shape[1]})"
-        for i, j in itertools.combinations(range(len(names)), 2)
-        if (one[i] - one[j]) * (other[i] - other[j]) < 0
-    ]
+    overrides: Sequence[str]
+    file: Path | None
+    found: dict[Run, tuple[float, float]] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        if self.file and self.file.exists():
+            for line in self.file.read_text("utf-8").splitlines():
+                overrides, run, numbers = json.loads(line)
+                if overrides == self.overrides:
+                    self.found[tuple(run)] = tuple(numbers)
 
-def report(given: argparse.Namespace) -> list[dict[str, Any]]:
-    """Compare, and print a line for each scenario and robot as soon as it is known."""
-    print(f"{'':32s} sliding", *(f"{name:>24s}" for name in given.controller))
-    found = []
-    known = [entry for file in given.full for entry in json.loads(file.read_text())]
-    runs = {(entry["scenario"], entry["robot"]): entry for entry in known}
-    for name, robot in runs or itertools.product(given.scenario, given.robot):
-        if runs:
-            before = runs[name, robot]
-            if before["controllers"] != given.controller or len(before["full"][0]) != given.seeds:
-                raise SystemExit(f"{name}, {robot}: other controllers or another number of seeds in the file of --full")
-            full, slides = np.array(before["full"]), np.array(before["sliding"])
-        else:
-            full, slides = driven("mujoco", name, given, robot, 1)
-        planar, _ = driven("planar", name, given, robot, 1)
-        entry = {"scenario": name, "robot": robot, "controllers": given.controller}
-        entry |= {"full": full.tolist(), "planar": planar.tolist(), "sliding": slides.tolist()}
-        differs = 100 * (np.median(planar, 1) / np.median(full, 1) - 1)
-        cells = [
-            f"{100 * rms:9.3f} {percent:+6.2f} %" for rms, percent in zip(np.median(full, 1), differs, strict=True)
+    def run(self, cell: Cell, plant: str, controllers: Iterable[str], seeds: Iterable[int]) -> None:
+        """Run what is not known yet."""
+        wanted = [
+            (name, seed) for name in controllers for seed in seeds if (*cell, plant, name, seed) not in self.found
         ]
-        if given.substeps:
-            finer, _ = driven("mujoco", name, given, robot, given.substeps)
-            entry["finer"] = finer.tolist()
-            own = 100 * (np.median(finer, 1) / np.median(full, 1) - 1)
-            cells = [f"{cell} ({percent:+.2f})" for cell, percent in zip(cells, own, strict=True)]
-        print(f"{name:16s}{robot:16s} {slides.mean():7.3f}", *(f"{cell:>24s}" for cell in cells), flush=True)
-        for swap in swaps(full, planar, given.controller):
-            print(f"    other places: {swap}", flush=True)
-        found.append(entry)
-        if given.out:
-            given.out.write_text(json.dumps(found, indent=1))
-    return found
+        if not wanted:
+            return
+        name, robot = cell
+        substeps = ["physics.substeps=4"] if plant == FINER else []
+        head = {"plant": PLANAR if plant == PLANAR else FULL, "robot": robot}
+        chosen = scenario.load(name, [*self.overrides, *substeps], head)
+        names, numbers = (list(dict.fromkeys(each)) for each in zip(*wanted, strict=True))
+        simulation = Simulation(chosen, names, numbers)
+        measured = row_metrics(simulation.run(), simulation.failures)
+        for failure in simulation.failures:
+            print(f"    {plant}: {failure}", flush=True)
+        for row, distance, slides in zip(
+            simulation.rows, measured["distance_rms_m"], measured["sliding_share"], strict=True
+        ):
+            run, values = (*cell, plant, row.controller, row.seed), (float(distance), float(slides))
+            self.found[run] = values
+            if self.file:
+                with self.file.open("a", encoding="utf-8") as out:
+                    out.write(json.dumps([self.overrides, run, values]) + "\n")
+
+    def seeds(self, cell: Cell, controller: str, *plants: str) -> list[int]:
+        """Those known of all of these plants."""
+        known = ({run[4] for run in self.found if run[:4] == (*cell, plant, controller)} for plant in plants)
+        return sorted(set.intersection(*known))
+
+    def values(self, cell: Cell, plant: str, controller: str, seeds: Iterable[int]) -> Array:
+        """Distances, m, and shares of sliding, (2, seeds)."""
+        return np.array([self.found[(*cell, plant, controller, seed)] for seed in seeds]).reshape(-1, 2).T
 
 
-if __name__ == "__main__":
+@dataclass(frozen=True)
+class Agreement:
+    """Of a controller's errors with a robot in a scenario.
+
+    Attributes:
+        errors: on the full plant and on planar, m, (2, seeds).
+        slides: share of the frames in which a wheel does on the full plant, mean over seeds.
+        differs: by how many per cent planar's errors do, and half the interval of that.
+        own: by how many the full plant's do with four substeps; not a number where none are known.
+        failed: seeds with which one plant failed and the other did not.
+    """
+
+    errors: Array
+    slides: float
+    differs: tuple[float, float]
+    own: tuple[float, float]
+    failed: int
+
+    @classmethod
+    def of(cls, runs: Runs, cell: Cell, controller: str) -> "Agreement":
+        """By what is known."""
+        seeds = runs.seeds(cell, controller, FULL, PLANAR)
+        (full, slides), (planar, _) = (runs.values(cell, plant, controller, seeds) for plant in (FULL, PLANAR))
+        both = np.isfinite(full) & np.isfinite(planar)
+        again = runs.seeds(cell, controller, FULL, FINER)
+        before, finer = (runs.values(cell, plant, controller, again)[0] for plant in (FULL, FINER))
+        return cls(
+            np.stack([full, planar])[:, both],
+            float(np.nanmean(slides)),
+            ratio(planar[both], full[both]),
+            ratio(finer, before) if again else (np.nan, np.nan),
+            int((np.isfinite(full) != np.isfinite(planar)).sum()),
+        )
+
+    @property
+    def sliding(self) -> bool:
+        """Whether wheels do."""
+        return self.slides >= SLIDES
+
+    @property
+    def bar(self) -> float:
+        """Per cent within which plants shall agree."""
+        return max(SLIDING, abs(np.nan_to_num(self.own[0]))) if self.sliding else HOLDING
+
+    @property
+    def decided(self) -> bool:
+        """Whether all of the difference's interval is on one side of its bar."""
+        difference, half = self.differs
+        return bool(abs(abs(difference) - self.bar) > half)
+
+    def __str__(self) -> str:
+        difference, half = self.differs
+        said = f"{100 * np.median(self.errors[0]):.3f}, {round(difference, 1) + 0.0:+.1f} ± {half:.1f} %"
+        if self.sliding and np.isfinite(self.own[0]):
+            said += f" ({self.own[0]:+.1f} ± {self.own[1]:.1f})"
+        if self.failed:
+            said += f", {self.failed} fail on one plant"
+        return f"**{said}**" if abs(difference) > self.bar else said
+
+
+def ratio(one: Array, other: Array) -> tuple[float, float]:
+    """By how many per cent one is larger than the other, by the mean of logarithms, and half the interval of that."""
+    mean, half = confidence(np.log(one / other))
+    return float(100 * np.expm1(mean)), float(100 * np.expm1(half))
+
+
+def study(runs: Runs, cells: Sequence[Cell], controllers: Sequence[str], most: int, finer: bool) -> None:
+    """Run both plants: all cells with the first seeds, then those again of which more must be known."""
+    for first, cell in itertools.product(range(0, most, SEEDS), cells):
+        seeds = range(first, min(first + SEEDS, most))
+        left = [name for name in controllers if not first or not Agreement.of(runs, cell, name).decided]
+        for plant in (FULL, PLANAR):
+            runs.run(cell, plant, left, seeds)
+        if finer and not first:
+            runs.run(cell, FINER, [name for name in left if Agreement.of(runs, cell, name).sliding], seeds)
+
+
+def tables(found: dict[Cell, dict[str, Agreement]], controllers: Sequence[str]) -> Iterator[str]:
+    """Lines of markdown, a table for each robot."""
+    for robot in dict.fromkeys(robot for _, robot in found):
+        yield from ("", f"| `{robot}` | seeds | sliding | {' | '.join(f'`{name}`' for name in controllers)} |")
+        yield "|---" * (3 + len(controllers)) + "|"
+        for name, own in ((cell[0], own) for cell, own in found.items() if cell[1] == robot):
+            seeds = dict.fromkeys(str(each.errors.shape[1]) for each in own.values())
+            slides = dict.fromkeys(f"{each.slides:.2f}" if each.sliding else "" for each in own.values())
+            said = (str(own.get(each, "")) for each in controllers)
+            yield f"| `{name}` | {', '.join(seeds)} | {', '.join(filter(None, slides))} | {' | '.join(said)} |"
+
+
+def verdicts(runs: Runs, found: dict[Cell, dict[str, Agreement]]) -> Iterator[str]:
+    """How many differences are within their bars, and which controllers are in another order."""
+    for sliding, where in (False, "nothing slides"), (True, "wheels slide"):
+        own = [each for of in found.values() for each in of.values() if each.sliding == sliding]
+        beyond = [each for each in own if abs(each.differs[0]) > each.bar]
+        within, sure = len(own) - len(beyond), sum(each.decided for each in beyond)
+        yield f"Where {where}, {within} of {len(own)} differences are within; {sure} are beyond by no chance."
+    pairs = [(cell, pair) for cell, of in found.items() for pair in itertools.combinations(of, 2)]
+    orders = {(cell, pair): [_apart(runs, cell, pair, plant) for plant in (FULL, PLANAR)] for cell, pair in pairs}
+    swapped = {pair: (full, planar) for pair, (full, planar) in orders.items() if full[0] * planar[0] < 0}
+    yield f"Of {len(pairs)} pairs of controllers {len(swapped)} are in another order."
+    for ((scene, robot), (one, other)), apart in swapped.items():
+        said = " and ".join(f"{difference:+.1f} ± {half:.1f} %" for difference, half in apart)
+        yield f"{scene}, {robot}: {one} against {other} {said}"
+
+
+def _apart(runs: Runs, cell: Cell, pair: tuple[str, str], plant: str) -> tuple[float, float]:
+    """By how many per cent one controller's error is larger than another's on a plant, with what both have known."""
+    seeds = set.intersection(*(set(runs.seeds(cell, name, FULL, PLANAR)) for name in pair))
+    one, other = (runs.values(cell, plant, name, sorted(seeds))[0] for name in pair)
+    return ratio(one, other)
+
+
+def main() -> None:
+    """The command."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--scenario", nargs="+", default=list(builtin_scenarios()))
     parser.add_argument("--robot", nargs="+", default=list(builtin_robots()))
     parser.add_argument("--controller", nargs="+", default=list(CONTROLLERS))
-    parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument("--substeps", type=int, default=0)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--finer", action="store_true")
     parser.add_argument("--set", action="append", default=[])
     parser.add_argument("--out", type=Path)
-    parser.add_argument("--full", type=Path, nargs="+", default=[])
-    report(parser.parse_args())
+    parser.add_argument("--known", action="store_true")
+    given = parser.parse_args()
+    runs = Runs(given.set, given.out)
+    cells = [(name, robot) for robot in given.robot for name in given.scenario]
+    if not given.known:
+        study(runs, cells, given.controller, given.seeds, given.finer)
+    found: dict[Cell, dict[str, Agreement]] = {}
+    for cell, name in itertools.product(cells, given.controller):
+        if runs.seeds(cell, name, FULL, PLANAR):
+            found.setdefault(cell, {})[name] = Agreement.of(runs, cell, name)
+    for line in (*tables(found, given.controller), "", *verdicts(runs, found)):
+        print(line)
+
+
+if __name__ == "__main__":
+    main()

@@ -22,7 +22,7 @@ class Robots(NamedTuple):
     radius: Array  # of wheels, without what they have lost, (W, n) m
     rims: Array  # angular speed of each rim for the body's twist, (W, 3, n) 1/m, 1/m, 1
     squares: Array  # products of these: upper halves of symmetric matrices, (W, 6, n)
-    inertia: Array  # of body and rims over a cycle, such a half, (6, n) kg/s and kg m^2/s
+    inertia: Array  # of body, rims and rollers over a cycle, such a half, (6, n) kg/s and kg m^2/s
     rows: Array  # all of it, (3, 3, n)
     give: Array  # speed per torque that a cycle gives a hub, (n,) rad/s / (N m)
     viscous: Array  # friction of hubs, (n,) N m s/rad
@@ -67,7 +67,7 @@ class Motion(NamedTuple):
     standing: Array  # part of it that nothing pulls at: weight, and what rollers shift from wheel to wheel, (W, n) N
     ripple: Array  # of load over `laws.passing`, (W, n) N
     turns: Array  # of rims, in rollers that came down, (W, n)
-    sway: Array  # up, ahead and aside, on what rollers press: see `laws.swaying`, (3, n) N s^2 and N m s^2
+    sway: Array  # up, ahead and aside, on what presses and pulls: see `laws.swaying`, (3, n) N s^2 and N m s^2
     sway_rate: Array  # (3, n) N s and N m s
     seen_angle: Array  # what encoders show: a cycle ago, (W, n) rad
     seen_rate: Array  # what gyros do, (n,) rad/s

@@ -214,8 +214,7 @@ def _advance(some: Some, r: Robots, m: Motion, s: Scratch) -> None:
         aside = r.height[i] * s.sums[1, i] + m.tilting[1, i]
         m.tilt[0, i] += back
         m.tilt[1, i] += aside
-        s.sums[0, i], s.sums[1, i] = back, aside
-        s.sums[2, i] = s.sums[3, i] = s.sums[4, i] = 0.0
+        s.sums[2, i], s.sums[3, i], s.sums[4, i] = 0.0, back, aside
     for w in range(m.speed.shape[0]):
         for i in each(some):
             m.turns[w, i] += r.passing[i] * m.rims[w, i]
@@ -233,8 +232,7 @@ def _advance(some: Some, r: Robots, m: Motion, s: Scratch) -> None:
             s.sums[2 + way, i] = pressed - r.carried[i] * yields
     for w in range(m.speed.shape[0]):
         for i in each(some):
-            back, aside = s.sums[3, i] + s.sums[0, i], s.sums[4, i] + s.sums[1, i]
-            shared = r.even[w, i] * s.sums[2, i] + r.ahead[w, i] * back + r.aside[w, i] * aside
+            shared = r.even[w, i] * s.sums[2, i] + r.ahead[w, i] * s.sums[3, i] + r.aside[w, i] * s.sums[4, i]
             m.load[w, i] = np.maximum(m.standing[w, i] + m.load[w, i] - shared, 0.0)
     for i in each(some):
         x, y, rate, cosine, sine = s.twist[0, i], s.twist[1, i], s.twist[2, i], m.facing[0, i], m.facing[1, i]

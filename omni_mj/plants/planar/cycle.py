@@ -94,11 +94,11 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, motor: Arra
     np.add(m.turns, r.passing * rims, out=m.turns)
     ripple = m.ripple * laws.passing(m.turns)
     pressed = moments(r, ripple)
+    pressed[1:] += tilt
     yields = laws.swaying(pressed, m.sway, m.sway_rate, r.spring, r.damper)
     np.add(m.sway_rate, CYCLE_S * yields, out=m.sway_rate)
     np.add(m.sway, CYCLE_S * m.sway_rate, out=m.sway)
     pressed -= r.carried * yields
-    pressed[1:] += tilt
     shared = r.even * pressed[0] + r.ahead * pressed[1] + r.aside * pressed[2]
     np.maximum(m.standing + ripple - shared, 0.0, out=m.load)
 

@@ -6,15 +6,16 @@ the torque t between them. In a step of backward Euler, with e what the hub's sp
 
     w = e - G t,    w - r v / R = S t        so        t = (e - r v / R) / (S + G).
 
-The body. With M its inertia and that of the rims, and F what else acts,
+The body. With M its inertia, that of the rims and that of rollers that turn along the axles, and F what else acts,
 
     M (v - v_before) / h = F + sum r t / R,
 
 which is linear in v: three equations. A wheel of which more torque would be asked than Coulomb's limit has that limit.
 
-The load. Rollers that pass press unevenly, by p_i at a wheel at a height, so that p = sum p_i (1, x_i, y_i) is a force
-up and two moments. The robot sways up, ahead and aside on the contacts, count of them at a wheel, each of them a spring
-K, a damper c and a mass m (`omni_mj.worlds.contact`). With the mass M of the robot, and s for the sway times all mass,
+The load. Rollers that pass press unevenly, by p_i at a wheel at a height, so that sum p_i (1, x_i, y_i) is a force up
+and two moments; p is that, with the moments of what pulls at the robot. The robot sways up, ahead and aside on the
+contacts, count of them at a wheel, each of them a spring K, a damper c and a mass m (`omni_mj.worlds.contact`). With
+the mass M of the robot, and s for the sway times all mass,
 
     s'' = p - d s' - k s,    (k, d) = sum count (K, c) / (M + sum count m),
 
@@ -124,7 +125,7 @@ def swaying(pressed: Number, sway: Number, rate: Number, spring: Number, damper:
     """How a robot sways on wheels that press unevenly, s'' = p - d s' - k s: a force, which is mass times acceleration.
 
     Args:
-        pressed: force up of all wheels at a height, or moment of it, p.
+        pressed: force up of all wheels at a height, or moment of it and of what pulls at the robot, p.
         sway: s.
         rate: s'.
         spring: k, of all wheels over the mass that moves, 1/s^2.

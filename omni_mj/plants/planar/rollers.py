@@ -24,7 +24,8 @@ Torque and lift are w and w^2 where the wheel turns slowly, and each grows with 
 
 Along the axle a roller spins at v / q as its wheel travels at v, with the distance q from its axis to the contact. Its
 bearing brakes it by c v / q, and the wheel by c v / q^2 for each that stands. Until it comes down again it has come to
-rest, and is spun up by the impulse I v / q^2, one for each pitch p: together (c count + I |w| / p) v <1 / q^2>.
+rest, and is spun up by the impulse I v / q^2, one for each pitch p: together (c count + I |w| / p) v <1 / q^2>. Those
+that stand turn faster as their wheel does: count I <1 / q^2> of mass along the axle.
 """
 
 from dataclasses import dataclass

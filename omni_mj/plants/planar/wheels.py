@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from omni_control.kinematics import Kinematics
+from omni_control.kinematics import Array, Kinematics
 from omni_mj.onboard.motor import Motor
 from omni_mj.plants.planar.arrays import Robots
 from omni_mj.plants.planar.bodies import Bodies
@@ -22,16 +22,15 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
     stiff = np.array([[damping(s.body.mass_kg / shape[1])] for s in settings])
     rollers = Standing.of(wheels, bodies.weight, stiff)
     lever = rollers.lever - drawn.wear
-    outward = np.exp(1j * geometry.azimuths)
-    tangents, arms = np.broadcast_to(1j * outward, shape), bodies.contacts
-    rims = np.stack([tangents.real, tangents.imag, (arms.conj() * tangents).imag]) / lever
-    squares = rims[[0, 0, 0, 1, 1, 2]] * rims[[0, 1, 2, 1, 2, 2]]
+    outward, arms = np.exp(1j * geometry.azimuths), bodies.contacts
+    rims, axles = _along(1j * outward, arms) / lever, _along(outward, arms)
+    squares, turned = _squares(rims), bodies.roller * rollers.count * rollers.spin * _squares(axles)
     mass, centre, inertia = bodies.whole
     count = rollers.count.sum(1)
     moved = mass + ADDED_MASS_KG * count
     none, pushed = np.zeros_like(mass), bodies.chassis.centre - centre
     body = np.stack([mass, none, none, mass, none, inertia])
-    whole = (body + bodies.rim * squares.sum(2)) / CYCLE_S
+    whole = (body + bodies.rim * squares.sum(2) + turned.sum(2)) / CYCLE_S
     friction = ADDED_MASS_KG * FRICTION_STIFFER * FRICTION_RATE_HZ  # of a contact, N s/m
     contacts = np.stack([arms.real, arms.imag]).swapaxes(1, 2)
     corners = contacts[:, np.argsort(np.angle(outward))]
@@ -72,3 +71,14 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
         aside=bodies.aside.T,
     )
     return Robots(*(np.array(each, order="C") for each in found))  # of their own: they are written to
+
+
+def _along(directions: np.ndarray, arms: np.ndarray) -> Array:
+    """Speeds along directions (W,) at arms (n, W) for a robot's twist, (3, n, W) 1, 1 and m."""
+    each = np.broadcast_to(directions, arms.shape)
+    return np.stack([each.real, each.imag, (arms.conj() * each).imag])
+
+
+def _squares(speeds: Array) -> Array:
+    """Products of speeds (3, n, W) for a twist: upper halves of symmetric matrices, (6, n, W)."""
+    return speeds[[0, 0, 0, 1, 1, 2]] * speeds[[0, 1, 2, 1, 2, 2]]
