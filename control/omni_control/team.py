@@ -113,7 +113,7 @@ class Team:
     def see(
         self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None, age: ArrayLike | None = None
     ) -> Array:
-        """Begin a frame with what vision reports; return what is believed of it, brought to this frame, (n, 3).
+        """Begin a frame with what vision reports; return what is believed of it, in this frame, (n, 3), to be read.
 
         Args:
             measured: poses seen (n, 3), headings in (-pi, pi]; not a number where a robot was not seen.
