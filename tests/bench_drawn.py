@@ -181,9 +181,8 @@ def of_traction(found: Sequence[Found]) -> dict[str, list[Found]]:
     parts: dict[str, list[Found]] = {"wheels hold": [], "wheels slide": [], "beyond friction": []}
     for each in found:
         slides = max(each["results"][SUBJECT]["sliding_share"]) > SLIDES
-        parts[
-            "beyond friction" if "beyond" in each["description"] else f"wheels {'slide' if slides else 'hold'}"
-        ].append(each)
+        within = "wheels slide" if slides else "wheels hold"
+        parts["beyond friction" if "beyond" in each["description"] else within].append(each)
     return parts
 
 

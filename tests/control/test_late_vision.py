@@ -82,13 +82,14 @@ def test_a_perfect_robot_seen_late_is_tracked_exactly(seed: int, longest: float)
 def test_a_velocity_that_was_believed_does_not_confirm_itself(late: float) -> None:
     """Robots stop, seen to a micrometre, though the filter believes in 1 m/s that nobody commanded.
 
-    Seen to the bit, the gate would take it for a frozen image (`test_gate`). A quarter of a second after that can be seen it is forgotten; a filter that takes for seen what it carried on by
-    that velocity would go on for good.
+    Seen to the bit, the gate would take it for a frozen image (`test_gate`). A quarter of a second after that can be
+    seen it is forgotten; a filter that takes for seen what it carried on by that velocity would go on for good.
     """
     frames = np.arange(130)
     position = T * np.minimum(frames, 100.0)
     seen = np.zeros((130, 1, 3))
-    seen[:, 0, 0] = np.interp(frames - late / T, frames, position) + 1e-6 * np.random.default_rng(0).standard_normal(130)
+    seen[:, 0, 0] = np.interp(frames - late / T, frames, position)
+    seen[:, 0, 0] += 1e-6 * np.random.default_rng(0).standard_normal(130)
     _, twists = estimated(seen, np.zeros((130, 1, 3)), np.zeros((1, 3)), np.full((130, 1), late))
     assert twists[100, 0, 0] == pytest.approx(1, abs=0.1)
     assert np.abs(twists[:, 0, 0]).max() < 1.2
