@@ -54,7 +54,7 @@ def test_five_minutes_of_duty_cycle_against_an_ode_solver() -> None:
         [0.0, 1.0, -2.5, 2.5, 4.0, -5.0, 5.0], p=[0.3, 0.2, 0.15, 0.15, 0.1, 0.05, 0.05], size=(60, n, 4)
     )
     speeds = rng.uniform(-150, 150, (60, n, 4))  # of the wheels: up to the motor's nominal, either way
-    ripple = 1 + 0.3 * np.sin(2 * np.pi * np.arange(4) / 4)[:, None, None]  # means are those of 16 steps
+    ripple = 1 + 0.3 * np.sin(2 * np.pi * np.arange(4) / 4)[:, None, None]  # in fewer steps than a frame has
     chosen = [sheet(winding_c=60.0, housing_c=40.0, ambient_c=20.0), sheet(ambient_c=35.0)]
     motors = Motors(chosen, 4, FRAME_S)
     ambient = np.array([[20.0], [35.0]])
@@ -70,7 +70,7 @@ def test_five_minutes_of_duty_cycle_against_an_ode_solver() -> None:
     state = np.concatenate([motors.winding.ravel(), motors.housing.ravel()])
     hottest = 0.0
     for level, speed in zip(levels, speeds, strict=True):
-        currents, turning = ripple * level, ripple[::-1] * speed
+        currents, turning = ripple * level, ripple * speed  # together: the product's mean is not that of the means
         for _ in range(segment):
             motors.warm(currents, turning)
         heat = (currents**2).mean(0), MAXON.outer_loss(currents, turning).mean(0)
