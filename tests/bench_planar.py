@@ -3,7 +3,7 @@
     python tests/bench_planar.py [--scenario rect ...] [--robot tigers-v2016 ...] [--controller comp-flc ...]
                                  [--seeds 20] [--finer] [--set SECTION.FIELD=VALUE ...] [--out FILE.jsonl] [--known]
 
-By default all scenarios and robots, which takes hours. Prints the tables of docs/planar.md. What is compared is the rms
+By default all scenarios and robots, which takes hours. Prints the table of docs/planar.md. What is compared is the rms
 of a robot's distance from its reference over a run. Both plants are given the same noise, so that a seed's two errors
 are a pair: a difference is the mean of the logarithms of their ratios, as per cent, with half its 95 % interval. Seeds
 are added five by five until it is known on which side of its bar a difference is, or there are `--seeds`. The bar is
@@ -11,7 +11,8 @@ are added five by five until it is known on which side of its bar a difference i
 seeds, which follows in brackets. Differences beyond their bar are bold. Then it is said how many are, and which pairs
 of controllers are in another order on planar.
 
-A run is a line of `--out`, and is not run again; `--known` prints what is there, and runs nothing.
+A run is a line of `--out`, and is not run again; `--known` prints what is there, and runs nothing. Runs on a plant that
+has changed since are to be taken out of it.
 """
 
 import argparse
@@ -146,13 +147,18 @@ class Agreement:
         return bool(abs(abs(difference) - self.bar) > half)
 
     def __str__(self) -> str:
-        difference, half = self.differs
-        said = f"{100 * np.median(self.errors[0]):.3f}, {round(difference, 1) + 0.0:+.1f} ± {half:.1f} %"
+        said = f"{100 * np.median(self.errors[0]):.3f}, {_said(self.differs)} %"
         if self.sliding and np.isfinite(self.own[0]):
-            said += f" ({self.own[0]:+.1f} ± {self.own[1]:.1f})"
+            said += f" ({_said(self.own)})"
         if self.failed:
             said += f", {self.failed} fail on one plant"
-        return f"**{said}**" if abs(difference) > self.bar else said
+        return f"**{said}**" if abs(self.differs[0]) > self.bar else said
+
+
+def _said(difference: tuple[float, float]) -> str:
+    """Per cent, with half the interval where there is one."""
+    mean, half = difference
+    return f"{round(mean, 1) + 0.0:+.1f}" + (f" ± {half:.1f}" if np.isfinite(half) else "")
 
 
 def ratio(one: Array, other: Array) -> tuple[float, float]:
@@ -172,16 +178,15 @@ def study(runs: Runs, cells: Sequence[Cell], controllers: Sequence[str], most: i
             runs.run(cell, FINER, [name for name in left if Agreement.of(runs, cell, name).sliding], seeds)
 
 
-def tables(found: dict[Cell, dict[str, Agreement]], controllers: Sequence[str]) -> Iterator[str]:
-    """Lines of markdown, a table for each robot."""
-    for robot in dict.fromkeys(robot for _, robot in found):
-        yield from ("", f"| `{robot}` | seeds | sliding | {' | '.join(f'`{name}`' for name in controllers)} |")
-        yield "|---" * (3 + len(controllers)) + "|"
-        for name, own in ((cell[0], own) for cell, own in found.items() if cell[1] == robot):
-            seeds = dict.fromkeys(str(each.errors.shape[1]) for each in own.values())
-            slides = dict.fromkeys(f"{each.slides:.2f}" if each.sliding else "" for each in own.values())
-            said = (str(own.get(each, "")) for each in controllers)
-            yield f"| `{name}` | {', '.join(seeds)} | {', '.join(filter(None, slides))} | {' | '.join(said)} |"
+def table(found: dict[Cell, dict[str, Agreement]], controllers: Sequence[str]) -> Iterator[str]:
+    """Lines of markdown."""
+    yield f"| robot | scenario | seeds | sliding | {' | '.join(f'`{name}`' for name in controllers)} |"
+    yield "|---" * (4 + len(controllers)) + "|"
+    for (name, robot), own in found.items():
+        seeds = dict.fromkeys(str(each.errors.shape[1]) for each in own.values())
+        slides = dict.fromkeys(f"{each.slides:.2f}" for each in own.values() if each.sliding)
+        said = (str(own.get(each, "")) for each in controllers)
+        yield f"| `{robot}` | `{name}` | {', '.join(seeds)} | {', '.join(slides)} | {' | '.join(said)} |"
 
 
 def verdicts(runs: Runs, found: dict[Cell, dict[str, Agreement]]) -> Iterator[str]:
@@ -196,7 +201,7 @@ def verdicts(runs: Runs, found: dict[Cell, dict[str, Agreement]]) -> Iterator[st
     swapped = {pair: (full, planar) for pair, (full, planar) in orders.items() if full[0] * planar[0] < 0}
     yield f"Of {len(pairs)} pairs of controllers {len(swapped)} are in another order."
     for ((scene, robot), (one, other)), apart in swapped.items():
-        said = " and ".join(f"{difference:+.1f} ± {half:.1f} %" for difference, half in apart)
+        said = " and ".join(f"{_said(difference)} %" for difference in apart)
         yield f"{scene}, {robot}: {one} against {other} {said}"
 
 
@@ -227,7 +232,7 @@ def main() -> None:
     for cell, name in itertools.product(cells, given.controller):
         if runs.seeds(cell, name, FULL, PLANAR):
             found.setdefault(cell, {})[name] = Agreement.of(runs, cell, name)
-    for line in (*tables(found, given.controller), "", *verdicts(runs, found)):
+    for line in (*table(found, given.controller), "", *verdicts(runs, found)):
         print(line)
 
 
