@@ -20,6 +20,8 @@ from omni_control.controllers.base import Controller, Seen, carried
 from omni_control.controllers.checks import (
     Said,
     answer,
+    checked,
+    checked_ages,
     one_controller_each,
     own_answer,
     said,
@@ -124,14 +126,14 @@ class Team:
             OmniError: poses of another shape, infinite ones, ages that cannot be, or no truth for a controller that
                 knows it.
         """
-        seen = self._checked(measured, "what vision reports")
+        seen = checked(measured, self.n, "what vision reports")
         if self._failures:
             seen[self.failed] = np.nan
         if self.knows_truth and truth is None:
             raise OmniError("a controller of this team knows the truth, which must be given with what vision reports")
         if self.knows_truth and truth is not None:
-            self._true = self._held(*(self._checked(values, "the truth") for values in truth))
-        ages = None if age is None else self._ages(age)
+            self._true = self._held(*(checked(values, self.n, "the truth") for values in truth))
+        ages = None if age is None else checked_ages(age, self.n)
 
         self.frame += 1
         self._sent.push(self.last)
@@ -186,7 +188,7 @@ class Team:
         Raises:
             OmniError: they are not (n, 3) finite numbers.
         """
-        return self._limits(self._checked(command, "commands", finite=True), self.last)
+        return self._limits(checked(command, self.n, "commands", finite=True), self.last)
 
     def sent(self, command: ArrayLike) -> None:
         """Say that other commands (n, 3) were sent in this frame, such as a person's: controllers then count on them.
@@ -194,7 +196,7 @@ class Team:
         Raises:
             OmniError: they are not (n, 3) finite numbers.
         """
-        self.last, self._known = self._checked(command, "commands", finite=True), None
+        self.last, self._known = checked(command, self.n, "commands", finite=True), None
 
     def stop(self, rows: Rows) -> None:
         """Take robots out of the game: from now on they are sent zero, and their controllers' mistakes are none."""
@@ -295,26 +297,6 @@ class Team:
             for table in tables if self._failures else ():
                 table[self.failed] = np.nan
         return self._record
-
-    def _checked(self, values: ArrayLike, what: str, *, finite: bool = False) -> Array:
-        """Numbers (n, 3), copied."""
-        checked = np.array(values, float)
-        finite_ones = np.isfinite(checked) if finite else ~np.isinf(checked)
-        if checked.shape != (self.n, 3) or np.count_nonzero(finite_ones) < checked.size:
-            shape = f"({self.n}, 3)"
-            got = f"not of shape {checked.shape}" if checked.shape != (self.n, 3) else "which these are not"
-            raise OmniError(f"{what} must be finite numbers {shape}, {got}")
-        return checked
-
-    def _ages(self, age: ArrayLike) -> Array | None:
-        """Ages (n,), checked; none if all are zero."""
-        try:
-            ages = np.array(age, float)
-        except (TypeError, ValueError):
-            ages = np.full(0, np.nan)
-        if ages.shape != (self.n,) or not (np.isfinite(ages) & (ages >= 0)).all():
-            raise OmniError(f"ages must be ({self.n},) finite numbers of s from 0 on, not {age!r}")
-        return ages if ages.any() else None
 
 
 class _Known(NamedTuple):

@@ -221,3 +221,32 @@ def told_of_each(controllers: Sequence[Controller], rows: Sequence[Rows], n: int
     if len({told.period for told in table}) > 1:
         raise OmniError("controllers that are called together must be told frames of the same length")
     return list(table)
+
+
+def checked(values: ArrayLike, n: int, what: str, *, finite: bool = False) -> Array:
+    """Numbers (n, 3) of n robots, copied; `what` they are says the error.
+
+    Raises:
+        OmniError: they are not of that shape, or infinite, or, where they must be finite, not numbers.
+    """
+    numbers = np.array(values, float)
+    finite_ones = np.isfinite(numbers) if finite else ~np.isinf(numbers)
+    if numbers.shape != (n, 3) or np.count_nonzero(finite_ones) < numbers.size:
+        got = f"not of shape {numbers.shape}" if numbers.shape != (n, 3) else "which these are not"
+        raise OmniError(f"{what} must be finite numbers ({n}, 3), {got}")
+    return numbers
+
+
+def checked_ages(age: ArrayLike, n: int) -> Array | None:
+    """Ages (n,) of what is seen, s, copied; none if all are zero.
+
+    Raises:
+        OmniError: they are not n finite numbers from 0 on.
+    """
+    try:
+        ages = np.array(age, float)
+    except (TypeError, ValueError):
+        ages = np.full(0, np.nan)
+    if ages.shape != (n,) or not (np.isfinite(ages) & (ages >= 0)).all():
+        raise OmniError(f"ages must be ({n},) finite numbers of s from 0 on, not {age!r}")
+    return ages if ages.any() else None
