@@ -46,24 +46,20 @@ class AdaptiveCompFlc(Identifying):
         """See `Identifying`."""
         period, law = self.told.period, self.plant.motion
         position, velocity, heading = arrival
-        poses, twists = self.around(frame + self.plant.latency, 1, LOOK_FRAMES)
+        poses, twists = self.around(frame + self.plant.latency, LOOK_FRAMES)
         if self.loops is not None and self._plan is not None:
             reference, commands = (np.ascontiguousarray(poses), np.ascontiguousarray(twists)), np.empty_like(seen.pose)
             fuzzy, limits = (ENGINE.tables, self.fuzzy.ranges), (self._step, self.told.heading_gain)
             self._plan(*self.loops.arrays, *reference, *arrival, *fuzzy, self.fuzzy.stiffness, *limits, commands)
             return commands
-        target, speeds = poses[1], plane(twists[..., :2])
-        edge = (speeds[0] + speeds[1]) / 2  # velocity of the reference when the command begins to act
-        face = np.exp(1j * (heading + twists[1, :, 2] * (period / 2)))  # as the robot will, not as it should
-        error = self._leading(plane(target[:, :2]) - position, edge - velocity, np.abs(edge), face)
+        target, (edges, facing) = poses[1], self.along(poses, twists, heading)
+        error = self._leading(plane(target[:, :2]) - position, edges[0] - velocity, np.abs(edges[0]), facing[0])
         correction = plane(self.fuzzy(pairs(error)))
-        edges = (speeds[:-1] + speeds[1:]) / 2
-        middles = (poses[..., 2] + twists[..., 2] * (period / 2))[1:-1]
-        asked = law.ask(edges[:-1], edges[1:], np.exp(1j * (middles + (heading - target[:, 2]))), period)
+        asked = law.ask(edges[:-1], edges[1:], facing, period)
         fading = fade(correction, error, period) ** np.arange(LOOK_FRAMES)[:, None]
         command = in_time(asked + fading * correction, self._step)
         across = pairs(self.plant.ask(command))
-        turn = self.turn(twists[:3, :, 2], edges[:2], face, target[:, 2], heading, command - correction)
+        turn = self.turn(twists[:3, :, 2], edges[:2], facing[0], target[:, 2], heading, command - correction)
         return np.concatenate([across, turn[:, None]], axis=1)
 
     def _leading(self, error: Plane, behind: Plane, speed: Array, facing: Plane) -> Plane:

@@ -123,17 +123,32 @@ class Identifying(Controller):
         self._arriving = velocity
         return Arrival(position, velocity, headings[-1])
 
-    def around(self, frame: Array, back: int, on: int) -> tuple[Array, Array]:
-        """The reference's poses and twists (back + 1 + on, n, 3) from before `frame` (n,) until after it.
+    def around(self, frame: Array, on: int) -> tuple[Array, Array]:
+        """The reference's poses and twists (2 + on, n, 3) from the frame before `frame` (n,) until so many after it.
 
         One that is planned anew in every frame has no before but what it answered last, and goes on by being asked.
         """
         if not isinstance(self.reference, IteratedReference):
-            return self.reference.preview(frame - back, self.predicted, back + 1 + on)
+            return self.reference.preview(frame - 1, self.predicted, 2 + on)
         poses, twists = self.reference.preview(frame, self.predicted, 1 + on)
-        before = np.repeat(self._answered[None], back, axis=0)
+        before = self._answered[None]
         _, self._answered = self.reference.at(frame, self.predicted)
-        return np.concatenate([np.repeat(poses[:1], back, axis=0), poses]), np.concatenate([before, twists])
+        return np.concatenate([poses[:1], poses]), np.concatenate([before, twists])
+
+    def along(self, poses: Array, twists: Array, heading: Array) -> tuple[Plane, Plane]:
+        """Velocities of the reference where frames meet, and how robots will face within them, not how they should.
+
+        Args:
+            poses: of the reference, from the frame before the one in which the command acts, (frames, n, 3).
+            twists: same.
+            heading: that robots will have when it begins to act, (n,) rad.
+
+        Returns:
+            Velocities (frames - 1, n) m/s, and unit vectors of all frames but the first and last, (frames - 2, n).
+        """
+        speeds = plane(twists[..., :2])
+        middles = poses[1:-1, :, 2] + twists[1:-1, :, 2] * (self.told.period / 2)
+        return (speeds[:-1] + speeds[1:]) / 2, np.exp(1j * (middles + (heading - poses[1, :, 2])))
 
     def turn(
         self, rates: Array, velocities: Plane, facing: Plane, target: Array, heading: Array, planned: Plane

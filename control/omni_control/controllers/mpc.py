@@ -49,11 +49,9 @@ class Mpc(Identifying):
     def wanted(self, frame: int, seen: Seen, arrival: Arrival) -> Array:
         """See `Identifying`."""
         period, plant, limits = self.told.period, self.plant, self.told.limits
-        poses, twists = self.around(frame + plant.latency, 1, FRAMES)
-        speeds, positions = plane(twists[..., :2]), plane(poses[1:, :, :2])
-        edges = (speeds[:-1] + speeds[1:]) / 2
-        middles = poses[1:-1, :, 2] + twists[1:-1, :, 2] * (period / 2)
-        facing = np.exp(1j * (middles + (arrival.heading - poses[1, :, 2])))  # as the robot will, not as it should
+        poses, twists = self.around(frame + plant.latency, FRAMES)
+        positions = plane(poses[1:, :, :2])
+        edges, facing = self.along(poses, twists, arrival.heading)
         error, late = arrival.position - positions[0], arrival.velocity - edges[0]
         ahead = horizon(plant.motion, positions, edges, facing, error, late, period)
 
