@@ -52,7 +52,7 @@ def test_loops_identify_predict_and_command_as_numpy_does(late: bool) -> None:
     np.testing.assert_allclose(looped, numpys, rtol=0, atol=1e-11)
     for name in ("position", "velocity", "push", "variance", "surprise", "sliding", "noise", "latency"):
         np.testing.assert_allclose(getattr(other.plant, name), getattr(one.plant, name), rtol=0, atol=1e-11)
-    for name in ("heading", "rate", "bias", "lag", "effort", "friction", "coupling", "variance"):
+    for name in ("heading", "rate", "bias", "lag", "effort", "friction", "coupling", "variance", "surprise"):
         np.testing.assert_allclose(getattr(other.turning, name), getattr(one.turning, name), rtol=0, atol=1e-11)
 
 

@@ -56,6 +56,71 @@ def test_coupling_is_identified() -> None:
     assert sigma.max() < 0.25 / 2
 
 
+@pytest.mark.parametrize(("sliding", "off"), [(0.0, 0.02), (0.4, 0.02), (0.0, 0.5), (0.7, 0.5), (1.0, 0.5)])
+def test_of_what_slides_or_surprises_a_share_is_learned(sliding: float, off: float) -> None:
+    """A frame's correction by a gain K, of parameters by a share of it: B K.
+
+    Whatever the gain, by Joseph's form P = (1 - B K h) P (1 - B K h)' + B K r K' B', of the prediction that a frame
+    without vision leaves. The share: 1, less by what slides, and by what surprises more than 1.5 times as expected.
+    """
+
+    def driven(measured: float) -> Turning:
+        found = Turning(np.zeros(1), T, 0.01, 0.02, 0.04)
+        for k in range(40):
+            found.update(
+                np.array([0.02 * np.sin(k)]), np.array([np.cos(k)]), np.ones(1), shortfall=np.array([0.3 + 0.1j])
+            )
+        found.surprise[:] = 1.0
+        found.update(
+            np.array([measured]), np.ones(1), np.ones(1), shortfall=np.array([0.2j]), sliding=np.full(1, sliding)
+        )
+        return found
+
+    before = driven(np.nan)
+    predicted = before.variance[0]
+    after = driven(float(before.heading[0]) + off)
+    certain = 1 / (predicted[0, 0] + 0.01**2)
+    surprise = 1 + (min(off**2 * certain, 50) - 1) / 10
+    share = np.diag([1.0] * 3 + [(1 - sliding) * min(1.5 / surprise, 1)] * 5)
+    gain = share @ predicted[:, :1] * certain
+    left = np.eye(8) - gain @ np.eye(8)[:1]
+    np.testing.assert_allclose(after.variance[0], left @ predicted @ left.T + gain @ gain.T * 0.01**2, atol=1e-12)
+    found = [[getattr(one, name)[0] for name in ("heading", "rate", "bias", "lag")] for one in (before, after)]
+    np.testing.assert_allclose(found[1], found[0] + gain[:4, 0] * off, atol=1e-12)
+    assert after.surprise[0] == pytest.approx(surprise)
+
+
+def test_wheels_that_slide_leave_a_robot_what_it_was() -> None:
+    """Turned at random by up to 40 rad/s^2 while it drives and slides for two seconds: alpha and coupling stay.
+
+    Taken for a robot that holds, the same ones come to be what none is. Headings are followed as well, and a second
+    afterwards turn by nothing else than commands.
+    """
+    found = []
+    for sliding in (1.0, 0.0):
+        rng, n = np.random.default_rng(4), 10
+        turning, heading, rate = Turning(np.zeros(n), T, 0.01, 0.02), np.zeros(n), np.zeros(n)
+        extremes = []
+        for k in range(240):
+            slides = 60 <= k < 180
+            command, missing = 2 * np.sin(np.full(n, k * T * 3)), np.full(n, 0.8 * np.sin(2 * np.pi * k * T / 1.3) + 0j)
+            if k % 12 == 0:
+                turned = rng.uniform(-40, 40, n)
+            for _ in range(20):
+                rate = rate + T / 20 * ((command - 1.02 * rate) / 0.02 + turned * slides)
+                heading = heading + T / 20 * rate
+            seen = heading + rng.normal(0, 0.01, n)
+            turning.update(seen, command, np.ones(n), shortfall=missing * slides, sliding=np.full(n, sliding * slides))
+            extremes.append([np.abs(turning.coupling).max(), (1 / turning.effort).max(), -(1 / turning.effort).min()])
+            if sliding:
+                assert np.abs(turning.heading - heading).max() < 0.1
+        found.append(np.max(extremes, axis=0))
+        assert np.abs(turning.bias).max() < 0.1
+    assert (found[0] <= [0.8, 1.1, -0.7]).all(), found
+    assert (found[1] > found[0]).all(), found
+    assert found[1][0] > 0.8
+
+
 def test_a_robot_that_drives_aside_keeps_its_heading() -> None:
     """Of tigers-v2020, whose centre is 5 mm back: on the way back within 3 degrees, comp-flc-lag more than 4 off.
 

@@ -88,7 +88,7 @@ class Identifying(Controller):
         back = np.exp(-1j * before)
         shortfall = (plane(felt[:, :2].copy()) * plant.turned - plant.velocity) * back
         pulled = self._pulled(plant.velocity * back, turning.rate, plant.gained, shortfall)
-        turning.update(headings, felt[:, 2] + pulled, np.abs(plant.velocity), late, shortfall)
+        turning.update(headings, felt[:, 2] + pulled, np.abs(plant.velocity), late, shortfall, plant.sliding)
         plant.update(positions, (before + turning.heading) / 2, sent, late)
 
     def _pulled(self, velocity: Plane, rate: Array, gained: Plane, shortfall: Plane) -> Array | float:

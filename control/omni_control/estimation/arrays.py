@@ -10,11 +10,12 @@ from omni_control.kinematics import Array
 
 
 class TurningArrays(NamedTuple):
-    """Of `Turning`. A loop writes state, variance and creep."""
+    """Of `Turning`. A loop writes those before `kept`."""
 
     state: Array  # (n, 8)
     variance: Array  # (n, 8, 8)
     creep: Array  # (n,)
+    surprise: Array  # (n,)
     kept: Array  # (8,)
     renewed: Array  # (8,)
     forget: Array  # (8,)
@@ -22,6 +23,7 @@ class TurningArrays(NamedTuple):
     most: Array  # (5,)
     period: float
     noise: float
+    slid: float
     creeps: float
     arm: float
 

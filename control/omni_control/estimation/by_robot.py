@@ -81,7 +81,8 @@ def identify(
         back = np.exp(-1j * heading)
         shortfall = (arrived - velocity) * back
         turn += pulled(g, velocity * back, t.state[i, 1], p.gained[i], shortfall, state[13], t.creep[i])
-        turned(i, t, held, after, measured[i, 2] if reported else np.nan, turn, abs(velocity), shortfall)
+        facing, sliding = measured[i, 2] if reported else np.nan, p.sliding[i]
+        turned(i, t, held, after, facing, turn, abs(velocity), shortfall, sliding)
 
         middle = np.exp(1j * ((heading + t.state[i, 0]) / 2))
         gone = step(law, velocity, arrived + push, middle, p.period)

@@ -37,6 +37,15 @@ def obeys(shown: Number, sliding: Number, surprise: Number) -> Number:
     return shown * (1 - sliding) * np.minimum(SURPRISING / surprise, 1.0) ** 2
 
 
+def learned(sliding: Number, surprise: Number) -> Number:
+    """How much of what headings show is learned, of a robot that slides so far and surprises so much.
+
+    In proportion to the inverse of that mean square and not of its square, as what a robot turns by is told by nothing
+    else: one whose alpha is far from what is believed surprises until it is learned.
+    """
+    return (1 - sliding) * np.minimum(SURPRISING / surprise, 1.0)
+
+
 def surprised(surprise: Number, now: Number) -> Number:
     """The mean square of innovations over what was expected, with that of `now`."""
     return surprise + (np.minimum(now, LARGEST) - surprise) / SURPRISE_FRAMES

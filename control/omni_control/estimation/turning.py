@@ -18,16 +18,22 @@ k couples turning with driving: e is what a robot's velocity lacks of the one th
 is how much its wheels give way under what they pull. What follows for turning from their geometry (`compliance`) is
 part of u here; k is what is left of it, because a wheel is weak, or the centre of mass not where it is believed to be.
 Nobody is told k: it is believed to be 0.
+
+Wheels that slide, one after the other, turn a robot as no robot of this law would. Of what then is seen, and of what
+surprises, parameters take in a share only (Brink, Partial-Update Schmidt-Kalman Filter, J. Guidance, Control, and
+Dynamics 40, 2017), and b, which is soon forgotten, may be greater.
 """
 
 import numpy as np
 
+from omni_control.estimation import evidence
 from omni_control.estimation.arrays import TurningArrays
 from omni_control.estimation.late import Late
 from omni_control.estimation.motion import Plane
 from omni_control.kinematics import Array, Kinematics, Number, wrap_angle
 
 BIAS_RAD_S, BIAS_S = 0.05, 1.0  # standard deviation of b, and the time after which it is forgotten
+SLIDING_RAD_S = 0.4  # what wheels that slide add to it
 EFFORT, EFFORT_SIGMA = 1.02, 0.05
 GYRO_SHARE = 0.5  # that a gyro's loop leaves: gain 1
 LAG_SHARE = 0.8  # of the mean lag over all directions, without such a loop
@@ -64,6 +70,7 @@ class Turning:
         friction: c_w, (n,) rad/s.
         coupling: k ahead and aside, (2, n) rad/m.
         variance: of heading, rate, bias, lag, effort, friction and coupling, (n, 8, 8).
+        surprise: square of the innovations over what the filter expects, (n,); 1 for a robot that keeps to the law.
     """
 
     def __init__(
@@ -84,13 +91,14 @@ class Turning:
         friction *= GYRO_SHARE / self._arm * square / size
         lag *= GYRO_SHARE
         self._belief = np.array([0.0, max(LAG_SHARE * lag, LEAST_LAG_S), EFFORT, FRICTION * friction, 0.0, 0.0])
-        self.creep = np.zeros(n)
+        self.creep, self.surprise = np.zeros(n), np.ones(n)
         self._know(np.concatenate([heading[:, None], np.zeros((n, 1)), np.tile(self._belief, (n, 1))], axis=1))
         self._period, self._noise = period, max(noise, 1e-3) ** 2
         sigma = np.array([BIAS_RAD_S, LAG_SIGMA * lag + 1e-6, EFFORT_SIGMA, FRICTION_SIGMA * friction + 1e-6])
         sigma = np.append(sigma, [COUPLING_RAD_M, COUPLING_RAD_M])
         keep = np.exp(-period / np.append(BIAS_S, np.full(STATES - 3, KEPT_S)))
         self._keep, self._forget = keep, np.append([0.0, (RATE_RAD_S2 * period) ** 2], sigma**2 * (1 - keep**2))
+        self._slid = (SLIDING_RAD_S / BIAS_RAD_S) ** 2 * self._forget[2]
         self._kept = np.append([1.0, 0.0], keep)  # of each state, by itself; a rate depends on others too
         self._renewed = (1 - self._kept) * np.append([0.0, 0.0], self._belief)
         self._passed = np.tile(np.diag(self._kept), (n, 1, 1))  # how states depend on those a frame before
@@ -101,8 +109,8 @@ class Turning:
     @property
     def arrays(self) -> TurningArrays:
         """What loops over robots read, and write in its place."""
-        known, how = (self._state, self.variance, self.creep), (self._kept, self._renewed, self._forget, LEAST, MOST)
-        return TurningArrays(*known, *how, self._period, self._noise, self._creeps, self._arm)
+        known, how = (self._state, self.variance, self.creep, self.surprise), (self._kept, self._renewed, self._forget)
+        return TurningArrays(*known, *how, LEAST, MOST, self._period, self._noise, self._slid, self._creeps, self._arm)
 
     @property
     def sigma(self) -> Array:
@@ -176,6 +184,7 @@ class Turning:
         speed: Array,
         late: Late | None = None,
         shortfall: Plane | complex = 0j,
+        sliding: Array | float = 0.0,
     ) -> None:
         """Take in a frame.
 
@@ -185,6 +194,7 @@ class Turning:
             speed: at which robots drove meanwhile, (n,) m/s.
             late: which robots stay in the frame where they are, and how much later they were seen. [none, and at once]
             shortfall: as for `step`.
+            sliding: how far wheels are believed to slide, 0 to 1, (n,). [not]
         """
         period, (slow, final, rubbing) = self._period, self._answer(command, speed, shortfall)
         moved, rate, decay = go_on(self.rate, final, slow, period)
@@ -200,6 +210,8 @@ class Turning:
         state[:, 0], state[:, 1] = self.heading + moved, rate
         variance = passed @ self.variance @ passed.swapaxes(1, 2)
         variance.reshape(-1, STATES**2)[:, :: STATES + 1] += self._forget
+        variance[:, 1, 1] += self._forget[1] * (evidence.restless(self.surprise) - 1)
+        variance[:, 2, 2] += self._slid * sliding
 
         if late is not None:
             state = np.where(late.held[:, None], self._state, state)
@@ -211,9 +223,13 @@ class Turning:
             to_heading = to_heading + late.after[:, None] * variance[:, 1]
             of_seen = to_heading[:, 0] + late.after * to_heading[:, 1]
         surprise = np.where(seen, wrap_angle(measured - expected), 0.0)
-        gain = (seen / (of_seen + self._noise))[:, None] * to_heading
-        self.variance = variance - gain[:, :, None] * to_heading[:, None]
-        state += gain * surprise[:, None]
+        certain = seen / (of_seen + self._noise)
+        now = evidence.surprised(self.surprise, certain * surprise**2)
+        self.surprise = np.where(seen, now, self.surprise)
+        gain, left = certain[:, None] * to_heading, np.zeros_like(state)
+        left[:, 3:] = 1 - evidence.learned(sliding, self.surprise)[:, None]  # of what is learned
+        self.variance = variance - gain[:, :, None] * to_heading[:, None] * (1 - left[:, :, None] * left[:, None])
+        state += (1 - left) * gain * surprise[:, None]
         bounded = state[:, 3:]
         np.minimum(np.maximum(bounded, LEAST, out=bounded), MOST, out=bounded)
         self._know(state)

@@ -2,13 +2,21 @@
 
 import numpy as np
 
-from omni_control.estimation import compliance, turning
+from omni_control.estimation import compliance, evidence, turning
 from omni_control.estimation.arrays import GivesArrays, TurningArrays
 from omni_control.kinematics import Array, wrapped
 
 
 def turned(
-    i: int, t: TurningArrays, held: bool, after: float, seen: float, command: float, speed: float, shortfall: complex
+    i: int,
+    t: TurningArrays,
+    held: bool,
+    after: float,
+    seen: float,
+    command: float,
+    speed: float,
+    shortfall: complex,
+    sliding: float,
 ) -> None:
     """Take in a frame of a heading; see `Turning.update`."""
     state, variance, of = t.state[i], t.variance[i], np.empty(8)
@@ -26,15 +34,20 @@ def turned(
         for k in range(8):
             variance[k, k] += t.forget[k]
             state[k] = t.kept[k] * state[k] + t.renewed[k]
+        variance[1, 1] += t.forget[1] * (evidence.restless(t.surprise[i]) - 1)
+        variance[2, 2] += t.slid * sliding
         state[0], state[1] = heading + moved, later
     if not np.isnan(seen):
         for k in range(8):
             of[k] = variance[0, k] + after * variance[1, k]
         gain, surprise = 1 / (of[0] + after * of[1] + t.noise), wrapped(seen - (state[0] + after * state[1]))
+        t.surprise[i] = evidence.surprised(t.surprise[i], gain * surprise**2)
+        share = evidence.learned(sliding, t.surprise[i])
         for j in range(8):
-            state[j] += gain * of[j] * surprise
+            left = 1 - share if j > 2 else 0.0
+            state[j] += (1 - left) * gain * of[j] * surprise
             for k in range(8):
-                variance[j, k] -= gain * of[j] * of[k]
+                variance[j, k] -= gain * of[j] * of[k] * (1 - left * (1 - share if k > 2 else 0.0))
     within(state, 3, t.least, t.most)
 
 
