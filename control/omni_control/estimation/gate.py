@@ -14,7 +14,7 @@ pattern read backwards, and is turned back.
 
 **Repeats.** A camera may be frozen. What it shows is believed, as that of a robot that stands, unless that one was
 faster before than any wheels could brake away in a frame (friction 1). Then nothing but a wall or a hand, seen without
-any noise, shows the same to the bit: it is believed after `REPEATED` images, a second at 60 Hz. Where it ends, that
+any noise, shows the same to the bit: it is believed after `REPEATED` images, 5 s at 60 Hz. Where it ends, that
 image counts as being as old as it is.
 
 **Doubt ends.** Robots are carried off, and images that were believed may have been the wrong ones. What is seen in
@@ -38,7 +38,7 @@ OTHERS = 3.7, 26.0  # m/s and rad/s of robots in the league's simulators (ssl-si
 BLOW = 2.0  # times its own speed, that a robot may have after a blow
 FALSE_ALARM = 1e-9  # of noise alone, in an image
 DOUBTED = 10  # images in a row, of which the last is believed
-REPEATED = 60  # same, of a robot that cannot have stopped like that
+REPEATED = 300  # same, of a robot that cannot have stopped like that
 
 # What is known of each robot: how fast it may go, m/s, and how far noise leads, m; of the last image that was believed
 # its age when it came and for how long it has been the last, s; speed before the last image, m/s; images in a row.
