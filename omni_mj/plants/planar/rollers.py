@@ -22,12 +22,18 @@ The mean over phi carries the load, which gives z. From the same mean follow
 
 Torque and lift are w and w^2 where the wheel turns slowly, and each grows with a power less where it turns fast.
 
-Along the axle a roller spins at v / q as its wheel travels at v, with the distance q from its axis to the contact. Its
-bearing brakes it by c v / q, and the wheel by c v / q^2 for each that stands. Until it comes down again it has come to
-rest, and is spun up by the impulse I v / q^2, one for each pitch p: together (c count + I |w| / p) v <1 / q^2>. Those
-that stand turn faster as their wheel does: count I <1 / q^2> of mass along the axle.
+Along the axle a roller spins at v / q as its wheel travels at v, with the distance q from its axis to the contact. Those
+that stand turn faster as their wheel does: count I <1 / q^2> of mass along the axle. One that comes down has nearly come
+to rest since it stood last, at the rate c / I of its bearing, and takes on the speed of the carpet within 1 / b, 1.7 ms,
+at 65 rad/s a quarter of its way over the carpet:
+
+    s' = b (v / q - s)    as long as h > z, whatever presses; the wheel is braked by (I s' + c s) / q
+
+in steps of a cycle, as contacts act on the full plant. On the mean over phi that is v (I X + c Y). Slowly turned, Y is
+count <1 / q^2>, and X is w / (p q^2) with the pitch p, an impulse for each roller; both fall behind as it turns faster.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Self
@@ -36,12 +42,13 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.scenarios.robot_settings import WheelSettings
-from omni_mj.worlds.contact import STIFFNESS_N_M
+from omni_mj.worlds.build import CYCLE_S
+from omni_mj.worlds.contact import FRICTION_RATE_HZ, STIFFNESS_N_M
 
 _LOADS_N = 2 ** (np.arange(-20, 41) / 4)  # between which is interpolated, so that no robot depends on another's load
 _SPEEDS = 50.0, 100.0  # of a wheel at 1.5 and 3 m/s, rad/s
 _DAMPING = 160.0  # N s/m; torque and lift know only its product with the speed
-_SAMPLES, _HALVINGS = 1501, 45
+_SAMPLES, _HALVINGS, _PHASES = 1501, 45, 32
 _WAVE = np.pi**3 / 2  # waves of `laws.passing` whose first harmonic is 1
 
 
@@ -53,6 +60,8 @@ class Standing:
         lever: from the axle to where the carpet pulls, m.
         count: of the rollers that touch the carpet, on average.
         spin: mean square of a roller's speed over that of its wheel along the axle, 1/m^2.
+        held_fades: of rollers that are braked, Y = count spin / (1 + held_fades |w|) 1/m^2.
+        spun, spun_fades: of rollers that are spun up, X = spun |w| / (1 + spun_fades |w|) 1/m^2 1/s.
         cost, cost_fades: of turning, cost w / (1 + cost_fades |w|) N m.
         lift, lift_fades: load of a turning wheel at the height at which it stands, lift w^2 / (1 + lift_fades |w|) N.
         ripple, ripple_grows: of the load at that height as rollers pass, over `laws.passing`, ripple + ripple_grows |w|
@@ -62,6 +71,9 @@ class Standing:
     lever: Array
     count: Array
     spin: Array
+    held_fades: Array
+    spun: Array
+    spun_fades: Array
     cost: Array
     cost_fades: Array
     lift: Array
@@ -70,20 +82,39 @@ class Standing:
     ripple_grows: Array
 
     @classmethod
-    def of(cls, wheels: WheelSettings, load: Array, damping: Array) -> Self:
-        """Of wheels under loads (n, W) in N, on carpets of a damping (n, 1) in N s/m; results are (n, W)."""
-        table, more = _table(wheels), damping / _DAMPING
-        at = np.log(np.maximum(load, _LOADS_N[0]))
+    def of(cls, wheels: WheelSettings, load: Array, damping: Array, rest: Array) -> Self:
+        """Of wheels; results are (n, W).
+
+        Args:
+            wheels: their shape.
+            load: of theirs, (n, W) N.
+            damping: of carpets, (n, 1) N s/m.
+            rest: rate at which bearings bring rollers to rest, (n, 1) 1/s.
+        """
+        (standing, spun), more = _table(wheels), damping / _DAMPING
+        at, known = np.log(np.maximum(load, _LOADS_N[0])), np.log(_LOADS_N)
         lever, count, spin, cost, cost_fades, lift, lift_fades, ripple, ripple_grows = (
-            np.interp(at, np.log(_LOADS_N), row) for row in table
+            np.interp(at, known, row) for row in standing
         )
         turning = more * cost, more * cost_fades, more**2 * lift, more * lift_fades
-        return cls(lever, count, spin, *turning, ripple, more * ripple_grows)
+        slow, fast = _SPEEDS
+        (up, held), (fast_up, _) = (_left([np.interp(at, known, row) for row in rows], rest) for rows in spun)
+        # Rollers that keep their spin are spun up no more: less than proportional, and never less the faster they turn.
+        fades = np.maximum(up / slow - fast_up / fast, 0.0) / np.maximum(fast_up - up, 0.01 * up)
+        along = (count * spin / held - 1) / slow, up / slow * (1 + slow * fades), fades
+        return cls(lever, count, spin, *along, *turning, ripple, more * ripple_grows)
+
+
+def _left(rows: Sequence[Array], rest: Array) -> tuple[Array, Array]:
+    """X and Y with what bearings leave of a roller's spin until it comes down again; see `_Carpet.spinning`."""
+    up, held, less, more, away = rows
+    left = np.exp(-rest * away)
+    return up - left * less, held + left * more
 
 
 @lru_cache(maxsize=16)
-def _table(wheels: WheelSettings) -> tuple[Array, ...]:
-    """What `Standing` says at each of the loads."""
+def _table(wheels: WheelSettings) -> tuple[tuple[Array, ...], list[tuple[Array, ...]]]:
+    """What `Standing` says at each of the loads, but along the axle; and what `spinning` does, at both speeds."""
     carpet, loads = _Carpet(wheels), _LOADS_N
     height, (half, full) = carpet.height(loads, 0.0), _SPEEDS
     (slow, few), (fast, many) = (carpet.turning(loads, height, speed) for speed in _SPEEDS)
@@ -94,21 +125,30 @@ def _table(wheels: WheelSettings) -> tuple[Array, ...]:
     turning = carpet.ripple(carpet.height(loads, half), half)
     ripple_grows = np.copysign((np.abs(turning) - np.abs(ripple)) / half, ripple.real)
     standing = carpet.lever(height), carpet.count(height), carpet.spin(height)
-    return *standing, cost, cost_fades, lift, lift_fades, _WAVE * ripple.real, _WAVE * ripple_grows
+    spun = [carpet.spinning(carpet.height(loads, speed), speed) for speed in _SPEEDS]
+    return (*standing, cost, cost_fades, lift, lift_fades, _WAVE * ripple.real, _WAVE * ripple_grows), spun
 
 
 class _Carpet:
     """A wheel on it; loads and heights are (k,)."""
 
     def __init__(self, wheels: WheelSettings) -> None:
-        outer, roller, pitch = wheels.radius_m, wheels.roller_radius_m, 2 * np.pi / wheels.rollers
+        self._outer, self._roller, self._pitch = wheels.radius_m, wheels.roller_radius_m, 2 * np.pi / wheels.rollers
         phi = np.linspace(-np.pi / 2, np.pi / 2, _SAMPLES)
-        along = np.sqrt((roller * np.cos(phi)) ** 2 + outer * roller * np.sin(phi) ** 2)
-        self._below = ((outer - roller) * np.cos(phi) + along)[:, None]
+        self._phi, self._below = phi[:, None], self.below(phi)[:, None]
         self._falling = np.gradient(self._below[:, 0], phi)[:, None]
-        self._upright, self._centre = np.cos(phi)[:, None], outer - roller
         self._wave = np.exp(1j * wheels.rollers * phi)[:, None]
-        self._share, self._outer = (phi[1] - phi[0]) / pitch, outer
+        self._share = (phi[1] - phi[0]) / self._pitch
+
+    def below(self, phi: Array) -> Array:
+        """How far rollers at angles reach below the axle, m."""
+        outer, roller = self._outer, self._roller
+        along = np.sqrt((roller * np.cos(phi)) ** 2 + outer * roller * np.sin(phi) ** 2)
+        return np.asarray((outer - roller) * np.cos(phi) + along)
+
+    def radius(self, phi: Array, height: Array) -> Array:
+        """From the axes of rollers at angles to their contacts, m, with the axle at a height."""
+        return np.asarray((self.below(phi) + height) / 2 * np.cos(phi) - (self._outer - self._roller))
 
     def force(self, height: Array, speed: float) -> Array:
         """Of a roller at each angle, (angles, k) N."""
@@ -136,8 +176,31 @@ class _Carpet:
 
     def spin(self, height: Array) -> Array:
         """Mean over the rollers that touch the carpet of what is one over the square of their radius there, 1/m^2."""
-        radius, stands = (self._below + height) / 2 * self._upright - self._centre, self._below > height
-        return np.asarray((stands / radius**2).sum(0) / stands.sum(0))
+        stands = self._below > height
+        return np.asarray((stands / self.radius(self._phi, height) ** 2).sum(0) / stands.sum(0))
+
+    def spinning(self, height: Array, speed: float) -> tuple[Array, ...]:
+        """X and Y of rollers that come down at rest, 1/m^2 1/s and 1/m^2.
+
+        Returns:
+            Both; what X lacks and Y has more of rollers that come down with the spin with which they left; and for how
+            long they are away, s.
+        """
+        step = speed * CYCLE_S
+        first = self._phi[(self._below > height).argmax(0), 0]
+        phi = first + np.arange(_PHASES)[:, None] / _PHASES * step
+        spin, up, held, less, more = np.zeros((5, *phi.shape))
+        kept = np.ones_like(phi)
+        while (phi < -first).any():
+            stands, radius = self.below(phi) > height, self.radius(phi, height)
+            rate = stands * FRICTION_RATE_HZ
+            up, held = up + rate * (1 / radius - spin) / radius, held + stands * spin / radius
+            less, more = less + rate * kept / radius, more + stands * kept / radius
+            spin, kept = spin + CYCLE_S * rate * (1 / radius - spin), kept * (1 - CYCLE_S * rate)
+            phi = phi + step
+        each, end = step / self._pitch, spin.mean(0)
+        away = (2 * np.pi + 2 * first) / speed
+        return *(each * sums.mean(0) for sums in (up, held, end * less, end * more)), away
 
     def ripple(self, height: Array, speed: float) -> np.ndarray:
         """First harmonic of the load as rollers pass at a height, N: real where it is as in a mirror."""

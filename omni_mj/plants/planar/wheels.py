@@ -20,7 +20,8 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
     motors, drive = [Motor.of(s.motor) for s in settings], [s.drive for s in settings]
     wheels, shape = settings[0].wheels, drawn.wear.shape
     stiff = np.array([[damping(s.body.mass_kg / shape[1])] for s in settings])
-    rollers = Standing.of(wheels, bodies.weight, stiff)
+    bearing = column(drive, "roller_damping_nm_s")
+    rollers = Standing.of(wheels, bodies.weight, stiff, bearing / bodies.roller)
     lever = rollers.lever - drawn.wear
     outward, arms = np.exp(1j * geometry.azimuths), bodies.contacts
     rims, axles = _along(1j * outward, arms) / lever, _along(outward, arms)
@@ -49,8 +50,10 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
         dry=((column(motors, "wheel_dry") + column(drive, "gear_friction_nm")) * np.ones(shape)).T,
         contact=1 / (friction * rollers.count * lever**2).T,
         lever=lever.T,
-        bearing=(column(drive, "roller_damping_nm_s") * rollers.count * rollers.spin).T,
-        spin_up=(bodies.roller * wheels.rollers / (2 * np.pi) * rollers.spin).T,
+        bearing=(bearing * rollers.count * rollers.spin).T,
+        bearing_fades=rollers.held_fades.T,
+        spin_up=(bodies.roller * rollers.spun).T,
+        spin_up_fades=rollers.spun_fades.T,
         cost=rollers.cost.T,
         cost_fades=rollers.cost_fades.T,
         lift=rollers.lift.T,
