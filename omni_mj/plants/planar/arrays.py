@@ -29,10 +29,9 @@ class Robots(NamedTuple):
     dry: Array  # the same, (W, n) N m
     contact: Array  # slip over torque of the contacts, (W, n) rad/s / (N m)
     lever: Array  # from axles to the carpet, (W, n) m
-    bearing: Array  # and the nine that follow: see `rollers`, (W, n)
-    bearing_fades: Array
+    bearing: Array  # and the eight that follow: see `rollers`, (W, n)
     spin_up: Array
-    spin_up_fades: Array
+    spin_fades: Array
     cost: Array
     cost_fades: Array
     lift: Array

@@ -111,8 +111,7 @@ def _drag(some: Some, r: Robots, m: Motion, s: Scratch, t: TractionArrays, push:
         for i in each(some):
             rim, x, y = m.rims[w, i], r.contacts[0, w, i], r.contacts[1, w, i]
             spin, axle = np.abs(rim), s.twist[0, i] * outward.real + s.twist[1, i] * outward.imag
-            bearing, spin_up = (r.bearing[w, i], r.bearing_fades[w, i]), (r.spin_up[w, i], r.spin_up_fades[w, i])
-            aside = planar.spinning(axle, spin, *bearing, *spin_up)
+            aside = planar.spinning(axle, spin, r.bearing[w, i], r.spin_up[w, i], r.spin_fades[w, i])
             along = planar.rolling(rim, spin, r.cost[w, i], r.cost_fades[w, i]) / r.lever[w, i]
             force = complex(aside, along) * outward
             s.sums[3, i] += force.real

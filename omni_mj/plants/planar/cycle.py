@@ -30,8 +30,7 @@ def drag(r: Robots, m: Motion, traction: Traction, push: Array, downhill: Array)
     traction.go(_plane(m.place) + middle * facing, facing, body, m.twist[2], m.load.T, m.angle.T)
     wrench = _plane(traction.wrench.T)
     spin = np.abs(m.rims)
-    rollers = r.bearing, r.bearing_fades, r.spin_up, r.spin_up_fades
-    aside = laws.spinning((body * outward.conj()).real, spin, *rollers)
+    aside = laws.spinning((body * outward.conj()).real, spin, r.bearing, r.spin_up, r.spin_fades)
     along = laws.rolling(m.rims, spin, r.cost, r.cost_fades) / r.lever
     each, upright = _plane((aside, along)) * outward, facing.conj()
     pushed, ground, (x, y) = _plane(push) * upright, wrench * upright + total(each), r.contacts

@@ -94,20 +94,17 @@ def solved(
     return x / xx - p * y - q * z, y, z
 
 
-def spinning(
-    axle: Number, spin: Number, bearing: Number, bearing_fades: Number, spin_up: Number, spin_up_fades: Number
-) -> Number:
-    """Force along its axle on a wheel whose rollers are spun up and braked; see `rollers`.
+def spinning(axle: Number, spin: Number, bearing: Number, spin_up: Number, fades: Number) -> Number:
+    """Force along its axle on a wheel whose rollers are spun up and braked; see `rollers.Standing`.
 
     Args:
         axle: speed along the axle, m/s.
         spin: of the wheel, without sign, rad/s.
         bearing: N s/m.
-        bearing_fades: s/rad.
         spin_up: N s/m per rad/s.
-        spin_up_fades: s/rad.
+        fades: s/rad.
     """
-    return -(bearing / (1 + bearing_fades * spin) + spin_up * spin / (1 + spin_up_fades * spin)) * axle
+    return -(bearing + spin_up * spin) / (1 + fades * spin) * axle
 
 
 def rolling(speed: Number, spin: Number, cost: Number, fades: Number) -> Number:

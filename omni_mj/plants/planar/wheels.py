@@ -20,8 +20,7 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
     motors, drive = [Motor.of(s.motor) for s in settings], [s.drive for s in settings]
     wheels, shape = settings[0].wheels, drawn.wear.shape
     stiff = np.array([[damping(s.body.mass_kg / shape[1])] for s in settings])
-    bearing = column(drive, "roller_damping_nm_s")
-    rollers = Standing.of(wheels, bodies.weight, stiff, bearing / bodies.roller)
+    rollers = Standing.of(wheels, bodies.weight, stiff, (bodies.roller, column(drive, "roller_damping_nm_s")))
     lever = rollers.lever - drawn.wear
     outward, arms = np.exp(1j * geometry.azimuths), bodies.contacts
     rims, axles = _along(1j * outward, arms) / lever, _along(outward, arms)
@@ -50,10 +49,9 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
         dry=((column(motors, "wheel_dry") + column(drive, "gear_friction_nm")) * np.ones(shape)).T,
         contact=1 / (friction * rollers.count * lever**2).T,
         lever=lever.T,
-        bearing=(bearing * rollers.count * rollers.spin).T,
-        bearing_fades=rollers.held_fades.T,
-        spin_up=(bodies.roller * rollers.spun).T,
-        spin_up_fades=rollers.spun_fades.T,
+        bearing=rollers.bearing.T,
+        spin_up=rollers.spin_up.T,
+        spin_fades=rollers.spin_fades.T,
         cost=rollers.cost.T,
         cost_fades=rollers.cost_fades.T,
         lift=rollers.lift.T,
