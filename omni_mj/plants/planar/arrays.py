@@ -24,6 +24,7 @@ class Robots(NamedTuple):
     squares: Array  # products of these: upper halves of symmetric matrices, (W, 6, n)
     inertia: Array  # of body, rims and rollers over a cycle, such a half, (6, n) kg/s and kg m^2/s
     rows: Array  # all of it, (3, 3, n)
+    wheeling: Array  # of rims and rollers alone, its first two columns, (2, 3, n) kg and kg m
     give: Array  # speed per torque that a cycle gives a hub, (n,) rad/s / (N m)
     viscous: Array  # friction of hubs, (n,) N m s/rad
     dry: Array  # the same, (W, n) N m

@@ -155,10 +155,10 @@ def _solve(some: Some, r: Robots, m: Motion, s: Scratch, limit: Array) -> None:
     """Find the twists, and which wheels slide."""
     wheels = limit.shape[0]
     for row in range(3):
-        rows = r.rows[row]
+        rows, own_x, own_y = r.rows[row], r.wheeling[0, row], r.wheeling[1, row]
         for i in each(some):
-            twist = m.twist[0, i], m.twist[1, i], m.twist[2, i]
-            s.momentum[row, i] = planar.momentum((rows[0, i], rows[1, i], rows[2, i]), twist, m.force[row, i])
+            twist, own = (m.twist[0, i], m.twist[1, i], m.twist[2, i]), (own_x[i], own_y[i])
+            s.momentum[row, i] = planar.momentum((rows[0, i], rows[1, i], rows[2, i]), own, twist) + m.force[row, i]
     for _ in range(1 + PASSES):
         for row in range(6):
             sums, own = s.sums[row], r.inertia[row]

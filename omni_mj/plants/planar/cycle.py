@@ -59,7 +59,7 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, motor: Arra
     limit, soft = rim_friction * pressed, laws.soft(softness, pressed, r.contact)
     end, give = laws.hub(m.speed, motor, m.torque, soft, r.give, r.viscous, r.dry)
     pull = 1 / (soft + give)
-    momentum = laws.momentum(tuple(r.rows), tuple(m.twist), m.force)
+    momentum = laws.momentum(tuple(r.rows), tuple(r.wheeling), tuple(m.twist)) + m.force
     twist = _twist(r.inertia, momentum, pull, pull * end, r.squares, r.rims)
     rims = _rims(r.rims, twist, m.rims)
     torque = pull * (end - rims)

@@ -11,6 +11,8 @@ The body. With M its inertia, that of the rims and that of rollers that turn alo
     M (v - v_before) / h = F + sum r t / R,
 
 which is linear in v: three equations. A wheel of which more torque would be asked than Coulomb's limit has that limit.
+Vectors are along the robot's axes. In v_before the mass keeps its velocity in the world, and so its direction turns in
+these axes; rims and rollers keep their speeds, and so theirs does not.
 
 The load. Rollers that pass press unevenly, by p_i at a wheel at a height, so that sum p_i (1, x_i, y_i) is a force up
 and two moments; p is that, with the moments of what pulls at the robot. The robot sways up, ahead and aside on the
@@ -62,11 +64,18 @@ def hub(
     return end, where(rests, 0.0, give)
 
 
-def momentum(inertia: tuple[Number, Number, Number], twist: tuple[Number, Number, Number], force: Number) -> Number:
-    """Momentum over a cycle, by a row of the inertia, or all at once by its columns; with what the force gives it."""
-    x, y, z = inertia
-    ahead, aside, turning = twist
-    return x * ahead + y * aside + z * turning + force
+def momentum(
+    inertia: tuple[Number, Number, Number], wheels: tuple[Number, Number], twist: tuple[Number, Number, Number]
+) -> Number:
+    """Momentum over a cycle, by a row of the inertia, or all at once by its columns.
+
+    Args:
+        inertia: of all, over a cycle, kg/s.
+        wheels: of rims and rollers alone, but for that about the vertical, kg.
+        twist: as it was in the world, m/s and rad/s: that of the wheels had not turned yet with the robot's axes.
+    """
+    (x, y, z), (own_x, own_y), (ahead, aside, turning) = inertia, wheels, twist
+    return x * ahead + y * aside + z * turning + turning * (own_y * ahead - own_x * aside)
 
 
 def small(angle: Number) -> tuple[Number, Number]:

@@ -22,10 +22,10 @@ The mean over phi carries the load, which gives z. From the same mean follow
 
 Torque and lift are w and w^2 where the wheel turns slowly, and each grows with a power less where it turns fast.
 
-Along the axle a roller spins at v / q as its wheel travels at v, with the distance q from its axis to the contact. Those
-that stand turn faster as their wheel does: count I <1 / q^2> of mass along the axle. One that comes down has nearly come
-to rest since it stood last, at the rate c / I of its bearing, and takes on the speed of the carpet within 1 / b, 1.7 ms,
-at 65 rad/s a quarter of its way over the carpet:
+Along the axle a roller spins at v / q as its wheel travels at v, with the distance q from its axis to the contact, its
+lowest point. Those that stand turn faster as their wheel does: count I <1 / q^2> of mass along the axle. One that comes
+down has nearly come to rest since it stood last, at the rate c / I of its bearing, and takes on the speed of the carpet
+within 1 / b, 1.7 ms, at 65 rad/s a quarter of its way over the carpet:
 
     s' = b (v / q - s)    as long as h > z, whatever presses; the wheel is braked by (I s' + c s) / q
 

@@ -30,7 +30,8 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
     moved = mass + ADDED_MASS_KG * count
     none, pushed = np.zeros_like(mass), bodies.chassis.centre - centre
     body = np.stack([mass, none, none, mass, none, inertia])
-    whole = (body + bodies.rim * squares.sum(2) + turned.sum(2)) / CYCLE_S
+    wheeling = bodies.rim * squares.sum(2) + turned.sum(2)
+    whole = (body + wheeling) / CYCLE_S
     friction = ADDED_MASS_KG * FRICTION_STIFFER * FRICTION_RATE_HZ  # of a contact, N s/m
     contacts = np.stack([arms.real, arms.imag]).swapaxes(1, 2)
     corners = contacts[:, np.argsort(np.angle(outward))]
@@ -44,6 +45,7 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
         squares=squares.transpose(2, 0, 1),
         inertia=whole,
         rows=whole[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]],
+        wheeling=wheeling[[[0, 1, 2], [1, 3, 4]]],
         give=(CYCLE_S / bodies.hub)[:, 0],
         viscous=column(motors, "wheel_viscous")[:, 0],
         dry=((column(motors, "wheel_dry") + column(drive, "gear_friction_nm")) * np.ones(shape)).T,
