@@ -65,6 +65,7 @@ class Motion(NamedTuple):
     speed: Array  # (W, n) rad/s
     torque: Array  # between hubs and rims, (W, n) N m
     rims: Array  # their speed, which rubber lets differ from the hubs', (W, n) rad/s
+    drift: Array  # what they turn faster than the carpet goes by: see `laws.drifting`, (W, n) rad/s
     load: Array  # of wheels, (W, n) N
     standing: Array  # part of it that nothing pulls at: weight, and what rollers shift from wheel to wheel, (W, n) N
     ripple: Array  # of load over `laws.passing`, (W, n) N

@@ -112,6 +112,7 @@ def _drag(some: Some, r: Robots, m: Motion, s: Scratch, t: TractionArrays, push:
             rim, x, y = m.rims[w, i], r.contacts[0, w, i], r.contacts[1, w, i]
             spin, axle = np.abs(rim), s.twist[0, i] * outward.real + s.twist[1, i] * outward.imag
             aside = planar.spinning(axle, spin, r.bearing[w, i], r.spin_up[w, i], r.spin_fades[w, i])
+            m.drift[w, i] = planar.drifting(axle, s.twist[2, i], r.lever[w, i])
             along = planar.rolling(rim, spin, r.cost[w, i], r.cost_fades[w, i]) / r.lever[w, i]
             force = complex(aside, along) * outward
             s.sums[3, i] += force.real
@@ -148,7 +149,7 @@ def _pull(some: Some, r: Robots, m: Motion, s: Scratch, t: TractionArrays, motor
             motor, hub = motors.speed_constant[w, i] * current[w, i], (r.give[i], r.viscous[i], r.dry[w, i])
             end, give = planar.hub(m.speed[w, i], motor, m.torque[w, i], soft, *hub)
             t.rims.limit[w, i] = t.rims.rim_friction[w, i] * pressed
-            s.end[w, i], s.give[w, i], s.pull[w, i], s.held[w, i] = end, give, 1 / (soft + give), 0.0
+            s.end[w, i], s.give[w, i], s.pull[w, i], s.held[w, i] = end - m.drift[w, i], give, 1 / (soft + give), 0.0
 
 
 def _solve(some: Some, r: Robots, m: Motion, s: Scratch, limit: Array) -> None:
@@ -204,7 +205,8 @@ def _advance(some: Some, r: Robots, m: Motion, s: Scratch) -> None:
     for w in range(m.speed.shape[0]):
         for i in each(some):
             m.seen_angle[w, i] = m.angle[w, i]
-            m.speed[w, i] = s.end[w, i] - s.give[w, i] * m.torque[w, i]
+            m.speed[w, i] = s.end[w, i] + m.drift[w, i] - s.give[w, i] * m.torque[w, i]
+            m.rims[w, i] += m.drift[w, i]
             m.angle[w, i] += CYCLE_S * m.speed[w, i]
         for i in each(some):
             s.sums[0, i] += m.torque[w, i] * r.rims[w, 0, i]

@@ -30,7 +30,9 @@ def drag(r: Robots, m: Motion, traction: Traction, push: Array, downhill: Array)
     traction.go(_plane(m.place) + middle * facing, facing, body, m.twist[2], m.load.T, m.angle.T)
     wrench = _plane(traction.wrench.T)
     spin = np.abs(m.rims)
-    aside = laws.spinning((body * outward.conj()).real, spin, r.bearing, r.spin_up, r.spin_fades)
+    axle = (body * outward.conj()).real
+    m.drift[:] = laws.drifting(axle, m.twist[2], r.lever)
+    aside = laws.spinning(axle, spin, r.bearing, r.spin_up, r.spin_fades)
     along = laws.rolling(m.rims, spin, r.cost, r.cost_fades) / r.lever
     each, upright = _plane((aside, along)) * outward, facing.conj()
     pushed, ground, (x, y) = _plane(push) * upright, wrench * upright + total(each), r.contacts
@@ -59,6 +61,7 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, motor: Arra
     limit, soft = rim_friction * pressed, laws.soft(softness, pressed, r.contact)
     end, give = laws.hub(m.speed, motor, m.torque, soft, r.give, r.viscous, r.dry)
     pull = 1 / (soft + give)
+    end -= m.drift
     momentum = laws.momentum(tuple(r.rows), tuple(r.wheeling), tuple(m.twist)) + m.force
     twist = _twist(r.inertia, momentum, pull, pull * end, r.squares, r.rims)
     rims = _rims(r.rims, twist, m.rims)
@@ -88,6 +91,8 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, motor: Arra
 
     m.seen_angle[:], m.seen_rate[:] = m.angle, m.twist[2]
     np.subtract(end, give * m.torque, out=m.speed)
+    np.add(m.speed, m.drift, out=m.speed)
+    rims += m.drift
     np.add(m.angle, CYCLE_S * m.speed, out=m.angle)
     tilt = r.height * total(m.torque[:, None] * r.rims[:, :2]) + m.tilting
     np.add(m.tilt, tilt, out=m.tilt)

@@ -29,7 +29,11 @@ import numpy as np
 
 from omni_mj.onboard.laws import Number, Truth, where
 from omni_mj.worlds.build import CYCLE_S
+from omni_mj.worlds.contact import FRICTION_RATE_HZ
 
+BEHIND_S = (
+    1 / FRICTION_RATE_HZ - CYCLE_S
+)  # how late contacts see axes turn, less the cycle that bodies are late here too
 RESTING = 1 - 400.0 * CYCLE_S  # of its speed a hub keeps in a cycle that dry friction stops; models/ssl_robot.xml
 
 
@@ -114,6 +118,20 @@ def spinning(axle: Number, spin: Number, bearing: Number, spin_up: Number, fades
         fades: s/rad.
     """
     return -(bearing + spin_up * spin) / (1 + fades * spin) * axle
+
+
+def drifting(axle: Number, turning: Number, lever: Number) -> Number:
+    """How much faster a rim turns than the carpet goes by as its robot turns, rad/s.
+
+    A contact's friction is a damper with the time constant 1 / b that knows nothing of axes which turn (MuJoCo leaves
+    out what a Jacobian's change does): the speed along the axle, which rollers take, appears along the rim.
+
+    Args:
+        axle: speed along the axle, m/s.
+        turning: of the robot, rad/s.
+        lever: from the axle to the carpet, m.
+    """
+    return axle * turning * BEHIND_S / lever
 
 
 def rolling(speed: Number, spin: Number, cost: Number, fades: Number) -> Number:

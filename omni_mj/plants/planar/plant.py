@@ -66,7 +66,10 @@ class PlanarPlant:
             heading=heading.copy(),
             facing=facing,
             twist=np.zeros((3, n)),
-            **{name: np.zeros(shape) for name in ("angle", "speed", "torque", "rims", "standing", "seen_angle")},
+            **{
+                name: np.zeros(shape)
+                for name in ("angle", "speed", "torque", "rims", "drift", "standing", "seen_angle")
+            },
             **{name: np.zeros(shape) for name in ("ripple", "turns")},
             load=bodies.weight.T.copy(),
             seen_rate=np.zeros(n),

@@ -99,13 +99,14 @@ def motion(t: Table) -> Motion:
         floats(a[10], (w, n)),
         floats(a[11], (w, n)),
         floats(a[12], (w, n)),
-        floats(a[13], (3, n)),
+        floats(a[13], (w, n)),
         floats(a[14], (3, n)),
-        floats(a[15], (w, n)),
-        floats(a[16], (n,)),
-        floats(a[17], (3, n)),
-        floats(a[18], (2, n)),
+        floats(a[15], (3, n)),
+        floats(a[16], (w, n)),
+        floats(a[17], (n,)),
+        floats(a[18], (3, n)),
         floats(a[19], (2, n)),
+        floats(a[20], (2, n)),
     )
 
 
