@@ -31,9 +31,8 @@ from omni_mj.onboard.laws import Number, Truth, where
 from omni_mj.worlds.build import CYCLE_S
 from omni_mj.worlds.contact import FRICTION_RATE_HZ
 
-BEHIND_S = (
-    1 / FRICTION_RATE_HZ - CYCLE_S
-)  # how late contacts see axes turn, less the cycle that bodies are late here too
+# How late contacts see axes turn, less the cycle that bodies are late here too.
+BEHIND_S = 1 / FRICTION_RATE_HZ - CYCLE_S
 RESTING = 1 - 400.0 * CYCLE_S  # of its speed a hub keeps in a cycle that dry friction stops; models/ssl_robot.xml
 
 
