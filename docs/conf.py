@@ -49,6 +49,7 @@ NAVIGATION = {
         "docs/physics",
         "docs/slip",
         "docs/planar",
+        "docs/planar-agreement",
         "docs/performance",
         "models/README",
         "docs/architecture",
