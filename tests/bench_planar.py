@@ -3,13 +3,13 @@
     python tests/bench_planar.py [--scenario rect ...] [--robot tigers-v2016 ...] [--controller comp-flc ...]
                                  [--seeds 20] [--finer] [--set SECTION.FIELD=VALUE ...] [--out FILE.jsonl] [--known]
 
-By default all scenarios and robots, which takes hours. Prints the table of docs/planar-agreement.md. What is compared is the rms
-of a robot's distance from its reference over a run. Both plants are given the same noise, so that a seed's two errors
-are a pair: a difference is the mean of the logarithms of their ratios, as per cent, with half its 95 % interval. Seeds
-are added five by five until it is known on which side of its bar a difference is, or there are `--seeds`. The bar is
-1 %; where wheels slide 5 %, or with `--finer` what the full plant itself moves by with four substeps, of the first five
-seeds, which follows in brackets. Differences beyond their bar are bold. Then it is said how many are, and which pairs
-of controllers are in another order on planar.
+By default all scenarios and robots, which takes an hour with numba. Prints the table of docs/planar-agreement.md. What
+is compared is the rms of a robot's distance from its reference over a run. Both plants are given the same noise, so
+that a seed's two errors are a pair: a difference is the mean of the logarithms of their ratios, as per cent, with half
+its 95 % interval. Seeds are added five by five until it is known on which side of its bar a difference is, or there are
+`--seeds`. The bar is 1 %; where wheels slide 5 %, or with `--finer` what the full plant itself moves by with four
+substeps, of the first five seeds, which follows in brackets. Differences beyond their bar are bold. Then it is said how
+many are, and which pairs of controllers are in another order on planar.
 
 A run is a line of `--out`, and is not run again; `--known` prints what is there, and runs nothing. Runs on a plant that
 has changed since are to be taken out of it.
