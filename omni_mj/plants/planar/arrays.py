@@ -30,7 +30,7 @@ class Robots(NamedTuple):
     dry: Array  # the same, (W, n) N m
     contact: Array  # slip over torque of the contacts, (W, n) rad/s / (N m)
     lever: Array  # from axles to the carpet, (W, n) m
-    bearing: Array  # and the eight that follow: see `rollers`, (W, n)
+    bearing: Array  # and the nine that follow: see `rollers`, (W, n)
     spin_up: Array
     spin_fades: Array
     cost: Array
@@ -39,6 +39,7 @@ class Robots(NamedTuple):
     lift_fades: Array
     ripple: Array
     ripple_grows: Array
+    stiffens: Array
     passing: Array  # rollers that come down in a cycle for a rim's speed, (n,) s/rad
     spring: Array  # of wheels, over what they move as the robot sways, (n,) 1/s^2
     damper: Array  # the same, (n,) 1/s
@@ -106,7 +107,7 @@ class Scratch(NamedTuple):
     end: Array  # speed of a hub without rubber, (W, n) rad/s
     give: Array  # speed per torque of the hub, (W, n)
     pull: Array  # torque per slip, (W, n)
-    held: Array  # torque of wheels that slide, (W, n) N m; else 0
+    held: Array  # torque of wheels that slide, (W, n) N m; else 0; then `laws.passing`
     momentum: Array  # before, over a cycle, with what acts, (3, n)
     sums: Array  # over wheels: of the matrix (6), and of the right side (3), (9, n)
     twist: Array  # after, of the middle first, (3, n)

@@ -220,11 +220,24 @@ def _advance(some: Some, r: Robots, m: Motion, s: Scratch) -> None:
     for w in range(m.speed.shape[0]):
         for i in each(some):
             m.turns[w, i] += r.passing[i] * m.rims[w, i]
-            ripple = m.ripple[w, i] * planar.passing(m.turns[w, i])
-            m.load[w, i] = ripple
-            s.sums[2, i] += ripple
-            s.sums[3, i] += r.contacts[0, w, i] * ripple
-            s.sums[4, i] += r.contacts[1, w, i] * ripple
+            s.held[w, i] = planar.passing(m.turns[w, i])
+            m.load[w, i] = m.ripple[w, i] * s.held[w, i]
+            s.sums[2, i] += m.load[w, i]
+            s.sums[3, i] += r.contacts[0, w, i] * m.load[w, i]
+            s.sums[4, i] += r.contacts[1, w, i] * m.load[w, i]
+    for way in range(3):
+        for i in each(some):
+            pressed = s.sums[2 + way, i]
+            yields = planar.swaying(pressed, m.sway[way, i], m.sway_rate[way, i], r.spring[i], r.damper[i])
+            s.sums[5 + way, i] = pressed - r.carried[i] * yields
+    for w in range(m.speed.shape[0]):
+        for i in each(some):
+            shared = r.even[w, i] * s.sums[5, i] + r.ahead[w, i] * s.sums[6, i] + r.aside[w, i] * s.sums[7, i]
+            stiffer = r.stiffens[w, i] * s.held[w, i] * shared
+            m.load[w, i] -= stiffer
+            s.sums[2, i] -= stiffer
+            s.sums[3, i] -= r.contacts[0, w, i] * stiffer
+            s.sums[4, i] -= r.contacts[1, w, i] * stiffer
     for way in range(3):
         for i in each(some):
             pressed = s.sums[2 + way, i]

@@ -13,6 +13,7 @@ from omni_mj.worlds.build import CYCLE_S
 Twist = tuple[Array, Array, Array]  # ahead, aside, turning
 
 PASSES = 3  # wheels that turn out to slide let others slide; more than two are rare
+SETTLES = 40  # half of what is left and less each time
 
 
 def drag(r: Robots, m: Motion, traction: Traction, push: Array, downhill: Array) -> None:
@@ -43,8 +44,7 @@ def drag(r: Robots, m: Motion, traction: Traction, push: Array, downhill: Array)
     m.ripple[:] = laws.rippling(spin, r.ripple, r.ripple_grows)
     raised = laws.lifting(spin, r.lift, r.lift_fades)
     sums = moments(r, raised)
-    shared = r.even * sums[0] + r.ahead * sums[1] + r.aside * sums[2]
-    np.add(r.weight, raised - shared, out=m.standing)
+    np.add(r.weight, raised - _shared(r, sums), out=m.standing)
 
 
 def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, motor: Array) -> None:
@@ -97,15 +97,19 @@ def move(r: Robots, m: Motion, rim_friction: Array, softness: Array, motor: Arra
     tilt = r.height * total(m.torque[:, None] * r.rims[:, :2]) + m.tilting
     np.add(m.tilt, tilt, out=m.tilt)
     np.add(m.turns, r.passing * rims, out=m.turns)
-    ripple = m.ripple * laws.passing(m.turns)
+    wave = laws.passing(m.turns)
+    ripple = m.ripple * wave
     pressed = moments(r, ripple)
     pressed[1:] += tilt
+    yields = laws.swaying(pressed, m.sway, m.sway_rate, r.spring, r.damper)
+    stiffer = _stiffer(r, wave, pressed - r.carried * yields)
+    ripple -= stiffer
+    pressed -= moments(r, stiffer)
     yields = laws.swaying(pressed, m.sway, m.sway_rate, r.spring, r.damper)
     np.add(m.sway_rate, CYCLE_S * yields, out=m.sway_rate)
     np.add(m.sway, CYCLE_S * m.sway_rate, out=m.sway)
     pressed -= r.carried * yields
-    shared = r.even * pressed[0] + r.ahead * pressed[1] + r.aside * pressed[2]
-    np.maximum(m.standing + ripple - shared, 0.0, out=m.load)
+    np.maximum(m.standing + ripple - _shared(r, pressed), 0.0, out=m.load)
 
     (x, y, rate), (cosine, sine), turn = twist, m.facing, CYCLE_S * twist[2]
     m.place[0] += CYCLE_S * (cosine * x - sine * y)
@@ -140,7 +144,22 @@ def moments(r: Robots, load: Array) -> Array:
 
 def at_rest(r: Robots) -> Array:
     """How robots sway, (3, n), that stand with a roller of each wheel at the bottom."""
-    return moments(r, r.ripple * laws.passing(np.zeros_like(r.ripple))) / r.spring
+    wave = laws.passing(np.zeros_like(r.ripple))
+    ripple = moments(r, r.ripple * wave)
+    pressed = ripple
+    for _ in range(SETTLES):
+        pressed = ripple - moments(r, _stiffer(r, wave, ripple - r.carried * (ripple - pressed)))
+    return pressed / r.spring
+
+
+def _shared(r: Robots, sums: Array) -> Array:
+    """What wheels take, (W, n) N, of a load and two moments of it, (3, n)."""
+    return np.asarray(r.even * sums[0] + r.ahead * sums[1] + r.aside * sums[2])
+
+
+def _stiffer(r: Robots, wave: Array, yields: Array) -> Array:
+    """What wheels carry less, (W, n) N, that give way by a force and two moments (3, n) on stiffer springs."""
+    return r.stiffens * wave * _shared(r, yields)
 
 
 def _twist(inertia: Array, momentum: Array, pull: Array, ends: Array, squares: Array, rims: Array) -> Twist:

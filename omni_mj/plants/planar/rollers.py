@@ -18,7 +18,9 @@ The mean over phi carries the load, which gives z. From the same mean follow
 - the lift: contacts press more as rollers come down than they pull as these go up, for they cannot pull. At the height
   at which it stands, a wheel that turns carries more;
 - the ripple: the first harmonic of the load over the rollers that pass, at rest that of the springs alone. How the
-  robot gives way to it is in `laws`.
+  robot gives way to it is in `laws`;
+- how the carpet stiffens: of n rollers that stand on average, those within n pi / N of the bottom on a wheel of N, there
+  are 1 + 2 sin(n pi) / (n pi) cos(N phi) times as many as they pass, in the first harmonic.
 
 Torque and lift are w and w^2 where the wheel turns slowly, and each grows with a power less where it turns fast.
 
@@ -66,6 +68,7 @@ class Standing:
         lift, lift_fades: load of a turning wheel at the height at which it stands, lift w^2 / (1 + lift_fades |w|) N.
         ripple, ripple_grows: of the load at that height as rollers pass, over `laws.passing`, ripple + ripple_grows |w|
             N.
+        stiffens: share by which springs, dampers and masses under the wheel grow as rollers pass, over `laws.passing`.
     """
 
     lever: Array
@@ -80,6 +83,7 @@ class Standing:
     lift_fades: Array
     ripple: Array
     ripple_grows: Array
+    stiffens: Array
 
     @classmethod
     def of(cls, wheels: WheelSettings, load: Array, damping: Array, roller: tuple[float, Array]) -> Self:
@@ -102,7 +106,7 @@ class Standing:
         # Rollers that keep their spin are not spun up again, and the less the faster they turn: then it is constant.
         fades = np.maximum(held / slow - fast_held / fast, 0.0) / np.maximum(fast_held - held, 0.01 * (held + bearing))
         along = bearing, held / slow + fades * (held + bearing), fades
-        return cls(lever, count, spin, *along, *turning, ripple, more * ripple_grows)
+        return cls(lever, count, spin, *along, *turning, ripple, more * ripple_grows, 2 * _WAVE * np.sinc(count))
 
 
 def _held(rows: Sequence[Array], inertia: float, bearing: Array) -> Array:

@@ -67,18 +67,19 @@ def robots(t: Table) -> Robots:
         floats(a[21], (w, n)),
         floats(a[22], (w, n)),
         floats(a[23], (w, n)),
-        floats(a[24], (n,)),
+        floats(a[24], (w, n)),
         floats(a[25], (n,)),
         floats(a[26], (n,)),
         floats(a[27], (n,)),
-        floats(a[28], (2, n)),
+        floats(a[28], (n,)),
         floats(a[29], (2, n)),
-        floats(a[30], (n,)),
+        floats(a[30], (2, n)),
         floats(a[31], (n,)),
-        floats(a[32], (w, n)),
+        floats(a[32], (n,)),
         floats(a[33], (w, n)),
         floats(a[34], (w, n)),
         floats(a[35], (w, n)),
+        floats(a[36], (w, n)),
     )
 
 

@@ -60,6 +60,7 @@ def robots(settings: Sequence[Settings], geometry: Kinematics, bodies: Bodies, d
         lift_fades=rollers.lift_fades.T,
         ripple=rollers.ripple.T,
         ripple_grows=rollers.ripple_grows.T,
+        stiffens=rollers.stiffens.T,
         passing=np.full(len(mass), CYCLE_S * wheels.rollers / (2 * np.pi)),
         spring=STIFFNESS_N_M * count / moved,
         damper=stiff[:, 0] * count / moved,
