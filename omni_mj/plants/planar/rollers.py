@@ -19,8 +19,9 @@ The mean over phi carries the load, which gives z. From the same mean follow
   at which it stands, a wheel that turns carries more;
 - the ripple: the first harmonic of the load over the rollers that pass, at rest that of the springs alone. How the
   robot gives way to it is in `laws`;
-- how the carpet stiffens: of n rollers that stand on average, those within n pi / N of the bottom on a wheel of N, there
-  are 1 + 2 sin(n pi) / (n pi) cos(N phi) times as many as they pass, in the first harmonic.
+- how the carpet stiffens: of N rollers those stand that are within n pi / N of the bottom, n on average; as the wheel
+  turns there are 1 + 2 sin(n pi) / (n pi) cos(N phi) times as many, by the first harmonic. With each come its spring,
+  its damper and its mass.
 
 Torque and lift are w and w^2 where the wheel turns slowly, and each grows with a power less where it turns fast.
 
