@@ -6,12 +6,12 @@ u is the turn rate that acts, g the command per rate (the inverse of the motor c
 and b what else turns the robot: the gyro's bias, a wheel that is weak, a centre of mass beside the middle.
 
 Wheels at an arm l travel at s. They creep the more the faster that is, so that a robot turns later while it drives; and
-dry friction, which acts against their travel, costs turn rate as far as turning is what they travel for. Both are those
+dry friction, which acts against their travel, costs turn rate as far as turning is what they travel for. All are those
 of driving forward (`motion`; direction cosines d of the wheels' drive) for a body of yaw inertia J that turns:
 
-    T_w = share T J / (m l^2) mean(d^2)       c_w = share c / l mean(d^2) / mean(|d|)
+    tau, T_w = share J / (m l^2) mean(d^2) of tau, T       c_w = share c / l mean(d^2) / mean(|d|)
 
-A loop on the gyro of gain k, of which every robot has one, leaves 1 / (1 + k) of them and of tau. Rates follow commands
+A loop on the gyro of gain k, of which every robot has one, leaves a share of 1 / (1 + k). Rates follow commands
 so soon that s and n are told by the commands, of whole runs at once.
 
 k couples turning with driving: e is what a robot's velocity lacks of the one that is commanded, ahead and aside, which
@@ -26,7 +26,7 @@ Dynamics 40, 2017), and b, which is soon forgotten, may be greater.
 
 import numpy as np
 
-from omni_control.estimation import evidence
+from omni_control.estimation import belief, evidence
 from omni_control.estimation.arrays import TurningArrays
 from omni_control.estimation.late import Late
 from omni_control.estimation.motion import Plane
@@ -36,8 +36,7 @@ BIAS_RAD_S, BIAS_S = 0.05, 1.0  # standard deviation of b, and the time after wh
 SLIDING_RAD_S = 0.4  # what wheels that slide add to it
 EFFORT, EFFORT_SIGMA = 1.02, 0.05
 GYRO_SHARE = 0.5  # that a gyro's loop leaves: gain 1
-LAG_SHARE = 0.8  # of the mean lag over all directions, without such a loop
-LAG_SIGMA = 0.3  # of the lag, relative to that of the wheel loops
+LAG_SIGMA = 0.3  # of the lag, relative to what a gyro's loop leaves of that of the wheel loops
 FRICTION, FRICTION_SIGMA = 0.8, 0.6  # of what it is told to be at most, and relative to that
 COUPLING_RAD_M = 0.25  # standard deviation of k
 KEPT_S = 12.0  # after which parameters are what was believed
@@ -89,13 +88,13 @@ class Turning:
         size = MEAN_COSINE if cosines is None else float(np.abs(cosines).mean())
         self._creeps = GYRO_SHARE * INERTIA * square
         friction *= GYRO_SHARE / self._arm * square / size
-        lag *= GYRO_SHARE
-        self._belief = np.array([0.0, max(LAG_SHARE * lag, LEAST_LAG_S), EFFORT, FRICTION * friction, 0.0, 0.0])
+        turning_lag = belief.LAG_SHARE * self._creeps * lag
+        self._belief = np.array([0.0, max(turning_lag, LEAST_LAG_S), EFFORT, FRICTION * friction, 0.0, 0.0])
         self.creep, self.surprise = np.zeros(n), np.ones(n)
         self._know(np.concatenate([heading[:, None], np.zeros((n, 1)), np.tile(self._belief, (n, 1))], axis=1))
         self._period, self._noise = period, max(noise, 1e-3) ** 2
-        sigma = np.array([BIAS_RAD_S, LAG_SIGMA * lag + 1e-6, EFFORT_SIGMA, FRICTION_SIGMA * friction + 1e-6])
-        sigma = np.append(sigma, [COUPLING_RAD_M, COUPLING_RAD_M])
+        lags, rubs = LAG_SIGMA * GYRO_SHARE * lag + 1e-6, FRICTION_SIGMA * friction + 1e-6
+        sigma = np.array([BIAS_RAD_S, lags, EFFORT_SIGMA, rubs, COUPLING_RAD_M, COUPLING_RAD_M])
         keep = np.exp(-period / np.append(BIAS_S, np.full(STATES - 3, KEPT_S)))
         self._keep, self._forget = keep, np.append([0.0, (RATE_RAD_S2 * period) ** 2], sigma**2 * (1 - keep**2))
         self._slid = (SLIDING_RAD_S / BIAS_RAD_S) ** 2 * self._forget[2]
