@@ -7,9 +7,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from omni_mj.scenarios.creep_law import loads
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.studies.slip import fits
-from omni_mj.studies.slip.law import expected, loads
+from omni_mj.studies.slip.law import expected
 
 REACHED, LET_GO, STOPPED, END = 0.6, 1.6, 2.1, 2.4  # s, of a move to 1 m/s at 2 m/s^2
 AT = np.arange(0.0, END, PERIOD_S)
