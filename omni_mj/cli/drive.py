@@ -16,6 +16,7 @@ from omni_mj.cli import run as run_command
 if TYPE_CHECKING:
     from omni_mj.live.drive import Live
     from omni_mj.live.session import Options
+    from omni_mj.scenarios.scenario import Scenario
 
 CONTROLLER = "adaptive-comp-flc"
 OUTPUTS = (*run_command.OUTPUTS, "link.json")
@@ -73,7 +74,7 @@ def command(
     if name is None:
         raise OmniError(f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file")
     head = {"controllers": (controller or CONTROLLER,), "plant": "live", "seeds": 1}
-    what = scenario.load(name, overrides, head | ({"robot": robot} if robot else {}))
+    what = untold(scenario.load(name, overrides, head | ({"robot": robot} if robot else {})), robot is None)
     session.check(what, chosen)
     viewers = run_command.viewers(view, connect)
     folder = folders.prepare(out, f"drive-{what.name}", OUTPUTS, overwrite)
@@ -83,6 +84,18 @@ def command(
     finally:
         if not any(folder.iterdir()):  # nobody was there to be driven
             folder.rmdir()
+
+
+def untold(what: "Scenario", unnamed: bool) -> "Scenario":
+    """A scenario whose robot nobody named: who is out there need not be the default one, whose alpha is not told."""
+    from omni_mj.scenarios.robots import DEFAULT
+    from omni_mj.scenarios.settings import ControlSettings
+
+    names = "alpha_forward", "alpha_sideways"
+    usual = all(getattr(what.settings.control, name) == getattr(ControlSettings(), name) for name in names)
+    if not (unnamed and what.robot == DEFAULT and usual):
+        return what
+    return what.replace(settings=what.settings.replace(control=dict.fromkeys(names, 0.0)))
 
 
 def _options(

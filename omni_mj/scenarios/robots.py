@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from omni_control.errors import OmniError, choose
 from omni_mj.robots import builtin
-from omni_mj.scenarios import own_model, toml_files, wheel_loops
+from omni_mj.scenarios import own_model, told, toml_files
 from omni_mj.scenarios.checking import in_one
 from omni_mj.scenarios.nested import frozen, merged
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 DEFAULT = "tigers-v2016"
 CONTROL = "control"  # the section of what a team is told, which follows where a robot's file does not say it
+SECTIONS = ("body", "wheels", "motor", "firmware", "drive", "carpet")  # in which what it follows from is
 DESCRIPTION = "description"  # the one key of a robot's file that is no section
 
 
@@ -97,15 +98,15 @@ def of_robot(name: str) -> Callable[[], Any]:
     return lambda: frozen(sections(DEFAULT)[section][field])
 
 
-def by_gains(field: str) -> Callable[[], Any]:
-    """A default of `[control]` that follows from the robot's gains: that of the default robot."""
+def follows(field: str) -> Callable[[], Any]:
+    """A default of `[control]` that follows from the robot's own numbers: that of the default robot."""
     return lambda: _told_by_default()[field]
 
 
 def completed(given: Mapping[str, Any], robot: str) -> dict[str, Any]:
     """Sections of settings as `given`, below them those that the robot's file gives, and the numbers of its model.
 
-    What neither says of `[control]` follows from the robot's gains (`wheel_loops`): from those of its file and model,
+    What neither says of `[control]` follows from the robot's numbers (`told`): from those of its file and model,
     since what else a scenario makes of a robot its team need not know.
 
     Raises:
@@ -119,7 +120,7 @@ def completed(given: Mapping[str, Any], robot: str) -> dict[str, Any]:
         if section != CONTROL and not _given(whole, section, field)
     )
     control = whole.get(CONTROL, {})
-    if isinstance(control, Mapping) and not wheel_loops.INTEGRATING.keys() <= control.keys():
+    if isinstance(control, Mapping) and not set(told.FIELDS) <= control.keys():
         whole[CONTROL] = {**_told(whole, robot), **control}
     return whole
 
@@ -129,11 +130,12 @@ def _told(whole: Mapping[str, Any], robot: str) -> Mapping[str, float]:
     from omni_mj.scenarios.settings import ControlSettings, Settings
 
     file = sections(robot)
-    own = own_model.applied(merged(whole, {name: file[name] for name in wheel_loops.SECTIONS if name in file}), {})
-    needed = {name: own[name] for name in wheel_loops.SECTIONS if name in own}
+    own = own_model.applied(merged(whole, {name: file[name] for name in SECTIONS if name in file}), {})
+    needed = {name: own[name] for name in SECTIONS if name in own}
     try:
-        settings = Settings(**needed, control=ControlSettings(lag_s=0.0, drag_m_s=0.0))  # whose own defaults are these
-        return wheel_loops.told(settings)
+        nothing: dict[str, Any] = dict.fromkeys(told.FIELDS, 0.0)  # as the defaults of these are what is asked for
+        settings = Settings(**needed, control=ControlSettings(**nothing))
+        return told.follows(settings, _creep(whole.get(CONTROL, {})))
     except OmniError:  # which whoever makes settings of the whole is told
         return {}
 
@@ -142,6 +144,12 @@ def _told(whole: Mapping[str, Any], robot: str) -> Mapping[str, float]:
 def _told_by_default() -> Mapping[str, float]:
     robot = sections(DEFAULT)
     return {**_told(robot, DEFAULT), **robot.get(CONTROL, {})}
+
+
+def _creep(control: Any) -> float | None:
+    """What is said of the creep, if it is a number that may be said."""
+    said = control.get("creep_s2_m") if isinstance(control, Mapping) else None
+    return float(said) if isinstance(said, int | float) and 0 <= said <= 1 else None
 
 
 def _given(whole: Mapping[str, Any], section: str, field: str) -> bool:

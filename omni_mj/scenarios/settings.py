@@ -28,7 +28,7 @@ from omni_mj.scenarios.robot_settings import (
     VariationSettings,
     WheelSettings,
 )
-from omni_mj.scenarios.robots import by_gains, of_robot
+from omni_mj.scenarios.robots import follows, of_robot
 
 
 def column(settings: Sequence[Any], name: str) -> Array:
@@ -106,22 +106,37 @@ class ControlSettings(Checked):
 
     delay_error_frames: int = setting(0, "frames", "what it believes the dead time to be, less the true", -600, 600)
     lag_s: float = setting(
-        by_gains("lag_s"),
+        follows("lag_s"),
         "s",
         "MuJoCo plant: what it believes the lag of the wheel loops to be; by default that of the robot's gains",
         0,
         1,
     )
     drag_m_s: float = setting(
-        by_gains("drag_m_s"),
+        follows("drag_m_s"),
         "m/s",
         "MuJoCo plant: what it believes dry friction may cost of the speed; by default what it costs by these gains",
         0,
         1,
     )
     creep_s2_m: float = setting(
-        0.05, "s^2/m", "MuJoCo plant: what it believes wheels to creep, forward (TIGERs: 0.038 to 0.06)", 0, 1
+        follows("creep_s2_m"),
+        "s^2/m",
+        "MuJoCo plant: what it believes wheels to creep, forward (TIGERs: 0.038 to 0.06); by default by their law",
+        0,
+        1,
     )
+    creep_sideways_s2_m: float = setting(
+        follows("creep_sideways_s2_m"), "s^2/m", "the same sideways (TIGERs: 0.082 to 0.155)", 0, 1
+    )
+    alpha_forward: float = setting(
+        follows("alpha_forward"),
+        "",
+        "MuJoCo plant: what it believes robots to reach of a command ahead; by default by that law; 0: not known",
+        0,
+        2,
+    )
+    alpha_sideways: float = setting(follows("alpha_sideways"), "", "the same aside (TIGERs: 0.79 to 0.97)", 0, 2)
 
     error_range_m: float = setting(0.1, "m", "input range of the fuzzy controller (paper, section 4)", 1e-6, 10)
     speed_range_m_s: float = setting(1.0, "m/s", "output range of the fuzzy controller (paper, section 4)", 1e-6, 10)

@@ -1,6 +1,5 @@
-"""How robots answer near rest, by the gains of their wheel loops: what their team is told if nobody says it."""
+"""How robots answer near rest, by the gains of their wheel loops."""
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,10 +9,6 @@ from omni_mj.scenarios.robot_checks import GRAVITY_M_S2
 
 if TYPE_CHECKING:
     from omni_mj.scenarios.settings import Settings
-
-# Where a loop integrates there is no single lag, and nothing that friction costs for good: a guess.
-INTEGRATING = {"lag_s": 0.02, "drag_m_s": 0.04}
-SECTIONS = ("body", "wheels", "motor", "firmware", "drive", "carpet")  # in which the numbers are
 
 
 def hold(settings: "Settings") -> Array:
@@ -45,14 +40,6 @@ def drag(settings: "Settings") -> Array:
     rollers = drive.roller_friction * weight * np.sqrt(np.maximum(1 - cosines**2, 0.0)).mean(0)
     force = settings.carpet.pile * weight + rollers + rubbing / settings.wheels.radius_m * cosines.sum(0)
     return np.asarray(force / hold(settings))
-
-
-def told(settings: "Settings") -> Mapping[str, float]:
-    """Fields of `[control]` that follow: the means of ahead and aside, to 0.1 ms and 1 mm/s."""
-    if settings.firmware.ki:
-        return INTEGRATING
-    means = {"lag_s": round(lag(settings).mean(), 4), "drag_m_s": round(drag(settings).mean(), 3)}
-    return {name: min(float(mean), 1.0) for name, mean in means.items()}
 
 
 def _cosines(settings: "Settings") -> Array:

@@ -66,12 +66,15 @@ def assemble(
 def told(settings: Settings, geometry: Kinematics, wheels: bool) -> Told:
     """What the team's computer is told of the loop."""
     control, vision = settings.control, settings.vision
+    alpha = control.alpha_forward, control.alpha_sideways
     return Told(
         period=PERIOD_S,
         delay_frames=max(settings.radio.delay_frames + control.delay_error_frames, 0),
         lag_s=control.lag_s if wheels else 0.0,
         drag_m_s=control.drag_m_s if wheels else 0.0,
         creep_s2_m=control.creep_s2_m if wheels else 0.0,
+        creep_sideways_s2_m=control.creep_sideways_s2_m if wheels else 0.0,
+        alpha=alpha if wheels and min(alpha) > 0 else None,
         position_noise_m=vision.position_noise_m,
         heading_noise_rad=vision.heading_noise_rad,
         error_range_m=control.error_range_m,

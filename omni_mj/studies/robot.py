@@ -28,6 +28,9 @@ def robot(name_or_path: str | Path) -> Robot:
         drag_ahead_m_s        speed that dry friction costs; and aside. The same
         told_lag_s            `control.lag_s` and `control.drag_m_s`, which its team is told: the means of these, if its
         told_drag_m_s         file does not say otherwise
+        told_creep_s2_m       `control.creep_s2_m`, same: T ahead, by the law of creep
+        told_creep_aside_s2_m `control.creep_sideways_s2_m`, T aside
+        told_alpha_ahead      what it is told to reach of a command: `control.alpha_forward`; and aside. 0: not known
 
     Args:
         name_or_path: of a robot that comes with the package, or the path of a .toml file.
@@ -68,5 +71,9 @@ def _facts(settings: Settings) -> Mapping[str, float]:
             "drag_aside_m_s": float(drag_aside),
             "told_lag_s": settings.control.lag_s,
             "told_drag_m_s": settings.control.drag_m_s,
+            "told_creep_s2_m": settings.control.creep_s2_m,
+            "told_creep_aside_s2_m": settings.control.creep_sideways_s2_m,
+            "told_alpha_ahead": settings.control.alpha_forward,
+            "told_alpha_aside": settings.control.alpha_sideways,
         }
     )

@@ -70,6 +70,7 @@ def follow(
     hand: float | Array = 0,
     blow: float | Array = 0,
     batches: int = 1,
+    alpha: tuple[float, float] | None = None,
 ) -> tuple[Identifier, Array, Array]:
     """Identify while commands (frames, n, 2) are driven; the identifier, parameters and their sigma, (frames, n, 8).
 
@@ -77,7 +78,7 @@ def follow(
     them, (n, 2) m, and a blow makes them faster, (n, 2) m/s. Robots of as many batches are seen with the same noise.
     """
     frames, n = commands.shape[:2]
-    found = Identifier(np.zeros(n, complex), T, told, NOISE, *TOLD)
+    found = Identifier(np.zeros(n, complex), T, told, NOISE, *TOLD, alpha=alpha)
     sent, history, sigma = CommandsInFlight(n, found.longest), [], []
     for k in range(frames):
         if k == 300:
@@ -119,6 +120,24 @@ def test_a_dead_time_that_is_told_wrong_is_found(wrong: int) -> None:
     truth = np.tile([0, 1.1, 1.15, 0.05, 0.085, 0.03, 0.0, 0.015], (10, 1))
     _, found, _ = follow(Creeping(truth), weaving(rng, 300, 10), rng, told=DELAY + wrong)
     assert found[-1, :, motion.LATENCY].mean() + wrong == pytest.approx(0, abs=0.75)
+
+
+def test_alpha_is_what_is_told_until_driving_shows_another() -> None:
+    """Robots are as they are told, or weaker by nearly three standard deviations: both are found in five seconds.
+
+    Those that are as they are told are known better after half a second than by who was told nothing, by half.
+    """
+    rng = np.random.default_rng(7)
+    alpha = (0.92, 0.84)
+    own, other = ([0, 1 / ahead, 1 / aside, 0.05, 0.085, 0.03, 0, 0.015] for ahead, aside in (alpha, (0.8, 0.72)))
+    truth, commands = np.array([own, other] * 5), weaving(rng, 300, 10)
+    found, sigma = follow(Creeping(truth), commands, np.random.default_rng(8), alpha=alpha)[1:]
+    unaware = follow(Creeping(truth), commands, np.random.default_rng(8))[1]
+    np.testing.assert_allclose(found[0, :, motion.EFFORT], np.tile(1 / np.array(alpha), (10, 1)), atol=1e-3)
+    np.testing.assert_allclose(sigma[0, :, motion.EFFORT], belief.KNOWN.effort, rtol=1e-3)
+    np.testing.assert_allclose(found[-1, :, motion.EFFORT], truth[:, motion.EFFORT], atol=0.05)
+    errors = [np.abs(each[:30, ::2, motion.EFFORT] - truth[::2, motion.EFFORT]).mean() for each in (found, unaware)]
+    assert errors[0] < errors[1] / 2
 
 
 def test_an_axis_that_is_not_driven_is_believed_to_be_like_the_other() -> None:

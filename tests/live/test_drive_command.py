@@ -16,6 +16,9 @@ import pytest
 from commands import invoke
 from live_peer import PEER, free_port
 
+from omni_mj.cli import drive
+from omni_mj.scenarios.scenario import load
+
 PATIENCE_S = 120.0  # with processes, on a computer that does much else
 DRIVE = [sys.executable, "-m", "omni_mj", "drive"]
 SHORT = ("--set", "reference.waypoints=[[0, 0], [0.6, 0.3]]", "--set", "reference.settle_s=0.2")
@@ -202,3 +205,14 @@ def test_one_signal_ends_the_wait_for_vision(tmp_path: Path, capsys: pytest.Capt
     assert invoke("drive", "--scenario", "rect", what, *where) == 128 + signal.SIGTERM
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("error: terminated; ")
+
+
+def test_what_a_robot_reaches_is_told_only_where_somebody_says_which_it_is() -> None:
+    def told(*overrides: str, robot: str | None = None) -> float:
+        head = {} if robot is None else {"robot": robot}
+        return drive.untold(load("rect", overrides, head), robot is None).settings.control.alpha_forward
+
+    assert told() == 0.0
+    assert told(robot="tigers-v2016") == pytest.approx(0.91, abs=0.01)
+    assert told("control.alpha_forward=0.8") == 0.8
+    assert told("control.creep_s2_m=0") == 1.0

@@ -75,6 +75,50 @@ def test_controllers_are_told_what_a_robot_s_gains_make_of_it() -> None:
             assert om.scenario("rect", robot=name).settings.control == control
 
 
+@pytest.mark.parametrize("axis", [0, 1], ids=["ahead", "aside"])
+def test_what_robots_reach_is_told_as_creep_makes_of_their_drag(axis: int) -> None:
+    """Share of a steady command of 1 m/s that they reach on planar, without what dry friction costs.
+
+    Within 0.015, a fifth of what is doubted of it (`omni_control.estimation.belief.KNOWN`), but for robots whose loops
+    integrate, of which it is not told.
+    """
+    for name in shipped.builtin():
+        robot = om.robot(name)
+        told = (robot.settings.control.alpha_forward, robot.settings.control.alpha_sideways)[axis]
+        if robot.settings.firmware.ki:
+            assert told == 0, name
+            continue
+        sim = om.Simulation(om.scenario("rect", plant="planar", robot=name), ["p"], seeds=[0])
+        command = np.zeros((1, 3))
+        command[0, axis] = 1.0
+        for _ in range(90):
+            sim.observe()
+            sim.step(command)
+        reached = sim.plant.twist()[0, axis] / (1 - robot.facts[("drag_ahead_m_s", "drag_aside_m_s")[axis]])
+        assert told == pytest.approx(reached, abs=0.015), name
+        assert robot.facts[("told_alpha_ahead", "told_alpha_aside")[axis]] == told
+
+
+def test_a_team_that_takes_robots_not_to_creep_takes_them_to_reach_what_they_are_told() -> None:
+    """Where wheels do not creep drag costs nothing; half the creep costs half the effort."""
+    told = [om.scenario("rect", control={"creep_s2_m": creep}).settings.control for creep in (0.0, 0.03465, 0.0693)]
+    efforts = np.array([[1 / each.alpha_forward, 1 / each.alpha_sideways] for each in told])
+    np.testing.assert_allclose(efforts[0], 1.0, atol=1e-12)
+    np.testing.assert_allclose(2 * (efforts[1] - 1), efforts[2] - 1, atol=2e-3)  # told to 0.001
+    assert told[2] == om.scenario("rect").settings.control
+    said = om.scenario("rect", control={"creep_s2_m": 0.0, "alpha_sideways": 0.9}).settings.control
+    assert (said.alpha_forward, said.alpha_sideways) == (1.0, 0.9)
+
+
+def test_controllers_are_told_alpha_where_it_is_known() -> None:
+    """Not on equation 7's plant, nor where a file or a scenario says that nobody knows it."""
+    cases = ("planar", {}, True), ("kinematic", {}, False), ("planar", {"alpha_forward": 0.0}, False)
+    for plant, control, known in cases:
+        scenario = om.scenario("rect", plant=plant, control=control)
+        told = om.Simulation(scenario, ["p"], seeds=[0]).team.controllers[0].told
+        assert told.alpha == ((scenario.settings.control.alpha_forward, 0.833) if known else None)
+
+
 def test_softer_loops_are_told_to_lag_and_what_is_said_wins(tmp_path: Path) -> None:
     own, text = tmp_path / "own.toml", shipped.builtin()["tigers-v2020"].read_text()
     own.write_text(text.replace("kp = 0.4", "kp = 0.2"))

@@ -31,6 +31,9 @@ class Told:
         position_noise_m, heading_noise_rad: standard deviation of what vision sees, per axis.
         drag_m_s: what dry friction may cost the robots of their speed, m/s.
         creep_s2_m: how much of their speed wheels creep per acceleration, forward, s^2/m: T of `estimation.motion`.
+        creep_sideways_s2_m: the same sideways. [as the wheels' directions make it of that]
+        alpha: what robots reach of a command ahead and aside when they drive steadily: motor correction factors. Who
+            knows them knows lag, drag and creep of these robots well too. [not known: 0.7 to 1]
         error_range_m, speed_range_m_s: ranges of the fuzzy controller, m and m/s.
         heading_gain: turn rate per heading error of the heading hold, 1/s.
         alpha_window_frames: window of the estimate of alpha (equation 8), frames.
@@ -50,6 +53,8 @@ class Told:
     heading_noise_rad: float = 0.01
     drag_m_s: float = 0.04
     creep_s2_m: float = 0.05
+    creep_sideways_s2_m: float | None = None
+    alpha: tuple[float, float] | None = None
     error_range_m: float = 0.1
     speed_range_m_s: float = 1.0
     heading_gain: float = 3.0
@@ -61,9 +66,11 @@ class Told:
     def __post_init__(self) -> None:
         """Check the numbers; those of the fuzzy controller are checked where it is made."""
         wrong = [] if 0 < self.period < math.inf else [f"period must be a positive number of s, not {self.period}"]
-        for name in ("lag_s", "position_noise_m", "heading_noise_rad", "drag_m_s", "creep_s2_m"):
-            if not 0 <= getattr(self, name) < math.inf:
-                wrong.append(f"{name} must be a number from 0 on, not {getattr(self, name)}")
+        for name in ("lag_s", "position_noise_m", "heading_noise_rad", "drag_m_s", "creep_s2_m", "creep_sideways_s2_m"):
+            if (value := getattr(self, name)) is not None and not 0 <= value < math.inf:
+                wrong.append(f"{name} must be a number from 0 on, not {value}")
+        if self.alpha is not None and not all(0 < alpha < math.inf for alpha in self.alpha):
+            wrong.append(f"alpha must be two positive numbers, not {self.alpha}")
         for name, low in (("delay_frames", 0), ("alpha_window_frames", 1)):
             if not (getattr(self, name) >= low and getattr(self, name) % 1 == 0):
                 wrong.append(f"{name} must be a whole number from {low} on, not {getattr(self, name)}")

@@ -205,6 +205,8 @@ class Identifying(Controller):
             told.creep_s2_m,
             told.drag_m_s,
             told.geometry,
+            told.alpha,
+            told.creep_sideways_s2_m,
         )
 
     def _turning(self, pose: Array) -> Turning:

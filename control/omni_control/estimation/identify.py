@@ -46,6 +46,8 @@ class Identifier:
         lag, creep, friction: what is told of wheel loops (s), creep forward (s^2/m) and dry friction (m/s); zero where
             there is none.
         geometry: of the wheels, or None.
+        alpha: what robots reach of a command ahead and aside, as far as that is known; see `belief`.
+        sideways: creep sideways, s^2/m. [by the wheels' geometry]
 
     Attributes:
         position, velocity, push: (n,) m, m/s, m/s.
@@ -69,13 +71,16 @@ class Identifier:
         creep: float,
         friction: float,
         geometry: Kinematics | None = None,
+        alpha: tuple[float, float] | None = None,
+        sideways: float | None = None,
     ) -> None:
         n = len(position)
         self._gives, self._ends = np.array([1.0, motion.softness(geometry)]), 1 - np.exp(-period / ENDS_S)
         self._period, self._delay, self._told = period, delay_frames, max(noise, 1e-4) ** 2
         self.noise = np.full(n, self._told)
         self._last: Plane = np.full((3, n), np.nan, complex)  # the position seen, its differences, and theirs
-        belief = believed(period, delay_frames, lag, creep, friction, self._gives[1])
+        creeps = creep, self._gives[1] * creep if sideways is None else sideways
+        belief = believed(period, delay_frames, lag, creeps, friction, alpha)
         state = np.concatenate([pairs(position), np.zeros((n, 4)), np.tile(belief.parameters, (n, 1))], axis=1)
         self.motion = Motion(state[:, 6:], geometry)
         self._know(state)

@@ -31,6 +31,9 @@ FIELDS = {
     ("commands", "lag_forward_s"): ("control", "lag_s"),
     ("commands", "friction_forward_m_s"): ("control", "drag_m_s"),
     ("commands", "creep_forward_s2_m"): ("control", "creep_s2_m"),
+    ("commands", "creep_sideways_s2_m"): ("control", "creep_sideways_s2_m"),
+    ("commands", "gain_forward"): ("control", "alpha_forward"),
+    ("commands", "gain_sideways"): ("control", "alpha_sideways"),
 }
 MODEL = "sources/model"  # where `omni_mj.provenance.record` keeps it, too
 DRAG = ("pile", "roller_friction")
