@@ -33,9 +33,11 @@ def images(n: int, late: bool) -> tuple[Array, Array | None]:
     return seen, rng.uniform(0, 0.06, (FRAMES, n)) if late else None
 
 
-def driven(n: int, late: bool, *, loops: bool, rows: slice = slice(None)) -> tuple[Array, Identifying]:
+def driven(
+    n: int, late: bool, *, loops: bool, rows: slice = slice(None), alpha: tuple[float, float] | None = (0.9, 0.8)
+) -> tuple[Array, Identifying]:
     """Commands (frames, n, 3) for these images, and the controller after them."""
-    told = Told(T, 4, geometry=WHEELS, compiled=(lambda loop: loop) if loops else None)
+    told = Told(T, 4, alpha=alpha, geometry=WHEELS, compiled=(lambda loop: loop) if loops else None)
     seen, ages = images(n, late)
     seen, ages = seen[:, rows], None if ages is None else ages[:, rows]
     controller = make("adaptive-comp-flc", told, REFERENCE, seen.shape[1])
@@ -45,10 +47,10 @@ def driven(n: int, late: bool, *, loops: bool, rows: slice = slice(None)) -> tup
     return np.array(commands), controller
 
 
-@pytest.mark.parametrize("late", [False, True])
-def test_loops_identify_predict_and_command_as_numpy_does(late: bool) -> None:
+@pytest.mark.parametrize(("late", "alpha"), [(False, (0.9, 0.8)), (True, (0.9, 0.8)), (False, None)])
+def test_loops_identify_predict_and_command_as_numpy_does(late: bool, alpha: tuple[float, float] | None) -> None:
     """Uncompiled, over images of every kind: to what rounding grows to in 30 frames of feedback."""
-    (numpys, one), (looped, other) = (driven(2, late, loops=loops) for loops in (False, True))
+    (numpys, one), (looped, other) = (driven(2, late, loops=loops, alpha=alpha) for loops in (False, True))
     np.testing.assert_allclose(looped, numpys, rtol=0, atol=1e-11)
     for name in ("position", "velocity", "push", "variance", "surprise", "sliding", "noise", "latency"):
         np.testing.assert_allclose(getattr(other.plant, name), getattr(one.plant, name), rtol=0, atol=1e-11)

@@ -51,7 +51,7 @@ def test_coupling_is_identified() -> None:
             rate = rate + T / 20 * (turned - 1.02 * rate) / 0.008
             heading = heading + T / 20 * rate
         found.update(heading + rng.normal(0, 0.01, n), np.zeros(n), np.zeros(n), shortfall=missing)
-    sigma = found.sigma[:, 6:].T
+    sigma = found.sigma[:, 6:8].T
     assert (np.abs(found.coupling - true) < 3 * sigma).all()
     assert sigma.max() < 0.25 / 2
 
@@ -81,9 +81,9 @@ def test_of_what_slides_or_surprises_a_share_is_learned(sliding: float, off: flo
     after = driven(float(before.heading[0]) + off)
     certain = 1 / (predicted[0, 0] + 0.01**2)
     surprise = 1 + (min(off**2 * certain, 50) - 1) / 10
-    share = np.diag([1.0] * 3 + [(1 - sliding) * min(1.5 / surprise, 1)] * 5)
+    share = np.diag([1.0] * 3 + [(1 - sliding) * min(1.5 / surprise, 1)] * 6)
     gain = share @ predicted[:, :1] * certain
-    left = np.eye(8) - gain @ np.eye(8)[:1]
+    left = np.eye(9) - gain @ np.eye(9)[:1]
     np.testing.assert_allclose(after.variance[0], left @ predicted @ left.T + gain @ gain.T * 0.01**2, atol=1e-12)
     found = [[getattr(one, name)[0] for name in ("heading", "rate", "bias", "lag")] for one in (before, after)]
     np.testing.assert_allclose(found[1], found[0] + gain[:4, 0] * off, atol=1e-12)

@@ -7,7 +7,7 @@ import numpy as np
 
 from omni_control.controllers.base import Controller, Seen, Told
 from omni_control.delay import CommandsInFlight
-from omni_control.estimation import motion
+from omni_control.estimation import evidence, motion
 from omni_control.estimation.by_robot import LEAST_S
 from omni_control.estimation.compliance import UNYIELDING, Compliance
 from omni_control.estimation.identify import Identifier
@@ -17,6 +17,8 @@ from omni_control.estimation.motion import Plane, pairs, plane
 from omni_control.estimation.turning import GYRO_SHARE, Turning
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import IteratedReference, Reference
+
+LATENCY = 6 + motion.LATENCY  # among the states of `Identifier`
 
 
 class Arrival(NamedTuple):
@@ -88,8 +90,21 @@ class Identifying(Controller):
         back = np.exp(-1j * before)
         shortfall = (plane(felt[:, :2].copy()) * plant.turned - plant.velocity) * back
         pulled = self._pulled(plant.velocity * back, turning.rate, plant.gained, shortfall)
-        turning.update(headings, felt[:, 2] + pulled, np.abs(plant.velocity), late, shortfall, plant.sliding)
-        plant.update(positions, (before + turning.heading) / 2, sent, late)
+        later = self._later(sent, latency)
+        turn, speed = felt[:, 2] + pulled, np.abs(plant.velocity)
+        heard = turning.update(headings, turn, speed, late, shortfall, plant.sliding, later)
+        plant.update(positions, (before + turning.heading) / 2, sent, late, heard)
+        turning.agree(plant.latency - self.told.delay_frames, plant.variance[:, LATENCY, LATENCY])
+
+    def _later(self, sent: CommandsInFlight, latency: Array) -> Array | float:
+        """By how much more commands a frame later would have turned robots (n,), rad/s, over as much as is doubted."""
+        if not self.turning.tells:
+            return 0.0
+        spread = evidence.spread(self.plant.variance[:, LATENCY, LATENCY])
+        both = np.array([np.maximum(latency - spread, 0.0), latency + spread])
+        early, belated = np.add.reduce(sent.acted(both) * sent.last(sent.length)[:, None, :, 2])
+        change: Array = (belated - early) / (both[1] - both[0])
+        return change
 
     def _pulled(self, velocity: Plane, rate: Array, gained: Plane, shortfall: Plane) -> Array | float:
         """Turn rates that wheels add which give way; see `Compliance.turned`."""
@@ -189,7 +204,7 @@ class Identifying(Controller):
             "compass": found[:, motion.COMPASS],
             "compass_sigma": sigma[:, motion.COMPASS],
             "coupling": turning.coupling.T,
-            "coupling_sigma": turning.sigma[:, 6:],
+            "coupling_sigma": turning.sigma[:, 6:8],
             "sliding": plant.sliding,
             "surprise": plant.surprise,
         }
@@ -211,4 +226,5 @@ class Identifying(Controller):
 
     def _turning(self, pose: Array) -> Turning:
         told = self.told
-        return Turning(pose[:, 2], told.period, self.noise[2], told.lag_s, told.drag_m_s, told.geometry)
+        tells = told.alpha is not None
+        return Turning(pose[:, 2], told.period, self.noise[2], told.lag_s, told.drag_m_s, told.geometry, tells)

@@ -12,13 +12,13 @@ from omni_control.kinematics import Array
 class TurningArrays(NamedTuple):
     """Of `Turning`. A loop writes those before `kept`."""
 
-    state: Array  # (n, 8)
-    variance: Array  # (n, 8, 8)
+    state: Array  # (n, 9)
+    variance: Array  # (n, 9, 9)
     creep: Array  # (n,)
     surprise: Array  # (n,)
-    kept: Array  # (8,)
-    renewed: Array  # (8,)
-    forget: Array  # (8,)
+    kept: Array  # (9,)
+    renewed: Array  # (9,)
+    forget: Array  # (9,)
     least: Array  # (5,)
     most: Array  # (5,)
     period: float
@@ -26,6 +26,7 @@ class TurningArrays(NamedTuple):
     slid: float
     creeps: float
     arm: float
+    tells: float
 
 
 class PlantArrays(NamedTuple):

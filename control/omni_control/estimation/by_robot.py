@@ -1,18 +1,18 @@
-"""Identification and prediction by loops over robots, for a compiler: what `Identifier` and `Turning` do by numpy.
+"""Identification by loops over robots, for a compiler: what `Identifier` and `Turning` do by numpy.
 
-Each robot is reckoned by itself, from what was found to how it arrives, by the same laws (`evidence`, `motion`,
-`turning`): some thousand multiplications, where numpy makes hundreds of calls. Uncompiled they give the same, slowly.
-Numpy and these round otherwise.
+Each robot is reckoned by itself, by the same laws (`evidence`, `motion`, `turning`): some thousand multiplications,
+where numpy makes hundreds of calls. Uncompiled they give the same, slowly. Numpy and these round otherwise.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from omni_control.estimation import evidence, turning
+from omni_control.estimation import evidence
 from omni_control.estimation.arrays import GivesArrays, LateArrays, PlantArrays, TurningArrays
-from omni_control.estimation.motion import Plane, fading
-from omni_control.estimation.turning_by_robot import answer, carry, pulled, turned, within
+from omni_control.estimation.hearsay import condition
+from omni_control.estimation.motion import fading
+from omni_control.estimation.turning_by_robot import carry, pulled, turned, within
 from omni_control.kinematics import Array
 
 LEAST_S = 1e-9  # below which nothing acts
@@ -67,7 +67,7 @@ def identify(
         state, law, heading = p.state[i], axes(i, p), t.state[i, 0]
         velocity, push = complex(state[2], state[3]), complex(state[4], state[5])
         latency, compass = p.delay + state[12] + behind, np.exp(-1j * state[6])
-        acting, turn, early, belated = 0j, 0.0, 0j, 0j
+        acting, turn, early, belated, hurried, delayed = 0j, 0.0, 0j, 0j, 0.0, 0.0
         spread = evidence.spread(p.variance[i, 12, 12])
         sooner, later = max(latency - spread, 0.0), latency + spread
         for j in range(count):
@@ -75,14 +75,18 @@ def identify(
             share = max(1 - abs(latency - since), 0.0)
             acting += share * command
             turn += share * sent[j, i, 2]
-            early += max(1 - abs(sooner - since), 0.0) * command
-            belated += max(1 - abs(later - since), 0.0) * command
+            if_sooner, if_later = max(1 - abs(sooner - since), 0.0), max(1 - abs(later - since), 0.0)
+            early += if_sooner * command
+            belated += if_later * command
+            hurried += if_sooner * sent[j, i, 2]
+            delayed += if_later * sent[j, i, 2]
         arrived = acting * compass
         back = np.exp(-1j * heading)
         shortfall = (arrived - velocity) * back
         turn += pulled(g, velocity * back, t.state[i, 1], p.gained[i], shortfall, state[13], t.creep[i])
         facing, sliding = measured[i, 2] if reported else np.nan, p.sliding[i]
-        turned(i, t, held, after, facing, turn, abs(velocity), shortfall, sliding)
+        delaying = (delayed - hurried) / (later - sooner)
+        longer, left = turned(i, t, held, after, facing, turn, abs(velocity), shortfall, sliding, delaying)
 
         middle = np.exp(1j * ((heading + t.state[i, 0]) / 2))
         gone = step(law, velocity, arrived + push, middle, p.period)
@@ -98,11 +102,16 @@ def identify(
             state[0] += moved.real
             state[1] += moved.imag
             state[2], state[3] = unaided.real, unaided.imag
+        condition(state, p.variance[i], 12, longer, left)
         if reported:
             place = complex(measured[i, 0], measured[i, 1]) - after * unaided
             doubt(i, p, place)
             corrected(i, p, place, after)
             felt(i, p, frame, velocity, unaided, arrived)
+        longer, left = state[12] - t.state[i, 8], p.variance[i, 12, 12] / t.variance[i, 8, 8]
+        condition(t.state[i], t.variance[i], 8, longer, left)
+        t.state[i, 8], t.variance[i, 8, 8] = state[12], p.variance[i, 12, 12]
+        within(t.state[i], 3, t.least, t.most)
 
 
 def axes(i: int, p: PlantArrays) -> Axes:
@@ -257,52 +266,3 @@ def felt(i: int, p: PlantArrays, frame: int, before: complex, unaided: complex, 
         p.past[frame % frames, i, k] = state[6 + k]
         if begins:
             state[6 + k] = p.past[oldest, i, k]
-
-
-def predict(
-    t: TurningArrays,
-    p: PlantArrays,
-    g: GivesArrays,
-    late: LateArrays,
-    sent: Array,
-    position: Plane,
-    velocity: Plane,
-    heading: Array,
-) -> None:
-    """How the commands that are still to act leave the robots; see `Identifying._predict`.
-
-    Args:
-        t: headings.
-        p: positions; what is `arriving` is written.
-        g: how wheels give way.
-        late: how far filters are behind.
-        sent: commands up to the frame before, (count, n, 3).
-        position: at the end, (n,) m; written.
-        velocity: same, m/s; written.
-        heading: same, rad; written.
-    """
-    count = len(sent)
-    for i in range(len(position)):
-        state, law = p.state[i], axes(i, p)
-        t.creep[i] = state[7] ** 2 * state[9]
-        place, v, push = complex(state[0], state[1]), complex(state[2], state[3]), complex(state[4], state[5])
-        began, angle, rate, now = v, t.state[i, 0], t.state[i, 1], t.state[i, 0]
-        latency, compass = p.delay + state[12] + late.behind[i], np.exp(-1j * state[6])
-        whole = max(latency * p.period, LEAST_S)
-        first, until = count - int(np.ceil(latency)), whole
-        for j in range(max(first, 0), count):
-            duration = min(max(latency - (count - 1 - j), 0.0), 1.0) * p.period
-            across, turn = complex(sent[j, i, 0], sent[j, i, 1]), sent[j, i, 2]
-            going = p.arriving[i] + (began - p.arriving[i]) * (until / whole)
-            facing = np.exp(-1j * (now + t.state[i, 1] * (whole - until)))
-            gained, shortfall = (p.arriving[i] - began) / whole * facing, (across * compass - going) * facing
-            turn += pulled(g, going * facing, t.state[i, 1], gained, shortfall, state[13], t.creep[i])
-            slow, final, _ = answer(i, t, turn, abs(across), shortfall)
-            moved, rate, _ = turning.go_on(rate, final, slow, duration)
-            middle = np.exp(1j * (angle + moved / 2))
-            angle += moved
-            gone = step(law, v, across * compass + push, middle, duration)
-            place += world(gone.moved, middle)
-            v = world(gone.velocity, middle)
-            until -= duration
-        position[i], velocity[i], heading[i], p.arriving[i] = place, v, angle, v

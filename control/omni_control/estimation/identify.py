@@ -25,6 +25,7 @@ from omni_control.estimation import evidence, motion
 from omni_control.estimation.arrays import PlantArrays
 from omni_control.estimation.belief import REACH_FRAMES, STATES, believed
 from omni_control.estimation.by_robot import set_down
+from omni_control.estimation.hearsay import conditioned
 from omni_control.estimation.late import Late
 from omni_control.estimation.motion import Motion, Plane, pairs, plane
 from omni_control.kinematics import Array, Kinematics
@@ -135,7 +136,14 @@ class Identifier:
         """What to send, (n,), so that commands (n,) of the law act: without what pushes, and by the robot's compass."""
         return (command - self.push) * self.turned.conj()
 
-    def update(self, measured: Plane | None, heading: Array, sent: CommandsInFlight, late: Late | None = None) -> None:
+    def update(
+        self,
+        measured: Plane | None,
+        heading: Array,
+        sent: CommandsInFlight,
+        late: Late | None = None,
+        heard: tuple[Array, Array] | None = None,
+    ) -> None:
         """Take in a frame.
 
         Args:
@@ -145,6 +153,7 @@ class Identifier:
             sent: commands up to the frame before, `longest` of them at least, and as many more as the filter is behind.
             late: how far that is, which robots stay in the frame where they are, and how much later they were seen.
                 [not, none, and at once]
+            heard: what headings told of the latency in this frame; see `Turning.update`. [nothing]
         """
         before, ahead = self.velocity, np.exp(1j * heading)
         acting, per_frame = self._acted(sent, late)
@@ -159,6 +168,8 @@ class Identifier:
             state = np.where(late.held[:, None], self._state, state)
             variance = np.where(late.held[:, None, None], self.variance, variance)
             unaided, gained = plane(state[:, 2:4]).copy(), np.where(late.held, self.gained, gained)
+        if heard is not None:
+            state, variance = conditioned(state, variance, 6 + motion.LATENCY, *heard)
         self.variance, self.gained = variance, gained
         if measured is None:
             self._know(state)

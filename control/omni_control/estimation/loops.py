@@ -11,6 +11,7 @@ from omni_control.estimation.arrays import GivesArrays, LateArrays
 from omni_control.estimation.identify import Identifier
 from omni_control.estimation.late import Late
 from omni_control.estimation.motion import Plane
+from omni_control.estimation.predict_by_robot import predict
 from omni_control.estimation.turning import Turning
 from omni_control.kinematics import Array
 
@@ -32,7 +33,7 @@ class Loops:
 
     def __init__(self, turning: Turning, plant: Identifier, gives: GivesArrays, compiled: Compile) -> None:
         self._plant, self.arrays = plant, (turning.arrays, plant.arrays, gives)
-        self._identify, self._predict = compiled(by_robot.identify), compiled(by_robot.predict)
+        self._identify, self._predict = compiled(by_robot.identify), compiled(predict)
         n = len(plant.position)
         self._unseen = np.full((n, 3), np.nan)
         self._prompt = LateArrays(np.zeros(n), np.zeros(n, bool), np.zeros(n))

@@ -19,6 +19,11 @@ is how much its wheels give way under what they pull. What follows for turning f
 part of u here; k is what is left of it, because a wheel is weak, or the centre of mass not where it is believed to be.
 Nobody is told k: it is believed to be 0.
 
+Commands act a latency after they were sent, which positions tell as well (`identify`): both filters share it. Given the
+latency, neither knows anything that the other lacks, so that each may take in what the other learned of it: `update`
+says what headings did, and `agree` takes what then is known. Only turning that is evident tells: small commands answer
+to the noise of headings, and look as if robots had answered to them, sooner than they do.
+
 Wheels that slide, one after the other, turn a robot as no robot of this law would. Of what then is seen, and of what
 surprises, parameters take in a share only (Brink, Partial-Update Schmidt-Kalman Filter, J. Guidance, Control, and
 Dynamics 40, 2017), and b, which is soon forgotten, may be greater.
@@ -28,6 +33,7 @@ import numpy as np
 
 from omni_control.estimation import belief, evidence
 from omni_control.estimation.arrays import TurningArrays
+from omni_control.estimation.hearsay import conditioned
 from omni_control.estimation.late import Late
 from omni_control.estimation.motion import Plane
 from omni_control.kinematics import Array, Kinematics, Number, wrap_angle
@@ -39,11 +45,11 @@ GYRO_SHARE = 0.5  # that a gyro's loop leaves: gain 1
 LAG_SIGMA = 0.3  # of the lag, relative to what a gyro's loop leaves of that of the wheel loops
 FRICTION, FRICTION_SIGMA = 0.8, 0.6  # of what it is told to be at most, and relative to that
 COUPLING_RAD_M = 0.25  # standard deviation of k
-KEPT_S = 12.0  # after which parameters are what was believed
 RATE_RAD_S2 = 1.5  # standard deviation of what the law does not know of w'
 LEAST_LAG_S = 1e-3
 LEAST, MOST = np.array([[LEAST_LAG_S, 0.8, 0.0, -1.0, -1.0], [0.1, 1.9, 0.8, 1.0, 1.0]])  # of what is bounded below
-STATES = 8  # heading, rate, bias; lag, effort, friction, coupling ahead and aside
+STATES = 9  # heading, rate, bias; lag, effort, friction, coupling ahead and aside; latency beyond what is told, frames
+LATENCY = 8
 INERTIA = 0.7  # J / (m l^2): TIGERs Mannheim's for their robots
 ARM_M, MEAN_COSINE, MEAN_SQUARE = 0.08, 0.787, 5 / 8  # of most robots: wheels at 60, 135, 225 and 300 degrees
 RUBBED_M_S = 0.03  # travel of wheels from which dry friction is all there
@@ -59,6 +65,8 @@ class Turning:
         lag: what the lag of the wheel loops is believed to be, s.
         friction: what dry friction may cost robots that drive forward of their speed, m/s.
         geometry: of the wheels; None: that of most robots of the league.
+        tells: whether headings tell of the latency. They do not where nobody knows what robots reach of what is asked:
+            one that turns less looks as if it were late.
 
     Attributes:
         heading, rate: (n,) rad and rad/s; headings count full turns.
@@ -68,7 +76,7 @@ class Turning:
         effort: g, (n,).
         friction: c_w, (n,) rad/s.
         coupling: k ahead and aside, (2, n) rad/m.
-        variance: of heading, rate, bias, lag, effort, friction and coupling, (n, 8, 8).
+        variance: of heading, rate, bias, lag, effort, friction, coupling and latency, (n, 9, 9).
         surprise: square of the innovations over what the filter expects, (n,); 1 for a robot that keeps to the law.
     """
 
@@ -80,8 +88,9 @@ class Turning:
         lag: float,
         friction: float = 0.0,
         geometry: Kinematics | None = None,
+        tells: bool = False,
     ) -> None:
-        n = len(heading)
+        n, self.tells = len(heading), tells
         cosines = None if geometry is None else geometry.matrix[:, 0]
         self._arm = ARM_M if geometry is None else geometry.arm
         square = MEAN_SQUARE if cosines is None else float((cosines**2).mean())
@@ -89,19 +98,20 @@ class Turning:
         self._creeps = GYRO_SHARE * INERTIA * square
         friction *= GYRO_SHARE / self._arm * square / size
         turning_lag = belief.LAG_SHARE * self._creeps * lag
-        self._belief = np.array([0.0, max(turning_lag, LEAST_LAG_S), EFFORT, FRICTION * friction, 0.0, 0.0])
+        self._belief = np.array([0.0, max(turning_lag, LEAST_LAG_S), EFFORT, FRICTION * friction, 0.0, 0.0, 0.0])
         self.creep, self.surprise = np.zeros(n), np.ones(n)
         self._know(np.concatenate([heading[:, None], np.zeros((n, 1)), np.tile(self._belief, (n, 1))], axis=1))
         self._period, self._noise = period, max(noise, 1e-3) ** 2
         lags, rubs = LAG_SIGMA * GYRO_SHARE * lag + 1e-6, FRICTION_SIGMA * friction + 1e-6
-        sigma = np.array([BIAS_RAD_S, lags, EFFORT_SIGMA, rubs, COUPLING_RAD_M, COUPLING_RAD_M])
-        keep = np.exp(-period / np.append(BIAS_S, np.full(STATES - 3, KEPT_S)))
+        couplings = COUPLING_RAD_M, COUPLING_RAD_M
+        sigma = np.array([BIAS_RAD_S, lags, EFFORT_SIGMA, rubs, *couplings, belief.LATENCY_FRAMES])
+        keep = np.exp(-period / np.append(BIAS_S, np.full(STATES - 3, belief.KEPT_S)))
         self._keep, self._forget = keep, np.append([0.0, (RATE_RAD_S2 * period) ** 2], sigma**2 * (1 - keep**2))
         self._slid = (SLIDING_RAD_S / BIAS_RAD_S) ** 2 * self._forget[2]
         self._kept = np.append([1.0, 0.0], keep)  # of each state, by itself; a rate depends on others too
         self._renewed = (1 - self._kept) * np.append([0.0, 0.0], self._belief)
         self._passed = np.tile(np.diag(self._kept), (n, 1, 1))  # how states depend on those a frame before
-        self._acts = np.empty((n, STATES - 3))  # what lag, effort, friction and coupling do like a command
+        self._acts = np.empty((n, STATES - 3))  # what lag, effort, friction, coupling and latency do like a command
         self.variance = np.zeros((n, STATES, STATES))
         self.variance[:, range(STATES), range(STATES)] = np.append([self._noise, 0.0], sigma**2)
 
@@ -109,18 +119,19 @@ class Turning:
     def arrays(self) -> TurningArrays:
         """What loops over robots read, and write in its place."""
         known, how = (self._state, self.variance, self.creep, self.surprise), (self._kept, self._renewed, self._forget)
-        return TurningArrays(*known, *how, LEAST, MOST, self._period, self._noise, self._slid, self._creeps, self._arm)
+        law = self._period, self._noise, self._slid, self._creeps, self._arm, float(self.tells)
+        return TurningArrays(*known, *how, LEAST, MOST, *law)
 
     @property
     def sigma(self) -> Array:
-        """Standard deviation of heading, rate, bias, lag, effort, friction and coupling, (n, 8)."""
+        """Standard deviation of heading, rate, bias, lag, effort, friction, coupling and latency, (n, 9)."""
         return np.sqrt(np.maximum(self.variance.reshape(-1, STATES**2)[:, :: STATES + 1], 0.0))
 
     def _know(self, state: Array) -> None:
-        """Take the state (n, 8) for what is known."""
+        """Take the state (n, 9) for what is known."""
         self._state = state
         self.heading, self.rate, self.bias, self.lag, self.effort, self.friction = state.T[:6]
-        self.coupling = state.T[6:]
+        self.coupling = state.T[6:LATENCY]
 
     def _turned(self, shortfall: Plane | complex) -> Array:
         """What turns robots like a command, rad/s: bias, and driving."""
@@ -184,8 +195,9 @@ class Turning:
         late: Late | None = None,
         shortfall: Plane | complex = 0j,
         sliding: Array | float = 0.0,
-    ) -> None:
-        """Take in a frame.
+        later: Array | float = 0.0,
+    ) -> tuple[Array, Array]:
+        """Take in a frame; say what the heading told of the latency.
 
         Args:
             measured: headings seen by vision (n,) rad, not a number where a robot was not seen.
@@ -194,6 +206,10 @@ class Turning:
             late: which robots stay in the frame where they are, and how much later they were seen. [none, and at once]
             shortfall: as for `step`.
             sliding: how far wheels are believed to slide, 0 to 1, (n,). [not]
+            later: by how much more commands a frame of latency later would have turned robots, (n,) rad/s. [as much]
+
+        Returns:
+            By how many frames it is longer than was thought, and what share of its variance is left, (n,) each.
         """
         period, (slow, final, rubbing) = self._period, self._answer(command, speed, shortfall)
         moved, rate, decay = go_on(self.rate, final, slow, period)
@@ -201,9 +217,10 @@ class Turning:
         passed[:, 1, 1], passed[:, 1, 2] = decay, (1 - decay) / self.effort  # of a rate, and gained by a command of 1
         passed[:, 0, 1] = carried = (1 - decay) * slow
         passed[:, 0, 2] = (period - carried) / self.effort
-        # A change of bias, lag, effort, friction or couplings acts like a command of: 1, -w', -w, -n, -e.
+        # A change of bias, lag, effort, friction, couplings, latency acts like a command of 1, -w', -w, -n, -e, later.
         acts[:, 0], acts[:, 1], acts[:, 2] = change, -(self.rate + rate) / 2, -rubbing
         acts[:, 3], acts[:, 4] = -shortfall.real, -shortfall.imag
+        acts[:, 5] = later * evidence.evident(self._arm * np.abs(self.rate)) * self.tells
         np.multiply(passed[:, :2, 2:3], acts[:, None], out=passed[:, :2, 3:])
         state = self._kept * self._state + self._renewed
         state[:, 0], state[:, 1] = self.heading + moved, rate
@@ -227,11 +244,28 @@ class Turning:
         self.surprise = np.where(seen, now, self.surprise)
         gain, left = certain[:, None] * to_heading, np.zeros_like(state)
         left[:, 3:] = 1 - evidence.learned(sliding, self.surprise)[:, None]  # of what is learned
+        thought, doubt = state[:, LATENCY].copy(), variance[:, LATENCY, LATENCY]
         self.variance = variance - gain[:, :, None] * to_heading[:, None] * (1 - left[:, :, None] * left[:, None])
         state += (1 - left) * gain * surprise[:, None]
-        bounded = state[:, 3:]
-        np.minimum(np.maximum(bounded, LEAST, out=bounded), MOST, out=bounded)
-        self._know(state)
+        self._know(_bounded(state))
+        return state[:, LATENCY] - thought, self.variance[:, LATENCY, LATENCY] / doubt
+
+    def agree(self, latency: Array, variance: Array) -> None:
+        """Take the latency beyond what is told, (n,) frames, with its variance (n,), for what is known of it now."""
+        longer, left = latency - self._state[:, LATENCY], variance / self.variance[:, LATENCY, LATENCY]
+        state, self.variance = conditioned(self._state, self.variance, LATENCY, longer, left)
+        state[:, LATENCY], self.variance[:, LATENCY, LATENCY] = (
+            latency,
+            variance,
+        )  # to the bit, so as to agree once
+        self._know(_bounded(state))
+
+
+def _bounded(state: Array) -> Array:
+    """The same state, its parameters where they can be."""
+    bounded = state[:, 3:LATENCY]
+    np.minimum(np.maximum(bounded, LEAST, out=bounded), MOST, out=bounded)
+    return state
 
 
 # Laws for single numbers and arrays alike, by which loops over robots reckon too (`by_robot`).

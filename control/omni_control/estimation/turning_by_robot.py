@@ -17,38 +17,49 @@ def turned(
     speed: float,
     shortfall: complex,
     sliding: float,
-) -> None:
+    change: float,
+) -> tuple[float, float]:
     """Take in a frame of a heading; see `Turning.update`."""
-    state, variance, of = t.state[i], t.variance[i], np.empty(8)
+    state, variance, of = t.state[i], t.variance[i], np.empty(turning.STATES)
     if not held:
         heading, rate, effort = state[0], state[1], state[4]
         slow, final, rubbing = answer(i, t, command, speed, shortfall)
         moved, later, decay = turning.go_on(rate, final, slow, t.period)
-        maps, carried = np.empty((2, 7)), (1 - decay) * slow
+        maps, carried = np.empty((2, 8)), (1 - decay) * slow
         maps[0, 0], maps[0, 1] = carried, (t.period - carried) / effort
         maps[1, 0], maps[1, 1] = decay, (1 - decay) / effort
-        acts = (rate - later) / t.period, -(rate + later) / 2, -rubbing, -shortfall.real, -shortfall.imag
-        for k in range(5):
+        tells = t.tells * evidence.evident(t.arm * abs(rate))
+        acts = (
+            (rate - later) / t.period,
+            -(rate + later) / 2,
+            -rubbing,
+            -shortfall.real,
+            -shortfall.imag,
+            change * tells,
+        )
+        for k in range(6):
             maps[0, 2 + k], maps[1, 2 + k] = maps[0, 1] * acts[k], maps[1, 1] * acts[k]
         carry(variance, maps, t.kept)
-        for k in range(8):
+        for k in range(turning.STATES):
             variance[k, k] += t.forget[k]
             state[k] = t.kept[k] * state[k] + t.renewed[k]
         variance[1, 1] += t.forget[1] * (evidence.restless(t.surprise[i]) - 1)
         variance[2, 2] += t.slid * sliding
         state[0], state[1] = heading + moved, later
+    thought, doubt = state[turning.LATENCY], variance[turning.LATENCY, turning.LATENCY]
     if not np.isnan(seen):
-        for k in range(8):
+        for k in range(turning.STATES):
             of[k] = variance[0, k] + after * variance[1, k]
         gain, surprise = 1 / (of[0] + after * of[1] + t.noise), wrapped(seen - (state[0] + after * state[1]))
         t.surprise[i] = evidence.surprised(t.surprise[i], gain * surprise**2)
         share = evidence.learned(sliding, t.surprise[i])
-        for j in range(8):
+        for j in range(turning.STATES):
             left = 1 - share if j > 2 else 0.0
             state[j] += (1 - left) * gain * of[j] * surprise
-            for k in range(8):
+            for k in range(turning.STATES):
                 variance[j, k] -= gain * of[j] * of[k] * (1 - left * (1 - share if k > 2 else 0.0))
     within(state, 3, t.least, t.most)
+    return state[turning.LATENCY] - thought, variance[turning.LATENCY, turning.LATENCY] / doubt
 
 
 def answer(i: int, t: TurningArrays, command: float, speed: float, shortfall: complex) -> tuple[float, float, float]:
