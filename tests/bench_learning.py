@@ -76,8 +76,10 @@ def stranger(truth: Array) -> type[AdaptiveCompFlc]:
             plant = super()._identifier(pose)
             plant._kept[4:], plant._renewed[4:] = 1.0, 0.0
             plant._forget[...], plant._restless[...] = 0.0, plant._restless * SURE**2
-            known = [6, 6 + LATENCY] if (abs(truth[:, LATENCY]) < EXACT_FRAMES).all() else [6]
-            plant.variance[:, known] = plant.variance[:, :, known] = 0.0  # the compass is right, and perhaps dead time
+            plant.variance[:, 6] = plant.variance[:, :, 6] = 0.0  # the compass is right
+            if (abs(truth[:, LATENCY]) < EXACT_FRAMES).all():  # and so is the dead time
+                plant.variance[:, 6 + LATENCY] *= SURE
+                plant.variance[:, :, 6 + LATENCY] *= SURE
             return plant
 
     return Stranger
