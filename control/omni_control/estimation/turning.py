@@ -254,10 +254,7 @@ class Turning:
         """Take the latency beyond what is told, (n,) frames, with its variance (n,), for what is known of it now."""
         longer, left = latency - self._state[:, LATENCY], variance / self.variance[:, LATENCY, LATENCY]
         state, self.variance = conditioned(self._state, self.variance, LATENCY, longer, left)
-        state[:, LATENCY], self.variance[:, LATENCY, LATENCY] = (
-            latency,
-            variance,
-        )  # to the bit, so as to agree once
+        state[:, LATENCY], self.variance[:, LATENCY, LATENCY] = latency, variance  # to the bit, so as to agree once
         self._know(_bounded(state))
 
 
