@@ -140,6 +140,14 @@ def test_alpha_is_what_is_told_until_driving_shows_another() -> None:
     assert errors[0] < errors[1] / 2
 
 
+def test_what_no_robot_can_be_is_not_believed() -> None:
+    """Of a robot that is said to reach a twentieth of what it is told, or three times that, the nearest that may be."""
+    for alpha in ((0.05, 3.0), (3.0, 0.05)):
+        found = Identifier(np.zeros(1, complex), T, DELAY, NOISE, 3.0, 2.0, 1.0, alpha=alpha)
+        assert (found.motion.parameters[0] >= found._lowest).all()
+        assert (found.motion.parameters[0] <= found._highest).all()
+
+
 def test_an_axis_that_is_not_driven_is_believed_to_be_like_the_other() -> None:
     """Driven forward only: effort aside stays where it was believed to be, or goes along by half; it is less sure."""
     rng = np.random.default_rng(2)

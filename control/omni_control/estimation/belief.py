@@ -61,7 +61,7 @@ def believed(
     friction: float,
     alpha: tuple[float, float] | None = None,
 ) -> Belief:
-    """What is believed of a robot.
+    """What is believed of a robot: what is told of it, as far as a robot can be so.
 
     Args:
         period: length of a frame T, s.
@@ -73,10 +73,10 @@ def believed(
     """
     doubt, efforts = (ANY, (EFFORT, EFFORT)) if alpha is None else (KNOWN, (1 / alpha[0], 1 / alpha[1]))
     lag = max(LAG_SHARE * lag, LEAST_LAG_S)
-    parameters = np.array([0, *efforts, *creep, FRICTION * friction, 0, lag])
     below, above = min(REACH_FRAMES[0], delay_frames), REACH_FRAMES[1]
     lowest = np.array([-0.2, 0.85, 0.85, 0, 0, 0, -below, LEAST_LAG_S])
     highest = np.array([0.2, 1.9, 1.9, 0.2, 0.35, 0.15, above, 0.1])
+    parameters = np.clip([0, *efforts, *creep, FRICTION * friction, 0, lag], lowest, highest)
     creeps = doubt.creep * parameters[motion.CREEP] + 1e-6
     rubs, lags = doubt.friction * friction + 1e-6, doubt.lag * (lag - LEAST_LAG_S) + 1e-6
     sigma = np.array([COMPASS_RAD, doubt.effort, doubt.effort, *creeps, rubs, LATENCY_FRAMES, lags])
