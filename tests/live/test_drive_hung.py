@@ -35,7 +35,7 @@ class Endless(Controller):
     """Never comes out of compiled code, which lets nothing else in its process run."""
 
     def command(self, frame, seen):
-        return sum(range(10**15)) if frame == FROM else AHEAD
+        return sum(range(10**15)) if frame >= FROM else AHEAD
 
 
 def stands(truth: Path) -> bool:
