@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,6 +10,19 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Number
 
 Rows = slice | Sequence[int] | np.ndarray[Any, np.dtype[np.intp]]
+
+
+class Acted(NamedTuple):
+    """Commands that acted in the frame just past, on its average, (n, 3); see `CommandsInFlight.around`.
+
+    Attributes:
+        command: those.
+        change: by how much they were more, if the latency were longer by so many `frames`, (n,).
+    """
+
+    command: Array
+    change: Array
+    frames: Array
 
 
 class CommandsInFlight:
@@ -102,6 +115,13 @@ class CommandsInFlight:
     def felt(self, latency: float | Array) -> Array:
         """Commands (n, 3) that acted in the frame just past, on its average, for a latency (n, 3) in frames."""
         return (self.acted(latency) * self.last(self.length)).sum(0)
+
+    def around(self, latency: Array, spread: Array) -> Acted:
+        """What robots have felt by a latency (n,), and from one shorter to one longer by a spread (n,), in frames."""
+        sooner, later = np.maximum(latency - spread, 0.0), latency + spread
+        shares = self.acted(np.array([latency, sooner, later]))[..., None]
+        acting, early, belated = np.add.reduce(shares * self.last(self.length)[:, None])
+        return Acted(acting, belated - early, later - sooner)
 
 
 def _to_read(table: Array) -> Array:

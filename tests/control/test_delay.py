@@ -203,3 +203,15 @@ def test_where_dead_times_differ_each_robot_arrives_after_its_own() -> None:
     seen = Seen(np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), queue, 0.5, np.array([0, 2, 3]))
     assert seen.in_flight[..., 0].tolist() == [[0, 0, 1], [0, 2, 2], [0, 4, 4]]
     assert seen.arriving[:, 1].tolist() == [0, 3, 3.5]
+
+
+def test_what_robots_have_felt_around_a_latency_is_what_they_feel_with_others() -> None:
+    """By a spread to both sides of it, as far as latencies go: none is shorter than nothing."""
+    commands = np.random.default_rng(5).normal(size=(20, 3, 3))
+    sent, latency, spread = sent_before(20, commands, length=14), np.array([0.3, 4.5, 9.0]), np.array([0.5, 0.7, 2.0])
+    found = sent.around(latency, spread)
+    sooner, later = np.maximum(latency - spread, 0.0), latency + spread
+    np.testing.assert_allclose(found.command, sent.felt(latency[:, None]), rtol=0, atol=1e-14)
+    change = sent.felt(later[:, None]) - sent.felt(sooner[:, None])
+    np.testing.assert_allclose(found.change, change, rtol=0, atol=1e-14)
+    np.testing.assert_array_equal(found.frames, later - sooner)

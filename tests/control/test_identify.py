@@ -87,7 +87,7 @@ def follow(
         seen = plane(plant.position + noise)
         if k in range(*unseen.indices(frames)):
             seen[:] = np.nan
-        found.update(seen, np.zeros(n), sent)
+        found.update(seen, np.zeros(n), found.acted(sent))
         history.append(found.motion.parameters.copy())
         sigma.append(found.sigma)
         sent.push(np.concatenate([commands[k], np.zeros((n, 1))], axis=1))
@@ -244,7 +244,7 @@ def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
         plant, found = Creeping(truth[rows]), Identifier(np.zeros(len(rows), complex), T, DELAY, NOISE, *TOLD)
         sent = CommandsInFlight(len(rows), found.longest)
         for k in range(120):
-            found.update(plane(plant.position + noise[k, rows]), np.zeros(len(rows)), sent)
+            found.update(plane(plant.position + noise[k, rows]), np.zeros(len(rows)), found.acted(sent))
             sent.push(np.concatenate([commands[k, rows], np.zeros((len(rows), 1))], axis=1))
             plant.advance(commands[k, rows])
         return found.variance, found.motion.parameters

@@ -109,10 +109,10 @@ def test_parameters_of_a_robot_seen_late_are_those_it_had_then() -> None:
     parameters, doubts = [], []
     for command in commands:
         images.append(plane(plant.position + NOISE[0] * rng.standard_normal((robots, 2))))
-        found.update(images[-1], np.zeros(robots), sent)
+        found.update(images[-1], np.zeros(robots), found.acted(sent))
         image = images[max(len(images) - 1 - late, 0)]
         for step in clock.steps(np.full(robots, min(late, len(images) - 1) * T), ~np.isnan(image)):
-            behind.update(image, np.zeros(robots), sent, step)
+            behind.update(image, np.zeros(robots), behind.acted(sent, step), step)
         parameters.append(found.motion.parameters.copy())
         doubts.append(found.sigma)
         sent.push(np.concatenate([command, np.zeros((robots, 1))], axis=1))

@@ -7,18 +7,16 @@ import numpy as np
 
 from omni_control.controllers.base import Controller, Seen, Told
 from omni_control.delay import CommandsInFlight
-from omni_control.estimation import evidence, motion
+from omni_control.estimation import motion
 from omni_control.estimation.by_robot import LEAST_S
 from omni_control.estimation.compliance import UNYIELDING, Compliance
-from omni_control.estimation.identify import Identifier
+from omni_control.estimation.identify import LATENCY, Identifier
 from omni_control.estimation.late import MOST_FRAMES, Late
 from omni_control.estimation.loops import Loops
 from omni_control.estimation.motion import Plane, pairs, plane
 from omni_control.estimation.turning import GYRO_SHARE, Turning
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import IteratedReference, Reference
-
-LATENCY = 6 + motion.LATENCY  # among the states of `Identifier`
 
 
 class Arrival(NamedTuple):
@@ -85,26 +83,15 @@ class Identifying(Controller):
         before = turning.heading
         headings = np.full(len(before), np.nan) if measured is None else measured[:, 2]
         positions = None if measured is None else plane(measured[:, :2])
-        latency = plant.latency if late is None else plant.latency + late.behind
-        felt = sent.felt(latency[:, None])
+        acted = plant.acted(sent, late)
         back = np.exp(-1j * before)
-        shortfall = (plane(felt[:, :2].copy()) * plant.turned - plant.velocity) * back
+        shortfall = (plane(acted.command[:, :2].copy()) * plant.turned - plant.velocity) * back
         pulled = self._pulled(plant.velocity * back, turning.rate, plant.gained, shortfall)
-        later = self._later(sent, latency)
-        turn, speed = felt[:, 2] + pulled, np.abs(plant.velocity)
+        turn, speed = acted.command[:, 2] + pulled, np.abs(plant.velocity)
+        later = acted.change[:, 2] / acted.frames
         heard = turning.update(headings, turn, speed, late, shortfall, plant.sliding, later)
-        plant.update(positions, (before + turning.heading) / 2, sent, late, heard)
+        plant.update(positions, (before + turning.heading) / 2, acted, late, heard)
         turning.agree(plant.latency - self.told.delay_frames, plant.variance[:, LATENCY, LATENCY])
-
-    def _later(self, sent: CommandsInFlight, latency: Array) -> Array | float:
-        """By how much more commands a frame later would have turned robots (n,), rad/s, over as much as is doubted."""
-        if not self.turning.tells:
-            return 0.0
-        spread = evidence.spread(self.plant.variance[:, LATENCY, LATENCY])
-        both = np.array([np.maximum(latency - spread, 0.0), latency + spread])
-        early, belated = np.add.reduce(sent.acted(both) * sent.last(sent.length)[:, None, :, 2])
-        change: Array = (belated - early) / (both[1] - both[0])
-        return change
 
     def _pulled(self, velocity: Plane, rate: Array, gained: Plane, shortfall: Plane) -> Array | float:
         """Turn rates that wheels add which give way; see `Compliance.turned`."""

@@ -20,7 +20,7 @@ driven would believe in 1 m/s for a while.
 
 import numpy as np
 
-from omni_control.delay import CommandsInFlight
+from omni_control.delay import Acted, CommandsInFlight
 from omni_control.estimation import evidence, motion
 from omni_control.estimation.arrays import PlantArrays
 from omni_control.estimation.belief import REACH_FRAMES, STATES, believed
@@ -32,6 +32,7 @@ from omni_control.kinematics import Array, Kinematics
 
 ENDS_S = 0.5  # in which it is not believed any more that wheels slide
 MISTAKEN_FRAMES = 14  # before sliding is believed, in which it was taken for other parameters
+LATENCY = 6 + motion.LATENCY  # among the states: beyond the dead time, frames
 _UNITS = np.array([1, 1j, 1, 1j])  # the world's axes, of velocity and of push
 _IDENTITY, _COFACTORS = np.eye(2), np.array([[1.0, -1.0], [-1.0, 1.0]])
 
@@ -136,11 +137,26 @@ class Identifier:
         """What to send, (n,), so that commands (n,) of the law act: without what pushes, and by the robot's compass."""
         return (command - self.push) * self.turned.conj()
 
+    def acted(self, sent: CommandsInFlight, late: Late | None = None) -> Acted:
+        """Commands that acted in the frame just past, and what they were if the latency were another.
+
+        That is over as much as is not known of it: how commands jump from one frame to the next tells nothing of a
+        robot that answers some frames sooner or later.
+
+        Args:
+            sent: commands up to the frame before, `longest` of them at least, and as many more as the filter is behind.
+            late: how far that is. [not]
+        """
+        latency, count = self.latency, self.longest
+        if late is not None:
+            latency, count = latency + late.behind, count + int(late.behind.max())
+        return sent.of(slice(None), count).around(latency, evidence.spread(self.variance[:, LATENCY, LATENCY]))
+
     def update(
         self,
         measured: Plane | None,
         heading: Array,
-        sent: CommandsInFlight,
+        acted: Acted,
         late: Late | None = None,
         heard: tuple[Array, Array] | None = None,
     ) -> None:
@@ -150,14 +166,13 @@ class Identifier:
             measured: positions seen by vision (n,), not a number where a robot was not seen; none if this is no more
                 than a step on the way to the frame of which vision reports.
             heading: in the middle of the frame just past, (n,) rad.
-            sent: commands up to the frame before, `longest` of them at least, and as many more as the filter is behind.
-            late: how far that is, which robots stay in the frame where they are, and how much later they were seen.
-                [not, none, and at once]
+            acted: commands in it.
+            late: which robots stay in the frame where they are, and how much later they were seen. [none, and at once]
             heard: what headings told of the latency in this frame; see `Turning.update`. [nothing]
         """
         before, ahead = self.velocity, np.exp(1j * heading)
-        acting, per_frame = self._acted(sent, late)
-        arrived = acting * self.turned
+        acting, change = (plane(each[:, :2].copy()) for each in (acted.command, acted.change))
+        arrived, per_frame = acting * self.turned, change / acted.frames
         step = self.motion.step(before, arrived + self.push, ahead, self._period)
         variance = self._passed_on(step, arrived, per_frame * self.turned, ahead)
         unaided, gained = plane(step.velocity) * ahead, plane(step.velocity - step.before) / self._period
@@ -169,7 +184,7 @@ class Identifier:
             variance = np.where(late.held[:, None, None], self.variance, variance)
             unaided, gained = plane(state[:, 2:4]).copy(), np.where(late.held, self.gained, gained)
         if heard is not None:
-            state, variance = conditioned(state, variance, 6 + motion.LATENCY, *heard)
+            state, variance = conditioned(state, variance, LATENCY, *heard)
         self.variance, self.gained = variance, gained
         if measured is None:
             self._know(state)
@@ -185,23 +200,8 @@ class Identifier:
         """Take the state (n, 14) for what is known."""
         self._state, self.motion.parameters = state, state[:, 6:]
         self.position, self.velocity, self.push = state[:, :6].view(complex).T
-        self.latency = self._delay + state[:, 6 + motion.LATENCY]
+        self.latency = self._delay + state[:, LATENCY]
         self.turned: Plane = np.exp(-1j * state[:, 6 + motion.COMPASS])
-
-    def _acted(self, sent: CommandsInFlight, late: Late | None) -> tuple[Plane, Plane]:
-        """Commands (n,) that acted in the frame just past, on its average, and how they change per frame of latency.
-
-        The change is that over as much as is not known of the latency: how commands jump from one frame to the next
-        tells nothing of a robot that answers some frames sooner or later.
-        """
-        latency, number, count = self.latency, 6 + motion.LATENCY, self.longest
-        if late is not None:
-            latency, count = latency + late.behind, count + int(late.behind.max())
-        spread = evidence.spread(self.variance[:, number, number])
-        sooner, later = np.maximum(latency - spread, 0.0), latency + spread
-        shares = sent.acted(np.array([latency, sooner, later]))[-count:]
-        acting, early, belated = np.add.reduce(shares * plane(sent.last(count)[..., :2])[:, None])
-        return acting, (belated - early) / (later - sooner)
 
     def _passed_on(self, step: motion.Step, arrived: Plane, later: Plane, ahead: Plane) -> Array:
         """The variance (n, 14, 14) after a step, to first order.
