@@ -23,7 +23,6 @@ import numpy as np
 
 from omni_control import Team, Told
 from omni_control.controllers.adaptive import AdaptiveCompFlc
-from omni_control.estimation.belief import Belief, believed
 from omni_control.estimation.identify import Identifier
 from omni_control.estimation.motion import LATENCY, Motion, Plane, pairs, plane
 from omni_control.kinematics import Array
@@ -101,11 +100,12 @@ def by_heart(truth: Array) -> type[AdaptiveCompFlc]:
 KINDS: dict[str, Kind] = {"by heart": by_heart, "as a stranger": stranger, "as it is": as_it_is}
 
 
-def prior(told: Told) -> Belief:
-    """What a team that is told this believes."""
-    ahead, softness = told.creep_s2_m, Motion(np.ones((1, 8)), told.geometry)._gives[1]
-    aside = softness * ahead if told.creep_sideways_s2_m is None else told.creep_sideways_s2_m
-    return believed(told.period, told.delay_frames, told.lag_s, (ahead, aside), told.drag_m_s, told.alpha)
+def drawn(told: Told, reference: Reference, robots: int, seed: int) -> Array:
+    """Parameters (robots, 8) from what a team that is told this believes, as far as robots can be so."""
+    believes = AdaptiveCompFlc(told, reference, 1)._identifier(np.zeros((1, 3)))
+    mean, variance = believes.motion.parameters[0], believes.variance[0, 6:, 6:]
+    values = np.random.default_rng(seed).multivariate_normal(mean, variance, robots)
+    return np.clip(values, believes._lowest, believes._highest)
 
 
 def driven(kind: Kind, told: Told, reference: Reference, frames: int, truth: Array, seed: int) -> Array:
@@ -136,9 +136,7 @@ def main() -> None:
     measured, nothing = controller.told, replace(controller.told, alpha=None, creep_sideways_s2_m=None)
     cases = ("measured", measured), ("measured, dead time exact", measured), ("nothing of alpha", nothing)
     for says, told in cases:
-        belief = prior(told)
-        drawn = np.random.default_rng(given.seed).multivariate_normal(belief.parameters, belief.variance, given.robots)
-        truth = np.clip(drawn, belief.lowest, belief.highest)
+        truth = drawn(told, controller.reference, given.robots, given.seed)
         truth[:, 0] = 0.0  # the compass, which headings correct
         truth[:, LATENCY] *= "exact" not in says
         for name, kind in KINDS.items():
