@@ -29,8 +29,10 @@ def follows(settings: "Settings", believed_creep: float | None = None) -> dict[s
     """
     lags, drags, law = wheel_loops.lag(settings), wheel_loops.drag(settings), creep(settings)
     own = round(float(law.time[0]), 4)
-    share, soft = believed_creep / own if own and believed_creep is not None else 1.0, law.time[1] / max(own, 1e-9)
-    effort = 1 + (1 / law.gain[:2] - 1 + EFFORT_BESIDE * np.array([1.0, soft])) * share * (own > 0)
+    share = believed_creep / own if own and believed_creep is not None else 1.0
+    effort = np.ones(2)
+    if own:
+        effort += share * (1 / law.gain[:2] - 1 + EFFORT_BESIDE * np.array([1.0, law.time[1] / own]))
     values = {
         "lag_s": round(float(lags.mean()), 4),
         "drag_m_s": round(float(drags.mean()), 3),
