@@ -12,8 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
-from omni_mj.studies.limit import LIMIT, WITHOUT_NOISE
-from omni_mj.studies.limit.plan import AIMS
+from omni_mj.studies.limit import AIMS, LIMIT, WITHOUT_NOISE
 
 if TYPE_CHECKING:
     from omni_mj.studies.limit import LimitResult
@@ -48,7 +47,7 @@ def save(result: "LimitResult", path: Path) -> None:
 
 
 def _learning(result: "LimitResult", axes: Axes) -> None:
-    """Draw the least error so far over the attempts; dotted: where the scenario's own wheels take over."""
+    """Draw the least error so far over the attempts."""
     attempts = np.arange(len(result.history))
     for i, aim in enumerate(AIMS):
         values = [100 * each[aim] for each in result.history]
@@ -57,8 +56,6 @@ def _learning(result: "LimitResult", axes: Axes) -> None:
         spread = result.outcomes[0].entry["results"][LIMIT]["error_m"]["distance"][aim]
         if spread["median"]:
             axes.axhline(100 * spread["median"], color=style.colour(i), ls=":", label=f"{label}, with noise")
-    if 0 < result.own_from < len(attempts):
-        axes.axvline(result.own_from - 0.5, color=style.REFERENCE, lw=0.8, ls="--")
     canvas.plain(axes.yaxis)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set(xlabel="attempt", ylabel="error in the plane, cm")

@@ -1,6 +1,5 @@
 """`omni-mj limit` as a user types it, and `omni-mj compare` beside what it leaves."""
 
-from collections.abc import Iterator
 from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -8,8 +7,6 @@ from pathlib import Path
 import pytest
 from commands import invoke, strict
 from matplotlib.image import imread
-
-from omni_mj.studies.limit import practice
 
 SEEDS, FIRST = 2, 3
 COMMON = ("--plant", "kinematic", "--set", "reference.settle_s=0.1", "--seeds", SEEDS, "--seed", FIRST)
@@ -22,15 +19,6 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture(scope="module", autouse=True)
-def little_practice() -> Iterator[None]:
-    """With fewer seeds than a user's, and fewer regulators."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(practice, "SEEDS", 2)
-        patch.setattr(practice, "WEIGHTS", (0.01, 0.03))
-        yield
-
-
 @pytest.fixture(scope="module")
 def limited(tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """The folder that a limit leaves, and what is printed."""
@@ -41,7 +29,7 @@ def limited(tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path,
 
 
 def test_the_limit_is_a_command(limited: tuple[Path, str], tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """It prints a table, and leaves numbers, frames, the scenario and a picture; of fewer seeds of practice."""
+    """It prints a table, and leaves numbers, frames, the scenario and a picture."""
     out, printed = limited
     assert [line.split("  ")[0] for line in printed.splitlines()[2:4]] == ["limit", "limit without noise"]
     files = {"summary.json", "scenario.toml", "trajectory.parquet", "limit.png", "provenance.json", "sources"}

@@ -10,7 +10,6 @@ import pytest
 import omni_mj as om
 from omni_mj.measure import summary
 from omni_mj.measure.result import Outcome
-from omni_mj.studies.limit import practice
 from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
 
 SEEDS = range(7, 10)
@@ -229,11 +228,8 @@ def test_sending_the_references_own_velocities_is_no_effort_of_ones_own(scenario
 
 @pytest.fixture(scope="module")
 def study(scenarios: list[om.Scenario]) -> dict[str, Any]:
-    """What a study of the first one's limit says, of fewer seeds of practice and regulators."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(practice, "SEEDS", 2)
-        patch.setattr(practice, "WEIGHTS", (0.01, 0.03))
-        return om.limit(scenarios[0], SEEDS, iterations=2).summary()
+    """What a study of the first one's limit says."""
+    return om.limit(scenarios[0], SEEDS, iterations=2).summary()
 
 
 def test_limits_that_are_known_stand_in_the_summary(study: dict[str, Any], scenarios: list[om.Scenario]) -> None:

@@ -1,11 +1,10 @@
-"""What is possible on a plant: the least error of robots that have learned the way, without noise and with it.
-
-    result = limit("rect")
+"""What is possible on a plant: the least error of robots that have learned the path, without noise and with it.
 
 Without noise, iterative learning finds the limit of actuators and traction (`learning`); with noise, feedback on the
-best prediction along what was learned finds that of information (`practice`). docs/limit.md says what both are worth.
+best estimate along what was learned finds that of information (`tracking`). docs/limit.md says what both are worth.
 """
 
+from omni_mj.studies.limit.learning import AIMS
 from omni_mj.studies.limit.study import LIMIT, WITHOUT_NOISE, LimitResult, check, limit
 
-__all__ = ["LIMIT", "WITHOUT_NOISE", "LimitResult", "check", "limit"]
+__all__ = ["AIMS", "LIMIT", "WITHOUT_NOISE", "LimitResult", "check", "limit"]

@@ -1,261 +1,209 @@
-"""Iterative learning without noise: what a robot can do that has driven the same way before.
+"""Iterative learning without noise: what a robot can do that has driven the same path before.
 
-An attempt is led by commands that were planned from the best attempt so far, with feedback, since what rolls and counts
-is not the same twice. What it shows is planned from again if it is better; if not, the next step is smaller. How
-attempts that were sent other commands departed from one another tells what plans are made with (`Deviations`): the
-first ones are disturbed for that, and later ones where plans do not hold what they promise.
+In each attempt several rows follow commands planned from the best run so far, with feedback, since rolling contacts
+do not repeat exactly; others follow the best run with random changes of its commands. How rows departed from the best
+one tells the model with which the next commands are planned.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from itertools import product
+from typing import Literal
 
 import numpy as np
 
+from omni_control.controllers.base import Controller
+from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.scenarios import references
-from omni_mj.scenarios.faults import ON_WHEELS
+from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
-from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.limit.attempts import Attempts, Leader, attempt, of, row
-from omni_mj.studies.limit.deviations import Deviations
-from omni_mj.studies.limit.follower import Follower, regulator
-from omni_mj.studies.limit.plan import AIMS, Aim, Planner
-from omni_mj.studies.limit.predictor import Predictor
-from omni_mj.studies.limit.unknowns import Unknowns
+from omni_mj.studies.limit.model import DepartureModel
+from omni_mj.studies.limit.plan import improve
+from omni_mj.studies.limit.tracking import Policy, Tracker
 from omni_mj.studies.outcome import AfterFrame
 
+Aim = Literal["max", "mean"]
+AIMS: tuple[Aim, ...] = ("max", "mean")
 Begin = Callable[[str, int], AfterFrame]
-TEACHERS = ("comp-flc", "adaptive-comp-flc", "smith", "lqr")  # whose runs are the first to be learned from
-STEPS = (1.0, 0.5)  # shares of a planned change that are tried side by side
-SMALLEST_STEP = 1 / 64
-WEIGHTS = (0.1, 0.03, 0.01, 0.003)  # of the regulator: stiffer after an attempt that is better, softer if none was
-SOFTER = 4.0  # times the weight, for the smaller steps
-# By which commands are disturbed, m/s and rad/s. Less than half of it, and feedback on what is not foreseen would be
-# taken for cause and effect.
+Leader = Callable[[Array, Array, Array], Array]
+TEACHERS = ("comp-flc", "adaptive-comp-flc")  # whose best run is the first
+SHARES, WEIGHTS = (1.0, 0.3), (0.03, 0.003)  # of a planned change, and of the regulator: all pairs are tried
+PROBES = 3  # rows that are disturbed, by so much in m/s and rad/s
 PROBE = np.array([0.1, 0.1, 0.5])
-PROBED, PROBES = 2, 3  # so many attempts at the least, with so many rows each
-HELD = 0.5  # share of what was promised, below which deviations are told anew
-ENOUGH_M = 5e-5  # as good as what was promised
-HEADING_M = 0.01  # per rad: what a wrong heading counts beside the plane
-ASTRAY, ASTRAY_M = 4.0, 0.05  # times the error of the best row: those beyond both tell nothing of runs near it
-PATIENCE, PROGRESS, PROGRESS_M = 3, 0.04, 2e-5  # learning ends after as many attempts that gained less
+PROBE_WEIGHT = 0.1
+ASTRAY, ASTRAY_M = 4.0, 0.05  # times the best row's maximum: rows beyond both say nothing of runs near it
+HEADING_M = 0.01  # per rad: weight of the heading in what is compared
+PATIENCE, PROGRESS, PROGRESS_M = 3, 0.04, 2e-5  # learning ends after so many attempts that gain less
 
 
-@dataclass(eq=False)
-class Best:
-    """The best run so far of each of L robots, by one aim.
+class Learned(Controller):
+    """Placeholder for a controller: the robots are commanded from outside."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drives:
+    """What came of n rows in F frames.
 
     Attributes:
-        asked, sent, poses, errors: of these runs, (F, L, 3); see `Attempts`.
-        merit: what shall be least, (L,) m.
-        step: share of a planned change that is tried next, (L,).
+        asked: Commands before the limits, (F, n, 3); the same commands give the same run, bit for bit.
+        sent: Commands within the limits, (F, n, 3).
+        poses: True poses, (F, n, 3).
+        errors: Poses less the reference, (F, n, 3); infinite for a row that failed.
     """
 
     asked: Array
     sent: Array
     poses: Array
     errors: Array
-    merit: Array
-    step: Array = field(init=False)
 
-    def __post_init__(self) -> None:
-        self.step = np.ones_like(self.merit)
+    @classmethod
+    def of(cls, simulation: Simulation, asked: Array) -> "Drives":
+        """Return those of a simulation that is over."""
+        poses, sent = simulation.log.channel("pose"), simulation.log.channel("command")
+        errors = poses - simulation.log.channel("ref")
+        errors[:, [failure.row for failure in simulation.failures]] = np.inf
+        return cls(asked, sent, poses, errors)
 
-    def take(self, made: Attempts, merit: Array, robot: int, number: int) -> bool:
-        """Take row `number` for a robot if it is better."""
-        if not merit[number] < self.merit[robot]:
-            return False
-        for name in ("asked", "sent", "poses", "errors"):
-            getattr(self, name)[:, robot] = getattr(made, name)[:, number]
-        self.merit[robot] = merit[number]
-        return True
+    def at(self, rows: Sequence[int]) -> "Drives":
+        """Return those of some rows."""
+        return Drives(*(values[:, rows] for values in (self.asked, self.sent, self.poses, self.errors)))
+
+    def size(self, aim: Aim) -> Array:
+        """Return the maximum or mean error in the plane, (n,) m, and a little of that of the heading."""
+        error = np.hypot(self.errors[..., 0], self.errors[..., 1]) + HEADING_M * np.abs(self.errors[..., 2])
+        return error.max(0) if aim == "max" else error.mean(0)
+
+    @property
+    def merit(self) -> Array:
+        """What learning minimizes, (n,) m: the mean of maximum and mean error."""
+        return (self.size("max") + self.size("mean")) / 2
+
+
+def quiet(scenario: Scenario) -> Scenario:
+    """Return the scenario without noise, disturbance and jitter."""
+    kinematic = scenario.settings.kinematic
+    middle = (kinematic.alpha_low + kinematic.alpha_high) / 2
+    settings = scenario.settings.replace(
+        vision={"position_noise_m": 0, "heading_noise_rad": 0, "miss_probability": 0},
+        sensors={"gyro_noise_rad_s": 0, "gyro_bias_rad_s": 0},
+        disturbance={"force_n": 0, "velocity_m_s": 0},
+        radio={"jitter_frames": 0},
+        kinematic={"alpha_low": middle, "alpha_high": middle, "alpha_time_s": 0},
+    )
+    return scenario.replace(settings=settings)
+
+
+def simulation(scenario: Scenario, controllers: Sequence[str], seeds: Sequence[int]) -> Simulation:
+    """Return a simulation of one robot per controller and seed, each in its own world; no controller: led ones."""
+    pairs = list(product(controllers or (Learned.__name__,), seeds))
+    rows = [Row(i, 0, name, seed, scenario.settings, scenario.robot) for i, (name, seed) in enumerate(pairs)]
+    return Simulation(scenario, controllers or (Learned,), rows=rows)
+
+
+def lead(robots: Simulation, leader: Leader, after_frame: AfterFrame) -> Drives:
+    """Lead robots from start to end by a function of reported poses, sent headings and last commands."""
+    asked = []
+    while not robots.done:
+        seen = robots.observe()
+        asked.append(leader(seen.carried, seen.pose[:, 2], robots.team.last))
+        robots.step(asked[-1])
+        after_frame(robots.frame - 1)
+    return Drives.of(robots, np.array(asked))
+
+
+def _disturbed(tracker: Tracker, changes: Array) -> Leader:
+    """Return a leader whose commands differ from the tracker's by changes (F, n, 3)."""
+    frames = iter(changes)
+    return lambda measured, heading, last: tracker(measured, heading, last) + next(frames)
 
 
 class Learner:
-    """Learns the way of a scenario for L robots side by side.
+    """Learns the commands of a scenario for L robots side by side.
 
     Args:
-        scenario: without noise.
-        seeds: of the robots, L of them.
-        begin: called with a title and the number of frames before each attempt; what it returns is called after each
+        scenario: Without noise.
+        seeds: Of the robots, L of them.
+        begin: Called with a title and the number of frames before each attempt; what it returns is called after each
             frame.
 
     Attributes:
-        best: by aim.
-        deviations: near the runs.
-        history: after each attempt, the median over robots of the least maximum and the least mean of the error in the
-            plane so far, in m.
+        best: The best run of each robot so far.
+        model: How robots depart from it.
+        history: Maximum and mean error in the plane of the best run, m, median over the robots, after each attempt.
     """
 
     def __init__(self, scenario: Scenario, seeds: Sequence[int], begin: Begin) -> None:
         self.scenario, self.seeds, self._begin = scenario, list(seeds), begin
-        settings = scenario.settings
-        self.reference = references.timed(settings, row(scenario, 0, 0).where).poses
-        frames, robots, delay = len(self.reference), len(self.seeds), settings.radio.delay_frames
-        self.deviations = Deviations.prior(frames, delay, 2 * settings.control.lag_s)
+        settings, (x, y, heading) = scenario.settings, scenario.settings.world.places[0]
+        self.reference = references.timed(settings, (x, y, heading)).poses
+        self.model = DepartureModel.prior(len(self.reference), settings.radio.delay_frames, 2 * settings.control.lag_s)
         self.history: list[dict[Aim, float]] = []
-        self._limits = references.motion_limits(settings.control)
+        self.best: Drives
         self._random = np.random.default_rng(0)
-        self._stiffness = 0
-        self._told: list[tuple[Array, Array]] = []
-        forward = np.zeros((frames, 3))
-        forward[: max(frames - 1 - delay, 0)] = np.diff(self.reference, axis=0)[delay:] / PERIOD_S
-        start = [
-            np.repeat(values[:, None], robots, axis=1)
-            for values in (forward, forward, self.reference, np.zeros((frames, 3)))
-        ]
-        self.best: dict[Aim, Best] = {}
-        for aim in AIMS:
-            asked, sent, poses, errors = (values.copy() for values in start)
-            self.best[aim] = Best(asked, sent, poses, errors, np.full(robots, np.inf))
+        teachers = simulation(scenario, TEACHERS, self.seeds)
+        teachers.run(begin("controllers", len(self.reference)))
+        self._choose(Drives.of(teachers, teachers.log.channel("command")))
+        if not np.isfinite(self.best.merit).all():
+            raise OmniError(f"no controller comes to the end of {scenario.name!r}: there is nothing to learn from")
 
     def learn(self, attempts: int) -> None:
-        """Begin with what controllers do, go on from there, and tell how robots depart from the best run."""
-        self._be_taught()
-        self._explore()
-        self._go_on(attempts)
-        self._explore()
-
-    def learn_on(self, scenario: Scenario, attempts: int) -> None:
-        """Go on with the same robots on other wheels, or the like."""
-        self.scenario = scenario
-        for best in self.best.values():
-            best.merit[:], best.step[:] = np.inf, 1.0
-        self._judge(self._try(self._unchanged(), WEIGHTS[-1], 0, "own wheels"))
-        self._go_on(attempts)
-
-    def _explore(self) -> None:
-        """Tell from runs near the best, and from no others, how robots depart from it."""
-        self._told.clear()
-        self._try((self.best["max"].sent, self.best["max"].poses), WEIGHTS[0], PROBES, "departures")
-
-    def _go_on(self, attempts: int) -> None:
-        """Attempt after attempt, until they gain nothing any more."""
-        idle, first, probe = 0, len(self.history), len(self.history) == 1
-        for number in range(first, first + attempts):
-            weight = WEIGHTS[self._stiffness]
-            was = self._merits()
-            planned, promised = self._planned()
-            self._judge(self._try(planned, weight, PROBES if probe else 0, f"attempt {number}"))
-            now = self._merits()
-            short = now - promised > np.maximum(HELD * (was - promised), ENOUGH_M)
-            probe = bool(short.any()) or number < PROBED
-            better = (now < was).any()
-            self._stiffness = min(max(self._stiffness + (1 if better else -2), 0), len(WEIGHTS) - 1)
-            idle = 0 if (was - now > np.maximum(PROGRESS * was, PROGRESS_M)).any() else idle + 1
+        """Attempt after attempt, plan from the best run, until nothing is gained any more."""
+        limits, idle = references.motion_limits(self.scenario.settings.control), 0
+        tries = list(product(SHARES, WEIGHTS))
+        for number in range(1, attempts + 1):
+            best, before = self.best, self.best.merit
+            commands, errors = improve(self.model, limits, best.errors, best.sent)
+            shares = [share for share, _ in tries] + [0.0] * PROBES
+            policies = [Policy(weight) for _, weight in tries] + [Policy(PROBE_WEIGHT)] * PROBES
+            tracker = Tracker(
+                self.model,
+                np.concatenate([best.sent + share * (commands - best.sent) for share in shares], axis=1),
+                np.concatenate([best.poses + share * (errors - best.errors) for share in shares], axis=1),
+                self.scenario,
+                [policy for policy in policies for _ in self.seeds],
+            )
+            disturbed = _disturbed(tracker, self._changes(len(tries), len(policies)))
+            robots = simulation(self.scenario, (), self.seeds * len(policies))
+            made = lead(robots, disturbed, self._begin(f"attempt {number}", len(self.reference)))
+            self._choose(made)
+            self._fit(made)
+            gained = before - self.best.merit > np.maximum(PROGRESS * before, PROGRESS_M)
+            idle = 0 if gained.any() else idle + 1
             if idle == PATIENCE:
                 break
 
-    def _merits(self) -> Array:
-        return np.array([np.median(best.merit) for best in self.best.values()])
+    def _changes(self, quiet_groups: int, groups: int) -> Array:
+        """Return random changes of the commands, of two frames each; none for the first groups of rows."""
+        changes = PROBE * self._random.standard_normal((len(self.reference), groups * len(self.seeds), 3))
+        changes[1:] += changes[:-1].copy()
+        changes[:, : quiet_groups * len(self.seeds)] = 0
+        return changes / np.sqrt(2)
 
-    def _unchanged(self) -> tuple[Array, Array]:
-        """Commands and poses (F, rows, 3) of the best runs, for each aim and step."""
-        several = [(best.sent, best.poses) for best in self.best.values() for _ in STEPS]
-        commands, poses = (np.concatenate(part, axis=1) for part in zip(*several, strict=True))
-        return commands, poses
-
-    def _planned(self) -> tuple[tuple[Array, Array], Array]:
-        """The same after a change that is planned, and what whole changes promise of each aim."""
-        planner = Planner(self.deviations, self._limits)
-        commands, poses, promised = list[Array](), list[Array](), []
-        for aim, best in self.best.items():
-            wanted, errors = planner.improve(best.errors, best.sent, aim)
-            promised.append(np.median(merits(errors, aim)))
-            for step in STEPS:
-                share = (step * best.step)[:, None]
-                commands.append(best.sent + share * (wanted - best.sent))
-                poses.append(best.poses + share * (errors - best.errors))
-        return (np.concatenate(commands, axis=1), np.concatenate(poses, axis=1)), np.array(promised)
-
-    def _try(self, planned: tuple[Array, Array], weight: float, probes: int, title: str) -> Attempts:
-        """Lead robots along runs, the first of them so many times more, disturbed."""
-        settings, robots = self.scenario.settings, len(self.seeds)
-        commands, poses = (np.concatenate([part] + probes * [part[:, :robots]], axis=1) for part in planned)
-        groups = commands.shape[1] // robots
-        disturbed = np.arange(groups) >= groups - probes
-        gains = np.stack([regulator(self.deviations, weight), regulator(self.deviations, SOFTER * weight)], axis=1)
-        which = np.repeat(np.arange(groups) % len(STEPS) * ~disturbed, robots)
-        unknowns = Unknowns.of(settings, self.scenario.plant)
-        firmware = self.scenario.plant in ON_WHEELS
-        predictor = Predictor(self.deviations, commands, poses, settings, unknowns, firmware)
-        leader: Leader = Follower(predictor, gains, which)
-        if probes:
-            leader = _Disturbed(leader, np.repeat(disturbed, robots)[:, None] * self._probes(commands.shape))
-        made = attempt(self.scenario, self.seeds * groups, leader, self._begin(title, len(commands)))
-        if probes:
-            self._tell(made)
-        return made
-
-    def _probes(self, shape: tuple[int, ...]) -> Array:
-        """Random changes of commands, of two frames each."""
-        white = PROBE * self._random.standard_normal(shape)
-        white[1:] += white[:-1].copy()
-        return white / np.sqrt(2)
-
-    def _tell(self, made: Attempts) -> None:
-        """Fit deviations to how rows of one robot differ, in these attempts and the last that were disturbed."""
-        robots, farthest = len(self.seeds), merits(made.errors, "max")
-        for robot in range(robots):
-            rows = sorted(range(robot, len(farthest), robots), key=lambda i: farthest[i])
-            rows = [i for i in rows if farthest[i] < max(ASTRAY * farthest[rows[0]], ASTRAY_M)]
-            if len(rows) > 1:
-                first, others = rows[:1], rows[1:]
-                poses, sent = (values[:, others] - values[:, first] for values in (made.poses, made.sent))
-                self._told.append((poses, sent))
-        self._told = self._told[-2 * robots :]
-        if self._told:
-            poses, sent = (np.concatenate(part, axis=1) for part in zip(*self._told, strict=True))
-            self.deviations = Deviations.fit(self.reference, self.deviations.delay, poses, sent)
-
-    def _judge(self, made: Attempts) -> None:
-        """Take what is better, and choose the next steps."""
+    def _choose(self, made: Drives) -> None:
+        """Take the best row of each robot, if it is better than the best run so far."""
         robots = len(self.seeds)
-        for aim, best in self.best.items():
-            merit = merits(made.errors, aim)
-            for robot in range(robots):
-                winner = min(range(robot, len(merit), robots), key=lambda i: merit[i])
-                if not best.take(made, merit, robot, winner):
-                    best.step[robot] = max(best.step[robot] / 4, SMALLEST_STEP)
-                elif (winner // robots) % len(STEPS) == 0:
-                    best.step[robot] = min(2 * best.step[robot], 1.0)
-        self._note()
+        rows = [int(made.merit[i::robots].argmin()) * robots + i for i in range(robots)]
+        chosen = made.at(rows)
+        if self.history:
+            better = chosen.merit < self.best.merit
+            pairs = zip(vars(chosen).values(), vars(self.best).values(), strict=True)
+            chosen = Drives(*(np.where(better[:, None], new, old) for new, old in pairs))
+        self.best = chosen
+        distance = np.hypot(chosen.errors[..., 0], chosen.errors[..., 1])
+        self.history.append({"max": float(np.median(distance.max(0))), "mean": float(np.median(distance.mean(0)))})
 
-    def _be_taught(self) -> None:
-        """Let controllers drive, and take the best of them."""
-        several = [(seed, name) for name in TEACHERS for seed in self.seeds]
-        rows = [row(self.scenario, i, seed, name) for i, (seed, name) in enumerate(several)]
-        simulation = Simulation(self.scenario, TEACHERS, rows=rows)
-        simulation.run(self._begin("controllers", len(self.reference)))
-        sent = simulation.log.channel("command")
-        made = of(simulation, sent, simulation.log.channel("vision"), simulation.log.channel("vision")[..., 2])
-        for aim, best in self.best.items():
-            merit = merits(made.errors, aim)
-            for i in range(len(rows)):
-                best.take(made, merit, i % len(self.seeds), i)
-        self._note()
-
-    def _note(self) -> None:
-        size = {aim: np.hypot(best.errors[..., 0], best.errors[..., 1]) for aim, best in self.best.items()}
-        found = {"max": size["max"].max(0), "mean": size["mean"].mean(0)}
-        self.history.append({aim: float(np.median(found[aim])) for aim in AIMS})
-
-
-class _Disturbed:
-    """Leads as another does, but for disturbances (F, n, 3)."""
-
-    def __init__(self, leader: Leader, disturbances: Array) -> None:
-        self._leader, self._next = leader, iter(disturbances)
-
-    def __call__(self, measured: Array, heading: Array) -> Array:
-        return self._leader(measured, heading) + next(self._next)
-
-    def sent(self, command: Array) -> None:
-        self._leader.sent(command)
-
-
-def merits(errors: Array, aim: Aim) -> Array:
-    """What shall be least of errors (F, n, 3): their maximum or mean in the plane, and a little of the heading's."""
-    size = np.hypot(errors[..., 0], errors[..., 1]) + HEADING_M * np.abs(errors[..., 2])
-    return size.max(0) if aim == "max" else size.mean(0)
+    def _fit(self, made: Drives) -> None:
+        """Fit the model to how the rows of each robot differ from its best row."""
+        robots, farthest = len(self.seeds), made.size("max")
+        poses, commands = list[Array](), list[Array]()
+        for robot in range(robots):
+            rows = sorted(range(robot, len(farthest), robots), key=lambda row: float(farthest[row]))
+            near = [row for row in rows if farthest[row] < max(ASTRAY * farthest[rows[0]], ASTRAY_M)]
+            poses.append(made.poses[:, near[1:]] - made.poses[:, near[:1]])
+            commands.append(made.sent[:, near[1:]] - made.sent[:, near[:1]])
+        if sum(values.shape[1] for values in poses) > 1:
+            self.model = DepartureModel.fit(
+                self.reference, self.model.delay, np.concatenate(poses, axis=1), np.concatenate(commands, axis=1)
+            )

@@ -1,0 +1,112 @@
+"""Linear model of how a robot departs from a known run if its commands change.
+
+Near a run, a change du of the commands changes the robot's velocity v and pose p by
+
+    dv(k) = A(k) dv(k-1) + B0(k) du(k-D) + B1(k) du(k-D-1),      dp(k+1) = dp(k) + T dv(k)
+
+with D the dead time: a first-order lag between two samples. Wheels that creep lag more at speed, so A and B are
+polynomials of the reference's speed, acceleration and turn rate in the body frame.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+
+from omni_control.kinematics import Array
+from omni_mj.scenarios.settings import PERIOD_S
+
+SMOOTHING_FRAMES = 11
+TURN_SCALE_RAD_S = 5.0  # turn rate that counts as one in the polynomial
+
+
+@dataclass(frozen=True, eq=False)
+class DepartureModel:
+    """Matrices of F frames in the world frame; m, rad, s.
+
+    Attributes:
+        velocity: A, shape (F, 3, 3).
+        command: B0 and B1, shape (2, F, 3, 3).
+        delay: D, frames.
+    """
+
+    velocity: Array
+    command: Array
+    delay: int
+
+    @property
+    def frames(self) -> int:
+        """Return F."""
+        return len(self.velocity)
+
+    @classmethod
+    def prior(cls, frames: int, delay: int, lag_s: float) -> "DepartureModel":
+        """Return the model of a robot that follows its commands with a first-order lag."""
+        decay = np.exp(-PERIOD_S / lag_s) if lag_s else 0.0
+        carried = lag_s * (1 - decay) / PERIOD_S  # share of a frame's path due to the velocity before
+        shares = np.array([1 - carried, carried - decay])
+        return cls(
+            np.tile(decay * np.eye(3), (frames, 1, 1)),
+            shares[:, None, None, None] * np.tile(np.eye(3), (frames, 1, 1)),
+            delay,
+        )
+
+    @classmethod
+    def fit(cls, reference: Array, delay: int, poses: Array, commands: Array) -> "DepartureModel":
+        """Fit the model by least squares to how runs differ from one of them.
+
+        Args:
+            reference: Poses (F, 3) near which all runs are.
+            delay: Dead time, frames.
+            poses: Pose differences, (F, n, 3).
+            commands: Differences of the sent commands, (F, n, 3).
+        """
+        body_axes, basis = _body_axes(reference), _basis(reference)
+        velocity = np.diff(poses, axis=0) / PERIOD_S
+        inputs = _delayed(velocity, 1), _delayed(commands, delay), _delayed(commands, delay + 1)
+        in_body = [np.einsum("kji,knj->kni", body_axes[:-1], x[: len(velocity)]) for x in (velocity, *inputs)]
+        regressors = np.concatenate(in_body[1:], axis=2)[..., None] * basis[:-1, None, None]
+        rows = regressors.reshape(-1, regressors[0, 0].size)
+        solution = scipy.linalg.lstsq(rows, in_body[0].reshape(-1, 3), cond=1e-4)[0]
+        blocks = solution.reshape(3, 3, basis.shape[1], 3)
+        fitted = np.einsum("mjbi,kb->mkij", blocks, basis)
+        world = body_axes @ fitted @ body_axes.swapaxes(-1, -2)
+        return cls(world[0], world[1:], delay)
+
+    def operators(self) -> tuple[sp.csc_matrix, sp.csc_matrix]:
+        """Return sparse M (6F, 6F) and N (6F, 3F) of M [dp; dv] = N du, frame after frame."""
+        size = 3 * self.frames
+
+        def shift(frames: int) -> sp.spmatrix:
+            return sp.eye(size, k=-3 * frames)
+
+        lag = sp.eye(size) - sp.block_diag(self.velocity) @ shift(1)
+        push = sp.block_diag(self.command[0]) @ shift(self.delay)
+        push = push + sp.block_diag(self.command[1]) @ shift(self.delay + 1)
+        motion = sp.bmat([[sp.eye(size) - shift(1), -PERIOD_S * shift(1)], [None, lag]])
+        return motion.tocsc(), sp.vstack([sp.csc_matrix((size, size)), push]).tocsc()
+
+
+def _body_axes(reference: Array) -> Array:
+    """Return the body axes in the world frame, (F, 3, 3)."""
+    axes = np.tile(np.eye(3), (len(reference), 1, 1))
+    c, s = np.cos(reference[:, 2]), np.sin(reference[:, 2])
+    axes[:, 0, 0], axes[:, 0, 1], axes[:, 1, 0], axes[:, 1, 1] = c, -s, s, c
+    return axes
+
+
+def _basis(reference: Array) -> Array:
+    """Return the terms of the polynomials in each frame, (F, terms)."""
+    velocity = np.gradient(reference, PERIOD_S, axis=0)
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    window = np.hanning(SMOOTHING_FRAMES + 2)[1:-1]
+    acceleration = np.gradient(velocity[:, :2], PERIOD_S, axis=0)
+    smooth = [np.convolve(axis, window / window.sum(), "same") for axis in acceleration.T]
+    turn = np.abs(velocity[:, 2]) / TURN_SCALE_RAD_S
+    return np.stack([np.ones_like(speed), speed, speed**2, np.hypot(*smooth), turn], axis=1)
+
+
+def _delayed(values: Array, frames: int) -> Array:
+    """Return the values so many frames later, zero before."""
+    return np.concatenate([np.zeros((frames, *values.shape[1:])), values])

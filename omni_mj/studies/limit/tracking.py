@@ -1,0 +1,239 @@
+"""Lead robots along known runs: the learned commands, and feedback on the estimated departure.
+
+A Kalman filter on `DepartureModel` estimates how each robot departs from its run. The firmware's heading has an error
+c and its gyro a bias b of which it knows a part. Both follow known laws (`onboard.heading.HeadingEstimate`):
+
+    c(k+1) = c(k) + T b(k) + T g e(k),    b(k+1) = b(k) + T h e(k),    e(k) = heading sent - heading held then
+
+They act like other commands: turned by -c, with -b / (1 + turn gain) too much turn rate. So does a gain by which the
+kinematic plant's speeds differ from commands. A linear quadratic regulator
+acts on the departure predicted at the end of the dead time, which is optimal for a robot with dead time (D. L.
+Kleinman, IEEE Trans. Automatic Control 14, 1969).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from omni_control.kinematics import Array, wrap_angle
+from omni_mj.scenarios.faults import ON_WHEELS
+from omni_mj.scenarios.scenario import Scenario
+from omni_mj.scenarios.settings import PERIOD_S
+from omni_mj.studies.limit.model import DepartureModel
+from omni_mj.studies.limit.plan import SCALE
+
+POSE, SPEED, DRIFT, COMPASS, BIAS, GAIN = slice(0, 3), slice(3, 6), slice(6, 9), 9, 10, slice(11, 14)
+STATES = 14
+DRIFT_DECAY = np.exp(-1 / 30.0)  # per frame
+SMALLEST = 2e-6  # m or rad that vision resolves; avoids a division by zero
+# Standard deviations per frame of what no linear model foresees: velocity, its lasting part (drift), in m/s and rad/s,
+# and the heading that the firmware holds, rad. Those with which poses of tigers-v2016 on `rect` are predicted best.
+ON_WHEELS_NOISE = np.array([5e-4, 5e-4, 2e-3, 2e-5, 2e-5, 4e-5, 2.5e-4])
+ROUNDS = 5  # a disturbance is at most 0.2 of a command, so five rounds leave nothing of it
+
+
+@dataclass(frozen=True)
+class Policy:
+    """How feedback is set.
+
+    Attributes:
+        weight: Of commands beside departures in the regulator, s^2; its root is about the time to make one good.
+        noise: Factor of the filter's process noise of translation.
+    """
+
+    weight: float
+    noise: float = 1.0
+
+
+class Tracker:
+    """Controller of n robots near n runs, called once a frame.
+
+    Args:
+        model: Departures, the same for all runs.
+        commands: Of the runs, (F, n, 3).
+        poses: Of the runs, (F, n, 3).
+        scenario: Its noise, radio and firmware.
+        policies: One per robot.
+    """
+
+    def __init__(
+        self, model: DepartureModel, commands: Array, poses: Array, scenario: Scenario, policies: Sequence[Policy]
+    ) -> None:
+        n, settings, firmware = len(policies), scenario.settings, scenario.plant in ON_WHEELS
+        self._model, self._commands, self._poses = model, commands, poses
+        self._delay, self._last = model.delay, model.frames - 1
+        self._heading_gain = firmware * PERIOD_S * settings.firmware.heading_gain
+        self._bias_gain = firmware * PERIOD_S * settings.firmware.bias_gain
+        self._bias_effect = firmware / (1 + settings.firmware.turn_gain)
+        vision = settings.vision
+        position, heading = max(vision.position_noise_m, SMALLEST), max(vision.heading_noise_rad, SMALLEST)
+        self._vision_covariance = np.diag(np.square([position, position, heading]))
+        self._noise, gain, self._gain_decay = _process_noise(scenario, model, commands[:, 0])
+        self._noise_factors = np.array([[policy.noise**2, 1.0] for policy in policies])
+        weights = [policy.weight for policy in policies]
+        distinct, self._which = np.unique(weights, return_inverse=True)
+        self._gains = np.stack([_regulator(model, weight) for weight in distinct], axis=1)
+        self._inverse = np.linalg.pinv(model.command.sum(0))
+        self._state = np.zeros((n, STATES))
+        self._covariance = np.zeros((n, STATES, STATES))
+        self._covariance[:, BIAS, BIAS] = firmware * settings.sensors.gyro_bias_rad_s**2
+        self._covariance[:, GAIN, GAIN] = gain**2 * np.eye(3)
+        self._sent = np.zeros((self._last + 1, n, 3))
+        self._headings = np.zeros((self._last + 1, n))  # that were sent, less the robots' own at that time
+        self._frame = -1
+
+    def __call__(self, measured: Array, heading: Array, last: Array) -> Array:
+        """Return commands (n, 3), before the limits.
+
+        Args:
+            measured: Poses that vision reports, (n, 3); NaN where it reports none.
+            heading: Sent along with the command, (n,).
+            last: Commands sent in the frame before, (n, 3).
+        """
+        ahead = self.predict(measured, heading, last)
+        frame = self._frame
+        acts = min(frame + self._delay, self._last)
+        last_change = self._sent_in(frame - 1) - self._planned(frame - 1)
+        felt = last_change + self._disturbance(ahead, self._sent_in(frame - 1), acts)
+        state = np.concatenate([ahead[:, POSE], ahead[:, SPEED], felt], axis=1)
+        feedback = (self._gains[min(frame, self._last), self._which] * state[:, None]).sum(-1)
+        desired = command = self._planned(frame) - feedback
+        for _ in range(ROUNDS):
+            command = desired - self._disturbance(ahead, command, acts)
+        return command
+
+    def predict(self, measured: Array, heading: Array, last: Array) -> Array:
+        """Take in a frame; return the states (n, STATES) predicted for the frame in which its command acts."""
+        if self._frame >= 0:
+            self._sent[min(self._frame, self._last)] = last
+            self._advance_filter()
+        self._frame += 1
+        pose = self._poses[min(self._frame, self._last)]
+        self._correct(measured - pose)
+        own = pose[:, 2] + self._state[:, 2]
+        self._headings[min(self._frame, self._last)] = wrap_angle(heading - own)
+        ahead = self._state
+        for frame in range(self._frame, self._frame + self._delay):
+            ahead = self._advanced(ahead, frame)
+        return ahead
+
+    def _advance_filter(self) -> None:
+        """Advance states and covariances by a frame; `_advanced` is affine, so differences are its Jacobian."""
+        states = np.zeros((1 + STATES, *self._state.shape))
+        states[1:] = np.eye(STATES)[:, None]
+        images = self._advanced(states, self._frame)
+        jacobian = (images[1:] - images[0]).transpose(1, 2, 0)
+        self._state = self._advanced(self._state, self._frame)
+        noise = np.einsum("np,pij->nij", self._noise_factors, self._noise[:, min(self._frame, self._last)])
+        self._covariance = jacobian @ self._covariance @ jacobian.swapaxes(1, 2) + noise
+
+    def _advanced(self, state: Array, frame: int) -> Array:
+        """Return the states (..., n, STATES) a frame later."""
+        at = min(frame, self._last)
+        speed = state[..., SPEED] @ self._model.velocity[at].T + state[..., DRIFT]
+        for lag, matrix in enumerate(self._model.command[:, at]):
+            when = frame - self._delay - lag
+            command = self._sent_in(when)
+            change = command - self._planned(when) + self._firmware_error(state, command)
+            speed = speed + change @ matrix.T
+        later = state.copy()
+        later[..., SPEED] = speed
+        later[..., POSE] += PERIOD_S * speed
+        later[..., DRIFT] *= DRIFT_DECAY
+        later[..., GAIN] *= self._gain_decay
+        bias = state[..., BIAS]
+        later[..., COMPASS] += PERIOD_S * bias
+        if frame >= self._delay:
+            sent = self._headings[min(frame - self._delay, self._last)]
+            error = sent - state[..., COMPASS] + self._delay * PERIOD_S * bias
+            later[..., COMPASS] += self._heading_gain * error
+            later[..., BIAS] += self._bias_gain * error
+        return later
+
+    def _firmware_error(self, state: Array, command: Array) -> Array:
+        """Return the change of the command (..., n, 3) that compass error, gyro bias and gain amount to."""
+        compass, bias = state[..., COMPASS], state[..., BIAS]
+        parts = compass * command[:, 1], -compass * command[:, 0], -self._bias_effect * bias
+        return np.stack(parts, axis=-1) + state[..., GAIN] * command
+
+    def _disturbance(self, state: Array, command: Array, frame: int) -> Array:
+        """Return the change of the command (n, 3) that all disturbances amount to when it acts."""
+        return self._firmware_error(state, command) + state[:, DRIFT] @ self._inverse[frame].T
+
+    def _correct(self, surprise: Array) -> None:
+        """Condition states and covariances on the poses that vision reports, less those of the runs (n, 3)."""
+        surprise = surprise - self._state[:, POSE]
+        surprise[:, 2] = wrap_angle(surprise[:, 2])
+        seen = ~np.isnan(surprise[:, 0])
+        innovation = self._covariance[:, POSE, POSE] + self._vision_covariance
+        gain = np.linalg.solve(innovation, self._covariance[:, POSE]).swapaxes(1, 2) * seen[:, None, None]
+        self._state = self._state + (gain @ np.nan_to_num(surprise)[..., None])[..., 0]
+        covariance = self._covariance - gain @ self._covariance[:, POSE]
+        self._covariance = (covariance + covariance.swapaxes(1, 2)) / 2
+
+    def _sent_in(self, frame: int) -> Array:
+        return self._sent[min(frame, self._last)] if frame >= 0 else np.zeros(self._state[:, POSE].shape)
+
+    def _planned(self, frame: int) -> Array:
+        return self._commands[min(frame, self._last)] if frame >= 0 else np.zeros(self._state[:, POSE].shape)
+
+
+def _process_noise(scenario: Scenario, model: DepartureModel, commands: Array) -> tuple[Array, float, float]:
+    """Return the process noise of a scenario.
+
+    Args:
+        scenario: Its disturbances and sensors.
+        model: Its dead time.
+        commands: Of a run, (F, 3).
+
+    Returns:
+        The covariances that noise of translation, and all else, adds in each frame, (2, F, STATES, STATES); the
+        standard deviation of the gain by which speeds differ from commands, and its decay per frame.
+    """
+    settings, gain, decay = scenario.settings, 0.0, 1.0
+    sizes = np.zeros((model.frames, 10))
+    if scenario.plant in ON_WHEELS:
+        push_m_s = settings.disturbance.force_n / settings.body.mass_kg * PERIOD_S
+        gyro = settings.sensors.gyro_noise_rad_s
+        turn = gyro / (1 + settings.firmware.turn_gain)
+        sizes[:, :7] = np.hypot(ON_WHEELS_NOISE, [push_m_s / 3**0.5] * 2 + [turn, 0, 0, 0, PERIOD_S * gyro])
+    else:
+        kinematic = settings.kinematic
+        sizes[:, :7] = 1e-9
+        sizes[:, :3] += settings.disturbance.velocity_m_s / 3**0.5
+        spread = (kinematic.alpha_high - kinematic.alpha_low) / (kinematic.alpha_high + kinematic.alpha_low) / 3**0.5
+        if kinematic.alpha_time_s:
+            gain, decay = spread, float(np.exp(-PERIOD_S / kinematic.alpha_time_s))
+            sizes[:, 7:] = gain * (1 - decay**2) ** 0.5
+        else:
+            acting = np.concatenate([np.zeros((model.delay, 3)), commands])[: model.frames]
+            sizes[:, :3] += spread * np.abs(acting)
+    effect = np.zeros((STATES, 10))
+    effect[SPEED, :3] = effect[DRIFT, 3:6] = effect[GAIN, 7:] = np.eye(3)
+    effect[POSE, :3] = PERIOD_S * np.eye(3)
+    effect[COMPASS, 6] = 1
+    translation = np.array([1, 1, 0, 1, 1, 0, 0, 1, 1, 1])
+    parts = np.stack([translation, 1 - translation])[:, None] * sizes**2
+    return effect * parts[:, :, None] @ effect.T, gain, decay
+
+
+def _regulator(model: DepartureModel, weight: float) -> Array:
+    """Return gains K (F, 3, 9) of du(k) = -K(k) [dp, dv, du(k-1)] at the time at which du(k) acts.
+
+    They minimize the sum over frames of |dp|^2 + weight |du|^2, turns counted at an arm's length.
+    """
+    state_cost, command_cost = np.zeros((9, 9)), weight * np.diag(SCALE**2)
+    state_cost[POSE, POSE] = np.diag(SCALE**2)
+    gains, cost = np.zeros((model.frames, 3, 9)), state_cost
+    for k in range(model.frames - 1, model.delay - 1, -1):
+        matrix, effect = np.zeros((9, 9)), np.zeros((9, 3))
+        matrix[SPEED, SPEED], matrix[SPEED, 6:] = model.velocity[k], model.command[1, k]
+        effect[SPEED], effect[6:] = model.command[0, k], np.eye(3)
+        matrix[POSE], effect[POSE] = PERIOD_S * matrix[SPEED], PERIOD_S * effect[SPEED]
+        matrix[POSE, POSE] += np.eye(3)
+        gain = np.linalg.solve(command_cost + effect.T @ cost @ effect, effect.T @ cost @ matrix)
+        cost = state_cost + matrix.T @ cost @ (matrix - effect @ gain)
+        gains[k - model.delay] = gain
+    gains[max(model.frames - model.delay, 0) :] = gains[max(model.frames - model.delay - 1, 0)]
+    return gains

@@ -1,0 +1,82 @@
+"""The parts of `omni-mj limit`, each on its own: model, plan, regulator, filter and learning."""
+
+from typing import Any
+
+import numpy as np
+
+import omni_mj as om
+from omni_control.kinematics import Array
+from omni_control.reference import MotionLimits
+from omni_mj.scenarios.settings import PERIOD_S
+from omni_mj.simulate.simulation import Simulation
+from omni_mj.studies.limit.learning import Drives, Learned, Learner, lead, quiet
+from omni_mj.studies.limit.model import DepartureModel
+from omni_mj.studies.limit.plan import improve
+from omni_mj.studies.limit.tracking import COMPASS, POSE, Policy, Tracker, _regulator
+from omni_mj.studies.outcome import StoppedError as StoppedError
+from omni_mj.studies.outcome import nothing
+
+PRIOR = DepartureModel.prior
+Model = DepartureModel
+FIT = DepartureModel.fit
+
+
+def departures(model: DepartureModel, commands: Array) -> Array:
+    """Return the poses (F, 3) that changes of the commands (F, 3) lead to."""
+    motion, push = model.operators()
+    return np.linalg.solve(motion.toarray(), push @ commands.ravel())[: commands.size].reshape(-1, 3)
+
+
+def planned(model: DepartureModel, limits: MotionLimits, errors: Array) -> tuple[Array, Array]:
+    """Return commands and expected errors (F, n, 3) planned for runs that were sent nothing."""
+    return improve(model, limits, errors, np.zeros_like(errors))
+
+
+def regulator_gains(model: DepartureModel, weight: float) -> Array:
+    """Return the gains (F, 3, 9) on pose, velocity and last command."""
+    return _regulator(model, weight)
+
+
+def predicted_poses(scenario: om.Scenario, poses: Array, measured: Array, noise: float, delay: int) -> Array:
+    """Return the poses (n, 3) predicted, at the end, of robots that push themselves about without being commanded.
+
+    Args:
+        scenario: On the kinematic plant.
+        poses: True ones, (F, n, 3).
+        measured: Poses that vision reports, (F, n, 3).
+        noise: Factor of the filter's process noise.
+        delay: Dead time, frames.
+    """
+    zero = np.zeros_like(poses)
+    policies = [Policy(0.1, noise)] * poses.shape[1]
+    tracker = Tracker(DepartureModel.prior(len(poses), delay, 0.0), zero, zero, scenario, policies)
+    for k in range(len(poses) - delay):
+        ahead = tracker.predict(measured[k], np.zeros(poses.shape[1]), np.zeros(poses.shape[1:]))
+    return ahead[:, POSE]
+
+
+def compass_errors(scenario: om.Scenario, lag_s: float) -> tuple[Array, Array]:
+    """Return the error of the heading that the firmware holds, and the filter's estimate of it, (F, n) rad."""
+    simulation = Simulation(scenario, [Learned], seeds=range(4))
+    poses = simulation.references[0].poses
+    frames, delay = len(poses), scenario.settings.radio.delay_frames
+    commands = np.zeros_like(poses)
+    commands[: frames - 1 - delay] = np.diff(poses, axis=0)[delay:] / PERIOD_S
+    commands, poses = (np.repeat(values[:, None], 4, axis=1) for values in (commands, poses))
+    tracker = Tracker(DepartureModel.prior(frames, delay, lag_s), commands, poses, scenario, [Policy(0.1)] * 4)
+    found: list[Any] = []
+
+    def note(_: int) -> None:
+        plant: Any = simulation.plant
+        found.append((plant._firmware.estimate.heading - plant.pose()[:, 2], tracker._state[:, COMPASS]))
+
+    lead(simulation, tracker, note)
+    errors = np.array(found)
+    return errors[:, 0], errors[:, 1]
+
+
+def learned(scenario: om.Scenario, seeds: list[int], attempts: int) -> tuple[Drives, Array, list[dict[Any, float]]]:
+    """Return the best runs, the reference (F, 3) and the history of robots that learn without noise."""
+    learner = Learner(quiet(scenario), seeds, lambda title, frames: nothing)
+    learner.learn(attempts)
+    return learner.best, learner.reference, learner.history
