@@ -1,28 +1,14 @@
 """Dead time: commands that are in flight, and the pose predicted to the end of it (equations 10 and 11)."""
 
 from collections.abc import Sequence
-from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_control.kinematics import Array, Number
+from omni_control.kinematics import Array
 
 Rows = slice | Sequence[int] | np.ndarray[Any, np.dtype[np.intp]]
-
-
-class Acted(NamedTuple):
-    """Commands that acted in the frame just past, on its average, (n, 3); see `CommandsInFlight.around`.
-
-    Attributes:
-        command: those.
-        change: by how much they were more, if the latency were longer by so many `frames`, (n,).
-    """
-
-    command: Array
-    change: Array
-    frames: Array
 
 
 class CommandsInFlight:
@@ -47,54 +33,49 @@ class CommandsInFlight:
     """
 
     def __init__(self, n: int, length: int) -> None:
-        self.length = length
-        self._sent = np.zeros((2 * length, n, 3))  # the newest ends at _end; what is written stays as it is
-        self._end, self._shown = length, _to_read(self._sent)
+        self._attach(np.zeros((2 * length, n, 3)), length, length)
+
+    def _attach(self, table: Array, end: int, length: int) -> None:
+        """Take a table of commands, of which the newest is before `end`; others keep views of it."""
+        self.length, self._sent, self._end = length, table, end
+        self._shown = table.view()
+        self._shown.flags.writeable = False
+        self._since = np.arange(length - 1, -1.0, -1)[:, None, None]  # frames since each was sent
 
     def push(self, command: Array) -> None:
         """Add the commands (n, 3) that were sent in the frame just past.
 
         Raises:
-            OmniError: these commands are somebody else's, given to be read.
+            OmniError: this queue was handed out by another, to be read only.
         """
         if not self._sent.flags.writeable:
-            raise OmniError("commands that were handed out can only be read; a queue of your own takes more")
+            raise OmniError("commands that were handed out can only be read")
         if not self.length:
             return
-        if self._end == len(self._sent):  # a new table, since views of the old one have been handed out
-            kept = self._sent[self._end - self.length + 1 :]
-            self._sent, self._end = np.zeros_like(self._sent), self.length - 1
-            self._sent[: self._end], self._shown = kept, _to_read(self._sent)
+        if self._end == len(self._sent):  # a new table, since views of the old one were handed out
+            table = np.zeros_like(self._sent)
+            table[: self.length - 1] = self._sent[self._end - self.length + 1 :]
+            self._attach(table, self.length - 1, self.length)
         self._sent[self._end] = command
         self._end += 1
 
     def of(self, rows: Rows, length: int | None = None) -> "CommandsInFlight":
-        """The same of some robots, the last `length` commands (all, if none is given), to be read only.
+        """Return a queue of some robots' last `length` commands [all], to be read only.
 
         Raises:
-            OmniError: more than are kept.
+            OmniError: more than are stored.
         """
         part = object.__new__(CommandsInFlight)
-        part._sent = self.last(self.length if length is None else length)[:, rows]
-        if not isinstance(rows, slice):
-            part._sent.flags.writeable = False
-        part._shown = part._sent
-        part.length = part._end = len(part._sent)
+        table = self.last(self.length if length is None else length)[:, rows]
+        table.flags.writeable = False
+        part._attach(table, len(table), len(table))
         return part
 
-    def copy(self) -> "CommandsInFlight":
-        """The same, in an array of its own."""
-        other = object.__new__(CommandsInFlight)
-        other._sent, other.length, other._end = self._sent.copy(), self.length, self._end
-        other._sent.flags.writeable = False
-        other._shown = other._sent
-        return other
-
     def last(self, count: int, skip: int = 0) -> Array:
-        """The `count` commands sent before the `skip` newest, (count, n, 3), oldest first, to be read only.
+        """Return the `count` commands sent before the `skip` newest, (count, n, 3), oldest first.
 
         Raises:
-            OmniError: more than are kept.
+            OmniError: more than are stored.
         """
         if count + skip > self.length:
             raise OmniError(f"{count + skip} commands were asked for, but only {self.length} are kept")
@@ -102,59 +83,31 @@ class CommandsInFlight:
         return self._shown[end - count : end]
 
     def ahead(self, latency: float | Array) -> Array:
-        """Share of each command kept that is still to act, (length, n, 3), for a latency (n, 3) in frames."""
-        if isinstance(latency, float | int):
-            return _ahead_alike(latency, self.length)
-        shares: Array = left(latency, _since(self.length))
+        """Return the share of each command that is still to act, (length, n or 1, 3 or 1).
+
+        Args:
+            latency: frames, one for all, or (n, 1), or (n, 3).
+        """
+        shares: Array = np.minimum(np.maximum(latency - self._since, 0.0), 1.0)
         return shares
 
-    def acted(self, latency: float | Array) -> Array:
-        """Share of each command kept that acted in the frame just past, (length, n, 3), for a latency (n, 3)."""
-        return acted(latency, self.length)
-
     def felt(self, latency: float | Array) -> Array:
-        """Commands (n, 3) that acted in the frame just past, on its average, for a latency (n, 3) in frames."""
-        return (self.acted(latency) * self.last(self.length)).sum(0)
+        """Return the commands that acted in the frame just past, on its average, (..., n, 3).
 
-    def around(self, latency: Array, spread: Array) -> Acted:
-        """What robots have felt by a latency (n,), and from one shorter to one longer by a spread (n,), in frames."""
-        sooner, later = np.maximum(latency - spread, 0.0), latency + spread
-        shares = self.acted(np.array([latency, sooner, later]))[..., None]
-        acting, early, belated = np.add.reduce(shares * self.last(self.length)[:, None])
-        return Acted(acting, belated - early, later - sooner)
-
-
-def _to_read(table: Array) -> Array:
-    """The same table, to be read only."""
-    shown = table.view()
-    shown.flags.writeable = False
-    return shown
-
-
-def acted(latency: float | Array, length: int) -> Array:
-    """Share of each of the last `length` commands that acted in the frame just past; see `CommandsInFlight.acted`."""
-    return np.maximum(1 - np.abs(latency - _since(length)), 0.0)
-
-
-def left(latency: Number, since: Number) -> Number:
-    """Share of a command that is still to act, so many frames since it was sent."""
-    return np.minimum(np.maximum(latency - since, 0.0), 1.0)
-
-
-@lru_cache
-def _ahead_alike(latency: float, length: int) -> Array:
-    """Those of one latency for all, which is asked for again in every frame."""
-    shares: Array = left(latency, _since(length))
-    shares.flags.writeable = False
-    return shares
-
-
-@lru_cache
-def _since(length: int) -> Array:
-    """Whole frames since each of so many commands was sent, (length, 1, 1): 0 for the newest."""
-    frames = np.arange(length - 1, -1.0, -1)[:, None, None]
-    frames.flags.writeable = False
-    return frames
+        Args:
+            latency: frames, one for all, or (..., n, 1), or (..., n, 3).
+        """
+        if isinstance(latency, float | int):
+            whole = int(latency)
+            part: float | Array = latency - whole
+            newer = self.last(1, skip=whole)[0]
+            older = self.last(1, skip=whole + 1)[0] if part else newer
+        else:
+            frames = latency.astype(int)
+            row, part = self._end - 1 - frames, latency - frames
+            robots, axes = np.arange(self._sent.shape[1])[:, None], np.arange(3)
+            newer, older = self._shown[row, robots, axes], self._shown[row - 1, robots, axes]
+        return np.ascontiguousarray(newer + part * (older - newer))
 
 
 def compensation(in_flight: Array, alpha: Array | float, period: float) -> Array:
@@ -165,9 +118,4 @@ def compensation(in_flight: Array, alpha: Array | float, period: float) -> Array
         alpha: motor correction factors (n, 3), 1 for a robot that does as told.
         period: length of a frame T, s.
     """
-    return caused(in_flight.sum(0), alpha, period)
-
-
-def caused(commands: Number, alpha: Number, period: float) -> Number:
-    """Displacement by a sum of commands."""
-    return alpha * commands * period
+    return alpha * in_flight.sum(0) * period

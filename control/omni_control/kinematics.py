@@ -23,22 +23,12 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Number = Any  # a float, or an array of floats: for laws that hold for both
 
-FEW = 2  # robots up to which Python reckons with single numbers sooner than numpy with arrays
-
 _PAST_HALF_A_TURN = np.nextafter(-np.pi, 0)
-_SURELY_WITHIN, _ZERO = 3.14, np.zeros(())  # rad: of these only a copy need be made
 
 
 def wrap_angle(angle: ArrayLike) -> Array:
     """Return `angle` (rad, any shape) mapped into (-pi, pi]."""
-    angles = np.asarray(angle, float)
-    if angles.size == 1:
-        within = abs(angles.item()) < _SURELY_WITHIN
-    else:
-        within = np.count_nonzero(np.abs(angles) < _SURELY_WITHIN) == angles.size
-    if within:
-        return angles + _ZERO
-    return wrapped(angles)
+    return wrapped(np.asarray(angle, float))
 
 
 def wrapped(angle: Array) -> Array:

@@ -1,38 +1,23 @@
-"""A team's computer: what vision sees goes in, commands come out; filter, controllers, limits (figure 4 of the paper).
+"""A team's computer: vision in, commands out; filter, controllers, limits (figure 4 of the paper).
 
     team = Team(controllers, start)
     while True:
-        command = team.step(measured)  # in two halves: seen = team.observe(measured), command = team.command()
+        command = team.step(measured)  # the same as team.observe(measured), then team.command()
 
 The simulated loop runs the same.
 """
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omni_control.controllers.apart import Apart
-from omni_control.controllers.base import Controller, Seen, carried
-from omni_control.controllers.checks import (
-    Said,
-    answer,
-    checked,
-    checked_ages,
-    one_controller_each,
-    own_answer,
-    said,
-    together,
-    told_of_each,
-)
-from omni_control.controllers.guests import guest_of
+from omni_control.controllers.base import RECORDED, Controller, Seen, carried, error_place, record_of
 from omni_control.delay import CommandsInFlight, Rows
 from omni_control.errors import ControllerError, OmniError
 from omni_control.estimation.gate import Gate
-from omni_control.estimation.kalman import KalmanFilter
 from omni_control.estimation.late import MOST_FRAMES, Late
 from omni_control.estimation.tracking import Tracker
 from omni_control.kinematics import Array
@@ -47,9 +32,10 @@ class Team:
     Args:
         controllers: one, or several with robots of their own.
         start: poses at the start (n, 3), m, m, rad; headings count full turns from there.
-        rows: the robots of each controller, as slices or indices into the n; one after the other, if none are given.
-        on_failure: called with the rows that failed and the reason, when a controller fails. They are sent zero from
-            then on, and the others go on. Without it, the reason is raised.
+        rows: the robots of each controller, as slices or indices into the n; one after the other,
+            if none are given.
+        on_failure: called with the rows that failed and the reason, when a controller fails. They
+            are sent zero from then on, and the others go on. Without it, the reason is raised.
 
     Attributes:
         n: robots.
@@ -61,8 +47,8 @@ class Team:
         last: the commands that were sent last, (n, 3); zero at first.
 
     Raises:
-        OmniError: no controller, frames of different lengths, a start that is not (n, 3) finite numbers, or robots that
-            have no controller, or two.
+        OmniError: no controller, frames of different lengths, a start that is not (n, 3) finite
+            numbers, or robots that have no controller, or two.
     """
 
     def __init__(
@@ -78,68 +64,79 @@ class Team:
         if pose.ndim != 2 or pose.shape[1] != 3 or not np.isfinite(pose).all():
             raise OmniError(f"the start must be finite poses (n, 3), not of shape {pose.shape}")
         self.n, self.frame, self.estimate = len(pose), -1, pose
-        self._rows = one_controller_each(self.controllers, rows, self.n)
+        self._rows = _rows_of_controllers(self.controllers, rows, self.n)
         self._on_failure = on_failure
 
-        self._told = [c.told for c in self.controllers]
-        told = told_of_each(self.controllers, self._rows, self.n)
-        latency = np.array([[t.latency_frames] for t in told])
+        of_robot = np.empty(self.n, object)
+        for controller, part in zip(self.controllers, self._rows, strict=True):
+            of_robot[part] = controller.told
+        told = list(of_robot)
+        if len({t.period for t in told}) > 1:
+            raise OmniError("controllers that are called together must be told frames of the same length")
         self._period = told[0].period
         delays = np.array([t.delay_frames for t in told])
         self._delay = int(delays[0]) if (delays == delays[0]).all() else delays
         noise, limits = np.array([t.vision_noise for t in told]), [t.limits for t in told]
-        self.filter = KalmanFilter(pose, self._period, noise)
-        compiled = told[0].compiled
-        self._limits = CommandLimits(limits, self._period, compiled)
-        self._tracker = Tracker(self.filter, Gate(noise, limits, self._period), latency, self._period, compiled)
+        latency = np.array([[t.latency_frames] for t in told])
+        self._limits = CommandLimits(limits, self._period)
+        self._tracker = Tracker(pose, noise, latency, self._period, Gate(noise, limits, self._period))
+        self.filter = self._tracker.filter
         self._memory = [max(c.memory_frames, math.ceil(c.told.latency_frames) + 1) for c in self.controllers]
-        self._sent = CommandsInFlight(self.n, max(*self._memory, self._tracker.longest) + MOST_FRAMES)
-        self._truthful = [type(c).knows_truth for c in self.controllers]  # of the class, by which others know it
+        longest = max(*self._memory, self._tracker.longest)
+        self._sent = CommandsInFlight(self.n, longest + MOST_FRAMES)
+        self._truthful = [type(c).knows_truth for c in self.controllers]
         self.knows_truth = any(self._truthful)
-        self._guests = [guest_of(c) for c in self.controllers]
-        self._said = [said(c, len(c.predicted), "when it was made") for c in self.controllers]
+        self._records = [record_of(c, len(c.predicted)) for c in self.controllers]
 
         self.twist = self._tracker.twist
-        self.last, self.failed, self._failures = np.zeros((self.n, 3)), np.zeros(self.n, bool), False
+        self.last, self.failed = np.zeros((self.n, 3)), np.zeros(self.n, bool)
+        self._failures = False  # whether any has
         self._known: _Known | None = None  # until it is answered by commands
         self._true: _Known | None = None
-        self._record: Said | None = None
 
     def observe(
-        self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None, age: ArrayLike | None = None
+        self,
+        measured: ArrayLike,
+        truth: tuple[ArrayLike, ArrayLike] | None = None,
+        age: ArrayLike | None = None,
     ) -> Seen:
-        """Begin a frame with what vision reports; return what is known of all robots (`see`, then `seen`)."""
+        """Begin a frame with what vision reports; return what is known of all robots."""
         self.see(measured, truth, age)
         return self.seen
 
     def see(
-        self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None, age: ArrayLike | None = None
+        self,
+        measured: ArrayLike,
+        truth: tuple[ArrayLike, ArrayLike] | None = None,
+        age: ArrayLike | None = None,
     ) -> Array:
-        """Begin a frame with what vision reports; return what is believed of it, in this frame, (n, 3), to be read.
+        """Begin a frame with what vision reports; return the poses that are believed, (n, 3).
 
         Args:
-            measured: poses seen (n, 3), headings in (-pi, pi]; not a number where a robot was not seen.
-            truth: true poses and twists (n, 3), for controllers that know them; their headings count full turns.
-            age: how long before this frame each robot was seen there, (n,) s. [just now]
+            measured: poses seen (n, 3), headings in (-pi, pi]; not a number where a robot was not
+                seen.
+            truth: true poses and twists (n, 3), for controllers that know them; their headings
+                count full turns.
+            age: time from when each robot was seen there until this frame, (n,) s. [0]
 
         Raises:
-            OmniError: poses of another shape, infinite ones, ages that cannot be, or no truth for a controller that
-                knows it.
+            OmniError: poses of another shape, infinite ones, ages that cannot be, or no truth for a
+                controller that knows it.
         """
-        seen = checked(measured, self.n, "what vision reports")
+        seen = _numbers(measured, self.n, "what vision reports")
         if self._failures:
             seen[self.failed] = np.nan
         if self.knows_truth and truth is None:
             raise OmniError("a controller of this team knows the truth, which must be given with what vision reports")
         if self.knows_truth and truth is not None:
-            self._true = self._held(*(checked(values, self.n, "the truth") for values in truth))
-        ages = None if age is None else checked_ages(age, self.n)
+            self._true = self._held(*(_numbers(values, self.n, "the truth") for values in truth))
+        ages = None if age is None else _ages(age, self.n)
 
         self.frame += 1
         self._sent.push(self.last)
         now = self._tracker
         seen = now.update(seen, ages, self._sent)
-        self.estimate, self.twist = now.pose.copy(), now.twist
+        self.estimate, self.twist = now.pose, now.twist
         self._known = _Known(now.pose, now.twist, seen, ages, now.steps)
         return carried(seen, ages, now.twist)
 
@@ -153,16 +150,16 @@ class Team:
         return self._part(self._observed(), slice(None), self._sent.length, self._delay)
 
     def command(self) -> Array:
-        """Ask the controllers, once a frame; return the commands (n, 3) within the limits, and count them as sent.
+        """Ask the controllers; return the commands (n, 3) within the limits, and count them as sent.
 
         Raises:
             OmniError: nothing was observed since the last commands.
             ControllerError: a controller failed, and nobody handles it.
         """
         seen = self._observed()
-        wanted, failures = np.zeros((self.n, 3)), self._failures
+        wanted = np.zeros((self.n, 3))
         for i, rows in enumerate(self._rows):
-            if not (failures and self.failed[rows].all()):
+            if not (self._failures and self.failed[rows].all()):
                 known = self._true if self._truthful[i] else seen
                 assert known is not None, "checked when it was observed"
                 wanted[rows] = self._asked(i, known)
@@ -171,139 +168,188 @@ class Team:
         command = self._limits(wanted, self.last)
         if self._failures:
             command[self.failed] = 0.0
-        self._record = None
         self.last, self._known = command, None
         return command.copy()
 
     def step(
-        self, measured: ArrayLike, truth: tuple[ArrayLike, ArrayLike] | None = None, age: ArrayLike | None = None
+        self,
+        measured: ArrayLike,
+        truth: tuple[ArrayLike, ArrayLike] | None = None,
+        age: ArrayLike | None = None,
     ) -> Array:
-        """A whole frame, from what vision reports to commands (n, 3): `observe`, then `command`."""
+        """Return the commands (n, 3) for what vision reports: `observe`, then `command`."""
         self.see(measured, truth, age)
         return self.command()
 
     def limited(self, command: ArrayLike) -> Array:
-        """The commands (n, 3) that may be sent after the last, given those wanted; see `CommandLimits`.
+        """Return the commands (n, 3) that may be sent after the last, given those wanted.
 
         Raises:
             OmniError: they are not (n, 3) finite numbers.
         """
-        return self._limits(checked(command, self.n, "commands", finite=True), self.last)
+        return self._limits(_numbers(command, self.n, "commands", finite=True), self.last)
 
     def sent(self, command: ArrayLike) -> None:
-        """Say that other commands (n, 3) were sent in this frame, such as a person's: controllers then count on them.
+        """Replace the commands (n, 3) of this frame, as if a person had sent others.
 
         Raises:
             OmniError: they are not (n, 3) finite numbers.
         """
-        self.last, self._known = checked(command, self.n, "commands", finite=True), None
+        self.last, self._known = _numbers(command, self.n, "commands", finite=True), None
 
     def stop(self, rows: Rows) -> None:
-        """Take robots out of the game: from now on they are sent zero, and their controllers' mistakes are none."""
-        self._out(rows)
-        self._record = None
-
-    def leave(self) -> None:
-        """Let controllers go that have processes of their own; they cannot be asked again."""
-        for controller in self.controllers:
-            if isinstance(controller, Apart):
-                controller.leave()
+        """Take robots out of the game: they are sent zero, and their controllers' failures ignored."""
+        self.failed[rows] = True
+        self._failures = bool(np.count_nonzero(self.failed))
 
     def _observed(self) -> "_Known":
-        """What was observed in this frame.
-
-        Raises:
-            OmniError: nothing was since the last commands.
-        """
         if self._known is None:
             raise OmniError("robots must be observed before they are commanded, in every frame")
         return self._known
 
     def _part(self, known: "_Known", rows: Rows, memory: int, delay: int | Array) -> Seen:
-        """What is known of some robots, in arrays of its own."""
-        pose, twist, measured = known.pose[rows].copy(), known.twist[rows].copy(), known.measured[rows].copy()
+        """Return what is known of some robots, in arrays of its own."""
+        pose, twist, measured = (values[rows].copy() for values in known[:3])
         age = None if known.age is None else known.age[rows].copy()
         steps = tuple(late.of(rows) for late in known.steps) if known.steps else ()
-        return Seen(pose, twist, measured, self._sent.of(rows, memory), self._period, delay, age, steps)
+        sent = self._sent.of(rows, memory)
+        return Seen(pose, twist, measured, sent, self._period, delay, age, steps)
 
     def _held(self, pose: Array, twist: Array) -> "_Known":
-        """The truth, but for robots that have failed, of which nobody knows what becomes: they stay where they were."""
+        """Return the truth, in which robots that have failed stay where they were."""
         if self._true is not None and self._failures:
             pose[self.failed], twist[self.failed] = self._true[0][self.failed], 0.0
         return _Known(pose, twist, pose)
 
     def _asked(self, i: int, known: "_Known") -> Array:
-        """What the i-th controller commands its robots (n of it, 3); zero for those that fail now."""
-        controller, rows, guest = self.controllers[i], self._rows[i], self._guests[i]
-        seen = self._part(known, rows, self._memory[i], self._told[i].delay_frames)
+        """Return what the i-th controller commands its robots (n of it, 3); zero where it fails."""
+        controller, rows = self.controllers[i], self._rows[i]
+        seen = self._part(known, rows, self._memory[i], controller.told.delay_frames)
+        name, shape = type(controller).__name__, seen.pose.shape
         try:
-            if guest is None:
-                wanted, self._said[i] = own_answer(controller, self.frame, seen)
-            else:
-                seen = replace(seen, sent=seen.sent.copy())
-                wanted, self._said[i] = guest.call(
-                    lambda: answer(controller, self.frame, seen), f"in frame {self.frame}"
-                )
-        except ControllerError as error:
-            self._fail(np.arange(self.n)[rows], error)
-            return np.zeros_like(seen.pose)
-        if np.count_nonzero(np.isfinite(wanted)) == wanted.size:
+            wanted = _command(controller, self.frame, seen)
+            self._records[i] = record_of(controller, len(wanted))
+        except Exception as error:
+            place = error_place(type(controller), error)
+            failure = ControllerError(f"{name} failed in frame {self.frame}{place}")
+            failure.__cause__ = error
+            self._fail(np.arange(self.n)[rows], failure)
+            return np.zeros(shape)
+        finite = np.isfinite(wanted)
+        if np.count_nonzero(finite) == finite.size:
             return wanted
         robots = np.arange(self.n)[rows]
-        wrong = np.asarray(~np.isfinite(wanted).all(1))
+        wrong = np.asarray(~finite.all(1))
         if (wrong & ~self.failed[robots]).any():
-            name, shape = type(controller).__name__, wanted.shape
-            reason = f"{name} returned commands that are not finite in frame {self.frame}; {shape} finite are needed"
-            self._fail(robots[wrong], ControllerError(reason))
+            reason = f"{name} returned commands that are not finite in frame {self.frame}"
+            self._fail(robots[wrong], ControllerError(f"{reason}; {shape} finite are needed"))
         return np.where(wrong[:, None], 0.0, wanted)
 
     def _fail(self, rows: NDArray[np.intp], reason: ControllerError) -> None:
         if self._on_failure is None:
             raise reason
         new = rows[~self.failed[rows]]
-        self._out(new)
+        self.stop(new)
         self._on_failure(new, reason)
-
-    def _out(self, rows: Rows) -> None:
-        self.failed[rows] = True
-        self._failures = bool(np.count_nonzero(self.failed))
 
     @property
     def predicted(self) -> Array:
-        """Where controllers say that robots will be, (n, 3); of failed rows not a number, as in the next two."""
-        return self._recorded.recorded["predicted"]
+        """Where controllers say that robots will be, (n, 3); not a number for failed rows."""
+        return self._together("predicted")
 
     @property
     def alpha_hat(self) -> Array:
         """See `Controller`."""
-        return self._recorded.recorded["alpha_hat"]
+        return self._together("alpha_hat")
 
     @property
     def latency_hat(self) -> Array:
         """See `Controller`."""
-        return self._recorded.recorded["latency_hat"]
+        return self._together("latency_hat")
 
     @property
     def channels(self) -> dict[str, Array]:
-        """What else they record, by name: (n, k), not a number for rows that have no such channel, or failed."""
-        return self._recorded.channels
+        """What else controllers record, by name: (n, k); not a number for rows without it."""
+        names = dict.fromkeys(name for record in self._records for name in record)
+        return {name: self._together(name) for name in names if name not in RECORDED}
 
-    @property
-    def _recorded(self) -> Said:
-        """What the controllers say of themselves, put together when it is asked for."""
-        if self._record is None:
-            self._record = together(self._said, self._rows, self.n)
-            tables = (*self._record.recorded.values(), *self._record.channels.values())
-            for table in tables if self._failures else ():
-                table[self.failed] = np.nan
-        return self._record
+    def _together(self, name: str) -> Array:
+        """Return what all controllers record under a name, (n, k), not a number where nothing is."""
+        width = max(record[name].shape[1] for record in self._records if name in record)
+        table = np.full((self.n, width), np.nan)
+        for record, rows in zip(self._records, self._rows, strict=True):
+            if name in record:
+                table[rows, : record[name].shape[1]] = record[name]
+        if self._failures:
+            table[self.failed] = np.nan
+        return table
 
 
 class _Known(NamedTuple):
-    """Poses, twists and what was measured, (n, 3) each; its age (n,), and the steps of filters that are behind."""
+    """What is known of n robots in a frame; see `Seen`."""
 
     pose: Array
     twist: Array
     measured: Array
     age: Array | None = None
     steps: tuple[Late, ...] = ()
+
+
+def _command(controller: Controller, frame: int, seen: Seen) -> Array:
+    """Return a controller's commands, of the shape of the poses, not necessarily finite."""
+    wanted = np.asarray(controller.command(frame, seen))
+    if wanted.shape != seen.pose.shape:
+        raise OmniError(f"commands of shape {wanted.shape}; {seen.pose.shape} finite are needed")
+    if wanted.dtype.kind == "c":
+        raise OmniError("commands must be real numbers, not complex ones")
+    return wanted.astype(float, copy=False)
+
+
+def _rows_of_controllers(controllers: Sequence[Controller], rows: Sequence[Rows] | None, n: int) -> list[Rows]:
+    """Return the rows of each controller among n robots, as slices where possible.
+
+    Raises:
+        OmniError: robots have no controller, or two.
+    """
+    sizes = [len(c.predicted) for c in controllers]
+    ends = np.cumsum(sizes).tolist()
+    parts = [slice(end - size, end) for end, size in zip(ends, sizes, strict=True)]
+    try:
+        robots = [np.arange(n)[part] for part in (parts if rows is None else rows)]
+    except IndexError:
+        robots = []
+    every = sorted(np.concatenate([[], *robots])) == list(range(n))
+    if [len(part) for part in robots] != sizes or not every or 0 in sizes or not n:
+        raise OmniError(
+            f"{n} robots need one controller each; there are controllers for {sizes} robots, in rows {rows}"
+        )
+    return [slice(int(part[0]), int(part[-1]) + 1) if (np.diff(part) == 1).all() else part for part in robots]
+
+
+def _numbers(values: ArrayLike, n: int, name: str, *, finite: bool = False) -> Array:
+    """Return a copy of numbers (n, 3).
+
+    Raises:
+        OmniError: they are not of that shape, or infinite, or, if they must be finite, not numbers.
+    """
+    numbers = np.array(values, float)
+    good = np.isfinite(numbers) if finite else ~np.isinf(numbers)
+    if numbers.shape != (n, 3) or np.count_nonzero(good) < numbers.size:
+        wrong = f"not of shape {numbers.shape}" if numbers.shape != (n, 3) else "which these are not"
+        raise OmniError(f"{name} must be finite numbers ({n}, 3), {wrong}")
+    return numbers
+
+
+def _ages(age: ArrayLike, n: int) -> Array | None:
+    """Return a copy of ages (n,) in s, or None if all are zero.
+
+    Raises:
+        OmniError: they are not n finite numbers from 0 on.
+    """
+    try:
+        ages = np.array(age, float)
+    except (TypeError, ValueError):
+        ages = np.full(0, np.nan)
+    if ages.shape != (n,) or not (np.isfinite(ages) & (ages >= 0)).all():
+        raise OmniError(f"ages must be ({n},) finite numbers of s from 0 on, not {age!r}")
+    return ages if ages.any() else None

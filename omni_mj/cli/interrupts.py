@@ -3,7 +3,6 @@
 import signal
 from types import FrameType
 
-from omni_control.controllers import guests
 from omni_mj.cli import console
 from omni_mj.studies.outcome import StoppedError
 
@@ -33,7 +32,6 @@ class Interrupts:
             console.fail(f"{stopped}; {left}", 128 + self._received)
 
     def __enter__(self) -> "Interrupts":
-        guests.hurry(False)
         self._before = {number: signal.getsignal(number) for number in console.ENDED}
         for number, handler in self._before.items():
             if handler != signal.SIG_IGN:
@@ -46,7 +44,6 @@ class Interrupts:
 
     def _remember(self, number: int, frame: FrameType | None) -> None:
         self._received = number
-        guests.hurry()
         self.__exit__()
         if console.ENDED[number] == console.LEFT:
             signal.signal(number, signal.SIG_IGN)

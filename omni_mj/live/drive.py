@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from omni_control.controllers import guests
 from omni_control.delay import CommandsInFlight
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.link.radio import Received
@@ -24,7 +23,6 @@ from omni_mj.simulate.teams import told
 
 LOST_FRAMES = round(SILENT_S * FRAME_RATE_HZ)  # without being seen, after which a robot is told to stop
 BACK_LOOKS = 7  # in which all robots are seen, one after the other, until vision is taken to be back, and they to stand
-HUNG_S = 0.5  # without its answer, after which a controller is given up
 REMEMBERED = 64  # commands, for the heading that a robot will have: more than a second
 NEAR_M, NEAR_RAD = 0.03, 0.05  # from where it starts, from which on a robot need not be brought there
 APPROACH = {"max_speed_m_s": 1.0, "max_acceleration_m_s2": 0.8, "max_turn_rate_rad_s": 3.0}
@@ -140,8 +138,7 @@ class Live(Simulation):
     def run(self, after_frame: Callable[[int], None] = lambda frame: None) -> Log:
         """See `Simulation`; whatever ends it, robots are told to stand at once."""
         try:
-            with guests.watched(self._hung):
-                return super().run(after_frame)
+            return super().run(after_frame)
         finally:
             self.stop()
 
@@ -208,22 +205,6 @@ class Live(Simulation):
         none, vision = np.zeros_like(pose), self.link.vision
         unseen = [(each, np.zeros(len(pose), bool), none, none[:, 0]) for each in between]
         return [*unseen, (pose, seen, vision.brought, vision.age)]
-
-    def _hung(self, waited_s: float) -> None:
-        """While a controller does not answer, tell robots to stand; a simulation that waits for it has time.
-
-        Raises:
-            TimeoutError: it has been waited for long enough.
-        """
-        if not self.link.goes_on():
-            return
-        held = self.outbound.held
-        self.outbound.stop()
-        self.outbound.held = held
-        text = f"{self.frame * PERIOD_S:.2f} s: a controller does not answer; robots are told to stop until it does"
-        self.notes.add("hung", text)
-        if waited_s > HUNG_S:
-            raise TimeoutError(f"robots wait {HUNG_S:g} s at most")
 
     def _tick(self) -> tuple[Array, np.ndarray]:
         while True:

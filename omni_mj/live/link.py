@@ -122,13 +122,6 @@ class Link:
         self.late += self.skipped
         return self.vision.at(self._tick, elapsed, twist, self.leader if self.with_frames else None)
 
-    def goes_on(self) -> bool:
-        """Whether the world has gone on since the tick, which a simulation that waits for commands does not."""
-        self._take(time.monotonic())
-        if self.pace != "vision" or self.leader is None:
-            return True
-        return self.vision.cameras[self.leader].last[0] > self._tick + 1.5 * PERIOD_S
-
     def answered(self) -> None:
         """Commands have left."""
         self._left = time.monotonic()

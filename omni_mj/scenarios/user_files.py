@@ -47,11 +47,6 @@ def find(name: str, what: str, fits: Callable[[type], bool]) -> type[Any]:
     return own[class_name]
 
 
-def found_here(kind: type) -> bool:
-    """Whether a class is of such a file."""
-    return kind.__module__.startswith(_OURS)
-
-
 def source(name: str) -> bytes:
     """The source of the class named `file.py:Class`, as it was run.
 

@@ -11,8 +11,7 @@ from omni_control.errors import ControllerError
 from omni_control.kinematics import Array, Kinematics
 from omni_control.reference import EachReference, Reference
 from omni_control.team import Team
-from omni_mj.onboard.kernel import compiled
-from omni_mj.scenarios import references, user_files
+from omni_mj.scenarios import references
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 
@@ -52,7 +51,7 @@ def assemble(
         known = told(row.settings, geometry, wheels)
         reference = _reference([rows[i] for i in group]) if follow is None else follow(group)
         try:
-            made.append(make(kind, known, reference, n, dict(_parameters(row)), user_files.found_here(kind)))
+            made.append(make(kind, known, reference, n, dict(_parameters(row))))
         except ControllerError as error:
             on_failure(group, error)
             unmade.append(group)
@@ -83,7 +82,6 @@ def told(settings: Settings, geometry: Kinematics, wheels: bool) -> Told:
         alpha_window_frames=control.alpha_window_frames,
         geometry=geometry,
         limits=references.motion_limits(control),
-        compiled=compiled if settings.physics.kernel == "numba" else None,
     )
 
 

@@ -71,8 +71,6 @@ def drive(simulation: Simulation, after_frame: AfterFrame = nothing) -> Outcome:
         simulation.run(after_frame)
     except StoppedError as error:
         stopped = error.reason
-    finally:
-        simulation.team.leave()
     wall_s = time.perf_counter() - started
     return _measured(simulation.scenario, simulation.log, simulation.failures, simulation.drawn, wall_s, stopped)
 

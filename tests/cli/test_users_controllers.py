@@ -1,15 +1,12 @@
 """A user's own controller from the command line: it runs like any other, and its mistakes are lines."""
 
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from commands import appears, invoke, signalled, strict
+from commands import invoke, strict
 from rerun.chunk import RrdReader
 
 from omni_control.errors import OmniError
@@ -176,51 +173,3 @@ def test_a_controller_that_fails_at_once_leaves_its_scenario_and_the_reason(
         assert strict(Path("out/summary.json"))["scenarios"]["rect"]["failed"][0]["time_s"] == 0
         assert Path("out/scenario.toml").exists()
         assert not Path("out/trajectory.parquet").exists()
-
-
-def test_one_that_hangs_costs_its_own_rows(capsys: pytest.CaptureFixture[str]) -> None:
-    name = add(
-        "Slow", "    patience_s = 0.3\n\n    def command(self, frame, seen):\n        while True:\n            pass"
-    )
-    assert invoke(*BESIDE_FLC, name, "--quiet") == 1
-    stdout, stderr = capsys.readouterr()
-    why = "Slow did not answer in frame 0: it was waited for for 0.3 s"
-    assert (stdout, stderr) == ("", f"error: Slow, seed 0: {why} at 0.000 s\n")
-    entry = strict(Path("out/summary.json"))["scenarios"]["rect"]
-    assert (entry["status"], entry["results"]["flc"]["failed"]) == ("done", 0)
-
-
-def hangs() -> str:
-    """Add a controller that does so in compiled code, which no signal reaches, and says before that it will."""
-    body = "        if frame == 9:\n            open('hangs', 'w').close()\n            sum(range(10**15))\n"
-    return add("Slow", f"    def command(self, frame, seen):\n{body}        return 0 * seen.pose")
-
-
-def kept(stderr: str) -> None:
-    """It was waited for for a second, then what was recorded is kept."""
-    assert "Traceback" not in stderr
-    assert "what was recorded until then is in out" in stderr.splitlines()[-1]
-    (failed,) = strict(Path("out/summary.json"))["scenarios"]["rect"]["failed"]
-    assert failed["cause"] == "Slow did not answer in frame 9: it was to stop"
-    assert pq.read_table("out/trajectory.parquet").num_rows == 10 + 9
-
-
-def test_one_signal_is_enough_for_one_that_hangs() -> None:
-    """In a process of its own, as in a terminal."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "omni_mj", *BESIDE_FLC, hangs()],
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background job ignores it
-    )
-    assert appears(Path("hangs"))
-    process.send_signal(signal.SIGINT)
-    _, stderr = process.communicate(timeout=60)
-    assert process.returncode == 130, stderr
-    kept(stderr)
-
-
-def test_one_sigterm_is_enough_as_well(capsys: pytest.CaptureFixture[str]) -> None:
-    with signalled(signal.SIGTERM, Path("hangs")):
-        assert invoke(*BESIDE_FLC, hangs()) == 143
-    kept(capsys.readouterr().err)

@@ -1,6 +1,5 @@
 """Laws of adaptive-comp-flc in closed loop with robots that answer as its model says, and without noise."""
 
-import compiled
 import numpy as np
 from closed_loop import BodyFrame, Run, T, drive, limited
 
@@ -22,7 +21,7 @@ def timed(path: list[list[float]]) -> TimedReference:
 def controller(reference: Reference, n: int, delay: int, drag_m_s: float = 0.0) -> AdaptiveCompFlc:
     """One that is told that its vision is exact, and that there is no lag."""
     exact = {"position_noise_m": 0.0, "heading_noise_rad": 0.0}
-    told = Told(T, delay, lag_s=0, drag_m_s=drag_m_s, creep_s2_m=0, **exact, compiled=compiled.loops())
+    told = Told(T, delay, lag_s=0, drag_m_s=drag_m_s, creep_s2_m=0, **exact)
     return AdaptiveCompFlc(told, reference, n)
 
 

@@ -13,7 +13,6 @@ long dead times.
 
 from functools import cache
 
-import compiled
 import numpy as np
 from closed_loop import NOISE, Equation7, T, drive, limited, vision
 
@@ -101,7 +100,6 @@ def thousand(controller: str, seed: int = 0) -> tuple[Array, Array]:
                 creep_s2_m=0,
                 position_noise_m=times * NOISE[0],
                 heading_noise_rad=times * NOISE[2],
-                compiled=compiled.loops(),
             )
             plant = Equation7(poses[0, rows], alpha[:, rows], delay[rows])
             made = make(controller, known, OneEach(poses[:, rows]), len(rows))

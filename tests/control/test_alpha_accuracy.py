@@ -2,7 +2,6 @@
 
 from functools import cache
 
-import compiled
 import numpy as np
 import pytest
 from closed_loop import Equation7, Run, T, drive, limited, vision
@@ -40,7 +39,7 @@ def there_and_back(controller: str) -> Run:
     reference = TimedReference(path, MotionLimits(), T, settle_frames=REST).after_rest(LEAD)
     rng, n = np.random.default_rng(0), EACH * len(CASES)
     plant = Equation7(np.zeros((n, 3)), alphas(rng, reference.frames), DELAY)
-    told = Told(T, DELAY, lag_s=0, drag_m_s=0, compiled=compiled.loops())
+    told = Told(T, DELAY, lag_s=0, drag_m_s=0)
     made = make(controller, told, reference, n)
     return drive(made, plant, vision(rng, reference.frames, n), limits=limited)
 
@@ -128,7 +127,7 @@ def test_alpha_is_sane_whatever_the_noise() -> None:
     for controller in ["comp-flc", "adaptive-comp-flc"]:
         reference = TimedReference([[0, 0, 0], [0.2, 0.1, 1.0]], MotionLimits(), T)
         rng, n = np.random.default_rng(0), 30
-        made = make(controller, Told(T, DELAY, compiled=compiled.loops()), reference, n)
+        made = make(controller, Told(T, DELAY), reference, n)
         plant = Equation7(np.zeros((n, 3)), 0.8, DELAY)
         run = drive(made, plant, vision(rng, 120, n, times=100.0, gaps=0.01), limits=limited)
         # The bounds: of the window 0.5 to 1.1, of the identifiers of driving and turning 1/1.9 to 1/0.8.

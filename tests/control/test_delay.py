@@ -100,15 +100,6 @@ def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
 # --- latencies that need not be whole, nor the same for all robots and axes ---
 
 
-def test_the_table_of_a_latency_of_one_and_a_half_frames() -> None:
-    """u0 to u3 sent, u3 last: the frame past felt a half of u1 and then a half of u2, of which a half is to come."""
-    queue = sent_before(4, np.array([1.0, 2.0, 4.0, 8.0])[:, None, None] * np.ones((1, 1, 3)), length=4)
-    latency = np.full((1, 3), 1.5)
-    assert queue.acted(latency)[:, 0, 0].tolist() == [0, 0.5, 0.5, 0]
-    assert queue.ahead(latency)[:, 0, 0].tolist() == [0, 0, 0.5, 1]
-    assert queue.felt(latency).tolist() == [[3, 3, 3]]
-
-
 def test_a_whole_latency_is_a_dead_time() -> None:
     """The last k_d commands are ahead, and the one before them acted, for a number as for an array of them."""
     for delay in [0, 1, 5, 12]:
@@ -138,22 +129,6 @@ def test_what_is_felt_is_what_a_fine_clock_says(eighths: list[int], seed: int) -
             to_come = by_eighths[start + 8 :, robot, axis].sum() / 8
             ahead = (queue.ahead(ticks / 8) * queue.last(14)).sum(0)[robot, axis]
             assert ahead == pytest.approx(to_come, abs=1e-13)
-
-
-@LAW
-@given(st.floats(0, 12), st.integers(0, 3))
-def test_every_command_acts_for_one_frame_in_all(latency: float, spare: int) -> None:
-    """What is ahead of the robot adds up to its latency, and loses in a frame what acts in it, by commands' age."""
-    queue = CommandsInFlight(1, int(np.ceil(latency)) + 1 + spare)
-    acted, ahead = queue.acted(latency)[:, 0, 0], queue.ahead(latency)[:, 0, 0]
-    # Differences of numbers of size 12.
-    assert ahead.sum() == pytest.approx(latency, abs=1e-13)
-    assert acted.sum() == pytest.approx(1.0, abs=1e-13)
-    assert acted.min() >= 0
-    assert np.count_nonzero(acted) <= 2
-    # What was ahead a frame before, when each command was one frame younger; the newest had only just been sent.
-    before = np.append(ahead[1:], 1.0)
-    np.testing.assert_allclose(acted, before - ahead, rtol=0, atol=1e-13)
 
 
 def test_latencies_of_robots_and_axes_are_their_own() -> None:
@@ -203,15 +178,3 @@ def test_where_dead_times_differ_each_robot_arrives_after_its_own() -> None:
     seen = Seen(np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), queue, 0.5, np.array([0, 2, 3]))
     assert seen.in_flight[..., 0].tolist() == [[0, 0, 1], [0, 2, 2], [0, 4, 4]]
     assert seen.arriving[:, 1].tolist() == [0, 3, 3.5]
-
-
-def test_what_robots_have_felt_around_a_latency_is_what_they_feel_with_others() -> None:
-    """By a spread to both sides of it, as far as latencies go: none is shorter than nothing."""
-    commands = np.random.default_rng(5).normal(size=(20, 3, 3))
-    sent, latency, spread = sent_before(20, commands, length=14), np.array([0.3, 4.5, 9.0]), np.array([0.5, 0.7, 2.0])
-    found = sent.around(latency, spread)
-    sooner, later = np.maximum(latency - spread, 0.0), latency + spread
-    np.testing.assert_allclose(found.command, sent.felt(latency[:, None]), rtol=0, atol=1e-14)
-    change = sent.felt(later[:, None]) - sent.felt(sooner[:, None])
-    np.testing.assert_allclose(found.change, change, rtol=0, atol=1e-14)
-    np.testing.assert_array_equal(found.frames, later - sooner)

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
 
-from omni_control.estimation import kalman as vision_filter
-from omni_control.estimation.kalman import KalmanFilter
+from omni_control.estimation import tracking as vision_filter
+from omni_control.estimation.tracking import KalmanFilter
 from omni_control.kinematics import Array
 
 seeds = st.integers(0, 2**32 - 1)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from laws import LAW
 from scipy.linalg import solve_discrete_are
 
-from omni_control.estimation.kalman import KalmanFilter
+from omni_control.estimation.tracking import KalmanFilter
 from omni_control.kinematics import Array
 
 ROBOTS, FRAMES, SETTLED = 200, 300, 100

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from laws import LAW
 from numpy.typing import NDArray
 
-from omni_control.controllers.planning import _in_time, in_time
+from omni_control.controllers.planning import in_time
 
 STEP = 0.1  # m/s a frame
 parts = st.floats(-3, 3)
@@ -51,12 +51,6 @@ def test_directions_are_alike(way: NDArray, angle: float) -> None:
     worst = np.sort(ahead - reach)[-2:]
     if len(worst) < 2 or worst[1] - worst[0] > 1e-9:  # two that are as far out of reach: rounding chooses
         np.testing.assert_allclose(of(way * turned), of(way) * turned, rtol=0, atol=1e-9)
-
-
-@LAW
-@given(ways)
-def test_loops_do_the_same(way: NDArray) -> None:
-    np.testing.assert_allclose(_in_time(way, STEP), of(way), rtol=0, atol=1e-12)
 
 
 def farthest(look: int, lag: float = 0.08, gain: float = 15.0) -> float:

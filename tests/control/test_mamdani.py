@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from laws import LAW
 
 from omni_control.errors import OmniError
-from omni_control.fuzzy import by_robot, mamdani
+from omni_control.fuzzy import mamdani
 from omni_control.fuzzy.centroid import CentreOfGravity
 from omni_control.fuzzy.mamdani import Mamdani, Trapezoid, Variable, triangle
 
@@ -149,17 +149,6 @@ def test_a_row_of_a_batch_is_what_it_is_alone(engine: Mamdani) -> None:
         np.array_equal(engine(row), z) and np.array_equal(engine([row, row])[1], z)
         for row, z in zip(rows, batch, strict=False)
     )
-
-
-@LAW
-@given(engines(), st.data())
-def test_loops_find_the_outputs_that_numpy_does(engine: Mamdani, data: st.DataObject) -> None:
-    """Bit for bit, any sets, rules and inputs; uncompiled."""
-    values = tuple(data.draw(st.floats(v.low - 0.1, v.high + 0.1)) for v in engine.inputs)
-    heights = np.empty(engine.tables.rules.shape[1])
-    by_robot.infer(engine.tables, values, heights)
-    found = [by_robot.centre(engine.tables, heights, o) for o in range(len(engine.outputs))]
-    assert found == engine(values).tolist()
 
 
 def test_inputs_that_are_no_numbers_or_too_many_are_refused() -> None:

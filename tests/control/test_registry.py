@@ -93,7 +93,7 @@ def test_a_controller_that_cannot_be_made_says_where() -> None:
         ControllerError, match=r"Broken cannot be made \(test_registry.py, line \d+\): KeyError: 'gain'"
     ):
         make(Broken, TOLD, TIMED, 1)
-    with pytest.raises(ControllerError, match="Forgetful has a predicted of shape"):
+    with pytest.raises(ControllerError, match="Forgetful cannot be made"):
         make(Forgetful, TOLD, TIMED, 1)
 
 

@@ -10,7 +10,7 @@ from ways import KINDS, TIMED, along
 
 from omni_control import CommandsInFlight, Controller, MotionLimits, OmniError, Seen, Team, Told
 from omni_control.controllers import make
-from omni_control.estimation.kalman import KalmanFilter
+from omni_control.estimation.tracking import KalmanFilter
 from omni_control.kinematics import Array
 from omni_control.limits import CommandLimits
 from omni_control.registry import CONTROLLERS

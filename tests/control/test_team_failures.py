@@ -41,10 +41,10 @@ class Failing(Straight):
 
 FAILURES: dict[str, tuple[int, list[int], str]] = {  # the frame, the rows, what is said
     "raise": (5, [2, 3, 4], r"Failing failed in frame 5 \(test_team_failures.py, line \d+\): KeyError: 'no way'"),
-    "shape": (5, [2, 3, 4], r"commands of shape \(3, 2\) in frame 5; \(3, 3\) finite"),
-    "record": (5, [2, 3, 4], r"alpha_hat of shape \(2,\) in frame 5"),
-    "channel": (5, [2, 3, 4], r"channel 'odd' of shape \(7,\) in frame 5"),
-    "text": (5, [2, 3, 4], "channel 'odd' that is not of numbers"),
+    "shape": (5, [2, 3, 4], r"in frame 5: commands of shape \(3, 2\); \(3, 3\) finite"),
+    "record": (5, [2, 3, 4], r"in frame 5: alpha_hat has the shape \(2,\)"),
+    "channel": (5, [2, 3, 4], r"in frame 5: channel 'odd' has the shape \(7,\)"),
+    "text": (5, [2, 3, 4], "could not convert string to float"),
     "nan": (5, [3], "commands that are not finite in frame 5"),
     "inf": (0, [2, 3, 4], "commands that are not finite in frame 0"),
 }

@@ -154,17 +154,6 @@ def test_the_kernels_drive_the_same_run(wheels: str, controller: str) -> None:
     np.testing.assert_allclose(*(log.channel("battery") for log in logs), rtol=1e-3)
 
 
-def test_a_team_compiled_commands_to_the_bit_what_it_does_by_numpy() -> None:
-    """On a plant that knows no kernel; robots that now and then are not seen, the controllers of the paper."""
-    head = {"plant": "kinematic", "seeds": 2, "controllers": ("flc", "comp-flc", "comp-flc-lag")}
-    more = ["reference.waypoints=[[0, 0], [0.3, 0.2, 1.0]]", "vision.miss_probability=0.05"]
-    one, other = (
-        Simulation(scenario.load("rect", [*more, f"physics.kernel={name}"], head)).run() for name in ("numpy", "numba")
-    )
-    for name in one.columns:
-        np.testing.assert_array_equal(other.channel(name), one.channel(name), err_msg=name)
-
-
 @pytest.mark.parametrize("changes", [{}, {"wheels": {"model": "two-rollers"}, "physics": {"substeps": 2}}])
 def test_the_loops_between_steps_do_compiled_what_they_do_as_python(changes: dict[str, dict[str, Any]]) -> None:
     """Two frames, in which no rounding reaches an encoder's count: then it grows by contacts alone."""

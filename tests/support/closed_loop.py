@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from omni_control import CommandsInFlight, Controller, Seen, Told
-from omni_control.estimation.kalman import KalmanFilter
+from omni_control.estimation.tracking import KalmanFilter
 from omni_control.kinematics import Array
 
 T = 1 / 60

@@ -6,13 +6,11 @@ That they reckon what numpy does is the law of test_kernels.py.
 import fcntl
 import os
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import omni_mj as om
-from omni_mj.onboard import kernel
 from omni_mj.scenarios.settings import Settings
 
 NUMBA = {"kernel": "numba"}
@@ -37,9 +35,3 @@ def ready(plant: str, settings: Iterable[Settings]) -> None:
     """As above, if any of the settings asks for compiled loops."""
     if any(each.physics.kernel == "numba" for each in settings):
         once(plant)
-
-
-def loops() -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """What compiles a controller's loops, for `Told`; test_by_robot.py holds them to what numpy reckons."""
-    once("kinematic")
-    return kernel.compiled

@@ -3,7 +3,7 @@
 import numpy as np
 from closed_loop import NOISE, T
 
-from omni_control.estimation.kalman import KalmanFilter
+from omni_control.estimation.tracking import KalmanFilter
 from omni_control.kinematics import Array
 
 GAIN_ERROR, DRIFT, DRIFT_TIME_S = 0.06, (0.1, 0.1, 0.5), 0.5

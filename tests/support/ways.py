@@ -1,6 +1,5 @@
 """The ways along which tests of controllers drive, and what the controllers are told."""
 
-import compiled
 import numpy as np
 from closed_loop import T
 
@@ -26,4 +25,4 @@ def along(kind: str, n: int = 1, side: Array | float = 1.0) -> Reference:
 def told(delay: int, lag: float = 0.02, noisy: bool = False) -> Told:
     """What is told of robots with this dead time, frames, and lag, s; vision that is not `noisy` is trusted."""
     noise = (0.0013, 0.01) if noisy else (0.0, 0.0)
-    return Told(T, delay, lag, *noise, compiled=compiled.loops())
+    return Told(T, delay, lag, *noise)

@@ -1,15 +1,12 @@
 """The controllers by the names that users call them, each loaded when it is asked for; made, with their parameters."""
 
-import copy
 import inspect
 import numbers
 from collections.abc import Mapping
 from importlib import import_module
 from typing import TypeVar
 
-from omni_control.controllers import apart, guests
-from omni_control.controllers.base import Controller, Told
-from omni_control.controllers.checks import check_made, where
+from omni_control.controllers.base import Controller, Told, error_place, record_of
 from omni_control.errors import ControllerError, OmniError, choose
 from omni_control.reference import Reference
 from omni_control.registry import CONTROLLERS, missing
@@ -17,6 +14,7 @@ from omni_control.registry import CONTROLLERS, missing
 Parameter = bool | int | float | str
 Kind = TypeVar("Kind", bound=Controller)
 
+MAX_MEMORY_FRAMES = 36_000
 _WANTED = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
 
 
@@ -71,49 +69,27 @@ def make(
     reference: Reference,
     n: int,
     parameters: Mapping[str, object] | None = None,
-    alone: bool = False,
 ) -> Controller:
-    """A controller of `n` robots, by its class or its name, its `parameters` set before its constructor runs.
+    """Return a controller of `n` robots, by its class or its name.
 
-    Somebody else's gets copies of what it is told and of the reference, which are then its own. `alone` is for one that
-    no other code needs to reach: it has a process of its own, where the system has such.
+    Its `parameters` are set before its constructor runs.
 
     Raises:
         OmniError: there is no controller of that name, or a parameter is wrong.
-        ControllerError: its constructor raised an exception, did not return, did not call that of `Controller`, or
-            changed what it was told.
+        ControllerError: its constructor failed, or did not call that of `Controller`.
     """
     found = find(kind) if isinstance(kind, str) else kind
-    given = checked_parameters(found, parameters or {})
-    guest = guests.guest(found)
-    if guest is None:
-        return _made(found, told, reference, n, given)
-    own = copy.deepcopy((told, reference))
-
-    def made() -> Controller:
-        controller = _made(found, *own, n, given)
-        if controller.told != told:
-            raise ControllerError(f"{found.__name__} changed what it was told; that must stay as it is")
-        return controller
-
-    if alone and apart.POSSIBLE:
-        return apart.make(found, told, reference, n, made)
-    controller = guest.call(made, "when it was made")
-    vars(controller)[guests.ATTRIBUTE] = guest
-    return controller
-
-
-def _made(
-    kind: type[Kind], told: Told, reference: Reference, n: int, parameters: Mapping[str, Parameter]
-) -> Controller:
-    controller = kind.__new__(kind)
-    for name, value in parameters.items():
+    values = checked_parameters(found, parameters or {})
+    controller = found.__new__(found)
+    for name, value in values.items():
         setattr(controller, name, value)
     try:
         controller.__init__(told, reference, n)  # type: ignore[misc]
+        record_of(controller, n)
+        if not 0 <= controller.memory_frames <= MAX_MEMORY_FRAMES:
+            raise OmniError(f"memory_frames must be from 0 to {MAX_MEMORY_FRAMES}")
     except Exception as error:
-        raise ControllerError(f"{kind.__name__} cannot be made{where(kind, error)}") from error
-    check_made(controller, n)
+        raise ControllerError(f"{found.__name__} cannot be made{error_place(found, error)}") from error
     return controller
 
 

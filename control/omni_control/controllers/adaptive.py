@@ -16,9 +16,9 @@ import numpy as np
 
 from omni_control.controllers.base import Seen, Told
 from omni_control.controllers.identifying import Arrival, Identifying
-from omni_control.controllers.planning import fade, in_time, lead, plan
+from omni_control.controllers.planning import fade, in_time, lead
 from omni_control.estimation.motion import Plane, pairs, plane
-from omni_control.fuzzy.rules import ENGINE, FuzzyLaw
+from omni_control.fuzzy.rules import FuzzyLaw
 from omni_control.kinematics import Array
 from omni_control.reference import Reference
 
@@ -40,18 +40,12 @@ class AdaptiveCompFlc(Identifying):
         super().__init__(told, reference, n)
         self.fuzzy = FuzzyLaw(told.error_range_m, told.speed_range_m_s)
         self._step = told.limits.acceleration * told.period
-        self._plan = None if told.compiled is None else told.compiled(plan)
 
     def wanted(self, frame: int, seen: Seen, arrival: Arrival) -> Array:
         """See `Identifying`."""
         period, law = self.told.period, self.plant.motion
         position, velocity, heading = arrival
         poses, twists = self.around(frame + self.plant.latency, LOOK_FRAMES)
-        if self.loops is not None and self._plan is not None:
-            reference, commands = (np.ascontiguousarray(poses), np.ascontiguousarray(twists)), np.empty_like(seen.pose)
-            fuzzy, limits = (ENGINE.tables, self.fuzzy.ranges), (self._step, self.told.heading_gain)
-            self._plan(*self.loops.arrays, *reference, *arrival, *fuzzy, self.fuzzy.stiffness, *limits, commands)
-            return commands
         target, (edges, facing) = poses[1], self.along(poses, twists, heading)
         error = self._leading(plane(target[:, :2]) - position, edges[0] - velocity, np.abs(edges[0]), facing[0])
         correction = plane(self.fuzzy(pairs(error)))

@@ -4,19 +4,23 @@ A controller is called once a frame with what is known of its robots and the com
 limits), and returns new commands in the world frame (figure 4 of the paper).
 """
 
+import inspect
 import math
-from collections.abc import Callable
+import traceback
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
 from omni_control.delay import CommandsInFlight, compensation
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, printable
 from omni_control.estimation.late import Late
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_control.reference import MotionLimits, Reference
 
+RECORDED = ("predicted", "alpha_hat", "latency_hat")
+MAX_COLUMNS = 256  # of a controller's channels
 COMMAND_LIMITS = MotionLimits(3.7, 4.7, 26.0, 50.8)  # of the league's simulators (ssl-simulation-setup)
 
 
@@ -39,8 +43,6 @@ class Told:
         alpha_window_frames: window of the estimate of alpha (equation 8), frames.
         geometry: of the wheels, or None where nobody said.
         limits: of what may be commanded, translation and turning; the defaults are the league simulators'.
-        compiled: what makes machine code of a loop over robots and of what that calls, such as numba, for controllers
-            that have such loops and for the team. [they reckon with all robots at once, by numpy]
 
     Raises:
         OmniError: a time, a noise or a number of frames that cannot be; all that are wrong, one line each.
@@ -61,7 +63,6 @@ class Told:
     alpha_window_frames: int = 15
     geometry: Kinematics | None = None
     limits: MotionLimits = field(default=COMMAND_LIMITS)
-    compiled: Callable[[Callable[..., Any]], Callable[..., Any]] | None = None
 
     def __post_init__(self) -> None:
         """Check the numbers; those of the fuzzy controller are checked where it is made."""
@@ -169,12 +170,9 @@ class Controller:
         channels: what else is to be recorded of each frame, by name: numbers (n,) or (n, k).
         memory_frames: how many of the commands sent `seen.sent` holds; one that needs more says so in its constructor.
         knows_truth: whether it sees the true pose and twist instead of filtered vision.
-        patience_s: how long it may take to answer, or to be made, before it has failed, s; more for one that compiles
-            itself, or is looked into with a debugger.
     """
 
     knows_truth: ClassVar[bool] = False
-    patience_s: ClassVar[float] = 30.0
 
     def __init__(self, told: Told, reference: Reference, n: int) -> None:
         self.told, self.reference = told, reference
@@ -194,3 +192,34 @@ class Controller:
             seen: what is known of the robots in frame k; its arrays are the controller's own, or can only be read.
         """
         raise NotImplementedError
+
+
+def record_of(controller: Controller, n: int) -> dict[str, Array]:
+    """Return what a controller of n robots records in this frame: (n, k) by name."""
+    record = {}
+    for name in RECORDED:
+        record[name] = np.asarray(getattr(controller, name), float)
+        if record[name].shape != (n, 3):
+            raise OmniError(f"{name} has the shape {record[name].shape}; {(n, 3)} is needed")
+    columns = 0
+    for name, values in controller.channels.items():
+        channel = np.asarray(values, float)
+        if channel.ndim not in (1, 2) or len(channel) != n:
+            raise OmniError(f"channel {name!r} has the shape {channel.shape}; ({n},) or ({n}, k) is needed")
+        record[name] = channel = channel.reshape(n, -1)
+        columns += channel.shape[1]
+    if columns > MAX_COLUMNS:
+        raise OmniError(f"its channels have {columns} columns; {MAX_COLUMNS} at most are recorded")
+    return record
+
+
+def error_place(kind: type[Controller], error: Exception) -> str:
+    """Return where in a controller's file an exception was raised, and what it says."""
+    try:
+        file = inspect.getfile(kind)
+    except (TypeError, OSError):  # made without a file
+        file = ""
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == file]
+    place = f" ({Path(file).name}, line {frames[-1].lineno})" if frames else ""
+    name = "" if isinstance(error, OmniError) else f"{type(error).__name__}: "
+    return f"{place}: {name}{printable(str(error))}"

@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 
-from omni_control.controllers import flc_by_robot
 from omni_control.controllers.base import Controller, Seen, Told
 from omni_control.delay import compensation
 from omni_control.estimation.alpha import AlphaEstimator
-from omni_control.fuzzy.rules import ENGINE, FuzzyLaw
+from omni_control.fuzzy.rules import FuzzyLaw
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import Reference
 
@@ -22,7 +21,6 @@ class Flc(Controller):
     def __init__(self, told: Told, reference: Reference, n: int) -> None:
         super().__init__(told, reference, n)
         self.fuzzy = FuzzyLaw(told.error_range_m, told.speed_range_m_s)
-        self._correct = None if told.compiled is None else told.compiled(flc_by_robot.correct)
 
     def command(self, frame: int, seen: Seen) -> Array:
         """See `Controller`."""
@@ -33,10 +31,6 @@ class Flc(Controller):
         self.predicted = pose
         target, feed_forward = self.reference.at(frame, pose)
         error = target - pose
-        if self._correct is not None:
-            command = feed_forward.copy()
-            self._correct(ENGINE.tables, self.fuzzy.ranges, self.told.heading_gain, error, command)
-            return command
         turn = self.told.heading_gain * wrap_angle(error[:, 2:])
         return feed_forward + np.concatenate([self.fuzzy(error[:, :2]), turn], axis=1)
 
@@ -50,7 +44,6 @@ class CompFlc(Flc):
         window, whole = told.alpha_window_frames, round(self.latency)
         self.memory_frames = window + math.ceil(self.latency)
         self.alpha = AlphaEstimator(n, window, whole, told.period)
-        self._predict = None if told.compiled is None else told.compiled(flc_by_robot.predict)
 
     @staticmethod
     def latency_told(told: Told) -> float:
@@ -59,21 +52,11 @@ class CompFlc(Flc):
 
     def command(self, frame: int, seen: Seen) -> Array:
         """See `Controller`."""
-        return self.track(frame + self.latency, self._predicted(seen))
-
-    def _predicted(self, seen: Seen) -> Array:
-        """Poses (n, 3) at the end of the dead time, with the alpha of this frame."""
-        pose, commands, alpha = seen.pose, seen.sent.last(seen.sent.length), self.alpha
-        if self._predict is None:
-            self.alpha_hat[:, :2] = alpha.update(pose[:, :2], seen.sent)
-            in_flight = seen.sent.ahead(self.latency) * commands
-            return pose + compensation(in_flight, self.alpha_hat, self.told.period)
-        predicted, window = np.empty_like(pose), (*alpha.begin(pose[:, :2]), alpha.delay_frames)
-        self._predict(
-            pose, commands.copy(), float(self.latency), self.told.period, *window, alpha.law, alpha.value, predicted
-        )
-        self.alpha_hat[:, :2] = alpha.value
-        return predicted
+        pose, sent = seen.pose, seen.sent
+        self.alpha_hat[:, :2] = self.alpha.update(pose[:, :2], sent)
+        in_flight = sent.ahead(self.latency) * sent.last(sent.length)
+        predicted = pose + compensation(in_flight, self.alpha_hat, self.told.period)
+        return self.track(frame + self.latency, predicted)
 
 
 class CompFlcLag(CompFlc):

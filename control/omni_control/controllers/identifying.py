@@ -8,11 +8,9 @@ import numpy as np
 from omni_control.controllers.base import Controller, Seen, Told
 from omni_control.delay import CommandsInFlight
 from omni_control.estimation import motion
-from omni_control.estimation.by_robot import LEAST_S
-from omni_control.estimation.compliance import UNYIELDING, Compliance
+from omni_control.estimation.compliance import Compliance
 from omni_control.estimation.identify import LATENCY, Identifier
 from omni_control.estimation.late import MOST_FRAMES, Late
-from omni_control.estimation.loops import Loops
 from omni_control.estimation.motion import Plane, pairs, plane
 from omni_control.estimation.turning import GYRO_SHARE, Turning
 from omni_control.kinematics import Array, wrap_angle
@@ -53,7 +51,6 @@ class Identifying(Controller):
         self._compliance = Compliance(told.geometry, GYRO_SHARE) if told.geometry and gives_way else None
         self._started, self._answered = False, np.zeros((n, 3))
         self._arriving: Plane = np.zeros(n, complex)  # velocity as it was predicted in the frame before
-        self.loops: Loops | None = None
 
     def wanted(self, frame: int, seen: Seen, arrival: Arrival) -> Array:
         """Commands (n, 3) for robots that will have arrived like that when they act; see `Controller.command`."""
@@ -63,9 +60,6 @@ class Identifying(Controller):
         """See `Controller`."""
         if not self._started:
             self._started, self.plant, self.turning = True, self._identifier(seen.pose), self._turning(seen.pose)
-            compiled = self.told.compiled
-            gives = UNYIELDING if self._compliance is None else self._compliance.arrays
-            self.loops = None if compiled is None else Loops(self.turning, self.plant, gives, compiled)
         for late in seen.steps[:-1]:
             self._identify(None, seen.sent, late)
         self._identify(seen.measured, seen.sent, *seen.steps[-1:])
@@ -76,9 +70,6 @@ class Identifying(Controller):
 
     def _identify(self, measured: Array | None, sent: CommandsInFlight, late: Late | None = None) -> None:
         """Take in a frame, of which vision reports poses (n, 3); none on the way to that."""
-        if self.loops is not None:
-            self.loops.identify(measured, sent, late)
-            return
         plant, turning = self.plant, self.turning
         before = turning.heading
         headings = np.full(len(before), np.nan) if measured is None else measured[:, 2]
@@ -102,8 +93,6 @@ class Identifying(Controller):
 
     def _predict(self, seen: Seen) -> Arrival:
         """How the commands that are still to act leave the robots."""
-        if self.loops is not None:
-            return Arrival(*self.loops.predict(seen.sent, seen.steps[-1] if seen.steps else None))
         sent, plant, turning, latency = seen.sent, self.plant, self.turning, self.plant.latency
         turning.creep = plant.motion.effort[:, 0] ** 2 * plant.motion.parameters[:, motion.CREEP.start]
         if seen.steps:
@@ -113,7 +102,7 @@ class Identifying(Controller):
         durations, across = left * self.told.period, plane(commands[..., :2])
         # Velocities change too little meanwhile for what is missing of them to need more than a straight line.
         until = np.add.accumulate(durations[::-1])[::-1]
-        whole = np.maximum(until[:1], LEAST_S)
+        whole = np.maximum(until[:1], 1e-12)
         going = self._arriving + (plant.velocity - self._arriving) * (until / whole)
         facing = np.exp(-1j * (turning.heading + turning.rate * (whole - until)))
         shortfalls = (across * plant.turned - going) * facing

@@ -3,7 +3,7 @@
 import numpy as np
 
 from omni_control.delay import CommandsInFlight
-from omni_control.kinematics import Array, Number
+from omni_control.kinematics import Array
 
 
 class AlphaEstimator:
@@ -29,8 +29,6 @@ class AlphaEstimator:
 
     Attributes:
         value: as estimated last, (n, 2).
-        delay_frames: as given.
-        law: what `ratio` takes besides: confidence squared and bounds.
     """
 
     def __init__(
@@ -43,27 +41,19 @@ class AlphaEstimator:
         bounds: tuple[float, float] = (0.5, 1.1),
     ) -> None:
         self.value = np.ones((n, 2))
-        self._window, self.delay_frames, self._period = window_frames, delay_frames, period
-        self.law = confidence_m**2, *bounds
+        self._window, self._delay, self._period = window_frames, delay_frames, period
+        self._rho, self._bounds = confidence_m**2, bounds
         self._positions: list[Array] = []
 
     def update(self, position: Array, sent: CommandsInFlight) -> Array:
         """Return alpha (n, 2) for x and y, given the filtered positions (n, 2) and the commands sent so far."""
-        first, count = self.begin(position)
-        achieved = position - first
-        commanded = np.add.reduce(sent.last(count, skip=self.delay_frames)[..., :2]) * self._period
-        self.value = ratio(achieved, commanded, self.value, *self.law)
-        return self.value
-
-    def begin(self, position: Array) -> tuple[Array, int]:
-        """Note the filtered positions (n, 2); return the first of the window, and the number of frames since."""
         self._positions.append(position.copy())
         if len(self._positions) > self._window + 1:
             del self._positions[0]
-        return self._positions[0], len(self._positions) - 1
-
-
-def ratio(achieved: Number, commanded: Number, old: Number, rho: float, low: float, high: float) -> Number:
-    """Alpha by the displacements of a window, m, and its old value; see `AlphaEstimator`."""
-    found = (achieved * commanded + rho * old) / (commanded * commanded + rho)
-    return np.minimum(np.maximum(found, low), high)
+        achieved = position - self._positions[0]
+        count = len(self._positions) - 1
+        commanded = np.add.reduce(sent.last(count, skip=self._delay)[..., :2]) * self._period
+        rho, (low, high) = self._rho, self._bounds
+        ratio = (achieved * commanded + rho * self.value) / (commanded * commanded + rho)
+        self.value = np.minimum(np.maximum(ratio, low), high)
+        return self.value

@@ -16,9 +16,10 @@ where share is what a loop on the gyro leaves. It is not zero: rims need not add
 travel faster give way more; and acceleration takes load from the wheels on the side towards which it goes.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from omni_control.estimation.arrays import GivesArrays
 from omni_control.estimation.motion import Plane
 from omni_control.kinematics import Array, Kinematics, Number
 from omni_control.traction import GRAVITY, loads
@@ -27,8 +28,14 @@ HEIGHT_M = 0.047  # of the centre of mass: TIGERs Mannheim's robots have 45 and 
 LEAST_LOAD = 0.1  # of the mean, that every wheel is taken to bear
 
 
-# Of robots of whose wheels nothing is known, or that do not give way.
-UNYIELDING = GivesArrays(np.zeros(0, complex), np.zeros(0), np.zeros(0, complex), 1.0, 0.0)
+class GivesArrays(NamedTuple):
+    """Of `Compliance`; of robots whose wheels do not give way, of no wheel."""
+
+    rims: Plane  # (W,)
+    standing: Array  # (W,)
+    shifting: Plane  # (W,)
+    arm: float
+    share: float
 
 
 class Compliance:

@@ -28,12 +28,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from omni_control.estimation.evidence import BRAKING_M_S2, Truth
-from omni_control.kinematics import Array, Number, wrap_angle
+from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import MotionLimits
 
 Flags = NDArray[np.bool_]
 
+BRAKING_M_S2 = 9.81  # that no wheels exceed
 OTHERS = 3.7, 26.0  # m/s and rad/s of robots in the league's simulators (ssl-simulation-setup)
 BLOW = 2.0  # times its own speed, that a robot may have after a blow
 FALSE_ALARM = 1e-9  # of noise alone, in an image
@@ -87,8 +87,8 @@ class Gate:
         age = self._no_age if age is None else age
         between = k[SINCE] + np.abs(age - k[AGE])  # at least a frame, whatever cameras' clocks say
         x, y, turned = moved.T
-        distance, allowed = np.hypot(x, y), reach(k[SPEED], between, k[NOISY])
-        fits = usual(distance, allowed, turned)
+        distance, allowed = np.hypot(x, y), k[SPEED] * between + k[NOISY]
+        fits = (distance > 0) & (distance <= allowed) & (np.abs(turned) < np.pi / 2)
         if np.count_nonzero(fits) == len(fits):
             k[SINCE], k[ELSEWHERE:] = 0.0, 0.0
             k[PACE], k[AGE], self.images[:] = distance / between, age, measured
@@ -121,13 +121,3 @@ class Gate:
         k[PACE] = np.where(fresh, distance / between, k[PACE])
         k[AGE], k[SINCE] = np.where(fresh, age, k[AGE]), np.where(fresh, 0.0, k[SINCE])
         return believed
-
-
-def reach(speed: Number, between: Number, noise: Number) -> Number:
-    """How far apart images can be that are so far apart in time."""
-    return speed * between + noise
-
-
-def usual(distance: Number, allowed: Number, turned: Number) -> Truth:
-    """Whether a robot has moved, and no farther than it can: what nearly all images say."""
-    return (distance > 0) & (distance <= allowed) & (np.abs(turned) < np.pi / 2)

@@ -18,13 +18,13 @@ tells nothing of its velocity, of what pushes it, nor of its parameters: a filte
 driven would believe in 1 m/s for a while.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from omni_control.delay import Acted, CommandsInFlight
+from omni_control.delay import CommandsInFlight
 from omni_control.estimation import evidence, motion
-from omni_control.estimation.arrays import PlantArrays
 from omni_control.estimation.belief import REACH_FRAMES, STATES, believed
-from omni_control.estimation.by_robot import set_down
 from omni_control.estimation.hearsay import conditioned
 from omni_control.estimation.late import Late
 from omni_control.estimation.motion import Motion, Plane, pairs, plane
@@ -35,6 +35,19 @@ MISTAKEN_FRAMES = 14  # before sliding is believed, in which it was taken for ot
 LATENCY = 6 + motion.LATENCY  # among the states: beyond the dead time, frames
 _UNITS = np.array([1, 1j, 1, 1j])  # the world's axes, of velocity and of push
 _IDENTITY, _COFACTORS = np.eye(2), np.array([[1.0, -1.0], [-1.0, 1.0]])
+
+
+class Acted(NamedTuple):
+    """Commands that acted in the frame just past, on its average, (n, 3).
+
+    Attributes:
+        command: those.
+        change: by how much they were more, if the latency were longer by so many `frames`, (n,).
+    """
+
+    command: Array
+    change: Array
+    frames: Array
 
 
 class Identifier:
@@ -104,24 +117,6 @@ class Identifier:
         self._lacks: Plane = np.zeros((2, n), complex)
 
     @property
-    def arrays(self) -> PlantArrays:
-        """What loops over robots read, and write in its place; then they say that they `took` in a frame."""
-        known = self._state, self.variance, self.noise, self.surprise, self.sliding, self._lasts, self._last
-        still = self._lacks, self._past, np.zeros_like(self.position), self.gained
-        how = self._kept, self._renewed, self._forget, self._restless, self._gives, self._lowest, self._highest
-        return PlantArrays(*known, *still, *how, self._period, float(self._delay), self._told, float(self._ends))
-
-    @property
-    def frames(self) -> int:
-        """How many of those that were taken in had a report of vision."""
-        return self._frames
-
-    def took(self, reported: bool) -> None:
-        """Say that loops took in a frame, with a report of vision or without."""
-        self._frames += reported
-        self._know(self._state)
-
-    @property
     def sigma(self) -> Array:
         """Standard deviation of the parameters, (n, 8)."""
         own = self.variance.reshape(-1, STATES**2)[:, 6 * (STATES + 1) :: STATES + 1]
@@ -147,10 +142,11 @@ class Identifier:
             sent: commands up to the frame before, `longest` of them at least, and as many more as the filter is behind.
             late: how far that is. [not]
         """
-        latency, count = self.latency, self.longest
-        if late is not None:
-            latency, count = latency + late.behind, count + int(late.behind.max())
-        return sent.of(slice(None), count).around(latency, evidence.spread(self.variance[:, LATENCY, LATENCY]))
+        latency = self.latency if late is None else self.latency + late.behind
+        spread = evidence.spread(self.variance[:, LATENCY, LATENCY])
+        sooner, later = np.maximum(latency - spread, 0.0), latency + spread
+        acting, early, belated = sent.felt(np.array([latency, sooner, later])[..., None])
+        return Acted(acting, belated - early, later - sooner)
 
     def update(
         self,
@@ -299,3 +295,16 @@ class Identifier:
             self.variance[i] = known[i]
             set_down(self.variance[i], far[i], noise[i], self._period)
         self.surprise = np.where(seen, evidence.surprised(self.surprise, surprise), self.surprise)
+
+
+def set_down(variance: Array, far: float, noise: float, period: float) -> None:
+    """Change the variance (14, 14) of a robot that was put `far` from where it was expected, m; see `evidence.carried`.
+
+    It is where it is seen, but for the noise, of a variance in m^2. How fast it is, which could have led as far in a
+    frame, the next image tells. Nothing else is known better than before.
+    """
+    variance[:2] = 0.0
+    variance[:, :2] = 0.0
+    for j in range(2):
+        variance[j, j] = noise
+        variance[2 + j, 2 + j] += (far / period) ** 2

@@ -32,7 +32,6 @@ Dynamics 40, 2017), and b, which is soon forgotten, may be greater.
 import numpy as np
 
 from omni_control.estimation import belief, evidence
-from omni_control.estimation.arrays import TurningArrays
 from omni_control.estimation.hearsay import conditioned
 from omni_control.estimation.late import Late
 from omni_control.estimation.motion import Plane
@@ -114,13 +113,6 @@ class Turning:
         self._acts = np.empty((n, STATES - 3))  # what lag, effort, friction, coupling and latency do like a command
         self.variance = np.zeros((n, STATES, STATES))
         self.variance[:, range(STATES), range(STATES)] = np.append([self._noise, 0.0], sigma**2)
-
-    @property
-    def arrays(self) -> TurningArrays:
-        """What loops over robots read, and write in its place."""
-        known, how = (self._state, self.variance, self.creep, self.surprise), (self._kept, self._renewed, self._forget)
-        law = self._period, self._noise, self._slid, self._creeps, self._arm, float(self.tells)
-        return TurningArrays(*known, *how, LEAST, MOST, *law)
 
     @property
     def sigma(self) -> Array:

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from omni_control.kinematics import Array, Number
+from omni_control.kinematics import Array
 
 
 class CentreOfGravity:
@@ -30,28 +30,23 @@ class CentreOfGravity:
     Args:
         outputs: of each output the corners (sets, 4) of its sets, in ascending order from foot to foot, and the low
             and high end of its universe, where the sets are cut off.
-
-    Attributes:
-        members: the sets of each region, of which the highest counts, (most, regions, outputs).
-        regions: what `under` takes of each, (7, regions, outputs).
-        middle: of each output's universe, (outputs,).
     """
 
     def __init__(self, outputs: Sequence[tuple[Array, float, float]]) -> None:
         regions = [sorted(_regions(*output), key=lambda region: region[1]) for output in outputs]
         shape = (max(map(len, regions)), len(outputs))
         members = np.zeros((max(len(corners) for corners, _, _ in outputs), *shape), int)
-        self.regions = np.zeros((7, *shape))
-        self.regions[:2] = 1.0
+        regions_of = np.zeros((7, *shape))
+        regions_of[:2] = 1.0
         first_set = 0
         for o, (corners, _, _) in enumerate(outputs):
             for r, (above, *levels, polynomials) in enumerate(regions[o]):
                 members[:, r, o] = first_set + np.resize(above, len(members))
-                self.regions[:, r, o] = *levels, *polynomials
+                regions_of[:, r, o] = *levels, *polynomials
             first_set += len(corners)
-        self.members = members[: max(len(above) for of_output in regions for above, *_ in of_output)].copy()
-        self.middle = np.array([(low + high) / 2 for _, low, high in outputs])
-        self._regions, self._middle = tuple(self.regions[..., None]), self.middle[:, None]
+        self._members = members[: max(len(above) for of_output in regions for above, *_ in of_output)].copy()
+        self._regions = tuple(regions_of[..., None])
+        self._middle = np.array([[(low + high) / 2] for _, low, high in outputs])
 
     def __call__(self, heights: Array) -> Array:
         """Return the centres (outputs, n) of the sets clipped at `heights` (sets, n), given output by output.
@@ -59,19 +54,13 @@ class CentreOfGravity:
         At least one height of each output must be positive.
         """
         # numpy adds up the rows of a table in order, but those of a lone column pairwise.
-        if heights.shape[1] * len(self.middle) == 1:
+        if heights.shape[1] * len(self._middle) == 1:
             return self(heights.repeat(2, axis=1))[:, :1]
-        level = np.maximum.reduce(heights.take(self.members, axis=0))  # (regions, outputs, n)
-        area, moment = under(level, *self._regions)
+        level = np.maximum.reduce(heights.take(self._members, axis=0))  # (regions, outputs, n)
+        bottom, top, a1, a2, m1, m2, m3 = self._regions
+        u = np.maximum(np.minimum(level, top), bottom) - bottom
+        area, moment = (a2 * u + a1) * u, ((m3 * u + m2) * u + m1) * u
         return self._middle + np.add.reduce(moment) / np.add.reduce(area)
-
-
-def under(
-    level: Number, bottom: Number, top: Number, a1: Number, a2: Number, m1: Number, m2: Number, m3: Number
-) -> tuple[Number, Number]:
-    """Area of a region up to a level, and its moment about the middle of the universe; see `_regions`."""
-    u = np.maximum(np.minimum(level, top), bottom) - bottom
-    return (a2 * u + a1) * u, ((m3 * u + m2) * u + m1) * u
 
 
 def _regions(corners: Array, low: float, high: float) -> list[tuple[tuple[int, ...], float, float, Array]]:

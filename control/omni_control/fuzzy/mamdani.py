@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omni_control.errors import OmniError, choose
 from omni_control.fuzzy.centroid import CentreOfGravity
-from omni_control.fuzzy.tables import Tables
-from omni_control.kinematics import Array, Number
+from omni_control.kinematics import Array
 
 Rule = tuple[Mapping[str, str], Mapping[str, str]]
 
@@ -92,9 +91,6 @@ class Mamdani:
             `({"e_x": "NB", "e_y": "PS"}, {"v_x": "NB"})`. Conditions are joined by "and"; an input that a rule does not
             mention may have any value.
 
-    Attributes:
-        tables: sets and rules, as a compiled loop reads them.
-
     Raises:
         OmniError: there are no rules, or one is empty or names what does not exist; two variables have the same name;
             an input's set has a vertical side inside its universe, where outputs would jump; or there are inputs for
@@ -114,7 +110,7 @@ class Mamdani:
         ends = np.array([[v.low for v in self.inputs], [v.high for v in self.inputs]], float)
 
         row = {key: i for i, key in enumerate((v.name, label) for v in self.inputs for label in v.sets)}
-        conditions = _table([[row[key] for key in conditions.items()] for conditions, _ in self.rules])
+        self._conditions = _table([[row[key] for key in conditions.items()] for conditions, _ in self.rules])
         concluded: dict[tuple[int, str], list[int]] = {}
         for o, v in enumerate(self.outputs):
             for label in v.sets:
@@ -126,10 +122,10 @@ class Mamdani:
                 for o, v in enumerate(self.outputs)
             ]
         )
-        of_outputs = self._centre.members, self._centre.regions, self._centre.middle
-        sides = np.array([feet[0], slopes[0], feet[1], slopes[1]])
-        self.tables = Tables(ends, owner, sides, conditions, _table(list(concluded.values())), *of_outputs)
-        self._ends, self._sides = tuple(ends[..., None]), tuple(sides[..., None])
+        self._rules = _table(list(concluded.values()))
+        self._owner, self._ends = owner, tuple(ends[..., None])
+        sides = feet[0], slopes[0], feet[1], slopes[1]
+        self._sides = tuple(side[:, None] for side in sides)
         self._check_cover(np.array([o for o, _ in concluded]))
 
     def __call__(self, values: ArrayLike) -> Array:
@@ -164,15 +160,20 @@ class Mamdani:
         return self.defuzzify(self.infer(self.fuzzify(columns)))
 
     def fuzzify(self, values: Array) -> Array:
-        """Return the degrees (sets, n), see `degree`, to which inputs (inputs, n) belong to their sets, one by one."""
+        """Return the degrees (sets, n) to which inputs (inputs, n) belong to their sets, one by one.
+
+        What is above 1 counts as 1, and below 0 as 0: no region reaches beyond (`centroid`).
+        """
         low, high = self._ends
         clipped = np.minimum(np.maximum(values, low), high)
-        return degree(clipped.take(self.tables.owner, axis=0), *self._sides)
+        of_set = clipped.take(self._owner, axis=0)
+        foot, slope, other_foot, other_slope = self._sides
+        return np.minimum((of_set - foot) * slope, (of_set - other_foot) * other_slope)
 
     def infer(self, degrees: Array) -> Array:
         """Return the heights (sets, n) of the outputs' sets, output by output, but for those that no rule concludes."""
-        strengths = np.minimum.reduce(degrees.take(self.tables.conditions, axis=0))
-        return np.maximum.reduce(strengths.take(self.tables.rules, axis=0))
+        strengths = np.minimum.reduce(degrees.take(self._conditions, axis=0))
+        return np.maximum.reduce(strengths.take(self._rules, axis=0))
 
     def defuzzify(self, heights: Array) -> Array:
         """Return the outputs (outputs, n) for the heights (sets, n) that `infer` returns."""
@@ -193,14 +194,6 @@ class Mamdani:
                 if not (heights[output_of_set == o] > FAINT).any():
                     where = ", ".join(f"{v.name} = {z:g}" for v, z in zip(self.inputs, corner, strict=True))
                     raise OmniError(f"no rule gives {output.name} at {where}: add rules, or widen the inputs' sets")
-
-
-def degree(value: Number, foot: Number, slope: Number, other_foot: Number, other_slope: Number) -> Number:
-    """Degree to which a value belongs to a set with these sides, each from its foot on in proportion to a slope.
-
-    What is above 1 counts as 1, and below 0 as 0: no region reaches beyond, and the order of degrees stays (`under`).
-    """
-    return np.minimum((value - foot) * slope, (value - other_foot) * other_slope)
 
 
 def _check(inputs: Sequence[Variable], outputs: Sequence[Variable], rules: Sequence[Rule]) -> None:
