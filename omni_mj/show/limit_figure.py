@@ -1,12 +1,10 @@
-"""The figure of the limit: how learning came down to it, what was learned, and the errors that are left."""
+"""Figure of the limit: how learning approached it, what was learned, and the errors that remain."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib import style as matplotlib_style
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from omni_mj.scenarios.settings import PERIOD_S
@@ -18,72 +16,52 @@ if TYPE_CHECKING:
     from omni_mj.studies.limit import LimitResult
 
 AXES = ("velocity in x, m/s", "velocity in y, m/s", "turn rate, rad/s")
-TURNS_RAD = 0.01  # of a reference's heading, below which its turn rate is not drawn
+TURNS_RAD = 0.01  # change of the reference's heading below which its turn rate is not drawn
 
 
 def save(result: "LimitResult", path: Path) -> None:
     """Draw a result that is complete into a PNG."""
     (outcome,) = result.outcomes
-    with matplotlib_style.context(style.SHEET):
-        assert outcome.log is not None
-        log = outcome.log
-        reference = log.channel("ref")[:, log.first(WITHOUT_NOISE)]
-        turns = np.ptp(reference[:, 2]) > TURNS_RAD
-        figure = Figure(figsize=(9, 7.5 + 2 * turns))
-        grid = figure.subplots(4 + turns, 1, height_ratios=[1.3, *[1.0] * (2 + turns), 1.3])
-        _learning(result, grid[0])
-        command = log.channel("command")[:, log.first(WITHOUT_NOISE)]
-        for axis, axes in enumerate(grid[1:-1]):
-            _command(reference[:, axis], command[:, axis], AXES[axis], axes)
-        _errors(result, grid[-1])
-        for axes in grid[1:-1]:
-            axes.sharex(grid[-1])
+    log, scenario = outcome.log, outcome.scenario
+    assert log is not None
+    row = log.first(WITHOUT_NOISE)
+    reference, command = log.channel("ref")[:, row], log.channel("command")[:, row]
+    axes_shown = AXES if np.ptp(reference[:, 2]) > TURNS_RAD else AXES[:2]
+    robot = "" if scenario.plant == "kinematic" else f", {scenario.robot}"
+    title, size = f"What is possible on {scenario.name}{robot}", (9, 3.5 + 2 * len(axes_shown))
+    with canvas.drawing(path.with_suffix(""), title, figsize=size) as figure:
+        learning, *commands, errors = figure.subplots(
+            2 + len(axes_shown), 1, height_ratios=[1.3, *[1.0] * len(axes_shown), 1.3]
+        )
+        _draw_learning(result, learning)
+        for k, (axes, label) in enumerate(zip(commands, axes_shown, strict=True)):
+            velocity, time = np.diff(reference[:, k]) / PERIOD_S, canvas.seconds(command)
+            axes.plot(time[:-1], velocity, color=style.REFERENCE, label="reference")
+            axes.plot(time, command[:, k], color=style.colour(1), lw=0.9, label="learned command, as sent")
+            axes.set_ylabel(label)
+            axes.sharex(errors)
             axes.tick_params(labelbottom=False)
-        grid[1].legend(loc="upper right", ncols=2)
-        grid[-1].set_xlabel("time in s")
-        robot = "" if outcome.scenario.plant == "kinematic" else f", {outcome.scenario.robot}"
-        figure.suptitle(f"What is possible on {outcome.scenario.name}{robot}", x=0.01, ha="left")
-        canvas.save_png(figure, path)
+        distance = 100 * np.hypot(*np.moveaxis((log.channel("pose") - log.channel("ref"))[..., :2], -1, 0))
+        for i, (name, label) in enumerate(((LIMIT, result.whose["max"]), (WITHOUT_NOISE, WITHOUT_NOISE))):
+            part, time = distance[:, log.of(label)], canvas.seconds(distance)
+            errors.plot(time, np.median(part, axis=1), color=style.colour(i), label=name)
+            errors.fill_between(time, part.min(1), part.max(1), color=style.colour(i), alpha=0.2, lw=0)
+        errors.set(ylabel="error in the plane, cm", xlabel="time in s")
+        errors.set_ylim(bottom=0)
+        for axes in (learning, commands[0], errors):
+            axes.legend(loc="upper right", ncols=2, frameon=True, edgecolor="none", framealpha=0.9)
 
 
-def _learning(result: "LimitResult", axes: Axes) -> None:
+def _draw_learning(result: "LimitResult", axes: Axes) -> None:
     """Draw the least error so far over the attempts."""
-    attempts = np.arange(len(result.history))
     for i, aim in enumerate(AIMS):
-        values = [100 * each[aim] for each in result.history]
-        label = {"max": "maximum", "mean": "mean"}[aim]
-        axes.semilogy(attempts, values, f"{'os'[i]}-", color=style.colour(i), label=f"{label}, without noise")
-        spread = result.outcomes[0].entry["results"][LIMIT]["error_m"]["distance"][aim]
-        if spread["median"]:
-            axes.axhline(100 * spread["median"], color=style.colour(i), ls=":", label=f"{label}, with noise")
-    canvas.plain(axes.yaxis)
+        label, colour = {"max": "maximum", "mean": "mean"}[aim], style.colour(i)
+        axes.plot([100 * errors[aim] for errors in result.history], f"{'os'[i]}-", color=colour,
+                  label=f"{label}, without noise")  # fmt: skip
+        median = result.outcomes[0].entry["results"][LIMIT]["error_m"]["distance"][aim]["median"]
+        if median:
+            axes.axhline(100 * median, color=colour, ls=":", label=f"{label}, with noise")
+    canvas.use_log_scale(axes.yaxis)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set(xlabel="attempt", ylabel="error in the plane, cm")
     axes.margins(x=0.02)
-    axes.legend(loc="upper right", ncols=2, frameon=True, edgecolor="none", framealpha=0.9)
-
-
-def _command(reference: np.ndarray, command: np.ndarray, label: str, axes: Axes) -> None:
-    """Draw what was sent, when it was, beside the reference's own velocity."""
-    time = PERIOD_S * np.arange(len(reference))
-    axes.plot(time[:-1], np.diff(reference) / PERIOD_S, color=style.REFERENCE, label="reference")
-    axes.plot(time, command, color=style.colour(1), lw=0.9, label="learned command, as sent")
-    axes.set_ylabel(label)
-
-
-def _errors(result: "LimitResult", axes: Axes) -> None:
-    """Draw the error in the plane along the way: the median over seeds and their range."""
-    (outcome,) = result.outcomes
-    assert outcome.log is not None
-    log = outcome.log
-    offset = log.channel("pose") - log.channel("ref")
-    distance = 100 * np.hypot(offset[..., 0], offset[..., 1])
-    time = PERIOD_S * np.arange(len(distance))
-    for i, (name, label) in enumerate(((LIMIT, result.whose["max"]), (WITHOUT_NOISE, WITHOUT_NOISE))):
-        part = distance[:, log.of(label)]
-        axes.plot(time, np.median(part, axis=1), color=style.colour(i), label=name)
-        if part.shape[1] > 1:
-            axes.fill_between(time, part.min(1), part.max(1), color=style.colour(i), alpha=0.2, lw=0)
-    axes.set_ylabel("error in the plane, cm")
-    axes.set_ylim(bottom=0)
-    axes.legend(loc="upper right", ncols=2)

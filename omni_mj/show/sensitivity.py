@@ -1,13 +1,10 @@
-"""The table and the figure of a sensitivity: what each setting that is drawn does to errors and failures."""
+"""Table and figure of a sensitivity: what each setting that is drawn does to errors and failures."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import style as matplotlib_style
-from matplotlib.figure import Figure
 
-from omni_mj.files import write
 from omni_mj.measure.table import Table
 from omni_mj.show import markdown, style
 from omni_mj.show.figures import canvas
@@ -18,65 +15,54 @@ if TYPE_CHECKING:
     from omni_mj.studies.sweep import Sweep
 
 Lines = list[dict[str, Any]]
-OF = {**SHOWN, sensitivity.FAILED: "failed"}
+QUANTITIES = {**SHOWN, sensitivity.FAILED: "failed"}
 HEADINGS = {
     "sobol": {"S1": "first order", "S1_conf": "±", "ST": "total", "ST_conf": "±"},
     "morris": {"mu_star": "mean change", "mu_star_conf": "±", "sigma": "spread"},
 }
 MEANING = {"sobol": "parts of the variance", "morris": "change over the whole range of a setting"}
-SHOWN_AS_BAR = {"sobol": ("ST", "ST_conf"), "morris": ("mu_star", "mu_star_conf")}
+BARS = {"sobol": "ST", "morris": "mu_star"}
 
 
-def table(found: "Sweep", lines: Lines) -> Table:
-    """A line per controller, error and setting; without numbers where a robot failed, or nothing changed.
+def table(result: "Sweep", lines: Lines) -> Table:
+    """Return a line per controller, quantity and setting; empty where a robot failed or nothing changed.
 
-    Of failures there are lines if any robot failed.
+    Failures have lines if any robot failed.
     """
-    assert found.plan.design is not None, "asked of such a sweep only"
-    method, samples = found.plan.design
-    plan, numbers = found.plan, HEADINGS[method]
-    title = f"{plan.scenario.name} on the {plan.scenario.plant} plant, {method} of {samples} samples: {MEANING[method]}"
-    rows = [
-        [line["controller"], OF[line["of"]], line["setting"], *(_shown(line[key]) for key in numbers)]
-        for line in lines
-        if line["of"] != sensitivity.FAILED or any(line[key] is not None for key in numbers)
-    ]
+    assert result.plan.design is not None, "asked of such a sweep only"
+    method, samples = result.plan.design
+    scenario, numbers = result.plan.scenario, HEADINGS[method]
+    title = f"{scenario.name} on the {scenario.plant} plant, {method} of {samples} samples: {MEANING[method]}"
+    rows = []
+    for line in lines:
+        cells = ["" if line[key] is None else f"{line[key]:.3g}" for key in numbers]
+        if line["of"] != sensitivity.FAILED or any(cells):
+            rows.append([line["controller"], QUANTITIES[line["of"]], line["setting"], *cells])
     return Table(title, ["controller", "of", "setting", *numbers.values()], rows, 3)
 
 
-def save(found: "Sweep", lines: Lines, folder: Path) -> None:
-    """Write sensitivity.md and sensitivity.png."""
-    whole = table(found, lines)
-    write(folder / "sensitivity.md", f"{whole.title}\n\n{markdown.table(whole.headings, whole.rows)}\n")
-    with matplotlib_style.context(style.SHEET):
-        figure = _bars(found, lines)
-        canvas.title(figure, whole.title)
-        figure.savefig(folder / "sensitivity.png")
-
-
-def _bars(found: "Sweep", lines: Lines) -> Figure:
-    """Of each error a bar per setting and controller, with its 95 % interval; of failures, if there are any."""
-    assert found.plan.design is not None, "asked of such a sweep only"
-    key, half = SHOWN_AS_BAR[found.plan.design[0]]
-    settings, names = [axis.name for axis in found.plan.axes], found.plan.scenario.labels
-    there = [of for of in OF if any(line[key] is not None for line in lines if line["of"] == of)] or [next(iter(OF))]
-    figure = Figure(figsize=(8, 1.2 + len(there) * (0.6 + 0.25 * len(settings) * len(names))))
-    grid = figure.subplots(len(there), 1, squeeze=False)[:, 0]
-    at, thick = np.arange(len(settings)), 0.8 / len(names)
-    for axes, of in zip(grid, there, strict=True):
-        for i, (name, slot) in enumerate(zip(names, style.slots(names), strict=True)):
-            own = [line for line in lines if line["controller"] == name and line["of"] == of]
-            widths, halves = (np.array([line[k] for line in own], float) for k in (key, half))
-            axes.barh(at + i * thick, widths, thick, xerr=halves, color=style.colour(slot), label=name)
-        axes.set_yticks(at + 0.4 - thick / 2, settings)
-        axes.invert_yaxis()
-        axes.set(title=OF[of], xlabel=HEADINGS[found.plan.design[0]][key])
-        axes.margins(x=0.05)
-        axes.set_xlim(left=0)
-        axes.grid(axis="y", visible=False)
-    canvas.legend(figure, grid[0])
-    return figure
-
-
-def _shown(value: float | None) -> str:
-    return "" if value is None else f"{value:.3g}"
+def save(result: "Sweep", lines: Lines, folder: Path) -> None:
+    """Write sensitivity.md, and sensitivity.png with a bar per quantity, setting and controller."""
+    whole = table(result, lines)
+    markdown.save(whole, folder / "sensitivity.md")
+    assert result.plan.design is not None, "asked of such a sweep only"
+    key = BARS[result.plan.design[0]]
+    settings, names = [axis.name for axis in result.plan.axes], result.plan.scenario.labels
+    drawn = [q for q in QUANTITIES if any(line[key] is not None for line in lines if line["of"] == q)]
+    drawn = drawn or list(QUANTITIES)[:1]
+    size = (8, 1.2 + len(drawn) * (0.6 + 0.25 * len(settings) * len(names)))
+    with canvas.drawing(folder / "sensitivity", whole.title, figsize=size) as figure:
+        grid = figure.subplots(len(drawn), 1, squeeze=False)[:, 0]
+        y, thickness = np.arange(len(settings)), 0.8 / len(names)
+        for axes, quantity in zip(grid, drawn, strict=True):
+            for i, (name, slot) in enumerate(canvas.slots_of(names).items()):
+                part = [line for line in lines if line["controller"] == name and line["of"] == quantity]
+                widths, halves = (np.array([line[k] for line in part], float) for k in (key, f"{key}_conf"))
+                axes.barh(y + i * thickness, widths, thickness, xerr=halves, color=style.colour(slot), label=name)
+            axes.set_yticks(y + 0.4 - thickness / 2, settings)
+            axes.invert_yaxis()
+            axes.set(title=QUANTITIES[quantity], xlabel=HEADINGS[result.plan.design[0]][key])
+            axes.margins(x=0.05)
+            axes.set_xlim(left=0)
+            axes.grid(axis="y", visible=False)
+        canvas.add_legend(figure, grid[:1])

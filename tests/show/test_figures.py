@@ -1,162 +1,195 @@
-"""The figures show what was recorded, tellable apart, as small files that are the same every time."""
+"""Figures show what was recorded, tell controllers apart, and are the same every time."""
 
-import itertools
-from io import BytesIO
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from drawn import ALPHA, FRAMES, SPEED, TURN, curves, drawings, drawn, first, made
-from logs import filled, rows
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from benches.figures import ALPHA, FRAMES, SPEED, TURN, compared, curves, drawn, look, outcome, wheel_names
+from commands import invoke
+from hypothesis import given
+from hypothesis import strategies as st
 from matplotlib.image import imread
-from matplotlib.lines import Line2D
 
-from omni_mj.measure import metrics
-from omni_mj.show import figures, style
-from omni_mj.show.figures import canvas, lettering, paths, series
-from omni_mj.show.figures.first import FirstRows
+from omni_control.registry import CONTROLLERS
 
-
-def test_each_figure_is_a_png_and_a_small_svg_the_same_every_time(runs: list[Path], tmp_path: Path) -> None:
-    drawn_by_the_run = list((runs[0] / "figures").iterdir())
-    names = {f"{name}.{kind}" for name in style.FIGURES if name != "temperatures" for kind in ("png", "svg")}
-    assert {path.name for path in drawn_by_the_run} == names
-    assert max(path.stat().st_size for path in drawn_by_the_run) < 1_000_000
-    for stem in ("a", "b"):
-        with figures.matplotlib_style.context(style.SHEET):
-            canvas.save(series.error(first(made(frames=60))), tmp_path / stem)
-    for kind in ("png", "svg"):
-        assert (tmp_path / f"a.{kind}").read_bytes() == (tmp_path / f"b.{kind}").read_bytes()
+NAMES = ("path", "output", "error", "why", "alpha", "temperatures", "seeds", "memberships")
+OTHERS = ("mine", "yours", "theirs")
 
 
-def test_a_picture_is_what_is_drawn_and_keeps_to_its_edges(runs: list[Path]) -> None:
-    """Each has ink, and none at the edge, where what is drawn would be cut off."""
+def test_figures_of_a_run_are_the_same_every_time_and_nothing_is_cut_off(runs: list[Path], tmp_path: Path) -> None:
+    """PNG and SVG of all figures for which the kinematic plant has data; their edges are white."""
+    assert (
+        invoke("run", "--scenario", runs[0] / "scenario.toml", "--svg", "--no-record", "--quiet", "--out", tmp_path)
+        == 0
+    )
+    written = {path.name: path.read_bytes() for path in (runs[0] / "figures").iterdir()}
+    assert set(written) == {f"{name}.{kind}" for name in NAMES if name != "temperatures" for kind in ("png", "svg")}
+    assert {path.name: path.read_bytes() for path in (tmp_path / "figures").iterdir()} == written
+    assert max(map(len, written.values())) < 1_000_000
     for path in (runs[0] / "figures").glob("*.png"):
         ink = imread(path)[..., :3].min(axis=-1) < 0.9
         assert ink.mean() > 0.01, path
         assert not any(edge.any() for edge in (ink[0], ink[-1], ink[:, 0], ink[:, -1])), path
 
 
-def test_text_lies_where_matplotlib_would_draw_it() -> None:
-    """Of level and of upright lines in several sizes, to a pixel: their ink, and the middle of it."""
-    for angle, size, ha, va in itertools.product((0, 90), (8, 10), ("left", "right", "center"), ("top", "baseline")):
-        figure = Figure(figsize=(3, 3), dpi=150)
-        figure.text(0.5, 0.5, "Agq |x|", rotation=angle, fontsize=size, ha=ha, va=va)
-        pictures = [np.asarray(lettering.picture(figure))]
-        figure.savefig(file := BytesIO(), format="png")
-        pictures.append(255 * imread(BytesIO(file.getvalue())))
-        ours, theirs = (255.0 - each[..., 0] for each in pictures)
-        assert ours.sum() == pytest.approx(theirs.sum(), rel=0.02)
-        for axis in range(2):
-            middles = [each.sum(1 - axis) @ np.arange(len(each)) / each.sum() for each in (ours, theirs)]
-            assert middles[0] == pytest.approx(middles[1], abs=1)
-
-
-def test_what_a_run_has_no_data_for_is_not_drawn() -> None:
-    names = list(drawings(made(1, n_seeds=2, heat=False)))
-    assert names == [name for name in style.FIGURES if name not in ("temperatures", "seeds")]
+def test_only_figures_with_data_are_drawn() -> None:
+    figures = drawn(outcome(["c0"], n_seeds=2, alpha_hat=1.0, winding=np.nan))
+    assert set(figures) == set(NAMES) - {"alpha", "temperatures", "seeds"}
 
 
 @pytest.mark.parametrize("frames", [1, 16])
 def test_a_run_that_ended_at_once_can_be_drawn(frames: int) -> None:
-    for name, draw in drawings(made(2, 3, frames)).items():
-        if name not in figures.OF_THE_CONTROLLER:
-            drawn(draw).draw_without_rendering()
+    for figure in drawn(outcome(frames=frames)).values():
+        figure.draw_without_rendering()
 
 
-def test_the_curves_are_the_recorded_values() -> None:
-    """The i-th controller's error is i cm and i times 0.02 rad by construction, its command the velocity over alpha."""
-    errors, outputs = drawn(lambda: series.error(first(made()))), drawn(lambda: series.output(first(made())))
+def test_curves_are_the_recorded_values() -> None:
+    """The i-th controller's error is i cm and i TURN rad by construction, its command the velocity over alpha."""
+    figures = drawn(outcome())
     for i in range(2):
-        for axes in errors.axes[:2]:
-            np.testing.assert_allclose(curves(axes, f"c{i}")[0], i, atol=1e-9)
-        np.testing.assert_allclose(curves(errors.axes[2], f"c{i}")[0], i * np.rad2deg(TURN), atol=1e-9)
-        np.testing.assert_allclose(curves(outputs.axes[0], f"c{i}")[0][0], SPEED / ALPHA)
-        np.testing.assert_allclose(curves(outputs.axes[1], f"c{i}")[0][-1], SPEED / ALPHA)
+        for axes, expected in zip(figures["error"].axes, (i, i, i * np.rad2deg(TURN)), strict=True):
+            np.testing.assert_allclose(curves(axes, f"c{i}")[0], expected, atol=1e-9)
+        for axes, frame in zip(figures["output"].axes, (0, -1), strict=False):
+            np.testing.assert_allclose(curves(axes, f"c{i}")[0][frame], SPEED / ALPHA)
 
 
-def test_alpha_is_what_the_robots_achieved() -> None:
-    """Robots that achieve 0.8 of their command have alpha 0.8, in every window that lies within one side.
-
-    It is shown from where they have been driven for a while; the second side is driven in y, and nothing is shown of x.
-    """
-    values = curves(drawn(lambda: series.alpha(first(made()))).axes[0], series.RATIO)[0]
-    begin, corner = metrics.ALPHA_WINDOW_FRAMES + metrics.ALPHA_START_FRAMES, FRAMES // 2
-    assert np.isnan(values[:begin]).all()
-    np.testing.assert_allclose(values[begin : corner + 1], ALPHA, atol=1e-9)
-    assert np.isnan(values[corner + 1 :]).all()
-
-
-def test_an_estimate_of_alpha_stands_in_a_band_of_two_deviations() -> None:
-    """Of a controller that estimates nothing, or of a run of such ones only, there are no axes."""
-    table = rows(["says", "silent"], [0])
-    estimate = np.stack([np.full(3, 0.9), np.ones(3)])
-    log = filled(table, FRAMES, own={"alpha_sigma": np.full((2, 3), 0.05)}, alpha_hat=estimate)
-    axes = drawn(lambda: series.alpha(FirstRows(log))).axes
-    assert [each.get_title(loc="left") for each in axes] == ["says, x", "says, y"]
-    (band,) = [each for each in axes[0].collections if each.get_label().startswith("_")]
-    edges = band.get_paths()[0].vertices[:, 1]
-    np.testing.assert_allclose([edges.min(), edges.max()], [0.8, 1.0])
-    assert "alpha" not in drawings(made(1, 1, estimate=1.0))
+def test_alpha_is_what_robots_achieved_and_estimates_have_a_band_of_two_deviations() -> None:
+    """Robots that achieve 0.8 of their command have alpha 0.8 where they are driven: on one side in x, not in y."""
+    estimate = np.stack([np.full(3, 0.9), np.ones(3)])  # the second controller estimates nothing
+    run = outcome(["says", "silent"], 1, own={"alpha_sigma": np.full((2, 3), 0.05)}, alpha_hat=estimate)
+    axes = drawn(run)["alpha"].axes
+    assert [panel.get_title(loc="left") for panel in axes] == ["says, x", "says, y"]
+    for panel, driven in zip(axes, (slice(40, FRAMES // 2), slice(FRAMES // 2 + 40, FRAMES)), strict=True):
+        (ratio,) = (y for line in panel.get_lines() if "achieved" in str(line.get_label()) for y in [line.get_ydata()])
+        known = np.asarray(ratio, float)
+        np.testing.assert_allclose(known[driven], ALPHA, atol=1e-9)
+        assert np.isnan(np.r_[known[: driven.start - 20], known[driven.stop + 1 :]]).all()
+        (band,) = (part for part in panel.collections if "sigma" in str(part.get_label()))
+        edges = band.get_paths()[0].vertices[:, 1]
+        np.testing.assert_allclose([edges.min(), edges.max()], [0.8, 1.0])
 
 
-def _of_the_second(name: str, axes: Axes, line: Line2D) -> bool:
-    """Whether a curve is that of the controller c1."""
-    if name in ("temperatures", "alpha"):  # where each controller has its own axes
-        return axes.get_title(loc="left").startswith("c1")
-    return bool(line.get_color() == style.colour(style.slots(["c0", "c1"])[1]))
+@pytest.mark.parametrize("controllers", [3, 5])
+def test_a_row_that_failed_is_drawn_up_to_there_and_leaves_room_for_the_others(controllers: int) -> None:
+    """The last is stopped after 90 frames, 1 m off; the others are off by up to 3 cm."""
+    names = [f"c{i}" for i in range(controllers)]
+    run = outcome(names, 1, ends={controllers - 1: 90})
+    assert run.log
+    run.log.channel("pose")[80:90, -1, 0] += 1.0
+    figures = drawn(run)
+    for name in ("output", "error"):
+        shown = [curve for axes in figures[name].axes for curve in curves(axes, names[-1])]
+        assert {np.flatnonzero(~np.isnan(curve))[-1] for curve in shown} == {89}
+    assert figures["error"].axes[0].get_ylim()[1] < 10
+    assert all(f"{names[-1]} failed" in _texts(figures[name]) for name in ("path", "output", "error", "why"))
 
 
-@pytest.mark.parametrize("controllers", [2, 5])
-def test_a_row_that_failed_is_drawn_up_to_there_and_says_so(
-    controllers: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    outcome = made(controllers, 1, failed={1: 90})
-    for name in figures.OVER_TIME:
-        figure = drawn(drawings(outcome)[name])
-        lines = [line for axes in figure.axes for line in axes.get_lines() if _of_the_second(name, axes, line)]
-        curves = [np.asarray(line.get_ydata(), float) for line in lines if len(line.get_ydata()) > 2]
-        ends = {np.flatnonzero(~np.isnan(curve))[-1] for curve in curves if not np.isnan(curve).all()}
-        assert ends == {89}, name
-    titles: list[str] = []
-    monkeypatch.setattr(canvas, "save", lambda figure, stem, svg: titles.append(figure.get_suptitle()))
-    figures.save_all(outcome, tmp_path)
-    said = [title for title in titles if "c1 failed at 1.50 s: toppled over" in title]
-    assert len(said) == len(figures.OVER_TIME)
-
-
-def test_a_row_that_failed_leaves_room_for_the_others() -> None:
-    """It is off by 1 m when it is stopped; the others are off by up to 1 cm."""
-    outcome = made(3, 1, failed={2: 90})
-    assert outcome.log
-    outcome.log.channel("pose")[80:90, 2, 0] += 1.0
-    assert drawn(lambda: series.error(first(outcome))).axes[0].get_ylim()[1] < 2.0
+def _texts(figure: Any) -> str:
+    texts = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    return "\n".join(texts + [axes.get_title(loc="left") for axes in figure.axes])
 
 
 @pytest.mark.parametrize("controllers", [2, 5])
-def test_a_path_is_enlarged_where_controllers_stray_farthest(controllers: int) -> None:
-    """All keep 1 mm aside of 2 m straight ahead, but for 5 cm half-way; a square there shows it, at least three times
-    as large as the overview does."""
-    table, along = rows([f"c{i}" for i in range(controllers)], [0]), np.linspace(0, 2, FRAMES)
+def test_a_path_is_enlarged_where_each_controller_strays_farthest(controllers: int) -> None:
+    """All keep 1 mm aside of 2 m straight ahead, but for 5 cm half-way: squares of some 7 cm show that, in cm."""
+    along = np.linspace(0, 2, FRAMES)
     aside = 0.001 + 0.05 * np.exp(-((along - 1) ** 2) / (2 * 0.02**2))
     ref = np.zeros((FRAMES, controllers, 3))
     ref[..., 0] = along[:, None]
-    log = filled(table, FRAMES, ref=ref, pose=ref + np.stack([0 * aside, aside, 0 * aside], axis=-1)[:, None])
-    figure = drawn(lambda: paths.path(FirstRows(log)))
-    figure.draw_without_rendering()
-    overview = figure.axes[0]
-    inside = [a for a in figure.axes if a.get_title(loc="left") and a.get_xlim()[0] < 1 < a.get_xlim()[1]]
-    assert inside
-    for axes in inside:
-        scales = [each.get_window_extent().width / np.ptp(each.get_xlim()) for each in (axes, overview)]
-        assert scales[0] > 3 * scales[1]
-        assert axes.get_ylim()[1] > 0.051
+    pose = ref + np.stack([0 * aside, aside, 0 * aside], axis=-1)[:, None]
+    figure = drawn(outcome([f"c{i}" for i in range(controllers)], 1, ref=ref, pose=pose))["path"]
+    _, *squares = figure.axes
+    assert len(squares) == controllers
+    for axes in squares:
+        assert np.ptp(axes.get_xlim()) == pytest.approx(1.5 * 5.1, rel=0.03)
+        path = next(line for line in axes.get_lines() if str(line.get_label()).startswith("c"))
+        assert np.max(path.get_ydata()) == pytest.approx(5.1 / 2, rel=0.03)  # from the centre of the square
 
 
-def test_each_of_many_controllers_has_axes_of_its_own() -> None:
-    for draw in (series.error, series.output, series.alpha):
-        titles = [axes.get_title(loc="left") for axes in drawn(lambda draw=draw: draw(first(made(8, 1)))).axes]
-        for i in range(8):
-            assert sum(title.startswith(f"c{i}") for title in titles) == (2 if draw == series.alpha else 1)
+def test_temperatures_name_each_wheel() -> None:
+    """Four motors of the default robot, each 0.1 K a frame warmer."""
+    axes = drawn(outcome(["c0"], 1))["temperatures"].axes[0]
+    ends = {str(line.get_label()): float(np.asarray(line.get_ydata())[-1]) for line in axes.get_lines()}
+    assert [name.split(", ")[1] for name in ends] == ["front left", "rear left", "rear right", "front right"]
+    np.testing.assert_allclose(list(ends.values()), 25 + 0.1 * (FRAMES - 1))
+
+
+def test_wheels_are_named_by_their_places() -> None:
+    assert wheel_names(np.deg2rad([60, 180, 300])) == ("front left", "rear", "front right")
+    assert wheel_names(np.deg2rad([30, 60])) == ("front left (30°)", "front left (60°)")
+
+
+def test_memberships_are_triangles_that_cross_at_half_height() -> None:
+    for axes, reach in zip(drawn(outcome())["memberships"].axes, (10.0, 1.0), strict=True):
+        x = np.linspace(-1, 1, 81)
+        for peak, line in zip(np.linspace(-1, 1, 5), axes.get_lines(), strict=True):
+            degree = np.interp(reach * x, *line.get_data())
+            np.testing.assert_allclose(degree, np.maximum(0, 1 - 2 * np.abs(x - peak)), atol=1e-9)
+
+
+@given(st.lists(st.sampled_from([*CONTROLLERS, *OTHERS]), unique=True, min_size=1))
+def test_controllers_are_told_apart_without_colour_and_keep_their_look(controllers: list[str]) -> None:
+    lines = look(controllers)
+    assert len({line["marker"] for line in lines}) == len({line["color"] for line in lines}) == len(lines)
+    assert len({str(line["linestyle"]) + line["marker"] for line in lines}) == len(lines)
+    assert all(look([name]) == [line] for name, line in zip(controllers, lines, strict=True) if name in CONTROLLERS)
+
+
+def test_boxes_hold_all_seeds_that_did_not_fail_and_limits_are_lines() -> None:
+    """Seed j of controller i is off by i + 0.1 j cm: without the last of the last, medians are 0.1 and 1.05."""
+    run = outcome(ends={5: 100})
+    run.entry["limit"] = {
+        axis: {stat: {"median": 0.005} for stat in ("max", "mean")} for axis in ("x", "y", "distance")
+    }
+    axes = drawn(run)["seeds"].axes
+    medians = [
+        [line.get_xdata()[0] for line in panel.get_lines() if line.get_linewidth() == pytest.approx(1.6)]
+        for panel in axes
+    ]
+    for scale, values in zip((1, 1, np.sqrt(2), np.rad2deg(TURN)), medians, strict=False):
+        np.testing.assert_allclose(values, np.array([0.1, 1.05]) * scale, atol=1e-9)
+    limits = [
+        [line.get_segments()[0][0, 0] for line in panel.collections if line.get_label() == "limit"] for panel in axes
+    ]
+    assert limits == [*[[0.5]] * 3, [], *[[0.5]] * 3, []]
+    assert [label.get_text() for label in axes[0].get_yticklabels()] == ["c0", "c1\n(1 failed)"]
+
+
+def spread(*values: float | None) -> dict[str, Any]:
+    """As in a summary; the half interval is a tenth of the mean."""
+    mean = None if None in values else float(np.mean(values))  # type: ignore[arg-type]
+    return {"seeds": list(values), "mean": mean, "plus_minus": mean / 10 if mean else None}
+
+
+def result(errors: Sequence[float | None], settled: Sequence[float | None]) -> dict[str, Any]:
+    scaled = {stat: spread(*errors) for stat in ("max", "mean")}
+    parts = {"error_m": {"distance": scaled}, "error_rad": {"heading": scaled}}
+    return parts | {"excess_effort_m_s2": spread(*errors), "settle_s": spread(*settled)}
+
+
+def test_a_comparison_has_a_dot_at_each_mean_and_names_what_is_missing() -> None:
+    """In cm and degrees, hollow for the informed; a value that a seed lacks is a word; a limit spans its scenario."""
+    entries: dict[str, dict[str, Any]] = {
+        "s1": {"seeds": [0, 1], "results": {"a": result([0.01, 0.03], [0.5, 0.7]), "b": result([0.1, 0.3], [1, 1])}},
+        "s2": {"seeds": [0, 1], "results": {"b": result([0.2, None], [None, None])}},
+        "s3": {"seeds": [], "results": {}},
+    }
+    entries["s2"]["limit"] = {"distance": {stat: spread(0.004, 0.006) for stat in ("max", "mean")}}
+    figure = compared({name: {"plant": "mujoco", "robot": "r", **entry} for name, entry in entries.items()}, ["a"])
+    words = ["failed"] * 4 + ["never"]
+    for axes, scale, word in zip(figure.axes, (100, 100, np.rad2deg(1), 1, None), words, strict=True):
+        assert [text.get_text() for text in axes.texts] == [word]
+        if scale:
+            points = sorted(float(x) for line in axes.get_lines() for x in line.get_xdata())
+            np.testing.assert_allclose(points, [0.02 * scale, 0.2 * scale])
+    (hollow,) = (
+        line for line in figure.axes[0].get_lines() if line.get_markerfacecolor() == "white" and len(line.get_xdata())
+    )
+    np.testing.assert_allclose(np.asarray(hollow.get_xdata(), float), [2.0])
+    assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == ["s1", "s2"]
+    for axes in figure.axes[:2]:
+        ((start, end),) = (lines.get_segments()[0] for lines in axes.collections if lines.get_label() == "limit")
+        assert start[0] == end[0] == pytest.approx(0.5)
+        assert axes.get_xlim()[0] < 0.5

@@ -1,4 +1,4 @@
-"""Scenarios or runs side by side: a dot per entry and controller, a panel per statistic; limits as lines."""
+"""Figures over seeds and scenarios: means of a comparison with intervals, box plots of a run."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -9,142 +9,162 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from omni_control.kinematics import Array
 from omni_mj.measure import limits
 from omni_mj.measure.table import counted, where
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
 
-Entry = dict[str, Any]  # of a scenario, in a summary
+Entry = dict[str, Any]  # a scenario's, in a summary
 LINE_IN = 0.1  # height of a controller's line
-GAP = 1.5  # between entries, in lines
-LEAST_MARGIN = 1.15  # ratio, on either side of a logarithmic panel
-UNKNOWN = "failed"  # the place of a value that not every seed has
+GAP = 1.5  # between scenarios, in lines
+FEWEST_SEEDS = 3  # that make a box
+MOST_DOTS = 60  # seeds up to which single ones are shown
+WIDE_RANGE = 10.0  # ratio of largest to smallest value above which a scale is logarithmic
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A statistic: its label, where a result has its spread, what 1 of it is in the label's unit, how it is shown."""
+    """A statistic of a comparison.
+
+    Args:
+        label: Label of its axis.
+        spread: Returns its spread over the seeds, from a result.
+        scale: Factor from SI units to the label's.
+        logarithmic: Whether the axis is.
+        missing: Text for a value that not every seed has.
+        limited: Whether a limit has it too.
+    """
 
     label: str
     spread: Callable[[Entry], Entry]
     scale: float = 1.0
     logarithmic: bool = True
-    unknown: str = UNKNOWN
-    limited: bool = False  # whether a limit has it too
+    missing: str = "failed"
+    limited: bool = False
 
 
 PANELS = (
-    Panel("maximum error\nin the plane, cm", lambda result: result["error_m"]["distance"]["max"], 100.0, limited=True),
-    Panel("mean error\nin the plane, cm", lambda result: result["error_m"]["distance"]["mean"], 100.0, limited=True),
+    Panel("maximum error\nin the plane, cm", lambda result: result["error_m"]["distance"]["max"], 100, limited=True),
+    Panel("mean error\nin the plane, cm", lambda result: result["error_m"]["distance"]["mean"], 100, limited=True),
     Panel("maximum error\nof heading, deg", lambda result: result["error_rad"]["heading"]["max"], 180 / np.pi),
     Panel("excess effort\nin m/s²", lambda result: result["excess_effort_m_s2"]),
-    Panel("time to settle\nin s", lambda result: result["settle_s"], logarithmic=False, unknown="never"),
+    Panel("time to settle\nin s", lambda result: result["settle_s"], logarithmic=False, missing="never"),
 )
+# Axis of an error: its part of a result, name, unit, and the value of 1 m or 1 rad in that unit.
+ERRORS = {
+    "x": ("error_m", "x", "cm", 100.0),
+    "y": ("error_m", "y", "cm", 100.0),
+    "distance": ("error_m", "the plane", "cm", 100.0),
+    "heading": ("error_rad", "heading", "deg", 180 / np.pi),
+}
 
 
-def with_results(entries: Mapping[str, Entry]) -> dict[str, Entry]:
-    """Those of the entries that have results."""
-    return {label: entry for label, entry in entries.items() if entry["results"]}
-
-
-def comparison(entries: Mapping[str, Entry], informed: Iterable[str] = ()) -> Figure:
-    """Means over the seeds with their intervals; what not every seed has stands at "failed" or "never", at the right.
+def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figure: Figure) -> None:
+    """Draw means over the seeds with their intervals, scenario by scenario, a panel per statistic.
 
     Args:
-        entries: label -> a scenario's entry of a summary, each with results; at least one.
-        informed: controllers that know the truth, drawn hollow.
+        entries: Entries of a summary by label; those without results are left out.
+        informed: Controllers that know the truth, drawn hollow.
+        figure: Empty figure.
     """
-    names = list(dict.fromkeys(name for entry in entries.values() for name in entry["results"]))
-    sizes = [len(entry["results"]) + GAP for entry in entries.values()]
-    tops = np.concatenate([[0.0], np.cumsum(sizes)])
-    figure = Figure(figsize=(11, 1.7 + LINE_IN * tops[-1]))
+    entries = {label: entry for label, entry in entries.items() if entry["results"]}
+    slots = canvas.slots_of(list(dict.fromkeys(name for entry in entries.values() for name in entry["results"])))
+    tops = np.cumsum([0.0, *(len(entry["results"]) + GAP for entry in entries.values())])
+    figure.set_size_inches(11, 1.9 + LINE_IN * tops[-1])
     grid = figure.subplots(1, len(PANELS), sharey=True)
-    found = [(name, result) for entry in entries.values() for name, result in entry["results"].items()]
-    inside = [(GAP + 1) / 2 + np.arange(len(entry["results"])) for entry in entries.values()]
-    lines = np.concatenate([top + each for top, each in zip(tops, inside, strict=False)])
-    drivers = np.array([names.index(name) for name, _ in found])
     for axes, panel in zip(grid, PANELS, strict=True):
-        mean, half = _numbers([panel.spread(result) for _, result in found], panel.scale)
-        lowest = _limits(axes, panel, entries.values(), tops) if panel.limited else []
-        at = _scaled(axes, panel, mean, half, lowest)
-        for i, (slot, name) in enumerate(zip(style.slots(names), names, strict=True)):
-            own = drivers == i
-            look = style.line(slot) | {"linestyle": "none"}
-            if name in informed:
-                look |= {"markerfacecolor": "white", "markeredgecolor": look["color"], "markeredgewidth": 1.0}
-            low = np.maximum(mean - half, 1e-12)[own]  # an interval that reaches zero leaves a logarithmic panel
-            axes.hlines(lines[own], low, (mean + half)[own], color=look["color"], lw=1.2, zorder=2)
-            axes.plot(at[own], lines[own], label=name + " (informed)" * (name in informed), zorder=3, **look)
+        for k, (entry, span) in enumerate(zip(entries.values(), pairwise(tops), strict=True)):
+            if k % 2 == 0:
+                axes.axhspan(*span, color="#F4F4F4", lw=0, zorder=0)
+            for line, (name, result) in enumerate(entry["results"].items(), start=1):
+                _dot(
+                    axes,
+                    panel,
+                    panel.spread(result),
+                    span[0] + line + GAP / 2 - 0.5,
+                    slots[name],
+                    name,
+                    name in informed,
+                )
+            for name, errors in limits.of(entry).items() if panel.limited else ():
+                value = panel.spread({"error_m": errors})["mean"]
+                if value is not None:
+                    canvas.mark_limit(axes, panel.scale * value, name, span)
+        spreads = [panel.spread(result) for entry in entries.values() for result in entry["results"].values()]
+        means = [panel.scale * spread["mean"] for spread in spreads if spread["mean"] is not None]
+        axes.margins(x=0.08)
+        if panel.logarithmic and min(means, default=0.0) > 0:
+            axes.set_xlim(min(means) / 2, 1.15 * axes.dataLim.x1)
+            canvas.use_log_scale(axes.xaxis)
         axes.set_xlabel(panel.label)
         axes.grid(axis="y", visible=False)
         axes.tick_params(axis="y", length=0)
-        for top, bottom in list(pairwise(tops))[::2]:
-            axes.axhspan(top, bottom, color="#F4F4F4", lw=0, zorder=0)
     grid[0].set_yticks((tops[:-1] + tops[1:]) / 2, list(entries))
     grid[0].set_ylim(tops[-1], 0)
-    canvas.legend(figure, grid[0], 4)
-    canvas.title(figure, _title(entries))
-    return figure
-
-
-def _title(entries: Mapping[str, Entry]) -> str:
-    """The plant, if it is the same for all, and what the numbers are the mean of."""
+    canvas.add_legend(figure, grid)
     places = {where(entry) for entry in entries.values()}
-    same = f", {places.pop()}" if len(places) == 1 else ""
+    place = f", {places.pop()}" if len(places) == 1 else ""
     number = counted(entry["seeds"] for entry in entries.values())
     over = "one seed, no intervals" if number == "1" else f"mean of {number} seeds ± 95 % interval"
-    return f"Controllers compared{same}: {over}"
+    figure.suptitle(f"Controllers compared{place}: {over}")
 
 
-def _numbers(spreads: list[Entry], scale: float) -> tuple[Array, Array]:
-    """Means, not a number where a seed has no value, and half intervals, zero where there are none."""
-    mean = [np.nan if spread["mean"] is None or None in spread["seeds"] else spread["mean"] for spread in spreads]
-    half = [spread["plus_minus"] or 0.0 for spread in spreads]
-    return scale * np.array(mean), scale * np.array(half)
-
-
-def _limits(axes: Axes, panel: Panel, entries: Iterable[Entry], tops: Array) -> list[float]:
-    """Draw the limits that are known as lines over their entries, and return where they are."""
-    drawn = []
-    for entry, (top, bottom) in zip(entries, pairwise(tops), strict=True):
-        for name, errors in limits.of(entry).items():
-            value = panel.spread({"error_m": errors})["mean"]
-            if value is not None:
-                drawn.append(panel.scale * value)
-                canvas.mark_limit(axes, drawn[-1], name, (top, bottom))
-    return drawn
-
-
-def _scaled(axes: Axes, panel: Panel, mean: Array, half: Array, shown: list[float]) -> Array:
-    """Scale a panel and return where its dots are: the means, and those unknown at a place right of them.
-
-    Besides, what is `shown` is to be seen.
-    """
-    unknown = np.isnan(mean)
-    known = np.concatenate([mean[~unknown], shown])
-    around = np.concatenate([half[~unknown], np.zeros(len(shown))])
-    if panel.logarithmic and known.size and known.min() > 0:
-        low, high = np.maximum(known - around, known / 2).min(), (known + around).max()
-        margin = max(LEAST_MARGIN, (high / low) ** 0.05)
-        low, high = low / margin, high * margin
-        canvas.logarithmic(axes, low, high)
-        place, end = high * (high / low) ** 0.25, high
+def _dot(axes: Axes, panel: Panel, spread: Entry, line: float, slot: int, name: str, informed: bool) -> None:
+    """Draw a mean with its interval, or the panel's word at the right edge if a seed has no value."""
+    look = style.line(slot) | {"linestyle": "none"}
+    label = name + " (informed)" * informed
+    if informed:
+        look |= {"markerfacecolor": "white", "markeredgecolor": look["color"], "markeredgewidth": 1.0}
+    if spread["mean"] is None or None in spread["seeds"]:
+        axes.plot([], [], label=label, **look)
+        axes.annotate(panel.missing, (1, line), xycoords=("axes fraction", "data"), ha="right", va="center",
+                      fontsize=7, color=look["color"])  # fmt: skip
     else:
-        end = float(np.max(known + around, initial=0.1))
-        axes.set_xlim(-0.05 * end, 1.05 * end)
-        place = 1.25 * end
-    if unknown.any():
-        _leave_room(axes, end, place, panel.unknown)
-    return np.where(unknown, place, mean)
+        mean, half = panel.scale * spread["mean"], panel.scale * (spread["plus_minus"] or 0.0)
+        axes.errorbar(mean, line, xerr=half, elinewidth=1.2, label=label, zorder=3, **look)
 
 
-def _leave_room(axes: Axes, end: float, place: float, name: str) -> None:
-    """Make room right of the known values, which end at `end`, for a tick `name` at `place`."""
-    low = axes.get_xlim()[0]
-    ticks = [tick for tick in axes.get_xticks() if max(low, 0.0) <= tick <= end]
-    between = (end * place) ** 0.5 if axes.get_xscale() == "log" else (end + place) / 2
-    beyond = place * place / between if axes.get_xscale() == "log" else 2 * place - between
-    axes.set_xlim(low, beyond)
-    axes.set_xticks([*ticks, place], [*(f"{tick:g}" for tick in ticks), name])
-    axes.axvline(between, color="#888888", lw=0.8, ls=":")
+def draw_seeds(entry: Entry, heading: bool, figure: Figure) -> None:
+    """Draw the maximum and mean errors of each controller as boxes from quartile to quartile, whiskers to the ends.
+
+    Args:
+        entry: A scenario's entry of the summary.
+        heading: Whether to show errors of heading.
+        figure: Empty figure.
+    """
+    results, paper = entry["results"], entry["paper"] or {}
+    axes = [axis for axis in ERRORS if axis != "heading" or heading]
+    figure.set_layout_engine("constrained")
+    figure.set_size_inches(2.7 * len(axes), 1.8 + 0.72 * (len(results) + 1))
+    grid = figure.subplots(2, len(axes), sharey=True)
+    colours = [style.colour(slot) for slot in style.slots(list(results))]
+    for (statistic, axis), panel in zip([(s, axis) for s in ("max", "mean") for axis in axes], grid.flat, strict=True):
+        part, name, unit, scale = ERRORS[axis]
+        seeds = [scale * np.array(result[part][axis][statistic]["seeds"], float) for result in results.values()]
+        boxes = panel.boxplot(
+            [values[~np.isnan(values)] for values in seeds], positions=range(len(seeds)), orientation="horizontal",
+            widths=0.55, whis=(0, 100), patch_artist=True, medianprops={"color": "black", "linewidth": 1.6}, zorder=2,
+        )["boxes"]  # fmt: skip
+        for row, (controller, box, colour, values) in enumerate(zip(results, boxes, colours, seeds, strict=True)):
+            box.set(facecolor=colour + "55", edgecolor=colour)
+            if len(values) <= MOST_DOTS:
+                heights = row + 0.16 * np.linspace(-1, 1, len(values))
+                panel.plot(values, heights, "o", ms=3, mew=0, color="#333333", zorder=3, label="a seed")
+            if printed := paper.get(controller, {}).get(axis):
+                panel.plot(scale * printed[statistic], row, "D", mec="k", mfc="white", zorder=4, label="the paper")
+        for known, errors in limits.of(entry).items():
+            if part == "error_m" and errors[axis][statistic]["median"] is not None:
+                canvas.mark_limit(panel, scale * errors[axis][statistic]["median"], known, (-0.6, len(results) - 0.4))
+        low, high = panel.dataLim.intervalx
+        panel.margins(x=0.06)
+        if high > WIDE_RANGE * low > 0:
+            canvas.use_log_scale(panel.xaxis)
+        else:
+            panel.set_xlim(left=0)
+        panel.grid(axis="y", visible=False)
+        panel.set_xlabel(f"{'maximum' if statistic == 'max' else 'mean'} |error| in {name}, {unit}")
+    labels = [f"{name}\n({r['failed']} failed)" if r["failed"] else name for name, r in results.items()]
+    grid[0, 0].set_yticks(range(len(results)), labels)
+    grid[0, 0].set_ylim(len(results) - 0.4, -0.6)
+    canvas.add_legend(figure, grid.flat)
+    figure.suptitle(f"Errors over {len(seeds[0])} seeds")

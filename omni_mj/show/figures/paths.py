@@ -1,14 +1,15 @@
-"""The path travelled: at full scale differences vanish, so where controllers stray farthest is shown enlarged."""
+"""Figure of the paths: at full scale differences vanish, so each controller's largest deviation is enlarged."""
 
-from collections.abc import Callable, Sequence
+from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import FixedLocator, MaxNLocator
-from scipy.ndimage import maximum_filter1d
+from matplotlib.patheffects import withStroke
 from scipy.spatial import cKDTree
 
 from omni_control.kinematics import Array
@@ -16,192 +17,113 @@ from omni_mj.show import style
 from omni_mj.show.figures import canvas
 from omni_mj.show.figures.first import FirstRows
 
-FINER = 20  # points of the reference between two frames, so that its nearest point is near enough
-NEARBY_FRAMES = 15  # within which controllers that stray at the same place may pass the path's points
-WIDER = 0.75  # half the width of a square, over how far is strayed in it
-LEAST_M = 0.005
-ENLARGED = 2.0  # times at least
-MARGIN = 0.06  # around the overview, as a share of what it shows
-BESIDE = 0.08  # as a share of the path's extent, within which squares have one mark
-COLUMNS = 4  # of enlarged places, where each controller has its own
-OVERVIEW_IN, MANY_OVERVIEW_IN = (4.7, 3.9), (7.1, 3.4)
-DETAIL_IN, MANY_DETAIL_IN = 1.65, 1.4
-UNDER_IN = 0.55  # between the overview and what is below it
+FINER = 20  # points of the reference between two frames, to search the nearest in
+HALF_WIDTH = 0.75  # of a square, in deviations
+MIN_HALF_M = 0.005
+MAX_HALF = 1 / 12  # of a square, in extents of the path
+NEARBY = 0.08  # distance, in extents of the path, within which squares share one mark
+COLUMNS = 4
 
 
 @dataclass(frozen=True)
 class Spot:
-    """A square that is shown enlarged: its centre (2,) and half its width, m, and how far who is strayed there."""
+    """Place of a controller's largest deviation from the path.
+
+    Args:
+        centre: Centre of the square that is enlarged, (2,) m.
+        half: Half its width, m.
+        deviation: Distance of the robot from the path, m.
+    """
 
     centre: Array
     half: float
-    controller: int
-    astray: float
-
-    @property
-    def wide(self) -> str:
-        """Its width in words."""
-        return f"{200 * self.half:.2g} cm wide" if self.half < 0.5 else f"{2 * self.half:.1f} m wide"
+    deviation: float
 
 
-def path(first: FirstRows) -> Figure:
-    """The reference and the paths travelled (figures 7 and 10), enlarged where controllers stray farthest.
-
-    Few controllers are enlarged together, where any strays farthest, and elsewhere where the typical one does; of many
-    each where it strays farthest itself.
-    """
-    reference, pose = first.reference[:, :2], first.channel("pose")[..., :2]
-    names = first.names
-    few = len(names) <= canvas.TOGETHER
-    figure, overview, details = _few() if few else _many(len(names))
-    spots = _spots(reference, pose, OVERVIEW_IN if few else MANY_OVERVIEW_IN, DETAIL_IN if few else MANY_DETAIL_IN)
-    marks: list[str] = []
-    for number, (axes, spot) in enumerate(zip(details, spots, strict=False)):
-        if not few and spot.controller:
-            axes.plot(*pose[:, 0].T, label=f"{names[0]}, to compare", **canvas.TO_COMPARE)
-        _draw(axes, names, reference, pose, range(len(names)) if few else [spot.controller])
-        mark = "AB"[number] if few else str(number + 1)
-        _enlarge(axes, spot, f"{mark}, {spot.wide}" if few else f"{mark} {names[spot.controller]}")
-        if not few:
-            axes.set_xlabel(f"{100 * spot.astray:.3g} cm off the path", fontsize=8)
-        edge = "black" if few else style.colour(first.slots[spot.controller])
-        overview.add_patch(
-            Rectangle(tuple(spot.centre - spot.half), 2 * spot.half, 2 * spot.half, fill=False, ec=edge, lw=1, zorder=7)
+def draw_paths(first: FirstRows, figure: Figure) -> None:
+    """Draw the reference and the paths (figures 7 and 10), enlarged where each controller strays farthest."""
+    reference, positions = first.reference[:, :2], first.channel("pose")[..., :2]
+    spots = find_spots(reference, positions)
+    overview, *details = _axes(figure, len(spots))
+    together = len(spots) <= canvas.MAX_SHARED_CURVES
+    for i, (axes, spot) in enumerate(zip(details, spots, strict=False)):
+        others = [k for k in range(len(spots)) if k != i] if together else [0] * bool(i)
+        _draw(axes, first, [*others, i], spot.centre, 100)
+        limits = (-100 * spot.half, 100 * spot.half)
+        axes.set(
+            xlim=limits, ylim=limits, xlabel=f"{100 * spot.deviation:.3g} cm off", title=f"{i + 1} {first.names[i]}"
         )
-        marks.append(mark)
-    for group in _beside_each_other(spots, BESIDE * float(np.ptp(reference, axis=0).max())):
-        x, y = spots[group[0]].centre + spots[group[0]].half
-        overview.text(x, y, " ".join(marks[i] for i in group), weight="bold", zorder=8, path_effects=[canvas.HALO])
-    for axes in details[len(spots) :]:
-        axes.remove()
-    _draw(overview, names, reference, pose, range(len(names)))
+        axes.spines[:].set_visible(True)
+        corner, edge = spot.centre - spot.half, style.colour(first.slots[i])
+        overview.add_patch(Rectangle(tuple(corner), 2 * spot.half, 2 * spot.half, fill=False, ec=edge, lw=1, zorder=7))
+    _draw(overview, first, range(len(spots)))
     overview.plot(*reference[0], "o", color="black", ms=6, zorder=6, label="start")
     for i in first.failed:
-        travelled = pose[~np.isnan(pose[:, i, 0]), i]
-        overview.plot(*travelled[-1:].T, "X", color=style.colour(first.slots[i]), ms=8, mec="black", zorder=6,
-                      label=f"{names[i]} failed")  # fmt: skip
-    overview.margins(MARGIN)
+        end = positions[max(first.lengths[i] - 1, 0), i]
+        look: dict[str, Any] = {"color": style.colour(first.slots[i]), "ms": 8, "mec": "black", "zorder": 6}
+        overview.plot(*end, "X", label=f"{first.names[i]} failed", **look)
+    halo = [withStroke(linewidth=2.5, foreground="white")]
+    groups = defaultdict(list)
+    for i, spot in enumerate(spots):
+        cell = np.round(spot.centre / max(NEARBY * float(np.ptp(reference, axis=0).max()), MIN_HALF_M))
+        groups[tuple(cell)].append(i)
+    for group in groups.values():
+        corner = spots[group[0]].centre + spots[group[0]].half
+        numbers = " ".join(str(i + 1) for i in group)
+        overview.annotate(numbers, tuple(corner), weight="bold", zorder=8, path_effects=halo, annotation_clip=False)
+    overview.margins(0.06)
     overview.set(xlabel="x in m", ylabel="y in m")
-    canvas.legend(figure, [overview, *details[: len(spots)]])
-    figure.suptitle(
-        f"Path travelled, and enlarged, in cm, where {'controllers stray' if few else 'each strays farthest'}"
-    )
-    return figure
+    canvas.add_legend(figure, [overview, *details])
+    figure.suptitle("Path travelled, and enlarged, in cm, where each controller strays farthest")
 
 
-def _few() -> tuple[Figure, Axes, list[Axes]]:
-    """A sheet with the overview, and two enlarged places beside it."""
-    wide = canvas.LEFT_IN + OVERVIEW_IN[0] + canvas.GAP_IN[0] + DETAIL_IN + canvas.RIGHT_IN
-    high = canvas.ABOVE_IN + OVERVIEW_IN[1] + canvas.BELOW_IN
-    figure = canvas.sheet(wide, high)
-    x, top = wide - canvas.RIGHT_IN - DETAIL_IN, high - canvas.ABOVE_IN
-    overview = _place(figure, canvas.LEFT_IN, canvas.BELOW_IN, *OVERVIEW_IN)
-    return figure, overview, [_place(figure, x, y, DETAIL_IN, DETAIL_IN) for y in (top - DETAIL_IN, canvas.BELOW_IN)]
-
-
-def _many(count: int) -> tuple[Figure, Axes, list[Axes]]:
-    """A sheet with the overview, and `count` enlarged places below it."""
-    lines, apart = -(-count // COLUMNS), MANY_DETAIL_IN + UNDER_IN + 0.1
-    high = canvas.ABOVE_IN + MANY_OVERVIEW_IN[1] + UNDER_IN + lines * apart + canvas.BELOW_IN - UNDER_IN + 0.1
-    figure = canvas.sheet(canvas.LEFT_IN + MANY_OVERVIEW_IN[0] + canvas.RIGHT_IN, high)
-    bottom = high - canvas.ABOVE_IN - MANY_OVERVIEW_IN[1]
-    overview = _place(figure, canvas.LEFT_IN, bottom, *MANY_OVERVIEW_IN)
-    across = (MANY_OVERVIEW_IN[0] - MANY_DETAIL_IN) / (COLUMNS - 1)
-    places = [(canvas.LEFT_IN + (i % COLUMNS) * across, bottom - (i // COLUMNS + 1) * apart) for i in range(count)]
-    return figure, overview, [_place(figure, x, y, MANY_DETAIL_IN, MANY_DETAIL_IN) for x, y in places]
-
-
-def _place(figure: Figure, x: float, y: float, width: float, height: float) -> Axes:
-    """Axes at a place in inches from the sheet's lower left corner."""
-    wide, high = figure.get_size_inches()
-    return figure.add_axes((x / wide, y / high, width / wide, height / high))
-
-
-def _draw(axes: Axes, controllers: tuple[str, ...], reference: Array, pose: Array, shown: Sequence[int]) -> None:
-    axes.plot(*reference.T, color=style.BACKGROUND, lw=4, zorder=1, label="reference")
-    slots = style.slots(controllers)
-    for i in shown:
-        axes.plot(*pose[:, i].T, zorder=3, label=controllers[i], **style.line(slots[i]) | {"marker": ""})
-    axes.set_aspect("equal", adjustable="box")
-
-
-def _enlarge(axes: Axes, spot: Spot, title: str) -> None:
-    """Show a square, with scales that tell cm from its centre."""
-    (x, y), half = spot.centre, spot.half
-    axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half), title=title)
-    apart = np.asarray(MaxNLocator(4, steps=canvas.STEPS).tick_values(-half, half))
-    shown = apart[np.abs(apart) <= half]
-    for axis, middle in ((axes.xaxis, x), (axes.yaxis, y)):
-        axis.set_major_locator(FixedLocator(middle + shown))
-        axis.set_major_formatter(_centimetres_from(middle))
-    axes.spines[:].set_visible(True)
-
-
-def _centimetres_from(middle: float) -> Callable[[float, float], str]:
-    return lambda tick, _: f"{100 * (tick - middle):.3g}".replace("-", "\N{MINUS SIGN}")
-
-
-def _spots(reference: Array, pose: Array, overview: tuple[float, float], detail: float) -> list[Spot]:
-    """Where who strays farthest from the path: of few controllers two places, of many one each.
+def find_spots(reference: Array, positions: Array) -> list[Spot]:
+    """Return the place where each controller is farthest from the path.
 
     Args:
-        reference: (frames, 2) m.
-        pose: positions (frames, controllers, 2), m.
-        overview: inches of the axes in which all is shown.
-        detail: inches of a square.
+        reference: Points of the path, (frames, 2) m.
+        positions: Positions of the robots, (frames, controllers, 2) m.
     """
-    far_at, at = _astray(reference, pose)
-    astray = maximum_filter1d(far_at, NEARBY_FRAMES, axis=0)
-    seen = np.concatenate([reference, pose.reshape(-1, 2)])
-    extent = np.nanmax(seen, axis=0) - np.nanmin(seen, axis=0)
-    per_metre = min(np.array(overview) / np.maximum((1 + 2 * MARGIN) * extent, LEAST_M))
-    most = max(detail / (2 * ENLARGED * per_metre), LEAST_M)
-
-    def spot(point: int, controller: int) -> Spot:
-        first = max(point - NEARBY_FRAMES // 2, 0)
-        point = first + int(far_at[first : point + NEARBY_FRAMES // 2 + 1, controller].argmax())
-        far, where = float(far_at[point, controller]), pose[at[point, controller], controller]
-        half = max(WIDER * far, LEAST_M)
-        # What is strayed too far to be shown whole is seen in the overview; enlarged is then the robot's own path.
-        return Spot((reference[point] + where) / 2 if half <= most else where, min(half, most), controller, far)
-
-    if pose.shape[1] > canvas.TOGETHER:
-        return [spot(int(each.argmax()), i) for i, each in enumerate(astray.T)]
-    point = int(astray.max(1).argmax())
-    spots = [spot(point, int(astray[point].argmax()))]
-    far = np.linalg.norm(reference - reference[point], axis=1) > np.ptp(reference, axis=0).max() / 4
-    if far.any():
-        typical = np.where(far, np.median(astray, axis=1), -1.0)
-        point = int(typical.argmax())
-        spots.append(spot(point, int(np.argsort(astray[point])[(pose.shape[1] - 1) // 2])))
+    fine_frames = np.linspace(0, len(reference) - 1, FINER * len(reference))
+    fine = np.column_stack([np.interp(fine_frames, np.arange(len(reference)), column) for column in reference.T])
+    tree = cKDTree(fine)
+    most = max(
+        MAX_HALF * float(np.ptp(np.concatenate([reference, *np.nan_to_num(positions)]), axis=0).max()), MIN_HALF_M
+    )
+    spots = []
+    for travelled in np.moveaxis(positions, 1, 0):
+        distance, nearest = tree.query(travelled[~np.isnan(travelled[:, 0])])
+        frame = int(distance.argmax())
+        half = max(HALF_WIDTH * float(distance[frame]), MIN_HALF_M)
+        # A deviation that does not fit into a square shows in the overview; the square then shows the robot.
+        centre = travelled[frame] if half > most else (travelled[frame] + fine[nearest[frame]]) / 2
+        spots.append(Spot(centre, min(half, most), float(distance[frame])))
     return spots
 
 
-def _beside_each_other(spots: Sequence[Spot], near: float) -> list[list[int]]:
-    """Numbers of the squares whose marks would lie on one another, `near` m or less apart, together."""
-    groups: list[list[int]] = []
-    for i, spot in enumerate(spots):
-        corner = spot.centre + spot.half
-        there = (g for g in groups if np.linalg.norm(spots[g[0]].centre + spots[g[0]].half - corner) <= near)
-        group = next(there, None)
-        groups.append([i]) if group is None else group.append(i)
-    return groups
+def _axes(figure: Figure, count: int) -> list[Axes]:
+    """Return the axes of the overview and of `count` squares, at its right if they are few, else below it."""
+    figure.set_layout_engine("constrained")
+    if count <= canvas.MAX_SHARED_CURVES:
+        figure.set_size_inches(9, max(4.8, 2.1 * count + 0.8))
+        mosaic: Any = [["path", i] for i in range(count)]
+        axes = figure.subplot_mosaic(mosaic, width_ratios=[3, 1])
+    else:
+        rows = -(-count // COLUMNS)
+        figure.set_size_inches(8, 5 + 2.2 * rows)
+        cells = [i if i < count else "." for i in range(rows * COLUMNS)]
+        mosaic = [["path"] * COLUMNS, *(cells[k : k + COLUMNS] for k in range(0, len(cells), COLUMNS))]
+        axes = figure.subplot_mosaic(mosaic, height_ratios=[2.2, *[1] * rows])
+    return [axes["path"], *(axes[i] for i in range(count))]
 
 
-def _astray(reference: Array, pose: Array) -> tuple[Array, np.ndarray]:
-    """How far each controller was from the path when it passed each of its points at most, and in which frame.
-
-    Returns:
-        Distances (frames, controllers), m, and frames (frames, controllers).
-    """
-    along = np.linspace(0, len(reference) - 1, FINER * len(reference))
-    fine = np.stack([np.interp(along, np.arange(len(reference)), column) for column in reference.T], axis=-1)
-    tree, most = cKDTree(fine), np.zeros((len(reference), pose.shape[1]))
-    frames = np.zeros(most.shape, int)
-    for i in range(pose.shape[1]):
-        own = np.flatnonzero(~np.isnan(pose[:, i]).any(-1))
-        distance, nearest = tree.query(pose[own, i])
-        order = np.argsort(distance, kind="stable")  # so that the farthest is written last
-        point = np.rint(along[nearest[order]]).astype(int)
-        most[point, i], frames[point, i] = distance[order], own[order]
-    return most, frames
+def _draw(
+    axes: Axes, first: FirstRows, controllers: Iterable[int], origin: Array | float = 0.0, scale: float = 1.0
+) -> None:
+    """Draw the reference and the paths of some controllers, from an origin (2,), in 1 / `scale` m."""
+    reference = scale * (first.reference[:, :2] - origin)
+    axes.plot(*reference.T, color=style.BACKGROUND, lw=4, zorder=1, label="reference")
+    for i in controllers:
+        travelled = scale * (first.channel("pose")[:, i, :2] - origin)
+        axes.plot(*travelled.T, zorder=3, label=first.names[i], **style.line(first.slots[i]) | {"marker": ""})
+    axes.set_aspect("equal", adjustable="box")

@@ -1,28 +1,22 @@
-"""Figures over time: the controllers' output, the errors, the motor correction factor alpha."""
-
-from textwrap import wrap
+"""Figures over time: output, errors, causes of errors, motor correction factor alpha, temperatures."""
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from omni_control.kinematics import Array
-from omni_mj.measure import metrics
-from omni_mj.scenarios.settings import FRAME_RATE_HZ
+from omni_mj.measure import causes, metrics
+from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
 from omni_mj.show.figures.first import FirstRows
+from omni_mj.worlds.build import kinematics
 
 PAPER_ALPHA = (0.7, 1.0)  # section 2
-ALPHA_AXES = ("x", "y")
-BESIDE = canvas.TO_COMPARE | {"ls": (0, (4, 1.5))}  # curves that are solid
-SIGMA = "own_alpha_sigma"  # a controller's own, in its estimate
+SIGMA = "own_alpha_sigma"  # channel of a controller's own, standard deviation of its estimate
 RATIO = f"displacement achieved over commanded in {metrics.ALPHA_WINDOW_FRAMES} frames"
-ALPHA_SAID = (
-    "An estimate with a band is a gain: what comes of a command that lasts. The ratio of displacements, shown where a"
-    " robot is driven, has lag in it: it is lower where a robot gains speed and higher where it brakes. An estimate"
-    " without a band is the paper's equation 8, which is that ratio, cut off at 0.5 and 1.1."
-)
-# Axis of an error -> its label, its unit, and how many of that are 1 m or 1 rad.
+NEAR_LIMIT_K = 30.0  # distance to the limit of the windings within which it is drawn
+# Axis of an error: label, unit, and the value of 1 m or 1 rad in that unit.
 ERRORS = {
     "x": ("|error| in x", "cm", 100.0),
     "y": ("|error| in y", "cm", 100.0),
@@ -30,64 +24,86 @@ ERRORS = {
 }
 
 
-def output(first: FirstRows) -> Figure:
-    """Velocities commanded by the controllers (figures 8 and 11), over the reference's."""
+def draw_output(first: FirstRows, figure: Figure) -> None:
+    """Draw the velocities commanded by the controllers (figures 8 and 11) and the reference's."""
     poses = first.reference
-    turns = np.ptp(poses[:, 2]) > 0
+    labels = ["velocity in x, m/s", "velocity in y, m/s", "turn rate, rad/s"]
+    labels = labels if np.ptp(poses[:, 2]) > 0 else labels[:2]
     reference = np.diff(poses, axis=0, append=poses[-1:]) * FRAME_RATE_HZ
-    labels = ["velocity in x, m/s", "velocity in y, m/s", "turn rate, rad/s"][: 3 if turns else 2]
-    figure = _compare(first, first.channel("command"), labels, reference)
+    _compare(first, figure, first.channel("command"), labels, reference)
     figure.suptitle("Velocities commanded")
-    return figure
 
 
-def error(first: FirstRows) -> Figure:
-    """Absolute errors of position (figures 9 and 12), and of heading if there are any; above them, the greatest."""
-    axes = [axis for axis in ERRORS if axis != "heading" or first.turns]
+def draw_errors(first: FirstRows, figure: Figure) -> None:
+    """Draw the absolute errors of position (figures 9 and 12), and of heading if there are any."""
+    axes = [axis for axis in ERRORS if axis != "heading" or first.turns()]
     errors = np.stack([ERRORS[axis][2] * first.errors(axis) for axis in axes], axis=-1)
-    figure = _compare(first, errors, [f"{ERRORS[axis][0]}, {ERRORS[axis][1]}" for axis in axes], None)
+    _compare(first, figure, errors, [f"{ERRORS[axis][0]}, {ERRORS[axis][1]}" for axis in axes])
     figure.suptitle("Absolute errors")
-    return figure
 
 
-def estimating(first: FirstRows) -> list[int]:
-    """Which of the controllers estimate alpha."""
+def draw_causes(first: FirstRows, figure: Figure) -> None:
+    """Draw each controller's error in the plane, and below it the frames in which something is at its limit."""
+    error = 100 * first.errors("distance")
+    grid = canvas.time_axes(figure, len(first.names), 1, 1.15, right=1.5, sharey=True)[:, 0]
+    top = max(canvas.visible_range(error, first.failed)[1], 1e-9)
+    for i, (axes, name) in enumerate(zip(grid, first.names, strict=True)):
+        duty = first.channel("duty_peak")[:, i, 0]
+        title = [f"{name} {_describe(first, i, error, 'cm')}"]
+        title += [f"mean {mean:.2f} cm" for mean in _mean(error[:, i])]
+        title += [f"mean duty {100 * mean:.0f} %" for mean in _mean(duty)]
+        axes.plot(canvas.seconds(error), error[:, i], color=style.colour(first.slots[i]))
+        axes.set_title(", ".join(title))
+        axes.axhline(0, color="#888888", lw=0.8)
+        active = causes.of_row(first.log, first.rows[i])
+        for line, (cause, frames) in enumerate(active.items(), start=1):
+            spans = [(PERIOD_S * frame, PERIOD_S) for frame in np.flatnonzero(frames)]
+            y = -0.19 * top * (line - 0.35)
+            axes.broken_barh(spans, (y - 0.06 * top, 0.12 * top), color="#333333", lw=0)
+            axes.annotate(
+                f"{causes.CAUSES[cause]}  {100 * frames.mean():.1f} %", (1, y), (5, 0), fontsize=8, va="center",
+                xycoords=("axes fraction", "data"), textcoords="offset points", annotation_clip=False,
+            )  # fmt: skip
+        axes.set_ylim(-0.19 * top * (len(active) + 0.3), 1.05 * top)
+        axes.set_yticks([tick for tick in axes.get_yticks() if 0 <= tick <= 1.05 * top])
+        _mark_failure(axes, first, i)
+    grid[len(grid) // 2].set_ylabel("error in the plane, cm")
+    figure.suptitle("Why: errors, and the frames in which something is at its limit")
+
+
+def estimators(first: FirstRows) -> list[int]:
+    """Return the indices of the controllers that estimate alpha."""
     estimate = np.nan_to_num(first.channel("alpha_hat")[..., :2], nan=1.0)
-    return [i for i in range(len(first.names)) if (estimate[:, i] != 1).any()]
+    return list(np.flatnonzero((estimate != 1).any(axis=(0, 2))))
 
 
-def alpha(first: FirstRows) -> Figure:
-    """What the controllers that estimate alpha believe, and displacement achieved over commanded where robots drive."""
-    shown = estimating(first)
-    true, estimate = _driven_alpha(first), first.channel("alpha_hat")
+def draw_alpha(first: FirstRows, figure: Figure) -> None:
+    """Draw the estimates of alpha, and displacement achieved over commanded where robots drive."""
+    shown = estimators(first)
+    ratio, estimate = driven_alpha(first), first.channel("alpha_hat")
     sigma = first.channel(SIGMA) if SIGMA in first.log.columns else np.full_like(estimate, np.nan)
-    figure, grid = canvas.over_time(first.length, len(shown), 2, 1.4, "all")
-    for i, line in zip(shown, grid, strict=True):
-        slot = first.slots[i]
-        for j, axes in enumerate(line):
-            axes.axhspan(*PAPER_ALPHA, color="#EEEEEE", lw=0, zorder=0, label="the paper's interval, 0.7 to 1")
-            axes.plot(*canvas.thin(true[:, i, j]), color="black", lw=1, zorder=4, label=RATIO)
-            axes.plot(*canvas.thin(estimate[:, i, j]), color=style.colour(slot), lw=2, zorder=3)
-            low, high = estimate[:, i, j] - 2 * sigma[:, i, j], estimate[:, i, j] + 2 * sigma[:, i, j]
-            if not np.isnan(low).all():
-                within = {"color": style.colour(slot), "alpha": 0.25, "lw": 0, "zorder": 1}
-                axes.fill_between(np.arange(len(low)), low, high, **within)
-            axes.set_title(f"{first.names[i]}, {ALPHA_AXES[j]}")
-            if i in first.failed:
-                canvas.mark_failure(axes, _end(first, i), slot, first.names[i])
-        line[0].set_ylabel("alpha")
-    # In the legend, of no controller's colour.
-    grid[0, 0].plot([], [], color=style.REFERENCE, lw=2, label="estimate")
-    if not np.isnan(sigma[:, shown]).all():
-        grid[0, 0].fill_between([], [], [], color=style.REFERENCE, alpha=0.4, lw=0, label="± 2 sigma of it")
-    grid[0, 0].set_ylim(*_alpha_limits(true[:, shown]))
-    canvas.legend(figure, list(grid.flat))
+    grid = canvas.time_axes(figure, len(shown), 2, 1.4, sharey=True)
+    for (row, column), axes in np.ndenumerate(grid):
+        i = shown[row]
+        colour, time = style.colour(first.slots[i]), canvas.seconds(estimate)
+        middle, half = estimate[:, i, column], 2 * sigma[:, i, column]
+        axes.axhspan(*PAPER_ALPHA, color="#EEEEEE", lw=0, zorder=0, label="the paper's interval, 0.7 to 1")
+        axes.plot(time, ratio[:, i, column], color="black", lw=1, zorder=4, label=RATIO)
+        axes.plot(time, middle, color=colour, lw=2, zorder=3, label="estimate, in the controller's colour")
+        if not np.isnan(half).all():
+            band = (middle - half, middle + half)
+            axes.fill_between(time, *band, color=colour, alpha=0.25, lw=0, zorder=1, label="± 2 sigma of it")
+        axes.set(title=f"{first.names[i]}, {'xy'[column]}", ylabel="" if column else "alpha")
+        _mark_failure(axes, first, i)
+    known = ratio[:, shown][~np.isnan(ratio[:, shown])]
+    low, high = np.percentile(known, (5, 95)) if known.size else PAPER_ALPHA
+    grid[0, 0].set_ylim(max(0.0, min(0.6, low - 0.05)), min(2.0, max(1.1, high + 0.05)))
+    canvas.add_legend(figure, grid.flat)
     figure.suptitle("Motor correction factor alpha")
-    return figure
 
 
-def _driven_alpha(first: FirstRows) -> Array:
-    """The ratio of the window that ends in each frame, (frames, controllers, 2); NaN where a robot is not driven."""
+def driven_alpha(first: FirstRows) -> Array:
+    """Return the ratio of the window that ends in each frame, (frames, controllers, 2); NaN at rest."""
     position, applied = first.channel("pose")[..., :2], first.channel("applied")[..., :2]
     alpha = np.full_like(position, np.nan)
     if len(alpha) > metrics.ALPHA_WINDOW_FRAMES:
@@ -95,62 +111,73 @@ def _driven_alpha(first: FirstRows) -> Array:
     return alpha
 
 
-def _alpha_limits(alpha: Array) -> tuple[float, float]:
-    """Limits that show the paper's interval and nearly all values; where the command turns, alpha is far beyond."""
-    known = alpha[~np.isnan(alpha)]
-    low, high = np.percentile(known, (5, 95)) if known.size else PAPER_ALPHA
-    return max(0.0, min(0.6, low - 0.05)), min(2.0, max(1.1, high + 0.05))
+def draw_temperatures(first: FirstRows, figure: Figure) -> None:
+    """Draw winding and housing temperature of each motor, for each controller."""
+    grid = canvas.time_axes(figure, len(first.names), 2, 1.3, sharey="col")
+    for (i, j), axes in np.ndenumerate(grid):
+        part = ("winding", "housing")[j]
+        values, settings = first.channel(part), first.log.rows[first.rows[i]].settings
+        for motor, wheel in enumerate(style.wheel_names(kinematics(settings.wheels).azimuths)):
+            canvas.plot_curve(axes, values[:, i, motor], motor, motor, f"motor {motor + 1}, {wheel}")
+        low, high = np.nanmin(values), np.nanmax(values)
+        axes.set(
+            title=f"{first.names[i]}, {part}", ylabel="" if j else "°C", ylim=(low - 0.1, max(high, low + 1) + 0.1)
+        )
+        if not j and high > settings.motor.limit_c - NEAR_LIMIT_K:
+            axes.axhline(settings.motor.limit_c, color="k", lw=1, ls=":", label=f"limit, {settings.motor.limit_c:g} °C")
+    canvas.add_legend(figure, grid.flat)
+    figure.suptitle("Temperatures of the motors")
 
 
-def _end(first: FirstRows, controller: int) -> int:
-    """The last frame that a controller's row has, or the first where it has none."""
-    return max(int(first.log.lengths[first.rows[controller]]) - 1, 0)
+def _compare(
+    first: FirstRows, figure: Figure, values: Array, labels: list[str], reference: Array | None = None
+) -> None:
+    """Draw values (frames, controllers, axes): together, or if there are many each next to the first.
 
-
-def _compare(first: FirstRows, values: Array, labels: list[str], reference: Array | None) -> Figure:
-    """All controllers' values (frames, controllers, axes): together, or when there are many each over the first.
-
-    Without a reference, the values are errors: they start at zero and the greatest is written above them.
+    Without a reference, the values are errors: they start at zero, and titles state the largest.
     """
-    names, failed = first.names, list(first.failed)
-    together = len(names) <= canvas.TOGETHER
-    if together:
-        figure, grid = canvas.over_time(len(values), len(labels))
-    else:
-        figure, grid = canvas.over_time(len(values), len(names), len(labels), 1.0, "col")
-    for i, name in enumerate(names):
-        for j, label in enumerate(labels):
-            axes = grid[j, 0] if together else grid[i, j]
-            if together or i == len(names) // 2:
-                axes.set_ylabel(label)
-            if reference is not None and (i == 0 or not together):
-                axes.plot(*canvas.thin(reference[:, j]), color=style.BACKGROUND, lw=3.5, zorder=1, label="reference")
-            if i and not together:
-                axes.plot(*canvas.thin(values[:, 0, j]), label=f"{names[0]}, to compare", **BESIDE)
-            if together:
-                canvas.curve(axes, values[:, i, j], i, first.slots[i], name)
-            else:
-                axes.plot(*canvas.thin(values[:, i, j]), color=style.colour(first.slots[i]), zorder=3)
-                own = name if j == 0 else ""
-                axes.set_title(own if reference is not None else _said(first, i, own, values[..., j], label))
-            if i in failed:
-                canvas.mark_failure(axes, _end(first, i), first.slots[i], name)
-    for j, axes in enumerate(grid[:, 0] if together else grid[0]):
-        shown = values[..., j] if reference is None else np.column_stack([values[..., j], reference[:, j]])
-        low, high = canvas.reach(shown, failed)
+    names = first.names
+    together = len(names) <= canvas.MAX_SHARED_CURVES
+    rows, columns = (len(labels), 1) if together else (len(names), len(labels))
+    grid = canvas.time_axes(figure, rows, columns, 1.8 if together else 1.0, sharey="none" if together else "col")
+    time = canvas.seconds(values)
+    for (row, column), axes in np.ndenumerate(grid):
+        axis = row if together else column
+        shown, controllers = values[..., axis], range(len(names)) if together else [row]
+        if reference is not None:
+            axes.plot(time, reference[:, axis], color=style.BACKGROUND, lw=3.5, zorder=1, label="reference")
+            shown = np.column_stack([shown, reference[:, axis]])
+        if not together and row:
+            axes.plot(time, values[:, 0, axis], label=f"{names[0]}, to compare", **canvas.COMPARED)
+        for i in controllers:
+            canvas.plot_curve(axes, values[:, i, axis], i, first.slots[i], names[i])
+            _mark_failure(axes, first, i)
+        low, high = canvas.visible_range(shown, first.failed)
         room = max(0.08 * (high - low), 1e-9)
         axes.set_ylim(0 if reference is None else low - room, high + room)
-        if together and reference is None:
-            said = "; ".join(_said(first, i, name, values[..., j], labels[j]) for i, name in enumerate(names))
-            axes.set_title("\n".join(wrap(said, round(canvas.SMALL_PER_IN * canvas.WIDTH_IN), break_on_hyphens=False)))
-    canvas.legend(figure, list(grid.flat))
-    return figure
+        if together or row == rows // 2:
+            axes.set_ylabel(labels[axis])
+        unit = labels[axis].split()[-1]
+        described = [f"{names[i]} " + _describe(first, i, values[..., axis], unit) for i in controllers]
+        axes.set_title("; ".join(described) if reference is None else "" if together else names[row])
+    canvas.add_legend(figure, grid.flat)
 
 
-def _said(first: FirstRows, i: int, name: str, errors: Array, label: str) -> str:
-    """A controller's name and the greatest of its errors (frames, controllers), in the unit that ends the label."""
+def _describe(first: FirstRows, i: int, errors: Array, unit: str) -> str:
+    """Return the largest of a controller's errors (frames, controllers) in words, or that it failed."""
     if i in first.failed:
-        return f"{name} failed".strip()
-    greatest = float(np.nanmax(errors[:, i], initial=0.0))
-    beyond = greatest > canvas.reach(errors, list(first.failed))[1]
-    return f"{name} at most {greatest:.2f} {label.split()[-1]}".strip() + ", beyond the scale" * beyond
+        return "failed"
+    largest = np.nanmax(errors[:, i], initial=0.0)
+    beyond = largest > canvas.visible_range(errors, first.failed)[1]
+    return f"at most {largest:.2f} {unit}" + ", beyond the scale" * bool(beyond)
+
+
+def _mean(values: Array) -> list[float]:
+    """Return the mean of the values that are numbers, if any is."""
+    known = values[~np.isnan(values)]
+    return [float(known.mean())] if known.size else []
+
+
+def _mark_failure(axes: Axes, first: FirstRows, i: int) -> None:
+    if i in first.failed:
+        canvas.mark_failure(axes, max(first.lengths[i] - 1, 0), first.slots[i], first.names[i])

@@ -12,7 +12,7 @@ from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.show.recording.robots import Robot, Track
 from omni_mj.show.recording.series import Drawn, Plot, Series, Values
 from omni_mj.show.recording.timelines import Frames
-from omni_mj.show.wheels import names_of
+from omni_mj.show.style import wheel_names as names_of
 from omni_mj.simulate.log import OWN
 
 OWN_TAB = "own"

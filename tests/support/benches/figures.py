@@ -1,0 +1,90 @@
+"""A bench for figures: outcomes and summaries made by hand, and the figures that the program draws of them."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from logs import failure, filled, rows
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from omni_mj.measure import metrics, summary
+from omni_mj.measure.result import Outcome
+from omni_mj.scenarios import scenario
+from omni_mj.scenarios.settings import PERIOD_S
+from omni_mj.show import figures, style
+from omni_mj.show.figures import canvas, comparison
+from omni_mj.show.figures.first import FirstRows
+
+FRAMES, SPEED, ALPHA = 240, 0.5, 0.8
+TURN = 0.02  # rad, by which each controller is turned per cm of error
+
+
+def outcome(
+    controllers: Sequence[str] = ("c0", "c1"),
+    n_seeds: int = 3,
+    frames: int = FRAMES,
+    ends: dict[int, int] | None = None,
+    own: dict[str, NDArray] | None = None,
+    **channels: Any,
+) -> Outcome:
+    """Return an outcome of robots that drive along x, then along y, and achieve `ALPHA` of their command.
+
+    The i-th controller is off by i cm, its j-th seed by 0.1 j cm more. Rows in `ends` fail after so many frames;
+    `channels` replace those of the log.
+    """
+    table = rows(controllers, range(n_seeds))
+    count = len(controllers)
+    off = 0.01 * np.repeat(np.arange(count), n_seeds) + 0.001 * np.tile(np.arange(n_seeds), count)
+    velocity = np.where(np.arange(frames)[:, None] < FRAMES / 2, (SPEED, 0.0), (0.0, SPEED))
+    ref = np.zeros((frames, len(table), 3))
+    ref[1:, :, :2] = (np.cumsum(velocity, axis=0)[:-1] * PERIOD_S)[:, None]
+    command = np.zeros((frames, len(table), 3))
+    command[..., :2] = velocity[:, None] / ALPHA
+    warm = (25 + 0.1 * np.arange(frames))[:, None, None]
+    values = {
+        "ref": ref, "pose": ref + np.stack([off, off, 100 * TURN * off], axis=-1), "command": command,
+        "applied": command, "alpha_hat": 0.9, "winding": warm, "housing": warm,
+    }  # fmt: skip
+    lengths = [(ends or {}).get(row, frames) for row in range(len(table))]
+    log = filled(table, frames, lengths, own, **values | channels)
+    failures = [failure(log, row) for row in ends or {}]
+    chosen = scenario.load("rect", (), {"plant": "kinematic"})
+    measured = metrics.row_metrics(log, failures)
+    entry = summary.entry(chosen, log, failures, measured, 0.0, None)
+    return Outcome(chosen, entry, table, failures, measured, log)
+
+
+def drawn(result: Outcome) -> dict[str, Figure]:
+    """Return all figures of an outcome by name."""
+    assert result.log
+    functions = figures.drawings(FirstRows(result.log, result.failures), result.entry, result.scenario.settings.control)
+    shown = {}
+    with canvas.styled():
+        for name, draw in functions.items():
+            shown[name] = Figure(layout="none")  # type: ignore[arg-type]
+            draw(shown[name])
+    return shown
+
+
+def compared(entries: dict[str, Any], informed: Sequence[str] = ()) -> Figure:
+    """Return the figure that compares entries of a summary."""
+    with canvas.styled():
+        figure = Figure()
+        comparison.draw_comparison(entries, informed, figure)
+        figure.draw_without_rendering()
+    return figure
+
+
+def curves(axes: Axes, label: str) -> list[NDArray]:
+    """Return the y-values of the lines with a label."""
+    return [np.asarray(line.get_ydata(), float) for line in axes.get_lines() if line.get_label() == label]
+
+
+def look(controllers: Sequence[str]) -> list[dict[str, Any]]:
+    """Return the line properties of the controllers of a run."""
+    return [style.line(slot) for slot in style.slots(controllers)]
+
+
+wheel_names = style.wheel_names
