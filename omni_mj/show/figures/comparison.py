@@ -73,28 +73,23 @@ def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figur
     figure.set_size_inches(11, 1.9 + LINE_IN * tops[-1])
     grid = figure.subplots(1, len(PANELS), sharey=True)
     for axes, panel in zip(grid, PANELS, strict=True):
+        shown = []
         for k, (entry, span) in enumerate(zip(entries.values(), pairwise(tops), strict=True)):
             if k % 2 == 0:
                 axes.axhspan(*span, color="#F4F4F4", lw=0, zorder=0)
             for line, (name, result) in enumerate(entry["results"].items(), start=1):
-                _dot(
-                    axes,
-                    panel,
-                    panel.spread(result),
-                    span[0] + line + GAP / 2 - 0.5,
-                    slots[name],
-                    name,
-                    name in informed,
-                )
+                spread, label = panel.spread(result), name + " (informed)" * (name in informed)
+                _dot(axes, panel, spread, span[0] + line + GAP / 2 - 0.5, slots[name], label)
+                shown += [spread["mean"]]
             for name, errors in limits.of(entry).items() if panel.limited else ():
-                value = panel.spread({"error_m": errors})["mean"]
-                if value is not None:
-                    canvas.mark_limit(axes, panel.scale * value, name, span)
-        spreads = [panel.spread(result) for entry in entries.values() for result in entry["results"].values()]
-        means = [panel.scale * spread["mean"] for spread in spreads if spread["mean"] is not None]
+                mean = panel.spread({"error_m": errors})["mean"]
+                if mean is not None:
+                    canvas.mark_limit(axes, panel.scale * mean, name, span)
+                    shown += [mean]
         axes.margins(x=0.08)
-        if panel.logarithmic and min(means, default=0.0) > 0:
-            axes.set_xlim(min(means) / 2, 1.15 * axes.dataLim.x1)
+        smallest = panel.scale * min((mean for mean in shown if mean is not None), default=0.0)
+        if panel.logarithmic and smallest > 0:
+            axes.set_xlim(smallest / 2, 1.15 * axes.dataLim.x1)
             canvas.use_log_scale(axes.xaxis)
         axes.set_xlabel(panel.label)
         axes.grid(axis="y", visible=False)
@@ -109,19 +104,18 @@ def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figur
     figure.suptitle(f"Controllers compared{place}: {over}")
 
 
-def _dot(axes: Axes, panel: Panel, spread: Entry, line: float, slot: int, name: str, informed: bool) -> None:
+def _dot(axes: Axes, panel: Panel, spread: Entry, line: float, slot: int, label: str) -> None:
     """Draw a mean with its interval, or the panel's word at the right edge if a seed has no value."""
-    look = style.line(slot) | {"linestyle": "none"}
-    label = name + " (informed)" * informed
-    if informed:
+    look = style.line(slot) | {"linestyle": "none", "label": label}
+    if label.endswith(" (informed)"):
         look |= {"markerfacecolor": "white", "markeredgecolor": look["color"], "markeredgewidth": 1.0}
     if spread["mean"] is None or None in spread["seeds"]:
-        axes.plot([], [], label=label, **look)
-        axes.annotate(panel.missing, (1, line), xycoords=("axes fraction", "data"), ha="right", va="center",
-                      fontsize=7, color=look["color"])  # fmt: skip
+        axes.plot([], [], **look)
+        place = {"xycoords": ("axes fraction", "data"), "ha": "right", "va": "center"}
+        axes.annotate(panel.missing, (1, line), fontsize=7, color=look["color"], **place)
     else:
         mean, half = panel.scale * spread["mean"], panel.scale * (spread["plus_minus"] or 0.0)
-        axes.errorbar(mean, line, xerr=half, elinewidth=1.2, label=label, zorder=3, **look)
+        axes.errorbar(mean, line, xerr=half, elinewidth=1.2, zorder=3, **look)
 
 
 def draw_seeds(entry: Entry, heading: bool, figure: Figure) -> None:
