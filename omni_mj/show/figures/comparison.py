@@ -111,7 +111,7 @@ def _dot(axes: Axes, panel: Panel, spread: Entry, line: float, slot: int, label:
         look |= {"markerfacecolor": "white", "markeredgecolor": look["color"], "markeredgewidth": 1.0}
     if spread["mean"] is None or None in spread["seeds"]:
         axes.plot([], [], **look)
-        place = {"xycoords": ("axes fraction", "data"), "ha": "right", "va": "center"}
+        place: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "ha": "right", "va": "center"}
         axes.annotate(panel.missing, (1, line), fontsize=7, color=look["color"], **place)
     else:
         mean, half = panel.scale * spread["mean"], panel.scale * (spread["plus_minus"] or 0.0)
