@@ -1,6 +1,6 @@
 # make run: the paper's experiment · make test: all tests · make check: ruff and mypy · make hooks: the same before each
 # commit · make bench: speed, as ratios · make docs: the site, in build/site · make lessons: the programs of the pages, run · make wheel: what is released, tried
-# make soak: machine faults, at random · make constraints: newer versions of what is installed
+# make constraints: newer versions of what is installed
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -11,7 +11,7 @@ LOCKED := $(INSTALL) --require-hashes -r
 COMPILE := $(BIN)/uv pip compile -q pyproject.toml --universal --python-version 3.11.5 --generate-hashes --no-header \
   --no-annotate --upgrade
 
-.PHONY: run test check soak hooks bench docs lessons wheel constraints clean
+.PHONY: run test check hooks bench docs lessons wheel constraints clean
 
 run: $(VENV)/.installed
 	$(BIN)/python -m omni_mj.run --scenario rect --controller flc --controller comp-flc --controller adaptive-comp-flc
@@ -60,10 +60,6 @@ wheel: $(VENV)/.installed-release
 	build/wheel/venv/bin/python -m pip install -q --disable-pip-version-check --no-deps dist/*.whl
 	build/wheel/venv/bin/python -m pip check
 	cd build/wheel && venv/bin/omni-mj --scenario rect --set reference.waypoints='[[0, 0], [0.2, 0.1]]'
-
-# Kills, signals, full disks, little memory and so on, at random; it takes long, and `make soak SOAK="kills=1 disks=1"` less.
-soak: $(VENV)/.installed-test
-	$(BIN)/python tests/soak $(SOAK)
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

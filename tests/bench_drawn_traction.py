@@ -23,7 +23,7 @@ from omni_mj.measure.recovery import NEAR_M
 from omni_mj.measure.table import Table
 from omni_mj.scenarios.faults import span
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
-from omni_mj.scenarios.wheel_loops import drag, lag
+from omni_mj.scenarios.told import drag, lag
 from omni_mj.simulate.log import Log
 from omni_mj.studies.slip.law import expected
 

@@ -89,10 +89,10 @@ def command(
 def untold(what: "Scenario", unnamed: bool) -> "Scenario":
     """A scenario whose robot nobody named: who is out there need not be the default one, whose alpha is not told."""
     from omni_mj.scenarios.robots import DEFAULT
-    from omni_mj.scenarios.settings import ControlSettings
+    from omni_mj.scenarios.settings import Settings
 
     names = "alpha_forward", "alpha_sideways"
-    usual = all(getattr(what.settings.control, name) == getattr(ControlSettings(), name) for name in names)
+    usual = all(getattr(what.settings.control, name) == getattr(Settings().control, name) for name in names)
     if not (unnamed and what.robot == DEFAULT and usual):
         return what
     return what.replace(settings=what.settings.replace(control=dict.fromkeys(names, 0.0)))

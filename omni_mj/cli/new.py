@@ -51,8 +51,8 @@ def _starter(kind: str) -> str:
     if kind != "robot":
         return text
     from omni_mj.scenarios import robots
-    from omni_mj.scenarios.settings import Settings
+    from omni_mj.scenarios.resolve import resolve
     from omni_mj.show import full
 
     must = robots.sections(robots.DEFAULT)
-    return text + "\n".join(full.sections(Settings(**robots.completed({}, robots.DEFAULT)), must)) + "\n"
+    return text + "\n".join(full.sections(resolve({}, robots.DEFAULT), must)) + "\n"

@@ -108,8 +108,8 @@ def choice(command: Callable[..., None]) -> Callable[..., None]:
 
 def tell_model(scenario: "Scenario", quiet: bool) -> None:
     """Print in what a model of the user's differs from the robot's file."""
-    from omni_mj.scenarios import own_model, robots
+    from omni_mj.scenarios import resolve
 
     if not quiet:
-        for line in own_model.differences(robots.sections(scenario.robot), scenario.robot, scenario.settings.model):
+        for line in resolve.differences(scenario.robot, scenario.settings.model):
             click.echo(f"note: {line}", err=True)

@@ -12,7 +12,6 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import EachReference, SampledReference
 from omni_mj.gym import frames
-from omni_mj.scenarios.parameters import Parameters
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S, Settings
@@ -117,7 +116,7 @@ class Episodes:
         self.memory = _memory(scenario) if memory is None else memory
         if not (isinstance(self.memory, int) and 1 <= self.memory <= LONGEST_MEMORY):
             raise OmniError(f"memory must be a whole number of frames from 1 to {LONGEST_MEMORY}, not {self.memory}")
-        parameters = Parameters(**{Outside.__name__: {"memory": self.memory}})
+        parameters = {Outside.__name__: {"memory": self.memory}}
         settings = Settings(**{**dict(scenario.settings), "controller": parameters})  # in place of others'
         self.scenario = scenario.replace(controllers=(Outside,), settings=settings)
         self.lost_m, self.n = lost_m, n

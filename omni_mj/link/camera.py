@@ -1,29 +1,44 @@
-"""The 60 Hz camera that stands in for SSL-Vision: poses with noise, now and then none."""
+"""The camera that stands in for SSL-Vision: noise, misses, faults, and images that come late.
+
+The loop ticks 60 times a second, and knows true poses then. An image in between is of a pose on the straight line from
+one to the next: at 5 m/s^2 that is off by a T^2 / 8 = 0.2 mm at most. Packets say when they were captured; by the
+velocity that it believes in, the team carries a robot on from there to its tick, as `omni-mj drive` does.
+"""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
-from omni_mj.link.camera_faults import Sight
 from omni_mj.link.noise import Noise, Seed, Stream
-from omni_mj.scenarios.faults import Fault
-from omni_mj.scenarios.settings import VisionSettings, column
+from omni_mj.link.schedule import Schedule
+from omni_mj.scenarios.faults import (
+    Fault,
+    VisionBias,
+    VisionClock,
+    VisionDelay,
+    VisionFreeze,
+    VisionJitter,
+    VisionOut,
+    VisionWrongId,
+    span,
+)
+from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, VisionSettings, column
+
+_SAME_S = 1e-9  # times that differ by less are the same
 
 
 class Camera:
-    """Called once a frame with the true poses, returns what vision reports.
+    """What a camera sees of n robots in an image.
+
+    Biases of several faults add up; of several robots taken for this one the last counts.
 
     Args:
-        settings: noise and misses, one per row.
-        seeds: one per row; rows with the same seed see the same noise.
-        faults: of each row; see `Sight`. [none]
-
-    Attributes:
-        age: for how long robots had been where they were last seen, (n,) s; none where that is no time at all.
+        settings: Noise and misses, one per row.
+        seeds: One per row; rows with the same seed see the same noise.
+        faults: Of each row. [none]
     """
-
-    age: Array | None = None
 
     def __init__(
         self, settings: Sequence[VisionSettings], seeds: Sequence[Seed], faults: Sequence[Sequence[Fault]] = ()
@@ -37,38 +52,206 @@ class Camera:
             seeds,
             Stream.VISION_MISSES,
             lambda rng, count: rng.random((count, 1)),
-            lambda block: self._between_gaps((block < probability)[..., 0]),
+            lambda block: self._outside_gaps((block < probability)[..., 0]),
         )
         self._gap = column(settings, "miss_frames")[:, 0]
-        self._begun = np.full(len(seeds), -np.inf)  # image of a block in which the last gap began
-        self._sight = Sight.of(faults, seeds)
-        self._frame, self._first = 0, True
+        self._gap_start = np.full(len(seeds), -np.inf)  # image of a block in which the last gap began
+        self._is_first = True
+        self._schedule = Schedule(faults, VisionOut, VisionFreeze, VisionWrongId, VisionBias)
+        # Drawn for each image whatever goes on, so that a fault changes nothing of another.
+        self._chance = Noise(seeds, Stream.CAMERA_FAULTS, lambda rng, count: rng.random((count, 2)))
+        self._out, self._frozen = np.zeros((2, len(seeds)), bool)
+        self._wrong_ids: list[tuple[int, VisionWrongId]] = []
+        self._biases: list[tuple[int, VisionBias]] = []
+        self._last = np.full((len(seeds), 3), np.nan)  # what was shown
 
-    def __call__(self, pose: Array, frame: int | None = None) -> tuple[Array, np.ndarray]:
-        """Return the poses seen (n, 3), not a number where a robot was missed, and whether each was seen (n,).
+    def __call__(self, pose: Array, frame: int) -> tuple[Array, np.ndarray]:
+        """Return the poses seen (n, 3), NaN where a robot was missed, and whether each was seen (n,).
 
         Args:
-            pose: true, (n, 3).
-            frame: of the loop in which this image is taken, by which faults go. [the next one]
+            pose: True, (n, 3).
+            frame: Of the loop in which this image is taken.
         """
-        self._frame = (self._frame if frame is None else frame) + 1
-        sight, shown = self._sight, pose
-        if sight is not None:
-            shown = sight.look(pose, self._frame - 1)
         seen: np.ndarray = self._visible.next()
-        measured = shown + self._errors.next()
+        measured = (self._misled(pose, frame) if self._schedule.kinds else pose) + self._errors.next()
         measured[:, 2] = wrap_angle(measured[:, 2])
         if np.count_nonzero(seen) < len(seen):
             measured[~seen] = np.nan
-        if sight is not None:
-            seen = sight.show(measured)
+        if self._schedule.kinds:
+            measured[self._frozen] = self._last[self._frozen]
+            seen = ~np.isnan(measured[:, 0])
+            self._last[seen] = measured[seen]
+            measured[self._out] = np.nan
+            seen &= ~self._out
         return measured, seen
 
-    def _between_gaps(self, begins: np.ndarray) -> np.ndarray:
-        """Whether robots are seen in a block of images in which gaps begin, both (images, n)."""
-        if self._first:
-            begins[0] = self._first = False  # a robot is placed where the camera sees it
+    def _misled(self, pose: Array, frame: int) -> Array:
+        """Return what there is to see in a frame in place of true poses (n, 3), but for noise."""
+        if (active := self._schedule.at(frame)) is not None:
+            self._out[:] = self._frozen[:] = False
+            self._out[[row for row, _ in active.of(VisionOut)]] = True
+            self._frozen[[row for row, _ in active.of(VisionFreeze)]] = True
+            self._wrong_ids, self._biases = list(active.of(VisionWrongId)), list(active.of(VisionBias))
+        chances, shown = self._chance.next(), pose.copy()
+        for row, bias in self._biases:
+            if chances[row, 1] < bias.probability:
+                shown[row] += bias.x_m, bias.y_m, np.radians(bias.heading_deg)
+        for row, other in self._wrong_ids:
+            if chances[row, 0] < other.probability:
+                shown[row] = other.x_m, other.y_m, np.radians(other.heading_deg)
+        return shown
+
+    def _outside_gaps(self, begins: np.ndarray) -> np.ndarray:
+        """Return whether robots are seen in a block of images in which gaps begin, both (images, n)."""
+        if self._is_first:
+            begins[0] = self._is_first = False  # a robot is placed where the camera sees it
         image = np.arange(len(begins), dtype=float)[:, None]
-        begun = np.maximum.accumulate(np.where(begins, image, self._begun))
-        self._begun = begun[-1] - len(begins)
-        return np.asarray(image - begun >= self._gap)
+        start = np.maximum.accumulate(np.where(begins, image, self._gap_start))
+        self._gap_start = start[-1] - len(begins)
+        return np.asarray(image - start >= self._gap)
+
+
+class Timing:
+    """When images of n robots arrive, and how old they are said to be.
+
+    Errors of clocks and jitters of several faults add up.
+
+    Args:
+        settings: Delay and jitter, one per row.
+        seeds: One per row.
+        faults: Of each row.
+
+    Attributes:
+        is_late: Whether any image may arrive late or has a wrong age.
+    """
+
+    def __init__(
+        self, settings: Sequence[VisionSettings], seeds: Sequence[Seed], faults: Sequence[Sequence[Fault]]
+    ) -> None:
+        self._usual, self._jitter, self._loss = (
+            column(settings, name)[:, 0] for name in ("delay_s", "jitter_s", "loss_probability")
+        )
+        self._late, self._lost, self._chance = (
+            Noise(seeds, stream, lambda rng, count: rng.random((count, 1)))
+            for stream in (Stream.CAMERA_JITTER, Stream.CAMERA_LOSSES, Stream.CAMERA_LATE)
+        )
+        self._schedule = Schedule(faults, VisionClock, VisionJitter, VisionDelay)
+        self.is_late = bool(self._usual.any() or self._jitter.any() or self._schedule.kinds)
+        self._delay = self._usual
+        self._more_jitter, self._loses, self._lost_s = np.zeros((3, len(seeds)))
+
+    def at(self, frame: int, time: float) -> tuple[Array, Array]:
+        """Return when an image arrives, infinite if it is lost, and how much older it is said to be than it is.
+
+        Args:
+            frame: Of the loop in which it is taken.
+            time: When it is taken, from the start of the run, s.
+
+        Returns:
+            Both (n,), s.
+        """
+        if (active := self._schedule.at(frame)) is not None:
+            self._delay = self._usual.copy()
+            self._more_jitter, self._loses, self._lost_s = np.zeros((3, len(self._usual)))
+            for row, late in active.of(VisionDelay):
+                self._delay[row] = late.to
+            for row, jitter in active.of(VisionJitter):
+                self._more_jitter[row] += jitter.s
+            for row, clock in active.of(VisionClock):
+                self._loses[row] += clock.ms_per_s / 1000
+                self._lost_s[row] -= clock.ms_per_s / 1000 * span(clock)[0] * PERIOD_S
+        delay = self._delay
+        if self._schedule.kinds:
+            delay = delay + self._more_jitter * self._chance.next()[:, 0]
+        arrival = time + delay + self._jitter * self._late.next()[:, 0]
+        lost = self._lost.next()[:, 0] < self._loss
+        return np.where(lost, np.inf, arrival), self._lost_s + self._loses * time
+
+
+class Cameras:
+    """The cameras of n rows: rows of one rate take images at the same times.
+
+    Args:
+        settings: One per row.
+        seeds: One per row.
+        faults: Of each row.
+
+    Attributes:
+        age: For how long robots had been where they were last seen, (n,) s; None if that is no time at all.
+    """
+
+    def __init__(
+        self, settings: Sequence[VisionSettings], seeds: Sequence[Seed], faults: Sequence[Sequence[Fault]]
+    ) -> None:
+        rates = [each.rate_hz for each in settings]
+        self._groups = [
+            _SameRate(np.flatnonzero(np.equal(rates, rate)), settings, seeds, faults) for rate in dict.fromkeys(rates)
+        ]
+        self._is_late = any(group.is_late for group in self._groups)
+        self.age: Array | None = np.zeros(len(settings)) if self._is_late else None
+
+    def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
+        """Return the poses (n, 3) that arrived since the frame before, NaN where none did, and whether one did (n,)."""
+        measured, age = np.full(pose.shape, np.nan), np.zeros(len(pose))
+        for group in self._groups:
+            group.arrive(pose, measured, age)
+        if self._is_late:
+            self.age = age
+        return measured, ~np.isnan(measured[:, 0])
+
+
+@dataclass
+class _Image:
+    """Taken at `time`, arrives at `arrival` (n,), is said to be older by `behind` (n,), s; poses (n, 3)."""
+
+    time: float
+    poses: Array  # NaN where a robot was not seen
+    arrival: Array
+    behind: Array
+
+
+class _SameRate:
+    """Rows of a batch, by their numbers, whose cameras take images at the same times."""
+
+    def __init__(
+        self,
+        rows: np.ndarray,
+        settings: Sequence[VisionSettings],
+        seeds: Sequence[Seed],
+        faults: Sequence[Sequence[Fault]],
+    ) -> None:
+        own = [settings[i] for i in rows], [seeds[i] for i in rows], [faults[i] for i in rows]
+        self._rows, self._camera, self._timing = rows, Camera(*own), Timing(*own)
+        self._rate = own[0][0].rate_hz
+        self.is_late = self._timing.is_late or self._rate != FRAME_RATE_HZ
+        self._before: Array | None = None
+        self._tick, self._taken = 0, 0  # frames of the loop, and images
+        self._flying: list[_Image] = []
+        self._newest = np.full(len(rows), -np.inf)
+
+    def arrive(self, pose: Array, measured: Array, age: Array) -> None:
+        """Write what arrived since the frame before: poses (n, 3), and how old they are (n,), s."""
+        rows, now = self._rows, self._tick * PERIOD_S
+        pose = pose[rows]
+        before = pose if self._before is None else self._before
+        while (time := self._taken / self._rate) <= now + _SAME_S:
+            if abs(time - now) <= _SAME_S:
+                self._take(now, pose)
+            else:
+                self._take(time, before + ((time - now) / PERIOD_S + 1) * (pose - before))
+        self._before, self._tick = pose, self._tick + 1
+        for image in self._flying:
+            came = (image.arrival <= now + _SAME_S) & (image.time > self._newest) & ~np.isnan(image.poses[:, 0])
+            measured[rows[came]] = image.poses[came]
+            age[rows[came]] = np.maximum(now - image.time + image.behind[came], 0.0)
+            self._newest[came] = image.time
+        self._flying = [image for image in self._flying if (image.arrival > now + _SAME_S).any()]
+
+    def _take(self, time: float, pose: Array) -> None:
+        frame = int((time + _SAME_S) * FRAME_RATE_HZ)
+        poses, _ = self._camera(pose, frame)
+        arrival, behind = self._timing.at(frame, time)
+        poses[np.isinf(arrival)] = np.nan
+        arrival[np.isinf(arrival)] = time
+        self._flying.append(_Image(time, poses, arrival, behind))
+        self._taken += 1

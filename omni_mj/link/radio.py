@@ -8,9 +8,8 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.link.noise import Noise, Seed, Stream
-from omni_mj.link.radio_faults import Mishaps
 from omni_mj.link.schedule import Schedule
-from omni_mj.scenarios.faults import Delay, Fault, RadioDuplicates, RadioReorder
+from omni_mj.scenarios.faults import Delay, Fault, RadioBursts, RadioDuplicates, RadioLoss, RadioReorder
 from omni_mj.scenarios.settings import RadioSettings, column
 
 
@@ -54,31 +53,32 @@ class Received:
 
 
 def longest(settings: RadioSettings, faults: Sequence[Fault]) -> int:
-    """How many frames a packet takes at most."""
+    """Return how many frames a packet takes at most."""
     delays = [fault.to for fault in faults if isinstance(fault, Delay)]
     behind = [fault.frames for fault in faults if isinstance(fault, (RadioDuplicates, RadioReorder))]
     return max(settings.delay_frames, *delays, 0) + settings.jitter_frames + max(behind, default=0)
 
 
 class Radio:
-    """Packets in flight: a command, and the heading that vision saw when it was sent.
+    """Packets in flight to n robots: a command, and the heading that vision saw when it was sent.
 
     With a delay of 2 frames, sending a, b, c, d in frames 0 to 3 delivers nothing, nothing, a, b; nothing is a command
-    of zero and a heading that is not a number. With jitter a packet may overtake another: a robot obeys the one that
-    was sent last of those that have arrived. A packet that is lost never arrives; the robot holds the one before.
+    of zero and a heading that is NaN. With jitter a packet may overtake another: a robot applies the one that was sent
+    last of those that have arrived. A packet that is lost never arrives; the robot holds the one before.
 
     A fault `delay` is the dead time of what is sent while it goes on; of several the last counts. Others may lose
-    packets, or have some come after younger ones, or twice: a robot that gets one obeys it until the next comes.
+    packets, or have some come after younger ones, or twice: a robot that gets one applies it until the next comes. Each
+    packet meets each kind independently; of several faults of a kind that lose packets chances multiply.
 
-    The loop sends to all robots once a frame (`exchange`). Whoever sends when he likes counts in ticks of a fraction of
-    a frame: `send` to some robots, any number of times a tick, then `deliver` once.
+    The loop sends to all robots once a frame (`exchange`). Other callers count in ticks of a fraction of a frame:
+    `send` to some robots, any number of times a tick, then `deliver` once.
 
     Args:
-        settings: dead time, jitter and losses, one per row.
-        seeds: one per row; rows with the same seed and jitter have packets that take equally long.
-        faults: of each row. [none]
-        ticks: of a frame.
-        nothing: what a robot holds before the first packet, (k,): a packet is as many numbers.
+        settings: Dead time, jitter and losses, one per row.
+        seeds: One per row; rows with the same seed lose the same packets.
+        faults: Of each row. [none]
+        ticks: Of a frame.
+        nothing: What a robot holds before the first packet, (k,): a packet is as many numbers.
     """
 
     def __init__(
@@ -89,43 +89,45 @@ class Radio:
         ticks: int = 1,
         nothing: Sequence[float] = (0.0, 0.0, 0.0, np.nan),
     ) -> None:
+        n = len(seeds)
         self._usual = column(settings, "delay_frames")[:, 0].astype(int) * ticks
         self._jitter = column(settings, "jitter_frames")[:, 0].astype(int) * ticks
-        self._jitters = bool(self._jitter.any())
-        self._late = Noise(seeds, Stream.RADIO_JITTER, lambda rng, count: rng.random((count, 1)))
         self._loss = column(settings, "loss_probability")[:, 0]
-        self._loses = bool(self._loss.any())
-        self._losses = Noise(seeds, Stream.RADIO_LOSSES, lambda rng, count: rng.random((count, 1)))
-        self._schedule, self._ticks = Schedule(faults, Delay), ticks
-        self._mishaps = Mishaps.of(faults, seeds)
-        room = max(map(longest, settings, faults or [()] * len(settings))) * ticks + 1
-        n = len(seeds)
-        # Both are rings: the tick in which the newest packet was sent that arrives in a tick, and the packets sent.
+        self._jitters, self._loses = bool(self._jitter.any()), bool(self._loss.any())
+        # Drawn for each packet, or each frame, whatever goes on, so that a fault changes nothing of another.
+        self._late, self._losses, self._steps = (
+            Noise(seeds, stream, lambda rng, count: rng.random((count, 1)))
+            for stream in (Stream.RADIO_JITTER, Stream.RADIO_LOSSES, Stream.RADIO_BURSTS)
+        )
+        self._chance = Noise(seeds, Stream.RADIO_FAULTS, lambda rng, count: rng.random((count, 4)))
+        self._schedule = Schedule(faults, Delay, RadioLoss, RadioBursts, RadioDuplicates, RadioReorder)
+        self._fails = bool(set(self._schedule.kinds) - {Delay})
+        self._passes, self._outside_burst = np.ones((2, n))  # probabilities of a packet
+        self._chains = dict[tuple[int, RadioBursts], bool]()  # of the bursts that go on: whether in one
+        self._copied, self._overtaken = np.zeros((2, n))  # probabilities of a packet, and by how many frames
+        self._copied_by, self._overtaken_by = np.zeros((2, n), int)
+
+        room = max(map(longest, settings, faults or [()] * n)) * ticks + 1
+        # Rings: the tick in which the newest packet was sent that arrives in a tick, and the packets sent.
         self._arriving = np.full((room, n), -1)
         self._packets = np.empty((room, n, len(nothing)))
         self._holding = np.tile(np.asarray(nothing, float), (n, 1))
         self._newest = np.full(n, -1)
-        # Of packets that come last of all in a tick: when they were sent. What a robot holds was sent at `_held`.
-        self._behind = None if self._mishaps is None else np.full((room, n), -1)
-        self._held = self._newest
-        self._robots = np.arange(n)
+        self._behind = np.full((room, n), -1)  # the same ring of packets that come last of all in a tick
+        self._held = self._newest  # when the packets that robots hold were sent
+        self._robots, self._ticks = np.arange(n), ticks
         self._tick, self._coming = 0, set[int]()  # now, and the ticks from now on in which a packet arrives
         self._delay = self._usual  # of what is sent from now on, (n,)
-        self._change()
+        self._begin_frame()
 
     def exchange(self, command: Array, heading: Array) -> Received:
         """Send commands (n, 3) and headings (n,); return what the robots hold in this frame."""
-        packets = np.empty((len(command), 4))
-        packets[:, :3], packets[:, 3] = command, heading
-        self.send(packets)
+        self.send(np.column_stack([command, heading]))
         packet, new, age = self.deliver()
-        seen = packet[:, 3]
-        if np.count_nonzero(new) < len(new):
-            seen[~new] = np.nan
-        return Received(packet[:, :3], seen, age, new)
+        return Received(packet[:, :3], np.where(new, packet[:, 3], np.nan), age, new)
 
     def send(self, packets: Array, to: np.ndarray | None = None) -> None:
-        """Send packets (n, k), to those robots alone whose numbers are given; to all if none are."""
+        """Send packets (n, k) to the robots of these numbers, by default to all."""
         tick, ring, late = self._tick, len(self._packets), self._delay
         to = self._robots if to is None else to
         if self._jitters:
@@ -133,61 +135,70 @@ class Radio:
         if self._loses:
             to = to[self._losses.next()[to, 0] >= self._loss[to]]
         self._packets[tick % ring, to] = packets[to]
-        if self._mishaps is not None:
-            to = self._send_amiss(self._mishaps, to, late)
+        if self._fails:
+            lost, burst, copied, overtaken = self._chance.next().T
+            there = (lost < self._passes) & (burst < self._outside_burst)
+            later = there & (overtaken < self._overtaken)
+            again = there & (copied < self._copied)
+            by = np.where(later, self._overtaken_by, np.where(again, self._copied_by, 0))
+            behind = to[by[to] > 0]
+            after = tick + late[behind] + by[behind] * self._ticks
+            self._behind[after % ring, behind] = tick
+            self._coming.update(after.tolist())
+            to = to[(there & ~later)[to]]
         # Later ones overwrite: of two that arrive together the last sent counts.
         arrives = tick + late[to]
         self._arriving[arrives % ring, to] = tick
         self._coming.update(arrives.tolist())
 
     def deliver(self) -> tuple[Array, np.ndarray, np.ndarray]:
-        """End a tick: what robots hold (n, k), whether it arrived now (n,), and its age in ticks (n,)."""
+        """End a tick; return what robots hold (n, k), whether it arrived now (n,), and its age in ticks (n,)."""
         tick, ring = self._tick, len(self._packets)
         self.wait()
-        arrived = self._arriving[tick % ring]
-        new = arrived > self._newest
+        arrived, behind = self._arriving[tick % ring], self._behind[tick % ring]
+        is_behind, new = behind >= 0, arrived > self._newest
+        self._held = np.where(is_behind, behind, np.where(new, arrived, self._held))
         self._newest = np.maximum(self._newest, arrived)
-        if self._behind is None:
-            self._held = self._newest
-        else:
-            behind = self._behind[tick % ring]
-            self._held = np.where(behind >= 0, behind, np.where(new, arrived, self._held))
-            new, behind[:] = new | (behind >= 0), -1
-        arrived[:] = -1
+        new |= is_behind
+        arrived[:] = behind[:] = -1
         if np.count_nonzero(new):
-            held = self._packets[self._held % ring, self._robots]
-            np.copyto(self._holding, held, where=new[:, None])
+            np.copyto(self._holding, self._packets[self._held % ring, self._robots], where=new[:, None])
         return self._holding.copy(), new, tick - self._held
 
     @property
     def quiet(self) -> int:
-        """For how many ticks from this one on nothing arrives of what was sent until now."""
+        """The number of ticks from this one on in which nothing arrives of what was sent until now."""
         return min(self._coming) - self._tick if self._coming else sys.maxsize
 
     def wait(self, ticks: int = 1) -> None:
-        """End ticks in which all is quiet: a `deliver` each of which nobody asks what robots hold."""
+        """End ticks in which all is quiet, without asking what robots hold."""
         for _ in range(ticks):
             self._coming.discard(self._tick)
             self._tick += 1
             if self._tick % self._ticks == 0:
-                self._change()
+                self._begin_frame()
 
-    def _send_amiss(self, mishaps: Mishaps, to: np.ndarray, late: np.ndarray) -> np.ndarray:
-        """See to packets that come behind others, `late` (n,) as they are anyway; return who gets his as usual."""
-        assert self._behind is not None
-        arrives, behind = mishaps.meet()
-        later = to[behind[to] > 0]
-        after = self._tick + late[later] + behind[later] * self._ticks
-        self._behind[after % len(self._packets), later] = self._tick
-        self._coming.update(after.tolist())
-        return to[arrives[to]]
-
-    def _change(self) -> None:
-        """Take over what happens in the frame that begins."""
-        if self._mishaps is not None:
-            self._mishaps.begin(self._tick // self._ticks)
+    def _begin_frame(self) -> None:
+        """Apply the faults of the frame that begins."""
         if (active := self._schedule.at(self._tick // self._ticks)) is not None:
-            delay = self._usual.copy()
+            self._delay = self._usual.copy()
+            self._passes[:], self._copied[:], self._overtaken[:] = 1.0, 0.0, 0.0
             for row, fault in active.of(Delay):
-                delay[row] = fault.to * self._ticks
-            self._delay = delay
+                self._delay[row] = fault.to * self._ticks
+            for row, loss in active.of(RadioLoss):
+                self._passes[row] *= 1 - loss.probability
+            for row, copies in active.of(RadioDuplicates):
+                self._copied[row], self._copied_by[row] = copies.probability, copies.frames
+            for row, late in active.of(RadioReorder):
+                self._overtaken[row], self._overtaken_by[row] = late.probability, late.frames
+            self._chains = {each: self._chains.get(each, False) for each in active.of(RadioBursts)}
+        if not self._fails:
+            return
+        drawn = self._steps.next()[:, 0]
+        self._outside_burst[:] = 1.0
+        for (row, bursts), inside in self._chains.items():
+            leave = 1 / bursts.frames
+            enter = leave * bursts.share / (1 - bursts.share)
+            inside = bool(drawn[row] >= leave if inside else drawn[row] < enter)
+            self._chains[row, bursts] = inside
+            self._outside_burst[row] *= 1 - bursts.probability * inside

@@ -13,7 +13,7 @@ from omni_mj.files import whole, write
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.mjcf.files import copies
 from omni_mj.provenance import here, modules
-from omni_mj.scenarios import controllers, own_model, plants, robots, user_files
+from omni_mj.scenarios import controllers, plants, resolve, robots, user_files
 from omni_mj.scenarios.scenario import Scenario
 
 FORMAT = 1
@@ -145,8 +145,7 @@ def _scenario(scenario: Scenario, shelf: _Shelf) -> dict[str, Any]:
     model = scenario.settings.model
     mine: dict[str, Any] = {"model": shelf.put_model(Path(model.file))} if model.file else {}
     if mine:
-        sections = robots.sections(scenario.robot)
-        mine["model"]["differences"] = list(own_model.differences(sections, scenario.robot, model))
+        mine["model"]["differences"] = list(resolve.differences(scenario.robot, model))
     return mine | {
         "plant": _class(scenario.plant, shelf) if scenario.plant not in plants.PLANTS else {"name": scenario.plant},
         "robot": {"name": name, **shelf.put(path.name, path.read_bytes())},

@@ -6,7 +6,7 @@ from typing import Self
 
 from pydantic import model_validator
 
-from omni_mj.scenarios.checking import Checked, setting
+from omni_mj.scenarios.checking import Checked, in_one, setting
 from omni_mj.scenarios.robots import of_robot
 
 RAD_S = math.pi / 30  # in a turn per minute
@@ -97,42 +97,41 @@ class MotorSettings(Checked):
 
     @model_validator(mode="after")
     def _is_a_motor(self) -> Self:
-        if wrong := "\n".join(self._contradictions()):
-            raise ValueError(wrong)
+        in_one(self._contradictions())
         return self
 
     def _contradictions(self) -> Iterator[str]:
-        """What a motor cannot be, a line each."""
+        """Yield what a motor cannot be, a line each."""
         volts, commutation = self.nominal_voltage_v, self.commutation_ohm_s
+        sheet = "; take all rows from one page"
         if commutation < 0:
             needed = volts - commutation * self.nominal_rpm * RAD_S * self.nominal_current_a
             yield (
                 f"motor.nominal_rpm with motor.nominal_current_a takes {needed:.4g} V by motor.constant_nm_a and "
-                f"motor.resistance_ohm alone, above motor.nominal_voltage_v = {volts:g}; take all rows from one page"
+                f"motor.resistance_ohm alone, above motor.nominal_voltage_v = {volts:g}{sheet}"
             )
         speed, current = self.no_load_rpm * RAD_S, self.no_load_current_a
         needed = (self.resistance_ohm + max(commutation, 0) * speed) * current + self.constant_nm_a * speed
         if abs(needed / volts - 1) > NO_LOAD_TOLERANCE:
             yield (
                 f"motor.no_load_rpm with motor.no_load_current_a takes {needed:.4g} V by motor.constant_nm_a, not "
-                f"motor.nominal_voltage_v = {volts:g} within {NO_LOAD_TOLERANCE:.0%}; take all rows from one page"
+                f"motor.nominal_voltage_v = {volts:g} within {NO_LOAD_TOLERANCE:.0%}{sheet}"
             )
         torque = self.constant_nm_a * self.nominal_current_a
         if abs(self.nominal_torque_nm / torque - 1) > TORQUE_TOLERANCE:
             yield (
                 f"motor.nominal_torque_nm = {self.nominal_torque_nm:g} is not motor.constant_nm_a times "
-                f"motor.nominal_current_a, {torque:.4g}, within {TORQUE_TOLERANCE:.0%}; take all rows from one page"
+                f"motor.nominal_current_a, {torque:.4g}, within {TORQUE_TOLERANCE:.0%}{sheet}"
             )
         coldest = min(self.winding_c, self.housing_c, self.ambient_c)
         hottest = max(self.limit_c, self.winding_c, self.housing_c, self.ambient_c)
-        for name, what in (("copper_per_k", "resistance"), ("magnet_per_k", "torque constant")):
-            change = getattr(self, name)
-            for celsius in (coldest, hottest):
-                if (share := 1 + change * (celsius - SHEET_C)) < LEAST_SHARE:
-                    yield (
-                        f"motor.{name} = {change:g} leaves {share:.2g} of the {what} at {celsius:g} deg C, where the "
-                        f"motor may get (ambient_c, winding_c, housing_c, limit_c); it takes {LEAST_SHARE:g} at least"
-                    )
+        for name, change in (("copper_per_k", self.copper_per_k), ("magnet_per_k", self.magnet_per_k)):
+            share = min(1 + change * (celsius - SHEET_C) for celsius in (coldest, hottest))
+            if share < LEAST_SHARE:
+                yield (
+                    f"motor.{name} = {change:g} leaves {share:.2g} of its value at {coldest:g} to {hottest:g} "
+                    f"deg C (ambient_c, winding_c, housing_c, limit_c); it takes {LEAST_SHARE:g} at least"
+                )
         if self.nominal_current_a <= self.no_load_current_a:
             yield (
                 f"motor.nominal_current_a = {self.nominal_current_a:g} must be above motor.no_load_current_a = "

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -24,38 +25,47 @@ from omni_control.traction import GRAVITY, WheelLimits
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, ControlSettings, ReferenceSettings, Settings
 
 Where = tuple[float, float, float]
-Way = tuple[ReferenceSettings, MotionLimits, Where]
 LONGEST_S = 24 * 3600.0
 ORIGIN: Where = (0.0, 0.0, 0.0)
 
 
 def timed(settings: Settings, where: Where = ORIGIN) -> SampledReference:
-    """The reference that is known in advance, against which errors are measured.
+    """Return the reference that is known in advance, against which errors are measured.
 
     Args:
-        settings: what is to be driven, and by what robot.
-        where: pose [x, y, heading] in m and rad by which all of it is displaced.
+        settings: What is to be driven, and by what robot.
+        where: Pose [x, y, heading] in m and rad by which all of it is displaced.
 
     Raises:
-        OmniError: on a carpet as slippery as `reference.friction` says, nobody can drive it; or it takes for ever.
+        OmniError: On a carpet as slippery as `reference.friction` says, nobody can drive it; or it takes too long.
     """
     (reference,) = each_timed([(settings, where)])
     return reference
 
 
 def each_timed(asked: Iterable[tuple[Settings, Where]]) -> list[SampledReference]:
-    """`timed` of several; equal ones are one, and are planned anew only if nobody uses them any more.
+    """Return `timed` of several; equal ones are the same object while somebody uses them.
 
     Raises:
-        OmniError: as `timed`.
+        OmniError: As `timed`.
     """
-    ways = [(settings.reference, reference_limits(settings), where) for settings, where in asked]
-    found = {way: known for way in ways if (known := _IN_USE.get(way)) is not None}
-    new = [way for way in dict.fromkeys(ways) if way not in found]
-    for way, reference in zip(new, _planned(new), strict=True):
-        found[way] = _IN_USE[way] = reference
-    _RECENT.extend(found.values())
-    return [found[way] for way in ways]
+    keys = [(settings.reference, reference_limits(settings), where) for settings, where in asked]
+    result = {key: reference for key in keys if (reference := _IN_USE.get(key)) is not None}
+    new = [key for key in dict.fromkeys(keys) if key not in result]
+    for task, _, _ in new:
+        _check_length(task)
+    # Drives through way-points are planned together.
+    driven = [(task, limits) for task, limits, _ in new if task.shape not in CURVES]
+    poses = dict(zip(driven, drives([_drive(*drive) for drive in driven], PERIOD_S), strict=True))
+    for key in new:
+        task, limits, where = key
+        moving = SampledReference(poses[key[:2]], PERIOD_S) if key[:2] in poses else _curve(task, limits)
+        reference = moving.after_rest(_lead_frames(task))
+        if where != ORIGIN:
+            reference = SampledReference(displaced(reference.poses, where), PERIOD_S)
+        result[key] = _IN_USE[key] = reference
+    _RECENT.extend(result.values())
+    return [result[key] for key in keys]
 
 
 def iterated(settings: Settings, n: int, where: Where = ORIGIN) -> IteratedReference:
@@ -142,23 +152,8 @@ def _rim_speed(settings: Settings) -> float:
     return back_emf / (motor.constant_nm_a * motor.gear) * settings.wheels.radius_m
 
 
-_IN_USE: WeakValueDictionary[Way, SampledReference] = WeakValueDictionary()
+_IN_USE: WeakValueDictionary[tuple[Any, ...], SampledReference] = WeakValueDictionary()
 _RECENT: deque[SampledReference] = deque(maxlen=256)  # are kept
-
-
-def _planned(ways: Sequence[Way]) -> list[SampledReference]:
-    """A reference for each; drives through way-points are planned together."""
-    for task, _, _ in ways:
-        _check_length(task)
-    driven = [way for way in ways if way[0].shape not in CURVES]
-    poses = dict(zip(driven, drives([_drive(task, limits) for task, limits, _ in driven], PERIOD_S), strict=True))
-    found = []
-    for way in ways:
-        task, limits, where = way
-        moving = SampledReference(poses[way], PERIOD_S) if way in poses else _curve(task, limits)
-        reference = moving.after_rest(_lead_frames(task))
-        found.append(reference if where == ORIGIN else SampledReference(displaced(reference.poses, where), PERIOD_S))
-    return found
 
 
 def _check_length(task: ReferenceSettings) -> None:

@@ -1,14 +1,20 @@
-"""Settings of the robot's body and wheels, of the carpet under them, and of what varies from robot to robot."""
+"""Settings of the robot, of the carpet under it, and of what varies from robot to robot."""
 
-from typing import Literal, Self
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, field_validator, model_validator
 
 from omni_control.kinematics import Kinematics
-from omni_mj.scenarios import robot_checks
-from omni_mj.scenarios.checking import Angles, Checked, Patches, setting
+from omni_mj.scenarios import CYCLE_RATE_HZ
+from omni_mj.scenarios.checking import Angles, Checked, Patches, in_one, setting
 from omni_mj.scenarios.robots import of_robot
+
+# By which a robot's weight presses rollers into the carpet (omni_mj.worlds.contact, 2.65 kg on 4 wheels), rounded up.
+SINKS_M = 7e-5
 
 
 class ModelSettings(Checked):
@@ -54,13 +60,8 @@ class WheelSettings(Checked):
     creep: Literal["on", "off"] = setting(
         "on", "", "on: rubber creeps under traction, as measured; off: wheels that do not, for comparison"
     )
-    azimuths_deg: Angles = setting(
-        of_robot("wheels.azimuths_deg"),
-        "deg",
-        "where they are, counter-clockwise from ahead",
-        3,
-        8,
-        several=True,
+    azimuths_deg: Annotated[Angles, Field(min_length=3, max_length=8)] = setting(
+        of_robot("wheels.azimuths_deg"), "deg", "where they are, counter-clockwise from ahead"
     )
     arm_m: float = setting(of_robot("wheels.arm_m"), "m", "from the robot's centre to where they touch", 0.02, 0.5)
     radius_m: float = setting(of_robot("wheels.radius_m"), "m", "radius", 0.01, 0.2)
@@ -74,9 +75,41 @@ class WheelSettings(Checked):
 
     @model_validator(mode="after")
     def _are_wheels(self) -> Self:
-        if wrong := "\n".join(robot_checks.wheels(self)):
-            raise ValueError(wrong)
+        in_one(self._contradictions())
         return self
+
+    def _contradictions(self) -> Iterator[str]:
+        """Yield what wheels cannot be, a line each: rollers that do not fit or close a wheel, wheels that overlap."""
+        radius, roller, count = self.radius_m, self.roller_radius_m, self.rollers
+        if 2 * roller >= radius:
+            yield (
+                f"wheels.roller_radius_m = {roller:g} leaves no room for an axle in a wheel of wheels.radius_m = "
+                f"{radius:g}; it must be below half of that"
+            )
+            return
+        # A barrel thins from its middle to its ends, half a pitch away: there its radius is R cos(pi/n) - (R - r).
+        needed = math.pi / math.acos(1 - roller / radius)
+        if count <= needed:
+            yield (
+                f"wheels.rollers = {count} of wheels.roller_radius_m = {roller:g} do not close a wheel of "
+                f"wheels.radius_m = {radius:g}: their ends do not meet; it takes {math.floor(needed) + 1} at least, or "
+                "thicker ones"
+            )
+        elif self.model == "two-rollers" and radius - depth(radius, roller, math.tau / count) < SINKS_M:
+            yield (
+                f"wheels.rollers = {count} is too many for wheels.model = two-rollers: with wheels.roller_radius_m = "
+                f"{roller:g} more than two of a wheel touch the carpet; take rollers"
+            )
+        # Wheels are discs as thick as their rollers; neighbours meet where their inner sides, lines, cross.
+        around = sorted(azimuth % 360 for azimuth in self.azimuths_deg)
+        for one, other in pairwise([*around, around[0] + 360]):
+            half = math.radians(other - one) / 2
+            if half < math.pi / 2 and (self.arm_m - roller) * math.tan(half) < radius:
+                least = f"{roller + radius / math.tan(half):.3g} at least" if half > 0.01 else "none is enough"
+                yield (
+                    f"wheels.azimuths_deg: the wheels at {one:g} and {other % 360:g} deg overlap with wheels.arm_m = "
+                    f"{self.arm_m:g} and wheels.radius_m = {radius:g}; place them apart, or give another arm ({least})"
+                )
 
 
 class DriveSettings(Checked):
@@ -117,7 +150,6 @@ class CarpetSettings(Checked):
         "circles [x, y, radius, friction] of other friction; where several overlap, the last counts",
         0,
         50,
-        several=True,
     )
 
 
@@ -131,3 +163,89 @@ class VariationSettings(Checked):
     centre_m: float = setting(
         0.0, "m", "standard deviation of where the middle of that mass is, ahead and aside", 0, 0.01
     )
+
+
+class FirmwareSettings(Checked):
+    """What runs on the robot: wheel loops, one PID per wheel, with gains at the wheel, and heading.
+
+    By default the wheel loops are proportional with feed-forward, as in the firmware of TIGERs (k_i = 0) and
+    RoboJackets.
+    """
+
+    rate_hz: int = setting(
+        CYCLE_RATE_HZ, "Hz", "rate of the wheel and turn-rate loops: 960 divided by a whole number", 60, CYCLE_RATE_HZ
+    )
+    kp: float = setting(0.3, "V s/rad", "voltage per error of the wheel speed", 0, 100)
+    ki: float = setting(0.0, "V/rad", "voltage per integrated error", 0, 1000)
+    kd: float = setting(0.0, "V s^2/rad", "voltage per rate of the error", 0, 1)
+    feed_forward: float = setting(1.0, "", "share of the wanted speed's back-EMF that is fed forward", 0, 2)
+    nominal_voltage_v: float = setting(
+        of_robot("firmware.nominal_voltage_v"), "V", "battery voltage that it reckons with", 1, 60
+    )
+    turn_gain: float = setting(1.0, "", "turn rate added per error of the turn rate that the gyro shows", 0, 10)
+    heading_gain: float = setting(2.0, "1/s", "heading corrected per difference to vision's", 0, 30)
+    bias_gain: float = setting(0.5, "1/s^2", "gyro bias corrected per difference to vision's heading", 0, 100)
+    current_limit_a: float = setting(
+        of_robot("firmware.current_limit_a"), "A", "highest current that a motor's driver lets through", 0.1, 1e3
+    )
+    timeout_s: float = setting(
+        0.0, "s", "a robot stops when no command has come for so long (simulators of the league: 0.1); 0: never", 0, 60
+    )
+    derate: bool = setting(False, "", "limit the current of a motor that nears its highest winding temperature")
+
+    @field_validator("rate_hz")
+    @classmethod
+    def _divides_the_clock(cls, rate: int) -> int:
+        if CYCLE_RATE_HZ % rate:
+            rates = [CYCLE_RATE_HZ // n for n in range(1, 17) if CYCLE_RATE_HZ % n == 0]
+            nearest = min(rates, key=lambda each: abs(each - rate))
+            raise ValueError(
+                f"firmware.rate_hz must divide the {CYCLE_RATE_HZ} Hz of the physics ({', '.join(map(str, rates))}), "
+                f"not {rate}; the nearest is {nearest}"
+            )
+        return rate
+
+
+class SensorSettings(Checked):
+    """The sensors on the robot."""
+
+    encoder_counts: int = setting(
+        of_robot("sensors.encoder_counts"), "", "counts per revolution of a motor", 1, 1_000_000
+    )
+    gyro_noise_rad_s: float = setting(0.005, "rad/s", "standard deviation of the gyro over a frame", 0, 10)
+    gyro_bias_rad_s: float = setting(0.01, "rad/s", "standard deviation of its bias, one per seed", 0, 10)
+
+
+class BatterySettings(Checked):
+    """The battery: LiPo."""
+
+    charge: float = setting(0.5, "", "state of charge at the start: 1 full (4.2 V a cell), 0.5 nominal (3.7 V)", 0, 1)
+    cells: int = setting(of_robot("battery.cells"), "", "cells in series", 1, 6)
+    capacity_ah: float = setting(of_robot("battery.capacity_ah"), "Ah", "capacity", 0.01, 100)
+    resistance_ohm: float = setting(
+        of_robot("battery.resistance_ohm"), "ohm", "internal resistance: cells, wires and connectors", 0, 1
+    )
+    cut_off_v: float = setting(
+        of_robot("battery.cut_off_v"), "V", "below it, over a second, the battery gives no more power", 0, 60
+    )
+
+
+def depth(radius: float, roller_radius: float, angle: float) -> float:
+    """Return how far a roller reaches below the axle when it is `angle` (rad) away from the bottom, m.
+
+    Rollers are ellipsoids about a chord of the wheel, with half-axes r across and sqrt(R r) along, the barrel whose
+    profile has the wheel's radius R of curvature.
+    """
+    c, s = math.cos(angle), math.sin(angle)
+    along = math.sqrt(radius * roller_radius)
+    return (radius - roller_radius) * c + math.hypot(roller_radius * c, along * s)
+
+
+def support(azimuths: Sequence[float], arm: float, x: float) -> float:
+    """Return how far a point (x, 0) is inside the polygon of the wheels' contacts, m; negative outside."""
+    around = sorted(math.radians(azimuth % 360) for azimuth in azimuths)
+    inside = math.inf
+    for one, other in pairwise([*around, around[0] + math.tau]):
+        middle, half = (one + other) / 2, (other - one) / 2
+        inside = min(inside, arm * math.cos(half) - x * math.cos(middle))
+    return inside

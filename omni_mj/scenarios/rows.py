@@ -12,12 +12,12 @@ class Row:
     """One robot.
 
     Args:
-        world: number of its world; rows of one world meet each other and are numbered one after the other.
-        place: its number in that world.
-        controller: label of the controller that drives it.
-        seed: of its random numbers, and of its world.
-        settings: its own.
-        robot: which robot it is, by name or file.
+        world: Number of its world; rows of one world meet each other and are numbered one after the other.
+        place: Its number in that world.
+        controller: Label of the controller that drives it.
+        seed: Of its random numbers, and of its world.
+        settings: Its own.
+        robot: Which robot it is, by name or file.
     """
 
     world: int
@@ -29,31 +29,30 @@ class Row:
 
     @property
     def noise_seed(self) -> tuple[int, ...]:
-        """What its random numbers are drawn from: robots at different places of a world do not share their noise."""
+        """The seed of its random numbers: robots at different places of a world do not share their noise."""
         return (self.seed, self.place) if self.place else (self.seed,)
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """What happens to it."""
+        """The faults that happen to it."""
         return of_robot(self.settings.fault, self.place)
 
     @property
     def where(self) -> tuple[float, float, float]:
         """Pose [x, y, heading] in m and rad by which its reference, and with it its start, is displaced."""
-        x, y, heading = self.settings.world.places[self.place]
-        return x, y, heading
+        return self.settings.world.places[self.place]
 
 
 def table(
     controllers: Iterable[str], seeds: Iterable[int], settings_of: Callable[[int], Settings], robot: str
 ) -> list[Row]:
-    """All seeds of one controller after those of the one before; in each world, as many robots as it has places.
+    """Return all seeds of one controller after those of the one before; a row for each place of a world.
 
     Args:
-        controllers: labels.
-        seeds: of the random numbers.
-        settings_of: a seed -> the settings of its rows.
-        robot: which it is, by name or file.
+        controllers: Labels.
+        seeds: Of the random numbers.
+        settings_of: A seed -> the settings of its rows.
+        robot: Which it is, by name or file.
     """
     settings = {seed: settings_of(seed) for seed in seeds}
     worlds = [(controller, seed) for controller in controllers for seed in settings]
@@ -65,6 +64,6 @@ def table(
 
 
 def numbers(rows: Iterable[Row], of: Iterable[Row]) -> list[int]:
-    """Which rows of a table are those `of` another, by controller, seed and place, which must be in it."""
+    """Return the numbers in a table of the rows `of` another, by controller, seed and place, which must be in it."""
     known = {(row.controller, row.seed, row.place): i for i, row in enumerate(rows)}
     return [known[row.controller, row.seed, row.place] for row in of]

@@ -1,41 +1,42 @@
 """Every number a scenario can set: small frozen models whose fields carry unit, bounds and meaning."""
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
+from pydantic_core import ErrorDetails
 
+from omni_control.errors import choose
 from omni_control.kinematics import Array
 from omni_control.reference.curves import CURVES
-from omni_mj.scenarios import faults, robot_checks
-from omni_mj.scenarios.checking import Checked, Poses, Setting, in_one, setting, shown
-from omni_mj.scenarios.clock import CYCLE_RATE_HZ as CYCLE_RATE_HZ
-from omni_mj.scenarios.clock import FRAME_RATE_HZ as FRAME_RATE_HZ
-from omni_mj.scenarios.clock import PERIOD_S as PERIOD_S
-from omni_mj.scenarios.firmware_settings import FirmwareSettings
-from omni_mj.scenarios.link_settings import RadioSettings as RadioSettings
-from omni_mj.scenarios.link_settings import VisionSettings as VisionSettings
+from omni_mj.scenarios import CYCLE_RATE_HZ as CYCLE_RATE_HZ
+from omni_mj.scenarios import FRAME_RATE_HZ as FRAME_RATE_HZ
+from omni_mj.scenarios import PERIOD_S as PERIOD_S
+from omni_mj.scenarios import faults, told
+from omni_mj.scenarios.checking import Checked, Poses, Setting, in_one, merged, setting, shown
 from omni_mj.scenarios.motor_settings import MotorSettings
-from omni_mj.scenarios.nested import merged, plain
-from omni_mj.scenarios.parameters import Parameters
+from omni_mj.scenarios.robot_settings import BatterySettings as BatterySettings
 from omni_mj.scenarios.robot_settings import (
     BodySettings,
     CarpetSettings,
     DriveSettings,
+    FirmwareSettings,
     ModelSettings,
+    SensorSettings,
     VariationSettings,
     WheelSettings,
+    support,
 )
-from omni_mj.scenarios.robots import follows, of_robot
+
+FULL_CELL_V = 4.2  # of a LiPo cell
+ENVELOPE_M, HEIGHT_M = 0.09, 0.15  # radius and height that the league's rules allow
 
 
 def column(settings: Sequence[Any], name: str) -> Array:
-    """A field of one section per robot as an array (n, 1)."""
-    first = settings[0]
-    if all(each is first for each in settings):
-        return np.full((len(settings), 1), float(getattr(first, name)))
+    """Return a field of one section per robot as an array (n, 1)."""
     return np.array([[float(getattr(each, name))] for each in settings])
 
 
@@ -78,12 +79,11 @@ class ReferenceSettings(Checked):
 
     @model_validator(mode="after")
     def _plannable(self) -> Self:
-        if wrong := "\n".join(self._contradictions()):
-            raise ValueError(wrong)
+        in_one(self._contradictions())
         return self
 
     def _contradictions(self) -> Iterator[str]:
-        """What no reference can be, a line each."""
+        """Yield what no reference can be, a line each."""
         if self.mode == "iterated" and self.shape in CURVES:
             yield (
                 "reference.mode = iterated plans from way-point to way-point, of which a curve has none; "
@@ -101,42 +101,84 @@ class ReferenceSettings(Checked):
                 )
 
 
+class VisionSettings(Checked):
+    """The cameras. Noise and misses: "Realistic" of the ER-Force simulator."""
+
+    position_noise_m: float = setting(0.0013, "m", "standard deviation of the position seen, per axis", 0, 1)
+    heading_noise_rad: float = setting(0.01, "rad", "standard deviation of the heading seen", 0, 1)
+    miss_probability: float = setting(0.02, "", "probability, per frame, that a robot is not seen from then on", 0, 0.9)
+    miss_frames: int = setting(1, "frames", "how long it is then not seen", 1, 600)
+    rate_hz: float = setting(
+        float(FRAME_RATE_HZ), "Hz", "images of a camera per second, by a clock of its own", 10, 960
+    )
+    delay_s: float = setting(0.0, "s", "from an image to its packet's arrival", 0, 1)
+    jitter_s: float = setting(0.0, "s", "a packet takes up to this longer, uniformly", 0, 1)
+    loss_probability: float = setting(
+        0.0, "", "probability that a packet, of one camera's image, never arrives", 0, 0.95
+    )
+    cameras: int = setting(
+        1, "", "serve: how many share the field: 2 or 3 side by side along it, 4 a quarter each", 1, 4
+    )
+    overlap_m: float = setting(0.4, "m", "serve: width of the strips that two cameras see", 0, 4)
+    camera_offset_m: float = setting(
+        0.0, "m", "serve: standard deviation, per axis, by which a camera is out of place (seen: 0.02)", 0, 0.5
+    )
+    clock_offset_s: float = setting(0.0, "s", "serve: standard deviation by which a camera's clock is off", 0, 10)
+
+
+class RadioSettings(Checked):
+    """The radio link from the team's computer to the robot."""
+
+    delay_frames: int = setting(6, "frames", "dead time k_d from command to robot (paper: 0.1 s)", 0, 600)
+    jitter_frames: int = setting(0, "frames", "a packet takes up to this more or less, uniformly; newest wins", 0, 600)
+    loss_probability: float = setting(0.0, "", "probability that a packet never arrives", 0, 0.95)
+
+    @model_validator(mode="after")
+    def _causal(self) -> Self:
+        if self.jitter_frames > self.delay_frames:
+            raise ValueError(
+                "radio.jitter_frames must not be above radio.delay_frames: no packet arrives before it is sent"
+            )
+        return self
+
+
 class ControlSettings(Checked):
-    """The team's computer: what it believes of the robots, the controllers, and the limits of what they may command."""
+    """The team's computer: what it believes of the robots, the controllers, and the limits of what they may command.
+
+    What has no default here follows from the robot's numbers.
+    """
 
     delay_error_frames: int = setting(0, "frames", "what it believes the dead time to be, less the true", -600, 600)
     lag_s: float = setting(
-        follows("lag_s"),
+        None,
         "s",
         "MuJoCo plant: what it believes the lag of the wheel loops to be; by default that of the robot's gains",
         0,
         1,
     )
     drag_m_s: float = setting(
-        follows("drag_m_s"),
+        None,
         "m/s",
         "MuJoCo plant: what it believes dry friction may cost of the speed; by default what it costs by these gains",
         0,
         1,
     )
     creep_s2_m: float = setting(
-        follows("creep_s2_m"),
+        None,
         "s^2/m",
         "MuJoCo plant: what it believes wheels to creep, forward (TIGERs: 0.038 to 0.06); by default by their law",
         0,
         1,
     )
-    creep_sideways_s2_m: float = setting(
-        follows("creep_sideways_s2_m"), "s^2/m", "the same sideways (TIGERs: 0.082 to 0.155)", 0, 1
-    )
+    creep_sideways_s2_m: float = setting(None, "s^2/m", "the same sideways (TIGERs: 0.082 to 0.155)", 0, 1)
     alpha_forward: float = setting(
-        follows("alpha_forward"),
+        None,
         "",
         "MuJoCo plant: what it believes robots to reach of a command ahead; by default by that law; 0: not known",
         0,
         2,
     )
-    alpha_sideways: float = setting(follows("alpha_sideways"), "", "the same aside (TIGERs: 0.79 to 0.97)", 0, 2)
+    alpha_sideways: float = setting(None, "", "the same aside (TIGERs: 0.79 to 0.97)", 0, 2)
 
     error_range_m: float = setting(0.1, "m", "input range of the fuzzy controller (paper, section 4)", 1e-6, 10)
     speed_range_m_s: float = setting(1.0, "m/s", "output range of the fuzzy controller (paper, section 4)", 1e-6, 10)
@@ -146,30 +188,6 @@ class ControlSettings(Checked):
     max_acceleration_m_s2: float = setting(4.7, "m/s^2", "highest change of it (ssl-simulation-setup)", 0.01, 1e3)
     max_turn_rate_rad_s: float = setting(26.0, "rad/s", "highest commanded turn rate (same)", 0.01, 100)
     max_turn_acceleration_rad_s2: float = setting(50.8, "rad/s^2", "highest change of it (same)", 0.01, 1e4)
-
-
-class SensorSettings(Checked):
-    """The sensors on the robot."""
-
-    encoder_counts: int = setting(
-        of_robot("sensors.encoder_counts"), "", "counts per revolution of a motor", 1, 1_000_000
-    )
-    gyro_noise_rad_s: float = setting(0.005, "rad/s", "standard deviation of the gyro over a frame", 0, 10)
-    gyro_bias_rad_s: float = setting(0.01, "rad/s", "standard deviation of its bias, one per seed", 0, 10)
-
-
-class BatterySettings(Checked):
-    """The battery: LiPo."""
-
-    charge: float = setting(0.5, "", "state of charge at the start: 1 full (4.2 V a cell), 0.5 nominal (3.7 V)", 0, 1)
-    cells: int = setting(of_robot("battery.cells"), "", "cells in series", 1, 6)
-    capacity_ah: float = setting(of_robot("battery.capacity_ah"), "Ah", "capacity", 0.01, 100)
-    resistance_ohm: float = setting(
-        of_robot("battery.resistance_ohm"), "ohm", "internal resistance: cells, wires and connectors", 0, 1
-    )
-    cut_off_v: float = setting(
-        of_robot("battery.cut_off_v"), "V", "below it, over a second, the battery gives no more power", 0, 60
-    )
 
 
 class PhysicsSettings(Checked):
@@ -211,12 +229,11 @@ class WorldSettings(Checked):
 
 
 class Settings(Checked):
-    """All sections; `controller` holds those of controllers' parameters, `fault` what happens in a run.
+    """All sections; `controller` holds the parameters of controllers by label, `fault` what happens in a run.
 
     Each is given as a model, or as its fields that differ from the defaults: `Settings(radio={"delay_frames": 9})`.
     """
 
-    model_config = ConfigDict(arbitrary_types_allowed=True)
     unknown = "unknown section"
 
     reference: ReferenceSettings = Field(default_factory=ReferenceSettings)
@@ -237,57 +254,123 @@ class Settings(Checked):
     disturbance: DisturbanceSettings = Field(default_factory=DisturbanceSettings)
     kinematic: KinematicSettings = Field(default_factory=KinematicSettings)
     world: WorldSettings = Field(default_factory=WorldSettings)
-    controller: Parameters = Field(default_factory=Parameters)
-    fault: tuple[faults.Fault, ...] = ()
+    controller: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    fault: Annotated[tuple[faults.AnyFault, ...], Field(strict=False)] = ()
 
-    @field_validator("*", mode="before")
+    def __hash__(self) -> int:
+        return hash((*(getattr(self, name) for name in _sections()), self.fault))
+
+    @field_validator("model", mode="before")
     @classmethod
-    def _section(cls, value: Any, info: ValidationInfo) -> Any:
-        name = str(info.field_name)
-        if name == "fault":
-            return faults.made(value)
-        kind: Any = cls.model_fields[name].annotation
-        if isinstance(value, kind):
-            return value
-        if name == "model" and isinstance(value, (str, Path)):  # in short
-            value = {"file": str(value)}
-        if not isinstance(value, Mapping):
-            raise ValueError(f"{name} is a section: write [{name}] and its fields below, not {shown(value)}")
-        return kind(**value)
+    def _from_path(cls, value: Any) -> Any:
+        return {"file": str(value)} if isinstance(value, (str, Path)) else value
+
+    @field_validator("controller")
+    @classmethod
+    def _parameters(cls, controllers: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+        plain = {
+            label: {name: value.item() if isinstance(value, np.generic) else value for name, value in values.items()}
+            for label, values in controllers.items()
+        }
+        in_one(
+            f"controller.{label}.{name} must be a finite number, true or false, or a string, not {shown(value)}"
+            for label, values in plain.items()
+            for name, value in values.items()
+            if not (isinstance(value, str) or (isinstance(value, (int, float)) and abs(value) < math.inf))
+        )
+        return plain
 
     @model_validator(mode="after")
-    def _can_happen(self) -> Self:
-        in_one([*faults.misfits(self.fault, self), *robot_checks.robot(self)])
+    def _can_be(self) -> Self:
+        in_one([*faults.misfits(self.fault, self), *self._contradictions()])
+        missing = [name for name, value in self.control if value is None]
+        if missing:
+            found = told.follows(self, self.control.creep_s2_m)
+            control = self.control.replace(**{name: found[name] for name in missing})
+            object.__setattr__(self, "control", control)
         return self
 
+    def _contradictions(self) -> Iterator[str]:
+        """Yield what no robot can be, a line each: a body that tips over or has no such inertia, a dead battery."""
+        body, placed, battery, motor = self.body, self.wheels, self.battery, self.motor
+        inside = support(placed.azimuths_deg, placed.arm_m, body.centre_x_m)
+        if inside <= 0:
+            yield (
+                f"body.centre_x_m = {body.centre_x_m:g} is {-inside * 1e3:.3g} mm outside the polygon of the wheels' "
+                "contacts (wheels.azimuths_deg, wheels.arm_m): the robot would tip over as it stands; it must be inside"
+            )
+        if body.yaw_inertia_kg_m2 > 2 * body.tilt_inertia_kg_m2:
+            yield (
+                f"body.yaw_inertia_kg_m2 = {body.yaw_inertia_kg_m2:g} and body.tilt_inertia_kg_m2 = "
+                f"{body.tilt_inertia_kg_m2:g} are principal inertias which no body has; the first is twice the second "
+                "at most, that of a flat disc"
+            )
+        across = max(ENVELOPE_M, placed.arm_m + placed.roller_radius_m)
+        for name, farthest in (("yaw", across), ("tilt", math.hypot(across, HEIGHT_M))):
+            inertia, most = getattr(body, f"{name}_inertia_kg_m2"), body.mass_kg * farthest**2
+            if inertia > most:
+                yield (
+                    f"body.{name}_inertia_kg_m2 = {inertia:g} is more than body.mass_kg = {body.mass_kg:g} has if all "
+                    f"of it is {farthest * 1e3:.0f} mm away, at the robot's edge; at most {most:.3g}"
+                )
+        counts, fastest = self.sensors.encoder_counts, motor.no_load_rpm / 60
+        if counts * fastest < CYCLE_RATE_HZ:
+            yield (
+                f"sensors.encoder_counts = {counts} gives less than a count in a cycle of 1/{CYCLE_RATE_HZ} s even at "
+                f"motor.no_load_rpm = {motor.no_load_rpm:g}: no speed of the motor could be measured; "
+                f"{math.ceil(CYCLE_RATE_HZ / fastest)} at least"
+            )
+        full = FULL_CELL_V * battery.cells
+        if battery.cut_off_v >= full:
+            yield (
+                f"battery.cut_off_v = {battery.cut_off_v:g} is not below the {full:g} V of battery.cells = "
+                f"{battery.cells} when full ({FULL_CELL_V} V a cell): it would never give power"
+            )
+
     def replace(self, **sections: Any) -> Self:
-        """A copy with other values: `settings.replace(radio={"delay_frames": 9}, carpet=CarpetSettings())`.
+        """Return a copy with other values: `settings.replace(radio={"delay_frames": 9}, carpet=CarpetSettings())`.
 
         Raises:
-            OmniError: an unknown name, or a value that is not allowed.
+            OmniError: An unknown name, or a value that is not allowed.
         """
         return type(self)(**merged(dict(self), sections))
 
     def plain(self) -> dict[str, Any]:
-        """All values by section and field, and the faults as a list, as TOML and JSON hold them."""
-        sections = {name: plain(dict(section)) for name, section in self if name != "fault"}
-        return sections | {"fault": [plain(each.values()) for each in self.fault]}
+        """Return all values by section and field, and the faults as a list, as TOML and JSON hold them."""
+        return self.model_dump(mode="json", by_alias=True)
 
     def items(self) -> Iterator[tuple[Setting, Any]]:
-        """Every setting's declaration and value, but for the parameters of controllers."""
-        for _, section in self:
-            if isinstance(section, Checked):
-                yield from ((declared, getattr(section, declared.name)) for declared in section.declared())
+        """Yield the declaration and value of every setting but the parameters of controllers."""
+        for name, kind in _sections().items():
+            section = getattr(self, name)
+            yield from ((declared, getattr(section, declared.name)) for declared in kind.declared())
+
+    @classmethod
+    def _explain(cls, error: ErrorDetails) -> Iterator[str]:
+        kind, place = error["type"], error["loc"]
+        name = str(place[0]) if place else ""
+        if name == "fault" and len(place) > 1 and isinstance(place[1], int) and kind != "value_error":
+            given = error["input"].get("kind") if isinstance(error["input"], dict) else error["input"]
+            yield f"fault {place[1] + 1}: kind must be a fault's, not {shown(given)}; {choose(given, faults.KINDS)}"
+        elif name == "fault" and kind != "value_error":
+            yield f"fault is a list: write [[fault]] and its fields below, once for each, not {shown(error['input'])}"
+        elif name in cls.model_fields and kind != "value_error":
+            where = ".".join(map(str, place))
+            yield f"{where} is a section: write [{where}] and its fields below, not {shown(error['input'])}"
+        elif kind == "extra_forbidden":
+            yield f"{cls.unknown} {shown(name)[1:-1]}; {choose(name, cls.model_fields)}"
+        else:
+            yield from super()._explain(error)
 
 
 def _sections() -> dict[str, type[Checked]]:
-    """The class of each section, by name, but for the parameters of controllers."""
+    """Return the class of each section by name, without that of controllers' parameters."""
     kinds = {name: field.annotation for name, field in Settings.model_fields.items()}
     return {name: kind for name, kind in kinds.items() if isinstance(kind, type) and issubclass(kind, Checked)}
 
 
 def every_setting() -> list[Setting]:
-    """What is declared of every setting of every section, in order."""
+    """Return the declarations of all settings of all sections, in order."""
     return [declared for kind in _sections().values() for declared in kind.declared()]
 
 

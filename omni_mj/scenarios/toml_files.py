@@ -1,27 +1,30 @@
-"""TOML of whoever wrote it, read with bounds: none takes long, or all memory, and what is wrong is one line."""
+"""TOML that users write: files of scenarios and robots, and values of --set, read with bounds on size and depth."""
 
+import os
 import re
 import tomllib
 from pathlib import Path
 from typing import Any
 
-from omni_control.errors import OmniError, printable
+from omni_control.errors import OmniError, choose, printable
+from omni_mj.scenarios.library import builtin
 
 MOST_BYTES = 2_000_000
-PARTS = 16  # of a key, such as controller.Mine.gain; what reads them takes time with the square of their number
+PARTS = 16  # of a key, such as controller.Mine.gain; tomllib takes time with the square of their number
+NAME_LETTERS = 100  # longest name of a scenario
 _KEY = r"""(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+"""
 _LONG_KEY = re.compile(rf"{_KEY}(?:\.[ \t]*+{_KEY}){{{PARTS}}}")
 
 
 def read(path: Path, what: str) -> dict[str, Any]:
-    """What a TOML file holds.
+    """Read a TOML file.
 
     Args:
-        path: of the file.
-        what: it is, for messages: "scenario".
+        path: Of the file.
+        what: Its kind, for messages: "scenario".
 
     Raises:
-        OmniError: it cannot be read, or is not TOML.
+        OmniError: It cannot be read, or is not TOML.
     """
     try:
         with path.open("rb") as file:
@@ -36,10 +39,10 @@ def read(path: Path, what: str) -> dict[str, Any]:
 
 
 def parse(text: str) -> dict[str, Any]:
-    """What a text in TOML holds.
+    """Parse a text in TOML.
 
     Raises:
-        ValueError: it is not TOML, or nobody means it.
+        ValueError: It is not TOML, or too deeply nested.
     """
     if _LONG_KEY.search(text):
         raise ValueError(f"a key has more than {PARTS} parts")
@@ -47,3 +50,40 @@ def parse(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError:
         raise ValueError("lists or tables are nested too deeply") from None
+
+
+def read_scenario(name_or_path: str) -> tuple[dict[str, Any], str]:
+    """Return the values of a scenario's file, and the name it gives the scenario.
+
+    Raises:
+        OmniError: There is no such scenario or file, or it is not TOML.
+    """
+    path = builtin().get(name_or_path)
+    if path is None and (name_or_path.endswith(".toml") or os.path.isfile(name_or_path)):
+        path = Path(name_or_path)
+    if path is None:
+        hint = choose(name_or_path, sorted(builtin()))
+        raise OmniError(f"unknown scenario {name_or_path!r}; {hint}, or a .toml file")
+    name = re.sub(r"[^\w.-]+", "-", path.stem)[:NAME_LETTERS].strip(".")
+    return read(path, "scenario"), name or "scenario"
+
+
+def put(data: dict[str, Any], text: str) -> None:
+    """Put a value given as `section.field=value` into the values of a file.
+
+    Raises:
+        OmniError: The text is none.
+    """
+    key, equals, written = text.partition("=")
+    *sections, name = key.strip().split(".", 2 if key.strip().startswith("controller.") else 1)
+    if not equals or not sections:
+        raise OmniError(f"cannot read --set {printable(text)}; write section.field=value, such as radio.delay_frames=3")
+    try:
+        value = parse(f"value = {written}")["value"]
+    except ValueError:
+        value = written.strip()  # a bare word, such as reference.mode=iterated
+    for section in sections:
+        data = data.setdefault(section, {})
+        if not isinstance(data, dict):
+            raise OmniError(f"cannot set {printable(key)}: {printable(section)} is not a section")
+    data[name] = value

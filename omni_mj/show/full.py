@@ -11,8 +11,9 @@ from omni_control.errors import OmniError, choose
 from omni_control.registry import CONTROLLERS
 from omni_mj.robots import builtin as robots_here
 from omni_mj.scenarios import controllers, robots, user_files
+from omni_mj.scenarios.checking import plain
 from omni_mj.scenarios.library import builtin as scenarios_here
-from omni_mj.scenarios.nested import plain
+from omni_mj.scenarios.resolve import resolve
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.scenarios.settings import Settings, every_setting
 
@@ -47,7 +48,7 @@ def text(name: str, overrides: Sequence[str] = (), robot: str | None = None) -> 
 
 def scenario(of: Scenario) -> str:
     """The effective scenario; a setting that is not as the robot drives with by default says so."""
-    usual = _values(Settings(**robots.completed({}, of.robot)))
+    usual = _values(resolve({}, of.robot))
     return "\n".join(_explained(of.to_toml().splitlines(), usual)) + "\n"
 
 

@@ -1,7 +1,4 @@
-"""What there is to name: scenarios, controllers, plants, robots, and every setting with unit, default and range.
-
-It is read from files, the settings' from the JSON Schema beside them: importing what they are made with takes long.
-"""
+"""What there is to name: scenarios, controllers, plants, robots, and every setting with unit, default and range."""
 
 import ast
 import json
@@ -11,7 +8,7 @@ from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from omni_control.errors import OmniError
 from omni_control.registry import CONTROLLERS, missing
@@ -20,7 +17,9 @@ from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.plants import PLANTS
 from omni_mj.show import terminal
 
-SCHEMA = Path(__file__).parents[1] / "scenarios" / "scenario.schema.json"
+if TYPE_CHECKING:
+    from omni_mj.scenarios.checking import Setting
+
 HEADINGS = ["setting", "default", "unit", "allowed", "meaning"]
 WIDEST = [None, 20, 10, 24]  # columns of settings, in characters; the meaning has what is left
 
@@ -113,63 +112,33 @@ def _described(files: Mapping[str, Path]) -> list[list[str]]:
 
 def settings() -> list[list[str]]:
     """Name, default, unit, range and meaning of every setting."""
-    return [
-        line for section, fields in _schema().items() for line in _fields(f"{section}.", fields.get("properties", {}))
-    ]
+    from omni_mj.scenarios.settings import every_setting
+
+    return [_line(declared) for declared in every_setting()]
 
 
 def faults() -> list[list[str]]:
     """The same of every kind of fault: what all have, then each kind and what it has besides."""
-    kinds = [each["properties"] for each in _schema()["fault"]["items"]["oneOf"]]
-    common = {name: each for name, each in kinds[0].items() if all(kind.get(name) == each for kind in kinds)}
-    lines = _fields("", common)
-    for fields in kinds:
-        kind = fields["kind"]
-        lines.append([f"kind = {kind['default']}", "", "", "", _meaning(kind)])
-        lines += _fields("  ", {name: each for name, each in fields.items() if name not in {"kind", *common}})
+    from omni_mj.scenarios.faults import KINDS, Fault
+
+    common = [each for each in Fault.declared() if each.name != "kind"]
+    lines = [_line(each) for each in common]
+    for name, kind in KINDS.items():
+        plants = f"plants {', '.join(kind.plants)}: " if kind.plants else ""
+        lines.append([f"kind = {name}", "", "", "", plants + (kind.__doc__ or "").split("\n")[0]])
+        own = kind.declared()[len(Fault.model_fields) :]
+        lines += [["  " + line[0], *line[1:]] for line in map(_line, own)]
     return lines
 
 
-def _schema() -> dict[str, Any]:
-    properties: dict[str, Any] = json.loads(SCHEMA.read_text(encoding="utf-8"))["properties"]
-    return properties
-
-
-def _fields(prefix: str, fields: dict[str, Any]) -> list[list[str]]:
-    return [_line(prefix + name, each) for name, each in fields.items()]
-
-
-def _line(name: str, field: dict[str, Any]) -> list[str]:
-    return [name, _default(field), field["x-unit"], _allowed(field), _meaning(field)]
-
-
-def _default(field: dict[str, Any]) -> str:
-    """As in a scenario file; nothing for what must be given."""
-    return short(field["default"]) if "default" in field else ""
+def _line(setting: "Setting") -> list[str]:
+    default = "" if setting.default is None else short(setting.default)
+    return [setting.full, default, setting.unit, setting.allowed, setting.doc]
 
 
 def short(value: Any) -> str:
     """A setting's value as in a scenario file, but for the quotes of a string."""
     return value if isinstance(value, str) else json.dumps(value)
-
-
-def _allowed(field: dict[str, Any]) -> str:
-    if "enum" in field:
-        return ", ".join(field["enum"])
-    if field["type"] == "boolean":
-        return "true, false"
-    low, high = (next((field[key] for key in keys if key in field), None) for keys in _BOUNDS)
-    if low is None:
-        return ""
-    low, high = (f"{each:g}" if isinstance(each, float) else each for each in (low, high))
-    return f"at least {low}" if high is None else f"{low} to {high}"
-
-
-_BOUNDS = (("minimum", "minItems"), ("maximum", "maxItems"))
-
-
-def _meaning(field: dict[str, Any]) -> str:
-    return str(field["description"]).removesuffix(f" [{field['x-unit']}]")
 
 
 def _first_line(where: str) -> str:

@@ -14,9 +14,8 @@ from omni_control.delay import Rows
 from omni_control.errors import OmniError, choose, printable
 from omni_control.kinematics import Array
 from omni_control.reference import SampledReference
-from omni_mj.link.late_camera import camera
-from omni_mj.link.radio import Received
-from omni_mj.link.steady_radio import radio
+from omni_mj.link.camera import Cameras
+from omni_mj.link.radio import Radio, Received
 from omni_mj.plants import Plant
 from omni_mj.scenarios import distributions, faults, references
 from omni_mj.scenarios.controllers import resolve
@@ -112,8 +111,7 @@ class Simulation:
             if label not in self._kinds:
                 raise OmniError(f"a row names the controller {label!r}; {choose(label, self._kinds)}")
         for settings in {id(row.settings): row.settings for row in self._table}.values():
-            faults.check_plant(settings.fault, self.scenario.plant)
-            faults.check_robots(settings.fault, len(settings.world.places))
+            faults.check(settings.fault, self.scenario.plant, len(settings.world.places))
         self._follow = follow
         self.references = references.each_timed((row.settings, row.where) for row in self._table)
         _check_delays(self._table, self.references)
@@ -217,8 +215,8 @@ class Simulation:
         noise, happening = [row.noise_seed for row in self.rows], [row.faults for row in self.rows]
         return (
             find_plant(self.scenario.plant)(self.rows, start),
-            camera([row.settings.vision for row in self.rows], noise, happening),
-            radio([row.settings.radio for row in self.rows], noise, happening),
+            Cameras([row.settings.vision for row in self.rows], noise, happening),
+            Radio([row.settings.radio for row in self.rows], noise, happening),
         )
 
     def _record(self, vision: Array, sent: Array, received: Received) -> None:

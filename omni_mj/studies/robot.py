@@ -8,9 +8,9 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.traction import traction_limits
-from omni_mj.scenarios import robots, wheel_loops
-from omni_mj.scenarios.robot_checks import GRAVITY_M_S2, support
-from omni_mj.scenarios.robots import Robot
+from omni_mj.scenarios import robots, told
+from omni_mj.scenarios.resolve import Robot, resolve
+from omni_mj.scenarios.robot_settings import support
 from omni_mj.scenarios.settings import Settings
 from omni_mj.worlds import build
 
@@ -41,7 +41,7 @@ def robot(name_or_path: str | Path) -> Robot:
     """
     name = str(name_or_path)
     path, says = robots.robot_path(name), robots.description(name)
-    settings = Settings(**robots.completed({}, name))
+    settings = resolve({}, name)
     try:
         build.world(settings)
     except OmniError as error:
@@ -55,7 +55,7 @@ def _facts(settings: Settings) -> Mapping[str, float]:
     fastest = settings.firmware.nominal_voltage_v / (motor.constant_nm_a * motor.gear) * wheels.radius_m
     ahead, aside = fastest / np.abs(kinematics.matrix[:, :2]).max(0)
     grip_ahead, grip_aside = traction_limits(kinematics, settings.carpet.friction, body.centre_height_m)
-    (lag_ahead, lag_aside), (drag_ahead, drag_aside) = wheel_loops.lag(settings), wheel_loops.drag(settings)
+    (lag_ahead, lag_aside), (drag_ahead, drag_aside) = told.lag(settings), told.drag(settings)
     inside = support(wheels.azimuths_deg, wheels.arm_m, body.centre_x_m)
     return MappingProxyType(
         {
@@ -64,7 +64,7 @@ def _facts(settings: Settings) -> Mapping[str, float]:
             "top_speed_aside_m_s": float(aside),
             "grip_ahead_m_s2": float(grip_ahead),
             "grip_aside_m_s2": float(grip_aside),
-            "tips_at_m_s2": inside / body.centre_height_m * GRAVITY_M_S2,
+            "tips_at_m_s2": inside / body.centre_height_m * told.GRAVITY_M_S2,
             "lag_ahead_s": float(lag_ahead),
             "lag_aside_s": float(lag_aside),
             "drag_ahead_m_s": float(drag_ahead),

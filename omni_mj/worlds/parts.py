@@ -11,7 +11,7 @@ from omni_mj.mjcf import roles
 from omni_mj.mjcf.names import Names
 from omni_mj.mjcf.own import Own
 from omni_mj.mjcf.roles import Robot
-from omni_mj.scenarios import models, own_model
+from omni_mj.scenarios import models, resolve
 from omni_mj.scenarios.checking import in_one
 from omni_mj.worlds import shape
 from omni_mj.worlds.shape import Shape
@@ -53,7 +53,7 @@ def of(kind: Shape) -> Part:
         OmniError: the file lacks something, or numbers contradict it or each other; a line for each.
     """
     if kind.model.file:
-        return _own(kind, own_model.read(kind.model))
+        return _own(kind, resolve.read_model(kind.model))
     path = models.robot_path().resolve()
     return _ours(kind, path, path.stat().st_mtime_ns)
 
@@ -71,7 +71,7 @@ def _ours(kind: Shape, path: Path, changed: int) -> Part:
 @lru_cache(maxsize=16)
 def _own(kind: Shape, found: Own) -> Part:
     motor = {"gear": kind.gear, "rotor_inertia_kg_m2": kind.rotor_inertia}
-    in_one(own_model.contradictions({"body": kind.body, "wheels": kind.wheels, "motor": motor}, found))
+    in_one(resolve.contradictions({"body": kind.body, "wheels": kind.wheels, "motor": motor}, found))
     off = kind.wheels.creep == "off"
     if off or kind.wheels.model == "two-rollers":
         in_one(f"{found.file.name}: {line}" for line in found.unlike(off))

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 from commands import invoke, strict
+from omni_mj.scenarios.nested import plain
 
 import omni_mj as om
 from omni_mj.cli import folders
 from omni_mj.cli.main import COMMANDS
 from omni_mj.scenarios import robots
-from omni_mj.scenarios.nested import plain
 from omni_mj.scenarios.settings import every_setting
 from omni_mj.show import listing
 from omni_mj.studies import alpha, conditions

@@ -1,7 +1,6 @@
 """Folders of runs in which somebody changed something: read, or refused in lines that can be printed."""
 
 import json
-import os
 import shutil
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import pytest
 from commands import invoke, strict
 from mutations import mutated
 
-CASES = int(os.environ.get("MUTATIONS", "12"))  # `make soak` takes more
+CASES = 12
 SHORT = ("--set", "reference.waypoints=[[0, 0], [0.1, 0]]", "--set", "reference.settle_s=0", "--plant", "kinematic")
 
 

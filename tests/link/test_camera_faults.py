@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from omni_mj.link.late_camera import camera
 
 from omni_mj.link.camera import Camera
-from omni_mj.link.late_camera import camera
 from omni_mj.scenarios.faults import KINDS, Fault
 from omni_mj.scenarios.settings import VisionSettings
 

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from omni_mj.link.late_camera import LateCamera, camera
 
 from omni_mj.link.camera import Camera
-from omni_mj.link.late_camera import LateCamera, camera
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.settings import VisionSettings
 from omni_mj.simulate.simulation import Simulation

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from omni_mj.link.steady_radio import SteadyRadio
 
 from omni_mj.link import steady_radio
 from omni_mj.link.noise import Stream
 from omni_mj.link.radio import Radio, Received
-from omni_mj.link.steady_radio import SteadyRadio
 from omni_mj.scenarios.faults import Delay, RadioLoss
 from omni_mj.scenarios.settings import RadioSettings
 

@@ -20,7 +20,7 @@ BLIND = {"heading_gain": 0.0, "bias_gain": 0.0, "turn_gain": 0.0}
 def test_a_frozen_encoder_has_the_loop_push_as_against_a_wheel_at_rest(plant_of: PlantOf) -> None:
     """V = (feed-forward + kp) w; when it counts again, nothing tells how far the wheel has turned meanwhile."""
     firmware = {"ki": 0.0, "kd": 0.0, "turn_gain": 0.0, "kp": 0.1}
-    fault = {"kind": "encoder-freeze", "wheel": 1, "at": 0.0, "for": 15 * FRAME_S}
+    fault = {"kind": "encoder-dropout", "wheel": 1, "at": 0.0, "for": 15 * FRAME_S}
     plant, twist = plant_of([meets(fault, firmware=firmware)]), np.array([0.5, 0.0, 0.0])
     drive(plant, constant(twist, 15, 1))
     f, told = plant._firmware.arrays(), plant.telemetry()
@@ -68,7 +68,7 @@ def test_a_loose_encoder_stands_still_in_as_many_frames_as_said(plant_of: PlantO
 @ON_WHEELS
 def test_a_gyro_of_another_scale_turns_what_a_robot_holds_for_its_heading(plant_of: PlantOf) -> None:
     """By its factor times the true turn; one that shows nothing leaves it as it was."""
-    own = [{"kind": "gyro-scale", "to": 0.7}, {"kind": "gyro-scale", "to": 1.5}, {"kind": "gyro-out"}]
+    own = [{"kind": "gyro-scale", "to": 0.7}, {"kind": "gyro-scale", "to": 1.5}, {"kind": "gyro-scale", "to": 0.0}]
     plant = plant_of([*(meets({**each, "at": 0.0}, firmware=BLIND) for each in own), meets(firmware=BLIND)])
     drive(plant, ramp([[0.0, 0.0, 2.0]] * 4, 4.0, 30))
     turned, held = plant.pose()[:, 2], plant._firmware.estimate.heading
@@ -80,7 +80,7 @@ def test_a_gyro_of_another_scale_turns_what_a_robot_holds_for_its_heading(plant_
 
 @ON_WHEELS
 def test_a_dead_gyro_shows_no_bias_either(plant_of: PlantOf) -> None:
-    faults = [{"kind": "gyro-bias", "rad_s": 0.5}, {"kind": "gyro-out"}]
+    faults = [{"kind": "gyro-bias", "rad_s": 0.5}, {"kind": "gyro-scale", "to": 0.0}]
     plant = plant_of([meets(*faults, firmware=BLIND), meets(faults[0], firmware=BLIND)])
     standing(plant, SETTLE + 12)
     np.testing.assert_allclose(plant._firmware.estimate.heading, [0.0, 0.1], atol=1e-3)

@@ -11,19 +11,19 @@ import pytest
 from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
+from omni_mj.link.camera_faults import Sight, Timing
+from omni_mj.link.radio_faults import Mishaps
+from omni_mj.scenarios.nested import plain
 from scenario_texts import errors, fits, load, refusal
 
 import omni_mj as om
 from omni_control.errors import OmniError
-from omni_mj.link.camera_faults import Sight, Timing
-from omni_mj.link.radio_faults import Mishaps
 from omni_mj.measure import events, metrics, recovery
 from omni_mj.plants.faults import ACTS
 from omni_mj.scenarios import faults
 from omni_mj.scenarios.checking import Setting
 from omni_mj.scenarios.faults import KINDS, ON_WHEELS, Delay, Fault, Push, span
 from omni_mj.scenarios.library import builtin
-from omni_mj.scenarios.nested import plain
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.schema import schema
 from omni_mj.scenarios.settings import Settings

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omni_mj.onboard.motor import Motor
-from omni_mj.scenarios.clock import CYCLE_RATE_HZ
+from omni_mj.scenarios import CYCLE_RATE_HZ
 from omni_mj.scenarios.scenario import scenario
 from omni_mj.scenarios.settings import Settings
 from omni_mj.studies.identify.loops import Loops

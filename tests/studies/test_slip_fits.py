@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from omni_mj.scenarios.creep_law import loads
 from omni_mj.scenarios.settings import PERIOD_S, Settings
+from omni_mj.scenarios.told import loads
 from omni_mj.studies.slip import fits
 from omni_mj.studies.slip.law import expected
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.link.camera import Camera
-from omni_mj.link.camera_faults import Timing
+from omni_mj.link.camera import Camera, Timing
 from omni_mj.link.noise import Noise, Seed, Stream
 from omni_mj.live.serve.field import Area
 from omni_mj.live.wire.simulation import Team
@@ -64,11 +63,7 @@ class Eye:
         self._number, self._vision = number, rows[0].settings.vision
         self.watch(rows)
         own: list[Seed] = [(rows[0].seed, APART + number)]
-        self._timing = Timing.of([rows[0].faults], own)
-        self._late, self._lost = (
-            Noise(own, stream, lambda rng, count: rng.random((count, 1)))
-            for stream in (Stream.CAMERA_JITTER, Stream.CAMERA_LOSSES)
-        )
+        self._timing = Timing([self._vision], own, [rows[0].faults])
         self._ball = Noise(own, Stream.VISION_NOISE, lambda rng, count: rng.standard_normal((count, 2)))
         drawn = Noise(own, Stream.CAMERA_CLOCK, lambda rng, count: rng.standard_normal((count, 4))).next()[0]
         self._offset = self._vision.camera_offset_m * np.array([*drawn[:2], 0.0])
@@ -107,22 +102,16 @@ class Eye:
         if np.count_nonzero(hidden):
             measured[hidden] = np.nan
         vision, frame, noise = self._vision, self._frame, self._ball.next()[0].tolist()
-        time, delay, behind = cycle / CYCLE_RATE_HZ, vision.delay_s, 0.0
-        if self._timing is not None:
-            delays, errors = self._timing.at(cycle // CYCLES, time, np.array([delay]))
-            delay, behind = float(delays[0]), float(errors[0])
-        sent = time + delay
-        if vision.jitter_s:
-            sent += vision.jitter_s * float(self._late.next()[0, 0])
-        if vision.loss_probability and self._lost.next()[0, 0] < vision.loss_probability:
-            sent = math.inf
+        (sent,), (behind,) = self._timing.at(cycle // CYCLES, cycle / CYCLE_RATE_HZ)
         self._frame += 1
         self.due = self._cycle_of(self._frame)
         where = None
         if ball is not None and area.covers(x := float(ball[0]), y := float(ball[1])):
             sigma, (aside_x, aside_y, _) = vision.position_noise_m, self._offset.tolist()
             where = x + noise[0] * sigma + aside_x, y + noise[1] * sigma + aside_y
-        return Image(self._number, frame, cycle, tuple(names), measured + self._offset, where, sent, behind)
+        return Image(
+            self._number, frame, cycle, tuple(names), measured + self._offset, where, float(sent), float(behind)
+        )
 
     def _cycle_of(self, frame: int) -> int:
         """The first cycle that is not before an image is taken."""

@@ -64,7 +64,7 @@ def wear(robots: Robots) -> Act:
 def mislead(robots: Robots) -> Act:
     """Sensors that show something else: factors multiply, of gyros and of encoders.
 
-    An encoder that counts nothing has the factor 0; it does not know afterwards how far its wheel has turned.
+    An encoder that counts nothing does not know afterwards how far its wheel has turned.
     """
     n, wheels = robots.off.shape
     gyro, scale, drops = np.ones(n), np.ones((n, wheels)), np.zeros((n, wheels))
@@ -75,12 +75,8 @@ def mislead(robots: Robots) -> Act:
         gyro[:], scale[:], drops[:] = 1.0, 1.0, 0.0
         for row, one in active.of(faults.GyroScale):
             gyro[row] *= one.to
-        for row, _ in active.of(faults.GyroOut):
-            gyro[row] = 0.0
         for row, other in active.of(faults.EncoderScale):
             scale[row, other.wheel - 1] *= other.to
-        for row, frozen in active.of(faults.EncoderFreeze):
-            scale[row, frozen.wheel - 1] = 0.0
         for row, loose in active.of(faults.EncoderDropout):
             kept = 1 - drops[row, loose.wheel - 1]
             drops[row, loose.wheel - 1] = 1 - kept * (1 - loose.probability)

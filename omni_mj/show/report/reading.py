@@ -1,7 +1,6 @@
 """What a report is made of: summaries, figures and scenario files, read from folders and checked."""
 
 import base64
-import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from omni_mj.measure import reading
+from omni_mj.scenarios.checking import plain
 from omni_mj.scenarios.settings import every_setting
 from omni_mj.show import style
 
@@ -148,7 +148,7 @@ def _settings(entry: dict[str, Any]) -> list[Setting]:
         for field, value in fields.items():
             name = f"{section}.{field}"
             if setting := known.get(name):
-                default = json.loads(json.dumps(setting.default))  # tuples are lists in a summary
+                default = plain(setting.default)  # tuples are lists in a summary
                 rows.append(Setting(name, value, default, setting.unit, setting.doc, known=True))
             else:
                 rows.append(Setting(name, value, None, "", "unknown to this version", known=False))

@@ -1,4 +1,4 @@
-"""What the fits must find, in closed form: the law of creep (`omni_mj.scenarios.creep_law`), and rolling out.
+"""What the fits must find, in closed form: the law of creep (`omni_mj.scenarios.told`), and rolling out.
 
 **Rolling out** without current, drag D through the contacts and friction of hubs, tau for gear, motor and wheel
 bearings, slow the body, of mass m, and what turns with the hubs, of the inertia I; with the wheels' radius R and
@@ -13,8 +13,8 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.onboard.motor import Motor
-from omni_mj.scenarios.creep_law import creep
 from omni_mj.scenarios.settings import Settings
+from omni_mj.scenarios.told import creep
 
 AXES = {"forward": 0, "sideways": 1, "turning": 2}
 ROLLING = np.array([0.5, 0.5, 3.5])  # half of the mean speed of the moves, m/s and rad/s

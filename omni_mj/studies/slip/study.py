@@ -14,7 +14,7 @@ from omni_mj.measure import summary
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.measure.table import DASH, Table, text
 from omni_mj.scenarios import distributions
-from omni_mj.scenarios import robots as described
+from omni_mj.scenarios import resolve as described
 from omni_mj.scenarios.scenario import Scenario, scenario
 from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
 from omni_mj.studies.slip.checks import FRAMES, Checks, checks
