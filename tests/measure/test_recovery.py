@@ -89,7 +89,7 @@ def test_a_summary_has_the_spread_over_the_rows_that_meet_the_same() -> None:
     log = filled(table, 300, pose=pose)
     (told,) = recovery.results(log, "a", recoveries(log))
     assert (told["kind"], told["at_s"], told["for_s"]) == ("push", 1.0, 0.5)
-    assert told["fault"] == "push of 10 N towards 0 deg, from 1 s to 1.5 s"
+    assert told["fault"] == "push (force_n = 10, direction_deg = 0), from 1 s to 1.5 s"
     assert told["excursion_m"]["seeds"] == pytest.approx([0.1, 0.2, 0.4])
     assert told["recovery_s"]["seeds"] == pytest.approx([10 * FRAME_S, 15 * FRAME_S, 25 * FRAME_S])
     assert told["recovery_s"]["median"] == pytest.approx(15 * FRAME_S)
@@ -98,7 +98,7 @@ def test_a_summary_has_the_spread_over_the_rows_that_meet_the_same() -> None:
 
 def test_faults_are_events_of_every_row_when_they_begin_and_end() -> None:
     log = filled(rows(("a", "b"), settings=met(PUSH, TILT)), 200, [200, 85], winding=25.0, battery=22.0)
-    push, tilt = "push of 10 N towards 0 deg", "tilt of 2 deg, downhill towards 0 deg"
+    push, tilt = "push (force_n = 10, direction_deg = 0)", "tilt (angle_deg = 2, direction_deg = 0)"
     begins = [(60, "a", f"begins: {push}"), (60, "b", f"begins: {push}")]
     assert [(e.frame, e.controller, e.text) for e in events.find(log)] == [
         *begins,
@@ -120,7 +120,7 @@ def test_a_run_tells_how_its_controllers_recover() -> None:
     drawn = recovery.table(result.summary())
     assert drawn is not None
     assert [row[:2] for row in drawn.rows] == [
-        ["camera that does not see the robot, from 0.5 s to 1 s", "flc"],
+        ["vision-out, from 0.5 s to 1 s", "flc"],
         ["", "comp-flc"],
         ["alpha of 0.8, from 2 s on", "flc"],
         ["", "comp-flc"],
