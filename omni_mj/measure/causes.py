@@ -4,16 +4,15 @@ A wheel that pulls creeps: the rim's speed differs from the carpet's in proporti
 Slip beyond what it creeps there is sliding, in which the carpet gives no more however fast the wheel turns.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from omni_control.kinematics import Array, world_to_body
-from omni_mj.measure.running import Mean
+from omni_mj.measure.errors import mean
 from omni_mj.measure.statistics import Spread, plain, spread
 from omni_mj.measure.table import Table, label, number
-from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, ControlSettings, Settings
 from omni_mj.simulate.log import Log
 
@@ -72,63 +71,29 @@ def at_limits(command: Array, before: Array, control: ControlSettings) -> dict[s
     return {unit: (limit, size >= limit * (1 - ROUNDING)) for unit, (limit, size) in sizes.items()}
 
 
-def of_row(log: Log, row: int, before: tuple[Array, Array] | None = None) -> dict[str, np.ndarray]:
-    """In which of its frames each of `CAUSES` is there for a row, (frames,); without those that its plant lacks.
-
-    Args:
-        log: what was recorded, or a part of it.
-        row: number of the row.
-        before: its pose and command in the frame before the log's first. [the run begins there]
-    """
+def of_row(log: Log, row: int) -> dict[str, np.ndarray]:
+    """In which of its frames each of `CAUSES` is there for a row, (frames,); without those that its plant lacks."""
     own, settings = slice(log.lengths[row]), log.rows[row].settings
     pose, slip = log.channel("pose")[own, row], log.channel("slip")[own, row]
-    last, sent = (pose[:1], np.zeros(3)) if before is None else (before[0][None], before[1])
     found = {}
     if not np.isnan(slip).all():
-        slides = slip_beyond(np.concatenate([last, pose]), np.concatenate([slip[:1], slip]), settings) > 0
-        found[SLIDING] = np.asarray(slides.any(-1))
-        if before is None:
-            found[SLIDING][:1] = False  # nobody knows how fast it drives
+        slides = (slip_beyond(pose, slip, settings) > 0).any(-1)
+        found[SLIDING] = np.concatenate([[False], slides])  # in the first frame nobody knows how fast it drives
     if not np.isnan(duty := log.channel("duty_peak")[own, row, 0]).all():
         found[VOLTAGE] = duty >= 1
         found[CURRENT] = np.asarray((log.channel("current_limited")[own, row] > 0).any(-1))
-    met = at_limits(log.channel("command")[own, row], sent, settings.control)
+    met = at_limits(log.channel("command")[own, row], np.zeros(3), settings.control)
     found[HELD_BACK] = np.asarray(np.any([frames for _, frames in met.values()], axis=0))
     return found
 
 
-class Shares:
-    """Shares of the frames in which causes are there, of frames that come in blocks; and the mean duty.
-
-    Args:
-        rows: one per robot.
-    """
-
-    def __init__(self, rows: Sequence[Row]) -> None:
-        n = len(rows)
-        self._met = {cause: np.full(n, np.nan) for cause in CAUSES}  # frames; not a number where there is no such
-        self._lengths = np.zeros(n, int)
-        self._before = np.zeros((2, n, 3))  # last pose and command
-        self._duty = Mean((n,))
-
-    def add(self, block: Log) -> None:
-        """Go on with the frames that follow those so far, a log of these alone."""
-        pose, command = block.channel("pose"), block.channel("command")
-        for row in np.flatnonzero(block.lengths):
-            before = (self._before[0, row], self._before[1, row]) if self._lengths[row] else None
-            for cause, frames in of_row(block, int(row), before).items():
-                self._met[cause][row] = np.nan_to_num(self._met[cause][row]) + frames.sum()
-            last = block.lengths[row] - 1
-            self._before[:, row] = pose[last, row], command[last, row]
-        self._lengths += block.lengths
-        self._duty.add(block.channel("duty_peak")[..., 0])
-
-    @property
-    def value(self) -> dict[str, Array]:
-        """Each row's `sliding_share` and so on, and `duty_mean`, (n,); not a number where its plant has no such."""
-        with np.errstate(invalid="ignore"):  # no frames: 0 / 0
-            shares = {f"{cause}_share": met / self._lengths for cause, met in self._met.items()}
-        return shares | {DUTY: self._duty.value}
+def shares(log: Log) -> dict[str, Array]:
+    """Return each row's `sliding_share` and so on, and `duty_mean`, (n,); NaN where its plant has no such."""
+    found = {f"{cause}_share": np.full(len(log.rows), np.nan) for cause in CAUSES}
+    for row in np.flatnonzero(log.lengths):
+        for cause, frames in of_row(log, int(row)).items():
+            found[f"{cause}_share"][row] = frames.sum() / len(frames)
+    return found | {DUTY: mean(log.channel("duty_peak")[..., 0])}
 
 
 def results(measured: Mapping[str, Array], rows: np.ndarray) -> dict[str, Spread]:

@@ -5,7 +5,7 @@ An event depends on nothing that comes after its frame, so that events can be to
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,9 +28,6 @@ QUIET_FRAMES = FRAME_RATE_HZ // 4  # what was at a limit no longer ago than this
 ROUNDING = 1e-9  # of a reference that arrives
 
 
-_Happening = tuple[int, str, str]  # frame, kind, text
-
-
 @dataclass(frozen=True)
 class Event:
     """Something that happened to one robot; `kind` is one of `KINDS`, `place` its number in its world."""
@@ -46,23 +43,13 @@ class Event:
 
 def find(log: Log, failures: "Iterable[Failure]" = ()) -> list[Event]:
     """What a user must know of each row, in the order of time: stopped rows, faults; once, heat, battery, drivers."""
-    found = list(_stopped(log, failures))
-    for i in range(len(log.rows)):
-        once, own = _Once(log.rows[i]), slice(log.lengths[i])
-        told = once.new(log.channel("winding")[own, i], log.channel("battery")[own, i, 0], 0)
-        found += [_event(log, i, *each) for each in (*told, *_faults(log.rows[i], 0, int(log.lengths[i])))]
-        limited = log.channel("current_limited")[own, i] > 0
-        if limited.any():
-            frame, motor = np.argwhere(limited)[0]
-            found.append(_event(log, i, int(frame), CURRENT, _driver_limits(log.rows[i], int(motor))))
-    return _sorted(found)
-
-
-def find_all(log: Log, failures: "Iterable[Failure]" = ()) -> list[Event]:
-    """Everything that happened to each controller's first row, in the order of time."""
     failures = list(failures)
-    first = [log.first(controller) for controller in log.controllers]
-    return _sorted(event for row in first for event in of_row(log, row, failures))
+    found = list[Event]()
+    for row in range(len(log.rows)):
+        events = _of_row(log, row, failures, only=(STOPPED, FAULT, TEMPERATURE, BATTERY, CURRENT))
+        first_current = next((event for event in events if event.kind == CURRENT), None)
+        found += [event for event in events if event.kind != CURRENT or event is first_current]
+    return sorted(found, key=lambda event: (event.frame, event.kind != STOPPED))
 
 
 def of_row(log: Log, row: int, failures: "Iterable[Failure]" = ()) -> list[Event]:
@@ -70,11 +57,11 @@ def of_row(log: Log, row: int, failures: "Iterable[Failure]" = ()) -> list[Event
 
     A limit is met in the first frame at it, `QUIET_FRAMES` after the last.
     """
-    return Watch(log, row).new(failures)
+    return _of_row(log, row, failures, KINDS)
 
 
 class Watch:
-    """Tells what happens to a row while its log grows, looking at each frame once.
+    """Tells each event of a row once while its log grows.
 
     Args:
         log: of a simulation that goes on.
@@ -83,178 +70,100 @@ class Watch:
 
     def __init__(self, log: Log, row: int) -> None:
         self._log, self._row = log, row
-        self._seen = 0
-        self._stopped = False
-        self._once = _Once(log.rows[row])
-        self._quiet: dict[str, _Quiet] = {}
-        self._command = np.zeros(3)
-        self._lost_at: int | None = None
-        self._way = _Way(log.rows[row])
+        self._known: set[Event] = set()
 
     def new(self, failures: "Iterable[Failure]" = ()) -> list[Event]:
         """What happened since this was asked last, in the order of time."""
-        log, row, start = self._log, self._row, self._seen
-        self._seen = int(log.lengths[row])
-        names = "pose", "ref", "command", "vision_valid", "duty_peak", "current_limited", "battery", "winding"
-        track = {name: log.channel(name)[start : self._seen, row] for name in names}
-        happened = [
-            *self._once.new(track["winding"], track["battery"][:, 0], start),
-            *_faults(log.rows[row], start, self._seen),
-            *self._limits(track["command"], start),
-            *self._full_voltage(track["duty_peak"][:, 0], track["battery"][:, 0], start),
-            *self._held_back(track["current_limited"], start),
-            *self._misses(track["vision_valid"][:, 0], start),
-            *self._way.reached(track["pose"], track["ref"], start),
-        ]
-        stopped = [] if self._stopped else list(_stopped(log, (each for each in failures if each.row == row)))
-        self._stopped |= bool(stopped)
-        return _sorted([*stopped, *(_event(log, row, *each) for each in happened)])
-
-    def _limits(self, command: Array, start: int) -> Iterator[_Happening]:
-        """Where commands (frames, 3) were held back by a limit of speed or acceleration."""
-        met = causes.at_limits(command, self._command, self._log.rows[self._row].settings.control)
-        self._command = command[-1] if len(command) else self._command
-        for unit, (limit, frames) in met.items():
-            for frame in self._met(unit, frames, start):
-                yield frame, LIMIT, f"the command is held back to {limit:g} {unit}"
-
-    def _full_voltage(self, duty: Array, battery: Array, start: int) -> Iterator[_Happening]:
-        for frame in self._met(VOLTAGE, (duty >= 1) & (battery > 0), start):
-            yield frame, VOLTAGE, "a motor takes all the battery's voltage"
-
-    def _held_back(self, limited: Array, start: int) -> Iterator[_Happening]:
-        """Where drivers held back a motor's current, in shares (frames, motors) of each frame."""
-        for motor, share in enumerate(limited.T):
-            text = _driver_limits(self._log.rows[self._row], motor)
-            for frame in self._met(text, share > 0, start):
-                yield frame, CURRENT, text
-
-    def _met(self, name: str, active: np.ndarray, start: int) -> list[int]:
-        return self._quiet.setdefault(name, _Quiet()).met(active, start)
-
-    def _misses(self, valid: np.ndarray, start: int) -> Iterator[_Happening]:
-        """Where vision (frames,) lost sight of a robot, and where it saw one again that was away for several frames."""
-        change = np.diff(valid.astype(int), prepend=int(self._lost_at is None))
-        for frame in start + np.flatnonzero(change):
-            if self._lost_at is None:
-                self._lost_at = int(frame)
-                yield self._lost_at, VISION, "vision does not see the robot"
-            else:
-                away, self._lost_at = int(frame) - self._lost_at, None
-                if away > 1:
-                    yield int(frame), VISION, f"vision sees the robot again after {away} frames"
+        fresh = [event for event in of_row(self._log, self._row, failures) if event not in self._known]
+        self._known.update(fresh)
+        return fresh
 
 
-def _stopped(log: Log, failures: "Iterable[Failure]") -> Iterator[Event]:
-    for each in failures:
-        yield _event(log, each.row, round(each.time_s / PERIOD_S), STOPPED, f"stopped: {each.cause}")
-
-
-def _faults(row: Row, start: int, stop: int) -> Iterator[_Happening]:
-    """What began and ended in the frames from `start` until before `stop`."""
-    for fault in row.faults:
+def _of_row(log: Log, row: int, failures: "Iterable[Failure]", only: Iterable[str]) -> list[Event]:
+    own, settings = log.rows[row], log.rows[row].settings
+    frames = int(log.lengths[row])
+    happened = list[tuple[int, str, str]]()
+    for failure in failures:
+        if failure.row == row:
+            happened.append((round(failure.time_s / PERIOD_S), STOPPED, f"stopped: {failure.cause}"))
+    channel = {
+        name: log.channel(name)[:frames, row]
+        for name in ("pose", "ref", "command", "vision_valid", "duty_peak", "current_limited", "battery", "winding")
+    }
+    battery = channel["battery"][:, 0]
+    with np.errstate(invalid="ignore"):  # not a number where there are no motors
+        hot = (channel["winding"] > settings.motor.limit_c).any(-1)
+    happened += _once(hot, TEMPERATURE, f"a winding is above {settings.motor.limit_c:g} deg C")
+    text = f"the battery sank below {settings.battery.cut_off_v:g} V and gives no more power"
+    happened += _once(battery == 0, BATTERY, text)
+    for fault in own.faults:
         for frame, does in zip(span(fault), ("begins", "ends"), strict=True):
-            if start <= frame < stop:
-                yield int(frame), FAULT, f"{does}: {fault.text}"
+            if frame < frames:
+                happened.append((int(frame), FAULT, f"{does}: {fault.text}"))
+    for motor, share in enumerate(channel["current_limited"].T):
+        limit = f"{settings.firmware.current_limit_a:g} A"
+        happened += _met(share > 0, CURRENT, f"the driver limits the current of motor {motor + 1} to {limit}")
+    if LIMIT in only:
+        for unit, (value, met) in causes.at_limits(channel["command"], np.zeros(3), settings.control).items():
+            happened += _met(met, LIMIT, f"the command is held back to {value:g} {unit}")
+        full = (channel["duty_peak"][:, 0] >= 1) & (battery > 0)
+        happened += _met(full, VOLTAGE, "a motor takes all the battery's voltage")
+        happened += _misses(channel["vision_valid"][:, 0])
+        happened += _way_points(own, channel["pose"], channel["ref"])
+    found = [
+        Event(frame, frame * PERIOD_S, own.controller, own.seed, kind, text, own.place)
+        for frame, kind, text in happened
+        if kind in only
+    ]
+    return sorted(found, key=lambda event: event.frame)
 
 
-def _driver_limits(row: Row, motor: int) -> str:
-    return f"the driver limits the current of motor {motor + 1} to {row.settings.firmware.current_limit_a:g} A"
+def _once(happens: Any, kind: str, text: str) -> list[tuple[int, str, str]]:
+    """Return the first frame in which it happens (frames,)."""
+    return [(int(happens.argmax()), kind, text)] if happens.any() else []
 
 
-def _event(log: Log, i: int, frame: int, kind: str, text: str) -> Event:
-    row = log.rows[i]
-    return Event(frame, frame * PERIOD_S, row.controller, row.seed, kind, text, row.place)
+def _met(active: np.ndarray, kind: str, text: str) -> Iterator[tuple[int, str, str]]:
+    """Yield the frames (frames,) in which it becomes active that was not so in the `QUIET_FRAMES` before."""
+    frames = np.flatnonzero(active)
+    for frame in frames[np.diff(frames, prepend=-QUIET_FRAMES - 1) > QUIET_FRAMES].tolist():
+        yield frame, kind, text
 
 
-def _sorted(events: Iterable[Event]) -> list[Event]:
-    return sorted(events, key=lambda event: event.frame)
+def _misses(valid: np.ndarray) -> Iterator[tuple[int, str, str]]:
+    """Yield where vision (frames,) lost sight of a robot, and where it saw one again that was away for several."""
+    edges = np.flatnonzero(np.diff(valid.astype(int), prepend=1)).tolist()
+    for lost, again in zip(edges[::2], [*edges[1::2], None], strict=False):
+        yield lost, VISION, "vision does not see the robot"
+        if again is not None and again - lost > 1:
+            yield again, VISION, f"vision sees the robot again after {again - lost} frames"
 
 
-class _Once:
-    """Tells what is told once: windings that are too hot, a battery that gave up."""
-
-    def __init__(self, row: Row) -> None:
-        self._limit_c, self._cut_off_v = row.settings.motor.limit_c, row.settings.battery.cut_off_v
-        self._told: set[str] = set()
-
-    def new(self, winding: Array, battery: Array, start: int) -> Iterator[_Happening]:
-        """What happened in the frames from `start` on: windings (frames, motors), deg C, and battery (frames,), V."""
-        with np.errstate(invalid="ignore"):  # not a number where there are no motors
-            too_hot = (winding > self._limit_c).any(-1)
-        for kind, happened, text in (
-            (TEMPERATURE, too_hot, f"a winding is above {self._limit_c:g} deg C"),
-            (BATTERY, battery == 0, f"the battery sank below {self._cut_off_v:g} V and gives no more power"),
-        ):
-            if happened.any() and kind not in self._told:
-                self._told.add(kind)
-                yield start + int(happened.argmax()), kind, text
-
-
-class _Quiet:
-    """Tells when something becomes active that was not in the `QUIET_FRAMES` before."""
-
-    def __init__(self) -> None:
-        self._last = -QUIET_FRAMES - 1
-
-    def met(self, active: np.ndarray, start: int) -> list[int]:
-        """The frames in which it does, of those (frames,) from `start` on."""
-        frames = start + np.flatnonzero(active)
-        fresh = frames[np.diff(frames, prepend=self._last) > QUIET_FRAMES]
-        self._last = int(frames[-1]) if frames.size else self._last
-        return fresh.tolist()
-
-
-class _Way:
-    """Tells when a robot reaches a way-point, as close as the iterated reference asks for.
+def _way_points(row: Row, pose: Array, reference: Array) -> Iterator[tuple[int, str, str]]:
+    """Yield where a robot reaches a way-point, as close as the iterated reference asks for.
 
     A robot passes a way-point between the timed reference's arrivals at the one before and the one after; one that
     plans anew in every frame keeps no timetable and passes them one after the other.
     """
-
-    def __init__(self, row: Row) -> None:
-        settings = row.settings.reference
-        self._timed = settings.mode == "timed"
-        self._points = references.waypoints(settings, row.where)
-        self._arrivals = [0]  # of the timed reference, at the way-points so far
-        self._ahead = [*range(1, len(self._points))]  # way-points that are yet to be reached
-        self._reached = 0  # frame in which the last was
-
-    def reached(self, pose: Array, ref: Array, start: int) -> Iterator[_Happening]:
-        """Way-points reached in the frames from `start` on, by the robot's poses (frames, 3) and the timed ones."""
-        self._arrive(ref, start)
-        end, last = start + len(pose), len(self._points) - 1
-        for i in list(self._ahead):
-            low, high = self._window(i)
-            if low is None:
-                break
-            low, stop = max(low, start), end if high is None else min(high, end)
-            near = self._is_near(pose[low - start : max(stop - start, 0)], self._points[i])
-            if near.any():
-                self._reached = low + int(near.argmax())
-                self._ahead.remove(i)
-                yield self._reached, WAY_POINT, f"way-point {i} of {last} reached"
-            elif high is not None and high <= end:
-                self._ahead.remove(i)  # too late
-            elif not self._timed:
-                break
-
-    def _window(self, i: int) -> tuple[int | None, int | None]:
-        """First frame in which a robot may reach the i-th way-point, and the first in which no more; None: not yet."""
-        if not self._timed:
-            return self._reached, None
-        known = len(self._arrivals)
-        return self._arrivals[i - 1] if i <= known else None, self._arrivals[i + 1] if i + 1 < known else None
-
-    def _arrive(self, ref: Array, start: int) -> None:
-        """Find the way-points at which the timed reference arrives in the frames from `start` on."""
-        for point in self._points[len(self._arrivals) :]:
-            since = max(self._arrivals[-1], start)
-            there = np.flatnonzero(np.abs(ref[since - start :] - point).max(-1) < ROUNDING)
-            if not there.size:
-                return
-            self._arrivals.append(since + int(there[0]))
-
-    def _is_near(self, pose: Array, point: Array) -> np.ndarray:
-        offset = np.abs(pose - point)
-        return (np.hypot(offset[:, 0], offset[:, 1]) < ARRIVAL_RADIUS_M) & (offset[:, 2] < ARRIVAL_ANGLE_RAD)
+    settings = row.settings.reference
+    points = references.waypoints(settings, row.where)
+    arrivals = [0]
+    for point in points[1:]:
+        there = np.flatnonzero(np.abs(reference[arrivals[-1] :] - point).max(-1) < ROUNDING)
+        if not there.size:
+            break
+        arrivals.append(arrivals[-1] + int(there[0]))
+    reached = 0
+    for i in range(1, len(points)):
+        timed = settings.mode == "timed"
+        if timed and i > len(arrivals):
+            return
+        first = arrivals[i - 1] if timed else reached
+        stop = arrivals[i + 1] if timed and i + 1 < len(arrivals) else len(pose)
+        offset = np.abs(pose[first:stop] - points[i])
+        near = (np.hypot(offset[:, 0], offset[:, 1]) < ARRIVAL_RADIUS_M) & (offset[:, 2] < ARRIVAL_ANGLE_RAD)
+        if near.any():
+            reached = first + int(near.argmax())
+            yield reached, WAY_POINT, f"way-point {i} of {len(points) - 1} reached"
+        elif not timed:
+            return

@@ -1,23 +1,19 @@
 """What is measured of each row: errors, effort, settling, peaks, causes, recovery; and the motor correction factor."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.measure import causes, recovery
-from omni_mj.measure.errors import AXES, UNITS, errors
-from omni_mj.measure.running import Effort, ErrorStatistics
-from omni_mj.measure.way import Way
-from omni_mj.scenarios.rows import Row
+from omni_mj.measure.errors import AXES, UNITS, errors, mean, statistics
 from omni_mj.scenarios.settings import PERIOD_S
-from omni_mj.simulate.log import FIRST_FRAMES, Log
+from omni_mj.simulate.log import Log
 
 if TYPE_CHECKING:
     from omni_mj.simulate.simulation import Failure
 
-BLOCK_FRAMES = FIRST_FRAMES  # that are measured at once: a log grows no more
 PEAKS = {"peak_voltage_v": "voltage_peak", "peak_current_a": "current_peak", "peak_winding_c": "winding"}
 ALPHA_AXES = ("x", "y")
 ALPHA_WINDOW_FRAMES = 15  # 0.25 s
@@ -27,116 +23,68 @@ ALPHA_START_FRAMES = 9  # 0.15 s: the lag of a robot's wheels and their creep, i
 SETTLED_M = 0.01
 
 
-class Tally:
-    """What is measured of rows whose frames come in blocks: the same numbers, to the bit, however they are cut.
-
-    It holds a few numbers a row, of the errors the largest 1 %, and the ways, but no frames.
-
-    Args:
-        rows: one per robot.
-        ways: the timed reference of each row; of those that share one, the same object.
-    """
-
-    def __init__(self, rows: Sequence[Row], ways: Sequence[Way]) -> None:
-        n, frames = len(rows), max((way.frames for way in ways), default=0)
-        self.frames = 0
-        self._ways = ways
-        shared = {id(way): way for way in ways if way.frames}
-        self._travel = [(way, [row for row, each in enumerate(ways) if each is way]) for way in shared.values()]
-        self._lengths = np.zeros(n, int)
-        self._errors = {axis: ErrorStatistics(n, frames) for axis in AXES}
-        self._effort = Effort((n, 2))
-        self._near = np.zeros(n, int)  # the frame after the last one that is not near
-        self._peaks = {name: np.full(n, np.nan) for name in PEAKS}
-        self._shares, self._recoveries = causes.Shares(rows), recovery.Recoveries(rows)
-
-    def add(self, block: Log) -> None:
-        """Go on with the frames that follow those so far, a log of these alone."""
-        if not block.length:
-            return
-        error = errors(block, self._direction(block.length))
-        for axis, statistics in self._errors.items():
-            statistics.add(error[axis], self.frames)
-        self._effort.add(block.channel("command")[..., :2])
-        number = self.frames + np.arange(1, block.length + 1)[:, None]
-        far = np.where(error["distance"] >= SETTLED_M, number, 0)
-        self._near = np.maximum(self._near, far.max(0))
-        for name, channel in PEAKS.items():
-            peak = np.fmax.reduce(block.channel(channel), axis=(0, 2))
-            self._peaks[name] = np.fmax(self._peaks[name], peak)
-        self._shares.add(block)
-        self._recoveries.add(error["distance"], self.frames)
-        self._lengths += block.lengths
-        self.frames += block.length
-
-    def row_metrics(self, failures: "Iterable[Failure]" = ()) -> dict[str, Array]:
-        """Each row in single numbers, name -> (n,), once all frames are there; see `row_metrics`.
-
-        Args:
-            failures: of rows that were stopped before their end.
-        """
-        failed = [failure.row for failure in failures]
-        found = {
-            f"{axis}_{statistic}_{UNITS[axis]}": values
-            for axis, statistics in self._errors.items()
-            for statistic, values in statistics.value.items()
-        }
-        found["effort_m_s2"] = self._effort.value
-        found["excess_effort_m_s2"] = self._excess_effort()
-        found["settle_s"] = self._settling_times()
-        unbounded = set(found)
-        found["greatest_at_s"] = self._errors["distance"].greatest_at_s
-        found |= {name: peak.copy() for name, peak in self._peaks.items()} | self._shares.value
-        for name, values in found.items():
-            values[self._lengths == 0] = np.nan
-            values[failed] = np.inf if name in unbounded else np.nan
-        return found | self._recoveries.value(failed)
-
-    def _direction(self, frames: int) -> Array:
-        """In which the references travel in the next frames, (frames, n, 2); any for rows that have none any more."""
-        direction = np.zeros((frames, len(self._ways), 2))
-        number = np.arange(self.frames, self.frames + frames)
-        for way, rows in self._travel:
-            direction[:, rows] = way.direction.take(number, axis=0, mode="clip")[:, None]
-        return direction
-
-    def _excess_effort(self) -> Array:
-        """What the effort is above that of the reference's own velocities, as a root of the squares' difference, m/s^2.
-
-        Squares, since that of a command is the reference's plus that of all that is added to it, as far as the two are
-        unrelated. It compares no frame with another, so that it is the same however early a controller sends what the
-        reference needs; a difference frame by frame would depend on a dead time and a lag that controllers believe in
-        each their own way. Who asks for less than the reference has none: zero for the reference's own velocities,
-        whenever they are sent.
-        """
-        own = np.array([way.effort_square for way in self._ways])
-        excess: Array = np.sqrt(np.maximum(self._effort.square - own, 0.0))
-        return excess
-
-    def _settling_times(self) -> Array:
-        """Time from the end of the reference's last move until the error in the plane stays below 1 cm, (n,) s.
-
-        Zero for a robot that is that near from the end of the move on, infinite for one that is not in its last frame:
-        it never settles.
-        """
-        rest = np.array([way.rest for way in self._ways], int)
-        return np.where(self._near < self._lengths, np.maximum(self._near - rest, 0) * PERIOD_S, np.inf)
-
-
 def row_metrics(log: Log, failures: "Iterable[Failure]" = ()) -> dict[str, Array]:
     """Each row in single numbers, name -> (n,).
 
     `x_max_m`, `distance_mean_m`, `across_p99_m`, `heading_rms_rad` and the like, `effort_m_s2`, `excess_effort_m_s2`,
-    `settle_s`, `greatest_at_s` (when the error in the plane is greatest), the peaks, the shares of `causes` and what
-    `recovery` tells of faults. A row that failed has errors, efforts and a time to settle without bound, so that no
-    average gets better by failing; when its error was greatest, its peaks and its shares are not comparable: not a
-    number, as for a row without any frame.
+    `settle_s`, the peaks, the shares of `causes` and what `recovery` tells of faults. A row that failed has errors,
+    efforts and a time to settle without bound, so that no average gets better by failing; its peaks and its shares are
+    not comparable: not a number, as for a row without any frame.
     """
-    reference = log.channel("ref")
-    tally = Tally(log.rows, [Way(reference[:length, row]) for row, length in enumerate(log.lengths)])
-    for first in range(0, log.length, BLOCK_FRAMES):
-        tally.add(log.part(first, first + BLOCK_FRAMES))
-    return tally.row_metrics(failures)
+    error, failed = errors(log), [failure.row for failure in failures]
+    found = {
+        f"{axis}_{statistic}_{UNITS[axis]}": values
+        for axis in AXES
+        for statistic, values in statistics(error[axis]).items()
+    }
+    reference, distance = log.channel("ref"), error["distance"]
+    effort = _effort_square(log.channel("command")[..., :2])
+    found["effort_m_s2"] = np.sqrt(effort)
+    found["excess_effort_m_s2"] = np.sqrt(np.maximum(effort - _effort_square(_velocity(reference)), 0.0))
+    found["settle_s"] = _settling_times(reference, distance, log.lengths)
+    unbounded = set(found)
+    for name, channel in PEAKS.items():
+        found[name] = np.fmax.reduce(log.channel(channel), axis=(0, 2), initial=np.nan)
+    found |= causes.shares(log)
+    for name, values in found.items():
+        values[log.lengths == 0] = np.nan
+        values[failed] = np.inf if name in unbounded else np.nan
+    return found | recovery.measured(log.rows, distance, failed)
+
+
+def _effort_square(velocity: Array) -> Array:
+    """Return the mean square of the change of velocities (frames, n, 2) per second, (n,); from zero on."""
+    change = np.diff(velocity, axis=0, prepend=np.zeros((1, *velocity.shape[1:]))) / PERIOD_S
+    return mean((change**2).sum(-1))
+
+
+def _velocity(reference: Array) -> Array:
+    """Return the velocities (frames, n, 2) of timed references, zero in their last frames.
+
+    Excess effort compares the squares of two efforts, and no frame with another: it is the same however early a
+    controller sends what the reference needs.
+    """
+    velocity = np.diff(reference[..., :2], axis=0, append=np.full((1, *reference.shape[1:-1], 2), np.nan)) / PERIOD_S
+    ends = np.isnan(velocity) & ~np.isnan(reference[..., :2])
+    return np.where(ends, 0.0, velocity)
+
+
+def _settling_times(reference: Array, distance: Array, lengths: np.ndarray) -> Array:
+    """Return the time from the end of the reference's last move until the error in the plane stays below 1 cm, (n,) s.
+
+    Zero for a robot that is that near from the end of the move on, infinite for one that is not in its last frame: it
+    never settles.
+    """
+    step = np.diff(reference, axis=0)
+    rest = _frames_until_last((step != 0).any(-1) & ~np.isnan(step[..., 0]))
+    near = _frames_until_last(distance >= SETTLED_M)
+    return np.where(near < lengths, np.maximum(near - rest, 0) * PERIOD_S, np.inf)
+
+
+def _frames_until_last(happens: np.ndarray) -> np.ndarray:
+    """Return the number of frames up to the last in which it happens (frames, n), (n,)."""
+    number = np.arange(1, len(happens) + 1)[:, None]
+    return np.asarray(np.max(np.where(happens, number, 0), axis=0, initial=0))
 
 
 def alpha_windows(position: Array, command: Array) -> Array:

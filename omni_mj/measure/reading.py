@@ -6,8 +6,8 @@ from typing import Any
 
 from omni_control.errors import OmniError
 from omni_mj.files import text_of
-from omni_mj.measure.summary import FORMAT
 
+FORMAT = 4  # of summary.json
 # What a summary, and what is said in it of a scenario, must hold, and as what.
 NUMBER, NOTHING = (int, float), type(None)
 PARTS: dict[str, type | tuple[type, ...]] = {
@@ -45,8 +45,6 @@ def read(folder: Path) -> dict[str, Any]:
         raise OmniError(f"{folder} holds no run: {path.name}: {error.strerror}; give the folder of a run") from None
     except (ValueError, RecursionError) as error:
         raise OmniError(f"{path} is not a run's summary: {error}") from None
-    if isinstance(summary, dict) and "results" in summary and "format" not in summary:
-        raise OmniError(f"{path} is of format 1, which an older version of omni-mj wrote; make the run again")
     if isinstance(summary, dict) and summary.get("format", FORMAT) != FORMAT:
         raise OmniError(f"{path} is of format {summary['format']!r}; this version of omni-mj reads format {FORMAT}")
     wrong = _wrong(summary, PARTS)

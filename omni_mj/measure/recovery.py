@@ -32,52 +32,38 @@ DEFINITIONS = {
 }
 
 
-class Recoveries:
-    """How rows come back from their faults, of errors that come in blocks of frames.
+def measured(rows: Sequence[Row], distance: Array, failed: Sequence[int]) -> dict[str, Array]:
+    """Return each row's `fault_1_excursion_m`, `fault_1_recovery_s` and so on, name -> (n,); nothing without faults.
+
+    NaN of a fault that a row does not have or did not come to; of a row that failed the excursion is infinite, as its
+    errors are, and so is the time of one that does not recover.
 
     Args:
-        rows: one per robot; their faults are numbered as in their settings.
+        rows: One per robot; their faults are numbered as in their settings.
+        distance: Errors in the plane, (frames, n) m; NaN where a row has no frame.
+        failed: Numbers of the rows that failed.
     """
-
-    def __init__(self, rows: Sequence[Row]) -> None:
-        shape = max((len(row.settings.fault) for row in rows), default=0), len(rows)
-        self._first, self._stop = np.full(shape, np.inf), np.full(shape, np.inf)  # frames; none is for a row without
-        for own, row in enumerate(rows):
-            for i, fault in enumerate(row.settings.fault):
-                if fault.concerns(row.place):
-                    start, end = span(fault)
-                    self._first[i, own], self._stop[i, own] = start, end + AFTER_S * FRAME_RATE_HZ
-        self._excursion = np.full(shape, np.nan)
-        self._near, self._end = np.zeros(shape), np.zeros(shape)  # frames after the last that is not near, and the last
-
-    def add(self, distance: Array, first: int) -> None:
-        """Go on with errors in the plane (frames, n) from the frame `first` on, m; not a number where there is none."""
-        frame = first + np.arange(len(distance))[:, None]
-        for i in range(len(self._first)):
-            error = np.where((frame >= self._first[i]) & (frame < self._stop[i]), distance, np.nan)
-            self._excursion[i] = np.fmax(self._excursion[i], np.fmax.reduce(error, axis=0))
-            for after, met in ((self._near, error >= NEAR_M), (self._end, ~np.isnan(error))):
-                after[i] = np.maximum(after[i], np.where(met, frame + 1, 0).max(0))
-
-    def value(self, failed: Sequence[int]) -> dict[str, Array]:
-        """Each row's `fault_1_excursion_m`, `fault_1_recovery_s` and so on, name -> (n,); nothing without faults.
-
-        Not a number of a fault that a row does not have or did not come to; of a row that failed the excursion is
-        infinite, as its errors are, and so is the time of one that does not recover.
-
-        Args:
-            failed: numbers of the rows that failed.
-        """
-        found: dict[str, Array] = {}
-        for i, first in enumerate(self._first):
-            excursion, recovered = self._excursion[i].copy(), np.full(len(first), np.nan)
-            met = ~np.isnan(excursion)
-            times = np.maximum(self._near[i] - first, 0)[met] * PERIOD_S
-            recovered[met] = np.where((self._near[i] < self._end[i])[met], times, np.inf)
-            lost = [row for row in failed if np.isfinite(first[row])]
-            excursion[lost] = recovered[lost] = np.inf
-            found |= {_name(i, EXCURSION): excursion, _name(i, RECOVERY): recovered}
-        return found
+    count = max((len(row.settings.fault) for row in rows), default=0)
+    names = [_name(i, what) for i in range(count) for what in (EXCURSION, RECOVERY)]
+    found = {name: np.full(len(rows), np.nan) for name in names}
+    for place, row in enumerate(rows):
+        for i, fault in enumerate(row.settings.fault):
+            if not fault.concerns(row.place):
+                continue
+            first, end = span(fault)
+            excursion, recovered = np.inf, np.inf
+            if place not in failed:
+                stop = min(end + AFTER_S * FRAME_RATE_HZ, len(distance))
+                error = distance[int(min(first, stop)) : int(stop), place]
+                error = error[~np.isnan(error)]
+                if not error.size:
+                    continue
+                far = np.flatnonzero(error >= NEAR_M)
+                excursion = error.max()
+                if not far.size or far[-1] + 1 < error.size:
+                    recovered = (far[-1] + 1) * PERIOD_S if far.size else 0.0
+            found[_name(i, EXCURSION)][place], found[_name(i, RECOVERY)][place] = excursion, recovered
+    return found
 
 
 def results(log: Log, controller: str, measured: Mapping[str, Array]) -> list[dict[str, Any]]:
@@ -110,29 +96,6 @@ def table(summary: Mapping[str, Any]) -> Table | None:
     title = f"recovery{over}: worst excursion until {AFTER_S:g} s after a fault, time from its start until below "
     headings = ["fault", "controller", "worst, cm", "recovered, s"]
     return Table(f"{title}{100 * NEAR_M:g} cm for good", headings, rows, 2)
-
-
-def matrix(summary: Mapping[str, Any]) -> Table | None:
-    """The same of a comparison: a line for each fault of each scenario, a column for each controller.
-
-    A cell has the worst excursion in cm and the time in s, medians over the seeds.
-    """
-    controllers, rows = list(summary["controllers"]), list[list[str]]()
-    for scenario, entry in summary["scenarios"].items():
-        found = entry["results"]
-        for i, fault in enumerate(next(iter(found.values()))["recovery"] if found else ()):
-            told = [found[name]["recovery"][i] if name in found else None for name in controllers]
-            rows.append([scenario, f"{fault['kind']}, {fault['at_s']:g} s", *map(_cell, told)])
-    if not rows:
-        return None
-    title = f"Recovery from faults: worst excursion, cm / time until below {100 * NEAR_M:g} cm for good, s; medians"
-    return Table(title, ["scenario", "fault", *controllers], rows, 2)
-
-
-def _cell(told: Mapping[str, Any] | None) -> str:
-    if told is None:
-        return ""
-    return f"{number(told[EXCURSION]['median'], 100)}/{_recovered(told[RECOVERY])}"
 
 
 def _lines(summary: Mapping[str, Any]) -> Iterator[list[str]]:

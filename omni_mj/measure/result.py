@@ -1,7 +1,7 @@
 """What a study leaves: outcomes of its scenarios, as a summary, a table, Arrow tables and files."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,7 +11,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_mj.files import write as write
-from omni_mj.measure import summary
+from omni_mj.measure import limits, summary
 from omni_mj.measure.table import table, text
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
@@ -183,7 +183,10 @@ def _lines(outcome: Outcome) -> Iterator[dict[str, Any]]:
     for i, row in enumerate(outcome.rows):
         failure = failures.get(i)
         if id(row.settings) not in flat:
-            flat[id(row.settings)] = dict(_flat(row.settings.plain()))
+            flat[id(row.settings)] = {
+                name: json.dumps(value) if isinstance(value, list | tuple) else value
+                for name, value in limits.flat(row.settings.plain())
+            }
         yield {
             "scenario": outcome.scenario.name,
             "controller": row.controller,
@@ -194,14 +197,6 @@ def _lines(outcome: Outcome) -> Iterator[dict[str, Any]]:
             **flat[id(row.settings)],
             **{name: values[i] for name, values in {**outcome.measured, **outcome.drawn}.items()},
         }
-
-
-def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
-    for name, value in values.items():
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{prefix}{name}.")
-        else:
-            yield prefix + name, json.dumps(value) if isinstance(value, list | tuple) else value
 
 
 def _plain(value: Any) -> Any:

@@ -11,8 +11,8 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.measure import causes, events, limits, metrics, paper, recovery
-from omni_mj.measure.errors import AXES, UNITS
-from omni_mj.measure.running import STATISTICS
+from omni_mj.measure.errors import AXES, STATISTICS, UNITS
+from omni_mj.measure.reading import FORMAT
 from omni_mj.measure.statistics import CONFIDENCE, Spread, plain, spread
 from omni_mj.measure.verdict import DEFINITIONS as VERDICTS
 from omni_mj.measure.verdict import verdicts
@@ -23,10 +23,9 @@ from omni_mj.simulate.log import Log
 if TYPE_CHECKING:
     from omni_mj.simulate.simulation import Failure
 
-FORMAT = 4
 UNFINISHED = "unfinished (it goes on, or was killed)"  # in place of why a study was stopped
 Entry = dict[str, Any]  # what a summary says of one scenario
-SINGLE = ("effort_m_s2", "excess_effort_m_s2", "settle_s", "greatest_at_s")  # a number of each row beside its errors
+SINGLE = ("effort_m_s2", "excess_effort_m_s2", "settle_s")  # a number of each row beside its errors
 
 DEFINITIONS = {
     "error": (
@@ -70,7 +69,6 @@ DEFINITIONS = {
         f" {100 * metrics.SETTLED_M:g} cm to the end of the run; infinite, written as null, for a seed that never"
         " settles, so that a mean over the seeds is that of all or none; settled: how many do"
     ),
-    "greatest_at_s": "time at which the greatest error in the plane of a seed is reached",
     "alpha": (
         f"(x_m[k+n] - x_m[k]) / (T sum of applied_vx_m_s[k:k+n]) with n = {metrics.ALPHA_WINDOW_FRAMES}, T = 1/60 s;"
         " percentiles over all seeds and those k where the magnitude of applied_vx_m_s[k:k+n]'s mean is above"

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from omni_mj.measure import limits
 from omni_mj.measure.statistics import CONFIDENCE, Spread, holm, paired
 
 ERRORS = {"max": "maximum", "mean": "mean"}  # of the distance in the plane
@@ -88,7 +87,7 @@ def verdicts(
     )
     for name, verdict in found.items():
         if verdict:
-            verdict["why_not"] = _why_not(entries[name], verdict, informed)
+            verdict["why_not"] = _why_not(entries[name], verdict)
     return found
 
 
@@ -128,35 +127,21 @@ def _correct(pairs: Iterable[dict[str, Any]]) -> None:
         pair |= {"p_adjusted": float(p), "beyond_chance": bool(p <= CHANCE)}
 
 
-def _why_not(entry: Entry, verdict: Mapping[str, Any], informed: Iterable[str]) -> list[str]:
-    """In words: by how much each rival that is not beaten is better, when errors are greatest, what else is known."""
+def _why_not(entry: Entry, verdict: Mapping[str, Any]) -> list[str]:
+    """In words: by how much each rival that is not beaten is better, and whether by chance."""
     results, subject, sentences = entry["results"], verdict["of"], []
     for statistic, errors in verdict["errors"].items():
-        known = [
-            f"{name}, which knows the truth: {_words(results[name], statistic)}" for name in informed if name in results
-        ]
-        known += [f"the {name}: {_cm(found['distance'][statistic])}" for name, found in limits.of(entry).items()]
         for rival in errors["loses_to"]:
-            theirs, pair = _words(results[rival], statistic), errors["against"][rival]
-            text = f"{ERRORS[statistic]} error {_words(results[subject], statistic)}, that of {rival} {theirs}"
-            if pair["difference_m"] is not None and not pair["beyond_chance"]:
-                text += ", a difference within chance"
-            sentences.append("; ".join([text, *_when(results[subject], results[rival], rival, statistic), *known]))
+            ours, theirs = (_words(results[name], statistic) for name in (subject, rival))
+            pair = errors["against"][rival]
+            chance = pair["difference_m"] is not None and not pair["beyond_chance"]
+            text = f"{ERRORS[statistic]} error {ours}, that of {rival} {theirs}"
+            sentences.append(text + ", a difference within chance" * chance)
     return sentences
-
-
-def _when(ours: Mapping[str, Any], theirs: Mapping[str, Any], rival: str, statistic: str) -> list[str]:
-    """When the greatest errors are reached, if it is those that are compared, and nobody failed."""
-    if statistic != "max" or inf in (mean(ours, statistic), mean(theirs, statistic)):
-        return []
-    when, others = (result["greatest_at_s"]["median"] for result in (ours, theirs))
-    return [f"reached {when:.2f} s after the start, that of {rival} {others:.2f} s (median over the seeds)"]
 
 
 def _words(result: Mapping[str, Any], statistic: str) -> str:
     value = error(result, statistic)
-    return _cm(value) if value["mean"] is not None else f"unknown ({result['failed']} of {len(value['seeds'])} failed)"
-
-
-def _cm(value: Spread) -> str:
-    return "unknown" if value["mean"] is None else f"{100 * value['mean']:.2f} cm"
+    if value["mean"] is None:
+        return f"unknown ({result['failed']} of {len(value['seeds'])} failed)"
+    return f"{100 * value['mean']:.2f} cm"

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import Any
 
-from omni_mj.measure import limits, recovery
+from omni_mj.measure import limits
 from omni_mj.measure.table import DASH, OVER, Table, label, number, plus_minus, table
 from omni_mj.measure.verdict import CHANCE, ERRORS, best
 from omni_mj.show import markdown as md
@@ -33,9 +33,6 @@ def show(summary: Summary) -> None:
     if verdicts.rows:
         terminal.show(verdicts)
         print(f"{_caption(summary)}\n")
-    if recovered := recovery.matrix(summary):
-        terminal.show(recovered)
-        print()
     for line in _why_not(summary):
         print(f"why not: {line}")
     for line in _not_done(summary):
@@ -57,8 +54,6 @@ def markdown(summary: Summary) -> str:
         text = partial(_means, axis)
         blocks += [f"## Error {axis} the path in cm: maximum/mean, means over the seeds", _matrix(summary, text)]
     blocks += ["## Errors, effort and settling", md.table(found.headings, found.rows) if found.rows else ""]
-    if recovered := recovery.matrix(summary):
-        blocks += [f"## {recovered.title}", md.table(recovered.headings, recovered.rows)]
     headings = ["scenario", "", "seeds", "simulated, s", "computed in, s"]
     blocks += ["## Scenarios", md.table(headings, _scenario_rows(summary))]
     blocks += ["## Definitions", _list(f"**{name}**: {text}" for name, text in summary["definitions"].items())]

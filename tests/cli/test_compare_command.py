@@ -10,8 +10,6 @@ import pytest
 from commands import appears, invoke, signalled, strict
 from matplotlib.image import imread
 
-from omni_mj.scenarios.library import builtin
-
 COMPARE = [sys.executable, "-m", "omni_mj", "compare"]
 SEEDS, FIRST = 3, 7
 CONTROLLERS = ("flc", "comp-flc")
@@ -182,7 +180,7 @@ def test_bad_input_is_a_line_that_says_what_is_allowed(tmp_path: Path, capsys: p
         ("--seeds 0", "1 to 100000"),
         ("--half-width -1", "a share of the mean such as 0.05"),
         ("--half-width few", "not a valid float"),
-        ("--limits nowhere.json", "cannot read the limit in nowhere.json"),
+        ("--limits nowhere", "holds no run"),
         ("--seed -1", "from 0 to"),
         ("--set radio.delay=3", "did you mean 'radio.delay_frames'"),
         ("--sead 3", "--seed"),
@@ -193,9 +191,3 @@ def test_bad_input_is_a_line_that_says_what_is_allowed(tmp_path: Path, capsys: p
         assert printed.err.count("\n") == 1, printed.err
         assert says in printed.err
         assert not (tmp_path / "out").exists(), "bad input must not leave a folder"
-
-
-def test_help_says_that_the_long_scenario_must_be_named(capsys: pytest.CaptureFixture[str]) -> None:
-    assert invoke("compare", "--help") == 0
-    assert "but for the long heat" in " ".join(capsys.readouterr().out.split())
-    assert "heat" in builtin()

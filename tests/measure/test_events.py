@@ -3,32 +3,27 @@
 from functools import cache
 from typing import Any
 
-import compiled
 import numpy as np
 import pytest
-from logs import failure, filled, rows
+from benches.logs import events, failure, filled, rows
 
 from omni_control.limits import CommandLimits
 from omni_control.reference.curves import CURVES
 from omni_control.reference.limits import MotionLimits
-from omni_mj.measure import events
 from omni_mj.scenarios import references
 from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.scenario import load
 from omni_mj.scenarios.settings import Settings
-from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Simulation
 
 SHORT = ("reference.waypoints=[[0, 0], [0.5, 0]]", "reference.settle_s=0")
 AWAY = ("reference.waypoints=[[0, 0], [0.4, 0], [0.4, 0.2]]", "reference.settle_s=0")
-FAST = ("physics.kernel=numba",)
 REST = {"vision_valid": True, "duty_peak": 0.5, "current_limited": 0.0, "battery": 22.0, "winding": 25.0}
 
 
 @cache
 def simulated(*overrides: str) -> Simulation:
-    compiled.once("planar")
-    simulation = Simulation(load("rect", [*SHORT, *FAST, *overrides], {"plant": "planar"}))
+    simulation = Simulation(load("rect", [*SHORT, *overrides], {"plant": "planar"}))
     simulation.run()
     return simulation
 
@@ -37,8 +32,14 @@ def settings(*overrides: str) -> Settings:
     return load("rect", [*SHORT, *overrides]).settings
 
 
-def told(log: Log, *kinds: str) -> list[tuple[int, str]]:
-    return [(event.frame, event.text) for event in events.find_all(log) if event.kind in kinds]
+def everything(log: Any, failures: Any = ()) -> list[events.Event]:
+    """Of the first row of each controller, in the order of time."""
+    found = [event for name in log.controllers for event in events.of_row(log, log.first(name), failures)]
+    return sorted(found, key=lambda event: event.frame)
+
+
+def told(log: Any, *kinds: str) -> list[tuple[int, str]]:
+    return [(event.frame, event.text) for event in everything(log) if event.kind in kinds]
 
 
 def constant(value: float, frames: int, at: Any, other: float) -> np.ndarray:
@@ -49,7 +50,7 @@ def constant(value: float, frames: int, at: Any, other: float) -> np.ndarray:
 
 
 def test_a_robot_at_rest_has_no_events() -> None:
-    assert events.find_all(filled(rows(settings=settings()), 100, **REST)) == []
+    assert everything(filled(rows(settings=settings()), 100, **REST)) == []
 
 
 def test_the_first_frame_above_the_limit_and_an_empty_battery_are_told_of_every_row() -> None:
@@ -75,7 +76,7 @@ def test_a_row_that_was_stopped_is_told_after_its_last_frame_and_nothing_else_of
     log = filled(rows(("a", "b"), settings=settings()), 30, lengths, **REST)
     stopped = events.Event(12, 0.2, "b", 0, "stopped", "stopped: toppled over")
     assert events.find(log, [failure(log, 1)]) == [stopped]
-    assert events.find_all(log, [failure(log, 1)]) == [stopped]
+    assert everything(log, [failure(log, 1)]) == [stopped]
 
 
 def test_a_command_at_its_limit_is_told_once_until_it_has_been_away() -> None:
@@ -129,7 +130,7 @@ def test_way_points_are_reached_within_2_cm_and_a_tenth_of_a_radian() -> None:
     back = ("reference.waypoints=[[0, 0], [0.3, 0], [0, 0]]", "reference.laps=2")
     for more in ("reference.mode=timed", "reference.mode=iterated", "reference.max_jerk_m_s3=20"):
         simulation = simulated(*back, more)
-        found = events.find_all(simulation.log)
+        found = everything(simulation.log)
         for i, controller in enumerate(simulation.log.controllers):
             own = [(e.frame, e.text) for e in found if (e.kind, e.controller) == (events.WAY_POINT, controller)]
             x, y, heading = simulation.log.channel("pose")[:, i].T
@@ -149,7 +150,7 @@ def test_a_robot_that_is_where_it_should_be_reaches_every_way_point_of_every_sce
     settings = load(name).settings
     poses = references.timed(settings).poses
     log = filled(rows(settings=settings), len(poses), pose=poses[:, None], ref=poses[:, None])
-    reached = [event.text for event in events.find_all(log) if event.kind == events.WAY_POINT]
+    reached = [event.text for event in everything(log) if event.kind == events.WAY_POINT]
     last = max(len(references.waypoints(settings.reference)) - 1, 0)
     assert reached == [f"way-point {k} of {last} reached" for k in range(1, last + 1)]
     assert last or settings.reference.shape in CURVES
@@ -157,7 +158,7 @@ def test_a_robot_that_is_where_it_should_be_reaches_every_way_point_of_every_sce
 
 def test_a_watch_tells_each_event_once_while_the_log_grows() -> None:
     """Together those of the whole run: no event depends on what comes after its frame."""
-    simulation = Simulation(load("rect", [*AWAY, *FAST, "wheels.model=two-rollers", "motor.limit_c=25.02"]))
+    simulation = Simulation(load("rect", [*AWAY, "motor.limit_c=25.02"], {"plant": "planar"}))
     watches, heard = {}, []
 
     def after_frame(frame: int) -> None:
@@ -169,8 +170,19 @@ def test_a_watch_tells_each_event_once_while_the_log_grows() -> None:
             heard.extend(fresh)
 
     simulation.run(after_frame)
-    everything = events.find_all(simulation.log)
-    assert {e.kind for e in everything} >= {events.TEMPERATURE, events.VISION, events.WAY_POINT}
+    whole = everything(simulation.log)
+    assert {e.kind for e in whole} >= {events.TEMPERATURE, events.VISION, events.WAY_POINT}
     assert sorted(heard, key=lambda e: (e.frame, e.controller, e.text)) == sorted(
-        everything, key=lambda e: (e.frame, e.controller, e.text)
+        whole, key=lambda e: (e.frame, e.controller, e.text)
     )
+
+
+def test_faults_are_events_of_every_row_when_they_begin_and_end() -> None:
+    push = {"kind": "push", "at": 1.0, "for": 0.5, "force_n": 10.0}
+    own = settings().replace(fault=(push, {"kind": "tilt", "at": 3.0, "angle_deg": 2.0}))
+    log = filled(rows(("a", "b"), settings=own), 200, [200, 85], winding=25.0, battery=22.0)
+    found = events.find(log)
+    assert {event.kind for event in found} == {"fault"}
+    assert [(e.frame, e.controller, e.text.split(":")[0]) for e in found] == [
+        (60, "a", "begins"), (60, "b", "begins"), (90, "a", "ends"), (180, "a", "begins"),
+    ]  # fmt: skip

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from logs import WHEELS, filled, rows
+from benches.logs import WHEELS, filled, rows
 
 from omni_mj import parquet
 from omni_mj.plants import Telemetry

@@ -9,10 +9,8 @@ from typing import Any, Self
 
 from omni_control.errors import OmniError
 from omni_mj.files import text_of, write
-from omni_mj.measure.errors import AXES
-from omni_mj.measure.metrics import BLOCK_FRAMES
 from omni_mj.scenarios.controllers import written
-from omni_mj.scenarios.references import reference_limits, timed
+from omni_mj.scenarios.references import timed
 from omni_mj.scenarios.rows import Row, table
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.simulate.alike import alike, all_alike
@@ -21,10 +19,7 @@ from omni_mj.studies.sweep.grid import Axis, Value, at, made, points, together
 AT_ONCE = 128  # robots that are simulated at once
 # Of memory, about; measured (docs/scale.md).
 PROGRAM_BYTES = 300e6  # of a process, whatever it simulates
-FRAME_BYTES = 600  # of a robot-frame in the log, with what is made of it to measure
-LARGEST_BYTES = 2 * len(AXES) * 8 * 0.01  # of each robot-frame, of whose errors 1 % are kept, twice before they are cut
-REFERENCE_BYTES = 200  # of a frame of a reference, in the simulation, its team and what is measured
-LOOKED_AT = 128  # runs of a shard, for how many references its robots follow
+FRAME_BYTES = 1200  # of a robot-frame in the log, with what is made of it to measure and its reference
 FORMAT = 1
 
 
@@ -136,22 +131,11 @@ class Plan:
 
     @cached_property
     def bytes(self) -> int:
-        """Of memory that a process takes, about; it does not grow with the number of runs, little with their length.
-
-        That of references does grow with it, which is much only where each robot follows its own.
-        """
-        largest = max(self.jobs, key=lambda job: len(job.runs))
-        places = max(len(each.settings.world.places) for each in self.there)
-        robots = len(largest.runs) * len(self.scenario.controllers) * places
-        of_robot = BLOCK_FRAMES * FRAME_BYTES + self.frames * LARGEST_BYTES
-        return int(PROGRAM_BYTES + robots * of_robot + self._references(largest) * self.frames * REFERENCE_BYTES)
-
-    def _references(self, job: Job) -> int:
-        """How many references the robots of a shard follow, about: as few as some of its runs do, or each its own."""
-        some = job.runs[:: -(-len(job.runs) // LOOKED_AT)]
-        rows = self.rows(Job(job.number, some))
-        ways = {(row.settings.reference, reference_limits(row.settings), row.where) for row in rows}
-        return len(ways) if len(ways) < len(some) else len(ways) * len(job.runs) // len(some)
+        """Of memory that a process takes, about: it grows with robots at once and frames, not with runs."""
+        largest = max(len(job.runs) for job in self.jobs)
+        places = max(len(scenario.settings.world.places) for scenario in self.there)
+        robots = largest * len(self.scenario.controllers) * places
+        return int(PROGRAM_BYTES + robots * self.frames * FRAME_BYTES)
 
     def check_memory(self, jobs: int = 1) -> None:
         """See that as many shards at once fit.

@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from omni_control.kinematics import Array
 from omni_mj import parquet
-from omni_mj.measure.metrics import BLOCK_FRAMES, Tally
-from omni_mj.measure.way import Way
+from omni_mj.measure.metrics import row_metrics
 from omni_mj.scenarios.distributions import value
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies.outcome import nothing
@@ -48,7 +46,8 @@ def run(plan: Plan, job: Job, after_frame: Callable[[int], None] = nothing) -> "
 
     gc.collect()  # the shard before, which is held by itself in circles, and would take as much memory again
     driven = simulation(plan, job)
-    rows, measured = driven.rows, _measured(driven, after_frame)
+    log = driven.run(after_frame)
+    rows, measured = driven.rows, row_metrics(log, driven.failures)
     failures = {failure.row: failure for failure in driven.failures}
     there = plan.scenarios(job)
     count = len(plan.scenario.controllers)
@@ -65,22 +64,6 @@ def run(plan: Plan, job: Job, after_frame: Callable[[int], None] = nothing) -> "
     drawn = {name for each in there.values() for name in each.distributions}
     columns |= {name: [value(row.settings, name) for row in rows] for name in sorted(drawn)}
     return pa.table(columns | measured)
-
-
-def _measured(driven: Simulation, after_frame: Callable[[int], None]) -> dict[str, Array]:
-    """Run, and measure block by block, so that no more than a block of frames is ever held."""
-    distinct = {id(each): each for each in driven.references}
-    ways = {key: Way(each.poses) for key, each in distinct.items()}
-    tally = Tally(driven.rows, [ways[id(each)] for each in driven.references])
-
-    def after(frame: int) -> None:
-        if driven.log.length == BLOCK_FRAMES:
-            tally.add(driven.log)
-            driven.log.clear()
-        after_frame(frame)
-
-    tally.add(driven.run(after))
-    return tally.row_metrics(driven.failures)
 
 
 def save(table: "pa.Table", path: Path) -> None:

@@ -1,0 +1,99 @@
+"""Logs filled by hand, and what is measured of them."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import omni_mj as om
+from omni_mj.measure import causes as causes
+from omni_mj.measure import events as events
+from omni_mj.measure import paper as paper
+from omni_mj.measure import recovery as recovery
+from omni_mj.measure import statistics as statistics
+from omni_mj.measure import summary
+from omni_mj.measure.errors import errors as errors
+from omni_mj.measure.errors import travel as travel
+from omni_mj.measure.metrics import alpha_windows as alpha_windows
+from omni_mj.measure.metrics import driven_alpha as driven_alpha
+from omni_mj.measure.metrics import row_metrics
+from omni_mj.measure.result import Outcome
+from omni_mj.measure.table import table as table
+from omni_mj.measure.verdict import verdicts as verdicts
+from omni_mj.scenarios.rows import Row
+from omni_mj.scenarios.settings import Settings
+from omni_mj.simulate.log import Log
+from omni_mj.simulate.simulation import Failure
+
+WHEELS = 4
+
+
+def rows(
+    controllers: Sequence[str] = ("flc",), seeds: Sequence[int] = (0,), settings: Settings | None = None
+) -> list[Row]:
+    """All seeds of one controller after those of the one before."""
+    named = [(controller, seed) for controller in controllers for seed in seeds]
+    chosen = Settings() if settings is None else settings
+    return [Row(world, 0, controller, seed, chosen, "tigers-v2016") for world, (controller, seed) in enumerate(named)]
+
+
+def filled(
+    table: Sequence[Row],
+    frames: int,
+    lengths: ArrayLike | None = None,
+    own: Mapping[str, NDArray] | None = None,
+    **channels: NDArray | float | bool,
+) -> Log:
+    """A log of so many frames, of rows that end after `lengths`.
+
+    `channels` are (frames, n, columns), or what broadcasts to it; poses, references and commands are zero otherwise.
+    Those of controllers' `own` are (n, columns), the same in all frames.
+    """
+    log = Log(table, WHEELS)
+    ends = np.full(len(table), frames) if lengths is None else np.asarray(lengths)
+    given = {"ref": 0.0, "pose": 0.0, "command": 0.0, **channels}
+    values = {
+        name: np.broadcast_to(np.asarray(value), (frames, len(table), len(log.columns[name])))
+        for name, value in given.items()
+    }
+    for frame in range(frames):
+        log.write(frame < ends, own or {}, **{name: value[frame] for name, value in values.items()})
+    return log
+
+
+def failure(log: Log, row: int, cause: str = "toppled over") -> Failure:
+    """Of a row that was stopped after its last frame."""
+    of = log.rows[row]
+    return Failure(row, of.controller, of.seed, log.lengths[row] / 60, cause)
+
+
+def measured(log: Log, failures: Sequence[Failure] = ()) -> dict[str, NDArray]:
+    """What is measured of each row."""
+    return row_metrics(log, failures)
+
+
+def results(log: Log, failures: Sequence[Failure] = ()) -> dict[str, Any]:
+    """What a summary says of each controller."""
+    return summary.results(log, failures, row_metrics(log, failures))
+
+
+def outcome(scenario: om.Scenario, log: Log, failures: Sequence[Failure] = ()) -> Outcome:
+    """What came of a scenario whose frames are those of a log."""
+    numbers = row_metrics(log, failures)
+    entry = summary.entry(scenario, log, failures, numbers, 1.0, None)
+    return Outcome(scenario, entry, log.rows, failures, numbers, log)
+
+
+def compared(results: Mapping[str, Any], informed: Sequence[str], subject: str | None, **more: Any) -> dict[str, Any]:
+    """What `omni-mj compare` would write of one scenario that was run, and of one that could not be."""
+    entry = {
+        "description": "one | two", "plant": "mujoco", "robot": "tigers-v2016", "status": "done", "reason": None,
+        "frames": 60, "simulated_s": 1.0, "wall_s": 1.0, "settings": {}, "paper_table": 0, "paper": None,
+        "events": [], "failed": [], "results": results, "seeds": [0, 1, 2, 3], **more,
+    }  # fmt: skip
+    failed = entry | {"status": "failed", "reason": "robots overlap", "results": {}, "seeds": []}
+    return summary.document(
+        {"rect": entry, "circle": failed}, results, informed, range(20),
+        created="", wall_s=1.0, complete=True, stopped=None, subject=subject, repeat="omni-mj compare",
+    )  # fmt: skip
