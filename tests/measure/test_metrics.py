@@ -303,7 +303,7 @@ def test_recovery_is_known_of_rows_that_meet_a_fault() -> None:
     np.testing.assert_array_equal(found["fault_1_recovery_s"], [0.0, np.inf, np.nan, np.nan, np.inf])
     assert found["fault_2_recovery_s"][4] == pytest.approx(110 * T)
     (told,) = results(filled(table[:2], 300))["a"]["recovery"]
-    assert told["fault"] .startswith("push (force_n = 10")
+    assert told["fault"].startswith("push (force_n = 10")
     assert (told["kind"], told["excursion_m"]["seeds"]) == ("push", [0.0, 0.0])
 
 

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from logs import failure, filled, rows
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from benches.logs import failure, filled, rows
 from omni_mj.measure import metrics, summary
 from omni_mj.measure.result import Outcome
 from omni_mj.scenarios import scenario
