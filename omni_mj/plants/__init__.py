@@ -1,16 +1,12 @@
 """The plants: what moves when commanded. All answer the same few calls, so every controller runs on each."""
 
 from functools import cache
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from omni_control.kinematics import Array, Kinematics
 from omni_mj.link.radio import Received
-
-if TYPE_CHECKING:
-    from omni_mj.onboard.battery import Battery
-    from omni_mj.onboard.motors import Motors
 
 
 class Telemetry:
@@ -63,51 +59,6 @@ class Telemetry:
         """Of all its parts, by their names."""
         columns = [parts[name] if parts[name].ndim == 2 else parts[name][:, None] for name in NAMES]
         return cls(np.concatenate(columns, axis=1))
-
-    @classmethod
-    def of_wheels(
-        cls,
-        angle: Array,
-        speed: Array,
-        slip: Array,
-        recorded: tuple[Array, Array, Array],
-        motors: "Motors",
-        battery: "Battery",
-    ) -> "Telemetry":
-        """That of robots at the end of a frame.
-
-        Args:
-            angle: of the wheels, (n, W) rad.
-            speed: of the wheels, (n, W) rad/s.
-            slip: of the wheels, (n, W) m/s.
-            recorded: voltages and currents of the frame's cycles (cycles, n, W), V and A, and the battery's voltage
-                (cycles, n) V.
-            motors: theirs.
-            battery: theirs.
-        """
-        voltages, currents, supplies = recorded
-        sizes, count, supplies = np.abs(voltages), len(voltages), supplies.reshape(len(voltages), -1, 1)
-        on = supplies > 0
-        if np.count_nonzero(on) == on.size:
-            duties = sizes / supplies
-        else:
-            duties = np.divide(sizes, supplies, out=np.zeros_like(sizes), where=on)
-        return cls.of(
-            wheel_angle=angle,
-            wheel_speed=speed,
-            voltage=voltages[-1],
-            current=currents[-1],
-            voltage_mean=np.add.reduce(voltages) / count,
-            current_mean=np.add.reduce(currents) / count,
-            duty_peak=np.minimum(np.maximum.reduce(duties, (0, 2)), 1.0),
-            voltage_peak=np.maximum.reduce(sizes, (0, 2)),
-            current_peak=np.maximum.reduce(np.abs(currents), (0, 2)),
-            current_limited=motors.limited,
-            winding=motors.winding,
-            housing=motors.housing,
-            battery=battery.voltage,
-            slip=slip,
-        )
 
     @classmethod
     def of_no_wheels(cls, n: int, wheels: int = 4) -> "Telemetry":

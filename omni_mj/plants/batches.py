@@ -9,7 +9,6 @@ from mujoco.batch import Batch
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.plants.alone import Alone
 from omni_mj.scenarios.rows import Row
 from omni_mj.worlds.build import World
 from omni_mj.worlds.shape import Shape
@@ -92,18 +91,18 @@ def model_of(world: World) -> mujoco.MjModel:
     return model
 
 
-def made(world: World, worlds: int, threads: int = 1, kernel: str = "numpy") -> Batch | Alone:
-    """So many worlds like one that was built, stepped by so many threads; one of compiled loops is stepped by these."""
-    return Alone(model_of(world)) if kernel == "numba" and worlds == 1 else Batch(model_of(world), worlds, threads)
+def made(world: World, worlds: int, threads: int = 1) -> Batch:
+    """So many worlds like one that was built, stepped by so many threads."""
+    return Batch(model_of(world), worlds, threads)
 
 
-def warnings(batch: Batch | Alone) -> np.ndarray:
+def warnings(batch: Batch) -> np.ndarray:
     """How often which world became unstable, (worlds, 3), as it goes on."""
     kinds = [int(warning) for warning in _UNSTABLE]
     return np.asarray(batch.warning[:, min(kinds) : max(kinds) + 1, 1])
 
 
-def unstable(batch: Batch | Alone, failed: np.ndarray) -> dict[int, str]:
+def unstable(batch: Batch, failed: np.ndarray) -> dict[int, str]:
     """The robots of worlds that became unstable, and how, but for those (n,) that had failed before."""
     causes: dict[int, str] = {}
     for warning, meaning in _UNSTABLE.items():

@@ -8,7 +8,7 @@ from omni_mj.scenarios import user_files
 
 PLANTS: dict[str, str] = {
     "mujoco": "omni_mj.plants.mujoco:MujocoPlant",
-    "planar": "omni_mj.plants.planar.plant:PlanarPlant",
+    "planar": "omni_mj.plants.planar:PlanarPlant",
     "kinematic": "omni_mj.plants.kinematic:KinematicPlant",
     "live": "omni_mj.live.plant:LivePlant",
 }

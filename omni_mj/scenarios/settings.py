@@ -194,8 +194,8 @@ class PhysicsSettings(Checked):
     """The integration."""
 
     substeps: int = setting(1, "", "physics steps per cycle of the wheel loops, which is the model's 1/960 s", 1, 100)
-    kernel: Literal["numpy", "numba"] = setting(
-        "numpy", "", "what reckons between the steps; numba is faster, needs the extra fast, and rounds otherwise"
+    kernel: Literal["auto", "numpy", "jax"] = setting(
+        "auto", "", "what computes robots: numpy, or JAX (extra fast), which rounds differently; auto: the faster"
     )
 
 

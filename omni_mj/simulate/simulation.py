@@ -17,6 +17,7 @@ from omni_control.reference import SampledReference
 from omni_mj.link.camera import Cameras
 from omni_mj.link.radio import Radio, Received
 from omni_mj.plants import Plant
+from omni_mj.robot.kernels import choose_kernel
 from omni_mj.scenarios import distributions, faults, references
 from omni_mj.scenarios.controllers import resolve
 from omni_mj.scenarios.plants import find_plant
@@ -103,6 +104,10 @@ class Simulation:
     ) -> None:
         self._logged = logged
         self.scenario = scenario if controllers is None else scenario.replace(controllers=tuple(controllers))
+        settings = self.scenario.settings
+        kernel = choose_kernel(settings.physics.kernel, self.scenario.plant)
+        if kernel != settings.physics.kernel:  # so that who repeats the run takes the same
+            self.scenario = self.scenario.replace(settings=settings.replace(physics={"kernel": kernel}))
         self._kinds = resolve(self.scenario.controllers)
         given = scenario.seed_list if seeds is None else list(seeds)
         self._draws = bool(scenario.distributions) and rows is None

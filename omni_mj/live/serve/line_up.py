@@ -1,6 +1,5 @@
 """Who is served: the scenario of each team's robots, and where they stand at the start."""
 
-import importlib.util
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -22,9 +21,6 @@ APART_M, COLUMN = 0.5, 6  # robots of a team that stand in a column
 def load(name: str | None, overrides: Iterable[str], head: Mapping[str, Any]) -> Scenario:
     """A scenario as `run` reads it, with robots that stop when they hear nothing, unless it says after how long.
 
-    What reckons between physics steps is compiled where numba is installed, unless an override says what does: to the
-    bit the same comes of it (`omni_mj.onboard.kernel`), in less time.
-
     Args:
         name: of a scenario or its file; without one, settings are the robot's and the defaults, without dead time.
         overrides: `section.field=value`.
@@ -40,8 +36,6 @@ def load(name: str | None, overrides: Iterable[str], head: Mapping[str, Any]) ->
     if chosen.plant != "mujoco":
         raise OmniError(f"serve simulates the mujoco plant, not {chosen.plant}")
     said, settings = {each.split("=")[0].strip() for each in overrides}, chosen.settings
-    if "physics.kernel" not in said and importlib.util.find_spec("numba") is not None:
-        settings = settings.replace(physics={"kernel": "numba"})
     if "firmware.timeout_s" not in said and not settings.firmware.timeout_s:
         settings = settings.replace(firmware={"timeout_s": TIMEOUT_S})
     return chosen.replace(settings=settings)

@@ -66,7 +66,6 @@ class Pitch:
         self._eyes = [Eye(number, self.rows) for number in range(self._vision.cameras)]
         self.due = min(eye.due for eye in self._eyes)
         self._build(list(names.values()))
-        self._rehearse()
         self._areas = areas(len(self._eyes), self.plant.surface, self._vision.overlap_m)
         places, reach = self.plant.pose()[:, :2], self.plant.reach
         wrong = [self.plant.overlap(robot, places, reach) for robot in range(len(self.names))]
@@ -271,12 +270,6 @@ class Pitch:
         self.held = received(self._nothing, np.zeros(n, bool), 0)
         self.measured = np.full((n, 3), np.nan)
         self._seen = [(heading, self.cycle) for heading in self.plant.pose()[:, 2].tolist()]
-
-    def _rehearse(self) -> None:
-        """Let numba compile what it has not yet on this computer, which takes 20 s, before anybody waits for images."""
-        if self.rows and self.rows[0].settings.physics.kernel == "numba":
-            plant = ServedPlant(self.rows, self.plant.pose())
-            plant.go(plant.cycles, self.held)
 
     def _rows(self) -> list[Row]:
         """A row for each robot."""

@@ -9,8 +9,8 @@ from omni_control.kinematics import Array
 from omni_mj.link.radio import Received
 from omni_mj.live.serve.squad import Squad
 from omni_mj.plants import Telemetry, batches
-from omni_mj.plants.cycles import Cycles
-from omni_mj.plants.faults.world import check_carpet
+from omni_mj.plants.faults import check_carpet
+from omni_mj.plants.mujoco import run_cycles
 from omni_mj.scenarios.rows import Row
 from omni_mj.worlds import build
 from omni_mj.worlds.shape import Shape
@@ -42,7 +42,7 @@ class ServedPlant:
         check_carpet(rows)
         shapes = [Shape.of(row.settings) for row in rows]
         worlds = build.mixed([row.settings for row in rows], hulls=True)
-        self._batch = batches.made(worlds[0], 1, kernel=rows[0].settings.physics.kernel)
+        self._batch = batches.made(worlds[0], 1)
         self.squads = list[Squad]()
         for shape, world in zip(dict.fromkeys(shapes), worlds, strict=True):
             places = [place for place, each in enumerate(shapes) if each == shape]
@@ -52,7 +52,6 @@ class ServedPlant:
                 squad.stand()
         self._of = {int(place): (squad, robot) for squad in self.squads for robot, place in enumerate(squad.places)}
         self._cycle, self.cycles = 0, self.squads[0].cycles
-        self._cycles = Cycles([squad.between for squad in self.squads], rows[0].settings.physics.substeps)
         self.wheels = [len(row.settings.wheels.azimuths_deg) for row in rows]
         self.reach = self._all(lambda squad: np.full(len(squad.places), squad.reach))
         model = worlds[0].model
@@ -100,7 +99,7 @@ class ServedPlant:
         squads = self.squads
         for squad in squads:
             squad.begin(None if received is None else self._part(received, squad))
-        self._cycles.go(self._batch, self._cycle % self.cycles, count)
+        run_cycles(squads, self._batch, count)
         self._cycle += count
         causes = dict[int, str]()
         for squad in squads:

@@ -6,8 +6,6 @@ import numpy as np
 from mujoco.batch import Batch
 
 from omni_control.kinematics import Array, world_to_body, wrapped
-from omni_mj.onboard import laws
-from omni_mj.plants.alone import Alone
 from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.scenarios.rows import Row
 from omni_mj.worlds.build import World
@@ -33,20 +31,19 @@ class Squad(MujocoPlant):
         unstable: whether physics has failed since the last `recover`.
     """
 
-    def __init__(self, rows: Sequence[Row], start: Array, batch: Batch | Alone, world: World) -> None:
+    remembered_frames = REMEMBERED_FRAMES
+
+    def __init__(self, rows: Sequence[Row], start: Array, batch: Batch, world: World) -> None:
         super().__init__(rows, start, within=(batch, world))
         self.present, self.places = np.ones(len(rows), bool), np.array([row.place for row in rows])
         self.wheels, self.reach = len(world.kinematics.azimuths), world.reach
-        self._strength = self._chance.force.copy()
-        self._firmware.estimate.remember(REMEMBERED_FRAMES)
-        self.between.look()
         self._good, self.unstable = self.pose(), False
 
     def pose(self) -> Array:
         """See `Plant`; also between frames."""
         poses = super().pose()
         if self._cycle:
-            poses[:, 2] += wrapped(laws.heading(*self._at.quaternion.get().T) - self._heading)
+            poses[:, 2] += wrapped(self.quaternion_heading() - self._heading)
         return poses
 
     @property
@@ -63,20 +60,18 @@ class Squad(MujocoPlant):
             twist: with which velocity, world frame, (3,).
         """
         self.present[robot], self._failed[robot] = True, False
-        self._chance.force[robot] = self._strength[robot]
         self._put(robot, pose, float(self._world.standing[self._world.robots[robot].qpos[2]]))
         velocity, speeds = self._at.velocity.get().copy(), self._at.wheel_speed.get().copy()
         velocity[robot, [0, 1, 5]] = twist
         speeds[robot] = self._world.kinematics.wheel_speeds(world_to_body(twist, pose[2]))
         self._at.velocity.set(velocity)
         self._at.wheel_speed.set(speeds)
-        self._heading[robot], self._turn_rates[robot] = pose[2], twist[2]
-        self._firmware.estimate.place(robot, float(pose[2]))
+        self._heading[robot], self._sensed[0][robot] = pose[2], twist[2]
+        self.know_heading(robot, float(pose[2]))
 
     def remove(self, robot: int) -> None:
         """Take a robot away: it is switched off, and waits where nothing is."""
         self.present[robot], self._failed[robot] = False, True
-        self._chance.force[robot] = 0.0
         self._put(robot, np.zeros(3), AWAY_M + self.places[robot])
 
     def stand(self) -> None:
@@ -113,5 +108,5 @@ class Squad(MujocoPlant):
 
     def _stop(self, rows: list[int], unstable: list[int]) -> None:
         """Switch robots off; a world that became unstable is put right by whoever steps it."""
-        self._failed[rows], self._chance.force[rows] = True, 0.0
+        self._failed[rows] = True
         self.unstable |= bool(unstable)

@@ -15,7 +15,7 @@ from typing import Self
 
 import numpy as np
 
-from omni_mj.onboard.motor import Motor
+from omni_mj.robot.motors import Motor
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ, Settings
 
 

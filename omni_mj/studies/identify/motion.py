@@ -7,7 +7,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.onboard.motor import Motor
+from omni_mj.robot.motors import Motor
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.studies.identify import axes, jitter, law, suspects, wheels
 from omni_mj.studies.identify.findings import DRIVES_M_S, TURNS_RAD_S, Estimate, Excitation, estimates

@@ -24,7 +24,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from omni_control.kinematics import Array
-from omni_mj.onboard.motor import Motor
+from omni_mj.robot.motors import Motor
 from omni_mj.scenarios.settings import Settings
 from omni_mj.studies.identify import law, windings
 from omni_mj.studies.identify.errors import MEMORY_S, regress

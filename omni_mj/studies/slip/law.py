@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.onboard.motor import Motor
+from omni_mj.robot.motors import Motor
 from omni_mj.scenarios.settings import Settings
 from omni_mj.scenarios.told import creep
 

@@ -66,7 +66,7 @@ def drive(scenario: Scenario, commands: Array, held: Array | None = None, after_
             if held is not None and frame < frames:
                 plant.hold(np.broadcast_to(held[frame].reshape(n, -1), (n, wheels)))
             simulation.step(command)
-            currents.append(plant.currents.mean(0))
+            currents.append(plant.telemetry().current_mean)
             after_frame(frame)
     except StoppedError as error:
         stopped = error.reason

@@ -17,11 +17,7 @@ The mean over phi carries the load, which gives z. From the same mean follow
 - the torque f h' that turning costs, which the dampers take;
 - the lift: contacts press more as rollers come down than they pull as these go up, for they cannot pull. At the height
   at which it stands, a wheel that turns carries more;
-- the ripple: the first harmonic of the load over the rollers that pass, at rest that of the springs alone. How the
-  robot gives way to it is in `laws`;
-- how the carpet stiffens: of N rollers those stand that are within n pi / N of the bottom, n on average; as the wheel
-  turns there are 1 + 2 sin(n pi) / (n pi) cos(N phi) times as many, by the first harmonic. With each come its spring,
-  its damper and its mass.
+- the ripple: the first harmonic of the load over the rollers that pass, at rest that of the springs alone.
 
 Torque and lift are w and w^2 where the wheel turns slowly, and each grows with a power less where it turns fast.
 
@@ -45,14 +41,14 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.scenarios.robot_settings import WheelSettings
-from omni_mj.worlds.build import CYCLE_S
+from omni_mj.robot.wheel_loops import CYCLE_S
 from omni_mj.worlds.contact import FRICTION_RATE_HZ, STIFFNESS_N_M
 
 _LOADS_N = 2 ** (np.arange(-20, 41) / 4)  # between which is interpolated, so that no robot depends on another's load
 _SPEEDS = 50.0, 100.0  # of a wheel at 1.5 and 3 m/s, rad/s
 _DAMPING = 160.0  # N s/m; torque and lift know only its product with the speed
 _SAMPLES, _HALVINGS, _PHASES = 1501, 45, 32
-_WAVE = np.pi**3 / 2  # waves of `laws.passing` whose first harmonic is 1
+_WAVE = np.pi**3 / 2  # waves of `planar_body.wave` whose first harmonic is 1
 
 
 @dataclass(frozen=True)
@@ -67,9 +63,8 @@ class Standing:
             N s/m: within 0.5 % up to 100 rad/s.
         cost, cost_fades: of turning, cost w / (1 + cost_fades |w|) N m.
         lift, lift_fades: load of a turning wheel at the height at which it stands, lift w^2 / (1 + lift_fades |w|) N.
-        ripple, ripple_grows: of the load at that height as rollers pass, over `laws.passing`, ripple + ripple_grows |w|
+        ripple, ripple_grows: of the load at that height as rollers pass, over `planar_body.wave`, ripple + ripple_grows |w|
             N.
-        stiffens: share by which springs, dampers and masses under the wheel grow as rollers pass, over `laws.passing`.
     """
 
     lever: Array
@@ -84,7 +79,6 @@ class Standing:
     lift_fades: Array
     ripple: Array
     ripple_grows: Array
-    stiffens: Array
 
     @classmethod
     def of(cls, wheels: WheelSettings, load: Array, damping: Array, roller: tuple[float, Array]) -> Self:
@@ -107,7 +101,7 @@ class Standing:
         # Rollers that keep their spin are not spun up again, and the less the faster they turn: then it is constant.
         fades = np.maximum(held / slow - fast_held / fast, 0.0) / np.maximum(fast_held - held, 0.01 * (held + bearing))
         along = bearing, held / slow + fades * (held + bearing), fades
-        return cls(lever, count, spin, *along, *turning, ripple, more * ripple_grows, 2 * _WAVE * np.sinc(count))
+        return cls(lever, count, spin, *along, *turning, ripple, more * ripple_grows)
 
 
 def _held(rows: Sequence[Array], inertia: float, bearing: Array) -> Array:

@@ -1,0 +1,136 @@
+"""What plants with wheels share: parameters and state of their robots, chance, faults, held currents."""
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from omni_control.kinematics import Array, Kinematics
+from omni_mj.link.radio import Received, longest
+from omni_mj.plants import Telemetry
+from omni_mj.plants.faults import ENCODERS, PROCESSORS, Faults
+from omni_mj.plants.variation import Chance, Drawn
+from omni_mj.robot.kernels import Kernel, choose_kernel, make_kernel
+from omni_mj.robot.onboard import (
+    Command,
+    CycleRecord,
+    FrameInputs,
+    OnboardParameters,
+    OnboardState,
+    onboard,
+    telemetry_rows,
+)
+from omni_mj.scenarios.rows import Row
+
+
+class WheeledPlant:
+    """Robots with roller wheels on carpet, driven by their firmware.
+
+    Attributes:
+        geometry: Of the wheels, as they are when new.
+        drawn: What the robots' seeds drew for them.
+        cycles: Of the wheel loops in a frame.
+    """
+
+    name: ClassVar[str]
+    geometry: Kinematics | None
+    remembered_frames = 0  # for which robots remember their headings at least; vision may be that late
+
+    def __init__(self, rows: Sequence[Row], kinematics: Kinematics, drawn: Drawn, heading: Array) -> None:
+        self.geometry, self.drawn, self._rows = kinematics, drawn, rows
+        self._chance = Chance(rows)
+        self._held: Array | None = None
+        self._faults: Faults | None = None
+        self._kernel: Kernel
+        self._record: CycleRecord | None = None  # of the frame just past
+        kinds = {type(fault) for row in rows for fault in row.faults}
+        frames = max(*(longest(row.settings.radio, row.settings.fault) for row in rows), self.remembered_frames) + 1
+        options = frames, bool(kinds & {*PROCESSORS}), bool(kinds & {*ENCODERS})
+        self._onboard: tuple[OnboardParameters, OnboardState] = onboard(
+            [row.settings for row in rows], kinematics, heading, by_wheel(drawn.strength), options
+        )
+
+    def _start(self, parameters: Any, state: Any) -> None:
+        """Begin with parameters and a state."""
+        kernel = choose_kernel(self._rows[0].settings.physics.kernel, self.name)
+        self._kernel = make_kernel(kernel, parameters, state)
+        if any(row.faults for row in self._rows):
+            self._faults = Faults(self._rows, self)
+
+    @property
+    def parameters(self) -> Any:
+        """Parameters of the robots."""
+        return self._kernel.parameters
+
+    @parameters.setter
+    def parameters(self, parameters: Any) -> None:
+        self._kernel.parameters = parameters
+
+    def hold(self, current: Array | None) -> None:
+        """Have drivers hold currents from the next frame on, whatever the firmware commands.
+
+        Args:
+            current: (n, wheels) A, as far as the battery's voltage drives it; NaN where the firmware drives. None for
+                all. With none, a robot rolls out.
+        """
+        self._held = None if current is None or np.isnan(current).all() else np.array(current, float).T
+
+    def know_heading(self, robot: int, heading: float) -> None:
+        """Have a robot, which somebody has put down, know its heading (rad) and forget what was before."""
+        state: Any = self._kernel.state
+        loops, chosen = state.onboard.loops, np.arange(len(self._rows)) == robot
+        loops = loops._replace(
+            heading=np.where(chosen, heading, loops.heading),
+            past_headings=np.where(chosen, heading, loops.past_headings),
+            gyro_bias=np.where(chosen, 0.0, loops.gyro_bias),
+        )
+        self._kernel.state = state._replace(onboard=state.onboard._replace(loops=loops))
+
+    def _command(self, received: Received) -> Command:
+        n = len(self._rows)
+        wheels = None
+        if received.wheels is not None:
+            assert self.geometry is not None
+            wheels = received.wheels.T / self.geometry.radius
+        x, y, turn = np.array(received.command, float).T
+        is_new = np.ones(n, bool) if received.new is None else received.new
+        return Command(x, y, turn, is_new, received.body, wheels)
+
+    def _inputs(self, seen_heading: Array, age: np.ndarray, stopped: np.ndarray) -> FrameInputs:
+        """Return what acts in the next frame; nothing pushes robots that were `stopped` (n,)."""
+        push, gyro_bias, held, extra = self._chance.push(), self._chance.gyro_bias, self._held, {}
+        if self._faults is not None:
+            faults = self._faults
+            faults.begin()
+            push, gyro_bias, extra = push + faults.push, gyro_bias + faults.gyro_bias, faults.inputs
+            if (off := faults.off_current) is not None:
+                held = off if held is None else np.where(np.isnan(off), held, off)
+        if stopped.any():
+            push = np.where(stopped[:, None], 0.0, push)
+        inputs = FrameInputs(
+            seen_heading=seen_heading,
+            age=np.asarray(age),
+            gyro_error=self._chance.gyro_error(gyro_bias),
+            push_x=push[:, 0],
+            push_y=push[:, 1],
+            power_share=np.ones(len(self._rows)),
+            gyro_scale=None,
+            encoder_scale=None,
+            held_current=held,
+            is_deaf=None,
+            is_off=None,
+        )
+        return inputs._replace(**extra) if extra else inputs
+
+    def _telemetry(self, state: OnboardState, angle: Array, speed: Array, slip: Array) -> Telemetry:
+        """Return telemetry of the frame just past, or at the start, from angles, speeds and slips (W, n)."""
+        record = self._record
+        if record is None:
+            none, no = np.zeros((1, *angle.shape)), np.zeros((1, angle.shape[1]))
+            record = CycleRecord(none, none, none, none, no, no)
+        return Telemetry(telemetry_rows(state, record, angle, speed, slip).T)
+
+
+def by_wheel(values: Array) -> Array:
+    """Return (n, W) as (W, n), contiguous."""
+    return np.ascontiguousarray(values.T)

@@ -1,0 +1,1 @@
+"""Equations of a robot on carpet, as pure functions of arrays: firmware, motors, battery, drag and creep."""
