@@ -235,7 +235,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=4, help="Of the noise of each.")
     parser.add_argument("--only", type=int, nargs="+", help="Numbers of scenarios. [all]")
     parser.add_argument("--plant", choices=["mujoco", "planar"], default="mujoco")
-    parser.add_argument("--kernel", choices=["numpy", "numba"], default="numpy")
+    parser.add_argument("--kernel", choices=["numpy", "jax"], default="numpy")
     parser.add_argument("--folder", type=Path, help="Where scenarios and results stay. [nowhere]")
     given = parser.parse_args()
     scenarios = [

@@ -200,7 +200,7 @@ def document(
 
 def versions() -> dict[str, str]:
     """Versions of Python and of the packages that decide the result."""
-    names = "omni-mj", "mujoco", "numpy", "scipy", "rerun-sdk", "pyarrow", "piqp", "numba"  # the last two are extras
+    names = "omni-mj", "mujoco", "numpy", "scipy", "rerun-sdk", "pyarrow", "piqp", "jax"  # the last two are extras
     return {"python": platform.python_version()} | {name: found for name in names if (found := _version(name))}
 
 

@@ -5,8 +5,9 @@ behind, and a robot's numbers do not depend on what happens to others of its bat
 of several faults add up, factors multiply, and of several values in place of the scenario's the last one counts.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from omni_control.kinematics import Array
 from omni_mj.link.noise import Noise, Stream
 from omni_mj.link.schedule import Active, Schedule
 from omni_mj.robot.carpet import covered
+from omni_mj.robot.kernels import Kernel
 from omni_mj.scenarios import faults
 from omni_mj.scenarios.rows import Row
 
@@ -28,26 +30,35 @@ KINDS: tuple[type[faults.Fault], ...] = (
 )
 
 
-class Faulty(Protocol):
+class Faulty(ABC):
     """What faults change of n robots: parameters with the fields `onboard` and `carpet`, and bodies."""
 
-    parameters: Any
+    _kernel: Kernel
 
+    @property
+    def parameters(self) -> Any:
+        """Parameters of the robots."""
+        return self._kernel.parameters
+
+    @parameters.setter
+    def parameters(self, parameters: Any) -> None:
+        self._kernel.parameters = parameters
+
+    @abstractmethod
     def carry(self, loads: Iterable[tuple[int, float, float]]) -> None:
         """Carry these loads and no others: row, mass in kg, height in m or 0 for that of the centre of mass."""
-        ...
 
+    @abstractmethod
     def lean(self, along: Array) -> None:
         """Stand on carpets that lean so that gravity has the parts `along` (n, 2) of itself along them."""
-        ...
 
+    @abstractmethod
     def block(self, stuck: np.ndarray) -> None:
         """Have these wheels stuck, (W, n), and no others."""
-        ...
 
+    @abstractmethod
     def put(self, robot: int, moved: tuple[float, float, float]) -> None:
         """Put a robot as far from where it is, m, m and rad in the world, at rest."""
-        ...
 
 
 class Faults:
@@ -93,7 +104,7 @@ class Faults:
             self._change_bodies(active)
             self._change_inputs(active)
         if self._has(*ENCODERS):
-            self.inputs["encoder_scale"] = np.where(self._chance.next().T < self._dropouts, 0.0, self._encoder_scale)
+            self.inputs["encoder_scale"] = np.where(self._dropouts > self._chance.next().T, 0.0, self._encoder_scale)
 
     def _has(self, *kinds: type[faults.Fault]) -> bool:
         return any(kind in self._schedule.kinds for kind in kinds)

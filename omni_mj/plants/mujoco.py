@@ -265,9 +265,7 @@ class MujocoPlant(WheeledPlant):
         self._living = np.flatnonzero(~over)
 
 
-def run_cycles(
-    plants: Sequence[MujocoPlant], batch: Batch, count: int, living: np.ndarray | None = None
-) -> None:
+def run_cycles(plants: Sequence[MujocoPlant], batch: Batch, count: int, living: np.ndarray | None = None) -> None:
     """Go through cycles of the wheel loops, physics steps among them.
 
     Args:

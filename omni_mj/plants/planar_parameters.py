@@ -109,7 +109,9 @@ class PlanarBodies:
         body[2, 2] = whole.inertia
         motors, order = [Motor.of(s.motor) for s in settings], self._next_wheel
         edges = np.zeros((2, *load.shape))
-        edges[:, order] = np.stack([contact_x, contact_y])[:, np.roll(order, -1)] - np.stack([contact_x, contact_y])[:, order]
+        edges[:, order] = (
+            np.stack([contact_x, contact_y])[:, np.roll(order, -1)] - np.stack([contact_x, contact_y])[:, order]
+        )
         pushed = self._chassis.centre - whole.centre
         downhill = weight[:, None] * along
         dry = column(motors, "wheel_dry") + column(drive, "gear_friction_nm")

@@ -8,11 +8,10 @@ import numpy as np
 from omni_control.kinematics import Array, Kinematics
 from omni_mj.link.radio import Received, longest
 from omni_mj.plants import Telemetry
-from omni_mj.plants.faults import ENCODERS, PROCESSORS, Faults
+from omni_mj.plants.faults import ENCODERS, PROCESSORS, Faults, Faulty
 from omni_mj.plants.variation import Chance, Drawn
-from omni_mj.robot.kernels import Kernel, choose_kernel, make_kernel
+from omni_mj.robot.kernels import choose_kernel, make_kernel
 from omni_mj.robot.onboard import (
-    Command,
     CycleRecord,
     FrameInputs,
     OnboardParameters,
@@ -20,10 +19,11 @@ from omni_mj.robot.onboard import (
     onboard,
     telemetry_rows,
 )
+from omni_mj.robot.wheel_loops import Command
 from omni_mj.scenarios.rows import Row
 
 
-class WheeledPlant:
+class WheeledPlant(Faulty):
     """Robots with roller wheels on carpet, driven by their firmware.
 
     Attributes:
@@ -41,7 +41,6 @@ class WheeledPlant:
         self._chance = Chance(rows)
         self._held: Array | None = None
         self._faults: Faults | None = None
-        self._kernel: Kernel
         self._record: CycleRecord | None = None  # of the frame just past
         kinds = {type(fault) for row in rows for fault in row.faults}
         frames = max(*(longest(row.settings.radio, row.settings.fault) for row in rows), self.remembered_frames) + 1
@@ -56,15 +55,6 @@ class WheeledPlant:
         self._kernel = make_kernel(kernel, parameters, state)
         if any(row.faults for row in self._rows):
             self._faults = Faults(self._rows, self)
-
-    @property
-    def parameters(self) -> Any:
-        """Parameters of the robots."""
-        return self._kernel.parameters
-
-    @parameters.setter
-    def parameters(self, parameters: Any) -> None:
-        self._kernel.parameters = parameters
 
     def hold(self, current: Array | None) -> None:
         """Have drivers hold currents from the next frame on, whatever the firmware commands.

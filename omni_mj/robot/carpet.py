@@ -84,7 +84,9 @@ class Drag(NamedTuple):
     axle_speed: Array  # of the wheels along their axles, (W, n) m/s
 
 
-def carpet_parameters(settings: Sequence[Settings], kinematics: Kinematics, grip: Array, wear: Array) -> CarpetParameters:
+def carpet_parameters(
+    settings: Sequence[Settings], kinematics: Kinematics, grip: Array, wear: Array
+) -> CarpetParameters:
     """Return the parameters of n robots; `creep` is for slip speeds in rad/s per torque in N m.
 
     Args:
@@ -94,9 +96,7 @@ def carpet_parameters(settings: Sequence[Settings], kinematics: Kinematics, grip
         wear: What each wheel has lost of its radius, (W, n) m.
     """
     carpet, drive = [s.carpet for s in settings], [s.drive for s in settings]
-    pile, nap, direction, friction = (
-        column(carpet, name)[:, 0] for name in ("pile", "nap", "nap_deg", "friction")
-    )
+    pile, nap, direction, friction = (column(carpet, name)[:, 0] for name in ("pile", "nap", "nap_deg", "friction"))
     radius, azimuths = kinematics.radius - wear, kinematics.azimuths[:, None] * np.ones(len(settings))
     return CarpetParameters(
         friction=friction,

@@ -20,6 +20,8 @@ import numpy as np
 from omni_control.errors import OmniError
 
 BLOCKS = 1, 16, 64  # robots that a compiled program takes
+NUMPY_FRAME_S, NUMPY_ROBOT_S = 3e-3, 2e-5  # that a frame of `planar` takes, and a robot in it
+JAX_START_S = 5.0  # import and compilation
 Function = Callable[..., tuple[Any, Any]]
 
 
@@ -47,14 +49,22 @@ def check_kernel(name: str) -> None:
         )
 
 
-def choose_kernel(setting: str, plant: str) -> str:
-    """Return the kernel, numpy or jax, that a setting of `physics.kernel` means on a plant.
+def choose_kernel(setting: str, plant: str, robots: int = 1, frames: int = 0) -> str:
+    """Return the kernel, numpy or jax, that a setting of `physics.kernel` means.
 
-    Robots of `mujoco` spend their time in MuJoCo: compiled functions gain little there, and importing JAX costs more.
+    Robots of `mujoco` spend their time in MuJoCo, where compiled functions gain nothing. On `planar` JAX is taken if
+    numpy would need longer than it takes to import JAX and to compile.
+
+    Args:
+        setting: auto, numpy or jax.
+        plant: By its name.
+        robots: How many.
+        frames: Of the run; 0 if that is not known.
     """
     if setting != "auto":
         return setting
-    return "jax" if plant == "planar" and has_jax() else "numpy"
+    numpy_s = frames * (NUMPY_FRAME_S + NUMPY_ROBOT_S * robots)
+    return "jax" if plant == "planar" and numpy_s > JAX_START_S and has_jax() else "numpy"
 
 
 def has_jax() -> bool:
@@ -111,7 +121,7 @@ class Layout(NamedTuple):
 
     def unpack(self, packed: Any, row: int = 0) -> tuple[Any, int]:
         """Return the NamedTuple in an array (rows, n) from a row on, and the row after it."""
-        parts = []
+        parts: list[Any] = []
         for field in self.fields:
             if field is None:
                 parts.append(None)
@@ -143,8 +153,7 @@ def _field(part: Any) -> Any:
 def pack(tree: Any, n: int, xp: Any = np) -> Any:
     """Put the arrays of a NamedTuple of n robots below each other, (rows, n)."""
     rows = [
-        (part.reshape(-1, n) if part.ndim else xp.broadcast_to(part, (1, n))).astype(float)
-        for part in _arrays(tree)
+        (part.reshape(-1, n) if part.ndim else xp.broadcast_to(part, (1, n))).astype(float) for part in _arrays(tree)
     ]
     return xp.concatenate(rows)
 
@@ -207,6 +216,7 @@ class JaxKernel:
                 self._state_blocks[i], output = program.run(parameters, state, *blocks[i])
                 outputs.append(output)
         state_layout, layout = program.layouts
+        assert state_layout is not None
         if state_layout is not self._state_layout and state_layout != self._state_layout:
             self._state_layout = state_layout
             self._programs.clear()
@@ -263,10 +273,11 @@ def _set_up_jax() -> None:
     """Prepare JAX: programs are stored for the next process, and small ones are not handed to another thread."""
     import jax
 
-    jax.config.update("jax_cpu_enable_async_dispatch", False)
-    if jax.config.jax_compilation_cache_dir is None:
-        jax.config.update("jax_compilation_cache_dir", str(_cache_folder()))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    config: Any = jax.config
+    config.update("jax_cpu_enable_async_dispatch", False)
+    if getattr(config, "jax_compilation_cache_dir", None) is None:
+        config.update("jax_compilation_cache_dir", str(_cache_folder()))
+        config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
 def _cache_folder() -> Path:

@@ -88,7 +88,11 @@ class CycleRecord(NamedTuple):
 
 
 def onboard(
-    settings: Sequence[Settings], kinematics: Kinematics, heading: Array, strength: Array, options: tuple[int, bool, bool]
+    settings: Sequence[Settings],
+    kinematics: Kinematics,
+    heading: Array,
+    strength: Array,
+    options: tuple[int, bool, bool],
 ) -> tuple[OnboardParameters, OnboardState]:
     """Return parameters and the state at the start of n robots.
 
@@ -102,9 +106,7 @@ def onboard(
     loops, motors = loop_parameters(settings, kinematics), motor_parameters(settings, strength)
     battery, battery_state = battery_parameters(settings)
     sheets = [s.motor for s in settings]
-    winding, housing = (
-        column(sheets, name)[:, 0] * np.ones_like(strength) for name in ("winding_c", "housing_c")
-    )
+    winding, housing = (column(sheets, name)[:, 0] * np.ones_like(strength) for name in ("winding_c", "housing_c"))
     frames, restarts, misleads = options
     state = OnboardState(
         cycle=np.array(0),

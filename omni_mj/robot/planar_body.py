@@ -1,32 +1,31 @@
 """A robot in the plane on wheels that creep and slide (docs/planar.md).
 
-**A wheel.** The hub turns at w with its motor, whose inertia over a step h is 1 / G. The rim turns at J v with the body's
-twist v, because contacts do not slide. Rubber lets hub and rim differ by S times the torque t between them. In a step of
-backward Euler, with e for the hub's speed without rubber,
+**A wheel.** The hub turns at w with its motor, whose inertia over a step h is 1 / G. The rim turns at J v with the
+body's twist v, because contacts do not slide. Rubber lets hub and rim differ by S times the torque t between them. In a
+step of backward Euler, with e for the hub's speed without rubber,
 
     w = e - G t,    w - J v = S t        so        t = (e - J v) / (S + G),    |t| <= grip N.
 
 **The body.** With M its inertia, that of the rims and that of rollers that turn along the axles, and F what else acts,
 
-    M (v - v_before) / h = F + sum J t,        so        (M / h + sum J J' / (S + G)) v = M v_before / h + F + sum J e / (S + G).
+    M (v - v_before) / h = F + sum J t,        so
+
+    (M / h + sum J J' / (S + G)) v = M v_before / h + F + sum J e / (S + G).
 
 A wheel of which more torque would be asked than Coulomb's limit has that limit. Vectors are in the robot's frame. In
 v_before the mass keeps its velocity in the world, so its direction turns in this frame. Rims and rollers keep their
-speeds, and so theirs does not.
+speeds, so theirs does not.
 
-**The load.** Wheels share the robot's weight and the moments of what pulls at it, as equal springs do. A wheel that turns
-carries more, and as rollers pass its load ripples. Neither a force up nor moments of these remain: only what no motion of
-the body takes away.
+**The load.** Wheels share the robot's weight and the moments of what pulls at it, as equal springs do. A wheel that
+turns carries more, and its load ripples as rollers pass. The robot yields to the sum and the moments of both, so that
+wheels keep only what no motion of the body takes away.
 """
 
 from typing import NamedTuple
 
-import numpy as np
-
 from omni_mj.robot.array_namespace import Array, any_true, clip, is_numpy, namespace, repeat, rotate, total
 from omni_mj.robot.carpet import DRAG_CYCLES, CarpetParameters, Drag, Motion, compute_drag, limit_torque
 from omni_mj.robot.onboard import (
-    Command,
     CycleRecord,
     FrameInputs,
     OnboardParameters,
@@ -37,7 +36,7 @@ from omni_mj.robot.onboard import (
     run_cycle,
     telemetry_rows,
 )
-from omni_mj.robot.wheel_loops import CYCLE_S, CYCLES
+from omni_mj.robot.wheel_loops import CYCLE_S, CYCLES, Command
 from omni_mj.worlds.contact import FRICTION_RATE_HZ
 
 SLIDING_PASSES = 3  # a wheel that is found to slide may let others slide; more than two are rare

@@ -15,7 +15,6 @@ from omni_mj.robot.carpet import (
 )
 from omni_mj.robot.motors import MotorState
 from omni_mj.robot.onboard import (
-    Command,
     CycleRecord,
     FrameInputs,
     OnboardParameters,
@@ -25,6 +24,7 @@ from omni_mj.robot.onboard import (
     hear,
     run_cycle,
 )
+from omni_mj.robot.wheel_loops import Command
 
 
 class MujocoParameters(NamedTuple):

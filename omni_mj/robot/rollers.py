@@ -40,8 +40,8 @@ from typing import Self
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.scenarios.robot_settings import WheelSettings
 from omni_mj.robot.wheel_loops import CYCLE_S
+from omni_mj.scenarios.robot_settings import WheelSettings
 from omni_mj.worlds.contact import FRICTION_RATE_HZ, STIFFNESS_N_M
 
 _LOADS_N = 2 ** (np.arange(-20, 41) / 4)  # between which is interpolated, so that no robot depends on another's load
@@ -63,8 +63,8 @@ class Standing:
             N s/m: within 0.5 % up to 100 rad/s.
         cost, cost_fades: of turning, cost w / (1 + cost_fades |w|) N m.
         lift, lift_fades: load of a turning wheel at the height at which it stands, lift w^2 / (1 + lift_fades |w|) N.
-        ripple, ripple_grows: of the load at that height as rollers pass, over `planar_body.wave`, ripple + ripple_grows |w|
-            N.
+        ripple, ripple_grows: of the load at that height as rollers pass, over `planar_body.wave`,
+            ripple + ripple_grows |w| N.
     """
 
     lever: Array

@@ -23,7 +23,7 @@ from omni_mj.scenarios.controllers import resolve
 from omni_mj.scenarios.plants import find_plant
 from omni_mj.scenarios.rows import Row, table
 from omni_mj.scenarios.scenario import Scenario
-from omni_mj.scenarios.settings import PERIOD_S
+from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.teams import Follow, assemble
 from omni_mj.worlds.build import kinematics
@@ -104,10 +104,6 @@ class Simulation:
     ) -> None:
         self._logged = logged
         self.scenario = scenario if controllers is None else scenario.replace(controllers=tuple(controllers))
-        settings = self.scenario.settings
-        kernel = choose_kernel(settings.physics.kernel, self.scenario.plant)
-        if kernel != settings.physics.kernel:  # so that who repeats the run takes the same
-            self.scenario = self.scenario.replace(settings=settings.replace(physics={"kernel": kernel}))
         self._kinds = resolve(self.scenario.controllers)
         given = scenario.seed_list if seeds is None else list(seeds)
         self._draws = bool(scenario.distributions) and rows is None
@@ -120,7 +116,24 @@ class Simulation:
         self._follow = follow
         self.references = references.each_timed((row.settings, row.where) for row in self._table)
         _check_delays(self._table, self.references)
+        self._choose_kernel()
         self.reset()
+
+    def _choose_kernel(self) -> None:
+        """Set `physics.kernel` where it is auto, so that the scenario's file says what was taken."""
+        plant, frames = self.scenario.plant, max(reference.frames for reference in self.references)
+        chosen: dict[int, Settings] = {}
+
+        def settled(settings: Settings) -> Settings:
+            if id(settings) not in chosen:
+                kernel = choose_kernel(settings.physics.kernel, plant, len(self._table), frames)
+                physics = settings.physics.model_copy(update={"kernel": kernel})
+                chosen[id(settings)] = settings.model_copy(update={"physics": physics})
+            return chosen[id(settings)]
+
+        self._table = [replace(row, settings=settled(row.settings)) for row in self._table]
+        if self.scenario.settings.physics.kernel == "auto":
+            self.scenario = self.scenario.replace(settings=settled(self.scenario.settings))
 
     def reset(self, seed: int | None = None) -> None:
         """Go back to the start; from there the same steps give the same run.

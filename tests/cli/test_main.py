@@ -20,7 +20,7 @@ from omni_mj.studies.slip import checks, study
 from omni_mj.studies.slip.moves import straight
 
 HEAVY = ("mujoco", "scipy", "pyarrow", "rerun", "matplotlib", "jinja2", "numpy", "pydantic")
-FAST = ("--set", "wheels.model=two-rollers", "--set", "physics.kernel=numba")
+FAST = ("--set", "wheels.model=two-rollers", "--set", "physics.kernel=numpy")
 SMALL = {"charge": (0.15, 1.0), "speed_m_s": (1.0,)}
 
 

@@ -16,7 +16,7 @@ ASIDE = (  # as fast sideways as ahead, at what the wheels still hold without sl
     "reference.max_acceleration_m_s2=2.5",
     "reference.max_side_acceleration_m_s2=2.5",
     "reference.max_jerk_m_s3=10",
-    "physics.kernel=numba",
+    "physics.kernel=numpy",
 )
 
 

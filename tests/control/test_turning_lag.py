@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from omni_control.estimation.turning import RUBBED_M_S, Turning
-from omni_mj.plants.planar.plant import PlanarPlant
+from omni_mj.plants.planar import PlanarPlant
 from omni_mj.scenarios import scenario
 
 STEPS = 8  # of the law, in a frame

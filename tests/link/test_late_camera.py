@@ -129,7 +129,7 @@ def test_on_wheels_that_creep_late_images_cost_millimetres() -> None:
         plant="planar",
         controllers=["adaptive-comp-flc"],
         vision={**QUIET, "delay_s": 0.05},
-        physics={"kernel": "numba"},
+        physics={"kernel": "numpy"},
     )
     log = Simulation(chosen).run()
     assert np.hypot(*(log.channel("pose") - log.channel("ref"))[:, 0, :2].T).max() < 0.008

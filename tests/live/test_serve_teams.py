@@ -41,7 +41,7 @@ def driven(pitch: Pitch, frames: int = 30) -> Pitch:
     return pitch
 
 
-@pytest.mark.parametrize("kernel", ["numpy", "numba"])
+@pytest.mark.parametrize("kernel", ["numpy", "jax"])
 def test_a_robot_drives_among_others_as_it_does_among_its_own(three: str, kernel: str) -> None:
     """Blue drives as blue of a world of its kind, yellow as yellow of one of its own, and they are told apart."""
     if kernel == "numba":

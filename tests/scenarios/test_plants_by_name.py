@@ -8,7 +8,7 @@ from omni_control.errors import OmniError
 from omni_mj.live.plant import LivePlant
 from omni_mj.plants.kinematic import KinematicPlant
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.plants.planar.plant import PlanarPlant
+from omni_mj.plants.planar import PlanarPlant
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.plants import PLANTS, find_plant
 

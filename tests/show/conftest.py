@@ -41,7 +41,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
     """A small rectangle with a turn in it, on real wheels."""
     path = tmp_path_factory.mktemp("run") / "recording.rrd"
     compiled.once("mujoco")
-    fast = "wheels.model=two-rollers", "physics.kernel=numba"
+    fast = "wheels.model=two-rollers", "physics.kernel=numpy"
     return driven_by(path, ["flc", "comp-flc"], TURNING, *fast, plant="mujoco")
 
 

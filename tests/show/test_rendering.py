@@ -36,7 +36,7 @@ Shot = Callable[..., NDArray]
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A robot drives 1 m ahead, then 0.8 m to the left."""
     path = tmp_path_factory.mktemp("rendering") / "recording.rrd"
-    way = ["reference.waypoints=[[0, 0], [1, 0], [1, 0.8]]", "wheels.model=two-rollers", "physics.kernel=numba"]
+    way = ["reference.waypoints=[[0, 0], [1, 0], [1, 0.8]]", "wheels.model=two-rollers", "physics.kernel=numpy"]
     compiled.once("mujoco")
     record(Simulation(scenario.load("rect", way)), path)
     return path

@@ -39,7 +39,7 @@ def test_robots_come_out_of_the_storm_on_the_field_and_at_rest() -> None:
     assert len(told) == 2 * len(STORM.settings.fault)
 
 
-@pytest.mark.parametrize("kernel", ["numpy", "numba"])
+@pytest.mark.parametrize("kernel", ["numpy", "jax"])
 def test_a_row_of_the_storm_is_what_it_is_alone(kernel: str) -> None:
     """To the bit, through radio, cameras, filter, controller and plant; a second of it."""
     chosen = STORM.replace(settings=STORM.settings.replace(physics={"kernel": kernel}))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omni_mj.onboard.motor import Motor
+from omni_mj.robot.motors import Motor
 from omni_mj.scenarios import CYCLE_RATE_HZ
 from omni_mj.scenarios.scenario import scenario
 from omni_mj.scenarios.settings import Settings

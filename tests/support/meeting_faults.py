@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omni_mj.plants import Plant
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.plants.planar.plant import PlanarPlant
+from omni_mj.plants.planar import PlanarPlant
 from omni_mj.scenarios.settings import Settings
 
 # Rim and rollers turn along with a body that slides away under them (see test_sliding.py).

@@ -14,7 +14,7 @@ from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Simulation
 
 FRAME_S = 1 / 60
-FAST = ("physics.kernel=numba", "wheels.model=two-rollers")  # what the loop has to do with wheels needs no others
+FAST = ("physics.kernel=numpy", "wheels.model=two-rollers")  # what the loop has to do with wheels needs no others
 SHORT = ("reference.waypoints=[[0,0],[0.5,0]]", "reference.settle_s=0.2")
 # Equation 7 without doubt: no noise, a plant that does as told, limits out of the way.
 IDEAL = (
@@ -72,7 +72,7 @@ def batch(
     Its rows are all seeds of all controllers of all cases.
     """
     compiled.once("kinematic")
-    sets = "physics.kernel=numba", *route
+    sets = "physics.kernel=numpy", *route
     chosen = [scenario.load("rect", sets + case, {"plant": "kinematic"}) for case in cases]
     each = [(c, name, seed) for c in chosen for name in controllers for seed in seeds]
     rows = [Row(i, 0, name, seed, c.settings, c.robot) for i, (c, name, seed) in enumerate(each)]
