@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
+from omni_mj.onboard.laws import at_temperature
 from scipy.optimize import minimize_scalar
 
 from omni_mj.measure.table import Table, text
-from omni_mj.onboard.laws import at_temperature
 from omni_mj.scenarios import robots
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, PERIOD_S, Settings

@@ -8,6 +8,7 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+from omni_mj.onboard.kernel import compiled
 
 from omni_mj.live.serve import line_up
 from omni_mj.live.serve.pitch import Pitch
@@ -15,7 +16,6 @@ from omni_mj.live.serve.ports import Ports
 from omni_mj.live.serve.server import Server
 from omni_mj.live.sockets import LOOPBACK, Address
 from omni_mj.live.wire.simulation import Team
-from omni_mj.onboard.kernel import compiled
 from omni_mj.plants import alone
 from omni_mj.scenarios.settings import PERIOD_S
 

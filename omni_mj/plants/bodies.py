@@ -2,7 +2,7 @@
 
 MuJoCo derives constants from masses when it compiles a model. Those that it reckons with afterwards are changed here
 as well (`body_subtreemass`). The others, `body_invweight0` and `dof_invweight0`, only scale its constraints, whose
-stiffness, damping and creep were written for them (`omni_mj.worlds.contact`, `omni_mj.onboard.traction`): they stay,
+stiffness, damping and creep were written for them (`omni_mj.worlds.contact`, `omni_mj.robot.carpet`): they stay,
 and carpet and rubber with them.
 """
 

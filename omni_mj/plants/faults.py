@@ -21,12 +21,11 @@ from omni_mj.scenarios import faults
 from omni_mj.scenarios.rows import Row
 
 PROCESSORS = faults.FirmwareTimeout, faults.Reboot
-ENCODERS = faults.EncoderFreeze, faults.EncoderDropout, faults.EncoderScale
-GYROS = faults.GyroScale, faults.GyroOut
+ENCODERS = faults.EncoderDropout, faults.EncoderScale
 KINDS: tuple[type[faults.Fault], ...] = (
     *(faults.Push, faults.Kidnap, faults.Payload, faults.Tilt, faults.Friction, faults.FrictionPatch),
     *(faults.MotorWeak, faults.MotorDead, faults.MotorBlocked, faults.WheelWorn, faults.WheelRoller),
-    *(*ENCODERS, *GYROS, faults.GyroBias, *PROCESSORS, faults.BrownOut),
+    *(*ENCODERS, faults.GyroScale, faults.GyroBias, *PROCESSORS, faults.BrownOut),
 )
 
 
@@ -167,12 +166,8 @@ class Faults:
             self.gyro_bias[row] += bias.rad_s
         for row, scaled in active.of(faults.GyroScale):
             gyro_scale[row] *= scaled.to
-        for row, _ in active.of(faults.GyroOut):
-            gyro_scale[row] = 0.0
         for row, other in active.of(faults.EncoderScale):
             self._encoder_scale[other.wheel - 1, row] *= other.to
-        for row, frozen in active.of(faults.EncoderFreeze):
-            self._encoder_scale[frozen.wheel - 1, row] = 0.0
         for row, loose in active.of(faults.EncoderDropout):
             remaining = (1 - self._dropouts[loose.wheel - 1, row]) * (1 - loose.probability)
             self._dropouts[loose.wheel - 1, row] = 1 - remaining
@@ -189,7 +184,7 @@ class Faults:
                 off[:, row] = 0.0
         self.off_current = off if self._has(faults.MotorDead, faults.Reboot) else None
         self.inputs["power_share"] = power
-        if self._has(*GYROS):
+        if self._has(faults.GyroScale):
             self.inputs["gyro_scale"] = gyro_scale
         if self._has(*PROCESSORS):
             self.inputs |= {"is_deaf": is_deaf, "is_off": is_off}

@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_mj.robot.array_namespace import Array, clip, namespace, total
-from omni_mj.scenarios.clock import PERIOD_S
-from omni_mj.scenarios.settings import Settings, column
+from omni_mj.scenarios.settings import PERIOD_S, Settings, column
 
 # Open-circuit voltage of a LiPo cell over its state of charge: 4.2 V full, 3.7 V nominal at half, steep below a tenth.
 CHARGE = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.0])

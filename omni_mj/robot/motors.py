@@ -16,9 +16,8 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from omni_mj.robot.array_namespace import Array, any_true, clip, namespace
-from omni_mj.scenarios.clock import PERIOD_S
 from omni_mj.scenarios.motor_settings import MotorSettings
-from omni_mj.scenarios.settings import Settings, column
+from omni_mj.scenarios.settings import PERIOD_S, Settings, column
 
 REFERENCE_C = 25.0  # at which the data sheet states resistance and torque constant
 

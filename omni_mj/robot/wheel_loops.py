@@ -17,8 +17,7 @@ import numpy as np
 from omni_control.kinematics import Kinematics
 from omni_mj.robot.array_namespace import Array, any_true, clip, floor, namespace, select
 from omni_mj.robot.motors import Motor
-from omni_mj.scenarios.clock import CYCLE_RATE_HZ, PERIOD_S
-from omni_mj.scenarios.settings import Settings, column
+from omni_mj.scenarios.settings import CYCLE_RATE_HZ, PERIOD_S, Settings, column
 
 CYCLE_S = 1 / CYCLE_RATE_HZ
 CYCLES = round(PERIOD_S * CYCLE_RATE_HZ)  # in a camera frame

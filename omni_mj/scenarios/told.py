@@ -5,7 +5,7 @@ times sum d^2, with the direction cosines d between rims and motion, which is `h
 dry friction over `hold`. Rotors and creep are left out; of a loop that integrates, its gain alone counts.
 
 **Creep.** Wheel i has the direction d_i of its rim and the lever l, a row D_i = (d_i, l) of D; its rim runs by
-s_i = |v_i| f_i / (N_i C) faster than the ground passes (`omni_mj.onboard.traction`). Stiff wheel loops let rims
+s_i = |v_i| f_i / (N_i C) faster than the ground passes (`omni_mj.robot.carpet`). Stiff wheel loops let rims
 differ from the ground only as a body can move, s = D e, where e = u - v is the twist by the encoders less that of the
 body. In translation all |v_i| = |v|, and force and moment of the tractions f_i = N_i C s_i / |v| are
 

@@ -4,7 +4,7 @@
 reference acceleration of the tangential directions acts on the normal one too, which then seeks a lift of friction x
 b_t v / k (b_t, k: tangential damping and normal stiffness per mass), 72 mm at 1.5 m/s with what wheels without creep
 have. So these contacts never slide: their friction is out of reach, and what rubber does between sticking and sliding
-happens on a hinge between hub and rim (`omni_mj.onboard.traction`). Normal to the carpet a contact is a spring and a
+happens on a hinge between hub and rim (`omni_mj.robot.carpet`). Normal to the carpet a contact is a spring and a
 damper, with a mass that keeps it soft enough for the solver,
 
     f = -K r - c r' - m r'',    K = 1e5 N/m,  m = 1 kg,  c = 2 zeta sqrt(K (M + m)),  zeta = 0.2,

@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from maxon import OWN
 from numpy.typing import NDArray
+from omni_mj.onboard.battery import Battery
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import brentq
 
-from omni_mj.onboard.battery import Battery
 from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.scenarios.settings import BatterySettings, Settings
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from omni_mj.onboard.firmware import Firmware
 
 from omni_control.kinematics import Kinematics, world_to_body
 from omni_mj.link.radio import Received
-from omni_mj.onboard.firmware import Firmware
 from omni_mj.scenarios.settings import Settings
 
 CYCLE_S, PERIOD_S = 1 / 960, 1 / 60

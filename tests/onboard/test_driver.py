@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from maxon import MAXON, sheet
 from numpy.typing import NDArray
+from omni_mj.onboard.motors import Motors
 
 from omni_mj.link.radio import Received
-from omni_mj.onboard.motors import Motors
 from omni_mj.plants import Telemetry
 from omni_mj.plants.mujoco import MujocoPlant
 

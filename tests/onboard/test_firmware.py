@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from maxon import sheet
 from numpy.typing import NDArray
+from omni_mj.onboard.firmware import Firmware
 
 from omni_control.kinematics import Kinematics
 from omni_mj.link.radio import Received
-from omni_mj.onboard.firmware import Firmware
 from omni_mj.scenarios.settings import FirmwareSettings, SensorSettings, Settings
 
 KINEMATICS = Kinematics(np.radians([60.0, 135, 225, 300]), arm=0.08, radius=0.0285)

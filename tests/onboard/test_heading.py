@@ -6,10 +6,10 @@ from driving import FRAME_S, with_settings
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from omni_mj.onboard.heading import HeadingEstimate
 from scipy.linalg import solve_discrete_lyapunov
 
 from omni_mj.link.radio import Radio
-from omni_mj.onboard.heading import HeadingEstimate
 
 
 def observer(

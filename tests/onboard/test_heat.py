@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from maxon import MAXON, ROBOTS, SHEET, sheet
 from numpy.typing import NDArray
+from omni_mj.onboard.motors import Motors
 from scipy.integrate import solve_ivp
 
-from omni_mj.onboard.motors import Motors
 from omni_mj.scenarios import robots, scenario
 from omni_mj.scenarios.motor_settings import MotorSettings
 

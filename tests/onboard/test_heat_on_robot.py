@@ -6,12 +6,12 @@ from driving import FRAME_S, constant, drive, quiet
 from driving import mujoco as plant_of
 from maxon import OWN, SHEET
 from numpy.typing import NDArray
+from omni_mj.onboard.firmware import Firmware
+from omni_mj.onboard.motors import Motors
 from scipy.integrate import solve_ivp
 
 from omni_control.kinematics import Kinematics
 from omni_mj.link.radio import Received
-from omni_mj.onboard.firmware import Firmware
-from omni_mj.onboard.motors import Motors
 
 COPPER_PER_K, WINDING_HOUSING, HOUSING_AMBIENT = 0.00393, 8.28, 1.57  # copper; maxon's catalogue, K/W
 HIGHEST_C = 125.0  # same, of a winding

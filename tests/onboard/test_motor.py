@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from maxon import MAXON, ROBOTS, RPM, SHEET, sheet
 from motor_bench import CLAMPED, FINE_STEP, Run, bench, run
 from numpy.typing import NDArray
+from omni_mj.onboard.motor import Motor
+from omni_mj.onboard.motors import Motors
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from omni_mj.onboard.motor import Motor
-from omni_mj.onboard.motors import Motors
 from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.scenarios import models, scenario
 from omni_mj.scenarios.settings import Settings

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from omni_mj.onboard.firmware import Firmware
 
 from omni_control.kinematics import Kinematics
 from omni_mj.link.radio import Received
-from omni_mj.onboard.firmware import Firmware
 from omni_mj.scenarios.settings import Settings
 
 KINEMATICS = Kinematics(np.radians([60.0, 135, 225, 300]), arm=0.08, radius=0.0285)

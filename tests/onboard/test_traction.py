@@ -6,10 +6,10 @@ from driving import with_settings
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
-
-from omni_control.kinematics import Kinematics
 from omni_mj.onboard.laws import AT_REST_M_S
 from omni_mj.onboard.traction import Traction
+
+from omni_control.kinematics import Kinematics
 
 KINEMATICS = Kinematics(np.radians([60, 135, 225, 300]), 0.083, 0.0285)
 CENTRE, STEP = np.array([0.002, 0.0, 0.047]), 1 / 960

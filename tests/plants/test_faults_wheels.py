@@ -8,9 +8,9 @@ import pytest
 from default_robot import RADIUS_M, ROLLERS, TANGENTS
 from driving import FRAME_S, constant, drive, ramp
 from meeting_faults import ON_WHEELS, meets
+from omni_mj.onboard.traction import Traction
 
 from omni_control.kinematics import Kinematics
-from omni_mj.onboard.traction import Traction
 from omni_mj.scenarios.settings import Settings
 
 PlantOf = Callable[[list[Settings]], Any]

@@ -9,12 +9,12 @@ import pytest
 from default_robot import ARM_M, COM_HEIGHT_M, CONTACTS, GRAVITY, MASS_KG, RADIUS_M, TANGENTS
 from driving import FRAME_S, STIFF, constant, drive, mujoco, quiet, ramp, rows, with_settings
 from numpy.typing import ArrayLike, NDArray
+from omni_mj.plants.planar.plant import PlanarPlant
 from scipy.integrate import solve_ivp
 
 import omni_mj as om
 from omni_control.errors import OmniError
 from omni_mj.link.radio import Received
-from omni_mj.plants.planar.plant import PlanarPlant
 from omni_mj.scenarios.settings import Settings
 from omni_mj.worlds import build
 

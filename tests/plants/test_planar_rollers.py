@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from default_robot import AZIMUTHS, GRAVITY, MASS_KG, RADIUS_M, ROLLER_RADIUS_M, ROLLERS
 from driving import drive, mujoco, quiet, ramp, rows
+from omni_mj.plants.planar.plant import PlanarPlant
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from omni_mj.link.radio import Received
 from omni_mj.plants.planar import laws, rollers
-from omni_mj.plants.planar.plant import PlanarPlant
 from omni_mj.scenarios.settings import Settings
 from omni_mj.worlds import build
 from omni_mj.worlds.contact import FRICTION_RATE_HZ, STIFFNESS_N_M

@@ -5,10 +5,10 @@ import pytest
 from default_robot import MASS_KG, RADIUS_M, ROLLER_RADIUS_M, ROLLERS
 from driving import drive, quiet, ramp, rows
 from numpy.typing import NDArray
+from omni_mj.plants.planar.plant import PlanarPlant
 from scipy.optimize import brentq
 
 from omni_mj.plants.planar import cycle, laws
-from omni_mj.plants.planar.plant import PlanarPlant
 from omni_mj.worlds.contact import ADDED_MASS_KG, STIFFNESS_N_M, damping
 
 PITCH = 2 * np.pi / ROLLERS

@@ -9,11 +9,11 @@ from driving import mujoco as plant_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from omni_mj.onboard.carpet import Carpet
+from omni_mj.onboard.traction import Traction
 
 from omni_control.errors import OmniError
 from omni_mj import run, scenario
-from omni_mj.onboard.carpet import Carpet
-from omni_mj.onboard.traction import Traction
 from omni_mj.plants.variation import Drawn
 from omni_mj.scenarios.robot_settings import CarpetSettings, VariationSettings
 from omni_mj.scenarios.settings import Settings

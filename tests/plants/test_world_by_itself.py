@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from driving import mujoco, quiet
 from mujoco.batch import Batch
+from omni_mj.onboard.kernel import compiled
+from omni_mj.plants.alone import STATE, Alone, step
 
 from omni_mj.link.radio import Received
-from omni_mj.onboard.kernel import compiled
 from omni_mj.plants import batches
-from omni_mj.plants.alone import STATE, Alone, step
 from omni_mj.worlds import build
 
 FIELDS = "dof_frictionloss", "dof_solimp", "actuator_gainprm", "geom_pos", "opt.gravity"

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 from maxon import MAXON, SHEET, sheet
 from numpy.typing import NDArray
-
 from omni_mj.onboard.motors import Motors
+
 from omni_mj.scenarios import models
 from omni_mj.scenarios.motor_settings import MotorSettings
 from omni_mj.scenarios.settings import Settings

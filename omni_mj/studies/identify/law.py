@@ -6,7 +6,7 @@ r_i in m/s at its rim, and what the ground does, d_i nu, differ by what its trac
     r_i - d_i nu = (z + |v_i| / (C N_i)) f_i,        |f_i| <= sqrt(mu^2 - b^2) N_i
     M nu' = sum f_i d_i - drag + lean,               nu: twist of the body, along its own axes
 
-C is the creep stiffness, and the drag that of the plant (`omni_mj.onboard.traction`): of the pile, p N_i against the
+C is the creep stiffness, and the drag that of the plant (`omni_mj.robot.carpet`): of the pile, p N_i against the
 wheel's travel, and of rollers' bearings, b N_i along its axle; and what grows with speed (`Body`): bearings' viscous
 friction, rollers that are spun up as they come to the carpet, and rubber that is pressed. Loads shift as the body,
 whose centre of mass is above the floor, speeds up. With encoders r_i is what they show, times the scale of the wheels,
