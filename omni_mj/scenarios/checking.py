@@ -168,7 +168,7 @@ class Checked(BaseModel):
             yield f"{cls.unknown} {printable(prefix + name, SHOWN)}; {choose(prefix + name, known)}"
             return
         declared = names[name]
-        if kind == "missing":
+        if kind == "missing" and len(place) == 1:
             yield f"{declared.full} is missing; give {declared.wanted}"
         elif len(place) > 1 or kind in ("string_pattern_mismatch", "string_too_long"):
             path = "".join(f"[{index}]" for index in place[1:])

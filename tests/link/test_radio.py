@@ -1,220 +1,172 @@
-"""The radio: what is sent arrives, unchanged, k_d frames later, more or less by its jitter."""
+"""The radio: what is sent arrives, unchanged, k_d frames later; its jitter, losses and faults."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
+from benches.link import FRAME_S, fault, hold, radio
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
-from omni_mj.link.steady_radio import SteadyRadio
 
-from omni_mj.link import steady_radio
-from omni_mj.link.noise import Stream
-from omni_mj.link.radio import Radio, Received
-from omni_mj.scenarios.faults import Delay, RadioLoss
-from omni_mj.scenarios.settings import RadioSettings
+import omni_mj as om
 
 SIGMAS = 5  # of a statistic's own spread
+quick = settings(deadline=None, max_examples=30, derandomize=True)
 
 
-@dataclass
-class Link:
-    """What was sent in each frame of a run, and what the robots held then."""
-
-    commands: NDArray  # (frames, n, 3)
-    headings: NDArray  # (frames, n)
-    received: Received  # (frames, n, 3), (frames, n), (frames, n)
-
-
-def radio_of(delay: int, jitter: int = 0, seeds: Sequence[int] = (0,)) -> Radio:
-    return Radio([RadioSettings(delay_frames=delay, jitter_frames=jitter)] * len(seeds), [(seed,) for seed in seeds])
-
-
-def link(delay: int, jitter: int, seeds: list[int], frames: int) -> Link:
-    """Send random commands and headings through a radio."""
-    rng = np.random.default_rng(0)
-    n = len(seeds)
-    commands, headings = rng.normal(size=(frames, n, 3)), rng.normal(size=(frames, n))
-    radio = radio_of(delay, jitter, seeds)
-    received = [radio.exchange(commands[frame], headings[frame]) for frame in range(frames)]
-    columns = ([getattr(r, name) for r in received] for name in ("command", "heading", "age"))
-    return Link(commands, headings, Received(*map(np.array, columns)))
+@quick
+@given(delay=st.integers(0, 20), robots=st.integers(1, 4), frames=st.integers(1, 60))
+def test_delivered_is_what_was_sent_k_d_frames_ago(delay: int, robots: int, frames: int) -> None:
+    """Every command and heading, copies of the sender's; before the first a robot is told to stand, without heading."""
+    rng, link = np.random.default_rng(0), radio([{"delay_frames": delay}] * robots)
+    commands, headings = rng.normal(size=(frames, robots, 3)), rng.normal(size=(frames, robots))
+    for k in range(frames):
+        command, heading = commands[k].copy(), headings[k].copy()
+        received = link.exchange(command, heading)
+        command[:], heading[:] = 7.0, 7.0
+        came = k >= delay
+        np.testing.assert_array_equal(received.command, commands[k - delay] if came else 0.0)
+        np.testing.assert_array_equal(received.heading, headings[k - delay] if came else np.nan)
+        assert not came or (received.age == delay).all()
+        received.command[:] = received.heading[:] = 9.0
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
-@given(delay=st.integers(0, 20), robots=st.integers(1, 4), frames=st.integers(1, 60), seed=st.integers(0, 2**32))
-def test_delivered_is_what_was_sent_k_d_frames_ago(delay: int, robots: int, frames: int, seed: int) -> None:
-    """Without jitter, whatever the seed: every command and heading, k_d frames later."""
-    run = link(delay, 0, [seed + i for i in range(robots)], frames)
-    # Before the first packet arrives the robot is told to stand, and no heading; copies, so equal to the last bit.
-    expected = np.concatenate([np.zeros((delay, robots, 3)), run.commands])[:frames]
-    np.testing.assert_array_equal(run.received.command, expected)
-    expected = np.concatenate([np.full((delay, robots), np.nan), run.headings])[:frames]
-    np.testing.assert_array_equal(run.received.heading, expected)
-    assert (run.received.age[delay:] == delay).all()
+def late(delay: int, faults: list[dict[str, Any]], frames: int) -> list[int]:
+    """Return when each packet arrives that nothing but changes of the dead time delays."""
+    arrivals = []
+    for frame in range(frames):
+        arrives = frame + delay
+        for each in faults:
+            start, lasts = round(each["at"] / FRAME_S), round(each["for"] / FRAME_S) or np.inf
+            if start <= frame < start + lasts:
+                arrives = frame + each["to"]
+        arrivals.append(arrives)
+    return arrivals
 
 
-@settings(deadline=None, max_examples=20, derandomize=True)
-@given(st.integers(0, 5))
-def test_a_packet_in_flight_cannot_be_changed(delay: int) -> None:
-    radio = radio_of(delay)
-    command, heading = np.ones((1, 3)), np.ones(1)
-    delivered = [radio.exchange(command, heading)]
-    command[:], heading[:] = 7.0, 7.0  # the sender's arrays, reused
-    for _ in range(delay):
-        for received in filter(lambda values: values is not None, vars(delivered[-1]).values()):
-            received[:] = 9  # the receiver's arrays, reused
-        delivered.append(radio.exchange(np.zeros((1, 3)), np.zeros(1)))
-    np.testing.assert_array_equal(delivered[-1].command, 1.0)
-    np.testing.assert_array_equal(delivered[-1].heading, 1.0)
-    np.testing.assert_array_equal(delivered[-1].age, delay)
+delays = st.builds(
+    lambda start, frames, to: fault("delay", start, frames, to=to), *[st.integers(0, 40)] * 2, st.integers(0, 15)
+)
 
 
-def test_no_delay_is_no_queue() -> None:
-    radio = radio_of(0)
-    for value in (2.0, 3.0):
-        received = radio.exchange(np.full((1, 3), value), np.full(1, -value))
-        np.testing.assert_array_equal(received.command, value)
-        np.testing.assert_array_equal(received.heading, -value)
-        np.testing.assert_array_equal(received.age, 0)
-
-
-def test_at_once_is_what_a_radio_without_delay_delivers() -> None:
-    rng = np.random.default_rng(0)
-    command, heading = rng.normal(size=(3, 3)), rng.normal(size=3)
-    delivered = radio_of(0, seeds=[0, 1, 2]).exchange(command, heading)
-    for name, value in vars(Received.at_once(command, heading)).items():
-        np.testing.assert_array_equal(value, getattr(delivered, name))
-    assert np.isnan(Received.at_once(command).heading).all()
-
-
-# --- jitter ---
-
-delays_and_jitters = st.integers(0, 12).flatmap(lambda delay: st.tuples(st.just(delay), st.integers(0, delay)))
-
-
-@settings(deadline=None, max_examples=60, derandomize=True)
-@given(delays_and_jitters, st.integers(1, 80), st.integers(0, 2**32))
-def test_no_packet_comes_before_it_is_sent_nor_later_than_it_may(
-    chosen: tuple[int, int], frames: int, seed: int
+@quick
+@given(st.integers(0, 12), st.lists(delays, max_size=3), st.sampled_from([1, 4]))
+def test_packets_take_the_dead_time_of_the_frame_in_which_they_are_sent(
+    delay: int, faults: list[dict[str, Any]], ticks: int
 ) -> None:
-    """A robot holds a packet of k_d - j to k_d + j frames ago, and never goes back to an older one."""
-    delay, jitter = chosen
-    run = link(delay, jitter, [seed], frames)
-    sent = np.arange(frames) - run.received.age[:, 0]
-    assert (np.diff(sent) >= 0).all()
-    age = run.received.age[sent >= 0, 0]
-    assert ((delay - jitter <= age) & (age <= delay + jitter)).all()
-    assert (sent[delay + jitter :] >= 0).all()
-
-
-@settings(deadline=None, max_examples=60, derandomize=True)
-@given(delays_and_jitters, st.integers(1, 80), st.lists(st.integers(0, 2**32), min_size=1, max_size=3))
-def test_a_robot_holds_the_newest_of_the_packets_that_have_arrived(
-    chosen: tuple[int, int], frames: int, seeds: list[int]
-) -> None:
-    """Against a list of events: every packet's arrival, drawn as the radio draws them, gone through frame by frame."""
-    delay, jitter = chosen
-    run = link(delay, jitter, seeds, frames)
-    bounds = -jitter - 0.5, jitter + 0.5
-    late = [np.random.default_rng([int(Stream.RADIO_JITTER), seed]).uniform(*bounds, frames) for seed in seeds]
-    for robot in range(len(seeds)):
-        arrivals = [(sent + delay + round(late[robot][sent]), sent) for sent in range(frames)]
-        held_before = None
-        for frame in range(frames):
-            held = max((sent for arrival, sent in arrivals if arrival <= frame), default=None)
-            command = np.zeros(3) if held is None else run.commands[held, robot]
-            np.testing.assert_array_equal(run.received.command[frame, robot], command)
-            heading = np.nan if held is None or held == held_before else run.headings[held, robot]
-            np.testing.assert_array_equal(run.received.heading[frame, robot], heading)
-            assert held is None or run.received.age[frame, robot] == frame - held
-            held_before = held
+    """A robot holds the newest of the packets that have arrived."""
+    frames = 90
+    got = hold([faults], frames, delay, ticks)[:, 0]
+    by_frame = late(delay, faults, frames)
+    arrivals = [by_frame[tick // ticks] * ticks + tick % ticks for tick in range(frames * ticks)]
+    for tick in range(frames * ticks):
+        assert got[tick] == max((sent for sent in range(tick + 1) if arrivals[sent] <= tick), default=-1)
 
 
 @pytest.mark.parametrize(("delay", "jitter"), [(6, 4), (3, 3)])
-def test_ages_are_those_of_packets_that_are_late_by_a_uniform_number_of_frames(delay: int, jitter: int) -> None:
+def test_jitter_is_uniform_and_packets_that_are_overtaken_are_dropped(delay: int, jitter: int) -> None:
     """What is held is older than m frames if none of the packets of the last m has arrived: a product of chances."""
     robots, frames = 4000, delay + jitter + 1
-    age = link(delay, jitter, list(range(robots)), frames).received.age[-1]
+    got = hold([[]] * robots, frames + 20, delay, seeds=range(robots), jitter_frames=jitter)
+    assert (np.diff(got, axis=0) >= 0).all()
+    age = frames - 1 - got[frames - 1]
     # A packet sent a frames ago has arrived if it is late by a - k_d or less, one of 2 j + 1 equal chances each.
     ages = np.arange(delay - jitter, delay + jitter + 1)
     arrived = (ages - (delay - jitter) + 1) / (2 * jitter + 1)
-    still_out = np.concatenate([[1.0], np.cumprod(1 - arrived)[:-1]])
-    expected = still_out * arrived
+    expected = np.concatenate([[1.0], np.cumprod(1 - arrived)[:-1]]) * arrived
     share = np.array([(age == a).mean() for a in ages])
     assert expected.sum() == pytest.approx(1)
-    # The share of n robots spreads by sqrt(p (1 - p) / n).
-    spread = np.sqrt(expected * (1 - expected) / robots)
-    assert (np.abs(share - expected) <= SIGMAS * spread).all()
+    assert (np.abs(share - expected) <= SIGMAS * np.sqrt(expected * (1 - expected) / robots)).all()
 
 
-def test_jitter_is_independent_from_packet_to_packet() -> None:
-    """Jitter of one frame: two packets arrive together, or swap, as often as independent lateness says."""
-    robots = 3000
-    radio = radio_of(1, 1, range(robots))
-    first, second = (radio.exchange(np.full((robots, 3), k + 1.0), np.zeros(robots)).command[:, 0] for k in (0, 1))
-    # In frame 0 only a packet early by one is there. In frame 1 the second is if it is early, else the first if it is
-    # early or in time: of three chances each.
-    assert set(zip(first, second, strict=True)) == {(0, 0), (0, 1), (0, 2), (1, 1), (1, 2)}
-    for pair, chance in {(0, 0): 2 / 9, (0, 1): 2 / 9, (0, 2): 2 / 9, (1, 1): 2 / 9, (1, 2): 1 / 9}.items():
-        share = ((first == pair[0]) & (second == pair[1])).mean()
-        assert share == pytest.approx(chance, abs=SIGMAS * np.sqrt(chance * (1 - chance) / robots))
+def test_as_many_packets_are_lost_as_set_and_robots_hold_the_one_before() -> None:
+    """A binomial share; of several causes as many come as the product says, and of a radio that is out none."""
+    one, two = fault("radio-loss", 100, 4000, probability=0.3), fault("radio-loss", probability=0.5)
+    got = hold([[], [one], [one, two], [fault("radio-loss", 10, 7)]], 4200, loss_probability=0.2)
+    fresh = np.diff(got, axis=0) > 0
+    for row, passes in enumerate((0.8, 0.56, 0.28)):
+        share = fresh[101:4101, row].mean()
+        assert share == pytest.approx(passes, abs=SIGMAS * np.sqrt(passes * (1 - passes) / 4000))
+    assert not fresh[11:18, 3].any()
+    np.testing.assert_array_equal(got[4110:, 1], got[4110:, 0])
 
 
-def test_a_seeds_jitter_is_the_same_in_any_batch() -> None:
-    seeds, frames = [3, 8, 3, 5], 200
-    together = link(6, 4, seeds, frames).received.age
-    for robot, seed in enumerate(seeds):
-        np.testing.assert_array_equal(together[:, robot], link(6, 4, [seed], frames).received.age[:, 0])
-    assert (together[:, 0] != together[:, 1]).any()
+@pytest.mark.parametrize(("length", "share"), [(4.0, 0.2), (12.0, 0.4)])
+def test_bursts_are_as_long_and_as_frequent_as_gilbert_and_elliott_say(length: float, share: float) -> None:
+    """Lengths of bursts are geometric with that mean, gaps with the mean that the share leaves for them."""
+    lost = np.diff(hold([[fault("radio-bursts", frames=length, share=share)]], 8000, delay=0)[:, 0]) == 0
+    edges = np.flatnonzero(np.diff(lost.astype(int)))
+    runs = np.diff(edges)
+    bursts, gaps = (runs[::2], runs[1::2]) if lost[edges[0] + 1] else (runs[1::2], runs[::2])
+    for found, mean in ((bursts, length), (gaps, length * (1 - share) / share)):
+        # The deviation of a geometric number of mean m is sqrt(m (m - 1)).
+        assert found.mean() == pytest.approx(mean, abs=SIGMAS * np.sqrt(mean * (mean - 1) / len(found)))
 
 
-def test_each_robot_has_a_dead_time_and_a_jitter_of_its_own() -> None:
-    cases, frames = [(0, 0), (3, 1), (12, 12)], 60
-    rng = np.random.default_rng(1)
-    commands, headings = rng.normal(size=(frames, 3, 3)), rng.normal(size=(frames, 3))
-    settings = [RadioSettings(delay_frames=delay, jitter_frames=jitter) for delay, jitter in cases]
-    together = Radio(settings, [(5,)] * 3)
-    alone = [Radio([own], [(5,)]) for own in settings]
-    for command, heading in zip(commands, headings, strict=True):
-        received = together.exchange(command, heading)
-        for i, radio in enumerate(alone):
-            single = radio.exchange(command[[i]], heading[[i]])
-            for name, values in vars(received).items():
-                if values is None:
-                    continue
-                np.testing.assert_array_equal(values[[i]], getattr(single, name))
+@quick
+@given(st.integers(0, 9), st.integers(1, 9), st.integers(0, 30), st.integers(1, 30))
+def test_packets_that_are_late_or_come_again_come_last_in_their_frame(
+    delay: int, k: int, start: int, lasts: int
+) -> None:
+    """A robot applies whatever comes last; here all packets of a while do so."""
+    kinds = {"radio-reorder": False, "radio-duplicates": True}
+    got = hold([[fault(kind, start, lasts, probability=1.0, frames=k)] for kind in kinds], 90, delay)
+    for row, original in enumerate(kinds.values()):
+        held = -1
+        for tick in range(90):
+            sent, behind = tick - delay, tick - delay - k
+            if sent >= 0 and (original or not start <= sent < start + lasts):
+                held = sent
+            if behind >= 0 and start <= behind < start + lasts:
+                held = behind
+            assert got[tick, row] == held
 
 
-@settings(deadline=None, max_examples=30, derandomize=True)
-@given(delay=st.integers(0, 12), robots=st.integers(1, 4), seed=st.integers(0, 2**32 - 1))
-def test_a_radio_that_nothing_disturbs_is_a_queue(delay: int, robots: int, seed: int) -> None:
-    """All that robots hold, to the bit, of the two radios; and a packet in flight is its own."""
-    chosen, seeds = [RadioSettings(delay_frames=delay)] * robots, [(i,) for i in range(robots)]
-    general, steady, rng = (
-        Radio(chosen, seeds),
-        steady_radio.radio(chosen, seeds, [()] * robots),
-        np.random.default_rng(seed),
-    )
-    assert isinstance(steady, SteadyRadio)
-    for _ in range(3 * delay + 3):
-        command, heading = rng.normal(size=(robots, 3)), rng.normal(size=robots)
-        one, other = (each.exchange(command, heading) for each in (general, steady))
-        command[:] = heading[:] = 0.0
-        for name in ("command", "heading", "age"):
-            np.testing.assert_array_equal(getattr(other, name), getattr(one, name))
-        np.testing.assert_array_equal(True if other.new is None else other.new, one.new)
+@pytest.mark.parametrize(
+    ("kind", "values"),
+    [
+        ("radio-loss", {"probability": 0.4}),
+        ("radio-bursts", {"frames": 6.0, "share": 0.4}),
+        ("radio-duplicates", {"probability": 0.5, "frames": 4}),
+        ("radio-reorder", {"probability": 0.5, "frames": 3}),
+        ("delay", {"to": 7}),
+    ],
+)
+def test_a_fault_that_is_over_leaves_the_radio_as_it_was_and_concerns_no_other_row(
+    kind: str, values: dict[str, Any]
+) -> None:
+    """To the bit, with losses and jitter of the radio's own."""
+    one, own = fault(kind, 20, 30, **values), {"jitter_frames": 2, "loss_probability": 0.1}
+    other, met = hold([[], [one]], 100, 4, **own).T
+    np.testing.assert_array_equal(other, hold([[]], 100, 4, **own)[:, 0])
+    np.testing.assert_array_equal(met, hold([[one]], 100, 4, **own)[:, 0])
+    np.testing.assert_array_equal(met[:22], other[:22])
+    np.testing.assert_array_equal(met[64:], other[64:])
+    assert (met != other).any()
 
 
-def test_what_disturbs_a_radio_is_not_left_out() -> None:
-    """Jitter, losses, dead times that differ, faults: none of them is a queue."""
-    usual, seeds = RadioSettings(delay_frames=2), [(0,), (1,)]
-    more = {"jitter_frames": 1}, {"loss_probability": 0.1}, {"delay_frames": 3}
-    for changed in more:
-        assert isinstance(
-            steady_radio.radio([usual, RadioSettings(**{"delay_frames": 2, **changed})], seeds, [(), ()]), Radio
-        )
-    for fault in (Delay(at=1.0, to=4), RadioLoss(at=1.0, probability=0.1)):
-        assert isinstance(steady_radio.radio([usual] * 2, seeds, [(), (fault,)]), Radio)
+def test_packets_to_some_robots_leave_the_others_with_what_they_hold() -> None:
+    """Two in a tick: to each robot the last of those sent to it. Waiting is delivering what nobody asks for."""
+    link = radio([{"delay_frames": 0}] * 3, ticks=16, nothing=(0.0, -1.0))
+    link.send(np.full((3, 2), 1.0), np.array([0, 1]))
+    link.send(np.full((3, 2), 2.0), np.array([1]))
+    assert link.quiet == 0
+    held, new, _ = link.deliver()
+    np.testing.assert_array_equal(held, [[1, 1], [2, 2], [0, -1]])
+    assert new.tolist() == [True, True, False]
+    assert link.quiet > 1000
+    link.wait(200)
+    again, new, age = link.deliver()
+    np.testing.assert_array_equal(again, held)
+    assert not new.any()
+    assert age[0] == 201
+
+
+def test_a_longer_dead_time_is_that_of_a_radio_of_which_the_team_believes_the_old_one() -> None:
+    """To the last bit."""
+    chosen = om.scenario("rect", plant="planar", reference={"waypoints": [[0, 0, 0], [0.2, 0, 1.0]], "settle_s": 0.2})
+    told = chosen.settings.replace(radio={"delay_frames": 9}, control={"delay_error_frames": -3})
+    met = chosen.settings.replace(fault=[{"kind": "delay", "at": 0, "to": 9}])
+    one, other = (om.run(chosen.replace(settings=own), ["comp-flc"]).frames() for own in (told, met))
+    for name in ("x_m", "heading_rad", "command_vx_m_s", "wheel_speed_1_rad_s"):
+        np.testing.assert_array_equal(one[name], other[name])

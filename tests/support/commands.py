@@ -1,11 +1,12 @@
 """What the tests of the command line share: commands in this process, signals that they get, and strict JSON."""
 
+import io
 import json
 import os
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,15 @@ def invoke(*args: object, command: click.Command = cli) -> int:
         console.invoke(command, list(map(str, args)))
     assert isinstance(end.value.code, int)
     return end.value.code
+
+
+def listed(what: str) -> list[str]:
+    """Return the names that `omni-mj list` has of scenarios, robots and so on."""
+    out = io.StringIO()
+    with redirect_stdout(out):
+        assert invoke("list", what) == 0
+    lines = out.getvalue().splitlines()[1:]
+    return [line.split()[0] for line in lines if line.startswith("  ") and not line.startswith("   ")]
 
 
 def appears(path: Path) -> bool:
