@@ -4,7 +4,7 @@ from pathlib import Path
 
 import compiled
 import pytest
-from recorded import Driven, Recorded, driven_by
+from benches.recording import Driven, Recorded, driven_by
 
 from omni_mj.scenarios import scenario
 from omni_mj.show import figures

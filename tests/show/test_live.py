@@ -7,17 +7,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from recorded import RERUN, Recorded, rrd
+from benches.recording import RERUN, Recorded, record, rrd, simulated
 
 from omni_control.errors import OmniError
 from omni_mj.cli.run import command
-from omni_mj.scenarios import scenario
-from omni_mj.show.recording import FileRecording, LiveRecording, live
-from omni_mj.simulate.simulation import Simulation
+from omni_mj.show.recording import live
 
 SHORT = "reference.waypoints=[[0, 0], [0.5, 0.2]]"
 
@@ -55,23 +52,9 @@ def listener(tmp_path: Path) -> Iterator[Listener]:
     started.end()
 
 
-def run(url: str, path: Path, *overrides: str, after_frame: Callable[[int], None] = lambda frame: None) -> None:
+def run(url: str, path: Path, *overrides: str, after_frame: Callable[[int], None] | None = None) -> None:
     """Run on the kinematic plant, watched by the viewer at `url` and recorded into `path`, as the command does."""
-    simulation = Simulation(scenario.load("rect", overrides, {"plant": "kinematic"}))
-    with ExitStack() as stack:
-        recordings = [LiveRecording(url, simulation), FileRecording(path, simulation)]
-        for recording in recordings:
-            stack.enter_context(recording)
-
-        def update(frame: int) -> None:
-            after_frame(frame)
-            for recording in recordings:
-                recording.update()
-
-        simulation.run(update)
-        for recording in recordings:
-            recording.write()
-            recording.finish("done")
+    record(simulated(["flc", "comp-flc"], *overrides), path, url, after_frame)
 
 
 def nobody() -> str:

@@ -1,17 +1,18 @@
-"""A recording holds what the table beside it holds, and the robots as they are."""
+"""A recording holds what the table of the run holds, and the robots as they are."""
 
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
-from recorded import Driven, Recorded, driven_by, poses, rows, rrd
+from benches.recording import Driven, Recorded, driven_by, poses, rows, rrd
 
-from omni_mj.scenarios import models
-from omni_mj.worlds import field
+from omni_mj.scenarios.settings import Settings
 
 CONTROLLERS = ("flc", "comp-flc")
+COLOURS = {"flc": 0xD55E00FF, "comp-flc": 0x0072B2FF}
 SHORT = "reference.waypoints=[[0, 0], [0.3, 0.2]]"
+MODEL = Path(__file__).parents[2] / "models" / "ssl_robot.xml"
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
@@ -26,62 +27,47 @@ def test_poses_are_those_of_the_table(driven: Driven, controller: str, entity: s
 
 
 def test_wheels_turn_by_the_angles_of_the_table(driven: Driven) -> None:
-    table, azimuths = rows(driven.table, "comp-flc"), np.deg2rad([60, 135, 225, 300])
-    for i, azimuth in enumerate(azimuths):
-        rows_ = driven.recorded.column(f"/world/comp-flc/robot/wheel_{i + 1}", "Transform3D:quaternion")
-        quaternion = np.array([row[0] for row in rows_])
-        angle = table[f"wheel_angle_{i + 1}_rad"]
-        # Axles point to the robot's centre, so that positive speeds drive it counter-clockwise.
+    """Axles point to the robot's centre, so that positive speeds drive it counter-clockwise."""
+    table = rows(driven.table, "comp-flc")
+    for i, azimuth in enumerate(np.deg2rad([60, 135, 225, 300]), start=1):
+        turns = driven.recorded.column(f"/world/comp-flc/robot/wheel_{i}", "Transform3D:quaternion")
+        half = table[f"wheel_angle_{i}_rad"][:, None] / 2
         axis = -np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-        turned = np.column_stack([np.sin(angle / 2)[:, None] * axis, np.cos(angle / 2)])
-        np.testing.assert_allclose(quaternion, turned, atol=1e-6)
+        expected = np.concatenate([np.sin(half) * axis, np.cos(half)], axis=1)
+        np.testing.assert_allclose([turn[0] for turn in turns], expected, atol=1e-6)
 
 
 def test_the_path_leads_from_pose_to_pose(driven: Driven) -> None:
     table = rows(driven.table, "flc")
-    position = np.column_stack([table["x_m"], table["y_m"]])
     segments = np.array([row[0] for row in driven.recorded.column("/world/flc/path", "LineStrips3D:strips")])
-    np.testing.assert_allclose(segments[:, 1, :2], position, atol=1e-6)
+    np.testing.assert_allclose(segments[:, 1, :2], np.column_stack([table["x_m"], table["y_m"]]), atol=1e-6)
     np.testing.assert_allclose(segments[1:, 0], segments[:-1, 1], atol=0)
 
 
 def test_the_robot_is_the_compiled_models_own_geometry(recorded: Recorded) -> None:
-    model = mujoco.MjModel.from_xml_path(str(models.robot_path()))
+    model = mujoco.MjModel.from_xml_path(str(MODEL))
     for i in range(1, 5):
-        entity = f"/world/flc/robot/wheel_{i}/ellipsoids"
-        sizes = np.array(recorded.static(entity, "Ellipsoids3D:half_sizes"))
-        ids = [g for g in range(model.ngeom) if model.geom(g).name.startswith(f"roller_{i}_")]
-        assert len(sizes) == len(ids) == 16
-        np.testing.assert_allclose(sizes, model.geom_size[ids], rtol=1e-6)
-        hub = recorded.static(f"/world/flc/robot/wheel_{i}/cylinders", "Cylinders3D:radii")
-        assert hub == pytest.approx(model.geom(f"hub_{i}").size[:1])
-    hull_group = 3
-    own = model.geom_bodyid == model.body("chassis").id
-    chassis = np.flatnonzero(own & (model.geom_group < hull_group))
-    kinds = [
+        sizes = recorded.static(f"/world/flc/robot/wheel_{i}/ellipsoids", "Ellipsoids3D:half_sizes")
+        rollers = [g for g in range(model.ngeom) if model.geom(g).name.startswith(f"roller_{i}_")]
+        assert len(sizes) == 16
+        np.testing.assert_allclose(sizes, model.geom_size[rollers], rtol=1e-6)
+    chassis = (model.geom_bodyid == model.body("chassis").id) & (model.geom_group < 3)  # without hulls
+    for entity, name, kind in (
         ("cylinders", "Cylinders3D:radii", mujoco.mjtGeom.mjGEOM_CYLINDER),
         ("boxs", "Boxes3D:half_sizes", mujoco.mjtGeom.mjGEOM_BOX),
-    ]
-    for entity, name, kind in kinds:
+    ):
         shown = recorded.static(f"/world/flc/robot/chassis/{entity}", name)
-        assert len(shown) == sum(model.geom_type[g] == kind for g in chassis)
-
-
-def test_static_geometry_is_logged_once(recorded: Recorded) -> None:
-    for entity in recorded.entities(static=True) - {"/summary", "/__properties"}:
-        assert len(recorded.batches(entity, static=True)) == 1, entity
+        assert len(shown) == (chassis & (model.geom_type == kind)).sum()
 
 
 def test_the_field_is_that_of_the_rules(recorded: Recorded) -> None:
-    """Division B: 9 x 6 m to the outer edges of lines 10 mm wide, a centre circle of 1 m."""
+    """Division B: 9 x 6 m to the outer edges of lines 10 mm wide, a centre circle of 1 m, goals behind the lines."""
     strips = recorded.static("/world/field/lines", "LineStrips3D:strips")
-    points = np.concatenate([np.array(strip) for strip in strips])
     assert recorded.static("/world/field/lines", "LineStrips3D:radii") == pytest.approx([0.005])
-    assert np.abs(points).max(0) == pytest.approx([4.495, 2.995, 0.0])  # their middles
-    circle = max(strips, key=len)
-    assert np.hypot(*np.array(circle).T[:2]) + 0.005 == pytest.approx(np.full(len(circle), 0.5))
-    centres, half = field.goal_walls()
-    assert np.ptp((centres + half)[:, 0]) > 9  # one goal behind each line
+    assert np.abs(np.concatenate(strips)).max(0) == pytest.approx([4.495, 2.995, 0.0])  # their middles
+    circle = np.array(max(strips, key=len))
+    np.testing.assert_allclose(np.hypot(circle[:, 0], circle[:, 1]), 0.495, atol=1e-6)
+    centres, half = (np.array(recorded.static("/world/field/goals", f"Boxes3D:{n}")) for n in ("centers", "half_sizes"))
     inside = np.abs(centres) - half
     assert inside[:, 0].min() == pytest.approx(4.5)  # walls touch the line, and leave 1 m between them
     assert inside[np.abs(centres[:, 1]) > 0.1, 1] == pytest.approx(np.full(4, 0.5))
@@ -99,8 +85,7 @@ def test_it_opens_paused_at_its_start_with_its_layout(recorded: Recorded) -> Non
 
 def test_summary_settings_and_events_are_in_it(recorded: Recorded) -> None:
     *_, last = recorded.batches("/summary", static=True)
-    summary = last["TextDocument:text"].to_pylist()[0][0]
-    assert "| comp-flc |" in summary
+    assert "| comp-flc |" in last["TextDocument:text"].to_pylist()[0][0]
     settings = recorded.static("/settings", "TextDocument:text")[0]
     assert "| delay_frames | 6 | frames |" in settings
     assert "**((0.0, 0.0, 0.0), (0.5" in settings  # the scenario's own way-points
@@ -108,25 +93,24 @@ def test_summary_settings_and_events_are_in_it(recorded: Recorded) -> None:
     assert [text for text in texts if "way-point" in text][-1].endswith("comp-flc: way-point 4 of 4 reached")
 
 
-def test_it_passes_reruns_verification_and_is_small(recorded: Recorded) -> None:
+def test_it_passes_reruns_verification_is_small_and_logs_what_stays_once(recorded: Recorded) -> None:
     done = rrd("verify", recorded.path)
     assert done.returncode == 0, done.stderr
     assert recorded.path.stat().st_size < 4e6
+    for entity in recorded.entities(static=True) - {"/summary", "/__properties"}:
+        assert len(recorded.batches(entity, static=True)) == 1, entity
 
 
 def test_equal_runs_compare_equal_and_different_ones_do_not(tmp_path: Path) -> None:
-    for name, seed in (("a", 0), ("b", 0), ("c", 1)):
-        driven_by(tmp_path / f"{name}.rrd", ["flc"], SHORT, seed=seed)
-    a, b, c = (tmp_path / f"{name}.rrd" for name in "abc")
+    a, b, c = (driven_by(tmp_path / f"{i}.rrd", ["flc"], SHORT, seed=i // 2).recorded.path for i in range(3))
     assert rrd("compare", a, b).returncode == 0
     assert rrd("compare", a, c).returncode != 0
 
 
 def test_the_first_seed_is_recorded_and_no_wheels_where_there_are_none(tmp_path: Path) -> None:
     driven = driven_by(tmp_path / "recording.rrd", ["flc"], SHORT, seed=3, seeds=2)
-    assert {entity.split("/")[2] for entity in driven.recorded.entities() if "/plots/" in entity} == {
-        "error", "velocity", "alpha", "ahead", "why",
-    }  # fmt: skip
+    plots = {entity.split("/")[2] for entity in driven.recorded.entities() if "/plots/" in entity}
+    assert plots == {"error", "velocity", "alpha", "ahead", "why"}
     shown = poses(driven.recorded, "/world/flc/robot")
     for seed, equal in ((3, True), (4, False)):
         assert np.allclose(shown[:, 0], rows(driven.table, "flc", seed)["x_m"], atol=1e-6) == equal
@@ -136,14 +120,123 @@ def test_all_robots_of_a_controllers_first_world_are_drawn(tmp_path: Path) -> No
     """Each where it is, along its own reference, in a colour of its own."""
     places = "world.places=[[0, 0, 0], [0.2, 1.0, 1.5707963267948966]]"
     driven = driven_by(tmp_path / "recording.rrd", ["flc"], SHORT, places, seeds=2)
-    starts = driven.recorded.static("/world/reference/path", "LineStrips3D:strips")
+    recorded = driven.recorded
+    starts = recorded.static("/world/reference/path", "LineStrips3D:strips")
     assert [strip[0][:2] for strip in starts] == [[0, 0], pytest.approx([0.2, 1.0])]
+    targets = np.array(recorded.column("/world/reference/target", "Points3D:positions"))
     for place in (0, 1):
         table = rows(driven.table, "flc", 0, place)
         expected = np.column_stack([table[name] for name in ("x_m", "y_m", "heading_rad")])
-        np.testing.assert_allclose(poses(driven.recorded, f"/world/flc/{place}/robot"), expected, atol=1e-6)
-        assert f"/plots/error/x/flc/{place}" in driven.recorded.entities()
-        targets = np.array(driven.recorded.column("/world/reference/target", "Points3D:positions"))[:, place, :2]
-        np.testing.assert_allclose(targets, np.column_stack([table["ref_x_m"], table["ref_y_m"]]), atol=1e-6)
-    colours = [driven.recorded.static(f"/world/flc/{place}/path", "LineStrips3D:colors") for place in (0, 1)]
+        np.testing.assert_allclose(poses(recorded, f"/world/flc/{place}/robot"), expected, atol=1e-6)
+        assert f"/plots/error/x/flc/{place}" in recorded.entities()
+        expected = np.column_stack([table["ref_x_m"], table["ref_y_m"]])
+        np.testing.assert_allclose(targets[:, place, :2], expected, atol=1e-6)
+    colours = [recorded.static(f"/world/flc/{place}/path", "LineStrips3D:colors") for place in (0, 1)]
     assert colours[0] != colours[1]
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_series_say_name_unit_and_rate_in_their_controllers_colour(recorded: Recorded, controller: str) -> None:
+    series = {
+        entity for entity in recorded.entities() if entity.startswith("/plots/") and controller in entity.split("/")
+    }
+    assert series == {
+        e for e in recorded.entities(static=True) if e.startswith("/plots/") and controller in e.split("/")
+    }
+    for entity in series:
+        names, by_wheel = recorded.static(entity, "SeriesLines:names"), entity.split("/")[2] in ("wheel", "winding")
+        assert len(names) == len(set(names)) == recorded.values(entity).shape[1]
+        assert all(name.endswith("60 Hz)") and (by_wheel or name.startswith(controller)) for name in names)
+        if not by_wheel and not entity.endswith(("/ratio", "/sigma")):
+            assert recorded.static(entity, "SeriesLines:colors")[-1] == COLOURS[controller]
+
+
+def ratio(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Displacement achieved over commanded in the 15 frames before, if more than 0.1 m/s was for 24 frames."""
+    result = np.full(len(position), np.nan)
+    for k in range(24, len(position)):
+        mean = velocity[k - 15 : k].mean()
+        if (abs(velocity[k - 24 : k]) > 0.1).all() and abs(mean) > 0.1:
+            result[k] = (position[k] - position[k - 15]) / (mean * 15 / 60)
+    return result
+
+
+def held_back(t: dict[str, np.ndarray]) -> np.ndarray:
+    """Share of the last 15 frames with a command at a limit: by default 2 m/s, 4 m/s², 10 rad/s, 40 rad/s²."""
+    command = np.column_stack([t["command_vx_m_s"], t["command_vy_m_s"], t["command_w_rad_s"]])
+    step = 60 * np.diff(command, axis=0, prepend=np.zeros((1, 3)))
+    control = Settings().control
+    limits = (control.max_speed_m_s, control.max_acceleration_m_s2)
+    turning = (control.max_turn_rate_rad_s, control.max_turn_acceleration_rad_s2)
+    held = np.zeros(len(command), bool)
+    for axes, bounds in ((slice(2), limits), (slice(2, 3), turning)):
+        for values, bound in zip((command, step), bounds, strict=True):
+            held |= np.linalg.norm(values[:, axes], axis=1) >= bound * (1 - 1e-9)
+    before = np.concatenate([np.zeros(14), held])
+    return np.array([before[k : k + 15].mean() for k in range(len(held))])
+
+
+def sliding(t: dict[str, np.ndarray]) -> np.ndarray:
+    """Slip of the wheel that slides most, beyond creep at the default's friction."""
+    settings = Settings()
+    vx, vy, turn = (60 * np.diff(t[name], prepend=t[name][0]) for name in ("x_m", "y_m", "heading_rad"))
+    fastest = np.zeros(len(vx))
+    for i, azimuth in enumerate(np.deg2rad([60, 135, 225, 300]), start=1):
+        at = t["heading_rad"] + azimuth
+        centre = np.hypot(vx - 0.083 * turn * np.sin(at), vy + 0.083 * turn * np.cos(at))
+        creep = 0.98 * centre * settings.carpet.friction / settings.drive.creep_stiffness
+        fastest[1:] = np.maximum(fastest[1:], (t[f"slip_{i}_m_s"] - creep - 0.02)[1:])
+    return fastest
+
+
+def expected_series(t: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the series of one controller, from its rows of the table alone."""
+    wheels, angle = range(1, 5), t["heading_rad"]
+    forward = np.cos(angle) * t["applied_vx_m_s"] + np.sin(angle) * t["applied_vy_m_s"]
+    left = np.cos(angle) * t["applied_vy_m_s"] - np.sin(angle) * t["applied_vx_m_s"]
+    turn = 0.083 * t["applied_w_rad_s"]  # at the wheels, 83 mm from the centre
+    rim = [-np.sin(a) * forward + np.cos(a) * left + turn for a in np.deg2rad([60, 135, 225, 300])]
+    series = {
+        "wheel/speed": [*(v / 0.0285 for v in rim), *(t[f"wheel_speed_{i}_rad_s"] for i in wheels)],
+        "wheel/voltage": [t[f"voltage_{i}_v"] for i in wheels],
+        "wheel/current": [t[f"current_{i}_a"] for i in wheels],
+        "wheel/slip": [t[f"slip_{i}_m_s"] for i in wheels],
+        "winding": [t[f"winding_{i}_c"] for i in wheels],
+        "battery": [t["battery_v"]],
+        "error/distance": [100 * np.hypot(t["x_m"] - t["ref_x_m"], t["y_m"] - t["ref_y_m"])],
+        "ahead": [100 * np.hypot(t["predicted_x_m"] - t["x_m"], t["predicted_y_m"] - t["y_m"])],
+        "why/sliding": [sliding(t)],
+        "why/duty": [t["duty_peak"]],
+        "why/limited": [np.max([t[f"current_limited_{i}"] for i in wheels], axis=0)],
+        "why/held": [held_back(t)],
+    }
+    for axis, place, speed, scale in (
+        ("x", "x_m", "vx_m_s", 100),
+        ("y", "y_m", "vy_m_s", 100),
+        ("heading", "heading_rad", "w_rad_s", 180 / np.pi),
+    ):
+        series[f"error/{axis}"] = [scale * (t[place] - t[f"ref_{place}"])]
+        achieved = 60 * np.diff(t[place], prepend=t[place][0])
+        name = f"velocity/{'turn' if axis == 'heading' else axis}"
+        series[name] = [t[f"command_{speed}"], t[f"applied_{speed}"], achieved]
+        if axis != "heading":
+            series[f"alpha/{axis}"] = [np.where(t[f"alpha_hat_{axis}"] == 1, np.nan, t[f"alpha_hat_{axis}"])]
+            series[f"alpha/{axis}/ratio"] = [ratio(t[place], t[f"applied_{speed}"])]
+    return {name: np.column_stack(lines) for name, lines in series.items()}
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_every_time_series_follows_from_the_table(driven: Driven, controller: str) -> None:
+    """From its first number on; those without any are not there."""
+    recorded, expected = driven.recorded, expected_series(rows(driven.table, controller))
+    names = {}
+    for name, values in expected.items():
+        if not np.isnan(values).all():
+            above, ratio_, _ = name.partition("/ratio")
+            names[f"/plots/{above}/{controller}{ratio_}"] = values
+    assert {e for e in recorded.entities() if e.startswith("/plots/") and controller in e.split("/")} == set(names)
+    for entity, values in names.items():
+        # Scalars are float64; sums in another order differ by rounding, near 1e-12 of what is summed.
+        begin = np.flatnonzero(~np.isnan(values).any(1))[0]
+        assert recorded.frames(entity)[0] == begin
+        np.testing.assert_allclose(recorded.values(entity), values[begin:], rtol=1e-9, atol=1e-9, err_msg=entity)

@@ -1,4 +1,4 @@
-"""A recording is whole up to where a run, a robot or a block of it ends."""
+"""A recording is whole up to where a run, a robot or a block of it ends, whatever ends it."""
 
 import os
 import signal
@@ -6,17 +6,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from benches.recording import Driven, Recorded, driven_by, record, rows, simulated
 from numpy.typing import NDArray
-from recorded import Driven, Recorded, driven_by, poses, rows, rrd
 
 from omni_control.controllers.base import Controller, Seen
-from omni_mj.measure.metrics import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES
-from omni_mj.scenarios import scenario
-from omni_mj.show.recording import FileRecording
-from omni_mj.simulate.simulation import Simulation
 
 SHORT = "reference.waypoints=[[0, 0], [0.3, 0.2]]"
 
@@ -25,10 +22,8 @@ class Own(Controller):
     """Records what it does to the error, from frame 50 on how often it was asked; and says that it believes in 0.9."""
 
     def command(self, frame: int, seen: Seen) -> NDArray:
-        self.alpha_hat, self.channels["alpha_sigma"] = (
-            np.full((len(seen.pose), 3), 0.9),
-            np.full((len(seen.pose), 3), 0.05),
-        )
+        shape = (len(seen.pose), 3)
+        self.alpha_hat, self.channels["alpha_sigma"] = np.full(shape, 0.9), np.full(shape, 0.05)
         target, speed = self.reference.at(frame, seen.pose)
         pull = 3.0 * (target - seen.pose)
         self.channels["pull"] = pull[:, :2]
@@ -50,79 +45,60 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> Driven:
     return driven_by(tmp_path_factory.mktemp("own") / "recording.rrd", ["flc", Own, Breaks], SHORT)
 
 
-def test_channels_of_a_controllers_own_are_recorded_from_when_it_has_them(own: Driven) -> None:
-    found = {entity for entity in own.recorded.entities() if entity.startswith("/plots/own/")}
-    assert found == {
-        f"/plots/own/{channel}/{name}" for channel in ("pull", "asked", "alpha_sigma") for name in ("Own", "Breaks")
-    }
-    table = rows(own.table, "Own")
+def test_channels_of_a_controllers_own_are_recorded(own: Driven) -> None:
+    recorded, table = own.recorded, rows(own.table, "Own")
+    channels = {entity for entity in recorded.entities() if entity.startswith("/plots/own/")}
+    expected = {f"/plots/own/{c}/{name}" for c in ("pull", "asked", "alpha_sigma") for name in ("Own", "Breaks")}
+    assert channels == expected
     pull = np.column_stack([table["own_pull_1"], table["own_pull_2"]])
-    np.testing.assert_array_equal(own.recorded.values("/plots/own/pull/Own"), pull)
-    asked = own.recorded.values("/plots/own/asked/Own")[:, 0]
-    np.testing.assert_array_equal(asked[-3:], table["own_asked"][-3:])
-    assert np.isnan(asked[:50]).all()
-    np.testing.assert_allclose(
-        own.recorded.values("/plots/alpha/x/Own/sigma"), np.broadcast_to([0.8, 1.0], (len(asked), 2))
-    )
-    assert own.recorded.static("/plots/own/pull/Own", "SeriesLines:names") == ["Own 1 (60 Hz)", "Own 2 (60 Hz)"]
-    layouts = own.recorded.layouts()
-    assert all({"own", "pull"} <= names for names in layouts)
-    assert ["asked" in names for names in layouts].count(True) == 1
+    np.testing.assert_array_equal(recorded.values("/plots/own/pull/Own"), pull)
+    assert recorded.frames("/plots/own/asked/Own")[0] == 50
+    np.testing.assert_array_equal(recorded.values("/plots/own/asked/Own")[:, 0], table["own_asked"][50:])
+    band = recorded.values("/plots/alpha/x/Own/sigma")
+    np.testing.assert_allclose(band, np.broadcast_to([0.8, 1.0], (len(pull), 2)))
+    assert all({"own", "pull", "asked"} <= names for names in recorded.layouts())
+
+
+def test_a_channel_that_comes_late_is_in_the_layout_then(tmp_path: Path) -> None:
+    """In frame 400, with blocks of 300."""
+
+    class Late(Own):
+        def command(self, frame: int, seen: Seen) -> NDArray:
+            if frame == 400:
+                self.channels["late"] = np.ones(len(seen.pose))
+            return super().command(frame, seen)
+
+    recorded = driven_by(tmp_path / "recording.rrd", [Late], "reference.laps=1").recorded
+    assert ["late" in names for names in recorded.layouts()].count(True) == 1
+    assert recorded.frames("/plots/own/late/Late")[0] == 400
 
 
 def test_a_robot_that_failed_is_recorded_up_to_there_and_says_why(own: Driven) -> None:
     assert sorted(own.recorded.frames("/world/Breaks/robot")) == list(range(70))
     assert len(own.recorded.frames("/world/Own/robot")) > 100
-    said = [row[0] for row in own.recorded.column("/events/Breaks", "TextLog:text")]
-    assert next(text for text in said if "stopped" in text).startswith("1.17 s  Breaks: stopped: ")
-    assert len(said) == len(set(said))
-
-
-@pytest.mark.parametrize("before", [0, 40, 400])
-def test_a_simulation_that_is_reset_is_recorded_from_its_start(tmp_path: Path, before: int) -> None:
-    """However much of what was before has been sent: nothing, or a block, what is read back is the last run alone."""
-    simulation = Simulation(scenario.load("rect", ["reference.laps=2"], {"plant": "kinematic"}), ["flc"])
-    with FileRecording(tmp_path / "reset.rrd", simulation) as recording:
-        for _ in range(before):
-            simulation.step()
-            recording.update()
-        simulation.reset(seed=5)
-        for _ in range(350):
-            simulation.step()
-            recording.update()
-        recording.write()
-    recorded = Recorded(tmp_path / "reset.rrd")
-    assert sorted(recorded.frames("/world/flc/robot")) == list(range(350))
-    table = rows(simulation.log.table(), "flc", 5)
-    np.testing.assert_allclose(poses(recorded, "/world/flc/robot")[:, 0], table["x_m"], atol=1e-6)
-    assert "seed 5" in recorded.static("/settings", "TextDocument:text")[0]
+    texts = [row[0] for row in own.recorded.column("/events/Breaks", "TextLog:text")]
+    assert next(text for text in texts if "stopped" in text).startswith("1.17 s  Breaks: stopped: ")
+    assert len(texts) == len(set(texts))
 
 
 def test_a_block_is_made_of_its_own_frames(tmp_path: Path) -> None:
-    """So that it costs the same however long the run: the same is recorded where all frames before were wiped out.
-
-    But for the last, from which the path goes on, and those of the window of alpha's ratio.
-    """
-    chosen = scenario.load("rect-noise", ["reference.laps=2", "reference.settle_s=0.1"], {"plant": "kinematic"})
-
-    def record_run(path: Path, wiped: bool) -> int:
-        simulation = Simulation(chosen, ["comp-flc"])
+    """Each block costs the same however long the run: wiping out the log 40 frames before it changes nothing."""
+    paths = [tmp_path / f"{wiped}.rrd" for wiped in (False, True)]
+    for path, wiped in zip(paths, (False, True), strict=True):
+        simulation = simulated(["comp-flc"], "reference.laps=2", "reference.settle_s=0.1")
         log = simulation.log
-        with FileRecording(path, simulation) as recording:
 
-            def after_frame(frame: int) -> None:
-                recording.update()
-                if wiped and recording._sent == log.length:
-                    for channel in log.columns:
-                        log.channel(channel)[: log.length - 1 - ALPHA_WINDOW_FRAMES - ALPHA_START_FRAMES] = 0
+        def wipe(frame: int, log: Any = log, wiped: bool = wiped) -> None:
+            if wiped and frame and frame % 300 == 0:
+                for channel in log.columns:
+                    log.channel(channel)[: frame - 40] = 0
 
-            simulation.run(after_frame)
-            recording.write()
-        return log.length
-
-    lengths = [record_run(tmp_path / f"{wiped}.rrd", wiped) for wiped in (False, True)]
-    assert min(lengths) > 4 * 300, "blocks of 300 frames"
-    assert rrd("compare", tmp_path / "False.rrd", tmp_path / "True.rrd").returncode == 0
+        record(simulation, path, after_frame=wipe)
+        assert log.length > 4 * 300, "blocks of 300 frames"
+    recorded, other = (Recorded(path) for path in paths)
+    for entity in recorded.entities():
+        pairs = zip(recorded.batches(entity), other.batches(entity), strict=True)
+        assert all(a[name] == b[name] for a, b in pairs for name in a.schema.names[1:]), entity  # but for row numbers
 
 
 def test_a_killed_run_leaves_its_blocks(tmp_path: Path) -> None:
@@ -137,12 +113,14 @@ def test_a_killed_run_leaves_its_blocks(tmp_path: Path) -> None:
     with pytest.warns(match="no footer"):
         recorded = Recorded(path)
     series = [e for e in recorded.entities() if "/plots/" in e or e.endswith("/robot")]
-    lengths = {entity: len(recorded.frames(entity)) for entity in series}
-    assert len(series) == 2 * 15 + 2
-    assert min(lengths.values()) >= 600
-    assert max(lengths.values()) - min(lengths.values()) <= 300
+    assert len(series) > 20
+    ends = []
     for entity in series:
-        assert sorted(recorded.frames(entity)) == list(range(lengths[entity]))
+        first, *_, last = frames = sorted(recorded.frames(entity))
+        assert frames == list(range(first, last + 1))
+        ends.append(last + 1)
+    assert min(ends) >= 600
+    assert max(ends) - min(ends) <= 300
     assert "| laps | **100** |" in recorded.static("/settings", "TextDocument:text")[0]
     assert "has not ended" in recorded.static("/summary", "TextDocument:text")[0]
 
@@ -153,23 +131,24 @@ def test_a_file_that_takes_nothing_more_costs_the_recording_and_holds_up_nobody(
     program = f"""
 import fcntl, os
 from pathlib import Path
-from omni_mj.scenarios.scenario import load
-from omni_mj.show.recording import FileRecording, patience
-from omni_mj.simulate.simulation import Simulation
-patience.FLUSH_S = 1.0
+from typing import Any
+from benches.recording import record, set_patience, simulated
+set_patience(1.0)
 path = Path({str(tmp_path / "pipe")!r})
 os.mkfifo(path)
 held = os.open(path, os.O_RDWR)
 fcntl.fcntl(held, fcntl.F_SETPIPE_SZ, 2**20)
-simulation = Simulation(load("rect", [], {{"plant": "kinematic"}}))
+simulation = simulated(["flc", "comp-flc"])
 try:
-    with FileRecording(path, simulation) as recording:
-        simulation.run(lambda frame: recording.update())
+    record(simulation, path)
 except OSError as error:
     print(error.strerror)
 print(simulation.done)
 """
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
-    said, ended = done.stdout.splitlines()
-    assert "could not be written to its end" in said
+    support = {"PYTHONPATH": str(Path(__file__).parents[1] / "support")}
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=os.environ | support)
+    assert not done.stderr
+    message, ended = done.stdout.splitlines()
+    assert "could not be written to its end" in message
     assert (ended, done.returncode) == ("True", 0)

@@ -8,9 +8,9 @@ from pathlib import Path
 import compiled
 import numpy as np
 import pytest
+from benches.recording import record
 from matplotlib.image import imread
 from numpy.typing import NDArray
-from recorded import record
 from rerun.experimental import ViewerClient
 
 from omni_control.errors import OmniError

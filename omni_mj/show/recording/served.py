@@ -12,9 +12,8 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.scenarios.settings import Settings
 from omni_mj.show import style
-from omni_mj.show.recording import colours, patience, robot_shape, scene
-from omni_mj.show.recording.stream import APPLICATION
-from omni_mj.show.recording.timelines import TIME, indexes
+from omni_mj.show.recording import robot_shape, scene, sink
+from omni_mj.show.recording.sink import APPLICATION, TIME, indexes
 from omni_mj.simulate.log import Log
 
 PLOTS = {  # of each robot: channel -> its unit
@@ -97,7 +96,7 @@ class ServedRecording:
     def close(self) -> str:
         """End it; say what did not arrive, if anything did not."""
         try:
-            patience.flush(self._stream)
+            sink.flush(self._stream)
             self._stream.disconnect()
         except RuntimeError as failure:
             self._failure = self._failure or str(failure)
@@ -115,7 +114,7 @@ class ServedRecording:
             each = AXES if channel == "command" else [f"wheel {i + 1}" for i in range(count)] if count > 1 else [""]
             look = rr.SeriesLines(
                 names=[f"{name} {one}".rstrip() for one in each],
-                colors=[colours.pale(own, 0.7 * i / count) for i in range(count)],
+                colors=[sink.pale(own, 0.7 * i / count) for i in range(count)],
             )
             self._stream.log(f"plots/{channel}/{_entity(name)}", look, static=True)
 

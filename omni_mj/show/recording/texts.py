@@ -1,4 +1,4 @@
-"""The texts of a recording: the settings as Markdown tables, the events as a log."""
+"""Texts of a recording: the settings as Markdown tables, the events as a log."""
 
 from collections.abc import Iterable, Sequence
 from itertools import groupby
@@ -9,46 +9,44 @@ import rerun as rr
 from omni_mj.measure import events
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
-from omni_mj.show.recording.robots import Robot
-from omni_mj.show.recording.timelines import indexes
+from omni_mj.show import markdown
+from omni_mj.show.recording.plots import Robot
+from omni_mj.show.recording.sink import indexes
 
-LEVELS = {
-    **dict.fromkeys((events.STOPPED, events.TEMPERATURE, events.BATTERY), "ERROR"),
-    **dict.fromkeys((events.LIMIT, events.VOLTAGE, events.CURRENT, events.FAULT), "WARN"),
-    **dict.fromkeys((events.VISION, events.WAY_POINT), "INFO"),
-}
+ERRORS = (events.STOPPED, events.TEMPERATURE, events.BATTERY)
+NOTES = (events.VISION, events.WAY_POINT)
 
 
 def settings(scenario: Scenario, controllers: Iterable[str], seed: int) -> str:
-    """All settings in force, those that differ from the default in bold, as Markdown."""
-    lines = [
-        f"{scenario.description or scenario.name}",
-        "",
+    """Return all settings in force as Markdown, those that differ from the default in bold."""
+    blocks = [
+        scenario.description or scenario.name,
         f"Plant {scenario.plant}, controllers {', '.join(controllers)}, seed {seed}. All series are"
         f" sampled at {FRAME_RATE_HZ} Hz, the camera's frames. Settings that differ from the default are bold.",
     ]
     for section, items in groupby(scenario.settings.items(), key=lambda item: item[0].section):
-        lines += ["", f"### {section}", "", "| setting | value | unit | meaning |", "| --- | --- | --- | --- |"]
-        for setting, value in items:
-            shown = value if value == setting.default else f"**{value}**"
-            lines.append(f"| {setting.name} | {shown} | {setting.unit} | {setting.doc} |")
-    lines += ["", "### fault", ""] * bool(scenario.settings.fault)
-    lines += [f"- {fault.told}" for fault in scenario.settings.fault]
-    return "\n".join(lines)
+        rows = [
+            [setting.name, str(value) if value == setting.default else f"**{value}**", setting.unit, setting.doc]
+            for setting, value in items
+        ]
+        blocks += [f"### {section}", markdown.table(["setting", "value", "unit", "meaning"], rows)]
+    if scenario.settings.fault:
+        blocks += ["### fault", "\n".join(f"- {fault.told}" for fault in scenario.settings.fault)]
+    return "\n\n".join(blocks)
 
 
-def log(stream: rr.RecordingStream, entity: str, markdown: str) -> None:
-    """Show a text, in place of one that was there before."""
-    stream.log(entity, rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN), static=True)
+def log(stream: rr.RecordingStream, entity: str, text: str) -> None:
+    """Show a Markdown text in place of one that was there before."""
+    stream.log(entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
 
 
 def send_events(stream: rr.RecordingStream, robot: Robot, happened: Sequence[events.Event]) -> None:
     """Send what happened to a robot."""
     if happened:
-        frames = np.array([event.frame for event in happened])
+        kinds = [event.kind for event in happened]
         columns = rr.TextLog.columns(
             text=[f"{event.time_s:.2f} s  {robot.name}: {event.text}" for event in happened],
-            level=[LEVELS[event.kind] for event in happened],
+            level=["ERROR" if kind in ERRORS else "INFO" if kind in NOTES else "WARN" for kind in kinds],
             color=[robot.colour] * len(happened),
         )
-        stream.send_columns(f"events/{robot.name}", indexes(frames), columns)
+        stream.send_columns(f"events/{robot.name}", indexes(np.array([event.frame for event in happened])), columns)

@@ -1,8 +1,11 @@
-"""What the tests of recordings share: making an .rrd, reading it back, and the rows of the table beside it."""
+"""A bench for recordings: runs that are recorded, .rrd files read back, and the table of the same run."""
 
 import subprocess
 import sys
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +18,12 @@ from rerun.chunk import RrdReader
 from omni_control.controllers.base import Controller
 from omni_mj.scenarios import scenario
 from omni_mj.show import markdown
-from omni_mj.show.recording import FileRecording
+from omni_mj.show.recording import FileRecording, LiveRecording, sink
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies import run
 from omni_mj.studies.outcome import drive
 
+set_patience = partial(setattr, sink, "FLUSH_S")  # seconds that a recording waits for its file
 RERUN = Path(sys.executable).with_name("rerun")
 
 
@@ -79,13 +83,22 @@ def rows(table: pa.Table, controller: str, seed: int = 0, place: int = 0) -> dic
     return {name: table[name].to_numpy() for name in table.column_names if name != "controller"}
 
 
-def record(simulation: Simulation, path: Path) -> Recorded:
-    """Run a simulation to its end and record it, as the command does."""
-    with FileRecording(path, simulation) as recording:
-        outcome = drive(simulation, lambda frame: recording.update())
-        recording.write()
-        recording.finish(markdown.result(run.of(simulation, outcome).summary()))
-    return Recorded(path)
+def record(simulation: Simulation, path: Path, url: str = "", after_frame: Callable[[int], None] | None = None) -> None:
+    """Run a simulation to its end, recorded into a file and shown by a viewer, if there is one, as the command does."""
+    with ExitStack() as stack:
+        recordings = [stack.enter_context(FileRecording(path, simulation))]
+        recordings += [stack.enter_context(LiveRecording(url, simulation))] if url else []
+
+        def update(frame: int) -> None:
+            if after_frame:
+                after_frame(frame)
+            for recording in recordings:
+                recording.update()
+
+        outcome = drive(simulation, update)
+        for recording in recordings:
+            recording.write()
+            recording.finish(markdown.result(run.of(simulation, outcome).summary()))
 
 
 def rrd(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
@@ -102,10 +115,14 @@ class Driven:
 
 
 def driven_by(path: Path, controllers: list[str | type[Controller]], *overrides: str, **head: object) -> Driven:
-    chosen = scenario.load("rect", list(overrides), {"plant": "kinematic", **head})
-    simulation = Simulation(chosen, controllers)
-    recorded = record(simulation, path)
-    return Driven(simulation.log.table(), recorded)
+    simulation = simulated(controllers, *overrides, **head)
+    record(simulation, path)
+    return Driven(simulation.log.table(), Recorded(path))
+
+
+def simulated(controllers: list[str | type[Controller]], *overrides: str, **head: object) -> Simulation:
+    """Return a simulation of `rect` at its start, on the kinematic plant if nothing else is said."""
+    return Simulation(scenario.load("rect", list(overrides), {"plant": "kinematic", **head}), controllers)
 
 
 def poses(recorded: Recorded, entity: str) -> NDArray:
