@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import compiled
 import pytest
 from benches.recording import Driven, Recorded, driven_by
 
@@ -40,7 +39,6 @@ def comparison(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
     """A small rectangle with a turn in it, on real wheels."""
     path = tmp_path_factory.mktemp("run") / "recording.rrd"
-    compiled.once("mujoco")
     fast = "wheels.model=two-rollers", "physics.kernel=numpy"
     return driven_by(path, ["flc", "comp-flc"], TURNING, *fast, plant="mujoco")
 

@@ -96,7 +96,7 @@ def test_a_block_is_made_of_its_own_frames(tmp_path: Path) -> None:
         record(simulation, path, after_frame=wipe)
         assert log.length > 4 * 300, "blocks of 300 frames"
     recorded, other = (Recorded(path) for path in paths)
-    for entity in recorded.entities():
+    for entity in (entity for entity in recorded.entities() if not entity.startswith("/events")):
         pairs = zip(recorded.batches(entity), other.batches(entity), strict=True)
         assert all(a[name] == b[name] for a, b in pairs for name in a.schema.names[1:]), entity  # but for row numbers
 

@@ -5,19 +5,16 @@ from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
 
-import compiled
 import numpy as np
 import pytest
-from benches.recording import record
+from benches.recording import record, simulated
 from matplotlib.image import imread
 from numpy.typing import NDArray
 from rerun.experimental import ViewerClient
 
 from omni_control.errors import OmniError
 from omni_mj.cli import picture
-from omni_mj.scenarios import scenario
 from omni_mj.show.recording.viewer import Viewer
-from omni_mj.simulate.simulation import Simulation
 
 DRIVERS = [*Path("/usr/share/vulkan/icd.d").glob("*.json"), *Path("/etc/vulkan/icd.d").glob("*.json")]
 pytestmark = pytest.mark.skipif(
@@ -37,8 +34,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A robot drives 1 m ahead, then 0.8 m to the left."""
     path = tmp_path_factory.mktemp("rendering") / "recording.rrd"
     way = ["reference.waypoints=[[0, 0], [1, 0], [1, 0.8]]", "wheels.model=two-rollers", "physics.kernel=numpy"]
-    compiled.once("mujoco")
-    record(Simulation(scenario.load("rect", way)), path)
+    record(simulated(["flc", "comp-flc"], *way, plant="mujoco"), path)
     return path
 
 

@@ -129,7 +129,7 @@ def test_all_figures_of_a_run_are_in_it(runs: list[Path], tmp_path: Path) -> Non
     drawn = {path.stem for path in (runs[0] / "figures").iterdir()}
     _, seen = page(runs[:1], tmp_path / "report.html")
     assert {f"run1-{name}" for name in drawn} <= set(seen.ids)
-    assert seen.tags.count("img") == len(drawn) == 8  # all but temperatures, which this plant has not
+    assert seen.tags.count("img") == len(drawn) == 7  # all but temperatures, which this plant has not
 
 
 def test_a_comparison_names_all_runs_and_what_differs(runs: list[Path], tmp_path: Path) -> None:

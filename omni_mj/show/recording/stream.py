@@ -122,7 +122,8 @@ class Recording:
         for plot in (plot for tab in self._tabs.values() for plot in tab):
             for series in plot.series:
                 entity, values = series.path(plot, robot), series.values(robot, frames)
-                known, begin = ~np.isnan(values).any(1), 0
+                known: np.ndarray = ~np.isnan(values).any(1)
+                begin = 0
                 if entity not in self._known and known.any():
                     self._known.add(entity)
                     stream.log(entity, series.look(plot, robot), static=True)
