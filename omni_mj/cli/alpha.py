@@ -25,14 +25,14 @@ def command(
 ) -> None:
     """Measure how a robot follows its commands: gain and lag apart, and what takes how much of them."""
     from omni_mj.cli.interrupts import Interrupts
-    from omni_mj.provenance import record, studies
+    from omni_mj.provenance import record
     from omni_mj.studies import alpha
 
     chosen = choice.load("rect")
     options.tell_model(chosen, quiet)
     folder = folders.prepare(out, "alpha", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
-        asked = studies.given([(chosen.name, chosen)])
+        asked = record.asked([(chosen.name, chosen)])
         record.begin(folder, "alpha", console.command_line(), [chosen], frames=False, given=asked)
         show = begin("alpha", alpha.total_frames(chosen))
         result = alpha.alpha(chosen, after_frame=console.checked(interrupts.check, show))

@@ -58,7 +58,7 @@ def command(
         return
     if not logs:
         raise OmniError("name at least one log, .csv, .parquet, .log or .log.gz; or --plan, for what to drive")
-    from omni_mj.provenance import identified, record
+    from omni_mj.provenance import record
     from omni_mj.studies.identify.logs import files, of_robot, read
     from omni_mj.studies.identify.study import of_logs, started
 
@@ -71,8 +71,10 @@ def command(
     folder = folders.prepare(file.with_suffix("") if file else out, "identify", OUTPUTS, overwrite)
     with console.writing(folder):
         found.save(folder, file)
-        asked, data = identified.given(words, start), [file for word in words for file in files(word)[1]]
-        record.save(folder, identified.STUDY, console.command_line(), [start], frames=False, given=asked, data=data)
+        named = [files(word) for word in words]
+        said = [{"word": word, "files": len(paths)} for word, paths in named]
+        asked, data = {"logs": said, "scenario": start.to_toml()}, [file for _, paths in named for file in paths]
+        record.save(folder, record.IDENTIFIED, console.command_line(), [start], frames=False, given=asked, data=data)
     if not quiet:
         print(found.table())
         print(f"results in {folder}/ (identify.json, robot.toml)" + f", the robot in {file}" * (file is not None))

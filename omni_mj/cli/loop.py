@@ -39,7 +39,7 @@ def command(
 ) -> None:
     """Measure how control loops answer a step, and their gain, phase and delay margins."""
     from omni_mj.cli.interrupts import Interrupts
-    from omni_mj.provenance import record, studies
+    from omni_mj.provenance import record
     from omni_mj.studies.loop import loop, study
     from omni_mj.studies.loop.drive import FRAMES
 
@@ -48,7 +48,7 @@ def command(
     options.tell_model(chosen, quiet)
     folder = folders.prepare(out, "loop", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
-        asked = studies.given([(chosen.name, chosen)])
+        asked = record.asked([(chosen.name, chosen)])
         record.begin(folder, "loop", console.command_line(), [chosen], frames=False, given=asked)
         show = begin("loop", FRAMES)
         result = loop(chosen, chosen.controllers, after_frame=console.checked(interrupts.check, show))

@@ -31,7 +31,7 @@ def command(
 ) -> None:
     """Identify gain, slip, drag and efficiency of robots as TIGERs Mannheim do."""
     from omni_mj.cli.interrupts import Interrupts
-    from omni_mj.provenance import record, studies
+    from omni_mj.provenance import record
     from omni_mj.scenarios.robots import DEFAULT
     from omni_mj.studies import slip
     from omni_mj.studies.slip.published import PUBLISHED
@@ -53,7 +53,7 @@ def command(
         result = slip.slip(chosen, before_robot=before_robot)
     with console.writing(folder):
         driven = [outcome.scenario for outcome in result.outcomes]  # each under the name of its robot
-        asked = studies.given((each.name, given) for each, given in zip(driven, chosen, strict=True))
+        asked = record.asked((each.name, given) for each, given in zip(driven, chosen, strict=True))
         record.save(folder, "slip", console.command_line(), driven, frames=False, given=asked)
         result.save_files(folder)
         if result.robots:

@@ -15,7 +15,7 @@ def command(folder: Path, quiet: bool) -> None:
     from omni_mj.provenance import repeat
 
     with console.progress(quiet) as begin:
-        found = repeat.repeat(folder, lambda title, count: console.checked(lambda: None, begin(title, count)))
+        found = repeat.verify(folder, lambda title, count: console.checked(lambda: None, begin(title, count)))
     if not found.repeats:
         console.fail("\n".join([f"{folder} does not repeat", *found.differences, *found.notes]), console.FAILED)
     if not quiet:

@@ -149,10 +149,13 @@ class Result:
         trajectories/NAME.parquet. provenance.json and sources/ say what was run, and what is missing to repeat it
         (`omni_mj.verify`). Folders are made; files of the same names are replaced.
         """
-        from omni_mj.provenance import python  # a room above, which nothing here needs but this
+        from omni_mj.provenance import record  # late: it takes a while to import
 
         self.save_files(Path(folder))
-        python.save(self, Path(folder))
+        study = type(self).__name__.removesuffix("Result").lower()
+        study = study or ("compare" if len(self.outcomes) > 1 else "run")
+        kept = all(outcome.log is not None for outcome in self.outcomes)
+        record.save_result(Path(folder), study, [outcome.scenario for outcome in self.outcomes], kept)
 
     def save_files(self, folder: Path) -> None:
         """As `save`, without what says what was run; the summary last, since it says that all is there."""

@@ -11,23 +11,20 @@ from typing import Any
 from omni_control.errors import OmniError
 from omni_mj.files import text_of
 from omni_mj.measure import reading
+from omni_mj.measure.limits import flat
 from omni_mj.measure.summary import UNFINISHED
-from omni_mj.provenance import here, identified
-from omni_mj.provenance.record import FILE, FORMAT, SOURCES
+from omni_mj.provenance import here
+from omni_mj.provenance.record import FILE, FORMAT, IDENTIFIED, SOURCES
 from omni_mj.robots import builtin
-from omni_mj.scenarios import robots, scenario, toml_files
+from omni_mj.scenarios import robots, scenario
 from omni_mj.scenarios.checking import in_one
 from omni_mj.scenarios.scenario import Scenario
 
-PARTS = {
-    "study": str,
-    "given": dict,
-    "frames_kept": bool,
-    "scenarios": dict,
-    "modules": list,
-    "versions": dict,
+RECORD = {
+    "study": str, "given": dict, "frames_kept": bool, "scenarios": dict, "modules": list, "versions": dict,
     "source": dict,
-}
+}  # fmt: skip
+PARTS = ("estimates", "fits")  # of identify.json; the rest are names and notes
 LIVE = {  # studies that hang together with the world outside, and why they cannot be run again
     "drive": "what robots outside of this program did, and when packets came, cannot be had again",
     "serve": "what its robots did came of a client's packets and of when they came, and the folder does not hold them;"
@@ -36,7 +33,7 @@ LIVE = {  # studies that hang together with the world outside, and why they cann
 
 
 class Folder:
-    """That of a run or comparison.
+    """That of a run, comparison or study.
 
     Args:
         path: where it is now.
@@ -51,18 +48,16 @@ class Folder:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.record = _record(path)
+        self.path, self.record = path, _record(path)
         study = self.record["study"]
         if why := LIVE.get(study):
             raise OmniError(f"{path} is of omni-mj {study}, which was live and is not repeated: {why}")
-        of_logs = study == identified.STUDY
-        name = identified.FILE if of_logs else "summary.json"
+        name = f"{IDENTIFIED}.json" if study == IDENTIFIED else "summary.json"
         if not (path / name).exists():
             raise OmniError(f"the run in {path} left no {name}: it was killed, or goes on; nothing to compare with")
-        self.summary = identified.read(path) if of_logs else reading.read(path)
+        self.summary = _json(path / name) if study == IDENTIFIED else reading.read(path)
         if self.summary.get("stopped") == UNFINISHED and not any(
-            each["frames"] for each in self.summary["scenarios"].values()
+            entry["frames"] for entry in self.summary["scenarios"].values()
         ):
             raise OmniError(f"the run in {path} is {UNFINISHED}; nothing to compare with")
 
@@ -83,9 +78,6 @@ class Folder:
         """
         errors = [str(line) for line in self.record.get("missing", [])]
         for what, entry in self._files():
-            if "why" in entry:
-                errors.append(f"{self.path}: {entry['why']}")
-                continue
             try:
                 data = self._checked(what, entry)
             except OmniError as error:
@@ -103,60 +95,56 @@ class Folder:
             OmniError: its file is missing or not what was run, or this version cannot run it; a line for each.
         """
         file = self.path / (f"scenarios/{name}.toml" if self.several else "scenario.toml")
-        entry, said = self.summary["scenarios"][name], self.record["scenarios"].get(name)
-        if said is None:
+        entry = self.summary["scenarios"][name]
+        if name not in self.record["scenarios"]:
             raise OmniError(f"{self.path / FILE} says nothing of the scenario {name!r}")
-        self._check_settings(file, entry)
-        return self.loaded(file, name, copies, {"seed": entry["seeds"][0], "seeds": len(entry["seeds"])})
+        chosen = self._loaded(file, name, copies, {"seed": entry["seeds"][0], "seeds": len(entry["seeds"])})
+        ours, theirs = dict(flat(json.loads(json.dumps(chosen.settings.plain())))), dict(flat(entry["settings"]))
+        wrong = [key for key in {**ours, **theirs} if ours.get(key, self) != theirs.get(key, self)]
+        if wrong := [key for key in wrong if key != "model.file"]:
+            raise OmniError(f"{file} is not what was run: summary.json has another value of {', '.join(wrong)}")
+        return chosen
 
-    def loaded(self, file: Path, name: str, copies: Path, head: Mapping[str, Any] | None = None) -> Scenario:
-        """A scenario's file, read with the copies in place of what is the user's own.
+    def asked(self, text: str, name: str, copies: Path) -> Scenario:
+        """A scenario that a study was asked for, as TOML, made of the copies of that of its name."""
+        file = copies / f"{name}.toml"
+        file.write_text(text, encoding="utf-8")
+        return self._loaded(file, name, copies, {})
 
-        Args:
-            file: of the scenario.
-            name: under which the record says what it is made of.
-            copies: where the user's files are.
-            head: fields that replace those in the file.
-
-        Raises:
-            OmniError: this version cannot run it; a line for each reason.
-        """
+    def _loaded(self, file: Path, name: str, copies: Path, head: Mapping[str, Any]) -> Scenario:
         said = self.record["scenarios"][name]
-        plant, robot = said["plant"], said["robot"]
         named = {
-            "controllers": [_kind(each, copies) for each in said["controllers"]],
-            "plant": _kind(plant, copies),
-            "robot": robot["name"] if _is_here(robot) else str(copies / robot["file"]),
+            "controllers": [_kind(entry, copies) for entry in said["controllers"]],
+            "plant": _kind(said["plant"], copies),
+            "robot": said["robot"]["name"] if _is_here(said["robot"]) else str(copies / said["robot"]["file"]),
         }
-        mine = said.get("model")
-        changes = [f"model.file={json.dumps(str(copies / mine['file']))}"] if mine else []
+        model = said.get("model")
+        changes = [f"model.file={json.dumps(str(copies / model['file']))}"] if model else []
         try:
-            return scenario.load(str(file), changes, named | dict(head or {}))
+            return scenario.load(str(file), changes, named | dict(head))
         except OmniError as error:
-            told = str(error).replace(f"{copies}{os.sep}", f"{self.path}{os.sep}")  # not where it was copied to
-            lines = [f"{file} cannot be run here: {line}" for line in told.splitlines()]
+            text = str(error).replace(f"{copies}{os.sep}", f"{self.path}{os.sep}")  # not where it was copied to
+            lines = [f"{file} cannot be run here: {line}" for line in text.splitlines()]
             raise OmniError("\n".join([*lines, *here.differences(self.record)])) from None
 
     def _files(self) -> Iterator[tuple[str, Mapping[str, Any]]]:
         """What each file that was kept is, in words, and its entry."""
         for said in self.record["scenarios"].values():
             yield "the robot", said["robot"]
-            if mine := said.get("model"):
-                yield f"the model {mine['name']}", mine
-                yield from ((f"a part of the model {mine['name']}", part) for part in mine.get("parts", []))
+            if model := said.get("model"):
+                yield f"the model {model['name']}", model
+                yield from ((f"a part of the model {model['name']}", part) for part in model.get("parts", []))
             if "file" in said["plant"]:
                 yield f"the plant {said['plant']['name']}", said["plant"]
-            for each in said["controllers"]:
-                if "file" in each:
-                    yield f"the controller {each['name']}", each
-        for each in self.record.get("data", []):
-            yield f"the log {each['name']}", each
-        for each in self.record["modules"]:
-            yield "a module that a user's file imports", each
+            yield from ((f"the controller {entry['name']}", entry) for entry in said["controllers"] if "file" in entry)
+        yield from ((f"the log {entry['name']}", entry) for entry in self.record.get("data", []))
+        yield from (("a module that a user's file imports", entry) for entry in self.record["modules"])
 
     def _checked(self, what: str, entry: Mapping[str, Any]) -> bytes:
-        path = self.path / entry["file"]
-        if not Path(entry["file"]).parts[:1] == (SOURCES,) or ".." in Path(entry["file"]).parts:
+        if "why" in entry:
+            raise OmniError(f"{self.path}: {entry['why']}")
+        path, parts = self.path / entry["file"], Path(entry["file"]).parts
+        if parts[:1] != (SOURCES,) or ".." in parts:
             raise OmniError(f"{self.path / FILE} names a file outside of {SOURCES}/: {entry['file']}")
         try:
             data = path.read_bytes()
@@ -168,90 +156,54 @@ class Folder:
             )
         return data
 
-    def _check_settings(self, file: Path, entry: Mapping[str, Any]) -> None:
-        """See that a scenario's file has the settings that the summary says were run."""
-        try:
-            data = toml_files.parse(text_of(file))
-        except OSError as error:
-            raise OmniError(f"{file} cannot be read: {error.strerror}") from None
-        except ValueError as error:
-            raise OmniError(f"{file} is not valid TOML: {' '.join(str(error).split())}") from None
-        wrong = []
-        for section, values in entry["settings"].items():
-            if not isinstance(values, dict):  # the faults
-                wrong += [section] if data.get(section, []) != values else []
-                continue
-            found = data.get(section, {})
-            names = dict.fromkeys([*values, *found]) if isinstance(found, dict) else values
-            wrong += [f"{section}.{key}" for key in names if not isinstance(found, dict) or _other(key, values, found)]
-        if wrong:
-            raise OmniError(f"{file} is not what was run: summary.json has another value of {', '.join(wrong)}")
-
 
 @contextmanager
 def importable(folder: Path) -> Iterator[None]:
     """Within it, modules are imported from a folder before any other."""
     names = {path.stem if path.suffix == ".py" else path.name for path in folder.glob("*")}
-    ours = [name for name in sys.modules if name.partition(".")[0] in names]
-    before = {name: sys.modules.pop(name) for name in ours}
+
+    def loaded() -> list[str]:
+        return [name for name in sys.modules if name.partition(".")[0] in names]
+
+    before = {name: sys.modules.pop(name) for name in loaded()}
     sys.path.insert(0, str(folder))
     try:
         yield
     finally:
         sys.path.remove(str(folder))
-        for name in [name for name in sys.modules if name.partition(".")[0] in names]:
+        for name in loaded():
             del sys.modules[name]
         sys.modules.update(before)
 
 
 def _record(path: Path) -> dict[str, Any]:
-    file = path / FILE
-    try:
-        record = json.loads(text_of(file))
-    except FileNotFoundError:
+    if not (path / FILE).exists():
         if (path / "summary.json").exists():
             old = "an older version of omni-mj wrote it, or Python without the command line"
-            raise OmniError(f"{path} does not say what was run, it has no {FILE}: {old}; make the run again") from None
-        raise OmniError(f"{path} holds no run; give the folder that omni-mj run --out FOLDER leaves") from None
+            raise OmniError(f"{path} does not say what was run, it has no {FILE}: {old}; make the run again")
+        raise OmniError(f"{path} holds no run; give the folder that omni-mj run --out FOLDER leaves")
+    record = _json(path / FILE)
+    if record.get("format") != FORMAT:
+        raise OmniError(
+            f"{path / FILE} is of format {record.get('format')!r}; this version of omni-mj reads format {FORMAT}"
+        )
+    if wrong := [name for name, kind in RECORD.items() if not isinstance(record.get(name), kind)]:
+        raise OmniError(
+            f"{path / FILE} does not say what was run: {', '.join(wrong)} missing or wrong; make the run again"
+        )
+    return record
+
+
+def _json(file: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(text_of(file))
     except OSError as error:
         raise OmniError(f"{file} cannot be read: {error.strerror}") from None
     except (ValueError, RecursionError) as error:
         raise OmniError(f"{file} is not valid JSON: {error}") from None
-    if not isinstance(record, dict) or "format" not in record:
-        raise OmniError(f"{file} does not say what was run; make the run again")
-    if record["format"] != FORMAT:
-        raise OmniError(f"{file} is of format {record['format']!r}; this version of omni-mj reads format {FORMAT}")
-    wrong = [name for name, kind in PARTS.items() if not isinstance(record.get(name), kind)]
-    wrong = wrong or [name for name, said in record["scenarios"].items() if not _whole(said)]
-    wrong = wrong or [name for name in ("modules",) if not all(_names_file(each) for each in record[name])]
-    if wrong:
-        raise OmniError(f"{file} does not say what was run: {', '.join(wrong)} missing or wrong; make the run again")
-    return record
-
-
-def _whole(said: Any) -> bool:
-    """Whether a scenario's plant, robot and controllers are there, each with a name and, where it has one, its file."""
-    if not isinstance(said, dict) or not isinstance(said.get("controllers"), list):
-        return False
-    named = [said.get("plant"), said.get("robot"), *said["controllers"]]
-    if not all(isinstance(each, dict) and isinstance(each.get("name"), str) for each in named):
-        return False
-    mine = said.get("model", {"parts": []})
-    if not isinstance(mine, dict) or not ("why" in mine or _names_files(mine)):
-        return False
-    classes = [each for each in (said["plant"], *said["controllers"]) if "file" in each]
-    return all(_names_file(each) and "class" in each for each in classes) and _names_file(said["robot"])
-
-
-def _names_file(entry: Any) -> bool:
-    return isinstance(entry, dict) and all(isinstance(entry.get(name), str) for name in ("file", "sha256"))
-
-
-def _names_files(model: Mapping[str, Any]) -> bool:
-    """Whether a model is there with its parts; an empty one is none."""
-    parts = model.get("parts")
-    whole = "file" not in model or (isinstance(model.get("name"), str) and _names_file(model))
-    return whole and isinstance(parts, list) and all(map(_names_file, parts))
+    if not isinstance(found, dict):
+        raise OmniError(f"{file} is not what a run leaves; make the run again")
+    return found
 
 
 def _kind(entry: Mapping[str, Any], copies: Path) -> str:
@@ -264,8 +216,3 @@ def _is_here(robot: Mapping[str, Any]) -> bool:
     if robot["name"] not in builtin():
         return False
     return here.digest(robots.robot_path(robot["name"]).read_bytes()) == robot["sha256"]
-
-
-def _other(key: str, values: Mapping[str, Any], found: Mapping[str, Any]) -> bool:
-    missing = object()
-    return values.get(key, missing) != found.get(key, missing)

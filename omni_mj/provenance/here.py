@@ -37,15 +37,10 @@ def differences(recorded: Mapping[str, Any]) -> list[str]:
         ours, theirs = here[part], recorded.get(part) or {}
         if part == "versions":  # what a user's files import is recorded too
             ours |= modules.installed(theirs.keys() - ours.keys())
-        for name in dict.fromkeys([*theirs, *ours]):
-            if ours.get(name) == theirs.get(name):
-                continue
-            if part == "source":
-                lines.append(f"the source of {name} is another than in the run")
-            else:
-                lines.append(
-                    f"{name} was {theirs.get(name) or 'not recorded'} in the run, is {_or_none(ours, name)} here"
-                )
+        for name in (name for name in dict.fromkeys([*theirs, *ours]) if ours.get(name) != theirs.get(name)):
+            before, now = theirs.get(name) or "not recorded", ours.get(name) or "not there"
+            source = f"the source of {name} is another than in the run"
+            lines.append(source if part == "source" else f"{name} was {before} in the run, is {now} here")
     ours, theirs = (_commit(each) for each in (here["git"], recorded.get("git")))
     return [*lines, f"the run was of {theirs}, here is {ours}"] if ours != theirs else lines
 
@@ -96,14 +91,14 @@ def machine() -> dict[str, str]:
     }
 
 
-def _hash(folder: Path, *without: Path) -> str:
-    kept: dict[str, Path] = {}
-    left_out = {str(other) for other in without}
-    for at, below, names in os.walk(folder):
-        below[:] = [name for name in below if os.path.join(at, name) not in left_out]
-        there = Path(at).relative_to(folder)
-        kept |= {(there / name).as_posix(): Path(at, name) for name in names if os.path.splitext(name)[1] in SOURCE}
-    return digest("".join(f"{digest(kept[name].read_bytes())} {name}\n" for name in sorted(kept)).encode())
+def _hash(folder: Path, without: Path | None = None) -> str:
+    files = (path for path in folder.rglob("*") if path.suffix in SOURCE)
+    contents = {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in files
+        if without is None or not path.is_relative_to(without)
+    }
+    return digest("".join(f"{digest(contents[name])} {name}\n" for name in sorted(contents)).encode())
 
 
 def _cpu() -> str:
@@ -131,7 +126,3 @@ def _commit(found: Mapping[str, Any] | None) -> str:
     if not found:
         return "no commit that is known"
     return f"commit {found['commit'][:12]}" + ", changed since" * bool(found["changed"])
-
-
-def _or_none(values: Mapping[str, str], name: str) -> str:
-    return values.get(name) or "not there"

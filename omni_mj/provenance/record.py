@@ -2,7 +2,8 @@
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 from omni_control import controllers as known_controllers
 from omni_control.registry import CONTROLLERS
 from omni_mj.files import whole, write
-from omni_mj.measure.result import Outcome, Result
+from omni_mj.measure import summary
 from omni_mj.mjcf.files import copies
 from omni_mj.provenance import here, modules
 from omni_mj.scenarios import controllers, plants, resolve, robots, user_files
@@ -19,6 +20,8 @@ from omni_mj.scenarios.scenario import Scenario
 FORMAT = 1
 FILE, SOURCES = "provenance.json", "sources"  # also in `omni_mj.cli.folders`, which must not import what this does
 DATA, LARGEST_BYTES = "data", 100_000_000  # folder in that of the sources, for logs and the like; largest that is kept
+ASKED = "scenarios"  # in `given` of a study: the scenarios that it was asked for, as TOML by name
+IDENTIFIED = "identify"  # the study that leaves identify.json
 MODULES = "modules"  # folder in that of the sources, for modules that a user's files import
 
 
@@ -55,7 +58,7 @@ def save(
     found |= {"data": [shelf.put_data(file) for file in data]} if data else {}
     content = {
         "format": FORMAT, "study": study, "command": command,
-        "began": datetime.now(UTC).isoformat(timespec="seconds"), "frames_kept": frames, "given": dict(given or {}),
+        "began": _now(), "frames_kept": frames, "given": dict(given or {}),
         "scenarios": described, "modules": shelf.modules(), **found,
     }  # fmt: skip
     write(folder / FILE, json.dumps(content, indent=2, ensure_ascii=False) + "\n")  # by which the folder is ours
@@ -75,10 +78,55 @@ def begin(
     Args and errors: see `save`.
     """
     save(folder, study, command, scenarios, frames, given)
-    first = scenarios[0]
-    Result([Outcome.not_run(each) for each in scenarios], list(first.labels), seeds=first.seed_list).save_summary(
-        folder
-    )
+    entries, first = {each.name: summary.nothing_run(each) for each in scenarios}, scenarios[0]
+    content = summary.document(
+        entries, first.labels, (), first.seed_list, created=_now(), wall_s=0.0, complete=False,
+        stopped=summary.UNFINISHED, subject=None, repeat=None,
+    )  # fmt: skip
+    write(folder / "summary.json", json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+def save_result(folder: Path, study: str, scenarios: Sequence[Scenario], frames: bool) -> None:
+    """Write what a result from Python is made of, as far as that can be known, and what is missing to repeat it.
+
+    Args:
+        folder: of the result.
+        study: run, compare, or another whose arguments are not known.
+        scenarios: that were run.
+        frames: whether trajectories are kept.
+    """
+    kinds = dict.fromkeys(kind for scenario in scenarios for kind in scenario.controllers)
+    missing = [line for kind in kinds for line in _missing(kind)]
+    if study not in ("run", "compare"):
+        missing.append(f"it is of om.{study}, called from Python: what that was given beside scenarios is not known")
+    save(folder, study, None, scenarios, frames, missing=missing)
+
+
+def asked(scenarios: Iterable[tuple[str, Scenario]]) -> dict[str, Any]:
+    """Return what a record must hold so that a study can be run again.
+
+    Args:
+        scenarios: that it was asked for, by the names under which the record has them.
+    """
+    return {ASKED: {name: scenario.to_toml() for name, scenario in scenarios}}
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def _missing(kind: controllers.Kind) -> list[str]:
+    """Return why a controller cannot be run again from a copy of its file alone, in lines."""
+    if isinstance(kind, str) or kind.__name__ in CONTROLLERS:
+        return []
+    label, file = controllers.label(kind), getattr(sys.modules.get(kind.__module__), "__file__", None)
+    if file is None:
+        return [f"the controller {label} was made in Python, and is in no file"]
+    why = "is inside of another definition" if "." in kind.__qualname__ else ""
+    if kind.__module__ == "__main__":
+        why = "is a class of the program that ran, which would run anew"
+    copy = f"sources/{Path(file).name} has it"
+    return [f"the controller {label} {why}; {copy}; give file.py:{label} of a file that only defines it"] if why else []
 
 
 class _Shelf:
@@ -87,6 +135,7 @@ class _Shelf:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._kept: dict[str, bytes] = {}
+        self._models: dict[Path, dict[str, bytes]] = {}
 
     def put(self, name: str, data: bytes) -> dict[str, str]:
         """Keep a file; where it is in the run's folder, and its hash. Others of its name have a folder each."""
@@ -111,12 +160,10 @@ class _Shelf:
             found = copies(file)
         except (OSError, ValueError) as error:
             return {"name": file.name, "why": f"{file.name} could not be kept: {' '.join(str(error).split())}"}
-        shelves = (f"model{number}" for number in ("", *range(2, 100)))
-        shelf = next(
-            name
-            for name in shelves
-            if all(self._kept.get(f"{SOURCES}/{name}/{place}", data) == data for place, data in found.items())
-        )
+        known = list(self._models.values())
+        number = known.index(found) if found in known else len(known)
+        self._models[file] = found
+        shelf = f"model{number + 1}" if number else "model"
         first, *others = (self.put(f"{shelf}/{place}", data) for place, data in found.items())
         return {"name": file.name, **first, "parts": others}
 

@@ -8,18 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from omni_control.errors import OmniError
-from omni_mj.measure.result import Outcome
-from omni_mj.provenance import frames, here, identified, studies
-from omni_mj.provenance.folder import Folder, importable
-from omni_mj.provenance.record import MODULES, SOURCES
+from omni_mj.measure.result import Outcome, Result
+from omni_mj.provenance import frames, here
+from omni_mj.provenance.folder import PARTS, Folder, importable
+from omni_mj.provenance.record import ASKED, IDENTIFIED, MODULES, SOURCES
 from omni_mj.scenarios.scenario import Scenario
-from omni_mj.studies.limit import limit
-from omni_mj.studies.outcome import AfterFrame, StoppedError, drive, nothing, total_frames
+from omni_mj.studies import alpha, compare, limit, loop, slip
+from omni_mj.studies.outcome import AfterFrame, StoppedError, drive, joined, nothing, total_frames
 from omni_mj.studies.run import prepare
 
-STUDIES = ("run", "compare", "limit")  # whose frames, or numbers of the summary, can be compared
 RESULTS = ("failed", "drawn", "events", "results")  # what a summary says of a scenario that its frames decide
-TOLD = 3  # numbers of the summary that are named
+NAMED = 3  # numbers of the summary that are named
 Begin = Callable[[str, int], AfterFrame]
 
 
@@ -54,23 +53,11 @@ class Repetition:
         return "\n".join([f"repeats: {self.rows} {self.what}, {compared}", *(f"note: {note}" for note in self.notes)])
 
 
-def verify(folder: str | Path) -> Repetition:
+def verify(folder: str | Path, begin: Begin = lambda title, count: nothing) -> Repetition:
     """Run again what a folder holds, wherever it is now, and compare bit for bit, as `omni-mj verify` does.
 
     Args:
         folder: that a run, a comparison or `Result.save` left.
-
-    Raises:
-        OmniError: it cannot be run again; a line for each reason.
-    """
-    return repeat(Path(folder))
-
-
-def repeat(path: Path, begin: Begin = lambda title, count: nothing) -> Repetition:
-    """Run again what a folder holds, wherever it is now, and compare.
-
-    Args:
-        path: of the folder.
         begin: called with a title and a number of frames before a scenario is run; what it returns is called after
             each frame.
 
@@ -78,110 +65,137 @@ def repeat(path: Path, begin: Begin = lambda title, count: nothing) -> Repetitio
         OmniError: it cannot be run again; a line for each reason.
     """
     try:
-        return _repeated(path, begin)
+        return _repeated(Folder(Path(folder)), begin)
     except OmniError:
         raise
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:  # whatever was changed
-        raise OmniError(f"what {path} holds is not as a run leaves it; make the run again") from error
+        raise OmniError(f"what {folder} holds is not as a run leaves it; make the run again") from error
 
 
-def _repeated(path: Path, begin: Begin) -> Repetition:
-    folder, found = Folder(path), Repetition()
-    study = folder.record["study"]
-    if study in studies.NAMES:
-        return _found(folder, found, lambda copies: _study(folder, copies, found, begin))
-    if study == identified.STUDY:
-        return _found(folder, found, lambda copies: _identified(folder, copies, found))
-    if study not in STUDIES:
-        again = folder.summary.get("repeat") or folder.record.get("command")
-        raise OmniError(f"{path} is of omni-mj {study}, which is repeated as a whole: {again}")
-    entries = {name: entry for name, entry in folder.summary["scenarios"].items() if entry["frames"]}
-    if not entries:
-        raise OmniError(f"nothing was recorded in {path}: there is nothing to compare with")
-
-    def run(copies: Path) -> None:
-        scenarios = {name: folder.scenario(name, copies) for name in entries}
-        for name, chosen in scenarios.items():
-            several = f"{name}: " if folder.several else ""
-            _compare(folder, name, _again(folder.record, chosen, entries[name], begin), copies, found, several)
-
-    skipped = [name for name in folder.summary["scenarios"] if name not in entries]
-    found.notes += [f"{name} was not run: there is nothing to compare with" for name in skipped]
-    if stopped := folder.summary["stopped"]:
-        found.notes.append(f"the run was {stopped}: it was repeated up to there")
-    return _found(folder, found, run)
-
-
-def _found(folder: Folder, found: Repetition, run: Callable[[Path], None]) -> Repetition:
-    """What was found, when it was run from copies of the user's files."""
-    with tempfile.TemporaryDirectory(prefix="omni-mj-") as name:
-        copies = Path(name)
+def _repeated(folder: Folder, begin: Begin) -> Repetition:
+    found, study = Repetition(), folder.record["study"]
+    with tempfile.TemporaryDirectory() as temporary:
+        copies = Path(temporary)
         folder.copy(copies)
         with importable(copies / SOURCES / MODULES):
-            run(copies)
-    elsewhere = here.differences(folder.record)
+            if study in ("run", "compare", "limit"):
+                _run(folder, copies, found, begin)
+            elif study in ("alpha", "slip", "loop"):
+                _study(folder, study, copies, found, begin)
+            elif study == IDENTIFIED:
+                _identify(folder, copies, found)
+            else:
+                again = folder.summary.get("repeat") or folder.record.get("command")
+                raise OmniError(f"{folder.path} is of omni-mj {study}, which is repeated as a whole: {again}")
+    changed = here.differences(folder.record)
     if found.repeats:
-        found.notes += elsewhere
+        found.notes += changed
     else:
-        found.differences += elsewhere or [
-            "versions, source, commit and processor are the run's: what differs may be the run's files, or what drives"
-            " it uses what is not recorded, such as the clock, random numbers without a seed, or files that it reads"
+        found.differences += changed or [
+            "versions, source, commit and processor are the run's: look for random numbers without a seed, for the"
+            " clock, and for files that a controller reads, which are not in the folder"
         ]
     return found
 
 
-def _study(folder: Folder, copies: Path, found: Repetition, begin: Begin) -> None:
-    """Run a study again and compare what it found."""
-    result, before, now = studies.again(folder, copies, begin)
+def _run(folder: Folder, copies: Path, found: Repetition, begin: Begin) -> None:
+    """Run scenarios again and compare their frames and numbers."""
+    every = folder.summary["scenarios"]
+    entries = {name: entry for name, entry in every.items() if entry["frames"]}
+    if not entries:
+        raise OmniError(f"nothing was recorded in {folder.path}: there is nothing to compare with")
+    found.notes += [f"{name} was not run: there is nothing to compare with" for name in every if name not in entries]
+    if stopped := folder.summary["stopped"]:
+        found.notes.append(f"the run was {stopped}; what it recorded until then is compared")
+    scenarios = {name: folder.scenario(name, copies) for name in entries}
+    for name, scenario in scenarios.items():
+        prefix = f"{name}: " if folder.several else ""
+        outcome = _again(folder, scenario, entries[name], begin)
+        found.rows += len(outcome.rows)
+        lines: list[str] = []
+        if folder.record["frames_kept"]:
+            again = copies / "trajectory.parquet"
+            assert outcome.log is not None
+            outcome.log.save(again)  # so that what is compared has been through the same
+            count, lines = frames.differences(folder.trajectory(name), again)
+            found.frames += count
+        else:
+            found.notes.append(f"{prefix}no frames were kept; the summary's numbers are compared")
+        entry, now = entries[name], json.loads(json.dumps(outcome.entry))
+        lines += _failures(entry, now)
+        before, after = ({part: each.get(part) for part in RESULTS} for each in (entry, now))
+        lines += _differing(before, after)
+        found.differences += [prefix + line for line in lines]
+
+
+def _again(folder: Folder, scenario: Scenario, entry: Mapping[str, Any], begin: Begin) -> Outcome:
+    """Run a scenario as far as it was run, its seeds in the blocks in which they were."""
+    seeds = scenario.seed_list
+    if folder.record["study"] == "limit":
+        return limit.limit(scenario, seeds, folder.record["given"]["iterations"], begin=begin).outcomes[0]
+    block = compare.BLOCK if folder.summary["half_width"] else len(seeds)
+    count, parts = entry["frames"] if folder.record["study"] == "run" and entry["status"] == "stopped" else None, []
+    for first in range(0, len(seeds), block):
+        simulation = prepare(scenario, seeds=seeds[first : first + block])
+        show = begin(scenario.name, count or total_frames(simulation))
+
+        def after_frame(frame: int, show: AfterFrame = show) -> None:
+            show(frame)
+            if frame + 1 == count:
+                raise StoppedError(str(entry["reason"]))
+
+        parts.append(drive(simulation, after_frame))
+    return joined(parts)
+
+
+def _study(folder: Folder, study: str, copies: Path, found: Repetition, begin: Begin) -> None:
+    """Run a study of its own scenarios again, as a whole, and compare what it found."""
+    asked, before = folder.record["given"].get(ASKED), folder.summary.get(study)
+    if not isinstance(asked, dict):
+        command = folder.summary.get("repeat") or folder.record.get("command")
+        raise OmniError(
+            f"{folder.path} does not say what omni-mj {study} was asked for; repeat it as a whole: {command}"
+        )
+    if before is None:
+        raise OmniError(f"nothing was found in {folder.path}: there is nothing to compare with")
+    scenarios = [folder.asked(text, name, copies) for name, text in asked.items()]
+    result = STUDIES[study](scenarios, begin)
     found.rows += sum(len(outcome.rows) for outcome in result.outcomes)
-    found.differences += _differing(
-        dict(_flat(before, folder.record["study"])), dict(_flat(now, folder.record["study"]))
-    )
+    now = json.loads(json.dumps(result.summary()[study]))
+    found.differences += _differing({study: before}, {study: now})
 
 
-def _identified(folder: Folder, copies: Path, found: Repetition) -> None:
-    """Identify a robot again and compare what was found."""
-    found.rows, before, now = identified.again(folder, copies)
-    found.what = "log" if found.rows == 1 else "logs"
-    found.differences += _differing(dict(_flat(before)), dict(_flat(now)), file=identified.FILE)
+STUDIES: dict[str, Callable[[list[Scenario], Begin], Result]] = {
+    "alpha": lambda given, begin: alpha.alpha(given[0], after_frame=begin("alpha", alpha.total_frames(given[0]))),
+    "loop": lambda given, begin: loop.loop(
+        given[0], given[0].controllers, after_frame=begin("loop", loop.drive.FRAMES)
+    ),
+    "slip": lambda given, begin: slip.slip(given, before_robot=begin),
+}
 
 
-def _again(record: Mapping[str, Any], chosen: Scenario, entry: Mapping[str, Any], begin: Begin) -> Outcome:
-    """Run a scenario as far as it was run."""
-    if record["study"] == "limit":
-        return limit(chosen, chosen.seed_list, record["given"]["iterations"], begin=begin).outcomes[0]
-    simulation = prepare(chosen)
-    count = entry["frames"] if entry["status"] == "stopped" else None
-    show = begin(chosen.name, count or total_frames(simulation))
+def _identify(folder: Folder, copies: Path, found: Repetition) -> None:
+    """Identify a robot again from the copies of its logs, and compare what was found."""
+    from omni_mj.studies.identify.logs import read
+    from omni_mj.studies.identify.study import of_logs
 
-    def after_frame(frame: int) -> None:
-        show(frame)
-        if frame + 1 == count:
-            raise StoppedError(str(entry["reason"]))
-
-    return drive(simulation, after_frame)
-
-
-def _compare(folder: Folder, name: str, outcome: Outcome, copies: Path, found: Repetition, prefix: str) -> None:
-    """Add what came of a scenario to what was found."""
-    assert outcome.log is not None
-    found.rows += len(outcome.rows)
-    lines: list[str] = []
-    if folder.record["frames_kept"]:
-        recorded, again = frames.read(folder.trajectory(name)), copies / "trajectory.parquet"
-        outcome.log.save(again)  # so that what is compared has been through the same
-        found.frames += recorded.count
-        lines += frames.differences(recorded, frames.read(again))
-    else:
-        found.notes.append(f"{prefix}no frames were kept; the summary's numbers are compared")
-    entry, now = folder.summary["scenarios"][name], json.loads(json.dumps(outcome.entry))
-    lines += _failures(entry, now)
-    lines += _numbers(entry, now)
-    found.differences += [prefix + line for line in lines]
+    words, text = (folder.record["given"].get(key) for key in ("logs", "scenario"))
+    paths = [copies / each["file"] for each in folder.record.get("data", [])]
+    if not words or not isinstance(text, str) or sum(each["files"] for each in words) != len(paths):
+        raise OmniError(f"{folder.path} does not say which logs it is of; repeat it as a whole")
+    (name,) = folder.record["scenarios"]
+    chosen, logs = folder.asked(text, name, copies), list[Any]()
+    for each in words:
+        own, paths = paths[: each["files"]], paths[each["files"] :]
+        logs += read(Path(each["word"].format(*own)))
+    now = json.loads(json.dumps(of_logs(logs, chosen).report()))
+    found.rows, found.what = len(logs), "log" if len(logs) == 1 else "logs"
+    before, after = ({part: values[part] for part in PARTS} for values in (folder.summary, now))
+    found.differences += _differing(before, after, file=f"{IDENTIFIED}.json")
 
 
 def _failures(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
-    """Rows that failed in one of the two."""
+    """Yield the rows that failed in one of the two."""
     for ones, others, where, other in ((now, recorded, "here", "in the run"), (recorded, now, "in the run", "here")):
         known = [(each["controller"], each["seed"], each["place"]) for each in others["failed"]]
         for each in ones["failed"]:
@@ -190,31 +204,22 @@ def _failures(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[s
                 yield f"{which} failed {where} at {each['time_s']:.3f} s, not {other}: {each['cause']}"
 
 
-def _numbers(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
-    """What the summary says and is not so here; results that only this version has are not among it."""
-    old, new = (dict(_flat({part: entry.get(part) for part in RESULTS})) for entry in (recorded, now))
-    return _differing(old, new)
-
-
 def _differing(old: Mapping[str, Any], new: Mapping[str, Any], file: str = "summary.json") -> Iterator[str]:
-    """Of flat summaries what is not the same in both, in lines."""
-    keys = dict.fromkeys([*old, *(key for key in new if not key.startswith("results."))])
-    texts = {key: [json.dumps(each[key]) if key in each else "not there" for each in (old, new)] for key in keys}
+    """Yield what is not the same in both; results that only this version has are not among it."""
+    before, after = dict(_flat(old)), dict(_flat(new))
+    keys = dict.fromkeys([*before, *(key for key in after if not key.startswith("results."))])
+    texts = {key: [json.dumps(each[key]) if key in each else "not there" for each in (before, after)] for key in keys}
     differ = {key: both for key, both in texts.items() if both[0] != both[1]}
-    for key, (before, after) in list(differ.items())[:TOLD]:
-        yield f"{file}: {key} is {before} in the run, {after} here"
-    if (more := len(differ) - TOLD) > 0:
+    for key, both in list(differ.items())[:NAMED]:
+        yield f"{file}: {key} is {both[0]} in the run, {both[1]} here"
+    if (more := len(differ) - NAMED) > 0:
         yield f"{file}: {more} more values differ"
 
 
 def _flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    parts: Iterator[tuple[Any, Any]] | None = None
-    if isinstance(value, Mapping):
-        parts = iter(value.items())
-    elif isinstance(value, list):
-        parts = enumerate(value)
-    if parts is None:
+    """Yield all that a value holds, by names such as `results.flc.0`."""
+    if isinstance(value, Mapping | list):
+        for key, each in value.items() if isinstance(value, Mapping) else enumerate(value):
+            yield from _flat(each, f"{name}.{key}" if name else str(key))
+    else:
         yield name, value
-        return
-    for key, each in parts:
-        yield from _flat(each, f"{name}.{key}" if name else str(key))

@@ -1,0 +1,360 @@
+"""`omni-mj verify`: a run's folder says what it ran, wherever it is, and gives the same again or says why not."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from commands import invoke, strict
+from own_robot import written
+
+import omni_mj as om
+
+SHORT = ("--set", "reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]", "--set", "reference.settle_s=0.1")
+BARE = ("--no-record", "--no-figures", "--quiet")
+MINE = '''
+import click
+from shared.gains import GAIN
+
+import omni_mj as om
+
+
+class Mine(om.Controller):
+    """Proportional control, with a gain from a module beside this file and a parameter."""
+
+    share: float = 1.0
+
+    def command(self, frame, seen):
+        target, feed_forward = self.reference.at(frame, seen.pose)
+        return feed_forward + GAIN * self.share * (target - seen.pose)
+'''
+TOY = """
+import numpy as np
+
+from omni_mj.plants import Telemetry
+
+
+class Toy:
+    geometry = None
+
+    def __init__(self, rows, start):
+        self._pose, self._twist = np.array(start), np.zeros_like(start)
+
+    def pose(self):
+        return self._pose
+
+    def twist(self):
+        return self._twist
+
+    def advance(self, received):
+        self._twist = 0.9 * received.command
+        self._pose = self._pose + self._twist / 60
+        return {}
+
+    def telemetry(self):
+        return Telemetry.of_no_wheels(len(self._pose))
+"""
+ODD = """
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+
+import omni_mj as om
+
+
+class Dice(om.Controller):
+    def command(self, frame, seen):
+        return 0 * seen.pose + (1e-3 * np.random.default_rng().random() if frame > 4 else 0)  # less than limits change
+
+
+class Stopped(om.Controller):
+    def command(self, frame, seen):
+        if frame == 20 and Path("press").exists():
+            os.kill(os.getpid(), signal.SIGINT)
+        return 0 * seen.pose
+"""
+# A tetrahedron of 2 cm.
+MESH = "v 0 0 0\nv 0.02 0 0\nv 0 0.02 0\nv 0 0 0.02\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+MATERIALS = '<mujoco><asset><mesh name="cover" file="cover.obj"/></asset></mujoco>'
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run of a user's controller, plant and robot, whose files have gone since."""
+    there = tmp_path_factory.mktemp("there")
+    (there / "mine.py").write_text(MINE)
+    (there / "toy.py").write_text(TOY)
+    (there / "shared").mkdir()
+    (there / "shared" / "gains.py").write_text("GAIN = 4.0\n")
+    text = om.robot("tigers-v2016").path.read_text().replace("arm_m = ", "arm_m = 0.09 # was ", 1)
+    (there / "robot.toml").write_text(text)
+    given = ("--plant", "toy.py:Toy", "--robot", "robot.toml", "--controller", "flc", "--controller", "mine.py:Mine")
+    more = ("--set", "controller.Mine.share=0.75", "--seeds", "2", "--out", "out")
+    command = [sys.executable, "-m", "omni_mj", "run", "--scenario", "rect-noise", *SHORT, *given, *more, *BARE]
+    done = subprocess.run(command, cwd=there, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    folder = tmp_path_factory.mktemp("elsewhere") / "moved"
+    shutil.move(there / "out", folder)
+    shutil.rmtree(there)
+    return folder
+
+
+@pytest.fixture
+def folder(made: Path, tmp_path: Path) -> Path:
+    """A copy of that folder, to be spoilt."""
+    return shutil.copytree(made, tmp_path / "copy")
+
+
+def edited(file: Path, change: Callable[[Any], object]) -> None:
+    """Change what a JSON file holds."""
+    content = json.loads(file.read_text())
+    change(content)
+    file.write_text(json.dumps(content))
+
+
+def test_a_folder_holds_what_was_run_and_repeats_without_the_users_files(
+    made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Files and their hashes, the controllers' parameters, versions, processor; and no path but in the command line."""
+    record = strict(made / "provenance.json")
+    said = record["scenarios"]["rect-noise"]
+    assert said["controllers"][1]["parameters"] == {"share": 0.75}
+    files = [said["plant"], said["robot"], said["controllers"][1], *record["modules"]]
+    names = ["toy.py", "robot.toml", "mine.py", "modules/shared/gains.py"]
+    assert [each["file"] for each in files] == [f"sources/{name}" for name in names]
+    for each in files:
+        assert sha256((made / each["file"]).read_bytes()).hexdigest() == each["sha256"]
+    assert {"python", "mujoco", "numpy", "scipy", "rerun-sdk", "click"} <= set(record["versions"])
+    assert set(record["source"]) == {"omni_mj", "omni_control", "models"}
+    assert record["machine"]["CPU"]
+    for text in (os.path.expanduser("~"), os.uname().nodename, sys.prefix, str(Path.cwd())):
+        assert text not in (made / "provenance.json").read_text()
+    before = sorted(made.rglob("*"))
+    monkeypatch.chdir(tmp_path)
+    assert invoke("verify", made) == 0
+    frames = pq.read_table(made / "trajectory.parquet").num_rows
+    assert capsys.readouterr() == (f"repeats: 4 rows, {frames} frames identical bit for bit\n", "")
+    assert sorted(made.rglob("*")) == before, "it leaves nothing"
+
+
+def test_a_value_that_differs_is_named_with_frame_and_channel(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """By its last bit, in the second seed of Mine; frame and row are found again by counting lines."""
+    table = pq.read_table(folder / "trajectory.parquet")
+    mine = np.array([str(each) == "Mine" for each in table["controller"]]) & (table["seed"].to_numpy() == 1)
+    line = int(np.flatnonzero(mine)[7])
+    for name, later in (("command_vy_m_s", 0), ("x_m", 2)):
+        values = table[name].to_numpy().copy()
+        values[line + later] = np.nextafter(values[line + later], np.inf)
+        table = table.set_column(table.column_names.index(name), name, pa.array(values))
+    pq.write_table(table, folder / "trajectory.parquet")
+    assert invoke("verify", folder) == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[1].startswith("error: first in frame 7 (0.117 s) of Mine, seed 1: command_vy_m_s is ")
+    assert f"in all, 2 of {table.num_rows} frames differ: " in lines[2]
+    assert all(f"{name} by up to" in lines[2] for name in ("command_vy_m_s", "x_m"))
+
+
+def test_other_sources_than_those_recorded_are_not_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """All that is wrong with them is said at once."""
+    (folder / "sources/mine.py").write_text(MINE.replace("GAIN *", "2 *"))
+    (folder / "sources/modules/shared/gains.py").unlink()
+    assert invoke("verify", folder) == 2
+    first, second = capsys.readouterr().err.splitlines()
+    assert "sources/mine.py, the controller Mine, is not what was run" in first
+    assert "gains.py" in second
+    assert "No such file" in second
+
+
+def test_what_is_not_as_it_was_is_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As a note where it decided nothing, and beside what it may have caused."""
+
+    def older(record: Any) -> None:
+        record["versions"] |= {"numpy": "1.99.0", "torch": "2.0"}
+        record["machine"]["CPU"] = "8086"
+        record["source"]["models"] = "0" * 64
+        record["git"] = {"commit": "0123456789abcdef", "changed": True}
+
+    edited(folder / "provenance.json", older)
+    assert invoke("verify", folder) == 0
+    out = capsys.readouterr().out
+    says = ["numpy was 1.99.0 in the run", "torch was 2.0 in the run, is not there", "CPU was 8086", "source of models"]
+    says.append("was of commit 0123456789ab, changed since, here is ")
+    assert all(text in out for text in says), out
+    edited(folder / "summary.json", lambda s: s["scenarios"]["rect-noise"]["results"]["flc"].update(effort_m_s2=None))
+    assert invoke("verify", folder) == 1
+    err = capsys.readouterr().err
+    assert all(text in err for text in [*says, "results.flc.effort_m_s2"]), err
+
+
+def test_what_cannot_be_repeated_is_one_line_that_says_why(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def put(name: str, old: str, new: str) -> Callable[[], object]:
+        def change() -> None:
+            text = (folder / name).read_text()
+            assert old in text
+            (folder / name).write_text(text.replace(old, new, 1))
+
+        return change
+
+    cases: tuple[tuple[Callable[[], object], str], ...] = (
+        (put("scenario.toml", "delay_frames = 6", "delay_frames = 5"), "another value of radio.delay_frames"),
+        (put("provenance.json", '"format": 1', '"format": 9'), "is of format 9"),
+        (put("provenance.json", '"file": "sources/mine.py"', '"file": "../mine.py"'), "outside of sources/"),
+        (put("provenance.json", '"study": "run"', '"study": "slip"'), "what omni-mj slip was asked for"),
+        (put("provenance.json", '"robot": {', '"rob": {'), "not as a run leaves it"),
+        (put("summary.json", '"format": 4', '"format": 2'), "is of format 2"),
+        (lambda: (folder / "trajectory.parquet").write_bytes(b"PAR1"), "trajectory.parquet cannot be read"),
+        (lambda: (folder / "trajectory.parquet").unlink(), "trajectory.parquet is missing"),
+        (lambda: (folder / "scenario.toml").unlink(), "scenario.toml"),
+        (lambda: (folder / "summary.json").unlink(), "left no summary.json"),
+        (lambda: (folder / "provenance.json").unlink(), "it has no provenance.json"),
+    )
+    kept = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    for spoil, says in cases:
+        for path, data in kept.items():
+            path.write_bytes(data)
+        spoil()
+        assert invoke("verify", folder) == 2, says
+        printed = capsys.readouterr()
+        assert printed.out == ""
+        assert says in printed.err
+
+
+def test_a_run_that_was_stopped_repeats_up_to_there_and_chance_does_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Ctrl-C comes in frame 20, and is pressed by nobody when it is repeated."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job's would be ignored
+    (tmp_path / "odd.py").write_text(ODD)
+    (tmp_path / "press").touch()
+    monkeypatch.chdir(tmp_path)
+    words = ("--scenario", "rect", "--plant", "kinematic", *BARE, "--controller")
+    assert invoke("run", *words, "odd.py:Stopped", "--controller", "flc", "--out", "stopped") == 130
+    signal.signal(signal.SIGINT, before)
+    (tmp_path / "press").unlink()
+    capsys.readouterr()
+    assert invoke("verify", "stopped") == 0
+    first, note = capsys.readouterr().out.splitlines()
+    assert first == "repeats: 2 rows, 42 frames identical bit for bit"
+    assert "the run was interrupted" in note
+    assert invoke("run", *words, "odd.py:Dice", *SHORT, "--out", "chance") == 0
+    assert invoke("verify", "chance") == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[1].startswith("error: first in frame 5 (0.083 s) of Dice, seed 0: command_vx_m_s is ")
+    assert "random numbers without a seed" in lines[-1]
+
+
+def test_a_comparison_repeats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each scenario with the seeds that it was run with: its frames, or else the summary's numbers."""
+    out = tmp_path / "out"
+    words = ("--plant", "kinematic", "--scenario", "rect", "--scenario", "rect-noise", *SHORT, "--controller", "flc")
+    assert invoke("compare", *words, "--seeds", 6, "--quiet", "--trajectories", "--out", out) == 0
+    entries = strict(out / "summary.json")["scenarios"].values()
+    rows, frames = (sum(len(e["seeds"]) * (e["frames"] if each else 1) for e in entries) for each in (False, True))
+    assert invoke("verify", out) == 0
+    assert capsys.readouterr().out == f"repeats: {rows} rows, {frames} frames identical bit for bit\n"
+    shutil.rmtree(out / "trajectories")
+    edited(out / "provenance.json", lambda record: record.update(frames_kept=False))
+    assert invoke("verify", out) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith(f"repeats: {rows} rows, the summary's numbers identical\n")
+    assert "rect: no frames were kept" in printed
+
+
+def model(folder: Path, meshes: str = "../meshes") -> Path:
+    """A model in a folder of its own, with a mesh beside that and an included file below it."""
+    more = '<geom type="mesh" mesh="cover" mass="0.01" pos="0 0 0.1"/>'
+    text = written((60, 180, 300), more=more).replace(
+        "<compiler ", f'<include file="parts/materials.xml"/><compiler meshdir="{meshes}" '
+    )
+    for name, content in (("meshes/cover.obj", MESH), ("robot/parts/materials.xml", MATERIALS)):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(content)
+    file = folder / "robot" / "mine.xml"
+    file.write_text(text)
+    return file
+
+
+def test_a_users_model_is_kept_with_all_its_files_or_said_to_be_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All three of the robot's files as they are to each other, byte for byte; a mesh by its absolute path would not be
+    found elsewhere: that run is made, and does not repeat."""
+    there, elsewhere = tmp_path / "there", tmp_path / "elsewhere"
+    kept = {path.name: path.read_bytes() for path in (model(there), *there.rglob("*.*"))}
+    words = ("run", "--scenario", "rect", *SHORT, "--controller", "comp-flc", *BARE, "--model")
+    monkeypatch.chdir(there)
+    assert invoke(*words, "robot/mine.xml", "--out", "out") == 0
+    monkeypatch.chdir(tmp_path)
+    shutil.move(there / "out", elsewhere)
+    shutil.rmtree(there)
+    said = strict(elsewhere / "provenance.json")["scenarios"]["rect"]["model"]
+    assert any(line.startswith("body.mass_kg is 2.40") for line in said["differences"])
+    for each in [said, *said["parts"]]:
+        assert (elsewhere / each["file"]).read_bytes() == kept.pop(Path(each["file"]).name)
+    assert not kept
+    capsys.readouterr()
+    assert invoke("verify", elsewhere) == 0
+    assert capsys.readouterr().out.startswith("repeats: 1 rows, ")
+    (elsewhere / said["parts"][0]["file"]).unlink()
+    assert invoke("verify", elsewhere) == 2
+    assert "a part of the model mine.xml, cannot be read" in capsys.readouterr().err
+    assert invoke(*words, model(tmp_path, str(tmp_path / "meshes")), "--plant", "kinematic", "--out", "out") == 0
+    capsys.readouterr()
+    assert invoke("verify", "out") == 2
+    assert "by an absolute path" in capsys.readouterr().err
+
+
+PLAIN = MINE.replace("import click\nfrom shared.gains import GAIN\n", "").replace("GAIN", "4.0")
+PROGRAM = """
+from mine import Mine
+
+import omni_mj as om
+
+
+class Here(Mine):
+    pass
+
+
+short = om.scenario("rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0.1]], "settle_s": 0.1})
+om.run(short, ["flc", Mine], seeds=range(2)).save("good")
+om.run(short, [Here]).save("bad")
+"""
+
+
+def test_results_from_python_repeat_or_say_what_is_missing(tmp_path: Path) -> None:
+    """Of Mine the module's file is kept; Here is in a program that would run anew; one made by exec is in no file."""
+    there = tmp_path / "there"
+    there.mkdir()
+    (there / "mine.py").write_text(PLAIN)
+    (there / "program.py").write_text(PROGRAM)
+    subprocess.run([sys.executable, "program.py"], cwd=there, check=True, timeout=60)
+    for name in ("good", "bad"):
+        shutil.move(there / name, tmp_path / name)
+    shutil.rmtree(there)
+    assert strict(tmp_path / "good" / "provenance.json")["command"] is None
+    found = om.verify(tmp_path / "good")
+    assert (found.repeats, found.rows) == (True, 4)
+    assert str(found).startswith(f"repeats: 4 rows, {found.frames} frames identical bit for bit")
+    assert (tmp_path / "bad/sources/program.py").read_text() == PROGRAM
+    with pytest.raises(om.OmniError, match=r"^the controller Here is a class of the program that ran"):
+        om.verify(str(tmp_path / "bad"))
+    short = om.scenario("rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0.1]], "settle_s": 0.1})
+    om.compare([short, short.replace(name="again")], ["flc", "p"], seeds=2).save(tmp_path / "both")
+    assert om.verify(tmp_path / "both").repeats
+    names: dict[str, type] = {"__name__": "nowhere"}  # type: ignore[dict-item]
+    exec(PLAIN, names)
+    om.run(short, [names["Mine"]]).save(tmp_path / "none")
+    with pytest.raises(om.OmniError, match=r"^the controller Mine was made in Python, and is in no file$"):
+        om.verify(tmp_path / "none")
