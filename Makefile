@@ -11,7 +11,7 @@ LOCKED := $(INSTALL) --require-hashes -r
 COMPILE := $(BIN)/uv pip compile -q pyproject.toml --universal --python-version 3.11.5 --generate-hashes --no-header \
   --no-annotate --upgrade
 
-.PHONY: run test check hooks bench docs lessons wheel constraints clean
+.PHONY: run test check hooks bench docs lessons wheel proto constraints clean
 
 run: $(VENV)/.installed
 	$(BIN)/python -m omni_mj.run --scenario rect --controller flc --controller comp-flc --controller adaptive-comp-flc
@@ -31,11 +31,10 @@ hooks: $(VENV)/.installed-test
 
 bench: $(VENV)/.installed-test
 	PYTHONPATH=tests/support $(BIN)/python tests/bench_fuzzy.py
-	PYTHONPATH=tests/support $(BIN)/python tests/bench_wire.py
 	$(BIN)/python tests/bench_recording.py
 	$(BIN)/python tests/bench.py
 	$(BIN)/python tests/bench_gym.py
-	$(BIN)/python tests/bench_serve.py
+	PYTHONPATH=tests/support $(BIN)/python tests/bench_serve.py
 
 # Warnings, as of a link that leads nowhere, fail it.
 docs: $(VENV)/.installed-docs
@@ -60,6 +59,11 @@ wheel: $(VENV)/.installed-release
 	build/wheel/venv/bin/python -m pip install -q --disable-pip-version-check --no-deps dist/*.whl
 	build/wheel/venv/bin/python -m pip check
 	cd build/wheel && venv/bin/omni-mj --scenario rect --set reference.waypoints='[[0, 0], [0.2, 0.1]]'
+
+# The Python modules of the league's messages, from their .proto files. Their version must not exceed that of the installed protobuf.
+proto: $(VENV)/.installed
+	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --target build/protoc grpcio-tools==1.85.1 grpcio
+	PYTHONPATH=build/protoc $(BIN)/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. omni_mj/live/wire/*.proto
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -4,6 +4,7 @@ import gc
 import json
 import time
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from omni_mj.cli import run as run_command
 
 if TYPE_CHECKING:
     from omni_mj.live.drive import Live
+    from omni_mj.live.notes import Notes
     from omni_mj.live.session import Options
     from omni_mj.scenarios.scenario import Scenario
 
@@ -27,11 +29,19 @@ OUTPUTS = (*run_command.OUTPUTS, "link.json")
 @click.option("--controller", metavar="NAME|FILE.py:Class", shell_complete=complete.controllers, help=f"[{CONTROLLER}]")
 @options.ROBOT
 @click.option("--team", "colour", type=click.Choice(["blue", "yellow"]), default="blue", help="[blue]")
-@click.option("--id", "ids", type=int, multiple=True, help="A robot's number; may be repeated. [the lowest seen]")
+@click.option(
+    "--id",
+    "ids",
+    type=click.IntRange(0, 255),
+    multiple=True,
+    help="A robot's number; may be repeated. [the lowest seen]",
+)
 @click.option("--vision", metavar="ADDRESS[:PORT]", default="224.5.23.2:10020", help="[224.5.23.2:10020]")
 @click.option("--commands", metavar="HOST[:PORT]", help="[127.0.0.1:10301 for blue, 10302 for yellow]")
 @click.option("--interface", metavar="ADDRESS", default="127.0.0.1", help="Own address on their net. [127.0.0.1]")
-@click.option("--rate", type=click.Choice(["auto", "60", "vision"]), default="auto", help="What gives ticks. [auto]")
+@click.option(
+    "--rate", "pace", type=click.Choice(["auto", "60", "vision"]), default="auto", help="What gives ticks. [auto]"
+)
 @click.option("--velocity", type=click.Choice(["local", "global"]), default="local", help="As told to robots. [local]")
 @click.option("--radio", metavar="FILE.py:Class", help="A radio of your own. [ssl-simulation-protocol]")
 @click.option("--here", is_flag=True, help="Start where the robots are, all that are seen if none is named.")
@@ -101,46 +111,48 @@ def untold(what: "Scenario", unnamed: bool) -> "Scenario":
 def _options(
     vision: str,
     commands: str | None,
-    interface: str,
     colour: Any,
     ids: tuple[int, ...],
-    rate: Any,
-    velocity: str,
-    radio: str | None,
-    here: bool,
-    wait: float,
-    duration: float | None,
     ask: bool,
     overrides: tuple[str, ...],
+    velocity: str,
+    wait: float,
+    duration: float | None,
+    **others: Any,
 ) -> "Options":
-    """What is said of the connection, checked.
+    """Return what is said of the connection, checked.
 
     Raises:
-        OmniError: something of it cannot be; a line for each.
+        OmniError: An option is out of range.
     """
     from omni_mj.live.radio import PORTS
     from omni_mj.live.session import DEAD_TIME, MEASURED, Options
     from omni_mj.live.sockets import address, check_local
-    from omni_mj.live.wire.vision import SIMULATED_VISION_PORT
+    from omni_mj.live.wire import VISION_PORT
 
     target = None if commands is None else address(commands, PORTS[colour])
-    if target is not None and radio is None:
-        check_local(target, interface)
+    if target is not None and others["radio"] is None:
+        check_local(target, others["interface"])
     if duration is not None and not 0 < duration < 1e5:
         raise OmniError(f"--duration must be a positive number of seconds, not {duration:g}")
     if not 0 <= wait < 1e5:
         raise OmniError(f"--wait must be a number of seconds, not {wait:g}")
-    if any(not 0 <= number < 256 for number in ids):
-        raise OmniError(f"--id must be from 0 to 255, not {', '.join(map(str, ids))}")
-    said = {override.partition("=")[0].strip() for override in overrides} | (set() if ask else {DEAD_TIME})
+    fixed = {override.partition("=")[0].strip() for override in overrides} | (set() if ask else {DEAD_TIME})
     return Options(
-        address(vision, SIMULATED_VISION_PORT), target, interface, colour, tuple(ids), rate, velocity == "global",
-        radio, here, wait_s=wait, duration_s=duration, measured=frozenset(MEASURED) - said,
-    )  # fmt: skip
+        vision=address(vision, VISION_PORT),
+        commands=target,
+        colour=colour,
+        ids=ids,
+        world=velocity == "global",
+        wait_s=wait,
+        duration_s=duration,
+        measured=frozenset(MEASURED) - fixed,
+        **others,
+    )
 
 
-def _listen(chosen: "Options", quiet: bool) -> None:
-    """Print what vision sends, until somebody ends it."""
+def _listen(options: "Options", quiet: bool) -> None:
+    """Print what vision sends until somebody ends it."""
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.live import listen, session
     from omni_mj.live.notes import Notes
@@ -149,23 +161,26 @@ def _listen(chosen: "Options", quiet: bool) -> None:
     notes = Notes(_warn)
     with Interrupts() as interrupts:
         try:
-            with session.listening(chosen, notes, interrupts.check) as link:
-                until = time.monotonic() + (chosen.duration_s or float("inf"))
+            with session.listening(options, notes, interrupts.check) as link:
+                until = time.monotonic() + (options.duration_s or float("inf"))
                 with suppress(StoppedError):
-                    while time.monotonic() < until:
-                        link.listen(min(1.0, max(until - time.monotonic(), 0.0)))
+                    while (left := until - time.monotonic()) > 0:
+                        link.listen(min(1.0, left))
                         if not quiet:
-                            print(f"{len(link.vision.cameras)} cameras, {len(link.heard.robots())} robots", flush=True)
-                print("\n".join([*listen.cameras(link.vision.cameras), *link.heard.robots(), *_counts(notes)]))
+                            robots = link.sightings.describe()
+                            print(f"{len(link.vision.cameras)} cameras, {len(robots)} robots", flush=True)
+                lines = [*listen.describe_cameras(link.vision.cameras), *link.sightings.describe(), *_counts(notes)]
+                print("\n".join(lines))
         except StoppedError as stopped:
             interrupts.end(stopped.reason, "vision had not been listened to for long enough to say anything")
 
 
 def _drive(
-    what: Any, chosen: "Options", folder: Path, record: bool, draw: bool, quiet: bool, viewers: list[str]
+    scenario: "Scenario", options: "Options", folder: Path, record: bool, draw: bool, quiet: bool, viewers: list[str]
 ) -> None:
     from omni_mj.cli.interrupts import Interrupts
-    from omni_mj.live import listen, report, session
+    from omni_mj.live import report, session
+    from omni_mj.live.listen import describe_cameras
     from omni_mj.live.notes import Notes
     from omni_mj.measure.result import write
     from omni_mj.studies.outcome import StoppedError
@@ -173,51 +188,45 @@ def _drive(
     notes = Notes(_warn)
     with Interrupts() as interrupts:
         try:
-            with session.listening(chosen, notes, interrupts.check) as link:
+            with session.listening(options, notes, interrupts.check) as link:
                 if not quiet:
-                    print("\n".join(listen.cameras(link.vision.cameras)), flush=True)
-                with session.ready(what, chosen, link, notes) as live:
+                    print("\n".join(describe_cameras(link.vision.cameras)), flush=True)
+                with session.ready(scenario, options, link, notes) as live:
                     if not quiet:
-                        _begin(live)
-                    watch = None if quiet else _watch(live)
+                        pace = f"camera {link.leader}" if link.follows_frames else "the clock of this computer"
+                        robots = ", ".join(map(str, live.ids))
+                        print(f"robots {robots} at 60 frames a second of {pace}", flush=True)
                     gc.collect()
-                    gc.freeze()  # what there is needs not be looked through while robots wait
+                    gc.freeze()  # a collection through everything imported would hold up robots
+                    watch = None if quiet else partial(_print_estimates, live)
                     outcome = run_command.recorded(live, folder, record, viewers, interrupts, quiet, "drive", watch)
         except StoppedError as stopped:  # before there was anything to record
             interrupts.end(stopped.reason, "the robots had not begun")
             raise AssertionError from stopped
-    summary = report.summary(live)
+    summary = report.summarize(live)
     write(folder / "link.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
     run_command.shown(outcome, folder, draw, quiet)
     if not quiet:
-        print("\n".join([*report.told(summary), *listen.cameras(live.link.vision.cameras), *_counts(notes)]))
+        print("\n".join([*report.describe(summary), *describe_cameras(link.vision.cameras), *_counts(notes)]))
     run_command.ended(outcome, folder, interrupts)
 
 
-def _begin(live: "Live") -> None:
-    pace = f"camera {live.link.leader}" if live.link.with_frames else "the clock of this computer"
-    robots = ", ".join(map(str, live.ids))
-    print(f"robots {robots} at 60 frames a second of {pace}", flush=True)
-
-
-def _watch(live: "Live") -> Any:
-    """What to call after each frame: it prints once a second what was identified."""
+def _print_estimates(live: "Live", frame: int) -> None:
+    """Print once a second what was identified."""
     from omni_mj.live import report
     from omni_mj.scenarios.settings import FRAME_RATE_HZ
 
-    def after(frame: int) -> None:
-        if (frame + 1) % FRAME_RATE_HZ == 0:
-            for line in report.found(live) or [f"frame {frame + 1}"]:
-                print(f"{(frame + 1) // FRAME_RATE_HZ:4d} s  {line}", flush=True)
-
-    return after
+    second, rest = divmod(frame + 1, FRAME_RATE_HZ)
+    if not rest:
+        for line in report.describe_estimates(live) or [f"frame {frame + 1}"]:
+            print(f"{second:4d} s  {line}", flush=True)
 
 
 def _warn(text: str) -> None:
     click.echo(f"note: {text}", err=True)
 
 
-def _counts(notes: Any) -> list[str]:
-    """How often what went wrong did."""
-    counted = ", ".join(f"{kind}: {count}" for kind, count in notes.counts.items())
-    return [f"noted: {counted}"] if counted else []
+def _counts(notes: "Notes") -> list[str]:
+    """Return how often what went wrong did."""
+    counts = ", ".join(f"{kind}: {count}" for kind, count in notes.counts.items())
+    return [f"noted: {counts}"] if counts else []

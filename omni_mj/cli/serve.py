@@ -1,23 +1,22 @@
 """`omni-mj serve`: a simulator of the league, which any team's software can drive, with our physics."""
 
 import gc
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from omni_control.errors import OmniError
-from omni_mj.cli import complete, console, folders, options
+from omni_mj.cli import complete, console, folders, options, run
 from omni_mj.files import check_room
 
 if TYPE_CHECKING:
-    from omni_mj.live.serve.log import Tape
-    from omni_mj.live.serve.pitch import Pitch
     from omni_mj.live.serve.server import Server
     from omni_mj.scenarios.scenario import Scenario
+    from omni_mj.show.recording.served import ServedRecording
 
 YELLOW = "scenario-yellow.toml"  # what robots the other team has, if they are others
 OUTPUTS = ("trajectory.parquet", "recording.rrd", "scenario.toml", YELLOW, *folders.PROVENANCE)
@@ -86,131 +85,142 @@ def command(
     quiet: bool,
 ) -> None:
     """Simulate robots for software that speaks the league's protocols."""
+    from omni_mj.cli.interrupts import Interrupts
     from omni_mj.live.serve import line_up
     from omni_mj.live.serve.pitch import Pitch
     from omni_mj.live.serve.ports import Ports
-    from omni_mj.live.serve.server import Server
+    from omni_mj.live.serve.server import MAX_SPEED, Server
     from omni_mj.live.sockets import address, check_local
-    from omni_mj.live.wire.simulation import Team
+    from omni_mj.live.wire import VISION_PORT
+    from omni_mj.live.wire.simulation_pb2 import Team
+    from omni_mj.studies.outcome import StoppedError
 
-    if not 0 <= speed <= 1000:
-        raise OmniError(f"--speed must be a number from 0 to 1000, not {speed:g}")
+    if not 0 <= speed <= MAX_SPEED:
+        raise OmniError(f"--speed must be a number from 0 to {MAX_SPEED:g}, not {speed:g}")
     if until_s is not None and not until_s > 0:
         raise OmniError(f"--for must be more than 0 s, not {until_s:g}")
-    target = address(vision, 10020)
+    target = address(vision, VISION_PORT)
     check_local(target, interface)
     head = {key: value for key, value in (("robot", robot), ("seed", seed)) if value is not None}
     ours = line_up.load(name, overrides, head)
     theirs = ours if yellow_robot is None else line_up.load(name, overrides, head | {"robot": yellow_robot})
     line_up.check_together(ours, theirs)
-    teams = {"blue": ours, "yellow": theirs}
-    wanted = line_up.numbers(blue, "--blue"), line_up.numbers(yellow, "--yellow")
-    poses = line_up.poses(*wanted, ours if name is not None else None)
+    numbers = line_up.numbers(blue, "--blue"), line_up.numbers(yellow, "--yellow")
+    poses = line_up.poses(*numbers, ours if name is not None else None)
 
-    def tell(text: str) -> None:
+    def warn(text: str) -> None:
         if not quiet:
             click.echo(text, err=True)
 
-    viewers = list[str]()
-    if view or connect is not None:
-        from omni_mj.show.recording import live
-
-        viewers += [] if connect is None else [live.check(connect)]
-        viewers += [live.open_viewer()] if view else []
+    viewers = run.viewers(view, connect)
     folder = None if out is None else folders.prepare(out, ours.name, OUTPUTS, overwrite)
     console.quiet_mujoco()
     pitch = Pitch({Team.BLUE: ours, Team.YELLOW: theirs}, poses, lambda kind, text: server.notes.add(kind, text))
     ports = Ports(control_port, blue_port, yellow_port, target, interface)
-    server = Server(pitch, ports, speed, lockstep or "", tell)
-    try:
-        if folder is None:
-            _execute(server, until_s, quiet, None, teams, record, viewers)
-        else:
-            with console.writing(folder):
-                _execute(server, until_s, quiet, folder, teams, record, viewers)
-    finally:
-        server.close()
-
-
-def _execute(
-    server: "Server",
-    until_s: float | None,
-    quiet: bool,
-    folder: Path | None,
-    teams: Mapping[str, "Scenario"],
-    record: bool,
-    viewers: Sequence[str],
-) -> None:
-    """Serve until it ends; what is recorded is in `folder`, whatever ends it."""
-    from omni_mj.cli.interrupts import Interrupts
-    from omni_mj.live.serve import report
-    from omni_mj.studies.outcome import StoppedError
-
-    stopped = None
-    with Interrupts() as interrupts, _taped(server.pitch, folder, teams, record, viewers) as tape:
-        if tape is not None:
-            server.after_frame = tape.add
+    server = Server(pitch, ports, speed, lockstep or "", warn)
+    with ExitStack() as stack:
+        stack.callback(server.close)
+        interrupts = stack.enter_context(Interrupts())
+        if folder is not None:
+            stack.enter_context(console.writing(folder))
+        _record(stack, server, folder, {"blue": ours, "yellow": theirs}, record, viewers)
         if not quiet:
-            click.echo(report.begins(server))
+            click.echo(_introduction(server))
         gc.collect()
-        gc.freeze()  # a collection through all that was imported would hold up several frames
+        gc.freeze()  # a collection through everything imported would hold up several frames
+        reason = None
         try:
             server.run(interrupts.check, float("inf") if until_s is None else until_s)
         except StoppedError as error:
-            stopped = error.reason
+            reason = error.reason
     if not quiet:
-        click.echo(report.ends(server))
+        click.echo(_summary(server))
     left = "" if folder is None else f"; what was recorded until then is in {folder}"
-    interrupts.end(stopped, f"{server.pitch.time_s:.1f} s were simulated{left}")
+    interrupts.end(reason, f"{pitch.time_s:.1f} s were simulated{left}")
 
 
-@contextmanager
-def _taped(
-    pitch: "Pitch", folder: Path | None, teams: Mapping[str, "Scenario"], record: bool, viewers: Sequence[str]
-) -> "Iterator[Tape | None]":
-    """What records, if anything shall."""
-    if folder is None and not viewers:
-        yield None
-        return
-    from omni_mj.live.serve.log import Block, Parquet, Tape
+def _record(
+    stack: ExitStack,
+    server: "Server",
+    folder: Path | None,
+    teams: "Mapping[str, Scenario]",
+    record: bool,
+    viewers: Sequence[str],
+) -> None:
+    """Record what is served until the end of `stack`."""
+    from omni_mj.live.serve.log import Block, TableWriter, Tape
+    from omni_mj.measure.result import write
+    from omni_mj.provenance import record as provenance
 
-    table, shown, chosen, theirs = None, [], teams["blue"], teams["yellow"]
-    robots = {team: each.settings for team, each in teams.items()}
+    sinks, blue, yellow = list[Callable[[Block], None]](), teams["blue"], teams["yellow"]
     if folder is not None:
-        from omni_mj.measure.result import write
-        from omni_mj.provenance import record as provenance
-
-        given = {} if theirs == chosen else {"yellow": theirs.to_toml()}
+        other = {} if yellow == blue else {"yellow": yellow.to_toml()}
         # First of all, since by it --overwrite knows the folder for ours.
-        provenance.save(folder, "serve", console.command_line(), [chosen], given=given)
-        write(folder / "scenario.toml", chosen.to_toml())
-        if theirs != chosen:
-            write(folder / YELLOW, theirs.to_toml())
-        table = Parquet(folder / "trajectory.parquet")
+        provenance.save(folder, "serve", console.command_line(), [blue], given=other)
+        write(folder / "scenario.toml", blue.to_toml())
+        if other:
+            write(folder / YELLOW, other["yellow"])
+        table = TableWriter(folder / "trajectory.parquet")
+        stack.callback(table.finish)
+        sinks.append(table)
     if viewers or (folder is not None and record):
         from omni_mj.show.recording.served import ServedRecording, to_file, to_viewer
         from omni_mj.show.recording.viewer import answers
 
-        for url in (url for url in viewers if not answers(url)):
-            click.echo(f"warning: no viewer at {url}; the run goes on without it", err=True)
-        title = f"serve {chosen.name}"
-        shown = [ServedRecording(to_viewer(url), robots, title) for url in viewers if answers(url)]
+        targets: list[tuple[Any, Any]] = []
+        for url in viewers:
+            if answers(url):
+                targets.append((to_viewer(url), lambda: None))
+            else:
+                click.echo(f"warning: no viewer at {url}; the run goes on without it", err=True)
         if folder is not None and record:
-            room = partial(check_room, folder, TABLE_B)
-            shown.append(ServedRecording(to_file(folder / "recording.rrd"), robots, title, room))
+            targets.append((to_file(folder / "recording.rrd"), partial(check_room, folder, TABLE_B)))
+        settings = {team: scenario.settings for team, scenario in teams.items()}
+        for connect, check in targets:
+            recording = ServedRecording(connect, settings, f"serve {blue.name}", check)
+            stack.callback(_close, recording)
+            sinks.append(recording.send)
+    if sinks:
+        tape = Tape(server.pitch, sinks)
+        server.after_frame = tape.add
+        stack.callback(tape.flush)
 
-    def keep(block: Block) -> None:
-        if table is not None:
-            table(block)
-        for each in shown:
-            each.send(block.first, block.names, block.log, block.ball)
 
-    tape = Tape(pitch, [keep])
-    try:
-        yield tape
-    finally:
-        tape.flush()
-        if table is not None:
-            table.finish()
-        for lost in filter(None, [each.close() for each in shown]):
-            click.echo(f"warning: not all of the recording has arrived: {' '.join(lost.split())}", err=True)
+def _close(recording: "ServedRecording") -> None:
+    if lost := recording.close():
+        click.echo(f"warning: not all of the recording has arrived: {' '.join(lost.split())}", err=True)
+
+
+def _introduction(server: "Server") -> str:
+    """Return who is served where, in a line each."""
+    from omni_mj.live.serve.pitch import label
+
+    pitch, (control, blue, yellow) = server.pitch, server.ports
+    settings, speed = pitch.rows[0].settings, server.pace.speed
+    timeout_s = settings.firmware.timeout_s
+    pace = f"{speed:g} times as fast as real time" if speed else "paused"
+    if server.lockstep:
+        teams = "either team" if server.lockstep == "any" else "both teams"
+        pace = f"an image for each packet to {teams}, and steps by TCP (lockstep)"
+    stop = f"robots stop {timeout_s:g} s after" if timeout_s else "robots never forget"
+    robots = ", ".join(dict.fromkeys(row.robot for row in pitch.rows))
+    return f"""serving {", ".join(map(label, pitch.names))}: {robots}
+  ports      simulator {control}, blue {blue}, yellow {yellow}; vision to {server.publisher.to}
+  cameras    {settings.vision.cameras} of {settings.vision.rate_hz:g} Hz, {pace}
+  dead time  {settings.radio.delay_frames} frames of 1/60 s (radio.delay_frames); {stop} the last command \
+(firmware.timeout_s)"""
+
+
+def _summary(server: "Server") -> str:
+    """Return what came and went, in a line each."""
+    import numpy as np
+
+    lines = [f"{server.pitch.time_s:.1f} s simulated"]
+    lines += [f"  {count:8d}  {kind}" for kind, count in sorted((server.counts + server.notes.counts).items())]
+    if server.pace.lost_s:
+        lines.append(f"  {server.pace.lost_s:8.1f}  s behind, in which this computer was too slow")
+    late_ms = 1e3 * np.array(server.publisher.lateness)
+    if late_ms.size and np.isfinite(late_ms).all() and not server.lockstep:
+        shares = ", ".join(f"{np.quantile(late_ms, q):.2f} ({q:.0%})" for q in (0.05, 0.5, 0.95, 0.99))
+        lines.append(f"  detections left {shares}, {late_ms.max():.2f} ms (most) after they were due")
+    return "\n".join(lines)

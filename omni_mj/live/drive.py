@@ -1,12 +1,12 @@
-"""The loop with robots outside of this program: `Simulation`, seen by SSL-Vision and commanded by a radio."""
+"""The loop with robots outside of this program: `Simulation`, seen by SSL-Vision and commanded by radio."""
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from omni_control.delay import CommandsInFlight
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.link.radio import Received
 from omni_mj.live.link import SILENT_S, Link, VisionLostError
@@ -16,67 +16,52 @@ from omni_mj.live.radio import Command, Radio
 from omni_mj.plants import Plant
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
-from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, Settings
+from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Exchange, See, Simulation
-from omni_mj.simulate.teams import told
 
 LOST_FRAMES = round(SILENT_S * FRAME_RATE_HZ)  # without being seen, after which a robot is told to stop
-BACK_LOOKS = 7  # in which all robots are seen, one after the other, until vision is taken to be back, and they to stand
-REMEMBERED = 64  # commands, for the heading that a robot will have: more than a second
-NEAR_M, NEAR_RAD = 0.03, 0.05  # from where it starts, from which on a robot need not be brought there
-APPROACH = {"max_speed_m_s": 1.0, "max_acceleration_m_s2": 0.8, "max_turn_rate_rad_s": 3.0}
+LOOKS_AFTER_SILENCE = 7  # in which all robots are seen in turn until vision is taken to be back, and robots to stand
+MEMORY_FRAMES = 64  # of turn rates in flight: more than a second
+NEAR_M, NEAR_RAD = 0.03, 0.05  # a robot this near to its start need not be brought there
+APPROACH = {
+    "max_speed_m_s": 1.0,
+    "max_acceleration_m_s2": 0.8,
+    "max_turn_rate_rad_s": 3.0,
+    "shape": "waypoints",
+    "mode": "timed",
+    "laps": 1,
+    "lead_s": 0.0,
+    "settle_s": 1.0,
+}
 
 
-class Outbound:
-    """In the place of the radio of a simulation: commands leave at once, and what they meet is not known.
-
-    Args:
-        radio: by which they leave.
-        ids: of the robots, n of them.
-        latency: until commands act, as far as the team knows, (n,) frames.
+class Tick(NamedTuple):
+    """What is known of n robots at a tick.
 
     Attributes:
-        lost: which robots have not been seen for a while, (n,); they are told to stop.
-        latency, alpha: until robots' turning answers, frames, and how much it does; (n,) each.
-        held: whether the frame has gone by: nothing leaves, what left before is held.
-        sent: commands that left last (n, 3).
+        poses: Shape (n, 3); NaN if a robot was never seen.
+        seen: Which were seen, shape (n,).
+        extrapolation: By how much they were moved from where they were seen, shape (n, 3).
+        age: How long ago that was, shape (n,), s.
     """
 
-    def __init__(self, radio: Radio, ids: Sequence[int], latency: Array) -> None:
-        self._radio, self._ids, n = radio, ids, len(ids)
-        self.latency, self.alpha, self.lost = latency, np.ones(n), np.zeros(n, bool)
-        self.held, self.sent = False, np.zeros((n, 3))
-        self._before = CommandsInFlight(n, REMEMBERED)
-
-    def exchange(self, command: Array, heading: Array) -> Received:
-        """See `Exchange`; each command leaves with the heading that its robot will have in the middle of its frame."""
-        self.sent = self.sent if self.held else np.where(self.lost[:, None], 0.0, command)
-        latency = np.clip(self.latency, 0, REMEMBERED - 1)[:, None, None]
-        ahead = self._before.ahead(np.broadcast_to(latency[:, 0], (len(command), 3)))
-        turned = (ahead * self._before.last(REMEMBERED)).sum(0)[:, 2] + self.sent[:, 2] / 2
-        acting = heading + self.alpha * turned * PERIOD_S
-        self._before.push(self.sent)
-        columns = np.column_stack([self.sent, acting]).tolist()
-        if not self.held:
-            self._radio.send([Command(number, *values) for number, values in zip(self._ids, columns, strict=True)])
-        return Received.at_once(self.sent, heading)
-
-    def stop(self) -> None:
-        """Tell all robots to stand."""
-        self.held = False
-        self.exchange(np.zeros_like(self.sent), np.zeros(len(self.sent)))
+    poses: Array
+    seen: np.ndarray
+    extrapolation: Array
+    age: Array
 
 
-@dataclass
-class Sight:
-    """What vision reports at a tick; see `Camera`."""
+class LiveCamera:
+    """What vision reports at a tick, in place of a simulated camera."""
 
-    measured: Array
-    age: Array | None
+    age: Array | None = None
+
+    def __init__(self, n: int) -> None:
+        self.measured = np.full((n, 3), np.nan)
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
-        """See `Camera`; where robots are nobody knows."""
+        """Return the poses seen, and which robots were seen."""
         measured = self.measured.copy()
         measured[:, 2] = wrap_angle(measured[:, 2])
         return measured, ~np.isnan(measured[:, 0])
@@ -86,17 +71,21 @@ class Live(Simulation):
     """A simulation whose robots are not simulated.
 
     Args:
-        scenario: what is driven, on the plant "live".
-        link: vision's end, listening.
-        radio: the robots' end.
-        ids: the robots' numbers, one for each row.
-        notes: of what goes wrong.
-        rows: the table of rows, where they are not the scenario's places.
-        most_frames: after which it ends, if its references have not before.
+        scenario: What is driven, on the plant "live".
+        link: Vision's end, listening.
+        radio: The robots' end.
+        ids: The robots' numbers, one per row.
+        notes: What goes wrong.
+        rows: The table of rows, if they are not the scenario's places.
+        max_frames: After which it ends, unless its references end before.
 
     Raises:
-        OmniError: as `Simulation`.
+        OmniError: As `Simulation`.
     """
+
+    _sent: Array
+    _nominal_latency: Array
+    _is_lost: np.ndarray
 
     def __init__(
         self,
@@ -106,134 +95,136 @@ class Live(Simulation):
         ids: Sequence[int],
         notes: Notes,
         rows: Sequence[Row] | None = None,
-        most_frames: float = math.inf,
+        max_frames: float = math.inf,
     ) -> None:
         self.link, self.ids, self.notes = link, list(ids), notes
-        self._radio, self._most = radio, most_frames
-        self._unseen = np.zeros(len(self.ids), int)  # frames since each was seen
-        self._ticks: list[tuple[Array, np.ndarray, Array, Array]] = []  # that are still to be answered
+        self._radio, self._max_frames = radio, max_frames
         super().__init__(scenario, rows=rows)
 
     @property
     def done(self) -> bool:
         """See `Simulation`."""
-        return super().done or self.frame >= self._most
-
-    def _look(self) -> Array:
-        """See `Simulation`; waits for the next tick."""
-        if self._vision is None:
-            if not self._ticks:
-                self._ticks = self._next()
-            pose, seen, brought, age = self._ticks.pop(0)
-            self.live.seen = pose, seen
-            self.outbound.held = bool(self._ticks)
-            self._unseen = np.where(seen, 0, self._unseen + 1)
-            self._sight.measured, self._sight.age = np.where(seen[:, None], pose - brought, np.nan), age
-            self.outbound.lost = self._unseen > LOST_FRAMES
-            for number in np.flatnonzero(self._unseen == LOST_FRAMES + 1):
-                text = f"{self.frame * PERIOD_S:.2f} s: robot {self.ids[number]} is not seen and told to stop"
-                self.notes.add("lost", text, always=True)
-        return super()._look()
+        return super().done or self.frame >= self._max_frames
 
     def run(self, after_frame: Callable[[int], None] = lambda frame: None) -> Log:
-        """See `Simulation`; whatever ends it, robots are told to stand at once."""
+        """See `Simulation`. Whatever ends the run, robots are told to stand at once."""
         try:
             return super().run(after_frame)
         finally:
             self.stop()
 
-    def exchange(self, command: Array, heading: Array) -> Received:
-        """See `Exchange`."""
-        received = self.outbound.exchange(command, heading)
-        if not self.outbound.held:
-            self.link.answered()
-        return received
-
     def step(self, command: Array | None = None) -> None:
         """See `Simulation`."""
-        turning, alpha = self.team.latency_hat[:, 2], self.team.alpha_hat[:, 2]
-        self.outbound.latency = np.where(np.isfinite(turning), turning, self._told)
-        self.outbound.alpha = np.where(np.isfinite(alpha), alpha, 1.0)
+        latency, alpha = self.team.latency_hat[:, 2], self.team.alpha_hat[:, 2]
+        self._turn_latency = np.where(np.isfinite(latency), latency, self._nominal_latency)
+        self._turn_alpha = np.where(np.isfinite(alpha), alpha, 1.0)
         self._look()
-        super().step(self.outbound.sent if self.outbound.held else command)
-        if self.outbound.lost.any() or self.outbound.held:
-            self.team.sent(self.outbound.sent)
+        super().step(self._sent if self._is_past else command)
+        if self._is_lost.any() or self._is_past:
+            self.team.sent(self._sent)
 
-    def warm(self, pose: Array) -> None:
-        """Ask the controllers once, so that what they make at first is made before robots wait; then begin anew."""
+    def exchange(self, command: Array, heading: Array) -> Received:
+        """Send commands, shape (n, 3), to robots with headings, shape (n,)."""
+        self._send(command, heading)
+        if not self._is_past:
+            self.link.note_answer()
+        return Received.at_once(self._sent, heading)
+
+    def warm_up(self, pose: Array) -> None:
+        """Ask the controllers once, for what they make at first, before robots wait; then begin anew."""
         self.team.step(pose)
         self.reset()
 
     def stop(self) -> None:
         """Tell the robots to stand, more than once as packets are lost."""
         for _ in range(3):
-            self.outbound.stop()
+            self._is_past = False
+            self._send(np.zeros_like(self._sent), np.zeros(len(self._sent)))
 
     def approach(self, target: Array) -> None:
-        """Bring the robots to poses (n, 3), straight, without regard to anything in between."""
-        seen = self.link.now()
-        away = target - seen
-        away[:, 2] = wrap_angle(away[:, 2])
-        if (np.hypot(away[:, 0], away[:, 1]) < NEAR_M).all() and (np.abs(away[:, 2]) < NEAR_RAD).all():
-            return
-        there = Live(self.scenario, self.link, self._radio, self.ids, self.notes, ways(self.rows, seen, seen + away))
-        there.run()
+        """Bring the robots to poses, shape (n, 3), straight, without regard to anything in between."""
+        poses = self.link.now()
+        way = target - poses
+        way[:, 2] = wrap_angle(way[:, 2])
+        if (np.hypot(way[:, 0], way[:, 1]) > NEAR_M).any() or (np.abs(way[:, 2]) > NEAR_RAD).any():
+            rows = straight_routes(self.rows, poses, poses + way)
+            Live(self.scenario, self.link, self._radio, self.ids, self.notes, rows).run()
 
     def _robots(self, start: Array) -> tuple[Plant, See, Exchange]:
         n = len(self.rows)
-        self.live = LivePlant(self.rows, start, driven=True)
-        geometry = self.rows[0].settings.wheels.kinematics
-        self._told = np.array([told(row.settings, geometry, True).latency_frames for row in self.rows])
-        self.outbound = Outbound(self._radio, self.ids, self._told)
-        self._unseen = np.zeros(n, int)
-        self._sight = Sight(np.full((n, 3), np.nan), np.zeros(n))
-        self._ticks = []
-        return self.live, self._sight, self
+        self._plant, self._vision_camera = LivePlant(self.rows, start, driven=True), LiveCamera(n)
+        settings = [row.settings for row in self.rows]
+        latency = [each.radio.delay_frames + FRAME_RATE_HZ * each.control.lag_s for each in settings]
+        self._nominal_latency = self._turn_latency = np.array(latency)
+        self._turn_alpha, self._turn_rates = np.ones(n), np.zeros((MEMORY_FRAMES, n))  # newest first
+        self._sent, self._is_past = np.zeros((n, 3)), False
+        self._unseen, self._is_lost = np.zeros(n, int), np.zeros(n, bool)
+        self._ticks = list[Tick]()  # that are still to be answered
+        return self._plant, self._vision_camera, self
 
-    def _next(self) -> list[tuple[Array, np.ndarray, Array, Array]]:
-        """What is seen at the next tick, after what is not of those that went by while this computer was busy.
+    def _send(self, command: Array, heading: Array) -> None:
+        """Send each command with the heading that its robot will have in the middle of the command's frame."""
+        if not self._is_past:
+            self._sent = np.where(self._is_lost[:, None], 0.0, command)
+        in_flight = np.clip(self._turn_latency - np.arange(MEMORY_FRAMES)[:, None], 0.0, 1.0)
+        turned = (in_flight * self._turn_rates).sum(0) + self._sent[:, 2] / 2
+        headings = heading + self._turn_alpha * turned * PERIOD_S
+        self._turn_rates = np.vstack([self._sent[:, 2], self._turn_rates[:-1]])
+        if not self._is_past:
+            columns = np.column_stack([self._sent, headings]).tolist()
+            self._radio.send([Command(number, *values) for number, values in zip(self.ids, columns, strict=True)])
 
-        Poses and which were seen; how far they were brought from where they were seen, and how long ago that was.
-        """
-        before, _ = self.live.seen
-        pose, seen = self._tick()
+    def _look(self) -> Array:
+        """See `Simulation`; waits for the next tick."""
+        if self._vision is None:
+            self._ticks = self._ticks or self._wait_for_tick()
+            tick = self._ticks.pop(0)
+            self._is_past = bool(self._ticks)
+            self._plant.poses = tick.poses
+            self._vision_camera.age = tick.age
+            self._vision_camera.measured = np.where(tick.seen[:, None], tick.poses - tick.extrapolation, np.nan)
+            self._unseen = np.where(tick.seen, 0, self._unseen + 1)
+            self._is_lost = self._unseen > LOST_FRAMES
+            for number in np.flatnonzero(self._unseen == LOST_FRAMES + 1):
+                self._note("lost", f"robot {self.ids[number]} is not seen and told to stop", always=True)
+        return super()._look()
+
+    def _wait_for_tick(self) -> list[Tick]:
+        """Return the next tick, after those that went by while this computer was busy, of which nothing was seen."""
+        poses, seen = self._see()
+        vision, before = self.link.vision, self._plant.poses
         skipped = min(self.link.skipped, LOST_FRAMES)
         if skipped:
-            text = f"{self.frame * PERIOD_S:.2f} s: this computer was busy, {skipped} frames went by"
-            self.notes.add("busy", text)
-        between = [before + (pose - before) * (i + 1) / (skipped + 1) for i in range(skipped)]
-        none, vision = np.zeros_like(pose), self.link.vision
-        unseen = [(each, np.zeros(len(pose), bool), none, none[:, 0]) for each in between]
-        return [*unseen, (pose, seen, vision.brought, vision.age)]
+            self._note("busy", f"this computer was busy, {skipped} frames went by")
+        unseen, still = np.zeros_like(seen), np.zeros_like(poses)
+        shares = np.arange(1, skipped + 1) / (skipped + 1)
+        past = [Tick(before + share * (poses - before), unseen, still, still[:, 0]) for share in shares]
+        return [*past, Tick(poses, seen, vision.extrapolation, vision.age)]
 
-    def _tick(self) -> tuple[Array, np.ndarray]:
+    def _see(self) -> tuple[Array, np.ndarray]:
+        """Wait for the next tick. If vision is silent, wait and bring the robots to where they should have been."""
         while True:
             try:
                 return self.link.tick(self.team.twist)
             except VisionLostError:
-                self._recover()
+                self._note("silence", "vision has fallen silent; robots are told to stop until it is back", always=True)
+            looks = 0
+            while looks < LOOKS_AFTER_SILENCE:
+                self.stop()
+                looks = 0 if np.isnan(self.link.find(SILENT_S / 5)).any() else looks + 1
+            self._note("return", "vision is back", always=True)
+            self.approach(self._reference())
+            self.link.restart()
 
-    def _recover(self) -> None:
-        """Wait until vision is back, and bring the robots to where they should have been."""
-        at = f"{self.frame * PERIOD_S:.2f} s"
-        text = f"{at}: vision has fallen silent; robots are told to stop until it is back"
-        self.notes.add("silence", text, always=True)
-        looks = 0
-        while looks < BACK_LOOKS:
-            self.outbound.stop()
-            pose = self.link.find(SILENT_S / 5)
-            looks = 0 if np.isnan(pose).any() else looks + 1
-        self.notes.add("return", f"{at}: vision is back", always=True)
-        self.approach(self._reference())
-        self.link.restart()
+    def _note(self, kind: str, text: str, *, always: bool = False) -> None:
+        self.notes.add(kind, f"{self.frame * PERIOD_S:.2f} s: {text}", always=always)
 
 
-def ways(rows: Sequence[Row], start: Array, end: Array) -> list[Row]:
-    """The same robots, to go straight from where they are to where they shall be, (n, 3) each."""
-    return [replace(row, world=i, place=0, settings=_way(row.settings, start[i], end[i])) for i, row in enumerate(rows)]
-
-
-def _way(settings: Settings, start: Array, end: Array) -> Settings:
-    way = {**APPROACH, "shape": "waypoints", "mode": "timed", "laps": 1, "lead_s": 0.0, "settle_s": 1.0}
-    way["waypoints"] = [start.tolist(), end.tolist()]
-    return settings.replace(reference=way, world={"places": [[0, 0, 0]]}, fault=())
+def straight_routes(rows: Sequence[Row], start: Array, end: Array) -> list[Row]:
+    """Return rows of the same robots that go straight from poses to poses, shape (n, 3) each."""
+    result = []
+    for i, row in enumerate(rows):
+        reference = APPROACH | {"waypoints": [start[i].tolist(), end[i].tolist()]}
+        settings = row.settings.replace(reference=reference, world={"places": [[0, 0, 0]]}, fault=())
+        result.append(replace(row, world=i, place=0, settings=settings))
+    return result

@@ -21,7 +21,7 @@ class LivePlant:
         start: poses at the start, (n, 3).
 
     Attributes:
-        seen: poses at this tick (n, 3), and which of them were seen (n,).
+        poses: at this tick, (n, 3).
 
     Raises:
         OmniError: nobody drives them.
@@ -31,16 +31,16 @@ class LivePlant:
         if not driven:
             raise OmniError("robots on the live plant are outside of this program: omni-mj drive drives them")
         self.geometry: Kinematics | None = rows[0].settings.wheels.kinematics
-        self.seen: tuple[Array, np.ndarray] = np.array(start, float), np.zeros(len(rows), bool)
+        self.poses: Array = np.array(start, float)
         self._telemetry = Telemetry.of_no_wheels(len(rows), len(self.geometry.azimuths))
 
     def pose(self) -> Array:
         """See `Plant`, and above."""
-        return self.seen[0]
+        return self.poses
 
     def twist(self) -> Array:
         """Nothing is known of it."""
-        return np.full_like(self.seen[0], np.nan)
+        return np.full_like(self.poses, np.nan)
 
     def advance(self, received: Received) -> dict[int, str]:
         """They go on by themselves."""

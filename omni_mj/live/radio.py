@@ -7,33 +7,23 @@ from typing import ClassVar
 
 from omni_mj.live import sockets
 from omni_mj.live.notes import Notes
-from omni_mj.live.sockets import Address
+from omni_mj.live.sockets import LOOPBACK, MAX_DATAGRAM, Address
 from omni_mj.live.vision import Colour
-from omni_mj.live.wire import WireError, decode, encode
-from omni_mj.live.wire.simulation import (
-    BLUE_PORT,
-    YELLOW_PORT,
-    GlobalVelocity,
-    LocalVelocity,
-    MoveCommand,
-    RobotCommand,
-    RobotControl,
-    RobotControlResponse,
-)
+from omni_mj.live.wire import BLUE_PORT, YELLOW_PORT, WireError, parse
+from omni_mj.live.wire.simulation_pb2 import RobotControl, RobotControlResponse
 
 PORTS: dict[Colour, int] = {"blue": BLUE_PORT, "yellow": YELLOW_PORT}
-OTHER: dict[Colour, Colour] = {"blue": "yellow", "yellow": "blue"}
 
 
 @dataclass(frozen=True)
 class Command:
-    """What a robot is told in a frame.
+    """Velocity that a robot is told in a frame.
 
     Attributes:
-        id: its number.
-        x, y: velocity along the field, m/s.
-        turn: turn rate, counter-clockwise, rad/s.
-        heading: that the robot is predicted to have in the middle of the time for which the command acts, rad.
+        id: Number of the robot.
+        x, y: Velocity along the field, m/s.
+        turn: Turn rate, counter-clockwise, rad/s.
+        heading: Predicted heading of the robot in the middle of the time for which the command acts, rad.
     """
 
     id: int
@@ -49,21 +39,21 @@ class Command:
 
     @property
     def left(self) -> float:
-        """Velocity to the left of it, m/s."""
+        """Velocity to the left of `heading`, m/s."""
         return math.cos(self.heading) * self.y - math.sin(self.heading) * self.x
 
 
 @dataclass(frozen=True)
 class Line:
-    """What a radio is told of where it leads.
+    """Where a radio leads.
 
     Attributes:
-        host: where the robots, or their simulator, are; None for the usual one.
-        colour: of the team.
-        interface: by which packets leave.
-        world: whether robots shall be told velocities along the field, in place of forward and left.
-        notes: for what goes wrong.
-        both: whether the other team's port shall get an empty packet for each.
+        host: Address of the robots or their simulator; None for the usual one.
+        colour: Of the team.
+        interface: By which packets leave.
+        world: Whether robots are told velocities along the field, in place of forward and left.
+        notes: For what goes wrong.
+        both: Whether the other team's port gets an empty packet for each.
     """
 
     host: Address | None
@@ -81,7 +71,7 @@ class Radio:
     `[control]`; it must not wait. Robots that vision has lost are told to stop. At the end `close` is called.
 
     Args:
-        line: where it leads.
+        line: Where it leads.
     """
 
     name: ClassVar[str] = "own radio"
@@ -107,44 +97,46 @@ class SimulatorRadio(Radio):
 
     def __init__(self, line: Line) -> None:
         super().__init__(line)
-        self.target = line.host or Address(sockets.LOOPBACK, PORTS[line.colour])
-        sockets.check_local(self.target, line.interface)
+        self._target = line.host or Address(LOOPBACK, PORTS[line.colour])
+        sockets.check_local(self._target, line.interface)
         self._socket = sockets.sender(line.interface)
-        both = line.both and self.target.port == PORTS[line.colour]  # of other ports it is not known whose they are
-        self._other = Address(self.target.host, PORTS[OTHER[line.colour]]) if both else None
-        self._nothing = encode(RobotControl())
+        self._opponents = None
+        if line.both and self._target.port == PORTS[line.colour]:  # of other ports it is not known whose they are
+            self._opponents = self._target._replace(port=PORTS["yellow" if line.colour == "blue" else "blue"])
 
     def send(self, commands: Sequence[Command]) -> None:
         """See `Radio`."""
-        self._listen()
-        packet = encode(RobotControl(tuple(RobotCommand(each.id, self._move(each)) for each in commands)))
+        self._read_answers()
+        packet = RobotControl()
+        for command in commands:
+            move = packet.robot_commands.add(id=command.id).move_command
+            if self.line.world:
+                velocity = move.global_velocity
+                velocity.x, velocity.y, velocity.angular = command.x, command.y, command.turn
+            else:
+                local = move.local_velocity
+                local.forward, local.left, local.angular = command.forward, command.left, command.turn
         try:
-            self._socket.sendto(packet, self.target)
-            if self._other:
-                self._socket.sendto(self._nothing, self._other)
+            self._socket.sendto(packet.SerializeToString(), self._target)
+            if self._opponents:
+                self._socket.sendto(b"", self._opponents)
         except OSError as error:
-            self.line.notes.add("not sent", f"commands to {self.target} are not sent: {error.strerror or error}")
+            self.line.notes.add("not sent", f"commands to {self._target} are not sent: {sockets.reason(error)}")
 
     def close(self) -> None:
         """See `Radio`."""
         self._socket.close()
 
-    def _move(self, each: Command) -> MoveCommand:
-        if self.line.world:
-            return MoveCommand(global_velocity=GlobalVelocity(each.x, each.y, each.turn))
-        return MoveCommand(local_velocity=LocalVelocity(each.forward, each.left, each.turn))
-
-    def _listen(self) -> None:
-        """Note what the simulator complains of."""
+    def _read_answers(self) -> None:
+        """Note what the simulator refuses."""
         while True:
             try:
-                data = self._socket.recv(sockets.MOST_BYTES)
-                response = decode(RobotControlResponse, data)
+                response = parse(RobotControlResponse, self._socket.recv(MAX_DATAGRAM))
             except BlockingIOError:
                 return
             except (OSError, WireError):
-                self.line.notes.add("bad answer", f"an answer of {self.target} to commands is skipped")
+                self.line.notes.add("bad answer", f"an answer of {self._target} to commands is skipped")
                 continue
             for error in response.errors:
-                said = error.message or error.code or "no reason given"
-                self.line.notes.add(f"refused: {said}", f"{self.target} refuses: {said}")
+                text = error.message or error.code or "no reason given"
+                self.line.notes.add(f"refused: {text}", f"{self._target} refuses: {text}")

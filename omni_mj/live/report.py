@@ -1,100 +1,101 @@
-"""What a live run tells of robots and of the link: while it goes on, and in the end."""
+"""What a live run says of robots and of the link: while it goes on, and at the end."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.live import answer
 from omni_mj.live.drive import Live
-from omni_mj.live.link import SAME_RATE
+from omni_mj.live.latency import measure_run
+from omni_mj.live.link import RATE_TOLERANCE
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 
 
-def found(live: Live) -> list[str]:
-    """A line for each robot: latency and alpha as its controller has identified them so far."""
+def describe_estimates(live: Live) -> list[str]:
+    """Return a line for each robot: latency and alpha as its controller has identified them so far."""
     lines = []
     for number, latency, alpha in zip(live.ids, live.team.latency_hat, live.team.alpha_hat, strict=True):
         if np.isfinite(latency).all():
-            frames, ms = _row(latency, 2), _row(1e3 * latency / FRAME_RATE_HZ, 0)
-            lines.append(f"robot {number}: latency {frames} frames ({ms} ms), alpha {_row(alpha, 2)}")
+            ms = _join(1e3 * latency / FRAME_RATE_HZ, 0)
+            lines.append(f"robot {number}: latency {_join(latency, 2)} frames ({ms} ms), alpha {_join(alpha, 2)}")
     return lines
 
 
-def summary(live: Live) -> dict[str, Any]:
-    """What link.json holds: of vision, of the ticks, of what went wrong, and how robots answer."""
-    vision = live.link.vision
-    half = slice(live.log.length // 2, None)  # when what was identified has settled
+def summarize(live: Live) -> dict[str, Any]:
+    """Return the content of link.json: vision, ticks, what went wrong, and how robots respond."""
+    link, log = live.link, live.log
+    second_half = slice(log.length // 2, None)  # estimates have settled by then
     robots = []
-    for row, (number, overall) in enumerate(zip(live.ids, answer.run(live), strict=True)):
+    for row, (number, response) in enumerate(zip(live.ids, measure_run(live), strict=True)):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing
-            latency, alpha = (
-                np.nanmean(live.log.channel(name)[half, row], axis=0) for name in ("latency_hat", "alpha_hat")
-            )
-        identified = {"latency_frames": _plain(latency), "alpha": _plain(alpha)} if np.isfinite(latency).all() else None
-        fitted = {"latency_frames": _plain(np.array(overall.latency)), "alpha": _plain(np.array(overall.gain))}
-        robots.append({"id": number, "identified": identified, "fitted": fitted})
+            latency, alpha = (log.channel(name)[second_half, row] for name in ("latency_hat", "alpha_hat"))
+            estimates = {"latency_frames": np.nanmean(latency, 0), "alpha": np.nanmean(alpha, 0)}
+        is_known = np.isfinite(estimates["latency_frames"]).all()
+        fitted = {"latency_frames": response.latency, "alpha": response.gain}
+        robots.append({"id": number, "identified": estimates if is_known else None, "fitted": fitted})
     cameras = {
         str(number): {
-            "frames": camera.frames, "lost": camera.lost, "late": camera.late, "restarts": camera.clock.restarts,
-            "stamped_hz": _plain(np.array(camera.stamped_hz)), "received_hz": _plain(np.array(camera.received_hz)),
-            "mean_age_s": camera.age_s, "bias_m_m_rad": _plain(camera.bias),
+            "frames": camera.frames,
+            "lost": camera.lost,
+            "late": camera.late,
+            "restarts": camera.clock.restarts,
+            "stamped_hz": camera.stamped_hz,
+            "received_hz": camera.received_hz,
+            "mean_age_s": camera.mean_age_s,
+            "bias_m_m_rad": camera.bias,
         }
-        for number, camera in sorted(vision.cameras.items())
-    }  # fmt: skip
-    link = live.link
+        for number, camera in sorted(link.vision.cameras.items())
+    }
+    answers = np.percentile(link.answers, [50, 95, 99, 100]) if link.answers else np.full(4, np.nan)
     ticks = {
-        "with_frames": link.with_frames, "camera": link.leader, "late": link.late, "missing": link.missing,
-        "answered_after_s": dict(zip(("p50", "p95", "p99", "max"), _percentiles(link.answers), strict=True)),
-    }  # fmt: skip
-    source = None if vision.source is None else vision.source.name
-    return {"source": source, "cameras": cameras, "ticks": ticks, "robots": robots, "notes": dict(live.notes.counts)}
+        "with_frames": link.follows_frames,
+        "camera": link.leader,
+        "late": link.late,
+        "missing": link.missing,
+        "answered_after_s": dict(zip(("p50", "p95", "p99", "max"), answers, strict=True)),
+    }
+    counts = dict(live.notes.counts)
+    summary = {"source": link.vision.source, "cameras": cameras, "ticks": ticks, "robots": robots, "notes": counts}
+    return _as_json(summary)
 
 
-def told(summary: Mapping[str, Any]) -> list[str]:
-    """What is said in the end of ticks and of each robot."""
-    late = summary["ticks"]["answered_after_s"]
-    lines = []
-    if late["p50"] is not None:
-        times = ", ".join(f"{name} {1e3 * value:.1f}" for name, value in late.items())
+def describe(summary: Mapping[str, Any]) -> list[str]:
+    """Return lines on ticks and on each robot at the end."""
+    lines, ticks = [], summary["ticks"]
+    if ticks["answered_after_s"]["p50"] is not None:
+        times = ", ".join(f"{name} {1e3 * value:.1f}" for name, value in ticks["answered_after_s"].items())
         lines.append(f"commands left so many ms after each tick: {times}")
-    ticks = summary["ticks"]
     hz = summary["cameras"][str(ticks["camera"])]["stamped_hz"] if ticks["with_frames"] else None
-    if hz is not None and abs(hz / FRAME_RATE_HZ - 1) > SAME_RATE:
+    if hz is not None and abs(hz / FRAME_RATE_HZ - 1) > RATE_TOLERANCE:
         lines.append(
             f"each frame of camera {ticks['camera']} was a tick, and it sent {hz:.1f} a second: all was driven "
             f"{hz / FRAME_RATE_HZ:.2f} times as fast; --rate {FRAME_RATE_HZ} goes by this computer's clock"
         )
     for robot in summary["robots"]:
-        parts = []
-        if robot["fitted"]["latency_frames"] is not None:
-            frames = robot["fitted"]["latency_frames"]
-            ms = 1e3 * frames / FRAME_RATE_HZ
-            parts.append(f"answers {frames:.2f} frames ({ms:.0f} ms) later, with {robot['fitted']['alpha']:.2f} of it")
-        if robot["identified"] is not None:
-            latency, alpha = (np.array(robot["identified"][name], float) for name in ("latency_frames", "alpha"))
-            parts.append(
-                f"identified: latency {_row(latency, 2)} frames, alpha {_row(alpha, 2)} (forward, left, turning)"
-            )
+        parts, fitted, identified = [], robot["fitted"], robot["identified"]
+        if (latency := fitted["latency_frames"]) is not None:
+            ms = 1e3 * latency / FRAME_RATE_HZ
+            parts.append(f"answers {latency:.2f} frames ({ms:.0f} ms) later, with {fitted['alpha']:.2f} of it")
+        if identified is not None:
+            latencies, alphas = (_join(np.array(identified[name], float), 2) for name in ("latency_frames", "alpha"))
+            parts.append(f"identified: latency {latencies} frames, alpha {alphas} (forward, left, turning)")
         lines.append(f"robot {robot['id']}: {'; '.join(parts) or 'did not move'}")
     return lines
 
 
-def _percentiles(values: Sequence[float]) -> list[float | None]:
-    if not values:
-        return [None] * 4
-    return [round(float(each), 6) for each in (*np.percentile(values, [50, 95, 99]), max(values))]
+def _join(values: Array, digits: int) -> str:
+    return " ".join(f"{value:.{digits}f}" for value in values)
 
 
-def _row(values: Array, digits: int) -> str:
-    return " ".join(f"{each:.{digits}f}" for each in values)
-
-
-def _plain(values: Array) -> Any:
-    """Numbers as JSON has them: nothing is not a number."""
-    if values.ndim:
-        return [_plain(each) for each in values]
-    return round(float(values), 6) if np.isfinite(values) else None
+def _as_json(value: Any) -> Any:
+    """Return what JSON can hold: rounded numbers, and None for those that are not finite."""
+    if isinstance(value, dict):
+        return {key: _as_json(item) for key, item in value.items()}
+    if isinstance(value, (list, np.ndarray)):
+        return [_as_json(item) for item in value]
+    if isinstance(value, float):
+        return round(float(value), 6) if np.isfinite(value) else None
+    return value

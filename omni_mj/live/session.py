@@ -2,32 +2,31 @@
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, wrap_angle
-from omni_mj.live import answer
-from omni_mj.live.drive import Live, ways
+from omni_mj.live.drive import Live, straight_routes
+from omni_mj.live.latency import MIN_GAIN, measure_pulse
 from omni_mj.live.link import Link, Pace
-from omni_mj.live.listen import Listener
 from omni_mj.live.notes import Notes
 from omni_mj.live.radio import Line, Radio, SimulatorRadio
 from omni_mj.live.sockets import LOOPBACK, Address, Receiver
 from omni_mj.live.vision import Colour, Vision
-from omni_mj.live.wire.vision import SIMULATED_VISION_PORT, VISION_GROUP
+from omni_mj.live.wire import VISION_GROUP, VISION_PORT
 from omni_mj.scenarios import distributions, references, rows, user_files
 from omni_mj.scenarios.controllers import find, label
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 
-SIMULATED_VISION = Address(VISION_GROUP, SIMULATED_VISION_PORT)
+SIMULATED_VISION = Address(VISION_GROUP, VISION_PORT)
 LISTEN_S = 1.5  # at first: rates are known to a part in some hundreds, clocks to a fraction of a millisecond
-MOST_ROBOTS = 12
+MAX_ROBOTS = 12
 DEAD_TIME = "radio.delay_frames"
-MEASURED = (DEAD_TIME, *(f"vision.{name}" for name in ("position_noise_m", "heading_noise_rad", "delay_s")))
+MEASURED = (DEAD_TIME, "vision.position_noise_m", "vision.heading_noise_rad", "vision.delay_s")
 
 
 @dataclass(frozen=True)
@@ -35,18 +34,18 @@ class Options:
     """What a user says of the connection.
 
     Attributes:
-        vision: the group or address to which SSL-Vision is sent.
-        commands: where the simulator or the radio is; None for the usual place.
-        interface: address of that by which packets come and leave.
-        colour: of the team.
-        ids: the robots' numbers; none for the lowest that are seen.
-        pace: what gives the ticks.
-        world: whether robots are told velocities along the field.
-        radio: a class of a team's own, as `file.py:Class`; None for the simulation protocol.
-        here: whether routes begin where the robots are, in place of bringing robots to where routes begin.
-        wait_s, listen_s: how long vision is waited for, and listened to before anything else.
-        duration_s: after which it ends, if not before; None for the whole route.
-        measured: settings, of `MEASURED`, for which what is measured before counts: what the team believes.
+        vision: The group or address to which SSL-Vision is sent.
+        commands: Address of the simulator or the radio; None for the usual one.
+        interface: Address of the network interface.
+        colour: Of the team.
+        ids: The robots' numbers; none for the lowest that are seen.
+        pace: What gives the ticks.
+        world: Whether robots are told velocities along the field.
+        radio: A class of a team's own, as `file.py:Class`; None for the simulation protocol.
+        here: Whether routes begin where the robots are; otherwise robots are brought to where routes begin.
+        wait_s, listen_s: How long vision is waited for, and listened to before anything else.
+        duration_s: After which it ends; None for the whole route.
+        measured: Settings, of `MEASURED`, that are measured before.
     """
 
     vision: Address = SIMULATED_VISION
@@ -65,90 +64,90 @@ class Options:
 
 
 def check(scenario: Scenario, options: Options) -> None:
-    """See that a scenario can be driven, before anything is opened.
+    """Check that a scenario can be driven, before anything is opened.
 
     Raises:
-        OmniError: it cannot; a line for each reason.
+        OmniError: It cannot; a line for each reason.
     """
     distributions.refuse(scenario.distributions, "drive")
-    wrong = []
-    if len(scenario.controllers) != 1 or scenario.seeds != 1:
-        names = ", ".join(label(kind) for kind in scenario.controllers)
-        wrong.append(f"robots have one controller each, and one chance: give one --controller, one seed, not {names}")
-    wrong += [
-        f"{label(kind)} must be given the true pose, which nobody knows of robots outside of this program"
-        for kind in scenario.controllers
-        if find(kind).knows_truth
-    ]
+    errors, ids, places = [], options.ids, len(scenario.settings.world.places)
+    names = [label(kind) for kind in scenario.controllers]
+    if len(names) != 1 or scenario.seeds != 1:
+        errors.append(
+            f"robots have one controller each, and one chance: give one --controller, one seed, not {', '.join(names)}"
+        )
+    for name, kind in zip(names, scenario.controllers, strict=True):
+        if find(kind).knows_truth:
+            errors.append(f"{name} must be given the true pose, which nobody knows of robots outside of this program")
     if scenario.settings.fault:
-        wrong.append(
+        errors.append(
             "nothing can be made to happen to robots outside of this program: the scenario must have no [[fault]]"
         )
-    if len(set(options.ids)) != len(options.ids) or len(options.ids) > MOST_ROBOTS:
-        wrong.append(f"--id must name up to {MOST_ROBOTS} robots, each once, not {options.ids}")
-    places = len(scenario.settings.world.places)
-    if options.ids and len(options.ids) != places and not options.here:
-        wrong.append(
-            f"{len(options.ids)} robots are named, and the scenario has places for {places} (world.places);"
+    if len(set(ids)) != len(ids) or len(ids) > MAX_ROBOTS:
+        errors.append(f"--id must name up to {MAX_ROBOTS} robots, each once, not {ids}")
+    if ids and len(ids) != places and not options.here:
+        errors.append(
+            f"{len(ids)} robots are named, and the scenario has places for {places} (world.places);"
             " with --here, each drives from where it is"
         )
-    if wrong:
-        raise OmniError("\n".join(wrong))
+    if errors:
+        raise OmniError("\n".join(errors))
 
 
 @contextmanager
-def listening(options: Options, notes: Notes, checked: Callable[[], None] = lambda: None) -> Iterator[Link]:
+def listening(options: Options, notes: Notes, check_stop: Callable[[], None] = lambda: None) -> Iterator[Link]:
     """Listen to vision until the end of the block.
 
     Args:
-        options: where it is.
-        notes: of what is wrong with it.
-        checked: called now and then; what it raises ends whatever goes on.
+        options: Where it is.
+        notes: What is wrong with it.
+        check_stop: Called now and then; what it raises ends whatever goes on.
 
     Raises:
-        OmniError: nothing came for as long as was to be waited.
+        OmniError: Nothing came.
     """
-    receiver = Receiver(options.vision, options.interface)
-    try:
-        link = Link(receiver, Vision(options.colour, options.ids, notes), checked)
+    with closing(Receiver(options.vision, options.interface)) as receiver:
+        link = Link(receiver, Vision(options.colour, options.ids, notes), check_stop)
         until = time.monotonic() + options.wait_s
         while not link.vision.cameras:
             if time.monotonic() > until:
-                bad = notes.counts["bad packet"]
-                only = f", but for {bad} bad packets," if bad else ""
+                n_bad = notes.counts["bad packet"]
+                but = f", but for {n_bad} bad packets," if n_bad else ""
                 raise OmniError(
-                    f"no vision came to {options.vision} by the interface {options.interface}{only} for"
+                    f"no vision came to {options.vision} by the interface {options.interface}{but} for"
                     f" {options.wait_s:g} s; --vision and --interface say where it is"
                 )
             link.listen(0.1)
         link.listen(options.listen_s)
         yield link
-    finally:
-        receiver.close()
 
 
 @contextmanager
 def ready(scenario: Scenario, options: Options, link: Link, notes: Notes) -> Iterator[Live]:
-    """Robots to be driven, at the start of their routes; they are told to stand when the block ends.
+    """Bring robots to the start of their routes. They are told to stand when the block ends.
 
     Raises:
-        OmniError: they are not seen, cannot be driven so, or do not answer.
+        OmniError: They are not seen, cannot be driven so, or do not respond.
     """
-    ids = _chosen(scenario, options, link.heard)
+    ids = _chosen_ids(scenario, options, link.sightings.ids(options.colour))
     link.vision.follow(ids)
-    pose = link.believe()
-    link.choose(options.pace)
-    kind = SimulatorRadio if options.radio is None else _own(options.radio)
-    both = options.pace != "vision"  # a simulation that waits for commands would take it for one
-    radio = kind(Line(options.commands, options.colour, options.interface, options.world, notes, both))
-    try:
-        there = _placed(scenario, pose) if options.here else scenario
-        there = _told(there, "vision.", options, link.heard.noise(options.colour, ids) | link.timing)
+    poses = link.locate()
+    link.choose_pace(options.pace)
+    radio_type = SimulatorRadio if options.radio is None else _find_radio(options.radio)
+    both = options.pace != "vision"  # a simulation that waits for commands would take an empty packet for one
+    line = Line(options.commands, options.colour, options.interface, options.world, notes, both)
+    with closing(radio_type(line)) as radio:
+        chosen = _displaced(scenario, poses) if options.here else scenario
+        measured = link.sightings.noise(options.colour, ids)
+        if link.delay_s is not None:
+            measured["vision.delay_s"] = link.delay_s
+        chosen = _with_measured(chosen, options, measured)
         if DEAD_TIME in options.measured:
-            there = _told(there, "radio.", options, {DEAD_TIME: _dead_time(there, link, radio, ids, pose, notes)})
-        most = np.inf if options.duration_s is None else round(options.duration_s * FRAME_RATE_HZ)
-        live = Live(there, link, radio, ids, notes, most_frames=most)
-        live.warm(pose)
+            trial = Live(chosen, link, radio, ids, notes, _resting_rows(chosen, poses))
+            chosen = _with_measured(chosen, options, {DEAD_TIME: _dead_time(trial, notes)})
+        max_frames = np.inf if options.duration_s is None else round(options.duration_s * FRAME_RATE_HZ)
+        live = Live(chosen, link, radio, ids, notes, max_frames=max_frames)
+        live.warm_up(poses)
         try:
             live.approach(np.array([reference.poses[0] for reference in live.references]))
             link.restart()
@@ -157,76 +156,70 @@ def ready(scenario: Scenario, options: Options, link: Link, notes: Notes) -> Ite
             yield live
         finally:
             live.stop()
-    finally:
-        radio.close()
 
 
-def _dead_time(scenario: Scenario, link: Link, radio: Radio, ids: Sequence[int], pose: Array, notes: Notes) -> int:
-    """Frames from a command to its effect, without the wheel loops' lag, as robots answer a pulse."""
-    table = rows.table([label(scenario.controllers[0])], [scenario.seed], scenario.settings_of, scenario.robot)
-    trial = Live(scenario, link, radio, ids, notes, ways(table, pose, pose))
+def _resting_rows(scenario: Scenario, poses: Array) -> list[rows.Row]:
+    names = [label(scenario.controllers[0])]
+    return straight_routes(rows.table(names, [scenario.seed], scenario.settings_of, scenario.robot), poses, poses)
+
+
+def _dead_time(trial: Live, notes: Notes) -> int:
+    """Return frames from a command to its effect, without the wheel loops' lag, by a pulse."""
     try:
-        answers = answer.pulse(trial)
+        responses = measure_pulse(trial)
     finally:
         trial.stop()
-    still = [number for number, each in zip(ids, answers, strict=True) if not each.any]
-    if still:
+    silent = [str(number) for number, each in zip(trial.ids, responses, strict=True) if not each.gain >= MIN_GAIN]
+    if silent:
         raise OmniError(
-            f"robots {', '.join(map(str, still))} do not turn as they are told: --team, --commands and --velocity say"
+            f"robots {', '.join(silent)} do not turn as they are told: --team, --commands and --velocity say"
             " how they are told; --no-pulse does without asking them"
         )
-    latency = float(np.median([each.latency for each in answers]))
-    lag = scenario.settings.control.lag_s * FRAME_RATE_HZ
-    notes.add(
-        "pulse",
-        f"robots answer a pulse {latency:.2f} frames later ({1e3 * latency / FRAME_RATE_HZ:.0f} ms)",
-        always=True,
-    )
-    link.restart()
-    return max(round(latency - lag), 0)
+    latency = float(np.median([response.latency for response in responses]))
+    ms = 1e3 * latency / FRAME_RATE_HZ
+    notes.add("pulse", f"robots answer a pulse {latency:.2f} frames later ({ms:.0f} ms)", always=True)
+    trial.link.restart()
+    return max(round(latency - trial.scenario.settings.control.lag_s * FRAME_RATE_HZ), 0)
 
 
-def _told(scenario: Scenario, section: str, options: Options, measured: Mapping[str, float]) -> Scenario:
-    """The scenario with what was measured of a section in place of its settings, where it may be."""
-    name = section.rstrip(".")
-    values = {
-        key.removeprefix(section): value
-        for key, value in measured.items()
-        if key in options.measured and np.isfinite(value)
-    }
-    return scenario.replace(settings=scenario.settings.replace(**{name: values})) if values else scenario
+def _with_measured(scenario: Scenario, options: Options, measured: Mapping[str, float]) -> Scenario:
+    """Return the scenario with measured settings, where the options allow it."""
+    settings = scenario.settings
+    for name, value in measured.items():
+        if name in options.measured and np.isfinite(value):
+            section, field = name.split(".")
+            settings = settings.replace(**{section: {field: value}})
+    return scenario.replace(settings=settings)
 
 
-def _chosen(scenario: Scenario, options: Options, heard: Listener) -> list[int]:
-    """The numbers of the robots that are driven."""
-    seen, places = heard.ids(options.colour), len(scenario.settings.world.places)
-    ids = list(options.ids) or seen[: MOST_ROBOTS if options.here else places]
-    missing = [number for number in ids if number not in seen]
+def _chosen_ids(scenario: Scenario, options: Options, seen: Sequence[int]) -> list[int]:
+    """Return the numbers of the robots that are driven."""
+    places = len(scenario.settings.world.places)
+    ids = list(options.ids) or list(seen[: MAX_ROBOTS if options.here else places])
+    missing = ", ".join(str(number) for number in ids if number not in seen)
     if missing or not ids or (len(ids) < places and not options.here):
-        there = f"of {options.colour}, it sees {', '.join(map(str, seen)) or 'none'}"
-        wanted = (
-            f"robots {', '.join(map(str, missing))}" if missing else f"as many robots as there are places, {places}"
-        )
-        raise OmniError(f"vision does not see {wanted}; {there}: --team and --id say who is driven")
+        visible = f"of {options.colour}, it sees {', '.join(map(str, seen)) or 'none'}"
+        robots = f"robots {missing}" if missing else f"as many robots as there are places, {places}"
+        raise OmniError(f"vision does not see {robots}; {visible}: --team and --id say who is driven")
     return ids
 
 
-def _placed(scenario: Scenario, seen: Array) -> Scenario:
-    """The scenario with each robot's route displaced so that it begins where the robot is, facing as it does."""
-    if np.isnan(seen).any():
+def _displaced(scenario: Scenario, poses: Array) -> Scenario:
+    """Return the scenario with each robot's route moved and turned to begin where the robot is."""
+    if np.isnan(poses).any():
         raise OmniError("not all robots are seen")
     x, y, heading = references.timed(scenario.settings).poses[0]
-    turn = wrap_angle(seen[:, 2] - heading)
+    turn = wrap_angle(poses[:, 2] - heading)
     c, s = np.cos(turn), np.sin(turn)
-    places = np.column_stack([seen[:, 0] - (c * x - s * y), seen[:, 1] - (s * x + c * y), turn])
+    places = np.column_stack([poses[:, 0] - (c * x - s * y), poses[:, 1] - (s * x + c * y), turn])
     return scenario.replace(settings=scenario.settings.replace(world={"places": places.tolist()}))
 
 
-def _own(name: str) -> type[Radio]:
-    """A radio of the user's own.
+def _find_radio(name: str) -> type[Radio]:
+    """Return a radio of the user's own.
 
     Raises:
-        OmniError: there is no such class.
+        OmniError: There is no such class.
     """
     if not user_files.names_class(name):
         raise OmniError(f"--radio must be file.py:Class, not {name!r}")

@@ -13,20 +13,18 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
+import serving
 from commands import invoke
-from live_peer import PEER, free_port
-
-from omni_mj.cli import drive
-from omni_mj.scenarios.scenario import load
+from serving import free_port
 
 PATIENCE_S = 120.0  # with processes, on a computer that does much else
+PEER = [sys.executable, str(Path(serving.__file__).with_name("peer.py"))]
 DRIVE = [sys.executable, "-m", "omni_mj", "drive"]
 SHORT = ("--set", "reference.waypoints=[[0, 0], [0.6, 0.3]]", "--set", "reference.settle_s=0.2")
 RADIO = """
-import socket, struct
+import socket
 from omni_mj.live.radio import Radio
-from omni_mj.live.wire import encode
-from omni_mj.live.wire.simulation import LocalVelocity, MoveCommand, RobotCommand, RobotControl
+from omni_mj.live.wire.simulation_pb2 import RobotControl
 
 
 class Mine(Radio):
@@ -37,8 +35,9 @@ class Mine(Radio):
     def send(self, commands):
         self.sent += 1
         for each in commands:
-            move = MoveCommand(local_velocity=LocalVelocity(each.forward, each.left, each.turn))
-            self.socket.sendto(encode(RobotControl((RobotCommand(each.id, move),))), self.line.host)
+            velocity = {"forward": each.forward, "left": each.left, "angular": each.turn}
+            packet = RobotControl(robot_commands=[{"id": each.id, "move_command": {"local_velocity": velocity}}])
+            self.socket.sendto(packet.SerializeToString(), self.line.host)
 
     def close(self):
         self.socket.close()
@@ -205,14 +204,3 @@ def test_one_signal_ends_the_wait_for_vision(tmp_path: Path, capsys: pytest.Capt
     assert invoke("drive", "--scenario", "rect", what, *where) == 128 + signal.SIGTERM
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("error: terminated; ")
-
-
-def test_what_a_robot_reaches_is_told_only_where_somebody_says_which_it_is() -> None:
-    def told(*overrides: str, robot: str | None = None) -> float:
-        head = {} if robot is None else {"robot": robot}
-        return drive.untold(load("rect", overrides, head), robot is None).settings.control.alpha_forward
-
-    assert told() == 0.0
-    assert told(robot="tigers-v2016") == pytest.approx(0.91, abs=0.01)
-    assert told("control.alpha_forward=0.8") == 0.8
-    assert told("control.creep_s2_m=0") == 1.0

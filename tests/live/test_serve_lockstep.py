@@ -1,16 +1,15 @@
 """In lockstep, runs over the wire are the same to the bit, and those of the loop that runs in one process."""
 
-from itertools import count
+import socket
+from contextlib import suppress
 
 import numpy as np
 import pytest
 import serving
-from foreign import field
-from served import here, pitch_of
-from serving import Client, served
+from benches.serve import FAST, QUIET, Field, here
+from serving import LOOPBACK, Client, field, fields, local, message, prefixed, world
 
-from omni_mj.scenarios import scenario
-from omni_mj.simulate.simulation import Simulation
+import omni_mj as om
 
 STEPS = 40
 FLOAT32_M = 4e-7  # what a place of up to 4 m loses on the wire, in mm as a 32-bit number: 2^-24 of it, and rounding
@@ -21,36 +20,35 @@ def taped(client: Client) -> list[bytes]:
     """All that comes back from a run of two teams in which everything is used."""
     answers: list[bytes] = []
     for k in range(STEPS):
-        answers.append(client.ask(1, serving.world(0, 1.0, 0.3) + serving.wheels(1, 0.5, -0.2, 0.4, 0.1)))
-        answers.append(client.ask(2, serving.local(0, 0.8, 0.2, k / 10)))
+        answers.append(client.ask(1, world(0, 1.0, 0.3) + serving.wheels(1, 0.5, -0.2, 0.4, 0.1)))
+        answers.append(client.ask(2, local(0, 0.8, 0.2, k / 10)))
         if k == STEPS // 2:
             answers.append(client.ask(0, serving.teleport(1, 2, x=-1.0, y=1.0, orientation=0.5)))
     client.vision.settimeout(0.2)
     seen = dict[bytes, None]()  # before the first command all is sent again, more or less often
-    for _ in count():
+    while True:
         try:
             seen[client.vision.recv(65536)] = None
         except TimeoutError:
             return [*answers, *seen]
-    raise AssertionError
 
 
 def test_a_run_is_the_same_to_the_bit_and_another_seed_is_another() -> None:
     """Of the same options, in a process of its own and in this one."""
-    sets = [word for each in NOISY for word in ("--set", each)]
-    with served("--lockstep", "--blue", "2", "--yellow", "1", "--seed", "3", "--scenario", "worn", *sets) as (
-        client,
-        _,
-    ):
-        alone = taped(client)
+    sets = [word for setting in NOISY for word in ("--set", setting)]
+    client = Client()
+    options = "--lockstep", "--blue", "2", "--yellow", "1", "--seed", "3", "--scenario", "worn"
+    with serving.served(*options, *sets, client=client):
+        separate = taped(client)
+    client.close()
     tapes = []
     for seed in (3, 4):
-        with here(pitch_of(*NOISY, blue="2", yellow="1", scenario="worn", seed=seed)) as (client, _):
+        with here(Field(*NOISY, blue="2", yellow="1", scenario="worn", seed=seed)) as (client, _):
             tapes.append(taped(client))
-    assert tapes[0] == alone
-    assert tapes[1] != alone
+    assert tapes[0] == separate
+    assert tapes[1] != separate
     # 2 packets a step, each with an answer and an image of either camera; one image before; the geometry each second.
-    assert 6 * STEPS + 2 <= len(alone) <= 6 * STEPS + 8
+    assert 6 * STEPS + 2 <= len(separate) <= 6 * STEPS + 8
 
 
 @pytest.mark.parametrize("delay", [0, 4])
@@ -61,30 +59,31 @@ def test_the_loop_in_one_process_is_reproduced_over_the_wire(delay: int) -> None
     protocol have none; the robot's own heading is corrected by either, which makes the whole difference: the camera's
     noise of 0.01 rad, by a gain of 2/s at 60 Hz, is 0.01 sqrt(2/60/2) = 1.3 mrad, times the 0.67 m of the route 0.9 mm.
     """
-    route = "reference.waypoints=[[0, 0, 0], [0.6, 0.3, 0.5]]", "reference.settle_s=0", f"radio.delay_frames={delay}"
-    chosen = scenario.load("rect", route, {"controllers": ("comp-flc",)})
-    log, team = Simulation(chosen).run(), Simulation(chosen).team
+    route = {"waypoints": [[0, 0, 0], [0.6, 0.3, 0.5]], "settle_s": 0}
+    chosen = om.scenario("rect", controllers=["comp-flc"], reference=route, radio={"delay_frames": delay})
+    log, team = om.Simulation(chosen).run(), om.Simulation(chosen).team
     seen = np.full((log.length, 3), np.nan)
-    with here(pitch_of(*route, scenario="rect")) as (client, _):
+    sets = f"reference.waypoints={route['waypoints']}", "reference.settle_s=0", f"radio.delay_frames={delay}"
+    with here(Field(*sets, scenario="rect")) as (client, _):
         detection = client.newest()
         for k in range(log.length):
             seen[k] = serving.robots(detection).get(("blue", 0), [np.nan] * 3)
             team.observe(seen[[k]])
-            detection = client.step(serving.world(0, *map(float, team.command()[0])))
-    there, way = log.channel("vision")[:, 0], log.channel("ref")[:, 0, :2]
-    np.testing.assert_array_equal(np.isnan(seen), np.isnan(there))  # missed in the same frames
-    np.testing.assert_allclose(seen[0], there[0], atol=FLOAT32_M)  # the same noise
-    known = ~np.isnan(there[:, 0])
-    assert np.abs(seen - there)[known, :2].max() < 0.9e-3
-    errors = [np.abs(found[:, :2] - way)[known].max(0) for found in (seen, there)]
+            detection = client.step(world(0, *map(float, team.command()[0])))
+    expected, way = log.channel("vision")[:, 0], log.channel("ref")[:, 0, :2]
+    np.testing.assert_array_equal(np.isnan(seen), np.isnan(expected))  # missed in the same frames
+    np.testing.assert_allclose(seen[0], expected[0], atol=FLOAT32_M)  # the same noise
+    known = ~np.isnan(expected[:, 0])
+    assert np.abs(seen - expected)[known, :2].max() < 0.9e-3
+    errors = [np.abs(found[:, :2] - way)[known].max(0) for found in (seen, expected)]
     np.testing.assert_allclose(*errors, atol=0.9e-3)
 
 
 def test_both_teams_make_a_step_where_both_must() -> None:
-    with here(pitch_of(yellow="1"), "both") as (client, _):
+    with here(Field(yellow="1"), "both") as (client, _):
         before = serving.captured(client.newest())
         for _ in range(3):
-            client.ask(1, serving.local(0, 1.0))
+            client.ask(1, local(0, 1.0))
         client.vision.settimeout(0.1)
         with pytest.raises(TimeoutError):
             client.detection()
@@ -93,23 +92,88 @@ def test_both_teams_make_a_step_where_both_must() -> None:
         assert serving.captured(client.newest()) == pytest.approx(before + 1 / 60)
 
 
-def test_a_client_that_comes_late_or_lost_a_packet_is_shown_the_last_image_again() -> None:
-    with here(pitch_of()) as (client, _):
-        seen = client.step(serving.local(0, 1.0))
+def test_packets_to_the_simulator_repeat_the_last_image_and_kicks_are_refused_once() -> None:
+    with here(Field(blue="2,7")) as (client, _):
+        seen = client.step(local(2, 1.0))
         assert client.ask(0, b"") == b""
         assert client.detection() == seen
         assert serving.codes(client.ask(0, serving.speed(2.0))) == ["LOCKSTEP"]
-
-
-def test_kicks_are_refused_once_and_robots_answer() -> None:
-    with here(pitch_of(blue="2,7")) as (client, server):
-        answer = client.ask(1, serving.kick(7) + serving.local(2, 0.1))
+        answer = client.ask(1, serving.kick(7) + local(2, 0.1))
         assert serving.codes(answer) == ["NO_KICK"]
         # feedback: number, no contact with the ball
-        robots = [field(2, field(1, number) + field(2, 0)) for number in (7, 2)]
-        assert answer.endswith(b"".join(robots))
+        assert answer.endswith(b"".join(field(2, message(number, 0)) for number in (7, 2)))
         assert serving.codes(client.ask(1, serving.kick(7))) == []
-        assert serving.codes(client.ask(1, serving.local(3, 0.1))) == ["UNKNOWN_ROBOT"]
-        assert serving.codes(client.ask(2, serving.local(2, 0.1))) == ["UNKNOWN_ROBOT"]
-        assert serving.codes(client.ask(1, serving.local(2, float("nan")))) == ["VELOCITY"]
-        assert server.notes.counts["kicks"] == 2
+
+
+class Stream:
+    """A client of the synchronous mode."""
+
+    def __init__(self, port: int) -> None:
+        self.socket = socket.create_connection((LOOPBACK, port), serving.PATIENCE_S)
+        self._input = self.socket.makefile("rb")
+
+    def ask(self, *request: bytes | float | None, pieces: int = 1) -> dict:
+        """Send a step in s, commands to the simulator, and to robots, in so many pieces; the answer's fields."""
+        data = prefixed(message(*request))
+        size = max(len(data) // pieces, 1)
+        for at in range(0, len(data), size):
+            self.socket.sendall(data[at : at + size])
+        length = shift = 0
+        while True:
+            (byte,) = self._input.read(1)
+            length |= (byte & 0x7F) << shift
+            shift += 7
+            if byte < 0x80:
+                return fields(self._input.read(length))
+
+    def codes(self, *request: bytes | float | None) -> list[str]:
+        return serving.codes(self.ask(*request)[2][0])
+
+
+def test_steps_by_tcp_are_those_by_packets_to_the_bit() -> None:
+    """An answer has the very images that went out; a packet a frame makes the same run."""
+    command = local(0, 1.0, 0.2, 0.3)
+    with here(Field(*QUIET[1:], FAST, "vision.delay_s=0")) as (client, _):
+        by_packets = [client.step(command) for _ in range(12)]
+    with here(Field(*QUIET[1:], FAST, "vision.delay_s=0")) as (client, server):
+        stream = Stream(server.ports[1])
+        images = [stream.ask(1 / 60, None, command)[1] for _ in range(12)]
+        assert client.newest() == images[-1][0]
+        stream.socket.close()
+    assert [image for (image,) in images] == by_packets
+
+
+def test_a_step_is_as_long_as_it_says_and_has_all_images_that_went_out_in_it() -> None:
+    """Steps that are no whole cycles add up: 30 of 0.01 s are 0.3 s, 18 images; steps of 0.1 s have six each."""
+    bench = Field(*QUIET, FAST, blue="2", yellow="1")
+    with here(bench) as (_, server):
+        blue, control = Stream(server.ports[1]), Stream(server.ports[0])
+        times = [serving.captured(raw) for _ in range(30) for raw in blue.ask(0.01).get(1, ())]
+        assert bench.time_s == pytest.approx(0.3)
+        assert times == pytest.approx([k / 60 for k in range(1, 19)])
+        answer = control.ask(0.1, serving.teleport(1, 2, x=2.0, y=1.0, orientation=0.5), pieces=7)
+        assert len(answer[1]) == 6
+        assert serving.robots(answer[1][-1])["blue", 1] == pytest.approx((2.0, 1.0, 0.5), abs=2e-3)
+        assert control.codes(None, None, local(0, 1.0)) == ["NO_TEAM"]
+        assert control.codes(-1.0) == ["STEP"]
+        assert control.codes(float("nan")) == ["STEP"]
+        assert set(blue.codes(0.0, serving.speed(2.0), serving.kick(0))) == {"NO_KICK", "LOCKSTEP"}
+
+
+@pytest.mark.parametrize("bad", [b"\xff\xff\xff\xff\xff\xff", b"\xff\xff\x7f", b"\x02\x0d\x00"])
+def test_who_cannot_be_understood_is_hung_up_on_and_the_others_are_not(bad: bytes) -> None:
+    """A length without end, one that no message has, and a message that is cut off."""
+    with here(Field(FAST)) as (client, server):
+        streams = [Stream(server.ports[1]) for _ in range(3)]
+        streams[0].socket.sendall(bad)
+        with suppress(ConnectionResetError):
+            assert streams[0].socket.recv(1) == b""
+        streams[1].socket.close()
+        assert len(streams[2].ask(1 / 60)[1]) == 1
+        assert serving.robots(client.step(local(0, 0.0)))
+        assert server.notes.counts["bad packets"] == 1
+
+
+def test_in_real_time_there_is_no_synchronous_mode() -> None:
+    with here(Field(FAST), "") as (_, server), pytest.raises(ConnectionRefusedError):
+        socket.create_connection((LOOPBACK, server.ports[0]), 1)

@@ -1,51 +1,48 @@
-"""The process: real time, other speeds, pauses; bad packets, restarts of either side, and its end."""
+"""The process: real time, other speeds, pauses; bad packets, restarts of either side, recordings, and its end."""
 
 import random
 import signal
 import socket
+import subprocess
 import time
+from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 import serving
-from served import FAST, QUIET, here, pitch_of
-from serving import LOOPBACK, Client, served
-from wire_messages import bad_packets
+from benches.serve import FAST, QUIET, Field, here
+from commands import invoke
+from serving import LOOPBACK, YELLOW, Client, local, served
+
+import omni_mj as om
 
 SLACK_S = 0.35  # by which a busy machine may be late in a second, and then catches up
 
 
-def elapsed(client: Client, frames: int) -> tuple[float, float]:
-    """Simulated and real time between detections that are some frames apart."""
-    first, began = serving.captured(client.newest()), time.monotonic()
-    for _ in range(frames):
-        last = serving.captured(client.detection())
-    return last - first, time.monotonic() - began
-
-
-@pytest.mark.parametrize("speed", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("speed", [0.5, 2.0])
 def test_time_goes_as_fast_as_it_is_told(speed: float) -> None:
-    with here(pitch_of(*QUIET, FAST), "", speed) as (client, server):
-        client.newest()
-        lost = server.lost_s
-        simulated, real = elapsed(client, 50)
-        lost = server.lost_s - lost
-        assert simulated == pytest.approx(50 / 60, abs=1e-6)  # no image is lost
-        assert -SLACK_S < real - simulated / speed < lost + SLACK_S
+    with here(Field(*QUIET, FAST), "", speed) as (client, server):
+        first, began, lost = serving.captured(client.newest()), time.monotonic(), server.pace.lost_s
+        for _ in range(50):
+            last = serving.captured(client.detection())
+        real, lost = time.monotonic() - began, server.pace.lost_s - lost
+        assert last - first == pytest.approx(50 / 60, abs=1e-6)  # no image is lost
+        assert -SLACK_S < real - (last - first) / speed < lost + SLACK_S
 
 
 def test_a_pause_holds_robots_and_the_next_speed_lets_them_go_on() -> None:
     """Without a jump: time that has passed in the pause is none."""
-    with here(pitch_of(*QUIET, FAST, "firmware.timeout_s=0"), "") as (client, _):
-        client.ask(1, serving.local(0, 0.5))
+    with here(Field(*QUIET, FAST, "firmware.timeout_s=0"), "") as (client, _):
+        client.ask(1, local(0, 0.5))
         assert serving.codes(client.ask(0, serving.speed(0.0))) == []
         paused = client.newest()
         client.vision.settimeout(0.3)
         with pytest.raises(TimeoutError):
             client.detection()
         client.vision.settimeout(serving.PATIENCE_S)
-        assert serving.codes(client.ask(0, serving.speed(-1.0))) == ["SPEED"]
-        assert serving.codes(client.ask(0, serving.speed(float("nan")))) == ["SPEED"]
+        for bad in (-1.0, float("nan")):
+            assert serving.codes(client.ask(0, serving.speed(bad))) == ["SPEED"]
         client.ask(0, serving.speed(1.0))
         gap = serving.captured(client.detection()) - serving.captured(paused)
         assert gap == pytest.approx(1 / 60, abs=1e-6)
@@ -53,13 +50,12 @@ def test_a_pause_holds_robots_and_the_next_speed_lets_them_go_on() -> None:
 
 def test_robots_drive_in_real_time_and_stop_when_nobody_speaks() -> None:
     """At 1 m/s for half a second, then silence: 0.1 s more, and the way of braking, v / (2 x 4 m/s^2) at most."""
-    with here(pitch_of(*QUIET, FAST), "") as (client, _):
+    with here(Field(*QUIET, FAST), "") as (client, _):
         start = serving.robots(client.newest())["blue", 0]
         for _ in range(30):
-            client.ask(1, serving.local(0, 1.0))
+            client.ask(1, local(0, 1.0))
             where = serving.robots(client.detection())["blue", 0]
-        driven = where[0] - start[0]
-        assert driven > 0.2
+        assert where[0] - start[0] > 0.2
         first = serving.captured(client.newest())
         while serving.captured(detection := client.detection()) < first + 0.6:
             pass
@@ -68,88 +64,136 @@ def test_robots_drive_in_real_time_and_stop_when_nobody_speaks() -> None:
         assert serving.robots(client.detection())["blue", 0] == pytest.approx(stopped, abs=1e-5)
 
 
-def test_vision_is_multicast_where_nothing_else_is_said() -> None:
-    """Or to the group that is named: to any number of listeners on this computer."""
-    listeners = []
+def test_vision_is_multicast_to_any_number_of_listeners_and_its_port_can_be_changed() -> None:
+    group, listeners = "224.5.23.2", list[socket.socket]()
     for _ in range(2):
         listener = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind(("224.5.23.2", listeners[0].getsockname()[1] if listeners else 0))
-        member = socket.inet_aton("224.5.23.2") + socket.inet_aton(LOOPBACK)
+        listener.bind((group, listeners[0].getsockname()[1] if listeners else 0))
+        member = socket.inet_aton(group) + socket.inet_aton(LOOPBACK)
         listener.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
         listener.settimeout(serving.PATIENCE_S)
         listeners.append(listener)
-    port = listeners[0].getsockname()[1]
-    with here(pitch_of(), "") as (client, server):
-        client.ask(0, serving.field(2, serving.field(4, port)))  # config: the port of vision
-        server.publisher.to = server.publisher.to._replace(host="224.5.23.2")
-        heard = [listener.recv(65536) for listener in listeners]
-    assert 1 in serving.fields(heard[0]) or 2 in serving.fields(heard[0])
+    with here(Field(), vision=group) as (client, _):
+        client.ask(0, serving.field(2, serving.field(4, listeners[0].getsockname()[1])))
+        received = [listener.recv(65536) for listener in listeners]
+    assert all(serving.fields(packet).keys() & {1, 2} for packet in received)
     for listener in listeners:
         listener.close()
 
 
 def test_bad_packets_are_counted_and_skipped_and_the_rest_is_obeyed() -> None:
     """Thousands that are random, cut off or turned about; then the robots are where they were, and still drive."""
-    count = 4000
-    with here(pitch_of(*QUIET, FAST, blue="2"), "") as (client, server):
+    rng, good = random.Random(0), [serving.speed(1.0), local(0, 1.0) + local(1, 0.5, 0.2), local(0, 0.3)]
+    with here(Field(*QUIET, FAST, blue="2"), "") as (client, server):
         start = serving.robots(client.newest())
-        rng = random.Random(0)
-        for number, packet in enumerate(bad_packets(1, count)):
-            client.commands.sendto(packet, (LOOPBACK, client.ports[number % 3]))
+        for number in range(3000):
+            packet = bytearray(good[number % 3] if rng.random() < 0.5 else rng.randbytes(rng.randrange(100)))
+            for _ in range(rng.randrange(4) if packet else 0):
+                packet[rng.randrange(len(packet))] = rng.randrange(256)
+            data = bytes(packet[: rng.randrange(len(packet) + 1)])
+            client.commands.sendto(data, (LOOPBACK, client.ports[number % 3]))
             if number % 100 == 0:
-                client.ask(1, serving.local(0, rng.random()))
+                client.ask(1, local(0, rng.random()))
         assert server.notes.counts["bad packets"] > 10  # how many come through is up to the system's buffers
         client.commands.close()  # answers to those that were commands after all wait there; one may have set the speed
         client.commands = serving.udp()
         client.ask(0, serving.speed(1.0))
         client.newest()
         for _ in range(30):
-            client.commands.sendto(serving.local(1, 1.0), (LOOPBACK, client.ports[1]))
+            client.commands.sendto(local(1, 1.0), (LOOPBACK, client.ports[1]))
             seen = serving.robots(client.detection())
         assert np.hypot(*np.subtract(seen["blue", 1], start["blue", 1])[:2]) > 0.1
 
 
 def test_either_side_is_killed_and_comes_back_and_what_ends_it_ends_it_cleanly() -> None:
     client = Client()
-    with served("--set", FAST, client=client) as (_, process):
+    with served("--set", FAST, client=client) as process:
         ports = client.ports
-        client.ask(1, serving.local(0, 0.5))
-        process.send_signal(signal.SIGKILL)
+        client.ask(1, local(0, 0.5))
+        process.kill()
         process.wait(serving.PATIENCE_S)
-    client.commands.sendto(serving.local(0, 0.5), (LOOPBACK, ports[1]))  # to nobody
-    with served("--set", FAST, client=client, ports=ports) as (_, process):
+    client.commands.sendto(local(0, 0.5), (LOOPBACK, ports[1]))  # to nobody
+    with served("--set", FAST, client=client, ports=ports) as process:
         client.close()
         client = Client()  # a team that was started anew: of other ports
         client.ports = ports
-        assert serving.codes(client.ask(1, serving.local(0, 0.5))) == []
+        assert serving.codes(client.ask(1, local(0, 0.5))) == []
         out, error = serving.ended(process)
-        assert process.returncode == 143
-        assert "s simulated" in out
-        assert "blue commands" in out
-        assert error.splitlines()[-1].startswith("error: terminated; ")
-        assert "Traceback" not in error
+    assert process.returncode == 143
+    assert "s simulated" in out
+    assert "blue commands" in out
+    assert error.splitlines()[-1].startswith("error: terminated; ")
+    assert "Traceback" not in error
     client.close()
 
 
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        (["--blue", "x"], "--blue takes how many robots, such as 3, or their numbers, such as 0,4,7, not 'x'"),
-        (["--blue", "0", "--yellow", "0"], "a world has 1 to 12 robots, --blue and --yellow together, not 0"),
-        (["--blue", "1,1"], "--blue: robots have different numbers from 0 to 15, not '1,1'"),
-        (["--plant", "kinematic"], "No such option"),
-        (["--speed", "-1"], "--speed must be a number from 0 to 1000, not -1"),
-        (["--vision", "10.0.0.1:10020"], "10.0.0.1 is another computer"),
-        (["--interface", "203.0.113.1"], "cannot send by the interface '203.0.113.1'"),
-    ],
-)
-def test_mistakes_are_told_in_a_line(options: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
-    from omni_mj.cli import console
-    from omni_mj.cli.main import cli
+MISTAKES = {
+    ("--blue", "x"): "--blue takes how many robots",
+    ("--blue", "0", "--yellow", "0"): "a world has 1 to 12 robots, --blue and --yellow together, not 0",
+    ("--blue", "1,1"): "robots have different numbers from 0 to 15",
+    ("--plant", "kinematic"): "No such option",
+    ("--speed", "-1"): "--speed must be a number from 0 to 1000, not -1",
+    ("--vision", "10.0.0.1:10020"): "10.0.0.1 is another computer",
+    ("--interface", "203.0.113.1"): "by the interface '203.0.113.1'",
+}
 
-    with pytest.raises(SystemExit) as end:
-        console.invoke(cli, ["serve", *options])
-    assert end.value.code == 2
+
+@pytest.mark.parametrize("options", MISTAKES, ids=" ".join)
+def test_mistakes_are_told_in_a_line(options: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    assert invoke("serve", *options) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert says in line
+    assert MISTAKES[options] in line
+
+
+def test_robots_that_come_and_go_are_recorded_frame_by_frame(tmp_path: Path) -> None:
+    """Memory does not grow: the table is written in parts, in which is what a kill would leave."""
+    field = Field(*QUIET, FAST, blue="2", yellow="1")
+    field.record(tmp_path / "trajectory.parquet")
+    field.drive(40, local(0, 0.5))
+    assert field.place({}, away=[(2, 1)]) == []
+    field.drive(5, local(0, 0.5))
+    assert field.put(9, 2.0, 2.0, 0.0, team=YELLOW) == []
+    field.drive(605, local(0, 0.5))
+    (part,) = tmp_path.iterdir()
+    assert len(pl.read_parquet(part)) > 3 * 500
+    assert field.place({}, away=[(2, 0), (YELLOW, 0), (YELLOW, 9)]) == []
+    field.drive(3)
+    field.finish()
+    assert [path.name for path in tmp_path.iterdir()] == ["trajectory.parquet"]
+    table = pl.read_parquet(tmp_path / "trajectory.parquet")
+    counts = {key: len(rows) for key, rows in table.partition_by("controller", "place", as_dict=True).items()}
+    assert counts == {("blue", 0): 650, ("blue", 1): 40, ("yellow", 0): 650, ("yellow", 9): 605}
+    blue = table.filter((pl.col("controller") == "blue") & (pl.col("place") == 0)).sort("frame")
+    assert blue["frame"].to_list() == list(range(1, 651))
+    np.testing.assert_allclose(blue["time_s"], np.arange(1, 651) / 60)
+    assert (blue["command_vx_m_s"] == 0.5).all()
+
+
+def test_a_process_that_is_ended_leaves_a_whole_table_and_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, client = tmp_path / "run", Client()
+    options = "--lockstep", "--set", FAST, "--yellow", "1", "--yellow-robot", "tigers-v2020", "--out", str(out)
+    with served(*options, client=client) as process:
+        for _ in range(45):
+            client.step(local(0, 0.5))
+        _, error = serving.ended(process, signal.SIGINT)
+    client.close()
+    assert process.returncode == 130
+    last = error.splitlines()[-1]
+    assert last.startswith("error: interrupted; 0.8 s were simulated; ")
+    assert last.endswith(str(out))
+    files = {"trajectory.parquet", "recording.rrd", "scenario.toml", "scenario-yellow.toml", "provenance.json"}
+    assert files <= {path.name for path in out.iterdir()}
+    times = {path.name: path.stat().st_mtime_ns for path in out.iterdir() if path.is_file()}
+    assert times["provenance.json"] == min(times.values()), "by which --overwrite knows a folder, whenever it is killed"
+    robots = [om.scenario(out / name).robot for name in ("scenario.toml", "scenario-yellow.toml")]
+    assert robots == ["tigers-v2016", "tigers-v2020"]
+    assert len(pl.read_parquet(out / "trajectory.parquet")) == 2 * 45
+    verify = [Path(serving.sys.executable).with_name("rerun"), "rrd", "verify", "--check-footers", "false"]
+    said = subprocess.run([*verify, out / "recording.rrd"], capture_output=True, text=True, check=True)
+    assert "without error" in said.stdout + said.stderr
+    for command in ("verify", "report"):
+        assert invoke(command, out) == 2
+        assert "is of omni-mj serve" in capsys.readouterr().err

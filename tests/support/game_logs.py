@@ -1,4 +1,4 @@
-"""What the tests of game logs share: files as recorders of the league write them, by the codec, of given poses."""
+"""What the tests of game logs share: files as recorders of the league write them, by hand, of given poses."""
 
 import gzip
 import struct
@@ -7,12 +7,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-
-from omni_mj.live.wire import encode
-from omni_mj.live.wire.vision import DetectedBall, DetectedRobot, Detection, VisionPacket
+from serving import vision
 
 EPOCH_S = 1_700_000_000.0
-BALL = (DetectedBall(x=0.1, y=0.2),)
 Robots = Mapping[tuple[str, int], NDArray]  # team and number -> poses (F, 3), not a number where it is not seen
 
 
@@ -25,19 +22,14 @@ def image(
     offset: tuple[float, float] = (0, 0),
 ) -> bytes:
     """The packet of one camera's image, which sees all robots that are somewhere, off by a constant."""
-    teams: dict[str, list[DetectedRobot]] = {"yellow": [], "blue": []}
+    teams: dict[str, list[tuple[int, float, float, float]]] = {"yellow": [], "blue": []}
     for (team, robot), pose in robots.items():
         if np.isfinite(pose).all():
             x, y, heading = (float(value) for value in pose)
-            teams[team].append(
-                DetectedRobot(
-                    robot, x + offset[0], y + offset[1], orientation=float(np.arctan2(np.sin(heading), np.cos(heading)))
-                )
-            )
-    yellow, blue = tuple(teams["yellow"]), tuple(teams["blue"])
-    return encode(
-        VisionPacket(Detection(number, taken, taken + 0.005 if sent is None else sent, camera, BALL, yellow, blue))
-    )
+            heading = float(np.arctan2(np.sin(heading), np.cos(heading)))
+            teams[team].append((robot, x + offset[0], y + offset[1], heading))
+    sent = taken + 0.005 if sent is None else sent
+    return vision(number, teams["blue"], yellow=teams["yellow"], camera=camera, captured=taken, sent=sent)
 
 
 def message(receipt_s: float, data: bytes, kind: int = 4) -> bytes:

@@ -17,10 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-
-from omni_mj.live.wire import WireError, decode, encode
-from omni_mj.live.wire.simulation import MoveCommand, RobotControl, RobotControlResponse
-from omni_mj.live.wire.vision import DetectedRobot, Detection, VisionPacket
+from serving import fields, float32, vision
 
 PERIOD_S = 1 / 60
 SUBSTEPS = 16
@@ -70,12 +67,16 @@ class Robots:
         """Poses so many s ago."""
         return self._past[-1 - min(round(age * SUBSTEPS / PERIOD_S), len(self._past) - 1)]
 
-    def command(self, control: RobotControl) -> None:
+    def command(self, packet: bytes) -> None:
         _, twist, local = self._queue[-1]
         twist, local = twist.copy(), local.copy()
-        for each in control.robot_commands:
-            if each.id < len(twist) and each.move_command is not None:
-                twist[each.id], local[each.id] = _twist(each.move_command)
+        for raw in fields(packet).get(1, ()):
+            command = fields(raw)
+            number, (form, (values,)) = command[1][0], next(iter(fields(command[2][0]).items()))
+            if number < len(twist):
+                velocity = fields(values)
+                twist[number] = [float32(velocity[axis][0]) for axis in (1, 2, 3)]
+                local[number] = form == 2
         self._queue.append((self._step, twist, local))
 
     def advance(self) -> None:
@@ -92,13 +93,6 @@ class Robots:
             self.pose[:, 2] += turn
             self._step += 1
             self._past = [*self._past[-4 * SUBSTEPS :], self.pose.copy()]
-
-
-def _twist(move: MoveCommand) -> tuple[tuple[float, float, float], bool]:
-    if (local := move.local_velocity) is not None:
-        return (local.forward, local.left, local.angular), True
-    assert move.global_velocity is not None
-    return (move.global_velocity.x, move.global_velocity.y, move.global_velocity.angular), False
 
 
 class Peer:
@@ -146,9 +140,8 @@ class Peer:
                 turned = np.pi if self.random.random() < said.mirror else 0.0
                 name = (number + 1) % len(pose) if self.random.random() < said.swap else number
                 seen = (heading + 10 * dh + turned + np.pi) % (2 * np.pi) - np.pi
-                robots.append(DetectedRobot(name, x + shift + dx, y + shift + dy, seen))
-            detection = Detection(frame, now - said.age, now, camera, (), (), tuple(robots))
-            self.send(encode(VisionPacket(detection)))
+                robots.append((name, x + shift + dx, y + shift + dy, seen))
+            self.send(vision(frame, robots, camera=camera, captured=now - said.age, sent=now))
         if self.random.random() < said.junk:
             self.send(self.random.randbytes(self.random.randrange(60)))
 
@@ -168,12 +161,9 @@ class Peer:
                 continue
             if self.random.random() < self.said.loss:
                 continue
-            try:
-                self.robots.command(decode(RobotControl, data))
-            except WireError:
-                continue
+            self.robots.command(data)
             self.told = True
-            self.commands.sendto(encode(RobotControlResponse()), client)
+            self.commands.sendto(b"", client)
             if self.said.lockstep:
                 return
 

@@ -1,1 +1,1 @@
-"""A simulator of the league: our physics behind its protocols."""
+"""`omni-mj serve`: a simulator of the league."""

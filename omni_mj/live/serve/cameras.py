@@ -1,8 +1,8 @@
-"""The cameras of `serve`: each takes images by a clock of its own, sees part of the field, and sends what it saw."""
+"""The cameras of `serve`: each takes images by its own clock, sees part of the field and sends detections."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,133 +10,127 @@ from omni_control.kinematics import Array
 from omni_mj.link.camera import Camera, Timing
 from omni_mj.link.noise import Noise, Seed, Stream
 from omni_mj.live.serve.field import Area
-from omni_mj.live.wire.simulation import Team
-from omni_mj.live.wire.vision import DetectedBall, DetectedRobot, Detection
+from omni_mj.live.wire import MM_PER_M
+from omni_mj.live.wire.simulation_pb2 import Team
+from omni_mj.live.wire.vision_pb2 import DetectedBall, DetectedRobot, Detection
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ
 
-CYCLES = CYCLE_RATE_HZ // FRAME_RATE_HZ  # in a frame
-Name = tuple[Team, int]  # of a robot
-APART = 1000  # added to a camera's number, to tell its seeds from those of places
+CYCLES_PER_FRAME = CYCLE_RATE_HZ // FRAME_RATE_HZ
+SEED_OFFSET = 1000  # added to a camera's number: its seeds differ from those of places
+ROBOT_HEIGHT_M = 0.15  # of the pattern above the carpet
+
+RobotName = tuple[int, int]  # team (a value of `Team`) and number
 
 
-@dataclass(frozen=True)
-class Image:
+class Image(NamedTuple):
     """What a camera saw.
 
-    Args:
-        camera: its number.
-        frame: number of the image.
-        cycle: in which it was taken.
-        names: of the robots at that time.
-        poses: measured (n, 3), not a number where a robot was not seen.
-        ball: measured, m, or None.
-        sent: when it is sent, s of simulated time; never, if it is lost, is infinite.
-        behind: by how much its camera's clock is behind itself, s.
+    Attributes:
+        sent_s: Simulated time at which it is sent, s; infinite if it is lost.
+        cycle: In which it was taken.
+        names: Of the robots, n.
+        poses: Measured, shape (n, 3); NaN where a robot was not seen.
+        detection: The message.
     """
 
-    camera: int
-    frame: int
+    sent_s: float
     cycle: int
-    names: tuple[Name, ...]
+    names: Sequence[RobotName]
     poses: Array
-    ball: tuple[float, float] | None
-    sent: float
-    behind: float
+    detection: Detection
 
 
-class Eye:
-    """One camera.
+class FieldCamera:
+    """One camera above the field.
 
-    The first one's images are at the cycles 0, 1/rate, ..., and its noise is that which the loop of `run` has; the
-    others begin anywhere within their first period and have noise of their own.
+    Images of the first one are taken at 0, 1/rate, ... and its noise is that of `run`. The others start anywhere
+    within their first period and have noise of their own.
 
     Args:
-        number: of the camera, from 0.
-        rows: of the robots; what concerns the camera as a whole is that of the first.
+        number: Of the camera, from 0.
+        rows: One per robot. Settings of the camera as a whole are those of the first.
 
     Attributes:
-        due: cycle of the next image.
+        due: Cycle of the next image.
     """
 
     def __init__(self, number: int, rows: Sequence[Row]) -> None:
-        self._number, self._vision = number, rows[0].settings.vision
-        self.watch(rows)
-        own: list[Seed] = [(rows[0].seed, APART + number)]
-        self._timing = Timing([self._vision], own, [rows[0].faults])
-        self._ball = Noise(own, Stream.VISION_NOISE, lambda rng, count: rng.standard_normal((count, 2)))
-        drawn = Noise(own, Stream.CAMERA_CLOCK, lambda rng, count: rng.standard_normal((count, 4))).next()[0]
-        self._offset = self._vision.camera_offset_m * np.array([*drawn[:2], 0.0])
-        self.clock_offset = self._vision.clock_offset_s * float(drawn[2])
-        anywhere = float(drawn[3] * 1e3 % 1.0)  # of a period: of so wide a normal number the fraction is uniform
-        self._phase = 0.0 if number == 0 else anywhere / self._vision.rate_hz
-        self._frame = 0
+        self._number, self._vision, self._frame = number, rows[0].settings.vision, 0
+        self.set_robots(rows)
+        seeds: list[Seed] = [(rows[0].seed, SEED_OFFSET + number)]
+        self._timing = Timing([self._vision], seeds, [rows[0].faults])
+        self._ball_noise = Noise(seeds, Stream.VISION_NOISE, lambda rng, count: rng.standard_normal((count, 2)))
+        clock = Noise(seeds, Stream.CAMERA_CLOCK, lambda rng, count: rng.standard_normal((count, 4)))
+        offset_x, offset_y, clock_offset, phase = clock.next()[0].tolist()
+        self._offset = self._vision.camera_offset_m * np.array([offset_x, offset_y, 0.0])
+        self._clock_offset_s = self._vision.clock_offset_s * clock_offset
+        # The fraction of a widely scaled normal number is uniformly distributed.
+        self._phase_s = 0.0 if number == 0 else phase * 1e3 % 1.0 / self._vision.rate_hz
         self.due = self._cycle_of(0)
 
-    def watch(self, rows: Sequence[Row]) -> None:
-        """Have these robots in view from now on, in place of those before."""
-        seeds = [row.noise_seed if self._number == 0 else (*row.noise_seed, APART + self._number) for row in rows]
+    def set_robots(self, rows: Sequence[Row]) -> None:
+        """Observe these robots from now on."""
+        seeds = [row.noise_seed if self._number == 0 else (*row.noise_seed, SEED_OFFSET + self._number) for row in rows]
         self._camera = Camera([row.settings.vision for row in rows], seeds, [row.faults for row in rows])
 
-    def look(
-        self,
-        cycle: int,
-        names: Sequence[Name],
-        poses: Array,
-        present: np.ndarray,
-        ball: Array | None,
-        area: Area,
+    def take_image(
+        self, cycle: int, names: Sequence[RobotName], poses: Array, ball: Array, area: Area, epoch_s: float
     ) -> Image:
         """Take the image that is due.
 
         Args:
-            cycle: which it is.
-            names: of the robots, n.
-            poses: true, (n, 3).
-            present: which robots are on the field, (n,).
-            ball: where it is, (2,) m, if there is one.
-            area: what the camera sees.
+            cycle: Number of the cycle.
+            names: Of the robots, n.
+            poses: True poses, shape (n, 3); NaN for robots that are not on the field.
+            ball: Position, shape (2,), m.
+            area: That the camera sees.
+            epoch_s: Time of a correct clock at simulated time 0, s.
         """
-        measured, _ = self._camera(poses, cycle // CYCLES)
-        hidden = ~(present & area.sees(poses[:, :2]))
-        if np.count_nonzero(hidden):
-            measured[hidden] = np.nan
-        vision, frame, noise = self._vision, self._frame, self._ball.next()[0].tolist()
-        (sent,), (behind,) = self._timing.at(cycle // CYCLES, cycle / CYCLE_RATE_HZ)
+        time_s = cycle / CYCLE_RATE_HZ
+        measured, _ = self._camera(poses, cycle // CYCLES_PER_FRAME)
+        measured = measured + self._offset
+        measured[~area.sees(poses[:, :2])] = np.nan
+        (sent_s,), (clock_lag_s,) = self._timing.at(cycle // CYCLES_PER_FRAME, time_s)
+        ball_noise = self._ball_noise.next()
+        epoch_s += self._clock_offset_s - clock_lag_s
+        detection = Detection(
+            frame_number=self._frame,
+            t_capture=epoch_s + time_s,
+            t_sent=epoch_s + sent_s,
+            camera_id=self._number,
+            t_capture_camera=epoch_s + time_s,
+        )
+        if area.sees(ball[None])[0]:
+            _add_ball(detection, ball + self._vision.position_noise_m * ball_noise[0] + self._offset[:2], area)
+        _add_robots(detection, names, measured, area)
         self._frame += 1
         self.due = self._cycle_of(self._frame)
-        where = None
-        if ball is not None and area.covers(x := float(ball[0]), y := float(ball[1])):
-            sigma, (aside_x, aside_y, _) = vision.position_noise_m, self._offset.tolist()
-            where = x + noise[0] * sigma + aside_x, y + noise[1] * sigma + aside_y
-        return Image(
-            self._number, frame, cycle, tuple(names), measured + self._offset, where, float(sent), float(behind)
-        )
+        return Image(float(sent_s), cycle, tuple(names), measured, detection)
 
     def _cycle_of(self, frame: int) -> int:
-        """The first cycle that is not before an image is taken."""
-        return math.ceil((frame / self._vision.rate_hz + self._phase) * CYCLE_RATE_HZ - 1e-6)
+        """Return the first cycle that does not begin before an image is taken."""
+        return math.ceil((frame / self._vision.rate_hz + self._phase_s) * CYCLE_RATE_HZ - 1e-6)
 
 
-def detection(image: Image, area: Area, clock: float, height: float) -> Detection:
-    """What is sent of an image.
+def _add_ball(detection: Detection, position: Array, area: Area) -> None:
+    (pixel_x, pixel_y), (x, y) = area.pixels(position[None])[0].tolist(), (MM_PER_M * position).tolist()
+    detection.balls.append(DetectedBall(confidence=1.0, x=x, y=y, pixel_x=pixel_x, pixel_y=pixel_y))
 
-    Args:
-        image: what was seen.
-        area: of its camera.
-        clock: what the camera's clock shows at the simulated time 0, s.
-        height: of robots, m.
-    """
-    teams: tuple[list[DetectedRobot], list[DetectedRobot]] = [], []
-    for (team, number), (x, y, heading) in zip(image.names, image.poses.tolist(), strict=True):
+
+def _add_robots(detection: Detection, names: Sequence[RobotName], poses: Array, area: Area) -> None:
+    pixels = area.pixels(poses[:, :2]).tolist()
+    for (team, number), (x, y, heading), (pixel_x, pixel_y) in sorted(zip(names, poses.tolist(), pixels, strict=True)):
         if not math.isnan(x):
-            teams[team == Team.BLUE].append(DetectedRobot(number, x, y, heading, 1.0, *area.pixel(x, y), height))
-    ball = () if image.ball is None else (_ball(*image.ball, area),)
-    captured = clock + image.cycle / CYCLE_RATE_HZ
-    yellow, blue_ones = (tuple(sorted(team)) for team in teams)
-    return Detection(image.frame, captured, clock + image.sent, image.camera, ball, yellow, blue_ones, captured)
-
-
-def _ball(x: float, y: float, area: Area) -> DetectedBall:
-    pixel_x, pixel_y = area.pixel(x, y)
-    return DetectedBall(x, y, pixel_x=pixel_x, pixel_y=pixel_y)
+            robot = DetectedRobot(
+                confidence=1.0,
+                robot_id=number,
+                x=MM_PER_M * x,
+                y=MM_PER_M * y,
+                orientation=heading,
+                pixel_x=pixel_x,
+                pixel_y=pixel_y,
+                height=MM_PER_M * ROBOT_HEIGHT_M,
+            )
+            robots = detection.robots_blue if team == Team.BLUE else detection.robots_yellow
+            robots.append(robot)

@@ -1,86 +1,84 @@
-"""Commands of the league's simulation protocol as packets of the radio, and what robots hold of them."""
-
-from collections.abc import Callable
-from typing import NamedTuple
+"""Commands of the simulation protocol as packets of the radio, and what robots hold of them."""
 
 import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Received
-from omni_mj.live.serve.squad import REMEMBERED_FRAMES
-from omni_mj.live.wire.simulation import MoveCommand, RobotCommand, SimulatorError
-from omni_mj.scenarios.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ
+from omni_mj.live.serve.cameras import CYCLES_PER_FRAME
+from omni_mj.live.serve.squad import HEADING_MEMORY_FRAMES
+from omni_mj.live.wire.simulation_pb2 import RobotCommand, SimulatorError
 
-# A packet: velocities [vx, vy, w], vision's heading and the cycle of its image, whether the velocities are along the
-# robot's own axes, then rim speeds, not a number where there are none.
-HEADING, IMAGE, BODY, WHEELS = 3, 4, 5, 6
-FASTEST = 1e3  # m/s and rad/s: beyond it a number is a mistake
-
-Tell = Callable[[str, str], None]
+# Columns of a packet: velocities [vx, vy, w]; the heading that vision saw, and the cycle of its image; whether the
+# velocities are in the robot's frame; rim speeds, NaN where there are none.
+HEADING, IMAGE_CYCLE, IS_LOCAL, WHEELS = 3, 4, 5, 6
+MAX_VELOCITY = 1e3  # m/s and rad/s
 
 
-def nothing(wheels: int) -> list[float]:
-    """What a robot holds before the first packet."""
-    return [0.0, 0.0, 0.0, np.nan, 0.0, 0.0, *[np.nan] * wheels]
-
-
-class Refusal(NamedTuple):
-    """Why something is not done: a code for programs, words for people."""
-
-    code: str
-    text: str
-
-    @property
-    def error(self) -> SimulatorError:
-        """As it is answered."""
-        return SimulatorError(self.code, self.text)
-
-
-def packet(command: RobotCommand, wheels: int) -> list[float] | Refusal | None:
-    """What is sent to a robot of so many wheels; None where it is not told how to move.
-
-    Rim speeds are positive where they turn the robot counter-clockwise. The robot's wheels count from the front left,
-    counter-clockwise; the protocol's from the front right, clockwise.
-    """
-    move = command.move_command or MoveCommand()
-    sent = nothing(wheels)
-    if move.wheel_velocity is not None:
-        if wheels != 4:
-            text = f"robot {command.id} has {wheels} wheels; the protocol's rim speeds are of four"
-            return Refusal("WHEELS", text)
-        rims = move.wheel_velocity
-        values: tuple[float, ...] = (rims.front_left, rims.back_left, rims.back_right, rims.front_right)
-        sent[WHEELS:] = values
-    elif move.local_velocity is not None:
-        values = tuple(move.local_velocity)
-        sent[:3], sent[BODY] = values, 1.0
-    elif move.global_velocity is not None:
-        values = tuple(move.global_velocity)
-        sent[:3] = values
-    else:
-        return None
-    if not all(abs(value) < FASTEST for value in values):
-        text = f"robot {command.id}: velocities must be numbers below {FASTEST:g} m/s and rad/s, not {values}"
-        return Refusal("VELOCITY", text)
-    return sent
-
-
-def received(held: Array, new: np.ndarray, compared: int) -> Received:
-    """What robots hold.
+class Refusal(Exception):  # noqa: N818
+    """A request that is not granted.
 
     Args:
-        held: packets, (n, k).
-        new: at which robots one arrived now, (n,).
-        compared: cycle in which robots compare vision's headings with their own, by its clock.
+        code: For programs.
+        reason: For people.
     """
-    age = np.rint((compared - held[:, IMAGE]) / (CYCLE_RATE_HZ // FRAME_RATE_HZ)).astype(int)
-    known = new & (age <= REMEMBERED_FRAMES)
-    body, wheels = held[:, BODY] > 0, held[:, WHEELS:]
+
+    def __init__(self, code: str, reason: str) -> None:
+        super().__init__(reason)
+        self.error = SimulatorError(code=code, message=reason)
+
+
+def empty_packet(n_wheels: int) -> list[float]:
+    """Return what a robot holds before the first command."""
+    return [0.0, 0.0, 0.0, np.nan, 0.0, 0.0, *[np.nan] * n_wheels]
+
+
+def encode_packet(command: RobotCommand, n_wheels: int) -> list[float] | None:
+    """Return the packet for a robot, or None if the command does not say how to move.
+
+    Rim speeds turn the robot counter-clockwise if they are positive. Wheels of the robot count from the front left,
+    counter-clockwise; those of the protocol from the front right, clockwise.
+
+    Raises:
+        Refusal: The robot cannot obey.
+    """
+    move, packet = command.move_command, empty_packet(n_wheels)
+    form = move.WhichOneof("command")
+    if form is None:
+        return None
+    if form == "wheel_velocity":
+        if n_wheels != 4:
+            raise Refusal("WHEELS", f"robot {command.id} has {n_wheels} wheels; rim speeds are for four")
+        rims = move.wheel_velocity
+        values = [rims.front_left, rims.back_left, rims.back_right, rims.front_right]
+        packet[WHEELS:] = values
+    elif form == "local_velocity":
+        values = [move.local_velocity.forward, move.local_velocity.left, move.local_velocity.angular]
+        packet[:3], packet[IS_LOCAL] = values, 1.0
+    else:
+        values = [move.global_velocity.x, move.global_velocity.y, move.global_velocity.angular]
+        packet[:3] = values
+    if not all(abs(value) < MAX_VELOCITY for value in values):
+        limit = f"velocities must be numbers below {MAX_VELOCITY:g} m/s and rad/s"
+        raise Refusal("VELOCITY", f"robot {command.id}: {limit}, not {values}")
+    return packet
+
+
+def decode_packets(packets: Array, is_new: np.ndarray, cycle: int) -> Received:
+    """Return what robots hold.
+
+    Args:
+        packets: Shape (n, k).
+        is_new: Which arrived now, shape (n,).
+        cycle: In which robots compare the headings that vision saw with their own.
+    """
+    age = np.rint((cycle - packets[:, IMAGE_CYCLE]) / CYCLES_PER_FRAME).astype(int)
+    is_known = is_new & (age <= HEADING_MEMORY_FRAMES)
+    is_local, rims = packets[:, IS_LOCAL] > 0, packets[:, WHEELS:]
     return Received(
-        command=held[:, :3],
-        heading=np.where(known, held[:, HEADING], np.nan),
-        age=age * known,
-        new=new,
-        body=body if np.count_nonzero(body) else None,
-        wheels=wheels if np.count_nonzero(~np.isnan(wheels)) else None,
+        command=packets[:, :3],
+        heading=np.where(is_known, packets[:, HEADING], np.nan),
+        age=age * is_known,
+        new=is_new,
+        body=is_local if is_local.any() else None,
+        wheels=None if np.isnan(rims).all() else rims,
     )

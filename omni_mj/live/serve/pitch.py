@@ -1,77 +1,80 @@
-"""What `serve` simulates: the robots of both teams on a field, a ball that lies there, and the cameras above.
+"""What `serve` simulates: robots of both teams on a field, a ball that lies there, and cameras above.
 
-Time is counted in cycles of the wheel loops, 1/960 s. Cameras look before a cycle begins; a command that comes before a
-cycle, and has no dead time, acts in it.
+Time is counted in cycles of the wheel loops, 1/960 s. Cameras take images before a cycle begins. A command that comes
+before a cycle acts in it, if there is no dead time.
 """
 
 import math
-from collections.abc import Callable, Collection, Container, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Radio
-from omni_mj.live.serve.cameras import CYCLES, Eye, Image, Name, detection
-from omni_mj.live.serve.commands import HEADING, IMAGE, Refusal, nothing, packet, received
-from omni_mj.live.serve.field import areas, standard, surface
+from omni_mj.live.serve.cameras import CYCLES_PER_FRAME, FieldCamera, Image, RobotName
+from omni_mj.live.serve.commands import (
+    HEADING,
+    IMAGE_CYCLE,
+    Refusal,
+    decode_packets,
+    empty_packet,
+    encode_packet,
+)
+from omni_mj.live.serve.field import areas, standard_field, surface
 from omni_mj.live.serve.plant import ServedPlant
-from omni_mj.live.wire.simulation import RobotCommand, Team
-from omni_mj.live.wire.vision import Detection, FieldSize, Geometry
+from omni_mj.live.wire.simulation_pb2 import RobotCommand, SimulatorError, Team
+from omni_mj.live.wire.vision_pb2 import FieldSize, Geometry
 from omni_mj.scenarios.faults import of_robot
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ
 from omni_mj.worlds import build
 
-MOST = 12  # robots in a world
-ROBOT_HEIGHT_M = 0.15  # of the patterns that cameras see
+MAX_ROBOTS = 12
+Placement = tuple[Array, Array]  # pose and twist in the world frame, shape (3,) each
 
 
 class Pitch:
-    """The field and all that is on it.
+    """The field and everything on it.
 
     Args:
-        scenarios: of each team's robots; what concerns cameras is that of the blue one.
-        names: robots that stand on the field at the start, with their poses (3,); at most 12.
-        tell: called with a kind and words when something happens that people should know.
+        scenarios: Team -> scenario of its robots. Settings of the cameras are those of the blue one.
+        poses: Robots that stand on the field at the start -> pose, shape (3,); at most 12.
+        warn: Called with a kind and a sentence when something happens that people should know.
 
     Attributes:
-        names: of the robots, in the order of their numbers.
-        plant: what moves.
-        cycle: number of the next cycle.
-        due: cycle of the next image of any camera.
-        size: of the field.
-        ball: where it lies, (2,) m; None if there is none.
-        held: what robots hold of the radio.
-        measured: where cameras saw robots last, (n, 3); whoever records may forget it, by not a number.
+        names: Of the robots, by their index in the world.
+        rows: One per robot.
+        plant: The world.
+        cycle: Number of the next cycle.
+        epoch_s: Time of a correct clock at simulated time 0, s; set it before the first image.
+        size: Of the field.
+        ball: Position, shape (2,), m.
+        held: What robots hold of the radio.
+        measured: Where cameras saw robots last, shape (n, 3). A recorder may reset it to NaN.
 
     Raises:
-        OmniError: robots that cannot share a world, or start in each other or in a wall.
+        OmniError: Robots cannot share a world, or start in each other or in a wall.
     """
 
     def __init__(
         self,
-        scenarios: dict[Team, Scenario],
-        names: dict[Name, Array],
-        tell: Callable[[str, str], None] = lambda kind, text: None,
+        scenarios: Mapping[int, Scenario],
+        poses: Mapping[RobotName, Array],
+        warn: Callable[[str, str], None] = lambda kind, text: None,
     ) -> None:
-        self._scenarios, self._tell = scenarios, tell
-        self.size, self.cycle = standard(), 0
-        self.ball: Array | None = np.zeros(2)
-        self._vision = scenarios[Team.BLUE].settings.vision
-        self._reach = {team: build.world(each.settings).reach for team, each in scenarios.items()}
-        self.names = list(names)
-        self.rows = self._rows()
-        self._eyes = [Eye(number, self.rows) for number in range(self._vision.cameras)]
-        self.due = min(eye.due for eye in self._eyes)
-        self._build(list(names.values()))
-        self._areas = areas(len(self._eyes), self.plant.surface, self._vision.overlap_m)
-        places, reach = self.plant.pose()[:, :2], self.plant.reach
-        wrong = [self.plant.overlap(robot, places, reach) for robot in range(len(self.names))]
-        if any(wrong):
-            robot = next(robot for robot, text in enumerate(wrong) if text)
-            raise OmniError(f"{label(self.names[robot])} starts in {wrong[robot]}")
+        self._scenarios, self._warn = scenarios, warn
+        self.cycle, self.epoch_s = 0, 0.0
+        self.size, self.ball = standard_field(), np.zeros(2)
+        self._reach = {team: build.world(scenario.settings).reach for team, scenario in scenarios.items()}
+        self.names = list(poses)
+        self._build(list(poses.values()))
+        self._vision = self.rows[0].settings.vision
+        self._cameras = [FieldCamera(number, self.rows) for number in range(self._vision.cameras)]
+        self._areas = areas(len(self._cameras), surface(self.size), self._vision.overlap_m)
+        for name, obstacle in self._find_obstacles({name: (pose, np.zeros(3)) for name, pose in poses.items()}).items():
+            raise OmniError(f"{label(name)} starts in {obstacle}")
 
     @property
     def time_s(self) -> float:
@@ -79,209 +82,182 @@ class Pitch:
         return self.cycle / CYCLE_RATE_HZ
 
     @property
-    def first_due(self) -> int:
-        """The cycle of the first camera's next image."""
-        return self._eyes[0].due
+    def next_image(self) -> int:
+        """Cycle of the next image of any camera."""
+        return min(camera.due for camera in self._cameras)
 
-    def look(self) -> list[Image]:
-        """The images that are due."""
+    @property
+    def next_leading_image(self) -> int:
+        """Cycle of the next image of the first camera."""
+        return self._cameras[0].due
+
+    def take_images(self) -> list[Image]:
+        """Return the images that are due."""
         images = []
-        for eye, area in zip(self._eyes, self._areas, strict=True):
-            if eye.due <= self.cycle:
-                image = eye.look(self.cycle, self.names, self.plant.pose(), self.plant.present, self.ball, area)
-                np.copyto(self.measured, image.poses, where=~np.isnan(image.poses[:, 2:]))
+        for camera, area in zip(self._cameras, self._areas, strict=True):
+            if camera.due <= self.cycle:
+                poses = np.where(self.plant.present[:, None], self.plant.pose(), np.nan)
+                image = camera.take_image(self.cycle, self.names, poses, self.ball, area, self.epoch_s)
+                np.copyto(self.measured, image.poses, where=~np.isnan(image.poses))
                 images.append(image)
-        self.due = min(eye.due for eye in self._eyes)
         return images
 
-    def step(self) -> None:
-        """Go on by a cycle."""
-        self.advance(self.cycle + 1)
+    def publish(self, image: Image) -> None:
+        """Let teams know an image: they send the headings in it along with commands."""
+        for robot, (name, heading) in enumerate(zip(image.names, image.poses[:, 2].tolist(), strict=True)):
+            if not math.isnan(heading) and name == self.names[robot] and image.cycle >= self._seen_headings[robot][1]:
+                self._seen_headings[robot] = heading, image.cycle
 
     def advance(self, until: int) -> None:
-        """Go on up to a cycle: as many at a time as there are until one at which something arrives, or a frame ends."""
+        """Advance to a cycle, in spans that end where a packet arrives or a frame ends."""
         radio, plant = self._radio, self.plant
         while self.cycle < until:
-            arrived, quiet = None, radio.quiet
-            if quiet:
-                count = min(quiet, until - self.cycle, plant.left)
-                radio.wait(count)
-            else:
-                packets, new, _ = radio.deliver()
-                if new.any():
-                    self.held = arrived = received(packets, new, self.cycle + plant.frame_in)
-                count = min(1 + radio.quiet, until - self.cycle, plant.left)
-                radio.wait(count - 1)
-            if failed := plant.go(count, arrived):
-                for robot, cause in failed.items():
-                    self._tell("robot failed", f"{label(self.names[robot])} {cause} at {self.time_s:.3f} s")
+            arrived, n_delivered = None, 0
+            if not radio.quiet:
+                packets, is_new, _ = radio.deliver()
+                n_delivered = 1
+                if is_new.any():
+                    compared_at = self.cycle + plant.cycles_left % CYCLES_PER_FRAME
+                    self.held = arrived = decode_packets(packets, is_new, compared_at)
+            count = min(n_delivered + radio.quiet, until - self.cycle, plant.cycles_left)
+            radio.wait(count - n_delivered)
+            for robot, cause in plant.advance(count, arrived).items():
+                self._warn("robot failed", f"{label(self.names[robot])} {cause} at {self.time_s:.3f} s")
             self.cycle += count
 
-    def command(self, team: Team, commands: Sequence[RobotCommand]) -> tuple[list[Refusal], list[int]]:
-        """Send commands to robots of a team; they act when the radio has brought them.
+    def command(self, team: int, commands: Sequence[RobotCommand]) -> tuple[list[SimulatorError], list[int]]:
+        """Send commands to robots of a team.
 
         Returns:
-            What is refused, and the numbers of those robots of the team's that were commanded.
+            Errors, and the numbers of the team's robots that were commanded.
         """
-        refused, commanded, to = list[Refusal](), list[int](), list[int]()
-        packets, present = self._nothing.copy(), self.plant.present
+        errors, commanded, receivers = list[SimulatorError](), list[int](), set[int]()
+        packets, present = self._packets.copy(), self.plant.present
         for command in commands:
-            if (robot := self._find((team, command.id))) is None or not present[robot]:
-                there = ", ".join(str(number) for number in self.numbers(team)) or "none"
-                text = f"there is no {label((team, command.id))} on the field; there: {there}"
-                refused.append(Refusal("UNKNOWN_ROBOT", text))
+            robot = self._index((team, command.id))
+            try:
+                if robot is None or not present[robot]:
+                    numbers = ", ".join(map(str, self.numbers(team))) or "none"
+                    reason = f"there is no {label((team, command.id))} on the field; there: {numbers}"
+                    raise Refusal("UNKNOWN_ROBOT", reason)
+                commanded.append(command.id)
+                packet = encode_packet(command, self.plant.wheels[robot])
+            except Refusal as refusal:
+                errors.append(refusal.error)
                 continue
-            commanded.append(command.id)
-            sent = packet(command, self.plant.wheels[robot])
-            if isinstance(sent, Refusal):
-                refused.append(sent)
-            elif sent is not None:
-                sent[HEADING], sent[IMAGE] = self._seen[robot]
-                packets[robot, : len(sent)] = sent
-                to.append(robot)
-        if to:
-            self._radio.send(packets, np.array(sorted(set(to))))
-        return refused, commanded
+            if packet is not None:
+                packet[HEADING], packet[IMAGE_CYCLE] = self._seen_headings[robot]
+                packets[robot, : len(packet)] = packet
+                receivers.add(robot)
+        if receivers:
+            self._radio.send(packets, np.array(sorted(receivers)))
+        return errors, commanded
 
-    def numbers(self, team: Team) -> list[int]:
-        """The numbers of a team's robots on the field."""
-        here = zip(self.names, self.plant.present, strict=True)
-        return sorted(name[1] for name, present in here if present and name[0] == team)
+    def numbers(self, team: int) -> list[int]:
+        """Return the numbers of a team's robots on the field."""
+        return sorted(number for other, number in self.names_present() if other == team)
 
-    def place(self, wanted: dict[Name, tuple[Array, Array]], leaving: set[Name]) -> list[Refusal]:
-        """Put robots down at poses with twists, (3,) each, and take others away; what cannot be is refused.
+    def names_present(self) -> list[RobotName]:
+        """Return the robots on the field."""
+        return [name for name, present in zip(self.names, self.plant.present, strict=True) if present]
 
-        A robot that was not there before makes the world anew if all bodies are in use: all then go on from where they
-        are, at rest, with what a run begins with.
-        """
-        for name in leaving:
-            if (robot := self._find(name)) is not None:
-                self.plant.remove(robot)
-        refused = []
-        while wanted:
-            blocked = self._blocked(wanted)
-            refused += [Refusal("OCCUPIED", f"{label(name)} would stand in {why}") for name, why in blocked.items()]
-            wanted = {name: put for name, put in wanted.items() if name not in blocked}
-            if not blocked:
-                break
-        new, lent = list[Name](), False  # those without a body; whether one has the other team's
-        for name in [name for name in wanted if self._find(name) is None]:
-            if (body := self._free((name[0],), wanted)) is not None:
-                self.names[body] = name
-            elif len(self.names) + len(new) < MOST:
-                new.append(name)
-            elif (body := self._free(tuple(Team), wanted)) is not None:
-                self.names[body], lent = name, True
-            else:
-                refused.append(Refusal("TOO_MANY", f"{label(name)} would be robot {MOST + 1}; a world has {MOST}"))
-                del wanted[name]
-        if new or lent:
-            self._grow(new, wanted)
-        for name, (pose, twist) in wanted.items():
-            robot = self._find(name)
-            assert robot is not None
-            self.plant.place(robot, pose, twist)
-            self._seen[robot] = float(pose[2]), self.cycle
-        return refused
-
-    def pose(self, name: Name) -> Array | None:
-        """Where a robot is, (3,); None if it is not on the field."""
-        robot = self._find(name)
+    def pose(self, name: RobotName) -> Array | None:
+        """Return a robot's pose, shape (3,); None if it is not on the field."""
+        robot = self._index(name)
         return None if robot is None or not self.plant.present[robot] else self.plant.pose()[robot]
 
+    def place(self, placements: Mapping[RobotName, Placement], leaving: set[RobotName]) -> list[SimulatorError]:
+        """Put robots down and take others away. What is impossible is refused.
+
+        A robot that the world has no body for makes the world anew without bodies of absent robots. All robots then go
+        on from where they are, at rest, as fresh as at the start of a run.
+        """
+        for name in leaving & set(self.names):
+            self.plant.remove(self.names.index(name))
+        placements, errors = dict(placements), list[SimulatorError]()
+        while obstacles := self._find_obstacles(placements):  # a refused robot stays, perhaps in the way of another
+            for name, obstacle in obstacles.items():
+                errors.append(Refusal("OCCUPIED", f"{label(name)} would stand in {obstacle}").error)
+                del placements[name]
+        new_names = [name for name in placements if name not in self.names]
+        if new_names:
+            staying = [name for name in self.names if self.pose(name) is not None or name in placements]
+            for name in new_names[max(MAX_ROBOTS - len(staying), 0) :]:
+                reason = f"{label(name)} would be robot {MAX_ROBOTS + 1}; a world has {MAX_ROBOTS}"
+                errors.append(Refusal("TOO_MANY", reason).error)
+                del placements[name]
+            self._rebuild([*staying, *(name for name in new_names if name in placements)], placements)
+        for name, (pose, twist) in placements.items():
+            robot = self.names.index(name)
+            self.plant.place(robot, pose, twist)
+            self._seen_headings[robot] = float(pose[2]), self.cycle
+        return errors
+
     def resize(self, size: FieldSize) -> None:
-        """Make the field another.
+        """Replace the field.
 
         Raises:
-            OmniError: no such field can be, or a robot would stand in its walls.
+            OmniError: There is no such field, or a robot would stand in its walls.
         """
         walls = surface(size)
-        plant = self.plant
-        for name, pose, present, reach in zip(self.names, plant.pose(), plant.present, plant.reach, strict=True):
-            if present and (np.abs(pose[:2]) > walls / 2 - reach).any():
+        for name in self.names_present():
+            if (np.abs(self.plant.pose()[self.names.index(name), :2]) > walls / 2 - self._reach[name[0]]).any():
                 raise OmniError(f"{label(name)} would stand in a wall of a field of {walls[0]:g} x {walls[1]:g} m")
         self.size = size
-        self.plant.move_walls(*walls)
-        self._areas = areas(len(self._eyes), walls, self._vision.overlap_m)
+        self.plant.move_walls(walls)
+        self._areas = areas(len(self._cameras), walls, self._vision.overlap_m)
 
     def geometry(self) -> Geometry:
-        """What SSL-Vision says of field and cameras."""
-        return Geometry(self.size, tuple(area.calibration(number) for number, area in enumerate(self._areas)))
+        """Return what SSL-Vision says of field and cameras."""
+        return Geometry(field=self.size, calib=[area.calibration(number) for number, area in enumerate(self._areas)])
 
-    def detection(self, image: Image, clock: float) -> Detection:
-        """What is sent now of an image, whose headings teams know from then on and send along with commands.
+    def _index(self, name: RobotName) -> int | None:
+        return self.names.index(name) if name in self.names else None
 
-        Args:
-            image: of a camera.
-            clock: what clocks that are right show at the simulated time 0, s.
-        """
-        for robot, (name, heading) in enumerate(zip(image.names, image.poses[:, 2].tolist(), strict=True)):
-            if not math.isnan(heading) and name == self.names[robot] and image.cycle >= self._seen[robot][1]:
-                self._seen[robot] = heading, image.cycle
-        offset = self._eyes[image.camera].clock_offset - image.behind
-        return detection(image, self._areas[image.camera], clock + offset, ROBOT_HEIGHT_M)
-
-    def _find(self, name: Name) -> int | None:
-        try:
-            return self.names.index(name)
-        except ValueError:
-            return None
-
-    def _free(self, teams: Collection[Team], wanted: Container[Name]) -> int | None:
-        """The body of a robot of these teams that is away, and stays away."""
-        here = enumerate(zip(self.names, self.plant.present, strict=True))
-        return next((i for i, (name, on) in here if not on and name[0] in teams and name not in wanted), None)
-
-    def _blocked(self, wanted: dict[Name, tuple[Array, Array]]) -> dict[Name, str]:
-        """Why some cannot stand where they are wanted, the others there as well."""
-        names = [*self.names, *(name for name in wanted if name not in self.names)]
-        places = np.full((len(names), 2), np.nan)
-        places[: len(self.names)] = np.where(self.plant.present[:, None], self.plant.pose()[:, :2], np.nan)
-        for name, (pose, _) in wanted.items():
-            places[names.index(name)] = pose[:2]
+    def _find_obstacles(self, placements: Mapping[RobotName, Placement]) -> dict[RobotName, str]:
+        """Return what robots would stand in if all were placed."""
+        names = [*self.names, *(name for name in placements if name not in self.names)]
+        positions = np.full((len(names), 2), np.nan)
+        positions[: len(self.names)] = np.where(self.plant.present[:, None], self.plant.pose()[:, :2], np.nan)
+        for name, (pose, _) in placements.items():
+            positions[names.index(name)] = pose[:2]
         reach = np.array([self._reach[team] for team, _ in names])
-        found = {name: self.plant.overlap(names.index(name), places, reach) for name in wanted}
-        return {name: why for name, why in found.items() if why}
+        obstacles = {name: self.plant.find_obstacle(names.index(name), positions, reach) for name in placements}
+        return {name: obstacle for name, obstacle in obstacles.items() if obstacle}
 
-    def _grow(self, new: Sequence[Name], wanted: dict[Name, tuple[Array, Array]]) -> None:
-        """Make the world anew with robots that it had no bodies for."""
-        poses, present = list(self.plant.pose()), [*self.plant.present, *[True] * len(new)]
-        self.names += new
-        self.rows = self._rows()
-        for eye in self._eyes:
-            eye.watch(self.rows)
-        self._build([*poses, *(wanted[name][0] for name in new)])
-        self.plant.move_walls(*surface(self.size))
-        for robot in np.flatnonzero(~np.array(present)):
-            self.plant.remove(int(robot))
+    def _rebuild(self, names: list[RobotName], placements: Mapping[RobotName, Placement]) -> None:
+        """Make the world anew with these robots."""
+        poses = [placements[name][0] if name in placements else self.pose(name) for name in names]
+        self.names = names
+        self._build(poses)
+        self.plant.move_walls(surface(self.size))
+        for camera in self._cameras:
+            camera.set_robots(self.rows)
 
-    def _build(self, poses: Sequence[Array]) -> None:
+    def _build(self, poses: Sequence[Array | None]) -> None:
+        self.rows = [self._row(place, name) for place, name in enumerate(self.names)]
         self.plant = ServedPlant(self.rows, np.array(poses, float))
-        n, empty = len(self.rows), nothing(max(self.plant.wheels))
-        self._nothing = np.tile(empty, (n, 1))
-        settings = [row.settings for row in self.rows]
+        n, packet = len(self.rows), empty_packet(max(self.plant.wheels))
+        self._packets = np.tile(packet, (n, 1))
         self._radio = Radio(
-            [each.radio for each in settings],
+            [row.settings.radio for row in self.rows],
             [row.noise_seed for row in self.rows],
             [row.faults for row in self.rows],
-            CYCLES,
-            empty,
+            CYCLES_PER_FRAME,
+            packet,
         )
-        self.held = received(self._nothing, np.zeros(n, bool), 0)
+        self.held = decode_packets(self._packets, np.zeros(n, bool), 0)
         self.measured = np.full((n, 3), np.nan)
-        self._seen = [(heading, self.cycle) for heading in self.plant.pose()[:, 2].tolist()]
+        self._seen_headings = [(heading, self.cycle) for heading in self.plant.pose()[:, 2].tolist()]
 
-    def _rows(self) -> list[Row]:
-        """A row for each robot."""
-        rows = []
-        for place, (team, number) in enumerate(self.names):
-            chosen = self._scenarios[team]
-            own = [fault.replace(robots=()) for fault in of_robot(chosen.settings.fault, number)]
-            settings = chosen.settings.replace(fault=own) if own != [*chosen.settings.fault] else chosen.settings
-            rows.append(Row(0, place, team.name.lower(), chosen.seed, settings, chosen.robot))
-        return rows
+    def _row(self, place: int, name: RobotName) -> Row:
+        team, number = name
+        scenario = self._scenarios[team]
+        faults = [fault.replace(robots=()) for fault in of_robot(scenario.settings.fault, number)]
+        settings = scenario.settings.replace(fault=faults) if scenario.settings.fault else scenario.settings
+        return Row(0, place, Team.Name(team).lower(), scenario.seed, settings, scenario.robot)
 
 
-def label(name: Name) -> str:
-    """What a robot is called in messages."""
-    return f"{name[0].name.lower()} {name[1]}"
+def label(name: RobotName) -> str:
+    """Return what a robot is called in messages."""
+    return f"{Team.Name(name[0]).lower()} {name[1]}"

@@ -1,149 +1,117 @@
-"""Where `serve` is spoken to: packets that are answered, and streams of the protocol's synchronous mode."""
+"""The server's ports: datagrams that are answered, and TCP streams of the protocol's synchronous mode."""
 
+import io
 import socket
-import sys
 from collections.abc import Iterator
 from itertools import islice
 from typing import NamedTuple
 
-from omni_control.errors import OmniError
-from omni_mj.live.sockets import LOOPBACK, MOST_BYTES, Address, Receiver, why
-from omni_mj.live.wire import WireError
-from omni_mj.live.wire.kinds import MOST_OF_32_BITS, read_varint, write_varint
-from omni_mj.live.wire.simulation import BLUE_PORT, SIMULATOR_PORT, YELLOW_PORT, Team
-from omni_mj.live.wire.vision import SIMULATED_VISION_PORT, VISION_GROUP
+from google.protobuf import proto
+from google.protobuf.message import Message
 
-AT_ONCE = 64  # packets read from a socket before the others have their turn
-PATIENCE_S = 1.0  # for a client that does not read what it is answered
+from omni_control.errors import OmniError
+from omni_mj.live.sockets import LOOPBACK, MAX_DATAGRAM, Address, Receiver, reason
+from omni_mj.live.wire import BLUE_PORT, SIMULATOR_PORT, VISION_GROUP, VISION_PORT, YELLOW_PORT, WireError, parse
+from omni_mj.live.wire.simulation_pb2 import SyncRequest
+
+BURST = 64  # datagrams read from one port before the others have their turn
+TIMEOUT_S = 1.0  # for a client of the synchronous mode that stops in the middle of a message
 
 
 class Ports(NamedTuple):
-    """Where is listened and sent.
+    """Addresses of the server.
 
     Args:
-        control, blue, yellow: ports; 0 takes a free one.
-        vision: where detections go.
-        interface: by which; loopback keeps all on this computer.
+        control, blue, yellow: Ports; 0 takes a free one.
+        vision: Where detections go.
+        interface: Address of the network interface; loopback keeps everything on this computer.
     """
 
     control: int = SIMULATOR_PORT
     blue: int = BLUE_PORT
     yellow: int = YELLOW_PORT
-    vision: Address = Address(VISION_GROUP, SIMULATED_VISION_PORT)
+    vision: Address = Address(VISION_GROUP, VISION_PORT)
     interface: str = LOOPBACK
 
 
 class Port(Receiver):
-    """A port of UDP that answers.
+    """A UDP port that answers.
 
     Args:
-        where: as of `Receiver`.
-        interface: same.
-        team: whose commands come there; None for those to the simulator.
+        where: As of `Receiver`.
+        interface: As of `Receiver`.
+        team: Whose commands come there; None for those to the simulator.
     """
 
-    def __init__(self, where: Address, interface: str, team: Team | None) -> None:
+    def __init__(self, where: Address, interface: str, team: int | None) -> None:
         super().__init__(where, interface)
         self.team = team
 
     def requests(self) -> Iterator[tuple[bytes, Address]]:
-        """What came, and from whom."""
-        return ((data, source) for data, _, source in islice(self.packets(), AT_ONCE))
+        """Return datagrams and their senders."""
+        return ((data, sender) for data, _, sender in islice(self.packets(), BURST))
 
     def reply(self, data: bytes, to: Address) -> None:
-        """Send from here to whoever asked."""
+        """Send an answer."""
         self._socket.sendto(data, to)
 
-    def fileno(self) -> int:
-        """For `select`."""
-        return self._socket.fileno()
 
-
-class Listener:
-    """The same port of TCP, whose clients each have a stream.
-
-    Args:
-        port: of UDP.
+def listen(address: Address) -> socket.socket:
+    """Return a socket that accepts TCP connections.
 
     Raises:
-        OmniError: it is taken.
+        OmniError: The port is taken.
     """
-
-    def __init__(self, port: Port) -> None:
-        self.team, self._socket = port.team, socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        try:
-            if sys.platform != "win32":  # else it is taken for a minute after the end
-                self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            self._socket.bind(port.address)
-            self._socket.listen()
-        except OSError as error:
-            self._socket.close()
-            raise OmniError(f"cannot listen to {port.address} by TCP: {why(error)}") from None
-
-    def accept(self) -> "Stream":
-        """The client that has come."""
-        return Stream(self._socket.accept()[0], self.team)
-
-    def fileno(self) -> int:
-        """For `select`."""
-        return self._socket.fileno()
-
-    def close(self) -> None:
-        """Free the port."""
-        self._socket.close()
+    try:
+        return socket.create_server(address)
+    except OSError as error:
+        raise OmniError(f"cannot listen to {address} by TCP: {reason(error)}") from None
 
 
 class Stream:
-    """A client of the synchronous mode: messages, each after its length as a varint, as with the game controller.
+    """A client of the synchronous mode. Each message follows its length as a varint.
 
     Args:
-        made: its socket.
-        team: as of `Port`.
+        connection: Its socket.
+        team: As of `Port`.
     """
 
-    def __init__(self, made: socket.socket, team: Team | None) -> None:
-        self.team, self._socket, self._unread = team, made, b""
-        self.address = Address(*made.getpeername())
-        made.settimeout(PATIENCE_S)
-        made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-
-    def requests(self) -> Iterator[bytes]:
-        """What came whole.
-
-        Raises:
-            WireError: a message is longer than any can be.
-            OSError: the client has gone.
-        """
-        came = self._socket.recv(MOST_BYTES)
-        if not came:
-            raise ConnectionResetError
-        self._unread += came
-        while (size := self._size()) is not None:
-            length, begins = size
-            if len(self._unread) < begins + length:
-                return
-            message = self._unread[begins : begins + length]
-            self._unread = self._unread[begins + length :]
-            yield message
-
-    def _size(self) -> tuple[int, int] | None:
-        """The next message's length, and where it begins; None if that has not come whole."""
-        head = self._unread[:MOST_OF_32_BITS]
-        if len(head) < MOST_OF_32_BITS and all(byte > 0x7F for byte in head):
-            return None
-        length, begins = read_varint(head, 0, len(head), MOST_OF_32_BITS)
-        if length > MOST_BYTES:
-            raise WireError(f"a message of {length} bytes; it has {MOST_BYTES} at most")
-        return length, begins
-
-    def reply(self, data: bytes) -> None:
-        """Answer."""
-        self._socket.sendall(write_varint(len(data)) + data)
+    def __init__(self, connection: socket.socket, team: int | None) -> None:
+        self.socket, self.team, self.address = connection, team, Address(*connection.getpeername())
+        connection.settimeout(TIMEOUT_S)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._input = connection.makefile("rb", 1)  # reads nothing ahead, which `select` would not know of
 
     def fileno(self) -> int:
-        """For `select`."""
-        return self._socket.fileno()
+        """Return the descriptor for `selectors`."""
+        return self.socket.fileno()
+
+    def receive(self) -> SyncRequest:
+        """Wait for a message.
+
+        Raises:
+            WireError: It is malformed or too long.
+            OSError: The client has gone, or stopped in the middle.
+        """
+        size = shift = 0
+        while True:
+            byte = self._input.read(1)
+            if not byte:
+                raise ConnectionResetError
+            size |= (byte[0] & 0x7F) << shift
+            shift += 7
+            if size > MAX_DATAGRAM or shift > 35:
+                raise WireError(f"a message is longer than {MAX_DATAGRAM} bytes")
+            if byte[0] < 0x80:
+                return parse(SyncRequest, self._input.read(size))
+
+    def reply(self, message: Message) -> None:
+        """Send an answer."""
+        packet = io.BytesIO()
+        proto.serialize_length_prefixed(message, packet)
+        self.socket.sendall(packet.getvalue())
 
     def close(self) -> None:
         """Hang up."""
-        self._socket.close()
+        self._input.close()
+        self.socket.close()

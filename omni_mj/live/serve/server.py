@@ -1,61 +1,64 @@
-"""`serve`: the pitch behind the sockets of the league's simulators, in real time or in lockstep with commands."""
+"""The served pitch behind the sockets of the league's simulators, in real time or in lockstep with commands."""
 
 import math
-import select
+import selectors
+import socket
 import time
 from collections import Counter
 from collections.abc import Callable
 
 from omni_mj.live.notes import Notes
 from omni_mj.live.serve import control
-from omni_mj.live.serve.cameras import CYCLES
+from omni_mj.live.serve.cameras import CYCLES_PER_FRAME
 from omni_mj.live.serve.commands import Refusal
 from omni_mj.live.serve.pace import Pace
 from omni_mj.live.serve.pitch import Pitch
-from omni_mj.live.serve.ports import Listener, Port, Ports, Stream
+from omni_mj.live.serve.ports import Port, Ports, Stream, listen
 from omni_mj.live.serve.publisher import Publisher
-from omni_mj.live.sockets import Address
-from omni_mj.live.wire import WireError, decode, encode
-from omni_mj.live.wire.simulation import (
+from omni_mj.live.sockets import Address, reason
+from omni_mj.live.wire import WireError, parse
+from omni_mj.live.wire.simulation_pb2 import (
     RobotControl,
     RobotControlResponse,
     RobotFeedback,
     SimulatorCommand,
+    SimulatorError,
     SimulatorResponse,
     SyncRequest,
     SyncResponse,
     Team,
 )
-from omni_mj.live.wire.vision import Detection
+from omni_mj.live.wire.vision_pb2 import Detection
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ
 
-PACE_CYCLES = 4  # from one look at the clock to the next at least, while nothing comes and nothing is due
-INVITED_S = 0.2  # in lockstep, until the first command: what cameras saw is sent again so often
-CHECKED_S = 0.1  # how long nothing else is looked after at most
-BOTH = {Team.BLUE, Team.YELLOW}
-LONGEST_STEP_S = 10.0  # of a request in the synchronous mode
+MIN_SPAN_CYCLES = 4  # simulated at a time while nothing comes and nothing is due
+REPEAT_S = 0.2  # in lockstep, between repetitions of the last images until the first command
+CHECK_S = 0.1  # for which nothing else is looked after at most
+MAX_SPEED = 1000.0  # simulated seconds per second
+MAX_STEP_S = 10.0  # of a request in the synchronous mode
+BOTH_TEAMS = {Team.BLUE, Team.YELLOW}
 
 
 class Server:
     """Serves until it is told to stop.
 
     Args:
-        pitch: what is served.
-        ports: where.
-        speed: times as fast as real time.
-        lockstep: teams that must command before the first camera takes its next image: "" for none, so that time goes
-            by itself; "any": each packet to a team makes a step; "both": a packet to each.
-        tell: called with what people should know, in words.
-        after_frame: called after every 1/60 s of simulated time.
+        pitch: What is served.
+        ports: Where.
+        speed: Simulated seconds per second.
+        lockstep: "" if time goes by itself; "any" if each packet to a team makes a step to the first camera's next
+            image; "both" if a packet to each team does.
+        warn: Called with what people should know.
 
     Attributes:
-        after_frame: as given.
-        publisher: of what cameras see.
-        notes: of what was wrong, told once and counted.
-        counts: of packets and what was wrong with them.
+        after_frame: Called after every 1/60 s of simulated time; set it before `run`.
+        publisher: Of what cameras see.
+        pace: Of simulated time.
+        notes: What went wrong.
+        counts: Of packets.
 
     Raises:
-        OmniError: a port is taken, or there is no such interface.
+        OmniError: A port is taken, or there is no such interface.
     """
 
     def __init__(
@@ -64,212 +67,208 @@ class Server:
         ports: Ports | None = None,
         speed: float = 1.0,
         lockstep: str = "",
-        tell: Callable[[str], None] = lambda text: None,
-        after_frame: Callable[[], None] = lambda: None,
+        warn: Callable[[str], None] = lambda text: None,
     ) -> None:
-        self.pitch, self._lockstep, self.after_frame = pitch, lockstep, after_frame
-        self.notes, self.counts = Notes(tell), Counter[str]()
+        self.pitch, self.lockstep = pitch, lockstep
+        self.after_frame: Callable[[], None] = lambda: None
+        self.notes, self.pace = Notes(warn), Pace(speed)
         ports = ports or Ports()
-        self._ports, self._listeners, self._streams = list[Port](), list[Listener](), list[Stream]()
-        self._pace = Pace(speed, time.monotonic())
-        self.publisher = Publisher(pitch, ports.vision, ports.interface, self._pace, self.notes, self.counts)
+        self.publisher = Publisher(pitch, ports.vision, ports.interface, self.pace, self.notes)
+        self.counts: Counter[str] = self.publisher.counts
+        self._selector = selectors.DefaultSelector()
+        self._addresses = list[Address]()
         try:
             for number, team in ((ports.control, None), (ports.blue, Team.BLUE), (ports.yellow, Team.YELLOW)):
-                self._ports.append(Port(Address(ports.interface, number), ports.interface, team))
+                port = Port(Address(ports.interface, number), ports.interface, team)
+                self._selector.register(port, selectors.EVENT_READ, self._answer)
+                self._addresses.append(port.address)
                 if lockstep:
-                    self._listeners.append(Listener(self._ports[-1]))
+                    self._register_listener(port)
         except BaseException:
             self.close()
             raise
-        self._called, self._invited, self._rest = set[Team](), -math.inf, 0.0
+        self._heard_teams, self._repeated_at, self._cycle_remainder = set[int](), -math.inf, 0.0
 
     @property
-    def ports(self) -> tuple[int, int, int]:
+    def ports(self) -> tuple[int, ...]:
         """The ports that are listened to: control, blue, yellow."""
-        control, blue, yellow = (each.address.port for each in self._ports)
-        return control, blue, yellow
-
-    @property
-    def in_real_time(self) -> bool:
-        """Whether time goes by itself."""
-        return not self._lockstep
-
-    @property
-    def time_goes(self) -> str:
-        """How time goes, in words."""
-        if self._lockstep:
-            teams = "either team" if self._lockstep == "any" else "both teams"
-            return f"an image for each packet to {teams}, and steps by TCP (lockstep)"
-        return f"{self._pace.speed:g} times as fast as real time" if self._pace.speed else "paused"
-
-    @property
-    def lost_s(self) -> float:
-        """By how much simulated time fell behind because this computer was too slow, s."""
-        return self._pace.lost_s
+        return tuple(address.port for address in self._addresses)
 
     def run(self, check: Callable[[], None] = lambda: None, until_s: float = math.inf) -> None:
         """Serve until simulated time is over, or `check`, which is called often, raises something."""
-        self.publisher.look()
-        self._pace.change(self._pace.speed, time.monotonic(), self.pitch.cycle)
-        # In lockstep stamps are the same in all runs.
-        self.publisher.begin(time.time() - self.pitch.time_s if self.in_real_time else 0.0)
-        while self.pitch.time_s < until_s:
+        pitch = self.pitch
+        if not self.lockstep:  # in lockstep time stamps are the same in all runs
+            pitch.epoch_s = time.time() - pitch.time_s
+        self.pace.change(self.pace.speed, time.monotonic(), pitch.cycle)
+        self.publisher.update()
+        while pitch.time_s < until_s:
             check()
-            if self._lockstep:
-                self._wait(time.monotonic() + CHECKED_S)
-                self._invite()
+            if self.lockstep:
+                self._wait(time.monotonic() + CHECK_S)
+                self._repeat_until_first_command()
             else:
-                self._turn()
+                self._simulate_due_cycles()
 
     def close(self) -> None:
         """Free the ports."""
         self.publisher.close()
-        for each in self._doors:
-            each.close()
+        for key in list(self._selector.get_map().values()):
+            key.fileobj.close()  # type: ignore[union-attr]
+        self._selector.close()
 
-    @property
-    def _doors(self) -> list[Port | Listener | Stream]:
-        """All by which somebody may come."""
-        return [*self._ports, *self._listeners, *self._streams]
-
-    def _turn(self) -> None:
+    def _simulate_due_cycles(self) -> None:
         """Simulate what is due, then wait for packets until more is."""
-        pitch, pace, now = self.pitch, self._pace, time.monotonic()
-        due = pace.due(now)
-        if pace.slip(now, pitch.cycle):
-            lost = "this computer is too slow for this speed; simulated time falls behind"
-            self.notes.add("too slow", lost)
+        pitch, now = self.pitch, time.monotonic()
+        due = self.pace.cycle_at(now)
+        if self.pace.skip_delay(now, pitch.cycle):
+            text = "this computer is too slow for this speed; simulated time falls behind"
+            self.notes.add("too slow", text)
             due = pitch.cycle
-        self._advance(min(due, pitch.cycle + CYCLES))
-        # Half of what is left to the next image is simulated at a time: few wakings, and little left when it is due.
-        left = pitch.due - pitch.cycle
-        wake, sending = pitch.cycle + min(left, max(left // 2, PACE_CYCLES)), self.publisher.due
-        self._wait(min(pace.when(wake if sending is None else min(wake, sending)), now + CHECKED_S))
+        self._advance(min(due, pitch.cycle + CYCLES_PER_FRAME))
+        # Half of what is left to the next packet at a time: few wakings, and little left when it is due.
+        left = self.publisher.due - pitch.cycle
+        wake = pitch.cycle + min(left, max(left // 2, MIN_SPAN_CYCLES))
+        self._wait(min(self.pace.time_of(wake), now + CHECK_S))
 
-    def _advance(self, until: int) -> None:
-        """Simulate up to a cycle."""
-        pitch, publisher = self.pitch, self.publisher
+    def _advance(self, until: int) -> list[Detection]:
+        """Simulate up to a cycle. Return the detections that were sent meanwhile."""
+        pitch, detections = self.pitch, list[Detection]()
         while pitch.cycle < until:
-            frame, sending = pitch.cycle // CYCLES * CYCLES + CYCLES, publisher.due
-            pitch.advance(max(min(until, frame, pitch.due, frame if sending is None else sending), pitch.cycle + 1))
-            if pitch.due <= pitch.cycle:
-                publisher.look()
-            elif publisher.due is not None:
-                publisher.send()
-            if pitch.cycle % CYCLES == 0:
+            frame_end = (pitch.cycle // CYCLES_PER_FRAME + 1) * CYCLES_PER_FRAME
+            pitch.advance(max(int(min(until, frame_end, self.publisher.due)), pitch.cycle + 1))
+            if self.publisher.due <= pitch.cycle:
+                detections += self.publisher.update()
+            if pitch.cycle % CYCLES_PER_FRAME == 0:
                 self.after_frame()
+        return detections
 
     def _wait(self, until: float) -> None:
-        """Handle packets that come until then, s of our clock; it returns after the first ones."""
-        ready, _, _ = select.select(self._doors, [], [], max(until - time.monotonic(), 0.0))
-        for each in ready:
-            if isinstance(each, Listener):
-                self._welcome(each)
-                continue
-            if not self._lockstep:  # what comes now acts in the cycle that begins next
-                self._advance(min(self._pace.due(time.monotonic()), self.pitch.cycle + CYCLES))
-            if isinstance(each, Stream):
-                self._converse(each)
-                continue
-            for data, source in each.requests():
-                try:
-                    answer = self._simulator(data) if each.team is None else self._robots(each.team, data)
-                except WireError as error:
-                    self.notes.add("bad packets", f"a packet from {source} is skipped: {error}")
-                    continue
-                try:
-                    each.reply(answer, source)
-                except OSError as error:
-                    self.notes.add("answers not sent", f"cannot answer {source}: {error.strerror}")
+        """Handle packets that come until then (`time.monotonic`). Return after the first ones."""
+        for key, _ in self._selector.select(max(until - time.monotonic(), 0.0)):
+            if not self.lockstep:  # what comes now acts in the cycle that begins next
+                due = self.pace.cycle_at(time.monotonic())
+                self._advance(min(due, self.pitch.cycle + CYCLES_PER_FRAME))
+            key.data(key.fileobj)
 
-    def _welcome(self, listener: Listener) -> None:
-        """Let a client of the synchronous mode in."""
-        try:
-            self._streams.append(listener.accept())
-        except OSError as error:
-            self.notes.add("clients lost", f"a client left before it was let in: {error.strerror}")
+    def _answer(self, port: Port) -> None:
+        """Obey and answer datagrams."""
+        for data, client in port.requests():
+            try:
+                if port.team is None:
+                    answer = SimulatorResponse(errors=self._obey_simulator(parse(SimulatorCommand, data)))
+                    if self.lockstep:
+                        self.publisher.repeat()
+                else:
+                    answer = self._command(port.team, parse(RobotControl, data))
+                    self._step_after(port.team)
+            except WireError as error:
+                self.notes.add("bad packets", f"a packet from {client} is skipped: {error}")
+                continue
+            try:
+                port.reply(answer.SerializeToString(), client)
+            except OSError as error:
+                self.notes.add("answers not sent", f"cannot answer {client}: {reason(error)}")
+
+    def _step_after(self, team: int) -> None:
+        """In lockstep, make a step if all teams that must have sent commands."""
+        self._heard_teams.add(team)
+        if self.lockstep == "any" or (self.lockstep and self._heard_teams == BOTH_TEAMS):
+            self._heard_teams.clear()
+            self._advance(self.pitch.next_leading_image)
+
+    def _register_listener(self, port: Port) -> None:
+        """Let clients of the synchronous mode in by TCP at the same port."""
+
+        def accept(listener: socket.socket) -> None:
+            try:
+                stream = Stream(listener.accept()[0], port.team)
+                self._selector.register(stream, selectors.EVENT_READ, self._converse)
+            except OSError as error:
+                self.notes.add("clients lost", f"a client left before it was let in: {reason(error)}")
+
+        self._selector.register(listen(port.address), selectors.EVENT_READ, accept)
 
     def _converse(self, stream: Stream) -> None:
-        """Do what a client of the synchronous mode asks; hang up where it cannot be understood, or has gone."""
+        """Answer a request of the synchronous mode. Hang up if it is malformed, or the client has gone."""
         try:
-            for request in stream.requests():
-                stream.reply(self._sync(stream.team, request))
-            return
-        except WireError as error:
-            self.notes.add("bad packets", f"{stream.address} is hung up on: {error}")
-        except OSError:
-            pass
-        self._streams.remove(stream)
-        stream.close()
+            stream.reply(self._answer_sync(stream.team, stream.receive()))
+        except (WireError, OSError) as error:
+            if isinstance(error, WireError):
+                self.notes.add("bad packets", f"{stream.address} is hung up on: {error}")
+            self._selector.unregister(stream)
+            stream.close()
 
-    def _sync(self, team: Team | None, data: bytes) -> bytes:
-        """Obey a request of the synchronous mode, step, and answer with what cameras sent meanwhile."""
-        request = decode(SyncRequest, data)
+    def _answer_sync(self, team: int | None, request: SyncRequest) -> SyncResponse:
         self.counts["synchronous requests"] += 1
-        answer = RobotControlResponse()
-        refused = self._obey(request.simulator_command) if request.simulator_command else []
-        if request.robot_control is not None and team is None:
-            refused.append(Refusal("NO_TEAM", "commands to robots go to a team's port"))
-        elif request.robot_control is not None and team is not None:
-            answer = self._command(team, request.robot_control)
-        self.publisher.detections = sent = list[Detection]()
-        step = request.sim_step or 0.0
-        if 0 <= step <= LONGEST_STEP_S:
-            cycles = round(step * CYCLE_RATE_HZ + self._rest)
-            self._rest += step * CYCLE_RATE_HZ - cycles
-            self._advance(self.pitch.cycle + cycles)
+        answer, errors, cycles = RobotControlResponse(), list[SimulatorError](), 0
+        if request.HasField("simulator_command"):
+            errors += self._obey_simulator(request.simulator_command)
+        if request.HasField("robot_control"):
+            if team is None:
+                errors.append(SimulatorError(code="NO_TEAM", message="commands to robots go to a team's port"))
+            else:
+                answer = self._command(team, request.robot_control)
+        if 0 <= request.sim_step <= MAX_STEP_S:
+            exact = request.sim_step * CYCLE_RATE_HZ + self._cycle_remainder
+            cycles = round(exact)
+            self._cycle_remainder = exact - cycles
         else:
-            refused.append(Refusal("STEP", f"a step takes 0 to {LONGEST_STEP_S:g} s, not {step:g}"))
-        self.publisher.detections = None
-        errors = *answer.errors, *(refusal.error for refusal in refused)
-        return encode(SyncResponse(tuple(sent), answer._replace(errors=errors)))
+            text = f"a step takes 0 to {MAX_STEP_S:g} s, not {request.sim_step:g}"
+            errors.append(SimulatorError(code="STEP", message=text))
+        answer.errors.extend(errors)
+        return SyncResponse(detection=self._advance(self.pitch.cycle + cycles), robot_control_response=answer)
 
-    def _simulator(self, data: bytes) -> bytes:
-        """Obey a command to the simulator, and answer it."""
-        refused = self._obey(decode(SimulatorCommand, data))
-        if self._lockstep:
-            self.publisher.again()
-        return encode(SimulatorResponse(tuple(refusal.error for refusal in refused)))
-
-    def _obey(self, command: SimulatorCommand) -> list[Refusal]:
-        """Obey a command to the simulator; say what is refused."""
+    def _obey_simulator(self, command: SimulatorCommand) -> list[SimulatorError]:
+        """Obey a command to the simulator. Return what is refused."""
         self.counts["simulator commands"] += 1
-        wishes = control.obey(self.pitch, command)
-        if wishes.speed is not None and self._lockstep:
-            wishes.refused.append(Refusal("LOCKSTEP", "in lockstep, time goes by commands"))
-        elif wishes.speed is not None:
-            self._pace.change(wishes.speed, time.monotonic(), self.pitch.cycle)
-        if wishes.vision_port is not None:
-            self.publisher.to = self.publisher.to._replace(port=wishes.vision_port)
-        if wishes.geometry:
-            self.publisher.resized()
-        return wishes.refused
+        config, wishes = command.config, command.control
+        errors = control.check_config(config)
+        actions: list[Callable[[], None]] = []
+        if config.HasField("geometry"):
+            actions.append(lambda: control.resize(self.pitch, config.geometry.field))
+            actions.append(self.publisher.send_geometry)
+        if config.HasField("vision_port"):
+            actions.append(lambda: self._send_vision_to(config.vision_port))
+        if wishes.HasField("teleport_ball"):
+            actions.append(lambda: control.teleport_ball(self.pitch, wishes.teleport_ball))
+        if wishes.HasField("simulation_speed"):
+            actions.append(lambda: self._change_speed(wishes.simulation_speed))
+        for action in actions:
+            try:
+                action()
+            except Refusal as refusal:
+                errors.append(refusal.error)
+        return errors + control.teleport_robots(self.pitch, wishes.teleport_robot)
 
-    def _robots(self, team: Team, data: bytes) -> bytes:
-        """Obey commands to robots, and answer them; in lockstep, after the step that they make."""
-        answer = self._command(team, decode(RobotControl, data))
-        self._called.add(team)
-        if self._lockstep == "any" or (self._lockstep and self._called == BOTH):
-            self._called.clear()
-            self._advance(self.pitch.first_due)
-        return encode(answer)
+    def _send_vision_to(self, port: int) -> None:
+        if not 0 < port < 65_536:
+            raise Refusal("VISION_PORT", f"ports are 1 to 65535, not {port}")
+        self.publisher.to = self.publisher.to._replace(port=port)
 
-    def _command(self, team: Team, control: RobotControl) -> RobotControlResponse:
+    def _change_speed(self, speed: float) -> None:
+        if not 0 <= speed <= MAX_SPEED:
+            raise Refusal("SPEED", f"a simulation runs 0 to {MAX_SPEED:g} times as fast as time, not {speed:g}")
+        if self.lockstep:
+            raise Refusal("LOCKSTEP", "in lockstep, time goes by commands")
+        self.pace.change(speed, time.monotonic(), self.pitch.cycle)
+
+    def _command(self, team: int, commands: RobotControl) -> RobotControlResponse:
         """Pass commands on to robots."""
-        self.counts[f"{team.name.lower()} commands"] += 1
-        refused, commanded = self.pitch.command(team, control.robot_commands)
-        for refusal in refused:
-            self.notes.add(f"refused: {refusal.code}", refusal.text)
-        if any(command.kick_speed or command.dribbler_speed for command in control.robot_commands):
+        self.counts[f"{Team.Name(team).lower()} commands"] += 1
+        errors, commanded = self.pitch.command(team, commands.robot_commands)
+        for error in errors:
+            self.notes.add(f"refused: {error.code}", error.message)
+        if any(command.kick_speed or command.dribbler_speed for command in commands.robot_commands):
             if not self.notes.counts["kicks"]:  # said once, to either side
-                refused.append(Refusal("NO_KICK", "robots here neither kick nor dribble; they only move"))
+                text = "robots here neither kick nor dribble; they only move"
+                errors.append(SimulatorError(code="NO_KICK", message=text))
             self.notes.add("kicks", "kicks and dribblers are ignored: robots here only move")
-        feedback = tuple(RobotFeedback(number, False) for number in commanded)
-        return RobotControlResponse(tuple(refusal.error for refusal in refused), feedback)
+        feedback = [RobotFeedback(id=number, dribbler_ball_contact=False) for number in commanded]
+        return RobotControlResponse(errors=errors, feedback=feedback)
 
-    def _invite(self) -> None:
-        """In lockstep, let those who come later see what there is, until the first command."""
+    def _repeat_until_first_command(self) -> None:
+        """In lockstep, let clients that come later see the last images until the first command."""
         kinds = "blue commands", "yellow commands", "synchronous requests"
-        if not any(self.counts[kind] for kind in kinds) and time.monotonic() - self._invited > INVITED_S:
-            self._invited = time.monotonic()
-            self.publisher.again()
+        if not any(self.counts[kind] for kind in kinds) and time.monotonic() - self._repeated_at > REPEAT_S:
+            self._repeated_at = time.monotonic()
+            self.publisher.repeat()

@@ -1,10 +1,38 @@
-"""The wire format of SSL-Vision and ssl-simulation-protocol, by tables and a codec of our own.
+"""Messages of the RoboCup Small Size League: SSL-Vision and ssl-simulation-protocol.
 
-`decode(VisionPacket, datagram)` is a message, or raises `WireError`; `encode(RobotControl(...))` is a datagram. The
-messages are in `vision` and `simulation`.
+The `.proto` files hold the field numbers; `make proto` generates the modules `*_pb2` from them. Lengths of vision are
+in mm on the wire and in m everywhere else.
 """
 
-from omni_mj.live.wire.format import decode, encode
-from omni_mj.live.wire.kinds import WireError
+from typing import TypeVar
 
-__all__ = ["WireError", "decode", "encode"]
+from google.protobuf.message import DecodeError, Message
+
+from omni_control.errors import OmniError
+
+MM_PER_M = 1000.0
+VISION_GROUP, VISION_PORT = "224.5.23.2", 10020  # of simulators; SSL-Vision itself sends to port 10006
+SIMULATOR_PORT, BLUE_PORT, YELLOW_PORT = 10300, 10301, 10302
+
+MessageT = TypeVar("MessageT", bound=Message)
+
+
+class WireError(OmniError):
+    """Bytes that are not a message of the expected type."""
+
+
+def parse(message_type: type[MessageT], data: bytes) -> MessageT:
+    """Return the message that `data` encodes.
+
+    Raises:
+        WireError: The bytes are malformed, or a required field is missing.
+    """
+    message = message_type()
+    try:
+        message.ParseFromString(data)
+    except DecodeError as error:
+        raise WireError(f"{message_type.__name__}: {error}") from None
+    if not message.IsInitialized():
+        missing = ", ".join(message.FindInitializationErrors())
+        raise WireError(f"{message_type.__name__} lacks {missing}")
+    return message

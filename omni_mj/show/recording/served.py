@@ -9,12 +9,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from omni_control.errors import OmniError
-from omni_control.kinematics import Array
+from omni_mj.live.serve.log import Block
 from omni_mj.scenarios.settings import Settings
 from omni_mj.show import style
 from omni_mj.show.recording import robot_shape, scene, sink
 from omni_mj.show.recording.sink import APPLICATION, TIME, indexes
-from omni_mj.simulate.log import Log
 
 PLOTS = {  # of each robot: channel -> its unit
     "command": "m/s, m/s, rad/s",
@@ -60,8 +59,9 @@ class ServedRecording:
         except (RuntimeError, OmniError) as failure:
             self._failure = str(failure)
 
-    def send(self, first: int, names: Sequence[str], log: Log, ball: Array) -> None:
-        """Send frames from the `first` on: of robots, by the names of the log's rows, and of the ball (frames, 2)."""
+    def send(self, block: Block) -> None:
+        """Send a block of frames."""
+        first, names, log, ball = block.first, block.names, block.log, block.ball
         try:
             self._check()
         except OmniError as failure:

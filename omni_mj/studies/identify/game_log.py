@@ -13,15 +13,14 @@ from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, BinaryIO, NamedTuple
+from typing import BinaryIO
 
 import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.live.wire import WireError, decode
-from omni_mj.live.wire.format import optional, repeated, required
-from omni_mj.live.wire.kinds import DOUBLE, FLOAT, MILLIMETRES, UINT32
+from omni_mj.live.wire import MM_PER_M, WireError, parse
+from omni_mj.live.wire.vision_pb2 import LoggedPacket
 
 HEADER, MESSAGE = struct.Struct(">12si"), struct.Struct(">qii")
 MAGIC, VERSION, GZIP = b"SSL_LOG_FILE", 1, b"\x1f\x8b"
@@ -30,29 +29,6 @@ LARGEST = 1 << 20  # bytes of a message; datagrams have 65 kB at most
 TEAMS = ("yellow", "blue")
 RESTART_S = 0.5  # by which a clock must jump against that of the recorder to have been set anew
 APART_S = 0.02  # by which clocks of cameras must differ to be two
-
-
-class _Robot(NamedTuple):
-    robot_id: Annotated[int | None, optional(2, UINT32)]
-    x: Annotated[float, required(3, MILLIMETRES)]
-    y: Annotated[float, required(4, MILLIMETRES)]
-    orientation: Annotated[float | None, optional(5, FLOAT)]
-
-
-class _Detection(NamedTuple):
-    """What is needed of `omni_mj.live.wire.vision.Detection`; balls are skipped."""
-
-    t_capture: Annotated[float, required(2, DOUBLE)]
-    t_sent: Annotated[float, required(3, DOUBLE)]
-    camera_id: Annotated[int, required(4, UINT32)]
-    yellow: Annotated[tuple[_Robot, ...], repeated(6, _Robot)] = ()
-    blue: Annotated[tuple[_Robot, ...], repeated(7, _Robot)] = ()
-
-
-class _Packet(NamedTuple):
-    """The same in packets of 2010 and 2014, whose geometries differ."""
-
-    detection: Annotated[_Detection | None, optional(1, _Detection)] = None
 
 
 @dataclass(frozen=True)
@@ -92,14 +68,16 @@ def read(path: Path) -> Sightings:
     """
     images, seen, notes = array("d"), array("d"), list[str]()
     for receipt, packet in _packets(path, notes):
-        if (image := packet.detection) is None:
+        if not packet.HasField("detection"):
             continue
+        image = packet.detection
         number = len(images) // 4
         images.extend((receipt, image.t_sent, image.t_capture, image.camera_id))
-        for team, robots in enumerate((image.yellow, image.blue)):
+        for team, robots in enumerate((image.robots_yellow, image.robots_blue)):
             for robot in robots:
-                if robot.robot_id is not None and robot.orientation is not None:
-                    seen.extend((number, team, robot.robot_id, robot.x, robot.y, robot.orientation))
+                if robot.HasField("robot_id") and robot.HasField("orientation"):
+                    place = robot.x / MM_PER_M, robot.y / MM_PER_M
+                    seen.extend((number, team, robot.robot_id, *place, robot.orientation))
     rows, whole = np.array(images).reshape(-1, 4), np.array(seen).reshape(-1, 6)
     if not len(rows):
         raise OmniError(f"{path.name} holds no images of SSL-Vision" + "".join(f"; {note}" for note in notes))
@@ -110,7 +88,7 @@ def read(path: Path) -> Sightings:
     return Sightings(whole[:, 1], whole[:, 2], cameras[number], time[number], whole[:, 3:], by_camera, notes)
 
 
-def _packets(path: Path, notes: list[str]) -> Iterator[tuple[float, _Packet]]:
+def _packets(path: Path, notes: list[str]) -> Iterator[tuple[float, LoggedPacket]]:
     """Times of receipt (s) and packets of vision; a file that is cut off ends there, with a note."""
     if not os.path.isfile(path):
         raise OmniError(f"there is no log {path}")
@@ -127,7 +105,7 @@ def _packets(path: Path, notes: list[str]) -> Iterator[tuple[float, _Packet]]:
             for receipt, kind, data in _messages(file, name):
                 number += 1
                 if kind in VISION:
-                    yield receipt / 1e9, decode(_Packet, data)
+                    yield receipt / 1e9, parse(LoggedPacket, data)
     except EOFError:
         notes.append(f"{name} is cut off after {number} messages; what is before counts")
     except WireError as error:

@@ -1,0 +1,248 @@
+from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable, Mapping as _Mapping
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class Source(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    SOURCE_UNKNOWN: _ClassVar[Source]
+    SOURCE_OTHER: _ClassVar[Source]
+    SOURCE_SSL_VISION: _ClassVar[Source]
+    SOURCE_VISION_PROCESSOR: _ClassVar[Source]
+    SOURCE_GRSIM: _ClassVar[Source]
+    SOURCE_ERFORCE_SIM: _ClassVar[Source]
+
+class Shape(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    UNDEFINED: _ClassVar[Shape]
+    CENTER_CIRCLE: _ClassVar[Shape]
+    TOP_TOUCH_LINE: _ClassVar[Shape]
+    BOTTOM_TOUCH_LINE: _ClassVar[Shape]
+    LEFT_GOAL_LINE: _ClassVar[Shape]
+    RIGHT_GOAL_LINE: _ClassVar[Shape]
+    HALFWAY_LINE: _ClassVar[Shape]
+    CENTER_LINE: _ClassVar[Shape]
+    LEFT_PENALTY_STRETCH: _ClassVar[Shape]
+    RIGHT_PENALTY_STRETCH: _ClassVar[Shape]
+    LEFT_FIELD_LEFT_PENALTY_STRETCH: _ClassVar[Shape]
+    LEFT_FIELD_RIGHT_PENALTY_STRETCH: _ClassVar[Shape]
+    RIGHT_FIELD_LEFT_PENALTY_STRETCH: _ClassVar[Shape]
+    RIGHT_FIELD_RIGHT_PENALTY_STRETCH: _ClassVar[Shape]
+SOURCE_UNKNOWN: Source
+SOURCE_OTHER: Source
+SOURCE_SSL_VISION: Source
+SOURCE_VISION_PROCESSOR: Source
+SOURCE_GRSIM: Source
+SOURCE_ERFORCE_SIM: Source
+UNDEFINED: Shape
+CENTER_CIRCLE: Shape
+TOP_TOUCH_LINE: Shape
+BOTTOM_TOUCH_LINE: Shape
+LEFT_GOAL_LINE: Shape
+RIGHT_GOAL_LINE: Shape
+HALFWAY_LINE: Shape
+CENTER_LINE: Shape
+LEFT_PENALTY_STRETCH: Shape
+RIGHT_PENALTY_STRETCH: Shape
+LEFT_FIELD_LEFT_PENALTY_STRETCH: Shape
+LEFT_FIELD_RIGHT_PENALTY_STRETCH: Shape
+RIGHT_FIELD_LEFT_PENALTY_STRETCH: Shape
+RIGHT_FIELD_RIGHT_PENALTY_STRETCH: Shape
+
+class DetectedBall(_message.Message):
+    __slots__ = ("confidence", "area", "x", "y", "z", "pixel_x", "pixel_y")
+    CONFIDENCE_FIELD_NUMBER: _ClassVar[int]
+    AREA_FIELD_NUMBER: _ClassVar[int]
+    X_FIELD_NUMBER: _ClassVar[int]
+    Y_FIELD_NUMBER: _ClassVar[int]
+    Z_FIELD_NUMBER: _ClassVar[int]
+    PIXEL_X_FIELD_NUMBER: _ClassVar[int]
+    PIXEL_Y_FIELD_NUMBER: _ClassVar[int]
+    confidence: float
+    area: int
+    x: float
+    y: float
+    z: float
+    pixel_x: float
+    pixel_y: float
+    def __init__(self, confidence: _Optional[float] = ..., area: _Optional[int] = ..., x: _Optional[float] = ..., y: _Optional[float] = ..., z: _Optional[float] = ..., pixel_x: _Optional[float] = ..., pixel_y: _Optional[float] = ...) -> None: ...
+
+class DetectedRobot(_message.Message):
+    __slots__ = ("confidence", "robot_id", "x", "y", "orientation", "pixel_x", "pixel_y", "height")
+    CONFIDENCE_FIELD_NUMBER: _ClassVar[int]
+    ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
+    X_FIELD_NUMBER: _ClassVar[int]
+    Y_FIELD_NUMBER: _ClassVar[int]
+    ORIENTATION_FIELD_NUMBER: _ClassVar[int]
+    PIXEL_X_FIELD_NUMBER: _ClassVar[int]
+    PIXEL_Y_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_FIELD_NUMBER: _ClassVar[int]
+    confidence: float
+    robot_id: int
+    x: float
+    y: float
+    orientation: float
+    pixel_x: float
+    pixel_y: float
+    height: float
+    def __init__(self, confidence: _Optional[float] = ..., robot_id: _Optional[int] = ..., x: _Optional[float] = ..., y: _Optional[float] = ..., orientation: _Optional[float] = ..., pixel_x: _Optional[float] = ..., pixel_y: _Optional[float] = ..., height: _Optional[float] = ...) -> None: ...
+
+class Detection(_message.Message):
+    __slots__ = ("frame_number", "t_capture", "t_sent", "camera_id", "balls", "robots_yellow", "robots_blue", "t_capture_camera")
+    FRAME_NUMBER_FIELD_NUMBER: _ClassVar[int]
+    T_CAPTURE_FIELD_NUMBER: _ClassVar[int]
+    T_SENT_FIELD_NUMBER: _ClassVar[int]
+    CAMERA_ID_FIELD_NUMBER: _ClassVar[int]
+    BALLS_FIELD_NUMBER: _ClassVar[int]
+    ROBOTS_YELLOW_FIELD_NUMBER: _ClassVar[int]
+    ROBOTS_BLUE_FIELD_NUMBER: _ClassVar[int]
+    T_CAPTURE_CAMERA_FIELD_NUMBER: _ClassVar[int]
+    frame_number: int
+    t_capture: float
+    t_sent: float
+    camera_id: int
+    balls: _containers.RepeatedCompositeFieldContainer[DetectedBall]
+    robots_yellow: _containers.RepeatedCompositeFieldContainer[DetectedRobot]
+    robots_blue: _containers.RepeatedCompositeFieldContainer[DetectedRobot]
+    t_capture_camera: float
+    def __init__(self, frame_number: _Optional[int] = ..., t_capture: _Optional[float] = ..., t_sent: _Optional[float] = ..., camera_id: _Optional[int] = ..., balls: _Optional[_Iterable[_Union[DetectedBall, _Mapping]]] = ..., robots_yellow: _Optional[_Iterable[_Union[DetectedRobot, _Mapping]]] = ..., robots_blue: _Optional[_Iterable[_Union[DetectedRobot, _Mapping]]] = ..., t_capture_camera: _Optional[float] = ...) -> None: ...
+
+class Point(_message.Message):
+    __slots__ = ("x", "y")
+    X_FIELD_NUMBER: _ClassVar[int]
+    Y_FIELD_NUMBER: _ClassVar[int]
+    x: float
+    y: float
+    def __init__(self, x: _Optional[float] = ..., y: _Optional[float] = ...) -> None: ...
+
+class FieldLine(_message.Message):
+    __slots__ = ("name", "p1", "p2", "thickness", "type")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    P1_FIELD_NUMBER: _ClassVar[int]
+    P2_FIELD_NUMBER: _ClassVar[int]
+    THICKNESS_FIELD_NUMBER: _ClassVar[int]
+    TYPE_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    p1: Point
+    p2: Point
+    thickness: float
+    type: Shape
+    def __init__(self, name: _Optional[str] = ..., p1: _Optional[_Union[Point, _Mapping]] = ..., p2: _Optional[_Union[Point, _Mapping]] = ..., thickness: _Optional[float] = ..., type: _Optional[_Union[Shape, str]] = ...) -> None: ...
+
+class FieldArc(_message.Message):
+    __slots__ = ("name", "center", "radius", "a1", "a2", "thickness", "type")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    CENTER_FIELD_NUMBER: _ClassVar[int]
+    RADIUS_FIELD_NUMBER: _ClassVar[int]
+    A1_FIELD_NUMBER: _ClassVar[int]
+    A2_FIELD_NUMBER: _ClassVar[int]
+    THICKNESS_FIELD_NUMBER: _ClassVar[int]
+    TYPE_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    center: Point
+    radius: float
+    a1: float
+    a2: float
+    thickness: float
+    type: Shape
+    def __init__(self, name: _Optional[str] = ..., center: _Optional[_Union[Point, _Mapping]] = ..., radius: _Optional[float] = ..., a1: _Optional[float] = ..., a2: _Optional[float] = ..., thickness: _Optional[float] = ..., type: _Optional[_Union[Shape, str]] = ...) -> None: ...
+
+class FieldSize(_message.Message):
+    __slots__ = ("field_length", "field_width", "goal_width", "goal_depth", "boundary_width", "field_lines", "field_arcs", "penalty_area_depth", "penalty_area_width", "center_circle_radius", "line_thickness", "goal_center_to_penalty_mark", "goal_height", "ball_radius", "max_robot_radius")
+    FIELD_LENGTH_FIELD_NUMBER: _ClassVar[int]
+    FIELD_WIDTH_FIELD_NUMBER: _ClassVar[int]
+    GOAL_WIDTH_FIELD_NUMBER: _ClassVar[int]
+    GOAL_DEPTH_FIELD_NUMBER: _ClassVar[int]
+    BOUNDARY_WIDTH_FIELD_NUMBER: _ClassVar[int]
+    FIELD_LINES_FIELD_NUMBER: _ClassVar[int]
+    FIELD_ARCS_FIELD_NUMBER: _ClassVar[int]
+    PENALTY_AREA_DEPTH_FIELD_NUMBER: _ClassVar[int]
+    PENALTY_AREA_WIDTH_FIELD_NUMBER: _ClassVar[int]
+    CENTER_CIRCLE_RADIUS_FIELD_NUMBER: _ClassVar[int]
+    LINE_THICKNESS_FIELD_NUMBER: _ClassVar[int]
+    GOAL_CENTER_TO_PENALTY_MARK_FIELD_NUMBER: _ClassVar[int]
+    GOAL_HEIGHT_FIELD_NUMBER: _ClassVar[int]
+    BALL_RADIUS_FIELD_NUMBER: _ClassVar[int]
+    MAX_ROBOT_RADIUS_FIELD_NUMBER: _ClassVar[int]
+    field_length: int
+    field_width: int
+    goal_width: int
+    goal_depth: int
+    boundary_width: int
+    field_lines: _containers.RepeatedCompositeFieldContainer[FieldLine]
+    field_arcs: _containers.RepeatedCompositeFieldContainer[FieldArc]
+    penalty_area_depth: int
+    penalty_area_width: int
+    center_circle_radius: int
+    line_thickness: int
+    goal_center_to_penalty_mark: int
+    goal_height: int
+    ball_radius: float
+    max_robot_radius: float
+    def __init__(self, field_length: _Optional[int] = ..., field_width: _Optional[int] = ..., goal_width: _Optional[int] = ..., goal_depth: _Optional[int] = ..., boundary_width: _Optional[int] = ..., field_lines: _Optional[_Iterable[_Union[FieldLine, _Mapping]]] = ..., field_arcs: _Optional[_Iterable[_Union[FieldArc, _Mapping]]] = ..., penalty_area_depth: _Optional[int] = ..., penalty_area_width: _Optional[int] = ..., center_circle_radius: _Optional[int] = ..., line_thickness: _Optional[int] = ..., goal_center_to_penalty_mark: _Optional[int] = ..., goal_height: _Optional[int] = ..., ball_radius: _Optional[float] = ..., max_robot_radius: _Optional[float] = ...) -> None: ...
+
+class Calibration(_message.Message):
+    __slots__ = ("camera_id", "focal_length", "principal_point_x", "principal_point_y", "distortion", "q0", "q1", "q2", "q3", "tx", "ty", "tz", "derived_camera_world_tx", "derived_camera_world_ty", "derived_camera_world_tz", "pixel_image_width", "pixel_image_height")
+    CAMERA_ID_FIELD_NUMBER: _ClassVar[int]
+    FOCAL_LENGTH_FIELD_NUMBER: _ClassVar[int]
+    PRINCIPAL_POINT_X_FIELD_NUMBER: _ClassVar[int]
+    PRINCIPAL_POINT_Y_FIELD_NUMBER: _ClassVar[int]
+    DISTORTION_FIELD_NUMBER: _ClassVar[int]
+    Q0_FIELD_NUMBER: _ClassVar[int]
+    Q1_FIELD_NUMBER: _ClassVar[int]
+    Q2_FIELD_NUMBER: _ClassVar[int]
+    Q3_FIELD_NUMBER: _ClassVar[int]
+    TX_FIELD_NUMBER: _ClassVar[int]
+    TY_FIELD_NUMBER: _ClassVar[int]
+    TZ_FIELD_NUMBER: _ClassVar[int]
+    DERIVED_CAMERA_WORLD_TX_FIELD_NUMBER: _ClassVar[int]
+    DERIVED_CAMERA_WORLD_TY_FIELD_NUMBER: _ClassVar[int]
+    DERIVED_CAMERA_WORLD_TZ_FIELD_NUMBER: _ClassVar[int]
+    PIXEL_IMAGE_WIDTH_FIELD_NUMBER: _ClassVar[int]
+    PIXEL_IMAGE_HEIGHT_FIELD_NUMBER: _ClassVar[int]
+    camera_id: int
+    focal_length: float
+    principal_point_x: float
+    principal_point_y: float
+    distortion: float
+    q0: float
+    q1: float
+    q2: float
+    q3: float
+    tx: float
+    ty: float
+    tz: float
+    derived_camera_world_tx: float
+    derived_camera_world_ty: float
+    derived_camera_world_tz: float
+    pixel_image_width: int
+    pixel_image_height: int
+    def __init__(self, camera_id: _Optional[int] = ..., focal_length: _Optional[float] = ..., principal_point_x: _Optional[float] = ..., principal_point_y: _Optional[float] = ..., distortion: _Optional[float] = ..., q0: _Optional[float] = ..., q1: _Optional[float] = ..., q2: _Optional[float] = ..., q3: _Optional[float] = ..., tx: _Optional[float] = ..., ty: _Optional[float] = ..., tz: _Optional[float] = ..., derived_camera_world_tx: _Optional[float] = ..., derived_camera_world_ty: _Optional[float] = ..., derived_camera_world_tz: _Optional[float] = ..., pixel_image_width: _Optional[int] = ..., pixel_image_height: _Optional[int] = ...) -> None: ...
+
+class Geometry(_message.Message):
+    __slots__ = ("field", "calib")
+    FIELD_FIELD_NUMBER: _ClassVar[int]
+    CALIB_FIELD_NUMBER: _ClassVar[int]
+    field: FieldSize
+    calib: _containers.RepeatedCompositeFieldContainer[Calibration]
+    def __init__(self, field: _Optional[_Union[FieldSize, _Mapping]] = ..., calib: _Optional[_Iterable[_Union[Calibration, _Mapping]]] = ...) -> None: ...
+
+class VisionPacket(_message.Message):
+    __slots__ = ("detection", "geometry", "source")
+    DETECTION_FIELD_NUMBER: _ClassVar[int]
+    GEOMETRY_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_FIELD_NUMBER: _ClassVar[int]
+    detection: Detection
+    geometry: Geometry
+    source: Source
+    def __init__(self, detection: _Optional[_Union[Detection, _Mapping]] = ..., geometry: _Optional[_Union[Geometry, _Mapping]] = ..., source: _Optional[_Union[Source, str]] = ...) -> None: ...
+
+class LoggedPacket(_message.Message):
+    __slots__ = ("detection",)
+    DETECTION_FIELD_NUMBER: _ClassVar[int]
+    detection: Detection
+    def __init__(self, detection: _Optional[_Union[Detection, _Mapping]] = ...) -> None: ...

@@ -1,0 +1,75 @@
+"""Bench of `omni-mj drive` against the peer of `peer.py`, over real sockets.
+
+The peer waits for commands: nothing depends on how busy this computer is.
+"""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import peer as peer_program
+from serving import LOOPBACK, free_port
+
+from omni_control import Controller
+from omni_mj.live import report, session
+from omni_mj.live.drive import Live
+from omni_mj.live.notes import Notes
+from omni_mj.live.session import Options
+from omni_mj.live.sockets import Address
+from omni_mj.scenarios.scenario import Scenario, scenario
+from omni_mj.simulate.simulation import Simulation
+
+PEER = [sys.executable, str(Path(peer_program.__file__))]
+ROUTE = {"waypoints": [[0, 0], [0.5, 0.3], [0.5, 0.0]], "settle_s": 0.3}
+# What is believed of robots that do as they are told; of alpha, as on equation 7's plant, nothing.
+EXACT = {"lag_s": 0.0, "drag_m_s": 0.0, "creep_s2_m": 0.0, "alpha_forward": 0.0, "alpha_sideways": 0.0}
+
+
+@contextmanager
+def peer(*said: object, **options: Any) -> Iterator[Options]:
+    """A simulator, for as long as the block lasts; how to connect to it, with more options."""
+    vision, port = free_port(), free_port()
+    command = [*PEER, "--vision", f"{LOOPBACK}:{vision}", "--port", str(port), "--lockstep", *map(str, said)]
+    process = subprocess.Popen(command)
+    try:
+        connection = Options(Address(LOOPBACK, vision), Address(LOOPBACK, port), pace="vision", listen_s=0.4)
+        if "commands" in options:
+            options["commands"] = Address(*options["commands"])
+        yield replace(connection, **options)
+    finally:
+        process.kill()
+        process.wait()
+
+
+def on_wire(controller: str | type[Controller], **sections: object) -> Scenario:
+    sections = {"reference": ROUTE, "control": EXACT, **sections}
+    return scenario("rect", plant="live", controllers=[controller], **sections)
+
+
+def driven(chosen: Scenario, options: Options) -> Live:
+    notes = Notes()
+    session.check(chosen, options)
+    with session.listening(options, notes) as link, session.ready(chosen, options, link, notes) as live:
+        live.run()
+    return live
+
+
+def summary(live: Live) -> dict[str, Any]:
+    """As in link.json."""
+    return report.summarize(live)
+
+
+def in_process(live: Live, delay: int) -> Simulation:
+    """The kinematic loop with what the wire has: exact robots, a dead time, and vision that sees what is."""
+    settings = live.scenario.settings.replace(
+        radio={"delay_frames": delay},
+        kinematic={"alpha_low": 1.0, "alpha_high": 1.0},
+        vision={"position_noise_m": 0, "heading_noise_rad": 0, "miss_probability": 0},
+    )
+    simulation = Simulation(live.scenario.replace(plant="kinematic", settings=settings))
+    simulation.run()
+    return simulation

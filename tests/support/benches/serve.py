@@ -1,0 +1,207 @@
+"""Bench of `omni-mj serve` without a process: the field alone, or behind its sockets in a thread of this process."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from serving import BLUE, LOOPBACK, Client, fields
+
+from omni_mj.live.serve import line_up
+from omni_mj.live.serve.field import areas, standard_field, surface
+from omni_mj.live.serve.log import TableWriter, Tape
+from omni_mj.live.serve.pitch import Pitch, label
+from omni_mj.live.serve.ports import Ports
+from omni_mj.live.serve.server import Server
+from omni_mj.live.sockets import Address
+from omni_mj.live.wire import parse
+from omni_mj.live.wire.simulation_pb2 import RobotControl, Team
+from omni_mj.live.wire.vision_pb2 import FieldSize
+
+QUIET = (
+    "vision.position_noise_m=0",
+    "vision.heading_noise_rad=0",
+    "vision.miss_probability=0",
+    "sensors.gyro_noise_rad_s=0",
+    "sensors.gyro_bias_rad_s=0",
+)
+FAST = "wheels.model=two-rollers"
+CYCLES = 16  # of the wheel loops in a frame
+
+
+class Ended(Exception):  # noqa: N818
+    """Ends a server."""
+
+
+class Field:
+    """What `serve` makes of its options; robots are named by team and number."""
+
+    def __init__(
+        self,
+        *sets: str,
+        blue: str = "1",
+        yellow: str = "0",
+        scenario: str | None = None,
+        seed: int = 0,
+        **robots: str,
+    ) -> None:
+        head = {"seed": seed} | {key: value for key, value in robots.items() if key == "robot"}
+        ours = line_up.load(scenario, sets, head)
+        theirs = line_up.load(scenario, sets, head | {"robot": robots.get("yellow_robot", ours.robot)})
+        line_up.check_together(ours, theirs)
+        numbers = line_up.numbers(blue, "--blue"), line_up.numbers(yellow, "--yellow")
+        poses = line_up.poses(*numbers, ours if scenario else None)
+        self.pitch = Pitch({Team.BLUE: ours, Team.YELLOW: theirs}, poses)
+        self.tape: Tape | None = None
+        self._table: TableWriter | None = None
+
+    @property
+    def names(self) -> list[str]:
+        return [label(name) for name in self.pitch.names_present()]
+
+    @property
+    def poses(self) -> np.ndarray:
+        """Of the robots on the field, in the order of `names`."""
+        return self.pitch.plant.pose()[self.pitch.plant.present]
+
+    @property
+    def twists(self) -> np.ndarray:
+        return self.pitch.plant.twist()[self.pitch.plant.present]
+
+    @property
+    def telemetry(self) -> Any:
+        return self.pitch.plant.telemetry()
+
+    @property
+    def upright(self) -> bool:
+        return bool((self.pitch.plant.driven == self.pitch.plant.present).all())
+
+    @property
+    def time_s(self) -> float:
+        return self.pitch.time_s
+
+    def command(self, packet: bytes, team: int = BLUE) -> list[str]:
+        """Send a packet to robots; codes of what is refused."""
+        errors, _ = self.pitch.command(team, parse(RobotControl, packet).robot_commands)
+        return [error.code for error in errors]
+
+    def cycles(self, count: int) -> list[Any]:
+        """Go on; the images that were taken meanwhile."""
+        images = []
+        for _ in range(count):
+            images += self.look()
+            self.pitch.advance(self.pitch.cycle + 1)
+        return images
+
+    def look(self) -> list[Any]:
+        """The images that are due."""
+        images = self.pitch.take_images()
+        for image in images:
+            self.pitch.publish(image)
+        return images
+
+    def drive(self, frames: int, blue: bytes = b"", yellow: bytes = b"", every: int = 1) -> list[Any]:
+        """Go on by frames, with the same commands in every so many; the images that were taken meanwhile."""
+        images = []
+        for frame in range(frames):
+            if frame % every == 0:
+                assert self.command(blue) == self.command(yellow, 1) == []
+            images += self.cycles(CYCLES)
+            if self.tape is not None:
+                self.tape.add()
+        return images
+
+    def place(self, poses: dict[tuple[int, int], Any], twist: Any = (0, 0, 0), away: Any = ()) -> list[str]:
+        """Put robots down; codes and names of what is refused."""
+        wanted = {name: (np.array(pose, float), np.array(twist, float)) for name, pose in poses.items()}
+        return [f"{error.code} {error.message}" for error in self.pitch.place(wanted, set(away))]
+
+    def put(self, number: int, *pose: float, team: int = BLUE, twist: Any = (0, 0, 0)) -> list[str]:
+        """Put a robot down; codes of what is refused."""
+        return [text.split()[0] for text in self.place({(team, number): pose}, twist)]
+
+    def resize(self, length: float, width: float, margin: float) -> None:
+        lengths = (round(1000 * value) for value in (length, width, 0.5, 0.1, margin))
+        names = ("field_length", "field_width", "goal_width", "goal_depth", "boundary_width")
+        self.pitch.resize(FieldSize(**dict(zip(names, lengths, strict=True))))
+
+    def release(self) -> None:
+        """Let no current flow: robots roll."""
+        for squad in self.pitch.plant.squads:
+            squad.hold(np.zeros_like(squad.telemetry().current))
+
+    def break_physics(self) -> None:
+        self.pitch.plant._batch.bind("qvel")[0, 3] = 1e12
+
+    def heading_estimates(self) -> np.ndarray:
+        """What robots take their headings to be."""
+        return np.concatenate([squad._kernel.state.onboard.loops.heading for squad in self.pitch.plant.squads])
+
+    def voltage(self) -> float:
+        """Largest voltage of the first squad's motors in the cycle just past."""
+        return float(np.abs(self.pitch.plant.squads[0]._at.ctrl.get()).max())
+
+    def masses(self) -> list[float]:
+        squads = self.pitch.plant.squads
+        model = squads[0]._world.model
+        return [float(model.body_subtreemass[squad._world.robots[0].chassis]) for squad in squads]
+
+    def arm(self) -> float:
+        """Distance of the wheels from the middle, m."""
+        geometry = self.pitch.plant.squads[0].geometry
+        assert geometry is not None
+        return float(geometry.arm)
+
+    def record(self, path: Path) -> None:
+        """Record to a table until `finish`."""
+        self._table = TableWriter(path)
+        self.tape = Tape(self.pitch, [self._table])
+
+    def finish(self) -> None:
+        assert self.tape is not None
+        assert self._table is not None
+        self.tape.flush()
+        self._table.finish()
+
+
+@contextmanager
+def here(
+    field: Field, lockstep: str = "any", speed: float = 1.0, vision: str = LOOPBACK
+) -> Iterator[tuple[Client, Server]]:
+    """A server in a thread, and a foreign client of it."""
+    client, stop = Client(), threading.Event()
+    server = Server(field.pitch, Ports(0, 0, 0, Address(vision, client.vision_port)), speed, lockstep)
+    client.ports = server.ports
+
+    def check() -> None:
+        if stop.is_set():
+            raise Ended
+
+    def run() -> None:
+        try:
+            server.run(check)
+        except Ended:
+            server.close()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield client, server
+    finally:
+        stop.set()
+        thread.join(10)
+        client.close()
+        assert not thread.is_alive()
+
+
+def seen_by(cameras: int, overlap: float, x: float, y: float) -> list[bool]:
+    """Which of so many cameras see a place on the standard field."""
+    points = np.array([[x, y]])
+    return [bool(area.sees(points)[0]) for area in areas(cameras, surface(standard_field()), overlap)]
+
+
+def geometry(packet: bytes) -> dict[int, list[Any]]:
+    """Fields of the geometry in a packet."""
+    return fields(fields(packet)[2][0])
