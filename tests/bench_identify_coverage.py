@@ -17,8 +17,6 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
-from omni_mj.onboard.laws import at_temperature
 from scipy.optimize import minimize_scalar
 
 from omni_mj.measure.table import Table, text
@@ -36,11 +34,7 @@ from omni_mj.studies.slip.law import expected
 
 ROBOTS = ("tigers-v2016", "tigers-v2020", "ssl-a-team", "robojackets", "roboteam-twente")
 WRONG_DELAY_FRAMES = 3
-Warm = tuple[float, float]  # windings, as their currents weigh them, and housings, deg C
 Found = dict[str, dict[str, Any]]  # number -> value, noise, error, low, high, truth
-
-
-HEATED = (("winding", "c"), ("housing", "c"), ("mean_current", "a"))
 
 
 def generator(number: int, what: int) -> np.random.Generator:
@@ -102,39 +96,29 @@ def start_file(settings: Settings, robot: str, number: int, folder: Path) -> str
     return str(path)
 
 
-def truths(settings: Settings, warm: Warm) -> dict[str, float]:
-    """Numbers of the plant, as far as they are told, with motors as warm as they were.
+def truths(settings: Settings) -> dict[str, float]:
+    """Numbers of the plant, as far as they are told.
 
     Its steps are semi-implicit, so that bodies are half a step ahead of what forces make of them.
     """
-    closed, mass = expected(settings), settings.body.mass_kg
-    warmer = at_temperature(1.0, settings.motor.copper_per_k, warm[0])
-    weaker = at_temperature(1.0, settings.motor.magnet_per_k, warm[1])
-    return {
-        "wheels.creep_stiffness": settings.drive.creep_stiffness,
-        "wheels.gain_forward": ROLLS * float(closed.gain[0]),
-        "wheels.gain_sideways": ROLLS * float(closed.gain[1]),
-        "wheels.creep_forward_s2_m": float(closed.time[0]),
-        "wheels.creep_sideways_s2_m": float(closed.time[1]),
-        "wheels.drag_forward_m_s2": float(closed.drag[0]) / mass,
-        "wheels.drag_sideways_m_s2": float(closed.drag[1]) / mass,
-        "wheels.pile": settings.carpet.pile,
-        "wheels.roller_friction": settings.drive.roller_friction,
-        "wheels.radius_m": ROLLS * settings.wheels.radius_m,
-        "wheels.arm_m": settings.wheels.arm_m,
-        "wheels.clock_s": 0.0,
-        "wheels.drift": 0.0,
-        "commands.latency_s": settings.radio.delay_frames * PERIOD_S - 0.5 / CYCLE_RATE_HZ / settings.physics.substeps,
-        "wheels.slope_x_rad": 0.0,
-        "wheels.slope_y_rad": 0.0,
-        "motors.constant_nm_a": settings.motor.constant_nm_a * weaker,
-        "motors.resistance_ohm": settings.motor.resistance_ohm * warmer,
-        "motors.mass_kg": mass,
+    law, mass, half = expected(settings), settings.body.mass_kg, 0.5 / CYCLE_RATE_HZ / settings.physics.substeps
+    wheels = {
+        "creep_stiffness": settings.drive.creep_stiffness,
+        "pile": settings.carpet.pile,
+        "roller_friction": settings.drive.roller_friction,
+        "radius_m": ROLLS * settings.wheels.radius_m,
+        "arm_m": settings.wheels.arm_m,
+        **dict.fromkeys(("clock_s", "drift", "slope_x_rad", "slope_y_rad"), 0.0),
     }
+    for i, axis in enumerate(("forward", "sideways")):
+        wheels[f"gain_{axis}"], wheels[f"creep_{axis}_s2_m"] = ROLLS * float(law.gain[i]), float(law.time[i])
+        wheels[f"drag_{axis}_m_s2"] = float(law.drag[i]) / mass
+    late = {"commands.latency_s": settings.radio.delay_frames * PERIOD_S - half}
+    return {f"wheels.{name}": value for name, value in wheels.items()} | late
 
 
-def driven(robot: str, numbers: Sequence[int], folder: Path) -> tuple[Path, list[Settings], list[Warm]]:
-    """Drive logs of one robot, as one batch, unless the folder has them: file, settings, and how warm motors were."""
+def driven(robot: str, numbers: Sequence[int], folder: Path) -> tuple[Path, list[Settings]]:
+    """Drive logs of one robot, as one batch, unless the folder has them: file and settings."""
     base = plan(robot).scenario
     base = base.replace(settings=base.settings.replace(wheels={"model": "two-rollers"}))
     settings = [drawn(base.settings, number) for number in numbers]
@@ -144,21 +128,12 @@ def driven(robot: str, numbers: Sequence[int], folder: Path) -> tuple[Path, list
         rows = [Row(i, 0, label, n, s, robot) for i, (n, s) in enumerate(zip(numbers, settings, strict=True))]
         simulation = Simulation(base, rows=rows)
         run.of(simulation, drive(simulation)).save(folder)
-    names = [f"{name}_{i + 1}_{unit}" for name, unit in HEATED for i in range(len(base.settings.wheels.azimuths_deg))]
-    table = pq.read_table(file, columns=["seed", *names])
-    seed, values = table["seed"].to_numpy(), np.stack([table[name].to_numpy() for name in names], -1)
-    warm = []
-    for number in numbers:
-        winding, housing, current = (
-            values[seed == number].reshape(-1, len(HEATED), len(names) // len(HEATED)).swapaxes(0, 1)
-        )
-        warm.append((float(np.average(winding, weights=current**2)), float(housing.mean())))
-    return file, settings, warm
+    return file, settings
 
 
-def identified(log: Log, settings: Settings, warm: Warm, start: str) -> tuple[Found, list[str]]:
+def identified(log: Log, settings: Settings, start: str) -> tuple[Found, list[str]]:
     """What a log tells of each number whose truth is known; and misfits."""
-    result, truth = of_logs([log], started(start)), truths(settings, warm)
+    result, truth = of_logs([log], started(start)), truths(settings)
     found = {}
     for e in result.estimates:
         name = f"{e.source}.{e.name}"
@@ -178,9 +153,9 @@ def study(logs: int, first: int, folder: Path) -> Iterator[dict[str, Any]]:
         numbers = [n for n in range(first, first + logs) if n % len(ROBOTS) == k and n not in known]
         if not numbers:
             continue
-        file, settings, warm = driven(robot, numbers, folder / f"{robot}-{numbers[0]}-{len(numbers)}")
-        for number, log, each, heat in zip(numbers, read(file), settings, warm, strict=True):
-            found, misfits = identified(log, each, heat, start_file(each, robot, number, folder))
+        file, settings = driven(robot, numbers, folder / f"{robot}-{numbers[0]}-{len(numbers)}")
+        for number, log, each in zip(numbers, read(file), settings, strict=True):
+            found, misfits = identified(log, each, start_file(each, robot, number, folder))
             result = {"number": number, "robot": robot, "misfits": misfits, "found": found}
             with kept.open("a", encoding="utf-8") as out:
                 out.write(json.dumps(result) + "\n")
@@ -207,7 +182,7 @@ def table(results: Sequence[dict[str, Any]]) -> Table:
         rows.append([name, *(f"{x:.2g}" for x in (*numbers, law_error(off, scatter))), inside, str(len(told))])
     said = ", ".join(
         f"{sum(any(what in line for line in each['misfits']) for each in results)} by {what}"
-        for what in ("wheels: ", "commands: ", "motor ")
+        for what in ("wheels: ", "commands: ")
     )
     headings = ["", "mean off", "spread", "noise", "std. error", "over it", "law", "intervals with the truth", "told"]
     title = f"{len(results)} logs, misfits {said}; over the truth where that is not 0"

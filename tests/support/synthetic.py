@@ -1,16 +1,23 @@
-"""Robots whose wheels creep, written apart from the package: logs of known truth for identification.
+"""Logs of a robot on creeping wheels, of known truth, by a law that is written apart from the package.
 
-Newton's law of body and hubs in the world's frame, wheel by wheel, in small steps: hubs implicitly, as they are light.
+Newton's law of body and hubs in the world frame, wheel by wheel, in small steps; hubs implicitly, as they are light.
 """
 
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 
-from omni_mj.scenarios.settings import Settings
+import omni_mj as om
 
 FINE = 960  # steps of a second, about
 SLOWEST_M_S = 0.015  # below which creep and drag are those of this speed
+POSE = ("x_m", "y_m", "heading_rad")
+COMMAND = ("vx_cmd_world_m_s", "vy_cmd_world_m_s", "w_cmd_rad_s")
+WHEELS = ("wheel_1_rad", "wheel_2_rad", "wheel_3_rad", "wheel_4_rad")
+SETTINGS = om.scenario("rect").settings
+Columns = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -23,105 +30,93 @@ class Truth:
     rollers: float = 0.08
     give: float = 0.03
     friction: float = 0.01
-    scale: float = 1.0
 
 
 @dataclass(frozen=True)
-class Logs:
-    """Of n robots, F lines: times (F,), poses measured (F, n, 3), commands (F, n, 3) world frame, angles (F, n, W)."""
+class Drive:
+    """Random velocities, 3/4 s each, along trapezoids.
 
-    time: np.ndarray
-    pose: np.ndarray
-    command: np.ndarray
-    angle: np.ndarray
-
-
-def logs(
-    settings: Settings,
-    truths: list[Truth],
-    seconds: float,
-    *,
-    rate: float = 60.0,
-    seed: int = 0,
-    noise: float = 0.0013,
-    speed: float = 1.6,
-    pull: float = 2.0,
-    turn: float = 3.0,
-    push: float = 0.0,
-    weak: float = 1.0,
-    lean: complex = 0.0,
-) -> Logs:
-    """Drive between random velocities, 3/4 s each, along trapezoids.
-
-    Args:
-        settings: the robots' geometry and inertia.
-        truths: of each robot.
-        seconds: how long.
-        rate: lines per second.
-        seed: of moves and noise.
-        noise: of positions, m; of headings 0.003 rad.
-        speed, pull, turn: largest velocity per axis, acceleration, and turn rate; turning speeds up at 15 rad/s^2.
+    Attributes:
+        seconds: how long; rate: lines per second; seed: of moves and noise.
+        speed, pull: largest velocity per axis, m/s, and acceleration, m/s^2.
         push: an acceleration that swings along x at 1.1 Hz, m/s^2, and that no law knows.
-        weak: share of the first wheel's load that its traction is in proportion to.
         lean: what a slope of the carpet pulls along x, and y as the imaginary part, m/s^2.
     """
-    rng, n, lines = np.random.default_rng(seed), len(truths), round(seconds * rate)
-    fine = max(1, round(FINE / rate))
-    dt, each = 1 / (rate * fine), np.array([list(vars(t).values()) for t in truths])
-    late, stiffness, pile, rollers, give, friction, scale = each.T[:, :, None]
-    azimuth, arm = np.radians(settings.wheels.azimuths_deg), settings.wheels.arm_m
-    radius, mass, height = settings.wheels.radius_m, settings.body.mass_kg, settings.body.centre_height_m
-    outward, drive = np.exp(1j * azimuth), 1j * np.exp(1j * azimuth)
+
+    seconds: float = 6.5
+    rate: float = 60.0
+    seed: int = 1
+    speed: float = 2.2
+    pull: float = 2.0
+    push: float = 0.0
+    lean: complex = 0.0
+
+
+@cache
+def _driven(truth: Truth, drive: Drive) -> Columns:
+    rng, settings = np.random.default_rng(drive.seed), SETTINGS
+    lines, fine = round(drive.seconds * drive.rate), max(1, round(FINE / drive.rate))
+    dt = 1 / (drive.rate * fine)
+    azimuth, arm, radius = np.radians(settings.wheels.azimuths_deg), settings.wheels.arm_m, settings.wheels.radius_m
+    mass, height, motor = settings.body.mass_kg, settings.body.centre_height_m, settings.motor
+    outward, along = np.exp(1j * azimuth), 1j * np.exp(1j * azimuth)
     ring = settings.wheels.rollers * 0.0015 * (1 - settings.wheels.roller_radius_m / radius) ** 2
     viscous = settings.drive.roller_damping_nm_s / settings.wheels.roller_radius_m**2
-    motor = settings.motor
     hub = motor.rotor_inertia_kg_m2 * motor.gear**2 / radius**2
     softer = motor.commutation_ohm_s * motor.gear / (motor.resistance_ohm * radius)
     places = np.stack([np.ones(len(azimuth)), arm * outward.real, arm * outward.imag], 1)
     spread = places @ np.linalg.inv(places.T @ places)
-    rest, shift, share = spread @ [mass * 9.81, 0.0, 0.0], spread[:, 1:].T, np.append(weak, np.ones(len(azimuth) - 1))
-    along, across = np.conj(drive), np.conj(outward)
-    inertia = np.array([mass, mass, settings.body.yaw_inertia_kg_m2])[:, None] * np.eye(3)
-    rows = np.stack([drive.real, drive.imag, np.full(len(azimuth), arm)], 1)
-    inverse = np.linalg.inv(inertia + ring * rows.T @ rows)
-    command, goal = np.zeros((lines, n, 3)), np.zeros((n, 3))
-    steepest = np.array([pull, pull, 15.0]) / rate
+    rows = np.stack([along.real, along.imag, np.full(len(azimuth), arm)], 1)
+    inverse = np.linalg.inv(np.diag([mass, mass, settings.body.yaw_inertia_kg_m2]) + ring * rows.T @ rows)
+    command, goal, steepest = np.zeros((lines, 3)), np.zeros(3), np.array([drive.pull, drive.pull, 15.0]) / drive.rate
     for k in range(1, lines):
-        if k % round(0.75 * rate) == 1:
-            goal = rng.uniform(-1, 1, (n, 3)) * [speed, speed, turn]
+        if k % round(0.75 * drive.rate) == 1:
+            goal = rng.uniform(-1, 1, 3) * [drive.speed, drive.speed, 3.0]
         command[k] = command[k - 1] + np.clip(goal - command[k - 1], -steepest, steepest)
-    z, v, heading, w = np.zeros(n, complex), np.zeros(n, complex), np.zeros(n), np.zeros(n)
-    rim, angle, pulling = np.zeros((n, len(azimuth))), np.zeros((n, len(azimuth))), np.zeros(n, complex)
-    poses, angles = np.zeros((lines, n, 3)), np.zeros((lines, n, len(azimuth)))
+    z, v, heading, w, pulling = 0j, 0j, 0.0, 0.0, 0j
+    rim, angle = np.zeros((2, len(azimuth)))
+    poses, angles = np.zeros((lines, 3)), np.zeros((lines, len(azimuth)))
     for k in range(lines):
-        poses[k], angles[k] = np.stack([z.real, z.imag, heading], 1), angle
-        times = (k + (np.arange(fine) + 0.5) / fine) / rate
-        line = np.floor((times[:, None] - late[:, 0]) * rate).astype(int)
-        sent = np.where((line >= 0)[..., None], command[np.maximum(line, 0), np.arange(n)], 0.0)
-        for t, u in zip(times, sent, strict=True):
+        poses[k], angles[k] = (z.real, z.imag, heading), angle
+        for t in (k + (np.arange(fine) + 0.5) / fine) / drive.rate:
+            line = int(np.floor((t - truth.late) * drive.rate))
+            u = command[line] if line >= 0 else np.zeros(3)
             ahead = np.exp(1j * heading)
-            told = (along * ((u[:, 0] + 1j * u[:, 1]) / ahead)[:, None]).real
-            told = told + arm * (u[:, 2] + settings.firmware.turn_gain * (u[:, 2] - w))[:, None]
-            body = (v / ahead)[:, None]
-            travel = body + 1j * arm * w[:, None] * outward
-            load = rest - mass * height * (np.stack([pulling.real, pulling.imag], 1) @ shift)
-            ground = (along * travel).real
-            size = np.maximum(np.abs(travel), SLOWEST_M_S)
-            holds = stiffness * load * share / size
-            soft = give / mass * (1 + softer * np.abs(told))
-            wanted = scale * told - friction * np.minimum(np.maximum(told / 0.05, -1), 1)
+            turn = u[2] + settings.firmware.turn_gain * (u[2] - w)
+            told = (along.conj() * complex(u[0], u[1]) / ahead).real + arm * turn
+            travel = v / ahead + 1j * arm * w * outward
+            load = mass * (9.81 * spread[:, 0] - height * (spread[:, 1:] @ [pulling.real, pulling.imag]))
+            ground, size = (along.conj() * travel).real, np.maximum(np.abs(travel), SLOWEST_M_S)
+            holds = truth.stiffness * load / size
+            soft = truth.give / mass * (1 + softer * np.abs(told))
+            wanted = told - truth.friction * np.clip(told / 0.05, -1, 1)
             rim = (hub * rim + dt * (wanted / soft + holds * ground)) / (hub + dt * (1 / soft + holds))
-            force = holds * (rim - ground)
-            angle = angle + dt * rim / radius
-            axle = (across * travel).real
-            sideways = rollers * load * axle / np.maximum(np.abs(axle), SLOWEST_M_S) + viscous * axle
-            drag = pile * load * travel / size
-            whole = (force * drive - drag - sideways * outward).sum(1)
-            moment = (arm * force - arm * (along * drag).real).sum(1)
-            gained = np.stack([whole.real, whole.imag, moment], 1) @ inverse.T
-            pulling = gained[:, 0] + 1j * gained[:, 1]
-            world = pulling * ahead + push * np.sin(2 * np.pi * 1.1 * t) + lean
-            z, heading = z + dt * (v + dt * world / 2), heading + dt * (w + dt * gained[:, 2] / 2)
-            v, w = v + dt * world, w + dt * gained[:, 2]
-    measured = poses + rng.normal(size=poses.shape) * [noise, noise, 0.003]
-    return Logs(np.arange(lines) / rate, measured, command, angles)
+            force, angle = holds * (rim - ground), angle + dt * rim / radius
+            axle = (outward.conj() * travel).real
+            sideways = truth.rollers * load * axle / np.maximum(np.abs(axle), SLOWEST_M_S) + viscous * axle
+            drag = truth.pile * load * travel / size
+            whole = (force * along - drag - sideways * outward).sum()
+            moment = arm * (force - (along.conj() * drag).real).sum()
+            gained = inverse @ [whole.real, whole.imag, moment]
+            pulling = complex(gained[0], gained[1])
+            world = pulling * ahead + drive.push * np.sin(2 * np.pi * 1.1 * t) + drive.lean
+            z, heading = z + dt * (v + dt * world / 2), heading + dt * (w + dt * gained[2] / 2)
+            v, w = v + dt * world, w + dt * gained[2]
+    poses += rng.normal(size=poses.shape) * [0.0013, 0.0013, 0.003]
+    names = ("time_s", *POSE, *COMMAND, *WHEELS)
+    return dict(zip(names, [np.arange(lines) / drive.rate, *poses.T, *command.T, *angles.T], strict=True))
+
+
+def driven(truth: Truth = Truth(), drive: Drive = Drive(), *, wheels: bool = True, commands: bool = True) -> Columns:
+    """The columns of a log, with noise of 1.3 mm and 3 mrad."""
+    left = () if commands else COMMAND
+    left += () if wheels else WHEELS
+    return {name: values.copy() for name, values in _driven(truth, drive).items() if name not in left}
+
+
+def write(path: Path, columns: Columns) -> Path:
+    """A log as CSV; what is not a number is empty."""
+    body = np.stack(list(columns.values()), 1)
+    np.savetxt(path, body, fmt="%.9g", delimiter=",", header=",".join(columns), comments="")
+    path.write_text(path.read_text().replace("nan", ""))
+    return path

@@ -1,10 +1,9 @@
 """Identification of a user's robot from its logs.
 
-`logs` reads them, `axes` and `wheels` check that inputs and motion are of the same robot and axes, `segments` cuts them
-into stretches, `law` predicts these, `loops` what is late in them, `fit` is the least squares of what `projected`
-leaves of them, `errors` how sure it is, `residuals` what it lacks, `motion` what is fitted to what, `suspects` and
-`windings` which part is odd, `numbers` what parameters mean, `findings` what the data tell and what not, `predict` how
-well what was found predicts, `study` all of it, `robot_file` what it writes, `plan` what to drive.
+`logs` reads tables (`tables`) and game logs (`game_log`), `checks` refuses what cannot be of this robot, `stretches`
+cuts logs, `law` predicts the motion and `fit` fits it, `motion` says what is fitted to wheels and to commands, `motors`
+what currents and voltages tell, `findings` what the data tell and what not, `study` is all of it, `robot_file` what it
+writes, `plan` what to drive.
 """
 
 from omni_mj.studies.identify.findings import Estimate

@@ -1,37 +1,36 @@
-"""What the data tell of each number, with its interval, and where they do not, why, and what would."""
+"""Numbers of the robot with their intervals, or the reason why the data cannot tell them and what would."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import approx_fprime
 
 from omni_control.kinematics import Array
-from omni_mj.scenarios.settings import Settings
-from omni_mj.studies.identify import law, numbers
-from omni_mj.studies.identify.fit import LATE, Fit
-from omni_mj.studies.identify.segments import Segments
+from omni_mj.scenarios import creep_law
+from omni_mj.scenarios.robot_checks import GRAVITY_M_S2
+from omni_mj.scenarios.settings import PERIOD_S, Settings
+from omni_mj.studies.identify.fit import LATE, RANGES, Fit
+from omni_mj.studies.identify.law import NAMES, Body
+from omni_mj.studies.identify.logs import Log
 
-FRAME_S = 1 / 60
-FAST_M_S, PULLING_M_S2, MOVING_M_S = 1.0, 1.0, 0.5  # what creep needs: this speed, and this acceleration while moving
-LONG_ENOUGH_S = 0.2
-# Residuals over noise, from which a law that misfits tells nothing. That of wheels leaves out slip at the most; it
-# is 3 to 8 of a robot in a laboratory whose radius it tells (docs/identify.md), 18 where two wheels are swapped.
-LAWLESS, LAWLESS_WHEELS = 2.0, 10.0
+FAST_M_S, PULLING_M_S2, MOVING_M_S, LONG_ENOUGH_S = 1.0, 1.0, 0.5, 0.2  # what creep needs, and for how long
 DRIVES_M_S, TURNS_RAD_S = 0.1, 0.3  # root mean square along an axis, below which its gain is not told
+LAWLESS = {True: 10.0, False: 2.0}  # by wheels, by commands: residuals over noise, from which nothing is told
+AXES = ("forward", "sideways")
+NORMAL, LEAST_STAMPS = 1.96, 20
 
 
-@dataclass(frozen=True)
-class Kind:
+class Kind(NamedTuple):
     """What is told of a number.
 
     Attributes:
         title, unit: of it.
         limit: half width of the 95 % interval above which it is not told; share: the same, over the value.
-        needs: what the motion must have: forward, sideways, turning or creep, several separated by blanks.
+        needs: what the motion must have: forward, sideways, turning, creep.
         would_tell: what to drive.
-        law: standard error of the law itself, over the value where it is a share (`share`): how far it was off on our
-            plant where noise does not explain it (docs/identify.md).
+        law: standard error of the law itself, over the value if `share` is: `tests/bench_identify_coverage.py`.
     """
 
     title: str
@@ -47,11 +46,12 @@ GAIN = "half a minute along that axis, with plateaus at two or three speeds"
 CREEP = "moves along that axis to 1, 1.5 and 2 m/s at 2 m/s^2 and more, there and back, ten each (--plan)"
 LAG = "steps of the command at low speed along that axis, where creep is small"
 STEPS = "changes of the command of 1 m/s or more, twenty or so"
-STRAIGHT = "straight moves of a metre or more"
 DRAG = "as for creep; roll-outs with motors off, or motors' currents"
+RECEIVED = "a column received_s: when the robot got each line's command, by any clock"
+SLOW = "moves at 0.1 to 0.3 m/s beside fast ones"
 KINDS = {
-    LATE: Kind("latency of the loop", "s", 0.5 * FRAME_S, 0, "", STEPS, 8e-4),
-    "clock_s": Kind("poses later than wheels by", "s", 0.5 * FRAME_S, 0, "", STEPS, 4.5e-4),
+    LATE: Kind("latency of the loop", "s", 0.5 * PERIOD_S, 0, "", STEPS, 8e-4),
+    "clock_s": Kind("poses later than wheels by", "s", 0.5 * PERIOD_S, 0, "", STEPS, 4.5e-4),
     "drift": Kind("and more so by, each second", "", 1e-3, 0, "", "a log of a minute or more", 5e-5),
     "gain_forward": Kind("gain K forward", "", 0.05, 0, "forward", GAIN, 2e-3),
     "gain_sideways": Kind("gain K sideways", "", 0.05, 0, "sideways", GAIN, 2e-3),
@@ -66,20 +66,13 @@ KINDS = {
     "radius_m": Kind("effective wheel radius", "m", 0, 0.01, "", GAIN, 1.1e-3),
     "arm_m": Kind("effective arm", "m", 0, 0.02, "turning", GAIN, 3e-3),
     "lag_forward_s": Kind("lag tau forward", "s", 0.02, 0, "forward", LAG, 1e-3),
-    "lag_sideways_s": Kind("lag tau sideways", "s", 0.02, 0, "sideways", LAG, 1.5e-3),
-    "lag_turning_s": Kind("lag turning", "s", 0.02, 0, "turning", LAG, 1e-3),
-    "friction_forward_m_s": Kind(
-        "dry friction c forward", "m/s", 0.03, 0, "forward", "moves at 0.1 to 0.3 m/s beside fast ones"
-    ),
-    "friction_sideways_m_s": Kind(
-        "dry friction c sideways", "m/s", 0.03, 0, "sideways", "moves at 0.1 to 0.3 m/s beside fast ones"
-    ),
-    "stiffness_n_s_m": Kind("stiffness of a wheel's loop", "N s/m", 0, 0.25, "", LAG, 0.03),
-    "integral_1_s": Kind("integral over proportional gain of loops", "1/s", 0, 0.5, "", STEPS),
+    "friction_forward_m_s": Kind("dry friction c forward", "m/s", 0.03, 0, "forward", SLOW),
     "grip": Kind("friction of wheels on the carpet", "", 0, 0.1, "", "moves on which wheels slide"),
     "slope_x_rad": Kind("slope of the carpet down along x", "rad", 0.01, 0, "creep", CREEP, 4e-4),
     "slope_y_rad": Kind("slope of the carpet down along y", "rad", 0.01, 0, "creep", CREEP, 4e-4),
-    "compass_rad": Kind("angle of the robot's axes", "rad", 0.05, 0, "", STRAIGHT),
+    "jitter_s": Kind("jitter of the delay, standard deviation", "s", 0.004, 0.5, "", RECEIVED),
+    "lost": Kind("commands that were lost, share", "", 0.02, 0, "", RECEIVED),
+    "compass_rad": Kind("angle of the robot's axes", "rad", 0.05, 0, "", "straight moves of a metre or more"),
 }
 
 
@@ -88,12 +81,9 @@ class Estimate:
     """A number of the robot.
 
     Attributes:
-        name, title, unit: of it; `source` is what it was found from: commands, wheels or motors.
-        value, error: with its standard error, of which `noise` is what the data's noise and what is believed explain,
-            the rest the law's; low and high: ends of the 95 % interval. Kept where it is not told, too, so that the
-            reason can be checked.
-        why_not: why the data cannot tell it, or None.
-        would_tell: what to drive then.
+        name, title, unit: of it; source: commands, wheels, motors or stamps.
+        value, error: with its standard error, `noise` that of the data alone; low, high: ends of the 95 % interval.
+        why_not: why the data cannot tell it, or None; would_tell: what to drive then.
     """
 
     name: str
@@ -114,131 +104,159 @@ class Estimate:
         return self.why_not is None
 
     def report(self) -> dict[str, Any]:
-        """As JSON has it: no numbers where the data cannot tell."""
+        """Return it as JSON has it, without numbers where the data cannot tell."""
         head = {"title": self.title, "unit": self.unit, "source": self.source}
-        if self.told:
-            return head | {
-                "value": self.value,
-                "standard_error": self.error,
-                "of_noise": self.noise,
-                "interval_95": [self.low, self.high],
-            }
-        return head | {"value": None, "not_identifiable": self.why_not, "would_tell": self.would_tell}
+        if not self.told:
+            return head | {"value": None, "not_identifiable": self.why_not, "would_tell": self.would_tell}
+        interval = [self.low, self.high]
+        return head | {
+            "value": self.value,
+            "standard_error": self.error,
+            "of_noise": self.noise,
+            "interval_95": interval,
+        }
 
 
-@dataclass(frozen=True)
 class Excitation:
-    """What the motion of stretches has, for each of forward and sideways (2,).
-
-    Attributes:
-        rms: of the speed along the axis, m/s; turning: of the turn rate, rad/s.
-        speed, pulling: 99 % of the speed and of the acceleration along the axis.
-        creeps: whether it is long enough fast and pulling.
-    """
-
-    rms: Array
-    turning: float
-    speed: float
-    pulling: Array
-    creeps: np.ndarray
-
-    @classmethod
-    def of(cls, fitted: Fit, segments: Segments) -> "Excitation":
-        """That of the fitted motion."""
-        both = segments.there[:, 1:] & segments.there[:, :-1]
-        step = np.maximum(np.diff(segments.time, axis=1), 1e-9)[both]
-        along, pull = fitted.twist[:, 1:][both], np.abs(np.diff(fitted.twist, axis=1)[both] / step[:, None])[:, :2]
-        speed = np.hypot(along[:, 0], along[:, 1])
-        fast = segments.period * (speed >= FAST_M_S).sum()
-        hard = segments.period * ((pull >= PULLING_M_S2) & (speed >= MOVING_M_S)[:, None]).sum(0)
-        rms = np.sqrt((along**2).mean(0))
-        creeps = (fast >= LONG_ENOUGH_S) & (hard >= LONG_ENOUGH_S)
-        high = np.quantile(pull, 0.99, axis=0)
-        return cls(rms[:2], float(rms[2]), float(np.quantile(speed, 0.99)), high, creeps)
-
-    def lacks(self, needs: str) -> str | None:
-        """What of the needs there is not, or None."""
-        for axis, way in enumerate(("forward", "sideways")):
-            if way in needs and self.rms[axis] < DRIVES_M_S:
-                return f"the robot moves {way} at {self.rms[axis]:.2f} m/s (rms) only"
-            if "creep" in needs and (way in needs or needs == "creep") and not self.creeps[axis]:
-                if needs == "creep" and self.creeps.any():
-                    continue
-                return (
-                    f"it needs {FAST_M_S:g} m/s and {PULLING_M_S2:g} m/s^2 {way}; these data hold "
-                    f"{self.speed:.2f} m/s and {self.pulling[axis]:.2f} m/s^2"
-                )
-        if "turning" in needs and self.turning < TURNS_RAD_S:
-            return f"the robot turns at {self.turning:.2f} rad/s (rms) only"
-        return None
-
-
-def estimates(
-    fitted: Fit, body: law.Body, settings: Settings, segments: Segments, given: str = ""
-) -> Iterator[Estimate]:
-    """Of a fit, all numbers that depend on what it was free to change.
+    """What the motion has, by the inputs.
 
     Args:
-        fitted: to segments.
-        body: that it was fitted with.
-        settings: of the start robot.
-        segments: that it was fitted to.
-        given: why what was not free was not, for numbers that only depend on that.
+        twists: of each log, body frame, (F, 3).
+        period: of the lines, s.
+
+    Attributes:
+        rms: speed along the axes, m/s, and turn rate, rad/s, (3,).
+        speed, pulling: 99 % quantiles of the speed, and of the acceleration along both axes.
+        creeps: whether it is fast and pulling for long enough along both axes.
     """
-    source = "wheels" if segments.wheels else "commands"
-    excited, beyond = Excitation.of(fitted, segments), _beyond(fitted, LAWLESS_WHEELS if segments.wheels else LAWLESS)
-    found = numbers.with_errors(fitted, lambda p: numbers.of(body, settings, p, segments.wheels))
-    for i, value in enumerate(fitted.late):
-        name = f"clock_{i + 1}_s" if len(fitted.late) > 1 else "clock_s"
-        name, kind = (name, KINDS["clock_s"]) if segments.wheels else (LATE, KINDS[LATE])
-        yield judged(name, kind, source, float(value), float(fitted.error[i]), fitted.quantile, excited, beyond)
-    bounds = dict(zip(fitted.names, fitted.at_bound, strict=True))
-    for name, (value, error) in found.items():
-        if error == 0.0 or (not segments.wheels and "creep" not in fitted.names and name.startswith("creep")):
-            continue  # what other data told
-        stopped = bounds.get("creep" if name == "creep_stiffness" else name, False)
-        why = f"the fit stopped at a bound, {value:.3g} {KINDS[name].unit}".rstrip() if stopped else None
-        yield judged(name, KINDS[name], source, value, error, fitted.quantile, excited, beyond or why)
-    if "creep" not in fitted.names and given:
-        for name in ("creep_stiffness",):
-            kind = KINDS[name]
-            nan = float("nan")
-            why = excited.lacks(kind.needs) or given
-            yield Estimate(name, kind.title, kind.unit, source, nan, nan, nan, nan, nan, why, kind.would_tell)
 
+    def __init__(self, twists: Sequence[Array], period: float) -> None:
+        window = max(1, round(0.1 / period))
+        self.rms = np.sqrt((np.concatenate(twists) ** 2).mean(0))
+        pull = np.concatenate([np.abs(t[window:, :2] - t[:-window, :2]) / (window * period) for t in twists])
+        speed = np.concatenate([np.hypot(t[window:, 0], t[window:, 1]) for t in twists])
+        self.speed, self.pulling = np.quantile(speed, 0.99), np.quantile(pull, 0.99, axis=0)
+        hard = (pull >= PULLING_M_S2) & (speed >= MOVING_M_S)[:, None]
+        self.creeps = period * np.minimum(hard.sum(0), (speed >= FAST_M_S).sum()) >= LONG_ENOUGH_S
 
-def _beyond(fitted: Fit, most: float) -> str | None:
-    """That the law does not describe the motion, where residuals say so: then its numbers are none of the robot's."""
-    if not fitted.misfit:
+    @property
+    def stands(self) -> bool:
+        """Whether the robot neither drives nor turns."""
+        return bool(np.hypot(*self.rms[:2]) < DRIVES_M_S / 2 and self.rms[2] < TURNS_RAD_S / 2)
+
+    def lacks(self, needs: str) -> str | None:
+        """Return what the motion lacks of the needs of a number, or None."""
+        axes = [i for i, axis in enumerate(AXES) if axis in needs] or [int(self.creeps.argmax())]
+        for i in axes:
+            if AXES[i] in needs and self.rms[i] < DRIVES_M_S:
+                return f"the robot moves {AXES[i]} at {self.rms[i]:.2f} m/s (rms) only"
+            if "creep" in needs and not self.creeps[i]:
+                have = f"these data hold {self.speed:.2f} m/s and {self.pulling[i]:.2f} m/s^2"
+                return f"it needs {FAST_M_S:g} m/s and {PULLING_M_S2:g} m/s^2 {AXES[i]}; {have}"
+        if "turning" in needs and self.rms[2] < TURNS_RAD_S:
+            return f"the robot turns at {self.rms[2]:.2f} rad/s (rms) only"
         return None
-    for one, unit in ((fitted.position, "mm"), (fitted.heading, "mrad")):
-        if one.rms > most * one.noise:
+
+
+def numbers(body: Body, settings: Settings, parameters: Array, by_wheels: bool) -> dict[str, float]:
+    """Return the numbers of a robot that follows the law with these parameters; see `omni_mj.scenarios.creep_law`."""
+    p = dict(zip(NAMES, map(float, parameters), strict=True))
+    give, scale, mass = p["give_s"], p["scale"], settings.body.mass_kg
+    creeping = settings.model_copy(
+        update={
+            "drive": settings.drive.model_copy(
+                update={"creep_stiffness": 1 / max(p["creep"], 1e-9), "roller_friction": p["roller_friction"]}
+            ),
+            "carpet": settings.carpet.model_copy(update={"pile": p["pile"]}),
+            "wheels": settings.wheels.model_copy(update={"creep": "on", "arm_m": settings.wheels.arm_m * p["arm"]}),
+        }
+    )
+    law, cosines = creep_law.creep(creeping), np.abs(body.along[:, 0])
+    result = {}
+    for i, axis in enumerate(AXES):
+        result[f"gain_{axis}"], result[f"creep_{axis}_s2_m"] = scale * float(law.gain[i]), scale * float(law.time[i])
+        result[f"drag_{axis}_m_s2"] = float(law.drag[i]) / mass
+    turning = float(law.gain[2])
+    if by_wheels:
+        result |= {
+            "gain_turning": scale / p["arm"] * turning,
+            "radius_m": body.radius * scale,
+            "arm_m": creeping.wheels.arm_m,
+        }
+    else:
+        result["gain_turning"] = scale * (1 + p["turn_gain"]) / (1 / turning + scale * p["turn_gain"])
+        squares, drag = (cosines**2).sum(), float(law.drag[0]) / mass
+        result["lag_forward_s"] = give * (1 / squares + body.hub)
+        result["friction_forward_m_s"] = (p["friction_m_s"] * cosines.sum() + give * drag) / squares
+    result["creep_stiffness"] = 1 / max(p["creep"], 1e-9)
+    result |= {name: p[name] for name in ("pile", "roller_friction", "compass_rad", "grip", "drift")}
+    return result | {f"slope_{axis}_rad": p[f"lean_{axis}_m_s2"] / GRAVITY_M_S2 for axis in "xy"}
+
+
+def estimates(fitted: Fit, settings: Settings, excited: Excitation) -> Iterator[Estimate]:
+    """Yield the delay, and all numbers that depend on what was fitted, with errors by the delta method."""
+    by_wheels, free = fitted.stretches.are_wheels, fitted.names[1:]
+    columns, covariance = [NAMES.index(name) for name in free], fitted.covariance[1:, 1:]
+
+    def of(x: Array) -> dict[str, float]:
+        parameters = fitted.parameters.copy()
+        parameters[columns] = x
+        return numbers(fitted.body, settings, parameters, by_wheels)
+
+    steps = [1e-3 * RANGES[name][0] for name in free]
+    gradient = approx_fprime(fitted.value[1:], lambda x: np.array(list(of(x).values())), steps)
+    errors = np.sqrt(np.einsum("ki,ij,kj->k", gradient, covariance, gradient))
+    delay = {"clock_s" if by_wheels else LATE: fitted.late}
+    values = delay | of(fitted.value[1:])
+    for (name, value), error in zip(values.items(), [fitted.covariance[0, 0] ** 0.5, *errors], strict=True):
+        kind = KINDS[name]
+        why = excited.lacks(kind.needs) or _lawless(fitted)
+        if "creep" in name and not fitted.parameters[0] and not why:
+            why = "it needs faster moves"
+        if name in fitted.at_bound or ("creep" in name and "creep" in fitted.at_bound):
+            why = why or f"the fit stopped at a bound, {value:.3g} {kind.unit}".rstrip()
+        if (error > 0 and ("creep" in free or "creep" not in name)) or (name == "creep_stiffness" and by_wheels):
+            yield judged(name, kind, "wheels" if by_wheels else "commands", (value, error), fitted.quantile, why)
+
+
+def _lawless(fitted: Fit) -> str | None:
+    """Say that the law does not describe the motion at all, if so."""
+    for residuals, unit in ((fitted.position, "mm"), (fitted.heading, "mrad")):
+        if fitted.misfit and residuals.rms > LAWLESS[fitted.stretches.are_wheels] * residuals.noise:
             return (
-                f"the law does not describe this motion: residuals of {1e3 * one.rms:.1f} {unit}, of which noise "
-                f"{1e3 * one.noise:.1f} {unit}"
+                f"the law does not describe this motion: residuals of {1e3 * residuals.rms:.1f} {unit}, of which noise "
+                f"{1e3 * residuals.noise:.1f} {unit}"
             )
     return None
 
 
 def judged(
-    name: str,
-    kind: Kind,
-    source: str,
-    value: float,
-    error: float,
-    quantile: float,
-    excited: Excitation | None = None,
-    wrong: str | None = None,
+    name: str, kind: Kind, source: str, value: tuple[float, float], quantile: float = NORMAL, why: str | None = None
 ) -> Estimate:
-    """A number with its interval, or with the reason for which it is not told; `wrong`, if there is one, is another."""
-    noise = error
-    error = float(np.hypot(noise, kind.law * (abs(value) if kind.share and not kind.limit else 1.0)))
-    half = quantile * error
-    why = excited.lacks(kind.needs) if excited and kind.needs else None
-    limit = max(kind.limit, kind.share * abs(value))
+    """Return a number and its standard error as an estimate, told unless there is a reason or it is too uncertain."""
+    number, noise = map(float, value)
+    error = float(np.hypot(noise, kind.law * (abs(number) if kind.share and not kind.limit else 1.0)))
+    half, limit = quantile * error, max(kind.limit, kind.share * abs(number))
     if why is None and not half <= limit:
-        width = f"+-{half:.2g} {kind.unit}".rstrip() if np.isfinite(half) else "without end"
-        why = f"its 95 % interval is {width}, wider than +-{limit:.2g} {kind.unit}".rstrip()
-    why = why or wrong
-    ends = value - half, value + half
-    return Estimate(name, kind.title, kind.unit, source, value, error, noise, *ends, why, kind.would_tell)
+        why = (
+            f"its 95 % interval is +-{half:.2g} {kind.unit}".rstrip()
+            + f", wider than +-{limit:.2g} {kind.unit}".rstrip()
+        )
+    ends = number - half, number + half
+    return Estimate(name, kind.title, kind.unit, source, number, error, noise, *ends, why, kind.would_tell)
+
+
+def by_stamps(logs: Sequence[Log]) -> Iterator[Estimate]:
+    """Yield jitter and losses of commands, of logs that say when these were received."""
+    late, lost = list[Array](), list[np.ndarray]()
+    for log in logs:
+        if log.received is not None and (there := np.isfinite(log.received)).sum() >= LEAST_STAMPS:
+            time, delay = log.time[there], (log.received - log.time)[there]
+            late.append(delay - np.polynomial.Polynomial.fit(time, delay, 1)(time))  # without a drift of the clocks
+            lost.append(~there)
+    if late:
+        every, share, count = np.concatenate(late), float(np.mean(np.concatenate(lost))), sum(map(len, lost))
+        spread = float(every.std())
+        error = np.sqrt(max(float((every**4).mean()) - spread**4, 0.0) / (4 * len(every))) / max(spread, 1e-12)
+        yield judged("jitter_s", KINDS["jitter_s"], "stamps", (spread, error))
+        yield judged("lost", KINDS["lost"], "stamps", (share, (share * (1 - share) / count) ** 0.5))

@@ -1,26 +1,25 @@
-"""Least squares of the law over stretches whose first pose and twist are free, by scipy.
+"""Least squares of the law over stretches whose first pose and twist are free.
 
-Output errors are fitted: poses predicted from the first sample to the last of each stretch, against poses measured;
-headings count in metres, by the ratio of both noises. scipy's `least_squares` sees the law's parameters only; what is
-free in each stretch alone is solved for (`projected`). Errors are those of residuals that last (`errors`). Intervals
-are Student's, a degree of freedom for each stretch but one.
+Poses that are predicted through each stretch are compared with measured ones; headings count in metres, by the ratio of
+the noises. The first pose and twist of each stretch are eliminated by projection (variable projection with Kaufman's
+Jacobian: Kaufman 1975, BIT 15, 49), so that scipy's `least_squares` sees the law's parameters only. Residuals of a law
+last for more than one sample, so standard errors are those of sums over whole stretches (Liang and Zeger 1986,
+Biometrika 73, 13), or of white noise where those are larger; intervals are Student's.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
+from scipy.stats import norm
 
 from omni_control.kinematics import Array
-from omni_mj.studies.identify import law
-from omni_mj.studies.identify.errors import covariance
-from omni_mj.studies.identify.projected import WIDTH, Problem
-from omni_mj.studies.identify.residuals import COMMANDS, WHEELS, Residuals, residuals
-from omni_mj.studies.identify.segments import COARSEST_S, Segments
+from omni_mj.studies.identify.law import NAMES, STEP_S, Body, simulate
+from omni_mj.studies.identify.stretches import Stretches
 
-LATE = "latency_s"  # beside those of `law.NAMES`: one, or one for each log
+LATE = "latency_s"
 # Name -> size of a change that matters, step of finite differences, lowest and highest value.
 RANGES = {
     "creep": (0.2, 1e-2, 0.0, 20.0),
@@ -34,123 +33,205 @@ RANGES = {
     "turn_gain": (0.3, 1e-2, -0.5, 10.0),
     "grip": (0.1, 1e-2, 0.05, 5.0),
     "drift": (1e-3, 1e-5, -0.1, 0.1),
-    "integral_1_s": (2.0, 5e-2, 0.0, 100.0),
     "lean_x_m_s2": (0.1, 1e-2, -2.0, 2.0),
     "lean_y_m_s2": (0.1, 1e-2, -2.0, 2.0),
     LATE: (0.01, 1e-4, -0.5, 0.6),
 }
-ROUGH_S = 0.02  # steps in which a fit begins
+ROUGH_S = 0.02  # integration step of the first iterations
+NUDGES = 0.02 * np.eye(4)  # of first heading and twist, rad, m/s and rad/s
+NEGLIGIBLE = 1e-3  # of a column of first states, over the largest, below which it is not solved for
+RIDGE = 1e-12  # of normal equations with columns of length 1
+LAGS, ALARM = 5, 0.01  # samples over which residuals last; chance of a false alarm
+ALLOWED = {True: (0.3e-3, 2.5e-3), False: (0.6e-3, 4e-3)}  # by wheels, by commands: what lasts of 95 % of our logs
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Residuals of positions in m, or headings in rad.
+
+    Attributes:
+        rms: root mean square; noise: the part that changes from sample to sample.
+        lasting: root of the mean covariance of samples up to `LAGS` apart, which noise does not have.
+        allowed: what lasts where the law describes the robot; misfit: whether more lasts, sure to `ALARM`.
+    """
+
+    rms: float
+    noise: float
+    lasting: float
+    allowed: float
+    misfit: bool
+
+    @classmethod
+    def of(cls, values: Array, there: np.ndarray, allowed: float) -> "Residuals":
+        """Return those of values (S, m, k) at the samples that are there (S, m), 0 elsewhere."""
+        lags = range(1, LAGS + 1)
+        products = [float((values[:, lag:] * values[:, :-lag]).sum()) for lag in lags]
+        pairs = [int((there[:, lag:] & there[:, :-lag]).sum()) * values.shape[-1] for lag in lags]
+        power = float((values**2).sum()) / (there.sum() * values.shape[-1])
+        lasting = float(np.mean(np.divide(products, np.maximum(pairs, 1))))
+        error = max(power - max(lasting, 0.0), 1e-30) / np.sqrt(max(sum(pairs), 1))
+        misfit = bool(lasting > allowed**2 + norm.isf(ALARM) * error)
+        noise = float((changes(values, there) ** 2).mean()) ** 0.5
+        return cls(power**0.5, noise, max(lasting, 0.0) ** 0.5, allowed, misfit)
+
+
+def changes(values: Array, there: np.ndarray) -> Array:
+    """Return second differences of (S, m, k) where there are three samples, over those of white noise of variance 1."""
+    return np.diff(values, 2, axis=1)[there[:, 2:] & there[:, 1:-1] & there[:, :-2]] / 6**0.5
 
 
 @dataclass(frozen=True)
 class Fit:
-    """What came out.
+    """Result of a fit.
 
     Attributes:
-        names: of the parameters that were free, n; latencies first, one or one for each log.
-        value: (n,).
-        covariance: (n, n); of what the data say nothing, infinite.
-        parameters: all of the law's (see `law.simulate`), and `late` (logs,).
-        quantile: of Student's distribution, for 95 %.
-        at_bound: which stopped at a bound, (n,).
-        position, heading: residuals of both.
-        twist: at all samples, by the law, (S, m, 3). samples: how many there were.
-        each: root mean square of the residuals of each stretch, (S,) m.
-        residual: of each sample's position and heading, (S, m, 3) m, with metres per radian as `metres` says.
-        by_latency: what it changes by with the latency of its log, (S, m, 3) m/s.
+        names: of the n free parameters, the delay first; value: (n,).
+        covariance: (n, n); huge for what the data do not show.
+        parameters: all of the law's.
+        quantile: Student's, for 95 % intervals.
+        at_bound: names of parameters that stopped at a bound.
+        position, heading: residuals.
+        each: root mean square residual of each stretch, (S,) m.
+        body, stretches: fitted with, and to.
     """
 
     names: tuple[str, ...]
     value: Array
     covariance: Array
     parameters: Array
-    late: Array
     quantile: float
-    at_bound: np.ndarray
+    at_bound: frozenset[str]
     position: Residuals
     heading: Residuals
-    twist: Array
-    samples: int
     each: Array
-    residual: Array
-    by_latency: Array
-    metres: float
+    body: Body
+    stretches: Stretches
 
     @property
-    def error(self) -> Array:
-        """Standard errors (n,)."""
-        error: Array = np.sqrt(np.diag(self.covariance))
-        return error
+    def late(self) -> float:
+        """Delay of the inputs, s."""
+        return float(self.value[0])
 
     @property
     def misfit(self) -> bool:
-        """Whether the law lacks more than it does on robots which it describes."""
+        """Whether the law lacks something of this robot."""
         return self.position.misfit or self.heading.misfit
 
 
-def fit(
-    body: law.Body,
-    segments: Segments,
-    start: Array,
-    late: Array,
-    free: Sequence[str],
-    fixed: Mapping[str, float] = {},
-    rough: bool = False,
-) -> Fit:
-    """Fit the law to stretches: with long steps, then, from what that found, with short ones.
+class Problem:
+    """Residuals and their Jacobian, without what the first pose and twist of each stretch explain.
 
     Args:
-        body: the robot that is believed in.
-        segments: at least two.
-        start: parameters as `law.simulate` has them.
-        late: of inputs, one for all logs or one for each, s.
-        free: names of `law.NAMES` that are fitted beside latencies.
-        fixed: values of others than in `start`.
-        rough: whether long steps will do, for values to start from.
+        body: the robot.
+        stretches: S of them.
+        start: parameters of the law.
+        free: names of those that are free besides the delay.
+
+    Attributes:
+        jacobian: by delay and free parameters at the last point, (S, m, 3, n).
+        metres: of a residual per unit of x, y and heading, (3,).
     """
-    base = np.array(start, float)
-    for name, value in fixed.items():
-        base[law.NAMES.index(name)] = value
-    names = (*[LATE] * len(late), *free)
-    scale, steps, low, high = np.array([RANGES[name] for name in names]).T
-    problem = Problem(body, segments, base, len(late), [law.NAMES.index(name) for name in free], steps)
-    first = np.clip(np.append(late, base[problem.free]), low + 1e-3 * scale, high - 1e-3 * scale)
-    x = first
-    for coarsest in (ROUGH_S,) if rough else (ROUGH_S, COARSEST_S):
-        problem.step_no_longer_than(coarsest)
-        found = least_squares(
-            lambda x: problem.at(x)[0].ravel(),
-            x,
-            lambda x: problem.at(x)[1].reshape(-1, len(names)),
-            bounds=(low, high),
-            x_scale=scale,
-            ftol=1e-5,
-            xtol=1e-5,
-            gtol=1e-9,
-            max_nfev=40,
-        )
-        x = np.clip(found.x, low + 1e-6 * scale, high - 1e-6 * scale)
-    residual, jacobian, twist = problem.at(found.x)
-    residual, jacobian = residual[:, :-1], jacobian[:, :-1]
-    bound = (found.x < low + 2e-3 * scale) | (found.x > high - 2e-3 * scale)
-    parameters = base.copy()
-    parameters[problem.free] = found.x[len(late) :]
-    lacks = WHEELS if segments.wheels else COMMANDS
-    each = np.sqrt((residual**2).sum((1, 2)) / (segments.there.sum(1) * WIDTH))
+
+    def __init__(self, body: Body, stretches: Stretches, start: Array, free: Sequence[str]) -> None:
+        self.body, self.stretches, self.start = body, stretches, start
+        self.columns = [NAMES.index(name) for name in free]
+        self.names = (LATE, *free)
+        self.scale, self.steps, self.low, self.high = np.array([RANGES[name] for name in self.names]).T
+        there = stretches.there
+        noise = np.median(np.abs(changes(stretches.pose, there)), axis=0)
+        per_rad = noise[:2].mean() / max(noise[2], 1e-6)
+        self.metres, self.first, self.longest = np.array([1.0, 1.0, per_rad]), stretches.first(), STEP_S
+        self.jacobian = np.empty(0)
+
+    def parameters(self, x: Array) -> Array:
+        """Return all parameters for delay and free ones."""
+        parameters = self.start.copy()
+        parameters[self.columns] = x[1:]
+        return parameters
+
+    def residual(self, x: Array) -> Array:
+        """Return residuals (S, m, 3) in metres for delay and free parameters."""
+        n, (count, m) = len(self.columns), self.stretches.lines.shape
+        sets = np.tile(self.parameters(x), (6 + n, 1))  # nominal, four first states, delay, parameters
+        sets[6 + np.arange(n), self.columns] += self.steps[1:]
+        late = x[0] + self.steps[0] * (np.arange(6 + n) == 5)
+        first = np.tile(self.first[:, None], (1, 6 + n, 1, 1))
+        first[:, 1:5, 0, 2] += NUDGES[:, 0]
+        first[:, 1:5, 1] += NUDGES[:, 1:]
+        poses = simulate(self.body, self.stretches, sets, late, first, self.longest)
+        weights = self.stretches.there[..., None] * self.metres
+        flat = (poses * weights[:, None]).reshape(count, 6 + n, 3 * m)
+        slopes = (flat[:, 1:] - flat[:, :1]) / np.concatenate([NUDGES.diagonal(), self.steps])[:, None]
+        places = np.stack([(weights * unit).reshape(count, 3 * m) for unit in np.eye(3)[:2]], 1)
+        states = np.concatenate([places, slopes[:, :4]], 1)
+        inverse = np.linalg.pinv(states, rcond=NEGLIGIBLE)
+        wrong = flat[:, :1] - (self.stretches.pose * weights).reshape(count, 1, 3 * m)
+        every = np.concatenate([wrong, slopes[:, 4:]], 1)
+        every = (every - every @ inverse @ states).reshape(count, -1, m, 3)
+        self.jacobian = np.moveaxis(every[:, 1:], 1, -1)
+        residual: Array = every[:, 0]
+        return residual
+
+    def solve(self, x: Array) -> Array:
+        """Return what minimizes the squares, first with long steps of integration, then with short ones."""
+        x = np.clip(x, self.low + 1e-3 * self.scale, self.high - 1e-3 * self.scale)
+        for self.longest in (ROUGH_S, STEP_S):
+            x = least_squares(
+                lambda x: self.residual(x).ravel(),
+                np.clip(x, self.low + 1e-6 * self.scale, self.high - 1e-6 * self.scale),
+                lambda x: self.jacobian.reshape(-1, len(x)),
+                bounds=(self.low, self.high),
+                x_scale=self.scale,
+                ftol=1e-5,
+                xtol=1e-5,
+                gtol=1e-9,
+                max_nfev=40,
+            ).x
+        return x
+
+
+def fit(body: Body, stretches: Stretches, start: Array, late: float, free: Sequence[str]) -> Fit:
+    """Fit the law to stretches.
+
+    Args:
+        body: the robot.
+        stretches: at least two.
+        start: parameters in the order of `law.NAMES`.
+        late: delay of the inputs to start from, s.
+        free: names of the parameters that are fitted besides the delay.
+    """
+    problem = Problem(body, stretches, start, free)
+    x = problem.solve(np.append(late, start[problem.columns]))
+    residual, there = problem.residual(x), stretches.there
+    lasts = ALLOWED[stretches.are_wheels]
+    bound = (x < problem.low + 2e-3 * problem.scale) | (x > problem.high - 2e-3 * problem.scale)
     return Fit(
-        names,
-        found.x,
-        covariance(residual, jacobian, segments, problem.taken),
-        parameters,
-        found.x[: len(late)],
-        float(stdtrit(max(len(segments) - 1, 1), 0.975)),
-        bound,
-        residuals(residual[..., :2], segments.there, lacks.position),
-        residuals(residual[..., 2:] / problem.metres, segments.there, lacks.heading),
-        twist,
-        int(segments.there.sum()),
-        each,
-        residual,
-        jacobian[..., : len(late)].sum(-1),
-        problem.metres,
+        names=problem.names,
+        value=x,
+        covariance=covariance(problem.jacobian, residual, there),
+        parameters=problem.parameters(x),
+        quantile=float(stdtrit(max(len(stretches) - 1, 1), 0.975)),
+        at_bound=frozenset(np.array(problem.names)[bound].tolist()),
+        position=Residuals.of(residual[..., :2], there, lasts[0]),
+        heading=Residuals.of(residual[..., 2:] / problem.metres[2], there, lasts[1]),
+        each=np.sqrt((residual**2).sum((1, 2)) / (3 * there.sum(1))),
+        body=body,
+        stretches=stretches,
     )
+
+
+def covariance(jacobian: Array, residual: Array, there: np.ndarray) -> Array:
+    """Return the covariance (n, n) of parameters by Jacobian (S, m, 3, n) and residuals (S, m, 3); see the module."""
+    n = jacobian.shape[-1]
+    length = np.maximum(np.sqrt((jacobian**2).sum((0, 1, 2))), 1e-9)
+    unit = jacobian / length
+    flat = unit.reshape(-1, n)
+    bread = np.linalg.inv(flat.T @ flat + RIDGE * np.eye(n))
+    samples = 3 * there.sum()
+    freedom = samples / max(samples - 6 * len(there) - n, 1)
+    white = np.diag(bread) * (residual**2).sum() / samples * freedom
+    scores = np.einsum("smkn,smk->sn", unit, residual)
+    robust = bread @ scores.T @ scores @ bread * freedom
+    larger = np.sqrt(np.maximum(white / np.maximum(np.diag(robust), 1e-300), 1.0))
+    result: Array = robust * np.outer(larger, larger) / np.outer(length, length)
+    return result

@@ -1,15 +1,17 @@
-"""Game logs of the Small Size League, `.log` and `.log.gz`: which robots vision saw where and when.
+"""Robots in game logs of the Small Size League, `.log` and `.log.gz`.
 
 A file is the text SSL_LOG_FILE, a version (1), and messages: time of receipt in ns, kind, size, bytes. Whole numbers
-are big-endian, of 4 bytes but for the time's 8. Kinds that count here are 2 and 4, packets of SSL-Vision of 2010 and
-2014, whose detections are alike; 6 is an index at the end. Source: RoboCup-SSL/ssl-logtools and ssl-go-tools.
+are big-endian, of 4 bytes but for the time's 8. Kinds 2 and 4 are packets of SSL-Vision of 2010 and 2014, whose
+detections are alike; 6 is an index at the end. Source: RoboCup-SSL/ssl-logtools and ssl-go-tools.
+
+Cameras that overlap differ by centimetres, so that a robot is followed in one camera as long as that sees it. Where
+another takes over, and where the robot or vision's clock jumps, the log is cut.
 """
 
 import gzip
 import os
 import struct
 import zlib
-from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,69 +29,126 @@ MAGIC, VERSION, GZIP = b"SSL_LOG_FILE", 1, b"\x1f\x8b"
 VISION, INDEX = (2, 4), 6
 LARGEST = 1 << 20  # bytes of a message; datagrams have 65 kB at most
 TEAMS = ("yellow", "blue")
-RESTART_S = 0.5  # by which a clock must jump against that of the recorder to have been set anew
-APART_S = 0.02  # by which clocks of cameras must differ to be two
+HOLD_S = 0.1  # without a sighting by a camera, from which on another takes over
+FASTEST_M_S, NEAR_M, TRIES = 10.0, 0.05, 5  # a sighting farther off is a mistake; that many in a row are not
+BREAK_S = 1.0  # put between what does not belong together
+LEAST_S, JUMP_S = 1e-3, 0.5  # between two images; by which a clock jumps against the recorder's
 
 
 @dataclass(frozen=True)
-class Sightings:
-    """Of robots by cameras, N of them, in the order of the file.
+class Track:
+    """A robot over time.
 
     Attributes:
-        team: 0 yellow, 1 blue, (N,).
-        robot: its number, (N,).
-        camera: (N,).
-        time: of the image, s of one clock, (N,).
-        pose: x, y in m, heading in rad, (N, 3).
-        images: times of all images, by camera.
-        notes: what was seen in reading, a line each.
+        name: of file and robot.
+        clock: vision's, (F,) s; time: from 0 on, with a gap wherever the track is cut, (F,) s.
+        pose: (F, 3).
+        notes: a line each.
     """
 
-    team: Array
-    robot: Array
-    camera: Array
+    name: str
+    clock: Array
     time: Array
     pose: Array
-    images: dict[int, Array]
     notes: list[str] = field(default_factory=list)
 
-    def of(self, team: int, robot: int) -> "Sightings":
-        """Those of one robot."""
-        own = (self.team == team) & (self.robot == robot)
-        kept = {name: getattr(self, name)[own] for name in ("team", "robot", "camera", "time", "pose")}
-        return Sightings(**kept, images=self.images, notes=self.notes)
+    def commanded(self, table: Array, file: str) -> tuple["Track", Array]:
+        """Return the track where commands are known, and the mean command from each line to the next, (F, 3).
+
+        Args:
+            table: time by vision's clock and twist of each command, which acts until the next, (N, 4).
+            file: named in messages.
+
+        Raises:
+            OmniError: the clocks have nothing in common.
+        """
+        sent, period = table[:, 0], float(np.median(np.diff(self.clock)))
+        known = (self.clock >= sent[0]) & (self.clock + period <= sent[-1] + 0.1)
+        if known.sum() < 2:
+            raise OmniError(
+                f"{file}: commands from {sent[0]:.3f} to {sent[-1]:.3f} s, but images from {self.clock.min():.3f} to "
+                f"{self.clock.max():.3f} s; time_s must be of the clock of vision, t_capture in s"
+            )
+        clock, time = self.clock[known], self.time[known]
+        ends = np.append(sent, max(sent[-1], clock.max()) + BREAK_S)
+        total = np.concatenate([np.zeros((1, 3)), np.cumsum(table[:, 1:] * np.diff(ends)[:, None], axis=0)])
+        step = np.clip(np.append(np.diff(time), period), LEAST_S, 3 * period)  # not over a gap
+        moved = [np.interp(clock + step, ends, one) - np.interp(clock, ends, one) for one in total.T]
+        return Track(self.name, clock, time, self.pose[known], self.notes[:-1]), np.stack(moved, 1) / step[:, None]
 
 
-def read(path: Path) -> Sightings:
-    """All that cameras saw.
+def follow(path: Path, team: str | None, number: int | None) -> Track:
+    """Follow a robot through a game log.
+
+    Args:
+        path: of the log.
+        team: yellow or blue.
+        number: of the robot. Without both, the log must hold one robot only.
 
     Raises:
-        OmniError: the file cannot be read, is no game log, is damaged, or has no vision.
+        OmniError: the log cannot be read, or it is not clear which robot is meant.
     """
-    images, seen, notes = array("d"), array("d"), list[str]()
-    for receipt, packet in _packets(path, notes):
-        if not packet.HasField("detection"):
-            continue
-        image = packet.detection
-        number = len(images) // 4
-        images.extend((receipt, image.t_sent, image.t_capture, image.camera_id))
-        for team, robots in enumerate((image.robots_yellow, image.robots_blue)):
-            for robot in robots:
-                if robot.HasField("robot_id") and robot.HasField("orientation"):
-                    place = robot.x / MM_PER_M, robot.y / MM_PER_M
-                    seen.extend((number, team, robot.robot_id, *place, robot.orientation))
-    rows, whole = np.array(images).reshape(-1, 4), np.array(seen).reshape(-1, 6)
+    notes = list[str]()
+    rows = np.array(list(_sightings(path, notes))).reshape(-1, 8)
     if not len(rows):
         raise OmniError(f"{path.name} holds no images of SSL-Vision" + "".join(f"; {note}" for note in notes))
-    whole = whole[np.isfinite(whole).all(1)]
-    time = _clock(rows, notes, path.name)
-    number, cameras = whole[:, 0].astype(int), rows[:, 3].astype(int)
-    by_camera = {int(camera): np.sort(time[cameras == camera]) for camera in np.unique(cameras)}
-    return Sightings(whole[:, 1], whole[:, 2], cameras[number], time[number], whole[:, 3:], by_camera, notes)
+    rows = rows[np.isfinite(rows).all(1)]
+    robots = {(int(t), int(r)): rows[(rows[:, 0] == t) & (rows[:, 1] == r)] for t, r in np.unique(rows[:, :2], axis=0)}
+    chosen = [(t, r) for t, r in robots if team in (None, TEAMS[t]) and number in (None, r)]
+    if len(chosen) != 1:
+        moves = "; ".join(f"{TEAMS[t]} {r} {_moves(seen)}" for (t, r), seen in robots.items())
+        asked = " ".join(str(word) for word in (team, number) if word is not None)
+        what = f"{'several are' if chosen else 'there is no'} {asked}" if asked else "which robot is meant"
+        example = next((f"{TEAMS[t]}:{r}" for t, r in robots), "yellow:3")
+        raise OmniError(
+            f"{path.name}: {what}; name one, as {path.name}:{example}, or --team and --id; it holds {moves or 'none'}"
+        )
+    name = f"{path.name} ({TEAMS[chosen[0][0]]} {chosen[0][1]})"
+    kept, cuts = _track(robots[chosen[0]])
+    time = kept[:, 3] - kept[0, 3] + BREAK_S * np.cumsum(cuts)
+    time -= np.cumsum(cuts * np.diff(kept[:, 3], prepend=kept[0, 3]))
+    if cuts.any():
+        notes.append(
+            f"{name}: cut {cuts.sum()} times, where another camera takes over, or the robot or the clock jumps"
+        )
+    speed = np.hypot(*np.diff(kept[:, 5:7], axis=0).T) / np.maximum(np.diff(time), LEAST_S)
+    fast = np.quantile(speed, 0.99) if len(speed) else 0.0
+    notes.append(
+        f"{name}: poses alone, up to {fast:.2f} m/s (99 %), tell nothing of latency, gains, creep, lags or drag; give "
+        "commands: LOG,commands.csv"
+    )
+    return Track(name, kept[:, 3], time, kept[:, 5:], notes)
 
 
-def _packets(path: Path, notes: list[str]) -> Iterator[tuple[float, LoggedPacket]]:
-    """Times of receipt (s) and packets of vision; a file that is cut off ends there, with a note."""
+def _moves(seen: Array) -> str:
+    """Say how long a robot is seen, and how far it goes: steps of 0.2 s that are longer than noise."""
+    time, position = seen[:, 3] - seen[0, 3], seen[:, 5:7]
+    steps = np.unique(np.searchsorted(np.maximum.accumulate(time), np.arange(0, time.max() + 1e-9, 0.2)))
+    lengths = np.hypot(*np.diff(position[steps], axis=0).T)
+    return f"moves {lengths[lengths > 0.02].sum():.1f} m in {time.max():.0f} s"
+
+
+def _track(seen: Array) -> tuple[Array, Array]:
+    """Return the sightings that are believed, and before which of them the track is cut."""
+    kept, cuts, elsewhere = [seen[0]], [False], 0
+    for row in seen[1:]:
+        last = kept[-1]
+        step, received = row[3] - last[3], row[4] - last[4]
+        jumped = abs(step - received) > JUMP_S
+        if not jumped and (step < LEAST_S or (row[2] != last[2] and received < HOLD_S)):
+            continue
+        away = np.hypot(*(row[5:7] - last[5:7])) > FASTEST_M_S * max(step, LEAST_S) + NEAR_M
+        elsewhere = elsewhere + 1 if away and not jumped else 0
+        if 0 < elsewhere < TRIES and row[2] == last[2]:
+            continue
+        cuts.append(bool(jumped or elsewhere or row[2] != last[2]))
+        kept.append(row)
+        elsewhere = 0
+    return np.array(kept), np.array(cuts)
+
+
+def _sightings(path: Path, notes: list[str]) -> Iterator[tuple[float, ...]]:
+    """Yield team, number, camera, time of the image and of receipt in s, and pose; note where a file is cut off."""
     if not os.path.isfile(path):
         raise OmniError(f"there is no log {path}")
     name, number = path.name, 0
@@ -102,10 +161,13 @@ def _packets(path: Path, notes: list[str]) -> Iterator[tuple[float, LoggedPacket
                 raise OmniError(f"{name} is no game log: it begins with {head[:12]!r}, not {MAGIC!r}")
             if (version := HEADER.unpack(head)[1]) != VERSION:
                 raise OmniError(f"{name} is a game log of version {version}; only {VERSION} is known")
-            for receipt, kind, data in _messages(file, name):
-                number += 1
-                if kind in VISION:
-                    yield receipt / 1e9, parse(LoggedPacket, data)
+            for number, (receipt, kind, data) in enumerate(_messages(file, name), 1):
+                image = parse(LoggedPacket, data if kind in VISION else b"").detection
+                for team, robots in enumerate((image.robots_yellow, image.robots_blue)):
+                    for r in robots:
+                        if r.HasField("robot_id") and r.HasField("orientation"):
+                            place = r.x / MM_PER_M, r.y / MM_PER_M, r.orientation
+                            yield (team, r.robot_id, image.camera_id, image.t_capture, receipt / 1e9, *place)
     except EOFError:
         notes.append(f"{name} is cut off after {number} messages; what is before counts")
     except WireError as error:
@@ -129,29 +191,3 @@ def _messages(file: "BinaryIO | gzip.GzipFile", name: str) -> Iterator[tuple[int
         if len(data) < size:
             raise EOFError
         yield receipt, kind, data
-
-
-def _clock(images: Array, notes: list[str], name: str) -> Array:
-    """Times of images on one clock, that of the first: others, and those that were set anew, by times of receipt.
-
-    Args:
-        images: time of receipt, sent, taken, and the camera, (N, 4).
-        notes: to which what was seen is added.
-        name: of the file.
-    """
-    receipt, sent, taken, cameras = images.T
-    ahead, time = receipt - sent, taken.copy()
-    first = None
-    for camera in np.unique(cameras):
-        own = np.flatnonzero(cameras == camera)
-        starts = np.flatnonzero(np.abs(np.diff(ahead[own])) > RESTART_S) + 1
-        for part in np.split(own, starts):
-            offset = float(np.median(ahead[part]))
-            first = offset if first is None else first
-            if abs(offset - first) > APART_S:
-                time[part] += offset - first
-        if len(starts):
-            notes.append(
-                f"{name}: the clock of camera {camera:.0f} jumped {len(starts)} times; times of receipt bridge it"
-            )
-    return time

@@ -1,287 +1,236 @@
-r"""The law of wheels to motion: creep, Coulomb's limit and drag of each wheel, solved over stretches of logs.
+r"""Law of motion of a robot on creeping wheels, solved for many stretches and sets of parameters at once.
 
-Wheel i of direction d_i = (cosines, arm) has the load N_i and travels at |v_i| over the carpet. What it is told to do,
-r_i in m/s at its rim, and what the ground does, d_i nu, differ by what its traction f_i costs:
+Wheel i has the rim direction d_i = (cosines, arm), the load N_i, and travels at |v_i| over the carpet. Its rim speed
+r_i and the ground speed d_i nu differ by what its traction f_i costs:
 
     r_i - d_i nu = (z + |v_i| / (C N_i)) f_i,        |f_i| <= sqrt(mu^2 - b^2) N_i
-    M nu' = sum f_i d_i - drag + lean,               nu: twist of the body, along its own axes
+    M nu' = sum f_i d_i - drag + lean,               nu: body twist
 
-C is the creep stiffness, and the drag that of the plant (`omni_mj.robot.carpet`): of the pile, p N_i against the
-wheel's travel, and of rollers' bearings, b N_i along its axle; and what grows with speed (`Body`): bearings' viscous
-friction, rollers that are spun up as they come to the carpet, and rubber that is pressed. Loads shift as the body,
-whose centre of mass is above the floor, speeds up. With encoders r_i is what they show, times the scale of the wheels,
-and z is 0. With commands r_i is what the wheel loops are told, and 1/z their stiffness: a force f_i makes wheels slower
-by z f_i. So along an axis
+C is the creep stiffness. The drag is that of `omni_mj.robot.carpet`: the pile p N_i against the travel of a wheel,
+roller bearings b N_i along its axle, and three terms that grow with speed (see `Body`). Loads shift with the
+acceleration, because the centre of mass is above the floor. If encoders are the input, r_i is the measured rim speed
+times a scale, and z is 0. If commands are the input, r_i is the commanded rim speed and 1/z the stiffness of the wheel
+loops, so that along an axis
 
     (tau + T0 |v|) (v' + drag / m) = K u - v,        T0 = m / (C sum N_i d_i^2),    tau = z m / sum d_i^2.
 
-Turn rates are commanded through a loop on the gyro, (1 + k) u - k w. What loops are late by is in `loops`. All is per
-mass: forces are accelerations here.
-What a carpet that slopes pulls is constant in the world, as no other force is, so that moves in several directions tell
-it. That wheels differ, in radius or in the stiffness of their loops, is not fitted but tested for (`suspects`).
+Turn rates pass a loop on the gyro, (1 + k) u - k w. All forces are divided by the mass. A sloping carpet pulls with a
+constant acceleration in the world frame ("lean").
 """
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
-from omni_control.kinematics import Array
+from omni_control.kinematics import Array, body_to_world, world_to_body
 from omni_mj.robot.motors import Motor
-from omni_mj.scenarios.settings import Settings
-from omni_mj.studies.identify.loops import Loops
-from omni_mj.studies.identify.segments import COARSEST_S, Segments
+from omni_mj.scenarios import creep_law
+from omni_mj.scenarios.robot_checks import GRAVITY_M_S2
+from omni_mj.scenarios.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ, Settings
+from omni_mj.studies.identify.stretches import Stretches
 
 NAMES = (
-    "creep",
-    "pile",
-    "roller_friction",
-    "scale",
-    "arm",
-    "compass_rad",
-    "give_s",
-    "friction_m_s",
-    "turn_gain",
-    "grip",
-    "drift",
-    "integral_1_s",
-    "lean_x_m_s2",
-    "lean_y_m_s2",
-)
-CREEP, PILE, ROLLERS, SCALE, ARM, COMPASS, GIVE, FRICTION, TURN, GRIP, DRIFT, INTEGRAL, LEAN_X, LEAN_Y = range(
-    len(NAMES)
-)
-GRAVITY_M_S2 = 9.81
-ROLLER_KG = 0.0015  # as in models/ssl_robot.xml: what turns beyond the creep is as mass that only rims push, 1 to 2 %
-AT_REST_M_S = 0.01  # below which dry drag fades, as on the plant
-RUBBED_M_S = 0.05  # speed of wheels from which their own dry friction is all there
-# Rollers of which two touch around each handover, a bit nearer to their axes than the middle one, and rubber that is
-# pressed: measured on the plant, three robots at 0.6 to 1.9 m/s in three directions without dry drag, within 0.04 N.
+    "creep", "pile", "roller_friction", "scale", "arm", "compass_rad", "give_s", "friction_m_s", "turn_gain", "grip",
+    "drift", "lean_x_m_s2", "lean_y_m_s2",
+)  # fmt: skip
+ROLLER_KG = 0.0015  # models/ssl_robot.xml; mass that turns with the rims, 1 to 2 % of the robot's
+AT_REST_M_S = 0.01  # speed below which dry drag fades, as on the plant
+RUBBED_M_S = 0.05  # wheel speed above which the dry friction of wheel and motor is complete
+# Two rollers touch around each handover; rollers spin up before they carry; rubber is pressed. Measured on the plant
+# without dry drag: three robots, 0.6 to 1.9 m/s, three directions, within 0.04 N.
 BOTH_TOUCH, SPUN_EARLY, PRESSED_S_M = 1.5, 1.1, 0.004
-STIFFEST_S = 1e-4  # of z m: wheels without creep and give
-AROUND = np.array([1, 2, 0, 1])  # rows, and columns, that a cofactor is of: two that follow its own
+STIFFEST_S = 1e-4  # least compliance z m of a wheel
+MOST_SEEN = 0.15  # of the give of a wheel loop, so that the mass stays positive
+STEP_S = 0.01  # longest integration step
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """What is known of a robot: its wheels and how its weight is on them.
+    """Known properties of a robot with W wheels; masses and forces are divided by the robot's mass.
 
     Attributes:
-        wheels: directions (W, 3): cosines and arm.
-        outward: of each wheel, (W,) unit vectors.
-        arm: m. radius: of the wheels, m. centre: of mass, ahead of the middle, m.
-        mass: matrix (3, 3) over the mass: of a twist of the middle of the wheels.
-        rest: loads at rest over the mass, (W,) m/s^2; shift: what an acceleration adds, (2, W).
-        viscous: drag of a wheel's rollers over speed along its axle and mass, 1/s.
-        spun: drag of rollers that are spun up, over the same and the speed of the rim, 1/m.
-        commutation: by which share a motor's resistance grows with the speed of its wheel, s/m.
-        hub: inertia of a motor, as a mass at the rim, over the mass.
-        loops: what is late in them.
+        along, axles: directions of rims and axles (W, 3).
+        radius: of the wheels, m.
+        centre: of mass, ahead of the middle of the wheels, m.
+        mass: matrix (3, 3) of a twist.
+        loads: at rest, (W,) m/s^2; shift: load per acceleration, (2, W).
+        viscous: drag of a wheel's rollers over its speed along the axle, 1/s.
+        spun: drag of rollers that spin up, over the same and the rim speed, 1/m.
+        commutation: by which share a motor's resistance grows with its rim speed, s/m.
+        hub: inertia of a motor, as a mass at the rim.
+        wait: mean time that a command waits for the next run of the wheel loops, s.
+        seen: delay of the wheel speed that the loops see, times their share of the stiffness, s.
+        turned: delay of the turn rate that the loop on the gyro sees, s.
     """
 
-    wheels: Array
-    outward: np.ndarray
-    arm: float
+    along: Array
+    axles: Array
     radius: float
     centre: float
     mass: Array
-    rest: Array
+    loads: Array
     shift: Array
     viscous: float
     spun: float
     commutation: float
     hub: float
-    loops: Loops
+    wait: float
+    seen: float
+    turned: float
 
     @classmethod
-    def of(cls, settings: Settings) -> "Body":
-        """That of a robot under its settings."""
-        geometry, body = settings.wheels.kinematics, settings.body
-        outward, centre = np.exp(1j * geometry.azimuths), body.centre_x_m
-        places = np.column_stack([np.ones(len(outward)), geometry.arm * outward.real, geometry.arm * outward.imag])
-        loads = places @ np.linalg.inv(places.T @ places)  # of force, and moments about the middle
+    def of(cls, settings: Settings) -> Self:
+        """Return the body that the settings describe."""
+        body, wheels, motor = settings.body, settings.wheels, Motor.of(settings.motor)
+        along, radius, centre = wheels.kinematics.matrix, wheels.radius_m, body.centre_x_m
+        axles = np.stack([along[:, 1], -along[:, 0], np.zeros(len(along))], 1)
+        places = np.column_stack([np.ones(len(along)), wheels.arm_m * axles[:, :2]])
+        spread = places @ np.linalg.inv(places.T @ places)  # of a force, and moments about the middle
         mass = np.array([[1, 0, 0], [0, 1, centre], [0, centre, body.yaw_inertia_kg_m2 / body.mass_kg + centre**2]])
-        count, roller, radius = settings.wheels.rollers, settings.wheels.roller_radius_m, geometry.radius
-        ring = 1 - roller / radius  # rollers, over the wheel's radius
-        mass += count * ROLLER_KG * ring**2 / body.mass_kg * geometry.matrix.T @ geometry.matrix
-        viscous = BOTH_TOUCH * settings.drive.roller_damping_nm_s / roller**2 / body.mass_kg
-        turning = roller - radius * (1 - np.cos(np.pi / count))  # radius at which one is spun up, half a pitch ahead
+        count, roller = wheels.rollers, wheels.roller_radius_m
+        mass += rim_mass(settings) / body.mass_kg * along.T @ along
+        turning = roller - radius * (1 - np.cos(np.pi / count))  # radius at which a roller is spun up
         spun = SPUN_EARLY * count / (2 * np.pi * radius) * 0.4 * ROLLER_KG * (roller / turning) ** 2 / body.mass_kg
-        rest, shift = loads @ [GRAVITY_M_S2, GRAVITY_M_S2 * centre, 0.0], -body.centre_height_m * loads[:, 1:].T
-        motor = Motor.of(settings.motor)
-        commutation = motor.commutation * motor.gear / (motor.resistance * radius)
         hub = motor.inertia * motor.gear**2 / (radius**2 * body.mass_kg)
-        known = geometry.matrix, outward, geometry.arm, radius, centre, mass, rest, shift, viscous, spun
-        return cls(*known, commutation, hub, Loops.of(settings))
+        cycles, frame = round(CYCLE_RATE_HZ / settings.firmware.rate_hz), CYCLE_RATE_HZ // FRAME_RATE_HZ
+        gain = settings.firmware.kp + motor.speed_constant
+        return cls(
+            along=along,
+            axles=axles,
+            radius=radius,
+            centre=centre,
+            mass=mass,
+            loads=creep_law.loads(settings) / body.mass_kg,
+            shift=-body.centre_height_m * spread[:, 1:].T,
+            viscous=BOTH_TOUCH * settings.drive.roller_damping_nm_s / roller**2 / body.mass_kg,
+            spun=spun,
+            commutation=motor.commutation * motor.gear / (motor.resistance * radius),
+            hub=hub,
+            wait=float(np.mean(-frame * np.arange(cycles) % cycles)) / CYCLE_RATE_HZ,
+            seen=(cycles + 1) / CYCLE_RATE_HZ * settings.firmware.kp / gain,
+            turned=(cycles / 2 + 1) / CYCLE_RATE_HZ,
+        )
+
+    def parameters(self, settings: Settings, by_wheels: bool) -> Array:
+        """Return the parameters that the settings say, for wheel speeds or for commands as the input.
+
+        A wheel loop of proportional gain k_p and feed-forward f on a motor of speed constant k gives way by R r^2 / (k
+        (k_p + k)) per force.
+        """
+        known = dict.fromkeys(NAMES, 0.0) | {"scale": 1.0, "arm": 1.0, "grip": settings.carpet.friction}
+        known["creep"] = 1 / settings.drive.creep_stiffness if settings.wheels.creep == "on" else 0.0
+        known |= {"pile": settings.carpet.pile, "roller_friction": settings.drive.roller_friction}
+        if not by_wheels:
+            motor, firmware = Motor.of(settings.motor), settings.firmware
+            constant, gain = motor.speed_constant, firmware.kp + motor.speed_constant
+            softness = motor.resistance * self.radius**2 / (constant * gain)
+            known["give_s"] = settings.body.mass_kg * softness
+            known["friction_m_s"] = (settings.drive.gear_friction_nm + motor.wheel_dry) / self.radius * softness
+            known["scale"] = 1 - (1 - firmware.feed_forward) * constant / gain
+            known["turn_gain"] = firmware.turn_gain
+        return np.array([known[name] for name in NAMES])
 
 
-@dataclass(frozen=True)
-class Motion:
-    """What the law makes of S stretches with P sets of parameters, at all m samples.
-
-    Attributes:
-        way: from the first sample on, world frame, (S, P, m) complex m.
-        turned: the same, (S, P, m) rad.
-        twist: along the body's axes, (S, P, m, 3).
-    """
-
-    way: np.ndarray
-    turned: Array
-    twist: Array
+def rim_mass(settings: Settings) -> float:
+    """Return the mass of a wheel's rollers as seen at its rim, kg."""
+    wheels = settings.wheels
+    return wheels.rollers * ROLLER_KG * (1 - wheels.roller_radius_m / wheels.radius_m) ** 2
 
 
 def simulate(
-    body: Body, segments: Segments, parameters: Array, late: Array, start: Array, coarsest: float | None = None
-) -> Motion:
-    """Solve the law.
+    body: Body, stretches: Stretches, parameters: Array, late: Array, first: Array, step: float = STEP_S
+) -> Array:
+    """Solve the law for S stretches and P sets of parameters.
 
-    Each step's mean input acts through it; with the lags of its middle, extrapolated, it is solved by the (0, 2) Pade
-    approximant of the exponential, of second order and for any stiffness.
+    Each step takes the mean input over it and the coefficients of its middle, and is solved by the (0, 2) Pade
+    approximant of the exponential: second order, and stable for any stiffness.
 
     Args:
-        body: the robot, of W wheels.
-        segments: S stretches.
-        parameters: P sets (P, 14 + 2 W), in the order of `NAMES`, arm relative to the body's; then by how much more
-            each wheel's rim moves than the scale says, and by how much more its loop gives way, as shares.
-        late: by how much inputs are, (S, P) s.
-        start: at the first sample heading in rad, twist, and acceleration, world frame, (S, P, 7).
-        coarsest: longest step, s. [`COARSEST_S`]
+        body: the robot.
+        stretches: inputs and times.
+        parameters: in the order of `NAMES`, (P, n).
+        late: delay of the inputs, (P,) s.
+        first: pose, twist and acceleration at the first sample, world frame, (S, P, 3, 3).
+        step: longest step, s.
+
+    Returns:
+        Poses at all samples, world frame, (S, P, m, 3).
     """
-    par = parameters.T[:, None]  # (14 + 2 W, 1, P)
-    count = len(body.wheels)
-    odd, softer = (1 + np.moveaxis(par[at : at + count], 0, -1) for at in (len(NAMES), len(NAMES) + count))
-    lean = par[LEAN_X] + 1j * par[LEAN_Y]
-    parts = max(1, int(np.ceil(segments.period / (COARSEST_S if coarsest is None else coarsest))))
-    waits = 0.0 if segments.wheels else body.loops.wait
-    inputs, duration = segments.means(late + waits, parameters[:, DRIFT], parts)
-    wheels, outward = body.wheels, body.outward
-    arm, creep, give = body.arm * par[ARM], par[CREEP][..., None], par[GIVE][..., None] * softer
-    stretch = np.ones((1, len(parameters), 3))
-    stretch[..., 2] = par[ARM]
-    squares = stretch[..., None] * stretch[..., None, :]
-    basis = _basis(body)
-    inverse = np.linalg.inv(body.mass)
-    rims = par[SCALE][..., None] * odd * body.radius
-    cap = np.sqrt(np.maximum(par[GRIP] ** 2 - par[ROLLERS] ** 2, 1e-4))[..., None]
-    heading = start[..., 0] + np.zeros_like(late)
-    v, w = start[..., 1] + 1j * start[..., 2], start[..., 3].copy()
-    ahead = np.exp(1j * (heading + par[COMPASS]))
-    v, gaining = v / ahead, (start[..., 4] + 1j * start[..., 5]) / ahead
-    pull = _columns(gaining.real, gaining.imag, start[..., 6])  # acceleration of the step before
-    held: Array | None = None  # what loops have integrated
-    way, turned = np.zeros(v.shape, complex), np.zeros(v.shape)
-    samples = segments.lines.shape[1]
-    motion = Motion(
-        np.zeros((*v.shape, samples), complex), np.zeros((*v.shape, samples)), np.zeros((*v.shape, samples, 3))
+    p = dict(zip(NAMES, parameters.T[:, :, None], strict=True))  # (P, 1) each
+    compass, lean = p["compass_rad"][:, 0], np.stack([p["lean_x_m_s2"], p["lean_y_m_s2"], 0 * p["grip"]], -1)[:, 0]
+    along = body.along * np.concatenate([np.ones((len(parameters), 2)), p["arm"]], 1)[:, None]  # (P, W, 3)
+    rim_squares, axle_squares = (
+        (d[..., None] * d[..., None, :]).reshape(*d.shape[:-1], 9) for d in (along, body.axles)
     )
-    motion.twist[:, :, 0] = _columns(v.real, v.imag, w)
+    cap = np.sqrt(np.maximum(p["grip"] ** 2 - p["roller_friction"] ** 2, 1e-4))
+    by_wheels = stretches.are_wheels
+    inverse_mass = np.linalg.inv(body.mass)
+    parts = max(1, int(np.ceil(stretches.period / step)))
+    inputs, duration = stretches.means(late + (0 if by_wheels else body.wait), p["drift"], parts)
+    pose, velocity = first[..., 0, :], first[..., 1, :]
+    pull = world_to_body(first[..., 2, :], pose[..., 2] + compass)
     unit = np.eye(3)
+    poses = [pose]
     for k in range(duration.shape[1]):
-        h = duration[:, k, None]
-        half = np.exp(-0.5j * h * (w + 0.5 * h * pull[..., 2]))
-        v = v * half
-        before = _columns(v.real, v.imag, w)
-        middle = before + 0.5 * h[..., None] * pull
-        travel = (middle[..., 0] + 1j * middle[..., 1])[..., None] + 1j * (middle[..., 2] * arm)[..., None] * outward
-        speed, axle = np.abs(travel), np.abs((travel * outward.conj()).real)
-        down = lean * np.exp(-1j * (heading + turned + par[COMPASS] + 0.5 * h * w))
-        down = _columns(down.real, down.imag, body.centre * down.imag)
-        load = np.maximum(body.rest + (pull - down)[..., :2] @ body.shift, 0.02 * GRAVITY_M_S2)
-        slack = creep * speed / load
-        if segments.wheels:
-            rim = rims * inputs[:, :, k]
-            yields = 1 / np.maximum(slack, STIFFEST_S)
+        h = duration[:, k, None, None]
+        heading = pose[..., 2] + 0.5 * h[..., 0] * (velocity[..., 2] + 0.5 * h[..., 0] * pull[..., 2])
+        axes = heading + compass
+        before = world_to_body(velocity, axes)
+        middle = before + 0.5 * h * pull
+        rolling, across = (along @ middle[..., None])[..., 0], middle @ body.axles.T
+        speed = np.hypot(rolling, across)
+        down = world_to_body(lean, axes)
+        down[..., 2] = body.centre * down[..., 1]
+        load = np.maximum(body.loads + (pull - down)[..., :2] @ body.shift, 0.02 * GRAVITY_M_S2)
+        compliance = p["creep"] * speed / load
+        if by_wheels:
+            rim = p["scale"] * body.radius * inputs[:, :, k]
         else:
-            u = inputs[:, :, k, 0] + 1j * inputs[:, :, k, 1]
-            u = np.where(segments.in_body[:, None], u, u * np.exp(-1j * (heading + turned + 0.5 * h * w)))
-            turn = inputs[:, :, k, 2] + par[TURN] * (inputs[:, :, k, 2] - middle[..., 2])
-            told = _columns(u.real, u.imag, turn * par[ARM]) @ wheels.T
-            soft = give * (1 + body.commutation * np.abs(told))
-            if held is None:  # as if all had been steady before
-                held = _steady(body, pull, v, par) + (1 - par[SCALE][..., None]) * told / soft
-                held = held * (par[INTEGRAL] > 0)[..., None]
-            rim = par[SCALE][..., None] * odd * told + soft * held
-            rim = rim - par[FRICTION][..., None] * told / np.maximum(np.abs(told), RUBBED_M_S)
-            yields = 1 / np.maximum(soft + slack, STIFFEST_S)
-        rolling = (middle * stretch) @ wheels.T
-        off = np.abs(rim - rolling)
-        yields = np.minimum(yields, cap * load / np.maximum(off, 1e-9))
-        coefficients = np.concatenate(
-            [
-                yields + PRESSED_S_M * load,
-                par[PILE][..., None] * load / np.maximum(speed, AT_REST_M_S),
-                par[ROLLERS][..., None] * load / np.maximum(axle, AT_REST_M_S)
-                + body.viscous
-                + body.spun * np.abs(rolling),
-            ],
-            -1,
+            command = inputs[:, :, k]
+            command = np.where(stretches.in_body[:, None, None], command, world_to_body(command, heading))
+            command[..., 2] += p["turn_gain"][:, 0] * (command[..., 2] - middle[..., 2])
+            told = (along @ command[..., None])[..., 0]
+            soft = p["give_s"] * (1 + body.commutation * np.abs(told))
+            rim = p["scale"] * told - p["friction_m_s"] * told / np.maximum(np.abs(told), RUBBED_M_S)
+            compliance = compliance + soft
+        stiffness = 1 / np.maximum(compliance, STIFFEST_S)
+        stiffness = np.minimum(stiffness, cap * load / np.maximum(np.abs(rim - rolling), 1e-9))
+        pile = p["pile"] * load / np.maximum(speed, AT_REST_M_S)
+        bearing = p["roller_friction"] * load / np.maximum(np.abs(across), AT_REST_M_S)
+        rim_drag = stiffness + PRESSED_S_M * load + pile
+        axle_drag = pile + bearing + body.viscous + body.spun * np.abs(rolling)
+        resisting = ((rim_drag[..., None, :] @ rim_squares)[..., 0, :] + axle_drag @ axle_squares).reshape(
+            *pull.shape, 3
         )
-        resisting = (coefficients @ basis).reshape(*v.shape, 3, 3) * squares
-        if not segments.wheels:  # the loop on the gyro; and motors, which turn with the body
-            resisting_turn = (par[TURN] * par[SCALE] * arm)[..., None] * stretch * (yields @ wheels)
-            resisting[..., 2] += resisting_turn
-            driven = ((body.hub * soft * yields) @ basis[: len(wheels)]).reshape(*v.shape, 3, 3) * squares
-            inverse = _inverse(body.mass + driven)
-            late = (yields @ basis[: len(wheels)]).reshape(*v.shape, 3, 3) * squares * body.loops.seen
-            late[..., 2] += body.loops.turned * resisting_turn
-            share = inverse @ late  # of the mass that loops which see late do away with
-            inverse = inverse + share @ (inverse + share @ inverse)
-        pushing = stretch * ((yields * rim) @ wheels) + down
-        if not segments.wheels:  # of the loop on the gyro, what depends on the turn rate is solved for
-            pushing = pushing + resisting_turn * middle[..., 2:]
-        x = (inverse @ resisting) * h[..., None, None]
-        gain = h[..., None] * (inverse @ pushing[..., None])[..., 0]
-        right = _columns(before, h[..., None] * before)
+        pushing = (stiffness[..., None, :] @ along)[..., 0, :]
+        if not by_wheels:  # the loop on the gyro; motors, which turn with the rims, and loops that see late
+            gyro = p["turn_gain"] * p["scale"] * p["arm"] * body.along[0, 2] * pushing
+            resisting[..., 2] += gyro
+            inertia = stiffness * (body.hub * soft - np.minimum(body.seen, MOST_SEEN * soft))
+            mass = body.mass + (inertia[..., None, :] @ rim_squares).reshape(*pull.shape, 3)
+            mass[..., 2] -= body.turned * gyro
+            inverse_mass = inverse_3x3(mass)
+        pushing = ((stiffness * rim)[..., None, :] @ along)[..., 0, :] + down
+        if not by_wheels:
+            pushing = pushing + gyro * middle[..., 2:]
+        x = h[..., None] * (inverse_mass @ resisting)
+        gain = h * (inverse_mass @ pushing[..., None])[..., 0]
         upper = unit + 0.5 * x
-        right[..., 0] += (upper @ gain[..., None])[..., 0]
-        right[..., 1] = (upper @ right[..., 1:])[..., 0] + 0.5 * h[..., None] * ((unit + x) @ gain[..., None])[..., 0]
-        solved = _inverse(unit + x @ upper) @ right
-        after, moved = solved[..., 0], solved[..., 1]
-        pull = np.where(h[..., None] > 0, (after - before) / np.maximum(h, 1e-9)[..., None], pull)
-        way = way + (moved[..., 0] + 1j * moved[..., 1]) * np.exp(1j * (heading + turned + par[COMPASS])) * half.conj()
-        turned = turned + moved[..., 2]
-        w = after[..., 2]
-        v = (after[..., 0] + 1j * after[..., 1]) * np.exp(-1j * moved[..., 2]) * half.conj()
-        if held is not None and par[INTEGRAL].any():
-            needed = yields * (rim - (after * stretch) @ wheels.T) + (1 - par[SCALE][..., None]) * told / soft
-            held = held - (needed - held) * np.expm1(-h * par[INTEGRAL])[..., None]
+        reach = (upper @ gain[..., None])[..., 0]
+        travel = h * (upper @ before[..., None])[..., 0] + 0.5 * h * (2 * reach - gain)
+        solver = inverse_3x3(unit + x @ upper)
+        after, moved = ((solver @ v[..., None])[..., 0] for v in (before + reach, travel))
+        pull = (after - before) / h
+        pose, velocity = pose + body_to_world(moved, axes), body_to_world(after, axes)
         if (k + 1) % parts == 0:
-            at = (k + 1) // parts
-            motion.way[:, :, at], motion.turned[:, :, at] = way, turned
-            motion.twist[:, :, at] = _columns(v.real, v.imag, w)
-    return motion
+            poses.append(pose)
+    return np.stack(poses, 2)
 
 
-def _columns(*columns: Array) -> Array:
-    """What `numpy.stack` makes of them along a new last axis, in a third of the time."""
-    made = np.empty((*columns[0].shape, len(columns)))
-    for i, column in enumerate(columns):
-        made[..., i] = column
-    return made
-
-
-def _inverse(matrices: Array) -> Array:
-    """Of (..., 3, 3), by cofactors: several times as fast as LAPACK for many small ones."""
-    around = matrices[..., AROUND[:, None], AROUND]
-    one, other = around[..., :3, :3] * around[..., 1:, 1:], around[..., :3, 1:] * around[..., 1:, :3]
-    cofactors = one - other
-    size = (matrices[..., 0, :] * cofactors[..., 0, :]).sum(-1)
-    inverse: Array = cofactors.swapaxes(-1, -2) / size[..., None, None]
+def inverse_3x3(matrices: Array) -> Array:
+    """Invert matrices (..., 3, 3) by cross products of their rows, several times as fast as LAPACK for many."""
+    a, b, c = np.moveaxis(matrices, -2, 0)
+    adjugate = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], -1)
+    inverse: Array = adjugate / (a * adjugate[..., 0]).sum(-1)[..., None, None]
     return inverse
-
-
-def _steady(body: Body, pull: Array, velocity: np.ndarray, par: Array) -> Array:
-    """Tractions (S, P, W) of wheels that share an acceleration and drag."""
-    drag = (par[PILE] + par[ROLLERS]) * GRAVITY_M_S2 * velocity / np.maximum(np.abs(velocity), RUBBED_M_S)
-    force = pull @ body.mass + np.stack([drag.real, drag.imag, 0 * drag.real], -1)
-    shared: Array = force @ np.linalg.pinv(body.wheels)
-    return shared
-
-
-def _basis(body: Body) -> Array:
-    """What rims, pile and bearings resist a twist by, for coefficients of 1: (3 W, 9)."""
-    x, y = body.arm * body.outward.real, body.arm * body.outward.imag
-    one, none = np.ones_like(x), np.zeros_like(x)
-    across = np.stack([np.stack([one, none, -y], -1), np.stack([none, one, x], -1)], 1)  # (W, 2, 3)
-    axles = np.stack([body.outward.real, body.outward.imag, none], -1)
-    rows = [body.wheels[:, None], across, axles[:, None]]
-    return np.concatenate([np.einsum("wki,wkj->wij", row, row).reshape(-1, 9) for row in rows])

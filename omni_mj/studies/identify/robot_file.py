@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from omni_mj.mjcf.files import copies
-from omni_mj.studies.identify.findings import FRAME_S, Estimate
+from omni_mj.scenarios.settings import PERIOD_S as FRAME_S
+from omni_mj.studies.identify.findings import Estimate
 
 
 @dataclass(frozen=True)
