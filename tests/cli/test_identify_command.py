@@ -123,6 +123,6 @@ def test_a_model_of_the_users_goes_with_it(log: Path, tmp_path: Path) -> None:
     assert invoke("identify", log, "--model", model, "--out", out, "--quiet") == 0
     shutil.rmtree(model.parent)
     shutil.move(out, moved)
-    robot = om.robot(str(moved / "robot.toml"))
+    robot = om.scenario("rect", robot=str(moved / "robot.toml"))
     assert Path(robot.settings.model.file).parent == moved / "sources" / "model"
     assert invoke("verify", moved, "--quiet") == 0

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.optimize import approx_fprime
 
 from omni_control.kinematics import Array
-from omni_mj.scenarios import creep_law
-from omni_mj.scenarios.robot_checks import GRAVITY_M_S2
+from omni_mj.scenarios import told
 from omni_mj.scenarios.settings import PERIOD_S, Settings
+from omni_mj.scenarios.told import GRAVITY_M_S2
 from omni_mj.studies.identify.fit import LATE, RANGES, Fit
 from omni_mj.studies.identify.law import NAMES, Body
 from omni_mj.studies.identify.logs import Log
@@ -159,7 +159,7 @@ class Excitation:
 
 
 def numbers(body: Body, settings: Settings, parameters: Array, by_wheels: bool) -> dict[str, float]:
-    """Return the numbers of a robot that follows the law with these parameters; see `omni_mj.scenarios.creep_law`."""
+    """Return the numbers of a robot that follows the law with these parameters; see `omni_mj.scenarios.told`."""
     p = dict(zip(NAMES, map(float, parameters), strict=True))
     give, scale, mass = p["give_s"], p["scale"], settings.body.mass_kg
     creeping = settings.model_copy(
@@ -171,7 +171,7 @@ def numbers(body: Body, settings: Settings, parameters: Array, by_wheels: bool) 
             "wheels": settings.wheels.model_copy(update={"creep": "on", "arm_m": settings.wheels.arm_m * p["arm"]}),
         }
     )
-    law, cosines = creep_law.creep(creeping), np.abs(body.along[:, 0])
+    law, cosines = told.creep(creeping), np.abs(body.along[:, 0])
     result = {}
     for i, axis in enumerate(AXES):
         result[f"gain_{axis}"], result[f"creep_{axis}_s2_m"] = scale * float(law.gain[i]), scale * float(law.time[i])

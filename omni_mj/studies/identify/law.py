@@ -25,9 +25,9 @@ import numpy as np
 
 from omni_control.kinematics import Array, body_to_world, world_to_body
 from omni_mj.robot.motors import Motor
-from omni_mj.scenarios import creep_law
-from omni_mj.scenarios.robot_checks import GRAVITY_M_S2
+from omni_mj.scenarios import told
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ, Settings
+from omni_mj.scenarios.told import GRAVITY_M_S2
 from omni_mj.studies.identify.stretches import Stretches
 
 NAMES = (
@@ -101,7 +101,7 @@ class Body:
             radius=radius,
             centre=centre,
             mass=mass,
-            loads=creep_law.loads(settings) / body.mass_kg,
+            loads=told.loads(settings) / body.mass_kg,
             shift=-body.centre_height_m * spread[:, 1:].T,
             viscous=BOTH_TOUCH * settings.drive.roller_damping_nm_s / roller**2 / body.mass_kg,
             spun=spun,
@@ -190,9 +190,9 @@ def simulate(
             command = inputs[:, :, k]
             command = np.where(stretches.in_body[:, None, None], command, world_to_body(command, heading))
             command[..., 2] += p["turn_gain"][:, 0] * (command[..., 2] - middle[..., 2])
-            told = (along @ command[..., None])[..., 0]
-            soft = p["give_s"] * (1 + body.commutation * np.abs(told))
-            rim = p["scale"] * told - p["friction_m_s"] * told / np.maximum(np.abs(told), RUBBED_M_S)
+            rim = (along @ command[..., None])[..., 0]
+            soft = p["give_s"] * (1 + body.commutation * np.abs(rim))
+            rim = p["scale"] * rim - p["friction_m_s"] * rim / np.maximum(np.abs(rim), RUBBED_M_S)
             compliance = compliance + soft
         stiffness = 1 / np.maximum(compliance, STIFFEST_S)
         stiffness = np.minimum(stiffness, cap * load / np.maximum(np.abs(rim - rolling), 1e-9))
