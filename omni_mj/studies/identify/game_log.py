@@ -161,7 +161,8 @@ def _sightings(path: Path, notes: list[str]) -> Iterator[tuple[float, ...]]:
                 raise OmniError(f"{name} is no game log: it begins with {head[:12]!r}, not {MAGIC!r}")
             if (version := HEADER.unpack(head)[1]) != VERSION:
                 raise OmniError(f"{name} is a game log of version {version}; only {VERSION} is known")
-            for number, (receipt, kind, data) in enumerate(_messages(file, name), 1):
+            for receipt, kind, data in _messages(file, name):
+                number += 1
                 image = parse(LoggedPacket, data if kind in VISION else b"").detection
                 for team, robots in enumerate((image.robots_yellow, image.robots_blue)):
                     for r in robots:
