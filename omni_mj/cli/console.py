@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from omni_control.errors import OmniError, printable
-from omni_mj.cli import strays, streams
+from omni_mj.cli import streams
 
 if TYPE_CHECKING:
     from omni_mj.measure.result import Result
@@ -35,15 +35,10 @@ PROGRESS_STEP = 12  # frames from one look of the progress bar to the next
 
 def program(command: click.Command) -> NoReturn:
     """Run a click command by what was typed, as a program of its own, and exit; see `invoke`."""
-    strays.attend()
     words = sys.argv[1:]
     if "film" not in words:  # nothing else draws by MuJoCo, which looks for libraries of windows
         os.environ.setdefault("MUJOCO_GL", "disable")
-    try:
-        invoke(command, words)
-    except SystemExit as end:
-        strays.leave(end.code if isinstance(end.code, int) else 0)
-        raise
+    invoke(command, words)
 
 
 def invoke(command: click.Command, words: list[str]) -> NoReturn:
@@ -52,9 +47,10 @@ def invoke(command: click.Command, words: list[str]) -> NoReturn:
     for word in words:
         if not word.isascii() and word.encode(errors="ignore").decode() != word:
             fail(f"{word!r} is not UTF-8, which names of files and all other words must be", BAD_INPUT)
+    name = "omni-mj" if isinstance(command, click.Group) else f"python -m omni_mj.{command.name}"
     try:
-        line = shlex.join([*_program(command).split(), *words])
-        code = command.main(args=words, prog_name=_program(command), standalone_mode=False, obj=line)
+        line = shlex.join([*name.split(), *words])
+        code = command.main(args=words, prog_name=name, standalone_mode=False, obj=line)
         sys.stdout.flush()
     except click.exceptions.Abort:
         fail("interrupted", 130)
@@ -71,13 +67,8 @@ def invoke(command: click.Command, words: list[str]) -> NoReturn:
     except (MemoryError, ImportError, ValueError) as error:
         if isinstance(error, ValueError) and NO_MEMORY not in str(error):
             raise
-        why = " ".join(str(error).split())
-        fail("there is too little memory, or a library cannot be loaded" + f": {why}" * bool(why), FAILED)
+        fail(f"there is too little memory, or a library cannot be loaded: {' '.join(str(error).split())}", FAILED)
     sys.exit(code if isinstance(code, int) else 0)
-
-
-def _program(command: click.Command) -> str:
-    return "omni-mj" if isinstance(command, click.Group) else f"python -m omni_mj.{command.name}"
 
 
 def command_line() -> str | None:
@@ -175,9 +166,10 @@ def progress(quiet: bool) -> Iterator[Callable[[str, int], Callable[[int], None]
         TimeRemainingColumn,
     )
 
-    label, bar, done = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
-    columns = (label, bar, done, TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as display:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(
+        *columns, TimeElapsedColumn(), TimeRemainingColumn(), console=Console(stderr=True), transient=True
+    ) as display:
 
         def begin(description: str, total: int) -> Callable[[int], None]:
             for before in display.task_ids:

@@ -1,19 +1,16 @@
 """Folders for results: made when needed, never overwritten unasked, and then only what a run of ours left there."""
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from datetime import UTC, datetime
-from itertools import chain, count
+from itertools import count
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from omni_control.errors import OmniError
 from omni_mj.files import PARTIAL, text_of
 
-PROVENANCE = (
-    "provenance.json",
-    "sources",
-)  # what says what was run, of which `omni_mj.provenance.record` has the names
+PROVENANCE = ("provenance.json", "sources")  # names given by `omni_mj.provenance.record`
 MARKS = {PROVENANCE[0]: ("format", "study", "scenarios"), "identify.json": ("format", "robot")}  # in folders of ours
 
 
@@ -21,14 +18,14 @@ def prepare(out: Path | None, name: str, outputs: Iterable[str], overwrite: bool
     """Return a folder for results, made if need be.
 
     Args:
-        out: the folder, or None for a new one below runs/.
-        name: of what is run, for a new folder's name.
-        outputs: files and folders that an earlier run may have left there, removed when overwriting: of a folder, the
-            files that are a run's by their names or by what that run noted down. All else stays.
-        overwrite: whether the folder of an earlier run may be used again.
+        out: The folder, or None for a new one below runs/.
+        name: Of what is run, for a new folder's name.
+        outputs: Files and folders that an earlier run may have left there, removed when overwriting: of a folder, the
+            files that are a run's by their names or by its record. All else stays.
+        overwrite: Whether the folder of an earlier run may be used again.
 
     Raises:
-        OmniError: the folder is a file, is not empty, is none that a run left, or cannot be made.
+        OmniError: The folder is a file, is not empty, is none that a run left, or cannot be made.
     """
     try:
         if out is None:
@@ -48,9 +45,10 @@ def prepare(out: Path | None, name: str, outputs: Iterable[str], overwrite: bool
 
 
 def _new(name: str) -> Path:
-    """A folder below runs/ that was not there; two runs may start in the same second."""
-    base = Path("runs") / f"{name}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
-    for path in chain([base], (Path(f"{base}-{i}") for i in count(2))):
+    """Make a folder below runs/ that was not there; two runs may start in the same second."""
+    base = f"{name}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
+    for number in count(1):
+        path = Path("runs") / (base if number == 1 else f"{base}-{number}")
         try:
             path.mkdir(parents=True)
         except FileExistsError:
@@ -63,15 +61,11 @@ def _clear(out: Path, outputs: list[str]) -> None:
     """Remove what a run left in its folder.
 
     Raises:
-        OmniError: no run left the folder, or one of its folders is a link to somewhere else.
+        OmniError: No run left the folder, or one of its folders is a link to somewhere else.
     """
-    begun = {f"{mark}{PARTIAL}" for mark in MARKS}
-    if all(path.name in begun and path.is_file() for path in out.iterdir()):  # a run was killed in its first moment
-        for path in list(out.iterdir()):
-            path.unlink()
-        return
-    record = next((found for mark, keys in MARKS.items() if (found := _record(out / mark, keys)) is not None), None)
-    if record is None:
+    was_begun = {path.name for path in out.iterdir()} <= {f"{mark}{PARTIAL}" for mark in MARKS}  # killed at once
+    record = next((found for mark, keys in MARKS.items() if (found := _record(out / mark, keys))), None)
+    if record is None and not was_begun:
         raise OmniError(
             f"--out {out} was not left by a run: it has no {' or '.join(MARKS)} of one; --overwrite replaces runs, "
             "and nothing else; give another folder"
@@ -81,18 +75,18 @@ def _clear(out: Path, outputs: list[str]) -> None:
             raise OmniError(
                 f"--out {out}: {output} is a link to another folder, which no run made; give another folder"
             )
-    places = [place for each in outputs for place in (_inside(out, each, record) if (out / each).is_dir() else [each])]
+    places = [*outputs, *MARKS, *_inside(out, record or {})]
     for path in (out / f"{place}{ending}" for place in places for ending in ("", PARTIAL)):
         if path.is_file() or path.is_symlink():
             path.unlink()
-    above = {up for place in places for up in PurePosixPath(place).parents if up.name}
-    for folder in (out / up for up in sorted(above, key=lambda up: len(up.parts), reverse=True)):
+    above = {out / parent for place in places for parent in PurePosixPath(place).parents if parent.name}
+    for folder in sorted(above, reverse=True):
         if folder.is_dir() and not any(folder.iterdir()):
             folder.rmdir()
 
 
 def _record(path: Path, keys: Iterable[str]) -> dict[str, Any] | None:
-    """What a run noted down in a file, or None if no run wrote it."""
+    """Return the record of a run in a file, or None if no run wrote it."""
     try:
         found = json.loads(text_of(path))
     except (OSError, ValueError, RecursionError):
@@ -100,32 +94,21 @@ def _record(path: Path, keys: Iterable[str]) -> dict[str, Any] | None:
     return found if isinstance(found, dict) and all(key in found for key in keys) else None
 
 
-def _inside(out: Path, folder: str, record: dict[str, Any]) -> Iterator[str]:
-    """The files of a run in one of its folders, by their places in `out`."""
-    scenarios = record.get("scenarios")
-    names = list(scenarios) if isinstance(scenarios, dict) else []
-    if folder == "figures":
-        from omni_mj.show.style import FIGURES
+def _inside(out: Path, record: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the files of a run in its folders, by their places in `out`."""
+    from omni_mj.show.style import FIGURES
 
-        yield from (f"{folder}/{name}{ending}" for name in FIGURES for ending in (".png", ".svg"))
-    elif folder == PROVENANCE[1]:
-        for place in _kept(record):
-            parts = PurePosixPath(place).parts
-            linked = any((out / up).is_symlink() for up in PurePosixPath(place).parents)
-            if parts[:1] == (folder,) and ".." not in parts and not linked:
-                yield place
-    else:
-        ending = {"scenarios": ".toml", "trajectories": ".parquet"}[folder]
-        yield from (f"{folder}/{name}{ending}" for name in names if "/" not in name)
+    yield from (f"figures/{name}{ending}" for name in FIGURES for ending in (".png", ".svg"))
+    for name in record["scenarios"] if isinstance(record.get("scenarios"), dict) else ():
+        yield from (f"scenarios/{PurePosixPath(name).name}.toml", f"trajectories/{PurePosixPath(name).name}.parquet")
+    copies: list[str] = []  # places of all files of which the record says that it has a copy
 
+    def collect(entry: dict[str, Any]) -> None:
+        if isinstance(entry.get("file"), str) and isinstance(entry.get("sha256"), str):
+            copies.append(entry["file"])
 
-def _kept(record: Any) -> Iterator[str]:
-    """The places of all files of which a run noted down that it kept a copy."""
-    if isinstance(record, dict):
-        if isinstance(record.get("file"), str) and isinstance(record.get("sha256"), str):
-            yield record["file"]
-        for each in record.values():
-            yield from _kept(each)
-    elif isinstance(record, list):
-        for each in record:
-            yield from _kept(each)
+    json.loads(json.dumps(record), object_hook=collect)
+    for place in map(PurePosixPath, copies):
+        linked = any((out / parent).is_symlink() for parent in place.parents)
+        if place.parts[:1] == (PROVENANCE[1],) and ".." not in place.parts and not linked:
+            yield str(place)

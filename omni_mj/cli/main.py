@@ -1,15 +1,12 @@
 """The console script `omni-mj`: its commands, each imported when it is called; `run` may be left out."""
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import click
 
 from omni_control.errors import OmniError, choose
 from omni_mj.cli import console
-
-if TYPE_CHECKING:
-    from click.shell_completion import CompletionItem
 
 SECTIONS = {  # heading -> command -> what it is for, at most what fits a line of 80
     "Drive": {
@@ -37,7 +34,6 @@ SECTIONS = {  # heading -> command -> what it is for, at most what fits a line o
         "list": "scenarios, controllers, plants, robots, settings",
         "show": "a scenario, a robot or a controller in full",
         "schema": "the JSON Schema of scenario files, for editors",
-        "completion": "what makes a shell complete commands and names",
     },
 }
 COMMANDS = {name: what for commands in SECTIONS.values() for name, what in commands.items()}
@@ -77,8 +73,12 @@ class _Commands(click.Group):
         Raises:
             OmniError: there is no such command; the message names the nearest.
         """
-        if args[0] not in COMMANDS and not ctx.resilient_parsing:
-            raise OmniError(f"there is no command {args[0]!r}; {_instead(args[0])}")
+        word = args[0]
+        if word not in COMMANDS and not ctx.resilient_parsing:
+            from omni_mj.scenarios.library import builtin
+
+            run = f"did you mean omni-mj run --scenario {word}?"
+            raise OmniError(f"there is no command {word!r}; {run if word in builtin() else choose(word, COMMANDS)}")
         return super().resolve_command(ctx, args)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -102,23 +102,6 @@ class _Commands(click.Group):
                 formatter.write(f"  {example}\n      {what}\n")
         with formatter.section("Where to go on"):
             formatter.write_text(FURTHER)
-
-    def shell_complete(self, ctx: click.Context, incomplete: str) -> "list[CompletionItem]":
-        """See `click.Group`; without importing a command, but for the options of `run`, which may be left out."""
-        from click.shell_completion import CompletionItem
-
-        if incomplete.startswith("-"):
-            run = self.get_command(ctx, "run")
-            assert run is not None
-            return click.Command.shell_complete(self, ctx, incomplete) + run.shell_complete(ctx, incomplete)
-        return [CompletionItem(name, help=what) for name, what in COMMANDS.items() if name.startswith(incomplete)]
-
-
-def _instead(word: str) -> str:
-    """What may have been meant by a word that is no command."""
-    from omni_mj.scenarios.library import builtin
-
-    return f"did you mean omni-mj run --scenario {word}?" if word in builtin() else choose(word, COMMANDS)
 
 
 @click.group(cls=_Commands, options_metavar="", subcommand_metavar="COMMAND [OPTIONS]")

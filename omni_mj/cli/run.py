@@ -1,5 +1,6 @@
 """`omni-mj run`, or `python -m omni_mj.run`: run a scenario, show its result, leave its files."""
 
+import os
 import shlex
 import shutil
 import sys
@@ -256,9 +257,6 @@ def _as_it_was(scenario: "Scenario", folder: Path) -> list[str]:
 
 
 def _program(name: str) -> str:
-    """How a user starts a program that is installed beside this Python, whose folder need not be on the PATH."""
+    """Return how a user starts a program that is installed beside this Python, whose folder need not be on the PATH."""
     program = Path(sys.executable).with_name(name)
-    if (found := shutil.which(name)) and Path(found) == program:
-        return name
-    here = Path.cwd()
-    return str(program.relative_to(here) if program.is_relative_to(here) else program)
+    return name if shutil.which(name) == str(program) else os.path.relpath(program)
