@@ -1,0 +1,259 @@
+"""The command line as a newcomer meets it: what there is, what it costs to ask, files to begin with, studies."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from commands import invoke, listed, strict
+
+import omni_mj as om
+
+ROOT = Path(__file__).parents[2]
+SHORT = ("--set", "reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]", "--set", "reference.settle_s=0.1")
+HEAVY = ("mujoco", "scipy", "pyarrow", "rerun", "matplotlib", "jinja2", "numpy", "pydantic")
+
+
+def printed(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    capsys.readouterr()
+    assert invoke(*words) == 0
+    return capsys.readouterr().out
+
+
+def test_help_version_and_lists_import_nothing_heavy() -> None:
+    """Each in a process that has imported nothing yet."""
+    code = (
+        "import sys\nfrom omni_mj.cli import main\n"
+        f"try: main.main()\nfinally: print('heavy:', *[m for m in {HEAVY} if m in sys.modules])"
+    )
+    for words, allowed in (
+        (("--help",), set()),
+        (("--version",), set()),
+        (("list", "scenarios"), set()),
+        (("run", "--help"), set()),
+        (("list",), {"numpy", "pydantic"}),
+        (("schema",), {"numpy", "pydantic", "scipy"}),
+    ):
+        done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60)
+        assert (done.returncode, done.stderr) == (0, ""), words
+        assert set(done.stdout.splitlines()[-1].split()[1:]) <= allowed, words
+
+
+def test_help_names_every_command_and_its_examples_parse(capsys: pytest.CaptureFixture[str]) -> None:
+    """Each command has help; what an example names is there, or the example before writes it."""
+    out = printed(capsys, "--help")
+    assert printed(capsys) == out
+    assert printed(capsys, "--version") == f"omni-mj {om.__version__}\n"
+    commands = re.findall(r"^  ([a-z]+)  ", out, re.MULTILINE)
+    assert {"run", "compare", "sweep", "limit", "identify", "serve", "drive", "verify", "list"} <= set(commands)
+    for name in commands:
+        assert printed(capsys, name, "--help").startswith(f"Usage: omni-mj {name}")
+    examples = re.findall(r"^  (omni-mj [a-z].*)$", out, re.MULTILINE)
+    assert len(examples) >= 5
+    names = {*listed("scenarios"), *listed("controllers"), *listed("robots"), "mine.py:Mine"}
+    for example in examples:
+        words = shlex.split(example)
+        options = printed(capsys, words[1], "--help")
+        for option, value in pairwise(words):
+            assert not option.startswith("--") or option in options
+            assert option not in ("--scenario", "--controller", "--robot") or value in names
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["comapre"], "did you mean 'compare'?"),
+        (["rect"], "did you mean omni-mj run --scenario rect?"),
+        (["run", "rect"], "unexpected extra argument (rect); see omni-mj run --help"),
+        (["run", "--scenrio", "rect"], "did you mean '--scenario'?"),
+        (["show", "tigers-v2061"], "did you mean 'tigers-v2016'?"),
+        (["show", "nowhere.toml"], "there is no file nowhere.toml"),
+        (["show", "lqr", "--set", "radio.delay_frames=1"], "lqr is a controller"),
+        (["list", "fricton"], "did you mean 'friction'?"),
+        (["list", "robot", "tiger2016"], "did you mean 'tigers-v2016'?"),
+        (["list", "scenarois", "rect"], "did you mean 'scenarios'?"),
+        (["new", "robt", "mine"], "'robt' is not one of"),
+        (["new", "robot", "2nd"], "unlike '2nd'"),
+        (["new", "scenario", "no/where"], "there is no folder no"),
+    ],
+)
+def test_what_is_mistyped_is_told_in_a_line(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert invoke(*words) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert says.casefold() in err.casefold()
+
+
+def test_lists_are_the_same_however_asked_and_a_word_finds_its_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    (whole,) = {printed(capsys, *words) for words in (["--list"], ["list"], ["run", "--list"])}
+    for name in ("rect-noise", "comp-flc", "kinematic", "tigers-v2016", "radio.delay_frames", "V s/rad", "0.826"):
+        assert name in whole
+    assert max(map(len, whole.splitlines())) <= 140
+    found = printed(capsys, "list", "settings", "FRICTION")
+    assert {"carpet.friction", "carpet.patches", "reference.friction"} <= set(
+        re.findall(r"^  (\S+)", found, re.MULTILINE)
+    )
+    assert "radio.delay_frames" not in found
+    kinds = [line.split()[:3] for line in printed(capsys, "list", "faults", "push").splitlines()[2:] if line.strip()]
+    assert ["kind", "=", "push"] in kinds
+    assert ["force_n", "N", "0"] in kinds
+
+
+@pytest.mark.parametrize("name", ["rect", "storm", "league-smooth"])
+def test_a_scenario_that_is_shown_is_the_scenario(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "shown.toml").write_text(text := printed(capsys, "show", name))
+    assert om.scenario(tmp_path / "shown.toml") == om.scenario(name)
+    assert printed(capsys, "show", str(tmp_path / "shown.toml")) == text
+
+
+def test_robots_changes_and_controllers_are_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in listed("robots"):
+        (tmp_path / "shown.toml").write_text(text := printed(capsys, "show", name))
+        assert om.robot(tmp_path / "shown.toml").settings == om.robot(name).settings
+        assert om.robot(tmp_path / "shown.toml").description == om.robot(name).description
+        assert printed(capsys, "show", str(tmp_path / "shown.toml")) == text
+    out = printed(capsys, "show", "rect", "--robot", "ssl-a-team", "--set", "radio.delay_frames=9")
+    assert 'robot = "ssl-a-team"' in out
+    assert re.search(r"^delay_frames = 9 +# \(default 6\) \[frames\] ", out, re.MULTILINE)
+    assert re.search(r"^mass_kg = [\d.]+ +# \[kg\] mass$", out, re.MULTILINE)
+    for name in listed("controllers"):
+        assert printed(capsys, "show", name).splitlines()[0]
+
+
+def test_starters_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """A scenario, also with what is commented out; a controller, by the command that it names; the default robot."""
+    monkeypatch.chdir(tmp_path)
+    bare = ("--plant", "kinematic", "--no-figures", "--no-record", "--quiet")
+    assert invoke("new", "scenario", "track.toml") == 0
+    assert invoke("run", "--scenario", "track.toml", *bare, "--out", "track") == 0
+    text = re.sub(r"^# (?=\w+ = |\[)", "", Path("track.toml").read_text(), flags=re.MULTILINE)
+    Path("all.toml").write_text(text.replace('plant = "kinematic"', "").replace(', "mine.py:Mine"', ""))
+    scenario = om.scenario("all.toml")
+    assert (scenario.robot, scenario.seeds, scenario.settings.reference.shape) == ("tigers-v2020", 5, "circle")
+    assert [fault.kind for fault in scenario.settings.fault] == ["push"]
+
+    drive = printed(capsys, "new", "controller", "my_first-one").partition("omni-mj ")[2].split()
+    assert " ".join(drive) in Path("my_first-one.py").read_text()
+    assert "--set controller.MyFirstOne.gain=4.0\n" in printed(capsys, "show", "my_first-one.py:MyFirstOne")
+    assert invoke(*drive, *SHORT, *bare, "--out", "out") == 0
+    found = strict(tmp_path / "out" / "summary.json")["scenarios"]["rect"]["results"]["MyFirstOne"]
+    assert 0 < found["error_m"]["distance"]["max"]["mean"] < 0.2  # m: it follows a route of 0.22 m
+
+    assert invoke("new", "robot", "mine") == 0
+    assert om.robot("mine.toml").settings == om.robot("tigers-v2016").settings
+    assert invoke("new", "robot", "mine") == 2
+    assert "there is a file mine.toml" in capsys.readouterr().err
+    assert printed(capsys, "new", "robot", "mine", "--overwrite", "--quiet") == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        ("omni-mj lim", {"limit"}),
+        ("omni-mj run --scenario rec", {"rect", "rect-noise"}),
+        ("omni-mj run --controller comp", {"comp-flc", "comp-flc-lag"}),
+        ("omni-mj slip --robot tigers-v2020", {"tigers-v2020", "tigers-v2020-planetary"}),
+        ("omni-mj run --set radio.d", {"radio.delay_frames="}),
+        ("omni-mj show r", {"rect", "rect-noise", "robojackets", "roboteam-twente"}),
+        ("omni-mj new c", {"controller"}),
+    ],
+)
+def test_a_shell_completes_names(
+    words: str, offered: set[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By the protocol of click's script for fish, which docs/commands.md installs."""
+    *before, last = words.split(" ")
+    monkeypatch.setenv("_OMNI_MJ_COMPLETE", "fish_complete")
+    monkeypatch.setenv("COMP_WORDS", shlex.join(before))
+    monkeypatch.setenv("COMP_CWORD", last)
+    assert invoke() == 0
+    items = re.findall(r"^plain,([^\t\n]*)", capsys.readouterr().out.replace("\nplain\n", "\nplain,"), re.MULTILINE)
+    assert set(items) == offered
+
+
+@pytest.mark.parametrize(
+    ("streams", "code", "out", "err"),
+    [
+        ("| head -1", 0, "scenarios", ""),
+        (">&-", 0, "", ""),
+        (">&- 2>&- <&-", 0, "", ""),
+        ("> /dev/full", 1, "", "error: standard output: No space left on device\n"),
+    ],
+)
+def test_output_that_goes_nowhere_is_no_fault_and_one_that_is_lost_is_said(
+    streams: str, code: int, out: str, err: str
+) -> None:
+    """A reader that goes, streams that are closed, and a device that is full."""
+    command = f"set -o pipefail; {sys.executable} -m omni_mj --list {streams}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (code, err)
+    assert done.stdout.startswith(out)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("alpha", "--set", "radio.delay=1"), "did you mean 'radio.delay_frames'"),
+        (("alpha", "--robot", "nobody"), "unknown robot 'nobody'"),
+        (("slip", "--robot", "tigers"), "unknown robot 'tigers'"),
+        (("loop", "--controller", "pp"), "unknown controller 'pp'"),
+        (("loop", "--scenario", "rekt"), "unknown scenario 'rekt'"),
+        (("compare", "--scenario", "rect", "--scenario", "rect"), "two scenarios are called 'rect'"),
+        (("compare", "--subject", "comp-fcl"), "did you mean 'comp-flc'"),
+        (("compare", "--half-width", "-1"), "a share of the mean such as 0.05"),
+        (("compare", "--limits", "nowhere"), "holds no run"),
+        (("compare", "--seeds", "0"), "1 to 100000"),
+    ],
+)
+def test_bad_input_of_studies_is_a_line_and_leaves_no_folder(
+    words: tuple[str, ...], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke(*words, "--out", tmp_path / "out") == 2
+    printed_error = capsys.readouterr().err
+    assert says in printed_error
+    assert printed_error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_loop_study_leaves_numbers_and_a_figure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("--controller", "p", "--plant", "kinematic", "--set", "radio.delay_frames=3", "--out", tmp_path / "out")
+    assert invoke("loop", *words) == 0
+    out = capsys.readouterr().out
+    assert "driving, across" in out
+    found = strict(tmp_path / "out" / "summary.json")["loop"]["cases"]["rest, forward"]["p"]["strengths"][1]["margins"]
+    assert f"{found['phase']:.0f}" in out.splitlines()[2].split()
+    assert (tmp_path / "out" / "loop.png").stat().st_size > 10_000
+    assert invoke("verify", tmp_path / "out") == 0
+    assert "repeats" in capsys.readouterr().out
+
+
+def test_no_home_no_display_and_one_core_change_nothing(tmp_path: Path) -> None:
+    """What a terminal usually gives and a service does not."""
+    words = (
+        "run",
+        "--scenario",
+        "rect",
+        *SHORT,
+        "--plant",
+        "kinematic",
+        "--controller",
+        "flc",
+        "--no-figures",
+        "--quiet",
+    )
+    gone = {name: value for name, value in os.environ.items() if name not in ("HOME", "DISPLAY", "TERM", "LANG")}
+    core = {min(os.sched_getaffinity(0))}
+    tables = []
+    for name, env in (("usual", dict(os.environ)), ("bare", {**gone, "LC_ALL": "C"})):
+        command = [sys.executable, "-m", "omni_mj", *words, "--out", str(tmp_path / name)]
+        one_core = (lambda: os.sched_setaffinity(0, core)) if name == "bare" else None
+        done = subprocess.run(command, env=env, preexec_fn=one_core, capture_output=True, text=True, timeout=120)
+        assert (done.returncode, done.stderr) == (0, "")
+        tables.append(strict(tmp_path / name / "summary.json")["scenarios"]["rect"]["results"])
+    assert tables[0] == tables[1]

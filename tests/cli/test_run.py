@@ -1,0 +1,312 @@
+"""`omni-mj run`: what it prints and leaves, whatever ends it, and what it never overwrites."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pyarrow.parquet as pq
+import pytest
+from commands import appears, invoke, signalled, strict
+from rerun.chunk import RrdReader
+
+PROGRAM = [sys.executable, "-m", "omni_mj.run"]
+SHORT = ("--set", "reference.waypoints=[[0, 0], [0.1, 0]]", "--set", "reference.settle_s=0.1")
+KINEMATIC = ("run", "--scenario", "rect", "--plant", "kinematic", *SHORT, "--controller", "flc")
+BARE = ("--quiet", "--no-record", "--no-figures")
+FILES = {"summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml", "figures", "report.html"}
+FILES |= {"provenance.json", "sources"}
+
+
+def is_whole(folder: Path) -> bool:
+    """Return whether a folder's summary says that all of the run is there, and it is."""
+    summary = strict(folder / "summary.json")
+    entry = summary["scenarios"]["rect"]
+    with (folder / "trajectory.parquet").open("rb") as file:
+        rows = pq.read_table(file).num_rows
+    return summary["complete"] and rows == entry["frames"] * len(entry["results"]) > 0
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_run_prints_the_table_and_where_its_files_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert invoke("run", "--scenario", "rect", "--plant", "planar", *SHORT) == 0
+    (folder,) = (tmp_path / "runs").iterdir()
+    assert folder.name.startswith("rect-")
+    assert {p.name for p in folder.iterdir()} == FILES
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    for text in ("x, cm", "plane, cm", "heading", "comp-flc", f"runs/{folder.name}/recording.rrd"):
+        assert text in printed.out
+    summary = strict(folder / "summary.json")
+    assert (summary["complete"], summary["seeds"]) == (True, [0])
+    entry = summary["scenarios"]["rect"]
+    assert entry["simulated_s"] == pytest.approx(entry["frames"] / 60)
+    assert entry["settings"]["radio"]["delay_frames"] == 6
+    assert {"python", "omni-mj", "mujoco"} <= set(summary["versions"])
+    assert is_whole(folder)
+
+
+def test_the_effective_scenario_repeats_the_run_bit_for_bit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """And quiet prints nothing, switches leave files out."""
+    options = ("--seed", 7, "--seeds", 2, "--controller", "comp-flc", "--set", "radio.delay_frames=3")
+    for plant in ("kinematic", "mujoco"):
+        a, b = tmp_path / plant / "a", tmp_path / plant / "b"
+        assert invoke("--scenario", "rect-noise", *SHORT, "--plant", plant, *options, *BARE, "--out", a) == 0
+        assert invoke("--scenario", a / "scenario.toml", *BARE, "--out", b) == 0
+        assert {p.name for p in a.iterdir()} == FILES - {"recording.rrd", "figures"}
+        first, second = (pq.read_table(folder / "trajectory.parquet") for folder in (a, b))
+        assert first.num_rows > 0
+        # Compared as bytes, since NaN is not equal to itself.
+        bits = ([c.combine_chunks().buffers()[-1] for c in table.columns] for table in (first, second))
+        assert next(bits) == next(bits)
+        assert (a / "scenario.toml").read_text() == (b / "scenario.toml").read_text()
+    assert capsys.readouterr() == ("", "")
+
+
+def test_faults_are_told_in_table_summary_report_and_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    faults = '[[fault]]\nkind = "vision-out"\nat = 0.2\nfor = 0.1\n\n[[fault]]\nkind = "delay"\nat = 0.4\nto = 9\n'
+    (tmp_path / "met.toml").write_text('plant = "kinematic"\n[reference]\nwaypoints = [[0, 0], [0.2, 0]]\n\n' + faults)
+    out = tmp_path / "out"
+    assert invoke("run", "--scenario", tmp_path / "met.toml", "--controller", "flc", "--no-figures", "--out", out) == 0
+    printed = capsys.readouterr().out
+    assert "worst, cm" in printed
+    assert "delay (to = 9), from 0.4 s on" in printed
+    told = [event["text"] for event in strict(out / "summary.json")["scenarios"]["met"]["events"]]
+    assert [each.split()[:2] for each in told if "vision" in each or "delay" in each] == [
+        ["begins:", "vision-out"], ["ends:", "vision-out"], ["begins:", "delay"],
+    ]  # fmt: skip
+    assert "begins: delay" in (out / "report.html").read_text()
+    batches = [chunk.to_record_batch() for chunk in RrdReader(out / "recording.rrd").stream().to_chunks()]
+    columns = [batch.column(name) for batch in batches for name in batch.schema.names if name.startswith("Text")]
+    assert any("begins: delay" in str(text) for column in columns for text in column.to_pylist())
+
+
+def test_bad_input_is_a_line_each_that_says_what_is_allowed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments, *says in (
+        ("", "--scenario is missing"),
+        ("--scenario rekt", "did you mean 'rect'"),
+        ("--scenario missing.toml", "missing.toml"),
+        ("--scenario rect --seeds many", "not a valid integer"),
+        ("--scenario rect --set radio.delay_frames", "section.field=value"),
+        ("--scenario rect --set carpet.friction=9 --seeds 0 --plant x", "carpet.friction", "seeds", "plant"),
+        ("--scenario rect --set fault.at=3", "fault"),
+        ("--scenario rect --sead 3", "--seed"),
+    ):
+        assert invoke("run", *arguments.split(), "--out", tmp_path / "run") == 2
+        printed = capsys.readouterr()
+        lines = printed.err.splitlines()
+        assert len(lines) == len(says), arguments
+        assert all(line.startswith("error: ") for line in lines)
+        assert all(any(text in line for line in lines) for text in says), printed.err
+        assert printed.out == ""
+        assert not (tmp_path / "run").exists(), "bad input must not leave a folder"
+
+
+# What ends it.
+
+ENDLESS = ("--scenario", "rect", "--plant", "kinematic", "--set", "reference.laps=60", "--no-figures")
+
+
+def keeps_what_it_recorded(out: Path, stderr: str) -> None:
+    assert "what was recorded until then" in stderr.splitlines()[-1]
+    assert "Traceback" not in stderr
+    summary = strict(out / "summary.json")
+    entry = summary["scenarios"]["rect"]
+    assert (summary["complete"], entry["status"]) == (False, "stopped")
+    assert summary["stopped"] == entry["reason"]
+    assert pq.read_table(out / "trajectory.parquet").num_rows == 2 * entry["frames"] > 0
+
+
+def test_an_interrupted_run_keeps_what_it_recorded(tmp_path: Path) -> None:
+    """A process of its own, as in a terminal."""
+    process = subprocess.Popen(
+        [*PROGRAM, *ENDLESS, "--out", str(tmp_path / "out")],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background job ignores it
+    )
+    assert appears(tmp_path / "out" / "recording.rrd")
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=60)
+    assert process.returncode == 130, stderr
+    keeps_what_it_recorded(tmp_path / "out", stderr)
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_other_signals_keep_it_as_well(
+    number: int, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with signalled(number, tmp_path / "out" / "recording.rrd"):
+        assert invoke("run", *ENDLESS, "--out", tmp_path / "out") == code
+    keeps_what_it_recorded(tmp_path / "out", capsys.readouterr().err)
+
+
+def test_a_killed_run_says_that_it_is_unfinished_and_can_be_made_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nobody is warned of SIGKILL: in the folder is a summary that says so, and nothing that looks whole."""
+    out = tmp_path / "out"
+    process = subprocess.Popen([*PROGRAM, *ENDLESS, "--no-record", "--quiet", "--out", str(out)])
+    assert appears(out / "scenario.toml")
+    process.kill()
+    process.wait()
+    summary = strict(out / "summary.json")
+    assert (summary["complete"], summary["scenarios"]["rect"]["status"]) == (False, "not run")
+    assert not (out / "trajectory.parquet").exists()
+    assert invoke("verify", out) == 2
+    assert "nothing to compare with" in capsys.readouterr().err
+    assert invoke("report", out) == 0
+    assert invoke(*KINEMATIC, *BARE, "--overwrite", "--out", out) == 0
+    assert is_whole(out)
+    for name in os.listdir(out):  # killed in its first moment
+        shutil.rmtree(out / name) if (out / name).is_dir() else (out / name).unlink()
+    (out / "provenance.json.partial").write_text('{"form')
+    assert invoke(*KINEMATIC, *BARE, "--overwrite", "--out", out) == 0
+
+
+def test_a_full_disk_is_one_line_and_leaves_what_fits(tmp_path: Path) -> None:
+    """A limit on file sizes stands in for a full disk: the recording does not fit."""
+    route = "reference.waypoints=[[0, 0], [1, 0], [0, 0]]"
+    options = ["--scenario", "rect", "--plant", "kinematic", "--set", route, "--controller", "flc", "--quiet"]
+    options += ["--no-figures", "--out", str(tmp_path / "run")]
+    limited = 'ulimit -f 150; exec "$0" "$@"'  # units of 1 KiB
+    done = subprocess.run(["bash", "-c", limited, *PROGRAM, *options], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    # rerun's own writer complains too, in lines that begin with a time.
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert line.startswith(f"error: cannot write to {tmp_path / 'run'}: ")
+    assert (tmp_path / "run" / "scenario.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "says"),
+    [
+        (KeyboardInterrupt(), 130, "interrupted; the numbers are whole in"),
+        (RuntimeError("no\nfont"), 1, "not all could be drawn: RuntimeError: no font; the numbers are whole in"),
+        (signal.SIGTERM, 143, "terminated; the numbers are whole in"),
+    ],
+)
+def test_drawing_costs_no_numbers(
+    error: object, code: int, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """Whatever figures meet; the table is printed, and a line says where the numbers are."""
+
+    def fails(*_: object) -> None:
+        if isinstance(error, BaseException):
+            raise error
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    monkeypatch.setattr("omni_mj.show.figures.save_all", fails)
+    assert invoke(*KINEMATIC, "--no-record", "--out", tmp_path / "out") == code
+    printed = capsys.readouterr()
+    assert "plane, cm" in printed.out
+    assert printed.err.startswith(f"error: {says}")
+    assert printed.err.count("\n") == 1
+    assert is_whole(tmp_path / "out")
+
+
+def test_a_recording_leaves_the_disk_to_the_numbers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where there is no more room than they will need, it ends, and that is said once."""
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: SimpleNamespace(total=1e9, free=1e6))
+    assert invoke(*KINEMATIC, "--quiet", "--no-figures", "--out", tmp_path / "out") == 1
+    err = capsys.readouterr().err
+    assert "the recording could not be written to its end" in err
+    assert err.count("\n") == 1
+    assert is_whole(tmp_path / "out")
+    assert not (tmp_path / "out" / "recording.rrd").exists()
+
+
+def test_little_memory_is_a_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def fails(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("omni_mj.studies.run.prepare", fails)
+    assert invoke(*KINEMATIC, *BARE) == 1
+    assert capsys.readouterr().err.startswith("error: there is too little memory")
+
+
+# Folders.
+
+
+@pytest.mark.parametrize("mark", [None, "", "[1]", '{"format": 1}', "{" * 100_000])
+def test_a_folder_that_no_run_left_is_never_overwritten(
+    tmp_path: Path, mark: str | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whatever its files are called, also if one is called as the one by which folders of runs are known."""
+    (tmp_path / "figures").mkdir()
+    for name in ("summary.json", "report.html", "figures/path.png"):
+        (tmp_path / name).write_text("precious")
+    if mark is not None:
+        (tmp_path / "provenance.json").write_text(mark)
+    before = contents(tmp_path)
+    for more, says in ((), "--overwrite"), (("--overwrite",), "was not left by a run"):
+        assert invoke(*KINEMATIC, *BARE, "--out", tmp_path, *more) == 2
+        err = capsys.readouterr().err
+        assert says in err
+        assert err.count("\n") == 1
+        assert contents(tmp_path) == before
+
+
+def test_overwriting_removes_what_the_run_left_and_nothing_else(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Bad input removes nothing, nor does a record that names files elsewhere."""
+    (tmp_path / "mine.py").write_text(
+        "import omni_mj as om\n\n\nclass Mine(om.Controller):\n    def command(self, frame, seen):\n"
+        "        return 0 * seen.pose\n"
+    )
+    out = tmp_path / "out"
+    run = (*KINEMATIC, "--no-record", "--quiet", "--out", out)
+    assert invoke(*run, "--controller", f"{tmp_path / 'mine.py'}:Mine") == 0
+    before = contents(out)
+    assert {"figures/path.png", "sources/mine.py", "report.html"} <= set(before)
+    for wrong in (("--set", "radio.delay=3"), ("--controller", "fcl"), ("--connect", "nowhere")):
+        assert invoke(*run, "--overwrite", *wrong) == 2
+        assert contents(out) == before
+    precious = {"notes.txt", "figures/holiday.png", "sources/other.py", "summary.json.bak", "old/summary.json"}
+    (out / "old").mkdir()
+    for name in precious:
+        (out / name).write_text("precious")
+    record = strict(out / "provenance.json")
+    (tmp_path / "precious.py").write_text("precious")
+    record["modules"] = [
+        {"file": "../precious.py", "sha256": ""},
+        {"file": str(tmp_path / "precious.py"), "sha256": ""},
+    ]
+    (out / "provenance.json").write_text(json.dumps(record))
+    assert invoke(*run, "--no-figures", "--overwrite") == 0
+    left = contents(out)
+    assert {name: left[name] for name in precious} == dict.fromkeys(precious, b"precious")
+    assert set(left) - precious == {n for n in before if not n.startswith("figures/")} - {"sources/mine.py"}
+    assert (tmp_path / "precious.py").exists()
+    shutil.move(out / "sources", tmp_path / "elsewhere")
+    (out / "sources").symlink_to(tmp_path / "elsewhere")
+    capsys.readouterr()
+    assert invoke(*run, "--overwrite") == 2
+    assert "sources is a link" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["a:b", "hdfs:x", "s3:", "%2e", "a b", "ü\u2028"])
+def test_a_folder_of_any_name_is_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """None is taken for an address; what is in it reads back and repeats."""
+    monkeypatch.chdir(tmp_path)
+    assert invoke(*KINEMATIC, *BARE, "--out", name) == 0
+    assert is_whole(Path(name))
+    assert invoke("verify", name, "--quiet") == 0
