@@ -3,7 +3,7 @@
 import time
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,8 +13,6 @@ from omni_mj.cli import console, folders, options
 if TYPE_CHECKING:
     from omni_mj.studies.outcome import AfterFrame
     from omni_mj.studies.sweep import Plan, Sweep
-    from omni_mj.studies.sweep.elsewhere import Workers
-    from omni_mj.studies.sweep.kept import Wish
     from omni_mj.studies.sweep.plan import Job
 
 OUTPUTS = (
@@ -65,13 +63,14 @@ def command(
     Of whole numbers, LOW:HIGH:STEP. A sweep that was stopped or killed goes on with --resume DIR, and computes nothing
     twice. Numbers that are drawn (--set carpet.friction='{uniform = [0.4, 0.9]}') are drawn for each seed.
     """
-    from omni_mj.studies import sweep
-    from omni_mj.studies.sweep import kept
     from omni_mj.studies.sweep import sensitivity as sensitivities
-    from omni_mj.studies.sweep.elsewhere import workers
-    from omni_mj.studies.sweep.plan import AT_ONCE, Plan
+    from omni_mj.studies.sweep.plan import AT_ONCE, Axis, Plan, axes
+    from omni_mj.studies.sweep.study import parse_keep
+    from omni_mj.studies.sweep.workers import Workers
 
-    where, wishes = workers(jobs, cluster), [kept.wish(each) for each in keeping]
+    Workers(jobs, cluster)  # before there is a folder, as all that is checked here
+    for text in keeping:
+        parse_keep(text)
     if resume is not None:
         if name or varied or out or sensitivity:
             raise OmniError("--resume says it all: the folder knows its scenario and what is varied")
@@ -88,33 +87,29 @@ def command(
         if sensitivity:
             plan = sensitivities.plan(chosen, sensitivities.Design(sensitivity, samples), at_once=size)
         else:
-            plan = Plan(chosen, sweep.axes([sweep.axis(each) for each in varied]), size)
+            plan = Plan(chosen, axes([Axis.parse(text) for text in varied]), size)
         plan.check_memory(jobs)
         folder = folders.prepare(out, "sweep", OUTPUTS, overwrite=False)
-        with console.writing(folder):
-            plan.save(folder)
-    _carry_on(plan, folder, where, wishes, quiet)
+    _run(plan, folder, quiet, jobs=jobs, cluster=cluster, keep=keeping)
 
 
-def _carry_on(plan: "Plan", folder: Path, where: "Workers | None", wishes: "list[Wish]", quiet: bool) -> None:
+def _run(plan: "Plan", folder: Path, quiet: bool, **how: Any) -> None:
     from omni_mj.cli.interrupts import Interrupts
-    from omni_mj.studies.sweep import kept, study
+    from omni_mj.studies.sweep import study
 
-    jobs = study.left(plan, folder)
+    left = study.left(plan, folder)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
         console.quiet_mujoco()
-        if jobs and not quiet:
-            print(_estimate(plan, jobs))
-        show, shards = begin("sweep", plan.frames * len(jobs)), count()
+        if left and not quiet:
+            print(_estimate(plan, left))
+        show, shards = begin("sweep", plan.frames * len(left)), count()
 
         def before_shard(_: "Job") -> "AfterFrame":
             done = next(shards) * plan.frames
             return console.checked(interrupts.check, lambda frame: show(done + frame))
 
-        found = study.carry_on(plan, folder, before_shard, where, interrupts.check)
+        found = study.run(plan, folder, before_shard=before_shard, check=interrupts.check, **how)
     with console.writing(folder):
-        if found.complete:
-            kept.keep(found, wishes)
         _show(found, quiet)
     interrupts.end(
         found.stopped, f"{found.done} of {_shards(len(plan.jobs))} are in {folder}; --resume {folder} goes on"
@@ -123,18 +118,17 @@ def _carry_on(plan: "Plan", folder: Path, where: "Workers | None", wishes: "list
 
 def _estimate(plan: "Plan", jobs: "list[Job]") -> str:
     """How much there is to do, and how long one process takes about, from the first frames of a shard."""
-    from omni_mj.studies.sweep import shard
+    from omni_mj.studies.sweep.study import simulation
 
-    trial = shard.simulation(plan, jobs[0])
+    trial = simulation(plan, jobs[0])
     started = time.perf_counter()
     for _ in range(min(TRIAL_FRAMES, plan.frames)):
         trial.observe()
         trial.step()
-    shard_s = (time.perf_counter() - started) * plan.frames / TRIAL_FRAMES
-    runs = sum(len(job.runs) for job in jobs)
-    controllers = len(plan.scenario.controllers)
+    total_s = (time.perf_counter() - started) * plan.frames / TRIAL_FRAMES * len(jobs)
+    runs, controllers = sum(len(job.runs) for job in jobs), len(plan.scenario.controllers)
     what = f"{runs} runs of {controllers} controller{'s' * (controllers > 1)} in {_shards(len(jobs))}"
-    return f"{what}: about {_duration(shard_s * len(jobs))} and {plan.bytes / 1e9:.1f} GB of memory for one process"
+    return f"{what}: about {_duration(total_s)} and {plan.bytes / 1e9:.1f} GB of memory for one process"
 
 
 def _shards(count: int) -> str:

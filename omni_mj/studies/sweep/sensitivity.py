@@ -19,8 +19,7 @@ from omni_mj.measure.statistics import plain
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.studies.run import chosen
 from omni_mj.studies.sweep.cells import SHOWN
-from omni_mj.studies.sweep.grid import Axis
-from omni_mj.studies.sweep.plan import AT_ONCE, Plan
+from omni_mj.studies.sweep.plan import AT_ONCE, Axis, Plan
 
 if TYPE_CHECKING:
     from omni_mj.studies.sweep.study import Sweep
