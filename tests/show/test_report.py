@@ -261,7 +261,6 @@ def test_settings_off_their_default_stand_out(runs: list[Path], tmp_path: Path) 
         ("[]", "controllers, informed"),
         ('{"format": 4}', "controllers, informed"),
         ('{"format": 2}', "of format 2; this version of omni-mj reads format 4"),
-        ('{"scenario": "rect", "results": {}}', "of format 1, which an older version of omni-mj wrote"),
     ],
 )
 def test_a_folder_that_holds_no_run_is_refused_in_one_line(tmp_path: Path, text: str | None, said: str) -> None:

@@ -122,7 +122,7 @@ class Recording:
         for plot in (plot for tab in self._tabs.values() for plot in tab):
             for series in plot.series:
                 entity, values = series.path(plot, robot), series.values(robot, frames)
-                known: np.ndarray = ~np.isnan(values).any(1)
+                known = np.asarray(~np.isnan(values).any(1))
                 begin = 0
                 if entity not in self._known and known.any():
                     self._known.add(entity)
