@@ -49,19 +49,18 @@ def command(
         os.environ.setdefault("MUJOCO_GL", "egl")
     import numpy as np
 
-    from omni_mj.show.film import writing
-    from omni_mj.show.film.reel import Reel, grid
+    from omni_mj.show import film
 
-    writing.check(out)
-    reel = Reel.of(folder, controllers, allow_code)
-    wide, high = PANELS
-    pixels = pixels or (wide, high * grid(len(reel.takes))[0])
-    end = reel.duration_s if end_s is None else min(end_s, reel.duration_s)
+    film.check(out)
+    run = film.Film.of(folder, controllers, allow_code)
+    width, height = PANELS
+    pixels = pixels or (width, height * run.grid[0])
+    end = min(run.duration_s if end_s is None else end_s, run.duration_s)
     if begin_s >= end:
         raise OmniError(f"--from {begin_s:g} must be before the film's end at {end:g} s")
     instants = np.arange(begin_s, end, speed / rate)
-    with click.progressbar(reel.pictures(instants, view, pixels), len(instants), file=sys.stderr) as pictures:
-        writing.write(pictures, out, rate)
+    with click.progressbar(run.pictures(instants, view, pixels), len(instants), file=sys.stderr) as pictures:
+        film.write(pictures, out, rate)
     print(f"film in {out}: {len(instants) / rate:.1f} s, {out.stat().st_size / 1e6:.1f} MB")
 
 

@@ -124,7 +124,9 @@ class Run:
                 if name in declared:
                     setting = declared[name]
                     default = json.loads(json.dumps(setting.default))  # tuples are lists in a summary
-                    rows.append(SettingRow(name, value, default, setting.unit, setting.doc, default not in (None, value)))
+                    rows.append(
+                        SettingRow(name, value, default, setting.unit, setting.doc, default not in (None, value))
+                    )
                 else:
                     rows.append(SettingRow(name, value, None, "", "unknown to this version", changed=False))
         return rows

@@ -10,7 +10,7 @@ from commands import invoke, strict
 from rerun.chunk import RrdReader
 
 from omni_control.errors import OmniError
-from omni_mj.show.film.reel import Reel
+from omni_mj.show.film import Film
 
 FRAME_S = 1 / 60
 SHORT = ("--set", "reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]", "--set", "reference.settle_s=0.1")
@@ -93,8 +93,8 @@ def test_the_effective_scenario_repeats_a_users_controller_bit_for_bit(folder: P
     assert 'controllers = ["flc", "mine.py:Mine"]' in text
     Path("out").rename("first")
     with pytest.raises(OmniError, match="--allow-code"):
-        Reel.of(Path("first"))
-    assert len(Reel.of(Path("first"), code=True).takes) == 2
+        Film.of(Path("first"))
+    assert len(Film.of(Path("first"), code=True).takes) == 2
     again = ("--scenario", "first/scenario.toml", "--no-record", "--no-figures", "--quiet", "--out", "out")
     assert invoke(*again) == 2, "a scenario runs no code unasked"
     assert not Path("out").exists()

@@ -14,8 +14,7 @@ from PIL import Image, ImageSequence
 from omni_control.errors import OmniError
 from omni_mj.cli.film import command
 from omni_mj.scenarios import scenario
-from omni_mj.show.film import writing
-from omni_mj.show.film.stage import MARGIN
+from omni_mj.show import film as films
 from omni_mj.studies.run import run
 
 SIDE = 480  # pixels
@@ -57,7 +56,7 @@ def test_robots_are_where_the_trajectory_says(folder: Path, tmp_path: Path) -> N
     rows = pq.read_table(folder / "trajectory.parquet", filters=[("controller", "=", "flc")]).to_pydict()
     # A pinhole that looks straight down from where the route and a margin fill its 45 degrees, at a point 5 cm above
     # the carpet; the cover's top is 14.5 cm high.
-    distance = (0.8 + 2 * MARGIN) / 2 / np.tan(np.deg2rad(45 / 2))
+    distance = (0.8 + 2 * films.MARGIN_M) / 2 / np.tan(np.deg2rad(45 / 2))
     scale = SIDE / 2 / np.tan(np.deg2rad(45 / 2)) / (distance + 0.05 - 0.145)
     with Image.open(out) as pictures:
         assert pictures.n_frames == 2
@@ -70,11 +69,11 @@ def test_robots_are_where_the_trajectory_says(folder: Path, tmp_path: Path) -> N
             np.testing.assert_allclose(hat(pictures), expected, atol=0.02 * scale)
 
 
-@pytest.mark.parametrize("kind", writing.KINDS)
+@pytest.mark.parametrize("kind", films.KINDS)
 def test_files_hold_the_pictures_in_their_order(tmp_path: Path, kind: str) -> None:
     """Read back by the libraries that wrote them; compression moves brightness by less than it differs here."""
     levels, out = [0, 128, 255, 64], tmp_path / f"film{kind}"
-    writing.write((Image.new("RGB", (160, 80), (level,) * 3) for level in levels), out, rate=10)
+    films.write((Image.new("RGB", (160, 80), (level,) * 3) for level in levels), out, rate=10)
     assert list(tmp_path.iterdir()) == [out]  # nothing that was begun is left
     if kind in (".mp4", ".webm"):
         with pytest.importorskip("av").open(str(out)) as video:
@@ -93,7 +92,7 @@ def test_a_film_that_is_cut_off_leaves_no_file(tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        writing.write(broken(), tmp_path / "film.webm", rate=10)
+        films.write(broken(), tmp_path / "film.webm", rate=10)
     assert not list(tmp_path.iterdir())
 
 
