@@ -1,0 +1,88 @@
+"""`omni-mj compare` as a user types it: its files, what it prints, what ends it."""
+
+import signal
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from commands import invoke, signalled, strict
+from matplotlib.image import imread
+
+SEEDS, FIRST = 3, 7
+CONTROLLERS = ("flc", "comp-flc")
+FILES = {"summary.json", "compare.md", "compare.png", "compare.svg", "provenance.json", "sources", "scenarios"}
+SCENARIOS = {
+    "there": '[reference]\nwaypoints = [[0, 0], [0.2, 0.1]]\nsettle_s = 0.5\n',
+    "bend": '[reference]\nwaypoints = [[0, 0], [0.15, 0], [0.15, 0.15]]\n\n[radio]\ndelay_frames = 4\n',
+    "late": "[reference]\nwaypoints = [[0, 0], [0.1, 0]]\n\n[radio]\ndelay_frames = 9\n",
+}  # fmt: skip
+OWN = """
+import omni_mj as om
+
+
+class Cheat(om.Controller):
+    knows_truth = True
+
+    def command(self, frame, seen):
+        if self.told.delay_frames == 9:
+            raise RuntimeError("no such delay")
+        target, feed_forward = self.reference.at(frame, seen.pose)
+        return feed_forward + 4 * (target - seen.pose)
+"""
+
+
+@pytest.fixture
+def options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Return the options of a comparison of scenarios that are written, with a user's controller."""
+    monkeypatch.chdir(tmp_path)
+    for name, text in SCENARIOS.items():
+        Path(f"{name}.toml").write_text(text)
+    Path("own.py").write_text(OWN)
+    words = [word for name in (*CONTROLLERS, "own.py:Cheat") for word in ("--controller", name)]
+    return [*words, "--plant", "kinematic", "--seeds", str(SEEDS), "--seed", str(FIRST), "--subject", "comp-flc"]
+
+
+def test_it_leaves_the_same_numbers_and_figures_again_and_a_row_that_fails_is_a_line(
+    options: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = (*options, "--scenario", "there.toml", "--scenario", "bend.toml")
+    assert invoke("compare", *words, "--out", "first") == 0
+    printed = capsys.readouterr().out
+    assert {path.name for path in Path("first").iterdir()} == FILES
+    result = strict(Path("first/summary.json"))
+    assert [entry["status"] for entry in result["scenarios"].values()] == ["done", "done"]
+    assert (result["controllers"], result["informed"]) == ([*CONTROLLERS, "Cheat"], ["Cheat"])
+    assert result["seeds"] == list(range(FIRST, FIRST + SEEDS))
+    for text in ("there", "bend", "Cheat (informed)", "Verdicts on comp-flc"):
+        assert text in printed
+        assert text in Path("first/compare.md").read_text()
+    assert imread("first/compare.png").std() > 0.05
+
+    assert invoke("compare", *words, "--quiet", "--trajectories", "--out", "second") == 0
+    assert capsys.readouterr() == ("", "")
+    again = strict(Path("second/summary.json"))
+    for each in (result, again):
+        for entry in (each, *each["scenarios"].values()):
+            assert entry.pop("wall_s") > 0
+        assert each.pop("created")
+    assert result == again
+    assert Path("first/compare.svg").read_bytes() == Path("second/compare.svg").read_bytes()
+    for name, entry in result["scenarios"].items():
+        assert pq.read_table(f"second/trajectories/{name}.parquet").num_rows == SEEDS * 3 * entry["frames"]
+
+    assert invoke("compare", *options, "--scenario", "late.toml", "--out", "failed") == 1
+    errors = capsys.readouterr().err.splitlines()
+    assert len(errors) == SEEDS
+    assert "Cheat failed in frame 0 (own.py, line 10)" in errors[0]
+    assert "no such delay" in strict(Path("failed/summary.json"))["scenarios"]["late"]["failed"][0]["cause"]
+
+
+def test_a_signal_leaves_what_was_done(options: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    Path("endless.toml").write_text("[reference]\nwaypoints = [[0, 0], [1, 0], [0, 0]]\nlaps = 1000\n")
+    with signalled(signal.SIGTERM, Path("out/compare.md")):  # after the first scenario
+        code = invoke("compare", *options, "--scenario", "there.toml", "--scenario", "endless.toml", "--out", "out")
+    assert code == 143
+    assert "1 of 2 scenarios are in out" in capsys.readouterr().err.splitlines()[-1]
+    result = strict(Path("out/summary.json"))
+    assert (result["complete"], result["stopped"]) == (False, "terminated")
+    assert [entry["status"] for entry in result["scenarios"].values()] == ["done", "not run"]
