@@ -5,6 +5,7 @@ import json
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from omni_control.controllers import parameters
 from omni_control.errors import OmniError, choose
@@ -48,7 +49,7 @@ def text(name: str, overrides: Sequence[str] = (), robot: str | None = None) -> 
 
 def scenario(of: Scenario) -> str:
     """The effective scenario; a setting that is not as the robot drives with by default says so."""
-    usual = _values(resolve({}, of.robot))
+    usual = plain(resolve({}, of.robot).plain())
     return "\n".join(_explained(of.to_toml().splitlines(), usual)) + "\n"
 
 
@@ -100,15 +101,7 @@ def _is_robot(file: str) -> bool:
     return 2 * len(needed & data.keys()) > len(needed) and not own_fields & data.keys()
 
 
-def _values(settings: Settings) -> dict[str, object]:
-    return {f"{section}.{name}": v for section, fields in settings.plain().items() for name, v in _pairs(fields)}
-
-
-def _pairs(fields: object) -> Iterable[tuple[str, object]]:
-    return fields.items() if isinstance(fields, Mapping) else ()
-
-
-def _explained(lines: Iterable[str], usual: Mapping[str, object] | None = None) -> Iterator[str]:
+def _explained(lines: Iterable[str], usual: Mapping[str, Any] | None = None) -> Iterator[str]:
     """TOML lines, those of settings with unit and meaning behind, and what they are usually where they differ."""
     known = {declared.full: declared for declared in every_setting()}
     section = ""
@@ -119,8 +112,8 @@ def _explained(lines: Iterable[str], usual: Mapping[str, object] | None = None) 
         if not equals or declared is None:
             yield line
             continue
-        notes = [f"[{declared.unit}]"] if declared.unit else []
-        notes.append(declared.doc)
-        if usual is not None and (other := plain(usual[declared.full])) != tomllib.loads(line)[name]:
-            notes.insert(0, f"(default {short})" if len(short := json.dumps(other)) <= SHORT else "(not the default)")
-        yield f"{line.ljust(COMMENT_AT)} # {' '.join(notes)}"
+        note = f"[{declared.unit}] {declared.doc}" if declared.unit else declared.doc
+        if usual is not None and usual[section][name] != tomllib.loads(line)[name]:
+            default = json.dumps(usual[section][name])
+            note = (f"(default {default}) " if len(default) <= SHORT else "(not the default) ") + note
+        yield f"{line.ljust(COMMENT_AT)} # {note}"

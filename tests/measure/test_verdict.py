@@ -155,7 +155,6 @@ def test_tables_mark_the_best_competitor_the_informed_limits_and_what_failed(
     half = 100 * scipy.stats.t.ppf(0.975, 3) * scipy.stats.sem([0.01, 0.02, 0.03, 0.04])
     for line in (
         f"| rect | 2.50±{half:.2f} | **1.50±0.00** | failed 1 of 4 | 0.10±0.00 | 1.00±0.00 |",
-        "| rect | 2.50/2.50 | 1.50/1.50 | failed 1 of 4 | 0.10/0.10 | 1.00/1.00 |",
         "|  | flc | lqr | mine | oracle (informed) | limit |",
         "- circle: failed: robots overlap",
         "| rect | one \\| two | 4 | 1.0 | 1.0 |",
