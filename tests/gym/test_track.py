@@ -73,10 +73,11 @@ def test_a_policy_is_rewarded_for_the_errors_that_it_makes_as_a_controller() -> 
 def test_what_is_seen_is_where_the_robot_stands_to_its_reference() -> None:
     """Without noise and with alpha = 1: full speed ahead is a ramp of the highest acceleration, and as late as told."""
     delay, memory, speed, most = 3, 5, 2.0, 4.7
+    route = {"waypoints": [[0, 0, 1.0], [0, 0.5, 1.0]], "settle_s": 0.5}
     env = Track(
         "rect",
         plant="kinematic",
-        reference={"waypoints": [[0, 0, 1.0], [0, 0.5, 1.0]], "settle_s": 0.5},
+        reference=route,
         radio={"delay_frames": delay},
         control={"max_speed_m_s": speed, "max_acceleration_m_s2": most},
         kinematic={"alpha_low": 1.0, "alpha_high": 1.0},
@@ -87,7 +88,7 @@ def test_what_is_seen_is_where_the_robot_stands_to_its_reference() -> None:
     seen, _ = env.reset(seed=0)
     step = 1 / 60
     forward = np.array([np.cos(1.0), np.sin(1.0)])
-    reference = om.Simulation(env._episodes.scenario).references[0].poses[:, :2]
+    reference = om.Simulation(om.scenario("rect", reference=route), ["p"]).references[0].poses[:, :2]
     sent = [0.0] * (memory + delay)
     for frame in range(1, 20):
         sent.append(min(sent[-1] + most * step, speed))
@@ -149,7 +150,7 @@ def test_an_episode_that_ends_early_is_worth_no_more_than_one_that_lasts() -> No
         _, reward, terminated, truncated, info = env.step([-1.0, 0.0, 0.0])
         assert not truncated
         rewards.append(reward)
-    frames = om.Simulation(env._episodes.scenario).references[0].frames - 1
+    frames = om.Simulation(om.scenario("rect", plant="kinematic", reference=SHORT)).references[0].frames - 1
     assert info["distance_m"] > 0.2
     assert sum(rewards) == pytest.approx(sum(rewards[:-1]) - 0.2 * (frames - len(rewards) + 1))
     assert env.step([0.0, 0.0, 0.0])[1:4] == (0.0, True, False)
@@ -160,7 +161,6 @@ def test_robots_that_cannot_share_a_model_are_simulated_apart() -> None:
     changes = {"reference": SHORT, "body": {"mass_kg": {"uniform": [2.3, 2.6]}}}
     many, one = Tracks(3, "rect", **changes), Track("rect", **changes)
     seen, info = many.reset(seed=0)
-    assert len(many._episodes._together) == 3
     alone, _ = one.reset(seed=2)
     np.testing.assert_array_equal(seen[2], alone)
     for _ in range(3):

@@ -1,4 +1,4 @@
-"""The latency that adaptive-comp-flc finds while it drives, on both plants, after two seconds of motion.
+"""The latency that adaptive-comp-flc finds while it drives after two seconds of motion.
 
 In the two seconds robots speed up for 1.56 s and then brake, with the default noise of vision. The controller is told a
 dead time of 6 frames, whatever it is.
@@ -8,14 +8,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from compiled import NUMBA
-from driving import FRAME_S, mujoco
-from driving import drive as driven
 from numpy.typing import NDArray
 from simulating import Grid, batch, simulation
-
-from omni_mj.measure.response import Profile, measure
-from omni_mj.scenarios.settings import Settings
 
 TOLD, LEAD = 6, 15
 DELAYS = (2, 3, 4, 6, 8, 10)  # told up to 4 frames wrong: no more is thought possible
@@ -29,10 +23,6 @@ ALPHAS = {
     "lasting": (),  # as in the scenario: the same distribution, lasting for 10 s
 }
 SEEDS = 30
-RIGID, CREEPING = 1000.0, Settings().drive.creep_stiffness  # of wheels that hardly creep, and as they are
-SLIP = 0.068, 0.103  # s^2/m, of the default robot, by the fits of TIGERs Mannheim (docs/slip.md)
-SPEEDS = np.array([0.5, 1.0])  # m/s
-PROFILES = [Profile(speed, 2.0) for speed in SPEEDS]  # at 3 m/s^2 aside, stiff wheels slide where they bear least
 
 
 def wrong(delay: int, axis: int) -> tuple[str, ...]:
@@ -103,76 +93,3 @@ def test_under_jitter_the_mean_age_of_what_is_obeyed_is_found(jitter: int) -> No
     # Single packets are up to `jitter` frames off the mean; the estimate averages over them.
     assert abs(np.median(error)) < 0.5
     assert (np.abs(error) < 0.5).mean() > 0.75
-
-
-@cache
-def responses(axis: int, stiffness: float) -> tuple[NDArray, NDArray]:
-    """Steady gain and lag in frames of a robot without dead time that drives at each of `SPEEDS`, (speeds,) each.
-
-    From the way that ramps cost, which mean over all places of the rollers: the first moment of a response to a small
-    pulse weighs by its frame how far two robots that wobble drift apart, and is off by frames.
-    """
-    commands = [profile.command() for profile in PROFILES]
-    told = np.zeros((max(map(len, commands)), len(commands), 3))
-    for i, command in enumerate(commands):
-        told[: len(command), i, axis] = command
-    robot = Settings().replace(drive={"creep_stiffness": stiffness}, wheels={"model": "two-rollers"}, physics=NUMBA)
-    way = driven(mujoco([robot] * len(SPEEDS)), told)[:, :, axis]
-    found = [measure(profile, way[: len(commands[i]) + 1, [i]]) for i, profile in enumerate(PROFILES)]
-    return np.array([each.steady[0] for each in found]), np.array([each.lag_s[0] / FRAME_S for each in found])
-
-
-def test_wheel_loops_delay_by_a_frame() -> None:
-    """What the wheel loops' 20 ms (1.2 frames) are in driving, on wheels that hardly creep.
-
-    They take longer for what is harder to turn: what a wheel moves of the robot, m / sum of d^2 with the cosines d
-    between rims and direction, and the rotor. 10 % for the rollers' and the wheel's own share, and for dry friction.
-    """
-    motor, wheels, robot = Settings().motor, Settings().wheels, Settings().body
-    _, ahead = responses(AHEAD, RIGID)
-    _, aside = responses(ASIDE, RIGID)
-    rotor = motor.rotor_inertia_kg_m2 * (motor.gear / wheels.radius_m) ** 2
-    borne = [robot.mass_kg / (_loads_and_cosines(axis)[1] ** 2).sum() + rotor for axis in (AHEAD, ASIDE)]
-    np.testing.assert_allclose(aside / ahead, borne[ASIDE] / borne[AHEAD], rtol=0.1)
-    np.testing.assert_allclose((ahead + aside) / 2, 1.2, atol=0.2)
-
-
-@pytest.mark.parametrize("axis", [AHEAD, ASIDE])
-def test_creep_delays_in_proportion_to_speed(axis: int) -> None:
-    """Beside the wheel loops, a drive at U lags by the mean of T v on its ramps, T g^2 U / 2 (`measure.response`)."""
-    gain, lag = responses(axis, CREEPING)
-    _, without = responses(axis, RIGID)
-    # A wheel that creeps moves less of the robot with it, so that its loop is early by up to 0.1 of 1.3 frames: 10 %.
-    np.testing.assert_allclose((lag - without) * FRAME_S, _creep_time(axis) * gain**2 * SPEEDS / 2, rtol=0.1)
-
-
-def _creep_time(axis: int) -> float:
-    """T in s^2/m: a robot that creeps lags by T times its speed."""
-    loads, cosines = _loads_and_cosines(axis)
-    return float(Settings().body.mass_kg / (CREEPING * (loads * cosines**2).sum()))
-
-
-def _loads_and_cosines(axis: int) -> tuple[NDArray, NDArray]:
-    """What wheels bear at rest, N, by statics, and the cosines between their rims and a direction."""
-    wheels, robot = Settings().wheels, Settings().body
-    azimuths = np.radians(wheels.azimuths_deg)
-    places = wheels.arm_m * np.array([np.cos(azimuths), np.sin(azimuths)])
-    balance = np.array([np.ones(len(azimuths)), *places])
-    loads = np.linalg.pinv(balance) @ (robot.mass_kg * 9.81 * np.array([1.0, robot.centre_x_m, 0.0]))
-    return loads, np.abs([np.sin(azimuths), np.cos(azimuths)][axis])
-
-
-@pytest.mark.parametrize("axis", [AHEAD, ASIDE])
-def test_on_wheels_that_creep_dead_time_and_creep_are_told_apart(axis: int) -> None:
-    """The latency is that of wheels that do not creep, half a frame; creep what `omni-mj slip` finds, within 25 %.
-
-    And both, in most of five seeds, within two and a half of the standard deviations that the identifier gives.
-    """
-    lag, creep = responses(axis, RIGID)[1].mean(), SLIP[axis]
-    trajectory = drive("mujoco", TOLD, axis, 5, ())
-    late = found(trajectory, axis) - TOLD - lag
-    slip, unsure = (trajectory.channel(name)[-1, 0, :, axis] for name in ("own_creep", "own_creep_sigma"))
-    assert np.abs(late).max() < 0.5
-    np.testing.assert_allclose(slip, creep, rtol=0.25)
-    assert np.median(np.abs(slip - creep) / unsure) < 2.5
-    assert np.median(np.abs(late) / trajectory.channel("own_latency_sigma")[-1, 0, :, 0]) < 2.5

@@ -2,37 +2,14 @@
 
 import subprocess
 import sys
-import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from benches.logs import WHEELS, filled, rows
+from benches.logs import filled, rows
 
 from omni_mj import parquet
-from omni_mj.plants import Telemetry
-from omni_mj.simulate.log import FIRST_FRAMES, Log
-
-
-def test_a_run_of_known_length_takes_no_more_memory_after_its_first_seconds() -> None:
-    """Room for all frames is made once; without it, the last doubling alone would take half of what there is."""
-    frames = 8 * FIRST_FRAMES
-    log, one = Log(rows(), WHEELS, frames), np.ones(1, bool)
-    values = {name: np.zeros((1, len(titles))) for name, titles in log.columns.items()}
-    for _ in range(FIRST_FRAMES + 1):
-        log.write(one, {}, **values)
-    tracemalloc.start()
-    try:
-        for _ in range(frames - FIRST_FRAMES - 1):
-            log.write(one, {}, **values)
-        _, most = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert log.length == frames
-    assert most < 50_000  # numbers of the frame at hand; a frame of one robot has some 500 bytes
-    log.write(one, {}, **values)  # more than expected may come
-    assert log.length == frames + 1
 
 
 @pytest.mark.parametrize("lines", [1, 7, 10, 1000])
@@ -59,15 +36,3 @@ def test_a_table_is_read_without_threads(tmp_path: Path) -> None:
     )
     words = [sys.executable, "-c", code, str(tmp_path / "table.parquet")]
     assert subprocess.run(words, capture_output=True, text=True, check=True).stdout == "0\n"
-
-
-def test_telemetry_is_written_at_once_where_its_names_say() -> None:
-    """Of two rows, the second of which is not recorded; every number is another."""
-    log, told = Log(rows(["a", "b"]), WHEELS), Telemetry.empty(2, WHEELS)
-    told.columns[:] = np.arange(told.columns.size).reshape(told.columns.shape)
-    log.write(np.array([True, False]), {}, telemetry=told.columns)
-    assert set(told.named()) < set(log.columns)
-    for name, values in told.named().items():
-        np.testing.assert_array_equal(log.channel(name)[0, 0], np.ravel(values[0]), err_msg=name)
-        assert np.isnan(log.channel(name)[0, 1]).all()
-    assert np.isnan(log.channel("pose")).all()

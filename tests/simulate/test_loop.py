@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from simulating import COMPENSATED, DISTURBED, FLC, FRAME_S, IDEAL, PLANTS, Grid, ages, finished, run, simulation
-
-from omni_mj.plants.mujoco import MujocoPlant
+from simulating import COMPENSATED, DISTURBED, FLC, FRAME_S, PLANTS, Grid, ages, finished, run, simulation
 
 RANDOM = (*DISTURBED, "radio.jitter_frames=4")
 BRIEF = ("reference.waypoints=[[0,0],[0.2,0]]", "reference.settle_s=0.1")
@@ -36,15 +34,6 @@ def test_a_row_is_the_same_alone_and_among_others(plant: str, row: tuple[int, in
     assert_rows_equal(alone, (0, 0), batch, row)
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_threads_do_not_change_a_row(threads: int) -> None:
-    simulated = simulation("mujoco", RANDOM, seeds=2, route=BRIEF)
-    simulated.plant = MujocoPlant(simulated.rows, simulated.plant.pose(), threads=threads)
-    threaded, default = finished(simulated), run("mujoco", RANDOM, seeds=2, route=BRIEF)
-    for row in np.ndindex(2, 2):
-        assert_rows_equal(threaded, row, default, row)
-
-
 @pytest.mark.parametrize("plant", PLANTS)
 def test_seeds_differ_and_controllers_share_their_noise(plant: str) -> None:
     trajectory = run(plant, RANDOM, seeds=2, route=BRIEF)
@@ -60,27 +49,7 @@ def test_seeds_differ_and_controllers_share_their_noise(plant: str) -> None:
     assert (age[:, FLC, 0] != age[:, FLC, 1]).any()
 
 
-def test_nothing_on_the_mujoco_plant_depends_on_the_kinematic_section() -> None:
-    foreign = ("kinematic.alpha_low=0.1", "kinematic.alpha_high=0.2", "disturbance.velocity_m_s=5")
-    default, changed = run("mujoco"), run("mujoco", foreign)
-    for controller in (FLC, COMPENSATED):
-        assert_rows_equal(default, (controller, 0), changed, (controller, 0))
-
-
 # --- what is recorded ---
-
-
-def test_after_frame_is_called_once_a_frame_with_its_row_written() -> None:
-    simulated = simulation("kinematic")
-    frames, lengths = [], []
-
-    def after_frame(frame: int) -> None:
-        frames.append(frame)
-        lengths.append(simulated.log.length)
-
-    simulated.run(after_frame)
-    assert frames == list(range(simulated.references[0].frames))
-    assert lengths == [frame + 1 for frame in frames]
 
 
 @pytest.mark.parametrize("plant", PLANTS)
@@ -93,15 +62,6 @@ def test_every_channel_of_every_frame_is_recorded(plant: str) -> None:
         # Neither controller estimates the latency.
         assert missing == (name == "latency_hat" or (plant == "kinematic" and name in without_wheels)), name
     np.testing.assert_allclose(trajectory.time, np.arange(trajectory.length) / 60)
-
-
-def test_the_first_row_is_the_start_and_the_last_the_goal() -> None:
-    overrides = ("reference.waypoints=[[0.2,-0.1,1.0],[0.7,-0.1,1.5]]", *IDEAL, "radio.delay_frames=0")
-    trajectory = run("kinematic", overrides)
-    for name in ("ref", "pose"):
-        channel = trajectory.channel(name)
-        assert channel[0, 0, 0].tolist() == [0.2, -0.1, 1.0]
-        np.testing.assert_allclose(channel[-1, 0, 0], [0.7, -0.1, 1.5], atol=1e-9)  # rounding of a hundred sums
 
 
 def test_commands_keep_the_limits() -> None:

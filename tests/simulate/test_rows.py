@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from simulating import FAST, PLANTS, simulation
 
-from omni_control.errors import OmniError
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.rows import Row
 from omni_mj.simulate.log import Log
@@ -51,14 +50,6 @@ def test_a_sweep_is_one_batch_of_the_runs_alone(plant: str) -> None:
         assert_row_equal(batch, i, alone, 0)
     lengths = set(batch.lengths)
     assert len(lengths) > 1, "routes of different lengths end at different times"
-
-
-def test_every_row_has_one_controller() -> None:
-    stranger = Row(0, 0, "comp-fcl", 0, RECT.settings, RECT.robot)
-    with pytest.raises(OmniError, match="did you mean 'comp-flc'"):
-        Simulation(RECT, ["flc", "comp-flc"], rows=[stranger])
-    with pytest.raises(OmniError, match="named twice"):
-        Simulation(RECT, ["flc", "flc"])
 
 
 def replace_plant(plant: str) -> scenario.Scenario:
@@ -161,16 +152,6 @@ def test_a_robot_that_topples_is_stopped_and_the_others_keep_their_bits() -> Non
     fallen = Simulation(RECT, ["comp-flc"], rows=[replace(rows[1], world=0)])
     assert_row_equal(log, 1, fallen.run(), 0)
     assert fallen.failures[0].cause == failure.cause
-
-
-def test_a_parameter_of_a_users_controller_can_be_set(users: dict[str, str], tmp_path: Path) -> None:
-    simulated = simulation("kinematic", ("controller.Raises.at=3",), controllers=(users["Raises"],))
-    simulated.run()
-    assert simulated.failures[0].time_s == pytest.approx(3 / 60)
-    with pytest.raises(OmniError, match=r"controller\.Raises\.att.*did you mean"):
-        simulation("kinematic", ("controller.Raises.att=3",), controllers=(users["Raises"],))
-    with pytest.raises(OmniError, match=r"controller\.Raises\.at"):
-        simulation("kinematic", ("controller.Raises.at=true",), controllers=(users["Raises"],))
 
 
 @pytest.mark.parametrize("plant", PLANTS)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from simulating import DISTURBED, IDEAL, PLANTS, Grid, run, simulation
 
-from omni_control.errors import OmniError
 from omni_mj.simulate.log import FIRST_FRAMES, Log
 
 RANDOM = (*DISTURBED, "radio.jitter_frames=4")
@@ -57,15 +56,6 @@ def test_a_command_of_the_callers_takes_the_place_of_the_controllers_and_is_limi
     # Equation 7 with alpha = 1: what was commanded until three frames ago, summed up. Rounding of 120 sums.
     np.testing.assert_allclose(pose[-1] - pose[0], command[:-4].sum(0) / 60, atol=1e-12)
     assert np.isnan(simulated.log.channel("predicted")).all(), "no controller was asked"
-
-
-def test_a_command_that_is_none_is_refused() -> None:
-    simulated = simulation("kinematic")
-    for wrong in (np.zeros(3), np.zeros((2, 2)), np.full((2, 3), np.nan), [[1.0, 2.0, 3.0]]):
-        with pytest.raises(OmniError, match=r"\(2, 3\)"):
-            simulated.step(wrong)  # type: ignore[arg-type]
-    simulated.step()
-    assert simulated.frame == 1
 
 
 def test_a_simulation_goes_on_as_long_as_it_is_stepped() -> None:
