@@ -10,6 +10,7 @@ from typing import Any, BinaryIO
 import matplotlib
 import mujoco
 import numpy as np
+import pyarrow.compute as pc
 from PIL import Image, ImageDraw, ImageFont
 
 from omni_control.errors import OmniError
@@ -103,17 +104,17 @@ class Film:
         table = parquet.read(frames, needed + angles * has_angles)
         if not table.num_rows or any(column.null_count for column in table.columns):
             raise OmniError(f"{frames} is not a run's trajectory: it lacks what a film shows")
-        columns = {name: table[name].to_numpy() for name in table.column_names}
-        known = list(dict.fromkeys(columns["controller"]))
+        table = table.filter(pc.equal(table["seed"], table["seed"][0]))
+        known = table["controller"].unique().to_pylist()
         if unknown := [name for name in controllers if name not in known]:
             raise OmniError(f"{folder} has no controller {unknown[0]!r}; it has {', '.join(known)}")
         slots, takes = dict(zip(known, style.slots(known), strict=True)), []
         for name in controllers or known:
-            mine = np.flatnonzero((columns["seed"] == columns["seed"][0]) & (columns["controller"] == name))
-            mine = mine[np.lexsort((columns["place"][mine], columns["frame"][mine]))]
-            places = len(set(columns["place"][mine]))
-            mine = mine[: len(mine) // places * places]  # robots that failed have no frames after that
-            numbers = np.column_stack([columns[key][mine] for key in table.column_names[4:]])
+            part = table.filter(pc.equal(table["controller"].cast("string"), name))
+            part = part.sort_by([("frame", "ascending"), ("place", "ascending")])
+            places = len(part["place"].unique())
+            numbers = np.column_stack([part[key].to_numpy() for key in part.column_names[4:]])
+            numbers = numbers[: len(numbers) // places * places]  # robots that failed have no frames after that
             numbers = numbers.reshape(-1, places, numbers.shape[1])
             turned = numbers[..., 6:] if has_angles else np.zeros((*numbers.shape[:2], len(angles)))
             colour = style.colour(slots[name])

@@ -120,7 +120,7 @@ def _print(lines: list[list[str]]) -> None:
         min(limit, max(map(len, column))) for limit, column in zip(WIDTHS, zip(*lines, strict=True), strict=False)
     ]
     widths = widths[: len(lines[0]) - 1]
-    widths.append(max(terminal.width() - sum(widths) - 2 * len(widths) - 4, NARROWEST))
+    widths.append(max(terminal.width() - sum(widths) - 2 * len(widths) - 2, NARROWEST))
     for line in lines:
         cells = [wrap(cell, width, break_on_hyphens=False) or [""] for cell, width in zip(line, widths, strict=True)]
         if line[0].startswith(" "):

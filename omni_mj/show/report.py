@@ -20,34 +20,19 @@ from omni_mj.files import write as write_file
 from omni_mj.measure import causes, limits, reading
 from omni_mj.measure.table import DASH, where
 from omni_mj.scenarios.settings import every_setting
-from omni_mj.show import style
+from omni_mj.show.style import ERROR_AXES, FIGURES
 
 TEMPLATES = Path(__file__).parent / "templates"
 TYPES = {".svg": "image/svg+xml", ".png": "image/png"}
 STATISTICS = {"max": "Maximum error", "p99": "99th percentile of the error", "mean": "Mean error"}
 MAIN = ("max", "mean")  # statistics that the paper reports and that verdicts judge
 MINUS = "\N{MINUS SIGN}"
-UNITS = {"_v": "V", "_a": "A", "_c": "°C", "_w": "W", "_j": "J", "_s": "s", "_m": "m", "_m_s": "m/s", "_percent": "%"}
-Results = Mapping[str, Any]  # of a scenario's entry in a summary, by controller
-
-
-class Axis(NamedTuple):
-    """Direction of errors: how it is called after "error", its part of a result, unit, and factor from SI units."""
-
-    phrase: str
-    part: str = "error_m"
-    unit: str = "cm"
-    factor: float = 100.0
-
-
-AXES = {
-    "x": Axis("in x"),
-    "y": Axis("in y"),
-    "distance": Axis("in the plane"),
-    "along": Axis("along the path"),
-    "across": Axis("across the path"),
-    "heading": Axis("of heading", "error_rad", "deg", 180 / math.pi),
+PEAKS = {
+    "peak_voltage_v": "Peak voltage in V",
+    "peak_current_a": "Peak current in A",
+    "peak_winding_c": "Peak winding in °C",
 }
+Results = Mapping[str, Any]  # of a scenario's entry in a summary, by controller
 
 
 class SettingRow(NamedTuple):
@@ -134,27 +119,27 @@ class Run:
     def best(self, statistic: str, axis: str = "distance") -> str | None:
         """Return the controller with the least mean error over the seeds, of those that do not know the truth."""
         results = self.entry["results"]
-        means = {name: result[AXES[axis].part][axis][statistic]["mean"] for name, result in results.items()}
+        means = {name: result[ERROR_AXES[axis].part][axis][statistic]["mean"] for name, result in results.items()}
         known = [name for name, mean in means.items() if mean is not None and name not in self.summary["informed"]]
         return min(known, key=lambda name: means[name], default=None)
 
     def errors(self) -> dict[str, dict[str, dict[str, dict[str, Any]]]]:
         """Return cells by axis, controller and statistic."""
         results = self.entry["results"]
-        axes = AXES if results else {}
+        axes = ERROR_AXES if results else {}
         return {axis: {name: {s: self._cell(axis, name, s) for s in STATISTICS} for name in results} for axis in axes}
 
     def _cell(self, axis: str, controller: str, statistic: str) -> dict[str, Any]:
         """Return the spread of an error, its share of the largest median, its reduction, and the paper's."""
         results, paper = self.entry["results"], self.entry["paper"] or {}
-        spreads = {name: result[AXES[axis].part][axis][statistic] for name, result in results.items()}
+        spreads = {name: result[ERROR_AXES[axis].part][axis][statistic] for name, result in results.items()}
         largest = max((spread["median"] for spread in spreads.values() if spread["median"] is not None), default=0.0)
         printed = {name: axes[axis].get(statistic) for name, axes in paper.items() if axis in axes}
         base, of_paper = next(iter(printed.values()), None), printed.get(controller)
         is_first = next(iter(printed), None) == controller
         reductions = results[controller]["reduction_percent"] or {}
         return {
-            "axis": AXES[axis],
+            "axis": ERROR_AXES[axis],
             "statistic": statistic,
             "error": spreads[controller],
             "share": (spreads[controller]["median"] or 0.0) / largest if largest else 0.0,
@@ -200,7 +185,7 @@ def _source(folder: Path, label: str, alone: bool) -> Source:
     summary = reading.read(folder)
     several = len(summary["scenarios"]) > 1
     figures = {}
-    for path in (folder / "figures" / f"{name}{kind}" for name in style.FIGURES for kind in TYPES):
+    for path in (folder / "figures" / f"{name}{kind}" for name in FIGURES for kind in TYPES):
         if not several and path.is_file() and path.stem not in figures:
             figures[path.stem] = _data_uri(path.read_bytes(), path.suffix)
     labels = {name: label if not several else name if alone else f"{label}: {name}" for name in summary["scenarios"]}
@@ -229,7 +214,7 @@ def _template() -> jinja2.Template:
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     environment.filters |= {"number": number, "change": change, "plain": plain}
-    environment.globals |= {"STATISTICS": STATISTICS, "MAIN": MAIN, "AXES": AXES, "matrix": matrix}
+    environment.globals |= {"STATISTICS": STATISTICS, "MAIN": MAIN, "AXES": ERROR_AXES, "matrix": matrix}
     environment.globals |= {"peaks": peaks, "reasons": reasons, "differing": differing}
     return environment.get_template("report.html.j2")
 
@@ -251,13 +236,7 @@ def matrix(runs: Sequence[Run], statistic: str) -> tuple[list[str], list[tuple[R
 
 def peaks(results: Results) -> dict[str, dict[str, float | None]]:
     """Return controllers' extremes by their labels, as far as they are known."""
-    labels = {}
-    for key in next(iter(results.values()), {}):
-        if key.startswith("peak_"):
-            suffix = max((s for s in UNITS if key.endswith(s)), key=len, default="")
-            unit = f" in {UNITS[suffix]}" if suffix else ""
-            labels[key.removesuffix(suffix).replace("_", " ").capitalize() + unit] = key
-    return _known({label: {name: r.get(key) for name, r in results.items()} for label, key in labels.items()})
+    return _known({label: {name: r.get(key) for name, r in results.items()} for key, label in PEAKS.items()})
 
 
 def reasons(results: Results) -> dict[str, dict[str, float | None]]:

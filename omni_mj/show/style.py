@@ -8,7 +8,7 @@ together; there a controller is known by its line style and marker.
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 # Of a run, in the order in which a report shows them.
 FIGURES = ("path", "output", "error", "why", "alpha", "temperatures", "seeds", "memberships")
@@ -20,26 +20,38 @@ COLOURS = (
     "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#999933", "#332288",
     "#661100", "#AA4499", "#117733",
 )  # fmt: skip
+MARKERS = "os^DvPX*ph<>"
+DASHES: tuple[tuple[float, ...], ...] = (
+    (), (4, 1.5), (6, 1.5, 1, 1.5), (1.2, 1.2), (9, 2), (6, 1, 1, 1, 1, 1), (), (2, 1), (3, 1, 3, 1, 1, 1), (7, 3),
+    (), (4, 1, 1, 1),
+)  # fmt: skip
 SHIPPED = ("flc", "comp-flc", "adaptive-comp-flc", "mpc", "comp-flc-lag", "lqr", "p", "smith", "oracle")
-DASHES = (
-    "-",
-    (0, (4, 1.5)),
-    (0, (6, 1.5, 1, 1.5)),
-    (0, (1.2, 1.2)),
-    (0, (9, 2)),
-    (0, (6, 1, 1, 1, 1, 1)),
-    "-",
-    (0, (2, 1)),
-    (0, (3, 1, 3, 1, 1, 1)),
-    (0, (7, 3)),
-    "-",
-    (0, (4, 1, 1, 1)),
-)
-# Markers, and sizes that look alike.
-MARKERS = {
-    "o": 5.0, "s": 5.0, "^": 5.5, "D": 4.5, "v": 5.5, "P": 6.5, "X": 6.5, "*": 8.5, "p": 6.0,
-    "h": 5.5, "<": 5.5, ">": 5.5,
-}  # fmt: skip
+
+
+class ErrorAxis(NamedTuple):
+    """Direction of errors.
+
+    Args:
+        phrase: How it is called after "error".
+        part: Part of a result that has its errors.
+        unit: Unit in which it is shown.
+        factor: Value of 1 m or 1 rad in that unit.
+    """
+
+    phrase: str
+    part: str = "error_m"
+    unit: str = "cm"
+    factor: float = 100.0
+
+
+ERROR_AXES = {
+    "x": ErrorAxis("in x"),
+    "y": ErrorAxis("in y"),
+    "distance": ErrorAxis("in the plane"),
+    "along": ErrorAxis("along the path"),
+    "across": ErrorAxis("across the path"),
+    "heading": ErrorAxis("of heading", "error_rad", "deg", math.degrees(1)),
+}
 
 
 def slots(controllers: Sequence[str]) -> list[int]:
@@ -56,12 +68,11 @@ def colour(slot: int) -> str:
 
 
 def line(slot: int) -> dict[str, Any]:
-    """Matplotlib's properties of the line of a slot, told apart by each of the three."""
-    marker, size = list(MARKERS.items())[slot % len(MARKERS)]
-    dashes = DASHES[slot % len(DASHES)]
+    """Return matplotlib's properties of the line of a slot: colour, dashes and marker."""
+    marker, dashes = MARKERS[slot % len(MARKERS)], DASHES[slot % len(DASHES)]
     return {
-        "color": colour(slot), "linestyle": dashes,
-        "marker": marker, "markersize": size, "markeredgecolor": "white", "markeredgewidth": 0.6,
+        "color": colour(slot), "linestyle": (0, dashes) if dashes else "-", "marker": marker,
+        "markersize": 7.0 if marker in "PX*" else 5.0, "markeredgecolor": "white", "markeredgewidth": 0.6,
     }  # fmt: skip
 
 

@@ -50,13 +50,6 @@ PANELS = (
     Panel("excess effort\nin m/s²", lambda result: result["excess_effort_m_s2"]),
     Panel("time to settle\nin s", lambda result: result["settle_s"], logarithmic=False, missing="never"),
 )
-# Axis of an error: its part of a result, name, unit, and the value of 1 m or 1 rad in that unit.
-ERRORS = {
-    "x": ("error_m", "x", "cm", 100.0),
-    "y": ("error_m", "y", "cm", 100.0),
-    "distance": ("error_m", "the plane", "cm", 100.0),
-    "heading": ("error_rad", "heading", "deg", 180 / np.pi),
-}
 
 
 def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figure: Figure) -> None:
@@ -127,13 +120,13 @@ def draw_seeds(entry: Entry, heading: bool, figure: Figure) -> None:
         figure: Empty figure.
     """
     results, paper = entry["results"], entry["paper"] or {}
-    axes = [axis for axis in ERRORS if axis != "heading" or heading]
+    axes = ["x", "y", "distance", *["heading"] * heading]
     figure.set_layout_engine("constrained")
     figure.set_size_inches(2.7 * len(axes), 1.8 + 0.72 * (len(results) + 1))
     grid = figure.subplots(2, len(axes), sharey=True)
     colours = [style.colour(slot) for slot in style.slots(list(results))]
     for (statistic, axis), panel in zip([(s, axis) for s in ("max", "mean") for axis in axes], grid.flat, strict=True):
-        part, name, unit, scale = ERRORS[axis]
+        phrase, part, unit, scale = style.ERROR_AXES[axis]
         seeds = [scale * np.array(result[part][axis][statistic]["seeds"], float) for result in results.values()]
         boxes = panel.boxplot(
             [values[~np.isnan(values)] for values in seeds], positions=range(len(seeds)), orientation="horizontal",
@@ -156,7 +149,7 @@ def draw_seeds(entry: Entry, heading: bool, figure: Figure) -> None:
         else:
             panel.set_xlim(left=0)
         panel.grid(axis="y", visible=False)
-        panel.set_xlabel(f"{'maximum' if statistic == 'max' else 'mean'} |error| in {name}, {unit}")
+        panel.set_xlabel(f"{'maximum' if statistic == 'max' else 'mean'} |error| {phrase}, {unit}")
     labels = [f"{name}\n({r['failed']} failed)" if r["failed"] else name for name, r in results.items()]
     grid[0, 0].set_yticks(range(len(results)), labels)
     grid[0, 0].set_ylim(len(results) - 0.4, -0.6)

@@ -16,12 +16,6 @@ PAPER_ALPHA = (0.7, 1.0)  # section 2
 SIGMA = "own_alpha_sigma"  # channel of a controller's own, standard deviation of its estimate
 RATIO = f"displacement achieved over commanded in {metrics.ALPHA_WINDOW_FRAMES} frames"
 NEAR_LIMIT_K = 30.0  # distance to the limit of the windings within which it is drawn
-# Axis of an error: label, unit, and the value of 1 m or 1 rad in that unit.
-ERRORS = {
-    "x": ("|error| in x", "cm", 100.0),
-    "y": ("|error| in y", "cm", 100.0),
-    "heading": ("|error| of heading", "deg", 180 / np.pi),
-}
 
 
 def draw_output(first: FirstRows, figure: Figure) -> None:
@@ -36,9 +30,9 @@ def draw_output(first: FirstRows, figure: Figure) -> None:
 
 def draw_errors(first: FirstRows, figure: Figure) -> None:
     """Draw the absolute errors of position (figures 9 and 12), and of heading if there are any."""
-    axes = [axis for axis in ERRORS if axis != "heading" or first.turns()]
-    errors = np.stack([ERRORS[axis][2] * first.errors(axis) for axis in axes], axis=-1)
-    _compare(first, figure, errors, [f"{ERRORS[axis][0]}, {ERRORS[axis][1]}" for axis in axes])
+    axes = {axis: style.ERROR_AXES[axis] for axis in ("x", "y", "heading") if axis != "heading" or first.turns()}
+    errors = np.stack([axis.factor * first.errors(name) for name, axis in axes.items()], axis=-1)
+    _compare(first, figure, errors, [f"|error| {axis.phrase}, {axis.unit}" for axis in axes.values()])
     figure.suptitle("Absolute errors")
 
 

@@ -130,17 +130,19 @@ class Plot:
 def tabs(geometry: Kinematics, log: Log) -> dict[str, list[Plot]]:
     """Return the plots of each tab whose channels hold numbers so far."""
     wheels = style.wheel_names(geometry.azimuths)
-    speeds = *(f"{wheel} commanded" for wheel in wheels), *(f"{wheel} measured" for wheel in wheels)
-    speed = Series(_wheel_speeds(geometry), speeds, pale=(0.6,) * len(wheels))
+    count = len(wheels)
+    names = [f"{wheel} {kind}" for kind in ("commanded", "measured") for wheel in wheels]
+    speeds = (Series(_wheel_speeds(geometry), tuple(names), pale=(0.6,) * count),)
     held = "share of the last 0.25 s in which the command is held back by a limit"
+    acted = "from the robot to the pose that its controller acts on"
+    alpha = "motor correction factor alpha in"
     plots = {
         "tracking": [
             Plot("error/x", "tracking error in x", "cm", _gap("pose", "ref", lambda gap: 100 * gap[:, 0])),
             Plot("error/y", "tracking error in y", "cm", _gap("pose", "ref", lambda gap: 100 * gap[:, 1])),
             Plot("error/distance", "distance to the reference in the plane", "cm", _gap("pose", "ref", _distance_cm)),
             Plot("error/heading", "tracking error in heading", "deg", _gap("pose", "ref", _heading_deg)),
-            Plot("ahead", "from the robot to the pose that its controller acts on", "cm",
-                 _gap("predicted", "pose", _distance_cm)),
+            Plot("ahead", acted, "cm", _gap("predicted", "pose", _distance_cm)),
         ],
         "velocity": [
             Plot("velocity/x", "velocity in x", "m/s", _velocity(0)),
@@ -148,32 +150,26 @@ def tabs(geometry: Kinematics, log: Log) -> dict[str, list[Plot]]:
             Plot("velocity/turn", "turn rate", "rad/s", _velocity(2)),
         ],
         "why": [
-            Plot("why/sliding", "slip beyond creep of the wheel that slides most", "m/s", _one(_sliding), "slip"),
+            Plot("why/sliding", "slip beyond creep of the wheel that slides most", "m/s", (Series(_sliding),), "slip"),
             Plot("why/duty", "greatest duty of the motors", "", _columns("duty_peak"), "duty_peak", _SHARE),
-            Plot("why/limited", "share of time at a driver's limit", "", _one(_limited), "current_limited", _SHARE),
-            Plot("why/held", held, "", _one(_held_back), "command", _SHARE),
-        ],
-        "alpha": [
-            Plot("alpha/x", "motor correction factor alpha in x", "", _alpha(0), range=_ALPHA_RANGE),
-            Plot("alpha/y", "motor correction factor alpha in y", "", _alpha(1), range=_ALPHA_RANGE),
-        ],
-        "wheels": [
-            Plot("wheel/speed", "wheel speed", "rad/s", (speed,), "wheel_speed", wheels=len(wheels)),
-            *(
-                Plot(f"wheel/{name}", title, unit, _columns(name, wheels), name, wheels=len(wheels))
-                for name, title, unit in (
-                    ("voltage", "motor voltage", "V"),
-                    ("current", "motor current", "A"),
-                    ("slip", "slip of the contact points", "m/s"),
-                )
+            Plot(
+                "why/limited", "share of time at a driver's limit", "", (Series(_limited),), "current_limited", _SHARE
             ),
+            Plot("why/held", held, "", (Series(_held_back),), "command", _SHARE),
+        ],
+        "alpha": [Plot(f"alpha/{'xy'[i]}", f"{alpha} {'xy'[i]}", "", _alpha(i), range=_ALPHA_RANGE) for i in range(2)],
+        "wheels": [
+            Plot("wheel/speed", "wheel speed", "rad/s", speeds, "wheel_speed", wheels=count),
+            Plot("wheel/voltage", "motor voltage", "V", _columns("voltage", wheels), "voltage", wheels=count),
+            Plot("wheel/current", "motor current", "A", _columns("current", wheels), "current", wheels=count),
+            Plot("wheel/slip", "slip of the contact points", "m/s", _columns("slip", wheels), "slip", wheels=count),
         ],
         "heat": [
-            Plot("winding", "winding temperature", "deg C", _columns("winding", wheels), "winding", wheels=len(wheels)),
+            Plot("winding", "winding temperature", "deg C", _columns("winding", wheels), "winding", wheels=count),
             Plot("battery", "battery voltage under load", "V", _columns("battery"), "battery"),
         ],
         OWN_TAB: own_plots(log.columns),
-    }  # fmt: skip
+    }
     known = {name for name in log.columns if not np.isnan(log.channel(name)).all()}
     return {tab: [plot for plot in part if plot.channel in known] for tab, part in plots.items()}
 
@@ -191,17 +187,13 @@ def own_plots(columns: Mapping[str, Sequence[str]]) -> list[Plot]:
     return plots
 
 
-def _one(values: Callable[[Robot, Frames], Array]) -> tuple[Series, ...]:
-    return (Series(values),)
-
-
 def _columns(channel: str, lines: Iterable[str] = ("",), white: tuple[float, ...] = ()) -> tuple[Series, ...]:
     return (Series(lambda robot, frames: robot[channel][frames], tuple(lines), pale=white),)
 
 
 def _gap(end: str, start: str, measure: Callable[[Array], Array]) -> tuple[Series, ...]:
     """Return a measure of the difference of two poses."""
-    return _one(lambda robot, frames: measure(robot[end][frames] - robot[start][frames])[:, None])
+    return (Series(lambda robot, frames: measure(robot[end][frames] - robot[start][frames])[:, None]),)
 
 
 def _distance_cm(gap: Array) -> Array:
