@@ -1,7 +1,6 @@
 """Compares trajectories bit for bit: those of a run with those of its repetition."""
 
-from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,9 +13,9 @@ from omni_mj.scenarios.settings import PERIOD_S
 if TYPE_CHECKING:
     import pyarrow as pa
 
-KEYS = ("controller", "seed", "place", "frame")
-NAMED = 4  # channels, or rows, that are named
-Key = tuple[str, int, int]
+KEYS = ["controller", "seed", "place", "frame"]
+NAMED = 4  # channels that are named
+HERE = " here"  # after the names of the repetition's channels
 
 
 def differences(recorded: Path, again: Path) -> tuple[int, list[str]]:
@@ -29,83 +28,62 @@ def differences(recorded: Path, again: Path) -> tuple[int, list[str]]:
     Raises:
         OmniError: One is missing, cannot be read, or is no trajectory.
     """
-    old, old_rows = _read(recorded)
-    new, new_rows = _read(again)
+    old, new = _read(recorded), _read(again)
+    both = old.join(new, KEYS, join_type="inner", right_suffix=HERE, use_threads=False)
     lines = []
-    for rows, others, where in ((old_rows, new_rows, "here"), (new_rows, old_rows, "in the run")):
-        if missing := [_named(row) for row in rows if row not in others]:
-            lines.append(f"there is no row {_listed(missing, '; ')} {where}")
-    common = [row for row in old_rows if row in new_rows]
-    for row in common:
-        before, now = len(old_rows[row]), len(new_rows[row])
-        if before != now:
-            lines.append(f"{_named(row)} has {before} frames in the run, {now} here")
+    for table, where in ((old, "in the run, and not here"), (new, "here, and not in the run")):
+        if table.num_rows > both.num_rows:
+            lines.append(f"{table.num_rows - both.num_rows} frames are {where}")
     channels = [name for name in old.column_names if name not in KEYS]
     if gone := [name for name in channels if name not in new.column_names]:
-        lines.append(f"nothing is recorded here of {_listed(gone)}")
-    shared = [min(len(old_rows[row]), len(new_rows[row])) for row in common]
-    if common and any(shared):
-        at_old, at_new = (
-            np.concatenate([rows[row][:count] for row, count in zip(common, shared, strict=True)])
-            for rows in (old_rows, new_rows)
-        )
-        lines += _values(old.take(at_old), new.take(at_new), [name for name in channels if name not in gone])
+        lines.append(f"nothing is recorded here of {', '.join(gone)}")
+    order = [(key, "ascending") for key in ("frame", *KEYS[:3])]
+    lines += _values(both.sort_by(order), [name for name in channels if name not in gone])
     return old.num_rows, lines
 
 
-def _values(old: "pa.Table", new: "pa.Table", channels: Sequence[str]) -> Iterator[str]:
-    """Yield the first value that differs, and how many frames differ by how much, of tables with the same keys."""
+def _values(both: "pa.Table", channels: list[str]) -> Iterator[str]:
+    """Yield the first value that differs, and how many frames differ by how much."""
     differs, sizes = dict[str, np.ndarray](), dict[str, np.ndarray]()
     for name in channels:
-        before, now = (table[name].to_numpy() for table in (old, new))
-        bits = before != now if before.dtype != float else before.view(np.uint64) != now.view(np.uint64)
-        different = bits & ~(np.isnan(before) & np.isnan(now)) if before.dtype == now.dtype else np.ones(len(now), bool)
+        old, new = (both[column].to_numpy() for column in (name, name + HERE))
+        if old.dtype == new.dtype == float:
+            different = (old.view(np.uint64) != new.view(np.uint64)) & ~(np.isnan(old) & np.isnan(new))
+        else:
+            different = old != new
         if different.any():
-            differs[name], sizes[name] = different, np.abs(now.astype(float) - before.astype(float))
+            differs[name], sizes[name] = different, np.abs(new.astype(float) - old.astype(float))
     if not differs:
         return
-    some, frame = np.any(list(differs.values()), axis=0), old["frame"].to_numpy()
-    line = int(np.flatnonzero(some)[frame[some].argmin()])
+    some = np.any(list(differs.values()), axis=0)
+    line = int(some.argmax())
     name = next(name for name, different in differs.items() if different[line])
-    both = f"{old[name][line].as_py()!s} in the run, {new[name][line].as_py()!s} here"
-    controller, seed, place = (old[key][line].as_py() for key in KEYS[:3])
-    where = f"frame {frame[line]} ({frame[line] * PERIOD_S:.3f} s) of {_named((controller, seed, place))}"
-    yield f"first in {where}: {name} is {both}, a difference of {sizes[name][line]:.2g}"
+    row = {column: both[column][line].as_py() for column in (*KEYS, name, name + HERE)}
+    where = f"frame {row['frame']} ({row['frame'] * PERIOD_S:.3f} s) of {row['controller']}, seed {row['seed']}"
+    where += f", place {row['place']}" * bool(row["place"])
+    values = f"{row[name]} in the run, {row[name + HERE]} here, a difference of {sizes[name][line]:.2g}"
+    yield f"first in {where}: {name} is {values}"
     largest = [f"{name} by up to {np.nanmax(size, initial=0.0):.2g}" for name, size in sizes.items()]
-    yield f"in all, {some.sum()} of {old.num_rows} frames differ: {_listed(largest, ', ', ' more channels')}"
+    more = f" and {len(largest) - NAMED} more channels" if len(largest) > NAMED else ""
+    yield f"in all, {some.sum()} of {len(some)} frames differ: {', '.join(largest[:NAMED])}{more}"
 
 
-def _listed(words: Sequence[str], between: str = ", ", what: str = " more") -> str:
-    more = len(words) - NAMED
-    return between.join(words[:NAMED]) + (f" and {more}{what}" if more > 0 else "")
-
-
-def _named(row: Key) -> str:
-    controller, seed, place = row
-    return f"{controller}, seed {seed}" + f", place {place}" * bool(place)
-
-
-def _read(path: Path) -> "tuple[pa.Table, dict[Key, np.ndarray]]":
-    """Return a trajectory, and the lines of each row in the order of its frames."""
+def _read(path: Path) -> "pa.Table":
+    """Return a trajectory, in which each row's frames are there from the first on, once."""
     import pyarrow as pa
 
     if not path.exists():
         raise OmniError(f"{path} is missing: there is nothing to compare with")
     table = parquet.read(path)
     try:
-        controllers = table["controller"].cast(pa.string()).to_pylist()
-        seed, place, frame = (table[key].cast(pa.int64()).to_numpy() for key in KEYS[1:])
+        for key, kind in zip(KEYS, (pa.string(), pa.int64(), pa.int64(), pa.int64()), strict=True):
+            table = table.set_column(table.column_names.index(key), key, table[key].cast(kind))
         for name in table.column_names:
-            if name not in KEYS:
-                table[name].to_numpy().astype(float)
-        keys = list(zip(controllers, seed.tolist(), place.tolist(), strict=True))
-        starts = [*np.flatnonzero(frame == 0).tolist(), len(frame)]
-        rows = {keys[start]: np.arange(start, stop) for start, stop in pairwise(starts)}
-        for row, lines in rows.items():
-            if any(keys[i] != row for i in lines.tolist()) or not np.array_equal(frame[lines], np.arange(len(lines))):
-                raise ValueError("frames are missing, or not in their order")
-        if sum(map(len, rows.values())) != len(frame):
-            raise ValueError("a row is in it twice, or without its first frame")
-    except (pa.ArrowException, KeyError, TypeError, ValueError) as error:
+            table[name].to_numpy() if name == "controller" else table[name].to_numpy().astype(float)
+        rows = table.group_by(KEYS[:3]).aggregate([("frame", how) for how in ("max", "count_distinct", "count")])
+        last, distinct, count = (rows[column].to_numpy() for column in rows.column_names[-3:])
+        if not (np.array_equal(last + 1, distinct) and np.array_equal(distinct, count)):
+            raise ValueError("frames are missing, or there twice")
+    except (pa.ArrowException, TypeError, ValueError) as error:
         raise OmniError(f"{path} is not a run's trajectory: {' '.join(str(error).split())}") from None
-    return table, rows
+    return table

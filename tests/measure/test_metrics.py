@@ -17,7 +17,6 @@ from benches.logs import (
     recovery,
     results,
     rows,
-    travel,
 )  # fmt: skip
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -56,21 +55,6 @@ def test_errors_are_those_along_the_axes_in_the_plane_and_of_the_heading_to_the_
         np.testing.assert_array_equal(np.delete(found[axis], 4, axis=1), 0.0)
 
 
-@settings(deadline=None, derandomize=True, max_examples=30)
-@given(st.integers(0, 2**32 - 1), st.floats(-math.pi, math.pi))
-def test_along_and_across_turn_with_the_path(seed: int, turn: float) -> None:
-    """Two parts of the error in the plane, by Pythagoras; a path and a robot that are turned as a whole keep them."""
-    rng = np.random.default_rng(seed)
-    ref, pose = np.cumsum(rng.normal(size=(2, 30, 2, 3)), axis=1)
-    rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
-    found = errors(filled(rows(("a", "b")), 30, [30, 11], ref=ref, pose=pose))
-    np.testing.assert_allclose(np.hypot(found["along"], found["across"]), found["distance"], rtol=1e-9)
-    ref, pose = (np.concatenate([each[..., :2] @ rotation.T, each[..., 2:]], axis=-1) for each in (ref, pose))
-    turned = errors(filled(rows(("a", "b")), 30, [30, 11], ref=ref, pose=pose))
-    for axis in ("along", "across"):
-        np.testing.assert_allclose(turned[axis], found[axis], atol=1e-9, err_msg=axis)
-
-
 def test_on_a_circle_who_is_late_is_behind_and_who_is_outside_is_aside() -> None:
     """Late by a 1/10 rad on a radius of 1 m: the chord 2 sin(0.05), seen from the tangent at an angle of 0.05. Outside
     by 5 cm: all of it across. The last frame knows the frame before it only, and is half a step off: left out."""
@@ -83,18 +67,6 @@ def test_on_a_circle_who_is_late_is_behind_and_who_is_outside_is_aside() -> None
     chord = 2 * math.sin(0.05)
     for axis, wanted in {"along": (chord * math.cos(0.05), 0), "across": (chord * math.sin(0.05), 0.05)}.items():
         np.testing.assert_allclose(found[axis][1:-1], np.broadcast_to(wanted, (198, 2)), atol=1e-9, err_msg=axis)
-
-
-def test_at_rest_the_last_direction_counts() -> None:
-    """Rest, ahead along y, rest, back along -x, rest; and a reference that never moves, whose direction is x."""
-    legs = [(0, 0)] * 5 + [(0, 0.01)] * 5 + [(0, 0)] * 5 + [(-0.01, 0)] * 5 + [(0, 0)] * 5
-    ref = np.zeros((len(legs), 2, 2))
-    ref[:, 0] = np.cumsum(legs, axis=0)
-    found = travel(ref)
-    # The first step back leads to frame 15; a direction looks both ways, so that it is new in the frame before.
-    wanted = np.where(np.arange(len(legs))[:, None] < 14, (0.0, 1.0), (-1.0, 0.0))
-    np.testing.assert_allclose(found[:, 0], wanted, atol=1e-12)
-    np.testing.assert_array_equal(found[:, 1], np.broadcast_to((1.0, 0.0), (len(legs), 2)))
 
 
 @pytest.mark.parametrize("frames", [1, 40, 250])

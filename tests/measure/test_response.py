@@ -31,14 +31,6 @@ def test_a_lag_of_first_order_is_found_beside_its_gain(profile: Profile, gain: f
     assert found.speeding_up == pytest.approx(gain, rel=1e-3)
 
 
-@given(PROFILES, st.floats(0.5, 1.1), st.floats(40.0, 200.0), st.floats(0.4, 1.2))
-def test_the_lag_is_the_mean_delay(profile: Profile, gain: float, rate: float, damping: float) -> None:
-    """Of whatever order: the first moment of the impulse response, here 2 zeta / omega."""
-    found = linear(profile, [gain * rate**2], [1.0, 2 * damping * rate, rate**2])
-    assert found.steady == pytest.approx(gain, rel=1e-4)
-    assert found.lag_s == pytest.approx(2 * damping / rate, rel=1e-3)
-
-
 @given(PROFILES, st.floats(0.5, 1.1), st.integers(0, 6))
 def test_a_dead_time_is_a_lag(profile: Profile, gain: float, frames: int) -> None:
     command = profile.command()
@@ -84,12 +76,3 @@ def test_creep_is_a_lag_that_grows_with_speed(gain: float, softness: float) -> N
         curve = softness * profile.acceleration_m_s2
         slope = (np.sqrt(1 / gain**2 + 4 * curve) - 1 / gain) / (2 * curve)
         assert found.speeding_up == pytest.approx(slope, abs=0.005)
-
-
-def test_a_robot_that_failed_has_no_response() -> None:
-    profile = Profile(1.0, 2.0)
-    way = np.repeat(np.concatenate([[0.0], np.cumsum(profile.command()) * T])[:, None], 2, axis=1)
-    way[100:, 1] = np.nan
-    found = measure(profile, way)
-    assert found.steady[0] == pytest.approx(1.0)
-    assert np.isnan([found.steady[1], found.lag_s[1]]).all()

@@ -134,16 +134,6 @@ def test_verdicts_are_corrected_for_the_number_of_all_of_them() -> None:
     assert (failed["p"], failed["p_adjusted"], failed["beyond_chance"]) == (None, None, None)
 
 
-def test_whoever_failed_is_behind_everybody_who_did_not() -> None:
-    """Though its other seeds have the least error."""
-    of = found("mine", flc=0.03, mine=0.0, lqr=0.01)
-    for subject, beaten in {"mine": [], "lqr": ["flc", "mine"]}.items():
-        assert verdict(of, [], subject)["errors"]["mean"]["beats"] == beaten
-    mine = verdict(of, [], "mine")
-    assert set(mine["errors"]["max"]["against"]["flc"].values()) == {None}
-    assert "unknown (1 of 4 failed)" in mine["why_not"][0]
-
-
 def test_tables_mark_the_best_competitor_the_informed_limits_and_what_failed(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

@@ -61,16 +61,6 @@ def test_the_model_is_found_in_how_runs_differ() -> None:
     np.testing.assert_allclose(found.command, true.command, atol=0.01)
 
 
-def test_without_limits_nothing_is_left() -> None:
-    """Of errors that begin once commands can act; and what is expected is what the commands lead to."""
-    frames, delay = 60, 6
-    model = bench.PRIOR(frames, delay, 0.03)
-    errors = 0.01 * np.sin(np.maximum(np.arange(frames) - delay, 0) / 9)[:, None, None] ** 2 * np.ones((1, 2, 3))
-    commands, expected = bench.planned(model, MotionLimits(1e3, 1e6, 1e3, 1e6), errors)
-    assert np.abs(expected).max() < 0.01 * np.abs(errors).max()
-    np.testing.assert_allclose(errors[:, 0] + bench.departures(model, commands[:, 0]), expected[:, 0], atol=1e-10)
-
-
 def test_within_limits_the_plan_is_the_best_there_is() -> None:
     """Against scipy's solver of the same problem along one axis, in which the limit of acceleration binds."""
     frames, delay = 40, 3
@@ -137,6 +127,7 @@ def test_the_filter_sees_the_compass_error_of_the_firmware() -> None:
     scenario = om.scenario(
         "rect",
         plant="planar",
+        physics={"kernel": "numpy"},
         sensors={"gyro_bias_rad_s": 0.05},
         reference={"waypoints": [[0, 0], [1.2, 0]], "max_acceleration_m_s2": 1.5, "settle_s": 0},
     )

@@ -15,7 +15,6 @@ import pytest
 from benches import sweep as bench
 from commands import invoke
 from distributed import Client, LocalCluster
-from scipy import stats
 from scipy.optimize import brentq
 
 import omni_mj as om
@@ -251,24 +250,6 @@ def test_parts_of_the_variance_of_a_sum_are_those_of_its_terms() -> None:
     a, _ = design.analysed(names, 2 * cube[:, 0] * cube[:, 1])
     assert a["mu_star"] == pytest.approx(1.0, abs=0.1)
     assert a["sigma"] == pytest.approx(2 * np.std([0, 1 / 3, 2 / 3, 1]), rel=0.1)
-
-
-@pytest.mark.parametrize(
-    "drawn",
-    [
-        bench.Distribution("uniform", (0.4, 0.9)),
-        bench.Distribution("uniform", (2, 9), whole=True),
-        bench.Distribution("normal", (1.0, 0.2)),
-        bench.Distribution("normal", (1.0, 0.5, 0.8, 2.0)),
-        bench.Distribution("choice", (0.3, 0.5, 0.8)),
-    ],
-)
-def test_quantiles_are_those_of_the_draws(drawn: bench.Distribution) -> None:
-    """Of evenly spread shares and of random draws: one law, by the test of Kolmogorov and Smirnov."""
-    random = np.random.default_rng(0)
-    draws = [drawn.draw(random) for _ in range(2000)]
-    quantiles = [drawn.quantile(share) for share in (np.arange(2000) + 0.5) / 2000]
-    assert stats.ks_2samp(draws, quantiles).pvalue > 0.01
 
 
 def test_a_setting_that_no_part_of_the_plant_knows_is_found_to_do_nothing(tmp_path: Path) -> None:

@@ -68,7 +68,8 @@ def compass_errors(scenario: om.Scenario, lag_s: float) -> tuple[Array, Array]:
 
     def note(_: int) -> None:
         plant: Any = simulation.plant
-        found.append((plant._firmware.estimate.heading - plant.pose()[:, 2], tracker._state[:, COMPASS]))
+        held = np.asarray(plant._kernel.state.onboard.loops.heading)
+        found.append((held - plant.pose()[:, 2], tracker._state[:, COMPASS]))
 
     lead(simulation, tracker, note)
     errors = np.array(found)
