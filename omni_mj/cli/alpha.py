@@ -34,8 +34,7 @@ def command(
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
         asked = record.asked([(chosen.name, chosen)])
         record.begin(folder, "alpha", console.command_line(), [chosen], frames=False, given=asked)
-        show = begin("alpha", alpha.total_frames(chosen))
-        result = alpha.alpha(chosen, after_frame=console.checked(interrupts.check, show))
+        result = alpha.alpha(chosen, begin=lambda *what: console.checked(interrupts.check, begin(*what)))
     with console.writing(folder):
         result.save_files(folder)
         if result.study:

@@ -166,7 +166,7 @@ def _study(folder: Folder, study: str, copies: Path, found: Repetition, begin: B
 
 
 STUDIES: dict[str, Callable[[list[Scenario], Begin], Result]] = {
-    "alpha": lambda given, begin: alpha.alpha(given[0], after_frame=begin("alpha", alpha.total_frames(given[0]))),
+    "alpha": lambda given, begin: alpha.alpha(given[0], begin=begin),
     "loop": lambda given, begin: loop.loop(
         given[0], given[0].controllers, after_frame=begin("loop", loop.drive.FRAMES)
     ),

@@ -7,31 +7,29 @@ tell gain from lag. So robots drive standard profiles, from which both are measu
 - under conditions that are changed one by one;
 - worn, with every combination of causes, which says how much of gain and lag each takes (`conditions.shares`);
 
-and a controller drives robots around paths, which shows the alpha that a team would see (`in_use`).
+and a controller drives robots around paths, which shows the alpha that a team would see (`drives`).
 """
 
 import itertools
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from omni_mj.measure import summary
 from omni_mj.measure.response import NAMES, Response
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.scenarios import distributions
 from omni_mj.scenarios.scenario import Scenario, load
-from omni_mj.studies import drives, in_use
+from omni_mj.scenarios.settings import Settings
 from omni_mj.studies.alpha_findings import Study
 from omni_mj.studies.conditions import CAUSES, CONDITIONS, PROFILE, Conditions, changed, combinations
-from omni_mj.studies.drives import DIRECTIONS, Commanded, Drives
-from omni_mj.studies.in_use import InUse
+from omni_mj.studies.drives import DIRECTIONS, Commanded, Drives, Groups, InUse
 from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
 
 TASKS = ("rect", "league")
 BASE, COMBINED = "as it is", "causes combined"  # groups of drives, beside those of conditions
+Begin = Callable[[str, int], AfterFrame]
 
 
 @dataclass
@@ -58,7 +56,7 @@ def alpha(
     conditions: Conditions | None = None,
     tasks: Sequence[str] | None = None,
     *,
-    after_frame: AfterFrame = nothing,
+    begin: Begin = lambda title, frames: nothing,
 ) -> AlphaResult:
     """Study how robots follow their commands.
 
@@ -67,7 +65,8 @@ def alpha(
             its radio and the camera's noise as well.
         conditions: those that are changed one by one, with their values. [`CONDITIONS`]
         tasks: scenarios around whose paths a controller drives robots under usual conditions. [`TASKS`]
-        after_frame: called after each frame with its number of `total_frames`.
+        begin: called with a title and the number of frames to come; what it returns is called after each frame with
+            its number.
 
     Returns:
         Gain and lag, not a number for robots that failed, their causes, and alpha in use.
@@ -76,13 +75,14 @@ def alpha(
         OmniError: there is no such scenario or condition, or the plant has no wheels.
     """
     started, values = time.perf_counter(), CONDITIONS if conditions is None else conditions
-    chosen = _named(load(scenario) if isinstance(scenario, str) else scenario)
+    chosen = load(scenario) if isinstance(scenario, str) else scenario
+    chosen = chosen.replace(name="alpha", description="gain and lag, and their causes", paper_table=0, seeds=1)
     distributions.refuse(chosen.distributions, "alpha")
-    profiles = Drives(chosen, _groups(chosen, values))
+    profiles = Drives(chosen, _groups(chosen.settings, values))
     paths = {task: InUse(chosen, task) for task in (TASKS if tasks is None else tasks)}
     parts: list[Drives | InUse] = [profiles, *paths.values()]
     result = AlphaResult([Outcome.not_run(chosen)], [Commanded.__name__], seeds=[chosen.seed])
-    number = itertools.count()
+    after_frame, number = begin("alpha", sum(part.frames for part in parts)), itertools.count()
     try:
         for part in parts:
             part.run(lambda _: after_frame(next(number)))
@@ -95,40 +95,28 @@ def alpha(
         body = profiles.body()
         result.study = _study(values, profiles, body, paths)
         measured |= {name: getattr(body, name) for name in NAMES}
-    result.outcomes = [_outcome(part, result, measured if part is profiles else {}) for part in parts]
+    for part in parts:
+        log, failures = part.simulation.log, list(part.simulation.failures)
+        entry = summary.entry(part.scenario, log, failures, {}, result.wall_s, result.stopped)
+        own = measured if part is profiles else {}
+        result.outcomes.append(Outcome(part.scenario, entry, part.rows, failures, own))
+    del result.outcomes[0]  # that of nothing run
     return result
 
 
-def total_frames(scenario: Scenario, conditions: Conditions | None = None, tasks: Sequence[str] | None = None) -> int:
-    """How many frames `alpha` simulates, one after the other."""
-    groups = _groups(scenario, CONDITIONS if conditions is None else conditions)
-    return drives.frames(groups) + sum(in_use.frames(scenario, task) for task in (TASKS if tasks is None else tasks))
-
-
-def _groups(scenario: Scenario, conditions: Conditions) -> drives.Groups:
-    settings = scenario.settings
+def _groups(settings: Settings, conditions: Conditions) -> Groups:
     return {
         BASE: [(settings, PROFILE)],
         **{name: [changed(settings, name, value) for value in values] for name, values in conditions.items()},
-        COMBINED: [(each, PROFILE) for each in combinations(settings)],
+        COMBINED: [(combined, PROFILE) for combined in combinations(settings)],
     }
 
 
 def _study(conditions: Conditions, profiles: Drives, body: Response, paths: Mapping[str, InUse]) -> Study:
-    found = profiles.grouped(body)
-    base = found.pop(BASE).at(0)
+    changes = profiles.grouped(body)
+    base, last = changes.pop(BASE).at(0), changes.pop(COMBINED)
     shape = (2,) * len(CAUSES) + (len(DIRECTIONS),)
-    last = found.pop(COMBINED)
     combined = Response(*(getattr(last, name).reshape(shape) for name in NAMES))
     wheels = profiles.grouped(profiles.wheels())[COMBINED].at(-1)
-    return Study(conditions, base, found, combined, wheels, {task: path.percentiles() for task, path in paths.items()})
-
-
-def _named(scenario: Scenario) -> Scenario:
-    return scenario.replace(name="alpha", description="gain and lag, and their causes", paper_table=0, seeds=1)
-
-
-def _outcome(part: Drives | InUse, result: AlphaResult, measured: Mapping[str, np.ndarray]) -> Outcome:
-    log, failures = part.simulation.log, list(part.simulation.failures)
-    entry = summary.entry(part.scenario, log, failures, {}, result.wall_s, result.stopped)
-    return Outcome(part.scenario, entry, part.rows, failures, measured)
+    in_use = {task: path.percentiles() for task, path in paths.items()}
+    return Study(conditions, base, changes, combined, wheels, in_use)

@@ -13,8 +13,7 @@ from omni_mj.measure.table import DASH, Table
 from omni_mj.measure.table import text as aligned
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.studies.conditions import CAUSES, LABELS, PROFILE, USUAL, WORN, Conditions, shares
-from omni_mj.studies.drives import DIRECTIONS
-from omni_mj.studies.in_use import AXES, CONTROLLER
+from omni_mj.studies.drives import AXES, CONTROLLER, DIRECTIONS
 
 DEFINITIONS = {
     "steady": "speed achieved / commanded in the last 0.5 s of the cruise",

@@ -12,7 +12,7 @@ from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.studies.slip.fits import AT_REST, efficiency, fit_drag, fit_law
 from omni_mj.studies.slip.law import AXES, expected
 from omni_mj.studies.slip.moves import Move
-from omni_mj.studies.slip.published import PUBLISHED
+from omni_mj.studies.slip.published import INERTIA_SHARE, PUBLISHED
 from omni_mj.studies.slip.record import Record
 
 # Name -> what it is called, unit, digits behind the point.
@@ -32,10 +32,7 @@ QUANTITIES = {
     "efficiency": ("efficiency", "", 3),
     "efficiency_turning": ("efficiency turning", "", 3),
 }
-FITTED = (
-    "gain", "time", "deceleration", "deceleration_at_rest", "deceleration_per_speed", "efficiency_plateau",
-    "efficiency_accelerating",
-)  # fmt: skip
+FITTED = ("gain", "time", "deceleration", "efficiency_plateau", "efficiency_accelerating")
 
 
 @dataclass(frozen=True)
@@ -65,83 +62,66 @@ class Robot:
         return PUBLISHED[self.name].values if self.name in PUBLISHED else {}
 
     def deviation(self, quantity: str) -> float:
-        """Of what was measured from what was published, %."""
+        """Return by how much what was measured differs from what was published, %."""
         return 100 * (self.measured[quantity] / self.published.get(quantity, float("nan")) - 1)
 
     def report(self) -> dict[str, Any]:
-        """Its figures in plain values, None for what there is none of."""
-        return {
-            "source": PUBLISHED[self.name].source if self.name in PUBLISHED else None,
-            "quantities": {
-                name: {
-                    "unit": unit,
-                    "measured": plain(self.measured[name]),
-                    "law": plain(self.law.get(name, float("nan"))),
-                    "published": self.published.get(name),
-                    "deviation_percent": plain(self.deviation(name)),
-                }
-                for name, (_, unit, _) in QUANTITIES.items()
-            },
+        """Return its figures in plain values, None for what there is none of."""
+        quantities = {
+            name: {
+                "unit": unit,
+                "measured": plain(self.measured[name]),
+                "law": plain(self.law.get(name, float("nan"))),
+                "published": self.published.get(name),
+                "deviation_percent": plain(self.deviation(name)),
+            }
+            for name, (_, unit, _) in QUANTITIES.items()
         }
-
-
-def masses(name: str, settings: Settings) -> tuple[float, float]:
-    """Mass and yaw inertia that turn decelerations into drag: those of its team's fit, where it has published one."""
-    body = settings.body
-    if name not in PUBLISHED:
-        return body.mass_kg, body.yaw_inertia_kg_m2
-    mass = PUBLISHED[name].mass_kg
-    return mass, PUBLISHED[name].inertia_share * mass * settings.wheels.arm_m**2
+        return {"source": PUBLISHED[self.name].source if self.name in PUBLISHED else None, "quantities": quantities}
 
 
 def figures(name: str, settings: Settings, moves: Sequence[Move], record: Record) -> Robot:
-    """Fit everything that the record tells."""
+    """Fit everything that the record tells.
+
+    Decelerations are turned into drag by the mass and inertia of the team's fit, where it has published one.
+    """
     ways = np.array([np.copysign(1.0, move.speed) * move.direction for move in moves])
     wheels, body, force = ((values * ways).sum(-1) for values in (record.wheels, record.body, record.force))
     arm, frames, kinds = settings.wheels.arm_m, len(wheels), np.array([move.kind for move in moves])
-    fitted = {each: np.full(len(moves), np.nan) for each in FITTED}
-    free = np.array([move.free(frames) for move in moves]).T
-    living = np.ones(len(moves), bool)
-    living[[failure.row for failure in record.simulation.failures]] = False
-    turning = kinds == "turning"
-    lever = np.where(turning, arm, 1.0)  # of speeds in m/s
+    mass, inertia = settings.body.mass_kg, settings.body.yaw_inertia_kg_m2
+    if name in PUBLISHED:
+        mass, inertia = PUBLISHED[name].mass_kg, INERTIA_SHARE * PUBLISHED[name].mass_kg * arm**2
+    fitted = {quantity: np.full(len(moves), np.nan) for quantity in FITTED}
+    failed, turning = {failure.row for failure in record.simulation.failures}, kinds == "turning"
+    living = [(i, move) for i, move in enumerate(moves) if i not in failed]
     rolling = np.where(turning, body, np.hypot(record.body[..., 0], record.body[..., 1]))  # a robot let go may turn
-    for i in np.flatnonzero(living).tolist():
-        move, used = moves[i], slice(moves[i].frames)
+    for i, move in living:
+        used, lever = slice(move.frames), arm if turning[i] else 1.0
         if move.rolls_out:
-            slowing, line = fit_drag(rolling[used, i], free[used, i], PERIOD_S, AT_REST / lever[i])
-            fitted["deceleration"][i] = slowing
-            fitted["deceleration_at_rest"][i], fitted["deceleration_per_speed"][i] = line
+            fitted["deceleration"][i] = fit_drag(rolling[used, i], move.free(frames)[used], PERIOD_S, AT_REST / lever)
         if move.kind in AXES and (turning[i] or not move.rolls_out):
             along = np.hypot(*record.wheels[used, i, :2].T) + arm * np.abs(record.wheels[used, i, 2]) * turning[i]
-            found = fit_law(wheels[used, i], along, body[used, i], PERIOD_S)
-            fitted["gain"][i], fitted["time"][i] = found.gain, found.time
+            law = fit_law(wheels[used, i], along, body[used, i], PERIOD_S)
+            fitted["gain"][i], fitted["time"][i] = law.gain, law.time
     measured = {f"{what}_{axis}": _mean(fitted[what][kinds == axis]) for what in ("gain", "time") for axis in AXES}
-    mass, inertia = masses(name, settings)
     for kind in (*AXES, "diagonal"):
         weight = inertia if kind == "turning" else mass
         measured[f"drag_{kind}"] = weight * _mean(fitted["deceleration"][kinds == kind])
-    for i in np.flatnonzero(living & free.any(0) & ((kinds == "forward") | turning)).tolist():
-        fitted["efficiency_plateau"][i], fitted["efficiency_accelerating"][i] = efficiency(
-            body[:, i],
-            np.abs(force[:, i]),
-            moves[i].holding(frames),
-            moves[i].accelerating(frames),
-            measured[f"drag_{kinds[i]}"],
-            inertia if turning[i] else mass,
-            PERIOD_S,
-        )
+    for i, move in living:
+        if move.rolls_out and move.kind in ("forward", "turning"):
+            spans, weight = (move.holding(frames), move.accelerating(frames)), inertia if turning[i] else mass
+            drag, pull = measured[f"drag_{move.kind}"], np.abs(force[:, i])
+            both = efficiency(body[:, i], pull, *spans, drag, weight, PERIOD_S)
+            fitted["efficiency_plateau"][i], fitted["efficiency_accelerating"][i] = both
     plateau, accelerating = fitted["efficiency_plateau"], fitted["efficiency_accelerating"]
     measured["efficiency_plateau"] = _mean(plateau[~turning])
     measured["efficiency_accelerating"] = _mean(accelerating[~turning])
     measured["efficiency"] = (measured["efficiency_plateau"] + measured["efficiency_accelerating"]) / 2
     measured["efficiency_turning"] = (_mean(plateau[turning]) + _mean(accelerating[turning])) / 2
-    law = expected(settings)
-    closed = {
-        f"{what}_{axis}": float(values[i])
-        for what, values in (("gain", law.gain), ("time", law.time))
-        for axis, i in AXES.items()
-    } | {f"drag_{axis}": float((inertia if i == 2 else mass) * law.deceleration[i]) for axis, i in AXES.items()}
+    law_of, closed = expected(settings), dict[str, float]()
+    for axis, i in AXES.items():
+        drag = (inertia if axis == "turning" else mass) * law_of.deceleration[i]
+        closed |= {f"gain_{axis}": law_of.gain[i], f"time_{axis}": law_of.time[i], f"drag_{axis}": float(drag)}
     return Robot(name, list(moves), fitted, measured, closed, wheels, body)
 
 

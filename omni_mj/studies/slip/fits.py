@@ -61,28 +61,19 @@ def fit_law(u: Array, speed: Array, v: Array, period: float) -> Law:
     return Law(*map(float, least_squares(wrong_by, [1.0, 0.1], bounds=(0.0, np.inf)).x))
 
 
-def fit_drag(v: Array, free: np.ndarray, period: float, at_rest: float = AT_REST) -> tuple[float, Array]:
-    """How a robot rolls out.
+def fit_drag(v: Array, free: np.ndarray, period: float, at_rest: float = AT_REST) -> float:
+    """Return the mean deceleration of a robot that rolls out; not a number if there are too few samples.
 
     Args:
         v: speed along the move, (F,), positive.
         free: in which samples the motors carry no current, (F,).
         period: of the samples, s.
         at_rest: speed below which nothing is looked at.
-
-    Returns:
-        The mean deceleration, which is theirs since none of their robots had a viscous part, and the line (2,) of
-        deceleration at rest and its slope over speed, 1/s. Not a number if there are too few samples.
     """
     rolling = v[free][SETTLING:]
     slow = np.flatnonzero(rolling < at_rest)
     rolling = rolling[: slow[0]] if slow.size else rolling
-    if len(rolling) < SETTLING:
-        return float("nan"), np.full(2, np.nan)
-    slowing = -np.diff(rolling) / period
-    middle = (rolling[1:] + rolling[:-1]) / 2
-    line, *_ = np.linalg.lstsq(np.stack([np.ones_like(middle), middle], axis=1), slowing, rcond=None)
-    return float(slowing.mean()), line
+    return float((rolling[0] - rolling[-1]) / (len(rolling) - 1) / period) if len(rolling) >= SETTLING else float("nan")
 
 
 def efficiency(

@@ -7,7 +7,6 @@ half a second's way before the end, let the motors go and roll out; forward and 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -45,7 +44,7 @@ class Move:
     held_s: float
     rolls_out: bool
 
-    @cached_property
+    @property
     def times(self) -> tuple[float, float, float]:
         """At which the speed is reached, no longer held, and zero again if the robot brakes, s."""
         ramp = abs(self.speed) / self.acceleration
@@ -64,25 +63,22 @@ class Move:
         return np.array(DIRECTIONS[self.kind])
 
     def commands(self, frames: int) -> Array:
-        """Twists (frames, 3): in each frame what is wanted at its end."""
-        reached, let_go, stopped = self.times
-        end = PERIOD_S * np.arange(1, frames + 1)
-        share = np.interp(end, [REST_S, reached, let_go, stopped], [0.0, 1.0, 1.0, 0.0])
-        if self.rolls_out:
-            share[self.free(frames)] = 0.0
+        """Return twists (frames, 3): in each frame what is wanted at its end."""
+        share = np.interp(PERIOD_S * np.arange(1, frames + 1), [REST_S, *self.times], [0.0, 1.0, 1.0, 0.0])
+        share[self.free(frames)] = 0.0
         return self.speed * share[:, None] * self.direction
 
     def free(self, frames: int) -> np.ndarray:
-        """In which frames (frames,) the motors are let go."""
-        return self.rolls_out & (_begins(frames) >= self.times[1])
+        """Return in which frames (frames,) the motors are let go."""
+        return self.rolls_out & _within(frames, self.times[1], np.inf)
 
     def accelerating(self, frames: int) -> np.ndarray:
-        """In which frames (frames,) speed is to be gained, from start to end."""
-        return (_begins(frames) >= REST_S) & (_begins(frames) + PERIOD_S <= self.times[0])
+        """Return in which frames (frames,) speed is to be gained, from start to end."""
+        return _within(frames, REST_S, self.times[0])
 
     def holding(self, frames: int) -> np.ndarray:
-        """In which frames (frames,) the speed is to be held."""
-        return (_begins(frames) >= self.times[0]) & (_begins(frames) + PERIOD_S <= self.times[1])
+        """Return in which frames (frames,) the speed is to be held."""
+        return _within(frames, *self.times[:2])
 
 
 def straight(kind: str, speed: float, rolls_out: bool, acceleration: float = ACCELERATION_M_S2) -> Move:
@@ -112,5 +108,7 @@ def longest(moves: Sequence[Move]) -> int:
     return max(move.frames for move in moves)
 
 
-def _begins(frames: int) -> Array:
-    return PERIOD_S * np.arange(frames, dtype=float) + 1e-9
+def _within(frames: int, start: float, end: float) -> np.ndarray:
+    """Return which frames begin and end between two times."""
+    begins = PERIOD_S * np.arange(frames, dtype=float) + 1e-9
+    return (begins >= start) & (begins + PERIOD_S <= end)

@@ -9,7 +9,7 @@ reckoned from voltage and speed, which is in its efficiency.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
@@ -19,16 +19,15 @@ class Published:
     Attributes:
         source: where they stand.
         mass_kg: with which a deceleration was turned into a force.
-        inertia_share: yaw inertia over mass and arm squared, with which one was turned into a torque.
         values: by the names of `QUANTITIES` in `omni_mj.studies.slip.figures`.
     """
 
     source: str
     mass_kg: float
     values: Mapping[str, float]
-    inertia_share: float = field(default=0.55)
 
 
+INERTIA_SHARE = 0.55  # yaw inertia over mass and arm squared, with which decelerations were turned into torques
 _FIRMWARE = "TIGERs Mannheim, Firmware, robot_impl.c"
 
 PUBLISHED = {
@@ -57,7 +56,3 @@ PUBLISHED = {
         },
     ),
 }  # fmt: skip
-
-# SSL-A-Team/controls, analysis/ros_scripts/accel_tuning/README.md at d1a83b2: acceleration wanted in m/s^2 -> by which
-# share the one reached differs, open loop, tuned at 1.
-A_TEAM = {0.75: -0.14, 1.0: -0.03, 2.0: -0.22}

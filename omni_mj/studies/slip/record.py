@@ -1,6 +1,5 @@
 """Driving moves and seeing them as the robot's own log does: encoders, the filter of its velocity, motors' currents."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +12,6 @@ from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing, standing
-from omni_mj.worlds.build import kinematics
 
 # With which vision corrects the integrated acceleration: a filter of second order, 2 rad/s, damped by 0.7.
 _RATE, _DAMPING = 2.0, 0.7
@@ -44,27 +42,27 @@ class Record:
     stopped: str | None
 
 
-def drive(scenario: Scenario, commands: Array, held: Array | None = None, after_frame: AfterFrame = nothing) -> Record:
+def drive(scenario: Scenario, commands: Array, free: np.ndarray, after_frame: AfterFrame = nothing) -> Record:
     """Send robots commands, a row each.
 
     Args:
         scenario: the robot and all else.
         commands: twists (F, n, 3), world frame; robots start with heading 0.
-        held: currents (F, n) or (F, n, wheels) A that drivers hold instead; not a number where there is none.
+        free: where motors carry no current, (F, n).
         after_frame: called with each frame's number; it may raise `StoppedError`.
     """
     frames, n, _ = commands.shape
-    chosen = _open_loop(scenario, frames + 2)
-    rows = [Row(i, 0, Moves.__name__, chosen.seed + i, chosen.settings, chosen.robot) for i in range(n)]
-    simulation, stopped = Simulation(chosen, [Moves], rows=rows), None
+    settings = standing(scenario.settings, frames + 2, reference={"lead_s": 0.0})
+    chosen = scenario.replace(settings=settings, plant="mujoco", paper_table=0, seeds=1)
+    rows = [Row(i, 0, Moves.__name__, chosen.seed + i, settings, chosen.robot) for i in range(n)]
+    simulation, stopped, currents = Simulation(chosen, [Moves], rows=rows), None, list[Array]()
     plant = simulation.plant
     assert isinstance(plant, MujocoPlant)
-    wheels = len(kinematics(chosen.settings.wheels).azimuths)
-    currents = list[Array]()
+    held = np.where(free, 0.0, np.nan)[..., None].repeat(len(settings.wheels.azimuths_deg), -1)
     try:
         for frame, command in enumerate([*commands, np.zeros((n, 3))]):  # the last only records where the others led
-            if held is not None and frame < frames:
-                plant.hold(np.broadcast_to(held[frame].reshape(n, -1), (n, wheels)))
+            if frame < frames and free.any():
+                plant.hold(held[frame])
             simulation.step(command)
             currents.append(plant.telemetry().current_mean)
             after_frame(frame)
@@ -72,9 +70,9 @@ def drive(scenario: Scenario, commands: Array, held: Array | None = None, after_
         stopped = error.reason
     log = simulation.log
     return Record(
-        by_encoders(log.channel("wheel_angle"), chosen.settings),
+        by_encoders(log.channel("wheel_angle"), settings),
         by_filter(log.channel("vision"), log.channel("pose")),
-        by_currents(np.array(currents)[: log.length - 1], chosen.settings),
+        by_currents(np.array(currents)[: log.length - 1], settings),
         simulation,
         stopped,
     )
@@ -84,7 +82,7 @@ def by_encoders(angles: Array, settings: Settings) -> Array:
     """Body twists (F, n, 3) from wheel angles (F + 1, n, wheels) in rad, in counts, over a frame each."""
     per_rad = settings.sensors.encoder_counts * settings.motor.gear / (2 * np.pi)
     counts = np.floor(angles * per_rad)
-    return kinematics(settings.wheels).body_twist(np.diff(counts, axis=0) / (per_rad * PERIOD_S))
+    return settings.wheels.kinematics.body_twist(np.diff(counts, axis=0) / (per_rad * PERIOD_S))
 
 
 def by_filter(vision: Array, pose: Array) -> Array:
@@ -112,20 +110,7 @@ def by_filter(vision: Array, pose: Array) -> Array:
 
 def by_currents(currents: Array, settings: Settings) -> Array:
     """Force and torque on the body (F, n, 3) from mean currents (F, n, wheels) in A: J^T (i k gear / R)."""
-    wheels, motor = kinematics(settings.wheels), settings.motor
+    wheels, motor = settings.wheels.kinematics, settings.motor
     pull = currents * (motor.constant_nm_a * motor.gear / wheels.radius)
     force: Array = (pull[..., None] * wheels.matrix).sum(-2)
     return force
-
-
-def shares(force: Sequence[float], settings: Settings) -> Array:
-    """Currents (wheels,) in A that should give a force and torque (3,) on the body, the smallest ones."""
-    wheels, motor = kinematics(settings.wheels), settings.motor
-    pull: Array = np.linalg.pinv(wheels.matrix.T) @ np.asarray(force)
-    return pull * (wheels.radius / (motor.constant_nm_a * motor.gear))
-
-
-def _open_loop(scenario: Scenario, frames: int) -> Scenario:
-    """The scenario without dead time and controllers, alone on the carpet, as long as `frames`."""
-    settings = standing(scenario.settings, frames, reference={"lead_s": 0.0})
-    return scenario.replace(settings=settings, plant="mujoco", paper_table=0, seeds=1)

@@ -2,7 +2,7 @@
 
 import re
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,11 +17,10 @@ from omni_mj.scenarios import distributions
 from omni_mj.scenarios import resolve as described
 from omni_mj.scenarios.scenario import Scenario, scenario
 from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
-from omni_mj.studies.slip.checks import FRAMES, Checks, checks
 from omni_mj.studies.slip.figures import QUANTITIES, Robot, figures
 from omni_mj.studies.slip.moves import Move, identification, longest
 from omni_mj.studies.slip.published import PUBLISHED
-from omni_mj.studies.slip.record import Moves, Record, drive
+from omni_mj.studies.slip.record import Moves, drive
 
 BeforeRobot = Callable[[str, int], AfterFrame]
 DEFINITIONS = {
@@ -30,8 +29,6 @@ DEFINITIONS = {
     "drag": "mean deceleration of a robot whose motors carry no current, times the mass of the published fit",
     "efficiency": "(mass acceleration + drag) / force by motor currents; mean of holding a speed and of reaching it",
     "law": "closed form of the law of creep, which knows the robot's numbers and nothing of the moves",
-    "open_loop": "acceleration under currents by a model of mass and drag, against that wanted",
-    "wheels_ahead_m": "way by encoders less that of the body, after speeding up to 1.5 m/s",
 }
 
 
@@ -41,38 +38,24 @@ class SlipResult(Result):
 
     Attributes:
         robots: figures of those that were driven, by name.
-        checks: what other teams' figures were held against, by robot.
     """
 
     robots: dict[str, Robot] = field(default_factory=dict)
-    checks: dict[str, Checks] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
         """That of any result, with the figures as `slip`."""
         found = {name: robot.report() for name, robot in self.robots.items()}
-        for name, checked in self.checks.items():
-            found[name] |= {"checks": checked.report()}
         return super().summary() | {"slip": {"definitions": DEFINITIONS, "robots": found}}
 
     def table(self) -> str:
         """The figures of each robot beside what the law says and what was published, as lines of text."""
-        return "\n".join(self.lines())
-
-    def lines(self) -> Iterator[str]:
-        """See `table`."""
-        for name, robot in self.robots.items():
-            source = robot.report()["source"]
-            title = f"{name}; published: {source}" if source else f"{name}; nothing published"
-            yield text(Table(title, ["", "unit", "measured", "law", "published", "deviation, %"], _cells(robot), 2))
-            if name in self.checks:
-                yield from self.checks[name].lines()
+        return "\n".join(_text(name, robot) for name, robot in self.robots.items())
 
 
 def slip(
     robots: Sequence[Scenario | described.Robot | str] | None = None,
     moves: Sequence[Move] | None = None,
     *,
-    check: bool = True,
     before_robot: BeforeRobot = lambda name, frames: nothing,
 ) -> SlipResult:
     """Identify how robots slip, as TIGERs Mannheim identified theirs.
@@ -81,7 +64,6 @@ def slip(
         robots: names or files of robots; or scenarios, whose robot, settings and seed are meant. [those that
             were measured, on the faster wheels]
         moves: that each robot drives. [`identification()`]
-        check: whether to try what other teams tell of acceleration, too; it takes drag and efficiency forward.
         before_robot: called with each robot's name and the number of frames to come; what it returns is called after
             each frame, and may raise `StoppedError`.
 
@@ -98,8 +80,7 @@ def slip(
     result.seeds = list(dict.fromkeys(each.seed for each in chosen))
     try:
         for i, each in enumerate(chosen):
-            frames = longest(driven) + 1 + check * (FRAMES + 1)
-            _identify(result, i, each, driven, check, before_robot(each.name, frames))
+            _identify(result, i, each, driven, before_robot(each.name, longest(driven) + 1))
         result.complete = True
     except StoppedError as error:
         result.stopped = error.reason
@@ -107,35 +88,22 @@ def slip(
     return result
 
 
-def _identify(
-    result: SlipResult, i: int, chosen: Scenario, moves: Sequence[Move], check: bool, after_frame: AfterFrame
-) -> None:
+def _identify(result: SlipResult, i: int, chosen: Scenario, moves: Sequence[Move], after_frame: AfterFrame) -> None:
     """Drive one robot and put what comes out into the result; raise StoppedError if it was stopped."""
     frames, started = longest(moves), time.perf_counter()
     commands = np.stack([move.commands(frames) for move in moves], axis=1)
     free = np.stack([move.free(frames) for move in moves], axis=1)
-    record = drive(chosen, commands, np.where(free, 0.0, np.nan), after_frame)
+    record = drive(chosen, commands, free, after_frame)
     measured: dict[str, np.ndarray] = {}
     if record.stopped is None:
         robot = result.robots[chosen.name] = figures(chosen.name, chosen.settings, moves, record)
-        measured = {
-            "move": np.array([move.kind for move in moves]),
-            "speed": np.array([move.speed for move in moves]),
-            "rolls_out": np.array([move.rolls_out for move in moves]),
-            **robot.fitted,
-        }
-    result.outcomes[i] = _outcome(record, time.perf_counter() - started, measured)
+        names = {"move": "kind", "speed": "speed", "rolls_out": "rolls_out"}
+        measured = {name: np.array([getattr(m, of) for m in moves]) for name, of in names.items()} | dict(robot.fitted)
+    simulation, wall_s = record.simulation, time.perf_counter() - started
+    entry = summary.entry(simulation.scenario, simulation.log, simulation.failures, {}, wall_s, record.stopped)
+    result.outcomes[i] = Outcome(simulation.scenario, entry, simulation.rows, simulation.failures, measured)
     if record.stopped:
         raise StoppedError(record.stopped)
-    known = robot.measured["drag_forward"] / robot.measured["efficiency_accelerating"]
-    if check and np.isfinite(known):
-        result.checks[chosen.name] = checks(chosen, robot, lambda frame: after_frame(frames + 1 + frame))
-
-
-def _outcome(record: Record, wall_s: float, measured: dict[str, np.ndarray]) -> Outcome:
-    simulation = record.simulation
-    entry = summary.entry(simulation.scenario, simulation.log, simulation.failures, {}, wall_s, record.stopped)
-    return Outcome(simulation.scenario, entry, simulation.rows, simulation.failures, measured)
 
 
 def _chosen(robot: Scenario | described.Robot | str) -> Scenario:
@@ -147,11 +115,13 @@ def _chosen(robot: Scenario | described.Robot | str) -> Scenario:
     return robot.replace(name=name, description="how it slips")
 
 
-def _cells(robot: Robot) -> list[list[str]]:
+def _text(name: str, robot: Robot) -> str:
     rows = []
-    for name, (title, unit, digits) in QUANTITIES.items():
-        values = robot.measured[name], robot.law.get(name), robot.published.get(name)
+    for quantity, (title, unit, digits) in QUANTITIES.items():
+        values = robot.measured[quantity], robot.law.get(quantity), robot.published.get(quantity)
         cells = [DASH if value is None or np.isnan(value) else f"{value:.{digits}f}" for value in values]
-        deviation = robot.deviation(name)
+        deviation = robot.deviation(quantity)
         rows.append([title, unit, *cells, "" if np.isnan(deviation) else f"{deviation:+.0f}"])
-    return rows
+    source = robot.report()["source"]
+    title = f"{name}; published: {source}" if source else f"{name}; nothing published"
+    return text(Table(title, ["", "unit", "measured", "law", "published", "deviation, %"], rows, 2))
