@@ -8,8 +8,8 @@ import numpy as np
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
 from omni_mj.studies.loop.drive import STEP_M, STRENGTHS
-from omni_mj.studies.loop.excitation import FREQUENCIES
-from omni_mj.studies.loop.transfer import curve
+from omni_mj.studies.loop.motion import FREQUENCIES
+from omni_mj.studies.loop.response import curve
 
 if TYPE_CHECKING:
     from omni_mj.studies.loop.findings import Findings

@@ -6,10 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from benches.loop import motion, study
 from commands import invoke
-
-from omni_mj.studies.loop import study
-from omni_mj.studies.loop.motion import CASES
 
 MINE = """
 import omni_mj as om
@@ -31,7 +29,7 @@ def test_margins_of_a_users_controller_repeat(
 
     In fewer cases than a user gets.
     """
-    monkeypatch.setattr(study, "CASES", {name: CASES[name] for name in ("rest, forward", "driving, across")})
+    monkeypatch.setattr(study, "CASES", {name: motion.CASES[name] for name in ("rest, forward", "driving, across")})
     monkeypatch.chdir(tmp_path)
     Path("mine.py").write_text(MINE)
     words = ("--plant", "kinematic", "--controller", "mine.py:Mine", "--set", "controller.Mine.gain=4.0")

@@ -4,7 +4,6 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
-
 from omni_mj.onboard import wide
 
 # A rounding of the angle's reduction, one of the series, half of one in the last place of numbers up to 1.

@@ -9,6 +9,7 @@ from driving import drive, mujoco, with_settings
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
+from omni_mj.onboard import by_frame, by_robot, kernel
 from omni_mj.onboard.battery import Battery
 from omni_mj.onboard.firmware import Firmware
 from omni_mj.onboard.motors import Motors
@@ -17,7 +18,6 @@ from omni_mj.onboard.traction import Traction
 from omni_control.errors import OmniError
 from omni_control.kinematics import Kinematics
 from omni_mj.link.radio import Received
-from omni_mj.onboard import by_frame, by_robot, kernel
 from omni_mj.plants import Telemetry, between
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.settings import Settings

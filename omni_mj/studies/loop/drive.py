@@ -4,6 +4,7 @@ Rows come in pairs that are asked the opposite, under the same noise. Half of wh
 they were asked: vision's noise, the weave and the ripple of rollers are in both alike, and fall out.
 """
 
+import itertools
 from collections.abc import Mapping
 
 import numpy as np
@@ -13,8 +14,7 @@ from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.loop.excitation import PERIOD_FRAMES, PERIODS, multisine
-from omni_mj.studies.loop.motion import Case, Motion
+from omni_mj.studies.loop.motion import PERIOD_FRAMES, PERIODS, Case, Motion, multisine
 from omni_mj.studies.outcome import AfterFrame
 
 STRENGTHS, SIGNS = (1, 2), (1, -1)  # of what rows are asked; half as much should give half as much
@@ -45,29 +45,17 @@ class Drive:
         rest = {"shape": "waypoints", "waypoints": [[0, 0], [0, 0]], "mode": "timed", "settle_s": FRAMES * PERIOD_S}
         settings = scenario.settings.replace(reference=rest, world={"places": [[0, 0, 0]]})
         self.shape = len(scenario.labels), len(cases), scenario.seeds, len(STRENGTHS), len(SIGNS)
-        grid = [
-            (label, name, seed, strength, sign)
-            for label in scenario.labels
-            for name in cases
-            for seed in scenario.seed_list
-            for strength in STRENGTHS
-            for sign in SIGNS
-        ]
+        grid = list(itertools.product(scenario.labels, cases, scenario.seed_list, STRENGTHS, SIGNS))
         rows = [Row(i, 0, label, seed, settings, scenario.robot) for i, (label, _, seed, _, _) in enumerate(grid)]
-        self.asked = {
-            name: np.array([row[i] for row in grid]) for i, name in ((1, "case"), (3, "strength"), (4, "sign"))
-        }
-        self._motion = Motion([cases[name] for _, name, _, _, _ in grid])
-        self._axis = np.array([cases[name].axis for _, name, _, _, _ in grid])
+        _, names, _, strengths, signs = zip(*grid, strict=True)
+        self.asked = {"case": np.array(names), "strength": np.array(strengths), "sign": np.array(signs)}
+        self._motion = Motion.of_cases([cases[name] for name in names])
+        self._axis = np.array([cases[name].axis for name in names])
         self.simulation = Simulation(scenario, rows=rows, follow=self._motion.of)
-        sines = {
-            (seed, strength): multisine(seed, strength, SWING_IN + MEASURED)
-            for seed in scenario.seed_list
-            for strength in STRENGTHS
-        }
         self.disturbance = np.zeros((FRAMES, len(rows)))
         for i, (_, _, seed, strength, sign) in enumerate(grid):
-            self.disturbance[WARM_UP + STEP :, i] = sign * strength * sines[seed, strength]
+            sines = multisine(seed, strength, SWING_IN + MEASURED)
+            self.disturbance[WARM_UP + STEP :, i] = sign * strength * sines
 
     def run(self, after_frame: AfterFrame) -> None:
         """Drive; `after_frame` is called with each frame's number, and may raise `StoppedError`."""
@@ -85,23 +73,21 @@ class Drive:
             after_frame(frame)
 
     def position(self) -> Array:
-        """Where robots were along the axis asked, half the difference of each pair, m; shaped as `_answers` is."""
+        """Return where robots were along the axis asked, half the difference of each pair, m; see `_answers`."""
         return self._answers(self._along("pose"))
 
     def command(self) -> Array:
-        """What the team commanded along it, likewise, m/s."""
+        """Return what the team commanded along it, likewise, m/s."""
         return self._answers(self._along("command") - self.disturbance)
 
     def disturbed(self) -> Array:
-        """What was added to that, likewise, m/s."""
+        """Return what was added to that, likewise, m/s."""
         return self._answers(self.disturbance)
 
     def _along(self, channel: str) -> Array:
-        log = self.simulation.log
-        along: Array = log.channel(channel)[:, np.arange(len(self._axis)), self._axis]
-        return along
+        return np.asarray(self.simulation.log.channel(channel)[:, np.arange(len(self._axis)), self._axis])
 
     def _answers(self, values: Array) -> Array:
-        """Half the difference of each pair, (FRAMES, controllers, cases, seeds, strengths), of values (FRAMES, n)."""
+        """Return half the difference of each pair, (FRAMES, controllers, cases, seeds, strengths), of (FRAMES, n)."""
         grid = values.reshape(len(values), *self.shape)
         return (grid[..., 0] - grid[..., 1]) / 2

@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError, choose
 from omni_control.registry import available
@@ -23,7 +21,7 @@ from omni_mj.studies.outcome import AfterFrame, StoppedError, informed, nothing
 
 @dataclass
 class LoopResult(Result):
-    """The result of the study; its rows hold case, strength and sign, and the figures of their loops at that strength.
+    """The result of the study; its rows hold case, strength and sign.
 
     Attributes:
         findings: what was found; None of a study that was stopped.
@@ -76,29 +74,18 @@ def loop(
         result.stopped = error.reason
     result.wall_s = time.perf_counter() - started
     result.complete = result.stopped is None
-    measured: dict[str, np.ndarray] = {}
     if result.complete:
         step = f"steps of {100 * STEP_M * STRENGTHS[-1]:g} cm, then crossover and margins"
         title = f"loops of {chosen.robot} on the {chosen.plant} plant: {step}"
         result.findings = Findings.of(title, drive, chosen.labels, names)
-        measured = _measured(result.findings, drive)
     simulation = drive.simulation
     entry = summary.entry(
         chosen, simulation.log, simulation.failures, {}, result.wall_s, result.stopped, drawn=simulation.drawn
     )
-    result.outcomes = [Outcome(chosen, entry, simulation.rows, simulation.failures, measured)]
+    result.outcomes = [Outcome(chosen, entry, simulation.rows, simulation.failures, drive.asked)]
     return result
 
 
 def usual() -> tuple[str, ...]:
     """The controllers that are measured unless others are named."""
     return tuple(name for name in available() if not find(name).knows_truth)
-
-
-def _measured(findings: Findings, drive: Drive) -> dict[str, np.ndarray]:
-    """Of each row: what it was asked, and the figures of its loop at that strength."""
-    figures = {
-        name: np.broadcast_to(values[:, :, None, :, None], drive.shape).ravel()
-        for name, values in findings.figures().items()
-    }
-    return {**drive.asked, **figures}
