@@ -21,33 +21,28 @@ if TYPE_CHECKING:
     from omni_mj.scenarios.scenario import Scenario
 
 CONTROLLER = "adaptive-comp-flc"
+DURATION = click.FloatRange(min=0, max=1e5, min_open=True)
 OUTPUTS = (*run_command.OUTPUTS, "link.json")
 
 
-@click.command("drive")
+@click.command("drive", context_settings={"show_default": True})
 @options.SCENARIO
-@click.option("--controller", metavar="NAME|FILE.py:Class", shell_complete=complete.controllers, help=f"[{CONTROLLER}]")
+@click.option("--controller", metavar="NAME|FILE.py:Class", shell_complete=complete.controllers, default=CONTROLLER)
 @options.ROBOT
-@click.option("--team", "colour", type=click.Choice(["blue", "yellow"]), default="blue", help="[blue]")
+@click.option("--team", "colour", type=click.Choice(["blue", "yellow"]), default="blue")
 @click.option(
-    "--id",
-    "ids",
-    type=click.IntRange(0, 255),
-    multiple=True,
-    help="A robot's number; may be repeated. [the lowest seen]",
+    "--id", "ids", type=click.IntRange(0, 255), multiple=True, help="A robot's number; may be repeated. [lowest seen]"
 )
-@click.option("--vision", metavar="ADDRESS[:PORT]", default="224.5.23.2:10020", help="[224.5.23.2:10020]")
+@click.option("--vision", metavar="ADDRESS[:PORT]", default="224.5.23.2:10020")
 @click.option("--commands", metavar="HOST[:PORT]", help="[127.0.0.1:10301 for blue, 10302 for yellow]")
-@click.option("--interface", metavar="ADDRESS", default="127.0.0.1", help="Own address on their net. [127.0.0.1]")
-@click.option(
-    "--rate", "pace", type=click.Choice(["auto", "60", "vision"]), default="auto", help="What gives ticks. [auto]"
-)
-@click.option("--velocity", type=click.Choice(["local", "global"]), default="local", help="As told to robots. [local]")
+@click.option("--interface", metavar="ADDRESS", default="127.0.0.1", help="Own address on their net.")
+@click.option("--rate", "pace", type=click.Choice(["auto", "60", "vision"]), default="auto", help="What gives ticks.")
+@click.option("--velocity", type=click.Choice(["local", "global"]), default="local", help="As told to robots.")
 @click.option("--radio", metavar="FILE.py:Class", help="A radio of your own. [ssl-simulation-protocol]")
 @click.option("--here", is_flag=True, help="Start where the robots are, all that are seen if none is named.")
-@click.option("--wait", type=float, default=10.0, metavar="S", help="How long vision is waited for. [10]")
-@click.option("--duration", type=float, metavar="S", help="End after so many seconds. [the whole route]")
-@click.option("--pulse/--no-pulse", "ask", default=True, help="Measure dead time first: robots turn to and fro.")
+@click.option("--wait", "wait_s", type=click.FloatRange(0, 1e5), default=10.0, help="How long vision is waited for, s.")
+@click.option("--duration", "duration_s", type=DURATION, help="End after so many seconds. [the whole route]")
+@click.option("--pulse/--no-pulse", default=True, help="Measure dead time first: robots turn to and fro.")
 @click.option("--dry-run", is_flag=True, help="Only listen: rates, cameras, robots, noise.")
 @options.SETTINGS
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/drive-<scenario>-<UTC time>]")
@@ -59,7 +54,7 @@ OUTPUTS = (*run_command.OUTPUTS, "link.json")
 @options.QUIET
 def command(
     name: str | None,
-    controller: str | None,
+    controller: str,
     robot: str | None,
     overrides: tuple[str, ...],
     out: Path | None,
@@ -70,21 +65,21 @@ def command(
     draw: bool,
     dry_run: bool,
     quiet: bool,
-    **given: Any,
+    **connection: Any,
 ) -> None:
     """Drive robots that SSL-Vision sees, and tell how late and how well they answer."""
     from omni_mj.live import session
     from omni_mj.scenarios import scenario
     from omni_mj.scenarios.library import builtin
 
-    chosen = _options(overrides=overrides, **given)
+    chosen = _options(overrides, **connection)
     if dry_run:
         _listen(chosen, quiet)
         return
     if name is None:
         raise OmniError(f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file")
-    head = {"controllers": (controller or CONTROLLER,), "plant": "live", "seeds": 1}
-    what = untold(scenario.load(name, overrides, head | ({"robot": robot} if robot else {})), robot is None)
+    head = {"controllers": (controller,), "plant": "live", "seeds": 1} | ({"robot": robot} if robot else {})
+    what = untold(scenario.load(name, overrides, head), robot is None)
     session.check(what, chosen)
     viewers = run_command.viewers(view, connect)
     folder = folders.prepare(out, f"drive-{what.name}", OUTPUTS, overwrite)
@@ -109,46 +104,20 @@ def untold(what: "Scenario", unnamed: bool) -> "Scenario":
 
 
 def _options(
-    vision: str,
-    commands: str | None,
-    colour: Any,
-    ids: tuple[int, ...],
-    ask: bool,
-    overrides: tuple[str, ...],
-    velocity: str,
-    wait: float,
-    duration: float | None,
-    **others: Any,
+    overrides: tuple[str, ...], vision: str, commands: str | None, velocity: str, pulse: bool, **others: Any
 ) -> "Options":
-    """Return what is said of the connection, checked.
-
-    Raises:
-        OmniError: An option is out of range.
-    """
+    """Return what is said of the connection, checked."""
     from omni_mj.live.radio import PORTS
     from omni_mj.live.session import DEAD_TIME, MEASURED, Options
     from omni_mj.live.sockets import address, check_local
     from omni_mj.live.wire import VISION_PORT
 
-    target = None if commands is None else address(commands, PORTS[colour])
+    target = None if commands is None else address(commands, PORTS[others["colour"]])
     if target is not None and others["radio"] is None:
         check_local(target, others["interface"])
-    if duration is not None and not 0 < duration < 1e5:
-        raise OmniError(f"--duration must be a positive number of seconds, not {duration:g}")
-    if not 0 <= wait < 1e5:
-        raise OmniError(f"--wait must be a number of seconds, not {wait:g}")
-    fixed = {override.partition("=")[0].strip() for override in overrides} | (set() if ask else {DEAD_TIME})
-    return Options(
-        vision=address(vision, VISION_PORT),
-        commands=target,
-        colour=colour,
-        ids=ids,
-        world=velocity == "global",
-        wait_s=wait,
-        duration_s=duration,
-        measured=frozenset(MEASURED) - fixed,
-        **others,
-    )
+    fixed = {override.partition("=")[0].strip() for override in overrides} | ({DEAD_TIME} if not pulse else set())
+    measured = frozenset(MEASURED) - fixed
+    return Options(address(vision, VISION_PORT), target, world=velocity == "global", measured=measured, **others)
 
 
 def _listen(options: "Options", quiet: bool) -> None:

@@ -1,6 +1,7 @@
 """`omni-mj serve`: a simulator of the league, which any team's software can drive, with our physics."""
 
 import gc
+import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
@@ -9,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from omni_control.errors import OmniError
 from omni_mj.cli import complete, console, folders, options, run
 from omni_mj.files import check_room
 
@@ -22,10 +22,11 @@ YELLOW = "scenario-yellow.toml"  # what robots the other team has, if they are o
 OUTPUTS = ("trajectory.parquet", "recording.rrd", "scenario.toml", YELLOW, *folders.PROVENANCE)
 
 PORT = click.IntRange(0, 65_535)
+DURATION = click.FloatRange(min=0, min_open=True)
 TABLE_B = 20e6  # of disk, that a recording leaves to the table, which goes on
 
 
-@click.command("serve")
+@click.command("serve", context_settings={"show_default": True})
 @click.option(
     "--scenario", "name", metavar="NAME|FILE.toml", shell_complete=complete.scenarios,
     help="Carpet, cameras, radio, faults and so on.",
@@ -37,9 +38,9 @@ TABLE_B = 20e6  # of disk, that a recording leaves to the table, which goes on
 )  # fmt: skip
 @options.SETTINGS
 @click.option("--seed", type=int, metavar="S", help="Of the random numbers. [0]")
-@click.option("--blue", metavar="N|IDS", default="1", show_default=True, help="Robots: how many, or their numbers.")
-@click.option("--yellow", metavar="N|IDS", default="0", show_default=True, help="Same.")
-@click.option("--speed", type=float, default=1.0, show_default=True, help="Times as fast as real time; 0: paused.")
+@click.option("--blue", metavar="N|IDS", default="1", help="Robots: how many, or their numbers.")
+@click.option("--yellow", metavar="N|IDS", default="0", help="Same.")
+@click.option("--speed", type=click.FloatRange(0, 1000), default=1.0, help="Times as fast as real time; 0: paused.")
 @click.option(
     "--lockstep",
     is_flag=False,
@@ -47,14 +48,12 @@ TABLE_B = 20e6  # of disk, that a recording leaves to the table, which goes on
     type=click.Choice(["any", "both"]),
     help="Time goes by commands: a camera's image for each packet to a team (any), or to both teams (both).",
 )
-@click.option("--control-port", type=PORT, default=10300, show_default=True, help="Of the simulator; 0: any.")
-@click.option("--blue-port", type=PORT, default=10301, show_default=True, help="Of the blue robots.")
-@click.option("--yellow-port", type=PORT, default=10302, show_default=True, help="Of the yellow robots.")
-@click.option(
-    "--vision", metavar="HOST:PORT", default="224.5.23.2:10020", show_default=True, help="Detections go there."
-)
-@click.option("--interface", metavar="ADDRESS", default="127.0.0.1", show_default=True, help="By which they go.")
-@click.option("--for", "until_s", type=float, metavar="S", help="End after so much simulated time. [when interrupted]")
+@click.option("--control-port", type=PORT, default=10300, help="Of the simulator; 0: any.")
+@click.option("--blue-port", type=PORT, default=10301, help="Of the blue robots.")
+@click.option("--yellow-port", type=PORT, default=10302, help="Of the yellow robots.")
+@click.option("--vision", metavar="HOST:PORT", default="224.5.23.2:10020", help="Detections go there.")
+@click.option("--interface", metavar="ADDRESS", default="127.0.0.1", help="By which they go.")
+@click.option("--for", "until_s", type=DURATION, default=math.inf, help="End after so much simulated time, s.")
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="Record there. [nothing is recorded]")
 @options.OVERWRITE
 @click.option("--record/--no-record", default=True, help="With --out, write recording.rrd for the rerun viewer.")
@@ -71,34 +70,29 @@ def command(
     yellow: str,
     speed: float,
     lockstep: str | None,
-    control_port: int,
-    blue_port: int,
-    yellow_port: int,
     vision: str,
     interface: str,
-    until_s: float | None,
+    until_s: float,
     out: Path | None,
     overwrite: bool,
     record: bool,
     view: bool,
     connect: str | None,
     quiet: bool,
+    **ports: int,
 ) -> None:
     """Simulate robots for software that speaks the league's protocols."""
     from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.live.notes import Notes
     from omni_mj.live.serve import line_up
     from omni_mj.live.serve.pitch import Pitch
     from omni_mj.live.serve.ports import Ports
-    from omni_mj.live.serve.server import MAX_SPEED, Server
+    from omni_mj.live.serve.server import Server
     from omni_mj.live.sockets import address, check_local
     from omni_mj.live.wire import VISION_PORT
     from omni_mj.live.wire.simulation_pb2 import Team
     from omni_mj.studies.outcome import StoppedError
 
-    if not 0 <= speed <= MAX_SPEED:
-        raise OmniError(f"--speed must be a number from 0 to {MAX_SPEED:g}, not {speed:g}")
-    if until_s is not None and not until_s > 0:
-        raise OmniError(f"--for must be more than 0 s, not {until_s:g}")
     target = address(vision, VISION_PORT)
     check_local(target, interface)
     head = {key: value for key, value in (("robot", robot), ("seed", seed)) if value is not None}
@@ -108,16 +102,12 @@ def command(
     numbers = line_up.numbers(blue, "--blue"), line_up.numbers(yellow, "--yellow")
     poses = line_up.poses(*numbers, ours if name is not None else None)
 
-    def warn(text: str) -> None:
-        if not quiet:
-            click.echo(text, err=True)
-
     viewers = run.viewers(view, connect)
     folder = None if out is None else folders.prepare(out, ours.name, OUTPUTS, overwrite)
     console.quiet_mujoco()
-    pitch = Pitch({Team.BLUE: ours, Team.YELLOW: theirs}, poses, lambda kind, text: server.notes.add(kind, text))
-    ports = Ports(control_port, blue_port, yellow_port, target, interface)
-    server = Server(pitch, ports, speed, lockstep or "", warn)
+    notes = Notes(lambda text: None if quiet else click.echo(text, err=True))
+    pitch = Pitch({Team.BLUE: ours, Team.YELLOW: theirs}, poses, notes)
+    server = Server(pitch, Ports(vision=target, interface=interface, **ports), speed, lockstep or "")
     with ExitStack() as stack:
         stack.callback(server.close)
         interrupts = stack.enter_context(Interrupts())
@@ -130,7 +120,7 @@ def command(
         gc.freeze()  # a collection through everything imported would hold up several frames
         reason = None
         try:
-            server.run(interrupts.check, float("inf") if until_s is None else until_s)
+            server.run(interrupts.check, until_s)
         except StoppedError as error:
             reason = error.reason
     if not quiet:

@@ -23,7 +23,7 @@ class VisionCamera:
     Attributes:
         clock: Of its time stamps.
         frames: Received; `lost` are missing between them by their numbers, `late` came after newer ones.
-        bias: By how much it sees robots elsewhere than the others do, shape (3,), m, m, rad.
+        bias_m_m_rad: By how much it sees robots elsewhere than the others do, shape (3,), m, m, rad.
         total_age_s: Time between capture and sending, summed over the frames, s.
         heard_s: When something of it came last (`time.monotonic`), s.
         sent_s: Stamp of the newest frame, s of its clock.
@@ -34,7 +34,7 @@ class VisionCamera:
     frames: int = 0
     lost: int = 0
     late: int = 0
-    bias: Array = field(default_factory=lambda: np.zeros(3))
+    bias_m_m_rad: Array = field(default_factory=lambda: np.zeros(3))
     total_age_s: float = 0.0
     heard_s: float = 0.0
     sent_s: float = 0.0
@@ -68,6 +68,11 @@ class VisionCamera:
         self.frames += 1
         self.total_age_s += sent - captured
         return True
+
+    @property
+    def restarts(self) -> int:
+        """How often its clock began anew."""
+        return self.clock.restarts
 
     @property
     def mean_age_s(self) -> float:
@@ -108,9 +113,9 @@ class BiasLearner:
         self._used.update(poses.keys())
         for one, other in combinations(sorted(poses), 2):
             self._compared[one, other] += 1
-            difference = poses[one] - cameras[one].bias - poses[other] + cameras[other].bias
+            difference = poses[one] - cameras[one].bias_m_m_rad - poses[other] + cameras[other].bias_m_m_rad
             difference[2] = wrap_angle(difference[2])
             difference *= max(1 / self._compared[one, other], MIN_LEARNING_GAIN)
             share = self._used[other] / (self._used[one] + self._used[other])
-            cameras[one].bias = cameras[one].bias + share * difference
-            cameras[other].bias = cameras[other].bias - (1 - share) * difference
+            cameras[one].bias_m_m_rad = cameras[one].bias_m_m_rad + share * difference
+            cameras[other].bias_m_m_rad = cameras[other].bias_m_m_rad - (1 - share) * difference

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -34,22 +33,6 @@ APPROACH = {
     "lead_s": 0.0,
     "settle_s": 1.0,
 }
-
-
-class Tick(NamedTuple):
-    """What is known of n robots at a tick.
-
-    Attributes:
-        poses: Shape (n, 3); NaN if a robot was never seen.
-        seen: Which were seen, shape (n,).
-        extrapolation: By how much they were moved from where they were seen, shape (n, 3).
-        age: How long ago that was, shape (n,), s.
-    """
-
-    poses: Array
-    seen: np.ndarray
-    extrapolation: Array
-    age: Array
 
 
 class LiveCamera:
@@ -159,7 +142,7 @@ class Live(Simulation):
         self._turn_alpha, self._turn_rates = np.ones(n), np.zeros((MEMORY_FRAMES, n))  # newest first
         self._sent, self._is_past = np.zeros((n, 3)), False
         self._unseen, self._is_lost = np.zeros(n, int), np.zeros(n, bool)
-        self._ticks = list[Tick]()  # that are still to be answered
+        self._tick, self._n_past = (start, np.zeros(n, bool)), 0  # what was seen, frames that went by before it
         return self._plant, self._vision_camera, self
 
     def _send(self, command: Array, heading: Array) -> None:
@@ -175,31 +158,27 @@ class Live(Simulation):
             self._radio.send([Command(number, *values) for number, values in zip(self.ids, columns, strict=True)])
 
     def _look(self) -> Array:
-        """See `Simulation`; waits for the next tick."""
+        """See `Simulation`; waits for the next tick, after frames that went by while this computer was busy."""
         if self._vision is None:
-            self._ticks = self._ticks or self._wait_for_tick()
-            tick = self._ticks.pop(0)
-            self._is_past = bool(self._ticks)
-            self._plant.poses = tick.poses
-            self._vision_camera.age = tick.age
-            self._vision_camera.measured = np.where(tick.seen[:, None], tick.poses - tick.extrapolation, np.nan)
-            self._unseen = np.where(tick.seen, 0, self._unseen + 1)
+            vision, before = self.link.vision, self._plant.poses
+            if self._is_past:
+                self._n_past -= 1
+            else:
+                self._tick = self._see()
+                self._n_past = min(self.link.skipped, LOST_FRAMES)
+                if self._n_past:
+                    self._note("busy", f"this computer was busy, {self._n_past} frames went by")
+            poses, seen = self._tick
+            self._is_past = self._n_past > 0
+            self._plant.poses = before + (poses - before) / (self._n_past + 1) if self._is_past else poses
+            seen = seen & (not self._is_past)
+            self._vision_camera.age = vision.age
+            self._vision_camera.measured = np.where(seen[:, None], poses - vision.extrapolation, np.nan)
+            self._unseen = np.where(seen, 0, self._unseen + 1)
             self._is_lost = self._unseen > LOST_FRAMES
             for number in np.flatnonzero(self._unseen == LOST_FRAMES + 1):
                 self._note("lost", f"robot {self.ids[number]} is not seen and told to stop", always=True)
         return super()._look()
-
-    def _wait_for_tick(self) -> list[Tick]:
-        """Return the next tick, after those that went by while this computer was busy, of which nothing was seen."""
-        poses, seen = self._see()
-        vision, before = self.link.vision, self._plant.poses
-        skipped = min(self.link.skipped, LOST_FRAMES)
-        if skipped:
-            self._note("busy", f"this computer was busy, {skipped} frames went by")
-        unseen, still = np.zeros_like(seen), np.zeros_like(poses)
-        shares = np.arange(1, skipped + 1) / (skipped + 1)
-        past = [Tick(before + share * (poses - before), unseen, still, still[:, 0]) for share in shares]
-        return [*past, Tick(poses, seen, vision.extrapolation, vision.age)]
 
     def _see(self) -> tuple[Array, np.ndarray]:
         """Wait for the next tick. If vision is silent, wait and bring the robots to where they should have been."""

@@ -160,12 +160,12 @@ class Link:
         if self.leader is None:
             raise VisionLostError
         camera = self.vision.cameras[self.leader]
-        if self._tick_clock != (self.leader, camera.clock.restarts):
-            self._tick_clock, self._tick = (self.leader, camera.clock.restarts), -math.inf
+        if self._tick_clock != (self.leader, camera.restarts):
+            self._tick_clock, self._tick = (self.leader, camera.restarts), -math.inf
         period = max(PERIOD_S / camera.clock.rate, MIN_PERIOD_S)  # of our clock
         is_first = not math.isfinite(self._ticked_at)
         overdue = math.inf if self._waits_for_frames or is_first else self._ticked_at + OVERDUE * period
-        while camera.sent_s <= self._tick + PERIOD_S / 2 and camera.clock.restarts == self._tick_clock[1]:
+        while camera.sent_s <= self._tick + PERIOD_S / 2 and camera.restarts == self._tick_clock[1]:
             self._check_vision()
             if time.monotonic() >= overdue:
                 self.missing += 1

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import get_args
 
 import numpy as np
+from scipy.stats import circmean
 
-from omni_control.kinematics import Array, wrap_angle
+from omni_control.kinematics import Array
 from omni_mj.live.cameras import VisionCamera
 from omni_mj.live.vision import Colour, robot_pose, team_robots
 from omni_mj.live.wire.vision_pb2 import Detection
@@ -53,7 +54,7 @@ class RobotSightings:
         for pose, number in zip(poses, ids, strict=True):
             if (colour, number) in self._robots:
                 table = np.concatenate([np.array(seen) for seen in self._robots[colour, number].values()])
-                pose[:] = *np.median(table[:, :2], axis=0), _median_angle(table[:, 2])
+                pose[:] = *np.median(table[:, :2], axis=0), circmean(table[:, 2], np.pi, -np.pi)
         return poses
 
     def noise(self, colour: Colour, ids: Sequence[int]) -> dict[str, float]:
@@ -89,8 +90,8 @@ def describe_cameras(cameras: Mapping[int, VisionCamera]) -> list[str]:
             f"camera {number}: {camera.stamped_hz:.2f} frames a second of its clock, {camera.received_hz:.2f} of ours;"
             f" sent {1e3 * camera.mean_age_s:.1f} ms after capture; {lost:.1f} % lost"
         )
-        if camera.bias.any():
-            line += "; sees robots {:+.0f}, {:+.0f} mm beside the others".format(*1e3 * camera.bias[:2])
+        if camera.bias_m_m_rad.any():
+            line += "; sees robots {:+.0f}, {:+.0f} mm beside the others".format(*1e3 * camera.bias_m_m_rad[:2])
         lines.append(line)
     return lines
 
@@ -98,22 +99,14 @@ def describe_cameras(cameras: Mapping[int, VisionCamera]) -> list[str]:
 def _deviations(table: Array) -> tuple[float, float]:
     """Return standard deviations of position and heading of a robot that rests or moves steadily."""
     position = np.mean([_deviation(table[:, 0]), _deviation(table[:, 1])])
-    return float(position), _deviation(wrap_angle(table[:, 2] - _median_angle(table[:, 2])))
+    return float(position), _deviation(np.unwrap(table[:, 2]))
 
 
 def _deviation(values: Array) -> float:
     """Return the standard deviation of values, shape (frames,), some of which are wrong; NaN for fewer than three.
 
-    It is the lesser of two: by second differences, to which steady motion adds nothing, and by distances from the
-    median, of which fewer are spoiled by a wrong value.
+    Second differences do not contain steady motion.
     """
     if len(values) < 3:
         return math.nan
-    by_differences = np.median(np.abs(np.diff(values, n=2))) / STD_OF_DIFFERENCES
-    by_distances = np.median(np.abs(values - np.median(values)))
-    return float(STD_OF_MEDIAN * min(by_differences, by_distances))
-
-
-def _median_angle(angles: Array) -> float:
-    """Return the angle to which the others are nearest, rad."""
-    return float(angles[np.abs(wrap_angle(angles - angles[:, None])).sum(1).argmin()])
+    return float(STD_OF_MEDIAN / STD_OF_DIFFERENCES * np.median(np.abs(np.diff(values, n=2))))

@@ -12,6 +12,8 @@ from omni_mj.live.latency import measure_run
 from omni_mj.live.link import RATE_TOLERANCE
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 
+CAMERA_FIGURES = "frames", "lost", "late", "restarts", "stamped_hz", "received_hz", "mean_age_s", "bias_m_m_rad"
+
 
 def describe_estimates(live: Live) -> list[str]:
     """Return a line for each robot: latency and alpha as its controller has identified them so far."""
@@ -37,16 +39,7 @@ def summarize(live: Live) -> dict[str, Any]:
         fitted = {"latency_frames": response.latency, "alpha": response.gain}
         robots.append({"id": number, "identified": estimates if is_known else None, "fitted": fitted})
     cameras = {
-        str(number): {
-            "frames": camera.frames,
-            "lost": camera.lost,
-            "late": camera.late,
-            "restarts": camera.clock.restarts,
-            "stamped_hz": camera.stamped_hz,
-            "received_hz": camera.received_hz,
-            "mean_age_s": camera.mean_age_s,
-            "bias_m_m_rad": camera.bias,
-        }
+        str(number): {figure: getattr(camera, figure) for figure in CAMERA_FIGURES}
         for number, camera in sorted(link.vision.cameras.items())
     }
     answers = np.percentile(link.answers, [50, 95, 99, 100]) if link.answers else np.full(4, np.nan)

@@ -36,9 +36,9 @@ class Vision:
     """Robots of a team as all cameras see them.
 
     Each detection is extrapolated from its time of capture to the tick by the robot's velocity. If several cameras see
-    a robot, the mean counts, without their `bias`. A detection far from the expectation belongs to another robot, and
-    one that faces the other way was read the wrong way round. Both are ignored unless that lasts, as after somebody
-    moved the robot.
+    a robot, the mean counts, without their biases. A detection far from the expectation belongs to another robot, and one
+    that faces the other way was read the wrong way round. Both are ignored unless that lasts, as after somebody moved
+    the robot.
 
     Args:
         colour: Of the team.
@@ -91,9 +91,9 @@ class Vision:
             self.source = Source.Name(packet.source).removeprefix("SOURCE_")
         self.heard_s = arrival
         camera = self.cameras.setdefault(number, VisionCamera())
-        restarts = camera.clock.restarts
+        restarts = camera.restarts
         is_new = camera.add(detection, arrival)
-        if camera.clock.restarts > restarts:
+        if camera.restarts > restarts:
             self._notes.add("restart", f"the clock of camera {number} began anew", always=True)
         if not is_new:
             return None
@@ -172,7 +172,7 @@ class Vision:
 
     def _mean(self, i: int, poses: dict[int, Array]) -> Array:
         """Return the mean of what cameras see. Its heading counts full turns from the expected one."""
-        unbiased = np.array([pose - self.cameras[number].bias for number, pose in poses.items()])
+        unbiased = np.array([pose - self.cameras[number].bias_m_m_rad for number, pose in poses.items()])
         reference = self._pose[i, 2] if np.isfinite(self._pose[i, 2]) else unbiased[0, 2]
         unbiased[:, 2] = reference + wrap_angle(unbiased[:, 2] - reference)
         return unbiased.mean(0)

@@ -56,7 +56,7 @@ def test_what_vision_gets_wrong_costs_little() -> None:
             live = driven(on_wire("comp-flc", world=place), options)
         assert {"wrong id", "mirrored", "bad packet"} <= live.notes.counts.keys()
         assert live.notes.counts["moved"] == 0
-        bias = live.link.vision.cameras[1].bias - live.link.vision.cameras[0].bias
+        bias = live.link.vision.cameras[1].bias_m_m_rad - live.link.vision.cameras[0].bias_m_m_rad
         np.testing.assert_allclose(bias[:2], 0.02, atol=1e-3)
         assert abs(bias[2]) < 1e-2  # ten times as noisy
         error = np.abs(live.log.channel("pose") - live.log.channel("ref"))

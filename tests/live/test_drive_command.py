@@ -162,7 +162,7 @@ WRONG = {
     ("--scenario", "rect", "--id", 1, "--id", 1, "--here"): "each once",
     ("--scenario", "rect", "--commands", "192.0.2.1"): "name the interface",
     ("--scenario", "rect", "--vision", "nowhere"): "nobody knows the host",
-    ("--scenario", "rect", "--duration", 0): "positive",
+    ("--scenario", "rect", "--duration", 0): "not in the range",
     ("--scenario", "fault-push"): "the plant live has no push",
     ("--scenario", "fault-vision"): "[[fault]]",
     (): "--scenario is missing",

@@ -83,7 +83,7 @@ def test_cameras_that_differ_agree_after_a_robot_was_seen_by_both() -> None:
                 both.see(frame, [(0, *(pose + camera * bias))], camera=camera)
         path.append(both.at(frame * PERIOD_S, np.array([[0.6, 0.0, 0.0]]))[0] - pose)
     np.testing.assert_allclose(path, np.zeros((180, 3)), atol=1e-3)
-    one, other = (both.vision.cameras[number].bias for number in (0, 1))
+    one, other = (both.vision.cameras[number].bias_m_m_rad for number in (0, 1))
     np.testing.assert_allclose(other - one, bias, atol=1e-3)
 
 

@@ -17,7 +17,7 @@ def test_robots_come_and_go() -> None:
         assert serving.codes(client.ask(1, local(1, 1.0))) == ["UNKNOWN_ROBOT"]
         assert serving.codes(client.ask(0, serving.teleport(0, BLUE, x=-0.5, y=0.75))) == []  # where the other stood
         assert serving.codes(client.ask(0, serving.teleport(1, BLUE, None, x=1.0, y=1.0))) == ["ABSENT"]
-        assert serving.codes(client.ask(0, serving.teleport(1, BLUE))) == ["NOWHERE"]
+        assert serving.codes(client.ask(0, serving.teleport(1, BLUE))) == ["ABSENT"]
         assert serving.codes(client.ask(0, serving.teleport(1, BLUE, x=1.0, y=1.0, orientation=0.5))) == []
         assert serving.robots(client.step(b""))["blue", 1] == pytest.approx((1.0, 1.0, 0.5), abs=1e-4)
         # A third has no body: the world is made anew, and all stand where they stood.

@@ -131,9 +131,9 @@ def test_either_side_is_killed_and_comes_back_and_what_ends_it_ends_it_cleanly()
 MISTAKES = {
     ("--blue", "x"): "--blue takes how many robots",
     ("--blue", "0", "--yellow", "0"): "a world has 1 to 12 robots, --blue and --yellow together, not 0",
-    ("--blue", "1,1"): "robots have different numbers from 0 to 15",
+    ("--blue", "1,1"): "which differ and are from 0 to 15",
     ("--plant", "kinematic"): "No such option",
-    ("--speed", "-1"): "--speed must be a number from 0 to 1000, not -1",
+    ("--speed", "-1"): "-1.0 is not in the range 0<=x<=1000",
     ("--vision", "10.0.0.1:10020"): "10.0.0.1 is another computer",
     ("--interface", "203.0.113.1"): "by the interface '203.0.113.1'",
 }

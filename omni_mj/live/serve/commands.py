@@ -5,7 +5,7 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Received
 from omni_mj.live.serve.cameras import CYCLES_PER_FRAME
-from omni_mj.live.serve.squad import HEADING_MEMORY_FRAMES
+from omni_mj.live.serve.world import HEADING_MEMORY_FRAMES
 from omni_mj.live.wire.simulation_pb2 import RobotCommand, SimulatorError
 
 # Columns of a packet: velocities [vx, vy, w]; the heading that vision saw, and the cycle of its image; whether the
@@ -45,18 +45,13 @@ def encode_packet(command: RobotCommand, n_wheels: int) -> list[float] | None:
     form = move.WhichOneof("command")
     if form is None:
         return None
+    values = [value for _, value in getattr(move, form).ListFields()]
     if form == "wheel_velocity":
         if n_wheels != 4:
             raise Refusal("WHEELS", f"robot {command.id} has {n_wheels} wheels; rim speeds are for four")
-        rims = move.wheel_velocity
-        values = [rims.front_left, rims.back_left, rims.back_right, rims.front_right]
-        packet[WHEELS:] = values
-    elif form == "local_velocity":
-        values = [move.local_velocity.forward, move.local_velocity.left, move.local_velocity.angular]
-        packet[:3], packet[IS_LOCAL] = values, 1.0
+        packet[WHEELS:] = reversed(values)
     else:
-        values = [move.global_velocity.x, move.global_velocity.y, move.global_velocity.angular]
-        packet[:3] = values
+        packet[:3], packet[IS_LOCAL] = values, float(form == "local_velocity")
     if not all(abs(value) < MAX_VELOCITY for value in values):
         limit = f"velocities must be numbers below {MAX_VELOCITY:g} m/s and rad/s"
         raise Refusal("VELOCITY", f"robot {command.id}: {limit}, not {values}")

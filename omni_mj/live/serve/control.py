@@ -87,11 +87,8 @@ def _placement(pitch: Pitch, name: RobotName, teleport: TeleportRobot) -> Placem
         raise Refusal("BY_FORCE", f"{label(name)}: robots are put down at once, not pushed; leave by_force out")
     before, fields = pitch.pose(name), {field.name for field, _ in teleport.ListFields()}
     if before is None:
-        if not teleport.present:
-            reason = f"{label(name)} is not on the field; send present = true with x, y and orientation"
-            raise Refusal("ABSENT", reason)
-        if not {"x", "y"} <= fields:
-            raise Refusal("NOWHERE", f"{label(name)} comes to the field: send x and y")
+        if not teleport.present or not {"x", "y"} <= fields:
+            raise Refusal("ABSENT", f"{label(name)} is not on the field; send present = true with x and y")
         before = np.zeros(3)
     elif not fields - {"id", "present", "by_force"}:
         return None

@@ -36,17 +36,15 @@ def standard_field() -> FieldSize:
     lines_m = {
         "TOP_TOUCH_LINE": (-x, y, x, y),
         "BOTTOM_TOUCH_LINE": (-x, -y, x, -y),
-        "LEFT_GOAL_LINE": (-x, -y, -x, y),
-        "RIGHT_GOAL_LINE": (x, -y, x, y),
         "HALFWAY_LINE": (0.0, -y, 0.0, y),
         "CENTER_LINE": (-x, 0.0, x, 0.0),
-        "LEFT_PENALTY_STRETCH": (-inner, -half, -inner, half),
-        "RIGHT_PENALTY_STRETCH": (inner, -half, inner, half),
-        "LEFT_FIELD_LEFT_PENALTY_STRETCH": (-x, -half, -inner, -half),
-        "LEFT_FIELD_RIGHT_PENALTY_STRETCH": (-x, half, -inner, half),
-        "RIGHT_FIELD_LEFT_PENALTY_STRETCH": (x, half, inner, half),
-        "RIGHT_FIELD_RIGHT_PENALTY_STRETCH": (x, -half, inner, -half),
     }
+    for side, sign in (("LEFT", -1), ("RIGHT", 1)):
+        goal, front, left = sign * x, sign * inner, sign * half
+        lines_m[f"{side}_GOAL_LINE"] = goal, -y, goal, y
+        lines_m[f"{side}_PENALTY_STRETCH"] = front, -half, front, half
+        lines_m[f"{side}_FIELD_LEFT_PENALTY_STRETCH"] = goal, left, front, left
+        lines_m[f"{side}_FIELD_RIGHT_PENALTY_STRETCH"] = goal, -left, front, -left
     thickness = MM_PER_M * field.LINE_M
     circle = FieldArc(
         name="CenterCircle",

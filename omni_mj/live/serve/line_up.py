@@ -65,13 +65,13 @@ def numbers(text: str, option: str) -> list[int]:
         OmniError: It says neither, or names a robot twice.
     """
     words = [word.strip() for word in text.split(",") if word.strip()]
-    if not all(word.isdecimal() for word in words) or not (words or not text):
-        raise OmniError(f"{option} takes how many robots, such as 3, or their numbers, such as 0,4,7, not {text!r}")
-    result = [int(word) for word in words]
-    if "," not in text:
-        result = list(range(result[0])) if result else []
-    if len(set(result)) < len(result) or (result and max(result) > MAX_NUMBER):
-        raise OmniError(f"{option}: robots have different numbers from 0 to {MAX_NUMBER}, not {text!r}")
+    values = [int(word) if word.isdecimal() else -1 for word in words]
+    result = values if "," in text or values == [-1] else list(range(sum(values)))
+    if len(set(result)) < len(result) or not set(result) <= set(range(MAX_NUMBER + 1)):
+        raise OmniError(
+            f"{option} takes how many robots, such as 3, or their numbers, such as 0,4,7, which differ and are from 0 "
+            f"to {MAX_NUMBER}, not {text!r}"
+        )
     return result
 
 

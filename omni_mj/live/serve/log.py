@@ -57,20 +57,16 @@ class Tape:
         if sorted(pitch.names_present()) != self._names or self._log.length == BLOCK_FRAMES:
             self.flush()
         robots = [pitch.names.index(name) for name in self._names]
-        unknown, command, measured = np.full((len(robots), 3), np.nan), pitch.held.command, pitch.measured[robots]
+        command, measured = pitch.held.command[robots], pitch.measured[robots]
         self._log.write(
             np.ones(len(robots), bool),
             {},
-            ref=unknown,
-            pose=pitch.plant.pose()[robots],
+            pose=pitch.world.pose()[robots],
             vision=measured,
             vision_valid=~np.isnan(measured[:, 0]),
-            predicted=unknown,
-            command=command[robots],
-            applied=command[robots],
-            alpha_hat=unknown,
-            latency_hat=unknown,
-            telemetry=pitch.plant.telemetry().columns[robots],
+            command=command,
+            applied=command,
+            telemetry=pitch.world.telemetry().columns[robots],
         )
         self._balls.append(pitch.ball)
         pitch.measured[:] = np.nan
@@ -89,7 +85,7 @@ class Tape:
         pitch = self._pitch
         self._names, self._balls = sorted(pitch.names_present()), list[Array]()
         rows = [replace(pitch.rows[pitch.names.index(name)], place=name[1]) for name in self._names]
-        self._log = Log(rows, max(pitch.plant.wheels))
+        self._log = Log(rows, max(pitch.world.wheels))
 
 
 class TableWriter:

@@ -5,13 +5,14 @@ before a cycle acts in it, if there is no dead time.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Radio
+from omni_mj.live.notes import Notes
 from omni_mj.live.serve.cameras import CYCLES_PER_FRAME, FieldCamera, Image, RobotName
 from omni_mj.live.serve.commands import (
     HEADING,
@@ -22,7 +23,7 @@ from omni_mj.live.serve.commands import (
     encode_packet,
 )
 from omni_mj.live.serve.field import areas, standard_field, surface
-from omni_mj.live.serve.plant import ServedPlant
+from omni_mj.live.serve.world import ServedWorld
 from omni_mj.live.wire.simulation_pb2 import RobotCommand, SimulatorError, Team
 from omni_mj.live.wire.vision_pb2 import FieldSize, Geometry
 from omni_mj.scenarios.faults import of_robot
@@ -32,6 +33,7 @@ from omni_mj.scenarios.settings import CYCLE_RATE_HZ
 from omni_mj.worlds import build
 
 MAX_ROBOTS = 12
+CLEARANCE_M = 0.001  # by which hulls may touch
 Placement = tuple[Array, Array]  # pose and twist in the world frame, shape (3,) each
 
 
@@ -41,12 +43,12 @@ class Pitch:
     Args:
         scenarios: Team -> scenario of its robots. Settings of the cameras are those of the blue one.
         poses: Robots that stand on the field at the start -> pose, shape (3,); at most 12.
-        warn: Called with a kind and a sentence when something happens that people should know.
+        notes: What people should know.
 
     Attributes:
         names: Of the robots, by their index in the world.
         rows: One per robot.
-        plant: The world.
+        world: What moves.
         cycle: Number of the next cycle.
         epoch_s: Time of a correct clock at simulated time 0, s; set it before the first image.
         size: Of the field.
@@ -62,9 +64,9 @@ class Pitch:
         self,
         scenarios: Mapping[int, Scenario],
         poses: Mapping[RobotName, Array],
-        warn: Callable[[str, str], None] = lambda kind, text: None,
+        notes: Notes,
     ) -> None:
-        self._scenarios, self._warn = scenarios, warn
+        self._scenarios, self.notes = scenarios, notes
         self.cycle, self.epoch_s = 0, 0.0
         self.size, self.ball = standard_field(), np.zeros(2)
         self._reach = {team: build.world(scenario.settings).reach for team, scenario in scenarios.items()}
@@ -96,7 +98,7 @@ class Pitch:
         images = []
         for camera, area in zip(self._cameras, self._areas, strict=True):
             if camera.due <= self.cycle:
-                poses = np.where(self.plant.present[:, None], self.plant.pose(), np.nan)
+                poses = np.where(self.world.present[:, None], self.world.pose(), np.nan)
                 image = camera.take_image(self.cycle, self.names, poses, self.ball, area, self.epoch_s)
                 np.copyto(self.measured, image.poses, where=~np.isnan(image.poses))
                 images.append(image)
@@ -110,20 +112,25 @@ class Pitch:
 
     def advance(self, until: int) -> None:
         """Advance to a cycle, in spans that end where a packet arrives or a frame ends."""
-        radio, plant = self._radio, self.plant
+        radio, world = self._radio, self.world
         while self.cycle < until:
             arrived, n_delivered = None, 0
             if not radio.quiet:
                 packets, is_new, _ = radio.deliver()
                 n_delivered = 1
                 if is_new.any():
-                    compared_at = self.cycle + plant.cycles_left % CYCLES_PER_FRAME
+                    compared_at = self.cycle + world.cycles_left % CYCLES_PER_FRAME
                     self.held = arrived = decode_packets(packets, is_new, compared_at)
-            count = min(n_delivered + radio.quiet, until - self.cycle, plant.cycles_left)
+            count = min(n_delivered + radio.quiet, until - self.cycle, world.cycles_left)
             radio.wait(count - n_delivered)
-            for robot, cause in plant.advance(count, arrived).items():
-                self._warn("robot failed", f"{label(self.names[robot])} {cause} at {self.time_s:.3f} s")
+            if world.cycles_left == CYCLES_PER_FRAME:
+                self._last_poses = dict(zip(self.names, world.pose(), strict=True))
+            for robot, cause in world.advance(count, arrived).items():
+                self.notes.add("robot failed", f"{label(self.names[robot])} {cause} at {self.time_s:.3f} s")
             self.cycle += count
+            if world.is_unstable:
+                self._rebuild(self.names_present(), self._last_poses)
+                radio, world = self._radio, self.world
 
     def command(self, team: int, commands: Sequence[RobotCommand]) -> tuple[list[SimulatorError], list[int]]:
         """Send commands to robots of a team.
@@ -132,7 +139,7 @@ class Pitch:
             Errors, and the numbers of the team's robots that were commanded.
         """
         errors, commanded, receivers = list[SimulatorError](), list[int](), set[int]()
-        packets, present = self._packets.copy(), self.plant.present
+        packets, present = self._packets.copy(), self.world.present
         for command in commands:
             robot = self._index((team, command.id))
             try:
@@ -141,7 +148,7 @@ class Pitch:
                     reason = f"there is no {label((team, command.id))} on the field; there: {numbers}"
                     raise Refusal("UNKNOWN_ROBOT", reason)
                 commanded.append(command.id)
-                packet = encode_packet(command, self.plant.wheels[robot])
+                packet = encode_packet(command, self.world.wheels[robot])
             except Refusal as refusal:
                 errors.append(refusal.error)
                 continue
@@ -159,12 +166,12 @@ class Pitch:
 
     def names_present(self) -> list[RobotName]:
         """Return the robots on the field."""
-        return [name for name, present in zip(self.names, self.plant.present, strict=True) if present]
+        return [name for name, present in zip(self.names, self.world.present, strict=True) if present]
 
     def pose(self, name: RobotName) -> Array | None:
         """Return a robot's pose, shape (3,); None if it is not on the field."""
         robot = self._index(name)
-        return None if robot is None or not self.plant.present[robot] else self.plant.pose()[robot]
+        return None if robot is None or not self.world.present[robot] else self.world.pose()[robot]
 
     def place(self, placements: Mapping[RobotName, Placement], leaving: set[RobotName]) -> list[SimulatorError]:
         """Put robots down and take others away. What is impossible is refused.
@@ -173,7 +180,8 @@ class Pitch:
         on from where they are, at rest, as fresh as at the start of a run.
         """
         for name in leaving & set(self.names):
-            self.plant.remove(self.names.index(name))
+            squad, i = self.world.squad_of[self.names.index(name)]
+            squad.remove(i)
         placements, errors = dict(placements), list[SimulatorError]()
         while obstacles := self._find_obstacles(placements):  # a refused robot stays, perhaps in the way of another
             for name, obstacle in obstacles.items():
@@ -186,10 +194,13 @@ class Pitch:
                 reason = f"{label(name)} would be robot {MAX_ROBOTS + 1}; a world has {MAX_ROBOTS}"
                 errors.append(Refusal("TOO_MANY", reason).error)
                 del placements[name]
-            self._rebuild([*staying, *(name for name in new_names if name in placements)], placements)
+            names = [*staying, *(name for name in new_names if name in placements)]
+            poses = {name: placements[name][0] if name in placements else self.pose(name) for name in names}
+            self._rebuild(names, poses)
         for name, (pose, twist) in placements.items():
             robot = self.names.index(name)
-            self.plant.place(robot, pose, twist)
+            squad, i = self.world.squad_of[robot]
+            squad.place(i, pose, twist)
             self._seen_headings[robot] = float(pose[2]), self.cycle
         return errors
 
@@ -201,10 +212,10 @@ class Pitch:
         """
         walls = surface(size)
         for name in self.names_present():
-            if (np.abs(self.plant.pose()[self.names.index(name), :2]) > walls / 2 - self._reach[name[0]]).any():
+            if (np.abs(self.world.pose()[self.names.index(name), :2]) > walls / 2 - self._reach[name[0]]).any():
                 raise OmniError(f"{label(name)} would stand in a wall of a field of {walls[0]:g} x {walls[1]:g} m")
         self.size = size
-        self.plant.move_walls(walls)
+        self.world.move_walls(walls)
         self._areas = areas(len(self._cameras), walls, self._vision.overlap_m)
 
     def geometry(self) -> Geometry:
@@ -217,27 +228,33 @@ class Pitch:
     def _find_obstacles(self, placements: Mapping[RobotName, Placement]) -> dict[RobotName, str]:
         """Return what robots would stand in if all were placed."""
         names = [*self.names, *(name for name in placements if name not in self.names)]
+        reach, room = np.array([self._reach[team] for team, _ in names]), surface(self.size) / 2
         positions = np.full((len(names), 2), np.nan)
-        positions[: len(self.names)] = np.where(self.plant.present[:, None], self.plant.pose()[:, :2], np.nan)
+        positions[: len(self.names)] = np.where(self.world.present[:, None], self.world.pose()[:, :2], np.nan)
         for name, (pose, _) in placements.items():
             positions[names.index(name)] = pose[:2]
-        reach = np.array([self._reach[team] for team, _ in names])
-        obstacles = {name: self.plant.find_obstacle(names.index(name), positions, reach) for name in placements}
-        return {name: obstacle for name, obstacle in obstacles.items() if obstacle}
+        obstacles = {}
+        for name in placements:
+            robot = names.index(name)
+            distance = np.hypot(*(positions - positions[robot]).T)
+            distance[robot] = np.nan
+            if (np.abs(positions[robot]) > room - reach[robot] + CLEARANCE_M).any():
+                obstacles[name] = f"a wall: the field ends at |x| = {room[0]:g} m and |y| = {room[1]:g} m"
+            elif (distance < reach[robot] + reach - CLEARANCE_M).any():
+                obstacles[name] = f"a robot that is {np.nanmin(distance):.3f} m away"
+        return obstacles
 
-    def _rebuild(self, names: list[RobotName], placements: Mapping[RobotName, Placement]) -> None:
-        """Make the world anew with these robots."""
-        poses = [placements[name][0] if name in placements else self.pose(name) for name in names]
+    def _rebuild(self, names: list[RobotName], poses: Mapping[RobotName, Array | None]) -> None:
+        """Make the world anew with these robots, at rest."""
         self.names = names
-        self._build(poses)
-        self.plant.move_walls(surface(self.size))
+        self._build([poses[name] for name in names])
         for camera in self._cameras:
             camera.set_robots(self.rows)
 
     def _build(self, poses: Sequence[Array | None]) -> None:
         self.rows = [self._row(place, name) for place, name in enumerate(self.names)]
-        self.plant = ServedPlant(self.rows, np.array(poses, float))
-        n, packet = len(self.rows), empty_packet(max(self.plant.wheels))
+        self.world = ServedWorld(self.rows, np.array(poses, float), surface(self.size))
+        n, packet = len(self.rows), empty_packet(max(self.world.wheels))
         self._packets = np.tile(packet, (n, 1))
         self._radio = Radio(
             [row.settings.radio for row in self.rows],
@@ -248,7 +265,7 @@ class Pitch:
         )
         self.held = decode_packets(self._packets, np.zeros(n, bool), 0)
         self.measured = np.full((n, 3), np.nan)
-        self._seen_headings = [(heading, self.cycle) for heading in self.plant.pose()[:, 2].tolist()]
+        self._seen_headings = [(heading, self.cycle) for heading in self.world.pose()[:, 2].tolist()]
 
     def _row(self, place: int, name: RobotName) -> Row:
         team, number = name

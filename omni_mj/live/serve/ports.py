@@ -11,7 +11,7 @@ from google.protobuf.message import Message
 
 from omni_control.errors import OmniError
 from omni_mj.live.sockets import LOOPBACK, MAX_DATAGRAM, Address, Receiver, reason
-from omni_mj.live.wire import BLUE_PORT, SIMULATOR_PORT, VISION_GROUP, VISION_PORT, YELLOW_PORT, WireError, parse
+from omni_mj.live.wire import WireError, parse
 from omni_mj.live.wire.simulation_pb2 import SyncRequest
 
 BURST = 64  # datagrams read from one port before the others have their turn
@@ -22,15 +22,15 @@ class Ports(NamedTuple):
     """Addresses of the server.
 
     Args:
-        control, blue, yellow: Ports; 0 takes a free one.
+        control_port, blue_port, yellow_port: Ports; 0 takes a free one.
         vision: Where detections go.
         interface: Address of the network interface; loopback keeps everything on this computer.
     """
 
-    control: int = SIMULATOR_PORT
-    blue: int = BLUE_PORT
-    yellow: int = YELLOW_PORT
-    vision: Address = Address(VISION_GROUP, VISION_PORT)
+    control_port: int
+    blue_port: int
+    yellow_port: int
+    vision: Address
     interface: str = LOOPBACK
 
 

@@ -4,7 +4,6 @@ import math
 import time
 from collections import Counter, deque
 
-from omni_mj.live.notes import Notes
 from omni_mj.live.serve.cameras import Image
 from omni_mj.live.serve.pace import Pace
 from omni_mj.live.serve.pitch import Pitch
@@ -24,7 +23,6 @@ class Publisher:
         to: Where it is sent.
         interface: Address of the network interface.
         pace: When cycles are due.
-        notes: Told what cannot be sent.
 
     Attributes:
         to: As given.
@@ -35,8 +33,8 @@ class Publisher:
         OmniError: There is no such interface.
     """
 
-    def __init__(self, pitch: Pitch, to: Address, interface: str, pace: Pace, notes: Notes) -> None:
-        self._pitch, self.to, self._pace, self._notes = pitch, to, pace, notes
+    def __init__(self, pitch: Pitch, to: Address, interface: str, pace: Pace) -> None:
+        self._pitch, self.to, self._pace = pitch, to, pace
         self._socket = sender(interface)
         self.counts, self.lateness = Counter[str](), deque[float](maxlen=10_000)
         self._outbox: list[Image] = []
@@ -90,4 +88,4 @@ class Publisher:
             self._socket.sendto(packet, self.to)
             self.counts["vision packets sent"] += 1
         except OSError as error:
-            self._notes.add("vision not sent", f"cannot send to {self.to}: {reason(error)}")
+            self._pitch.notes.add("vision not sent", f"cannot send to {self.to}: {reason(error)}")

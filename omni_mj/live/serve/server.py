@@ -7,7 +7,6 @@ import time
 from collections import Counter
 from collections.abc import Callable
 
-from omni_mj.live.notes import Notes
 from omni_mj.live.serve import control
 from omni_mj.live.serve.cameras import CYCLES_PER_FRAME
 from omni_mj.live.serve.commands import Refusal
@@ -48,7 +47,6 @@ class Server:
         speed: Simulated seconds per second.
         lockstep: "" if time goes by itself; "any" if each packet to a team makes a step to the first camera's next
             image; "both" if a packet to each team does.
-        warn: Called with what people should know.
 
     Attributes:
         after_frame: Called after every 1/60 s of simulated time; set it before `run`.
@@ -61,24 +59,15 @@ class Server:
         OmniError: A port is taken, or there is no such interface.
     """
 
-    def __init__(
-        self,
-        pitch: Pitch,
-        ports: Ports | None = None,
-        speed: float = 1.0,
-        lockstep: str = "",
-        warn: Callable[[str], None] = lambda text: None,
-    ) -> None:
-        self.pitch, self.lockstep = pitch, lockstep
+    def __init__(self, pitch: Pitch, ports: Ports, speed: float = 1.0, lockstep: str = "") -> None:
+        self.pitch, self.lockstep, self.notes, self.pace = pitch, lockstep, pitch.notes, Pace(speed)
         self.after_frame: Callable[[], None] = lambda: None
-        self.notes, self.pace = Notes(warn), Pace(speed)
-        ports = ports or Ports()
-        self.publisher = Publisher(pitch, ports.vision, ports.interface, self.pace, self.notes)
+        self.publisher = Publisher(pitch, ports.vision, ports.interface, self.pace)
         self.counts: Counter[str] = self.publisher.counts
         self._selector = selectors.DefaultSelector()
         self._addresses = list[Address]()
         try:
-            for number, team in ((ports.control, None), (ports.blue, Team.BLUE), (ports.yellow, Team.YELLOW)):
+            for number, team in zip(ports[:3], (None, Team.BLUE, Team.YELLOW), strict=True):
                 port = Port(Address(ports.interface, number), ports.interface, team)
                 self._selector.register(port, selectors.EVENT_READ, self._answer)
                 self._addresses.append(port.address)

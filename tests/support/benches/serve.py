@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from serving import BLUE, LOOPBACK, Client, fields
 
+from omni_mj.live.notes import Notes
 from omni_mj.live.serve import line_up
 from omni_mj.live.serve.field import areas, standard_field, surface
 from omni_mj.live.serve.log import TableWriter, Tape
@@ -53,7 +54,7 @@ class Field:
         line_up.check_together(ours, theirs)
         numbers = line_up.numbers(blue, "--blue"), line_up.numbers(yellow, "--yellow")
         poses = line_up.poses(*numbers, ours if scenario else None)
-        self.pitch = Pitch({Team.BLUE: ours, Team.YELLOW: theirs}, poses)
+        self.pitch = Pitch({Team.BLUE: ours, Team.YELLOW: theirs}, poses, Notes())
         self.tape: Tape | None = None
         self._table: TableWriter | None = None
 
@@ -64,19 +65,19 @@ class Field:
     @property
     def poses(self) -> np.ndarray:
         """Of the robots on the field, in the order of `names`."""
-        return self.pitch.plant.pose()[self.pitch.plant.present]
+        return self.pitch.world.pose()[self.pitch.world.present]
 
     @property
     def twists(self) -> np.ndarray:
-        return self.pitch.plant.twist()[self.pitch.plant.present]
+        return self.pitch.world.gather(lambda squad: squad.twist())[self.pitch.world.present]
 
     @property
     def telemetry(self) -> Any:
-        return self.pitch.plant.telemetry()
+        return self.pitch.world.telemetry()
 
     @property
     def upright(self) -> bool:
-        return bool((self.pitch.plant.driven == self.pitch.plant.present).all())
+        return all((squad.present == ~squad._failed).all() for squad in self.pitch.world.squads)
 
     @property
     def time_s(self) -> float:
@@ -129,28 +130,28 @@ class Field:
 
     def release(self) -> None:
         """Let no current flow: robots roll."""
-        for squad in self.pitch.plant.squads:
+        for squad in self.pitch.world.squads:
             squad.hold(np.zeros_like(squad.telemetry().current))
 
     def break_physics(self) -> None:
-        self.pitch.plant._batch.bind("qvel")[0, 3] = 1e12
+        self.pitch.world._batch.bind("qvel")[0, 3] = 1e12
 
     def heading_estimates(self) -> np.ndarray:
         """What robots take their headings to be."""
-        return np.concatenate([squad._kernel.state.onboard.loops.heading for squad in self.pitch.plant.squads])
+        return np.concatenate([squad._kernel.state.onboard.loops.heading for squad in self.pitch.world.squads])
 
     def voltage(self) -> float:
         """Largest voltage of the first squad's motors in the cycle just past."""
-        return float(np.abs(self.pitch.plant.squads[0]._at.ctrl.get()).max())
+        return float(np.abs(self.pitch.world.squads[0]._at.ctrl.get()).max())
 
     def masses(self) -> list[float]:
-        squads = self.pitch.plant.squads
+        squads = self.pitch.world.squads
         model = squads[0]._world.model
         return [float(model.body_subtreemass[squad._world.robots[0].chassis]) for squad in squads]
 
     def arm(self) -> float:
         """Distance of the wheels from the middle, m."""
-        geometry = self.pitch.plant.squads[0].geometry
+        geometry = self.pitch.world.squads[0].geometry
         assert geometry is not None
         return float(geometry.arm)
 
