@@ -1,7 +1,6 @@
 """What a simulation records of each row and frame: in memory while it goes on, as an Arrow table after."""
 
 from collections.abc import Mapping, Sequence
-from copy import copy
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -157,21 +156,6 @@ class Log:
         """A channel's frames (length, n, columns); not a number, or false, where a row recorded none."""
         values = self._data[: self.length, :, self._at[name]]
         return values == 1 if name == "vision_valid" else values
-
-    def part(self, first: int, stop: int) -> "Log":
-        """The frames from `first` to before `stop`, as a log of these alone, to be read only: memory is shared."""
-        found = copy(self)
-        found.columns, found._at = dict(self.columns), dict(self._at)
-        found._data = self._data[first : min(stop, self.length)]
-        found.length = len(found._data)
-        found.lengths = np.clip(self.lengths - first, 0, found.length)
-        return found
-
-    def clear(self) -> None:
-        """Forget all frames, in whose room the next ones come."""
-        self._data.fill(np.nan)
-        self.length = 0
-        self.lengths = np.zeros(len(self.rows), int)
 
     def table(self, first: int = 0, stop: int | None = None) -> "pa.Table":
         """One line per row and frame that it recorded, rows in their order; of them those from `first` to `stop`."""

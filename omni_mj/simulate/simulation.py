@@ -10,7 +10,6 @@ from typing import Protocol
 import numpy as np
 
 from omni_control.controllers.base import Controller, Seen
-from omni_control.delay import Rows
 from omni_control.errors import OmniError, choose, printable
 from omni_control.kinematics import Array
 from omni_control.reference import SampledReference
@@ -30,17 +29,17 @@ from omni_mj.worlds.build import kinematics
 
 
 class See(Protocol):
-    """What `Camera` does."""
+    """What cameras do; see `omni_mj.link.camera.Cameras`."""
 
     age: Array | None
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
-        """Look at robots that are there (n, 3); return the poses seen, and which were seen."""
+        """Return the poses seen (n, 3) of robots at true poses, and whether each was seen (n,)."""
         ...
 
 
 class Exchange(Protocol):
-    """What `Radio` does."""
+    """What a radio does; see `omni_mj.link.radio.Radio`."""
 
     def exchange(self, command: Array, heading: Array) -> Received:
         """Send commands (n, 3) and headings (n,); return what the robots hold in this frame."""
@@ -160,13 +159,10 @@ class Simulation:
         self._frames = np.array([reference.frames for reference in self.references])
         self._shortest = int(self._frames.min())
         self.log = Log(self.rows if self._logged else [], wheels, int(self._frames.max()))
-        distinct = {id(reference): reference for reference in self.references}
-        self._followers: list[tuple[SampledReference, Rows]] = [
+        self._followers = [
             (reference, np.flatnonzero([each is reference for each in self.references]))
-            for reference in distinct.values()
+            for reference in {id(each): each for each in self.references}.values()
         ]
-        if len(distinct) == 1:
-            self._followers = [(self.references[0], slice(None))]
 
     @property
     def done(self) -> bool:
@@ -209,7 +205,11 @@ class Simulation:
             OmniError: the command is not (n, 3) finite numbers.
         """
         vision = self._look()
-        sent = self.team.command() if command is None else self._instead(command)
+        if command is None:
+            sent = self.team.command()
+        else:
+            sent = np.where(self._running[:, None], self.team.limited(command), 0.0)
+            self.team.sent(sent)
         received = self.radio.exchange(sent, self.team.estimate[:, 2])
         if self._logged:
             self._record(vision, sent, received)
@@ -229,12 +229,12 @@ class Simulation:
         return self._vision
 
     def _robots(self, start: Array) -> tuple[Plant, See, Exchange]:
-        """The robots at the start (n, 3), and what is between them and the team."""
-        noise, happening = [row.noise_seed for row in self.rows], [row.faults for row in self.rows]
+        """Return the robots at the start (n, 3), and what is between them and the team."""
+        seeds, own_faults = [row.noise_seed for row in self.rows], [row.faults for row in self.rows]
         return (
             find_plant(self.scenario.plant)(self.rows, start),
-            Cameras([row.settings.vision for row in self.rows], noise, happening),
-            Radio([row.settings.radio for row in self.rows], noise, happening),
+            Cameras([row.settings.vision for row in self.rows], seeds, own_faults),
+            Radio([row.settings.radio for row in self.rows], seeds, own_faults),
         )
 
     def _record(self, vision: Array, sent: Array, received: Received) -> None:
@@ -272,12 +272,6 @@ class Simulation:
             row = self.rows[i]
             self.failures.append(Failure(int(i), row.controller, row.seed, self.frame * PERIOD_S, reason))
         self._running[rows] = False
-
-    def _instead(self, command: Array) -> Array:
-        """What is sent in place of the controllers' commands (n, 3)."""
-        sent = np.where(self._running[:, None], self.team.limited(command), 0.0)
-        self.team.sent(sent)
-        return sent
 
 
 def _check_delays(table: Sequence[Row], ways: Sequence[SampledReference]) -> None:
