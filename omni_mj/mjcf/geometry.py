@@ -1,5 +1,6 @@
 """Numbers of a compiled robot: what it weighs, where its wheels are, how far its rollers reach."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import mujoco
@@ -7,7 +8,6 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.mjcf.masses import composite
 from omni_mj.mjcf.roles import Ids, Robot
 
 ALIKE_M = 5e-4  # by which wheels may differ that count as alike
@@ -139,3 +139,29 @@ def support(model: mujoco.MjModel, data: mujoco.MjData, geom: int, direction: Ar
     if reach is None:
         raise OmniError(f"a roller cannot be a geom of type {kind.name[7:].lower()}")
     return float(direction @ data.geom_xpos[geom] + reach)
+
+
+def weigh(body: mujoco.MjsBody, mass: float, centre: Array, inertia: Array) -> None:
+    """Give a body its mass, centre of mass (3,) and inertia (3, 3) about it, in its own frame."""
+    body.explicitinertial = True
+    body.mass, body.ipos, body.iquat = mass, centre, [1.0, 0.0, 0.0, 0.0]
+    body.inertia = np.zeros(3)  # the compiler takes either this or the full matrix
+    body.fullinertia = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+
+
+def composite(model: mujoco.MjModel, bodies: Iterable[int]) -> tuple[float, Array, Array]:
+    """Mass, centre of mass (3,) and inertia (3, 3) about it of some bodies as modelled, in the world's frame."""
+    data, chosen = mujoco.MjData(model), list(bodies)
+    mujoco.mj_kinematics(model, data)
+    mass, at = model.body_mass[chosen], data.xipos[chosen]
+    centre = mass @ at / mass.sum()
+    inertia = np.zeros((3, 3))
+    for number, m, r in zip(chosen, mass, at - centre, strict=True):
+        axes = data.ximat[number].reshape(3, 3)
+        inertia += axes @ np.diag(model.body_inertia[number]) @ axes.T + m * spread(r)
+    return float(mass.sum()), centre, inertia
+
+
+def spread(r: Array) -> Array:
+    """Inertia of a unit mass at r about the origin, m^2."""
+    return np.asarray(r @ r * np.eye(3) - np.outer(r, r))

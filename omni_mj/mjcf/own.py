@@ -22,15 +22,7 @@ from omni_control.errors import OmniError, printable
 from omni_mj.mjcf import prepare, roles
 from omni_mj.mjcf.files import parts_of
 from omni_mj.mjcf.geometry import Body, Wheels
-from omni_mj.mjcf.names import Names
-from omni_mj.mjcf.roles import Robot
-from omni_mj.mjcf.tree import dc_motors
-
-STIFF = {
-    "solimp_friction": [0.999, 0.9999, 0.001, 0.5, 2.0],
-    "solref_friction": [0.005, 1.0],
-}  # as models/ssl_robot.xml
-TURNING = mujoco.mjtJoint.mjJNT_HINGE
+from omni_mj.mjcf.roles import Names, Robot, dc_motors
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,23 +77,8 @@ class Own:
             "motor": {"gear": self.gear, "rotor_inertia_kg_m2": self.rotor_inertia},
         }
 
-    def rigid(self) -> mujoco.MjSpec:
-        """The robot alone with wheels that do not creep."""
-        spec = self.spec.copy()
-        for address in self.robot.slip_qpos:
-            spec.delete(spec.joint(self.model.joint(int(np.flatnonzero(self.model.jnt_qposadr == address)[0])).name))
-        return spec
-
-    def unlike(self, rigid: bool) -> Iterator[str]:
-        """Why not every roller could stand for every other, in lines.
-
-        Args:
-            rigid: whether wheels shall not creep; otherwise two rollers shall stand for all.
-        """
-        if rigid:
-            if np.abs(self.model.qpos0[self.robot.slip_qpos]).max() > 1e-3:
-                yield "wheels.creep = off needs a roller of each wheel at the bottom, as modelled; take on"
-            return
+    def unlike(self) -> Iterator[str]:
+        """Yield why two rollers of a wheel could not stand for all, in lines."""
         model, rollers = self.model, self.robot.rollers
         mass, inertia = model.body_mass[rollers], np.sort(model.body_inertia[rollers], axis=-1)
         pairs = zip(self.robot.rims, self.robot.joints, strict=True)

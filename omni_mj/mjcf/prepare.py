@@ -5,8 +5,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.mjcf.geometry import Wheels
-from omni_mj.mjcf.roles import Robot
-from omni_mj.mjcf.tree import slip_hinges
+from omni_mj.mjcf.roles import Robot, slip_hinges
 
 # Friction of hinges, as in models/ssl_robot.xml.
 STIFF = {"solimp_friction": [0.999, 0.9999, 0.001, 0.5, 2.0], "solref_friction": [0.005, 1.0]}

@@ -11,18 +11,38 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.mjcf.names import Names
-from omni_mj.mjcf.tree import Ids as Ids
-from omni_mj.mjcf.tree import below, dc_motors, slip_hinges
 
+Ids = NDArray[np.int_]
 KEPT = 2  # rollers of a wheel that is computed with those at the bottom alone (`two_rollers`)
 LEAST = 3  # wheels, or rollers of one
 _JOINT = mujoco.mjtTrn.mjTRN_JOINT
 _WRITE = 'write <dcmotor joint=... motorconst=... resistance=... gear=... armature=... input="voltage"/>'
 _ALONG = 0.5  # cosine of the angle to the axle, above which a hinge turns as the wheel does
+
+
+@dataclass(frozen=True)
+class Names:
+    """What parts are called, where structure does not say which they are; empty where it does.
+
+    Args:
+        chassis: the body with the free joint.
+        wheels: hinges of the wheels, in their order.
+        motors: the <dcmotor>s of the wheels, in their order.
+        encoders: <jointpos> sensors of the wheels, in their order.
+        gyro: the <gyro> sensor.
+        hull: geoms with which robots meet.
+    """
+
+    chassis: tuple[str, ...] = ()
+    wheels: tuple[str, ...] = ()
+    motors: tuple[str, ...] = ()
+    encoders: tuple[str, ...] = ()
+    gyro: tuple[str, ...] = ()
+    hull: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +118,35 @@ def _other_motors(model: mujoco.MjModel) -> str:
     if not model.nu:
         return ""
     return f"; actuators of other kinds ({', '.join(others) or model.nu}) drive none: {_WRITE}"
+
+
+def dc_motors(model: mujoco.MjModel) -> Ids:
+    """Numbers of the <dcmotor>s on joints."""
+    return np.flatnonzero(
+        (model.actuator_gaintype == mujoco.mjtGain.mjGAIN_DCMOTOR)
+        & (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT)
+    )
+
+
+def slip_hinges(model: mujoco.MjModel, wheel: int, rim: int) -> list[int]:
+    """The hinge on which a rim slips, or none.
+
+    Args:
+        model: compiled.
+        wheel: the wheel's hinge.
+        rim: a body, the wheel's own or one on it.
+    """
+    first, count = model.body_jntadr[rim], model.body_jntnum[rim]
+    return [joint for joint in range(first, first + count) if joint != wheel]
+
+
+def below(model: mujoco.MjModel, body: int, ancestor: int) -> bool:
+    """Whether a body hangs, over others or not, on another."""
+    while body > ancestor:
+        body = int(model.body_parentid[body])
+        if body == ancestor:
+            return True
+    return False
 
 
 class _Finder:

@@ -14,7 +14,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from omni_control.kinematics import Array
-from omni_mj.mjcf.masses import spread
+from omni_mj.mjcf.geometry import spread
 from omni_mj.worlds.build import World
 from omni_mj.worlds.columns import Columns
 

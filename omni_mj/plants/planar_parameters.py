@@ -7,7 +7,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.mjcf.masses import composite
+from omni_mj.mjcf.geometry import composite
 from omni_mj.plants.variation import Drawn
 from omni_mj.robot.array_namespace import total
 from omni_mj.robot.motors import Motor

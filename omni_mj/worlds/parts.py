@@ -7,10 +7,10 @@ from pathlib import Path
 
 import mujoco
 
+from omni_control.errors import OmniError
 from omni_mj.mjcf import roles
-from omni_mj.mjcf.names import Names
 from omni_mj.mjcf.own import Own
-from omni_mj.mjcf.roles import Robot
+from omni_mj.mjcf.roles import Names, Robot
 from omni_mj.scenarios import models, resolve
 from omni_mj.scenarios.checking import in_one
 from omni_mj.worlds import shape
@@ -72,8 +72,8 @@ def _ours(kind: Shape, path: Path, changed: int) -> Part:
 def _own(kind: Shape, found: Own) -> Part:
     motor = {"gear": kind.gear, "rotor_inertia_kg_m2": kind.rotor_inertia}
     in_one(resolve.contradictions({"body": kind.body, "wheels": kind.wheels, "motor": motor}, found))
-    off = kind.wheels.creep == "off"
-    if off or kind.wheels.model == "two-rollers":
-        in_one(f"{found.file.name}: {line}" for line in found.unlike(off))
-    spec = found.rigid() if off else found.spec
-    return Part(found.file.name, spec, found.names, found.touching, found.names.hull)
+    if kind.wheels.creep == "off":
+        raise OmniError(f"wheels.creep = off needs the robot that comes along, not {found.file.name}; take on")
+    if kind.wheels.model == "two-rollers":
+        in_one(f"{found.file.name}: {line}" for line in found.unlike())
+    return Part(found.file.name, found.spec, found.names, found.touching, found.names.hull)

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_mj.mjcf.masses import composite, spread, weigh
+from omni_mj.mjcf.geometry import composite, spread, weigh
 from omni_mj.scenarios.robot_settings import BodySettings, ModelSettings, WheelSettings
 from omni_mj.scenarios.settings import Settings
 

@@ -19,7 +19,7 @@ the radius at which it turns), a drag of its own at one roller a pitch. So the n
 import mujoco
 import numpy as np
 
-from omni_mj.mjcf.masses import composite, weigh
+from omni_mj.mjcf.geometry import composite, weigh
 from omni_mj.mjcf.roles import KEPT, Robot
 from omni_mj.worlds.columns import Columns
 

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import compiled
 import mujoco
 import numpy as np
 import pytest
@@ -13,12 +12,10 @@ from numpy.typing import NDArray
 from own_robot import ROLLER_KG, written
 
 import omni_mj as om
-from omni_mj.mjcf import own
-from omni_mj.scenarios import models
-from omni_mj.scenarios.settings import Settings
-from omni_mj.worlds import build
 
 WAY = {"waypoints": [[0, 0, 0], [0.3, 0.0, 0.5], [0, 0.1, 0]], "settle_s": 0.1, "max_acceleration_m_s2": 2.0}
+ROBOT = Path(om.__file__).parents[1] / "models" / "ssl_robot.xml"
+FROM_MODEL = {"body": None, "wheels": None, "motor": ("gear", "rotor_inertia_kg_m2")}
 FOUR, THREE = (50, 130, 230, 310), (60, 180, 300)
 Write = Callable[[str], str]
 
@@ -33,11 +30,21 @@ def write(tmp_path: Path) -> Write:
     return write
 
 
+def numbers_of(file: str) -> dict[str, dict[str, Any]]:
+    """Return the settings that a model says, by section and field."""
+    plain = om.scenario("rect", model=file).settings.plain()
+    chosen = {
+        section: {name: plain[section][name] for name in names or plain[section]}
+        for section, names in FROM_MODEL.items()
+    }
+    del chosen["wheels"]["model"], chosen["wheels"]["creep"]
+    return chosen
+
+
 def path(**sections: Any) -> NDArray:
     """True poses (frames, 3) on a short way; wheels of two rollers, for speed, unless told otherwise."""
-    compiled.once("mujoco")
     sections["wheels"] = {"model": "two-rollers"} | sections.get("wheels", {})
-    chosen = om.scenario("rect", controllers=["comp-flc"], reference=WAY, physics=compiled.NUMBA, **sections)
+    chosen = om.scenario("rect", controllers=["comp-flc"], reference=WAY, **sections)
     result = om.run(chosen)
     assert not result.failures, result.failures
     frames = result.frames()
@@ -47,7 +54,7 @@ def path(**sections: Any) -> NDArray:
 def test_our_model_under_other_names_is_our_robot(write: Write) -> None:
     """And drives its paths, but for the nine digits of the file and, saved by MuJoCo, the six of that."""
     expected = path()
-    text = models.robot_path().read_text()
+    text = ROBOT.read_text()
     for old, new in (("wheel", "axle"), ("motor_", "m"), ("encoder", "counter"), ("rim", "ring"), ("roller", "bead")):
         text = re.sub(rf'"([a-z_]*){old}', rf'"\g<1>{new}', text)
     text = text.replace('"chassis"', '"robby"').replace('name="gyro"', 'name="rate"')
@@ -55,7 +62,7 @@ def test_our_model_under_other_names_is_our_robot(write: Write) -> None:
     saved.compile()
     for model, tolerance in ((text, 2e-4), (saved.to_xml(), 5e-4)):
         file = write(model)
-        numbers, settings = own.read(file).numbers(), Settings().plain()
+        numbers, settings = numbers_of(file), om.scenario("rect").settings.plain()
         for section, fields in numbers.items():
             for name, value in fields.items():
                 np.testing.assert_allclose(value, settings[section][name], rtol=1e-5, atol=1e-6, err_msg=name)
@@ -79,7 +86,7 @@ def test_a_model_by_hand_drives_as_the_robot_of_its_numbers(
     that is one with its rim slips on the motor's shaft.
     """
     file = write(written(azimuths, **changes))
-    numbers = own.read(file).numbers()
+    numbers = numbers_of(file)
     given = {"arm": 0.08, "radius": 0.0275, "roller": 0.0055, "rollers": 15} | changes
     body, wheels = numbers["body"], numbers["wheels"]
     assert wheels["azimuths_deg"] == pytest.approx(azimuths)
@@ -93,7 +100,7 @@ def test_a_model_by_hand_drives_as_the_robot_of_its_numbers(
     by_model, by_numbers = path(model=file), path(**numbers)
     assert np.abs(by_numbers).max(0)[0] > 0.28, "it has driven"
     assert np.abs(by_model - by_numbers).max() < 1e-3
-    assert om.scenario("rect", model=file).settings.wheels.azimuths_deg == wheels["azimuths_deg"], "controllers know"
+    assert om.scenario("rect", model=file).settings.wheels.azimuths_deg == tuple(wheels["azimuths_deg"])
 
 
 def test_all_rollers_and_rollers_off_the_bottom_drive_as_well(write: Write) -> None:
@@ -104,9 +111,8 @@ def test_all_rollers_and_rollers_off_the_bottom_drive_as_well(write: Write) -> N
     expected = path(model=plain, wheels={"model": "rollers"})
     for model in ("rollers", "two-rollers"):
         assert np.abs(path(model=turned, wheels={"model": model}) - expected).max() < 2e-3
-    with pytest.raises(om.OmniError, match="creep = off needs a roller of each wheel at the bottom"):
-        build.world(om.scenario("rect", model=turned, wheels={"creep": "off"}).settings)
-    build.world(om.scenario("rect", model=plain, wheels={"creep": "off"}).settings)
+    with pytest.raises(om.OmniError, match="creep = off needs the robot that comes along"):
+        om.Simulation(om.scenario("rect", model=plain, wheels={"creep": "off"}))
 
 
 def test_names_say_which_wheels_there_are_and_in_which_order(write: Write) -> None:
@@ -135,15 +141,12 @@ def test_several_share_a_world_and_meet(write: Write) -> None:
     places = {"places": [[0, 0, 0], [0, 1, 0]]}
     file = write(written(THREE, custom='<text name="wheels" data="drive_c drive_a drive_b"/>'))
     with pytest.raises(om.OmniError, match=r"no hull.*'hull' names"):
-        build.world(om.scenario("rect", model=file, world=places).settings, places=2)
-    chosen = om.scenario("rect", model={"file": file, "hull": "plate"}, world=places)
-    world = build.world(chosen.settings, places=2)
-    for place, robot in enumerate(world.robots, 1):
-        assert [world.model.joint(joint).name for joint in robot.joints] == [
-            f"robot_{place}/drive_{letter}" for letter in "cab"
-        ]
-    np.testing.assert_allclose(np.degrees(world.kinematics.azimuths), [300, 60, 180])
-    assert world.model.geom("robot_2/plate").contype[0] == 1
+        om.Simulation(om.scenario("rect", model=file, world=places), ["flc"])
+    chosen = om.scenario("rect", model={"file": file, "hull": "plate"}, world=places, reference=WAY)
+    assert chosen.settings.wheels.azimuths_deg == (300, 60, 180)
+    frames = om.run(chosen, ["comp-flc"]).frames()
+    off = [np.subtract(frames[name], frames[f"ref_{name}"]) for name in ("x_m", "y_m")]
+    assert np.hypot(*off).max() < 0.05
 
 
 def test_worn_rollers_must_be_barrels_about_z(write: Write) -> None:
@@ -151,4 +154,4 @@ def test_worn_rollers_must_be_barrels_about_z(write: Write) -> None:
     worn: dict[str, Any] = {"variation": {"wear_m": 1e-4}, "reference": WAY, "controllers": ["flc"]}
     with pytest.raises(om.OmniError, match="ellipsoids about their z axes"):
         om.Simulation(om.scenario("rect", model=write(written(FOUR)), **worn))
-    om.Simulation(om.scenario("rect", model=str(models.robot_path()), **worn))
+    om.Simulation(om.scenario("rect", model=str(ROBOT), **worn))
