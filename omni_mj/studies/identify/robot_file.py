@@ -3,23 +3,15 @@
 import json
 import os
 import re
+import tomllib
 from collections.abc import Container, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from omni_mj.mjcf.files import copies
-from omni_mj.scenarios.settings import PERIOD_S as FRAME_S
+from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.studies.identify.findings import Estimate
 
-
-@dataclass(frozen=True)
-class Change:
-    """A line of a robot's file: its value as TOML has it, and the comment."""
-
-    value: str
-    comment: str
-
-
+Changes = dict[tuple[str, str], str]  # section and field -> value as TOML has it, and a comment
 # (source, estimate) -> section and field of settings; commands tell what the team's computer believes.
 FIELDS = {
     ("wheels", "radius_m"): ("wheels", "radius_m"),
@@ -41,8 +33,8 @@ DRAG = ("pile", "roller_friction")
 LEAST = {"radius_m": 0.01, "arm_m": 0.02, "creep_stiffness": 0.1}  # that settings allow; of all else 0
 
 
-def changes(estimates: Sequence[Estimate], misfits: Container[str] = ()) -> dict[tuple[str, str], Change]:
-    """Section and field -> what was identified of it; only what the data tell, and settings allow.
+def changes(estimates: Sequence[Estimate], misfits: Container[str] = ()) -> Changes:
+    """Return what was identified, as far as the data tell it and settings allow it.
 
     Args:
         estimates: all there are.
@@ -55,56 +47,47 @@ def changes(estimates: Sequence[Estimate], misfits: Container[str] = ()) -> dict
         place = FIELDS.get((e.source, e.name))
         if place is None or not e.told or e.value < LEAST.get(e.name, 0.0) or (e in drag and not whole):
             continue
-        says = f"identified from {e.source}: {e.value:.4g} +- {e.error:.2g} {e.unit}".rstrip() + " (standard error)"
-        value = f"{e.value:.5g}" if "." in f"{e.value:.5g}" or "e" in f"{e.value:.5g}" else f"{e.value:.5g}.0"
+        value, unit, shown = f"{float(f'{e.value:.5g}')}", e.unit, f"{e.value:.4g} +- {e.error:.2g}"
         if place[1] == "delay_frames":
-            value, frames = str(round(e.value / FRAME_S)), f"{e.value / FRAME_S:.3f} +- {e.error / FRAME_S:.2g}"
-            says = f"identified from {e.source}: {frames} frames (standard error)"
-        made[place] = Change(value, says + "; misfit, see identify.json" * (e.source in misfits))
+            value, unit = str(round(e.value / PERIOD_S)), "frames"
+            shown = f"{e.value / PERIOD_S:.3f} +- {e.error / PERIOD_S:.2g}"
+        doubt = "; misfit, see identify.json" * (e.source in misfits)
+        made[place] = f"{value} # identified from {e.source}: {shown} {unit}".rstrip() + f" (standard error){doubt}"
     return made
 
 
-def with_model(model: Path, folder: Path) -> dict[tuple[str, str], Change]:
+def with_model(model: Path, folder: Path) -> Changes:
     """Copy a model of the user's, with all that it is made of, beside the robot's file that shall name it."""
     try:
         parts = copies(model)
     except (OSError, ValueError):  # parts by absolute paths: it is named where it is
-        return {("model", "file"): Change(json.dumps(Path(os.path.relpath(model, folder)).as_posix()), "not copied")}
+        return {("model", "file"): json.dumps(Path(os.path.relpath(model, folder)).as_posix()) + " # not copied"}
     for place, data in parts.items():
         path = folder / MODEL / place
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
-    return {("model", "file"): Change(json.dumps(f"{MODEL}/{next(iter(parts))}"), "copied")}
+    return {("model", "file"): json.dumps(f"{MODEL}/{next(iter(parts))}") + " # copied"}
 
 
-def written(start: str, made: Mapping[tuple[str, str], Change], logs: Sequence[str]) -> str:
-    """The text of a robot's file with changes; all else, comments included, stays.
+def written(start: str, made: Mapping[tuple[str, str], str], logs: Sequence[str]) -> str:
+    """Return the text of a robot's file with changes; all else, comments included, stays.
 
     Args:
         start: the start robot's file.
         made: by section and field.
         logs: that they are from, named in the first line.
     """
-    left, lines, section = dict(made), list[str](), ""
-    last: dict[str, int] = {}  # section -> its last line that says something
+    present, section = tomllib.loads(start), ""
+    lines = [f"# omni-mj identify: numbers marked as identified are from {' '.join(', '.join(logs).split())}"]
     for line in start.splitlines():
+        key = re.match(r"\s*([\w-]+)\s*=", line)
+        if key and (change := made.get((section, key[1]))):
+            line = f"{key[1]} = {change}; was {line.split('#')[0].split('=')[1].strip()}"
+        if not line.startswith("#:schema"):
+            lines.append(line)
         if head := re.match(r"\s*\[\s*([\w.-]+)\s*\]", line):
             section = head[1]
-        key = re.match(r"\s*([\w-]+)\s*=", line)
-        if key and (change := left.pop((section, key[1]), None)):
-            before = line.split("#")[0].split("=")[1].strip()
-            line = f"{key[1]} = {change.value} # {change.comment}; was {before}"
-        lines.append(line)
-        if line.strip():
-            last[section] = len(lines)
-    for name in sorted({name for name, _ in left}):
-        new = [f"{key} = {change.value} # {change.comment}" for (of, key), change in left.items() if of == name]
-        if name in last:
-            at = last[name]
-            lines[at:at] = new
-            last = {other: i + len(new) * (i > at) for other, i in last.items()}
-        else:
-            lines += ["", f"[{name}]", *new]
-    schema = [line for line in lines[:1] if line.startswith("#:schema")]
-    files = " ".join(", ".join(logs).split())
-    return "\n".join([f"# omni-mj identify: numbers marked as identified are from {files}", *lines[len(schema) :], ""])
+            lines += [f"{k} = {v}" for (of, k), v in made.items() if of == section and k not in present[section]]
+    for name in sorted({of for of, _ in made} - set(present)):
+        lines += ["", f"[{name}]", *(f"{key} = {value}" for (of, key), value in made.items() if of == name)]
+    return "\n".join([*lines, ""])
