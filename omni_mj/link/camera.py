@@ -122,7 +122,7 @@ class Timing:
         faults: Of each row.
 
     Attributes:
-        is_late: Whether any image may arrive late or has a wrong age.
+        is_late: Whether any image may arrive late or never, or has a wrong age.
     """
 
     def __init__(
@@ -136,7 +136,7 @@ class Timing:
             for stream in (Stream.CAMERA_JITTER, Stream.CAMERA_LOSSES, Stream.CAMERA_LATE)
         )
         self._schedule = Schedule(faults, VisionClock, VisionJitter, VisionDelay)
-        self.is_late = bool(self._usual.any() or self._jitter.any() or self._schedule.kinds)
+        self.is_late = bool((self._usual + self._jitter + self._loss).any() or self._schedule.kinds)
         self._delay = self._usual
         self._more_jitter, self._loses, self._lost_s = np.zeros((3, len(seeds)))
 
@@ -187,16 +187,15 @@ class Cameras:
         self._groups = [
             _SameRate(np.flatnonzero(np.equal(rates, rate)), settings, seeds, faults) for rate in dict.fromkeys(rates)
         ]
-        self._is_late = any(group.is_late for group in self._groups)
-        self.age: Array | None = np.zeros(len(settings)) if self._is_late else None
+        self.age: Array | None = None
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
         """Return the poses (n, 3) that arrived since the frame before, NaN where none did, and whether one did (n,)."""
-        measured, age = np.full(pose.shape, np.nan), np.zeros(len(pose))
+        if not any(group.is_late for group in self._groups):
+            return self._groups[0].take(pose)
+        measured, self.age = np.full(pose.shape, np.nan), np.zeros(len(pose))
         for group in self._groups:
-            group.arrive(pose, measured, age)
-        if self._is_late:
-            self.age = age
+            group.arrive(pose, measured, self.age)
         return measured, ~np.isnan(measured[:, 0])
 
 
@@ -228,6 +227,11 @@ class _SameRate:
         self._tick, self._taken = 0, 0  # frames of the loop, and images
         self._flying: list[_Image] = []
         self._newest = np.full(len(rows), -np.inf)
+
+    def take(self, pose: Array) -> tuple[Array, np.ndarray]:
+        """Return the poses and whether they were seen of images that are taken at the ticks and arrive at once."""
+        self._tick += 1
+        return self._camera(pose, self._tick - 1)
 
     def arrive(self, pose: Array, measured: Array, age: Array) -> None:
         """Write what arrived since the frame before: poses (n, 3), and how old they are (n,), s."""

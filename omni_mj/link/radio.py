@@ -122,9 +122,12 @@ class Radio:
 
     def exchange(self, command: Array, heading: Array) -> Received:
         """Send commands (n, 3) and headings (n,); return what the robots hold in this frame."""
-        self.send(np.column_stack([command, heading]))
-        packet, new, age = self.deliver()
-        return Received(packet[:, :3], np.where(new, packet[:, 3], np.nan), age, new)
+        packets = np.empty((len(command), 4))
+        packets[:, :3], packets[:, 3] = command, heading
+        self.send(packets)
+        held, new, age = self.deliver()
+        held[~new, 3] = np.nan
+        return Received(held[:, :3], held[:, 3], age, new)
 
     def send(self, packets: Array, to: np.ndarray | None = None) -> None:
         """Send packets (n, k) to the robots of these numbers, by default to all."""
@@ -155,15 +158,19 @@ class Radio:
         """End a tick; return what robots hold (n, k), whether it arrived now (n,), and its age in ticks (n,)."""
         tick, ring = self._tick, len(self._packets)
         self.wait()
-        arrived, behind = self._arriving[tick % ring], self._behind[tick % ring]
-        is_behind, new = behind >= 0, arrived > self._newest
-        self._held = np.where(is_behind, behind, np.where(new, arrived, self._held))
+        arrived = self._arriving[tick % ring]
+        new = arrived > self._newest
         self._newest = np.maximum(self._newest, arrived)
-        new |= is_behind
-        arrived[:] = behind[:] = -1
-        if np.count_nonzero(new):
-            np.copyto(self._holding, self._packets[self._held % ring, self._robots], where=new[:, None])
-        return self._holding.copy(), new, tick - self._held
+        held = np.where(new, arrived, self._held)
+        if self._fails:
+            behind = self._behind[tick % ring]
+            is_behind = behind >= 0
+            held, new = np.where(is_behind, behind, held), new | is_behind
+            behind[:] = -1
+        self._held = held
+        arrived[:] = -1
+        self._holding[new] = self._packets[held[new] % ring, self._robots[new]]
+        return self._holding.copy(), new, tick - held
 
     @property
     def quiet(self) -> int:
