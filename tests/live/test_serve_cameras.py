@@ -4,9 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benches.serve import FAST, QUIET, Field, geometry, here, seen_by
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from benches.serve import FAST, QUIET, Field, geometry, here
 from serving import fields, float32, local
 
 CYCLE_S = 1 / 960
@@ -55,16 +53,6 @@ def test_each_camera_takes_images_by_a_clock_of_its_own() -> None:
     assert max(begins) < 1 / 75 + CYCLE_S
     assert len({round(offset, 6) for offset in offsets}) == 4
     assert max(map(abs, offsets)) < 4 * 0.5
-
-
-@settings(deadline=None, max_examples=60, derandomize=True)
-@given(st.integers(1, 4), st.floats(0.01, 2), st.floats(-5.2, 5.2), st.floats(-3.7, 3.7))
-def test_every_place_is_seen_by_a_camera_and_overlaps_by_two(cameras: int, overlap: float, x: float, y: float) -> None:
-    seen = seen_by(cameras, overlap, x, y)
-    assert any(seen)
-    if cameras == 2:
-        assert all(seen) == (abs(x) <= overlap / 2) or abs(abs(x) - overlap / 2) < 1e-12
-    assert sum(seen_by(cameras, overlap, 0, 0)) == {1: 1, 2: 2, 3: 1, 4: 4}[cameras]
 
 
 def test_cameras_that_see_a_robot_differ_by_how_they_are_set_up_and_their_noise() -> None:

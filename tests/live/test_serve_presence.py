@@ -48,13 +48,6 @@ def test_what_cannot_be_is_refused_and_the_rest_is_done() -> None:
         assert serving.robots(client.step(b""))["blue", 0][:2] == pytest.approx((-5.0, 3.5), abs=1e-4)
 
 
-def test_two_robots_change_places_in_one_packet() -> None:
-    field = Field(*QUIET, FAST, blue="2")
-    first, second = field.poses
-    assert field.place({(BLUE, 0): second, (BLUE, 1): first}) == []
-    np.testing.assert_allclose(field.poses, [second, first], atol=1e-12)
-
-
 def test_a_world_has_twelve_robots_at_most() -> None:
     """One that leaves makes room for one of either team; the others stay where they are."""
     field = Field(*QUIET, FAST, blue="6", yellow="6")
@@ -64,18 +57,6 @@ def test_a_world_has_twelve_robots_at_most() -> None:
     assert field.put(7, 3.0, 1.0, 0.5, team=YELLOW) == []
     assert set(field.names) == {*(f"blue {i}" for i in range(1, 6)), *(f"yellow {i}" for i in (*range(6), 7))}
     np.testing.assert_allclose(field.poses, [*others, [3.0, 1.0, 0.5]], atol=1e-12)
-
-
-def test_several_come_at_once() -> None:
-    """One that comes back, and three for which there are no bodies."""
-    field = Field(*QUIET, FAST, blue="3", yellow="1")
-    assert field.place({}, away=[(BLUE, number) for number in range(3)]) == []
-    places = {(BLUE, number): (number / 3 - 2, 1.0, 0.5) for number in (7, 2, 8, 9)}
-    assert field.place(places) == []
-    assert sorted(field.names) == ["blue 2", "blue 7", "blue 8", "blue 9", "yellow 0"]
-    found = dict(zip(field.names, field.poses, strict=True))
-    for (_, number), pose in places.items():
-        np.testing.assert_allclose(found[f"blue {number}"], pose, atol=1e-12)
 
 
 @settings(deadline=None, max_examples=15, derandomize=True)

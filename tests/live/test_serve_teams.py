@@ -50,27 +50,12 @@ def test_a_robot_drives_among_others_as_it_does_among_its_own(three: str) -> Non
     assert np.isnan(ours.current_mean[1, 3])  # of the wheel that it does not have
 
 
-def test_a_heavy_robot_pushes_a_light_one(three: str) -> None:
-    """They roll into each other at the same speed: together they keep the momentum of the heavier one."""
-    field = Field(*QUIET, FAST, "firmware.timeout_s=0.05", yellow="1", robot=OLD, yellow_robot=three)
-    masses = field.masses()
-    assert masses == pytest.approx([2.65, 4.1])
-    field.release()
-    assert field.put(0, -0.1, 0.0, 0.0, twist=(1.0, 0.0, 0.0)) == []
-    assert field.put(0, 0.1, 0.0, np.pi, team=YELLOW, twist=(-1.0, 0.0, 0.0)) == []
-    before = np.array(masses) @ field.twists[:, 0]
-    field.drive(2)
-    # Not counted: creep and drag in two frames, and rotors, which by their gears weigh another 0.4 kg a robot. Of
-    # robots that weigh the same nothing would be left.
-    assert np.array(masses) @ field.twists[:, 0] == pytest.approx(before, rel=0.35)
-
-
 def test_rim_speeds_are_of_robots_with_four_wheels(three: str) -> None:
     field = Field(*QUIET, FAST, yellow="1", robot=NEW, yellow_robot=three)
     turn = wheels(0, 0.1, 0.1, 0.1, 0.1)
     assert field.command(turn, YELLOW) == ["WHEELS"]
     field.drive(30, turn, local(0, 0.0, 0.0, 1.0))
-    assert (field.twists[:, 2] > 0.5).all()
+    assert (field.twists[:, 2] > 0.5).all()  # counter-clockwise
 
 
 def test_a_robot_that_takes_the_place_of_one_of_the_other_team_has_its_own_wheels(three: str, tmp_path: Path) -> None:
@@ -86,10 +71,8 @@ def test_a_robot_that_takes_the_place_of_one_of_the_other_team_has_its_own_wheel
     assert np.hypot(*(field.poses[-1, :2] - [3.0, 1.0])) > 0.1
     assert field.upright
     table = pl.read_parquet(tmp_path / "trajectory.parquet").filter(pl.col("frame") == 20)
-    has_fourth = {(row["controller"], row["place"]): row["voltage_4_v"] is not None for row in table.to_dicts()}
-    nan = table.filter(pl.col("controller") == "yellow")["voltage_4_v"]
-    assert nan.is_nan().all() or nan.is_null().all()
-    assert has_fourth[("blue", 0)]
+    fourth = dict(table.group_by("controller").agg(pl.col("voltage_4_v").is_nan().all()).iter_rows())
+    assert fourth == {"blue": False, "yellow": True}
 
 
 def test_wheels_that_creep_and_wheels_that_do_not_take_two_worlds(tmp_path: Path) -> None:

@@ -4,17 +4,16 @@
 
 Robots of the blue team do as they are told, `--delay` frames after the frame in which they are. It stamps simulated
 time, in 60ths of a second, and publishes as many frames a second of real time; or, with `--lockstep`, the next as soon
-as commands have come. Line by line it writes the true poses, a frame each: number, then x, y, heading of each robot.
+as commands have come.
 """
 
 import argparse
 import random
 import select
 import socket
-import sys
 import time
 from collections.abc import Sequence
-from pathlib import Path
+from itertools import count
 
 import numpy as np
 from serving import fields, float32, vision
@@ -32,7 +31,6 @@ def options(given: Sequence[str] | None = None) -> argparse.Namespace:
     parse.add_argument("--delay", type=float, default=0.0, help="frames")
     parse.add_argument("--alpha", type=float, default=1.0)
     parse.add_argument("--lockstep", action="store_true")
-    parse.add_argument("--speed", type=float, default=1.0, help="simulated seconds a second")
     parse.add_argument("--age", type=float, default=0.0, help="between capture and sending, s, as stamped")
     parse.add_argument("--noise", type=float, default=0.0, help="m, and ten times as many rad")
     parse.add_argument("--cameras", type=int, default=1)
@@ -47,8 +45,6 @@ def options(given: Sequence[str] | None = None) -> argparse.Namespace:
     )
     parse.add_argument("--junk", type=float, default=0.0, help="bad packets per frame")
     parse.add_argument("--seed", type=int, default=0)
-    parse.add_argument("--frames", type=int, default=sys.maxsize)
-    parse.add_argument("--truth", type=Path)
     return parse.parse_args(given)
 
 
@@ -112,13 +108,10 @@ class Peer:
         self.told = False
 
     def run(self) -> None:
-        truth = self.said.truth.open("w") if self.said.truth else None
         due = time.monotonic()
-        for frame in range(self.said.frames):
+        for frame in count():
             self.publish(frame)
-            if truth:
-                print(frame, *(f"{value:.6f}" for value in self.robots.pose.ravel()), file=truth, flush=True)
-            due += PERIOD_S / self.said.speed
+            due += PERIOD_S
             until = time.monotonic() + (self.said.patience if self.told else PATIENCE_S) if self.said.lockstep else due
             self.obey(until)
             self.robots.advance()

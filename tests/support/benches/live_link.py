@@ -1,11 +1,11 @@
-"""Bench of vision's end of `omni-mj drive`: packets by hand as poses, clocks, latencies and sockets."""
+"""Bench of vision's end of `omni-mj drive`: packets by hand as poses, clocks and sockets."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from serving import vision
 
-from omni_mj.live import latency, sockets
+from omni_mj.live import sockets
 from omni_mj.live.cameras import VisionCamera as VisionCamera
 from omni_mj.live.clock import Clock as Clock
 from omni_mj.live.notes import Notes
@@ -17,7 +17,6 @@ from omni_mj.live.vision import Vision
 PERIOD_S = 1 / 60
 Robot = tuple[int, float, float, float]
 address, check_local, sender = sockets.address, sockets.check_local, sockets.sender
-fit_turning, fit_driving = latency.fit_turning, latency.fit_driving
 
 
 class Camera:

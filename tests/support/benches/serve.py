@@ -11,7 +11,6 @@ from serving import BLUE, LOOPBACK, Client, fields
 
 from omni_mj.live.notes import Notes
 from omni_mj.live.serve import line_up
-from omni_mj.live.serve.field import areas, standard_field, surface
 from omni_mj.live.serve.log import TableWriter, Tape
 from omni_mj.live.serve.pitch import Pitch, label
 from omni_mj.live.serve.ports import Ports
@@ -144,17 +143,6 @@ class Field:
         """Largest voltage of the first squad's motors in the cycle just past."""
         return float(np.abs(self.pitch.world.squads[0]._at.ctrl.get()).max())
 
-    def masses(self) -> list[float]:
-        squads = self.pitch.world.squads
-        model = squads[0]._world.model
-        return [float(model.body_subtreemass[squad._world.robots[0].chassis]) for squad in squads]
-
-    def arm(self) -> float:
-        """Distance of the wheels from the middle, m."""
-        geometry = self.pitch.world.squads[0].geometry
-        assert geometry is not None
-        return float(geometry.arm)
-
     def record(self, path: Path) -> None:
         """Record to a table until `finish`."""
         self._table = TableWriter(path)
@@ -168,12 +156,10 @@ class Field:
 
 
 @contextmanager
-def here(
-    field: Field, lockstep: str = "any", speed: float = 1.0, vision: str = LOOPBACK
-) -> Iterator[tuple[Client, Server]]:
+def here(field: Field, lockstep: str = "any", speed: float = 1.0) -> Iterator[tuple[Client, Server]]:
     """A server in a thread, and a foreign client of it."""
     client, stop = Client(), threading.Event()
-    server = Server(field.pitch, Ports(0, 0, 0, Address(vision, client.vision_port)), speed, lockstep)
+    server = Server(field.pitch, Ports(0, 0, 0, Address(LOOPBACK, client.vision_port)), speed, lockstep)
     client.ports = server.ports
 
     def check() -> None:
@@ -195,12 +181,6 @@ def here(
         thread.join(10)
         client.close()
         assert not thread.is_alive()
-
-
-def seen_by(cameras: int, overlap: float, x: float, y: float) -> list[bool]:
-    """Which of so many cameras see a place on the standard field."""
-    points = np.array([[x, y]])
-    return [bool(area.sees(points)[0]) for area in areas(cameras, surface(standard_field()), overlap)]
 
 
 def geometry(packet: bytes) -> dict[int, list[Any]]:
