@@ -107,6 +107,24 @@ def repeat(step: Callable[[Any], tuple[Any, Any]], state: Any, times: int, like:
     return state, stack_records(steps)
 
 
+def refine(step: Callable[[Any], Any], state: Any, is_unfinished: Callable[[Any], Array], times: int) -> Any:
+    """Take a step as long as a state is unfinished anywhere, but at most a number of times."""
+    unfinished = is_unfinished(state)
+    if is_numpy(unfinished):
+        while times and np.count_nonzero(unfinished):
+            state, times = step(state), times - 1
+            unfinished = is_unfinished(state)
+        return state
+    from jax import lax
+
+    return lax.cond(
+        unfinished.any(),
+        lambda state: lax.fori_loop(0, times, lambda _, state: step(state), state),
+        lambda state: state,
+        state,
+    )
+
+
 def stack_records(records: list[Any]) -> Any:
     """Put records of equal structure side by side along a new first axis."""
     return tree_map(lambda *values: np.stack(values), records[0], *records[1:])

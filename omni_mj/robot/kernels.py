@@ -1,8 +1,8 @@
 """Kernels: what computes the functions of this package, numpy or programs that JAX compiles from them.
 
 A kernel holds parameters and state of n robots, and runs functions (parameters, state, *inputs) -> (state, outputs).
-Handing an array to a compiled program costs about a microsecond, and a state has sixty. So JAX gets each NamedTuple
-packed into one array (rows, robots). Robots are computed in blocks, filled up to a few sizes, because every new size
+Handing an array to a compiled program costs about a microsecond, and a state has sixty. So JAX gets parameters and
+state packed into one array each. Robots are computed in blocks, filled up to a few sizes, because every new size
 compiles anew, and because larger blocks leave the processor's cache.
 """
 
@@ -10,10 +10,10 @@ import importlib.util
 import math
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from omni_control.errors import OmniError
 BLOCKS = 1, 16, 64  # robots that a compiled program takes
 NUMPY_FRAME_S, NUMPY_ROBOT_S = 3e-3, 2e-5  # that a frame of `planar` takes, and a robot in it
 JAX_START_S = 5.0  # import and compilation
+COMPILER_OPTIONS = {"xla_cpu_use_fusion_emitters": False}  # one robot compiles in half the time, and runs as fast
 Function = Callable[..., tuple[Any, Any]]
 
 
@@ -89,86 +90,46 @@ class NumpyKernel:
         return outputs
 
 
-class Field(NamedTuple):
-    """A field of a packed NamedTuple.
+class Structure:
+    """What packs NamedTuples of arrays of certain shapes into one array, and unpacks them.
 
-    Attributes:
-        rows: How many it takes.
-        shape: Without the axis of robots; None for a single number.
-        kind: Of its numbers, the letter of numpy's `dtype.kind`.
+    Args:
+        tree: JAX's description of the NamedTuples.
+        kinds: Shape and type of each array.
     """
 
-    rows: int
-    shape: tuple[int, ...] | None
-    kind: str
-
-
-class Layout(NamedTuple):
-    """Where the fields of a NamedTuple are in its packed array.
-
-    Attributes:
-        kind: Its class.
-        fields: For each field None, a layout, or a field.
-    """
-
-    kind: type
-    fields: tuple[Any, ...]
+    def __init__(self, tree: Any, kinds: tuple[tuple[tuple[int, ...], Any], ...]) -> None:
+        self._tree, self._kinds = tree, kinds
 
     @classmethod
-    def of(cls, tree: Any) -> "Layout":
-        """Return the layout of a NamedTuple of arrays."""
-        return cls(type(tree), tuple(map(_field, tree)))
+    def of(cls, tree: Any) -> "Structure":
+        """Return the structure of NamedTuples; the same object for equal structures."""
+        import jax
 
-    def unpack(self, packed: Any, row: int = 0) -> tuple[Any, int]:
-        """Return the NamedTuple in an array (rows, n) from a row on, and the row after it."""
-        parts: list[Any] = []
-        for field in self.fields:
-            if field is None:
-                parts.append(None)
-            elif isinstance(field, Layout):
-                part, row = field.unpack(packed, row)
-                parts.append(part)
-            else:
-                rows, shape, kind = field
-                if shape is None:
-                    part = packed[row, 0]
-                elif len(shape) == 1:
-                    part = packed[row : row + rows]
-                else:
-                    part = packed[row] if not shape else packed[row : row + rows].reshape((*shape, -1))
-                parts.append(part if kind == "f" else part.astype(bool if kind == "b" else int))
-                row += rows
-        return self.kind(*parts), row
+        leaves, structure = jax.tree.flatten(tree)
+        return _structure(structure, tuple((leaf.shape, np.dtype(leaf.dtype)) for leaf in leaves))
+
+    def unpack(self, packed: Any) -> Any:
+        """Return the NamedTuples in an array (numbers,)."""
+        leaves, at = [], 0
+        for shape, kind in self._kinds:
+            size = math.prod(shape)
+            leaf = packed[at : at + size].reshape(shape)
+            leaves.append(leaf.astype(kind))
+            at += size
+        return self._tree.unflatten(leaves)
 
 
-def _field(part: Any) -> Any:
-    if part is None:
-        return None
-    if isinstance(part, tuple):
-        return Layout.of(part)
-    shape = part.shape[:-1] if part.ndim else None
-    return Field(math.prod(shape or ()), shape, part.dtype.kind)
+@cache
+def _structure(tree: Any, kinds: tuple[tuple[tuple[int, ...], Any], ...]) -> Structure:
+    return Structure(tree, kinds)
 
 
-def pack(tree: Any, n: int, xp: Any = np) -> Any:
-    """Put the arrays of a NamedTuple of n robots below each other, (rows, n)."""
-    rows = [
-        (part.reshape(-1, n) if part.ndim else xp.broadcast_to(part, (1, n))).astype(float) for part in _arrays(tree)
-    ]
-    return xp.concatenate(rows)
+def pack(tree: Any, xp: Any = np) -> Any:
+    """Put the arrays of NamedTuples one after the other, (numbers,)."""
+    import jax
 
-
-def _arrays(tree: Any) -> Iterator[Any]:
-    for part in tree:
-        if isinstance(part, tuple):
-            yield from _arrays(part)
-        elif part is not None:
-            yield part
-
-
-def _pattern(tree: Any) -> tuple[Any, ...]:
-    """Return which fields of a NamedTuple are None."""
-    return tuple(_pattern(part) if isinstance(part, tuple) else part is None for part in tree)
+    return xp.concatenate([leaf.ravel().astype(float) for leaf in jax.tree.leaves(tree)])
 
 
 class JaxKernel:
@@ -176,9 +137,11 @@ class JaxKernel:
 
     def __init__(self, parameters: Any, state: Any) -> None:
         _set_up_jax()
-        self._n = _robots(parameters)
-        self._size = next((size for size in BLOCKS if size >= self._n), BLOCKS[-1])
-        self._programs: dict[Any, Program] = {}  # of functions and of which fields of their inputs are None
+        import jax
+
+        self._robots = int(jax.tree.leaves(parameters)[0].shape[-1])
+        self._size = next((size for size in BLOCKS if size >= self._robots), BLOCKS[-1])
+        self._programs: dict[Any, Program] = {}
         self.parameters, self.state = parameters, state
 
     @property
@@ -188,84 +151,94 @@ class JaxKernel:
 
     @parameters.setter
     def parameters(self, parameters: Any) -> None:
+        blocks = self._cut(parameters)
         self._programs.clear()
-        self._parameters, self._parameter_layout = parameters, Layout.of(parameters)
-        self._parameter_blocks = self._blocks(parameters)
+        self._parameters, self._parameter_structure = parameters, Structure.of(blocks[0])
+        self._parameter_blocks = [pack(block) for block in blocks]
 
     @property
     def state(self) -> Any:
         """See `Kernel`."""
-        return self._joined(self._state_layout, self._state_blocks)
+        return self._joined([self._state_structure.unpack(np.asarray(block)) for block in self._state_blocks])
 
     @state.setter
     def state(self, state: Any) -> None:
+        blocks = self._cut(state)
         self._programs.clear()
-        self._state_layout, self._state_blocks = Layout.of(state), self._blocks(state)
+        self._state_structure = Structure.of(blocks[0])
+        self._state_blocks = [pack(block) for block in blocks]
 
     def run(self, function: Function, *inputs: Any) -> Any:
         """See `Kernel`."""
         import jax
 
-        key = (function, *map(_pattern, inputs))
+        key = function, jax.tree.structure(inputs)
         if (program := self._programs.get(key)) is None:
-            layouts = self._parameter_layout, self._state_layout, *map(Layout.of, inputs)
-            program = self._programs[key] = compiled(function, layouts, self._size)
-        blocks, outputs = list(zip(*(self._blocks(tree) for tree in inputs), strict=True)), []
+            program = self._programs[key] = compiled(*key, self._parameter_structure, self._state_structure)
+        outputs = []
         with jax.enable_x64(True):
-            for i, (parameters, state) in enumerate(zip(self._parameter_blocks, self._state_blocks, strict=True)):
-                self._state_blocks[i], output = program.run(parameters, state, *blocks[i])
+            for i, block in enumerate(self._cut(inputs)):
+                self._state_blocks[i], output = program.run(self._parameter_blocks[i], self._state_blocks[i], *block)
                 outputs.append(output)
-        state_layout, layout = program.layouts
-        assert state_layout is not None
-        if state_layout is not self._state_layout and state_layout != self._state_layout:
-            self._state_layout = state_layout
+        if program.state_structure is not self._state_structure:
+            self._state_structure = program.state_structure
             self._programs.clear()
-        return None if layout is None else self._joined(layout, outputs)
+        return self._joined(outputs)
 
-    def _blocks(self, tree: Any) -> list[Any]:
-        """Pack a NamedTuple, fill it up with copies of the last robot, and cut it into blocks."""
-        packed = pack(tree, self._n)
-        missing = -self._n % self._size
-        if missing:
-            packed = np.concatenate([packed, np.repeat(packed[:, -1:], missing, axis=1)], axis=1)
-        if packed.shape[1] == self._size:
-            return [packed]
-        return [np.ascontiguousarray(packed[:, i : i + self._size]) for i in range(0, packed.shape[1], self._size)]
+    def _cut(self, tree: Any) -> list[Any]:
+        """Cut arrays of all robots into blocks, the last one filled up with copies of the last robot."""
+        import jax
 
-    def _joined(self, layout: Layout, blocks: Sequence[Any]) -> Any:
-        arrays = [np.asarray(block) for block in blocks]
-        packed = arrays[0] if len(arrays) == 1 else np.concatenate(arrays, axis=1)
-        return layout.unpack(packed[:, : self._n])[0]
+        n, size = self._robots, self._size
+        if n == size:
+            return [tree]
+
+        def cut(leaf: Any, start: int) -> Any:
+            if not leaf.ndim:
+                return leaf
+            part = leaf[..., start : start + size]
+            missing = size - part.shape[-1]
+            return np.concatenate([part, np.repeat(part[..., -1:], missing, axis=-1)], axis=-1) if missing else part
+
+        return [jax.tree.map(lambda leaf: cut(leaf, start), tree) for start in range(0, n, size)]  # noqa: B023
+
+    def _joined(self, blocks: list[Any]) -> Any:
+        import jax
+
+        def join(*leaves: Any) -> np.ndarray:
+            if (len(leaves) == 1 and self._robots == self._size) or not leaves[0].ndim:
+                return np.asarray(leaves[0])
+            return np.concatenate(leaves, axis=-1)[..., : self._robots]
+
+        return jax.tree.map(join, *blocks)
 
 
 class Program:
-    """A function compiled for packed arguments.
+    """A function compiled for packed parameters and a packed state.
 
     Attributes:
-        run: Takes packed parameters, state and inputs; returns the packed state and outputs.
-        layouts: Of the state and of the outputs, known after the first run.
+        run: Takes packed parameters, packed state, and inputs; returns the packed state and outputs.
+        state_structure: Of the state that it returns, known after the first run.
     """
 
-    def __init__(self, function: Function, layouts: tuple[Layout, ...], size: int) -> None:
+    state_structure: Structure
+
+    def __init__(self, function: Function, parameters: Structure, state: Structure) -> None:
         import jax
 
-        def packed(*arrays: Any) -> tuple[Any, ...]:
-            arguments = [layout.unpack(array)[0] for layout, array in zip(layouts, arrays, strict=True)]
-            results = function(*arguments)
-            self.layouts = tuple(None if result is None else Layout.of(result) for result in results)
-            return tuple(None if result is None else pack(result, size, jax.numpy) for result in results)
+        def packed(parameter_array: Any, state_array: Any, *inputs: Any) -> tuple[Any, Any]:
+            after, outputs = function(parameters.unpack(parameter_array), state.unpack(state_array), *inputs)
+            self.state_structure = Structure.of(after)
+            return pack(after, jax.numpy), outputs
 
-        self.run = jax.jit(packed)
+        options = COMPILER_OPTIONS if jax.default_backend() == "cpu" else None
+        self.run = jax.jit(packed, compiler_options=options)
 
 
 @cache
-def compiled(function: Function, layouts: tuple[Layout, ...], size: int) -> Program:
-    """Return the program of a function, compiled when it is first run."""
-    return Program(function, layouts, size)
-
-
-def _robots(parameters: Any) -> int:
-    return int(next(_arrays(parameters)).shape[-1])
+def compiled(function: Function, inputs: Any, parameters: Structure, state: Structure) -> Program:
+    """Return the program of a function for inputs of a structure, compiled when it is first run."""
+    return Program(function, parameters, state)
 
 
 @cache

@@ -23,7 +23,7 @@ wheels keep only what no motion of the body takes away.
 
 from typing import NamedTuple
 
-from omni_mj.robot.array_namespace import Array, any_true, clip, is_numpy, namespace, repeat, rotate, total
+from omni_mj.robot.array_namespace import Array, any_true, clip, namespace, refine, repeat, rotate, total
 from omni_mj.robot.carpet import DRAG_CYCLES, CarpetParameters, Drag, Motion, compute_drag, limit_torque
 from omni_mj.robot.onboard import (
     CycleRecord,
@@ -280,23 +280,9 @@ def solve_traction(
         pull = xp.where(slides, 0.0, pull)
         return pull, held, *solve(pull, held)
 
-    def slide_all(state: tuple[Array, ...]) -> tuple[Array, ...]:
-        for _ in range(SLIDING_PASSES):
-            state = slide(state)
-        return state
-
     held = pull * 0.0
-    state: tuple[Array, ...] = pull, held, *solve(pull, held)
-    over = abs(state[-1]) > limit
-    if is_numpy(pull):
-        for _ in range(SLIDING_PASSES):
-            if not any_true((abs(state[-1]) > limit) & (state[0] > 0)):
-                break
-            state = slide(state)
-    else:
-        from jax import lax
-
-        state = lax.cond(over.any(), slide_all, lambda state: state, state)
+    state = pull, held, *solve(pull, held)
+    state = refine(slide, state, lambda state: (abs(state[-1]) > limit) & (state[0] > 0), SLIDING_PASSES)
     _, _, twist, rim, torque = state
     return twist, rim, clip(torque, -limit, limit)
 
