@@ -16,7 +16,6 @@ from omni_mj.plants.variation import Drawn
 from omni_mj.plants.wheeled import WheeledPlant, by_wheel
 from omni_mj.robot.array_namespace import stack_records
 from omni_mj.robot.carpet import carpet_parameters
-from omni_mj.robot.kernels import check_kernel
 from omni_mj.robot.rims import (
     Drives,
     FrameStart,
@@ -66,7 +65,6 @@ class MujocoPlant(WheeledPlant):
     ) -> None:
         settings, places = [row.settings for row in rows], batches.places(rows) if within is None else len(rows)
         batches.check(rows)
-        check_kernel(settings[0].physics.kernel)
         n, worlds, checked = len(rows), len(rows) // places, within is None
         self._places, self.substeps = places, settings[0].physics.substeps
         if within is None:

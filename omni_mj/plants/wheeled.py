@@ -56,6 +56,11 @@ class WheeledPlant(Faulty):
         if any(row.faults for row in self._rows):
             self._faults = Faults(self._rows, self)
 
+    @property
+    def state(self) -> Any:
+        """State of the robots."""
+        return self._kernel.state
+
     def hold(self, current: Array | None) -> None:
         """Have drivers hold currents from the next frame on, whatever the firmware commands.
 
@@ -109,6 +114,7 @@ class WheeledPlant(Faulty):
             held_current=held,
             is_deaf=None,
             is_off=None,
+            is_stopped=stopped if stopped.any() else None,
         )
         return inputs._replace(**extra) if extra else inputs
 
@@ -122,5 +128,5 @@ class WheeledPlant(Faulty):
 
 
 def by_wheel(values: Array) -> Array:
-    """Return (n, W) as (W, n), contiguous."""
-    return np.ascontiguousarray(values.T)
+    """Return a contiguous copy of (n, W) as (W, n)."""
+    return np.array(values.T, order="C")

@@ -74,7 +74,12 @@ def has_jax() -> bool:
 
 
 def make_kernel(name: str, parameters: Any, state: Any) -> Kernel:
-    """Return a kernel by its name, numpy or jax."""
+    """Return a kernel by its name, numpy or jax.
+
+    Raises:
+        OmniError: What it needs is not installed.
+    """
+    check_kernel(name)
     return JaxKernel(parameters, state) if name == "jax" else NumpyKernel(parameters, state)
 
 

@@ -62,6 +62,7 @@ class FrameInputs(NamedTuple):
     held_current: Array  # that drivers hold, (W, n) A; NaN where the firmware drives; None if it does everywhere
     is_deaf: Array  # robots that ignore commands; None if processors are sound
     is_off: Array  # robots whose processors are off; None if processors are sound
+    is_stopped: Array  # robots that have failed, whose drivers short the motors; None if all go on
 
 
 class OnboardState(NamedTuple):
@@ -123,7 +124,7 @@ def onboard(
 def quiet_inputs(n: int) -> FrameInputs:
     """Return the inputs of a frame in which nothing acts on n robots."""
     none = np.zeros(n)
-    return FrameInputs(np.full(n, np.nan), np.zeros(n, int), none, none, none, np.ones(n), *[None] * 5)
+    return FrameInputs(np.full(n, np.nan), np.zeros(n, int), none, none, none, np.ones(n), *[None] * 6)
 
 
 def hear(p: OnboardParameters, s: OnboardState, command: Command) -> OnboardState:
@@ -174,6 +175,8 @@ def run_cycle(
         shown = inputs.gyro_scale * shown
     loops = run_wheel_loops(p.loops, s.loops, s.cycle, shown, wheel_angle)
     supply, duty = s.battery.voltage, loops.duty
+    if inputs.is_stopped is not None:
+        duty = namespace(duty).where(inputs.is_stopped, 0.0, duty)
     if inputs.held_current is not None:
         duty = hold_current(p.motors, s.motors, duty, inputs.held_current, wheel_speed, supply)
     voltage, current, is_limited = drive_motors(p.motors, s.motors, duty * supply, wheel_speed)

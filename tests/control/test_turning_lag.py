@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from driving import FRAME_S, drive, rows
+from benches.plant import FRAME_S, drive, rows
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 

@@ -5,10 +5,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driving import drive, quiet, ramp, with_settings
-from driving import mujoco as plant_of
-from meeting_faults import ICE, ON_WHEELS, SETTLE, STILL, meets, planar, standing
-from numpy.typing import NDArray
+from benches.plant import (
+    ICE,
+    SETTLE,
+    STILL,
+    drive,
+    meets,
+    numbers,
+    planar,
+    quiet,
+    ramp,
+    standing,
+    stop,
+    with_settings,
+)
+from benches.plant import mujoco as plant_of
 
 from omni_mj.scenarios.settings import Settings
 
@@ -67,62 +78,21 @@ def test_what_happens_to_a_row_concerns_no_other_on_the_planar_plant_either() ->
 def test_a_fault_that_has_ended_leaves_nothing_behind() -> None:
     """Every field of the model, friction, motors and forces are those of a robot that met nothing."""
     plant = plant_of([with_settings(fault=EVERYTHING), with_settings(variation={"mass": 0.1, "centre_m": 0.005})])
-    fields = ("body_mass", "body_subtreemass", "body_ipos", "body_inertia", "body_iquat", "opt.gravity")
-
-    def state() -> list[NDArray]:
-        traction = plant._traction
-        own = [plant._batch.expand(name) for name in fields] + [traction.centre, plant._motors._cold_constant]
-        return [np.array(each) for each in (*own, traction.carpet.friction(np.zeros(2, complex), np.ones(2, complex)))]
-
-    before = state()
+    before = numbers(plant)
     standing(plant, 7)
-    during = state()
+    during = numbers(plant)
     # Of the other robot, which is no two's like, nothing ever changes.
     assert all((now[0] != then[0]).any() for now, then in zip(during, before, strict=True))
     assert all((now[1] == then[1]).all() for now, then in zip(during, before, strict=True))
     standing(plant, 9)
-    for now, then in zip(state(), before, strict=True):
+    for now, then in zip(numbers(plant), before, strict=True):
         np.testing.assert_array_equal(now, then)
-    assert not plant._faults.push.any()
-    assert not plant._faults.gyro.any()
-
-
-@ON_WHEELS
-def test_both_kernels_know_all_of_them(plant_of: PlantOf) -> None:
-    """Loops of numba and numpy differ by rounding, which moves a count of an encoder into another cycle at worst."""
-    own = [[each] for each in EVERYTHING] + [EVERYTHING]
-    commands, poses = ramp([[1.5, 0.3, 2.0]] * len(own), 3.0, 18), []
-    for name in ("numpy", "numba"):
-        poses.append(drive(plant_of([with_settings(physics={"kernel": name}, fault=each) for each in own]), commands))
-    np.testing.assert_allclose(poses[1], poses[0], rtol=0, atol=1e-5)
-
-
-def test_numbers_that_loops_read_are_as_before_when_faults_have_ended() -> None:
-    """Of firmware, battery, wheels and carpet, to the bit; a counter of turns that an encoder lost stays."""
-    plant = planar([with_settings(fault=[each for each in EVERYTHING if each["kind"] != "payload"]), with_settings()])
-
-    def state() -> list[NDArray]:
-        f, t = plant._firmware.arrays(), plant._traction.arrays()
-        kept = (f.off, f.gyro_scale, f.count_scale, t.grip, t.gap, t.carpet.friction, t.carpet.patches)
-        return [np.array(each) for each in (*kept, plant._battery.share, plant._robots.dry, plant._faults._off)]
-
-    before = state()
-    standing(plant, 8)
-    during = state()
-    assert all((now != then).any() for now, then in zip(during, before, strict=True))
-    standing(plant, 8)
-    patches = before[6][:, 2]  # which one had is told by its radius alone
-    for now, then in zip(state(), before, strict=True):
-        if now.shape == before[6].shape:
-            np.testing.assert_array_equal(now[:, 2], patches)
-        else:
-            np.testing.assert_array_equal(now, then)
 
 
 def test_a_robot_that_failed_is_pushed_no_more() -> None:
     """In a world that another robot, which is, keeps going."""
     plant = plant_of([meets({"kind": "push", "at": 0.0, "force_n": 9.0}, **ICE)] * 2, [[0, 0, 0], [1, 0, 0]], places=2)
-    plant._stop([0], [])
+    stop(plant, 0)
     standing(plant, 10)
     assert plant.pose()[0, 0] < STILL < 0.03 < plant.pose()[1, 0] - 1
 

@@ -3,13 +3,11 @@
 import mujoco
 import numpy as np
 import pytest
-from default_robot import CONTACTS, GRAVITY, MASS_KG
-from driving import FRAME_S, quiet
-from driving import mujoco as plant_of
+from benches.plant import CONTACTS, FAST, FRAME_S, GRAVITY, ICE, MASS_KG, ROLLING_KG, SETTLE, meets, quiet, standing
+from benches.plant import mujoco as plant_of
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from meeting_faults import FAST, ICE, ROLLING_KG, SETTLE, meets, standing
 from numpy.typing import NDArray
 
 from omni_mj.plants.mujoco import MujocoPlant

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from driving import FRAME_S, SIGMAS, rows, with_settings
+from benches.plant import FRAME_S, SIGMAS, rows, with_settings
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st

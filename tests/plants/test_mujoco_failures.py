@@ -6,8 +6,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from driving import mujoco as plant_of
-from driving import quiet, rows, with_settings
+from benches.plant import mujoco as plant_of
+from benches.plant import quiet, rows, with_settings
 from numpy.typing import NDArray
 
 from omni_control.errors import OmniError

@@ -4,10 +4,21 @@ import math
 
 import numpy as np
 import pytest
-from default_robot import ARM_M, GRAVITY, MASS_KG, RADIUS_M
-from driving import FRAME_S, SIGMAS, constant, drive, quiet, rows, with_settings
-from driving import mujoco as plant_of
-from maxon import OWN, ROBOTS
+from benches.motor import OWN, ROBOTS
+from benches.plant import (
+    ARM_M,
+    FRAME_S,
+    GRAVITY,
+    MASS_KG,
+    RADIUS_M,
+    SIGMAS,
+    constant,
+    drive,
+    quiet,
+    rows,
+    with_settings,
+)
+from benches.plant import mujoco as plant_of
 from scipy.optimize import brentq
 
 from omni_mj.link.radio import Received

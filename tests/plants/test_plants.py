@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from driving import FRAME_S, SIGMAS, constant, drive, quiet, rows, with_settings
-from driving import mujoco as plant_of
+from benches.plant import FRAME_S, SIGMAS, constant, drive, quiet, rows, with_settings
+from benches.plant import mujoco as plant_of
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st

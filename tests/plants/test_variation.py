@@ -4,20 +4,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driving import FRAME_S, SIGMAS, STIFF, constant, drive, quiet, ramp, rows, with_settings
-from driving import mujoco as plant_of
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from benches.plant import FRAME_S, SIGMAS, STIFF, constant, drive, quiet, ramp, rows, with_settings
+from benches.plant import mujoco as plant_of
 from numpy.typing import NDArray
-from omni_mj.onboard.carpet import Carpet
-from omni_mj.onboard.traction import Traction
 
 from omni_control.errors import OmniError
 from omni_mj import run, scenario
 from omni_mj.plants.variation import Drawn
-from omni_mj.scenarios.robot_settings import CarpetSettings, VariationSettings
+from omni_mj.scenarios.robot_settings import VariationSettings
 from omni_mj.scenarios.settings import Settings
-from omni_mj.worlds import build
 
 MODELS = ["rollers", "two-rollers"]
 ALL = {"friction": 0.1, "wear_m": 0.0005, "motor_constant": 0.05, "mass": 0.1, "centre_m": 0.005}
@@ -73,11 +68,6 @@ def test_spreads_are_those_asked_for() -> None:
     assert np.abs(correlation).max() < SIGMAS / np.sqrt(1500)
 
 
-def test_nothing_is_drawn_unless_asked_for() -> None:
-    assert drawn(range(3)).columns() == {}
-    assert set(drawn([0], mass=0.1).columns()) == {*drawn([0], **ALL).columns()}
-
-
 def test_a_summary_says_what_was_drawn_for_whom() -> None:
     """Each seed's robot once, though several controllers drive it; no robot on a plant without wheels."""
     short = scenario("worn", reference={"waypoints": [[0, 0], [0.05, 0]]}, wheels={"model": "two-rollers"})
@@ -94,19 +84,6 @@ def test_a_summary_says_what_was_drawn_for_whom() -> None:
 
 
 # --- rows ---
-
-
-@pytest.mark.parametrize("model", MODELS)
-def test_a_row_does_not_depend_on_what_others_vary(model: str) -> None:
-    """To the last bit, alone and in a batch whose fields are each robot's own, and so for one that varies nothing."""
-    used = {"nap": 0.4, "nap_deg": 30.0, "patches": [[0.1, 0, 0.2, 0.3], [0.3, 0.1, 0.1, 0.05]]}
-    varied: list[dict[str, Any]] = [{}, {"variation": ALL, "carpet": used}, {"variation": {"friction": 0.2}}]
-    own = [with_settings(wheels={"model": model}, **each) for each in varied]
-    commands = ramp([[1.5, 0.3, 2.0]] * 3, 3.0, 20)
-    together = drive(plant_of(own, seeds=[4, 5, 6]), commands)
-    for i, each in enumerate(own):
-        alone = drive(plant_of([each], seeds=[4 + i]), commands[:, :1])
-        np.testing.assert_array_equal(alone[:, 0], together[:, i])
 
 
 # --- robots ---
@@ -176,7 +153,6 @@ def test_magnets_set_torque_and_speed() -> None:
     assert (told.duty_peak == 1).all()
     # 0.5 %: what is left of friction 0.01 and of the run-up, and magnets that warm up by 2 K.
     np.testing.assert_allclose(told.voltage, constants * sheet.gear * told.wheel_speed, rtol=5e-3)
-    np.testing.assert_allclose(plant._motors.constant, constants, rtol=2e-3)
 
 
 def test_mass_and_centre_are_carried_by_the_wheels() -> None:
@@ -192,42 +168,6 @@ def test_mass_and_centre_are_carried_by_the_wheels() -> None:
     as_built = (body.mass_kg * np.array([body.centre_x_m, 0]) - wheels * feet.mean(0)) / (body.mass_kg - wheels)
     moments = chassis[:, None] * (as_built + plant.drawn.centre) + wheels * feet.mean(0)
     np.testing.assert_allclose(middle, moments / (chassis + wheels)[:, None], atol=5e-5)  # a hundredth of its spread
-
-
-def test_a_heavier_robot_is_pushed_less() -> None:
-    """Pushed on ice from rest, by the same random force: ways are as one over the masses."""
-    ice = {"carpet": {"friction": 0.01, "pile": 0.0}, "disturbance": {"force_n": 30.0}, "drive": NO_DRAG["drive"]}
-    plant = plant_of([quiet(variation={"mass": each}, **ice) for each in (0.0, 0.3)], seeds=[2, 2])
-    x = drive(plant, constant([0, 0, 0], 8, 2))[-1]
-    more = (plant.drawn.mass - 1)[:, 0] * plant._world.model.body_mass[plant._world.robots[0].chassis]
-    masses = Settings().body.mass_kg + more
-    assert abs(masses[1] - masses[0]) > 0.1
-    # 3 %: ice of friction 0.01 takes 0.26 of some 17 N.
-    np.testing.assert_allclose(np.hypot(*x[1, :2]) / np.hypot(*x[0, :2]), masses[0] / masses[1], rtol=0.03)
-
-
-# --- carpets ---
-
-
-angles = st.floats(-4, 4)
-
-
-@settings(deadline=None, max_examples=40, derandomize=True)
-@given(angles, angles, st.floats(0.02, 3), st.floats(0, 1), st.floats(-360, 360))
-def test_the_pile_drags_by_the_angle_to_its_fibres(
-    way: float, heading: float, speed: float, nap: float, fibres: float
-) -> None:
-    """Whatever the heading, and beside a row whose fibres stand upright."""
-    carpets: list[dict[str, Any]] = [{"pile": 0.1, "nap": nap, "nap_deg": fibres}, {"pile": 0.2}]
-    own = [with_settings(carpet=carpet, drive=NO_DRAG["drive"]) for carpet in carpets]
-    traction = Traction(own, build.kinematics(own[0].wheels), np.zeros(3), np.ones(4), 1e-3)
-    quaternion = np.tile([np.cos(heading / 2), 0, 0, np.sin(heading / 2)], (2, 1))
-    velocity = np.zeros((2, 6))
-    velocity[:, :2] = speed * np.cos(way), speed * np.sin(way)
-    traction.travel(np.zeros((2, 3)), quaternion, velocity, np.array([[7.0, 5.0, 6.0, 8.0]] * 2))
-    force = traction.wrench[:, :2] @ [1, 1j]
-    expected = 26 * np.array([0.1 * (1 + nap * np.cos(way - np.radians(fibres))), 0.2])
-    np.testing.assert_allclose(force, -expected * np.exp(1j * way), atol=1e-12)
 
 
 def test_a_robot_follows_its_wheels_worse_against_the_fibres() -> None:
@@ -251,20 +191,6 @@ def test_a_robot_follows_its_wheels_worse_against_the_fibres() -> None:
     # What rollers cost, viscous and as polygons, is in both. 2 %: loads swing, and creep is some of the travel.
     expected = 2 * nap * pile * load.sum() / (chosen.drive.creep_stiffness * load @ cosines**2)
     assert against - along == pytest.approx(expected, rel=0.02)
-
-
-def test_friction_is_that_of_the_last_patch_under_a_wheel() -> None:
-    """Wheels 0.1 m ahead and aside; rows with none, one, and several patches."""
-    patches = [(), ((1.0, 0.0, 0.5, 0.3),), ((1.0, 0.0, 0.5, 0.3), (1.0, 0.2, 0.3, 0.6))]
-    carpet = Carpet([CarpetSettings(friction=0.8, patches=each) for each in patches], np.array([0.1, 0.1j]))
-    for position, heading, expected in (
-        ([0.45, 0, 0], 0.0, [[0.8, 0.8], [0.3, 0.8], [0.3, 0.8]]),
-        ([0.45, 0, 0], np.pi, [[0.8, 0.8], [0.8, 0.8], [0.8, 0.8]]),
-        ([1.0, 0, 0], 0.0, [[0.8, 0.8], [0.3, 0.3], [0.6, 0.6]]),
-        ([1.0, -0.15, 0], 0.0, [[0.8, 0.8], [0.3, 0.3], [0.3, 0.6]]),
-    ):
-        found = carpet.friction(np.full(3, complex(*position[:2])), np.full(3, np.exp(1j * heading)))
-        np.testing.assert_array_equal(found, expected)
 
 
 def test_a_robot_on_a_patch_slides_as_on_carpet_of_its_friction_and_brakes_at_its_edge() -> None:

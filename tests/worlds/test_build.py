@@ -9,8 +9,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from driving import constant, drive, quiet, with_settings
-from driving import mujoco as plant_of
+from benches.plant import constant, drive, quiet, with_settings
+from benches.plant import mujoco as plant_of
 from plain import arrays
 
 from omni_control.errors import OmniError

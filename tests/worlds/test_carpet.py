@@ -4,11 +4,22 @@ import copy
 
 import numpy as np
 import pytest
-from default_robot import COM_HEIGHT_M, CONTACTS, GRAVITY, TANGENTS
-from driving import FRAME_S, STIFF, constant, drive, quiet, ramp
-from driving import mujoco as plant_of
-from numpy.typing import NDArray
+from benches.plant import (
+    COM_HEIGHT_M,
+    CONTACTS,
+    FRAME_S,
+    GRAVITY,
+    STIFF,
+    TANGENTS,
+    constant,
+    drive,
+    quiet,
+    ramp,
+    sensed,
+)
+from benches.plant import mujoco as plant_of
 
+from omni_mj.link.radio import Received
 from omni_mj.worlds import build
 
 # A stiff wheel loop, so that what is seen is the contact and not the firmware.
@@ -77,20 +88,16 @@ def test_half_the_timestep_gives_the_same_path(friction: float) -> None:
 
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_sensors_are_a_cycle_late_whatever_the_step(substeps: int) -> None:
-    plant, seen = plant_of([quiet(physics={"substeps": substeps, "kernel": "numpy"})]), []
-    duties = plant._firmware.duties
-
-    def watched(gyro: NDArray, encoders: NDArray) -> NDArray:
-        true = plant._at.wheel_angle.get()[0], plant._at.velocity.get()[0, 5]
-        seen.append([*encoders[0].copy(), gyro[0], *true[0].copy(), true[1]])
-        return duties(gyro, encoders)
-
-    plant._firmware.duties = watched  # type: ignore[method-assign]
-    drive(plant, constant([0.5, 0.2, 3.0], 6, 1))
-    sensed, true = np.split(np.array(seen), 2, axis=1)
+    plant = plant_of([quiet(physics={"substeps": substeps})])
+    true, shown = [], []
+    for _ in range(6 * plant.cycles):
+        told = plant.telemetry()
+        true.append([*told.wheel_angle[0], plant.twist()[0, 2]])
+        plant.go(1, Received.at_once(np.array([[0.5, 0.2, 3.0]])))
+        shown.append(sensed(plant))
     # The gyro feels the chassis's own axis, which tilts by less than a milliradian.
-    np.testing.assert_allclose(sensed[2:, :4], true[1:-1, :4], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(sensed[2:, 4], true[1:-1, 4], rtol=0, atol=1e-3)
+    np.testing.assert_allclose(np.array(shown)[:, :4], np.array(true)[:, :4], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.array(shown)[:, 4], np.array(true)[:, 4], rtol=0, atol=1e-3)
     assert np.abs(np.diff(true, axis=0)).max() > 1e-3
 
 

@@ -5,11 +5,22 @@ import copy
 import mujoco as mj
 import numpy as np
 import pytest
-from default_robot import ARM_M, COM_HEIGHT_M, CONTACTS, GRAVITY, MASS_KG, RADIUS_M, TANGENTS
-from driving import STIFF, mujoco, quiet, ramp
+from benches.plant import (
+    ARM_M,
+    COM_HEIGHT_M,
+    CONTACTS,
+    GRAVITY,
+    MASS_KG,
+    RADIUS_M,
+    STIFF,
+    TANGENTS,
+    mujoco,
+    quiet,
+    ramp,
+)
+from benches.steps import Tape
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from taped import Tape
 
 from omni_mj.scenarios.settings import Settings
 from omni_mj.worlds import build

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from default_robot import GRAVITY, OUTWARD, RADIUS_M, TANGENTS
-from driving import mujoco, quiet
-from maxon import OWN
+from benches.motor import OWN
+from benches.plant import GRAVITY, OUTWARD, RADIUS_M, TANGENTS, mujoco, quiet
+from benches.steps import Tape
 from numpy.typing import NDArray
-from taped import Tape
 
 from omni_mj.scenarios.settings import Settings
 

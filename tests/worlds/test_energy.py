@@ -5,8 +5,7 @@ from typing import Any
 import mujoco as mj
 import numpy as np
 import pytest
-from default_robot import GRAVITY, MASS_KG
-from driving import FRAME_S, mujoco, quiet
+from benches.plant import FRAME_S, GRAVITY, MASS_KG, mujoco, quiet
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
@@ -98,7 +97,7 @@ def test_energy_audit_of_a_driven_robot(friction: float, substeps: int) -> None:
         time = frame * FRAME_S
         twist = [1.8 * np.sin(4.5 * time), 0.8 * np.sin(3.0 * time), 4.0 * np.sin(6.0 * time)]
         assert plant.advance(Received.at_once(np.array([twist]), plant.pose()[:, 2])) == {}
-        currents.append(plant.currents[:, 0].copy())
+        currents.append(plant._record.current[:, :, 0])
         if frame == 0:
             constant = float(plant._at.constant.get()[0, 0]) * plant._world.model.actuator_gear[0, 0]
     audit = Audit(plant)

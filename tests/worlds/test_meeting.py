@@ -5,9 +5,8 @@ import copy
 import mujoco
 import numpy as np
 import pytest
-from default_robot import MASS_KG
-from driving import constant, drive, quiet, ramp
-from driving import mujoco as plant_of
+from benches.plant import MASS_KG, constant, drive, quiet, ramp
+from benches.plant import mujoco as plant_of
 from numpy.typing import NDArray
 
 from omni_control.errors import OmniError

@@ -5,7 +5,7 @@ from fractions import Fraction
 import mujoco
 import numpy as np
 import pytest
-from default_robot import ARM_M, RADIUS_M, ROLLER_RADIUS_M
+from benches.plant import ARM_M, RADIUS_M, ROLLER_RADIUS_M
 from numpy.typing import NDArray
 
 from omni_mj.scenarios import models

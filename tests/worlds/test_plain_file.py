@@ -5,9 +5,9 @@ from typing import Any
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from omni_mj.onboard.motor import Motor
 from plain import arrays
 
+from omni_mj.robot.motors import Motor
 from omni_mj.scenarios import models
 from omni_mj.scenarios.settings import Settings
 from omni_mj.worlds import build, shape

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from default_robot import CONTACTS, MASS_KG, OUTWARD, RADIUS_M, TANGENTS
-from driving import STIFF, constant, mujoco, quiet, ramp
+from benches.plant import CONTACTS, MASS_KG, OUTWARD, RADIUS_M, STIFF, TANGENTS, constant, mujoco, quiet, ramp
+from benches.steps import Tape
 from numpy.typing import NDArray
-from taped import Tape
 
 from omni_control.errors import OmniError
 from omni_mj.link.radio import Received

@@ -3,9 +3,8 @@
 import mujoco
 import numpy as np
 import pytest
-from default_robot import ARM_M, AZIMUTHS, RADIUS_M, TANGENTS
-from driving import FRAME_S, constant, drive, quiet
-from driving import mujoco as plant_of
+from benches.plant import ARM_M, AZIMUTHS, FRAME_S, RADIUS_M, TANGENTS, constant, drive, quiet
+from benches.plant import mujoco as plant_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from driving import FRAME_S, STIFF, drive, mujoco, quiet, ramp
+from benches.plant import FRAME_S, STIFF, drive, mujoco, quiet, ramp
 
 from omni_control.kinematics import world_to_body
 from omni_mj.worlds import build

@@ -5,11 +5,10 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 import pytest
-from default_robot import RADIUS_M
-from driving import FRAME_S, STIFF, constant, drive, quiet, ramp
-from driving import mujoco as plant_of
+from benches.plant import FRAME_S, RADIUS_M, STIFF, constant, drive, quiet, ramp
+from benches.plant import mujoco as plant_of
+from benches.steps import Tape
 from numpy.typing import NDArray
-from taped import Tape
 
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Received

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from default_robot import ARM_M, RADIUS_M, TANGENTS
-from driving import FRAME_S, constant, drive, quiet
-from driving import mujoco as plant_of
+from benches.plant import ARM_M, FRAME_S, RADIUS_M, TANGENTS, constant, drive, quiet
+from benches.plant import mujoco as plant_of
 from numpy.typing import NDArray
 
 from omni_control.kinematics import world_to_body

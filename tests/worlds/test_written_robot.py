@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from driving import FRAME_S, drive, ramp
+from benches.plant import FRAME_S, drive, ramp
 
 import omni_mj as om
 from omni_mj.plants.mujoco import MujocoPlant

@@ -1,11 +1,11 @@
-"""What the tests of contacts share: a plant whose every physics step is kept."""
+"""A test bench for contacts: a plant whose every physics step is recorded."""
 
 from typing import Any
 
 import numpy as np
-from default_robot import CONTACTS
 from numpy.typing import ArrayLike, NDArray
 
+from benches.plant import CONTACTS
 from omni_mj.link.radio import Received
 from omni_mj.plants.mujoco import MujocoPlant
 
@@ -46,7 +46,7 @@ class Tape:
         plant = self._plant
         for command in np.asarray(commands, float):
             assert plant.advance(Received(command, plant.pose()[:, 2], np.zeros(len(command), int))) == {}
-            self.currents.append(plant.currents.copy())
+            self.currents.append(plant._record.current.swapaxes(1, 2))
         self.steps = {name: np.array(values) for name, values in self.steps.items()}
         self.currents = np.concatenate(self.currents)
         return self

@@ -1,0 +1,139 @@
+"""Firmware: kinematics, the loops' law, heading, time-out, slow loops, derating, restart."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from benches.plant import RADIUS_M, TANGENTS
+from benches.robot import CYCLES, FRAME_S, Firmware
+from numpy.typing import NDArray
+
+from omni_mj.scenarios.settings import Settings
+
+PURE: dict[str, Any] = {"turn_gain": 0.0, "feed_forward": 0.0, "kp": 0.1}
+
+
+def settings(**firmware: Any) -> Settings:
+    return Settings(firmware=PURE | firmware)
+
+
+def wanted(x: float, y: float, turn: float = 0.0) -> NDArray:
+    """Wheel speeds of equation 3, rad/s."""
+    return (TANGENTS @ [x, y] + Settings().wheels.arm_m * turn) / RADIUS_M
+
+
+def duties(speeds: NDArray, gain: float) -> NDArray:
+    return np.clip(gain * speeds / Settings().firmware.nominal_voltage_v, -1, 1)
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.7, -2.5])
+def test_wheels_at_rest_get_the_gains_share_of_what_equation_3_asks(heading: float) -> None:
+    """Velocities of the world are turned by the heading, those of the robot are not."""
+    firmware = Firmware([settings()], heading)
+    firmware.hear(x=0.4, y=-0.2, turn=1.5)
+    c, s = np.cos(heading), np.sin(heading)
+    expected = duties(wanted(c * 0.4 - s * 0.2, -s * 0.4 - c * 0.2, 1.5), 0.1)
+    np.testing.assert_allclose(firmware.run(0.0, 0.0)[:, 0], expected)
+    firmware.hear(x=0.4, y=-0.2, in_robot_frame=np.array([True]))
+    np.testing.assert_allclose(firmware.run(0.0, 0.0)[:, 0], duties(wanted(0.4, -0.2), 0.1))
+    firmware.hear(wheel_speeds=np.full((4, 1), 7.0))
+    np.testing.assert_allclose(firmware.run(0.0, 0.0)[:, 0], duties(np.full(4, 7.0), 0.1))
+
+
+def test_a_pid_loop_sums_integrates_and_differentiates_and_does_not_wind_up() -> None:
+    period = 1 / 960
+    firmware = Firmware([settings(ki=4.0, kd=2e-4)])
+    firmware.hear(x=0.3)
+    errors, speeds = wanted(0.3, 0.0), []
+    for cycle in range(1, 6):
+        slope = 2e-4 * errors / period if cycle == 1 else 0.0
+        volts = 0.1 * errors + 4.0 * errors * cycle * period + slope
+        speeds.append(firmware.run(0.0, 0.0)[:, 0])
+        np.testing.assert_allclose(speeds[-1], duties(volts, 1.0))
+    saturated = Firmware([settings(ki=50.0)])
+    saturated.hear(x=500.0)
+    for _ in range(100):
+        saturated.run(0.0, 0.0)
+    saturated.hear(x=0.0)
+    assert np.abs(saturated.run(0.0, 0.0)).max() == 0, "nothing was integrated while the voltage was at its limit"
+
+
+def test_encoders_count_whole_steps() -> None:
+    counts = Settings().sensors.encoder_counts * Settings().motor.gear / (2 * np.pi)
+    firmware = Firmware([settings()])
+    firmware.run(0.0, 0.0)
+    assert np.abs(firmware.run(0.0, 0.9 / counts)).max() == 0
+    turned = firmware.run(0.0, 3.5 / counts)
+    np.testing.assert_allclose(turned[:, 0], duties(np.full(4, -3 / counts * 960), 0.1))
+
+
+def test_slow_loops_run_in_every_kth_cycle_and_hold_in_between() -> None:
+    firmware = Firmware([settings(rate_hz=240), settings()])
+    firmware.hear(x=0.3)
+    held = []
+    for cycle in range(12):
+        if cycle == 5:
+            firmware.hear(x=0.6)
+        held.append(firmware.run(0.0, 0.0))
+    slow, fast = np.array(held)[:, 0].T
+    assert (slow == np.where(np.arange(12) < 8, slow[0], 2 * slow[0])).all()
+    assert (fast == np.where(np.arange(12) < 5, fast[0], 2 * fast[0])).all()
+
+
+def test_a_robot_that_hears_nothing_new_stands_until_it_does() -> None:
+    firmware = Firmware([settings(timeout_s=0.1)])
+    firmware.hear(x=0.3)
+    moves = [np.abs(firmware.run(0.0, 0.0)).max() > 0 for _ in range(120)]
+    assert moves == [True] * 96 + [False] * 24
+    firmware.hear(x=0.3, is_new=np.array([False]))
+    assert not firmware.run(0.0, 0.0).any()
+    firmware.hear(x=0.3)
+    assert firmware.run(0.0, 0.0).any()
+
+
+def test_the_heading_is_the_gyros_integral_put_right_by_vision_as_it_was_when_sent() -> None:
+    """A late heading is compared with what was held then; constant bias is learned."""
+    rate, bias, age = 1.0, 0.05, 7
+    firmware, true = Firmware([settings()], 0.0), [0.0]
+    for frame in range(1200):
+        late = max(frame - age, 0)
+        firmware.begin(true[late], frame - late)
+        for _ in range(CYCLES):
+            firmware.run(rate + bias, 0.0)
+        true.append(true[-1] + rate * FRAME_S)
+    assert firmware.heading[0] == pytest.approx(true[-1], abs=2e-3)
+    blind = Firmware([settings()], 0.0)
+    for _ in range(60 * CYCLES):
+        blind.run(rate + bias, 0.0)
+    assert blind.heading[0] == pytest.approx(1.05)
+
+
+def test_the_turn_rate_loop_adds_its_gains_share_of_the_missing_rate() -> None:
+    firmware = Firmware([settings(turn_gain=2.0)])
+    firmware.hear(turn=3.0)
+    expected = duties(wanted(0, 0, 3.0 + 2.0 * (3.0 - 1.0)), 0.1)
+    np.testing.assert_allclose(firmware.run(1.0, 0.0)[:, 0], expected)
+
+
+@pytest.mark.parametrize(("winding", "share"), [(100.0, np.inf), (120.0, 0.5), (130.0, 0.0)])
+def test_derating_leaves_less_current_the_closer_the_winding_is_to_its_limit(winding: float, share: float) -> None:
+    """Twice the nominal current 10 K below the limit of 125 degrees, none at it."""
+    chosen = Settings(firmware=PURE | {"kp": 5.0, "derate": True}, motor={"limit_c": 125.0})
+    firmware = Firmware([chosen])
+    firmware.winding = np.full((4, 1), winding)
+    firmware.begin()
+    firmware.hear(x=2.0)
+    volts = firmware.run(0.0, 0.0)[:, 0] * chosen.firmware.nominal_voltage_v
+    most = share * 2 * chosen.motor.nominal_current_a * chosen.motor.resistance_ohm
+    np.testing.assert_allclose(np.abs(volts), min(most, chosen.firmware.nominal_voltage_v))
+
+
+def test_a_processor_that_starts_again_stands_until_it_is_told_a_heading() -> None:
+    firmware = Firmware([settings()], 0.5, restarts=True)
+    firmware.hear(x=0.3)
+    for off, seen, moves in ((False, np.nan, True), (True, 1.0, False), (False, np.nan, False), (False, 2.0, False)):
+        firmware.begin(seen, off=off)
+        assert firmware.run(0.0, 0.0).any() == moves
+    assert firmware.heading[0] == pytest.approx(2.0)
+    firmware.hear(x=0.3)
+    assert firmware.run(0.0, 0.0).any()

@@ -1,0 +1,83 @@
+"""The planar plant by numpy and by compiled programs: the same but for rounding; gradients; which is taken."""
+
+import runpy
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+from benches.plant import drive, planar, ramp, with_settings
+from benches.robot import programs_of
+
+import omni_mj as om
+from omni_control.errors import OmniError
+
+jax = pytest.importorskip("jax")
+COMMON: dict[str, Any] = {
+    "carpet": {"patches": [[0.3, 0.0, 0.2, 0.3]], "nap": 0.3},
+    "variation": {"friction": 0.1, "wear_m": 0.0003, "motor_constant": 0.03, "mass": 0.03, "centre_m": 0.003},
+    "disturbance": {"force_n": 5.0},
+    "firmware": {"ki": 0.5, "derate": True, "timeout_s": 0.1},
+    "fault": [
+        {"kind": "payload", "at": 0.1, "mass_kg": 0.5}, {"kind": "tilt", "at": 0.2, "angle_deg": 3.0},
+        {"kind": "reboot", "at": 0.2, "for": 0.1}, {"kind": "encoder-scale", "at": 0.1, "wheel": 1, "to": 0.9},
+        {"kind": "gyro-scale", "at": 0.1, "to": 0.5}, {"kind": "wheel-roller", "at": 0.1, "wheel": 2, "rollers": 3},
+    ],
+}  # fmt: skip
+
+
+def path(kernel: str, robots: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Poses and telemetry of robots that slide and turn, are pushed and held, and meet faults."""
+    plant = planar([with_settings(physics={"kernel": kernel}, **COMMON)] * robots)
+    ends = np.linspace(-1, 1, robots)[:, None] * [2.5, 1.0, 3.0] + [0.5, 0.0, 0.0]
+    plant.hold(np.array([[np.nan, np.nan, np.nan, 0.5]] * robots))
+    return drive(plant, ramp(ends, 6.0, 30)), plant.telemetry().named()
+
+
+@pytest.mark.parametrize("robots", [1, 20])
+def test_compiled_programs_give_what_numpy_gives(robots: int) -> None:
+    """But for rounding, which grows; a batch of one, and one that fills a block and a part of another."""
+    (poses, told), (others, same) = path("numpy", robots), path("jax", robots)
+    np.testing.assert_allclose(poses, others, atol=1e-7)
+    for name, values in told.items():
+        np.testing.assert_allclose(values, same[name], rtol=1e-5, atol=1e-5, err_msg=name)
+
+
+def test_by_numpy_a_row_has_the_same_bits_in_any_batch() -> None:
+    own = [with_settings(physics={"kernel": "numpy"}, wheels={"azimuths_deg": angles}) for angles in (
+        [60, 135, 225, 300], [20, 65, 110, 155, 200, 245, 290, 335],
+    )]  # fmt: skip
+    for chosen in own:
+        several = [chosen.replace(carpet={"friction": friction}) for friction in (0.3, 0.8, 0.5)]
+        commands = ramp([[2.0, 1.0, 3.0]] * 3, 4.0, 15)
+        together = drive(planar(several), commands)
+        for i, each in enumerate(several):
+            np.testing.assert_array_equal(drive(planar([each]), commands[:, :1])[:, 0], together[:, i])
+
+
+def test_a_gradient_is_what_finite_differences_say() -> None:
+    """Of the example: how far a robot gets by its creep stiffness."""
+    example = runpy.run_path("examples/06_gradient.py")
+    fast = {"xla_backend_optimization_level": 0, "xla_cpu_use_fusion_emitters": False}  # to compile, not to run
+    with jax.enable_x64(True):
+        travel, at, step = partial(example["travel"], *example["robot"]()), 2.5, 1e-3
+        value, slope = (jax.jit(each, compiler_options=fast) for each in (travel, jax.grad(travel)))
+        backward = float(slope(at))
+        difference = (float(value(at + step)) - float(value(at - step))) / (2 * step)
+    assert np.isfinite(backward)
+    assert backward == pytest.approx(difference, rel=0.01)
+
+
+def test_auto_compiles_long_runs_of_planar_only_and_the_scenario_says_what_was_taken() -> None:
+    for plant, laps, kernel in (("planar", 1, "numpy"), ("planar", 300, "jax"), ("mujoco", 300, "numpy")):
+        chosen = om.scenario("rect", plant=plant, reference={"laps": laps})
+        simulation = om.Simulation(chosen, ["flc"], seeds=[0])
+        assert simulation.scenario.settings.physics.kernel == kernel
+        assert programs_of(simulation) == (kernel == "jax")
+
+
+def test_without_jax_its_kernel_is_refused_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(OmniError, match=r"physics.kernel = jax needs the package jax"):
+        om.Simulation(om.scenario("rect", plant="planar", physics={"kernel": "jax"}), ["flc"])
+    assert om.Simulation(om.scenario("rect", plant="planar", reference={"laps": 300}), ["flc"])

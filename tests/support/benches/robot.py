@@ -1,0 +1,132 @@
+"""A test bench for what a robot carries: its motors, battery, firmware and wheels, without a body."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omni_mj.robot import battery, carpet, motors, onboard, wheel_loops
+from omni_mj.robot.kernels import JaxKernel
+from omni_mj.scenarios.settings import Settings
+from omni_mj.simulate.simulation import Simulation
+
+FRAME_S, CYCLES = 1 / 60, 16
+Carried = tuple[onboard.OnboardParameters, onboard.OnboardState]
+
+
+def carried(settings: list[Settings], heading: float = 0.0, restarts: bool = False) -> Carried:
+    """What robots carry, switched on at a heading."""
+    n, wheels = len(settings), settings[0].wheels.kinematics
+    strength = np.ones((len(wheels.azimuths), n))
+    return onboard.onboard(settings, wheels, np.full(n, heading), strength, (30, restarts, False))
+
+
+def command(x: float = 0.0, y: float = 0.0, turn: float = 0.0, n: int = 1, **more: Any) -> wheel_loops.Command:
+    """One command for all robots."""
+    values = [np.full(n, each) for each in (x, y, turn)]
+    return wheel_loops.Command(*values, np.ones(n, bool), None, None)._replace(**more)
+
+
+class Firmware:
+    """Firmware of n robots, fed with a gyro and encoders; its duties are recorded."""
+
+    def __init__(self, settings: list[Settings], heading: float = 0.0, restarts: bool = False) -> None:
+        (self.p, state) = carried(settings, heading, restarts)
+        self._p, self._s, self.n, self.cycle, self.frame = self.p.loops, state.loops, len(settings), 0, 0
+        self.winding = state.motors.winding
+
+    @property
+    def heading(self) -> NDArray:
+        """Estimated headings, (n,) rad."""
+        return np.array(self._s.heading)
+
+    def hear(self, **values: Any) -> None:
+        """Accept a command."""
+        self._s = wheel_loops.accept_command(self._p, self._s, self.cycle, command(n=self.n, **values))
+
+    def begin(self, seen: ArrayLike = np.nan, age: int = 0, off: bool | None = None) -> None:
+        """Begin a frame in which vision's heading arrives, and processors may be off."""
+        deaf = np.zeros(self.n, bool)
+        if off is not None:
+            angle = np.zeros_like(self._s.duty)
+            self._s = wheel_loops.restart_processors(self._p, self._s, self.cycle, deaf, np.full(self.n, off), angle)
+        ages = np.full(self.n, age)
+        self._s = wheel_loops.correct_heading(self._p, self._s, self.frame, np.full(self.n, seen), ages, deaf)
+        self._s = wheel_loops.derate(self._p, self._s, self.winding)
+        self.frame += 1
+
+    def run(self, gyro: float, angle: ArrayLike) -> NDArray:
+        """Run a cycle; return duties, (W, n)."""
+        angles = np.broadcast_to(np.asarray(angle, float), self._s.duty.shape).copy()
+        self._s = wheel_loops.run_wheel_loops(self._p, self._s, self.cycle, np.full(self.n, gyro), angles)
+        self.cycle += 1
+        return np.array(self._s.duty)
+
+
+def drive_motor(settings: Settings, voltage: float, speed: ArrayLike, winding: float = 25.0) -> tuple[NDArray, NDArray]:
+    """Voltages and currents of one motor at speeds of its wheel."""
+    speeds = np.atleast_1d(np.asarray(speed, float))[None]
+    p = motors.motor_parameters([settings] * speeds.size, np.ones_like(speeds))
+    state = motors.motors_at(p, np.full_like(speeds, winding), np.full_like(speeds, 25.0))
+    volts, amperes, _ = motors.drive_motors(p, state, np.full_like(speeds, voltage), speeds)
+    return volts[0], amperes[0]
+
+
+def heat_motor(settings: Settings, currents: NDArray, speeds: NDArray) -> tuple[NDArray, NDArray]:
+    """Temperatures of winding and housing after each frame of a constant current, A, and speed, rad/s."""
+    p = motors.motor_parameters([settings], np.ones((1, 1)))
+    one = np.ones((1, 1))
+    state = motors.motors_at(p, settings.motor.winding_c * one, settings.motor.housing_c * one)
+    result = []
+    for current, speed in zip(currents, speeds, strict=True):
+        cycles = np.ones((CYCLES, 1, 1))
+        state = motors.warm_motors(p, state, current * cycles, speed * cycles)
+        result.append([state.winding[0, 0], state.housing[0, 0]])
+    winding, housing = np.array(result).T
+    return winding, housing
+
+
+class Battery:
+    """A battery under motors."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._p, self.state = battery.battery_parameters([settings])
+
+    def load(self, voltage: ArrayLike, current: ArrayLike) -> float:
+        """Load it with motors' voltages and currents (W,); return the current drawn, A."""
+        volts, amperes = (np.asarray(each, float)[:, None] for each in (voltage, current))
+        source = battery.open_circuit(self._p, self.state), np.ones(1)
+        self.state, drawn = battery.load_battery(self._p, self.state, source, volts, amperes)
+        return float(drawn[0])
+
+    def discharge(self, current: float, frames: int) -> None:
+        """Draw a current, A."""
+        for _ in range(frames):
+            voltage = battery.open_circuit(self._p, self.state)
+            self.state = battery.discharge(self._p, self.state, voltage, np.array([current]))
+
+
+def drag(settings: list[Settings], velocity: ArrayLike, heading: float = 0.0, **more: Any) -> carpet.Drag:
+    """Drag of robots at the origin that go at a velocity (2,) in the world, with 1 N on each wheel.
+
+    Args:
+        settings: One per robot.
+        velocity: m/s.
+        heading: rad.
+        more: Fields of `CarpetParameters` to replace; `place`, `load` and `angle`.
+    """
+    n, wheels = len(settings), settings[0].wheels.kinematics
+    shape = len(wheels.azimuths), n
+    place = np.asarray(more.pop("place", np.zeros(2)), float)
+    load = np.broadcast_to(more.pop("load", 1.0), shape).copy()
+    angle = np.broadcast_to(more.pop("angle", 0.0), shape).copy()
+    p = carpet.carpet_parameters(settings, wheels, np.ones(shape), np.zeros(shape))._replace(**more)
+    x, y = np.asarray(velocity, float)
+    c, s = np.cos(heading), np.sin(heading)
+    values = place[0], place[1], c, s, c * x + s * y, c * y - s * x, 0.0
+    return carpet.compute_drag(p, carpet.Motion(*(np.full(n, value) for value in values)), load, angle)
+
+
+def programs_of(simulation: Simulation) -> bool:
+    """Whether compiled programs drive a simulation's robots."""
+    return isinstance(simulation.plant._kernel, JaxKernel)  # type: ignore[attr-defined]
