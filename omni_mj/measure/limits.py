@@ -19,7 +19,7 @@ LIMITS = {
 }  # key in a scenario's entry -> how it is called, there and by the study
 Entry = Mapping[str, Any]
 Study = Mapping[str, Any]  # summary of a `LimitResult`
-FREE = "controller"  # section of settings that a limit does not depend on
+FREE = ("controller.", "physics.kernel")  # settings that a limit does not depend on
 NAMED = 3  # settings that differ, of which a message tells
 STATISTICS = ("max", "mean")  # of the error in the plane, by which controllers are judged
 
@@ -119,7 +119,7 @@ def _differences(entry: Entry, scenario: Scenario) -> Iterator[str]:
     ours, theirs = dict(flat(json.loads(json.dumps(scenario.settings.plain())))), dict(flat(entry["settings"]))
     if entry["plant"] != scenario.plant:
         yield f"found on the {entry['plant']} plant, not {scenario.plant}"
-    differ = [key for key in {**ours, **theirs} if ours.get(key) != theirs.get(key) and key.split(".")[0] != FREE]
+    differ = [key for key in {**ours, **theirs} if ours.get(key) != theirs.get(key) and not key.startswith(FREE)]
     if differ and entry["robot"] != scenario.robot:
         yield f"found for robot {entry['robot']}, not {scenario.robot}"
         return  # which differs in many settings

@@ -18,7 +18,7 @@ from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies.outcome import AfterFrame, StoppedError, drive, informed, joined, nothing
-from omni_mj.studies.run import counted, prepare
+from omni_mj.studies.run import counted, prepare, with_kernel
 
 LEFT_OUT = ("heat", "storm")  # many times as long as the others, and one in which everything happens at once
 MOST_SEEDS, BLOCK = 20, 5  # of a scenario, and how many more at a time
@@ -123,7 +123,7 @@ def _growing(scenario: Scenario, seeds: Sequence[int], half_width: float, before
         StoppedError: in a block, which then counts for nothing.
     """
     block = BLOCK if half_width else len(seeds)
-    parts: list[Outcome] = []
+    scenario, parts = with_kernel(scenario, block * len(scenario.controllers)), list[Outcome]()
     for first in range(0, len(seeds), block):
         try:
             simulation = prepare(scenario, seeds=seeds[first : first + block])

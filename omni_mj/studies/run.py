@@ -5,6 +5,8 @@ from collections.abc import Iterable, Sequence
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_mj.measure.result import Outcome, Result
+from omni_mj.robot.kernels import choose_kernel
+from omni_mj.scenarios.references import timed
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies.outcome import AfterFrame, drive, informed, nothing
@@ -59,6 +61,15 @@ def chosen(
         numbers = counted(seeds)
         found = found.replace(seed=numbers[0], seeds=len(numbers))
     return found
+
+
+def with_kernel(scenario: Scenario, robots: int) -> Scenario:
+    """Return the scenario with the kernel that suits so many robots at once, which all its simulations then share."""
+    settings = scenario.settings
+    if settings.physics.kernel != "auto":
+        return scenario
+    kernel = choose_kernel("auto", scenario.plant, robots, timed(settings).frames)
+    return scenario.replace(settings=settings.replace(physics={"kernel": kernel}))
 
 
 def counted(seeds: Iterable[int]) -> list[int]:

@@ -134,31 +134,6 @@ def test_verdicts_are_corrected_for_the_number_of_all_of_them() -> None:
     assert (failed["p"], failed["p_adjusted"], failed["beyond_chance"]) == (None, None, None)
 
 
-def test_tables_mark_the_best_competitor_the_informed_limits_and_what_failed(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    of = found("mine", flc=[0.01, 0.02, 0.03, 0.04], lqr=0.015, mine=0.0, oracle=0.001)
-    axes = ("x", "y", "distance", "along", "across")
-    limit = {axis: {s: statistics.spread(np.full(4, 0.01)) for s in ("max", "p99", "mean", "rms")} for axis in axes}
-    summary = compared(of, ["oracle"], "lqr", limit=limit)
-    lines = compare_table.markdown(summary).splitlines()
-    half = 100 * scipy.stats.t.ppf(0.975, 3) * scipy.stats.sem([0.01, 0.02, 0.03, 0.04])
-    for line in (
-        f"| rect | 2.50±{half:.2f} | **1.50±0.00** | failed 1 of 4 | 0.10±0.00 | 1.00±0.00 |",
-        "|  | flc | lqr | mine | oracle (informed) | limit |",
-        "- circle: failed: robots overlap",
-        "| rect | one \\| two | 4 | 1.0 | 1.0 |",
-        "## Verdicts on lqr",
-    ):
-        assert line in lines, line
-    assert any(line.startswith("| rect | maximum | -40 ? |") for line in lines)
-    assert not any("Verdicts" in line for line in compare_table.markdown(compared(of, [], None)).splitlines())
-    compare_table.show(compared(found(flc=0.473, mine=0.015, p=0.01), [], "mine"))
-    shown = capsys.readouterr().out
-    for words in ("47.30±0.00/47.30±0.00", "why not: rect: maximum error 1.50 cm, that of p 1.00 cm", "robots overlap"):
-        assert words in shown
-
-
 def test_who_never_settles_counts_and_who_fails_too() -> None:
     """Seeds of three controllers, of which 1, 3 and 4 of 4 settle at once; the third's last seed fails."""
     of = found("failing", few=[0.0, 0.02, 0.02, 0.02], most=[0.0, 0.0, 0.0, 0.02], failing=0.0)

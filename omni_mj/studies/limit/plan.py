@@ -34,63 +34,39 @@ def improve(model: DepartureModel, limits: MotionLimits, errors: Array, commands
         errors: Poses less the reference, (F, n, 3).
         commands: Sent commands, (F, n, 3).
     """
-    shape, size = errors.shape, 3 * model.frames
-    scaled_errors, sent = (_columns(values * SCALE) for values in (errors, commands))
-    scale = sp.diags(np.tile(SCALE, model.frames))
-    inverse = sp.diags(np.tile(1 / SCALE, model.frames))
+    frames, n, _ = errors.shape
+    size = 3 * frames
+    off, sent = (values.swapaxes(1, 2).reshape(size, n) for values in (errors, commands))
     motion, push = model.operators()
-    motion = sp.block_diag([scale, scale]) @ motion @ sp.block_diag([inverse, inverse])
-    push = sp.block_diag([scale, scale]) @ push @ inverse
-    differences = sp.eye(size) - sp.eye(size, k=-3)
-    cost = sp.block_diag(
-        [
-            (RHO + PULL_COMMAND) * sp.eye(size) + PULL_CHANGE * differences.T @ differences,
-            sp.eye(size),
-            sp.csc_matrix((size, size)),
-        ]
-    )
+    weights = sp.diags(np.tile(SCALE**2, frames))
+    both = sp.vstack([sp.eye(size), sp.eye(size) - sp.eye(size, k=-3)])  # commands, and their changes in a frame
+    pull = both.T @ sp.diags(np.concatenate([PULL_COMMAND * weights.diagonal(), PULL_CHANGE * weights.diagonal()]))
+    cost = sp.block_diag([RHO * weights + pull @ both, weights, sp.csc_matrix((size, size))])
     constraint = sp.hstack([-push, motion])
     order = np.arange(5 * size).reshape(5, -1, 3).swapaxes(0, 1).ravel()  # frame by frame: a narrow band
     system = sp.bmat([[cost, constraint.T], [constraint, None]]).tocsc()[order][:, order]
     solve = splu(system.tocsc()).solve
-    bounds = (
-        (limits.speed, limits.turn_rate * ARM_M),
-        (limits.acceleration * PERIOD_S, limits.turn_acceleration * ARM_M * PERIOD_S),
-    )
-    base = [sent, differences @ sent]
-    allowed = [values.copy() for values in base]
-    owed = [np.zeros_like(values) for values in base]
-    right = np.zeros((5 * size, shape[1]))
-    right[size : 2 * size] = -scaled_errors
+    limit = [[limits.speed, limits.turn_rate], [limits.acceleration * PERIOD_S, limits.turn_acceleration * PERIOD_S]]
+    bounds = np.repeat(limit, frames, axis=0)
+    start = both @ sent
+    allowed, owed = start.copy(), np.zeros_like(start)
+    right, solution = np.zeros((5 * size, n)), np.empty((5 * size, n))
+    right[size : 2 * size] = -weights @ off
     for _ in range(STEPS):
-        speeds, changes = (a - o - b for a, o, b in zip(allowed, owed, base, strict=True))
-        right[:size] = PULL_COMMAND * speeds + PULL_CHANGE * (differences.T @ changes)
-        solution = np.empty_like(right)
+        right[:size] = pull @ (allowed - owed - start)
         solution[order] = solve(right[order])
-        change = solution[:size]
-        for i, now in enumerate((change, differences @ change)):
-            relaxed = RELAXATION * (base[i] + now) + (1 - RELAXATION) * allowed[i] + owed[i]
-            allowed[i] = _within(relaxed, bounds[i])
-            owed[i] = relaxed - allowed[i]
-    return (
-        _frames(sent + change, shape) / SCALE,
-        _frames(scaled_errors + solution[size : 2 * size], shape) / SCALE,
-    )
+        now = start + both @ solution[:size]
+        relaxed = RELAXATION * now + (1 - RELAXATION) * allowed + owed
+        allowed = _within(relaxed, bounds)
+        owed = relaxed - allowed
+    planned, expected = sent + solution[:size], off + solution[size : 2 * size]
+    return planned.reshape(frames, 3, n).swapaxes(1, 2), expected.reshape(frames, 3, n).swapaxes(1, 2)
 
 
-def _columns(values: Array) -> Array:
-    """Return runs (F, n, 3) as columns (3 F, n)."""
-    return values.swapaxes(1, 2).reshape(-1, values.shape[1])
-
-
-def _frames(columns: Array, shape: tuple[int, ...]) -> Array:
-    return columns.reshape(shape[0], 3, shape[1]).swapaxes(1, 2)
-
-
-def _within(columns: Array, bounds: tuple[float, float]) -> Array:
-    """Return vectors (3 F, n) shortened to the bounds of the plane and of turning."""
+def _within(columns: Array, bounds: Array) -> Array:
+    """Return vectors (3 k, n) shortened to the bounds (k, 2) of the plane and of turning."""
     vectors = columns.reshape(-1, 3, columns.shape[1]).copy()
     plane = np.hypot(vectors[:, 0], vectors[:, 1])
-    vectors[:, :2] *= np.minimum(1.0, bounds[0] / np.maximum(plane, 1e-12))[:, None]
-    vectors[:, 2] = np.clip(vectors[:, 2], -bounds[1], bounds[1])
+    vectors[:, :2] *= np.minimum(1.0, bounds[:, :1] / np.maximum(plane, 1e-12))[:, None]
+    vectors[:, 2] = np.clip(vectors[:, 2], -bounds[:, 1:], bounds[:, 1:])
     return vectors.reshape(columns.shape)

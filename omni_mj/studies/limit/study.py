@@ -2,9 +2,9 @@
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -24,9 +24,8 @@ from omni_mj.simulate.simulation import Failure, Simulation
 from omni_mj.studies.limit.learning import AIMS, Aim, Begin, Drives, Learner, lead, quiet, simulation
 from omni_mj.studies.limit.tracking import Policy, Tracker
 from omni_mj.studies.outcome import StoppedError, nothing
-from omni_mj.studies.run import counted
+from omni_mj.studies.run import counted, with_kernel
 
-Key = TypeVar("Key")
 LIMIT, WITHOUT_NOISE = "limit", "limit without noise"
 SEEDS, ATTEMPTS = 20, 16
 PRACTICE_SEEDS, RIVAL_SEEDS, FIRST_SEED = 5, 3, 1_000_000  # seeds of practice count on from the scenario's
@@ -36,8 +35,6 @@ DEFINITIONS = {
     "limit without noise": "least error found of robots that nothing disturbs and that see the truth: of the plant",
     "of": "whose the maximum and mean of the limit are: of robots that learned, or of a controller that was better",
     "attempts": "maximum and mean error in the plane, m, of the best run without noise, after each attempt (median)",
-    "practice": "mean over seeds of practice of maximum and mean error, m, for each weight of feedback and noise",
-    "rivals": "the same of the package's controllers that see what any team sees; the best drive the limit's seeds",
 }
 
 
@@ -49,15 +46,11 @@ class LimitResult(Result):
         history: Maximum and mean error in the plane of the best run without noise, m, after each attempt.
         commands: That were learned, (F, L, 3), world frame, m/s and rad/s: of one robot if all are alike, otherwise of
             one per seed.
-        practice: Maximum and mean error of each policy in practice, m.
-        rivals: The same of the package's controllers.
         whose: Aim -> label in the log of those whose errors the limit's are.
     """
 
     history: Sequence[Mapping[Aim, float]] = ()
     commands: Array | None = None
-    practice: Mapping[Policy, Mapping[Aim, float]] = field(default_factory=dict)
-    rivals: Mapping[str, Mapping[Aim, float]] = field(default_factory=dict)
     whose: Mapping[Aim, str] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
@@ -65,8 +58,6 @@ class LimitResult(Result):
         learned = {
             "definitions": DEFINITIONS,
             "attempts": [dict(errors) for errors in self.history],
-            "practice": [{**asdict(policy), **errors} for policy, errors in self.practice.items()],
-            "rivals": dict(self.rivals),
             "of": {aim: self._winner(aim) for aim in self.whose},
         }
         return super().summary() | {"limit": learned}
@@ -125,7 +116,7 @@ def limit(
     distributions.refuse(chosen.distributions, "limit")
     numbers = counted(range(seeds) if isinstance(seeds, int) else seeds)
     check(chosen, iterations)
-    chosen = chosen.replace(seed=numbers[0], seeds=len(numbers))
+    chosen = with_kernel(chosen.replace(seed=numbers[0], seeds=len(numbers)), len(numbers))
     result = LimitResult([Outcome.not_run(chosen)], [LIMIT, WITHOUT_NOISE], seeds=numbers)
     try:
         _find(result, chosen, iterations, begin)
@@ -162,14 +153,13 @@ def _find(result: LimitResult, chosen: Scenario, iterations: int, begin: Begin) 
     training = [seeds[i] for i in own] if apart else [seeds[0] + FIRST_SEED + i for i in range(PRACTICE_SEEDS)]
     policies = [Policy(*pair) for pair in product(WEIGHTS, NOISES)]
     made = _track(chosen, training, learner, own, policies, begin)[1]
-    result.practice = _means(made, policies)
-    least = {aim: min(errors[aim] for errors in result.practice.values()) for aim in AIMS}
-    policy = min(policies, key=lambda tried: sum(result.practice[tried][aim] / least[aim] for aim in AIMS))
+    practice = {aim: made.size(aim).reshape(len(policies), -1).mean(1) for aim in AIMS}
+    policy = policies[int(sum(errors / errors.min() for errors in practice.values()).argmin())]
     names = [name for name in CONTROLLERS if not controllers.find(name).knows_truth]
     rivals = simulation(chosen, names, training[:RIVAL_SEEDS])
     rivals.run(begin("controllers, with noise", frames))
-    result.rivals = _means(Drives.of(rivals, rivals.log.channel("command")), names)
-    best = list(dict.fromkeys(min(names, key=lambda name: result.rivals[name][aim]) for aim in AIMS))
+    theirs = Drives.of(rivals, rivals.log.channel("command"))
+    best = list(dict.fromkeys(names[theirs.size(aim).reshape(len(names), -1).mean(1).argmin()] for aim in AIMS))
 
     led = _track(chosen, seeds, learner, np.arange(len(seeds)) % len(learner.seeds), [policy], begin)[0]
     still = simulation(learner.scenario, (), learner.seeds)
@@ -196,12 +186,6 @@ def _track(
     )  # fmt: skip
     robots = simulation(scenario, (), list(seeds) * len(policies))
     return robots, lead(robots, tracker, begin("feedback", len(learner.reference)))
-
-
-def _means(made: Drives, keys: Sequence[Key]) -> dict[Key, dict[Aim, float]]:
-    """Return the mean error over the seeds of each group of rows, m; infinite where a row failed."""
-    sizes = {aim: made.size(aim).reshape(len(keys), -1).mean(1) for aim in AIMS}
-    return {key: {aim: float(sizes[aim][i]) for aim in AIMS} for i, key in enumerate(keys)}
 
 
 def _outcome(chosen: Scenario, parts: Sequence[tuple[Simulation, str | None]], started: float) -> Outcome:

@@ -13,7 +13,6 @@ import numpy as np
 
 from omni_control.errors import OmniError, choose
 from omni_mj.files import text_of, write
-from omni_mj.robot.kernels import choose_kernel
 from omni_mj.scenarios.checking import Setting, shown
 from omni_mj.scenarios.controllers import written
 from omni_mj.scenarios.references import timed
@@ -22,6 +21,7 @@ from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.scenarios.settings import every_setting
 from omni_mj.simulate.alike import alike, all_alike
 from omni_mj.studies import cost
+from omni_mj.studies.run import with_kernel
 
 Value = int | float | str | bool
 AT_ONCE = 128  # robots that are simulated at once
@@ -138,12 +138,8 @@ class Plan:
         """Check every point, and choose the kernel, once for all shards."""
         if self.at_once < 1:
             raise OmniError(f"robots at once must be at least 1, not {self.at_once}")
+        object.__setattr__(self, "scenario", with_kernel(self.scenario, self.at_once))
         _ = self.there
-        if self.scenario.settings.physics.kernel == "auto":
-            kernel = choose_kernel("auto", self.scenario.plant, self.at_once, self.frames)
-            settings = self.scenario.settings.replace(physics={"kernel": kernel})
-            object.__setattr__(self, "scenario", self.scenario.replace(settings=settings))
-            del self.__dict__["there"]
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process is sent: what was asked for, and not what follows from it."""
