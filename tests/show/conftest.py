@@ -1,37 +1,34 @@
-"""What the tests of what is shown share: runs that are made once."""
+"""Runs that the tests of this folder share, made once by the commands."""
 
 from pathlib import Path
 
 import pytest
 from benches.recording import Driven, Recorded, driven_by
-
-from omni_mj.scenarios import scenario
-from omni_mj.show import figures
-from omni_mj.studies.compare import compare
-from omni_mj.studies.run import run
+from commands import invoke
 
 TURNING = "reference.waypoints=[[0, 0], [0.5, 0], [0.5, 0.3, 0.4], [0, 0.3], [0, 0]]"
-WAY = "reference.waypoints=[[0, 0], [0.4, 0.2], [0, 0.4]]"
+SHORT = ("--plant", "kinematic", "--set", "reference.waypoints=[[0, 0], [0.4, 0.2], [0, 0.4]]", "--quiet")
 
 
 @pytest.fixture(scope="session")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Folders of two short runs on the kinematic plant; the first has three seeds and figures."""
-    base = tmp_path_factory.mktemp("runs")
-    for name, seeds in {"rect": 3, "rect-noise": 1}.items():
-        result = run(scenario.load(name, [WAY], {"plant": "kinematic", "seeds": seeds}), ["flc", "comp-flc"])
-        result.save(base / name)
-        if seeds > 1:
-            figures.save_all(result["rect"], base / name / "figures", svg=True)
-    return [base / "rect", base / "rect-noise"]
+    folders = [tmp_path_factory.mktemp("runs") / name for name in ("rect", "rect-noise")]
+    for folder, options in zip(folders, (("--seeds", 3, "--svg"), ("--no-figures",)), strict=True):
+        controllers = ("--controller", "flc", "--controller", "comp-flc")
+        command = ("run", "--scenario", folder.name, *SHORT, *controllers, *options, "--no-record", "--out", folder)
+        assert invoke(*command) == 0
+    return folders
 
 
 @pytest.fixture(scope="session")
 def comparison(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of a comparison of three controllers on two short scenarios, with verdicts on one of them."""
+    """Folder of a comparison of three controllers on two short scenarios, with verdicts on p."""
     folder = tmp_path_factory.mktemp("comparison") / "compare"
-    scenarios = [scenario.load(name, [WAY], {"plant": "kinematic"}) for name in ("rect", "rect-noise")]
-    compare(scenarios, ["flc", "p", "oracle"], seeds=3, subject="p").save(folder)
+    names = [option for name in ("rect", "rect-noise") for option in ("--scenario", name)]
+    names += [option for name in ("flc", "p", "oracle") for option in ("--controller", name)]
+    options = ("--seeds", 3, "--half-width", 0, "--subject", "p", "--out", folder)
+    assert invoke("compare", *names, *SHORT, *options) == 0
     return folder
 
 

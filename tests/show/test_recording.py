@@ -5,9 +5,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from benches.recording import Driven, Recorded, driven_by, poses, rows, rrd
-
-from omni_mj.scenarios.settings import Settings
+from benches.recording import Driven, Recorded, default_settings, driven_by, poses, rows, rrd
 
 CONTROLLERS = ("flc", "comp-flc")
 COLOURS = {"flc": 0xD55E00FF, "comp-flc": 0x0072B2FF}
@@ -165,7 +163,7 @@ def held_back(t: dict[str, np.ndarray]) -> np.ndarray:
     """Share of the last 15 frames with a command at a limit: by default 2 m/s, 4 m/s², 10 rad/s, 40 rad/s²."""
     command = np.column_stack([t["command_vx_m_s"], t["command_vy_m_s"], t["command_w_rad_s"]])
     step = 60 * np.diff(command, axis=0, prepend=np.zeros((1, 3)))
-    control = Settings().control
+    control = default_settings().control
     limits = (control.max_speed_m_s, control.max_acceleration_m_s2)
     turning = (control.max_turn_rate_rad_s, control.max_turn_acceleration_rad_s2)
     held = np.zeros(len(command), bool)
@@ -178,7 +176,7 @@ def held_back(t: dict[str, np.ndarray]) -> np.ndarray:
 
 def sliding(t: dict[str, np.ndarray]) -> np.ndarray:
     """Slip of the wheel that slides most, beyond creep at the default's friction."""
-    settings = Settings()
+    settings = default_settings()
     vx, vy, turn = (60 * np.diff(t[name], prepend=t[name][0]) for name in ("x_m", "y_m", "heading_rad"))
     fastest = np.zeros(len(vx))
     for i, azimuth in enumerate(np.deg2rad([60, 135, 225, 300]), start=1):

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from commands import invoke
 from matplotlib.image import imread
-
-from omni_mj.show import report
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 FLAGS = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
@@ -39,7 +38,7 @@ def chromium(profile: Path, *args: str) -> str:
 def folder(runs: list[Path], comparison: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A report about a run and a comparison."""
     base = tmp_path_factory.mktemp("browser")
-    report.write([runs[0], comparison], base / "report.html")
+    assert invoke("report", runs[0], comparison, "--out", base / "report.html") == 0
     return base
 
 
