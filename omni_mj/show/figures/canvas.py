@@ -22,7 +22,7 @@ from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.show import style
 
 MAX_SHARED_CURVES = 3  # curves that one pair of axes shows; more controllers get axes each
-LETTERS_PER_INCH, HANDLE_LETTERS = 12, 7  # of titles and legends; room of a legend's line
+LETTERS_PER_INCH, HANDLE_LETTERS = 12, 9  # of titles and legends; room of a legend's line
 LINE_IN, GAP_IN = 0.18, 0.42  # height of a line of text; between panels
 MARKERS_PER_CURVE = 12
 OFF_SCALE = 1.5  # how far, in ranges of the others, an outlier's curve is shown
@@ -88,6 +88,8 @@ def time_axes(figure: Figure, rows: int, columns: int, height: float, right: flo
     figure.subplots_adjust(0.75 / width, 0.55 / total, 1 - right / width, hspace=GAP_IN / height)
     grid = figure.subplots(rows, columns, sharex=True, squeeze=False, **shared)
     grid[0, 0].xaxis.set_major_formatter(lambda time, _: f"{FRAME_RATE_HZ * time:g}\n{time:g} s")
+    for axes in grid.flat:
+        axes.locator_params(axis="y", nbins=max(3, round(3 * height)))
     for axes in grid[-1]:
         axes.set_xlabel("frames of 1/60 s (fp)")
     return grid

@@ -12,7 +12,7 @@ from omni_mj.show import style
 
 def draw_memberships(control: ControlSettings, figure: Figure) -> None:
     """Draw the five sets of each input (figure 5) and of each output (figure 6), named at their peaks."""
-    figure.set_layout_engine("constrained")
+    figure.subplots_adjust(0.08, 0.17, 0.98, wspace=0.15)
     figure.set_size_inches(8, 3)
     inputs, outputs = figure.subplots(1, 2, sharey=True)
     error, velocity = fuzzy.ENGINE.inputs[0], fuzzy.ENGINE.outputs[0]

@@ -71,6 +71,7 @@ def draw_paths(first: FirstRows, figure: Figure) -> None:
         corner = spots[group[0]].centre + spots[group[0]].half
         numbers = " ".join(str(i + 1) for i in group)
         overview.annotate(numbers, tuple(corner), weight="bold", zorder=8, path_effects=halo, annotation_clip=False)
+    figure.subplots_adjust(0.75 / figure.get_figwidth(), right=0.98, wspace=0.25, hspace=0.45)
     overview.margins(0.06)
     overview.set(xlabel="x in m", ylabel="y in m")
     canvas.add_legend(figure, [overview, *details])
@@ -103,11 +104,10 @@ def find_spots(reference: Array, positions: Array) -> list[Spot]:
 
 def _axes(figure: Figure, count: int) -> list[Axes]:
     """Return the axes of the overview and of `count` squares, at its right if they are few, else below it."""
-    figure.set_layout_engine("constrained")
     if count <= canvas.MAX_SHARED_CURVES:
         figure.set_size_inches(9, max(4.8, 2.1 * count + 0.8))
         mosaic: Any = [["path", i] for i in range(count)]
-        axes = figure.subplot_mosaic(mosaic, width_ratios=[3, 1])
+        axes = figure.subplot_mosaic(mosaic, width_ratios=[3.4, 1])
     else:
         rows = -(-count // COLUMNS)
         figure.set_size_inches(8, 5 + 2.2 * rows)

@@ -59,6 +59,7 @@ def draw_causes(first: FirstRows, figure: Figure) -> None:
                 xycoords=("axes fraction", "data"), textcoords="offset points", annotation_clip=False,
             )  # fmt: skip
         axes.set_ylim(-0.19 * top * (len(active) + 0.3), 1.05 * top)
+        axes.locator_params(axis="y", nbins=6)
         axes.set_yticks([tick for tick in axes.get_yticks() if 0 <= tick <= 1.05 * top])
         _mark_failure(axes, first, i)
     grid[len(grid) // 2].set_ylabel("error in the plane, cm")
@@ -106,21 +107,20 @@ def driven_alpha(first: FirstRows) -> Array:
 
 
 def draw_temperatures(first: FirstRows, figure: Figure) -> None:
-    """Draw winding and housing temperature of each motor, for each controller."""
-    grid = canvas.time_axes(figure, len(first.names), 2, 1.3, sharey="col")
-    for (i, j), axes in np.ndenumerate(grid):
-        part = ("winding", "housing")[j]
-        values, settings = first.channel(part), first.log.rows[first.rows[i]].settings
+    """Draw the winding temperature of each motor, for each controller."""
+    grid = canvas.time_axes(figure, len(first.names), 1, 1.2, sharey=True)[:, 0]
+    values = first.channel("winding")
+    low, high = np.nanmin(values), np.nanmax(values)
+    for i, (axes, name) in enumerate(zip(grid, first.names, strict=True)):
+        settings = first.log.rows[first.rows[i]].settings
         for motor, wheel in enumerate(style.wheel_names(kinematics(settings.wheels).azimuths)):
             canvas.plot_curve(axes, values[:, i, motor], motor, motor, f"motor {motor + 1}, {wheel}")
-        low, high = np.nanmin(values), np.nanmax(values)
-        axes.set(
-            title=f"{first.names[i]}, {part}", ylabel="" if j else "°C", ylim=(low - 0.1, max(high, low + 1) + 0.1)
-        )
-        if not j and high > settings.motor.limit_c - NEAR_LIMIT_K:
-            axes.axhline(settings.motor.limit_c, color="k", lw=1, ls=":", label=f"limit, {settings.motor.limit_c:g} °C")
-    canvas.add_legend(figure, grid.flat)
-    figure.suptitle("Temperatures of the motors")
+        axes.set(title=name, ylabel="°C", ylim=(low - 0.1, max(high, low + 1) + 0.1))
+        limit = settings.motor.limit_c
+        if high > limit - NEAR_LIMIT_K:
+            axes.axhline(limit, color="k", lw=1, ls=":", label=f"limit, {limit:g} °C")
+    canvas.add_legend(figure, grid)
+    figure.suptitle("Temperatures of the motors' windings")
 
 
 def _compare(
