@@ -131,16 +131,6 @@ def test_files_hold_the_same(result: om.Result, tmp_path: Path) -> None:
     assert again.settings == result["rect"].scenario.settings
 
 
-def test_the_table_shows_medians_and_the_paper(result: om.Result) -> None:
-    found = result.summary()["scenarios"]["rect"]["results"]
-    lines = result.table().splitlines()
-    assert "median of 3 seeds" in lines[0]
-    for name, line in zip(("flc", "comp-flc"), lines[2:], strict=False):
-        x = found[name]["error_m"]["x"]
-        assert line.split()[:2] == [name, f"{100 * x['max']['median']:.2f}/{100 * x['mean']['median']:.2f}"]
-    assert lines[4].split()[:4] == ["paper's", "flc", "3.29/0.36", "7.61/1.33"]
-
-
 def test_rows_name_what_they_are_what_differs_and_what_became_of_them() -> None:
     """Two settings of a sweep, of which one topples: in the table of rows, the summary and the text alike."""
     chosen = om.scenario("rect", plant="kinematic")

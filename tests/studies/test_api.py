@@ -64,12 +64,6 @@ def test_names_at_the_top_are_few_and_stay_what_they_are() -> None:
     assert done.stdout.split() == ["run", "omni_mj.studies.run"]
 
 
-def test_all_errors_are_said_at_once() -> None:
-    with pytest.raises(om.OmniError) as error:
-        om.scenario("rect", plant="mujocco", radio={"delay": 9, "jitter_frames": -1})
-    assert len(str(error.value).splitlines()) == 3
-
-
 def test_a_subject_is_judged_and_a_controller_that_raises_fails_alone() -> None:
     """Its row is kept with time and cause; the other's numbers are those it has alone."""
 

@@ -15,7 +15,6 @@ import pytest
 from benches import sweep as bench
 from commands import invoke
 from distributed import Client, LocalCluster
-from scipy.optimize import brentq
 
 import omni_mj as om
 
@@ -199,19 +198,6 @@ def test_axes_are_read_as_they_are_written() -> None:
     ):  # fmt: skip
         with pytest.raises(om.OmniError):
             bench.Axis.parse(text)
-
-
-@pytest.mark.parametrize(("failed", "count"), [(0, 20), (1, 20), (20, 20), (3, 1000)])
-def test_the_interval_of_a_rate_is_where_the_normal_test_accepts_it(failed: int, count: int) -> None:
-    """Its ends p solve |failed / count - p| = z sqrt(p (1 - p) / count), found here by bisection."""
-    rate, z = failed / count, 1.959963984540054
-
-    def beyond(p: float) -> float:
-        return abs(rate - p) - z * np.sqrt(p * (1 - p) / count)
-
-    low, high = bench.wilson(failed, count)
-    assert low == pytest.approx(0.0 if failed == 0 else brentq(beyond, 1e-12, min(rate, 1 - 1e-6)), abs=1e-9)
-    assert high == pytest.approx(1.0 if failed == count else brentq(beyond, max(rate, 1e-6), 1 - 1e-12), abs=1e-9)
 
 
 @pytest.mark.parametrize("n", [6, 51])

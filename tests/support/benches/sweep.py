@@ -1,6 +1,5 @@
 """Sweeps, and what they are made of."""
 
-from omni_mj.scenarios.distributions import Distribution as Distribution
 from omni_mj.studies.outcome import StoppedError as StoppedError
 from omni_mj.studies.outcome import nothing as nothing
 from omni_mj.studies.sweep import Axis as Axis
@@ -12,6 +11,5 @@ from omni_mj.studies.sweep import sensitivity as sensitivity
 from omni_mj.studies.sweep import sweep as sweep
 from omni_mj.studies.sweep import workers as workers
 from omni_mj.studies.sweep.cells import median as median
-from omni_mj.studies.sweep.cells import wilson as wilson
 from omni_mj.studies.sweep.sensitivity import Design as Design
 from omni_mj.studies.sweep.sensitivity import indices as indices
