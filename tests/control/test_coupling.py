@@ -1,6 +1,5 @@
 """Driving turns robots whose wheels do not all give way alike: what turning adds for it, finds of it, and undoes."""
 
-import compiled
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -126,7 +125,6 @@ def test_a_robot_that_drives_aside_keeps_its_heading() -> None:
 
     Before that it cannot know.
     """
-    compiled.once("planar")
     head = {"plant": "planar", "robot": "tigers-v2020", "controllers": ("adaptive-comp-flc", "comp-flc-lag")}
     driven = finished(Simulation(scenario.load("rect", ASIDE, head)))
     adaptive, knows_nothing = np.abs(np.degrees(driven.channel("pose")[:, :, 0, 2])).T

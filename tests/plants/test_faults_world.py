@@ -60,16 +60,6 @@ def test_a_push_gives_momentum_and_ends() -> None:
     assert np.abs(plant.pose()[3]).max() < STILL
 
 
-def test_pushes_add_up() -> None:
-    """Two across each other are one along the diagonal; of two against each other nothing is left."""
-    one, other, against = ({"kind": "push", "force_n": 6.0, "direction_deg": d} for d in (0, 90, 180))
-    both = {"kind": "push", "force_n": 6.0 * 2**0.5, "direction_deg": 45}
-    plant = plant_of([meets(*each, **ICE) for each in ((one, other), (both,), (one, against))])
-    poses = standing(plant, 40)[-1]
-    np.testing.assert_allclose(poses[0], poses[1], rtol=1e-9)
-    assert np.abs(poses[2]).max() < STILL < 0.1 < poses[0, 0]
-
-
 # --- slopes ---
 
 
@@ -134,14 +124,6 @@ def test_a_wheel_that_slides_pulls_by_the_friction_of_the_moment() -> None:
         gained = (MASS_KG + ROLLING_KG[0]) * (velocity[stop - 1] - velocity[start - 1])
         pull = ((-np.sign(slips) * load) @ TANGENTS[:, 0]).sum() / 960
         assert gained / pull == pytest.approx(friction, rel=0.03), start  # 2 % as in test_sliding.py, and short
-
-
-def test_patches_keep_their_friction() -> None:
-    """A robot on a patch that covers all feels no change of the carpet."""
-    patch = {"friction": 0.8, "patches": [[0, 0, 5.0, 0.3]]}
-    fault = {"kind": "friction", "at": 0.0, "to": 0.9}
-    poses = drive(plant_of([meets(fault, carpet=patch), quiet(carpet=patch)]), constant([2.0, 0, 0], 20, 2))
-    np.testing.assert_array_equal(poses[:, 0], poses[:, 1])
 
 
 def test_a_patch_that_comes_is_one_that_was_there_and_covers_it_until_it_goes() -> None:

@@ -79,12 +79,3 @@ def test_alpha_depends_on_the_seed_alone_whatever_the_batch_and_the_length() -> 
         alone = alphas([settings[row]], [seeds[row]], 80)
         np.testing.assert_array_equal(alone[:50, 0], together[:, row])
     assert (alphas([remembering(0.5)], [9], 50)[:, 0] != together[:, 1]).all()
-
-
-def test_a_memory_of_zero_is_the_default_and_remembers_nothing() -> None:
-    default, zero, slow = (alphas([s], [3], 2000)[:, 0] for s in (Settings(), remembering(0.0), remembering(0.05)))
-    np.testing.assert_array_equal(zero, default)
-    # Correlations of neighbouring frames: of independent samples they spread by 1 / sqrt(n).
-    neighbours = [[np.corrcoef(axis[1:], axis[:-1])[0, 1] for axis in alpha.T] for alpha in (zero, slow)]
-    assert np.abs(neighbours[0]).max() < SIGMAS / math.sqrt(2000)
-    assert np.min(neighbours[1]) > SIGMAS / math.sqrt(2000)

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from benches.motor import OWN, ROBOTS
 from benches.plant import (
     ARM_M,
     FRAME_S,
@@ -15,15 +14,10 @@ from benches.plant import (
     constant,
     drive,
     quiet,
-    rows,
     with_settings,
 )
 from benches.plant import mujoco as plant_of
-from scipy.optimize import brentq
 
-from omni_mj.link.radio import Received
-from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.scenarios import scenario
 from omni_mj.scenarios.settings import Settings
 
 STARTS = np.array([[0, 0, 0], [1.5, -2, 1], [-3, 0.5, math.pi], [0, 0, -math.pi + 1e-3], [4, 3, 10], [0, 1, -7.0]])
@@ -86,22 +80,6 @@ def test_nothing_drives_faster_than_the_carpets_friction_allows() -> None:
     assert (distance >= 0.5 * bound).all()
 
 
-@pytest.mark.parametrize("name", ROBOTS)
-def test_the_engines_friction_is_the_robots(name: str) -> None:
-    """At a hub: of its motor, dry and per speed, and of its gear; at a roller: of its bearing. Each row has its own."""
-    chosen, own = scenario.scenario("rect", robot=name).settings, ROBOTS[name]
-    stiffer = chosen.replace(drive={"gear_friction_nm": 0.5, "roller_damping_nm_s": 1e-6})
-    plant = MujocoPlant(rows([chosen, stiffer], robot=name), np.zeros((2, 3)))
-    robot = plant._world.robots[0]
-    for world, drive_settings in enumerate((chosen.drive, stiffer.drive)):
-        model = plant._batch.get_model(world)
-        dry = own.gear * own.dry + drive_settings.gear_friction_nm
-        np.testing.assert_allclose(model.dof_frictionloss[robot.wheel_dofs], dry, rtol=1e-12)
-        np.testing.assert_allclose(model.dof_damping[robot.wheel_dofs], own.gear**2 * own.viscous, rtol=1e-12)
-        rollers = model.dof_damping[robot.roller_dofs.ravel()]
-        np.testing.assert_array_equal(rollers, drive_settings.roller_damping_nm_s)
-
-
 def test_disturbing_force_pushes_a_sliding_robot_by_newtons_law() -> None:
     frames, n, force = 40, 20, 50.0
     # Of the wheels nothing is asked here, so that the faster ones do.
@@ -120,13 +98,6 @@ def test_disturbing_force_pushes_a_sliding_robot_by_newtons_law() -> None:
     assert mean_force.mean() == pytest.approx(0.0, abs=SIGMAS * sigma * math.sqrt(2 / samples))
 
 
-def test_the_force_depends_on_the_seed() -> None:
-    settings = with_settings(disturbance={"force_n": 20.0})
-    poses = drive(plant_of([settings] * 3, seeds=[5, 6, 5]), constant([0.0, 0.0, 0.0], 10, 3))
-    np.testing.assert_array_equal(poses[:, 0], poses[:, 2])
-    assert (poses[-1, 0] != poses[-1, 1]).all()
-
-
 def test_neither_threads_nor_the_batch_change_a_bit() -> None:
     """Robots that slip, saturate and are pushed, each otherwise, on any number of threads and alone."""
     settings, seeds, start = with_settings(disturbance={"force_n": 10.0}), [3, 1, 4, 1, 5], STARTS[:5]
@@ -138,55 +109,3 @@ def test_neither_threads_nor_the_batch_change_a_bit() -> None:
     for row in range(5):
         alone = drive(plant_of([settings], start[[row]], [seeds[row]]), commands[:, [row]])
         np.testing.assert_array_equal(alone, serial[:, [row]])
-
-
-def test_settings_are_each_robots_own() -> None:
-    one = quiet(carpet={"friction": 0.3, "pile": 0.2}, motor={"winding_c": 100.0}, radio={"delay_frames": 3})
-    other = quiet(battery={"charge": 1.0}, firmware={"kp": 0.1, "ki": 1.0}, drive={"gear_friction_nm": 0.02})
-    ages = np.array([3, 0, 2])
-    commands = np.random.default_rng(2).normal(scale=1.0, size=(15, 3, 3))
-    together = drive(plant_of([one, other, one], STARTS[:3], [1, 2, 3]), commands, ages)
-    for row, settings in enumerate((one, other, one)):
-        alone = drive(plant_of([settings], STARTS[[row]], [row + 1]), commands[:, [row]], ages[row])
-        np.testing.assert_array_equal(together[:, [row]], alone)
-
-
-def test_a_weak_battery_limits_the_wheels_to_its_back_emf() -> None:
-    # One cell, nearly flat, without inner resistance: 3.4 V, which never sag.
-    battery = {"cells": 1, "charge": 0.05, "resistance_ohm": 0.0, "cut_off_v": 0.0, "capacity_ah": 100.0}
-    losses = {"carpet": {"pile": 0.0}, "drive": {"gear_friction_nm": 0.0}, "motor": {"copper_per_k": 0.0}}
-    plant = plant_of([quiet(battery=battery, **losses)])
-    drive(plant, constant([0.0, 0.0, 26.0], 60, 1))
-    telemetry = plant.telemetry()
-    # V = (R + X w) I + K w with the current that overcomes the motor's own friction, w at the rotor, 10/3 of the
-    # wheel's: no faster; 2 % for rolling losses: hardly slower. 0.1 % of 3.4 V for what a second draws.
-    no_load = brentq(lambda w: OWN.back_emf * w + OWN.series(w) * OWN.friction(w) / OWN.back_emf - 3.4, 0, 60)
-    assert telemetry.wheel_speed.max() <= no_load
-    assert telemetry.wheel_speed.min() >= 0.98 * no_load
-    np.testing.assert_allclose(telemetry.voltage, 3.4, rtol=1e-3)
-    assert telemetry.voltage_peak[0] == pytest.approx(3.4, rel=1e-3)
-    np.testing.assert_allclose(telemetry.battery, 3.4, rtol=1e-3)
-
-
-def test_peaks_cover_the_frames_physics_steps() -> None:
-    plant = plant_of([quiet(battery={"resistance_ohm": 0.0}, firmware={"current_limit_a": 1000.0})] * 2)
-    command = np.array([[1.2, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    peaks = []
-    for _ in range(20):
-        plant.advance(Received.at_once(command, np.zeros(2)))
-        telemetry = plant.telemetry()
-        assert (telemetry.voltage_peak >= np.abs(telemetry.voltage).max(1)).all()
-        assert (telemetry.current_peak >= np.abs(telemetry.current).max(1)).all()
-        # A battery without resistance: 14.8 V but for what a third of a second draws of its charge.
-        np.testing.assert_allclose(telemetry.duty_peak * 14.8, telemetry.voltage_peak, rtol=1e-3)
-        peaks.append((telemetry.voltage_peak, telemetry.current_peak))
-    voltage, current = np.array(peaks).transpose(1, 2, 0)
-    # The first step from rest: k_p and feed-forward times the fastest wheel's speed, on a motor without back-EMF, as
-    # the nominal battery gives it.
-    first = (0.3 + OWN.back_emf) * 1.2 * math.sin(math.radians(60)) / RADIUS_M
-    assert voltage[0, 0] == pytest.approx(first, rel=1e-6)  # the geometry's digits
-    assert current[0, 0] == pytest.approx(first / OWN.resistance, rel=1e-6)
-    assert (voltage[0, 1:] < 0.9 * first).all()  # each frame's own, not the run's: the wheels turn by then
-    # A standing robot's motors rest, but for a wheel whose angle swings by one of the encoder's counts.
-    count = 2 * math.pi / (Settings().sensors.encoder_counts * OWN.gear) * 960
-    assert voltage[1].max() < 0.1 + 0.3 * count

@@ -11,7 +11,6 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scipy import stats
 
-import omni_mj as om
 from omni_mj.link.radio import Received
 from omni_mj.plants.kinematic import KinematicPlant
 from omni_mj.plants.mujoco import MujocoPlant
@@ -85,17 +84,6 @@ def test_poses_and_twists_handed_out_do_not_change_afterwards(kind: type[Kinemat
         assert (after != 0).all()
 
 
-def test_the_kinematic_plants_twist_is_that_of_the_frame_just_past() -> None:
-    settings = with_settings(disturbance={"velocity_m_s": 0.3})
-    plant = KinematicPlant(rows([settings] * 2, [0, 1]), np.zeros((2, 3)))
-    before = plant.pose()
-    for command in np.random.default_rng(0).normal(size=(20, 2, 3)):
-        plant.advance(Received.at_once(command))
-        # Rounding of poses of size 1, over T.
-        np.testing.assert_allclose(plant.twist(), (plant.pose() - before) / FRAME_S, rtol=0, atol=1e-13)
-        before = plant.pose()
-
-
 def test_the_mujoco_plants_twist_is_the_rate_of_its_pose_in_the_world() -> None:
     """Integrated, the twist of a robot that turns and curves is the way that it went, on whatever heading."""
     frames, start = 60, np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 2.5]])
@@ -122,36 +110,3 @@ def test_telemetry_handed_out_does_not_change_afterwards() -> None:
     for name, values in telemetry.named().items():
         np.testing.assert_array_equal(values, before[name], err_msg=name)
         assert (values != later[name]).any(), name
-
-
-@pytest.mark.parametrize(
-    ("kind", "foreign"),
-    [
-        (
-            KinematicPlant,
-            {"disturbance": {"force_n": 50.0}, "firmware": {"kp": 0.0}, "carpet": {"friction": 0.1, "pile": 0.2}}
-            | {"motor": {"winding_c": 120.0}, "battery": {"charge": 0.1}, "sensors": {"gyro_bias_rad_s": 1.0}},
-        ),
-        (
-            MujocoPlant,
-            {"disturbance": {"velocity_m_s": 5.0}, "kinematic": {"alpha_low": 0.1, "alpha_high": 0.2}},
-        ),
-    ],
-)
-def test_settings_of_the_other_plant_change_nothing(
-    kind: type[KinematicPlant] | type[MujocoPlant], foreign: dict[str, dict[str, float]]
-) -> None:
-    commands = constant([0.5, 0.2, 1.0], 15, 2)
-    default = drive(kind(rows([Settings()] * 2, [3, 4]), np.zeros((2, 3))), commands)
-    changed = drive(kind(rows([with_settings(**foreign)] * 2, [3, 4]), np.zeros((2, 3))), commands)
-    np.testing.assert_array_equal(changed, default)
-
-
-def test_a_plant_without_wheels_takes_robots_of_three() -> None:
-    """What is recorded of their wheels is not a number, in three columns each."""
-    chosen = om.scenario("rect", plant="kinematic", wheels={"azimuths_deg": [60, 180, 300]})
-    simulation = om.Simulation(chosen, ["comp-flc"])
-    simulation.observe()
-    simulation.step()
-    told = [name for name in simulation.log.table().column_names if name.startswith("wheel_angle_")]
-    assert told == ["wheel_angle_1_rad", "wheel_angle_2_rad", "wheel_angle_3_rad"]

@@ -4,11 +4,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benches.plant import FRAME_S, SIGMAS, STIFF, constant, drive, quiet, ramp, rows, with_settings
+from benches.plant import FRAME_S, SIGMAS, constant, drive, quiet, ramp, rows, with_settings
 from benches.plant import mujoco as plant_of
 from numpy.typing import NDArray
 
-from omni_control.errors import OmniError
 from omni_mj import run, scenario
 from omni_mj.plants.variation import Drawn
 from omni_mj.scenarios.robot_settings import VariationSettings
@@ -142,19 +141,6 @@ def test_a_wheel_that_slides_pulls_by_its_own_friction() -> None:
     np.testing.assert_allclose(moved, expected, atol=0.07 * np.abs(expected).max())
 
 
-def test_magnets_set_torque_and_speed() -> None:
-    """Wheels that spin freely at full voltage turn at it over their own constant; at rest they pull by it."""
-    motor = {"no_load_current_a": 0.0}
-    slick = {"carpet": {"friction": 0.01}, "drive": {"gear_friction_nm": 0.0, "roller_friction": 0.0}}
-    plant = plant_of([quiet(motor=motor, variation={"motor_constant": 0.1}, **slick)] * 3, seeds=range(3))
-    drive(plant, constant([0, 0, 100.0], 30, 3))
-    told, sheet = plant.telemetry(), Settings().motor
-    constants = plant.drawn.strength * sheet.constant_nm_a
-    assert (told.duty_peak == 1).all()
-    # 0.5 %: what is left of friction 0.01 and of the run-up, and magnets that warm up by 2 K.
-    np.testing.assert_allclose(told.voltage, constants * sheet.gear * told.wheel_speed, rtol=5e-3)
-
-
 def test_mass_and_centre_are_carried_by_the_wheels() -> None:
     """The loads' sum is the weight, their middle the centre of mass, which the wheels dilute."""
     plant = plant_of([quiet(variation={"mass": 0.1, "centre_m": 0.005})] * 4, seeds=range(4))
@@ -168,29 +154,6 @@ def test_mass_and_centre_are_carried_by_the_wheels() -> None:
     as_built = (body.mass_kg * np.array([body.centre_x_m, 0]) - wheels * feet.mean(0)) / (body.mass_kg - wheels)
     moments = chassis[:, None] * (as_built + plant.drawn.centre) + wheels * feet.mean(0)
     np.testing.assert_allclose(middle, moments / (chassis + wheels)[:, None], atol=5e-5)  # a hundredth of its spread
-
-
-def test_a_robot_follows_its_wheels_worse_against_the_fibres() -> None:
-    """Wheels creep alike, by k of their travel: k C sum(N d^2) = p (1 +- nap) sum(N), d being the wheels' cosines."""
-    pile, nap = 0.1, 0.5
-    stiff = {"firmware": STIFF, "drive": {"roller_friction": 0.0}}
-    chosen = quiet(carpet={"pile": pile, "nap": nap, "nap_deg": 90.0}, wheels={"model": "two-rollers"}, **stiff)
-    headings = np.radians([90.0, -90.0])  # against the fibres and with them
-    plant = plant_of([chosen] * 2, [[0, 0, heading] for heading in headings])
-    twists = 0.8 * np.column_stack([np.cos(headings), np.sin(headings), np.zeros(2)])
-    commands = ramp(twists, 2.0, 60)
-    drive(plant, commands)
-    poses, rims = [], []
-    for _ in range(30):
-        poses.append(drive(plant, commands[-1:])[-1])
-        rims.append(plant.telemetry().wheel_speed * plant.geometry.radius)
-    speed = np.linalg.norm(np.array(poses[-1] - poses[0])[:, :2], axis=1) / (29 * FRAME_S)
-    wheels = np.mean(rims, 0) @ np.linalg.pinv(plant.geometry.matrix).T
-    against, along = wheels[:, 0] / speed - 1
-    load, cosines = plant._at.load.get()[0], plant.geometry.matrix[:, 0]
-    # What rollers cost, viscous and as polygons, is in both. 2 %: loads swing, and creep is some of the travel.
-    expected = 2 * nap * pile * load.sum() / (chosen.drive.creep_stiffness * load @ cosines**2)
-    assert against - along == pytest.approx(expected, rel=0.02)
 
 
 def test_a_robot_on_a_patch_slides_as_on_carpet_of_its_friction_and_brakes_at_its_edge() -> None:
@@ -213,13 +176,3 @@ def test_a_robot_on_a_patch_slides_as_on_carpet_of_its_friction_and_brakes_at_it
     gained = np.diff(x, 2) / FRAME_S**2
     # Four times the friction, less the same drag.
     assert gained[off[0] : off[0] + 2].min() > 4 * gained[on[5:-3]].max() > 0
-
-
-@pytest.mark.parametrize(
-    "varied",
-    [{"variation": {"friction": 0.1}}, {"variation": {"wear_m": 1e-4}}, {"carpet": {"patches": [[0, 0, 1, 0.5]]}}],
-)
-def test_wheels_without_creep_are_all_alike(varied: dict[str, Any]) -> None:
-    with pytest.raises(OmniError, match=r"^variation.friction, variation.wear_m and carpet.patches need wheels.creep"):
-        plant_of([quiet(wheels={"creep": "off"}, **varied)])
-    plant_of([quiet(wheels={"creep": "off"}, variation={"mass": 0.1, "centre_m": 0.01, "motor_constant": 0.1})])

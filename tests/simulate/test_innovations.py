@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import compiled
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -40,8 +39,6 @@ class Certainty:
 def certainty(request: pytest.FixtureRequest) -> Certainty:
     name, plant, seeds, overrides = CASES[request.param]
     head = {"plant": plant, "seeds": seeds, "controllers": ("comp-flc",)}
-    if plant == "mujoco":
-        compiled.once(plant)
     simulation = Simulation(scenario.load(name, overrides, head))
     kalman, said = simulation.team.filter, []
     log = simulation.run(lambda frame: said.append((kalman.normalised.copy(), kalman.pose.copy(), kalman.sigma.copy())))

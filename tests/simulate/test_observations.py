@@ -3,7 +3,6 @@
 from contextlib import suppress
 from copy import deepcopy
 
-import compiled
 import numpy as np
 import pytest
 from simulating import FAST, PLANTS, Grid
@@ -46,7 +45,6 @@ class Vandal(Witness):
 def simulated(plant: str, *kinds: type[Controller], overrides: tuple[str, ...] = ()) -> Simulation:
     """A short run, over, of classes with two seeds."""
     if plant == "mujoco":
-        compiled.once(plant)
         overrides = (*FAST, *overrides)
     simulation = Simulation(scenario.load("rect", [*SHORT, *overrides], {"plant": plant, "seeds": 2}), kinds)
     simulation.run()

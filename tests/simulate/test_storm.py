@@ -1,6 +1,5 @@
 """The scenario in which everything happens at once: robots err, but stay within the field and come to rest."""
 
-import compiled
 import numpy as np
 
 import omni_mj as om
@@ -8,12 +7,11 @@ from omni_mj.measure import events
 from omni_mj.simulate.simulation import Simulation
 
 HALF_FIELD_M = (4.5, 3.0)  # division B
-STORM = om.scenario("storm", plant="planar", physics=compiled.NUMBA)
+STORM = om.scenario("storm", plant="planar", physics={"kernel": "numpy"})
 
 
 def test_robots_come_out_of_the_storm_on_the_field_and_at_rest() -> None:
     """Whatever their controller believed meanwhile; its estimates are within what it allows. Each fault is an event."""
-    compiled.once("planar")
     simulation = Simulation(STORM, ["comp-flc", "adaptive-comp-flc", "lqr"], seeds=[5])
     log = simulation.run()
     assert not simulation.failures

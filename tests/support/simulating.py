@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
-import compiled
 import numpy as np
 from numpy.typing import NDArray
 
@@ -52,7 +51,6 @@ def simulation(
     route: tuple[str, ...] = SHORT,
 ) -> Simulation:
     if plant == "mujoco":
-        compiled.once(plant)
         overrides = (*FAST, *overrides)
     head = {"plant": plant, "controllers": controllers, "seed": seed, "seeds": seeds}
     return Simulation(scenario.load(name, route + overrides, head))
@@ -71,7 +69,6 @@ def batch(
 
     Its rows are all seeds of all controllers of all cases.
     """
-    compiled.once("kinematic")
     sets = "physics.kernel=numpy", *route
     chosen = [scenario.load("rect", sets + case, {"plant": "kinematic"}) for case in cases]
     each = [(c, name, seed) for c in chosen for name in controllers for seed in seeds]

@@ -1,7 +1,5 @@
 """Worlds of a scene and n robots: parts by role, and what is refused."""
 
-import copy
-import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -9,8 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from benches.plant import constant, drive, quiet, with_settings
-from benches.plant import mujoco as plant_of
+from benches.plant import with_settings
 from plain import arrays
 
 from omni_control.errors import OmniError
@@ -96,34 +93,6 @@ def made_of(monkeypatch: pytest.MonkeyPatch, write: Callable[..., str]) -> Calla
     return made_of
 
 
-def test_a_hull_and_walls_change_nothing_with_one_robot(made_of: Callable[..., Path]) -> None:
-    """Nor does it matter where the robot is: it drives through a wall that is not there for it."""
-    start, command = [[5.05, 3.0, 0.4]], constant([1.0, 0.5, 1.0], 20, 1)
-    with_hull, model = drive(plant_of([quiet()], start), command), build.world().model
-    made_of(('<geom name="hull"[^>]*>', ""))
-    np.testing.assert_array_equal(with_hull, drive(plant_of([quiet()], start), command))
-    assert with_hull[-1, 0, 0] > 5.2
-    for name, value in arrays(build.world().model).items():
-        if not re.match("n?geom|ngeom|body_geom|body_bvh|n?bvh|pair_geom|mesh|.*adr$|sensor_objid", name):
-            np.testing.assert_array_equal(arrays(model)[name], value, err_msg=name)
-
-
-def test_the_islands_that_a_robot_alone_goes_without_change_no_bit() -> None:
-    """All that touches is one island. Half a second of it slipping and turning, with and without the list of them."""
-    model, poses = build.world().model, []
-    assert model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ISLAND
-    assert not build.world(places=2).model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ISLAND
-    for islands in (False, True):
-        own, data = copy.copy(model), mujoco.MjData(model)
-        own.opt.disableflags ^= islands * int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
-        data.qpos, data.ctrl = build.world().standing, [9.0, -4.0, 2.0, 7.0]
-        for _ in range(500):
-            mujoco.mj_step(own, data)
-        poses.append(data.qpos.copy())
-    assert np.linalg.norm(poses[0][:2]) > 0.05
-    np.testing.assert_array_equal(*poses)
-
-
 def test_a_scene_with_another_solver_is_refused_at_once(write: Callable[..., str]) -> None:
     plain = '<mujoco><worldbody><geom name="carpet" type="plane" size="5 5 0.1"/></worldbody></mujoco>'
     with pytest.raises(OmniError) as error:
@@ -178,21 +147,6 @@ def test_what_no_robot_can_be_is_refused_in_a_line() -> None:
 def test_a_scene_needs_a_carpet(write: Callable[..., str]) -> None:
     with pytest.raises(OmniError, match=r"mine\.xml: no carpet"):
         build.world(scene=write(SCENE, ('name="carpet" class', 'name="floor" class')))
-
-
-def test_a_world_is_built_once_for_all_that_have_its_shape_and_again_when_its_file_has_changed(
-    made_of: Callable[..., Path],
-) -> None:
-    assert build.world() is build.world(quiet(carpet={"friction": 0.1}))
-    assert build.world() is not build.world(quiet(body={"mass_kg": 3.0}))
-    file = made_of()
-    first = build.world()
-    assert build.world() is first
-    made_of(('mass="0.042"', 'mass="0.142"'))
-    os.utime(file, ns=(1, 1))
-    changed = build.world().model
-    assert changed.body("robot_1/wheel_1").mass[0] == 0.142
-    assert changed.body_mass.sum() == pytest.approx(first.model.body_mass.sum())  # the chassis has the rest
 
 
 def test_the_robot_weighs_and_balances_as_its_settings_say() -> None:

@@ -14,7 +14,6 @@ from benches.plant import (
     constant,
     drive,
     quiet,
-    ramp,
     sensed,
 )
 from benches.plant import mujoco as plant_of
@@ -62,28 +61,6 @@ def test_friction_wheel_angles_and_loads_limit_the_acceleration() -> None:
     # 4 %: rims and rollers roll with the robot, which adds 1.5 % to its mass, and rollers that come down are spun up.
     assert fits == pytest.approx(expected, rel=0.04)
     assert (fits < np.array(expected)).all()
-
-
-def test_a_mirrored_command_gives_a_mirrored_path() -> None:
-    """Left and right of the robot are alike: y, heading and turn rate change their sign together."""
-    one = np.array([0.6, -0.9, -2.0])
-    commands = ramp([one, one * [1, -1, -1]], 1.5 * np.linalg.norm(one), 40)
-    poses = drive(plant_of([quiet(sensors={"encoder_counts": 1_000_000})] * 2), commands)
-    # Counts of an encoder are rounded downwards in either direction: a count is 2 um at the rim.
-    assert poses[:, 0] * [1, -1, -1] == pytest.approx(poses[:, 1], abs=1e-6)
-    assert np.hypot(*poses[-1, 0, :2]) > 0.2
-
-
-@pytest.mark.parametrize("friction", [0.8, 0.4])
-def test_half_the_timestep_gives_the_same_path(friction: float) -> None:
-    """Of commanded profiles at up to 3.5 m/s^2, sliding included."""
-    twists = [[1.0, 0, 0], [0, 1.0, 0], [0.7, -0.7, 0.5], [2.5, 0, 0], [0, 2.5, 0]]
-    commands = ramp(twists, [2.0, 2.0, 2.0, 3.5, 3.5], 50)
-    settings = [quiet(carpet={"friction": friction}, physics={"substeps": steps}) for steps in (1, 2)]
-    coarse, fine = (drive(plant_of([each] * 5), commands)[..., :2] for each in settings)
-    travelled = np.linalg.norm(coarse[-1], axis=1)
-    # A thousandth of the way: sensors are as late with either step.
-    assert (np.linalg.norm(coarse - fine, axis=2).max(0) < 1e-3 * travelled).all()
 
 
 @pytest.mark.parametrize("substeps", [1, 3])

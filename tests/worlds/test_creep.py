@@ -1,8 +1,5 @@
 """Creep: wheels slip as they travel and pull, by the closed form, per wheel and for the robot, whatever the step."""
 
-import copy
-
-import mujoco as mj
 import numpy as np
 import pytest
 from benches.plant import (
@@ -23,7 +20,6 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from omni_mj.scenarios.settings import Settings
-from omni_mj.worlds import build
 
 STIFFNESS = 2.5
 HUB_INERTIA = 9e-6  # models/ssl_robot.xml
@@ -80,25 +76,6 @@ def test_the_body_is_slower_than_its_wheels_by_t_times_its_acceleration(driven: 
         assert behind[axis] == pytest.approx(lag[axis], rel=0.07)
 
 
-def test_at_a_constant_speed_wheels_creep_for_the_drag() -> None:
-    """v / u = K = 1 - T D / m: what brakes the body must be pulled through the wheels, what brakes hubs must not."""
-    settings = [free().replace(carpet={"pile": pile}) for pile in (0.0, 0.0, 0.12, 0.12)]
-    tape = Tape(mujoco(settings)).drive(ramp(np.tile(TWISTS[:2] / 1.5, (2, 1)), 4.0, 75))
-    b, window = np.column_stack([TANGENTS, 4 * [ARM_M]]), slice(-480, None)
-    twist, hubs = tape.twist()[window].mean(0), tape.steps["wheels"][window].mean(0)
-    wheels = RADIUS_M * hubs @ np.linalg.pinv(b).T
-
-    def behind(row: int) -> float:
-        return float(wheels[row, row % 2] / twist[row, row % 2] - 1)
-
-    for row in (0, 1):
-        load = tape.steps["load"][window, 2 + row].mean(0)
-        drag = np.append(0.12 * MASS_KG * GRAVITY * (np.arange(2) == row), 0.0)
-        expected = np.linalg.solve(b.T * load @ b, drag)[row] / STIFFNESS
-        # Less what the rolling radius, 0.1 % below the nominal one, and carpet that yields cost without pile. 2 %.
-        assert behind(2 + row) - behind(row) == pytest.approx(expected, rel=0.02)
-
-
 def test_speeds_are_those_of_the_laws_own_differential_equation(driven: Tape) -> None:
     """Hubs, rims and body in one equation, solved by scipy, under the torques that the plant's motors gave."""
     start, end = 16 * 5, 16 * 35
@@ -141,19 +118,3 @@ def test_creep_does_not_depend_on_the_step() -> None:
         assert np.abs(hubs).max() > 10
     # 2 %: the ripple of the loads differs with the step.
     assert lags[1:] == pytest.approx(np.tile(lags[0], (1, 1)), rel=0.02)
-
-
-@pytest.mark.parametrize("force", [(10.0, 0.0), (0.0, 10.0)], ids=["forward", "left"])
-def test_a_wheel_that_stands_does_not_creep(force: tuple[float, float]) -> None:
-    """Pushed with 10 N, 40 % of its weight, wheels held: 0.3 mm/s at most."""
-    world = build.world()
-    model, robot = copy.copy(world.model), world.robots[0]
-    model.dof_armature[robot.wheel_dofs] = 1e4
-    data = mj.MjData(model)
-    data.qpos[:] = world.standing
-    data.xfrc_applied[robot.chassis, :2] = force
-    mj.mj_step(model, data, nstep=480)
-    start = data.qpos[:2].copy()
-    mj.mj_step(model, data, nstep=960)
-    assert np.linalg.norm(data.qpos[:2] - start) < 0.3e-3
-    assert np.abs(data.qvel[robot.slip_dofs]).max() * RADIUS_M < 0.1e-3

@@ -68,12 +68,6 @@ def rolling() -> NDArray:
     return decelerations(rolled_out([settings(0.0, 0.0, 0.0, 0.0)]))
 
 
-def test_without_drag_a_robot_rolls_on(rolling: NDArray) -> None:
-    """But for at most a twentieth of what its carpet costs."""
-    assert (rolling > 0).all()
-    assert (rolling < 0.07).all()
-
-
 @pytest.mark.parametrize("name", DRAGS)
 def test_a_robot_rolls_out_as_its_drags_say(name: str, rolling: NDArray) -> None:
     tape = rolled_out([settings(*DRAGS[name])])
@@ -93,13 +87,6 @@ def test_carpet_and_bearings_brake_in_proportion_to_load() -> None:
     added = turning * ((TANGENTS @ DIRECTIONS.T) ** 2).sum(0) / RADIUS_M**2
     light_inertia, heavy_inertia = 1 + added / light.body.mass_kg, 1 + added / heavy.body.mass_kg
     assert many * heavy_inertia == pytest.approx(2 * few * light_inertia, rel=0.02)
-
-
-def test_a_robot_comes_to_rest_and_stays() -> None:
-    """Dry drag fades below a centimetre per second: it stops, and does not tremble."""
-    tape = rolled_out([Settings()], speed=0.4, frames=70)
-    assert np.abs(tape.twist()[-240:, :, :2]).max() < 1e-3
-    assert (np.abs(tape.steps["position"][-1] - tape.steps["position"][-240])[:, :2] < 2e-5).all()
 
 
 def test_the_default_robot_rolls_out_as_published() -> None:

@@ -29,14 +29,6 @@ def test_robots_that_do_not_meet_have_the_paths_they_have_alone(wheels: str) -> 
     np.testing.assert_allclose(two, one, rtol=0, atol=5e-5)
 
 
-def test_a_world_does_not_depend_on_the_others_of_its_batch() -> None:
-    chosen, start = [quiet(disturbance={"force_n": 5.0})] * 2, np.array([[0, 0, 0], [0.4, 0.0, 1.0]])
-    commands = ramp([[0.8, 0.0, 0.0], [-0.8, 0.1, 0.0]], 4.0, 25)  # they meet
-    alone = drive(plant_of(chosen, start, [7, 7], places=2), commands)
-    both = plant_of(chosen * 2, np.concatenate([start / 2 + 1, start]), [8, 8, 7, 7], places=2)
-    np.testing.assert_array_equal(drive(both, np.tile(commands, (1, 2, 1)))[:, 2:], alone)
-
-
 def collide(speed: float, aside: float) -> tuple[NDArray, NDArray, float]:
     """Two robots without motors on ice, each at `speed` towards the other, by `aside` m off the head-on.
 
