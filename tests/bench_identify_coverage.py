@@ -4,20 +4,16 @@
 
 Each log draws a robot of `ROBOTS` with creep, drag, loops and latency of its own, half of the plan's moves in another
 order and direction, 20 s, and noise; and the file it is identified from: another creep, drag, mass and latency, and a
-radius as well known as the program believes. With --folder, logs that were identified before are not again, so that a
-run can be broken off. A log takes seconds to drive, and five to be identified, with OMP_NUM_THREADS=1. Errors of the
-law in `omni_mj.studies.identify` are of --first 3000 --logs 40 and --first 1000 --logs 20, not of these logs.
+radius as well known as the program believes. With --folder, what was driven before is not again. A log takes seconds
+to drive, and one to be identified, with OMP_NUM_THREADS=1.
 """
 
 import argparse
-import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from omni_mj.measure.table import Table, text
 from omni_mj.scenarios import robots
@@ -25,6 +21,7 @@ from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, PERIOD_S, Settings
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies import run
+from omni_mj.studies.identify import robot_file
 from omni_mj.studies.identify.logs import Log, read
 from omni_mj.studies.identify.motion import RADIUS_SHARE, ROLLS
 from omni_mj.studies.identify.plan import LENGTHS_M, plan
@@ -34,7 +31,7 @@ from omni_mj.studies.slip.law import expected
 
 ROBOTS = ("tigers-v2016", "tigers-v2020", "ssl-a-team", "robojackets", "roboteam-twente")
 WRONG_DELAY_FRAMES = 3
-Found = dict[str, dict[str, Any]]  # number -> value, noise, error, low, high, truth
+Found = dict[str, tuple[float, ...]]  # number -> value, noise, error, low, high, truth
 
 
 def generator(number: int, what: int) -> np.random.Generator:
@@ -83,16 +80,10 @@ def start_file(settings: Settings, robot: str, number: int, folder: Path) -> str
         ("body", "mass_kg"): settings.body.mass_kg * rng.uniform(0.93, 1.1),
         ("wheels", "radius_m"): settings.wheels.radius_m * (1 + RADIUS_SHARE * rng.normal()),
     }
-    lines, section = [], ""
-    for line in robots.robot_path(robot).read_text("utf-8").splitlines():
-        section = line.strip()[1:-1] if line.startswith("[") else section
-        key = line.split("=")[0].strip()
-        if (section, key) in wrong:
-            line = f"{key} = {wrong[section, key]:.6g}"
-        if not line.startswith("#:schema"):
-            lines.append(line)
+    made = {place: f"{value:.6g}" for place, value in wrong.items()}
+    made["radio", "delay_frames"] = str(WRONG_DELAY_FRAMES)
     path = folder / f"start-{number}.toml"
-    path.write_text("\n".join([*lines, "[radio]", f"delay_frames = {WRONG_DELAY_FRAMES}", ""]), "utf-8")
+    path.write_text(robot_file.written(robots.robot_path(robot).read_text("utf-8"), made, ["a wrong guess"]), "utf-8")
     return str(path)
 
 
@@ -132,72 +123,46 @@ def driven(robot: str, numbers: Sequence[int], folder: Path) -> tuple[Path, list
 
 
 def identified(log: Log, settings: Settings, start: str) -> tuple[Found, list[str]]:
-    """What a log tells of each number whose truth is known; and misfits."""
+    """What a log tells of each number whose truth is known: value, noise, error, low, high, truth; and misfits."""
     result, truth = of_logs([log], started(start)), truths(settings)
-    found = {}
-    for e in result.estimates:
-        name = f"{e.source}.{e.name}"
-        if e.told and name in truth:
-            numbers = {"value": e.value, "noise": e.noise, "error": e.error, "low": e.low, "high": e.high}
-            found[name] = numbers | {"truth": truth[name]}
+    told = {f"{e.source}.{e.name}": e for e in result.estimates if e.told}
+    found = {name: (e.value, e.noise, e.error, e.low, e.high, truth[name]) for name, e in told.items() if name in truth}
     return found, result.misfits
 
 
-def study(logs: int, first: int, folder: Path) -> Iterator[dict[str, Any]]:
-    """Drive and identify; results of each log, kept in the folder as they come."""
-    kept = folder / "coverage.jsonl"
-    done = [json.loads(line) for line in kept.read_text("utf-8").splitlines()] if kept.exists() else []
-    known = {each["number"]: each for each in done}
-    yield from (known[n] for n in range(first, first + logs) if n in known)
+def study(logs: int, first: int, folder: Path) -> Iterator[tuple[Found, list[str]]]:
+    """Drive and identify."""
     for k, robot in enumerate(ROBOTS):
-        numbers = [n for n in range(first, first + logs) if n % len(ROBOTS) == k and n not in known]
-        if not numbers:
-            continue
-        file, settings = driven(robot, numbers, folder / f"{robot}-{numbers[0]}-{len(numbers)}")
+        numbers = [n for n in range(first, first + logs) if n % len(ROBOTS) == k]
+        file, settings = driven(robot, numbers, folder / f"{robot}-{first}-{logs}")
         for number, log, each in zip(numbers, read(file), settings, strict=True):
-            found, misfits = identified(log, each, start_file(each, robot, number, folder))
-            result = {"number": number, "robot": robot, "misfits": misfits, "found": found}
-            with kept.open("a", encoding="utf-8") as out:
-                out.write(json.dumps(result) + "\n")
-            yield result
+            yield identified(log, each, start_file(each, robot, number, folder))
 
 
-def table(results: Sequence[dict[str, Any]]) -> Table:
-    """Of each number relative or absolute errors, what noise and the interval say, and how many hold.
+def table(results: Sequence[tuple[Found, list[str]]]) -> Table:
+    """Of each number relative or absolute errors, what noise and the interval say, and how many hold the truth.
 
-    The last but two columns are root mean squares of errors over what the interval says, which should be 1; and of the
-    law's error l what makes errors most likely, were they normal of the variance noise^2 + l^2.
+    "Over it" is the root mean square of errors over what the interval says, which should be 1.
     """
     rows = []
-    for name in dict.fromkeys(name for each in results for name in each["found"]):
-        told = [each["found"][name] for each in results if name in each["found"]]
-        value, noise, error, low, high, truth = (
-            np.array([one[key] for one in told]) for key in ("value", "noise", "error", "low", "high", "truth")
-        )
+    for name in dict.fromkeys(name for found, _ in results for name in found):
+        told = np.array([found[name] for found, _ in results if name in found])
+        value, noise, error, low, high, truth = told.T
         unit = np.where(truth == 0, 1.0, np.abs(truth))
-        off, scatter = (value - truth) / unit, noise / unit
-        over = np.sqrt((((value - truth) / error) ** 2).mean())
-        numbers = off.mean(), off.std(), *(np.sqrt((x**2).mean()) for x in (scatter, error / unit)), over
+        off = (value - truth) / unit
+        numbers = off.mean(), off.std(), *(_rms(x) for x in (noise / unit, error / unit, (value - truth) / error))
         inside = f"{100 * np.mean((low <= truth) & (truth <= high)):.0f} %"
-        rows.append([name, *(f"{x:.2g}" for x in (*numbers, law_error(off, scatter))), inside, str(len(told))])
+        rows.append([name, *(f"{x:.2g}" for x in numbers), inside, str(len(told))])
     said = ", ".join(
-        f"{sum(any(what in line for line in each['misfits']) for each in results)} by {what}"
-        for what in ("wheels: ", "commands: ")
+        f"{sum(any(source in line for line in misfits) for _, misfits in results)} by {source}"
+        for source in ("wheels", "commands")
     )
-    headings = ["", "mean off", "spread", "noise", "std. error", "over it", "law", "intervals with the truth", "told"]
-    title = f"{len(results)} logs, misfits {said}; over the truth where that is not 0"
-    return Table(title, headings, rows, 1)
+    headings = ["", "mean off", "spread", "noise", "std. error", "over it", "hold the truth", "told"]
+    return Table(f"{len(results)} logs, misfits {said}; over the truth where that is not 0", headings, rows, 1)
 
 
-def law_error(off: np.ndarray, noise: np.ndarray) -> float:
-    """The likeliest standard deviation of what noise does not explain of errors."""
-
-    def unlikely(law: float) -> float:
-        variance = noise**2 + law**2
-        return float((np.log(variance) + off**2 / variance).sum())
-
-    found = minimize_scalar(unlikely, bounds=(0.0, float(np.abs(off).max()) + 1e-9), method="bounded")
-    return float(found.x)
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt((values**2).mean()))
 
 
 def main() -> None:
@@ -205,7 +170,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="How often intervals of omni-mj identify hold the truth.")
     parser.add_argument("--logs", type=int, default=100)
     parser.add_argument("--first", type=int, default=0, help="Number of the first log.")
-    parser.add_argument("--folder", type=Path, help="Where results stay. [nowhere]")
+    parser.add_argument("--folder", type=Path, help="Where drives stay. [nowhere]")
     given = parser.parse_args()
     with TemporaryDirectory() as name:
         folder = given.folder or Path(name)
