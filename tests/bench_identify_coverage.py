@@ -80,8 +80,8 @@ def start_file(settings: Settings, robot: str, number: int, folder: Path) -> str
         ("body", "mass_kg"): settings.body.mass_kg * rng.uniform(0.93, 1.1),
         ("wheels", "radius_m"): settings.wheels.radius_m * (1 + RADIUS_SHARE * rng.normal()),
     }
-    made = {place: f"{value:.6g}" for place, value in wrong.items()}
-    made["radio", "delay_frames"] = str(WRONG_DELAY_FRAMES)
+    made = {place: f"{value:.6g} # a guess" for place, value in wrong.items()}
+    made["radio", "delay_frames"] = f"{WRONG_DELAY_FRAMES} # a guess"
     path = folder / f"start-{number}.toml"
     path.write_text(robot_file.written(robots.robot_path(robot).read_text("utf-8"), made, ["a wrong guess"]), "utf-8")
     return str(path)
@@ -134,6 +134,8 @@ def study(logs: int, first: int, folder: Path) -> Iterator[tuple[Found, list[str
     """Drive and identify."""
     for k, robot in enumerate(ROBOTS):
         numbers = [n for n in range(first, first + logs) if n % len(ROBOTS) == k]
+        if not numbers:
+            continue
         file, settings = driven(robot, numbers, folder / f"{robot}-{first}-{logs}")
         for number, log, each in zip(numbers, read(file), settings, strict=True):
             yield identified(log, each, start_file(each, robot, number, folder))

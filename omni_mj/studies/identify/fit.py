@@ -62,22 +62,19 @@ class Residuals:
     misfit: bool
 
     @classmethod
-    def of(cls, values: Array, there: np.ndarray, allowed: float) -> "Residuals":
-        """Return those of values (S, m, k) at the samples that are there (S, m), 0 elsewhere."""
-        lags = range(1, LAGS + 1)
-        products = [float((values[:, lag:] * values[:, :-lag]).sum()) for lag in lags]
-        pairs = [int((there[:, lag:] & there[:, :-lag]).sum()) * values.shape[-1] for lag in lags]
-        power = float((values**2).sum()) / (there.sum() * values.shape[-1])
-        lasting = float(np.mean(np.divide(products, np.maximum(pairs, 1))))
-        error = max(power - max(lasting, 0.0), 1e-30) / np.sqrt(max(sum(pairs), 1))
+    def of(cls, values: Array, allowed: float) -> "Residuals":
+        """Return those of values (S, m, k)."""
+        products = [values[:, lag:] * values[:, :-lag] for lag in range(1, LAGS + 1)]
+        power, lasting = float((values**2).mean()), float(np.mean([product.mean() for product in products]))
+        error = (power - max(lasting, 0.0)) / sum(product.size for product in products) ** 0.5
         misfit = bool(lasting > allowed**2 + norm.isf(ALARM) * error)
-        noise = float((changes(values, there) ** 2).mean()) ** 0.5
+        noise = float((changes(values) ** 2).mean()) ** 0.5
         return cls(power**0.5, noise, max(lasting, 0.0) ** 0.5, allowed, misfit)
 
 
-def changes(values: Array, there: np.ndarray) -> Array:
-    """Return second differences of (S, m, k) where there are three samples, over those of white noise of variance 1."""
-    return np.diff(values, 2, axis=1)[there[:, 2:] & there[:, 1:-1] & there[:, :-2]] / 6**0.5
+def changes(values: Array) -> Array:
+    """Return second differences of (S, m, k) over those of white noise of variance 1."""
+    return np.diff(values, 2, axis=1) / 6**0.5
 
 
 @dataclass(frozen=True)
@@ -137,8 +134,7 @@ class Problem:
         self.columns = [NAMES.index(name) for name in free]
         self.names = (LATE, *free)
         self.scale, self.steps, self.low, self.high = np.array([RANGES[name] for name in self.names]).T
-        there = stretches.there
-        noise = np.median(np.abs(changes(stretches.pose, there)), axis=0)
+        noise = np.median(np.abs(changes(stretches.pose)), axis=(0, 1))
         per_rad = noise[:2].mean() / max(noise[2], 1e-6)
         self.metres, self.first, self.longest = np.array([1.0, 1.0, per_rad]), stretches.first(), STEP_S
         self.jacobian = np.empty(0)
@@ -159,13 +155,12 @@ class Problem:
         first[:, 1:5, 0, 2] += NUDGES[:, 0]
         first[:, 1:5, 1] += NUDGES[:, 1:]
         poses = simulate(self.body, self.stretches, sets, late, first, self.longest)
-        weights = self.stretches.there[..., None] * self.metres
-        flat = (poses * weights[:, None]).reshape(count, 6 + n, 3 * m)
+        flat = (poses * self.metres).reshape(count, 6 + n, 3 * m)
         slopes = (flat[:, 1:] - flat[:, :1]) / np.concatenate([NUDGES.diagonal(), self.steps])[:, None]
-        places = np.stack([(weights * unit).reshape(count, 3 * m) for unit in np.eye(3)[:2]], 1)
+        places = np.tile(np.eye(3)[:2], m)[None].repeat(count, 0)
         states = np.concatenate([places, slopes[:, :4]], 1)
         inverse = np.linalg.pinv(states, rcond=NEGLIGIBLE)
-        wrong = flat[:, :1] - (self.stretches.pose * weights).reshape(count, 1, 3 * m)
+        wrong = flat[:, :1] - (self.stretches.pose * self.metres).reshape(count, 1, 3 * m)
         every = np.concatenate([wrong, slopes[:, 4:]], 1)
         every = (every - every @ inverse @ states).reshape(count, -1, m, 3)
         self.jacobian = np.moveaxis(every[:, 1:], 1, -1)
@@ -202,34 +197,33 @@ def fit(body: Body, stretches: Stretches, start: Array, late: float, free: Seque
     """
     problem = Problem(body, stretches, start, free)
     x = problem.solve(np.append(late, start[problem.columns]))
-    residual, there = problem.residual(x), stretches.there
+    residual = problem.residual(x)
     lasts = ALLOWED[stretches.are_wheels]
     bound = (x < problem.low + 2e-3 * problem.scale) | (x > problem.high - 2e-3 * problem.scale)
     return Fit(
         names=problem.names,
         value=x,
-        covariance=covariance(problem.jacobian, residual, there),
+        covariance=covariance(problem.jacobian, residual),
         parameters=problem.parameters(x),
         quantile=float(stdtrit(max(len(stretches) - 1, 1), 0.975)),
         at_bound=frozenset(np.array(problem.names)[bound].tolist()),
-        position=Residuals.of(residual[..., :2], there, lasts[0]),
-        heading=Residuals.of(residual[..., 2:] / problem.metres[2], there, lasts[1]),
-        each=np.sqrt((residual**2).sum((1, 2)) / (3 * there.sum(1))),
+        position=Residuals.of(residual[..., :2], lasts[0]),
+        heading=Residuals.of(residual[..., 2:] / problem.metres[2], lasts[1]),
+        each=np.sqrt((residual**2).mean((1, 2))),
         body=body,
         stretches=stretches,
     )
 
 
-def covariance(jacobian: Array, residual: Array, there: np.ndarray) -> Array:
+def covariance(jacobian: Array, residual: Array) -> Array:
     """Return the covariance (n, n) of parameters by Jacobian (S, m, 3, n) and residuals (S, m, 3); see the module."""
     n = jacobian.shape[-1]
     length = np.maximum(np.sqrt((jacobian**2).sum((0, 1, 2))), 1e-9)
     unit = jacobian / length
     flat = unit.reshape(-1, n)
     bread = np.linalg.inv(flat.T @ flat + RIDGE * np.eye(n))
-    samples = 3 * there.sum()
-    freedom = samples / max(samples - 6 * len(there) - n, 1)
-    white = np.diag(bread) * (residual**2).sum() / samples * freedom
+    freedom = residual.size / max(residual.size - 6 * len(residual) - n, 1)
+    white = np.diag(bread) * (residual**2).mean() * freedom
     scores = np.einsum("smkn,smk->sn", unit, residual)
     robust = bread @ scores.T @ scores @ bread * freedom
     larger = np.sqrt(np.maximum(white / np.maximum(np.diag(robust), 1e-300), 1.0))

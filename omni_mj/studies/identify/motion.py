@@ -167,5 +167,5 @@ def _without_odd(fitted: Fit, notes: list[str], source: str) -> Fit:
 def _residuals(fitted: Fit, parameters: Array, late: float) -> tuple[float, float]:
     """Return residuals (rms) of positions and headings by other parameters and another delay."""
     problem = Problem(fitted.body, fitted.stretches, parameters, [])
-    residual = problem.residual(np.array([late]))[fitted.stretches.there] / problem.metres
-    return float((residual[:, :2] ** 2).mean() ** 0.5), float((residual[:, 2] ** 2).mean() ** 0.5)
+    residual = problem.residual(np.array([late])) / problem.metres
+    return float((residual[..., :2] ** 2).mean() ** 0.5), float((residual[..., 2] ** 2).mean() ** 0.5)

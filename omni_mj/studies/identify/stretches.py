@@ -8,7 +8,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.studies.identify.logs import Log
+from omni_mj.studies.identify.logs import GAP, Log
 
 STRETCH_S = 0.75
 LEAST, LEAST_POSES = 4, 8  # stretches, and poses in each
@@ -25,11 +25,11 @@ class Stretches:
         clock: time of all lines, (F,) s; total: integral of the inputs over it, a line from each to the next.
         are_wheels: whether inputs are wheel speeds in rad/s, else twists in m/s and rad/s.
         in_body: whether twists are along the body's axes, (S,).
-        lines: line of each sample, (S, m); there: whether it has a pose, (S, m).
+        lines: line of each sample, (S, m); all have a pose.
         pose: measured, world frame, (S, m, 3).
         log: number of the log, (S,); name: of the logs.
         begin, middle: times of each log's first line, and of its middle, s.
-        period: median time between lines, s.
+        period: median time between samples, s.
     """
 
     clock: Array
@@ -37,7 +37,6 @@ class Stretches:
     are_wheels: bool
     in_body: np.ndarray
     lines: np.ndarray
-    there: np.ndarray
     pose: Array
     log: np.ndarray
     name: tuple[str, ...]
@@ -59,7 +58,7 @@ class Stretches:
 
     def some(self, chosen: np.ndarray) -> "Stretches":
         """Return the stretches of a mask (S,)."""
-        fields = ("in_body", "lines", "there", "pose", "log")
+        fields = ("in_body", "lines", "pose", "log")
         return replace(self, **{name: getattr(self, name)[chosen] for name in fields})
 
     def means(self, late: Array, drift: Array, parts: int) -> tuple[Array, Array]:
@@ -79,12 +78,10 @@ class Stretches:
 
     def first(self) -> Array:
         """Return pose, velocity and acceleration at the first sample, by a parabola through 1/4 s, (S, 3, 3)."""
-        time = self.time - self.time[:, :1]
-        states = []
-        for t, pose, there in zip(time, self.pose, self.there, strict=True):
-            near = np.flatnonzero(there)[: max(6, int((t[there] < FIRST_S).sum()))]
-            states.append(np.polyfit(t[near], pose[near], 2)[::-1] * [[1], [1], [2]])
-        return np.array(states)
+        near = max(6, round(FIRST_S / self.period))
+        time = self.time[:, :near] - self.time[:, :1]
+        fits = [np.polyfit(t, pose, 2)[::-1] for t, pose in zip(time, self.pose[:, :near], strict=True)]
+        return np.array(fits) * [[1], [1], [2]]
 
 
 def cut(logs: Sequence[Log], inputs: Sequence[Array], in_body: Sequence[bool], are_wheels: bool) -> Stretches:
@@ -99,18 +96,19 @@ def cut(logs: Sequence[Log], inputs: Sequence[Array], in_body: Sequence[bool], a
     Raises:
         OmniError: there are too few.
     """
-    period = float(np.median([log.period for log in logs]))
+    seen = [np.flatnonzero(np.isfinite(log.pose).all(1)) for log in logs]
+    steps = np.concatenate([np.diff(log.time[own]) for log, own in zip(logs, seen, strict=True)])
+    period = float(np.median(steps)) if steps.size else STRETCH_S
     count = max(LEAST_POSES, round(STRETCH_S / period))
     clock, lines, numbers = list[Array](), list[np.ndarray](), list[int]()
-    for number, log in enumerate(logs):
+    for number, (log, own) in enumerate(zip(logs, seen, strict=True)):
         offset, start = sum(map(len, clock)), clock[-1][-1] + APART_S if clock else 0.0
         clock.append(log.time - log.time[0] + start)
-        for piece in log.pieces():
-            begin = piece.start + np.searchsorted(log.time[piece], log.time[piece.start] + SETTLED_S)
-            for one in range(begin, piece.stop - count + 1, count):
-                if np.isfinite(log.pose[one : one + count]).all(1).sum() >= LEAST_POSES:
-                    lines.append(offset + np.arange(one, one + count))
-                    numbers.append(number)
+        for piece in np.split(own, np.flatnonzero(np.diff(log.time[own]) > GAP * period) + 1):
+            settled = piece[log.time[piece] >= log.time[piece[:1]] + SETTLED_S]
+            whole = settled[: len(settled) // count * count].reshape(-1, count)
+            lines += list(offset + whole)
+            numbers += [number] * len(whole)
     if len(lines) < LEAST:
         raise OmniError(
             f"{len(lines)} stretches of {STRETCH_S:g} s without a gap are too few to identify anything, "
@@ -125,8 +123,7 @@ def cut(logs: Sequence[Log], inputs: Sequence[Array], in_body: Sequence[bool], a
         are_wheels=are_wheels,
         in_body=np.array(in_body, bool)[numbers],
         lines=np.array(lines),
-        there=np.isfinite(pose).all(1)[lines],
-        pose=np.nan_to_num(pose)[lines],
+        pose=pose[lines],
         log=np.array(numbers),
         name=tuple(log.name for log in logs),
         begin=np.array([times[0] for times in clock]),

@@ -159,8 +159,7 @@ def _kinds(part: Part) -> tuple[tuple[str, str, Residuals], ...]:
 
 
 def _report(part: Part) -> dict[str, Any]:
-    there = part.fitted.stretches.there
-    report: dict[str, Any] = {"stretches": len(there), "samples": int(there.sum())}
+    report: dict[str, Any] = {"stretches": len(part.fitted.stretches), "samples": part.fitted.stretches.lines.size}
     for _, unit, residuals in _kinds(part):
         report |= {f"residual_rms_{unit}": residuals.rms, f"noise_{unit}": residuals.noise}
         report |= {f"lasting_{unit}": residuals.lasting, f"allowed_{unit}": residuals.allowed}
