@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from omni_control.kinematics import Array, wrap_angle
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_mj.link.radio import Received
 from omni_mj.live.link import SILENT_S, Link, VisionLostError
 from omni_mj.live.notes import Notes
-from omni_mj.live.plant import LivePlant
 from omni_mj.live.radio import Command, Radio
-from omni_mj.plants import Plant
+from omni_mj.plants import Plant, Telemetry
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
@@ -35,19 +35,53 @@ APPROACH = {
 }
 
 
-class LiveCamera:
-    """What vision reports at a tick, in place of a simulated camera."""
+class LivePlant:
+    """Robots outside of this program, in place of a plant and its camera.
 
-    age: Array | None = None
+    Args:
+        rows: One per robot.
+        start: Initial poses, shape (n, 3).
+        driven: Whether `Live` drives them.
 
-    def __init__(self, n: int) -> None:
-        self.measured = np.full((n, 3), np.nan)
+    Attributes:
+        poses: What vision says, extrapolated to the tick, shape (n, 3). Nobody knows the truth.
+        measured: What vision saw, shape (n, 3); NaN for robots that were not seen.
+        age: How old that is, shape (n,), s.
+
+    Raises:
+        OmniError: Nobody drives them.
+    """
+
+    def __init__(self, rows: Sequence[Row], start: Array, *, driven: bool = False) -> None:
+        if not driven:
+            raise OmniError("robots on the live plant are outside of this program: omni-mj drive drives them")
+        self.geometry: Kinematics | None = rows[0].settings.wheels.kinematics
+        self.poses = np.array(start, float)
+        self.measured = np.full_like(self.poses, np.nan)
+        self.age: Array | None = None
+        self._telemetry = Telemetry.of_no_wheels(len(rows), len(self.geometry.azimuths))
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
-        """Return the poses seen, and which robots were seen."""
+        """Return the poses seen, and which robots were seen; see `Camera`."""
         measured = self.measured.copy()
         measured[:, 2] = wrap_angle(measured[:, 2])
         return measured, ~np.isnan(measured[:, 0])
+
+    def pose(self) -> Array:
+        """See `Plant`."""
+        return self.poses
+
+    def twist(self) -> Array:
+        """Return NaN: velocities are unknown."""
+        return np.full_like(self.poses, np.nan)
+
+    def advance(self, received: Received) -> dict[int, str]:
+        """See `Plant`; the robots go on by themselves."""
+        return {}
+
+    def telemetry(self) -> Telemetry:
+        """Return NaN: nothing is known of the wheels."""
+        return self._telemetry
 
 
 class Live(Simulation):
@@ -135,7 +169,7 @@ class Live(Simulation):
 
     def _robots(self, start: Array) -> tuple[Plant, See, Exchange]:
         n = len(self.rows)
-        self._plant, self._vision_camera = LivePlant(self.rows, start, driven=True), LiveCamera(n)
+        self._plant = LivePlant(self.rows, start, driven=True)
         settings = [row.settings for row in self.rows]
         latency = [each.radio.delay_frames + FRAME_RATE_HZ * each.control.lag_s for each in settings]
         self._nominal_latency = self._turn_latency = np.array(latency)
@@ -143,7 +177,7 @@ class Live(Simulation):
         self._sent, self._is_past = np.zeros((n, 3)), False
         self._unseen, self._is_lost = np.zeros(n, int), np.zeros(n, bool)
         self._tick, self._n_past = (start, np.zeros(n, bool)), 0  # what was seen, frames that went by before it
-        return self._plant, self._vision_camera, self
+        return self._plant, self._plant, self
 
     def _send(self, command: Array, heading: Array) -> None:
         """Send each command with the heading that its robot will have in the middle of the command's frame."""
@@ -172,8 +206,8 @@ class Live(Simulation):
             self._is_past = self._n_past > 0
             self._plant.poses = before + (poses - before) / (self._n_past + 1) if self._is_past else poses
             seen = seen & (not self._is_past)
-            self._vision_camera.age = vision.age
-            self._vision_camera.measured = np.where(seen[:, None], poses - vision.extrapolation, np.nan)
+            self._plant.age = vision.age
+            self._plant.measured = np.where(seen[:, None], poses - vision.extrapolation, np.nan)
             self._unseen = np.where(seen, 0, self._unseen + 1)
             self._is_lost = self._unseen > LOST_FRAMES
             for number in np.flatnonzero(self._unseen == LOST_FRAMES + 1):

@@ -36,7 +36,7 @@ class Vision:
     """Robots of a team as all cameras see them.
 
     Each detection is extrapolated from its time of capture to the tick by the robot's velocity. If several cameras see
-    a robot, the mean counts, without their biases. A detection far from the expectation belongs to another robot, and one
+    a robot, the mean counts, without their biases. A detection far from the expectation belongs to another robot. One
     that faces the other way was read the wrong way round. Both are ignored unless that lasts, as after somebody moved
     the robot.
 

@@ -10,7 +10,7 @@ PLANTS: dict[str, str] = {
     "mujoco": "omni_mj.plants.mujoco:MujocoPlant",
     "planar": "omni_mj.plants.planar:PlanarPlant",
     "kinematic": "omni_mj.plants.kinematic:KinematicPlant",
-    "live": "omni_mj.live.plant:LivePlant",
+    "live": "omni_mj.live.drive:LivePlant",
 }
 _CALLS = ("pose", "twist", "advance", "telemetry")  # that `omni_mj.plants.Plant` answers
 

@@ -68,6 +68,7 @@ class Pitch:
     ) -> None:
         self._scenarios, self.notes = scenarios, notes
         self.cycle, self.epoch_s = 0, 0.0
+        self._headings = dict[RobotName, tuple[float, int]]()  # that vision saw last, and the cycles of the images
         self.size, self.ball = standard_field(), np.zeros(2)
         self._reach = {team: build.world(scenario.settings).reach for team, scenario in scenarios.items()}
         self.names = list(poses)
@@ -106,9 +107,9 @@ class Pitch:
 
     def publish(self, image: Image) -> None:
         """Let teams know an image: they send the headings in it along with commands."""
-        for robot, (name, heading) in enumerate(zip(image.names, image.poses[:, 2].tolist(), strict=True)):
-            if not math.isnan(heading) and name == self.names[robot] and image.cycle >= self._seen_headings[robot][1]:
-                self._seen_headings[robot] = heading, image.cycle
+        for name, heading in zip(image.names, image.poses[:, 2].tolist(), strict=True):
+            if not math.isnan(heading) and image.cycle >= self._headings.get(name, (heading, 0))[1]:
+                self._headings[name] = heading, image.cycle
 
     def advance(self, until: int) -> None:
         """Advance to a cycle, in spans that end where a packet arrives or a frame ends."""
@@ -124,12 +125,12 @@ class Pitch:
             count = min(n_delivered + radio.quiet, until - self.cycle, world.cycles_left)
             radio.wait(count - n_delivered)
             if world.cycles_left == CYCLES_PER_FRAME:
-                self._last_poses = dict(zip(self.names, world.pose(), strict=True))
+                self._last_poses = world.pose()
             for robot, cause in world.advance(count, arrived).items():
                 self.notes.add("robot failed", f"{label(self.names[robot])} {cause} at {self.time_s:.3f} s")
             self.cycle += count
             if world.is_unstable:
-                self._rebuild(self.names_present(), self._last_poses)
+                self._rebuild(self.names_present(), dict(zip(self.names, self._last_poses, strict=True)))
                 radio, world = self._radio, self.world
 
     def command(self, team: int, commands: Sequence[RobotCommand]) -> tuple[list[SimulatorError], list[int]]:
@@ -153,7 +154,7 @@ class Pitch:
                 errors.append(refusal.error)
                 continue
             if packet is not None:
-                packet[HEADING], packet[IMAGE_CYCLE] = self._seen_headings[robot]
+                packet[HEADING], packet[IMAGE_CYCLE] = self._headings.get((team, command.id), (math.nan, 0))
                 packets[robot, : len(packet)] = packet
                 receivers.add(robot)
         if receivers:
@@ -198,10 +199,9 @@ class Pitch:
             poses = {name: placements[name][0] if name in placements else self.pose(name) for name in names}
             self._rebuild(names, poses)
         for name, (pose, twist) in placements.items():
-            robot = self.names.index(name)
-            squad, i = self.world.squad_of[robot]
+            squad, i = self.world.squad_of[self.names.index(name)]
             squad.place(i, pose, twist)
-            self._seen_headings[robot] = float(pose[2]), self.cycle
+            self._headings[name] = float(pose[2]), self.cycle
         return errors
 
     def resize(self, size: FieldSize) -> None:
@@ -265,7 +265,6 @@ class Pitch:
         )
         self.held = decode_packets(self._packets, np.zeros(n, bool), 0)
         self.measured = np.full((n, 3), np.nan)
-        self._seen_headings = [(heading, self.cycle) for heading in self.world.pose()[:, 2].tolist()]
 
     def _row(self, place: int, name: RobotName) -> Row:
         team, number = name

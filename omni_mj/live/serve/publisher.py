@@ -1,11 +1,10 @@
-"""Packets that `serve` sends by itself: detections when they are due, and now and then the geometry."""
+"""Simulated time against ours, and packets that `serve` sends when they are due: detections and the geometry."""
 
 import math
 import time
 from collections import Counter, deque
 
 from omni_mj.live.serve.cameras import Image
-from omni_mj.live.serve.pace import Pace
 from omni_mj.live.serve.pitch import Pitch
 from omni_mj.live.sockets import Address, reason, sender
 from omni_mj.live.wire.vision_pb2 import Detection, VisionPacket
@@ -13,6 +12,45 @@ from omni_mj.scenarios.settings import CYCLE_RATE_HZ
 
 GEOMETRY_CYCLES = CYCLE_RATE_HZ  # from one packet of the geometry to the next
 EARLY_S = 1e-9  # by which rounding may have a packet leave
+
+MAX_DELAY_S = 0.1  # of our time, by which the simulation may be late before it gives up catching up
+
+
+class Pace:
+    """When cycles are due.
+
+    Args:
+        speed: Simulated seconds per second; 0 pauses.
+
+    Attributes:
+        speed: As given.
+        lost_s: By how much, in our time, the simulation fell behind because the computer was too slow.
+    """
+
+    def __init__(self, speed: float) -> None:
+        self.lost_s = 0.0
+        self.change(speed, 0.0, 0)
+
+    def change(self, speed: float, now: float, cycle: int) -> None:
+        """Go on at a speed from `cycle`, which is due at `now` (`time.monotonic`), s."""
+        self.speed, self._now, self._cycle = speed, now, cycle
+
+    def cycle_at(self, now: float) -> int:
+        """Return the next cycle if all are done that are due."""
+        return self._cycle + math.floor((now - self._now) * self.speed * CYCLE_RATE_HZ)
+
+    def time_of(self, cycle: float) -> float:
+        """Return when a cycle is due, s; infinity during a pause."""
+        return self._now + (cycle - self._cycle) / (self.speed * CYCLE_RATE_HZ) if self.speed else math.inf
+
+    def skip_delay(self, now: float, cycle: int) -> bool:
+        """Give up catching up if the next cycle is too late. Return whether it was."""
+        delay = now - self.time_of(cycle)
+        if not delay > MAX_DELAY_S:
+            return False
+        self.lost_s += delay
+        self.change(self.speed, now, cycle)
+        return True
 
 
 class Publisher:

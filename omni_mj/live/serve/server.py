@@ -10,10 +10,9 @@ from collections.abc import Callable
 from omni_mj.live.serve import control
 from omni_mj.live.serve.cameras import CYCLES_PER_FRAME
 from omni_mj.live.serve.commands import Refusal
-from omni_mj.live.serve.pace import Pace
 from omni_mj.live.serve.pitch import Pitch
 from omni_mj.live.serve.ports import Port, Ports, Stream, listen
-from omni_mj.live.serve.publisher import Publisher
+from omni_mj.live.serve.publisher import Pace, Publisher
 from omni_mj.live.sockets import Address, reason
 from omni_mj.live.wire import WireError, parse
 from omni_mj.live.wire.simulation_pb2 import (
