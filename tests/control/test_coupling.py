@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from benches.simulating import finished
 from scipy.integrate import solve_ivp
-from simulating import finished
 
 from omni_control.estimation.turning import Turning
 from omni_mj.scenarios import scenario

@@ -13,7 +13,6 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import omni_mj as om
 import omni_mj.gym
-from omni_mj.gym.environments import Track, Tracks
 
 SHORT = {"waypoints": [[0, 0], [0.2, 0.1, 0.5]], "settle_s": 0.1}
 DRAWN = {
@@ -29,6 +28,16 @@ def answer(seen: np.ndarray, highest: np.ndarray | float) -> np.ndarray:
     """A policy: the reference's twist at the end of the dead time, and three times the way to it."""
     way, twist = seen[..., 3:6], seen[..., 18:21]
     return (twist + 3.0 * way) / highest
+
+
+def track(scenario: om.Scenario | str = "rect", **more: Any) -> gymnasium.Env:
+    """Return one environment, without Gymnasium's wrappers."""
+    return gymnasium.make("omni_mj/Track-v0", scenario=scenario, **more).unwrapped
+
+
+def tracks(num_envs: int = 1, scenario: om.Scenario | str = "rect", **more: Any) -> gymnasium.vector.VectorEnv:
+    """Return a vector of environments."""
+    return gymnasium.make_vec("omni_mj/Track-v0", num_envs, scenario=scenario, **more)
 
 
 class Policy(om.Controller):
@@ -59,7 +68,7 @@ def test_a_policy_is_rewarded_for_the_errors_that_it_makes_as_a_controller() -> 
     x, y, turn = (np.subtract(table[a], table[f"ref_{a}"]) for a in ("x_m", "y_m", "heading_rad"))
     expected = -(np.hypot(x, y) + 0.09 * np.abs(turn))
 
-    env = Track("rect", memory=MEMORY, **changes)
+    env = track("rect", memory=MEMORY, **changes)
     seen, info = env.reset(seed=5)
     rewards, end = [], False
     while not end:
@@ -74,7 +83,7 @@ def test_what_is_seen_is_where_the_robot_stands_to_its_reference() -> None:
     """Without noise and with alpha = 1: full speed ahead is a ramp of the highest acceleration, and as late as told."""
     delay, memory, speed, most = 3, 5, 2.0, 4.7
     route = {"waypoints": [[0, 0, 1.0], [0, 0.5, 1.0]], "settle_s": 0.5}
-    env = Track(
+    env = track(
         "rect",
         plant="kinematic",
         reference=route,
@@ -106,8 +115,8 @@ def test_what_is_seen_is_where_the_robot_stands_to_its_reference() -> None:
 def test_many_are_what_one_by_one_they_are(mode: AutoresetMode) -> None:
     """To the bit, against Gymnasium's own vector of single ones: episodes that end apart, others begun after them."""
     n, lost = 4, 0.12
-    many = Tracks(n, "rect", lost_m=lost, autoreset_mode=mode, **DRAWN)
-    ones = SyncVectorEnv([lambda: Track("rect", lost_m=lost, **DRAWN) for _ in range(n)], autoreset_mode=mode)
+    many = tracks(n, "rect", lost_m=lost, autoreset_mode=mode, **DRAWN)
+    ones = SyncVectorEnv([lambda: track("rect", lost_m=lost, **DRAWN) for _ in range(n)], autoreset_mode=mode)
     random = np.random.default_rng(0)
     same(many.reset(seed=3), ones.reset(seed=3))
     assert many.metadata["autoreset_mode"] is mode
@@ -143,7 +152,7 @@ def same(found: Any, expected: Any) -> None:
 
 def test_an_episode_that_ends_early_is_worth_no_more_than_one_that_lasts() -> None:
     """What is left of it is charged as if the robot had stayed where it was lost: no policy gains by getting lost."""
-    env = Track("rect", lost_m=0.2, plant="kinematic", reference=SHORT)
+    env = track("rect", lost_m=0.2, plant="kinematic", reference=SHORT)
     env.reset(seed=1)
     rewards, terminated = [], False
     while not terminated:
@@ -159,7 +168,7 @@ def test_an_episode_that_ends_early_is_worth_no_more_than_one_that_lasts() -> No
 def test_robots_that_cannot_share_a_model_are_simulated_apart() -> None:
     """Masses that are drawn, on the MuJoCo plant: a batch of its own each, and the same to the bit as alone."""
     changes = {"reference": SHORT, "body": {"mass_kg": {"uniform": [2.3, 2.6]}}}
-    many, one = Tracks(3, "rect", **changes), Track("rect", **changes)
+    many, one = tracks(3, "rect", **changes), track("rect", **changes)
     seen, info = many.reset(seed=0)
     alone, _ = one.reset(seed=2)
     np.testing.assert_array_equal(seen[2], alone)
@@ -186,14 +195,14 @@ def test_robots_that_cannot_share_a_model_are_simulated_apart() -> None:
 )
 def test_what_is_not_allowed_is_said_in_a_line(given: dict[str, Any], words: str) -> None:
     with pytest.raises(om.OmniError, match=words):
-        Tracks(**given)
+        tracks(**given)
 
 
 def test_a_scenario_of_a_controller_with_parameters_will_do() -> None:
     """Of any scenario; who drives in it otherwise does not matter."""
     other = om.scenario("rect", plant="kinematic", controllers=[Policy, Tuned], controller={"Tuned": {"gain": 2.0}})
-    seen, _ = Track(other).reset(seed=0)
-    np.testing.assert_array_equal(seen, Track("rect", plant="kinematic").reset(seed=0)[0])
+    seen, _ = track(other).reset(seed=0)
+    np.testing.assert_array_equal(seen, track("rect", plant="kinematic").reset(seed=0)[0])
 
 
 class Tuned(Policy):
@@ -201,7 +210,7 @@ class Tuned(Policy):
 
 
 def test_actions_that_are_none_are_refused() -> None:
-    env = Tracks(2, plant="kinematic")
+    env = tracks(2, plant="kinematic")
     env.reset(seed=0)
     for action in (np.zeros(3), np.full((2, 3), np.nan)):
         with pytest.raises(om.OmniError, match="actions must be finite numbers"):

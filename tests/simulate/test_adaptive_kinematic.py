@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from benches.simulating import COMPENSATED, FLC, batch, whole
 from numpy.typing import NDArray
-from simulating import COMPENSATED, FLC, batch, whole
 
 CONTROLLERS = ("flc", "comp-flc", "adaptive-comp-flc")
 ADAPTIVE = 2

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from benches.simulating import COMPENSATED, FLC, FRAME_S, IDEAL, Grid, ages, batch, run, whole
 from numpy.typing import NDArray
-from simulating import COMPENSATED, FLC, FRAME_S, IDEAL, Grid, ages, batch, run, whole
 
 ACCELERATION = 0.826  # of the reference (paper, section 2)
 

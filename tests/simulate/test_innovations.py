@@ -4,10 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from benches.simulating import Simulation, scenario
 from numpy.typing import NDArray
-
-from omni_mj.scenarios import scenario
-from omni_mj.simulate.simulation import Simulation
 
 GAPS = ("vision.miss_probability=0.02", "vision.miss_frames=10")
 CORNER = (

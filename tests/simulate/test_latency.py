@@ -8,8 +8,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from benches.simulating import Grid, batch, simulation
 from numpy.typing import NDArray
-from simulating import Grid, batch, simulation
 
 TOLD, LEAD = 6, 15
 DELAYS = (2, 3, 4, 6, 8, 10)  # told up to 4 frames wrong: no more is thought possible

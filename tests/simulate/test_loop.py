@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from simulating import COMPENSATED, DISTURBED, FLC, FRAME_S, PLANTS, Grid, ages, finished, run, simulation
+from benches.simulating import COMPENSATED, DISTURBED, FLC, FRAME_S, PLANTS, Grid, ages, finished, run, simulation
 
 RANDOM = (*DISTURBED, "radio.jitter_frames=4")
 BRIEF = ("reference.waypoints=[[0,0],[0.2,0]]", "reference.settle_s=0.1")

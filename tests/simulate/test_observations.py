@@ -5,13 +5,11 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
-from simulating import FAST, PLANTS, Grid
+from benches.simulating import FAST, PLANTS, Grid, Simulation, scenario
 
 from omni_control import Controller, Seen, Told
 from omni_control.kinematics import Array
 from omni_control.reference import Reference
-from omni_mj.scenarios import scenario
-from omni_mj.simulate.simulation import Simulation
 
 FRAME_S = 1 / 60
 SHORT = ("reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]", "reference.settle_s=0.1")

@@ -1,35 +1,18 @@
 """Rows: settings of their own, the same bits alone and among others, also where others fail."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from simulating import FAST, PLANTS, simulation
-
-from omni_mj.scenarios import scenario
-from omni_mj.scenarios.rows import Row
-from omni_mj.simulate.log import Log
-from omni_mj.simulate.simulation import Simulation
+from benches.simulating import FAST, PLANTS, alone, assert_rows_equal, simulation, variants
 
 ROUTE = ("reference.waypoints=[[0,0],[0.25,0]]", "reference.settle_s=0.1", *FAST)
-RECT = scenario.load("rect", ROUTE)
-
-
-def assert_row_equal(log: Log, row: int, other: Log, other_row: int) -> None:
-    """Every frame that both recorded, to the last bit."""
-    assert log.lengths[row] == other.lengths[other_row]
-    frames = slice(log.lengths[row])
-    for name in log.columns.keys() & other.columns.keys():
-        one, two = log.channel(name)[frames, row], other.channel(name)[frames, other_row]
-        np.testing.assert_array_equal(one, two, err_msg=name)
 
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_a_sweep_is_one_batch_of_the_runs_alone(plant: str) -> None:
     """Delay, noise, gaps, jitter, friction, gains, limits, route and what is told, each row its own."""
-    chosen = replace_plant(plant)
-    variants = [
+    changes = [
         {},
         {"radio": {"delay_frames": 3}},
         {"radio": {"delay_frames": 9, "jitter_frames": 4}, "control": {"delay_error_frames": -2}},
@@ -39,21 +22,12 @@ def test_a_sweep_is_one_batch_of_the_runs_alone(plant: str) -> None:
         {"control": {"max_speed_m_s": 0.3, "error_range_m": 0.2}, "motor": {"winding_c": 110.0}},
         {"reference": {"max_acceleration_m_s2": 2.0, "mode": "iterated"}, "sensors": {"gyro_bias_rad_s": 0.05}},
     ]
-    settings = [chosen.settings.replace(**variant) for variant in variants]
-    labels = ("comp-flc", "adaptive-comp-flc")
-    rows = [Row(i, 0, labels[i % 2], 5 + i // 3, own, chosen.robot) for i, own in enumerate(settings)]
-    together = Simulation(chosen, labels, rows=rows)
+    together = variants(plant, changes, ("comp-flc", "adaptive-comp-flc"), ROUTE)
     batch = together.run()
     assert not together.failures
-    for i, row in enumerate(rows):
-        alone = Simulation(chosen, [row.controller], rows=[replace(row, world=0)]).run()
-        assert_row_equal(batch, i, alone, 0)
-    lengths = set(batch.lengths)
-    assert len(lengths) > 1, "routes of different lengths end at different times"
-
-
-def replace_plant(plant: str) -> scenario.Scenario:
-    return scenario.load("rect", ROUTE, {"plant": plant})
+    for row in range(len(changes)):
+        assert_rows_equal(batch, row, alone(together, row).run(), 0)
+    assert len(set(batch.lengths)) > 1, "routes of different lengths end at different times"
 
 
 USERS = """
@@ -99,9 +73,9 @@ def test_a_controller_that_fails_stops_its_own_rows_and_no_others(users: dict[st
     names = (users["Raises"], "comp-flc", users["NotANumber"], users["Ragged"], users["Unmade"])
     simulated = simulation("kinematic", controllers=names, seeds=2)
     log = simulated.run()
-    alone = simulation("kinematic", controllers=("comp-flc",), seeds=2).run()
+    by_themselves = simulation("kinematic", controllers=("comp-flc",), seeds=2).run()
     for seed in range(2):
-        assert_row_equal(log, 2 + seed, alone, seed)
+        assert_rows_equal(log, 2 + seed, by_themselves, seed)
     failed = {(failure.controller, failure.seed): failure for failure in simulated.failures}
     for seed in range(2):
         raised, ragged, unmade = (failed[name, seed] for name in ("Raises", "Ragged", "Unmade"))
@@ -120,52 +94,31 @@ def test_a_controller_that_fails_stops_its_own_rows_and_no_others(users: dict[st
 
 
 def test_a_robot_that_topples_is_stopped_and_the_others_keep_their_bits() -> None:
-    """Wheels on rough carpet, told to reverse from 3 m/s with 40 m/s^2: it falls; seeds beside it do not know."""
-    rough = RECT.settings.replace(
-        carpet={"friction": 3.0},
-        control={"max_acceleration_m_s2": 100.0},
-        reference={
-            "friction": 0.0,
-            "max_acceleration_m_s2": 20.0,
-            "max_speed_m_s": 3.0,
-            "waypoints": [[0, 0], [3, 0], [0, 0]],
-        },
-        radio={"delay_frames": 0},
-    )
-    calm = RECT.settings
-    rows = [
-        Row(0, 0, "comp-flc", 0, calm, RECT.robot),
-        Row(1, 0, "comp-flc", 0, rough, RECT.robot),
-        Row(2, 0, "comp-flc", 1, calm, RECT.robot),
-    ]
-    simulated = Simulation(RECT, ["comp-flc"], rows=rows)
-    log = simulated.run()
-    (failure,) = simulated.failures
-    assert (failure.row, failure.controller, failure.seed) == (1, "comp-flc", 0)
+    """Wheels on rough carpet, told to reverse from 3 m/s with 40 m/s^2: it falls; other rows do not know."""
+    task = {"friction": 0.0, "max_acceleration_m_s2": 20.0, "max_speed_m_s": 3.0, "waypoints": [[0, 0], [3, 0], [0, 0]]}
+    rough = {"carpet": {"friction": 3.0}, "control": {"max_acceleration_m_s2": 100.0}, "reference": task}
+    together = variants("mujoco", [{}, rough | {"radio": {"delay_frames": 0}}, {}], ("comp-flc",), ROUTE)
+    log = together.run()
+    (failure,) = together.failures
+    assert (failure.row, failure.controller) == (1, "comp-flc")
     assert "toppled" in failure.cause
     assert 0 < failure.time_s < 3
     assert log.lengths[1] == round(failure.time_s * 60)
-    alone = Simulation(RECT, ["comp-flc"], seeds=[0, 1]).run()
-    assert_row_equal(log, 0, alone, 0)
-    assert_row_equal(log, 2, alone, 1)
-    # What it did until it fell is kept, and is what it does alone.
-    fallen = Simulation(RECT, ["comp-flc"], rows=[replace(rows[1], world=0)])
-    assert_row_equal(log, 1, fallen.run(), 0)
-    assert fallen.failures[0].cause == failure.cause
+    for row in range(3):  # what it did until it fell is recorded, and is what it does alone
+        assert_rows_equal(log, row, alone(together, row).run(), 0)
 
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_robots_of_one_world_drive_beside_each_other(plant: str) -> None:
     """Each place has its reference displaced by it, and noise of its own; the first has that of a world alone."""
     places = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.5 * np.pi]]
-    chosen = scenario.load("rect", [*ROUTE, f"world.places={places}"], {"plant": plant})
-    simulated = Simulation(chosen, ["comp-flc"], seeds=[0, 1])
-    log = simulated.run()
-    assert not simulated.failures
-    assert [(row.world, row.place, row.seed) for row in simulated.rows] == [(0, 0, 0), (0, 1, 0), (1, 0, 1), (1, 1, 1)]
-    alone = Simulation(RECT if plant == "mujoco" else replace_plant(plant), ["comp-flc"], seeds=[0, 1]).run()
+    together = simulation(plant, (f"world.places={places}",), ("comp-flc",), seeds=2, route=ROUTE)
+    log = together.run()
+    assert not together.failures
+    assert [(row.world, row.place, row.seed) for row in together.rows] == [(0, 0, 0), (0, 1, 0), (1, 0, 1), (1, 1, 1)]
+    single_log = simulation(plant, (), ("comp-flc",), seeds=2, route=ROUTE).run()
     noise = (log.channel("vision") - log.channel("pose"))[..., :2]
-    single = (alone.channel("vision") - alone.channel("pose"))[..., :2]
+    single = (single_log.channel("vision") - single_log.channel("pose"))[..., :2]
     np.testing.assert_allclose(noise[:, [0, 2]], single, rtol=0, atol=1e-12)
     assert (noise[:, 0] != noise[:, 1])[~np.isnan(noise[:, 1]) & ~np.isnan(noise[:, 0])].all()
     ref = log.channel("ref")

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from simulating import DISTURBED, IDEAL, PLANTS, Grid, run, simulation
+from benches.simulating import DISTURBED, IDEAL, PLANTS, Grid, Log, run, simulation
 
-from omni_mj.simulate.log import FIRST_FRAMES, Log
-
+LONG = 600  # frames, more than a log has room for at first
 RANDOM = (*DISTURBED, "radio.jitter_frames=4")
 
 
@@ -62,12 +61,12 @@ def test_a_simulation_goes_on_as_long_as_it_is_stepped() -> None:
     """Beyond its reference's end and the log's first room robots rest there; nothing knows how long a run will be."""
     simulated = simulation("kinematic", (*IDEAL, "radio.delay_frames=0"))
     frames = simulated.references[0].frames
-    for _ in range(FIRST_FRAMES + 10):
+    for _ in range(LONG):
         simulated.step()
     assert simulated.done
     log = Grid(simulated.log)
     # What comes after a row's end belongs to no run: it is not recorded.
     assert (simulated.log.lengths == frames).all()
-    assert log.length == FIRST_FRAMES + 10
+    assert log.length == LONG
     assert np.isnan(log.channel("pose")[frames:]).all()
     np.testing.assert_allclose(simulated.plant.pose(), [[0.5, 0, 0]] * 2, atol=1e-9)

@@ -3,16 +3,14 @@
 import numpy as np
 
 import omni_mj as om
-from omni_mj.measure import events
-from omni_mj.simulate.simulation import Simulation
 
 HALF_FIELD_M = (4.5, 3.0)  # division B
 STORM = om.scenario("storm", plant="planar", physics={"kernel": "numpy"})
 
 
 def test_robots_come_out_of_the_storm_on_the_field_and_at_rest() -> None:
-    """Whatever their controller believed meanwhile; its estimates are within what it allows. Each fault is an event."""
-    simulation = Simulation(STORM, ["comp-flc", "adaptive-comp-flc", "lqr"], seeds=[5])
+    """Whatever their controller believed meanwhile; its estimates are within what it allows."""
+    simulation = om.Simulation(STORM, ["comp-flc", "adaptive-comp-flc", "lqr"], seeds=[5])
     log = simulation.run()
     assert not simulation.failures
     pose = log.channel("pose")
@@ -26,14 +24,12 @@ def test_robots_come_out_of_the_storm_on_the_field_and_at_rest() -> None:
     assert known.any()
     assert (latency[known] >= 0).all()
     assert (latency[known] < 30).all()
-    told = [event for event in events.find(log) if event.kind == events.FAULT and event.controller == "comp-flc"]
-    assert len(told) == 2 * len(STORM.settings.fault)
 
 
 def test_a_row_of_the_storm_is_what_it_is_alone() -> None:
     """To the bit, through radio, cameras, filter, controller and plant; a second of it."""
     chosen = STORM.replace(settings=STORM.settings.replace(physics={"kernel": "numpy"}))
-    together, alone = Simulation(chosen, ["flc"], seeds=[0, 1]), Simulation(chosen, ["flc"], seeds=[1])
+    together, alone = om.Simulation(chosen, ["flc"], seeds=[0, 1]), om.Simulation(chosen, ["flc"], seeds=[1])
     for simulation in (together, alone):
         for _ in range(150):
             simulation.step()

@@ -1,6 +1,7 @@
-"""What the tests of the loop share: short runs, and their logs as a grid of controllers and seeds."""
+"""Bench of the loop: short runs, and their logs as a grid of controllers and seeds."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -100,3 +101,28 @@ def bits(log: Log, controller: str) -> list[bytes]:
     """All that was recorded of a controller's rows, but for what it says of itself."""
     names = [name for name in log.columns if not name.startswith("own_")]
     return [log.channel(name)[: log.lengths[row], row].tobytes() for name in names for row in log.of(controller)]
+
+
+def variants(
+    plant: str, changes: Sequence[dict[str, Any]], labels: Sequence[str], route: tuple[str, ...]
+) -> Simulation:
+    """Return a simulation with a row for each change of the settings, the labels in turn, and other seeds."""
+    chosen = scenario.load("rect", route, {"plant": plant, "controllers": tuple(labels)})
+    settings = [chosen.settings.replace(**change) for change in changes]
+    rows = [Row(i, 0, labels[i % len(labels)], 5 + i // 3, own, chosen.robot) for i, own in enumerate(settings)]
+    return Simulation(chosen, rows=rows)
+
+
+def alone(simulated: Simulation, row: int) -> Simulation:
+    """Return a simulation of one of the rows by itself."""
+    own = simulated.rows[row]
+    return Simulation(simulated.scenario, [own.controller], rows=[replace(own, world=0)])
+
+
+def assert_rows_equal(log: Log, row: int, other: Log, other_row: int) -> None:
+    """Check every frame that both recorded, to the last bit."""
+    assert log.lengths[row] == other.lengths[other_row]
+    frames = slice(log.lengths[row])
+    for name in log.columns.keys() & other.columns.keys():
+        one, two = log.channel(name)[frames, row], other.channel(name)[frames, other_row]
+        np.testing.assert_array_equal(one, two, err_msg=name)
