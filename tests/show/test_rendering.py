@@ -107,21 +107,6 @@ def test_every_tab_draws_the_lines_of_both_controllers(shot: Shot, tab: str) -> 
         assert count(image, colour) > 300, tab
 
 
-def test_who_estimates_no_alpha_has_the_ratio_alone(shot: Shot) -> None:
-    """The ratio is pale, the estimate of the controller's colour; labels are bright too."""
-    estimated, other = (shot(3.0, "alpha", controller)[PLOTS] for controller in ("comp-flc", "flc"))
-    assert count(estimated, BLUE) > 300
-    assert count(other, ORANGE) == 0
-    assert (other.max(-1) > 120).sum() > 2000
-
-
-@pytest.mark.parametrize("controller", ["flc", "comp-flc"])
-def test_a_controllers_wheels_have_a_colour_each(shot: Shot, controller: str) -> None:
-    image = shot(3.0, "wheels", controller)[PLOTS]
-    for colour in (ORANGE, BLUE, (0x00, 0x9E, 0x73), (0xCC, 0x79, 0xA7)):
-        assert count(image, colour) > 100
-
-
 @pytest.mark.parametrize("tab", ["summary", "events", "settings"])
 def test_texts_are_shown(shot: Shot, tab: str) -> None:
     text = shot(3.0, tab)[730:860, 0:790]

@@ -17,14 +17,12 @@ from rerun.chunk import RrdReader
 
 from omni_control.controllers.base import Controller
 from omni_mj.scenarios import scenario
-from omni_mj.scenarios.settings import Settings
 from omni_mj.show import markdown
 from omni_mj.show.recording import FileRecording, LiveRecording, sink
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies import run
 from omni_mj.studies.outcome import drive
 
-default_settings = Settings
 set_patience = partial(setattr, sink, "FLUSH_S")  # seconds that a recording waits for its file
 RERUN = Path(sys.executable).with_name("rerun")
 
