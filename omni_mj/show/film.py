@@ -108,7 +108,7 @@ class Film:
         known = table["controller"].unique().to_pylist()
         if unknown := [name for name in controllers if name not in known]:
             raise OmniError(f"{folder} has no controller {unknown[0]!r}; it has {', '.join(known)}")
-        slots, takes = dict(zip(known, style.slots(known), strict=True)), []
+        slots, takes = style.slots(known), []
         for name in controllers or known:
             part = table.filter(pc.equal(table["controller"].cast("string"), name))
             part = part.sort_by([("frame", "ascending"), ("place", "ascending")])
@@ -296,8 +296,6 @@ class _Stage:
 
     def _add_line(self, points: Array, rgba: tuple[float, ...], height: float | None = None) -> None:
         """Add a line through points (m, 2) at a height in m, else on the carpet, to the scene."""
-        moved = np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-4
-        points = points[np.concatenate([[True], moved])]
         heights = np.full(len(points), self._thickness / 2 if height is None else height)
         scene, capsule = self.renderer.scene, mujoco.mjtGeom.mjGEOM_CAPSULE
         for start, end in pairwise(np.column_stack([points, heights])):

@@ -27,7 +27,7 @@ def save(findings: "Findings", stem: Path) -> None:
     with canvas.drawing(stem, findings.title, svg=True, figsize=size) as figure:
         grid = figure.subplots(4, len(findings.loops), height_ratios=HEIGHTS_IN, squeeze=False)
         for (case, loops), (step, gain, phase, nyquist) in zip(findings.loops.items(), grid.T, strict=True):
-            for label, slot in canvas.slots_of(list(loops)).items():
+            for label, slot in style.slots(loops).items():
                 loop, look = loops[label], style.line(slot) | {"marker": ""}
                 if np.isfinite(loop.moved).all() and np.isfinite(loop.gains).all():
                     moved = 100 * loop.moved[:, -1]

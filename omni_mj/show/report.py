@@ -7,11 +7,11 @@ import base64
 import json
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import jinja2
 
@@ -19,6 +19,7 @@ from omni_control.errors import OmniError
 from omni_mj.files import write as write_file
 from omni_mj.measure import causes, limits, reading
 from omni_mj.measure.table import DASH, where
+from omni_mj.measure.verdict import best
 from omni_mj.scenarios.settings import every_setting
 from omni_mj.show.style import ERROR_AXES, FIGURES
 
@@ -33,17 +34,6 @@ PEAKS = {
     "peak_winding_c": "Peak winding in °C",
 }
 Results = Mapping[str, Any]  # of a scenario's entry in a summary, by controller
-
-
-class SettingRow(NamedTuple):
-    """A setting of a run; `default`, `unit` and `doc` are empty if this version does not have it."""
-
-    name: str
-    value: Any
-    default: Any
-    unit: str
-    doc: str
-    changed: bool
 
 
 @dataclass(frozen=True)
@@ -96,32 +86,28 @@ class Run:
         return self.entry["reason"] or self.summary["stopped"] or "no reason is known"
 
     @cached_property
-    def settings(self) -> list[SettingRow]:
-        """Its settings, with what this version knows of them."""
+    def settings(self) -> list[dict[str, Any]]:
+        """Its settings, and what this version knows of them."""
         declared = {setting.full: setting for setting in every_setting()}
         rows = []
         for section, fields in self.entry["settings"].items():
             if isinstance(fields, list):
-                rows.append(SettingRow(section, fields, [], "", "what happens while a run goes on", bool(fields)))
+                doc = "what happens while a run goes on"
+                rows.append(
+                    {"name": section, "value": fields, "default": [], "unit": "", "doc": doc, "changed": bool(fields)}
+                )
                 continue
             for field, value in fields.items():
-                name = f"{section}.{field}"
-                if name in declared:
-                    setting = declared[name]
-                    default = json.loads(json.dumps(setting.default))  # tuples are lists in a summary
-                    rows.append(
-                        SettingRow(name, value, default, setting.unit, setting.doc, default not in (None, value))
-                    )
-                else:
-                    rows.append(SettingRow(name, value, None, "", "unknown to this version", changed=False))
+                setting = declared[f"{section}.{field}"]
+                default = json.loads(json.dumps(setting.default))  # tuples are lists in a summary
+                row = {"name": setting.full, "value": value, "default": default, "unit": setting.unit}
+                rows.append(row | {"doc": setting.doc, "changed": default not in (None, value)})
         return rows
 
-    def best(self, statistic: str, axis: str = "distance") -> str | None:
-        """Return the controller with the least mean error over the seeds, of those that do not know the truth."""
-        results = self.entry["results"]
-        means = {name: result[ERROR_AXES[axis].part][axis][statistic]["mean"] for name, result in results.items()}
-        known = [name for name, mean in means.items() if mean is not None and name not in self.summary["informed"]]
-        return min(known, key=lambda name: means[name], default=None)
+    def best(self, statistic: str) -> str | None:
+        """Return the controller with the least mean error in the plane, of those that do not know the truth."""
+        competitors = [name for name in self.summary["controllers"] if name not in self.summary["informed"]]
+        return best(self.entry["results"], competitors, statistic)
 
     def errors(self) -> dict[str, dict[str, dict[str, dict[str, Any]]]]:
         """Return cells by axis, controller and statistic."""
@@ -236,25 +222,25 @@ def matrix(runs: Sequence[Run], statistic: str) -> tuple[list[str], list[tuple[R
 
 def peaks(results: Results) -> dict[str, dict[str, float | None]]:
     """Return controllers' extremes by their labels, as far as they are known."""
-    return _known({label: {name: r.get(key) for name, r in results.items()} for key, label in PEAKS.items()})
+    return _known(results, PEAKS, lambda result, key: result.get(key))
 
 
 def reasons(results: Results) -> dict[str, dict[str, float | None]]:
     """Return medians of why controllers stray by their labels, as far as they are known."""
-    rows = {
-        label: {name: r["why"][key]["median"] for name, r in results.items()} for key, label in causes.NAMES.items()
-    }
-    return _known(rows)
+    return _known(results, causes.NAMES, lambda result, key: result["why"][key]["median"])
 
 
-def _known(rows: dict[str, dict[str, float | None]]) -> dict[str, dict[str, float | None]]:
+def _known(
+    results: Results, labels: Mapping[str, str], value: Callable[[Any, str], float | None]
+) -> dict[str, dict[str, float | None]]:
+    rows = {label: {name: value(result, key) for name, result in results.items()} for key, label in labels.items()}
     return {label: row for label, row in rows.items() if any(value is not None for value in row.values())}
 
 
 def differing(runs: Sequence[Run]) -> list[tuple[str, list[Any]]]:
     """Return the settings, robot and plant in which runs differ, with each one's value."""
     values = [
-        {"plant": run.entry["plant"], "robot": run.entry["robot"]} | {s.name: s.value for s in run.settings}
+        {"plant": run.entry["plant"], "robot": run.entry["robot"]} | {s["name"]: s["value"] for s in run.settings}
         for run in runs
     ]
     names: Iterable[str] = dict.fromkeys(name for settings in values for name in settings)

@@ -55,7 +55,7 @@ def save(result: "Sweep", lines: Lines, folder: Path) -> None:
         grid = figure.subplots(len(drawn), 1, squeeze=False)[:, 0]
         y, thickness = np.arange(len(settings)), 0.8 / len(names)
         for axes, quantity in zip(grid, drawn, strict=True):
-            for i, (name, slot) in enumerate(canvas.slots_of(names).items()):
+            for i, (name, slot) in enumerate(style.slots(names).items()):
                 part = [line for line in lines if line["controller"] == name and line["of"] == quantity]
                 widths, halves = (np.array([line[k] for line in part], float) for k in (key, f"{key}_conf"))
                 axes.barh(y + i * thickness, widths, thickness, xerr=halves, color=style.colour(slot), label=name)

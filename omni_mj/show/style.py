@@ -6,7 +6,7 @@ together; there a controller is known by its line style and marker.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -54,12 +54,13 @@ ERROR_AXES = {
 }
 
 
-def slots(controllers: Sequence[str]) -> list[int]:
-    """The slots of a run's controllers, for `colour` and `line`: of those that ship their own, else what is left."""
-    free = [*range(len(SHIPPED), len(COLOURS)), *(i for i, name in enumerate(SHIPPED) if name not in controllers)]
-    others = [name for name in dict.fromkeys(controllers) if name not in SHIPPED]
+def slots(controllers: Iterable[str]) -> dict[str, int]:
+    """Return the slot of each controller of a run, for `colour` and `line`: those that ship have their own."""
+    names = dict.fromkeys(controllers)
+    free = [*range(len(SHIPPED), len(COLOURS)), *(i for i, name in enumerate(SHIPPED) if name not in names)]
+    others = [name for name in names if name not in SHIPPED]
     taken = {name: free[i % len(free)] if free else i for i, name in enumerate(others)}
-    return [SHIPPED.index(name) if name in SHIPPED else taken[name] for name in controllers]
+    return {name: SHIPPED.index(name) if name in SHIPPED else taken[name] for name in names}
 
 
 def colour(slot: int) -> str:

@@ -46,7 +46,7 @@ def _draw_lines(figure: Figure, cells: list[Cell], names: list[str], axis: "Axis
     error, rate = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     categorical = any(isinstance(value, str | bool) for value in axis.values)
     x = np.arange(len(axis.values)) if categorical else np.array(axis.values, float)
-    for i, (name, slot) in enumerate(canvas.slots_of(names).items()):
+    for i, (name, slot) in enumerate(style.slots(names).items()):
         row = [_worst(cells, name, {axis.name: value}) for value in axis.values]
         look = style.line(slot)
         median, low, high = (_errors([row], key, np.nan)[0] for key in ("median", "low", "high"))

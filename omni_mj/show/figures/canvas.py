@@ -1,6 +1,6 @@
 """Shared parts of the figures: style, saving, legends, time axes, curves and scales."""
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from textwrap import wrap
@@ -18,7 +18,7 @@ from PIL import Image
 from omni_control.kinematics import Array
 from omni_mj.files import whole
 from omni_mj.measure.limits import LIMITS
-from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
+from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show import style
 
 MAX_SHARED_CURVES = 3  # curves that one pair of axes shows; more controllers get axes each
@@ -132,11 +132,6 @@ def use_log_scale(axis: Axis) -> None:
     axis.set_minor_locator(NullLocator())
 
 
-def mark_failure(axes: Axes, frame: int, slot: int, name: str) -> None:
-    """Draw a line at the frame in which a controller's row was stopped."""
-    axes.axvline(PERIOD_S * frame, color=style.colour(slot), lw=1, ls=(0, (1, 1)), zorder=2, label=f"{name} failed")
-
-
 def mark_limit(axes: Axes, value: float, name: str, span: tuple[float, float]) -> None:
     """Draw the line of a known limit from one position to another along the y-axis."""
     axes.vlines(value, *span, color="black", lw=1.4, ls=LIMIT_DASHES[name], zorder=2.5, label=name)
@@ -155,8 +150,3 @@ def visible_range(values: Array, failed: Collection[int]) -> tuple[float, float]
     if not whole.any() or not largest[whole].any():
         whole[:] = True
     return max(low.min(), OFF_SCALE * low[whole].min()), min(high.max(), OFF_SCALE * high[whole].max())
-
-
-def slots_of(names: Sequence[str]) -> dict[str, int]:
-    """Return the slot in `style` of each controller."""
-    return dict(zip(names, style.slots(names), strict=True))

@@ -61,7 +61,7 @@ def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figur
         figure: Empty figure.
     """
     entries = {label: entry for label, entry in entries.items() if entry["results"]}
-    slots = canvas.slots_of(list(dict.fromkeys(name for entry in entries.values() for name in entry["results"])))
+    slots = style.slots(name for entry in entries.values() for name in entry["results"])
     tops = np.cumsum([0.0, *(len(entry["results"]) + GAP for entry in entries.values())])
     figure.set_size_inches(11, 1.9 + LINE_IN * tops[-1])
     grid = figure.subplots(1, len(PANELS), sharey=True)
@@ -124,7 +124,7 @@ def draw_seeds(entry: Entry, heading: bool, figure: Figure) -> None:
     figure.set_layout_engine("constrained")
     figure.set_size_inches(2.7 * len(axes), 1.8 + 0.72 * (len(results) + 1))
     grid = figure.subplots(2, len(axes), sharey=True)
-    colours = [style.colour(slot) for slot in style.slots(list(results))]
+    colours = [style.colour(slot) for slot in style.slots(results).values()]
     for (statistic, axis), panel in zip([(s, axis) for s in ("max", "mean") for axis in axes], grid.flat, strict=True):
         phrase, part, unit, scale = style.ERROR_AXES[axis]
         seeds = [scale * np.array(result[part][axis][statistic]["seeds"], float) for result in results.values()]

@@ -34,7 +34,7 @@ class FirstRows:
     @property
     def slots(self) -> list[int]:
         """Slots of the controllers in `style`."""
-        return style.slots(self.names)
+        return list(style.slots(self.names).values())
 
     @property
     def rows(self) -> list[int]:

@@ -173,5 +173,7 @@ def _mean(values: Array) -> list[float]:
 
 
 def _mark_failure(axes: Axes, first: FirstRows, i: int) -> None:
+    """Draw a line at the frame in which a controller's row was stopped, if it was."""
     if i in first.failed:
-        canvas.mark_failure(axes, max(first.lengths[i] - 1, 0), first.slots[i], first.names[i])
+        end, colour = PERIOD_S * max(first.lengths[i] - 1, 0), style.colour(first.slots[i])
+        axes.axvline(end, color=colour, lw=1, ls=(0, (1, 1)), zorder=2, label=f"{first.names[i]} failed")

@@ -59,8 +59,7 @@ class Robot:
 def shown_robots(log: Log) -> list[Robot]:
     """Return the robots of each controller's first world, controller by controller."""
     robots: list[Robot] = []
-    controllers = list(dict.fromkeys(row.controller for row in log.rows))
-    for slot, controller in zip(style.slots(controllers), controllers, strict=True):
+    for controller, slot in style.slots(row.controller for row in log.rows).items():
         driven = [i for i, row in enumerate(log.rows) if row.controller == controller]
         together = [i for i in driven if log.rows[i].world == log.rows[driven[0]].world]
         for k, row in enumerate(together):
