@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 STOPPED, TEMPERATURE, BATTERY, LIMIT, VOLTAGE, CURRENT, VISION, WAY_POINT, FAULT = KINDS = (
     "stopped", "temperature", "battery", "limit", "voltage", "current", "vision", "way-point", "fault",
 )  # fmt: skip
+ALWAYS = (STOPPED, TEMPERATURE, BATTERY, FAULT, CURRENT)  # what is told of every row
 QUIET_FRAMES = FRAME_RATE_HZ // 4  # what was at a limit no longer ago than this has not left it
 ROUNDING = 1e-9  # of a reference that arrives
 
@@ -43,21 +44,12 @@ class Event:
 
 def find(log: Log, failures: "Iterable[Failure]" = ()) -> list[Event]:
     """What a user must know of each row, in the order of time: stopped rows, faults; once, heat, battery, drivers."""
-    failures = list(failures)
-    found = list[Event]()
+    failures, found = list(failures), list[Event]()
     for row in range(len(log.rows)):
-        events = _of_row(log, row, failures, only=(STOPPED, FAULT, TEMPERATURE, BATTERY, CURRENT))
+        events = [event for event in of_row(log, row, failures) if event.kind in ALWAYS]
         first_current = next((event for event in events if event.kind == CURRENT), None)
         found += [event for event in events if event.kind != CURRENT or event is first_current]
     return sorted(found, key=lambda event: (event.frame, event.kind != STOPPED))
-
-
-def of_row(log: Log, row: int, failures: "Iterable[Failure]" = ()) -> list[Event]:
-    """Everything that happened to a row, in the order of time: also limits, misses, way-points.
-
-    A limit is met in the first frame at it, `QUIET_FRAMES` after the last.
-    """
-    return _of_row(log, row, failures, KINDS)
 
 
 class Watch:
@@ -79,7 +71,11 @@ class Watch:
         return fresh
 
 
-def _of_row(log: Log, row: int, failures: "Iterable[Failure]", only: Iterable[str]) -> list[Event]:
+def of_row(log: Log, row: int, failures: "Iterable[Failure]" = ()) -> list[Event]:
+    """Everything that happened to a row, in the order of time: also limits, misses, way-points.
+
+    A limit is met in the first frame at it, `QUIET_FRAMES` after the last.
+    """
     own, settings = log.rows[row], log.rows[row].settings
     frames = int(log.lengths[row])
     happened = list[tuple[int, str, str]]()
@@ -103,17 +99,15 @@ def _of_row(log: Log, row: int, failures: "Iterable[Failure]", only: Iterable[st
     for motor, share in enumerate(channel["current_limited"].T):
         limit = f"{settings.firmware.current_limit_a:g} A"
         happened += _met(share > 0, CURRENT, f"the driver limits the current of motor {motor + 1} to {limit}")
-    if LIMIT in only:
-        for unit, (value, met) in causes.at_limits(channel["command"], np.zeros(3), settings.control).items():
-            happened += _met(met, LIMIT, f"the command is held back to {value:g} {unit}")
-        full = (channel["duty_peak"][:, 0] >= 1) & (battery > 0)
-        happened += _met(full, VOLTAGE, "a motor takes all the battery's voltage")
-        happened += _misses(channel["vision_valid"][:, 0])
-        happened += _way_points(own, channel["pose"], channel["ref"])
+    for unit, (value, met) in causes.at_limits(channel["command"], np.zeros(3), settings.control).items():
+        happened += _met(met, LIMIT, f"the command is held back to {value:g} {unit}")
+    full = (channel["duty_peak"][:, 0] >= 1) & (battery > 0)
+    happened += _met(full, VOLTAGE, "a motor takes all the battery's voltage")
+    happened += _misses(channel["vision_valid"][:, 0])
+    happened += _way_points(own, channel["pose"], channel["ref"])
     found = [
         Event(frame, frame * PERIOD_S, own.controller, own.seed, kind, text, own.place)
         for frame, kind, text in happened
-        if kind in only
     ]
     return sorted(found, key=lambda event: event.frame)
 

@@ -95,19 +95,12 @@ class Result:
 
     def summary(self) -> dict[str, Any]:
         """What summary.json holds: every number, with its definition."""
-        return summary.document(
-            {outcome.scenario.name: outcome.entry for outcome in self.outcomes},
-            self.controllers,
-            self.informed,
-            self.seeds,
-            created=self.created,
-            wall_s=self.wall_s,
-            complete=self.complete,
-            stopped=None if self.complete else self.stopped or summary.UNFINISHED,
-            subject=self.subject,
-            repeat=self.repeat,
-            half_width=self.half_width,
-        )
+        names = ("created", "complete", "stopped", "wall_s", "repeat", "controllers", "informed", "seeds")
+        head = {name: getattr(self, name) for name in (*names, "half_width", "subject")}
+        head |= {name: list(head[name]) for name in ("controllers", "informed", "seeds")}
+        head |= {"stopped": None if self.complete else self.stopped or summary.UNFINISHED}
+        head |= {"wall_s": round(self.wall_s, 3)}
+        return summary.document({outcome.scenario.name: outcome.entry for outcome in self.outcomes}, head)
 
     def table(self) -> str:
         """The controllers' errors, effort and time to settle, as lines of text."""

@@ -171,31 +171,18 @@ def results(log: Log, failures: "Iterable[Failure]", measured: Mapping[str, Arra
     return found
 
 
-def document(
-    entries: Mapping[str, Entry],
-    controllers: Iterable[str],
-    informed: Iterable[str],
-    seeds: Iterable[int],
-    *,
-    created: str,
-    wall_s: float,
-    complete: bool,
-    stopped: str | None,
-    subject: str | None,
-    repeat: str | None,
-    half_width: float | None = None,
-) -> dict[str, Any]:
-    """The whole summary, with verdicts, of one scenario or several that were run with the same controllers."""
-    informed = list(informed)
-    judged = verdicts(entries, informed, subject)
-    more = {name: {"over_limit": limits.over(entry), "verdict": judged[name]} for name, entry in entries.items()}
-    return {
-        "format": FORMAT, "created": created, "complete": complete, "stopped": stopped, "wall_s": round(wall_s, 3),
-        "repeat": repeat, "controllers": list(controllers), "informed": informed, "seeds": list(seeds),
-        "half_width": half_width, "subject": subject,
-        "scenarios": {name: {**entry, **more[name]} for name, entry in entries.items()},
-        "definitions": DEFINITIONS, "versions": versions(),
-    }  # fmt: skip
+def document(entries: Mapping[str, Entry], head: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the whole summary, with verdicts, of scenarios that were run with the same controllers.
+
+    Args:
+        entries: Of the scenarios, by their names.
+        head: All that is said of the study as a whole, by the keys of summary.json.
+    """
+    judged = verdicts(entries, head["informed"], head["subject"])
+    scenarios = {
+        name: {**entry, "over_limit": limits.over(entry), "verdict": judged[name]} for name, entry in entries.items()
+    }
+    return {"format": FORMAT, **head, "scenarios": scenarios, "definitions": DEFINITIONS, "versions": versions()}
 
 
 def versions() -> dict[str, str]:

@@ -78,11 +78,13 @@ def begin(
     Args and errors: see `save`.
     """
     save(folder, study, command, scenarios, frames, given)
-    entries, first = {each.name: summary.nothing_run(each) for each in scenarios}, scenarios[0]
-    content = summary.document(
-        entries, first.labels, (), first.seed_list, created=_now(), wall_s=0.0, complete=False,
-        stopped=summary.UNFINISHED, subject=None, repeat=None,
-    )  # fmt: skip
+    first = scenarios[0]
+    head = {
+        "created": _now(), "complete": False, "stopped": summary.UNFINISHED, "wall_s": 0.0, "repeat": None,
+        "controllers": list(first.labels), "informed": [], "seeds": first.seed_list, "half_width": None,
+        "subject": None,
+    }  # fmt: skip
+    content = summary.document({each.name: summary.nothing_run(each) for each in scenarios}, head)
     write(folder / "summary.json", json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 

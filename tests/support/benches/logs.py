@@ -85,15 +85,15 @@ def outcome(scenario: om.Scenario, log: Log, failures: Sequence[Failure] = ()) -
     return Outcome(scenario, entry, log.rows, failures, numbers, log)
 
 
-def compared(results: Mapping[str, Any], informed: Sequence[str], subject: str | None, **more: Any) -> dict[str, Any]:
-    """What `omni-mj compare` would write of one scenario that was run, and of one that could not be."""
+def compared(results: Mapping[str, Any], informed: Sequence[str], subject: str | None) -> dict[str, Any]:
+    """What `omni-mj compare` would write of a scenario that was run."""
     entry = {
         "description": "one | two", "plant": "mujoco", "robot": "tigers-v2016", "status": "done", "reason": None,
         "frames": 60, "simulated_s": 1.0, "wall_s": 1.0, "settings": {}, "paper_table": 0, "paper": None,
-        "events": [], "failed": [], "results": results, "seeds": [0, 1, 2, 3], **more,
+        "events": [], "failed": [], "results": results, "seeds": [0, 1, 2, 3],
     }  # fmt: skip
-    failed = entry | {"status": "failed", "reason": "robots overlap", "results": {}, "seeds": []}
-    return summary.document(
-        {"rect": entry, "circle": failed}, results, informed, range(20),
-        created="", wall_s=1.0, complete=True, stopped=None, subject=subject, repeat="omni-mj compare",
-    )  # fmt: skip
+    head = {
+        "created": "", "complete": True, "stopped": None, "wall_s": 1.0, "repeat": "", "controllers": list(results),
+        "informed": list(informed), "seeds": list(range(20)), "half_width": None, "subject": subject,
+    }  # fmt: skip
+    return summary.document({"rect": entry}, head)
