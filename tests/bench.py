@@ -31,7 +31,7 @@ DRIVE = ["reference.waypoints=[[0, 0], [1, 0.5]]", "reference.settle_s=0"]
 SHORT = ["reference.waypoints=[[0, 0], [0.1, 0.05]]", "reference.settle_s=0"]  # of many robots
 CONTROLLERS = "adaptive-comp-flc", "mpc"  # the costliest
 FRAMES = "p", "flc", "comp-flc", "adaptive-comp-flc", "lqr", "mpc"
-KERNELS, WHAT = ("numpy", "numba"), ("plant ", "loop ")
+KERNELS, WHAT = ("numpy", "jax"), ("plant ", "loop ")
 CASES = (1, "rollers"), (1, "two-rollers"), (16, "rollers"), (64, "rollers"), (64, "two-rollers")
 PLANAR = 1, 64, 1024
 OUT = Path("bench.json")
@@ -227,7 +227,7 @@ def machine() -> dict[str, str | int | None]:
     cpu = platform.processor()
     if (info := Path("/proc/cpuinfo")).exists():
         cpu = next((line.split(":")[1].strip() for line in info.read_text().splitlines() if "model name" in line), cpu)
-    versions = {name: version(name) for name in ("mujoco", "numpy", "numba")}
+    versions = {name: version(name) for name in ("mujoco", "numpy", "jax")}
     python = platform.python_version()
     return {"cpu": cpu, "cores": os.cpu_count(), "system": platform.platform(), "python": python, **versions}
 

@@ -41,7 +41,7 @@ def main() -> None:
     print("frames of robots per CPU-second through omni_mj/Track-v0; 60 are a simulated second")
     print(f"{'plant, kernel':24s}", *(f"{robots:>10d}" for robots in chosen.robots))
     for plant in chosen.plant:
-        for kernel in ("numpy",) if plant == "kinematic" else ("numpy", "numba"):
+        for kernel in ("numpy",) if plant == "kinematic" else ("numpy", "jax"):
             found = [
                 f"{speed(plant, robots, kernel):10.0f}" if plant != "mujoco" or robots <= MOST_ON_MUJOCO else " " * 10
                 for robots in chosen.robots

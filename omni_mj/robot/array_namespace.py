@@ -20,7 +20,7 @@ LEAST_SQUARE = 1e-24  # under a square root, so that its derivative stays finite
 
 def namespace(array: Array) -> Any:
     """Return the module whose functions take this array: numpy or jax.numpy."""
-    return array.__array_namespace__()
+    return np if type(array) is np.ndarray else array.__array_namespace__()  # that call costs 0.3 us
 
 
 def is_numpy(array: Array) -> bool:
@@ -34,9 +34,10 @@ def any_true(mask: Array) -> bool:
 
 
 def tree_map(function: Callable[..., Any], tree: Any, *others: Any) -> Any:
-    """Apply a function to the arrays of nested NamedTuples; None stays None."""
+    """Apply a function to the arrays of nested tuples; None stays None."""
     if isinstance(tree, tuple):
-        return type(tree)(*(tree_map(function, *parts) for parts in zip(tree, *others, strict=True)))
+        parts = [tree_map(function, *each) for each in zip(tree, *others, strict=True)]
+        return type(tree)(*parts) if hasattr(tree, "_fields") else tuple(parts)
     return None if tree is None else function(tree, *others)
 
 

@@ -316,13 +316,9 @@ def run_wheel_loops(p: LoopParameters, s: LoopState, cycle: Array, gyro: Array, 
     )
     if due is None:
         return new
-    changed = "heading", "last_count", "integral", "last_error", "duty"
-    before, after = (tuple(getattr(state, name) for name in changed) for state in (s, new))
-    return s._replace(**dict(zip(changed, _select_each(due, after, before), strict=True)))
-
-
-def _select_each(due: Array, after: tuple[Array, ...], before: tuple[Array, ...]) -> list[Array]:
-    return [None if new is None else select(due, new, old) for new, old in zip(after, before, strict=True)]
+    changed = ("heading", "last_count", "integral", "last_error", "duty")
+    after, before = (tuple(getattr(state, name) for name in changed) for state in (new, s))
+    return s._replace(**dict(zip(changed, select(due, after, before), strict=True)))
 
 
 def _desired_speeds(p: LoopParameters, s: LoopState, heading: Array, rate: Array, stands: Array) -> Array:
