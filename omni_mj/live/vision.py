@@ -17,7 +17,6 @@ Colour = Literal["blue", "yellow"]
 NEAR_M, MAX_SPEED_M_S = 0.15, 5.0  # a robot is at most this, and the way it may have gone unseen, from the expectation
 MAX_TWIST = np.array([MAX_SPEED_M_S, MAX_SPEED_M_S, 30.0])  # with which robots are carried on, m/s, m/s, rad/s
 MIRRORED_RAD = 2.2  # from the expectation; a pattern that was read the wrong way round is pi away
-PERSISTENCE = 15  # ticks for which a robot is elsewhere until that is believed
 UNSEEN_S = 0.25  # for which motion is carried on, and after which a heading may be any
 MAX_DISTANCE_M = 1e3  # from the field's centre
 
@@ -37,8 +36,8 @@ class Vision:
 
     Each detection is extrapolated from its time of capture to the tick by the robot's velocity. If several cameras see
     a robot, the mean counts, without their biases. A detection far from the expectation belongs to another robot. One
-    that faces the other way was read the wrong way round. Both are ignored unless that lasts, as after somebody moved
-    the robot.
+    that faces the other way was read the wrong way round. Both are ignored until the robot has been unseen for so long
+    that it can be there.
 
     Args:
         colour: Of the team.
@@ -68,7 +67,6 @@ class Vision:
         self._pose = np.full((n, 3), np.nan) if poses is None else poses.copy()
         self._unseen_s = np.where(np.isnan(self._pose[:, 0]), math.inf, 0.0)
         self._fresh: dict[int, Detection] = {}  # camera -> newest detection since the last tick
-        self._ignored = np.zeros(n, int)
         self.age, self.extrapolation = np.zeros(n), np.zeros((n, 3))
 
     def add(self, data: bytes, arrival: float, sender: object = "") -> Detection | None:
@@ -119,18 +117,12 @@ class Vision:
         ages = {number: self._age(number, tick, leader) for number in self._fresh}
         seen, self.age = np.zeros(len(self.ids), bool), np.zeros(len(self.ids))
         for i, number in enumerate(self.ids):
-            poses, candidates = dict[int, Array](), False
+            poses = dict[int, Array]()
             for camera, detection in self._fresh.items():
-                found = [robot_pose(robot) for robot in self._robots(detection, number)]
-                candidates |= bool(found)
-                moved = [pose + ages[camera] * twist[i] for pose in found]
-                if plausible := [pose for pose in moved if self._is_plausible(i, pose)]:
+                candidates = [robot_pose(robot) + ages[camera] * twist[i] for robot in self._robots(detection, number)]
+                if plausible := [pose for pose in candidates if self._is_plausible(i, pose)]:
                     expected = np.nan_to_num(self._pose[i, :2])
                     poses[camera] = min(plausible, key=lambda pose: math.dist(pose[:2], expected))
-            self._ignored[i] = 0 if poses else self._ignored[i] + candidates
-            if self._ignored[i] >= PERSISTENCE:
-                self._notes.add("moved", f"robot {number} is elsewhere, as if moved by hand", always=True)
-                self._unseen_s[i], self._ignored[i] = math.inf, 0
             if poses:
                 self._bias_learner.update(self.cameras, poses)
                 self._pose[i], self._unseen_s[i], seen[i] = self._mean(i, poses), 0.0, True

@@ -55,7 +55,6 @@ def test_what_vision_gets_wrong_costs_little() -> None:
         with peer("--delay", 2, *wrong, "--start", -0.2, 0.2, 0.3, -0.6, -0.4, 1.2) as options:
             live = driven(on_wire("comp-flc", world=place), options)
         assert {"wrong id", "mirrored", "bad packet"} <= live.notes.counts.keys()
-        assert live.notes.counts["moved"] == 0
         bias = live.link.vision.cameras[1].bias_m_m_rad - live.link.vision.cameras[0].bias_m_m_rad
         np.testing.assert_allclose(bias[:2], 0.02, atol=1e-3)
         assert abs(bias[2]) < 1e-2  # ten times as noisy

@@ -11,7 +11,6 @@ from omni_mj.live.clock import Clock as Clock
 from omni_mj.live.notes import Notes
 from omni_mj.live.sockets import Address as Address
 from omni_mj.live.sockets import Receiver as Receiver
-from omni_mj.live.vision import PERSISTENCE as PERSISTENCE
 from omni_mj.live.vision import Vision
 
 PERIOD_S = 1 / 60
