@@ -67,13 +67,12 @@ class Clock:
         if len(recent) < len(packets) and (recent[:, 1] - self.ours(recent[:, 0]) > HELD_S).all():
             packets = recent
             self._packets = deque(map(tuple, recent.tolist()))
-        stamps, arrivals = (packets - packets[-1]).T
-        bucket = packets[:, 1] // BUCKET_S
-        for _ in range(2):  # the fastest packets depend on the rate
-            order = np.lexsort((arrivals - self._slope * stamps, bucket))
-            fastest = order[np.unique(bucket[order], return_index=True)[1]]
-            if len(fastest) >= MIN_BUCKETS and np.ptp(stamps[fastest]) > 0:
-                slope = float(np.polyfit(stamps[fastest], arrivals[fastest], 1)[0])
-                self._slope = slope if slope > 0 else self._slope
+        starts = np.unique(packets[:, 1] // BUCKET_S, return_index=True)[1]
+        buckets = np.split(packets, starts[1:])
+        fastest = [bucket[(bucket[:, 1] - self.ours(bucket[:, 0])).argmin()] for bucket in buckets]
+        stamps, arrivals = (np.array(fastest) - packets[-1]).T
+        if len(fastest) >= MIN_BUCKETS and np.ptp(stamps) > 0:
+            slope = float(np.polyfit(stamps, arrivals, 1)[0])
+            self._slope = slope if slope > 0 else self._slope
         self._stamp = float(packets[-1, 0])
-        self._arrival = float(packets[-1, 1] + (arrivals - self._slope * stamps)[fastest].min())
+        self._arrival = float(packets[-1, 1] + (arrivals - self._slope * stamps).min())

@@ -85,7 +85,7 @@ def _placement(pitch: Pitch, name: RobotName, teleport: TeleportRobot) -> Placem
     """Return pose and twist that a robot shall have; None if it stays as it is."""
     if teleport.by_force:
         raise Refusal("BY_FORCE", f"{label(name)}: robots are put down at once, not pushed; leave by_force out")
-    before, fields = pitch.pose(name), {field.name for field, _ in teleport.ListFields()}
+    before, fields = pitch.poses().get(name), {field.name for field, _ in teleport.ListFields()}
     if before is None:
         if not teleport.present or not {"x", "y"} <= fields:
             raise Refusal("ABSENT", f"{label(name)} is not on the field; send present = true with x and y")

@@ -54,7 +54,7 @@ class Tape:
     def add(self) -> None:
         """Record the frame that has just ended."""
         pitch = self._pitch
-        if sorted(pitch.names_present()) != self._names or self._log.length == BLOCK_FRAMES:
+        if sorted(pitch.poses()) != self._names or self._log.length == BLOCK_FRAMES:
             self.flush()
         robots = [pitch.names.index(name) for name in self._names]
         command, measured = pitch.held.command[robots], pitch.measured[robots]
@@ -83,7 +83,7 @@ class Tape:
 
     def _begin_block(self) -> None:
         pitch = self._pitch
-        self._names, self._balls = sorted(pitch.names_present()), list[Array]()
+        self._names, self._balls = sorted(pitch.poses()), list[Array]()
         rows = [replace(pitch.rows[pitch.names.index(name)], place=name[1]) for name in self._names]
         self._log = Log(rows, max(pitch.world.wheels))
 

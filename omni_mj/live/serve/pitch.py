@@ -71,8 +71,7 @@ class Pitch:
         self._headings = dict[RobotName, tuple[float, int]]()  # that vision saw last, and the cycles of the images
         self.size, self.ball = standard_field(), np.zeros(2)
         self._reach = {team: build.world(scenario.settings).reach for team, scenario in scenarios.items()}
-        self.names = list(poses)
-        self._build(list(poses.values()))
+        self._build(poses)
         self._vision = self.rows[0].settings.vision
         self._cameras = [FieldCamera(number, self.rows) for number in range(self._vision.cameras)]
         self._areas = areas(len(self._cameras), surface(self.size), self._vision.overlap_m)
@@ -125,12 +124,12 @@ class Pitch:
             count = min(n_delivered + radio.quiet, until - self.cycle, world.cycles_left)
             radio.wait(count - n_delivered)
             if world.cycles_left == CYCLES_PER_FRAME:
-                self._last_poses = world.pose()
+                self._last_poses = self.poses()
             for robot, cause in world.advance(count, arrived).items():
                 self.notes.add("robot failed", f"{label(self.names[robot])} {cause} at {self.time_s:.3f} s")
             self.cycle += count
             if world.is_unstable:
-                self._rebuild(self.names_present(), dict(zip(self.names, self._last_poses, strict=True)))
+                self._rebuild(self._last_poses)
                 radio, world = self._radio, self.world
 
     def command(self, team: int, commands: Sequence[RobotCommand]) -> tuple[list[SimulatorError], list[int]]:
@@ -140,39 +139,33 @@ class Pitch:
             Errors, and the numbers of the team's robots that were commanded.
         """
         errors, commanded, receivers = list[SimulatorError](), list[int](), set[int]()
-        packets, present = self._packets.copy(), self.world.present
+        packets, present = self._packets.copy(), self.poses()
         for command in commands:
-            robot = self._index((team, command.id))
+            name = team, command.id
             try:
-                if robot is None or not present[robot]:
-                    numbers = ", ".join(map(str, self.numbers(team))) or "none"
-                    reason = f"there is no {label((team, command.id))} on the field; there: {numbers}"
-                    raise Refusal("UNKNOWN_ROBOT", reason)
+                if name not in present:
+                    numbers = (
+                        ", ".join(map(str, sorted(number for other, number in present if other == team))) or "none"
+                    )
+                    raise Refusal("UNKNOWN_ROBOT", f"there is no {label(name)} on the field; there: {numbers}")
                 commanded.append(command.id)
+                robot = self.names.index(name)
                 packet = encode_packet(command, self.world.wheels[robot])
             except Refusal as refusal:
                 errors.append(refusal.error)
                 continue
             if packet is not None:
-                packet[HEADING], packet[IMAGE_CYCLE] = self._headings.get((team, command.id), (math.nan, 0))
+                packet[HEADING], packet[IMAGE_CYCLE] = self._headings.get(name, (math.nan, 0))
                 packets[robot, : len(packet)] = packet
                 receivers.add(robot)
         if receivers:
             self._radio.send(packets, np.array(sorted(receivers)))
         return errors, commanded
 
-    def numbers(self, team: int) -> list[int]:
-        """Return the numbers of a team's robots on the field."""
-        return sorted(number for other, number in self.names_present() if other == team)
-
-    def names_present(self) -> list[RobotName]:
-        """Return the robots on the field."""
-        return [name for name, present in zip(self.names, self.world.present, strict=True) if present]
-
-    def pose(self, name: RobotName) -> Array | None:
-        """Return a robot's pose, shape (3,); None if it is not on the field."""
-        robot = self._index(name)
-        return None if robot is None or not self.world.present[robot] else self.world.pose()[robot]
+    def poses(self) -> dict[RobotName, Array]:
+        """Return the poses, shape (3,), of the robots on the field."""
+        robots = zip(self.names, self.world.pose(), self.world.present, strict=True)
+        return {name: pose for name, pose, is_present in robots if is_present}
 
     def place(self, placements: Mapping[RobotName, Placement], leaving: set[RobotName]) -> list[SimulatorError]:
         """Put robots down and take others away. What is impossible is refused.
@@ -188,16 +181,13 @@ class Pitch:
             for name, obstacle in obstacles.items():
                 errors.append(Refusal("OCCUPIED", f"{label(name)} would stand in {obstacle}").error)
                 del placements[name]
-        new_names = [name for name in placements if name not in self.names]
-        if new_names:
-            staying = [name for name in self.names if self.pose(name) is not None or name in placements]
-            for name in new_names[max(MAX_ROBOTS - len(staying), 0) :]:
-                reason = f"{label(name)} would be robot {MAX_ROBOTS + 1}; a world has {MAX_ROBOTS}"
-                errors.append(Refusal("TOO_MANY", reason).error)
-                del placements[name]
-            names = [*staying, *(name for name in new_names if name in placements)]
-            poses = {name: placements[name][0] if name in placements else self.pose(name) for name in names}
-            self._rebuild(names, poses)
+        poses = self.poses() | {name: pose for name, (pose, _) in placements.items()}
+        for name in list(poses)[MAX_ROBOTS:]:
+            reason = f"{label(name)} would be robot {MAX_ROBOTS + 1}; a world has {MAX_ROBOTS}"
+            errors.append(Refusal("TOO_MANY", reason).error)
+            del placements[name], poses[name]
+        if not placements.keys() <= set(self.names):
+            self._rebuild(poses)
         for name, (pose, twist) in placements.items():
             squad, i = self.world.squad_of[self.names.index(name)]
             squad.place(i, pose, twist)
@@ -211,8 +201,8 @@ class Pitch:
             OmniError: There is no such field, or a robot would stand in its walls.
         """
         walls = surface(size)
-        for name in self.names_present():
-            if (np.abs(self.world.pose()[self.names.index(name), :2]) > walls / 2 - self._reach[name[0]]).any():
+        for name, pose in self.poses().items():
+            if (np.abs(pose[:2]) > walls / 2 - self._reach[name[0]]).any():
                 raise OmniError(f"{label(name)} would stand in a wall of a field of {walls[0]:g} x {walls[1]:g} m")
         self.size = size
         self.world.move_walls(walls)
@@ -222,38 +212,32 @@ class Pitch:
         """Return what SSL-Vision says of field and cameras."""
         return Geometry(field=self.size, calib=[area.calibration(number) for number, area in enumerate(self._areas)])
 
-    def _index(self, name: RobotName) -> int | None:
-        return self.names.index(name) if name in self.names else None
-
     def _find_obstacles(self, placements: Mapping[RobotName, Placement]) -> dict[RobotName, str]:
         """Return what robots would stand in if all were placed."""
-        names = [*self.names, *(name for name in placements if name not in self.names)]
-        reach, room = np.array([self._reach[team] for team, _ in names]), surface(self.size) / 2
-        positions = np.full((len(names), 2), np.nan)
-        positions[: len(self.names)] = np.where(self.world.present[:, None], self.world.pose()[:, :2], np.nan)
-        for name, (pose, _) in placements.items():
-            positions[names.index(name)] = pose[:2]
+        poses = self.poses() | {name: pose for name, (pose, _) in placements.items()}
+        names, room = list(poses), surface(self.size) / 2
+        reach, positions = np.array([self._reach[team] for team, _ in names]), np.array([*poses.values()])
         obstacles = {}
         for name in placements:
             robot = names.index(name)
-            distance = np.hypot(*(positions - positions[robot]).T)
-            distance[robot] = np.nan
-            if (np.abs(positions[robot]) > room - reach[robot] + CLEARANCE_M).any():
+            distance = np.hypot(*(positions - positions[robot]).T[:2])
+            distance[robot] = np.inf
+            if (np.abs(positions[robot, :2]) > room - reach[robot] + CLEARANCE_M).any():
                 obstacles[name] = f"a wall: the field ends at |x| = {room[0]:g} m and |y| = {room[1]:g} m"
             elif (distance < reach[robot] + reach - CLEARANCE_M).any():
-                obstacles[name] = f"a robot that is {np.nanmin(distance):.3f} m away"
+                obstacles[name] = f"a robot that is {distance.min():.3f} m away"
         return obstacles
 
-    def _rebuild(self, names: list[RobotName], poses: Mapping[RobotName, Array | None]) -> None:
+    def _rebuild(self, poses: Mapping[RobotName, Array]) -> None:
         """Make the world anew with these robots, at rest."""
-        self.names = names
-        self._build([poses[name] for name in names])
+        self._build(poses)
         for camera in self._cameras:
             camera.set_robots(self.rows)
 
-    def _build(self, poses: Sequence[Array | None]) -> None:
+    def _build(self, poses: Mapping[RobotName, Array]) -> None:
+        self.names = list(poses)
         self.rows = [self._row(place, name) for place, name in enumerate(self.names)]
-        self.world = ServedWorld(self.rows, np.array(poses, float), surface(self.size))
+        self.world = ServedWorld(self.rows, np.array([*poses.values()]), surface(self.size))
         n, packet = len(self.rows), empty_packet(max(self.world.wheels))
         self._packets = np.tile(packet, (n, 1))
         self._radio = Radio(

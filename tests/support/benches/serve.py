@@ -59,12 +59,12 @@ class Field:
 
     @property
     def names(self) -> list[str]:
-        return [label(name) for name in self.pitch.names_present()]
+        return [label(name) for name in self.pitch.poses()]
 
     @property
     def poses(self) -> np.ndarray:
         """Of the robots on the field, in the order of `names`."""
-        return self.pitch.world.pose()[self.pitch.world.present]
+        return np.array([*self.pitch.poses().values()])
 
     @property
     def twists(self) -> np.ndarray:
