@@ -116,7 +116,13 @@ def swapped(log: Columns, one: str, other: str) -> Columns:
 
 WRONG: dict[str, tuple[Callable[[Columns], Columns], str]] = {
     "wheel 2": (lambda log: log | {WHEELS[1]: -log[WHEELS[1]]}, "wheel 2 turns the other way"),
-    "wheels 1 and 2": (lambda log: swapped(log, WHEELS[0], WHEELS[1]), "wheels 1, 2 are in another order"),
+    "wheels 1 and 2": (lambda log: swapped(log, WHEELS[0], WHEELS[1]), "another order, 2, 1, 3, 4"),
+    "wheels 1 and 3": (lambda log: swapped(log, WHEELS[0], WHEELS[2]), "another order, 3, 2, 1, 4"),
+    "all wheels": (
+        lambda log: log | {name: -log[name] for name in WHEELS},
+        "wheel 1 turns the other way, wheel 2 turns",
+    ),
+    "a dead encoder": (lambda log: log | {WHEELS[2]: 0 * log[WHEELS[2]]}, "wheel 3 does not turn"),
     "gear": (lambda log: log | {name: 3 * log[name] for name in WHEELS}, "wheels behind the gear"),
     "three wheels": (
         lambda log: {k: v for k, v in log.items() if k != WHEELS[3]},

@@ -18,7 +18,9 @@ MOVES_M_S, TURNS_RAD_S = 0.05, 0.2  # root mean square below which axes are not 
 FOLLOWS, BETTER = 0.3, 0.1  # share of the motion that inputs must explain; by how much a mistake must explain more
 SIZES = {"wheels": (0.5, 2.0), "commands": (0.25, 2.5)}  # of motion over inputs, beyond which units are wrong
 TURNED_RAD, DEGREES = 0.5, 15  # of motion over inputs, from which axes, and units of headings, are wrong
-CORRELATED = 0.6  # of a wheel with the motion that a wheel should have, from which its place is believed
+CORRELATED = 0.6  # of a wheel with its expected motion, or of the motion with inputs
+PLACED, AHEAD = 0.9, 0.03  # the same of wheels in another order, and by how much that must be better
+MOVING = 0.3  # expected speed of a wheel over the fastest's, below which it is not missed
 
 
 def units(log: Log) -> None:
@@ -85,7 +87,7 @@ def delay(log: Log, inputs: Array, in_body: bool, source: str, settings: Setting
     if np.isnan(share):
         return late
     if source == "wheels":
-        _place_wheels(log, settings, late)
+        _place_wheels(log, settings, delays)
     best, says = max(
         (_explained(log.time, *mistaken, delays)[0], says)
         for says, mistaken in _mistakes(log.pose, inputs, in_body, source)
@@ -153,7 +155,7 @@ def _explained(
     for given, moved, least in parts:
         u = _smooth(given[lines].T)  # (F, delays)
         product, power = moved @ u.conj(), (np.abs(u) ** 2).sum(0) + 1e-12
-        share = product.real * np.abs(product.real) / power / (np.abs(moved) ** 2).sum()
+        share = product.real * np.abs(product.real) / power / ((np.abs(moved) ** 2).sum() + 1e-12)
         moves = bool((np.abs(given) ** 2).mean() > least**2)
         shares += [share] * moves
         gains.append(complex((product / power)[share.argmax()]) if moves else complex("nan"))
@@ -163,23 +165,34 @@ def _explained(
     return float(mean.max()), float(delays[mean.argmax()]), gains
 
 
-def _place_wheels(log: Log, settings: Settings, late: float) -> None:
-    """Raise an error if wheels turn the other way, or are in another order, than the motion says."""
+def _place_wheels(log: Log, settings: Settings, delays: Array) -> None:
+    """Raise an error if wheels turn the other way, are in another order, or do not turn, as the motion says."""
     assert log.wheels is not None
     seen = np.isfinite(log.pose).all(1)
     time, pose = log.time[seen], log.pose[seen]
     twist = world_to_body(_smooth(np.gradient(pose, time, axis=0)), pose[:, 2])
     expected = settings.wheels.kinematics.wheel_speeds(twist)
-    measured = _smooth(log.wheels[_acting(log.time, time - late)])
-    count = expected.shape[1]
-    alike = np.corrcoef(expected.T, measured.T)[:count, count:]
-    place = linear_sum_assignment(-np.abs(alike))[1]
-    own, best = np.abs(np.diagonal(alike)).min(), np.abs(alike[range(count), place]).min()
-    names = [str(i + 1) for i in range(count) if place[i] != i]
-    if best > CORRELATED and names and best > own + BETTER:
-        raise OmniError(f"{log.name}: wheels {', '.join(names)} are in another order than the file's")
-    if best > CORRELATED and (names := [str(i + 1) for i in range(count) if alike[i, i] < -CORRELATED]):
-        raise OmniError(f"{log.name}: wheel {', '.join(names)} turns the other way; change the sign of its column")
+    count, power = expected.shape[1], np.sqrt((expected**2).mean(0))
+
+    def alike(late: float) -> Array:
+        """Return the correlations of expected and measured wheels, (W, W)."""
+        measured = _smooth(log.wheels[_acting(log.time, time - late)])  # type: ignore[index]
+        with np.errstate(invalid="ignore"):  # of a wheel that stands
+            return np.nan_to_num(np.corrcoef(expected.T, measured.T)[:count, count:])
+
+    likeness = alike(max(delays, key=lambda late: np.abs(alike(late)).max(1).sum()))
+    place = linear_sum_assignment(-np.abs(likeness))[1]
+    own, best = np.diagonal(likeness), np.abs(likeness[range(count), place])
+    moving = power > MOVING * power.max()
+    if (best - np.abs(own)).max() > AHEAD and best.min() > PLACED:
+        order = ", ".join(str(wheel + 1) for wheel in place)
+        raise OmniError(
+            f"{log.name}: wheels are in another order, {order} by the file's, or the robot's axes are turned"
+        )
+    stands, inverted = moving & (best < CORRELATED), own < -CORRELATED
+    for wheels, what in ((stands, "does not turn as the robot moves"), (inverted, "turns the other way")):
+        if wheels.any() and (best > CORRELATED).sum() >= count - 1:
+            raise OmniError(f"{log.name}: " + ", ".join(f"wheel {i + 1} {what}" for i in np.flatnonzero(wheels)))
 
 
 def _acting(time: Array, at: Array) -> np.ndarray:
