@@ -38,6 +38,7 @@ class Recording:
         self._log, self._sent = simulation.log, 0
         self._stream: rr.RecordingStream | None = None
         self._failure = ""
+        self._events_due = 0.0  # length of the log, frames
         self._known: set[str] = set()  # entities whose shape or look was logged
 
     def __enter__(self) -> "Recording":
@@ -52,17 +53,21 @@ class Recording:
     def update(self) -> None:
         """Send what was recorded since the last time if it fills a block."""
         if self._log.length - self._sent >= self._block_frames:
-            self.write()
+            self.write(self._log.length >= self._events_due)
 
-    def write(self) -> None:
+    def write(self, with_events: bool = True) -> None:
         """Send what was recorded since the last time, so that it stays readable whatever ends the run."""
         with self._guarded():
-            if not self._failure and self._log.length > self._sent:
-                if self._stream is None:
-                    self._begin()
-                frames = np.arange(self._sent, self._log.length)
-                self._sent = self._log.length
-                self._send(frames)
+            if self._failure or not self._log.length:
+                return
+            stream = self._stream or self._begin()
+            frames = np.arange(self._sent, self._log.length)
+            self._sent = self._log.length
+            if frames.size:
+                self._send(stream, frames)
+            if with_events:
+                self._send_events(stream)
+            flush(stream)
 
     def finish(self, summary: str) -> None:
         """Send the result, a Markdown text."""
@@ -83,8 +88,8 @@ class Recording:
         """Lead the stream to its file or viewer."""
         raise NotImplementedError
 
-    def _begin(self) -> None:
-        """Open a stream and send what does not change."""
+    def _begin(self) -> rr.RecordingStream:
+        """Return a new stream, to which everything that does not change was sent."""
         simulation, log = self._simulation, self._log
         self._robots = plots.shown_robots(log)
         references = [simulation.references[robot.row] for robot in self._robots]
@@ -100,22 +105,25 @@ class Recording:
         scene.log_static(stream, self._robots, log.rows[0].settings, self._paths)
         texts.log(stream, "settings", texts.settings(chosen, log.controllers, seed))
         texts.log(stream, "summary", "The run has not ended; its summary follows.")
+        return stream
 
-    def _send(self, frames: Frames) -> None:
-        stream = self._stream
-        assert stream is not None
+    def _send(self, stream: rr.RecordingStream, frames: Frames) -> None:
         scene.send_targets(stream, self._paths, frames)
         own = plots.own_plots(self._log.columns)
         if len(own) > len(self._tabs[plots.OWN_TAB]):
             self._tabs[plots.OWN_TAB] = own
             stream.send_blueprint(self._blueprint())
-        for robot, watch in zip(self._robots, self._watches, strict=True):
-            texts.send_events(stream, robot, watch.new(self._simulation.failures))
+        for robot in self._robots:
             recorded = frames[frames < robot.length]
             if recorded.size:
                 scene.send(stream, robot, recorded, self._known)
                 self._send_series(stream, robot, recorded)
-        flush(stream)
+
+    def _send_events(self, stream: rr.RecordingStream) -> None:
+        """Send new events; as they are found in the whole log, less often the longer it is."""
+        for robot, watch in zip(self._robots, self._watches, strict=True):
+            texts.send_events(stream, robot, watch.new(self._simulation.failures))
+        self._events_due = 1.1 * self._log.length
 
     def _send_series(self, stream: rr.RecordingStream, robot: Robot, frames: Frames) -> None:
         """Send a robot's series from their first number on; NaN leaves a gap."""
@@ -157,10 +165,10 @@ class FileRecording(Recording):
     def _connect(self, stream: rr.RecordingStream) -> None:
         stream.save(self._path, default_blueprint=self._blueprint())
 
-    def _send(self, frames: Frames) -> None:
+    def _send(self, stream: rr.RecordingStream, frames: Frames) -> None:
         numbers = sum(reference.frames for reference in self._simulation.references)
         check_room(self._path.parent, NUMBER_B * numbers * sum(map(len, self._log.columns.values())))
-        super()._send(frames)
+        super()._send(stream, frames)
 
     def __exit__(self, *error: object) -> None:
         """End the file.
