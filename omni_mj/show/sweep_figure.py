@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from omni_mj.studies.sweep import Axis, Sweep
 
 Cell = dict[str, Any]
+Grid = list[list[Cell | None]]  # of rows and columns of points
 ERROR, RATE = "maximum error in the plane, cm: median", "robots that failed, %"
 SPREAD = 0.03  # of the axis, over which the intervals at a value are spread so that they do not overlap
 MAX_LEVEL_LABELS = 5  # values on the x-axis above which labels are rotated
@@ -46,14 +47,14 @@ def _draw_lines(figure: Figure, cells: list[Cell], names: list[str], axis: "Axis
     error, rate = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     categorical = any(isinstance(value, str | bool) for value in axis.values)
     x = np.arange(len(axis.values)) if categorical else np.array(axis.values, float)
+    points = [[{axis.name: value} for value in axis.values]]
     for i, (name, slot) in enumerate(style.slots(names).items()):
-        row = [_worst(cells, name, {axis.name: value}) for value in axis.values]
-        look = style.line(slot)
-        median, low, high = (_errors([row], key, np.nan)[0] for key in ("median", "low", "high"))
+        worst, look = _worst(cells, name, points), style.line(slot)
+        median, low, high = (_errors(worst, key, np.nan)[0] for key in ("median", "low", "high"))
         error.plot(x, median, label=name, **look)
         error.fill_between(x, low, high, color=look["color"], alpha=0.2, lw=0)
         shift = (i / len(names) - 0.5) * SPREAD * np.ptp(x)
-        failed, low, high = (_rates([row], key)[0] for key in ("failure_rate", "failure_low", "failure_high"))
+        failed, low, high = (_rates(worst, key)[0] for key in ("failure_rate", "failure_low", "failure_high"))
         rate.errorbar(x + shift, failed, [failed - low, high - failed], elinewidth=1.2, **look)
     canvas.use_log_scale(error.yaxis)
     error.set_ylabel(f"{ERROR}\nand its 95 % interval")
@@ -68,7 +69,7 @@ def _draw_lines(figure: Figure, cells: list[Cell], names: list[str], axis: "Axis
 def _draw_maps(figure: Figure, cells: list[Cell], names: list[str], down: "Axis", across: "Axis") -> None:
     """Draw a column per controller: errors, and below them failure rates if any robot failed."""
     points = [[{down.name: y, across.name: x} for x in across.values] for y in down.values]
-    worst = [[[_worst(cells, name, point) for point in row] for row in points] for name in names]
+    worst = [_worst(cells, name, points) for name in names]
     errors = np.stack([_errors(grid, "median", np.inf) for grid in worst])
     rates = np.stack([_rates(grid, "failure_rate") for grid in worst])
     finite = errors[np.isfinite(errors) & (errors > 0)]
@@ -102,20 +103,25 @@ def _draw_map(axes: Axes, values: Array, look: dict[str, Any]) -> Any:
     return image
 
 
-def _worst(cells: list[Cell], controller: str, point: dict[str, Any]) -> Cell | None:
-    """Return the controller's cell at a point where most robots fail and then stray farthest, if there is any."""
-    wanted = {"controller": controller} | point
-    chosen = [cell for cell in cells if wanted.items() <= cell.items()]
-    return max(chosen, key=lambda cell: (cell["failure_rate"], cell[STRAYED]["median"] or np.inf), default=None)
+def _worst(cells: list[Cell], controller: str, points: list[list[dict[str, Any]]]) -> Grid:
+    """Return the controller's cell at each point where most robots fail and then stray farthest, if there is any."""
+
+    def badness(cell: Cell) -> tuple[float, float]:
+        return cell["failure_rate"], cell[STRAYED]["median"] or np.inf
+
+    chosen = [cell for cell in cells if cell["controller"] == controller]
+    return [
+        [max((c for c in chosen if p.items() <= c.items()), key=badness, default=None) for p in row] for row in points
+    ]
 
 
-def _errors(grid: list[list[Cell | None]], key: str, unbounded: float) -> Array:
+def _errors(grid: Grid, key: str, unbounded: float) -> Array:
     """Return errors in cm, (rows, columns); NaN for missing cells, `unbounded` where a robot failed."""
     values = [[np.nan if cell is None else cell[STRAYED][key] for cell in row] for row in grid]
     return np.array([[unbounded if value is None else 100 * value for value in row] for row in values])
 
 
-def _rates(grid: list[list[Cell | None]], key: str) -> Array:
+def _rates(grid: Grid, key: str) -> Array:
     """Return failure rates in per cent, (rows, columns); NaN for missing cells."""
     return np.array([[np.nan if cell is None else 100 * cell[key] for cell in row] for row in grid])
 
