@@ -115,18 +115,6 @@ def test_robots_slip_and_roll_out_as_the_law_says(name: str) -> None:
     assert told["deviation_percent"] == pytest.approx(100 * (told["measured"] / told["published"] - 1))
 
 
-def test_noise_of_vision_and_the_faster_wheels_change_nothing() -> None:
-    """Acceleration is integrated, and vision only corrects: 1.3 mm of noise are 1 mm/s, 0.1 % of the speed."""
-    quiet = {"position_noise_m": 0.0, "heading_noise_rad": 0.0, "miss_probability": 0.0}
-    noisy, exact = (
-        next(iter(om.slip([om.scenario("rect", wheels=wheels, vision=vision)], MOVES).robots.values())).measured
-        for wheels, vision in ((MODEL, {}), ({"model": "rollers"}, quiet))
-    )
-    for name, value in exact.items():
-        share = 0.02 if name.startswith("time") else 0.01
-        assert noisy[name] == pytest.approx(value, rel=share, nan_ok=True), name
-
-
 def test_without_creep_wheels_do_not_slip() -> None:
     """But for the rollers' effective radius, 0.2 %, and friction that acts within 3.5 ms, over a metre per second."""
     rigid = om.scenario("rect", wheels={"model": "rollers", "creep": "off"})

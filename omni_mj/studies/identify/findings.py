@@ -67,7 +67,6 @@ KINDS = {
     "arm_m": Kind("effective arm", "m", 0, 0.02, "turning", GAIN, 3e-3),
     "lag_forward_s": Kind("lag tau forward", "s", 0.02, 0, "forward", LAG, 1e-3),
     "friction_forward_m_s": Kind("dry friction c forward", "m/s", 0.03, 0, "forward", SLOW),
-    "grip": Kind("friction of wheels on the carpet", "", 0, 0.1, "", "moves on which wheels slide"),
     "slope_x_rad": Kind("slope of the carpet down along x", "rad", 0.01, 0, "creep", CREEP, 4e-4),
     "slope_y_rad": Kind("slope of the carpet down along y", "rad", 0.01, 0, "creep", CREEP, 4e-4),
     "jitter_s": Kind("jitter of the delay, standard deviation", "s", 0.004, 0.5, "", RECEIVED),
@@ -189,7 +188,7 @@ def numbers(body: Body, settings: Settings, parameters: Array, by_wheels: bool) 
         result["lag_forward_s"] = give * (1 / squares + body.hub)
         result["friction_forward_m_s"] = (p["friction_m_s"] * cosines.sum() + give * drag) / squares
     result["creep_stiffness"] = 1 / max(p["creep"], 1e-9)
-    result |= {name: p[name] for name in ("pile", "roller_friction", "compass_rad", "grip", "drift")}
+    result |= {name: p[name] for name in ("pile", "roller_friction", "compass_rad", "drift")}
     return result | {f"slope_{axis}_rad": p[f"lean_{axis}_m_s2"] / GRAVITY_M_S2 for axis in "xy"}
 
 

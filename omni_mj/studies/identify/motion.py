@@ -19,7 +19,6 @@ DRIFTS_S = 30.0  # length of logs from which clocks may run at different speeds
 OTHER_RADIUS, SURE = 0.025, 3.0  # and standard errors, from which the radius is not that of the robot's file
 ROLLS, RADIUS_SHARE = 0.9988, 0.002  # rolling radius over the file's (rubber is pressed), and how well it is known
 ROLLING_M_S = 0.05  # rim speed above which motors without current roll out
-BETTER = 0.98  # residuals over those without it, below which another cause is accepted
 CONTACTS = ("creep", "pile", "roller_friction", "lean_x_m_s2", "lean_y_m_s2")
 
 
@@ -65,12 +64,6 @@ def by_wheels(logs: Sequence[Log], settings: Settings) -> Part | None:
         start[[NAMES.index(name) for name in CONTACTS]] = 0.0
         notes.append("wheels: too slow for creep; what creeps under drag is in radius and gains")
     fitted = _without_odd(fit(body, stretches, start, float(late), free), notes, "wheels")
-    if fitted.misfit and excited.creeps.any():
-        wider = fit(body, fitted.stretches, fitted.parameters, fitted.late, [*free, "grip"])
-        if (wider.each**2).mean() < BETTER**2 * (fitted.each**2).mean():
-            grip = wider.parameters[NAMES.index("grip")]
-            notes.append(f"wheels: they slide; with friction of {grip:.2f} residuals are smaller")
-            fitted = wider
     if excited.creeps.any():
         fitted = _believing_the_radius(fitted, notes)
     before = _residuals(fitted, believed, 0.0)
@@ -101,7 +94,7 @@ def by_commands(logs: Sequence[Log], settings: Settings, rolled: Fit | None) -> 
     free = ["scale", "give_s", "friction_m_s", "compass_rad"]
     free += ["turn_gain"] * bool(excited.rms[2] > TURNS_RAD_S)
     if rolled is not None:
-        shared = [at(name) for name in (*CONTACTS, "grip")]
+        shared = [at(name) for name in CONTACTS]
         start[shared] = rolled.parameters[shared]
         start[at("arm")] = rolled.parameters[at("arm")] / rolled.parameters[at("scale")]
     elif excited.creeps.any():

@@ -19,7 +19,6 @@ FIELDS = {
     ("wheels", "creep_stiffness"): ("drive", "creep_stiffness"),
     ("wheels", "pile"): ("carpet", "pile"),
     ("wheels", "roller_friction"): ("drive", "roller_friction"),
-    ("wheels", "grip"): ("carpet", "friction"),
     ("commands", "latency_s"): ("radio", "delay_frames"),
     ("commands", "lag_forward_s"): ("control", "lag_s"),
     ("commands", "friction_forward_m_s"): ("control", "drag_m_s"),

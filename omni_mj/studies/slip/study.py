@@ -25,7 +25,7 @@ from omni_mj.studies.slip.record import Moves, drive
 BeforeRobot = Callable[[str, int], AfterFrame]
 DEFINITIONS = {
     "gain, time": "K and T of v' = (K u - v) / (T |u| + 1 ms): least squares over whole moves, mean over moves",
-    "u, v": "velocity by encoders, and of the body by acceleration that vision corrects; in turning T |u| is T l |u|",
+    "u, v": "velocity by encoders, and of the body; in turning T |u| is T l |u|",
     "drag": "mean deceleration of a robot whose motors carry no current, times the mass of the published fit",
     "efficiency": "(mass acceleration + drag) / force by motor currents; mean of holding a speed and of reaching it",
     "law": "closed form of the law of creep, which knows the robot's numbers and nothing of the moves",
