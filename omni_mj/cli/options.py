@@ -95,15 +95,33 @@ class Choice:
         return scenario.load(name, (*usual, *self.settings), given, self.allow_code)
 
 
-def choice(command: Callable[..., None]) -> Callable[..., None]:
-    """Hand a command those of its options that say what is run as one `Choice`."""
+@dataclass(frozen=True)
+class Outputs:
+    """What a run shows and leaves besides its numbers."""
 
-    @wraps(command)
-    def with_choice(**given: Any) -> None:
-        chosen = {field.name: given.pop(field.name) for field in fields(Choice) if field.name in given}
-        command(Choice(**chosen), **given)
+    record: bool = True
+    view: bool = False
+    connect: str | None = None
+    draw: bool = True
+    svg: bool = False
 
-    return with_choice
+
+def _packed(kind: type, name: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Return a decorator that hands a command those of its options that are fields of a dataclass as one argument."""
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @wraps(command)
+        def with_packed(**given: Any) -> None:
+            own = {field.name: given.pop(field.name) for field in fields(kind) if field.name in given}
+            command(**given, **{name: kind(**own)})
+
+        return with_packed
+
+    return decorate
+
+
+choice = _packed(Choice, "choice")
+outputs = _packed(Outputs, "outputs")
 
 
 def tell_model(scenario: "Scenario", quiet: bool) -> None:

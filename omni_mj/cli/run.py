@@ -45,16 +45,13 @@ OUTPUTS = (*RESULTS, *folders.PROVENANCE)
 @options.QUIET
 @click.option("--list", "show_list", is_flag=True, help="The same as omni-mj list.")
 @options.choice
+@options.outputs
 def command(
     choice: options.Choice,
+    outputs: options.Outputs,
     name: str | None,
     out: Path | None,
     overwrite: bool,
-    record: bool,
-    view: bool,
-    connect: str | None,
-    draw: bool,
-    svg: bool,
     quiet: bool,
     show_list: bool,
 ) -> None:
@@ -64,6 +61,7 @@ def command(
 
         listing.show()
         return
+    from omni_mj.cli.interrupts import Interrupts
     from omni_mj.scenarios.library import builtin
     from omni_mj.studies import cost, run
 
@@ -73,31 +71,13 @@ def command(
     options.tell_model(chosen, quiet)
     console.tell_costs([cost.estimate(chosen)], quiet)
     simulation = run.prepare(chosen)
-    shown_by = viewers(view, connect)
+    shown_by = viewers(outputs.view, outputs.connect)
     folder = folders.prepare(out, chosen.name, OUTPUTS, overwrite)
     with console.writing(folder):
-        execute(simulation, folder, record, draw, quiet, shown_by, svg)
-
-
-def execute(
-    simulation: "Simulation",
-    folder: Path,
-    record: bool,
-    draw: bool,
-    quiet: bool,
-    shown_by: Sequence[str] = (),
-    svg: bool = False,
-) -> None:
-    """Run a simulation, shown by viewers at the addresses given; what it leaves is in `folder`, whatever ends it.
-
-    Ctrl-C and SIGTERM end it between two frames; a second one ends the program at once.
-    """
-    from omni_mj.cli.interrupts import Interrupts
-
-    with Interrupts() as interrupts:
-        result = recorded(simulation, folder, record, shown_by, interrupts, quiet)
-    shown(result, folder, draw, quiet, svg)
-    ended(result, folder, interrupts)
+        with Interrupts() as interrupts:  # Ctrl-C and SIGTERM end it between two frames
+            result = recorded(simulation, folder, outputs.record, shown_by, interrupts, quiet)
+        shown(result, folder, outputs.draw, quiet, outputs.svg)
+        ended(result, folder, interrupts)
 
 
 def recorded(
@@ -150,7 +130,13 @@ def shown(result: "Result", folder: Path, draw: bool, quiet: bool, svg: bool = F
     if not quiet:
         _table(result)
     with console.drawing(folder):
-        _draw(result.outcomes[0], folder, draw, svg)
+        if draw:
+            from omni_mj.show import figures
+
+            figures.save_all(result.outcomes[0], folder / "figures", svg)
+        from omni_mj.show import report
+
+        report.write([folder], folder / "report.html")
     if not quiet:
         _files(result, folder)
 
@@ -203,17 +189,6 @@ def _drive(
     finally:
         for recording in recordings:
             recording.write()
-
-
-def _draw(outcome: "Outcome", folder: Path, draw: bool, svg: bool) -> None:
-    """Draw the figures, if they are wanted, and write the report."""
-    from omni_mj.show import report
-
-    if draw:
-        from omni_mj.show import figures
-
-        figures.save_all(outcome, folder / "figures", svg)
-    report.write([folder], folder / "report.html")
 
 
 def _table(result: "Result") -> None:
