@@ -69,7 +69,7 @@ class Clock:
             self._packets = deque(map(tuple, recent.tolist()))
         starts = np.unique(packets[:, 1] // BUCKET_S, return_index=True)[1]
         buckets = np.split(packets, starts[1:])
-        fastest = [bucket[(bucket[:, 1] - self.ours(bucket[:, 0])).argmin()] for bucket in buckets]
+        fastest = [bucket[(bucket[:, 1] - self._slope * bucket[:, 0]).argmin()] for bucket in buckets]
         stamps, arrivals = (np.array(fastest) - packets[-1]).T
         if len(fastest) >= MIN_BUCKETS and np.ptp(stamps) > 0:
             slope = float(np.polyfit(stamps, arrivals, 1)[0])
