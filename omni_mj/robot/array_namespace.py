@@ -128,4 +128,4 @@ def refine(step: Callable[[Any], Any], state: Any, is_unfinished: Callable[[Any]
 
 def stack_records(records: list[Any]) -> Any:
     """Put records of equal structure side by side along a new first axis."""
-    return tree_map(lambda *values: np.stack(values), records[0], *records[1:])
+    return tree_map(lambda *values: np.array(values), records[0], *records[1:])

@@ -12,7 +12,7 @@ from omni_mj.link.noise import Noise, Seed, Stream
 from omni_mj.live.serve.field import Area
 from omni_mj.live.wire import MM_PER_M
 from omni_mj.live.wire.simulation_pb2 import Team
-from omni_mj.live.wire.vision_pb2 import DetectedBall, DetectedRobot, Detection
+from omni_mj.live.wire.vision_pb2 import Detection
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ
 
@@ -115,14 +115,15 @@ class FieldCamera:
 
 def _add_ball(detection: Detection, position: Array, area: Area) -> None:
     (pixel_x, pixel_y), (x, y) = area.pixels(position[None])[0].tolist(), (MM_PER_M * position).tolist()
-    detection.balls.append(DetectedBall(confidence=1.0, x=x, y=y, pixel_x=pixel_x, pixel_y=pixel_y))
+    detection.balls.add(confidence=1.0, x=x, y=y, pixel_x=pixel_x, pixel_y=pixel_y)
 
 
 def _add_robots(detection: Detection, names: Sequence[RobotName], poses: Array, area: Area) -> None:
     pixels = area.pixels(poses[:, :2]).tolist()
     for (team, number), (x, y, heading), (pixel_x, pixel_y) in sorted(zip(names, poses.tolist(), pixels, strict=True)):
         if not math.isnan(x):
-            robot = DetectedRobot(
+            robots = detection.robots_blue if team == Team.BLUE else detection.robots_yellow
+            robots.add(
                 confidence=1.0,
                 robot_id=number,
                 x=MM_PER_M * x,
@@ -132,5 +133,3 @@ def _add_robots(detection: Detection, names: Sequence[RobotName], poses: Array, 
                 pixel_y=pixel_y,
                 height=MM_PER_M * ROBOT_HEIGHT_M,
             )
-            robots = detection.robots_blue if team == Team.BLUE else detection.robots_yellow
-            robots.append(robot)

@@ -46,7 +46,8 @@ class Squad(MujocoPlant):
     def pose(self) -> Array:
         """Return poses, also between frames, shape (n, 3)."""
         poses = super().pose()
-        poses[:, 2] += wrapped(self.quaternion_heading() - self._heading)
+        if self._cycle:
+            poses[:, 2] += wrapped(self.quaternion_heading() - self._heading)
         return poses
 
     def place(self, robot: int, pose: Array, twist: Array) -> None:
