@@ -23,21 +23,9 @@ KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet", *fol
     "--scenario", "names", metavar="NAME|FILE.toml", multiple=True, shell_complete=complete.scenarios,
     help="May be repeated. [all that come with the program, but for the long heat]",
 )  # fmt: skip
-@click.option(
-    "--controller",
-    "controllers",
-    metavar="NAME|FILE.py:Class",
-    multiple=True,
-    shell_complete=complete.controllers,
-    help="May be repeated. [all that are installed]",
-)
-@click.option(
-    "--plant", metavar="NAME|FILE.py:Class", default="mujoco", shell_complete=complete.plants,
-    help="What is driven. [mujoco]",
-)  # fmt: skip
-@click.option(
-    "--robot", metavar="NAME|FILE.toml", shell_complete=complete.robots, help="Which robot it is. [the scenarios']"
-)
+@options.CONTROLLER
+@options.PLANT
+@options.ROBOT
 @options.MODEL
 @click.option("--seeds", type=int, metavar="N", default=20, help="How many seeds at most, from the first on. [20]")
 @click.option(
@@ -74,7 +62,10 @@ def command(
     overwrite: bool,
     quiet: bool,
 ) -> None:
-    """Compare controllers on many scenarios: errors, effort, time to settle, over as many seeds as it takes."""
+    """Compare controllers on many scenarios: errors, effort, time to settle, over as many seeds as it takes.
+
+    Without --controller all that are installed are compared.
+    """
     from omni_control.registry import available
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.measure import limits
@@ -84,8 +75,9 @@ def command(
     from omni_mj.studies import compare, cost
     from omni_mj.studies.outcome import total_frames
 
-    choice = replace(choice, controllers=choice.controllers or available())
-    names = names or compare.usual(choice.plant or "mujoco")
+    plant = choice.plant or "mujoco"
+    choice = replace(choice, controllers=choice.controllers or available(), plant=plant)
+    names = names or compare.usual(plant)
     chosen = [choice.load(name) for name in names]
     options.tell_model(chosen[0], quiet)
     compare.check(chosen, subject, half_width)

@@ -12,12 +12,8 @@ OUTPUTS = ("summary.json", "scenario.toml", "trajectory.parquet", "limit.png", *
 
 @click.command("limit")
 @click.argument("name", metavar="SCENARIO|FILE.toml", shell_complete=complete.scenarios)
-@click.option(
-    "--plant", metavar="NAME|FILE.py:Class", shell_complete=complete.plants, help="What is driven. [the scenario's]"
-)
-@click.option(
-    "--robot", metavar="NAME|FILE.toml", shell_complete=complete.robots, help="Which robot it is. [the scenario's]"
-)
+@options.PLANT
+@options.ROBOT
 @options.MODEL
 @options.SETTINGS
 @click.option("--seeds", type=int, metavar="N", default=20, help="How many seeds show what noise costs. [20]")

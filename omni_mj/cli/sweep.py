@@ -23,12 +23,12 @@ TRIAL_FRAMES = 20  # of the first shard, from which the time is estimated
 
 
 @click.command("sweep")
-@click.option("--scenario", "name", metavar="NAME|FILE.toml", help="What to run.")
+@options.SCENARIO
 @click.option(
     "--vary", "varied", multiple=True, metavar="SECTION.FIELD=VALUES", help="LOW:HIGH:N, or A,B,C; repeatable."
 )
 @options.CONTROLLER
-@click.option("--plant", metavar="NAME|FILE.py:Class", help="What is driven. [mujoco]")
+@options.PLANT
 @options.ROBOT
 @options.MODEL
 @click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")

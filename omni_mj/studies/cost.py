@@ -9,10 +9,8 @@ from omni_control.errors import OmniError
 from omni_mj.scenarios import references
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
-from omni_mj.simulate.log import channels
 
-NUMBER_B = 8
-COPIES = 2.0  # of all numbers, at most: the blocks of a comparison are put together, a table of all is asked for
+FRAME_BYTES = 1200  # of a robot-frame in the log, with what is made of it to measure, and its reference
 # Robots times simulated seconds per second of one core, about (docs/performance.md); the kinematic plant's are numpy's.
 PACES = {"kinematic": 300.0, "two-rollers": 35.0, "rollers": 18.0}
 FROM_ROBOTS = 16  # in a batch, more cores than one are used
@@ -56,16 +54,14 @@ def estimate(scenario: Scenario, seeds: int | None = None) -> Cost:
         seeds: at a time. [the scenario's]
     """
     settings = scenario.settings
-    wheels = len(settings.wheels.azimuths_deg)
     robots = (seeds or scenario.seeds) * len(scenario.controllers) * len(settings.world.places)
     frames = references.timed(settings).frames
-    numbers = sum(map(len, channels(wheels).values()))
     pace = PACES.get(scenario.plant, PACES[settings.wheels.model if settings.wheels.model in PACES else "rollers"])
     cores = _cores() if robots >= FROM_ROBOTS else 1
     return Cost(
         robots,
         frames,
-        COPIES * NUMBER_B * numbers * robots * frames,
+        FRAME_BYTES * robots * frames,
         robots * frames / FRAME_RATE_HZ / pace / cores,
     )
 

@@ -25,9 +25,7 @@ from omni_mj.studies.run import with_kernel
 
 Value = int | float | str | bool
 AT_ONCE = 128  # robots that are simulated at once
-# Of memory, about; measured (docs/scale.md).
-PROGRAM_BYTES = 300e6  # of a process, whatever it simulates
-FRAME_BYTES = 1200  # of a robot-frame in the log, with what is made of it to measure and its reference
+PROGRAM_BYTES = 300e6  # of memory of a process, whatever it simulates
 FORMAT = 1
 WRITE = "write section.field=LOW:HIGH:N, LOW:HIGH:STEP of whole numbers, or A,B,C"
 MOST = 1000  # values of an axis
@@ -217,7 +215,7 @@ class Plan:
         """Return the memory that a process takes, about: it grows with robots at once and frames, not with runs."""
         places = max(len(scenario.settings.world.places) for scenario in self.there)
         robots = max(len(job.runs) for job in self.jobs) * len(self.scenario.controllers) * places
-        return int(PROGRAM_BYTES + robots * self.frames * FRAME_BYTES)
+        return int(PROGRAM_BYTES + robots * self.frames * cost.FRAME_BYTES)
 
     def check_memory(self, processes: int = 1) -> None:
         """Raise OmniError, with how many robots at once would fit, if so many shards at once do not."""
