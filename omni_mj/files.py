@@ -1,6 +1,7 @@
 """Files that appear whole or not at all, and are still there after the power failed; and those that are shipped."""
 
 import errno
+import json
 import os
 import shutil
 import stat
@@ -9,7 +10,7 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from omni_control.errors import OmniError
 
@@ -64,6 +65,23 @@ def text_of(path: Path) -> str:
     if len(data) > MOST_BYTES:
         raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
     return data.decode()
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Return the mapping that a JSON file holds.
+
+    Raises:
+        OmniError: It cannot be read, or is none.
+    """
+    try:
+        found = json.loads(text_of(path))
+    except OSError as error:
+        raise OmniError(f"{path} cannot be read: {error.strerror}") from None
+    except (ValueError, RecursionError) as error:
+        raise OmniError(f"{path} is not valid JSON: {error}") from None
+    if not isinstance(found, dict):
+        raise OmniError(f"{path} is not what a run leaves; make the run again")
+    return found
 
 
 def _opened(path: str, flags: int) -> int:

@@ -1,11 +1,10 @@
 """Reads summaries back, and says what is wrong with those that cannot be read."""
 
-import json
 from pathlib import Path
 from typing import Any
 
 from omni_control.errors import OmniError
-from omni_mj.files import text_of
+from omni_mj.files import read_json
 
 FORMAT = 4  # of summary.json
 # What a summary, and what is said in it of a scenario, must hold, and as what.
@@ -34,19 +33,16 @@ def read(folder: Path) -> dict[str, Any]:
         OmniError: there is none, or one that cannot be read.
     """
     path = folder / "summary.json"
-    try:
-        summary = json.loads(text_of(path))
-    except OSError as error:
+    if not path.exists():
         if _served(folder):
             raise OmniError(
                 f"{folder} is of omni-mj serve, which knows of no reference and so of no error: there is nothing to"
                 " report; where robots were is in trajectory.parquet and recording.rrd"
-            ) from None
-        raise OmniError(f"{folder} holds no run: {path.name}: {error.strerror}; give the folder of a run") from None
-    except (ValueError, RecursionError) as error:
-        raise OmniError(f"{path} is not a run's summary: {error}") from None
-    if isinstance(summary, dict) and summary.get("format", FORMAT) != FORMAT:
-        raise OmniError(f"{path} is of format {summary['format']!r}; this version of omni-mj reads format {FORMAT}")
+            )
+        raise OmniError(f"{folder} holds no run: it has no {path.name}; give the folder of a run")
+    summary = read_json(path)
+    if summary.get("format") != FORMAT:
+        raise OmniError(f"{path} is of format {summary.get('format')!r}; this version of omni-mj reads format {FORMAT}")
     wrong = _wrong(summary, PARTS)
     if not wrong:
         for name, entry in summary["scenarios"].items():
@@ -60,8 +56,8 @@ def read(folder: Path) -> dict[str, Any]:
 def _served(folder: Path) -> bool:
     """Whether `serve` recorded it."""
     try:
-        return bool(json.loads(text_of(folder / "provenance.json"))["study"] == "serve")
-    except (OSError, ValueError, KeyError, TypeError):
+        return read_json(folder / "provenance.json").get("study") == "serve"
+    except OmniError:
         return False
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from omni_control.errors import OmniError
-from omni_mj.files import text_of
+from omni_mj.files import read_json
 from omni_mj.measure import reading
 from omni_mj.measure.limits import flat
 from omni_mj.measure.summary import UNFINISHED
@@ -55,7 +55,7 @@ class Folder:
         name = f"{IDENTIFIED}.json" if study == IDENTIFIED else "summary.json"
         if not (path / name).exists():
             raise OmniError(f"the run in {path} left no {name}: it was killed, or goes on; nothing to compare with")
-        self.summary = _json(path / name) if study == IDENTIFIED else reading.read(path)
+        self.summary = read_json(path / name) if study == IDENTIFIED else reading.read(path)
         if self.summary.get("stopped") == UNFINISHED and not any(
             entry["frames"] for entry in self.summary["scenarios"].values()
         ):
@@ -182,7 +182,7 @@ def _record(path: Path) -> dict[str, Any]:
             old = "an older version of omni-mj wrote it, or Python without the command line"
             raise OmniError(f"{path} does not say what was run, it has no {FILE}: {old}; make the run again")
         raise OmniError(f"{path} holds no run; give the folder that omni-mj run --out FOLDER leaves")
-    record = _json(path / FILE)
+    record = read_json(path / FILE)
     if record.get("format") != FORMAT:
         raise OmniError(
             f"{path / FILE} is of format {record.get('format')!r}; this version of omni-mj reads format {FORMAT}"
@@ -192,18 +192,6 @@ def _record(path: Path) -> dict[str, Any]:
             f"{path / FILE} does not say what was run: {', '.join(wrong)} missing or wrong; make the run again"
         )
     return record
-
-
-def _json(file: Path) -> dict[str, Any]:
-    try:
-        found = json.loads(text_of(file))
-    except OSError as error:
-        raise OmniError(f"{file} cannot be read: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:
-        raise OmniError(f"{file} is not valid JSON: {error}") from None
-    if not isinstance(found, dict):
-        raise OmniError(f"{file} is not what a run leaves; make the run again")
-    return found
 
 
 def _kind(entry: Mapping[str, Any], copies: Path) -> str:

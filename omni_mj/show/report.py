@@ -98,7 +98,10 @@ class Run:
                 )
                 continue
             for field, value in fields.items():
-                setting = declared[f"{section}.{field}"]
+                if (setting := declared.get(f"{section}.{field}")) is None:  # parameters of a controller
+                    row = {"name": f"{section}.{field}", "value": value, "default": {}, "unit": ""}
+                    rows.append(row | {"doc": "parameters of the controller", "changed": True})
+                    continue
                 default = json.loads(json.dumps(setting.default))  # tuples are lists in a summary
                 row = {"name": setting.full, "value": value, "default": default, "unit": setting.unit}
                 rows.append(row | {"doc": setting.doc, "changed": default not in (None, value)})

@@ -203,7 +203,7 @@ def test_settings_off_their_default_stand_out(runs: list[Path], out: Path) -> No
     ("text", "words"),
     [
         (None, "holds no run"),
-        ("{", "not a run's summary"),
+        ("{", "not valid JSON"),
         ('{"format": 4}', "controllers, informed"),
         ('{"format": 2}', "of format 2; this version of omni-mj reads format 4"),
     ],
