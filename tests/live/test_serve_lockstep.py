@@ -97,12 +97,12 @@ def test_packets_to_the_simulator_repeat_the_last_image_and_kicks_are_refused_on
         seen = client.step(local(2, 1.0))
         assert client.ask(0, b"") == b""
         assert client.detection() == seen
-        assert serving.codes(client.ask(0, serving.speed(2.0))) == ["LOCKSTEP"]
+        assert client.codes(0, serving.speed(2.0)) == ["LOCKSTEP"]
         answer = client.ask(1, serving.kick(7) + local(2, 0.1))
         assert serving.codes(answer) == ["NO_KICK"]
         # feedback: number, no contact with the ball
         assert answer.endswith(b"".join(field(2, message(number, 0)) for number in (7, 2)))
-        assert serving.codes(client.ask(1, serving.kick(7))) == []
+        assert client.codes(1, serving.kick(7)) == []
 
 
 class Stream:
@@ -170,5 +170,5 @@ def test_who_cannot_be_understood_is_hung_up_on_and_the_others_are_not(bad: byte
             assert streams[0].socket.recv(1) == b""
         streams[1].socket.close()
         assert len(streams[2].ask(1 / 60)[1]) == 1
-        assert serving.robots(client.step(local(0, 0.0)))
+        assert client.after(local(0, 0.0))
         assert server.notes.counts["bad packets"] == 1

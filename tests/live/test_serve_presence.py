@@ -12,40 +12,40 @@ from serving import BLUE, YELLOW, local
 def test_robots_come_and_go() -> None:
     """One that leaves is not seen, nor in anybody's way, nor commanded; one that comes is all of that."""
     with here(Field(*QUIET, FAST, blue="2")) as (client, _):
-        assert serving.codes(client.ask(0, serving.teleport(1, BLUE, present=False))) == []
-        assert list(serving.robots(client.step(local(0, 0.0)))) == [("blue", 0)]
-        assert serving.codes(client.ask(1, local(1, 1.0))) == ["UNKNOWN_ROBOT"]
-        assert serving.codes(client.ask(0, serving.teleport(0, BLUE, x=-0.5, y=0.75))) == []  # where the other stood
-        assert serving.codes(client.ask(0, serving.teleport(1, BLUE, None, x=1.0, y=1.0))) == ["ABSENT"]
-        assert serving.codes(client.ask(0, serving.teleport(1, BLUE))) == ["ABSENT"]
-        assert serving.codes(client.ask(0, serving.teleport(1, BLUE, x=1.0, y=1.0, orientation=0.5))) == []
-        assert serving.robots(client.step(b""))["blue", 1] == pytest.approx((1.0, 1.0, 0.5), abs=1e-4)
+        assert client.codes(0, serving.teleport(1, BLUE, present=False)) == []
+        assert list(client.after(local(0, 0.0))) == [("blue", 0)]
+        assert client.codes(1, local(1, 1.0)) == ["UNKNOWN_ROBOT"]
+        assert client.codes(0, serving.teleport(0, BLUE, x=-0.5, y=0.75)) == []  # where the other stood
+        assert client.codes(0, serving.teleport(1, BLUE, None, x=1.0, y=1.0)) == ["ABSENT"]
+        assert client.codes(0, serving.teleport(1, BLUE)) == ["ABSENT"]
+        assert client.codes(0, serving.teleport(1, BLUE, x=1.0, y=1.0, orientation=0.5)) == []
+        assert client.after(b"")["blue", 1] == pytest.approx((1.0, 1.0, 0.5), abs=1e-4)
         # A third has no body: the world is made anew, and all stand where they stood.
-        assert serving.codes(client.ask(0, serving.teleport(7, YELLOW, x=-2.0, y=1.0, orientation=1.0))) == []
-        seen = serving.robots(client.step(b""))
+        assert client.codes(0, serving.teleport(7, YELLOW, x=-2.0, y=1.0, orientation=1.0)) == []
+        seen = client.after(b"")
         assert seen["yellow", 7] == pytest.approx((-2.0, 1.0, 1.0), abs=1e-4)
         assert seen["blue", 1] == pytest.approx((1.0, 1.0, 0.5), abs=1e-3)
         for _ in range(20):
-            seen = serving.robots(client.step(local(7, 1.0), team=2))
+            seen = client.after(local(7, 1.0), team=2)
         assert np.hypot(*np.subtract(seen["yellow", 7][:2], (-2.0, 1.0))) > 0.1
 
 
 def test_what_cannot_be_is_refused_and_the_rest_is_done() -> None:
     with here(Field(*QUIET, FAST, blue="2", yellow="1")) as (client, _):
         both = serving.teleport(0, BLUE, x=1.0, y=0.0) + serving.teleport(1, BLUE, x=1.05, y=0.0)  # one message, merged
-        assert serving.codes(client.ask(0, both)) == ["OCCUPIED", "OCCUPIED"]
+        assert client.codes(0, both) == ["OCCUPIED", "OCCUPIED"]
         config = serving.field(2, serving.message(None, serving.message(1), b"", 70_000))
-        assert serving.codes(client.ask(0, config)) == ["ROBOT_SPECS", "REALISM", "VISION_PORT"]
+        assert client.codes(0, config) == ["ROBOT_SPECS", "REALISM", "VISION_PORT"]
         ball = serving.field(1, serving.field(1, serving.message(0.0, 0.5, None, 3.0)))
-        assert serving.codes(client.ask(0, ball)) == ["BALL_LIES"]
+        assert client.codes(0, ball) == ["BALL_LIES"]
         for code, packet in (
             ("TELEPORT", serving.teleport(0, BLUE, x=float("nan"))),
             ("OCCUPIED", serving.teleport(0, BLUE, x=5.15, y=0.0)),  # in a wall
             ("ROBOT_ID", serving.teleport(16, BLUE, x=0.0, y=0.0)),
         ):
-            assert serving.codes(client.ask(0, packet)) == [code]
-        assert serving.codes(client.ask(0, serving.teleport(0, BLUE, x=-5.0, y=3.5))) == []
-        assert serving.robots(client.step(b""))["blue", 0][:2] == pytest.approx((-5.0, 3.5), abs=1e-4)
+            assert client.codes(0, packet) == [code]
+        assert client.codes(0, serving.teleport(0, BLUE, x=-5.0, y=3.5)) == []
+        assert client.after(b"")["blue", 0][:2] == pytest.approx((-5.0, 3.5), abs=1e-4)
 
 
 def test_a_world_has_twelve_robots_at_most() -> None:

@@ -34,14 +34,14 @@ def test_a_pause_holds_robots_and_the_next_speed_lets_them_go_on() -> None:
     """Without a jump: time that has passed in the pause is none."""
     with here(Field(*QUIET, FAST, "firmware.timeout_s=0"), "") as (client, _):
         client.ask(1, local(0, 0.5))
-        assert serving.codes(client.ask(0, serving.speed(0.0))) == []
+        assert client.codes(0, serving.speed(0.0)) == []
         paused = client.newest()
         client.vision.settimeout(0.3)
         with pytest.raises(TimeoutError):
             client.detection()
         client.vision.settimeout(serving.PATIENCE_S)
         for bad in (-1.0, float("nan")):
-            assert serving.codes(client.ask(0, serving.speed(bad))) == ["SPEED"]
+            assert client.codes(0, serving.speed(bad)) == ["SPEED"]
         client.ask(0, serving.speed(1.0))
         gap = serving.captured(client.detection()) - serving.captured(paused)
         assert gap == pytest.approx(1 / 60, abs=1e-6)
@@ -83,7 +83,7 @@ def test_either_side_is_killed_and_comes_back_and_what_ends_it_ends_it_cleanly()
         client.close()
         client = Client()  # a team that was started anew: of other ports
         client.ports = ports
-        assert serving.codes(client.ask(1, local(0, 0.5))) == []
+        assert client.codes(1, local(0, 0.5)) == []
         out, error = serving.ended(process)
     assert process.returncode == 143
     assert "s simulated" in out

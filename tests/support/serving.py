@@ -10,8 +10,7 @@ import socket
 import struct
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -173,6 +172,14 @@ class Client:
         self.commands.sendto(packet, (LOOPBACK, self.ports[port]))
         return self.commands.recv(65536)
 
+    def codes(self, port: int, packet: bytes) -> list[str]:
+        """Send, and return the codes of the errors in the answer."""
+        return codes(self.ask(port, packet))
+
+    def after(self, packet: bytes, team: int = 1) -> dict[tuple[str, int], Pose]:
+        """In lockstep: command, and return the poses that the camera sees after."""
+        return robots(self.step(packet, team))
+
     def detection(self) -> bytes:
         """The next detection."""
         while True:
@@ -197,12 +204,6 @@ class Client:
             return found
         finally:
             self.vision.settimeout(PATIENCE_S)
-
-    def wait_for(self, condition: Callable[[dict[tuple[str, int], Pose]], bool]) -> None:
-        """Read detections until robots are as wanted."""
-        end = time.monotonic() + PATIENCE_S
-        while not condition(robots(self.detection())):
-            assert time.monotonic() < end
 
     def close(self) -> None:
         self.vision.close()
