@@ -109,14 +109,14 @@ class Radio:
 
         room = max(map(longest, settings, faults or [()] * n)) * ticks + 1
         # Rings: the tick in which the newest packet was sent that arrives in a tick, and the packets sent.
-        self._arriving = np.full((room, n), -1)
+        self._arrival_ring = np.full((room, n), -1)
         self._packets = np.empty((room, n, len(nothing)))
-        self._holding = np.tile(np.asarray(nothing, float), (n, 1))
+        self._current = np.tile(np.asarray(nothing, float), (n, 1))
         self._newest = np.full(n, -1)
-        self._behind = np.full((room, n), -1)  # the same ring of packets that come last of all in a tick
-        self._held = self._newest  # when the packets that robots hold were sent
+        self._overtaken_ring = np.full((room, n), -1)  # the same ring of packets that come last of all in a tick
+        self._sent_ticks = self._newest  # when the packets that robots hold were sent
         self._robots, self._ticks = np.arange(n), ticks
-        self._tick, self._coming = 0, set[int]()  # now, and the ticks from now on in which a packet arrives
+        self._tick, self._arrival_ticks = 0, set[int]()  # now, and the ticks from now on in which a packet arrives
         self._delay = self._usual  # of what is sent from now on, (n,)
         self._begin_frame()
 
@@ -125,9 +125,9 @@ class Radio:
         packets = np.empty((len(command), 4))
         packets[:, :3], packets[:, 3] = command, heading
         self.send(packets)
-        held, new, age = self.deliver()
-        held[~new, 3] = np.nan
-        return Received(held[:, :3], held[:, 3], age, new)
+        packets, new, age = self.deliver()
+        packets[~new, 3] = np.nan
+        return Received(packets[:, :3], packets[:, 3], age, new)
 
     def send(self, packets: Array, to: np.ndarray | None = None) -> None:
         """Send packets (n, k) to the robots of these numbers, by default to all."""
@@ -140,47 +140,47 @@ class Radio:
         self._packets[tick % ring, to] = packets[to]
         if self._fails:
             lost, burst, copied, overtaken = self._chance.next().T
-            there = (lost < self._passes) & (burst < self._outside_burst)
-            later = there & (overtaken < self._overtaken)
-            again = there & (copied < self._copied)
-            by = np.where(later, self._overtaken_by, np.where(again, self._copied_by, 0))
-            behind = to[by[to] > 0]
-            after = tick + late[behind] + by[behind] * self._ticks
-            self._behind[after % ring, behind] = tick
-            self._coming.update(after.tolist())
-            to = to[(there & ~later)[to]]
-        # Later ones overwrite: of two that arrive together the last sent counts.
+            is_received = (lost < self._passes) & (burst < self._outside_burst)
+            is_overtaken = is_received & (overtaken < self._overtaken)
+            is_copied = is_received & (copied < self._copied)
+            delay_frames = np.where(is_overtaken, self._overtaken_by, np.where(is_copied, self._copied_by, 0))
+            receivers = to[delay_frames[to] > 0]
+            arrival = tick + late[receivers] + delay_frames[receivers] * self._ticks
+            self._overtaken_ring[arrival % ring, receivers] = tick
+            self._arrival_ticks.update(arrival.tolist())
+            to = to[(is_received & ~is_overtaken)[to]]
+        # Later packets overwrite: of two that arrive together the last sent counts.
         arrives = tick + late[to]
-        self._arriving[arrives % ring, to] = tick
-        self._coming.update(arrives.tolist())
+        self._arrival_ring[arrives % ring, to] = tick
+        self._arrival_ticks.update(arrives.tolist())
 
     def deliver(self) -> tuple[Array, np.ndarray, np.ndarray]:
         """End a tick; return what robots hold (n, k), whether it arrived now (n,), and its age in ticks (n,)."""
         tick, ring = self._tick, len(self._packets)
         self.wait()
-        arrived = self._arriving[tick % ring]
-        new = arrived > self._newest
-        self._newest = np.maximum(self._newest, arrived)
-        held = np.where(new, arrived, self._held)
+        arrivals = self._arrival_ring[tick % ring]
+        new = arrivals > self._newest
+        self._newest = np.maximum(self._newest, arrivals)
+        sent_ticks = np.where(new, arrivals, self._sent_ticks)
         if self._fails:
-            behind = self._behind[tick % ring]
-            is_behind = behind >= 0
-            held, new = np.where(is_behind, behind, held), new | is_behind
-            behind[:] = -1
-        self._held = held
-        arrived[:] = -1
-        self._holding[new] = self._packets[held[new] % ring, self._robots[new]]
-        return self._holding.copy(), new, tick - held
+            overtaken = self._overtaken_ring[tick % ring]
+            has_overtaken = overtaken >= 0
+            sent_ticks, new = np.where(has_overtaken, overtaken, sent_ticks), new | has_overtaken
+            overtaken[:] = -1
+        self._sent_ticks = sent_ticks
+        arrivals[:] = -1
+        self._current[new] = self._packets[sent_ticks[new] % ring, self._robots[new]]
+        return self._current.copy(), new, tick - sent_ticks
 
     @property
     def quiet(self) -> int:
         """The number of ticks from this one on in which nothing arrives of what was sent until now."""
-        return min(self._coming) - self._tick if self._coming else sys.maxsize
+        return min(self._arrival_ticks) - self._tick if self._arrival_ticks else sys.maxsize
 
     def wait(self, ticks: int = 1) -> None:
         """End ticks in which all is quiet, without asking what robots hold."""
         for _ in range(ticks):
-            self._coming.discard(self._tick)
+            self._arrival_ticks.discard(self._tick)
             self._tick += 1
             if self._tick % self._ticks == 0:
                 self._begin_frame()
@@ -198,7 +198,7 @@ class Radio:
                 self._copied[row], self._copied_by[row] = copies.probability, copies.frames
             for row, late in active.of(RadioReorder):
                 self._overtaken[row], self._overtaken_by[row] = late.probability, late.frames
-            self._chains = {each: self._chains.get(each, False) for each in active.of(RadioBursts)}
+            self._chains = {chain: self._chains.get(chain, False) for chain in active.of(RadioBursts)}
         if not self._fails:
             return
         drawn = self._steps.next()[:, 0]

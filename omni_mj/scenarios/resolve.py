@@ -73,9 +73,9 @@ def resolve(given: Mapping[str, Any], robot: str) -> Settings:
     if isinstance(control, Mapping):
         creep = {"creep_s2_m": control["creep_s2_m"]} if "creep_s2_m" in control else {}
         hardware = merged(whole, {name: file[name] for name in HARDWARE if name in file})
-        own = _with_model({name: hardware[name] for name in (*HARDWARE, "model") if name in hardware}, {})
+        hardware = _with_model({name: hardware[name] for name in (*HARDWARE, "model") if name in hardware}, {})
         try:
-            follows = dict(Settings(**own | {"control": creep}).control)
+            follows = dict(Settings(**hardware | {"control": creep}).control)
         except OmniError:  # reported below, with all other errors
             follows = {}
         whole["control"] = {name: follows[name] for name in _FOLLOWING if name in follows} | dict(control)
@@ -96,14 +96,14 @@ def read_model(model: ModelSettings) -> "Own":
     return own.read(model.file, model.names)
 
 
-def contradictions(given: Mapping[str, Any], own: "Own") -> Iterator[str]:
+def contradictions(given: Mapping[str, Any], mjcf: "Own") -> Iterator[str]:
     """Yield a line for each value of given sections that differs from a robot's own MJCF."""
-    for section, field, number in _numbers(own):
+    for section, field, number in _numbers(mjcf):
         values = given.get(section, {})
         value = values.get(field, number) if isinstance(values, Mapping) else getattr(values, field, number)
         if not _same(value, number, SAME):
             yield (
-                f"{section}.{field} = {shown(plain(value))} contradicts {own.file.name}, which has "
+                f"{section}.{field} = {shown(plain(value))} contradicts {mjcf.file.name}, which has "
                 f"{_text(number)}; change the model, or leave it out"
             )
 
@@ -112,26 +112,26 @@ def differences(robot: str, model: ModelSettings) -> Iterator[str]:
     """Yield a line for each number in which a robot's own MJCF, if there is one, differs from the robot's file."""
     if not model.file:
         return
-    own, file = read_model(model), robots.sections(robot)
-    for section, field, number in _numbers(own):
-        before = file.get(section, {}).get(field, number)
-        if not _same(before, number, SAME):
+    mjcf, file = read_model(model), robots.sections(robot)
+    for section, field, number in _numbers(mjcf):
+        file_number = file.get(section, {}).get(field, number)
+        if not _same(file_number, number, SAME):
             yield (
-                f"{section}.{field} is {_text(number)} in {own.file.name}, {_text(before)} in robot {robot}: the "
+                f"{section}.{field} is {_text(number)} in {mjcf.file.name}, {_text(file_number)} in robot {robot}: the "
                 "model's is simulated"
             )
-    aside = float(own.body.centre[1])
+    aside = float(mjcf.body.centre[1])
     if abs(aside) > 5e-4:
         yield (
-            f"{own.file.name} has its centre of mass {1e3 * aside:.1f} mm to the left: simulated, not told to "
+            f"{mjcf.file.name} has its centre of mass {1e3 * aside:.1f} mm to the left: simulated, not told to "
             "controllers"
         )
-    for field, number in (("constant_nm_a", own.constant), ("resistance_ohm", own.resistance)):
-        before = file.get("motor", {}).get(field, number)
-        if not _same(before, number, SAME_MOTOR):
+    for field, number in (("constant_nm_a", mjcf.constant), ("resistance_ohm", mjcf.resistance)):
+        file_number = file.get("motor", {}).get(field, number)
+        if not _same(file_number, number, SAME_MOTOR):
             yield (
-                f"motor.{field} is {_text(number)} in {own.file.name}, {_text(before)} in robot {robot}: motors are "
-                "the robot's, by their datasheet"
+                f"motor.{field} is {_text(number)} in {mjcf.file.name}, {_text(file_number)} in robot {robot}: "
+                "motors are the robot's, by their datasheet"
             )
 
 
@@ -147,13 +147,13 @@ def _with_model(file: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, 
         model = ModelSettings(**model)
     if not model.file:
         return whole
-    own = read_model(model)
-    numbers, errors = own.numbers(), list(contradictions(given, own))
+    mjcf = read_model(model)
+    numbers, errors = mjcf.numbers(), list(contradictions(given, mjcf))
     for kind, section in ((BodySettings, "body"), (WheelSettings, "wheels")):
         try:
             kind(**numbers[section])
         except OmniError as error:
-            errors += [f"{own.file.name}: {line}" for line in str(error).splitlines()]
+            errors += [f"{mjcf.file.name}: {line}" for line in str(error).splitlines()]
     in_one(errors)
     return merged(whole, numbers | {"model": model})
 
@@ -163,8 +163,8 @@ def _has(whole: Mapping[str, Any], section: str, field: str) -> bool:
     return field in values if isinstance(values, Mapping) else True  # a whole section, or an error
 
 
-def _numbers(own: "Own") -> Iterator[tuple[str, str, Any]]:
-    return ((section, field, value) for section, fields in own.numbers().items() for field, value in fields.items())
+def _numbers(mjcf: "Own") -> Iterator[tuple[str, str, Any]]:
+    return ((section, field, value) for section, fields in mjcf.numbers().items() for field, value in fields.items())
 
 
 def _text(number: Any) -> str:
@@ -173,9 +173,9 @@ def _text(number: Any) -> str:
     return f"{number:.6g}" if isinstance(number, (int, float)) else shown(number)
 
 
-def _same(one: Any, other: Any, tolerance: float) -> bool:
+def _same(first_number: Any, second_number: Any, tolerance: float) -> bool:
     try:
-        a, b = np.asarray(one, float), np.asarray(other, float)
+        a, b = np.asarray(first_number, float), np.asarray(second_number, float)
     except (TypeError, ValueError):
         return False
     return a.shape == b.shape and bool(np.allclose(a, b, rtol=tolerance, atol=1e-9))
