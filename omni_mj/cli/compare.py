@@ -111,7 +111,7 @@ def command(
 
         result = compare.compare(
             chosen, choice.controllers, chosen[0].seed_list, subject, half_width=half_width, known=studies,
-            before_block=before_block, after_block=after_block,
+            watch=compare.Watch(before_block, after_block),
         )  # fmt: skip
     with console.writing(folder):
         save(result)

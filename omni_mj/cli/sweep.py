@@ -35,7 +35,7 @@ TRIAL_FRAMES = 20  # of the first shard, from which the time is estimated
 @click.option("--seeds", type=int, metavar="N", help="How many seeds at each point. [the scenario's]")
 @options.SETTINGS
 @click.option("--at-once", type=int, metavar="N", help="Robots simulated at once; memory grows with them. [128]")
-@click.option("--keep", "keeping", multiple=True, metavar="worst:N|median:N|sample:N", help="Trajectories of robots.")
+@click.option("--keep", multiple=True, metavar="worst:N|median:N|sample:N", help="Trajectories of robots.")
 @click.option("--sensitivity", metavar="sobol|morris", help="Of what is drawn, what matters? In place of --vary.")
 @click.option("--samples", type=int, default=64, metavar="N", help="For it; runs are N times settings and more. [64]")
 @click.option("--jobs", type=int, default=1, metavar="N", help="Processes of this machine that run it. [1]")
@@ -49,14 +49,12 @@ def command(
     name: str | None,
     varied: tuple[str, ...],
     at_once: int | None,
-    keeping: tuple[str, ...],
     sensitivity: str | None,
     samples: int,
-    jobs: int,
-    cluster: str | None,
     out: Path | None,
     resume: Path | None,
     quiet: bool,
+    **how: Any,
 ) -> None:
     """Run a scenario under all combinations of settings: failure rates and errors with confidence, as table and map.
 
@@ -68,8 +66,8 @@ def command(
     from omni_mj.studies.sweep.study import parse_keep
     from omni_mj.studies.sweep.workers import Workers
 
-    Workers(jobs, cluster)  # before there is a folder, as all that is checked here
-    for text in keeping:
+    Workers(how["jobs"], how["cluster"])  # before there is a folder, as all that is checked here
+    for text in how["keep"]:
         parse_keep(text)
     if resume is not None:
         if name or varied or out or sensitivity:
@@ -88,9 +86,9 @@ def command(
             plan = sensitivities.plan(chosen, sensitivities.Design(sensitivity, samples), at_once=size)
         else:
             plan = Plan(chosen, axes([Axis.parse(text) for text in varied]), size)
-        plan.check_memory(jobs)
+        plan.check_memory(how["jobs"])
         folder = folders.prepare(out, "sweep", OUTPUTS, overwrite=False)
-    _run(plan, folder, quiet, jobs=jobs, cluster=cluster, keep=keeping)
+    _run(plan, folder, quiet, **how)
 
 
 def _run(plan: "Plan", folder: Path, quiet: bool, **how: Any) -> None:

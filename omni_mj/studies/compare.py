@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import isfinite
 
 from omni_control.controllers.base import Controller
@@ -28,6 +28,20 @@ HALF_WIDTH = 0.05
 BeforeBlock = Callable[[Simulation], AfterFrame]
 
 
+@dataclass(frozen=True)
+class Watch:
+    """Callbacks of a comparison.
+
+    Attributes:
+        before: Called with each simulation before it is run; what it returns is called after each frame, and may raise
+            `StoppedError`.
+        after: Called with what there is so far, and the outcome that has come to it or has grown, with its frames.
+    """
+
+    before: BeforeBlock = lambda simulation: nothing
+    after: Callable[[Result, Outcome], None] = lambda result, outcome: None
+
+
 def compare(
     scenarios: Sequence[Scenario | str] | None = None,
     controllers: Sequence[str | type[Controller]] | None = None,
@@ -37,8 +51,7 @@ def compare(
     *,
     half_width: float = HALF_WIDTH,
     known: Iterable[limits.Study] = (),
-    before_block: BeforeBlock = lambda simulation: nothing,
-    after_block: Callable[[Result, Outcome], None] = lambda result, outcome: None,
+    watch: "Watch | None" = None,
 ) -> Result:
     """Run controllers on many scenarios and seeds.
 
@@ -55,16 +68,13 @@ def compare(
         keep: whether to keep all frames.
         half_width: half the 95 % interval of a mean, as a share of it, that is good enough; 0 for all seeds.
         known: summaries of studies that found the limits of scenarios, to stand beside: `om.limit(...).summary()`.
-        before_block: called with each simulation before it is run; what it returns is called after each frame, and
-            may raise `StoppedError`.
-        after_block: called with what there is so far, and the outcome that has come to it or has grown, with its
-            frames.
+        watch: called before and after each block of seeds.
 
     Raises:
         OmniError: there is no such scenario or controller, two scenarios share a name, the subject is not compared,
             seeds do not count up, the half width is none, or a limit is that of something else.
     """
-    started = time.perf_counter()
+    started, watch = time.perf_counter(), watch or Watch()
     given = usual() if scenarios is None else scenarios
     kinds = tuple(available() if controllers is None else controllers)
     numbers = counted(range(seeds) if isinstance(seeds, int) else seeds)
@@ -77,11 +87,11 @@ def compare(
         result.controllers, result.informed = list(chosen[0].labels), informed(chosen[0])
     try:
         for i, each in enumerate(chosen):
-            for grown in _growing(each, numbers, half_width, before_block):
+            for grown in _growing(each, numbers, half_width, watch.before):
                 outcome = _with(grown, studies[i])
                 result.outcomes[i] = outcome if keep else replace(outcome, log=None)
                 result.wall_s = time.perf_counter() - started
-                after_block(result, outcome)
+                watch.after(result, outcome)
         result.complete = True
     except StoppedError as error:
         result.stopped = error.reason

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benches.studies import Outcome, StoppedError, nothing
+from benches.studies import Outcome, StoppedError, Watch, nothing
 
 import omni_mj as om
 
@@ -73,7 +73,7 @@ def test_what_is_stopped_keeps_what_was_done(scenarios: list[om.Scenario]) -> No
 
         result = om.compare(
             which, ("flc", "comp-flc"), seeds, "flc", half_width=half_width,
-            before_block=lambda simulation: at_frame, after_block=lambda result, outcome: done.append(outcome),
+            watch=Watch(lambda simulation: at_frame, lambda result, outcome: done.append(outcome)),
         )  # fmt: skip
         assert (result.complete, result.stopped) == (False, "interrupted")
         return result.summary()["scenarios"]
@@ -125,9 +125,9 @@ def test_seeds_in_blocks_give_the_numbers_of_all_at_once(plant: str, seeds: int)
         return nothing
 
     kinds = ("comp-flc", Failing)
-    grown = om.compare([chosen], kinds, seeds, keep=True, half_width=1e-9, before_block=before_block)
+    grown = om.compare([chosen], kinds, seeds, keep=True, half_width=1e-9, watch=Watch(before_block))
     assert blocks == [list(range(seeds))[i : i + 5] for i in range(0, seeds, 5)]
-    whole = om.compare([chosen], kinds, seeds, keep=True, half_width=0.0, before_block=before_block)
+    whole = om.compare([chosen], kinds, seeds, keep=True, half_width=0.0, watch=Watch(before_block))
     assert blocks[-1] == list(range(seeds))
     entry, other = (each.summary()["scenarios"]["rect-noise"] | {"wall_s": 0} for each in (grown, whole))
     assert entry == other
@@ -142,7 +142,7 @@ def test_seeds_are_added_until_competitors_are_known_well_enough(scenarios: list
     entries: list[Any] = []
     om.compare(
         scenarios[:1], CONTROLLERS, 10, half_width=1e-9,
-        after_block=lambda result, outcome: entries.append(outcome.entry),
+        watch=Watch(after=lambda result, outcome: entries.append(outcome.entry)),
     )  # fmt: skip
     before, after = (
         max(
