@@ -23,6 +23,15 @@ class BatteryParameters(NamedTuple):
     cut_off: Array  # V
 
 
+class Source(NamedTuple):
+    """Batteries in a frame, (n,); those that give no power short the motors."""
+
+    open_voltage: Array  # without load, V
+    resistance: Array  # ohm
+    barrier: Array  # infinite voltage of a battery that passes no current; 0 of others
+    share: Array  # of the voltage that the contacts pass
+
+
 class BatteryState(NamedTuple):
     """State of n batteries, (n,)."""
 
@@ -49,31 +58,33 @@ def open_circuit(p: BatteryParameters, s: BatteryState) -> Array:
     return xp.where(s.is_alive, p.cells * xp.interp(s.charge, CHARGE, CELL_V), 0.0)
 
 
-def load_battery(
-    p: BatteryParameters, s: BatteryState, source: tuple[Array, Array], voltage: Array, current: Array
-) -> tuple[BatteryState, Array]:
+def source_of(p: BatteryParameters, s: BatteryState, share: Array) -> Source:
+    """Return what batteries are in a frame in which their contacts pass a share of the voltage, (n,)."""
+    barrier = namespace(share).where(s.is_alive, 0.0, np.inf)
+    return Source(open_circuit(p, s), s.is_alive * p.resistance, barrier, share)
+
+
+def load_battery(s: BatteryState, source: Source, voltage: Array, current: Array) -> tuple[BatteryState, Array]:
     """Let batteries sag under motors.
 
     Drivers pass power without loss, and braking motors charge the battery. A driver burns what a motor generates beyond
     the battery's voltage, or without a living battery.
 
     Args:
-        p: Parameters.
         s: State.
-        source: Open-circuit voltage (n,) in V, and the share of the voltage that the contacts pass, (n,).
+        source: Batteries in this frame.
         voltage: Of the motors, (W, n) V.
         current: Of the motors, (W, n) A.
 
     Returns:
         The state, and the currents drawn, (n,) A.
     """
-    xp, (open_voltage, share) = namespace(voltage), source
-    duty = clip(voltage / xp.where(s.is_alive, s.voltage, np.inf), -1.0, 1.0)
+    duty = clip(voltage / (s.voltage + source.barrier), -1.0, 1.0)
     drawn = total(duty * current)
-    return s._replace(voltage=share * (open_voltage - s.is_alive * p.resistance * drawn)), drawn
+    return s._replace(voltage=source.share * (source.open_voltage - source.resistance * drawn)), drawn
 
 
-def discharge(p: BatteryParameters, s: BatteryState, open_voltage: Array, drawn: Array) -> BatteryState:
+def discharge(p: BatteryParameters, s: BatteryState, drawn: Array) -> BatteryState:
     """Take a frame's mean current (n,) in A from the charge."""
     charge = clip(s.charge - drawn * PERIOD_S / p.capacity, 0.0, 1.0)
     s = s._replace(charge=charge)

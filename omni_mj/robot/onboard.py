@@ -10,10 +10,11 @@ from omni_mj.robot.array_namespace import Array, namespace, total
 from omni_mj.robot.battery import (
     BatteryParameters,
     BatteryState,
+    Source,
     battery_parameters,
     discharge,
     load_battery,
-    open_circuit,
+    source_of,
 )
 from omni_mj.robot.motors import (
     MotorParameters,
@@ -73,7 +74,7 @@ class OnboardState(NamedTuple):
     loops: LoopState
     motors: MotorState
     battery: BatteryState
-    open_voltage: Array  # of the battery in this frame, (n,) V
+    source: Source  # the battery in this frame
     inputs: FrameInputs  # in this frame
 
 
@@ -115,7 +116,7 @@ def onboard(
         loops=loops_at_rest(loops, heading, frames, restarts, misleads),
         motors=motors_at(motors, winding, housing),
         battery=battery_state,
-        open_voltage=open_circuit(battery, battery_state),
+        source=source_of(battery, battery_state, np.ones(len(settings))),
         inputs=quiet_inputs(len(settings)),
     )
     return OnboardParameters(loops, motors, battery), state
@@ -152,7 +153,7 @@ def begin_frame(p: OnboardParameters, s: OnboardState, inputs: FrameInputs, whee
         frame=s.frame + 1,
         loops=derate(p.loops, loops, motors.winding),
         motors=motors,
-        open_voltage=open_circuit(p.battery, s.battery),
+        source=source_of(p.battery, s.battery, inputs.power_share),
         inputs=inputs,
     )
 
@@ -180,8 +181,7 @@ def run_cycle(
     if inputs.held_current is not None:
         duty = hold_current(p.motors, s.motors, duty, inputs.held_current, wheel_speed, supply)
     voltage, current, is_limited = drive_motors(p.motors, s.motors, duty * supply, wheel_speed)
-    source = s.open_voltage, inputs.power_share
-    battery, drawn = load_battery(p.battery, s.battery, source, voltage, current)
+    battery, drawn = load_battery(s.battery, s.source, voltage, current)
     record = CycleRecord(wheel_speed, voltage, current, is_limited, supply, drawn)
     return s._replace(cycle=s.cycle + 1, loops=loops, battery=battery), record
 
@@ -191,7 +191,7 @@ def end_frame(p: OnboardParameters, s: OnboardState, record: CycleRecord) -> Onb
     drawn = total(record.drawn) / len(record.drawn)  # over cycles
     return s._replace(
         motors=warm_motors(p.motors, s.motors, record.current, record.speed),
-        battery=discharge(p.battery, s.battery, s.open_voltage, drawn),
+        battery=discharge(p.battery, s.battery, drawn),
     )
 
 

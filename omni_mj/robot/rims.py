@@ -120,9 +120,10 @@ def drive_cycle(p: MujocoParameters, s: MujocoState, sensed: Sensed) -> tuple[Mu
     is_due = cycle % DRAG_CYCLES == 0
     drag, wrench = s.drag, s.wrench
     if any_true(is_due):
-        new = compute_drag(p.carpet, _motion(sensed), sensed.load, sensed.encoder_angle)
+        motion = _motion(sensed)
+        new = compute_drag(p.carpet, motion, sensed.load, sensed.encoder_angle)
         drag = select(is_due, new, s.drag)
-        wrench = select(is_due, _wrench(p, s, sensed, new), s.wrench)
+        wrench = select(is_due, _wrench(p.centre, onboard.inputs, motion, new), s.wrench)
     limit, stiffness = impedance(drag.rim_friction, drag.softness, sensed.load)
     motors = onboard.motors
     # MuJoCo's dcmotor knows a constant R in place of R + X |w|.
@@ -145,10 +146,10 @@ def _motion(sensed: Sensed) -> Motion:
     return Motion(sensed.x, sensed.y, cosine, sine, ahead, aside, sensed.turn_rate)
 
 
-def _wrench(p: MujocoParameters, s: MujocoState, sensed: Sensed, drag: Drag) -> Array:
-    xp, motion, inputs = namespace(sensed.x), _motion(sensed), s.onboard.inputs
+def _wrench(centre: Array, inputs: FrameInputs, motion: Motion, drag: Drag) -> Array:
+    xp = namespace(motion.x)
     x, y = rotate(drag.ahead, drag.aside, motion.cosine, motion.sine)
-    centre_x, centre_y, height = p.centre
+    centre_x, centre_y, height = centre
     moment = drag.moment - centre_x * drag.aside + centre_y * drag.ahead
     zero = moment * 0.0
     return xp.stack([x + inputs.push_x, y + inputs.push_y, zero, height * y, -height * x, moment])

@@ -245,7 +245,7 @@ def correct_heading(
         seen = xp.where(found | s.is_off, np.nan, seen)
     now = xp.arange(frames)[:, None] == frame % frames
     past = xp.where(now, s.heading, s.past_headings)
-    then = xp.take_along_axis(past, ((frame - age) % frames)[None], axis=0)[0]
+    then = past[(frame - age) % frames, xp.arange(len(seen))]
     error = xp.where(xp.isnan(seen), then, seen) - then
     error = error - 2 * np.pi * xp.ceil(error / (2 * np.pi) - 0.5)
     correction = p.heading_gain * error

@@ -95,15 +95,14 @@ class Battery:
     def load(self, voltage: ArrayLike, current: ArrayLike) -> float:
         """Load it with motors' voltages and currents (W,); return the current drawn, A."""
         volts, amperes = (np.asarray(each, float)[:, None] for each in (voltage, current))
-        source = battery.open_circuit(self._p, self.state), np.ones(1)
-        self.state, drawn = battery.load_battery(self._p, self.state, source, volts, amperes)
+        source = battery.source_of(self._p, self.state, np.ones(1))
+        self.state, drawn = battery.load_battery(self.state, source, volts, amperes)
         return float(drawn[0])
 
     def discharge(self, current: float, frames: int) -> None:
         """Draw a current, A."""
         for _ in range(frames):
-            voltage = battery.open_circuit(self._p, self.state)
-            self.state = battery.discharge(self._p, self.state, voltage, np.array([current]))
+            self.state = battery.discharge(self._p, self.state, np.array([current]))
 
 
 def drag(settings: list[Settings], velocity: ArrayLike, heading: float = 0.0, **more: Any) -> carpet.Drag:
