@@ -51,7 +51,6 @@ def command(
 
     from omni_mj.show import film
 
-    film.check(out)
     run = film.Film.of(folder, controllers, allow_code)
     width, height = PANELS
     pixels = pixels or (width, height * run.grid[0])

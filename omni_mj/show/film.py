@@ -153,27 +153,14 @@ class Film:
             stage.renderer.close()
 
 
-def check(out: Path) -> None:
-    """Check that a film can be written to a file.
-
-    Raises:
-        OmniError: Its kind is unknown, or needs PyAV, which is missing.
-    """
-    if out.suffix not in KINDS:
-        raise OmniError(f"{out}: a film's name ends in {', '.join(KINDS)}")
-    if out.suffix in CODECS:
-        try:
-            import av  # noqa: F401
-        except ImportError:
-            raise OmniError(f"{out}: videos need PyAV: pip install 'omni-mj[film]'; .gif and .webp do not") from None
-
-
 def write(pictures: Iterable[Image.Image], out: Path, rate: float) -> None:
     """Write pictures of one size to a file of a kind of `KINDS`, `rate` of them a second.
 
     Raises:
-        OmniError: The file cannot be written.
+        OmniError: Its kind is unknown, PyAV is missing, or the file cannot be written.
     """
+    if out.suffix not in KINDS:
+        raise OmniError(f"{out}: a film's name ends in {', '.join(KINDS)}")
     try:
         with whole(out) as file:
             if out.suffix in CODECS:
@@ -183,6 +170,8 @@ def write(pictures: Iterable[Image.Image], out: Path, rate: float) -> None:
                 options: dict[str, Any] = {"optimize": False} if out.suffix == ".gif" else {"quality": 60, "method": 4}
                 options |= {"format": out.suffix[1:], "save_all": True, "append_images": others, "loop": 0}
                 first.save(file, duration=round(1000 / rate), **options)
+    except ImportError:
+        raise OmniError(f"{out}: videos need PyAV: pip install 'omni-mj[film]'; .gif and .webp do not") from None
     except OSError as error:
         raise OmniError(f"{out}: {error.strerror or error}") from None
 
