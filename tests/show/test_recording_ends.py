@@ -121,7 +121,7 @@ def test_a_killed_run_leaves_its_blocks(tmp_path: Path) -> None:
         ends.append(last + 1)
     assert min(ends) >= 600
     assert max(ends) - min(ends) <= 300
-    assert "| laps | **100** |" in recorded.static("/settings", "TextDocument:text")[0]
+    assert "\nlaps = 100 " in recorded.static("/settings", "TextDocument:text")[0]
     assert "has not ended" in recorded.static("/summary", "TextDocument:text")[0]
 
 

@@ -12,6 +12,7 @@ from omni_control.errors import OmniError
 from omni_mj.files import check_room
 from omni_mj.measure.events import Watch
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
+from omni_mj.show import full
 from omni_mj.show.recording import plots, scene, texts
 from omni_mj.show.recording.layout import blueprint
 from omni_mj.show.recording.plots import Robot
@@ -103,7 +104,7 @@ class Recording:
         chosen, seed = simulation.scenario, log.rows[0].seed
         stream.send_recording_name(f"{chosen.name} on {chosen.plant}, seed {seed}")
         scene.log_static(stream, self._robots, log.rows[0].settings, self._paths)
-        texts.log(stream, "settings", texts.settings(chosen, log.controllers, seed))
+        texts.log(stream, "settings", full.scenario(chosen), rr.MediaType.TEXT)
         texts.log(stream, "summary", "The run has not ended; its summary follows.")
         return stream
 
