@@ -29,15 +29,15 @@ def units(log: Log) -> None:
     Raises:
         OmniError: with the units that they may be in.
     """
-    seen = np.isfinite(log.pose).all(1)
-    if seen.sum() < LEAST_POSES:
-        raise OmniError(f"{log.name}: {seen.sum()} lines with a pose are too few; at least {LEAST_POSES}")
+    valid = np.isfinite(log.pose).all(1)
+    if valid.sum() < LEAST_POSES:
+        raise OmniError(f"{log.name}: {valid.sum()} lines with a pose are too few; at least {LEAST_POSES}")
     if not SHORTEST_S <= log.period <= LONGEST_S:
         fits = [unit for unit, size in CLOCKS.items() if SHORTEST_S <= log.period * size <= LONGEST_S]
         unit = " or ".join(fits) or "another unit than s"
         raise OmniError(f"{log.name}: {log.period:g} s from line to line; is time_s in {unit}?")
-    moved, step = np.abs(np.diff(log.pose[seen], axis=0)), np.diff(log.time[seen])
-    found = [
+    moved, step = np.abs(np.diff(log.pose[valid], axis=0)), np.diff(log.time[valid])
+    quantities = [
         (moved[:, :2].max(), 100, "jumps of {:.4g} m from line to line; are x_m and y_m in m?"),
         (_most(moved[:, 2] / step), 45, "headings turn at {:.0f} rad/s; is heading_rad in degrees?"),
         (_most(np.hypot(*moved[:, :2].T) / step), 10, "speeds of {:.0f} m/s; are x_m and y_m in cm or mm?"),
@@ -45,11 +45,11 @@ def units(log: Log) -> None:
     if log.command is not None:
         _complete(log, log.command, "commands")
         speed, rate = _most(np.hypot(*log.command[:, :2].T)), _most(np.abs(log.command[:, 2]))
-        found.append((speed, 10, "commands of {:.0f} m/s; are they in cm/s or mm/s?"))
-        found.append((rate, 60, "turn rates of {:.0f} rad/s; are they in degrees/s?"))
-    for value, most, says in found:
+        quantities.append((speed, 10, "commands of {:.0f} m/s; are they in cm/s or mm/s?"))
+        quantities.append((rate, 60, "turn rates of {:.0f} rad/s; are they in degrees/s?"))
+    for value, most, message in quantities:
         if value > most:
-            raise OmniError(f"{log.name}: {says.format(value)}")
+            raise OmniError(f"{log.name}: {message.format(value)}")
 
 
 def wheel_twists(log: Log, settings: Settings) -> Array:
@@ -88,13 +88,13 @@ def delay(log: Log, inputs: Array, in_body: bool, source: str, settings: Setting
         return late
     if source == "wheels":
         _place_wheels(log, settings, delays)
-    best, says = max(
-        (_explained(log.time, *mistaken, delays)[0], says)
-        for says, mistaken in _mistakes(log.pose, inputs, in_body, source)
+    best, message = max(
+        (_explained(log.time, *mistaken, delays)[0], message)
+        for message, mistaken in _mistakes(log.pose, inputs, in_body, source)
     )
     if best > max(share + BETTER, CORRELATED):
         raise OmniError(
-            f"{log.name}: {source} explain {100 * max(share, 0):.0f} % of the motion, {100 * best:.0f} % if {says}"
+            f"{log.name}: {source} explain {100 * max(share, 0):.0f} % of the motion, {100 * best:.0f} % if {message}"
         )
     if share < FOLLOWS:
         raise OmniError(
@@ -145,18 +145,18 @@ def _explained(
     The share is the mean of those of translation and rotation, as far as there is any, else not a number. So are the
     gains, motion over inputs, of both.
     """
-    seen = np.isfinite(pose).all(1)
-    at, pose = time[seen], pose[seen]
+    valid = np.isfinite(pose).all(1)
+    at, pose = time[valid], pose[valid]
     step, middle = np.diff(at)[:, None], (at[1:] + at[:-1]) / 2
     motion = world_to_body(_smooth(np.diff(pose, axis=0) / step), (pose[1:, 2] + pose[:-1, 2]) / 2 * in_body)
     lines = _acting(time, middle - delays[:, None])
     shares, gains = [], []
     parts = ((inputs @ [1, 1j, 0], motion @ [1, 1j, 0], MOVES_M_S), (inputs[:, 2] + 0j, motion[:, 2], TURNS_RAD_S))
-    for given, moved, least in parts:
-        u = _smooth(given[lines].T)  # (F, delays)
+    for inputs_of, moved, least in parts:
+        u = _smooth(inputs_of[lines].T)  # (F, delays)
         product, power = moved @ u.conj(), (np.abs(u) ** 2).sum(0) + 1e-12
         share = product.real * np.abs(product.real) / power / ((np.abs(moved) ** 2).sum() + 1e-12)
-        moves = bool((np.abs(given) ** 2).mean() > least**2)
+        moves = bool((np.abs(inputs_of) ** 2).mean() > least**2)
         shares += [share] * moves
         gains.append(complex((product / power)[share.argmax()]) if moves else complex("nan"))
     if not shares:
@@ -168,8 +168,8 @@ def _explained(
 def _place_wheels(log: Log, settings: Settings, delays: Array) -> None:
     """Raise an error if wheels turn the other way, are in another order, or do not turn, as the motion says."""
     assert log.wheels is not None
-    seen = np.isfinite(log.pose).all(1)
-    time, pose = log.time[seen], log.pose[seen]
+    valid = np.isfinite(log.pose).all(1)
+    time, pose = log.time[valid], log.pose[valid]
     twist = world_to_body(_smooth(np.gradient(pose, time, axis=0)), pose[:, 2])
     expected = settings.wheels.kinematics.wheel_speeds(twist)
     count, power = expected.shape[1], np.sqrt((expected**2).mean(0))
@@ -182,14 +182,14 @@ def _place_wheels(log: Log, settings: Settings, delays: Array) -> None:
 
     likeness = alike(max(delays, key=lambda late: np.abs(alike(late)).max(1).sum()))
     place = linear_sum_assignment(-np.abs(likeness))[1]
-    own, best = np.diagonal(likeness), np.abs(likeness[range(count), place])
+    in_place, best = np.diagonal(likeness), np.abs(likeness[range(count), place])
     moving = power > MOVING * power.max()
-    if (best - np.abs(own)).max() > AHEAD and best.min() > PLACED:
+    if (best - np.abs(in_place)).max() > AHEAD and best.min() > PLACED:
         order = ", ".join(str(wheel + 1) for wheel in place)
         raise OmniError(
             f"{log.name}: wheels are in another order, {order} by the file's, or the robot's axes are turned"
         )
-    stands, inverted = moving & (best < CORRELATED), own < -CORRELATED
+    stands, inverted = moving & (best < CORRELATED), in_place < -CORRELATED
     for wheels, what in ((stands, "does not turn as the robot moves"), (inverted, "turns the other way")):
         if wheels.any() and (best > CORRELATED).sum() >= count - 1:
             raise OmniError(f"{log.name}: " + ", ".join(f"wheel {i + 1} {what}" for i in np.flatnonzero(wheels)))

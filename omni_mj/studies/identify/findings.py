@@ -249,13 +249,13 @@ def by_stamps(logs: Sequence[Log]) -> Iterator[Estimate]:
     """Yield jitter and losses of commands, of logs that say when these were received."""
     late, lost = list[Array](), list[np.ndarray]()
     for log in logs:
-        if log.received is not None and (there := np.isfinite(log.received)).sum() >= LEAST_STAMPS:
-            time, delay = log.time[there], (log.received - log.time)[there]
+        if log.received is not None and (arrived := np.isfinite(log.received)).sum() >= LEAST_STAMPS:
+            time, delay = log.time[arrived], (log.received - log.time)[arrived]
             late.append(delay - np.polynomial.Polynomial.fit(time, delay, 1)(time))  # without a drift of the clocks
-            lost.append(~there)
+            lost.append(~arrived)
     if late:
-        every, share, count = np.concatenate(late), float(np.mean(np.concatenate(lost))), sum(map(len, lost))
-        spread = float(every.std())
-        error = np.sqrt(max(float((every**4).mean()) - spread**4, 0.0) / (4 * len(every))) / max(spread, 1e-12)
+        delays, share, count = np.concatenate(late), float(np.mean(np.concatenate(lost))), sum(map(len, lost))
+        spread = float(delays.std())
+        error = np.sqrt(max(float((delays**4).mean()) - spread**4, 0.0) / (4 * len(delays))) / max(spread, 1e-12)
         yield judged("jitter_s", KINDS["jitter_s"], "stamps", (spread, error))
         yield judged("lost", KINDS["lost"], "stamps", (share, (share * (1 - share) / count) ** 0.5))

@@ -87,7 +87,7 @@ class Fit:
         quantile: Student's, for 95 % intervals.
         at_bound: names of parameters that stopped at a bound.
         position, heading: residuals.
-        each: root mean square residual of each stretch, (S,) m.
+        stretch_rms: root mean square residual of each stretch, (S,) m.
         body, stretches: fitted with, and to.
     """
 
@@ -99,7 +99,7 @@ class Fit:
     at_bound: frozenset[str]
     position: Residuals
     heading: Residuals
-    each: Array
+    stretch_rms: Array
     body: Body
     stretches: Stretches
 
@@ -160,10 +160,10 @@ class Problem:
         states = np.concatenate([places, slopes[:, :4]], 1)
         inverse = np.linalg.pinv(states, rcond=NEGLIGIBLE)
         wrong = flat[:, :1] - (self.stretches.pose * self.metres).reshape(count, 1, 3 * m)
-        every = np.concatenate([wrong, slopes[:, 4:]], 1)
-        every = (every - every @ inverse @ states).reshape(count, -1, m, 3)
-        self.jacobian = np.moveaxis(every[:, 1:], 1, -1)
-        residual: Array = every[:, 0]
+        columns = np.concatenate([wrong, slopes[:, 4:]], 1)
+        columns = (columns - columns @ inverse @ states).reshape(count, -1, m, 3)
+        self.jacobian = np.moveaxis(columns[:, 1:], 1, -1)
+        residual: Array = columns[:, 0]
         return residual
 
     def solve(self, x: Array) -> Array:
@@ -208,7 +208,7 @@ def fit(body: Body, stretches: Stretches, start: Array, late: float, free: Seque
         at_bound=frozenset(np.array(problem.names)[bound].tolist()),
         position=Residuals.of(residual[..., :2], lasts[0]),
         heading=Residuals.of(residual[..., 2:] / problem.metres[2], lasts[1]),
-        each=np.sqrt((residual**2).mean((1, 2))),
+        stretch_rms=np.sqrt((residual**2).mean((1, 2))),
         body=body,
         stretches=stretches,
     )

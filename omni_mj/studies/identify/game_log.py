@@ -104,20 +104,20 @@ def follow(path: Path, team: str | None, number: int | None) -> Track:
             f"{path.name}: {what}; name one, as {path.name}:{example}, or --team and --id; it holds {moves or 'none'}"
         )
     name = f"{path.name} ({TEAMS[chosen[0][0]]} {chosen[0][1]})"
-    kept, cuts = _track(robots[chosen[0]])
-    time = kept[:, 3] - kept[0, 3] + BREAK_S * np.cumsum(cuts)
-    time -= np.cumsum(cuts * np.diff(kept[:, 3], prepend=kept[0, 3]))
+    believed, cuts = _track(robots[chosen[0]])
+    time = believed[:, 3] - believed[0, 3] + BREAK_S * np.cumsum(cuts)
+    time -= np.cumsum(cuts * np.diff(believed[:, 3], prepend=believed[0, 3]))
     if cuts.any():
         notes.append(
             f"{name}: cut {cuts.sum()} times, where another camera takes over, or the robot or the clock jumps"
         )
-    speed = np.hypot(*np.diff(kept[:, 5:7], axis=0).T) / np.maximum(np.diff(time), LEAST_S)
+    speed = np.hypot(*np.diff(believed[:, 5:7], axis=0).T) / np.maximum(np.diff(time), LEAST_S)
     fast = np.quantile(speed, 0.99) if len(speed) else 0.0
     notes.append(
         f"{name}: poses alone, up to {fast:.2f} m/s (99 %), tell nothing of latency, gains, creep, lags or drag; give "
         "commands: LOG,commands.csv"
     )
-    return Track(name, kept[:, 3], time, kept[:, 5:], notes)
+    return Track(name, believed[:, 3], time, believed[:, 5:], notes)
 
 
 def _moves(seen: Array) -> str:
@@ -130,9 +130,9 @@ def _moves(seen: Array) -> str:
 
 def _track(seen: Array) -> tuple[Array, Array]:
     """Return the sightings that are believed, and before which of them the track is cut."""
-    kept, cuts, elsewhere = [seen[0]], [False], 0
+    believed, cuts, elsewhere = [seen[0]], [False], 0
     for row in seen[1:]:
-        last = kept[-1]
+        last = believed[-1]
         step, received = row[3] - last[3], row[4] - last[4]
         jumped = abs(step - received) > JUMP_S
         if not jumped and (step < LEAST_S or (row[2] != last[2] and received < HOLD_S)):
@@ -142,9 +142,9 @@ def _track(seen: Array) -> tuple[Array, Array]:
         if 0 < elsewhere < TRIES and row[2] == last[2]:
             continue
         cuts.append(bool(jumped or elsewhere or row[2] != last[2]))
-        kept.append(row)
+        believed.append(row)
         elsewhere = 0
-    return np.array(kept), np.array(cuts)
+    return np.array(believed), np.array(cuts)
 
 
 def _sightings(path: Path, notes: list[str]) -> Iterator[tuple[float, ...]]:

@@ -41,7 +41,7 @@ RUBBED_M_S = 0.05  # wheel speed above which the dry friction of wheel and motor
 # without dry drag: three robots, 0.6 to 1.9 m/s, three directions, within 0.04 N.
 BOTH_TOUCH, SPUN_EARLY, PRESSED_S_M = 1.5, 1.1, 0.004
 STIFFEST_S = 1e-4  # least compliance z m of a wheel
-MOST_SEEN = 0.15  # of the give of a wheel loop, so that the mass stays positive
+MOST_DELAY = 0.15  # of the give of a wheel loop, so that the mass stays positive
 STEP_S = 0.01  # longest integration step
 
 
@@ -60,8 +60,8 @@ class Body:
         commutation: by which share a motor's resistance grows with its rim speed, s/m.
         hub: inertia of a motor, as a mass at the rim.
         wait: mean time that a command waits for the next run of the wheel loops, s.
-        seen: delay of the wheel speed that the loops see, times their share of the stiffness, s.
-        turned: delay of the turn rate that the loop on the gyro sees, s.
+        loop_delay: of the wheel speed that the loops see, times their share of the stiffness, s.
+        gyro_delay: of the turn rate that the loop on the gyro sees, s.
     """
 
     along: Array
@@ -76,8 +76,8 @@ class Body:
     commutation: float
     hub: float
     wait: float
-    seen: float
-    turned: float
+    loop_delay: float
+    gyro_delay: float
 
     @classmethod
     def of(cls, settings: Settings) -> Self:
@@ -108,8 +108,8 @@ class Body:
             commutation=motor.commutation * motor.gear / (motor.resistance * radius),
             hub=hub,
             wait=float(np.mean(-frame * np.arange(cycles) % cycles)) / CYCLE_RATE_HZ,
-            seen=(cycles + 1) / CYCLE_RATE_HZ * settings.firmware.kp / gain,
-            turned=(cycles / 2 + 1) / CYCLE_RATE_HZ,
+            loop_delay=(cycles + 1) / CYCLE_RATE_HZ * settings.firmware.kp / gain,
+            gyro_delay=(cycles / 2 + 1) / CYCLE_RATE_HZ,
         )
 
     def parameters(self, settings: Settings, by_wheels: bool) -> Array:
@@ -207,9 +207,9 @@ def simulate(
         if not by_wheels:  # the loop on the gyro; motors, which turn with the rims, and loops that see late
             gyro = p["turn_gain"] * p["scale"] * p["arm"] * body.along[0, 2] * pushing
             resisting[..., 2] += gyro
-            inertia = stiffness * (body.hub * soft - np.minimum(body.seen, MOST_SEEN * soft))
+            inertia = stiffness * (body.hub * soft - np.minimum(body.loop_delay, MOST_DELAY * soft))
             mass = body.mass + (inertia[..., None, :] @ rim_squares).reshape(*pull.shape, 3)
-            mass[..., 2] -= body.turned * gyro
+            mass[..., 2] -= body.gyro_delay * gyro
             inverse_mass = inverse_3x3(mass)
         pushing = ((stiffness * rim)[..., None, :] @ along)[..., 0, :] + down
         if not by_wheels:

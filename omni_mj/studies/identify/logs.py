@@ -60,8 +60,8 @@ class Log:
 
     def __post_init__(self) -> None:
         """Unwrap headings, and note gaps."""
-        there = np.isfinite(self.pose[:, 2])
-        self.pose[there, 2] = np.unwrap(self.pose[there, 2])
+        known = np.isfinite(self.pose[:, 2])
+        self.pose[known, 2] = np.unwrap(self.pose[known, 2])
         if gaps := [self.time[piece.start] - self.time[piece.start - 1] for piece in self.pieces()[1:]]:
             longest, at = max(gaps), self.time[self.pieces()[1 + int(np.argmax(gaps))].start]
             self.notes.append(f"{self.name}: {len(gaps)} gaps, the longest of {longest:.3g} s before {at:.3f} s")
@@ -195,8 +195,8 @@ def _stack(columns: Mapping[str, np.ndarray], names: tuple[str, ...]) -> Array:
 def _first_numbered(columns: Mapping[str, np.ndarray], names: tuple[str, ...]) -> Array | None:
     """Return columns 1, 2, ... of the first of these names that is there, (F, n), or None."""
     for name in names:
-        if found := tuple(takewhile(columns.__contains__, map(name.format, count(1)))):
-            return _stack(columns, found)
+        if names_found := tuple(takewhile(columns.__contains__, map(name.format, count(1)))):
+            return _stack(columns, names_found)
     return None
 
 
@@ -206,8 +206,8 @@ def _increases(name: str, time: Array) -> None:
     if (bad := np.diff(time) <= 0).any():
         at = bad.argmax()
         what = "stands still (too few digits?)" if time[at] == time[at + 1] else "goes back"
-        says = f"time_s does not increase from line {at + 1} to {at + 2}, it {what}"
-        raise OmniError(f"{name}: {says}: {time[at]:.10g}, {time[at + 1]:.10g}")
+        message = f"time_s does not increase from line {at + 1} to {at + 2}, it {what}"
+        raise OmniError(f"{name}: {message}: {time[at]:.10g}, {time[at + 1]:.10g}")
 
 
 def _held(time: Array, pose: Array) -> np.ndarray:

@@ -117,8 +117,8 @@ def _driven(log: Log, radius: float) -> Log:
 
 def _along_body(log: Log, command: Array) -> Array:
     """Return commands along the body's axes, by the headings that are known."""
-    seen = np.isfinite(log.pose[:, 2])
-    heading = np.interp(log.time, log.time[seen], log.pose[seen, 2])
+    known = np.isfinite(log.pose[:, 2])
+    heading = np.interp(log.time, log.time[known], log.pose[known, 2])
     return command if log.in_body else world_to_body(command, heading)
 
 
@@ -146,7 +146,7 @@ def _believing_the_radius(fitted: Fit, notes: list[str]) -> Fit:
 
 def _without_odd(fitted: Fit, notes: list[str], source: str) -> Fit:
     """Fit again without the stretches with far larger residuals, if there are a few."""
-    usual = fitted.each <= ODD * np.median(fitted.each)
+    usual = fitted.stretch_rms <= ODD * np.median(fitted.stretch_rms)
     if usual.all() or usual.mean() < 1 - MOST_ODD or usual.sum() < LEAST:
         return fitted
     odd = fitted.stretches.some(~usual).where()

@@ -41,10 +41,10 @@ def changes(estimates: Sequence[Estimate], misfits: Container[str] = ()) -> Chan
     """
     made = {}
     drag = [e for e in estimates if e.source == "wheels" and e.name in DRAG]
-    whole = all(e.told for e in drag)  # a log tells the sum of pile and rollers better than each
+    drag_is_told = all(e.told for e in drag)  # a log tells the sum of pile and rollers better than each
     for e in estimates:
         place = FIELDS.get((e.source, e.name))
-        if place is None or not e.told or e.value < LEAST.get(e.name, 0.0) or (e in drag and not whole):
+        if place is None or not e.told or e.value < LEAST.get(e.name, 0.0) or (e in drag and not drag_is_told):
             continue
         value, unit, shown = f"{float(f'{e.value:.5g}')}", e.unit, f"{e.value:.4g} +- {e.error:.2g}"
         if place[1] == "delay_frames":

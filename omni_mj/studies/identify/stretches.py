@@ -96,19 +96,19 @@ def cut(logs: Sequence[Log], inputs: Sequence[Array], in_body: Sequence[bool], a
     Raises:
         OmniError: there are too few.
     """
-    seen = [np.flatnonzero(np.isfinite(log.pose).all(1)) for log in logs]
-    steps = np.concatenate([np.diff(log.time[own]) for log, own in zip(logs, seen, strict=True)])
+    valid = [np.flatnonzero(np.isfinite(log.pose).all(1)) for log in logs]
+    steps = np.concatenate([np.diff(log.time[of_log]) for log, of_log in zip(logs, valid, strict=True)])
     period = float(np.median(steps)) if steps.size else STRETCH_S
     count = max(LEAST_POSES, round(STRETCH_S / period))
     clock, lines, numbers = list[Array](), list[np.ndarray](), list[int]()
-    for number, (log, own) in enumerate(zip(logs, seen, strict=True)):
+    for number, (log, of_log) in enumerate(zip(logs, valid, strict=True)):
         offset, start = sum(map(len, clock)), clock[-1][-1] + APART_S if clock else 0.0
         clock.append(log.time - log.time[0] + start)
-        for piece in np.split(own, np.flatnonzero(np.diff(log.time[own]) > GAP * period) + 1):
+        for piece in np.split(of_log, np.flatnonzero(np.diff(log.time[of_log]) > GAP * period) + 1):
             settled = piece[log.time[piece] >= log.time[piece[:1]] + SETTLED_S]
-            whole = settled[: len(settled) // count * count].reshape(-1, count)
-            lines += list(offset + whole)
-            numbers += [number] * len(whole)
+            blocks = settled[: len(settled) // count * count].reshape(-1, count)
+            lines += list(offset + blocks)
+            numbers += [number] * len(blocks)
     if len(lines) < LEAST:
         raise OmniError(
             f"{len(lines)} stretches of {STRETCH_S:g} s without a gap are too few to identify anything, "
