@@ -4,26 +4,22 @@ import gc
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from omni_mj.cli import complete, console, folders, options, run
-from omni_mj.files import check_room
 
 if TYPE_CHECKING:
     from omni_mj.live.serve.server import Server
     from omni_mj.scenarios.scenario import Scenario
-    from omni_mj.show.recording.served import ServedRecording
 
 YELLOW = "scenario-yellow.toml"  # what robots the other team has, if they are others
 OUTPUTS = ("trajectory.parquet", "recording.rrd", "scenario.toml", YELLOW, *folders.PROVENANCE)
 
 PORT = click.IntRange(0, 65_535)
 DURATION = click.FloatRange(min=0, min_open=True)
-TABLE_B = 20e6  # of disk, that a recording leaves to the table, which goes on
 
 
 @click.command("serve", context_settings={"show_default": True})
@@ -153,32 +149,21 @@ def _record(
         table = TableWriter(folder / "trajectory.parquet")
         stack.callback(table.finish)
         sinks.append(table)
-    if viewers or (folder is not None and record):
-        from omni_mj.show.recording.served import ServedRecording, to_file, to_viewer
-        from omni_mj.show.recording.viewer import answers
+    targets: list[str | Path] = [*viewers]
+    if folder is not None and record:
+        targets.append(folder / "recording.rrd")
+    if targets:
+        from omni_mj.show.recording.served import ServedRecording
 
-        targets: list[tuple[Any, Any]] = []
-        for url in viewers:
-            if answers(url):
-                targets.append((to_viewer(url), lambda: None))
-            else:
-                click.echo(f"warning: no viewer at {url}; the run goes on without it", err=True)
-        if folder is not None and record:
-            targets.append((to_file(folder / "recording.rrd"), partial(check_room, folder, TABLE_B)))
         settings = {team: scenario.settings for team, scenario in teams.items()}
-        for connect, check in targets:
-            recording = ServedRecording(connect, settings, f"serve {blue.name}", check)
-            stack.callback(_close, recording)
+        for target in targets:
+            recording = ServedRecording(target, settings, f"serve {blue.name}")
+            stack.callback(recording.close)
             sinks.append(recording.send)
     if sinks:
         tape = Tape(server.pitch, sinks)
         server.after_frame = tape.add
         stack.callback(tape.flush)
-
-
-def _close(recording: "ServedRecording") -> None:
-    if lost := recording.close():
-        click.echo(f"warning: not all of the recording has arrived: {' '.join(lost.split())}", err=True)
 
 
 def _introduction(server: "Server") -> str:

@@ -1,19 +1,24 @@
 """A recording of robots that others drive: they come and go, and nobody knows how long it lasts."""
 
-import uuid
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
+import click
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
 from omni_control.errors import OmniError
+from omni_control.kinematics import Array
+from omni_mj.files import check_room
 from omni_mj.live.serve.log import Block
 from omni_mj.scenarios.settings import Settings
 from omni_mj.show import style
 from omni_mj.show.recording import robot_shape, scene, sink
-from omni_mj.show.recording.sink import APPLICATION, TIME, indexes
+from omni_mj.show.recording.sink import TIME, indexes
+from omni_mj.show.recording.viewer import answers
+from omni_mj.simulate.log import Log
 
 PLOTS = {  # of each robot: channel -> its unit
     "command": "m/s, m/s, rad/s",
@@ -27,47 +32,60 @@ TEAMS = {"blue": (60, 110, 230), "yellow": (235, 200, 40)}
 SLOTS = {"blue": (1, 5, 2, 11, 8, 10), "yellow": (4, 0, 7, 3, 6, 9)}  # of lines, in `style`: cold, and warm
 BALL = (250, 130, 30)
 BALL_RADIUS_M = 0.0215
+TABLE_BYTES = 20e6  # of disk, that a recording leaves to the table, which goes on
 BELOW_M = 10.0  # the carpet: where robots are that are not there
-
-Connect = Callable[[rr.RecordingStream, rrb.Blueprint], None]
 
 
 class ServedRecording:
-    """A file, or a viewer that is fed.
+    """A file or a viewer that is fed. If it fails, that is said, and what is served goes on without it.
 
     Args:
-        connect: leads the stream there.
-        robots: settings of each team's.
-        name: of the recording.
-        check: called before each block; what it raises ends the recording.
+        target: Path of the .rrd file, or address of the viewer.
+        robots: Team -> settings of its robots.
+        name: Of the recording.
     """
 
-    def __init__(
-        self, connect: Connect, robots: Mapping[str, Settings], name: str, check: Callable[[], None] = lambda: None
-    ) -> None:
-        rr.set_strict_mode(True)
-        self._robots, self._shown, self._check = robots, set[str](), check
+    def __init__(self, target: Path | str, robots: Mapping[str, Settings], name: str) -> None:
+        self._target, self._robots, self._shown = target, robots, set[str]()
         self._before: Sequence[str] = ()
-        self._stream = rr.RecordingStream(APPLICATION, recording_id=uuid.uuid4())
-        self._stream.set_log_time_enabled(False)
-        self._failure = ""  # for what is served, which goes on, nothing depends on a recording
-        try:
-            check()
-            connect(self._stream, _blueprint())
+        self._has_failed, self._stream = False, sink.open_stream()
+        with self._warning():
+            if isinstance(target, Path):  # without a footer, which rerun would hold in memory until the end
+                check_room(target.parent, TABLE_BYTES)
+                self._stream.save(target, _blueprint(), write_footer=False)
+            elif answers(target):
+                self._stream.connect_grpc(target, default_blueprint=_blueprint())
+            else:
+                raise RuntimeError("no viewer answers")
             self._stream.send_recording_name(name)
             scene.log_field(self._stream)
-        except (RuntimeError, OmniError) as failure:
-            self._failure = str(failure)
 
     def send(self, block: Block) -> None:
         """Send a block of frames."""
-        first, names, log, ball = block.first, block.names, block.log, block.ball
+        if not self._has_failed:
+            with self._warning():
+                if isinstance(self._target, Path):
+                    check_room(self._target.parent, TABLE_BYTES)
+                self._send(block.first, block.names, block.log, block.ball)
+
+    def close(self) -> None:
+        """End it."""
+        with self._warning():
+            sink.flush(self._stream)
+            self._stream.disconnect()
+
+    @contextmanager
+    def _warning(self) -> Iterator[None]:
+        """Say once what fails."""
         try:
-            self._check()
-        except OmniError as failure:
-            self._failure = self._failure or str(failure)
-        if self._failure:
-            return
+            yield
+        except (RuntimeError, OmniError) as failure:
+            if not self._has_failed:
+                reason = " ".join(str(failure).split())
+                click.echo(f"warning: {self._target} is not fed any more: {reason}; the run goes on", err=True)
+            self._has_failed = True
+
+    def _send(self, first: int, names: Sequence[str], log: Log, ball: Array) -> None:
         frames = np.arange(first, first + log.length)
         time, stream = indexes(frames), self._stream
         for gone in sorted(set(self._before) - set(names)):
@@ -93,15 +111,6 @@ class ServedRecording:
                     rr.Scalars.columns(scalars=values.ravel()).partition(np.full(len(values), values.shape[1])),
                 )
 
-    def close(self) -> str:
-        """End it; say what did not arrive, if anything did not."""
-        try:
-            sink.flush(self._stream)
-            self._stream.disconnect()
-        except RuntimeError as failure:
-            self._failure = self._failure or str(failure)
-        return self._failure
-
     def _show(self, name: str, lines: Mapping[str, int]) -> None:
         """Log a robot's shape once, and how its lines look, so many of each channel."""
         if name in self._shown:
@@ -117,16 +126,6 @@ class ServedRecording:
                 colors=[sink.pale(own, 0.7 * i / count) for i in range(count)],
             )
             self._stream.log(f"plots/{channel}/{_entity(name)}", look, static=True)
-
-
-def to_file(path: Path) -> Connect:
-    """Leads to an .rrd file, without a list of its parts at its end, which rerun would keep in memory until then."""
-    return lambda stream, blueprint: stream.save(path, blueprint, write_footer=False)
-
-
-def to_viewer(url: str) -> Connect:
-    """Leads to a viewer."""
-    return lambda stream, blueprint: stream.connect_grpc(url, default_blueprint=blueprint)
 
 
 def _entity(name: str) -> str:
