@@ -15,8 +15,7 @@ from omni_mj.gym import frames
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S, Settings
-from omni_mj.simulate.alike import alike
-from omni_mj.simulate.simulation import Simulation
+from omni_mj.simulate.simulation import Simulation, alike
 
 ARM_M = 0.09  # the league's largest radius of a robot: so far its hull is off per radian of heading
 LOST_M = 1.0

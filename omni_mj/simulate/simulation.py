@@ -3,7 +3,7 @@
 All robots run side by side as rows of arrays. `run` is the loop; `observe` and `step` are what it is made of.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -26,6 +26,9 @@ from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.teams import Follow, assemble
 from omni_mj.worlds.build import kinematics
+from omni_mj.worlds.shape import Shape
+
+_OF_MODEL = {"body", "wheels", "motor", "model", "physics"}  # sections that a key of `mujoco` looks into
 
 
 class See(Protocol):
@@ -287,3 +290,14 @@ def _check_delays(table: Sequence[Row], ways: Sequence[SampledReference]) -> Non
                 f"radio.delay_frames = {delay} is no less than the {way.frames} frames of the reference: no command "
                 "would arrive before its end; make it shorter, or the reference longer (reference.settle_s)"
             )
+
+
+def alike(plant: str, settings: Settings) -> Hashable:
+    """Return a key; rows of a plant with equal keys can share a simulation: on `mujoco`, those of one model."""
+    n_places = len(settings.world.places)
+    return (Shape.of(settings), settings.physics, n_places) if plant == "mujoco" else n_places
+
+
+def all_alike(scenario: Scenario) -> bool:
+    """Return whether all seeds of a scenario can share a simulation, whatever they draw."""
+    return scenario.plant != "mujoco" or not any(name.split(".")[0] in _OF_MODEL for name in scenario.distributions)

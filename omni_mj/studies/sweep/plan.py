@@ -19,7 +19,7 @@ from omni_mj.scenarios.references import timed
 from omni_mj.scenarios.rows import Row, table
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.scenarios.settings import every_setting
-from omni_mj.simulate.alike import alike, all_alike
+from omni_mj.simulate.simulation import alike, all_alike
 from omni_mj.studies import cost
 from omni_mj.studies.run import with_kernel
 
