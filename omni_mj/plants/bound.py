@@ -1,14 +1,13 @@
 """Where robots are in a batch of MuJoCo's: what a plant reads and writes in every step."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Self
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from mujoco.batch import Batch
 
 from omni_control.kinematics import Array
 from omni_mj.mjcf import roles
+from omni_mj.mjcf.roles import Robot
 from omni_mj.robot.motors import Motor
 from omni_mj.robot.rims import Drives, Sensed
 from omni_mj.scenarios.settings import Settings, column
@@ -17,23 +16,12 @@ from omni_mj.worlds.columns import Columns
 from omni_mj.worlds.two_rollers import Handover
 
 
-@dataclass(frozen=True, eq=False)
-class Slips:
-    """The hinges on which rims slip: their speed in rad/s, highest dry friction in N m and impedance, (n, W)."""
-
-    speed: Columns
-    limit: Columns
-    impedance: Columns
-
-    def set(self, limit: Array, impedance: Array) -> None:
-        """Write limits and impedances, (W, n)."""
-        self.limit.set(limit.T)
-        self.impedance.set(impedance.T)
-
-
-@dataclass(frozen=True, eq=False)
 class Bound:
     """Live arrays of n robots with W wheels.
+
+    Args:
+        batch: Of the robots' worlds.
+        world: As built.
 
     Attributes:
         qpos, qvel: All positions and speeds of a robot.
@@ -44,67 +32,39 @@ class Bound:
         resistance, constant: Of the dcmotors, (n, W).
         wrench: Force and torque on the chassis, world frame, (n, 6).
         load: Of the wheels, (n, W) N.
-        slips: Of the rims; None of wheels that do not creep.
+        creeps: Whether rims slip on hinges.
+        slip_speed, slip_limit, slip_impedance: Of these hinges, (n, W) rad/s, N m and 1.
         handover: Of wheels of two rollers; None of others.
     """
 
-    qpos: Columns
-    qvel: Columns
-    position: Columns
-    quaternion: Columns
-    velocity: Columns
-    wheel_angle: Columns
-    wheel_speed: Columns
-    gyro: Columns
-    encoders: Columns
-    ctrl: Columns
-    resistance: Columns
-    constant: Columns
-    wrench: Columns
-    load: Columns
-    slips: Slips | None
-    handover: Handover | None
-
-    @classmethod
-    def of(cls, batch: Batch, world: World) -> Self:
-        """Find the robots of a world in a batch of such worlds."""
+    def __init__(self, batch: Batch, world: World) -> None:
         robots = world.robots
-        qpos, qvel, sensors, ctrl = (batch.bind(name) for name in ("qpos", "qvel", "sensordata", "ctrl"))
-        motors, gain = np.array([robot.motors for robot in robots]), batch.expand("actuator_gainprm")
-        forces, slips = batch.bind("xfrc_applied"), np.array([robot.slip_dofs for robot in robots])
-        wheel_angle = Columns(qpos, np.array([robot.wheel_qpos for robot in robots]))
-        of_rims: Slips | None = None
-        handover: Handover | None = None
-        if slips.size:
-            limit, impedance = batch.expand("dof_frictionloss"), batch.expand("dof_solimp")[:, :, 0]
-            of_rims = Slips(Columns(qvel, slips), Columns(limit, slips), Columns(impedance, slips))
-        if slips.size and robots[0].rollers.shape[1] == roles.KEPT:
-            angles = Columns(qpos, np.array([robot.slip_qpos for robot in robots]))
-            bottom, following = (
-                Columns(qvel, np.array([robot.roller_dofs[:, k] for robot in robots])) for k in range(roles.KEPT)
-            )
-            handover = Handover(wheel_angle, angles, (bottom, following), world.wheels.pitch)
-        return cls(
-            qpos=Columns(qpos, np.array([robot.qpos for robot in robots])),
-            qvel=Columns(qvel, np.array([robot.dofs for robot in robots])),
-            position=Columns(qpos, np.array([robot.qpos[:3] for robot in robots])),
-            quaternion=Columns(qpos, np.array([robot.qpos[3:7] for robot in robots])),
-            velocity=Columns(qvel, np.array([robot.dofs[:6] for robot in robots])),
-            wheel_angle=wheel_angle,
-            wheel_speed=Columns(qvel, np.array([robot.wheel_dofs for robot in robots])),
-            gyro=Columns(sensors, np.array([[robot.gyro] for robot in robots])),
-            encoders=Columns(sensors, np.array([robot.encoders for robot in robots])),
-            ctrl=Columns(ctrl, motors),
-            resistance=Columns(gain[:, :, 0], motors),
-            constant=Columns(gain[:, :, 1], motors),
-            wrench=Columns(
-                forces.reshape(len(forces), -1),
-                np.array([range(6 * robot.chassis, 6 * robot.chassis + 6) for robot in robots]),
-            ),
-            load=Columns(sensors, world.loads),
-            slips=of_rims,
-            handover=handover,
-        )
+
+        def at(array: Array, numbers: Callable[[Robot], Sequence[int] | np.ndarray]) -> Columns:
+            return Columns(array, np.array([numbers(robot) for robot in robots]))
+
+        qpos, qvel, sensors = (batch.bind(name) for name in ("qpos", "qvel", "sensordata"))
+        gain, forces = batch.expand("actuator_gainprm"), batch.bind("xfrc_applied")
+        self.qpos, self.qvel = at(qpos, lambda r: r.qpos), at(qvel, lambda r: r.dofs)
+        self.position = at(qpos, lambda r: r.qpos[:3])
+        self.quaternion = at(qpos, lambda r: r.qpos[3:7])
+        self.velocity = at(qvel, lambda r: r.dofs[:6])
+        self.wheel_angle, self.wheel_speed = at(qpos, lambda r: r.wheel_qpos), at(qvel, lambda r: r.wheel_dofs)
+        self.gyro, self.encoders = at(sensors, lambda r: [r.gyro]), at(sensors, lambda r: r.encoders)
+        self.ctrl = at(batch.bind("ctrl"), lambda r: r.motors)
+        self.resistance, self.constant = at(gain[:, :, 0], lambda r: r.motors), at(gain[:, :, 1], lambda r: r.motors)
+        self.wrench = at(forces.reshape(len(forces), -1), lambda r: range(6 * r.chassis, 6 * r.chassis + 6))
+        self.load = Columns(sensors, world.loads)
+        self.creeps = robots[0].slip_dofs.size > 0
+        self.handover: Handover | None = None
+        if self.creeps:
+            self.slip_speed = at(qvel, lambda r: r.slip_dofs)
+            self.slip_limit = at(batch.expand("dof_frictionloss"), lambda r: r.slip_dofs)
+            self.slip_impedance = at(batch.expand("dof_solimp")[:, :, 0], lambda r: r.slip_dofs)
+        if self.creeps and robots[0].rollers.shape[1] == roles.KEPT:
+            slips = at(qpos, lambda r: r.slip_qpos)
+            bottom, following = at(qvel, lambda r: r.roller_dofs[:, 0]), at(qvel, lambda r: r.roller_dofs[:, 1])
+            self.handover = Handover(self.wheel_angle, slips, (bottom, following), world.wheels.pitch)
 
     def read(self, gyro: Array, encoder_angle: Array) -> Sensed:
         """Read what is needed before a step.
@@ -123,8 +83,13 @@ class Bound:
         """Write voltages, forces and limits before a step."""
         self.ctrl.set(drives.voltage.T)
         self.wrench.set(drives.wrench.T)
-        if self.slips is not None:
-            self.slips.set(drives.limit, drives.impedance)
+        if self.creeps:
+            self.limit_slips(drives.limit, drives.impedance)
+
+    def limit_slips(self, limit: Array, impedance: Array) -> None:
+        """Write limits and impedances of the slip hinges, (W, n)."""
+        self.slip_limit.set(limit.T)
+        self.slip_impedance.set(impedance.T)
 
 
 def write_friction(batch: Batch, world: World, settings: Sequence[Settings]) -> None:

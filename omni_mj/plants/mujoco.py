@@ -18,7 +18,6 @@ from omni_mj.robot.array_namespace import stack_records
 from omni_mj.robot.carpet import carpet_parameters
 from omni_mj.robot.rims import (
     Drives,
-    FrameStart,
     MujocoParameters,
     MujocoState,
     accept,
@@ -78,14 +77,13 @@ class MujocoPlant(WheeledPlant):
         drawn = Drawn.of(rows)
         drawn.write(self._batch, world)
         write_friction(self._batch, world, settings)
-        self._at = Bound.of(self._batch, world)
+        self._at = Bound(self._batch, world)
         self._start_poses = np.array(start, float)
         self._heading = self._start_poses[:, 2].copy()
         super().__init__(rows, world.kinematics, drawn, self._heading)
 
         robot = world.robots[0]
-        self._creeps = robot.slip_dofs.size > 0
-        inertia = world.model.dof_invweight0[robot.slip_dofs][:, None] if self._creeps else 1.0
+        inertia = world.model.dof_invweight0[robot.slip_dofs][:, None] if self._at.creeps else 1.0
         carpet = carpet_parameters(settings, world.kinematics, by_wheel(drawn.friction), by_wheel(drawn.wear))
         carpet = carpet._replace(creep=carpet.creep / (world.model.opt.timestep * inertia))
         centre = world.model.body_ipos[robot.chassis][:, None] + np.vstack([drawn.centre.T, np.zeros(n)])
@@ -161,9 +159,9 @@ class MujocoPlant(WheeledPlant):
             self._sense()
         if self._at.handover is not None:
             self._at.handover()
-        if not is_last and self._at.slips is not None:
+        if not is_last and self._at.creeps:
             drives = self._drives[-1]
-            self._at.slips.set(*impedance(drives.rim_friction, drives.softness, self._at.load.get().T))
+            self._at.limit_slips(*impedance(drives.rim_friction, drives.softness, self._at.load.get().T))
 
     def telemetry(self) -> Telemetry:
         """See `Plant`."""
@@ -209,15 +207,15 @@ class MujocoPlant(WheeledPlant):
     def _begin(self) -> None:
         """Begin a frame: what changes from frame to frame."""
         inputs = self._inputs(*self._heard, self._failed)
-        motors = self._kernel.run(start_frame, FrameStart(inputs, self._sensed[1]))
-        self._at.resistance.set(motors.resistance.T)
-        self._at.constant.set(motors.constant.T)
+        resistance, constant = self._kernel.run(start_frame, inputs, self._sensed[1])
+        self._at.resistance.set(resistance.T)
+        self._at.constant.set(constant.T)
         self._heard = self._nothing
 
     def _slip(self) -> Array:
         world = self._world
-        if self._at.slips is not None:
-            return abs(self._at.slips.speed.get()).T * self.parameters.carpet.radius
+        if self._at.creeps:
+            return abs(self._at.slip_speed.get()).T * self.parameters.carpet.radius
         return contact_slip(world.wheels, world.kinematics, self._at.qpos.get(), self._at.qvel.get()).T
 
     def _sense(self) -> None:

@@ -13,7 +13,6 @@ from omni_mj.robot.carpet import (
     compute_drag,
     limit_torque,
 )
-from omni_mj.robot.motors import MotorState
 from omni_mj.robot.onboard import (
     CycleRecord,
     FrameInputs,
@@ -87,25 +86,23 @@ def accept(p: MujocoParameters, s: MujocoState, command: Command) -> tuple[Mujoc
     return s._replace(onboard=hear(p.onboard, s.onboard, command)), None
 
 
-class MotorConstants(NamedTuple):
-    """What MuJoCo's dcmotors are in a frame, (W, n)."""
+def start_frame(
+    p: MujocoParameters, s: MujocoState, inputs: FrameInputs, encoder_angle: Array
+) -> tuple[MujocoState, tuple[Array, Array]]:
+    """Begin a frame.
 
-    resistance: Array  # ohm
-    constant: Array  # torque constant of the motor, N m/A
+    Args:
+        p: Parameters.
+        s: State.
+        inputs: What acts in the frame.
+        encoder_angle: As sensed last, (W, n) rad.
 
-
-class FrameStart(NamedTuple):
-    """What a frame begins with."""
-
-    inputs: FrameInputs
-    encoder_angle: Array  # as sensed last, (W, n) rad
-
-
-def start_frame(p: MujocoParameters, s: MujocoState, start: FrameStart) -> tuple[MujocoState, MotorConstants]:
-    """Begin a frame; return the motors of this frame."""
-    s = s._replace(onboard=begin_frame(p.onboard, s.onboard, start.inputs, start.encoder_angle))
-    motors: MotorState = s.onboard.motors
-    return s, MotorConstants(motors.resistance, motors.back_emf / p.onboard.motors.gear)
+    Returns:
+        The state, and resistance and torque constant of the motors in this frame, (W, n) ohm and N m/A.
+    """
+    s = s._replace(onboard=begin_frame(p.onboard, s.onboard, inputs, encoder_angle))
+    motors = s.onboard.motors
+    return s, (motors.resistance, motors.back_emf / p.onboard.motors.gear)
 
 
 def finish_frame(p: MujocoParameters, s: MujocoState, record: CycleRecord) -> tuple[MujocoState, None]:

@@ -33,7 +33,7 @@ class Tape:
             ("quaternion", plant._at.quaternion),
             ("velocity", plant._at.velocity),
             ("wheels", plant._at.wheel_speed),
-            ("slips", plant._at.slips.speed),
+            ("slips", plant._at.slip_speed),
             ("load", plant._at.load),
         ):
             self.steps.setdefault(name, []).append(columns.get().copy())
