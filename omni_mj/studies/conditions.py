@@ -43,24 +43,24 @@ CAUSES: dict[str, Callable[[Settings], Settings]] = {  # and how a robot is free
     "drag": lambda s: s.replace(
         carpet={"pile": 0.0}, drive={"roller_friction": 0.0, "gear_friction_nm": 0.0}, motor=_without_friction(s)
     ),
-    "heat": lambda s: under(s, "winding_c", 25.0),
+    "heat": lambda s: under(s, {"winding_c": 25.0}),
     "battery": lambda s: s.replace(battery={"charge": 0.5, "resistance_ohm": 0.0}),
 }
 
 
 def changed(settings: Settings, condition: str, value: float) -> tuple[Settings, Profile]:
-    """Settings, and the profile to drive, with another value of one condition.
+    """Return settings, and the profile to drive, with another value of one condition.
 
     Raises:
         OmniError: there is no such condition.
     """
     if condition in vars(PROFILE):
         return settings, replace(PROFILE, **{condition: value})
-    return under(settings, condition, value), PROFILE
+    return under(settings, {condition: value}), PROFILE
 
 
-def under(settings: Settings, condition: str, value: float) -> Settings:
-    """Settings with another value of a condition that is one of the robot or the carpet.
+def under(settings: Settings, conditions: Mapping[str, float]) -> Settings:
+    """Return settings with other values of conditions that are of the robot or the carpet.
 
     Hot windings come with a housing as warm as it gets in equilibrium with them.
 
@@ -69,34 +69,36 @@ def under(settings: Settings, condition: str, value: float) -> Settings:
     """
     motor = settings.motor
     share = motor.housing_ambient_k_w / (motor.housing_ambient_k_w + motor.winding_housing_k_w)
-    housing_c = motor.ambient_c + share * (value - motor.ambient_c)
-    sections: dict[str, Any] = {
-        "friction": {"carpet": {"friction": value}},
-        "creep_stiffness": {"drive": {"creep_stiffness": value}},
-        "pile": {"carpet": {"pile": value}},
-        "winding_c": {"motor": {"winding_c": value, "housing_c": housing_c}},
-        "charge": {"battery": {"charge": value}},
-    }
-    if condition not in sections:
-        raise OmniError(f"unknown condition {condition!r}; {choose(condition, [*vars(PROFILE), *sections])}")
-    return settings.replace(**sections[condition])
+    for condition, value in conditions.items():
+        sections: dict[str, Any] = {
+            "friction": {"carpet": {"friction": value}},
+            "creep_stiffness": {"drive": {"creep_stiffness": value}},
+            "pile": {"carpet": {"pile": value}},
+            "winding_c": {
+                "motor": {"winding_c": value, "housing_c": motor.ambient_c + share * (value - motor.ambient_c)}
+            },
+            "charge": {"battery": {"charge": value}},
+        }
+        if condition not in sections:
+            raise OmniError(f"unknown condition {condition!r}; {choose(condition, [*vars(PROFILE), *sections])}")
+        settings = settings.replace(**sections[condition])
+    return settings
 
 
 def usual(settings: Settings) -> list[Settings]:
-    """Settings under all combinations of `USUAL`."""
-    every = itertools.product(*USUAL.values())
-    return [_under_all(settings, dict(zip(USUAL, values, strict=True))) for values in every]
+    """Return settings under all combinations of `USUAL`."""
+    return [under(settings, dict(zip(USUAL, values, strict=True))) for values in itertools.product(*USUAL.values())]
 
 
 def combinations(settings: Settings) -> list[Settings]:
-    """A worn robot with every combination of `CAUSES`, from none to all; the last of them changes first."""
-    worn, found = _under_all(settings, WORN), []
+    """Return a worn robot with every combination of `CAUSES`, from none to all; the last of them changes first."""
+    combined = []
     for present in itertools.product((False, True), repeat=len(CAUSES)):
-        left = worn
+        robot = under(settings, WORN)
         for free, stays in zip(CAUSES.values(), present, strict=True):
-            left = left if stays else free(left)
-        found.append(left)
-    return found
+            robot = robot if stays else free(robot)
+        combined.append(robot)
+    return combined
 
 
 def shares(values: Array) -> dict[str, dict[str, Array]]:
@@ -121,12 +123,6 @@ def shares(values: Array) -> dict[str, dict[str, Array]]:
         steps = added.reshape(len(weight), *values.shape[count:])
         found[cause] = {"share": np.tensordot(weight, steps, 1), "alone": steps[0], "last": steps[-1]}
     return found
-
-
-def _under_all(settings: Settings, conditions: Mapping[str, float]) -> Settings:
-    for condition, value in conditions.items():
-        settings = under(settings, condition, value)
-    return settings
 
 
 def _without_friction(settings: Settings) -> dict[str, float]:

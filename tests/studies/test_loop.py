@@ -147,20 +147,6 @@ def test_a_loop_bears_as_much_more_dead_time_as_its_margin_says(small: LoopResul
         assert (error[400:].max() < error[200:400].max()) == dies_out
 
 
-def test_a_motion_jumps_and_its_twists_do_not() -> None:
-    """Twists lead from pose to pose; some of the robots are where they are among all."""
-    cases, frame = list(motion.CASES.values()), 123.4
-    whole, pose = motion.Motion.of_cases(cases), np.zeros((len(cases), 3))
-    here, twist = whole.at(frame, pose)
-    np.testing.assert_allclose(here + T * twist, whole.at(np.full((len(cases), 3), frame + 1), pose)[0], atol=1e-9)
-    whole.jump[:, 1] = 0.05
-    some = whole.of(np.array([1, 3]))
-    jumped, same = some.at(frame, pose[:2])
-    np.testing.assert_array_equal(same, twist[[1, 3]])
-    np.testing.assert_allclose(jumped - here[[1, 3]], [[0, 0.05, 0]] * 2, atol=1e-12)
-    assert not here[[not case.drives for case in cases]].any()
-
-
 def test_summary_and_table_say_the_same(small: LoopResult) -> None:
     summary = small.summary()
     assert summary["complete"]
