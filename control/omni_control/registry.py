@@ -9,12 +9,13 @@ CONTROLLERS: dict[str, str] = {
     "flc": "omni_control.controllers.flc:Flc",
     "comp-flc": "omni_control.controllers.flc:CompFlc",
     "comp-flc-lag": "omni_control.controllers.flc:CompFlcLag",
+    "inverse-flc": "omni_control.controllers.adaptive:InverseFlc",
     "adaptive-comp-flc": "omni_control.controllers.adaptive:AdaptiveCompFlc",
     "p": "omni_control.controllers.classic:Proportional",
     "smith": "omni_control.controllers.classic:Smith",
     "lqr": "omni_control.controllers.lqr:Lqr",
     "mpc": "omni_control.controllers.mpc:Mpc",
-    "oracle": "omni_control.controllers.oracle:Oracle",
+    "oracle": "omni_control.controllers.adaptive:Oracle",
 }
 
 NEEDS = {"mpc": "piqp"}  # packages that controllers need, which the extra of the controller's name brings

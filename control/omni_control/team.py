@@ -136,7 +136,7 @@ class Team:
         self._sent.push(self.last)
         now = self._tracker
         seen = now.update(seen, ages, self._sent)
-        self.estimate, self.twist = now.pose, now.twist
+        self.estimate, self.twist = now.pose.copy(), now.twist
         self._known = _Known(now.pose, now.twist, seen, ages, now.steps)
         return carried(seen, ages, now.twist)
 

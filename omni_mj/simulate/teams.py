@@ -15,6 +15,7 @@ from omni_mj.scenarios import references
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 
+NONE = 1e-6  # of lag, friction and creep, on plants without wheels; zero would mean that nobody knows them
 Follow = Callable[[np.ndarray], Reference]
 
 
@@ -69,10 +70,10 @@ def told(settings: Settings, geometry: Kinematics, wheels: bool) -> Told:
     return Told(
         period=PERIOD_S,
         delay_frames=max(settings.radio.delay_frames + control.delay_error_frames, 0),
-        lag_s=control.lag_s if wheels else 0.0,
-        drag_m_s=control.drag_m_s if wheels else 0.0,
-        creep_s2_m=control.creep_s2_m if wheels else 0.0,
-        creep_sideways_s2_m=control.creep_sideways_s2_m if wheels else 0.0,
+        lag_s=control.lag_s if wheels else NONE,
+        drag_m_s=control.drag_m_s if wheels else NONE,
+        creep_s2_m=control.creep_s2_m if wheels else NONE,
+        creep_sideways_s2_m=control.creep_sideways_s2_m if wheels else NONE,
         alpha=alpha if wheels and min(alpha) > 0 else None,
         position_noise_m=vision.position_noise_m,
         heading_noise_rad=vision.heading_noise_rad,
@@ -80,7 +81,7 @@ def told(settings: Settings, geometry: Kinematics, wheels: bool) -> Told:
         speed_range_m_s=control.speed_range_m_s,
         heading_gain=control.heading_gain,
         alpha_window_frames=control.alpha_window_frames,
-        geometry=geometry,
+        geometry=geometry if wheels else None,
         limits=references.motion_limits(control),
     )
 

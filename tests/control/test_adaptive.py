@@ -1,71 +1,131 @@
-"""Laws of adaptive-comp-flc in closed loop with robots that answer as its model says, and without noise."""
+"""Laws of adaptive-comp-flc and its rival inverse-flc in closed loop, with robots that creep and robots told wrong."""
 
 import numpy as np
-from closed_loop import BodyFrame, Run, T, drive, limited
+import pytest
+from benches.creeping import WHEELS, Creeping, T, loop
+from closed_loop import BodyFrame, drive, limited, vision
 
-from omni_control import IteratedReference, MotionLimits, TimedReference, Told
-from omni_control.controllers.adaptive import AdaptiveCompFlc
+from omni_control import Controller, IteratedReference, MotionLimits, Team, TimedReference, Told
+from omni_control.controllers import make
 from omni_control.kinematics import Array
 from omni_control.reference import Reference
 
 LIMITS = MotionLimits()
 PATH = [[0.0, 0.0, 0.0], [1.2, 0.4, 1.5], [0.5, 0.8, -1.0], [0.0, 0.0, 0.0]]
-STRAIGHT = [[0.0, 0.0, 0.5], [1.0, 0.7, 0.5], [0.0, 0.0, 0.5]]
 LEAD, SECOND = 15, 60
+ROUTE = TimedReference(PATH, LIMITS, T, settle_frames=SECOND).after_rest(LEAD)
+RIGHT = {"lag_s": 0.0267, "creep_s2_m": 0.06, "drag_m_s": 0.0375, "alpha": (0.92, 0.87)}
+NONE = {"lag_s": 1e-6, "creep_s2_m": 1e-6, "drag_m_s": 0.04}
+UNKNOWN = {"lag_s": 0.0, "creep_s2_m": 0.0, "drag_m_s": 0.0}
 
 
-def timed(path: list[list[float]]) -> TimedReference:
-    return TimedReference(path, LIMITS, T, settle_frames=SECOND).after_rest(LEAD)
+def team(name: str, delay: int = 6, route: Reference = ROUTE, n: int = 1, **known: object) -> Team:
+    told = Told(T, delay, geometry=WHEELS, **{**RIGHT, **known})  # type: ignore[arg-type]
+    return Team(make(name, told, route, n), np.zeros((n, 3)))
 
 
-def controller(reference: Reference, n: int, delay: int, drag_m_s: float = 0.0) -> AdaptiveCompFlc:
-    """One that is told that its vision is exact, and that there is no lag."""
-    exact = {"position_noise_m": 0.0, "heading_noise_rad": 0.0}
-    told = Told(T, delay, lag_s=0, drag_m_s=drag_m_s, creep_s2_m=0, **exact)
-    return AdaptiveCompFlc(told, reference, n)
+def errors(record: dict[str, Array], route: TimedReference = ROUTE) -> tuple[Array, Array]:
+    """Distances from a route, m, and of headings, rad, (frames, n) each."""
+    off = record["pose"] - route.poses[: len(record["pose"]), None]
+    return np.hypot(off[..., 0], off[..., 1]), np.abs(off[..., 2])
 
 
-def exact(n: int, frames: int) -> Array:
-    """Vision without noise."""
-    return np.zeros((frames, n, 3))
+def driven(name: str, robots: Creeping | None = None, delay: int = 6, **known: object) -> tuple[Array, Array]:
+    return errors(loop(team(name, delay, **known), robots or Creeping(np.zeros((1, 3))), ROUTE.frames))
 
 
-def distances(run: Run, reference: TimedReference) -> Array:
-    """Distance of each robot from the reference (frames, n), m."""
-    off = run.pose - reference.poses[: len(run.pose), None]
-    return np.hypot(off[..., 0], off[..., 1])
+def test_what_knowledge_is_worth_and_what_learning_is_worth() -> None:
+    """The nominal model is worth a factor of three to comp-flc; where it is wrong or unknown, learning is."""
+    comp, _ = driven("comp-flc")
+    knows, _ = driven("inverse-flc")
+    learns, _ = driven("adaptive-comp-flc")
+    assert max(knows.max(), learns.max()) < comp.max() / 3
+    wrong = {"creep_s2_m": 0.03, "lag_s": 0.04, "alpha": (1.0, 1.0)}
+    for known in (wrong, UNKNOWN | {"alpha": None}):
+        held, _ = driven("inverse-flc", **known)
+        learned, _ = driven("adaptive-comp-flc", **known)
+        assert learned.mean() < 0.75 * held.mean()
+
+
+def test_inverse_flc_learns_nothing() -> None:
+    record = loop(team("inverse-flc"), Creeping(np.zeros((1, 3))), 200)
+    for name in ("alpha_hat", "latency", "creep", "friction", "disturbance"):
+        assert np.ptp(record[name], axis=0).max() == 0, name
+    assert record["alpha_sigma"].max() == 0
+
+
+def test_zeros_told_of_lag_creep_and_friction_are_unknown_not_none() -> None:
+    """The creep is found from nothing; errors are then a third of those of one that takes zeros for granted."""
+    known = UNKNOWN | {"alpha": None}
+    record = loop(team("adaptive-comp-flc", **known), Creeping(np.zeros((1, 3)), creep=0.08), ROUTE.frames)
+    distance, _ = errors(record)
+    assert record["creep"][-SECOND, 0, 0] > 0.02
+    assert distance.max() < 0.02
+    assert distance[LEAD + 2 * SECOND :].max() < 0.01
+
+
+def test_nothing_is_learned_of_a_robot_that_does_not_respond() -> None:
+    """The radio is silent for a second on the way: no bias winds up, and the heading does not swing afterwards."""
+    silent = range(100, 160)
+    record = loop(
+        team("adaptive-comp-flc"), Creeping(np.zeros((1, 3))), ROUTE.frames, hears=lambda frame: frame not in silent
+    )
+    until = slice(silent.start, silent.stop + 12)
+    assert np.abs(record["disturbance"][until, 0, 2]).max() < 0.25
+    assert np.abs(record["disturbance"][until, 0, :2]).max() < 0.25
+    assert np.ptp(record["alpha_hat"][until], axis=0).max() < 0.2
+    distance, heading = errors(record)
+    assert heading[silent.stop + 40 :].max() < np.radians(6)
+    assert distance[-SECOND:].max() < 0.02
+
+
+@pytest.mark.parametrize("name", ["comp-flc", "adaptive-comp-flc"])
+def test_a_frozen_image_does_not_reverse_the_heading(name: str) -> None:
+    """Frozen for 1.4 s while a robot starts from a corner, from where it turns by more than a right angle."""
+    square = [[0.0, 0.0, 0.0], [0.6, 0.0, 1.5], [0.6, 0.6, 3.0], [0.0, 0.6, 4.5]]
+    route = TimedReference(square, MotionLimits(1.5, 1.5, 6.0, 12.0), T, settle_frames=2 * SECOND)
+    corner = next(k for k in range(5, route.frames) if np.hypot(*(route.poses[k] - square[1])[:2]) < 1e-9)
+    for begins in (corner - 2, corner + 1, corner + 4):
+        record = loop(
+            team(name, route=route),
+            Creeping(np.zeros((1, 3))),
+            route.frames,
+            sees=lambda frame, image, last, since=begins: last if since < frame < since + 84 else image,
+        )
+        distance, heading = errors(record, route)
+        assert heading.max() < np.radians(45)
+        assert heading[-1] < np.radians(3)
+        assert distance[-1] < 0.01
+
+
+@pytest.mark.parametrize("wrong", [-3, 3, 8])
+def test_a_dead_time_told_wrong_is_found_and_robots_come_to_rest(wrong: int) -> None:
+    robots = Creeping(np.zeros((1, 3)), delay=8)
+    record = loop(team("adaptive-comp-flc", 8 + wrong), robots, ROUTE.frames + SECOND)
+    rest = record["pose"][-SECOND // 2 :, 0]
+    assert np.ptp(rest[:, :2], axis=0).max() < 0.003
+    assert np.ptp(rest[:, 2]) < np.radians(2)
+    assert record["latency"][ROUTE.frames - SECOND, 0, 0] == pytest.approx(8, abs=1 if abs(wrong) < 8 else 3)
+
+
+def adaptive(n: int, delay: int, reference: Reference) -> Controller:
+    """A controller that is told that there is no lag, but nothing of alpha."""
+    return make("adaptive-comp-flc", Told(T, delay, **NONE), reference, n)
 
 
 def test_robots_told_wrong_are_found_out_and_tracked() -> None:
-    """Latencies from 3 to 9 frames under one controller told 6, alpha from 0.6 to 1.1, drag: on the way after 2 s.
-
-    Within 1 cm in position and 0.25 rad in heading, whose alpha it takes to be near 1; from 2 cm and 0.3 rad at first.
-    The latency is known to a frame or so, best where alpha is what it believes, 0.9.
-    """
-    n, rng, reference = 13, np.random.default_rng(0), timed(PATH)
+    """Latencies from 3 to 9 frames under one controller told 6, alpha from 0.6 to 1.1, drag: on the way after 2 s."""
+    n, rng = 13, np.random.default_rng(0)
     latency = np.repeat(np.linspace(3, 9, n)[:, None], 3, axis=1)
     alpha, drag = rng.uniform(0.6, 1.1, (n, 1)) * np.ones(3), rng.uniform(0, 0.03, (n, 1)) * np.ones(3)
     plant = BodyFrame(np.zeros((n, 3)), latency, alpha, drag)
-    run = drive(controller(reference, n, 6, drag_m_s=0.04), plant, exact(n, reference.frames), limits=limited)
-    distance, late = distances(run, reference), LEAD + 2 * SECOND
-    turned = np.abs(run.pose[..., 2] - reference.poses[:, None, 2])
-    assert distance.max() < 0.03
-    assert distance[late:].max() < 0.01
+    controller = adaptive(n, 6, ROUTE)
+    run = drive(controller, plant, vision(rng, ROUTE.frames, n), limits=limited)
+    distance, turned = errors({"pose": run.pose})
+    late = LEAD + 2 * SECOND
+    assert (distance.max(), distance[late:].max()) < (0.04, 0.015)
     assert turned.max() < 0.5
     assert turned[late:].max() < 0.25
-    wrong, little = np.abs(run.latency_hat[late:] - latency), np.abs(latency[:, 0] - 6) <= 2
-    assert wrong[:, little].max() < 1.2
-    assert wrong.max() < 1.6
-
-
-def test_neither_delay_nor_lag_works_as_well() -> None:
-    """Told nought and nought, a robot that answers at once is not taken for one that answers late for long."""
-    reference = timed(PATH)
-    plant = BodyFrame(np.zeros((2, 3)), 0, [[1.0], [0.7]], 0.0)
-    run = drive(controller(reference, 2, 0), plant, exact(2, reference.frames), limits=limited)
-    assert np.isfinite(run.sent).all()
-    assert distances(run, reference).max() < 0.01
-    assert np.median(run.latency_hat[LEAD + 2 * SECOND :], axis=0).max() < 1.0
 
 
 def test_the_reference_planned_anew_leads_through_all_way_points() -> None:
@@ -74,9 +134,10 @@ def test_the_reference_planned_anew_leads_through_all_way_points() -> None:
         n, path = 3, np.array(PATH)
         reference = IteratedReference(PATH, LIMITS, T, n, rest_frames=LEAD)
         plant = BodyFrame(np.repeat(path[:1], n, axis=0), delay, [[1.0], [0.8], [0.6]], 0.01)
-        run = drive(controller(reference, n, delay, drag_m_s=0.04), plant, exact(n, 7 * SECOND), limits=limited)
+        controller = adaptive(n, delay, reference)
+        run = drive(controller, plant, vision(np.random.default_rng(0), 7 * SECOND, n), limits=limited)
         for point in path[1:]:
             # Within the 2 cm at which a way-point counts as reached, and as much that the prediction may be off.
             assert np.hypot(*np.moveaxis(run.pose[..., :2] - point[:2], -1, 0)).min(0).max() < 0.04
-        np.testing.assert_allclose(run.pose[-1], np.repeat(path[-1:], n, axis=0), rtol=0, atol=0.005)
-        assert np.abs(run.sent[-1]).max() < 0.05
+        np.testing.assert_allclose(run.pose[-1], np.repeat(path[-1:], n, axis=0), rtol=0, atol=0.01)
+        assert np.abs(run.sent[-1]).max() < 0.3

@@ -1,7 +1,6 @@
 """Laws of the motor correction factor's estimate, on the plant of equation 7 with known factors."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
@@ -71,17 +70,6 @@ def test_a_constant_factor_is_found_exactly(
 
 
 @LAW
-@given(alphas, st.integers(1, 12), st.integers(0, 2**32 - 1))
-def test_dead_time_only_postpones_the_estimate(alpha: tuple[float, float], delay: int, seed: int) -> None:
-    """Displacements are compared with the commands that caused them: with k_d the same values come k_d frames later."""
-    commands = np.random.default_rng(seed).uniform(-2, 2, (60, 2, 3))
-    prompt = estimate(travelled(commands, np.array(alpha), 0), commands, 15, 0)
-    late = estimate(travelled(commands, np.array(alpha), delay), commands, 15, delay)
-    # The windows of the first frames hold more zeros, which only changes the order of roundings.
-    np.testing.assert_allclose(late[delay:], prompt[:-delay], rtol=0, atol=1e-12)
-
-
-@LAW
 @given(st.integers(0, 6), st.integers(0, 2**32 - 1))
 def test_at_standstill_the_estimate_keeps_its_value(delay: int, seed: int) -> None:
     """A robot that was told to stand teaches nothing: not even vision errors of 5 mm move the value learned before."""
@@ -100,16 +88,6 @@ def test_at_standstill_the_estimate_keeps_its_value(delay: int, seed: int) -> No
     )
 
 
-@LAW
-@given(st.integers(1, 20), st.integers(0, 12), st.floats(1e-3, 1e3), st.integers(0, 2**32 - 1))
-def test_the_estimate_stays_in_its_bounds(window: int, delay: int, size: float, seed: int) -> None:
-    """Whatever vision reports, be it metres beside the robot, the value is one that a robot can have."""
-    rng = np.random.default_rng(seed)
-    values = estimate(rng.normal(0, size, (60, 3, 2)), rng.normal(0, 2, (60, 3, 3)), window, delay)
-    assert values.min() >= 0.5
-    assert values.max() <= 1.1
-
-
 def test_at_the_confidence_displacement_old_and_new_weigh_the_same() -> None:
     """One frame in which confidence_m was commanded and 0.8 of it seen gives the mean of 1 and 0.8."""
     sent, estimator = CommandsInFlight(1, 1), AlphaEstimator(1, 1, 0, T, CONFIDENCE_M)
@@ -118,34 +96,3 @@ def test_at_the_confidence_displacement_old_and_new_weigh_the_same() -> None:
     value = estimator.update(np.array([[0.8 * CONFIDENCE_M, -0.8 * CONFIDENCE_M]]), sent)
     # A few roundings of a number of size 1.
     np.testing.assert_allclose(value, [[0.9, 0.9]], rtol=0, atol=1e-15)
-
-
-def test_an_estimate_knows_nothing_before_the_first_displacement() -> None:
-    """One position is no displacement: the value is the nominal 1, as for a robot that does as told."""
-    value = AlphaEstimator(2, 15, 6, T).update(np.full((2, 2), 3.0), CommandsInFlight(2, 21))
-    assert value.tolist() == [[1, 1], [1, 1]]
-
-
-def test_axes_and_robots_are_estimated_apart() -> None:
-    """Six different factors are found at once, and a row of the batch is bit for bit the row alone."""
-    rng = np.random.default_rng(0)
-    alpha = np.array([[0.6, 1.05], [0.7, 0.9], [1.0, 0.8]])
-    commands = rng.uniform(0.5, 2, (90, 3, 3))
-    positions = travelled(commands, alpha, 6)
-    values = estimate(positions, commands, 15, 6)
-    np.testing.assert_allclose(values[-1], alpha, rtol=0, atol=1e-12)  # The error contracts by 500 and more a frame.
-    for i in range(3):
-        alone = estimate(positions[:, i : i + 1], commands[:, i : i + 1], 15, 6)
-        assert np.array_equal(alone[:, 0], values[:, i])
-
-
-def test_the_callers_positions_are_copied() -> None:
-    """A filter that updates its pose in place does not rewrite the window."""
-    commands = np.ones((40, 1, 3))
-    positions = travelled(commands, np.array([0.7, 0.8]), 0)
-    sent, estimator, reused = CommandsInFlight(1, 15), AlphaEstimator(1, 15, 0, T), np.zeros((1, 2))
-    for k, position in enumerate(positions):
-        sent.push(commands[k - 1] if k else np.zeros((1, 3)))
-        reused[:] = position
-        estimator.update(reused, sent)
-    assert estimator.value[0] == pytest.approx([0.7, 0.8], abs=1e-9)  # Contracted by 100 in each of 25 frames.

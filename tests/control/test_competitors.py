@@ -6,24 +6,17 @@ from closed_loop import Lagged, T, commands_for, drive, seen_at
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import FEW, FEWER
-from ways import KINDS, LIMITS, PATH, REST, TIMED, along, told
+from ways import KINDS, LIMITS, REST, TIMED, along, told
 
 from omni_control import TimedReference
 from omni_control.controllers import find, make
-from omni_control.kinematics import Array
 from omni_control.registry import CONTROLLERS
 
 COMPETITORS = ("p", "smith", "lqr", "mpc", "oracle")
 LINEAR, IDENTIFYING = COMPETITORS[:3], COMPETITORS[3:]
 ADAPTIVE = "adaptive-comp-flc"
-each = pytest.mark.parametrize("name", COMPETITORS)
 each_identifying = pytest.mark.parametrize("name", IDENTIFYING)
 each_linear = pytest.mark.parametrize("name", LINEAR)
-both_references = pytest.mark.parametrize("kind", KINDS)
-
-
-def test_the_competitors_stand_behind_the_papers_controllers_in_every_list() -> None:
-    assert list(CONTROLLERS) == ["flc", "comp-flc", "comp-flc-lag", ADAPTIVE, *COMPETITORS]
 
 
 def test_only_the_oracle_knows_the_truth_and_says_so() -> None:
@@ -71,17 +64,6 @@ def check_stable(name: str, n: int, delay: int, wrong: int, lag: float, seed: in
     assert np.abs(run.pose).max() < 0.2, "none swings out"
 
 
-def test_without_dead_time_and_lag_the_linear_ones_follow_the_reference() -> None:
-    """Nothing is late: robots that start on the path, and are as told, are sent the reference's velocity."""
-    for name in LINEAR:
-        for kind in KINDS:
-            # A planned path turns to the next way-point within 2 cm of one, here after 1.3 s.
-            frames = 60 if kind == "iterated" else TIMED.frames
-            run = drive(make(name, told(0, 0.0), along(kind), 1), Lagged(PATH[:1], 0, 0.0), frames)
-            # Roundings of poses of size 1.
-            np.testing.assert_allclose(run.pose[:, 0], TIMED.poses[:frames], rtol=0, atol=1e-12)
-
-
 def test_the_mirror_image_of_a_task_is_done_by_mirrored_commands() -> None:
     """With y, headings and their noise mirrored, y and turn rates change their sign, and nothing else changes."""
     for name in COMPETITORS:
@@ -113,39 +95,6 @@ def test_headings_take_the_short_way() -> None:
             # Forty turns are rounded at 3e-14 rad, times a gain of 30 / s.
             assert abs(command[0, 2]) < 2e-12
             assert command[1, 2] < 0
-
-
-def test_predicted_is_the_pose_for_which_the_command_is_meant() -> None:
-    """Of p that of now, of smith that at the end of the dead time, of lqr where a stop commanded then would end."""
-    for name in LINEAR:
-        for lag in [0.0, 0.02]:
-            delay, start = 6, np.array([[0.1, -0.05, 0.4]])
-            run = drive(make(name, told(delay, lag), TIMED, 1), Lagged(start, delay, lag), 120)
-            ahead = 0 if name == "p" else delay
-            meant = run.pose + lag * run.twist if name == "lqr" else run.pose
-            # Roundings of poses of size 1.
-            np.testing.assert_allclose(run.predicted[: 120 - ahead], meant[ahead:], rtol=0, atol=1e-13)
-
-
-class Counted(TimedReference):
-    """A reference that notes for which frames it is asked."""
-
-    def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
-        self.asked.append(frame)
-        return super().at(frame, pose)
-
-    asked: list[float | Array]
-
-
-def test_the_reference_is_asked_once_a_frame_for_the_time_when_the_command_acts() -> None:
-    """One that is planned anew moves on with every question. All but `p` look ahead by the latency."""
-    for name in COMPETITORS:
-        path = Counted(PATH.tolist(), LIMITS, T)
-        path.asked = []
-        drive(make(name, told(6, 0.02), path, 2), Lagged(np.zeros((2, 3)), 6, 0.02), 60)
-        ahead = np.array([np.broadcast_to(frame, (2, 3)) for frame in path.asked]) - np.arange(60)[:, None, None]
-        # The oracle finds the latency out. As long as nothing has moved yet, that tells of a longer one.
-        np.testing.assert_allclose(ahead, 0 if name == "p" else 7.2, rtol=0, atol=2 if name == "oracle" else 1e-12)
 
 
 def test_the_truth_is_never_worse_than_noise() -> None:

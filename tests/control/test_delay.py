@@ -22,17 +22,6 @@ def sent_before(frame: int, commands: Array, length: int) -> CommandsInFlight:
     return queue
 
 
-def test_the_diagram_of_two_frames_dead_time() -> None:
-    """With k_d = 2, x(k) has felt u0, sent in k - 3, and u1 and u2, sent in k - 2 and k - 1, are in flight."""
-    commands = np.array([[[0.5, 0, 0]], [[1.0, 2.0, 3.0]], [[-4.0, 5.0, 6.0]]])
-    queue = sent_before(3, commands, length=3)
-    assert queue.last(2).tolist() == [[[1, 2, 3]], [[-4, 5, 6]]]
-    assert queue.last(1, skip=2).tolist() == [[[0.5, 0, 0]]]
-    # Halves, quarters and small integers are exact in binary.
-    alpha = np.array([[0.5, 0.25, 1.0]])
-    assert compensation(queue.last(2), alpha, 0.5).tolist() == [[-0.75, 0.875, 4.5]]
-
-
 def test_frame_by_frame_table_of_three_frames_dead_time() -> None:
     """What is in flight in each frame, and how far it still goes, written out by hand for commands 1, 2, 3, ... m/s."""
     table = {
@@ -70,45 +59,7 @@ def test_the_compensated_pose_is_where_the_plant_will_be(delay: int, spare: int,
         np.testing.assert_allclose(predicted, poses[k + delay], rtol=0, atol=2e-14)
 
 
-def test_without_dead_time_nothing_is_in_flight() -> None:
-    """With k_d = 0 the prediction is the pose itself, whatever was sent."""
-    for length in [0, 5]:
-        queue = sent_before(4, np.full((4, 2, 3), 7.0), length)
-        assert queue.last(0).shape == (0, 2, 3)
-        assert compensation(queue.last(0), np.ones((2, 3)), T).tolist() == [[0, 0, 0]] * 2
-
-
-def test_a_command_is_copied_when_it_is_sent() -> None:
-    """The caller may reuse its array: what is in flight cannot be called back."""
-    queue, command = CommandsInFlight(1, 2), np.ones((1, 3))
-    queue.push(command)
-    command[:] = 9
-    queue.push(command)
-    assert queue.last(2)[:, 0].tolist() == [[1, 1, 1], [9, 9, 9]]
-
-
-def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
-    """The sum over the frames is taken in the same order for one robot as for many, for any dead time."""
-    commands = np.random.default_rng(0).normal(size=(30, 33, 3))
-    alpha = np.random.default_rng(1).uniform(0.5, 1.1, (33, 3))
-    for delay in range(31):
-        batch = compensation(commands[:delay], alpha, T)
-        for i in (0, 7, 32):
-            assert np.array_equal(compensation(commands[:delay, i : i + 1], alpha[i : i + 1], T)[0], batch[i])
-
-
 # --- latencies that need not be whole, nor the same for all robots and axes ---
-
-
-def test_a_whole_latency_is_a_dead_time() -> None:
-    """The last k_d commands are ahead, and the one before them acted, for a number as for an array of them."""
-    for delay in [0, 1, 5, 12]:
-        commands = np.random.default_rng(0).normal(size=(30, 4, 3))
-        queue = sent_before(30, commands, length=13)
-        for latency in (float(delay), np.full((4, 3), float(delay))):
-            np.testing.assert_array_equal(queue.felt(latency), queue.last(1, skip=delay)[0])
-            in_flight = (queue.ahead(latency) * queue.last(13)).sum(0)
-            np.testing.assert_array_equal(in_flight, queue.last(delay).sum(0))
 
 
 @LAW
@@ -129,17 +80,6 @@ def test_what_is_felt_is_what_a_fine_clock_says(eighths: list[int], seed: int) -
             to_come = by_eighths[start + 8 :, robot, axis].sum() / 8
             ahead = (queue.ahead(ticks / 8) * queue.last(14)).sum(0)[robot, axis]
             assert ahead == pytest.approx(to_come, abs=1e-13)
-
-
-def test_latencies_of_robots_and_axes_are_their_own() -> None:
-    """A row of a batch, and an axis of a robot, is bit for bit what it is with one latency for all."""
-    commands, latency = np.random.default_rng(0).normal(size=(20, 5, 3)), np.linspace(0, 12, 15).reshape(5, 3)
-    felt = sent_before(20, commands, length=14).felt(latency)
-    for robot in range(5):
-        alone = sent_before(20, commands[:, robot : robot + 1], length=14)
-        np.testing.assert_array_equal(alone.felt(latency[robot : robot + 1])[0], felt[robot])
-        for axis in range(3):
-            assert alone.felt(float(latency[robot, axis]))[0, axis] == felt[robot, axis]
 
 
 def test_commands_that_are_not_kept_cannot_be_asked_for() -> None:

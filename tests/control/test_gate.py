@@ -1,7 +1,6 @@
 """Laws of the gate: what a robot can do passes as it is, what it cannot does not, and no doubt lasts."""
 
 import numpy as np
-import pytest
 from closed_loop import NOISE, BodyFrame, T, reported, vision
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,7 +10,6 @@ from ways import TIMED, along
 
 from omni_control import MotionLimits, Team, Told
 from omni_control.controllers import make
-from omni_control.estimation import gate
 from omni_control.estimation.gate import DOUBTED, REPEATED, Gate
 from omni_control.kinematics import Array, wrap_angle
 
@@ -42,16 +40,6 @@ def test_all_that_a_robot_can_do_is_believed_to_the_bit(seed: int, missed: float
     believes = gate_of(5)
     for image, age in zip(images, ages, strict=True):
         np.testing.assert_array_equal(believes(image, age), image)
-
-
-def test_noise_alone_is_doubted_as_seldom_as_stated(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two images of a robot at rest, doubted in one of a hundred: of 1e5 robots 1,000, +- four of sqrt(1000)."""
-    monkeypatch.setattr(gate, "BLOW", 0.0)
-    monkeypatch.setattr(gate, "NOISE", gate.of_noise(0.01))
-    believes, rng = gate_of(100_000), np.random.default_rng(0)
-    believes(NOISE * rng.standard_normal((100_000, 3)))
-    doubted = np.isnan(believes(NOISE * rng.standard_normal((100_000, 3)))[:, 0])
-    assert doubted.sum() == pytest.approx(1000, abs=127)
 
 
 @LAW
@@ -115,7 +103,7 @@ def test_a_robot_may_come_out_of_a_frozen_image_as_far_as_it_has_driven() -> Non
 @LAW
 @given(st.floats(0.0, 3.5), st.floats(-np.pi, np.pi))
 def test_what_was_too_fast_to_stand_is_not_seen_to_stand_for_a_second(speed: float, direction: float) -> None:
-    """Wheels take at most g T = 0.16 m/s from it in a frame. One that may stand is believed at once.
+    """Images that differed by 1 cm/s show a robot that moves, or noise. One that may stand is believed at once.
 
     Where the image goes on, after however many repeats, it is believed.
     """
@@ -125,8 +113,8 @@ def test_what_was_too_fast_to_stand_is_not_seen_to_stand_for_a_second(speed: flo
         for k in range(3):
             believes(k * step + 0.1)
         found = np.array([believes(2 * step + 0.1)[0, 0] for _ in range(repeats)])
-        doubted = REPEATED - 1 if speed > 9.81 * T + 1e-6 else 0
-        if not 9.81 * T - 1e-6 < speed <= 9.81 * T + 1e-6:
+        doubted = REPEATED - 1 if speed > 0.01 else 0
+        if abs(speed - 0.01) > 1e-6:
             np.testing.assert_array_equal(np.isnan(found), np.arange(repeats) < doubted)
         went_on = (3 + repeats) * step + 0.1
         np.testing.assert_array_equal(believes(went_on), went_on)

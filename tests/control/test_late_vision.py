@@ -6,14 +6,10 @@ from driven import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, driven
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import FEW
-from test_identify import DELAY, TOLD, Creeping, believed, weaving
 
-from omni_control import CommandsInFlight, Controller, MotionLimits, OmniError, Team, TimedReference, Told
+from omni_control import Controller, MotionLimits, OmniError, Team, TimedReference, Told
 from omni_control.controllers.adaptive import AdaptiveCompFlc
-from omni_control.estimation.identify import Identifier
-from omni_control.estimation.late import MOST_FRAMES, Clock
-from omni_control.estimation.motion import plane
-from omni_control.estimation.turning import Turning
+from omni_control.estimation.late import Clock
 from omni_control.kinematics import Array
 
 
@@ -94,53 +90,6 @@ def test_a_velocity_that_was_believed_does_not_confirm_itself(late: float) -> No
     assert twists[100, 0, 0] == pytest.approx(1, abs=0.1)
     assert np.abs(twists[:, 0, 0]).max() < 1.2
     assert abs(twists[100 + round(late / T) + 15, 0, 0]) < 0.05
-
-
-def test_parameters_of_a_robot_seen_late_are_those_it_had_then() -> None:
-    """Seen 50 ms late, the identifier knows at each frame what it would have known three frames ago, seen at once.
-
-    Within a tenth of what it doubts: before the first image comes it stands, and counts the start more than once.
-    """
-    rng = np.random.default_rng(0)
-    robots, frames, late = 6, 240, 3
-    plant, commands = Creeping(believed(rng, robots)), weaving(rng, frames, robots)
-    found, behind = (Identifier(np.zeros(robots, complex), T, DELAY, NOISE[0], *TOLD) for _ in range(2))
-    sent, clock, images = CommandsInFlight(robots, found.longest + MOST_FRAMES), Clock(robots, T), []
-    parameters, doubts = [], []
-    for command in commands:
-        images.append(plane(plant.position + NOISE[0] * rng.standard_normal((robots, 2))))
-        found.update(images[-1], np.zeros(robots), found.acted(sent))
-        image = images[max(len(images) - 1 - late, 0)]
-        for step in clock.steps(np.full(robots, min(late, len(images) - 1) * T), ~np.isnan(image)):
-            behind.update(image, np.zeros(robots), behind.acted(sent, step), step)
-        parameters.append(found.motion.parameters.copy())
-        doubts.append(found.sigma)
-        sent.push(np.concatenate([command, np.zeros((robots, 1))], axis=1))
-        plant.advance(command)
-    assert (np.abs(behind.motion.parameters - parameters[-1 - late]) < 0.1 * doubts[-1 - late]).all()
-
-
-@pytest.mark.parametrize("late", [0.01, 0.05])
-def test_headings_seen_late_are_as_well_known_of_then(late: float) -> None:
-    """Turns of sines of 4 rad/s by the law: errors of the heading then are at most a twentieth above those at once."""
-    noise, robots, errors = 0.01, 20, []
-    commands = 4 * np.sin(np.arange(300)[:, None] * T * 3 + np.arange(robots))
-    for age in (0.0, late):
-        rng = np.random.default_rng(0)
-        true, found = (Turning(np.zeros(robots), T, noise, 0.02) for _ in range(2))
-        clock, headings, off, still = Clock(robots, T), [np.zeros(robots)], [], np.zeros(robots)
-        for k, command in enumerate(commands):
-            true.heading, true.rate = true.step(true.heading, true.rate, command, T, still)
-            headings.append(true.heading)
-            whole, part = divmod(max(k + 1 - age / T, 0.0), 1)
-            then, next_one = headings[int(whole)], headings[min(int(whole) + 1, k + 1)]
-            seen = then + part * (next_one - then) + noise * rng.standard_normal(robots)
-            for step in clock.steps(np.full(robots, (k + 1 - whole - part) * T), np.full(robots, True)):
-                lies = k - int(step.behind[0])
-                found.update(np.angle(np.exp(1j * seen)), commands[max(lies, 0)], still, step)
-            off.append(found.heading - headings[k + 1 - int(clock.behind[0])])
-        errors.append(np.sqrt(np.mean(np.array(off)[60:] ** 2)))
-    assert errors[1] < 1.05 * errors[0] < 1.05 * noise
 
 
 def test_filters_wait_for_images_from_before_and_hurry_after_younger_ones() -> None:

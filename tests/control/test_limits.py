@@ -64,19 +64,3 @@ def test_a_wish_is_approached_straight_and_as_fast_as_allowed() -> None:
         # From rest in steps of a T up to the highest speed, along the wish: limits per axis would bend the path.
         expected = np.minimum(STEP_M_S * np.arange(1, 61), 2.0)
         np.testing.assert_allclose(sent[:, :2], expected[:, None] * direction, atol=1e-12)  # sums of 40 steps
-
-
-def test_turning_and_driving_are_limited_apart() -> None:
-    sent = played(np.tile([100.0, 0.0, -0.3], (3, 1)))
-    np.testing.assert_allclose(sent[:, 2], -0.3)
-    sent = played(np.tile([0.01, 0.0, -100.0], (3, 1)))
-    np.testing.assert_allclose(sent[:, 0], 0.01)
-    np.testing.assert_allclose(sent[:, 2], [-STEP_RAD_S, -2 * STEP_RAD_S, -3 * STEP_RAD_S])
-
-
-def test_robots_are_limited_apart() -> None:
-    wishes = np.random.default_rng(0).normal(scale=3.0, size=(20, 5, 3))
-    each = [MotionLimits(1 + robot, 2 + robot, 5 + robot, 9 + robot) for robot in range(5)]
-    together = play(wishes, *each)
-    for robot, limits in enumerate(each):
-        np.testing.assert_array_equal(together[:, [robot]], play(wishes[:, [robot]], limits))

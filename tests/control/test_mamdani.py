@@ -79,14 +79,6 @@ def test_the_centroid_is_exact_at_any_heights_and_overlap(clipped: list[tuple[tu
     assert centre(np.array(heights)[:, None])[0, 0] == pytest.approx(float(expected), abs=1e-14 * GRID)
 
 
-def test_a_narrow_set_in_a_wide_universe_keeps_its_place() -> None:
-    """The centre of gravity of one triangle lies at the mean of its corners, however small the triangle is."""
-    corners = np.array([[0.5, 0.5 + 1e-9, 0.5 + 1e-9, 0.5 + 2e-9]])
-    centre = CentreOfGravity([(corners, -1e3, 1e3)])
-    # One rounding of a number of size 1.
-    assert centre(np.ones((1, 1)))[0, 0] == pytest.approx(0.5 + 1e-9, abs=2e-16)
-
-
 def tipper(rules: list[mamdani.Rule] | None = None) -> Mamdani:
     """A small engine with two inputs and one output."""
     fair = {"poor": triangle(-10, 0, 10), "good": triangle(0, 10, 20)}
@@ -98,42 +90,10 @@ def tipper(rules: list[mamdani.Rule] | None = None) -> Mamdani:
     )
 
 
-def test_one_rule_alone_gives_its_sets_own_centre() -> None:
-    """At the ends of both universes one rule fires fully, the others do not: (a + b + c) / 3, or the sum of parts."""
-    engine = tipper()
-    # Roundings of numbers of size 10.
-    assert engine([0, 0])[0] == pytest.approx(5, abs=1e-14)
-    # A triangle left of 12, a rectangle, a triangle right of 18.
-    expected = (2 * (8 + 8 / 3) + 6 * 15 + 1 * (18 + 2 / 3)) / (2 + 6 + 1)
-    assert engine([10, 10])[0] == pytest.approx(expected, abs=1e-14 * 15)
-
-
 def test_an_input_that_a_rule_does_not_mention_may_have_any_value() -> None:
     """With service at its end the rule of service alone fires fully, and the rule of the food adds nothing to it."""
     outputs = tipper()([[10, food] for food in np.linspace(0, 10, 11)])
     assert np.array_equal(outputs, np.full((11, 1), outputs[0]))
-
-
-def test_order_and_repetition_of_rules_do_not_matter() -> None:
-    """Strengths are minima and maxima: equal bit for bit."""
-    values = np.random.default_rng(1).uniform(0, 10, (50, 2))
-    rules = list(tipper().rules)
-    assert np.array_equal(tipper(rules[::-1] + rules)(values), tipper()(values))
-
-
-def test_inputs_outside_the_universe_count_as_its_ends() -> None:
-    """The furthest inputs get what the ends of the universe get, infinitely far ones too."""
-    engine = tipper()
-    assert np.array_equal(engine([[-1, 11], [-np.inf, np.inf]]), engine([[0, 10], [0, 10]]))
-
-
-def test_outputs_have_the_leading_shape_of_the_inputs() -> None:
-    """Whatever the leading shape, each output is that of its own inputs."""
-    for shape in [(), (0,), (1,), (3,), (2, 0, 4), (5, 1, 2)]:
-        values = np.random.default_rng(2).uniform(0, 10, (*shape, 2))
-        outputs = tipper()(values)
-        assert outputs.shape == (*shape, 1)
-        assert all(np.array_equal(outputs[index], tipper()(values[index])) for index in np.ndindex(shape))
 
 
 @LAW
@@ -178,20 +138,6 @@ def test_rules_that_cannot_be_are_refused() -> None:
             Mamdani(sound.inputs, sound.outputs, rules)
 
 
-def test_an_output_that_no_rule_gives_is_refused() -> None:
-    """Its centre of gravity would be that of nothing."""
-    sound = tipper()
-    with pytest.raises(OmniError, match="no rule gives thanks"):
-        Mamdani(sound.inputs, [*sound.outputs, replace(sound.outputs[0], name="thanks")], sound.rules)
-
-
-def test_two_inputs_of_one_name_are_refused() -> None:
-    """A rule could not tell them apart."""
-    sound = tipper()
-    with pytest.raises(OmniError, match="two inputs have the same name"):
-        Mamdani([sound.inputs[0]] * 2, sound.outputs, sound.rules)
-
-
 def test_sets_that_cannot_be_are_refused() -> None:
     """Corners out of order, sets that nothing reaches, and inputs whose outputs would jump."""
     for corners, message in [
@@ -209,10 +155,3 @@ def test_sets_that_cannot_be_are_refused() -> None:
                 sound.outputs,
                 sound.rules,
             )
-
-
-def test_a_universe_that_is_no_interval_is_refused() -> None:
-    """Outputs are centres of finite areas, inputs clip to ends that exist."""
-    for low, high in [(1, 1), (2, 1), (0, np.inf), (np.nan, 1)]:
-        with pytest.raises(OmniError, match="finite interval"):
-            Variable("x", low, high, {})

@@ -4,23 +4,16 @@ import subprocess
 import sys
 
 import numpy as np
-import pytest
+from benches.control import Limits, minimize
 from closed_loop import BodyFrame, T, drive, limited
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import FEW
-from scipy.optimize import minimize
+from scipy import optimize
 
 from omni_control import MotionLimits, TimedReference, Told
 from omni_control.controllers import make
-from omni_control.controllers.horizon import Horizon, horizon
-from omni_control.controllers.lqr import lqr_gain
-from omni_control.controllers.quadratic import Limits, minimise
-from omni_control.estimation.motion import Motion, pairs, plane
 from omni_control.kinematics import Array
-
-LINEAR = [0.0, 1.1, 1.2, 0.0, 0.0, 0.0, 0.0, 0.03]  # a law without creep and dry friction; compass to lag
-FAST = 1e6
 
 
 def program(seed: int, n: int, frames: int, asked: float) -> tuple[Array, Array, Limits]:
@@ -28,23 +21,25 @@ def program(seed: int, n: int, frames: int, asked: float) -> tuple[Array, Array,
     rng = np.random.default_rng(seed)
     root = np.tril(rng.normal(size=(n, 2 * frames, 2 * frames)))
     hessian = root @ root.swapaxes(1, 2) / frames + np.eye(2 * frames)
-    planned = np.cumsum(plane(0.08 * asked * rng.normal(size=(frames + 1, n, 2))), axis=0)
-    ways = np.exp(1j * rng.uniform(0, 7, (frames, n)))
+    planned = np.cumsum(0.08 * asked * rng.normal(size=(frames + 1, n, 2)), axis=0)
+    angles = rng.uniform(0, 7, (frames, n))
+    ways = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     return hessian, 0.1 * asked * rng.normal(size=(n, 2 * frames)), Limits(planned[0], planned[1:], ways, 0.08, 0.3)
 
 
 def excess(limits: Limits, robot: int, w: Array) -> Array:
     """By how much commands miss their limits: corners of octagons, and the sides between them, drawn anew."""
-    sent = limits.planned[:, robot] + w[0::2] + 1j * w[1::2]
-    change = np.diff(sent, prepend=limits.last[robot])
-    corners = limits.ways[:, robot, None] * np.exp(0.25j * np.pi * np.arange(9))
+    last, planned, ways = (values[..., 0] + 1j * values[..., 1] for values in limits[:3])
+    sent = planned[:, robot] + w[0::2] + 1j * w[1::2]
+    change = np.diff(sent, prepend=last[robot])
+    corners = ways[:, robot, None] * np.exp(0.25j * np.pi * np.arange(9))
     middles = (corners[:, :-1] + corners[:, 1:]) / 2
 
     def along(vectors: Array) -> Array:
         return (vectors * middles.conj()).real / np.abs(middles)
 
     inner = np.abs(middles)
-    highest = np.maximum(limits.speed * inner, along(limits.last[robot]))
+    highest = np.maximum(limits.speed * inner, along(last[robot]))
     beyond = along(change[:, None]) - limits.step * inner, along(sent[:, None]) - highest
     return np.concatenate([each.ravel() for each in beyond])
 
@@ -54,19 +49,19 @@ def excess(limits: Limits, robot: int, w: Array) -> Array:
 def test_programs_are_solved_as_by_another_solver(seed: int) -> None:
     """By sequential quadratic programming, which starts from what is allowed: going on with the last command."""
     hessian, gradient, limits = program(seed, 2, 4, 1.5)
-    best, _ = minimise(hessian, gradient, limits)
+    best, _ = minimize(hessian, gradient, limits)
     for i in range(2):
 
         def cost(w: Array, i: int = i) -> float:
             return float(w @ hessian[i] @ w / 2 + gradient[i] @ w)
 
-        start = pairs(limits.last[i] - limits.planned[:, i]).ravel()
-        other = minimize(
+        start = (limits.last[i] - limits.planned[:, i]).ravel()
+        other = optimize.minimize(
             cost, start, jac=lambda w, i=i: hessian[i] @ w + gradient[i], method="SLSQP",
             constraints={"type": "ineq", "fun": lambda w, i=i: -excess(limits, i, w)},
             options={"ftol": 1e-13, "maxiter": 500},
         )  # fmt: skip
-        found = pairs(best[i]).ravel()
+        found = best[i].ravel()
         assert excess(limits, i, found).max() < 1e-8, "piqp keeps to limits as exactly as it is asked to, 1e-9"
         # Curvature is at least 1: a cost that is 1e-8 too high is a way of at most 1.5e-4 off.
         assert abs(cost(found) - other.fun) < 1e-8
@@ -80,24 +75,24 @@ def test_a_program_is_its_own_whatever_others_are_solved_with_it() -> None:
     planned = limits.planned.copy()
     planned[:, ::2] = limits.last[::2]
     limits = limits._replace(planned=planned)
-    best, bound = minimise(hessian, gradient, limits)
+    best, bound = minimize(hessian, gradient, limits)
     assert 0 < bound.sum() < len(bound)
     for i in range(8):
         one = slice(i, i + 1)
-        own = Limits(limits.last[one], limits.planned[:, one], limits.ways[:, one], limits.step, limits.speed)
-        alone, _ = minimise(hessian[one], gradient[one], own)
+        own = Limits(limits.last[one], limits.planned[:, one], limits.directions[:, one], limits.step, limits.speed)
+        alone, _ = minimize(hessian[one], gradient[one], own)
         assert np.array_equal(alone[0], best[i])
 
 
 def test_there_is_a_solution_however_fast_the_last_command_was() -> None:
     """One of somebody else's, beyond all limits: it can be gone on with, and is slowed down from."""
     hessian, gradient, limits = program(3, 4, 12, 0.1)
-    fast = limits._replace(last=limits.last + 5.0, ways=np.ones_like(limits.ways))
-    best, bound = minimise(hessian, gradient, fast)
+    fast = limits._replace(last=limits.last + np.array([5.0, 0.0]), directions=np.tile([1.0, 0.0], (12, 4, 1)))
+    best, bound = minimize(hessian, gradient, fast)
     assert bound.all()
     first = fast.planned[0] + best[:, 0]
     assert np.isfinite(best).all()
-    assert ((first - fast.last).real < -0.079).all(), "as fast as it may"
+    assert ((first - fast.last)[:, 0] < -0.079).all(), "as fast as it may"
 
 
 def test_what_is_not_solved_is_not_a_number_and_stops_that_robot_only() -> None:
@@ -105,58 +100,9 @@ def test_what_is_not_solved_is_not_a_number_and_stops_that_robot_only() -> None:
     hessian, gradient, limits = program(4, 2, 6, 2.0)
     gradient[1] = np.nan
     limits.planned[:, 1] = np.nan
-    best, _ = minimise(hessian, gradient, limits)
+    best, _ = minimize(hessian, gradient, limits)
     assert np.isfinite(best[0]).all()
     assert np.isnan(best[1]).all()
-
-
-def along(
-    law: Motion, facing: Array, error: complex, late: complex, speeds: Array | None = None
-) -> tuple[Horizon, Array, Array]:
-    """A horizon along a reference with given velocities (N + 1, 1), at rest without; its positions and velocities."""
-    frames = len(facing)
-    velocities = np.zeros((frames + 1, 1), complex) if speeds is None else speeds
-    positions = np.cumsum(np.concatenate([np.zeros((1, 1)), T * (velocities[:-1] + velocities[1:]) / 2]), axis=0)
-    given = law, positions, velocities, facing, np.array([error]), np.array([late]), T
-    return horizon(*given), positions, velocities
-
-
-def test_it_predicts_what_robots_of_a_linear_law_do() -> None:
-    """They turn, and are moved by steps of the law: errors of all frames, and where the last velocity leads."""
-    rng, frames, law = np.random.default_rng(0), 10, Motion(np.array([LINEAR]))
-    facing = np.exp(1j * np.linspace(0.3, 2.0, frames))[:, None]
-    speeds, w = plane(rng.normal(0, 1, (frames + 1, 1, 2))), plane(rng.normal(0, 0.3, (frames, 1, 2)))
-    ahead, positions, velocities = along(law, facing, 0.03 - 0.02j, -0.1 + 0.2j, speeds)
-    predicted = ahead.free[0] + ahead.effect[0] @ pairs(w[:, 0]).ravel()
-    position, velocity, errors = positions[0] + (0.03 - 0.02j), velocities[0] + (-0.1 + 0.2j), []
-    for k in range(frames):
-        step = law.step(velocity, ahead.feed_forward[k] + w[k], facing[k], T)
-        position, velocity = position + plane(step.moved) * facing[k], plane(step.velocity) * facing[k]
-        errors.append(position - positions[k + 1])
-    rest = law.step(velocity - velocities[-1], np.zeros(1, complex), facing[-1], 10.0)  # until it stands
-    errors.append(errors[-1] + plane(rest.moved) * facing[-1])
-    np.testing.assert_allclose(predicted, pairs(np.array(errors)[:, 0]).ravel(), rtol=0, atol=1e-12)
-
-
-def test_over_a_long_time_and_without_limits_it_is_the_linear_quadratic_regulator() -> None:
-    """Along each axis of a body at 0.7 rad, of which each has a lag of its own; gains by the Riccati equation."""
-    frames, k, law = 120, 15.0, Motion(np.array([LINEAR]))  # 2 s, after which exp(-30) is left of an error
-    error, late, facing = np.array([0.04, -0.03]), np.array([0.2, 0.5]), np.exp(0.7j)
-    world = (complex(*error) * facing, complex(*late) * facing)
-    ahead, _, _ = along(law, np.full((frames, 1), facing), *world)
-    effect = ahead.effect * k
-    hessian = effect.swapaxes(1, 2) @ effect + np.eye(2 * frames)
-    gradient = (effect.swapaxes(1, 2) @ ahead.free[..., None])[..., 0] * k
-    still = np.zeros((frames, 1), complex)
-    best, bound = minimise(hessian, gradient, Limits(still[0], still, still + 1, FAST, FAST))
-    assert not bound.any()
-    got = pairs(best[:, 0] / facing)[0]
-    for axis, (effort, lag) in enumerate(zip(law.effort[0], law.lags[0], strict=True)):
-        keep = np.exp(-T * effort / lag)
-        slide, gain = (1 - keep) * lag / effort, (1 - keep) / effort
-        transition, push = np.array([[1, slide], [0, keep]]), np.array([(T - slide) / effort, gain])
-        gains = lqr_gain(transition, push, np.diag([k**2, 0.0]), 1.0)
-        assert got[axis] == pytest.approx(-gains @ [error[axis], late[axis]], rel=1e-9)
 
 
 def test_its_commands_keep_within_the_limits_of_what_may_be_sent() -> None:

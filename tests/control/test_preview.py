@@ -64,29 +64,6 @@ def test_a_preview_of_what_is_planned_anew_is_the_plan_of_now(seed: int, frames:
     np.testing.assert_array_equal(previewed, answers(looked, frames, pose, 90))
 
 
-@LAW
-@given(seeds)
-def test_who_asks_twice_for_a_frame_is_answered_twice_the_same(seed: int) -> None:
-    """Each robot by itself, wherever it says it is by then; and whoever asks once goes the same way."""
-    rng = np.random.default_rng(seed)
-    n = 4
-    once, twice = (IteratedReference(PATH, LIMITS, T, n, rest_frames=3) for _ in range(2))
-    pose = np.zeros((n, 3))
-    for frame in range(40):
-        asked = frame + rng.uniform(0, 0.9, n)
-        expected, got = once.at(asked, pose), twice.at(asked, pose)
-        np.testing.assert_array_equal(got, expected)
-        got[0][:] = got[1][:] = np.nan  # the caller's own
-        again = rng.random(n) < 0.5
-        answer = twice.at(asked, pose + rng.normal(0, 1, (n, 3)) * again[:, None])
-        np.testing.assert_array_equal(answer, expected)
-        pose = pose + expected[1] * T + rng.normal(0, 0.003, (n, 3))
-    some = np.where(np.arange(n) < 2, asked, asked + 1)
-    later = twice.at(some, pose)
-    np.testing.assert_array_equal(np.array(later)[:, :2], np.array(expected)[:, :2])
-    np.testing.assert_array_equal(np.array(later)[:, 2:], np.array(once.at(asked + 1, pose))[:, 2:])
-
-
 def test_what_is_planned_anew_does_not_look_ahead() -> None:
     """It goes on by a frame from its last answer, whatever new frame, whole or not, it is asked for."""
     asked = (0, 7, -1.5, np.array([2.5]))

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from laws import FEW, LAW
 from scipy.optimize import brentq
 from scipy.signal import cont2discrete
-from ways import KINDS, LIMITS, REST, STRAIGHT, TIMED, along, told
+from ways import KINDS, LIMITS, REST, STRAIGHT, along, told
 
-from omni_control import CommandsInFlight, MotionLimits, TimedReference
+from omni_control import CommandsInFlight, TimedReference
 from omni_control.controllers.classic import Proportional, Smith, simc_gain
 from omni_control.controllers.nominal import NominalRobot
 
@@ -60,14 +60,6 @@ def test_the_gain_has_the_margins_of_the_simc_rule(latency: float) -> None:
     assert gain / reversal == pytest.approx(1 / np.pi)
 
 
-@LAW
-@given(delay=delays, lag=lags)
-def test_the_gain_is_for_the_latency_that_is_left_and_a_frame(delay: int, lag: float) -> None:
-    """All of it for p; for smith, which bridges the dead time, the lag."""
-    assert Proportional(told(delay, lag), REST, 1).gain == pytest.approx(0.5 / (delay * T + lag + T))
-    assert Smith(told(delay, lag), REST, 1).gain == pytest.approx(0.5 / (lag + T))
-
-
 def test_p_returns_to_rest_along_the_poles_of_its_loop() -> None:
     """Without a lag e(k+1) = e(k) - K T e(k - k_d): all poles within the unit circle, and well damped.
 
@@ -88,19 +80,6 @@ def test_p_returns_to_rest_along_the_poles_of_its_loop() -> None:
         )
 
 
-def test_p_lags_an_acceleration_by_a_known_error_and_a_constant_speed_not_at_all() -> None:
-    """Its feed-forward arrives a latency late, a (k_d T + lag) too slow, which the correction K e makes up."""
-    for delay, lag in [(0, 0.0), (0, 0.1), (3, 0.0), (6, 0.02), (9, 0.1)]:
-        reference = TimedReference(STRAIGHT, MotionLimits(speed=2.0), T)
-        controller = Proportional(told(delay, lag), reference, 1)
-        error = reference.poses[:500, 0] - drive(controller, Lagged(np.zeros((1, 3)), delay, lag), 500).pose[:, 0, 0]
-        # Of the transient of a loop with this gain, a share of exp(-K t) and less is left after 2 s and 4 s.
-        assert error[140] == pytest.approx(
-            LIMITS.acceleration * (delay * T + lag) / controller.gain, rel=0.02, abs=1e-9
-        )
-        assert abs(error[-1]) < 2e-5
-
-
 @pytest.mark.parametrize("kind", KINDS)
 @FEW
 @given(start=starts, delay=delays, lag=lags)
@@ -118,16 +97,6 @@ def test_smith_takes_the_dead_time_out_of_the_loop(kind: str, start: tuple[float
     np.testing.assert_allclose(late[delay:], prompt, rtol=0, atol=1e-12)
 
 
-def test_without_a_lag_smith_follows_a_reference_exactly() -> None:
-    """A nominal robot without lag, given the reference's velocity of the time when it acts, is always on it."""
-    for delay in [0, 1, 6]:
-        reference = TIMED.after_rest(delay)
-        controller = Smith(told(delay, 0.0), reference, 1)
-        run = drive(controller, Lagged(np.zeros((1, 3)), delay, 0.0), reference.frames)
-        # Roundings of poses of size 1, each corrected at once.
-        np.testing.assert_allclose(run.pose[:, 0], reference.poses, rtol=0, atol=1e-12)
-
-
 def test_with_a_lag_smith_is_behind_an_acceleration_by_half_the_square_of_it() -> None:
     """It looks ahead by the lag and subtracts what the robot will move in it at the speed of then.
 
@@ -140,20 +109,3 @@ def test_with_a_lag_smith_is_behind_an_acceleration_by_half_the_square_of_it() -
         error = reference.poses[199, 0] - run.pose[-1, 0, 0]
         # The transient of a loop with a gain of 5 / s and more is 1e-6 of its first error after 3 s.
         assert error == pytest.approx(LIMITS.acceleration * lag * (lag + T) / 2, abs=1e-6)
-
-
-def test_a_weak_robot_lags_a_constant_speed_by_what_the_correction_must_add() -> None:
-    """alpha (v + K e) = v; the Smith predictor besides believes robots to be T k_d (v + K e) (1 - alpha) further.
-
-    In the steady state at the speed v both send u = v / alpha.
-    """
-    for kind in [Proportional, Smith]:
-        alpha, delay, speed = 0.8, 6, 1.0
-        reference = TimedReference(STRAIGHT, MotionLimits(speed=speed), T)
-        rival = kind(told(delay, 0.0), reference, 1)
-        run = drive(rival, Lagged(np.zeros((1, 3)), delay, 0.0, alpha), 600)
-        error = (speed / alpha - speed) / rival.gain
-        if kind is Smith:
-            error += T * delay * (speed / alpha - speed)
-        # A loop with a gain of 3 / s has forgotten the start after 9 s.
-        assert reference.poses[599, 0] - run.pose[-1, 0, 0] == pytest.approx(error, abs=1e-6)

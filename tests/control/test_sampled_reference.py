@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
 
-from omni_control import MotionLimits, OmniError, SampledReference, TimedReference
+from omni_control import OmniError, SampledReference
 from omni_control.kinematics import Array
 from omni_control.reference import EachReference
 
@@ -34,28 +34,6 @@ def test_between_frames_a_reference_is_on_the_line_between_them(frame: float) ->
 
 
 @LAW
-@given(frames)
-def test_the_twist_of_any_frame_leads_to_the_pose_a_frame_later(frame: float) -> None:
-    """Pose + T twist is where the reference is one frame later; a frame before the first counts as the first."""
-    now = max(frame, 0.0)
-    pose, twist = REFERENCE.at(frame, ANYWHERE)
-    later, _ = REFERENCE.at(now + 1, ANYWHERE)
-    np.testing.assert_allclose(pose + T * twist, later, rtol=0, atol=2e-14)
-
-
-@LAW
-@given(st.integers(-5, LAST + 5))
-def test_whole_frames_are_the_poses_themselves(frame: int) -> None:
-    """Nothing is computed with a pose that is in the table: bit for bit, for integers and for whole floats."""
-    now = min(max(frame, 0), LAST)
-    following = min(max(frame, 0) + 1, LAST)
-    for asked in (frame, float(frame), np.array([frame]), np.array([float(frame)])):
-        pose, twist = REFERENCE.at(asked, ANYWHERE)
-        assert pose.tobytes() == POSES[now].tobytes()
-        assert twist.tobytes() == ((POSES[following] - POSES[now]) / T).tobytes()
-
-
-@LAW
 @given(st.lists(frames, min_size=1, max_size=6))
 def test_each_robot_gets_the_answer_to_its_own_frame(asked: list[float]) -> None:
     """A frame per robot gives, bit for bit, what each robot alone is given for its frame."""
@@ -65,27 +43,6 @@ def test_each_robot_gets_the_answer_to_its_own_frame(asked: list[float]) -> None
         alone = REFERENCE.at(frame, ANYWHERE)
         assert alone[0].tobytes() == poses[i].tobytes()
         assert alone[1].tobytes() == twists[i].tobytes()
-
-
-def test_one_frame_for_all_robots_gives_all_the_same() -> None:
-    """The answer has a row per robot whichever way the frame is given."""
-    for frame in (3, 3.25, np.float64(3.25)):
-        for rows in REFERENCE.at(frame, np.zeros((4, 3))):
-            assert rows.shape == (4, 3)
-            assert (rows == rows[0]).all()
-
-
-def test_a_frame_per_robot_must_be_one_for_each() -> None:
-    """Three frames for two robots is a programmer's mistake and does not pass unnoticed."""
-    with pytest.raises(ValueError, match="broadcast"):
-        REFERENCE.at(np.array([1.0, 2.0, 3.0]), np.zeros((2, 3)))
-
-
-def test_way_points_are_asked_the_same_way() -> None:
-    """Half-way in time between two frames the timed reference is half-way between their poses."""
-    reference = TimedReference([[0, 0, 0], [1, -1, 2]], MotionLimits(), T)
-    pose, _ = reference.at(30.5, ANYWHERE)
-    np.testing.assert_allclose(pose[0], (reference.poses[30] + reference.poses[31]) / 2, rtol=0, atol=1e-15)
 
 
 def test_robots_with_references_of_their_own_are_told_what_each_would_be() -> None:

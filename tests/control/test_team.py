@@ -8,7 +8,7 @@ from closed_loop import Plant, T, reported
 from playing import TIGHT, Knowing, Straight, noise_of, plant_of, play, starts
 from ways import KINDS, TIMED, along
 
-from omni_control import CommandsInFlight, Controller, MotionLimits, OmniError, Seen, Team, Told
+from omni_control import CommandsInFlight, Controller, OmniError, Seen, Team, Told
 from omni_control.controllers import make
 from omni_control.estimation.tracking import KalmanFilter
 from omni_control.kinematics import Array
@@ -47,29 +47,6 @@ def test_it_is_the_loop_written_by_hand() -> None:
         expected = by_hand(made[0], plant_of(start), noise_of(len(start)))
         assert np.array_equal(play(Team(made[1], start), plant_of(start), noise_of(len(start)))["command"], expected)
         assert np.hypot(*np.moveaxis(expected[..., :2], -1, 0)).max() == pytest.approx(0.5), "the limits count"
-
-
-def test_rows_of_which_something_else_is_told_are_what_they_are_in_a_team_of_their_own() -> None:
-    """Dead time, lag, noise and limits of each controller's own, rows in any order: all that is said, bit for bit."""
-    tolds = [
-        Told(T, 0, 0.0, limits=TIGHT),
-        Told(T, 4, position_noise_m=0.01, error_range_m=0.2),
-        Told(T, 9, 0.05, heading_noise_rad=0.001, drag_m_s=0.0, limits=MotionLimits(1.0, 2.0, 3.0, 9.0)),
-    ]
-    names = [*CONTROLLERS] * 2
-    n = 2 * len(names)
-    shuffled = np.random.default_rng(3).permutation(n)
-    rows = [shuffled[[2 * i, 2 * i + 1]] for i in range(len(names))]
-    start, noise = starts(n), noise_of(n)
-
-    def made(i: int) -> Controller:
-        return make(names[i], tolds[i % 3], along(KINDS[i % 2], 2), 2)
-
-    together = play(Team([made(i) for i in range(len(names))], start, rows), plant_of(start), noise)
-    for i, part in enumerate(rows):
-        alone = play(Team(made(i), start[part]), plant_of(start, part), noise[:, part])
-        for name, values in alone.items():
-            np.testing.assert_array_equal(together[name][:, part], values, err_msg=f"{names[i]}: {name}")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -122,30 +99,6 @@ def test_a_controller_sees_its_own_rows_and_what_was_sent_after_the_limits() -> 
             np.testing.assert_array_equal(own.in_flight, past[memory - delay :])
 
 
-def test_a_controller_that_writes_into_what_it_was_handed_changes_nobody_else() -> None:
-    """Arrays are its own or cannot be written to, and nor can the reference that it shares."""
-
-    class Vandal(Straight):
-        def command(self, frame: int, seen: Seen) -> Array:
-            command = super().command(frame, seen).copy()
-            for values in (seen.pose, seen.twist, seen.measured):
-                values += 1.0
-            for shared in (seen.in_flight, seen.sent.last(2), self.reference.at(frame, seen.pose)[0], TIMED.poses):
-                with pytest.raises(ValueError, match="read-only"):
-                    shared += 1.0
-            with pytest.raises(OmniError, match="only be read"):
-                seen.sent.push(command)
-            return command
-
-    start, noise = starts(4), noise_of(4, 20)
-    said = []
-    for kind in (Straight, Vandal):
-        team = Team([kind(Told(T, 4), TIMED, 2), Straight(Told(T, 4), TIMED, 2)], start)
-        said.append(play(team, plant_of(start), noise))
-    for name in said[0]:
-        np.testing.assert_array_equal(said[0][name], said[1][name], err_msg=name)
-
-
 def test_who_writes_into_what_a_team_returns_changes_nothing() -> None:
     team, other = (Team(Straight(Told(T, 4), TIMED, 2), starts(2)) for _ in range(2))
     for measured in noise_of(2, 10):
@@ -176,16 +129,6 @@ def test_channels_of_a_controllers_own_are_put_together() -> None:
     assert list(team.channels) == ["number", "pair"]
     np.testing.assert_array_equal(team.channels["number"], [[nan], [1], [1]])
     np.testing.assert_array_equal(team.channels["pair"], [[nan, nan], *team.estimate[1:, :2]])
-
-
-def test_what_somebody_else_sent_counts() -> None:
-    """It is in flight, and the limits start from it."""
-    team = Team(Straight(Told(T, 1, limits=TIGHT), TIMED, 1), np.zeros((1, 3)))
-    team.observe(np.zeros((1, 3)))
-    team.sent([[0.3, 0.0, 0.0]])
-    seen = team.observe(np.zeros((1, 3)))
-    assert seen.in_flight.tolist() == [[[0.3, 0.0, 0.0]]]
-    np.testing.assert_allclose(team.limited([[9.0, 0.0, 0.0]]), [[0.3 + 1.5 * T, 0.0, 0.0]], rtol=1e-15)
 
 
 def test_nonsense_is_refused() -> None:

@@ -82,29 +82,6 @@ def test_no_forces_of_four_wheels_give_more(robot: Kinematics, friction: float, 
     assert 0 < found < friction * G
 
 
-@LAW
-@given(robots, frictions, bearings, st.floats(-7, 7))
-def test_who_turns_the_wheels_turns_what_they_push(
-    robot: Kinematics, friction: float, bearing: float, angle: float
-) -> None:
-    turned = Kinematics(robot.azimuths + angle, robot.arm, robot.radius)
-    assert traction(turned, friction, bearing + angle, 0.03) == pytest.approx(
-        traction(robot, friction, bearing, 0.03), rel=1e-6
-    )
-
-
-def test_the_ellipse_through_the_limits_is_more_than_friction_allows_in_between() -> None:
-    """At worst, at 30 degrees, friction allows 77.5 % of it; only close to the side it allows all, and 2 % more."""
-    forward, sideways = traction_limits(ROBOT, 0.8)
-    every = np.radians(np.arange(0, 91, 3))
-    shares = np.array(
-        [traction(ROBOT, 0.8, b) * math.hypot(math.cos(b) / forward, math.sin(b) / sideways) for b in every]
-    )
-    assert shares.min() == pytest.approx(0.775, abs=0.002)
-    assert np.degrees(every[shares.argmin()]) == pytest.approx(30, abs=3)
-    assert shares.max() < 1.02
-
-
 @pytest.mark.parametrize("wheels", [3, 5, 6])
 def test_any_number_of_wheels_will_do(wheels: int) -> None:
     """Evenly spaced, each bears its share, and forward and sideways no more than the sum of |sin| or |cos| of it."""

@@ -26,20 +26,6 @@ def test_no_forces_give_more(robot: WheelLimits, asked: tuple[float, ...], trave
     assert share[0] == pytest.approx(1, rel=1e-6)  # of the solver
 
 
-@LAW
-@given(wheels, vectors, vectors, vectors, st.floats(0, 1))
-def test_wheels_can_do_what_is_between_two_things_they_can(
-    robot: WheelLimits, one: tuple[float, ...], other: tuple[float, ...], travel: tuple[float, ...], part: float
-) -> None:
-    """So what pushing needs alone, and turning alone, added up, is enough for both; and often less will do."""
-    way = np.array([travel])
-    first, second, both = (
-        robot.friction_share(np.array([each]), way)[0]
-        for each in (one, other, part * np.array(one) + (1 - part) * np.array(other))
-    )
-    assert both <= part * first + (1 - part) * second + 1e-9
-
-
 def test_pushing_needs_what_traction_says_and_turning_all_wheels_alike() -> None:
     """Without drag: 1 at the traction ahead; and a moment of mu g m arm, of wheels that all slide one way."""
     robot = replace(TIGERS, pile=0.0, roller_friction=0.0)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from laws import FEW, LAW
+from laws import FEW
 from pushing import TIGERS, drag, limits, statics, wheels
 from routes import T, paths
 from scipy.interpolate import CubicSpline
@@ -16,7 +16,6 @@ from scipy.optimize import linprog
 from omni_control import (
     CURVES,
     CurveReference,
-    IteratedReference,
     MotionLimits,
     TimedReference,
     WheelLimits,
@@ -67,47 +66,6 @@ def test_a_curve_stays_within_what_wheels_can(
     reference = CurveReference(CURVES[shape](length, 1.0), replace(limit, wheels=robot), T, 1, tangent)
     assert_within(robot, reference.poses)
     assert limit.excess(reference.poses, T) <= 1 + 1e-8
-
-
-def test_many_laps_stay_within_what_wheels_can() -> None:
-    """Also where those between the first and the last are taken to be alike; and no lap costs more than the first."""
-    limit, circle = MotionLimits(3.0, 8.0, wheels=TIGERS), CURVES["circle"](1.0, 1.0)
-    one, five = (CurveReference(circle, limit, T, laps).poses for laps in (1, 5))
-    assert_within(TIGERS, five)
-    assert limit.excess(five, T) <= 1 + 1e-8
-    assert len(five) < 5 * len(one)
-
-
-@LAW
-@given(paths, limits, wheels, st.integers(0, 2**32 - 1))
-def test_what_is_planned_anew_stays_within_what_wheels_can(
-    path: list[tuple[float, ...]], limit: MotionLimits, robot: WheelLimits, seed: int
-) -> None:
-    """Wherever the robots turn out to be, and whichever way they turn out to face there."""
-    limit = replace(limit, jerk=None, wheels=robot)
-    reference, rng = IteratedReference(path, limit, T, n=3), np.random.default_rng(seed)
-    pose, last = np.repeat([path[0]], 3, axis=0), np.zeros((3, 3))
-    for frame in range(40):
-        _, twist = reference.at(frame, pose)
-        z, by = (twist - last) / T, np.exp(-1j * pose[:, 2])
-        asked, travel = (
-            np.stack([((r[:, 0] + 1j * r[:, 1]) * by).real, ((r[:, 0] + 1j * r[:, 1]) * by).imag, r[:, 2]], axis=1)
-            for r in (z, (twist + last) / 2)
-        )
-        assert robot.friction_share(asked, travel).max() <= 1 + 1e-9
-        assert (np.hypot(*twist[:, :2].T) + robot.kinematics.arm * np.abs(twist[:, 2])).max() <= robot.rim_speed + 1e-9
-        last, pose = twist, pose + twist * T + rng.normal(0, 0.02, (3, 3))
-
-
-@pytest.mark.parametrize("jerk", [None, 20.0])
-def test_wheels_that_can_do_it_all_change_no_bit(jerk: float | None) -> None:
-    strong, limit = replace(TIGERS, friction=3.0), MotionLimits(2.0, 2.0, 6.0, 12.0, 1.5, jerk)
-    way = [[0, 0, 0], [1, 0.5, 2], [0.2, 1, -1]]
-    for drive in (
-        lambda limit: TimedReference(way, limit, T).poses,
-        lambda limit: CurveReference(CURVES["eight"](2, 1), limit, T, tangent=True).poses,
-    ):
-        np.testing.assert_array_equal(drive(limit), drive(replace(limit, wheels=strong)))
 
 
 # --- as fast as that allows ---

@@ -1,13 +1,23 @@
-"""Model predictive control with preview: the best commands for the next frames within what may be commanded."""
+"""Model predictive control with preview: the best commands for the next frames within what may be commanded.
+
+Per axis of the body the law of `RobotFilter` has a lag that depends on the speed. With the reference's speed in
+its place it is linear, and the errors of position and velocity, e_p and e_v, in the world, obey
+
+    e_v(k+1) = D e_v(k) + G w(k)               D = decay of a velocity in a frame, G = (1 - D) / g
+    e_p(k+1) = e_p(k) + C e_v(k) + M w(k) + r   C = way made in that decay,        M = (T - C) / g
+
+with w what is commanded besides the inverse of the law for the reference, and r what that inverse misses of its
+positions: it leads to the velocities at the ends of each frame. D, G, C, M are of the body's axes, turned into
+the world by the heading that is expected in that frame.
+"""
 
 import numpy as np
 
+from omni_control.controllers.adaptive import AdaptiveCompFlc
 from omni_control.controllers.base import Seen, Told
-from omni_control.controllers.horizon import horizon
-from omni_control.controllers.identifying import Arrival, Identifying
-from omni_control.controllers.quadratic import Limits, minimise
-from omni_control.estimation.motion import pairs, plane
-from omni_control.kinematics import Array
+from omni_control.controllers.quadratic import Limits, minimize
+from omni_control.estimation.robot_filter import DISTURBANCE, GAIN, POSE, VELOCITY
+from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import Reference
 
 FRAMES = 20  # N: a third of a second, in which an error falls to exp(-15 / s * 0.33 s) = 0.7 %
@@ -15,27 +25,25 @@ STIFFNESS = 1.5  # in speed ranges per error range: 15/s, the gain of the fuzzy 
 STILL_M_S = 0.01  # speed of the reference below which its way has no direction
 
 
-class Mpc(Identifying):
+class Mpc(AdaptiveCompFlc):
     """mpc: model predictive control with preview, on the identified law, within the limits of commands.
 
-    Robots are predicted to when the command will act, as by adaptive-comp-flc. From there on the law is made linear
-    about the reference (`controllers.horizon`), and the commands of the next N = 20 frames are chosen to minimise
+    Robots are predicted to when the command will act, as by adaptive-comp-flc. The commands of the next N = 20
+    frames are chosen to minimize
 
-        sum over the ends of N frames of |e_p|^2 + sum over N frames of |w|^2 / k^2 + |e_p + (lag / g) e_v|^2 / (2 k T)
+        sum over the ends of N frames of |e_p|^2 + sum over N frames of |w|^2 / k^2
+        + |e_p + (lag / g) e_v|^2 / (2 k T)
 
-    with e_p and e_v the errors of position and velocity, and w what is commanded besides the inverse of the law for the
-    reference, which leaves no lasting error. The weight k is Bryson's, but for a factor: an error of 0.1 m
-    (`error_range_m`) is as bad as a correction of 1.5 m/s (1.5 `speed_range_m_s`); k = 15/s is the gain of the fuzzy
-    controller at zero error. The last term is what comes after: the error to which the last velocity would still lead,
-    taken away at the rate k.
+    with w what is commanded besides the inverse of the law for the reference, which leaves no lasting error. The
+    weight k is Bryson's, but for a factor: an error of 0.1 m (`error_range_m`) is as bad as a correction of
+    1.5 m/s (1.5 `speed_range_m_s`); k = 15/s is the gain of the fuzzy controller at zero error. The last term is
+    what comes after: the error to which the last velocity would still lead, taken away at the rate k.
 
-    Successive commands, of which the first follows the one sent last, change by no more than the limit of acceleration
-    lets them, and go no faster along the way than that of speed (`controllers.quadratic`). So a jump of the reference's
-    acceleration, which asks for a jump of the command, is spread over the frames before and after it as is best, and
-    where more is asked than there is, what matters most comes first.
+    Successive commands, of which the first follows the one sent last, change by no more than the limit of
+    acceleration lets them, and go no faster along the way than that of speed (`controllers.quadratic`).
 
-    Where a quadratic program is not solved, which none of its kind should be, the command is not a number: the team
-    then stops that robot, and says so. The heading is held as by adaptive-comp-flc.
+    Where a quadratic program is not solved, which none of its kind should be, the command is not a number: the
+    team then stops that robot, and says so. The heading is held as by adaptive-comp-flc.
 
     `channels["bound"]` is 1 for robots whose program was bound by limits.
     """
@@ -46,26 +54,75 @@ class Mpc(Identifying):
         weights = np.append(np.full(FRAMES, stiffness**2), stiffness / (2 * told.period))
         self._weights = np.repeat(weights, 2)  # of errors, that of commands being 1
 
-    def wanted(self, frame: int, seen: Seen, arrival: Arrival) -> Array:
-        """See `Identifying`."""
-        period, plant, limits = self.told.period, self.plant, self.told.limits
-        poses, twists = self.around(frame + plant.latency, FRAMES)
-        positions = plane(poses[1:, :, :2])
-        edges, facing = self.along(poses, twists, arrival.heading)
-        error, late = arrival.position - positions[0], arrival.velocity - edges[0]
-        ahead = horizon(plant.motion, positions, edges, facing, error, late, period)
+    def track(self, frame: int, seen: Seen, state: Array) -> Array:
+        """See `InverseFlc`."""
+        model, limits = self.filter, self.told.limits
+        poses, twists = self.around(frame + model.latency, FRAMES)
+        velocities, headings = self.expected(poses, twists, state)
+        planned = model.invert(velocities[:-1], velocities[1:], headings)
+        error = state[:, POSE] - poses[1]
+        late = state[:, VELOCITY] - velocities[0]
+        free, effect = self._errors(poses[1:, :, :2], velocities, headings, error, late)
 
-        weighed = (ahead.effect * self._weights[:, None]).swapaxes(1, 2)
-        hessian = weighed @ ahead.effect
-        hessian.reshape(len(hessian), -1)[:, :: 2 * FRAMES + 1] += 1.0
-        gradient = (weighed @ ahead.free[..., None])[..., 0]
-        size = np.abs(edges[:-1])
-        ways = np.where(size > STILL_M_S, edges[:-1] / np.maximum(size, STILL_M_S), 1.0)
-        last = plane(seen.sent.last(1)[0, :, :2]) * plant.turned
-        planned, step = ahead.feed_forward - plant.push, limits.acceleration * period
-        best, bound = minimise(hessian, gradient, Limits(last, planned, ways, step, limits.speed))
+        weighed = (effect * self._weights[:, None]).swapaxes(1, 2)
+        hessian = weighed @ effect + np.eye(2 * FRAMES)
+        gradient = (weighed @ free[..., None])[..., 0]
+        edges = velocities[:-1, :, :2]
+        size = np.hypot(edges[..., 0], edges[..., 1])[..., None]
+        directions = np.where(size > STILL_M_S, edges / np.maximum(size, STILL_M_S), [1.0, 0.0])
+        disturbance = model.state[:, DISTURBANCE]
+        step = limits.acceleration * self.told.period
+        sent = planned[..., :2] - disturbance[:, :2]
+        best, bound = minimize(
+            hessian, gradient, Limits(seen.sent.last(1)[0, :, :2], sent, directions, step, limits.speed)
+        )
         self.channels["bound"] = bound.astype(float)
-        across = pairs(plant.ask(ahead.feed_forward[0] + best[:, 0]))
-        rates, straight = twists[:3, :, 2], ahead.feed_forward[0]
-        turn = self.turn(rates, edges[:2], facing[0], poses[1, :, 2], arrival.heading, straight)
-        return np.concatenate([across, turn[:, None]], axis=1)
+        command = planned[0] - disturbance
+        command[:, :2] += best[:, 0]
+        command[:, 2] -= self.told.heading_gain * wrap_angle(error[:, 2])
+        return command
+
+    def _errors(
+        self, positions: Array, velocities: Array, headings: Array, error: Array, late: Array
+    ) -> tuple[Array, Array]:
+        """Return how the errors of n robots depend on commands w in N frames, x and y one after the other.
+
+        Args:
+            positions: of the reference where frames meet, (N + 1, n, 2) m.
+            velocities: same, (N + 1, n, 3) m/s.
+            headings: expected in the middle of each frame, (N, n) rad.
+            error: what the pose has more than the reference at the beginning, (n, 3).
+            late: the same of the velocity, (n, 3).
+
+        Returns:
+            Errors without w (n, 2 N + 2), of the positions at the end of each frame and of the position to which
+            the last velocity would still lead, m, and the effect of w on them (n, 2 N + 2, 2 N), s.
+        """
+        model, period, n = self.filter, self.told.period, len(error)
+        before, after = world_to_body(velocities[:-1], headings), world_to_body(velocities[1:], headings)
+        speed = np.hypot(before[..., 0], before[..., 1])
+        lag, gain = model.lateness(model.state, speed[..., None]), model.state[:, GAIN]
+        decay = np.exp(-period / lag)
+        carried = (1 - decay) * lag
+        towards = (after - decay * before) / (1 - decay)
+        moved = body_to_world(period * towards + lag * (before - after), headings)[..., :2]
+        missed = moved - np.diff(positions, axis=0)
+
+        cosine, sine = np.cos(headings), np.sin(headings)
+        rotation = np.stack([cosine, -sine, sine, cosine], axis=-1).reshape(*headings.shape, 2, 2)
+
+        def world(scales: Array) -> Array:
+            """Return the maps (N, n, 2, 2) that scale by (N, n, 2 or 3) along the body's axes."""
+            return np.asarray((rotation * scales[..., None, :2]) @ rotation.swapaxes(-1, -2))
+
+        onwards = np.tile(np.eye(5), (FRAMES, n, 1, 1))  # of e_p, e_v and 1
+        onwards[..., :2, 2:4], onwards[..., 2:4, 2:4], onwards[..., :2, 4] = world(carried), world(decay), missed
+        driven = np.concatenate([world((period - carried) / gain), world((1 - decay) / gain)], axis=-2)
+        table = np.zeros((FRAMES + 1, n, 5, 2 * FRAMES + 1))  # by commands and, in the last column, without
+        table[0, :, :2, -1], table[0, :, 2:4, -1], table[..., 4, -1] = error[:, :2], late[:, :2], 1.0
+        for k in range(FRAMES):
+            np.matmul(onwards[k], table[k], out=table[k + 1])
+            table[k + 1, :, :4, 2 * k : 2 * k + 2] = driven[k]
+        ends = table[-1, :, :2] + world(lag)[-1] @ table[-1, :, 2:4]
+        errors = np.concatenate([table[1:, :, :2], ends[None]]).swapaxes(0, 1).reshape(n, 2 * FRAMES + 2, -1)
+        return errors[:, :, -1], errors[:, :, :-1]

@@ -1,41 +1,28 @@
 """How driving turns robots, by the wheels' geometry: wheels do not all give way alike under what they pull.
 
-A wheel k gives way along its rim by what it pulls over a stiffness c_k: by the lag of its loop, and by creep, which is
-in proportion to its travel and, of the same pull, to the inverse of its load (Pacejka, Tire and Vehicle Dynamics, on
-the brush model). In units that do not matter here
+A wheel k gives way along its rim by what it pulls over a stiffness c_k: by the lag of its loop, and by creep,
+which is in proportion to its travel and, of the same pull, to the inverse of its load (Pacejka, Tire and
+Vehicle Dynamics, on the brush model). In units that cancel
 
     1 / c_k = tau + T |V_k| / n_k,    V_k = v + w l d_k,    n_k = load over the mean of all
 
-with lag tau and creep T of driving forward (`motion`), and the rim's direction d_k. A robot whose velocity lacks e of
-the one commanded, and whose turn rate lacks e_w, is turned by the moment l sum c_k (d_k . e + l e_w). So e turns it as
-a command would of
+with lag tau and creep T of driving forward, and the rim's direction d_k. A robot whose velocity lacks e of the
+one commanded, and whose turn rate lacks e_w, is turned by the moment l sum c_k (d_k . e + l e_w). So e turns it
+as a command would of
 
     share sum c_k (d_k . e) / (l sum c_k)
 
-where share is what a loop on the gyro leaves. It is not zero: rims need not add up to nothing; those that turning makes
-travel faster give way more; and acceleration takes load from the wheels on the side towards which it goes.
+where share is what a loop on the gyro leaves. It is not zero: rims need not add up to nothing; those that
+turning makes travel faster give way more; and acceleration takes load from the wheels towards which it goes.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 
-from omni_control.estimation.motion import Plane
-from omni_control.kinematics import Array, Kinematics, Number
+from omni_control.kinematics import Array, Kinematics
 from omni_control.traction import GRAVITY, loads
 
 HEIGHT_M = 0.047  # of the centre of mass: TIGERs Mannheim's robots have 45 and 49 mm
-LEAST_LOAD = 0.1  # of the mean, that every wheel is taken to bear
-
-
-class GivesArrays(NamedTuple):
-    """Of `Compliance`; of robots whose wheels do not give way, of no wheel."""
-
-    rims: Plane  # (W,)
-    standing: Array  # (W,)
-    shifting: Plane  # (W,)
-    arm: float
-    share: float
+MIN_LOAD = 0.1  # of the mean, that every wheel bears
 
 
 class Compliance:
@@ -43,47 +30,33 @@ class Compliance:
 
     Args:
         geometry: of the wheels.
-        share: of what they do to a turn rate, that a loop on the gyro leaves.
-
-    Attributes:
-        arrays: of them.
+        share: of what they do to a turn rate, left by a loop on the gyro.
     """
 
     def __init__(self, geometry: Kinematics, share: float) -> None:
-        rims: Plane = geometry.matrix[:, 0] + 1j * geometry.matrix[:, 1]
+        self._rims = geometry.matrix[:, :2].T  # (2, wheels)
         standing, shifting = loads(geometry, HEIGHT_M)
-        shifted: Plane = len(rims) / GRAVITY * shifting[:, :2] @ np.array([1, -1j])
-        self.arrays = GivesArrays(rims, len(rims) * standing, shifted, geometry.arm, share / geometry.arm)
+        count = len(geometry.azimuths)
+        self._standing, self._shifting = count * standing, count / GRAVITY * shifting[:, :2].T
+        self._arm, self._share = geometry.arm, share / geometry.arm
 
-    def turned(
-        self, velocity: Plane, rate: Array, acceleration: Plane, shortfall: Plane, lag: Array, creep: Array
-    ) -> Array:
-        """Turn rates (..., n) that act on robots like commands, rad/s.
+    def turned(self, velocity: Array, acceleration: Array, shortfall: Array, lag: Array, creep: Array) -> Array:
+        """Return the turn rates (..., n) that act on robots like commands, rad/s.
 
         Args:
-            velocity: of robots (..., n), m/s, here and below ahead and aside as real and imaginary parts.
-            rate: at which they turn, (..., n) or (n,) rad/s.
-            acceleration: (..., n) or (n,) m/s^2.
-            shortfall: of the velocity from the one commanded, (..., n) m/s.
-            lag: of the wheel loops forward, (n,) s.
-            creep: forward, as the slip of wheels over their travel and their robot's acceleration, (n,) s^2/m.
+            velocity: of robots in their axes, (..., n, 3).
+            acceleration: same, m/s^2.
+            shortfall: of the velocity from the one commanded, same.
+            lag: of the wheel loops forward, (..., n) s.
+            creep: forward, (..., n) s^2/m.
         """
-        own, turning = self.arrays, self.arrays.arm * rate
-        load = loaded(acceleration[..., None], own.standing, own.shifting)
-        stiff = stiffness(velocity[..., None], turning[..., None], own.rims, load, lag[:, None], creep[:, None])
-        pull = stiff * (shortfall.conj()[..., None] * own.rims).real
-        turned: Array = own.share * np.add.reduce(pull, axis=-1) / np.add.reduce(stiff, axis=-1)
+        # Sums instead of matrix products, which BLAS may round differently in a larger batch.
+        shifted = acceleration[..., :1] * self._shifting[0] + acceleration[..., 1:2] * self._shifting[1]
+        load = np.maximum(self._standing + shifted, MIN_LOAD)
+        turning = self._arm * velocity[..., 2:]
+        along = velocity[..., :1] + turning * self._rims[0]
+        across = velocity[..., 1:2] + turning * self._rims[1]
+        stiffness = 1 / (lag[..., None] + creep[..., None] * np.hypot(along, across) / load)
+        pull = stiffness * (shortfall[..., :1] * self._rims[0] + shortfall[..., 1:2] * self._rims[1])
+        turned: Array = self._share * pull.sum(-1) / stiffness.sum(-1)
         return turned
-
-
-# Laws for single numbers and arrays alike, by which loops over robots reckon too (`by_robot`).
-
-
-def loaded(acceleration: Number, standing: Number, shifting: Number) -> Number:
-    """Load of a wheel over the mean, n."""
-    return np.maximum(standing + (acceleration * shifting).real, LEAST_LOAD)
-
-
-def stiffness(velocity: Number, turning: Number, rim: Number, load: Number, lag: Number, creep: Number) -> Number:
-    """Of a wheel along its rim, c; `turning` is the speed that it has by the turn rate."""
-    return 1 / (lag + creep * np.abs(velocity + turning * rim) / load)

@@ -12,8 +12,8 @@ least, which at 60 images a second and the 3.7 m/s of the league's simulators is
 **Headings.** What looks turned by more than a right angle, in a time in which the robot cannot turn that far, is a
 pattern read backwards, and is turned back.
 
-**Repeats.** A camera may be frozen. What it shows is believed, as that of a robot that stands, unless that one was
-faster before than any wheels could brake away in a frame (friction 1). Then nothing but a wall or a hand, seen without
+**Repeats.** A camera may be frozen. What it shows is believed, as that of a robot that stands, unless the images
+before differed by more than `STILL_M_S`, by motion or by noise. Then nothing but a robot that stops dead, seen without
 any noise, shows the same to the bit: it is believed after `REPEATED` images, 5 s at 60 Hz. Where it ends, that
 image counts as being as old as it is.
 
@@ -33,8 +33,8 @@ from omni_control.reference import MotionLimits
 
 Flags = NDArray[np.bool_]
 
-BRAKING_M_S2 = 9.81  # that no wheels exceed
 OTHERS = 3.7, 26.0  # m/s and rad/s of robots in the league's simulators (ssl-simulation-setup)
+STILL_M_S = 0.01  # speed between images, up to which a robot may be standing
 BLOW = 2.0  # times its own speed, that a robot may have after a blow
 FALSE_ALARM = 1e-9  # of noise alone, in an image
 DOUBTED = 10  # images in a row, of which the last is believed
@@ -73,7 +73,6 @@ class Gate:
         self.known, self.images = np.zeros((8, n)), np.full((2, n, 3), np.nan)
         speed, self._turn_rate = np.maximum(OTHERS, [[limit.speed, limit.turn_rate] for limit in limits]).T
         self.known[SPEED], self.known[NOISY] = BLOW * speed, NOISE * noise[:, 0]
-        self._braked = BRAKING_M_S2 * period  # m/s, in a frame
 
     def __call__(self, measured: Array, age: Array | None = None) -> Array:
         """Return poses (n, 3) to believe, headings in (-pi, pi]; not a number where there is none.
@@ -104,7 +103,7 @@ class Gate:
         found = k[ELSEWHERE] >= DOUBTED
         k[ELSEWHERE, found] = 0.0
         later = k[SINCE] - (age - k[AGE]) > self._period / 2  # and not the same one, told once more
-        stopped = repeated & later & (k[PACE] > self._braked)
+        stopped = repeated & later & (k[PACE] > STILL_M_S)
         k[FROZEN] = np.where(new, np.where(stopped, k[FROZEN] + 1, 0.0), k[FROZEN])
         taken = new & (~far | found) & ((k[FROZEN] == 0) | (k[FROZEN] >= REPEATED))
 

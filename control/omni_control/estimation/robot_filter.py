@@ -1,0 +1,282 @@
+"""An extended Kalman filter that finds where robots are and how they answer to commands.
+
+Per axis i of the body (forward, to the left, turning), with u the command that acts and v the velocity:
+
+    (tau_i + g_i^2 T_i s) v'_i = u_i + b_i - c_i n_i - g_i v_i
+
+    g   inverse gain, 1 / alpha (equation 8): the command per speed
+    T   creep, s^2/m: rubber that pulls slides in proportion to the speed s of its travel
+    tau lag of the wheel loops, s
+    c   speed that dry friction costs, against the direction of motion n
+    b   disturbance: whatever else acts like a command (a push, a slope, a biased gyro)
+
+A command acts `latency` frames after it was sent. Creep, lag and friction are estimated forward; those of
+the other axes are in proportion, by the directions of the wheels.
+"""
+
+import numpy as np
+
+from omni_control.controllers.base import Seen, Told
+from omni_control.delay import CommandsInFlight
+from omni_control.estimation.compliance import Compliance
+from omni_control.estimation.late import Late
+from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
+
+POSE, VELOCITY, DISTURBANCE, GAIN = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
+LATENCY, CREEP, LAG, FRICTION, SIZE = 12, 13, 14, 15, 16
+
+# Wheels of most robots of the league, for robots of which nobody knows them.
+LEAGUE_WHEELS = Kinematics(np.radians([60.0, 135.0, 225.0, 300.0]), 0.08, 0.0285)
+INERTIA = 0.7  # yaw inertia over m l^2 (TIGERs Mannheim)
+GYRO_SHARE = 0.5  # of a disturbance of the turn rate, left by a loop on the gyro of gain 1
+UNKNOWN_ALPHA, YAW_ALPHA = (0.91, 0.91), 0.98  # priors where nobody knows better
+LAG_SHARE, FRICTION_SHARE = 0.75, 0.8  # forward, of the lag and friction known as means
+MIN_LAG_S = 1e-3
+GAIN_SIGMA, UNKNOWN_GAIN_SIGMA, YAW_GAIN_SIGMA = 0.07, 0.12, 0.05
+GAINS_ALIKE = 0.5  # correlation of forward and sideways
+CREEP_SHARE, UNKNOWN_CREEP_SHARE, CREEP_SIGMA = 0.2, 0.35, 0.04  # relative; s^2/m where none is given
+LAG_RELATIVE, UNKNOWN_LAG_RELATIVE, LAG_SIGMA = 0.35, 0.5, 0.01  # relative; s where none is given
+FRICTION_RELATIVE, UNKNOWN_FRICTION_RELATIVE, FRICTION_SIGMA = 0.3, 0.4, 0.02  # relative; m/s
+LATENCY_SIGMA = 1.2  # frames
+DISTURBANCE_SIGMA = 0.02, 0.02, 0.05  # m/s and rad/s
+DISTURBANCE_TIME_S, PARAMETER_TIME_S = (0.5, 0.5, 1.0), 12.0  # after which they return to the prior
+MAX_LATENCY_BELOW, MAX_LATENCY_ABOVE = 9, 6  # frames from the known one
+ACCELERATION_M_S2, ACCELERATION_SHARE, TURN_ACCELERATION_RAD_S2 = 0.35, 0.3, 1.5  # not in the law
+INNOVATION_FRAMES, MAX_INNOVATION, MAX_NOISE_SCALE = 10, 50.0, 30.0
+TRUSTED_INNOVATION = 1.5  # up to which parameters are learned at full rate
+EVIDENT_M_S = 0.1  # below it, dry friction may hold a robot, and its parameters do not show
+MAX_BRAKING_M_S2 = 9.81
+# A robot is unresponsive if its motion is less than this share of the commanded one for a while.
+RESPONSE_FRAMES, MIN_RESPONSE, SILENT_FRAMES = 8, 0.3, 5
+DIFFERENCE = 1e-4  # of states, for the Jacobian
+
+
+class RobotFilter:
+    """States and parameters of n robots, estimated from vision and the commands sent.
+
+    Args:
+        told: the nominal model.
+        n: robots.
+        noise: standard deviation of vision, per axis of a pose, m, m, rad.
+        learns: whether disturbance and parameters are estimated, or held at the nominal model.
+
+    Attributes:
+        state: pose, velocity, disturbance, inverse gains, latency, creep, lag, friction, (n, 16).
+        covariance: of these, (n, 16, 16).
+        innovation: running mean of normalized innovations squared, (n,); 1 for one that keeps to the law.
+        memory_frames: commands that must be stored.
+    """
+
+    def __init__(self, told: Told, n: int, noise: tuple[float, float, float], learns: bool = True) -> None:
+        self.period, self.told, self.learns = told.period, told, learns
+        wheels = told.geometry or LEAGUE_WHEELS
+        directions, self.arm = wheels.matrix[:, :2], wheels.arm
+        forward, sideways = (directions**2).mean(0)
+        ratio = forward / sideways  # how much more a robot gives way sideways
+        turning = GYRO_SHARE * INERTIA * forward
+        aside = told.creep_sideways_s2_m
+        creep_ratio = aside / told.creep_s2_m if aside and told.creep_s2_m else ratio
+        self._lag_ratios = np.array([1.0, ratio, turning])
+        self._creep_ratios = np.array([1.0, creep_ratio, turning])
+        mean_direction = np.abs(directions[:, 0]).mean()
+        self._friction_ratios = np.array([1.0, ratio, GYRO_SHARE / self.arm * forward / mean_direction])
+        self._compliance = Compliance(wheels, GYRO_SHARE if told.geometry else 0.0)
+
+        known, alpha = told.alpha is not None, told.alpha or UNKNOWN_ALPHA
+        self.prior = np.zeros(SIZE)
+        self.prior[GAIN] = 1 / np.array([*alpha, YAW_ALPHA])
+        self.prior[LATENCY:] = (
+            told.delay_frames,
+            told.creep_s2_m,
+            max(LAG_SHARE * told.lag_s, MIN_LAG_S),
+            FRICTION_SHARE * told.drag_m_s,
+        )
+        sigma, alike = np.zeros(SIZE), np.eye(SIZE)
+        alike[9, 10] = alike[10, 9] = GAINS_ALIKE
+        if learns:
+            gain = GAIN_SIGMA if known else UNKNOWN_GAIN_SIGMA
+            relative = [CREEP_SHARE, LAG_RELATIVE, FRICTION_RELATIVE]
+            if not known:
+                relative = [UNKNOWN_CREEP_SHARE, UNKNOWN_LAG_RELATIVE, UNKNOWN_FRICTION_RELATIVE]
+            given = told.creep_s2_m, told.lag_s, told.drag_m_s
+            absolute = np.array([CREEP_SIGMA, LAG_SIGMA, FRICTION_SIGMA])
+            sigma[DISTURBANCE] = DISTURBANCE_SIGMA
+            sigma[GAIN] = gain, gain, YAW_GAIN_SIGMA
+            sigma[LATENCY] = LATENCY_SIGMA
+            sigma[CREEP:] = np.where(np.equal(given, 0), absolute, relative * self.prior[CREEP:])
+        below, above = told.delay_frames - MAX_LATENCY_BELOW, told.delay_frames + MAX_LATENCY_ABOVE
+        self._low = np.array([*3 * [0.8], max(below, 0), 0, MIN_LAG_S, 0])
+        self._high = np.array([*3 * [1.9], above, 0.2, 0.1, 0.15])
+        times = np.array([*DISTURBANCE_TIME_S, *7 * [PARAMETER_TIME_S]])
+        self._keep = np.append(np.ones(6), np.exp(-self.period / times))
+        self._prior_covariance = alike * np.outer(sigma, sigma)
+        renewed = np.sqrt(1 - self._keep**2)
+        self._renewed = self._prior_covariance * np.outer(renewed, renewed)
+        self._noise = np.diag(np.maximum(noise, [1e-4, 1e-4, 1e-3])) ** 2
+        self._perturbed = DIFFERENCE * np.eye(SIZE)[2:, None]
+        self.memory_frames = above + 8
+        self.state, self.covariance = np.zeros((n, SIZE)), np.zeros((n, SIZE, SIZE))
+        self.innovation = np.ones(n)
+        self._commanded, self._answered = np.zeros((2, n))  # squares of speeds, running means
+        self._silent = np.zeros(n)  # frames without a response
+        self._started = False
+
+    @property
+    def latency(self) -> Array:
+        """Time from when a command is sent until it begins to act, (n,) frames."""
+        return self.state[:, LATENCY]
+
+    def lateness(self, state: Array, travel: Array) -> Array:
+        """Return the time constants (..., n, 3) of robots whose wheels travel at speeds (..., n, 3), s."""
+        gain = state[..., GAIN]
+        creep = gain * self._creep_ratios * state[..., CREEP, None]
+        creep[..., 2] *= gain[..., 0] ** 2
+        return self._lag_ratios * state[..., LAG, None] / gain + creep * travel
+
+    def step(self, state: Array, command: Array, duration: Array | float) -> Array:
+        """Return the states (..., n, 16) after commands (..., n, 3) that act for durations (..., n), s."""
+        duration = np.asarray(duration, float)[..., None]
+        heading = state[..., 2] + state[..., 5] * duration[..., 0] / 2
+        gain, friction = state[..., GAIN], self._friction_ratios * state[..., FRICTION, None]
+        velocity = world_to_body(state[..., VELOCITY], heading)
+        target = world_to_body(command + state[..., DISTURBANCE], heading)
+        rim = self.arm * target[..., 2]
+        travel = self._travel(velocity, rim)
+        late = self.lateness(state, travel)
+        acceleration = (target / gain - velocity) / late
+        target[..., 2] += self._compliance.turned(
+            velocity, acceleration, target - velocity, state[..., LAG], state[..., CREEP]
+        )
+        target, friction = target / gain, friction / gain
+        decay = np.exp(-duration / late)
+        free = velocity + (1 - decay) * (target - velocity)
+        speed = np.hypot(free[..., 0], free[..., 1])[..., None]
+        direction = free / np.maximum(speed, np.maximum(0.05, (1 - decay) * friction))
+        direction[..., 2] = rim / np.maximum(travel[..., 2], np.maximum(0.03, self.arm * friction[..., 2]))
+        final = target - friction * direction
+        excess = velocity - final
+        result = state.copy()
+        result[..., POSE] += body_to_world(duration * final + excess * (1 - decay) * late, heading)
+        result[..., VELOCITY] = body_to_world(final + excess * decay, heading)
+        return result
+
+    def invert(self, before: Array, after: Array, heading: Array) -> Array:
+        """Return the commands (..., n, 3) that lead from velocities to others in a frame: `step` inverted.
+
+        Args:
+            before: velocities at the beginning of the frame (..., n, 3), world frame.
+            after: at its end, same.
+            heading: in its middle, (..., n) rad.
+        """
+        state, gain = self.state, self.state[:, GAIN]
+        before, after = world_to_body(before, heading), world_to_body(after, heading)
+        mean = (before + after) / 2
+        rim = self.arm * mean[..., 2]
+        travel = self._travel(before, rim)
+        decay = np.exp(-self.period / self.lateness(state, travel))
+        direction = mean / np.maximum(np.hypot(mean[..., 0], mean[..., 1]), 0.01)[..., None]
+        direction[..., 2] = rim / np.maximum(travel[..., 2], 0.03)
+        friction = self._friction_ratios * state[:, FRICTION, None]
+        command = (after - decay * before) / (1 - decay) * gain + friction * direction
+        acceleration = (after - before) / self.period
+        shortfall = command - before
+        shortfall[..., 2] = 0.0
+        middle = np.concatenate([before[..., :2], mean[..., 2:]], axis=-1)
+        command[..., 2] -= self._compliance.turned(middle, acceleration, shortfall, state[:, LAG], state[:, CREEP])
+        return body_to_world(command, heading)
+
+    def observe(self, seen: Seen) -> None:
+        """Take in a frame."""
+        if not self._started:
+            self._started = True
+            self.state[:] = self.prior
+            self.state[:, POSE] = seen.pose
+            self.covariance[:] = self._prior_covariance
+            self.covariance[:, POSE, POSE] = self._noise
+        for late in seen.steps[:-1]:
+            self._update(None, seen.sent, late)
+        self._update(seen.measured, seen.sent, seen.steps[-1] if seen.steps else None)
+
+    def predict(self, seen: Seen) -> Array:
+        """Return the states (n, 16) when the command of this frame begins to act."""
+        latency = self.latency + (seen.steps[-1].behind if seen.steps else 0.0)
+        count = int(np.ceil(latency.max()))
+        state = self.state
+        shares = np.clip(latency - np.arange(count - 1, -1, -1)[:, None], 0, 1)
+        for command, share in zip(seen.sent.last(count), shares, strict=True):
+            after = self.step(state, command, share * self.period)
+            state = np.where(share[:, None] > 0, after, state)
+        return state
+
+    def _travel(self, velocity: Array, rim: Array) -> Array:
+        """Return how fast wheels travel for each axis (..., n, 3): driving, driving, and turning too, m/s."""
+        speed = np.hypot(velocity[..., 0], velocity[..., 1])
+        return np.stack([speed, speed, np.hypot(speed, rim)], axis=-1)
+
+    def _update(self, measured: Array | None, sent: CommandsInFlight, late: Late | None) -> None:
+        """Take in a frame, of which vision reports poses (n, 3); None on the way to such a frame."""
+        state, period = self.state, self.period
+        latency = self.latency[:, None] + (0.0 if late is None else late.behind[:, None])
+        shifts = np.array([0, -1, 1])[:, None, None]
+        command, sooner, later = sent.felt(np.maximum(latency + shifts, 0))
+        states = np.concatenate([state[None], state + self._perturbed])
+        after = self.step(states, np.broadcast_to(command, (len(states), *command.shape)), period)
+        transition = np.tile(np.eye(SIZE), (len(state), 1, 1))
+        transition[:, :, 2:] = np.moveaxis((after[1:] - after[0]) / DIFFERENCE, 0, -1)
+        shifted = self.step(state, command + DIFFERENCE * (later - sooner) / 2, period)
+        transition[:, :, LATENCY] += (shifted - after[0]) / DIFFERENCE
+
+        speed = np.hypot(state[:, 3], state[:, 4])
+        evidence = np.minimum(speed / EVIDENT_M_S, 1) ** 2 * np.minimum(TRUSTED_INNOVATION / self.innovation, 1) ** 2
+        responsive = self._silent < SILENT_FRAMES
+        transition[:, :6, [9, 10, *range(LATENCY, SIZE)]] *= (evidence * responsive)[:, None, None]
+        transition[:, :6, [6, 7, 8, 11]] *= responsive[:, None, None]
+        transition *= self._keep[:, None]
+        predicted = self._keep * after[0] + (1 - self._keep) * self.prior
+        covariance = transition @ self.covariance @ transition.swapaxes(1, 2)
+        change = np.hypot(*(after[0, :, 3:5] - state[:, 3:5]).T)
+        scale = np.clip(self.innovation, 1, MAX_NOISE_SCALE)
+        noise = np.zeros((len(state), 6))
+        noise[:, 3] = scale * ((ACCELERATION_M_S2 * period) ** 2 + (ACCELERATION_SHARE * change) ** 2)
+        noise[:, 4], noise[:, 5] = noise[:, 3], scale * (TURN_ACCELERATION_RAD_S2 * period) ** 2
+        covariance += self._renewed
+        covariance[:, range(6), range(6)] += noise
+        if late is not None:
+            predicted = np.where(late.held[:, None], state, predicted)
+            covariance = np.where(late.held[:, None, None], self.covariance, covariance)
+        self.state, self.covariance = predicted, covariance
+        if measured is not None:
+            self._correct(measured, 0.0 if late is None else late.after[:, None], command)
+
+    def _correct(self, measured: Array, after: Array | float, command: Array) -> None:
+        """Correct the states by poses (n, 3) that were seen a time `after` (n, 1) later, s."""
+        state, covariance = self.state, self.covariance
+        error = measured - state[:, POSE] - after * state[:, VELOCITY]
+        error[:, 2] = wrap_angle(error[:, 2])
+        seen = ~np.isnan(error[:, 0])
+        error[~seen] = 0.0
+        inverse = np.linalg.inv(covariance[:, POSE, POSE] + self._noise)
+        weighed = (inverse @ error[..., None])[..., 0] * seen[:, None]
+        square = (error * weighed).sum(1) / 3
+        gain = covariance[:, :, POSE] @ inverse * seen[:, None, None]
+        corrected = state + (gain @ error[..., None])[..., 0]
+        spread = covariance - gain @ covariance[:, POSE]
+        distance = np.hypot(error[:, 0], error[:, 1])
+        for i in np.flatnonzero((square > MAX_INNOVATION) & (distance > MAX_BRAKING_M_S2 * self.period**2)):
+            # No motion leads there: the robot was put there, or the camera was moved.
+            corrected[i], spread[i] = state[i], covariance[i]
+            corrected[i, :2] += error[i, :2]
+            spread[i, :2], spread[i, :, :2] = 0.0, 0.0
+            spread[i, :2, :2] = self._noise[:2, :2]
+            spread[i, [3, 4], [3, 4]] += (distance[i] / self.period) ** 2
+        corrected[:, 9:] = np.clip(corrected[:, 9:], self._low, self._high)
+        self.state, self.covariance = corrected, (spread + spread.swapaxes(1, 2)) / 2
+        now = np.minimum(square, MAX_INNOVATION)
+        self.innovation = np.where(seen, self.innovation + (now - self.innovation) / INNOVATION_FRAMES, self.innovation)
+        rims = np.array([1.0, 1.0, self.arm])
+        commanded, moving = command * rims, self.state[:, VELOCITY] * rims
+        self._commanded += ((commanded**2).sum(1) - self._commanded) / RESPONSE_FRAMES
+        self._answered += ((commanded * moving).sum(1) - self._answered) / RESPONSE_FRAMES
+        silent = self._answered < MIN_RESPONSE * np.maximum(self._commanded, EVIDENT_M_S**2)
+        silent &= self._commanded > EVIDENT_M_S**2
+        self._silent = np.where(silent, self._silent + 1, 0)
