@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 CONTROLLER = "adaptive-comp-flc"
 DURATION = click.FloatRange(min=0, max=1e5, min_open=True)
+OUTPUT_OPTIONS = "out", "overwrite", "record", "view", "connect", "draw"
 OUTPUTS = (*run_command.OUTPUTS, "link.json")
 
 
@@ -57,22 +58,17 @@ def command(
     controller: str,
     robot: str | None,
     overrides: tuple[str, ...],
-    out: Path | None,
-    overwrite: bool,
-    record: bool,
-    view: bool,
-    connect: str | None,
-    draw: bool,
     dry_run: bool,
     quiet: bool,
-    **connection: Any,
+    **values: Any,
 ) -> None:
     """Drive robots that SSL-Vision sees, and tell how late and how well they answer."""
     from omni_mj.live import session
     from omni_mj.scenarios import scenario
     from omni_mj.scenarios.library import builtin
 
-    chosen = _options(overrides, **connection)
+    out, overwrite, record, view, connect, draw = map(values.pop, OUTPUT_OPTIONS)
+    chosen = _options(overrides, **values)
     if dry_run:
         _listen(chosen, quiet)
         return

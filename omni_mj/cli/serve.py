@@ -5,7 +5,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -56,27 +57,7 @@ DURATION = click.FloatRange(min=0, min_open=True)
 @click.option("--view", is_flag=True, help="Watch in a rerun viewer of its own.")
 @click.option("--connect", metavar="URL", help="Watch in a rerun viewer that is running.")
 @options.QUIET
-def command(
-    name: str | None,
-    robot: str | None,
-    yellow_robot: str | None,
-    overrides: tuple[str, ...],
-    seed: int | None,
-    blue: str,
-    yellow: str,
-    speed: float,
-    lockstep: str | None,
-    vision: str,
-    interface: str,
-    until_s: float,
-    out: Path | None,
-    overwrite: bool,
-    record: bool,
-    view: bool,
-    connect: str | None,
-    quiet: bool,
-    **ports: int,
-) -> None:
+def command(**values: Any) -> None:
     """Simulate robots for software that speaks the league's protocols."""
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.live.notes import Notes
@@ -89,34 +70,36 @@ def command(
     from omni_mj.live.wire.simulation_pb2 import Team
     from omni_mj.studies.outcome import StoppedError
 
-    target = address(vision, VISION_PORT)
-    check_local(target, interface)
-    head = {key: value for key, value in (("robot", robot), ("seed", seed)) if value is not None}
-    ours = line_up.load(name, overrides, head)
-    theirs = ours if yellow_robot is None else line_up.load(name, overrides, head | {"robot": yellow_robot})
+    chosen = SimpleNamespace(**values)
+    target = address(chosen.vision, VISION_PORT)
+    check_local(target, chosen.interface)
+    head = {name: values[name] for name in ("robot", "seed") if values[name] is not None}
+    ours = line_up.load(chosen.name, chosen.overrides, head)
+    theirs = line_up.load(chosen.name, chosen.overrides, head | {"robot": chosen.yellow_robot or ours.robot})
     line_up.check_together(ours, theirs)
-    numbers = line_up.numbers(blue, "--blue"), line_up.numbers(yellow, "--yellow")
-    poses = line_up.poses(*numbers, ours if name is not None else None)
-
-    viewers = run.viewers(view, connect)
-    folder = None if out is None else folders.prepare(out, ours.name, OUTPUTS, overwrite)
+    numbers = line_up.numbers(chosen.blue, "--blue"), line_up.numbers(chosen.yellow, "--yellow")
+    poses = line_up.poses(*numbers, None if chosen.name is None else ours)
+    viewers = run.viewers(chosen.view, chosen.connect)
+    out, quiet = chosen.out, chosen.quiet
+    folder = None if out is None else folders.prepare(out, ours.name, OUTPUTS, chosen.overwrite)
     console.quiet_mujoco()
     notes = Notes(lambda text: None if quiet else click.echo(text, err=True))
     pitch = Pitch({Team.BLUE: ours, Team.YELLOW: theirs}, poses, notes)
-    server = Server(pitch, Ports(vision=target, interface=interface, **ports), speed, lockstep or "")
+    ports = Ports(chosen.control_port, chosen.blue_port, chosen.yellow_port, target, chosen.interface)
+    server = Server(pitch, ports, chosen.speed, chosen.lockstep or "")
     with ExitStack() as stack:
         stack.callback(server.close)
         interrupts = stack.enter_context(Interrupts())
         if folder is not None:
             stack.enter_context(console.writing(folder))
-        _record(stack, server, folder, {"blue": ours, "yellow": theirs}, record, viewers)
+        _record(stack, server, folder, {"blue": ours, "yellow": theirs}, chosen.record, viewers)
         if not quiet:
             click.echo(_introduction(server))
         gc.collect()
         gc.freeze()  # a collection through everything imported would hold up several frames
         reason = None
         try:
-            server.run(interrupts.check, until_s)
+            server.run(interrupts.check, chosen.until_s)
         except StoppedError as error:
             reason = error.reason
     if not quiet:

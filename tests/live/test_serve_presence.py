@@ -36,6 +36,11 @@ def test_what_cannot_be_is_refused_and_the_rest_is_done() -> None:
         assert client.codes(0, both) == ["OCCUPIED", "OCCUPIED"]
         config = serving.field(2, serving.message(None, serving.message(1), b"", 70_000))
         assert client.codes(0, config) == ["ROBOT_SPECS", "REALISM", "VISION_PORT"]
+        sizes = [serving.message(length, 6000, 1000, 180, 300) for length in (100, 8000)]  # mm
+        small, large = (serving.field(2, serving.field(1, serving.field(1, size))) for size in sizes)
+        assert client.codes(0, small) == ["GEOMETRY"]
+        assert client.codes(0, large) == []
+        assert client.codes(0, serving.teleport(0, BLUE, x=4.25, y=0.0)) == ["OCCUPIED"]  # the wall is at 4.3 m
         ball = serving.field(1, serving.field(1, serving.message(0.0, 0.5, None, 3.0)))
         assert client.codes(0, ball) == ["BALL_LIES"]
         for code, packet in (
@@ -44,8 +49,8 @@ def test_what_cannot_be_is_refused_and_the_rest_is_done() -> None:
             ("ROBOT_ID", serving.teleport(16, BLUE, x=0.0, y=0.0)),
         ):
             assert client.codes(0, packet) == [code]
-        assert client.codes(0, serving.teleport(0, BLUE, x=-5.0, y=3.5)) == []
-        assert client.after(b"")["blue", 0][:2] == pytest.approx((-5.0, 3.5), abs=1e-4)
+        assert client.codes(0, serving.teleport(0, BLUE, x=-4.0, y=3.0)) == []
+        assert client.after(b"")["blue", 0][:2] == pytest.approx((-4.0, 3.0), abs=1e-4)
 
 
 def test_a_world_has_twelve_robots_at_most() -> None:

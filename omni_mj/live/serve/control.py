@@ -5,13 +5,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from omni_control.errors import OmniError
 from omni_control.kinematics import wrap_angle
 from omni_mj.live.serve.cameras import RobotName
 from omni_mj.live.serve.commands import Refusal
 from omni_mj.live.serve.pitch import Pitch, Placement, label
 from omni_mj.live.wire.simulation_pb2 import SimulatorConfig, SimulatorError, Team, TeleportBall, TeleportRobot
-from omni_mj.live.wire.vision_pb2 import FieldSize
 
 MAX_SPEED_M_S, MAX_RATE_RAD_S = 20.0, 100.0  # of a robot that is put down
 MAX_DISTANCE_M = 100.0  # of the ball from the field's centre
@@ -48,18 +46,6 @@ def teleport_ball(pitch: Pitch, ball: TeleportBall) -> None:
     pitch.ball = position
     if ball.vx or ball.vy or ball.vz or ball.z:
         raise Refusal("BALL_LIES", "the ball lies where it is put; it neither rolls nor flies here")
-
-
-def resize(pitch: Pitch, size: FieldSize) -> None:
-    """Replace the field.
-
-    Raises:
-        Refusal: See `Pitch.resize`.
-    """
-    try:
-        pitch.resize(size)
-    except OmniError as error:
-        raise Refusal("GEOMETRY", str(error)) from None
 
 
 def check_config(config: SimulatorConfig) -> list[SimulatorError]:

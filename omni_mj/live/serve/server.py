@@ -6,7 +6,12 @@ import socket
 import time
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
+from typing import Any
 
+from google.protobuf.message import Message
+
+from omni_control.errors import OmniError
 from omni_mj.live.serve import control
 from omni_mj.live.serve.cameras import CYCLES_PER_FRAME
 from omni_mj.live.serve.commands import Refusal
@@ -26,7 +31,7 @@ from omni_mj.live.wire.simulation_pb2 import (
     SyncResponse,
     Team,
 )
-from omni_mj.live.wire.vision_pb2 import Detection
+from omni_mj.live.wire.vision_pb2 import Detection, Geometry
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ
 
 MIN_SPAN_CYCLES = 4  # simulated at a time while nothing comes and nothing is due
@@ -211,22 +216,26 @@ class Server:
         self.counts["simulator commands"] += 1
         config, wishes = command.config, command.control
         errors = control.check_config(config)
-        actions: list[Callable[[], None]] = []
-        if config.HasField("geometry"):
-            actions.append(lambda: control.resize(self.pitch, config.geometry.field))
-            actions.append(self.publisher.send_geometry)
-        if config.HasField("vision_port"):
-            actions.append(lambda: self._send_vision_to(config.vision_port))
-        if wishes.HasField("teleport_ball"):
-            actions.append(lambda: control.teleport_ball(self.pitch, wishes.teleport_ball))
-        if wishes.HasField("simulation_speed"):
-            actions.append(lambda: self._change_speed(wishes.simulation_speed))
-        for action in actions:
-            try:
-                action()
-            except Refusal as refusal:
-                errors.append(refusal.error)
+        handlers: list[tuple[Message, str, Callable[[Any], None]]] = [
+            (config, "geometry", self._replace_geometry),
+            (config, "vision_port", self._send_vision_to),
+            (wishes, "teleport_ball", partial(control.teleport_ball, self.pitch)),
+            (wishes, "simulation_speed", self._change_speed),
+        ]
+        for message, field, handle in handlers:
+            if message.HasField(field):
+                try:
+                    handle(getattr(message, field))
+                except Refusal as refusal:
+                    errors.append(refusal.error)
         return errors + control.teleport_robots(self.pitch, wishes.teleport_robot)
+
+    def _replace_geometry(self, geometry: Geometry) -> None:
+        try:
+            self.pitch.resize(geometry.field)
+        except OmniError as error:
+            raise Refusal("GEOMETRY", str(error)) from None
+        self.publisher.send_geometry()
 
     def _send_vision_to(self, port: int) -> None:
         if not 0 < port < 65_536:
