@@ -94,11 +94,11 @@ class Tracker:
         ahead = self.predict(measured, heading, last)
         frame = self._frame
         acts = min(frame + self._delay, self._last)
-        last_change = self._sent_in(frame - 1) - self._planned(frame - 1)
-        felt = last_change + self._disturbance(ahead, self._sent_in(frame - 1), acts)
+        before = self._in_frame(self._sent, frame - 1)
+        felt = before - self._in_frame(self._commands, frame - 1) + self._disturbance(ahead, before, acts)
         state = np.concatenate([ahead[:, POSE], ahead[:, SPEED], felt], axis=1)
         feedback = (self._gains[min(frame, self._last), self._which] * state[:, None]).sum(-1)
-        desired = command = self._planned(frame) - feedback
+        desired = command = self._in_frame(self._commands, frame) - feedback
         for _ in range(ROUNDS):
             command = desired - self._disturbance(ahead, command, acts)
         return command
@@ -134,8 +134,8 @@ class Tracker:
         speed = state[..., SPEED] @ self._model.velocity[at].T + state[..., DRIFT]
         for lag, matrix in enumerate(self._model.command[:, at]):
             when = frame - self._delay - lag
-            command = self._sent_in(when)
-            change = command - self._planned(when) + self._firmware_error(state, command)
+            command = self._in_frame(self._sent, when)
+            change = command - self._in_frame(self._commands, when) + self._firmware_error(state, command)
             speed = speed + change @ matrix.T
         later = state.copy()
         later[..., SPEED] = speed
@@ -172,11 +172,9 @@ class Tracker:
         covariance = self._covariance - gain @ self._covariance[:, POSE]
         self._covariance = (covariance + covariance.swapaxes(1, 2)) / 2
 
-    def _sent_in(self, frame: int) -> Array:
-        return self._sent[min(frame, self._last)] if frame >= 0 else np.zeros(self._state[:, POSE].shape)
-
-    def _planned(self, frame: int) -> Array:
-        return self._commands[min(frame, self._last)] if frame >= 0 else np.zeros(self._state[:, POSE].shape)
+    def _in_frame(self, values: Array, frame: int) -> Array:
+        """Return values (F, n, 3) of a frame: those of the last after the end, zero before the start."""
+        return values[min(frame, self._last)] if frame >= 0 else np.zeros_like(values[0])
 
 
 def _process_noise(scenario: Scenario, model: DepartureModel, commands: Array) -> tuple[Array, float, float]:
