@@ -53,26 +53,25 @@ KINDS = {
     LATE: Kind("latency of the loop", "s", 0.5 * PERIOD_S, 0, "", STEPS, 8e-4),
     "clock_s": Kind("poses later than wheels by", "s", 0.5 * PERIOD_S, 0, "", STEPS, 4.5e-4),
     "drift": Kind("and more so by, each second", "", 1e-3, 0, "", "a log of a minute or more", 5e-5),
-    "gain_forward": Kind("gain K forward", "", 0.05, 0, "forward", GAIN, 2e-3),
-    "gain_sideways": Kind("gain K sideways", "", 0.05, 0, "sideways", GAIN, 2e-3),
-    "gain_turning": Kind("gain K turning", "", 0.05, 0, "turning", GAIN, 2e-3),
     "creep_stiffness": Kind("creep stiffness C", "", 0, 0.25, "creep", CREEP, 0.014),
-    "creep_forward_s2_m": Kind("creep T forward", "s^2/m", 0.03, 0, "creep forward", CREEP, 8e-4),
-    "creep_sideways_s2_m": Kind("creep T sideways", "s^2/m", 0.03, 0, "creep sideways", CREEP, 1.1e-3),
-    "drag_forward_m_s2": Kind("drag through the contacts forward", "m/s^2", 0, 0.25, "creep forward", DRAG, 0.03),
-    "drag_sideways_m_s2": Kind("drag through the contacts sideways", "m/s^2", 0, 0.25, "creep sideways", DRAG, 0.017),
     "pile": Kind("drag of the pile, over load", "", 0.02, 0, "creep", DRAG, 7e-3),
     "roller_friction": Kind("friction of rollers, over load", "", 0.03, 0, "creep", DRAG, 8e-3),
     "radius_m": Kind("effective wheel radius", "m", 0, 0.01, "", GAIN, 1.1e-3),
     "arm_m": Kind("effective arm", "m", 0, 0.02, "turning", GAIN, 3e-3),
     "lag_forward_s": Kind("lag tau forward", "s", 0.02, 0, "forward", LAG, 1e-3),
     "friction_forward_m_s": Kind("dry friction c forward", "m/s", 0.03, 0, "forward", SLOW),
-    "slope_x_rad": Kind("slope of the carpet down along x", "rad", 0.01, 0, "creep", CREEP, 4e-4),
-    "slope_y_rad": Kind("slope of the carpet down along y", "rad", 0.01, 0, "creep", CREEP, 4e-4),
     "jitter_s": Kind("jitter of the delay, standard deviation", "s", 0.004, 0.5, "", RECEIVED),
     "lost": Kind("commands that were lost, share", "", 0.02, 0, "", RECEIVED),
     "compass_rad": Kind("angle of the robot's axes", "rad", 0.05, 0, "", "straight moves of a metre or more"),
 }
+for _axis in (*AXES, "turning"):
+    KINDS[f"gain_{_axis}"] = Kind(f"gain K {_axis}", "", 0.05, 0, _axis, GAIN, 2e-3)
+    KINDS[f"creep_{_axis}_s2_m"] = Kind(f"creep T {_axis}", "s^2/m", 0.03, 0, f"creep {_axis}", CREEP, 1e-3)
+    KINDS[f"drag_{_axis}_m_s2"] = Kind(
+        f"drag through the contacts {_axis}", "m/s^2", 0, 0.25, f"creep {_axis}", DRAG, 0.025
+    )
+for _axis in "xy":
+    KINDS[f"slope_{_axis}_rad"] = Kind(f"slope of the carpet down along {_axis}", "rad", 0.01, 0, "creep", CREEP, 4e-4)
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ class Estimate:
     """A number of the robot.
 
     Attributes:
-        name, title, unit: of it; source: commands, wheels, motors or stamps.
+        name, title, unit: of it; source: commands, wheels or stamps.
         value, error: with its standard error, `noise` that of the data alone; low, high: ends of the 95 % interval.
         why_not: why the data cannot tell it, or None; would_tell: what to drive then.
     """
