@@ -37,7 +37,7 @@ def travel(parameters: PlanarParameters, state: PlanarState, stiffness: float | 
     inputs, none = jax.tree.map(jnp.asarray, quiet_inputs(1)), jnp.zeros(1)
 
     def frame(state: PlanarState, speed: jax.Array) -> tuple[PlanarState, None]:
-        command = Command(speed[None], none, none, jnp.ones(1, bool), None, None)
+        command = Command(speed[None], none, none, jnp.ones(1, bool))
         return advance_frame(parameters, state, command, inputs)[0], None
 
     state, _ = jax.lax.scan(frame, state, jnp.linspace(0.0, 2.0, FRAMES))

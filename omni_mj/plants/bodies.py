@@ -97,7 +97,7 @@ class MujocoBodies:
             more = before * mass / (before + mass) * spread(at - centre)
             now["body_ipos"][row] = centre + mass / (before + mass) * (at - centre)
             if more.any():
-                now["body_inertia"][row], now["body_iquat"][row] = _turned(
+                now["body_inertia"][row], now["body_iquat"][row] = _joined(
                     now["body_inertia"][row], now["body_iquat"][row], more
                 )
         for name, values in now.items():
@@ -105,17 +105,12 @@ class MujocoBodies:
         self._now = now
 
 
-def _turned(inertia: Array, quaternion: Array, more: Array) -> tuple[Array, Array]:
-    """Principal moments (3,) and axes (4,) of a body that has `more` inertia (3, 3) than those say, in its frame.
-
-    Axes are numbered as before, next to which each is taken: of a body whose axes stay, none is renamed.
-    """
+def _joined(inertia: Array, quaternion: Array, more: Array) -> tuple[Array, Array]:
+    """Return principal moments (3,) and axes (4,) of a body with `more` inertia (3, 3), in its frame."""
     matrix, turned = np.zeros(9), np.zeros(4)
     mujoco.mju_quat2Mat(matrix, quaternion)
     axes = matrix.reshape(3, 3)
-    moments, vectors = np.linalg.eigh(np.diag(inertia) + axes.T @ more @ axes)
-    order = np.argsort(np.abs(vectors).argmax(0))
-    first, second, _ = vectors.T[order] * np.sign(np.diag(vectors[:, order]))[:, None]
-    own = np.column_stack([first, second, np.cross(first, second)])
-    mujoco.mju_mat2Quat(turned, (axes @ own).ravel())
-    return moments[order], turned
+    moments, vectors = np.linalg.eigh(axes * inertia @ axes.T + more)
+    vectors[:, 2] *= np.linalg.det(vectors)  # right-handed
+    mujoco.mju_mat2Quat(turned, vectors.ravel())
+    return moments, turned

@@ -109,11 +109,7 @@ class WheeledPlant(Faulty):
             push_x=push[:, 0],
             push_y=push[:, 1],
             power_share=np.ones(len(self._rows)),
-            gyro_scale=None,
-            encoder_scale=None,
             held_current=held,
-            is_deaf=None,
-            is_off=None,
             is_stopped=stopped if stopped.any() else None,
         )
         return inputs._replace(**extra) if extra else inputs

@@ -58,12 +58,12 @@ class FrameInputs(NamedTuple):
     push_x: Array  # force on the chassis, world frame, N
     push_y: Array
     power_share: Array  # share of the battery's voltage that its contacts pass
-    gyro_scale: Array  # turn rate that the gyro shows over the true one; None if gyros are sound
-    encoder_scale: Array  # angle that encoders show over the true one, (W, n); None if encoders are sound
-    held_current: Array  # that drivers hold, (W, n) A; NaN where the firmware drives; None if it does everywhere
-    is_deaf: Array  # robots that ignore commands; None if processors are sound
-    is_off: Array  # robots whose processors are off; None if processors are sound
-    is_stopped: Array  # robots that have failed, whose drivers short the motors; None if all go on
+    gyro_scale: Array = None  # turn rate that the gyro shows over the true one; None if gyros are sound
+    encoder_scale: Array = None  # angle that encoders show over the true one, (W, n); None if encoders are sound
+    held_current: Array = None  # that drivers hold, (W, n) A; NaN where the firmware drives; None if it does everywhere
+    is_deaf: Array = None  # robots that ignore commands; None if processors are sound
+    is_off: Array = None  # robots whose processors are off; None if processors are sound
+    is_stopped: Array = None  # robots that have failed, whose drivers short the motors; None if all go on
 
 
 class OnboardState(NamedTuple):
@@ -125,7 +125,7 @@ def onboard(
 def quiet_inputs(n: int) -> FrameInputs:
     """Return the inputs of a frame in which nothing acts on n robots."""
     none = np.zeros(n)
-    return FrameInputs(np.full(n, np.nan), np.zeros(n, int), none, none, none, np.ones(n), *[None] * 6)
+    return FrameInputs(np.full(n, np.nan), np.zeros(n, int), none, none, none, np.ones(n))
 
 
 def hear(p: OnboardParameters, s: OnboardState, command: Command) -> OnboardState:

@@ -56,8 +56,8 @@ class Command(NamedTuple):
     velocity_y: Array  # m/s
     turn_rate: Array  # rad/s
     is_new: Array  # whether it arrived in this frame
-    in_robot_frame: Array  # whether the velocity is in the robot's frame; None if all are in the world frame
-    wheel_speeds: Array  # in place of the velocity, (W, n) rad/s; NaN where there is none, None if nowhere
+    in_robot_frame: Array = None  # whether the velocity is in the robot's frame; None if all are in the world frame
+    wheel_speeds: Array = None  # in place of the velocity, (W, n) rad/s; NaN where there is none, None if nowhere
 
 
 class LoopState(NamedTuple):
@@ -70,18 +70,18 @@ class LoopState(NamedTuple):
     speed_0: Array  # wheel speeds for the commanded velocity at heading 0, (W, n) rad/s
     speed_90: Array  # the same at heading 90 degrees
     turn_rate: Array  # commanded turn rate times 1 + turn_gain, rad/s
-    in_robot_frame: Array  # see `Command`
-    wheel_speeds: Array  # see `Command`
-    swing: Array  # how far a motor's voltage may be from its back-EMF, (W, n) V; None without derating
     last_count: Array  # of the encoders, (W, n)
-    integral: Array  # (W, n) rad; None without integral part
-    last_error: Array  # (W, n) rad/s; None as integral
     duty: Array  # of the drivers, (W, n) in [-1, 1]
-    encoder_scale: Array  # angle that encoders show over the wheel's angle, (W, n); None if encoders are sound
-    encoder_shift: Array  # angle that they show besides, (W, n) rad
-    is_off: Array  # whether the processor is off; None if no robot has such a fault
-    is_lost: Array  # whether it started again and does not know its heading yet; None as is_off
-    ignores: Array  # whether it ignores commands; None as is_off
+    in_robot_frame: Array = None  # see `Command`
+    wheel_speeds: Array = None  # see `Command`
+    swing: Array = None  # how far a motor's voltage may be from its back-EMF, (W, n) V; None without derating
+    integral: Array = None  # (W, n) rad; None without integral part
+    last_error: Array = None  # (W, n) rad/s; None as integral
+    encoder_scale: Array = None  # angle that encoders show over the wheel's angle, (W, n); None if encoders are sound
+    encoder_shift: Array = None  # angle that they show besides, (W, n) rad
+    is_off: Array = None  # whether the processor is off; None if no robot has such a fault
+    is_lost: Array = None  # whether it started again and does not know its heading yet; None as is_off
+    ignores: Array = None  # whether it ignores commands; None as is_off
 
 
 def loop_parameters(settings: Sequence[Settings], kinematics: Kinematics) -> LoopParameters:
@@ -142,8 +142,6 @@ def loops_at_rest(p: LoopParameters, heading: Array, frames: int, restarts: bool
         speed_0=zero,
         speed_90=zero,
         turn_rate=still,
-        in_robot_frame=None,
-        wheel_speeds=None,
         swing=None if p.limit_c is None else np.full_like(zero, np.inf),
         last_count=zero,
         integral=None if p.ki is None else zero,

@@ -24,7 +24,7 @@ def carried(settings: list[Settings], heading: float = 0.0, restarts: bool = Fal
 def command(x: float = 0.0, y: float = 0.0, turn: float = 0.0, n: int = 1, **more: Any) -> wheel_loops.Command:
     """One command for all robots."""
     values = [np.full(n, each) for each in (x, y, turn)]
-    return wheel_loops.Command(*values, np.ones(n, bool), None, None)._replace(**more)
+    return wheel_loops.Command(*values, np.ones(n, bool))._replace(**more)
 
 
 class Firmware:
