@@ -15,7 +15,7 @@ from omni_mj.scenarios import references
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 
-NONE = 1e-6  # of lag, friction and creep, on plants without wheels; zero would mean that nobody knows them
+NONE = 1e-9  # of lag, friction and creep, on plants without wheels; zero would mean that nobody knows them
 Follow = Callable[[np.ndarray], Reference]
 
 
