@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 # Of a run, in the order in which a report shows them.
-FIGURES = ("path", "output", "error", "why", "alpha", "temperatures", "seeds", "memberships")
+FIGURES = ("path", "output", "error", "why", "alpha", "seeds", "memberships")
 SHEET = Path(__file__).with_name("omni.mplstyle")
 REFERENCE = "#7F7F7F"
 BACKGROUND = "#C8C8C8"
@@ -25,7 +25,7 @@ DASHES: tuple[tuple[float, ...], ...] = (
     (), (4, 1.5), (6, 1.5, 1, 1.5), (1.2, 1.2), (9, 2), (6, 1, 1, 1, 1, 1), (), (2, 1), (3, 1, 3, 1, 1, 1), (7, 3),
     (), (4, 1, 1, 1),
 )  # fmt: skip
-SHIPPED = ("flc", "comp-flc", "adaptive-comp-flc", "mpc", "comp-flc-lag", "lqr", "p", "smith", "oracle")
+SHIPPED = ("flc", "comp-flc", "adaptive-comp-flc", "mpc", "comp-flc-lag", "lqr", "p", "smith", "oracle", "inverse-flc")
 
 
 class ErrorAxis(NamedTuple):

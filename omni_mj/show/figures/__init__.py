@@ -1,4 +1,4 @@
-"""Figures of a run, from each controller's first row but for the box plots over all seeds; and of comparisons."""
+"""Figures of a run, from each controller's first row but for the one over all seeds; and of comparisons."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -16,7 +16,8 @@ from omni_mj.show.figures.first import FirstRows
 if TYPE_CHECKING:
     from omni_mj.measure.result import Outcome
 
-OVER_TIME = ("path", "output", "error", "why", "alpha", "temperatures")
+OVER_TIME = ("path", "output", "error", "why", "alpha")
+FEWEST_SEEDS = 3  # that make a figure
 
 
 def save_all(outcome: "Outcome", folder: Path, svg: bool = False) -> None:
@@ -32,20 +33,26 @@ def save_all(outcome: "Outcome", folder: Path, svg: bool = False) -> None:
         return
     first = FirstRows(log, outcome.failures)
     folder.mkdir(parents=True, exist_ok=True)
-    for name, draw in drawings(first, outcome.entry, scenario.settings.control).items():
+    for name, draw in drawings(first, {scenario.name: outcome.entry}, scenario.settings.control).items():
         with canvas.drawing(folder / name, svg=svg, layout="none") as figure:
             draw(figure)
             title = [figure.get_suptitle()]
-            if name != "memberships":
-                title[0] += f": {scenario.name}, {where(outcome.entry)}"
             if name in OVER_TIME:
-                title[0] += f", seed {log.seeds[0]}"
+                title[0] += f": {scenario.name}, {where(outcome.entry)}, seed {log.seeds[0]}"
                 title += [f"{f.controller} failed at {f.time_s:.2f} s: {f.cause}" for f in first.failed.values()]
             figure.suptitle("\n".join(title))
 
 
-def drawings(first: FirstRows, entry: dict[str, Any], control: ControlSettings) -> dict[str, Callable[[Figure], None]]:
-    """Return the functions that draw the figures for which a run has data, by name."""
+def drawings(
+    first: FirstRows, entry: Mapping[str, dict[str, Any]], control: ControlSettings
+) -> dict[str, Callable[[Figure], None]]:
+    """Return the functions that draw the figures for which a run has data, by name.
+
+    Args:
+        first: Rows that figures over time show.
+        entry: The run's entry of the summary by its scenario's name.
+        control: Settings of the fuzzy controller.
+    """
     functions: dict[str, Callable[[Figure], None]] = {
         "path": partial(paths.draw_paths, first),
         "output": partial(series.draw_output, first),
@@ -54,10 +61,8 @@ def drawings(first: FirstRows, entry: dict[str, Any], control: ControlSettings) 
     }
     if series.estimators(first):
         functions["alpha"] = partial(series.draw_alpha, first)
-    if first.has("winding"):
-        functions["temperatures"] = partial(series.draw_temperatures, first)
-    if len(first.log.seeds) >= comparison.FEWEST_SEEDS:
-        functions["seeds"] = partial(comparison.draw_seeds, entry, first.turns())
+    if len(first.log.seeds) >= FEWEST_SEEDS:
+        functions["seeds"] = partial(comparison.draw_comparison, entry, ())
     functions["memberships"] = partial(controller.draw_memberships, control)
     return functions
 

@@ -25,8 +25,7 @@ MAX_SHARED_CURVES = 3  # curves that one pair of axes shows; more controllers ge
 LETTERS_PER_INCH, HANDLE_LETTERS = 12, 9  # of titles and legends; room of a legend's line
 LINE_IN, GAP_IN = 0.18, 0.42  # height of a line of text; between panels
 MARKERS_PER_CURVE = 12
-OFF_SCALE = 1.5  # how far, in ranges of the others, an outlier's curve is shown
-OUTLIER = 3.0  # ratio to the median controller's largest value beyond which a curve is an outlier
+OUTLIER = 3.0  # ratio to the median controller's largest value beyond which curves are cut off
 WIDE_RANGE = 200.0  # ratio of limits above which a logarithmic axis labels powers of ten only
 LIMIT_DASHES = dict(zip(LIMITS.values(), ("-", (0, (1, 1))), strict=True))
 COMPARED: dict[str, Any] = {"color": style.REFERENCE, "lw": 0.8, "ls": (0, (4, 1.5))}
@@ -144,9 +143,6 @@ def visible_range(values: Array, failed: Collection[int]) -> tuple[float, float]
     """
     low, high = np.nanmin(values, axis=0, initial=0.0), np.nanmax(values, axis=0, initial=0.0)
     largest = np.maximum(-low, high)
-    whole = np.array([i not in failed for i in range(len(largest))])
-    typical = np.median(largest[whole]) if whole.any() else 0.0
-    whole &= ~(largest > OUTLIER * typical) | (typical == 0)
-    if not whole.any() or not largest[whole].any():
-        whole[:] = True
-    return max(low.min(), OFF_SCALE * low[whole].min()), min(high.max(), OFF_SCALE * high[whole].max())
+    others = [value for i, value in enumerate(largest) if i not in failed and value] or largest
+    bound = OUTLIER * float(np.median(others))
+    return max(low.min(), -bound), min(high.max(), bound)

@@ -1,4 +1,4 @@
-"""Figures over seeds and scenarios: means of a comparison with intervals, box plots of a run."""
+"""Figure that compares controllers: means over the seeds with their intervals, scenario by scenario."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -15,11 +15,9 @@ from omni_mj.show import style
 from omni_mj.show.figures import canvas
 
 Entry = dict[str, Any]  # a scenario's, in a summary
-LINE_IN = 0.1  # height of a controller's line
+LINE_IN = 0.1, 0.25  # height of a controller's line with several scenarios; with one
 GAP = 1.5  # between scenarios, in lines
-FEWEST_SEEDS = 3  # that make a box
-MOST_DOTS = 60  # seeds up to which single ones are shown
-WIDE_RANGE = 10.0  # ratio of largest to smallest value above which a scale is logarithmic
+MAX_DOTS = 60  # seeds up to which single ones are shown
 
 
 @dataclass(frozen=True)
@@ -55,6 +53,8 @@ PANELS = (
 def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figure: Figure) -> None:
     """Draw means over the seeds with their intervals, scenario by scenario, a panel per statistic.
 
+    A figure of one scenario shows its seeds as dots as well.
+
     Args:
         entries: Entries of a summary by label; those without results are left out.
         informed: Controllers that know the truth, drawn hollow.
@@ -63,7 +63,8 @@ def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figur
     entries = {label: entry for label, entry in entries.items() if entry["results"]}
     slots = style.slots(name for entry in entries.values() for name in entry["results"])
     tops = np.cumsum([0.0, *(len(entry["results"]) + GAP for entry in entries.values())])
-    figure.set_size_inches(11, 1.9 + LINE_IN * tops[-1])
+    figure.set_layout_engine("constrained")
+    figure.set_size_inches(11, 1.9 + LINE_IN[len(entries) == 1] * tops[-1])
     grid = figure.subplots(1, len(PANELS), sharey=True)
     for axes, panel in zip(grid, PANELS, strict=True):
         shown = []
@@ -72,7 +73,13 @@ def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figur
                 axes.axhspan(*span, color="#F4F4F4", lw=0, zorder=0)
             for line, (name, result) in enumerate(entry["results"].items(), start=1):
                 spread, label = panel.spread(result), name + " (informed)" * (name in informed)
-                _dot(axes, panel, spread, span[0] + line + GAP / 2 - 0.5, slots[name], label)
+                height = span[0] + line + GAP / 2 - 0.5
+                _dot(axes, panel, spread, height, slots[name], label)
+                if len(entries) == 1 and 1 < len(spread["seeds"]) <= MAX_DOTS:
+                    seeds = panel.scale * np.array(spread["seeds"], float)
+                    axes.plot(
+                        seeds, np.full(len(seeds), height + 0.3), ".", ms=4, mew=0, color="#333333", label="a seed"
+                    )
                 shown += [spread["mean"]]
             for name, errors in limits.of(entry).items() if panel.limited else ():
                 mean = panel.spread({"error_m": errors})["mean"]
@@ -109,49 +116,3 @@ def _dot(axes: Axes, panel: Panel, spread: Entry, line: float, slot: int, label:
     else:
         mean, half = panel.scale * spread["mean"], panel.scale * (spread["plus_minus"] or 0.0)
         axes.errorbar(mean, line, xerr=half, elinewidth=1.2, zorder=3, **look)
-
-
-def draw_seeds(entry: Entry, heading: bool, figure: Figure) -> None:
-    """Draw the maximum and mean errors of each controller as boxes from quartile to quartile, whiskers to the ends.
-
-    Args:
-        entry: A scenario's entry of the summary.
-        heading: Whether to show errors of heading.
-        figure: Empty figure.
-    """
-    results, paper = entry["results"], entry["paper"] or {}
-    axes = ["x", "y", "distance", *["heading"] * heading]
-    figure.set_layout_engine("constrained")
-    figure.set_size_inches(2.7 * len(axes), 1.8 + 0.72 * (len(results) + 1))
-    grid = figure.subplots(2, len(axes), sharey=True)
-    colours = [style.colour(slot) for slot in style.slots(results).values()]
-    for (statistic, axis), panel in zip([(s, axis) for s in ("max", "mean") for axis in axes], grid.flat, strict=True):
-        phrase, part, unit, scale = style.ERROR_AXES[axis]
-        seeds = [scale * np.array(result[part][axis][statistic]["seeds"], float) for result in results.values()]
-        boxes = panel.boxplot(
-            [values[~np.isnan(values)] for values in seeds], positions=range(len(seeds)), orientation="horizontal",
-            widths=0.55, whis=(0, 100), patch_artist=True, medianprops={"color": "black", "linewidth": 1.6}, zorder=2,
-        )["boxes"]  # fmt: skip
-        for row, (controller, box, colour, values) in enumerate(zip(results, boxes, colours, seeds, strict=True)):
-            box.set(facecolor=colour + "55", edgecolor=colour)
-            if len(values) <= MOST_DOTS:
-                heights = row + 0.16 * np.linspace(-1, 1, len(values))
-                panel.plot(values, heights, "o", ms=3, mew=0, color="#333333", zorder=3, label="a seed")
-            if printed := paper.get(controller, {}).get(axis):
-                panel.plot(scale * printed[statistic], row, "D", mec="k", mfc="white", zorder=4, label="the paper")
-        for known, errors in limits.of(entry).items():
-            if part == "error_m" and errors[axis][statistic]["median"] is not None:
-                canvas.mark_limit(panel, scale * errors[axis][statistic]["median"], known, (-0.6, len(results) - 0.4))
-        low, high = panel.dataLim.intervalx
-        panel.margins(x=0.06)
-        if high > WIDE_RANGE * low > 0:
-            canvas.use_log_scale(panel.xaxis)
-        else:
-            panel.set_xlim(left=0)
-        panel.grid(axis="y", visible=False)
-        panel.set_xlabel(f"{'maximum' if statistic == 'max' else 'mean'} |error| {phrase}, {unit}")
-    labels = [f"{name}\n({r['failed']} failed)" if r["failed"] else name for name, r in results.items()]
-    grid[0, 0].set_yticks(range(len(results)), labels)
-    grid[0, 0].set_ylim(len(results) - 0.4, -0.6)
-    canvas.add_legend(figure, grid.flat)
-    figure.suptitle(f"Errors over {len(seeds[0])} seeds")

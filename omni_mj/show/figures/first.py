@@ -61,10 +61,6 @@ class FirstRows:
         """Return a channel of the log, (frames, controllers, columns)."""
         return self.log.channel(name)[: self.lengths.max(), self.rows]
 
-    def has(self, name: str) -> bool:
-        """Return whether a channel holds any number."""
-        return not np.isnan(self.channel(name)).all()
-
     def errors(self, axis: str) -> Array:
         """Return absolute errors along one of `errors.AXES`, (frames, controllers), m or rad."""
         return errors(self.log)[axis][: self.lengths.max(), self.rows]

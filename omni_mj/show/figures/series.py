@@ -1,4 +1,4 @@
-"""Figures over time: output, errors, causes of errors, motor correction factor alpha, temperatures."""
+"""Figures over time: output, errors, causes of errors, motor correction factor alpha."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,12 +10,10 @@ from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
 from omni_mj.show.figures.first import FirstRows
-from omni_mj.worlds.build import kinematics
 
 PAPER_ALPHA = (0.7, 1.0)  # section 2
 SIGMA = "own_alpha_sigma"  # channel of a controller's own, standard deviation of its estimate
 RATIO = f"displacement achieved over commanded in {metrics.ALPHA_WINDOW_FRAMES} frames"
-NEAR_LIMIT_K = 30.0  # distance to the limit of the windings within which it is drawn
 
 
 def draw_output(first: FirstRows, figure: Figure) -> None:
@@ -75,7 +73,11 @@ def estimators(first: FirstRows) -> list[int]:
 def draw_alpha(first: FirstRows, figure: Figure) -> None:
     """Draw the estimates of alpha, and displacement achieved over commanded where robots drive."""
     shown = estimators(first)
-    ratio, estimate = driven_alpha(first), first.channel("alpha_hat")
+    estimate, position = first.channel("alpha_hat"), first.channel("pose")[..., :2]
+    ratio = np.full_like(position, np.nan)
+    if len(ratio) > metrics.ALPHA_WINDOW_FRAMES:
+        windows = metrics.driven_alpha(position, first.channel("applied")[..., :2])
+        ratio[metrics.ALPHA_WINDOW_FRAMES :] = windows
     sigma = first.channel(SIGMA) if SIGMA in first.log.columns else np.full_like(estimate, np.nan)
     grid = canvas.time_axes(figure, len(shown), 2, 1.4, sharey=True)
     for (row, column), axes in np.ndenumerate(grid):
@@ -95,32 +97,6 @@ def draw_alpha(first: FirstRows, figure: Figure) -> None:
     grid[0, 0].set_ylim(max(0.0, min(0.6, low - 0.05)), min(2.0, max(1.1, high + 0.05)))
     canvas.add_legend(figure, grid.flat)
     figure.suptitle("Motor correction factor alpha")
-
-
-def driven_alpha(first: FirstRows) -> Array:
-    """Return the ratio of the window that ends in each frame, (frames, controllers, 2); NaN at rest."""
-    position, applied = first.channel("pose")[..., :2], first.channel("applied")[..., :2]
-    alpha = np.full_like(position, np.nan)
-    if len(alpha) > metrics.ALPHA_WINDOW_FRAMES:
-        alpha[metrics.ALPHA_WINDOW_FRAMES :] = metrics.driven_alpha(position, applied)
-    return alpha
-
-
-def draw_temperatures(first: FirstRows, figure: Figure) -> None:
-    """Draw the winding temperature of each motor, for each controller."""
-    grid = canvas.time_axes(figure, len(first.names), 1, 1.2, sharey=True)[:, 0]
-    values = first.channel("winding")
-    low, high = np.nanmin(values), np.nanmax(values)
-    for i, (axes, name) in enumerate(zip(grid, first.names, strict=True)):
-        settings = first.log.rows[first.rows[i]].settings
-        for motor, wheel in enumerate(style.wheel_names(kinematics(settings.wheels).azimuths)):
-            canvas.plot_curve(axes, values[:, i, motor], motor, motor, f"motor {motor + 1}, {wheel}")
-        axes.set(title=name, ylabel="°C", ylim=(low - 0.1, max(high, low + 1) + 0.1))
-        limit = settings.motor.limit_c
-        if high > limit - NEAR_LIMIT_K:
-            axes.axhline(limit, color="k", lw=1, ls=":", label=f"limit, {limit:g} °C")
-    canvas.add_legend(figure, grid)
-    figure.suptitle("Temperatures of the motors' windings")
 
 
 def _compare(
