@@ -210,7 +210,8 @@ def _table(result: "Result") -> None:
 def _files(result: "Result", folder: Path) -> None:
     """Print what is in the folder."""
     (outcome,) = result.outcomes
-    print(f"{outcome.entry['simulated_s']:.1f} s simulated in {result.wall_s:.1f} s; results in {folder}/")
+    by = " by JAX" if outcome.scenario.settings.physics.kernel == "jax" else ""
+    print(f"{outcome.entry['simulated_s']:.1f} s simulated in {result.wall_s:.1f} s{by}; results in {folder}/")
     frames, figures, recording = (folder / name for name in ("trajectory.parquet", "figures", "recording.rrd"))
     print(f"  report     {folder / 'report.html'}")
     print(f"  numbers    {folder / 'summary.json'}" + f", {frames}" * frames.exists())
