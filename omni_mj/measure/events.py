@@ -5,16 +5,14 @@ An event depends on nothing that comes after its frame, so that events can be to
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from omni_control.kinematics import Array
 from omni_control.reference.iterated import ARRIVAL_ANGLE_RAD, ARRIVAL_RADIUS_M
 from omni_mj.measure import causes
 from omni_mj.scenarios import references
 from omni_mj.scenarios.faults import span
-from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.simulate.log import Log
 
@@ -42,8 +40,11 @@ class Event:
     place: int = 0
 
 
+Happening = tuple[int, str, str]  # frame, kind, text
+
+
 def find(log: Log, failures: "Iterable[Failure]" = ()) -> list[Event]:
-    """What a user must know of each row, in the order of time: stopped rows, faults; once, heat, battery, drivers."""
+    """Return the important events of all rows in order of time; of current limits only each row's first."""
     failures, found = list(failures), list[Event]()
     for row in range(len(log.rows)):
         events = [event for event in of_row(log, row, failures) if event.kind in ALWAYS]
@@ -52,112 +53,130 @@ def find(log: Log, failures: "Iterable[Failure]" = ()) -> list[Event]:
     return sorted(found, key=lambda event: (event.frame, event.kind != STOPPED))
 
 
+def of_row(log: Log, row: int, failures: "Iterable[Failure]" = ()) -> list[Event]:
+    """Return all events of a row in order of time."""
+    return Watch(log, row).new(failures)
+
+
 class Watch:
-    """Tells each event of a row once while its log grows.
+    """Search for the events of one row while its log grows; each call looks at the new frames only.
 
     Args:
-        log: of a simulation that goes on.
-        row: whose events are told.
+        log: Log of a simulation, which may go on.
+        row: Row of the log.
     """
 
     def __init__(self, log: Log, row: int) -> None:
         self._log, self._row = log, row
-        self._known: set[Event] = set()
+        self._start = 0  # first frame that was not searched
+        self._once = set[str]()  # kinds that happened and do so once
+        self._lost: int | None = None  # frame from which on vision does not see the robot
+        settings = log.rows[row].settings.reference
+        self._way_points = references.waypoints(settings, log.rows[row].where)
+        self._is_timed = settings.mode == "timed"
+        self._arrivals = [0]  # frames in which the timed reference is at the way-points, as far as known
+        self._reached = {0: 0}  # way-point -> frame in which the robot reached it
 
     def new(self, failures: "Iterable[Failure]" = ()) -> list[Event]:
-        """What happened since this was asked last, in the order of time."""
-        fresh = [event for event in of_row(self._log, self._row, failures) if event not in self._known]
-        self._known.update(fresh)
-        return fresh
+        """Return what happened since the last call, in order of time.
 
+        A limit is met in the first frame at it, `QUIET_FRAMES` after the last.
+        """
+        row, stop = self._log.rows[self._row], int(self._log.lengths[self._row])
+        happened = [
+            *self._stops(failures),
+            *(event for event in self._states(stop) if event[0] >= self._start),
+            *self._misses(stop),
+            *self._passed_way_points(stop),
+        ]
+        self._start = stop
+        events = [
+            Event(frame, frame * PERIOD_S, row.controller, row.seed, kind, text, row.place)
+            for frame, kind, text in happened
+        ]
+        return sorted(events, key=lambda event: event.frame)
 
-def of_row(log: Log, row: int, failures: "Iterable[Failure]" = ()) -> list[Event]:
-    """Everything that happened to a row, in the order of time: also limits, misses, way-points.
+    def _channel(self, name: str, first: int, stop: int) -> np.ndarray:
+        return self._log.channel(name)[first:stop, self._row]
 
-    A limit is met in the first frame at it, `QUIET_FRAMES` after the last.
-    """
-    own, settings = log.rows[row], log.rows[row].settings
-    frames = int(log.lengths[row])
-    happened = list[tuple[int, str, str]]()
-    for failure in failures:
-        if failure.row == row:
-            happened.append((round(failure.time_s / PERIOD_S), STOPPED, f"stopped: {failure.cause}"))
-    channel = {
-        name: log.channel(name)[:frames, row]
-        for name in ("pose", "ref", "command", "vision_valid", "duty_peak", "current_limited", "battery", "winding")
-    }
-    battery = channel["battery"][:, 0]
-    with np.errstate(invalid="ignore"):  # not a number where there are no motors
-        hot = (channel["winding"] > settings.motor.limit_c).any(-1)
-    happened += _once(hot, TEMPERATURE, f"a winding is above {settings.motor.limit_c:g} deg C")
-    text = f"the battery sank below {settings.battery.cut_off_v:g} V and gives no more power"
-    happened += _once(battery == 0, BATTERY, text)
-    for fault in own.faults:
-        for frame, does in zip(span(fault), ("begins", "ends"), strict=True):
-            if frame < frames:
-                happened.append((int(frame), FAULT, f"{does}: {fault.text}"))
-    for motor, share in enumerate(channel["current_limited"].T):
-        limit = f"{settings.firmware.current_limit_a:g} A"
-        happened += _met(share > 0, CURRENT, f"the driver limits the current of motor {motor + 1} to {limit}")
-    for unit, (value, met) in causes.at_limits(channel["command"], np.zeros(3), settings.control).items():
-        happened += _met(met, LIMIT, f"the command is held back to {value:g} {unit}")
-    full = (channel["duty_peak"][:, 0] >= 1) & (battery > 0)
-    happened += _met(full, VOLTAGE, "a motor takes all the battery's voltage")
-    happened += _misses(channel["vision_valid"][:, 0])
-    happened += _way_points(own, channel["pose"], channel["ref"])
-    found = [
-        Event(frame, frame * PERIOD_S, own.controller, own.seed, kind, text, own.place)
-        for frame, kind, text in happened
-    ]
-    return sorted(found, key=lambda event: event.frame)
+    def _stops(self, failures: "Iterable[Failure]") -> Iterator[Happening]:
+        for failure in failures:
+            if failure.row == self._row and STOPPED not in self._once:
+                self._once.add(STOPPED)
+                yield round(failure.time_s / PERIOD_S), STOPPED, f"stopped: {failure.cause}"
 
+    def _states(self, stop: int) -> Iterator[Happening]:
+        """Yield faults, and what motors and commands do; also again what happened in the quiet time before."""
+        first, row = max(0, self._start - QUIET_FRAMES), self._log.rows[self._row]
+        settings = row.settings
+        battery = self._channel("battery", first, stop)[:, 0]
+        with np.errstate(invalid="ignore"):  # not a number where there are no motors
+            hot = (self._channel("winding", first, stop) > settings.motor.limit_c).any(-1)
+        dead_text = f"the battery sank below {settings.battery.cut_off_v:g} V and gives no more power"
+        for kind, happens, text in (
+            (TEMPERATURE, hot, f"a winding is above {settings.motor.limit_c:g} deg C"),
+            (BATTERY, battery == 0, dead_text),
+        ):
+            if happens.any() and kind not in self._once:
+                self._once.add(kind)
+                yield first + int(happens.argmax()), kind, text
+        for fault in row.faults:
+            for frame, does in zip(span(fault), ("begins", "ends"), strict=True):
+                if frame < stop:
+                    yield int(frame), FAULT, f"{does}: {fault.text}"
+        command = self._channel("command", max(0, first - 1), stop)
+        before, command = (command[0], command[1:]) if first else (np.zeros(3), command)
+        full_voltage = (self._channel("duty_peak", first, stop)[:, 0] >= 1) & (battery > 0)
+        states = [(full_voltage, VOLTAGE, "a motor takes all the battery's voltage")]
+        for unit, (value, met) in causes.at_limits(command, before, settings.control).items():
+            states.append((met, LIMIT, f"the command is held back to {value:g} {unit}"))
+        for motor, share in enumerate(self._channel("current_limited", first, stop).T):
+            limit = f"motor {motor + 1} to {settings.firmware.current_limit_a:g} A"
+            states.append((share > 0, CURRENT, f"the driver limits the current of {limit}"))
+        for active, kind, text in states:
+            frames = np.flatnonzero(active)
+            begins = np.diff(frames, prepend=-QUIET_FRAMES - 1) > QUIET_FRAMES
+            yield from ((first + frame, kind, text) for frame in frames[begins].tolist())
 
-def _once(happens: Any, kind: str, text: str) -> list[tuple[int, str, str]]:
-    """Return the first frame in which it happens (frames,)."""
-    return [(int(happens.argmax()), kind, text)] if happens.any() else []
+    def _misses(self, stop: int) -> Iterator[Happening]:
+        """Yield where vision lost sight of the robot, and where it saw it again after several frames."""
+        valid = self._channel("vision_valid", self._start, stop)[:, 0].astype(int)
+        for edge in np.flatnonzero(np.diff(valid, prepend=int(self._lost is None))).tolist():
+            frame = self._start + edge
+            if self._lost is None:
+                self._lost = frame
+                yield frame, VISION, "vision does not see the robot"
+            else:
+                away, self._lost = frame - self._lost, None
+                if away > 1:
+                    yield frame, VISION, f"vision sees the robot again after {away} frames"
 
+    def _passed_way_points(self, stop: int) -> Iterator[Happening]:
+        """Yield where the robot reaches a way-point, with the tolerances of the iterated reference.
 
-def _met(active: np.ndarray, kind: str, text: str) -> Iterator[tuple[int, str, str]]:
-    """Yield the frames (frames,) in which it becomes active that was not so in the `QUIET_FRAMES` before."""
-    frames = np.flatnonzero(active)
-    for frame in frames[np.diff(frames, prepend=-QUIET_FRAMES - 1) > QUIET_FRAMES].tolist():
-        yield frame, kind, text
-
-
-def _misses(valid: np.ndarray) -> Iterator[tuple[int, str, str]]:
-    """Yield where vision (frames,) lost sight of a robot, and where it saw one again that was away for several."""
-    edges = np.flatnonzero(np.diff(valid.astype(int), prepend=1)).tolist()
-    for lost, again in zip(edges[::2], [*edges[1::2], None], strict=False):
-        yield lost, VISION, "vision does not see the robot"
-        if again is not None and again - lost > 1:
-            yield again, VISION, f"vision sees the robot again after {again - lost} frames"
-
-
-def _way_points(row: Row, pose: Array, reference: Array) -> Iterator[tuple[int, str, str]]:
-    """Yield where a robot reaches a way-point, as close as the iterated reference asks for.
-
-    A robot passes a way-point between the timed reference's arrivals at the one before and the one after; one that
-    plans anew in every frame keeps no timetable and passes them one after the other.
-    """
-    settings = row.settings.reference
-    points = references.waypoints(settings, row.where)
-    arrivals = [0]
-    for point in points[1:]:
-        there = np.flatnonzero(np.abs(reference[arrivals[-1] :] - point).max(-1) < ROUNDING)
-        if not there.size:
-            break
-        arrivals.append(arrivals[-1] + int(there[0]))
-    reached = 0
-    for i in range(1, len(points)):
-        timed = settings.mode == "timed"
-        if timed and i > len(arrivals):
-            return
-        first = arrivals[i - 1] if timed else reached
-        stop = arrivals[i + 1] if timed and i + 1 < len(arrivals) else len(pose)
-        offset = np.abs(pose[first:stop] - points[i])
-        near = (np.hypot(offset[:, 0], offset[:, 1]) < ARRIVAL_RADIUS_M) & (offset[:, 2] < ARRIVAL_ANGLE_RAD)
-        if near.any():
-            reached = first + int(near.argmax())
-            yield reached, WAY_POINT, f"way-point {i} of {len(points) - 1} reached"
-        elif not timed:
-            return
+        The robot passes a way-point between the timed reference's arrivals at its neighbours. An iterated reference
+        has no timetable: the robot passes one way-point after the other.
+        """
+        points, arrivals = self._way_points, self._arrivals
+        while self._is_timed and len(arrivals) < len(points):
+            first = max(self._start, arrivals[-1])
+            offset = self._channel("ref", first, stop) - points[len(arrivals)]
+            arrived = np.flatnonzero(np.abs(offset).max(-1) < ROUNDING)
+            if not arrived.size:
+                break
+            arrivals.append(first + int(arrived[0]))
+        for i in range(1, len(points)):
+            if i in self._reached:
+                continue
+            if self._is_timed and i > len(arrivals):
+                return
+            first = max(self._start, arrivals[i - 1] if self._is_timed else self._reached[i - 1])
+            end = arrivals[i + 1] if i + 1 < len(arrivals) else stop
+            offset = np.abs(self._channel("pose", first, end) - points[i])
+            near = np.hypot(offset[:, 0], offset[:, 1]) < ARRIVAL_RADIUS_M
+            near &= offset[:, 2] < ARRIVAL_ANGLE_RAD
+            if near.any():
+                self._reached[i] = first + int(near.argmax())
+                yield self._reached[i], WAY_POINT, f"way-point {i} of {len(points) - 1} reached"
+            elif not self._is_timed:
+                return

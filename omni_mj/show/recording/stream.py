@@ -39,7 +39,6 @@ class Recording:
         self._log, self._sent = simulation.log, 0
         self._stream: rr.RecordingStream | None = None
         self._failure = ""
-        self._events_due = 0.0  # length of the log, frames
         self._known: set[str] = set()  # entities whose shape or look was logged
 
     def __enter__(self) -> "Recording":
@@ -54,9 +53,9 @@ class Recording:
     def update(self) -> None:
         """Send what was recorded since the last time if it fills a block."""
         if self._log.length - self._sent >= self._block_frames:
-            self.write(self._log.length >= self._events_due)
+            self.write()
 
-    def write(self, with_events: bool = True) -> None:
+    def write(self) -> None:
         """Send what was recorded since the last time, so that it stays readable whatever ends the run."""
         with self._guarded():
             if self._failure or not self._log.length:
@@ -66,8 +65,8 @@ class Recording:
             self._sent = self._log.length
             if frames.size:
                 self._send(stream, frames)
-            if with_events:
-                self._send_events(stream)
+            for robot, watch in zip(self._robots, self._watches, strict=True):
+                texts.send_events(stream, robot, watch.new(self._simulation.failures))
             flush(stream)
 
     def finish(self, summary: str) -> None:
@@ -119,12 +118,6 @@ class Recording:
             if recorded.size:
                 scene.send(stream, robot, recorded, self._known)
                 self._send_series(stream, robot, recorded)
-
-    def _send_events(self, stream: rr.RecordingStream) -> None:
-        """Send new events; as they are found in the whole log, less often the longer it is."""
-        for robot, watch in zip(self._robots, self._watches, strict=True):
-            texts.send_events(stream, robot, watch.new(self._simulation.failures))
-        self._events_due = 1.1 * self._log.length
 
     def _send_series(self, stream: rr.RecordingStream, robot: Robot, frames: Frames) -> None:
         """Send a robot's series from their first number on; NaN leaves a gap."""
