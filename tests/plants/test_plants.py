@@ -63,13 +63,6 @@ def test_disturbance_is_uniform_with_the_amplitude_asked_for() -> None:
     np.testing.assert_allclose(drift.std(0), sigma, atol=SIGMAS * sigma / math.sqrt(5 * frames))
 
 
-def test_the_kinematic_plant_has_no_wheels() -> None:
-    telemetry = KinematicPlant(rows([Settings()] * 3), np.zeros((3, 3))).telemetry().named()
-    shapes = {name: (3,) if name.endswith("peak") or name == "battery" else (3, 4) for name in telemetry}
-    assert {name: values.shape for name, values in telemetry.items()} == shapes
-    assert all(np.isnan(values).all() for values in telemetry.values())
-
-
 # --- both ---
 
 

@@ -2,6 +2,7 @@
 
 import runpy
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import omni_mj as om
 from omni_control.errors import OmniError
 
 jax = pytest.importorskip("jax")
+EXAMPLE = Path(__file__).parents[2] / "examples" / "gradient" / "find_creep.py"
 COMMON: dict[str, Any] = {
     "carpet": {"patches": [[0.3, 0.0, 0.2, 0.3]], "nap": 0.3},
     "variation": {"friction": 0.1, "wear_m": 0.0003, "motor_constant": 0.03, "mass": 0.03, "centre_m": 0.003},
@@ -57,7 +59,7 @@ def test_by_numpy_a_row_has_the_same_bits_in_any_batch() -> None:
 
 def test_a_gradient_is_what_finite_differences_say() -> None:
     """Of the example: how far a robot gets by its creep stiffness."""
-    example = runpy.run_path("examples/06_gradient.py")
+    example = runpy.run_path(str(EXAMPLE))
     fast = {"xla_backend_optimization_level": 0, "xla_cpu_use_fusion_emitters": False}  # to compile, not to run
     with jax.enable_x64(True):
         travel, at, step = partial(example["travel"], *example["robot"]()), 2.5, 1e-3

@@ -40,23 +40,6 @@ def test_every_robot_of_a_world_is_the_one_alone() -> None:
         np.testing.assert_array_equal(robot.encoders - three.robots[0].encoders, i * one.model.nsensordata)
 
 
-def test_the_parts_are_those_of_the_same_names() -> None:
-    world = build.world(places=2)
-    model, robot = world.model, world.robots[1]
-    for i in range(4):
-        name = f"robot_2/wheel_{i + 1}"
-        assert robot.wheels[i] == model.body(name).id
-        assert robot.joints[i] == model.joint(name).id
-        assert robot.motors[i] == model.actuator(f"robot_2/motor_{i + 1}").id
-        assert robot.encoders[i] == model.sensor(f"robot_2/encoder_{i + 1}").adr[0]
-        rollers = [model.body(f"robot_2/roller_{i + 1}_{k:02d}") for k in range(16)]
-        assert robot.rollers[i].tolist() == [roller.id for roller in rollers]
-        assert robot.roller_dofs[i].tolist() == [roller.dofadr[0] for roller in rollers]
-    assert robot.gyro == model.sensor("robot_2/gyro").adr[0] + 2
-    touching = {model.geom(g).name for g in model.pair_geom2[world.pairs[1]]}
-    assert touching == {f"robot_2/roller_{i}_{k:02d}" for i in range(1, 5) for k in range(16)}
-
-
 def test_a_roller_is_at_the_bottom_when_its_turn_has_come() -> None:
     world = build.world()
     data = mujoco.MjData(world.model)

@@ -59,7 +59,9 @@ def outcome(
 def drawn(result: Outcome) -> dict[str, Figure]:
     """Return all figures of an outcome by name."""
     assert result.log
-    functions = figures.drawings(FirstRows(result.log, result.failures), {"rect": result.entry}, result.scenario.settings.control)
+    functions = figures.drawings(
+        FirstRows(result.log, result.failures), {"rect": result.entry}, result.scenario.settings.control
+    )
     shown = {}
     with canvas.styled():
         for name, draw in functions.items():
