@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
+from benches.control import Array, Reference, make
 from benches.creeping import WHEELS, Creeping, T, loop
 from closed_loop import BodyFrame, drive, limited, vision
 
 from omni_control import Controller, IteratedReference, MotionLimits, Team, TimedReference, Told
-from omni_control.controllers import make
-from omni_control.kinematics import Array
-from omni_control.reference import Reference
 
 LIMITS = MotionLimits()
 PATH = [[0.0, 0.0, 0.0], [1.2, 0.4, 1.5], [0.5, 0.8, -1.0], [0.0, 0.0, 0.0]]

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benches.control import make
 from closed_loop import T, commands_for, seen_at
 from ways import TIMED
 
 from omni_control import Told
-from omni_control.controllers import make
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "own_robot.py"

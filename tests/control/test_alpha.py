@@ -1,13 +1,10 @@
 """Laws of the motor correction factor's estimate, on the plant of equation 7 with known factors."""
 
 import numpy as np
+from benches.control import AlphaEstimator, Array, CommandsInFlight
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
-
-from omni_control.delay import CommandsInFlight
-from omni_control.estimation.alpha import AlphaEstimator
-from omni_control.kinematics import Array
 
 T = 1 / 60
 CONFIDENCE_M = 0.02

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from benches.control import CONTROLLERS, find, make
 from closed_loop import Lagged, T, commands_for, drive, seen_at
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,8 +10,6 @@ from laws import FEW, FEWER
 from ways import KINDS, LIMITS, REST, TIMED, along, told
 
 from omni_control import TimedReference
-from omni_control.controllers import find, make
-from omni_control.registry import CONTROLLERS
 
 COMPETITORS = ("p", "smith", "lqr", "mpc", "oracle")
 LINEAR, IDENTIFYING = COMPETITORS[:3], COMPETITORS[3:]

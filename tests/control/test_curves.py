@@ -6,16 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from benches.control import CURVES, Array, CurveReference
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
 from scipy.integrate import quad, solve_ivp
-from scipy.optimize import linprog
-from scipy.sparse import diags_array, vstack
 
 from omni_control import MotionLimits
-from omni_control.kinematics import Array
-from omni_control.reference.curves import CURVES, CurveReference
 
 T = 1 / 60
 FREE = 1e6  # a limit that never counts
@@ -154,56 +151,3 @@ def test_a_curve_takes_the_time_of_the_phase_plane(shape: str, size: tuple[float
     fastest = sum(quad(slowness, u, v, epsrel=1e-4)[0] for u, v in pairwise(corners))
     poses = drive(shape, size, MotionLimits(FREE, acceleration))
     assert_takes(poses, fastest, 1e-3)
-
-
-@pytest.mark.parametrize(
-    ("shape", "size", "limit"),
-    [
-        ("eight", (2.0, 1.0), MotionLimits(1.5, 3.0, side_acceleration=2.0)),
-        ("eight", (1.0, 3.0), MotionLimits(FREE, 2.0, side_acceleration=4.0)),
-        ("circle", (2.0, 2.0), MotionLimits(FREE, 3.0, side_acceleration=2.0)),
-        ("circle", (4.0, 1.0), MotionLimits(2.0, 3.0, side_acceleration=1.0)),
-    ],
-)
-def test_facing_ahead_takes_the_time_of_a_linear_program(
-    shape: str, size: tuple[float, float], limit: MotionLimits
-) -> None:
-    """Where the body's axes are the world's, and the robot manages less aside than ahead, or more."""
-    assert_takes(drive(shape, size, limit), linear_program(shape, size, limit, tangent=False), 3e-3)
-
-
-def linear_program(shape: str, size: tuple[float, float], limit: MotionLimits, tangent: bool) -> float:
-    """The least time, s: in z = v^2 every limit is linear, once the ellipse of accelerations is a polygon.
-
-    Cells of 1/400 lap, sides of 1/64 circle: to 0.3 %. The most z everywhere is the least time.
-    """
-    cells, sides = 400, 64
-    u = np.linspace(0, 2 * np.pi, cells + 1)
-    at = geometry(shape, size)
-    metres, k, bearing = at((u[1:] + u[:-1]) / 2)
-    step = metres * u[1]
-    growth = np.diff(at(u)[1]) / step
-    mean = diags_array([0.5, 0.5], offsets=[0, 1], shape=(cells, cells + 1))
-    along = diags_array([-0.5 / step, 0.5 / step], offsets=[0, 1], shape=(cells, cells + 1))
-    across = diags_array(k) @ mean
-    turn = diags_array(k) @ along + diags_array(growth) @ mean
-    angles = 2 * np.pi * np.arange(sides) / sides
-    # Bearing of the path in the body's axes, and accelerations in shares of what is allowed along these.
-    bearing = np.zeros(cells) if tangent else bearing
-    c, s = diags_array(np.cos(bearing)), diags_array(np.sin(bearing))
-    forward = (c @ along - s @ across) / limit.acceleration
-    aside = (s @ along + c @ across) / (limit.side_acceleration or limit.acceleration)
-    rows = [math.cos(angle) * forward + math.sin(angle) * aside for angle in angles]
-    # The polygon lies as much outside of the ellipse as inside.
-    bounds = [(1 + math.cos(np.pi / sides)) / (2 * math.cos(np.pi / sides))] * sides
-    top = np.full(cells + 1, limit.speed**2)
-    if tangent:
-        rows += [turn, -turn]
-        bounds += [limit.turn_acceleration] * 2
-        top = np.minimum(top, (limit.turn_rate / np.maximum(np.abs(at(u)[1]), 1e-9)) ** 2)
-    top[[0, -1]] = 0
-    found = linprog(
-        -np.ones(cells + 1), vstack(rows), np.repeat(bounds, cells), bounds=np.stack([np.zeros(cells + 1), top], axis=1)
-    )
-    speed = np.sqrt(found.x)
-    return float((2 * step / (speed[1:] + speed[:-1])).sum())

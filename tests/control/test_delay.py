@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
+from benches.control import Array, CommandsInFlight, OmniError, compensation
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
 
 from omni_control import Seen
-from omni_control.delay import CommandsInFlight, compensation
-from omni_control.errors import OmniError
-from omni_control.kinematics import Array
 
 T = 1 / 60
 

@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
+from benches.control import Array, vision_filter
 from driven import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, driven, filtered
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
-
-from omni_control.estimation import tracking as vision_filter
-from omni_control.kinematics import Array
 
 seeds = st.integers(0, 2**32 - 1)
 

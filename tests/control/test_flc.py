@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from closed_loop import Equation7, Run, T, commands_for, drive, seen_at
+from benches.control import Array, make
+from closed_loop import Equation7, Run, T, drive
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import FEW
@@ -11,8 +12,6 @@ from scipy.optimize import brentq
 from ways import KINDS, LIMITS, along
 
 from omni_control import Controller, MotionLimits, TimedReference, Told
-from omni_control.controllers import make
-from omni_control.kinematics import Array
 
 FRAMES = 120
 FUZZY = ("flc", "comp-flc")
@@ -41,11 +40,6 @@ def follow(
         filtered=False,
         first_frame=first_frame,
     )
-
-
-def first_command(controller: Controller, pose: ArrayLike) -> Array:
-    """What robots at `pose` (n, 3) are told in frame 0."""
-    return controller.command(0, seen_at(controller.told, pose, commands_for(controller)))
 
 
 def position_error(run: Run, reference: TimedReference) -> Array:
@@ -143,13 +137,3 @@ def test_the_heading_returns_the_short_way_at_the_gain() -> None:
         error = (2 * np.pi - 6) * (1 - gain * T) ** np.arange(60)
         # Roundings of angles of size 6.
         np.testing.assert_allclose(run.pose[:, 0, 2], 3 - 2 * np.pi + error, rtol=0, atol=1e-14)
-
-
-def test_the_ranges_told_scale_the_correction() -> None:
-    """Beyond error_range_m from a resting reference the correction is 5/6 of speed_range_m_s, at its half one half."""
-    for name in FUZZY:
-        reference = TimedReference([[0, 0, 0]], LIMITS, T)
-        controller = make(name, Told(T, 0, error_range_m=0.4, speed_range_m_s=3.0), reference, 2)
-        command = first_command(controller, [[-0.5, 0.4, 0], [0.2, 0.0, 0]])
-        # Roundings of numbers of size 1.
-        np.testing.assert_allclose(command, [[2.5, -2.5, 0], [-1.5, 0, 0]], rtol=0, atol=1e-14)

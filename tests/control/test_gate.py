@@ -1,6 +1,7 @@
 """Laws of the gate: what a robot can do passes as it is, what it cannot does not, and no doubt lasts."""
 
 import numpy as np
+from benches.control import DOUBTED, REPEATED, Array, Gate, make, wrap_angle
 from closed_loop import NOISE, BodyFrame, T, reported, vision
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,9 +10,6 @@ from playing import play, starts
 from ways import TIMED, along
 
 from omni_control import MotionLimits, Team, Told
-from omni_control.controllers import make
-from omni_control.estimation.gate import DOUBTED, REPEATED, Gate
-from omni_control.kinematics import Array, wrap_angle
 
 LIMITS = MotionLimits(3.7, 4.7, 26.0, 50.8)
 seeds = st.integers(0, 2**32 - 1)

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benches.control import Array, OmniError
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import FEW, LAW
@@ -12,8 +13,6 @@ from routes import T, paths, poses
 from ruckig import InputParameter, Ruckig, Trajectory
 
 from omni_control import CURVES, CurveReference, IteratedReference, MotionLimits, TimedReference
-from omni_control.errors import OmniError
-from omni_control.kinematics import Array
 
 jerks = st.floats(2, 200)
 limits = st.builds(
@@ -92,16 +91,6 @@ def test_a_leg_takes_ruckigs_time(
 def test_a_curve_keeps_all_limits(curve: object, limit: MotionLimits, laps: int, tangent: bool) -> None:
     """Along and across the path, with the ellipse and without, facing ahead or along it."""
     assert_keeps(CurveReference(curve, limit, T, laps, tangent).poses, limit)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(("jerk", "later"), [(40.0, 0.02), (20.0, 0.05), (10.0, 0.09)])
-@pytest.mark.parametrize("tangent", [False, True])
-def test_a_curve_is_hardly_slower_than_without_a_limit(jerk: float, later: float, tangent: bool) -> None:
-    """Which nothing that keeps the limit can be faster than; docs/reference.md compares with the fastest there is."""
-    limit = MotionLimits(3.0, 2.0, side_acceleration=1.5)
-    eight = CURVES["eight"](2.0, 1.0)
-    free, kept = (CurveReference(eight, each, T, 1, tangent).frames for each in (limit, replace(limit, jerk=jerk)))
-    assert free <= kept <= free * (1 + later)
 
 
 # --- what cannot be ---

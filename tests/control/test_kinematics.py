@@ -3,11 +3,10 @@
 import math
 
 import numpy as np
+from benches.control import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 from hypothesis import example, given
 from hypothesis import strategies as st
 from laws import LAW
-
-from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 
 EPS = float(np.finfo(float).eps)
 

@@ -2,15 +2,13 @@
 
 import numpy as np
 import pytest
+from benches.control import AdaptiveCompFlc, Array
 from driven import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, driven
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import FEW
 
 from omni_control import Controller, MotionLimits, OmniError, Team, TimedReference, Told
-from omni_control.controllers.adaptive import AdaptiveCompFlc
-from omni_control.estimation.late import Clock
-from omni_control.kinematics import Array
 
 
 def estimated(measured: Array, displacement: Array, start: Array, age: Array) -> tuple[Array, Array]:
@@ -90,24 +88,6 @@ def test_a_velocity_that_was_believed_does_not_confirm_itself(late: float) -> No
     assert twists[100, 0, 0] == pytest.approx(1, abs=0.1)
     assert np.abs(twists[:, 0, 0]).max() < 1.2
     assert abs(twists[100 + round(late / T) + 15, 0, 0]) < 0.05
-
-
-def test_filters_wait_for_images_from_before_and_hurry_after_younger_ones() -> None:
-    """Ages of 0, 2.5, 2.5, 2.5, none, 4.2, 0.5 frames: behind by whole frames, one frame's wait at a time."""
-    clock, told = Clock(1, T), []
-    for frames in (0.0, 2.5, 2.5, 2.5, np.nan, 4.2, 0.5):
-        steps = clock.steps(np.array([np.nan_to_num(frames) * T]), np.array([not np.isnan(frames)]))
-        told.append([(float(each.behind[0]), bool(each.held[0]), round(float(each.after[0] / T), 6)) for each in steps])
-    hurries = [(4.0 - k, False, 0.0) for k in range(3)] + [(1.0, False, 0.5)]
-    waits = [
-        [(0, False, 0)],
-        [(1, True, -1.5)],
-        [(2, True, -0.5)],
-        [(3, True, 0.5)],
-        [(3, False, 0)],
-        [(4, True, -0.2)],
-    ]
-    assert told == [*waits, hurries]
 
 
 def test_a_row_of_a_batch_is_what_it_is_alone() -> None:

@@ -3,13 +3,13 @@
 import math
 
 import numpy as np
+from benches.control import CommandLimits
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
 from numpy.typing import NDArray
 
 from omni_control import MotionLimits
-from omni_control.limits import CommandLimits
 
 FRAME_S = 1 / 60
 LIMITS = MotionLimits(speed=2.0, acceleration=3.0, turn_rate=10.0, turn_acceleration=30.0)

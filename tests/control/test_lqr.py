@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from benches.control import Array, Lqr
 from closed_loop import Lagged, T, commands_for, drive, seen_at
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,8 +12,6 @@ from scipy.signal import cont2discrete
 from ways import KINDS, LIMITS, REST, STRAIGHT, along, told
 
 from omni_control import MotionLimits, TimedReference
-from omni_control.controllers.lqr import Lqr
-from omni_control.kinematics import Array
 
 starts = st.tuples(st.floats(-0.12, 0.12), st.floats(-0.12, 0.12), st.floats(-1, 1))
 delays = st.integers(0, 9)

@@ -1,20 +1,15 @@
 """Laws of the Mamdani engine, against a plain evaluation in rational numbers and against closed forms."""
 
 import itertools
-from dataclasses import replace
 from fractions import Fraction
 
 import mamdani_reference as reference
 import numpy as np
 import pytest
+from benches.control import Mamdani, OmniError, Trapezoid, Variable, mamdani, triangle
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
-
-from omni_control.errors import OmniError
-from omni_control.fuzzy import mamdani
-from omni_control.fuzzy.centroid import CentreOfGravity
-from omni_control.fuzzy.mamdani import Mamdani, Trapezoid, Variable, triangle
 
 GRID = 12  # corners lie on a grid of this many steps, so that sides often meet, coincide or are vertical
 
@@ -68,17 +63,6 @@ def test_an_output_is_the_centre_of_gravity_of_what_the_rules_clip(engine: Mamda
         assert z == pytest.approx(float(exact), abs=1e-14 * max(1, abs(v.low)))
 
 
-@LAW
-@given(st.lists(st.tuples(trapezoids(), st.floats(-9, 0)), min_size=1, max_size=7))
-def test_the_centroid_is_exact_at_any_heights_and_overlap(clipped: list[tuple[tuple[int, ...], float]]) -> None:
-    """Up to seven sets clipped at heights from 1e-9 to 1, against rational numbers."""
-    sets, heights = [s for s, _ in clipped], [10**power for _, power in clipped]
-    expected = reference.centre_of_gravity(sets, [Fraction(h) for h in heights], Fraction(0), Fraction(GRID))
-    centre = CentreOfGravity([(np.array(sets, float), 0.0, float(GRID))])
-    # Areas are sums of positive terms: roundings of numbers up to GRID.
-    assert centre(np.array(heights)[:, None])[0, 0] == pytest.approx(float(expected), abs=1e-14 * GRID)
-
-
 def tipper(rules: list[mamdani.Rule] | None = None) -> Mamdani:
     """A small engine with two inputs and one output."""
     fair = {"poor": triangle(-10, 0, 10), "good": triangle(0, 10, 20)}
@@ -88,12 +72,6 @@ def tipper(rules: list[mamdani.Rule] | None = None) -> Mamdani:
     return Mamdani(
         [service, food], [Variable("tip", 0, 25, tip)], rules or [*both, ({"food": "good"}, {"tip": "high"})]
     )
-
-
-def test_an_input_that_a_rule_does_not_mention_may_have_any_value() -> None:
-    """With service at its end the rule of service alone fires fully, and the rule of the food adds nothing to it."""
-    outputs = tipper()([[10, food] for food in np.linspace(0, 10, 11)])
-    assert np.array_equal(outputs, np.full((11, 1), outputs[0]))
 
 
 @LAW
@@ -136,22 +114,3 @@ def test_rules_that_cannot_be_are_refused() -> None:
         sound = tipper()
         with pytest.raises(OmniError, match=message):
             Mamdani(sound.inputs, sound.outputs, rules)
-
-
-def test_sets_that_cannot_be_are_refused() -> None:
-    """Corners out of order, sets that nothing reaches, and inputs whose outputs would jump."""
-    for corners, message in [
-        ((0, 2, 1, 3), "ascending"),
-        ((1, 1, 1, 1), "not all equal"),
-        ((0, np.nan, 1, 2), "finite"),
-        ((-np.inf, 0, 1, 2), "finite"),
-        ((-3, -2, -1, 0), "set odd of service lies outside its universe, 0 to 10"),
-        ((3, 3, 4, 5), "set odd of input service has a vertical side inside"),
-    ]:
-        sound = tipper()
-        with pytest.raises(OmniError, match=message):
-            Mamdani(
-                [replace(sound.inputs[0], sets={**sound.inputs[0].sets, "odd": Trapezoid(*corners)}), sound.inputs[1]],
-                sound.outputs,
-                sound.rules,
-            )

@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 import numpy as np
-from benches.control import Limits, minimize
+from benches.control import Array, Limits, make, minimize
 from closed_loop import BodyFrame, T, drive, limited
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,8 +12,6 @@ from laws import FEW
 from scipy import optimize
 
 from omni_control import MotionLimits, TimedReference, Told
-from omni_control.controllers import make
-from omni_control.kinematics import Array
 
 
 def program(seed: int, n: int, frames: int, asked: float) -> tuple[Array, Array, Limits]:

@@ -1,13 +1,13 @@
 """Laws of looking ahead: a preview is what will be answered to robots that follow, and costs nothing."""
 
 import numpy as np
+from benches.control import Array
 from closed_loop import T
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import FEW, LAW
 
 from omni_control import CURVES, CurveReference, IteratedReference, MotionLimits, Reference, TimedReference
-from omni_control.kinematics import Array
 
 LIMITS = MotionLimits()
 PATH = [[0.0, 0.0, 0.0], [0.3, 0.1, 0.5], [0.1, 0.3, -0.5]]

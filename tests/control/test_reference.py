@@ -5,14 +5,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from benches.control import Array, OmniError
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import FEW, LAW
 from routes import SNAP_M, T, is_led_past_every_way_point, paths, poses
 
 from omni_control import IteratedReference, MotionLimits, TimedReference
-from omni_control.errors import OmniError
-from omni_control.kinematics import Array
 
 LIMITS = MotionLimits()
 

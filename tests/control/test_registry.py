@@ -6,12 +6,11 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from benches.control import CONTROLLERS, checked_parameters, find, make, parameters
 from closed_loop import T
 from ways import TIMED
 
 from omni_control import Controller, ControllerError, Kinematics, MotionLimits, OmniError, Told
-from omni_control.controllers import checked_parameters, find, make, parameters
-from omni_control.registry import CONTROLLERS
 
 TOLD = Told(T, 6)
 

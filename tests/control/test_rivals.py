@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from benches.control import NominalRobot, Proportional, Smith, simc_gain
 from closed_loop import Lagged, T, drive
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,8 +12,6 @@ from scipy.signal import cont2discrete
 from ways import KINDS, LIMITS, REST, STRAIGHT, along, told
 
 from omni_control import CommandsInFlight, TimedReference
-from omni_control.controllers.classic import Proportional, Smith, simc_gain
-from omni_control.controllers.nominal import NominalRobot
 
 starts = st.tuples(st.floats(-0.12, 0.12), st.floats(-0.12, 0.12), st.floats(-1, 1))
 delays, lags = st.integers(0, 9), st.sampled_from([0.0, 1e-4, 0.02, 2 * T, 0.1])

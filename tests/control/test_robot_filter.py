@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from benches.control import CREEP, DISTURBANCE, GAIN, HEIGHT_M, LAG, LATENCY, Compliance, RobotFilter, anticipate
+from benches.control import CREEP, DISTURBANCE, GAIN, HEIGHT_M, LAG, LATENCY, Array, Compliance, RobotFilter, anticipate
 from benches.creeping import NOISE, WHEELS, Creeping, T
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,7 +13,6 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from omni_control import CommandsInFlight, Kinematics, Seen, Told
-from omni_control.kinematics import Array
 
 KNOWN = {"lag_s": 0.0267, "creep_s2_m": 0.06, "drag_m_s": 0.0375, "alpha": (0.92, 0.87)}
 PLAIN = Told(T, 6, lag_s=0.04, creep_s2_m=0.06, drag_m_s=0.0, alpha=(0.9, 0.8))  # no geometry, no coupling of turning

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
+from benches.control import Array, EachReference
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
 
 from omni_control import OmniError, SampledReference
-from omni_control.kinematics import Array
-from omni_control.reference import EachReference
 
 T = 1 / 60
 LAST = 40

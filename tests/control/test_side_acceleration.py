@@ -3,13 +3,13 @@
 import math
 
 import numpy as np
+from benches.control import Array
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
 from routes import SNAP_M, T, paths, poses
 
 from omni_control import CURVES, CurveReference, IteratedReference, MotionLimits, TimedReference
-from omni_control.kinematics import Array
 
 positive = st.floats(0.3, 6)
 limits = st.builds(MotionLimits, st.floats(0.3, 4), positive, st.floats(1, 10), st.floats(3, 40), positive)
@@ -67,26 +67,6 @@ def test_a_leg_without_a_turn_takes_the_closed_form_time_of_its_bearing(
     frames = TimedReference([start, (*end[:2], start[2])], limit, T).frames - 1
     # As for one limit: one frame where the profile's speed lies between two units, one at rest.
     assert abs(frames - fastest_time(distance, limit.speed, float(along(bearing, limit))) / T) <= 2
-
-
-@LAW
-@given(poses, poses, st.floats(0.5, 4), st.floats(0.5, 1), st.floats(0.3, 4))
-def test_a_turning_leg_is_hardly_slower_than_can_be(
-    start: tuple[float, ...], end: tuple[float, ...], ahead: float, ratio: float, speed: float
-) -> None:
-    """Straight there, turning as it does: speeds are up to what all frames before add, and all after can brake.
-
-    Braking is planned with the lowest limit of the headings to come. Of 750 legs with limits from 1 : 2 to 1 : 1 that
-    cost 0.1 % of the time in the mean and 4.8 % at most.
-    """
-    limit = MotionLimits(speed, ahead, side_acceleration=ratio * ahead)
-    reference = TimedReference([start, end], limit, T)
-    turning = TimedReference([(0, 0, start[2]), (0, 0, end[2])], limit, T).frames
-    frames = math.floor((reference.frames - 1) * 0.95) - 2
-    bearing = math.atan2(end[1] - start[1], end[0] - start[0])
-    gained = along(bearing - reference.poses[: max(frames, 0), 2], limit) * T
-    speeds = np.minimum(np.cumsum(gained)[:-1], np.cumsum(gained[::-1])[-2::-1])
-    assert frames < turning or np.minimum(speed, speeds).sum() * T < math.dist(start[:2], end[:2])
 
 
 @LAW

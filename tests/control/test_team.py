@@ -4,16 +4,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
+from benches.control import CONTROLLERS, Array, CommandLimits, KalmanFilter, make
 from closed_loop import Plant, T, reported
 from playing import TIGHT, Knowing, Straight, noise_of, plant_of, play, starts
 from ways import KINDS, TIMED, along
 
 from omni_control import CommandsInFlight, Controller, OmniError, Seen, Team, Told
-from omni_control.controllers import make
-from omni_control.estimation.tracking import KalmanFilter
-from omni_control.kinematics import Array
-from omni_control.limits import CommandLimits
-from omni_control.registry import CONTROLLERS
 
 
 def by_hand(controllers: Sequence[Controller], plant: Plant, noise: Array) -> Array:

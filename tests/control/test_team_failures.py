@@ -5,13 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benches.control import Array, make
 from closed_loop import T
 from playing import Knowing, Straight, noise_of, plant_of, play, starts
 from ways import TIMED
 
 from omni_control import ControllerError, OmniError, Seen, Team, Told
-from omni_control.controllers import make
-from omni_control.kinematics import Array
 
 
 class Failing(Straight):

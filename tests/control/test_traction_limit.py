@@ -5,12 +5,12 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from benches.control import traction, traction_limits
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
 
 from omni_control import Kinematics, OmniError
-from omni_control.traction import traction, traction_limits
 
 ARM, RADIUS, G = 0.08, 0.0285, 9.81
 AZIMUTHS = (60.0, 135.0, 225.0, 300.0)

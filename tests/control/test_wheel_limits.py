@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benches.control import traction
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import LAW
@@ -14,7 +15,6 @@ from omni_control import (
     OmniError,
     WheelLimits,
 )
-from omni_control.traction import traction
 
 
 @LAW

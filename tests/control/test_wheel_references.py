@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benches.control import Array
 from hypothesis import given
 from hypothesis import strategies as st
 from laws import FEW
 from pushing import TIGERS, drag, limits, statics, wheels
 from routes import T, paths
-from scipy.interpolate import CubicSpline
 from scipy.optimize import linprog
 
 from omni_control import (
@@ -20,7 +20,6 @@ from omni_control import (
     TimedReference,
     WheelLimits,
 )
-from omni_control.kinematics import Array
 
 # --- references within it ---
 
@@ -93,22 +92,6 @@ def most_along(robot: WheelLimits, gain: Array, offset: Array, travel: Array, to
         bounds=[(None, None)] * (4 * cells) + [(0, each) for each in top],
     )
     return found.x[4 * cells :] if found.success else np.zeros(n)
-
-
-@pytest.mark.parametrize("end", [(0.9, 0.6, 1.5), (-0.3, 1.1, -2.0), (0.0, 1.0, 0.0), (0.2, 0.1, 3.0)])
-def test_a_leg_takes_the_time_of_a_linear_program(end: tuple[float, float, float]) -> None:
-    """Turning in four frames less as it does, no robot gets so far; those it takes for rests and whole frames."""
-    limit = MotionLimits(2.0, 8.0, 6.0, 60.0, wheels=TIGERS)
-    poses = TimedReference([(0, 0, 0), end], limit, T).poses
-    less = CubicSpline(np.linspace(0, 1, len(poses)), poses, bc_type="clamped")(np.linspace(0, 1, len(poses) - 4))
-    _, asked, travel = differences(less)
-    frames = len(less)
-    change = np.diff(np.pad(np.eye(frames - 1), ((1, 1), (0, 0))), axis=0) / T
-    ahead = complex(*end[:2]) / abs(complex(*end[:2])) * np.exp(-1j * less[:, 2])
-    gain = np.stack([ahead.real, ahead.imag, np.zeros(frames)], axis=1)[:, :, None] * change[:, None, :]
-    turning = asked * [0, 0, 1]
-    speeds = most_along(TIGERS, gain, turning, travel, np.full(frames - 1, 2.0), np.full(frames - 1, T))
-    assert speeds.sum() * T < math.hypot(*end[:2])
 
 
 @pytest.mark.parametrize(("tangent", "slower"), [(True, 0.006), (False, 0.015)])

@@ -1,46 +1,91 @@
-"""A bench of a team's parts: filters, gate, laws and solvers under the names of today."""
+"""A bench of a team's parts: the internal names of `omni_control` that its tests use."""
 
-from omni_control.controllers.adaptive import anticipate
-from omni_control.controllers.lqr import lqr_gain
+from omni_control.controllers import checked_parameters, find, make, parameters
+from omni_control.controllers.adaptive import AdaptiveCompFlc, anticipate
+from omni_control.controllers.classic import Proportional, Smith, simc_gain
+from omni_control.controllers.lqr import Lqr, lqr_gain
 from omni_control.controllers.nominal import NominalRobot
 from omni_control.controllers.quadratic import Limits, minimize
-from omni_control.delay import compensation
+from omni_control.delay import CommandsInFlight, compensation
+from omni_control.errors import OmniError
 from omni_control.estimation import gate as vision_gate
 from omni_control.estimation import tracking as vision_filter
 from omni_control.estimation.alpha import AlphaEstimator
 from omni_control.estimation.compliance import HEIGHT_M, Compliance
-from omni_control.estimation.gate import Gate
+from omni_control.estimation.gate import DOUBTED, REPEATED, Gate
 from omni_control.estimation.late import Clock
 from omni_control.estimation.robot_filter import CREEP, DISTURBANCE, FRICTION, GAIN, LAG, LATENCY, RobotFilter
 from omni_control.estimation.tracking import KalmanFilter
+from omni_control.fuzzy import mamdani
+from omni_control.fuzzy.mamdani import Mamdani, Trapezoid, Variable, triangle
+from omni_control.fuzzy.rules import ENGINE, LABELS, FuzzyLaw, memberships
+from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 from omni_control.limits import CommandLimits
+from omni_control.reference import EachReference, Reference
+from omni_control.reference.curves import CURVES, CurveReference
 from omni_control.reference.limits import approach, approach_pose, checked_waypoints, stopping_speed
+from omni_control.registry import CONTROLLERS
+from omni_control.traction import traction, traction_limits
 
 __all__ = [
+    "CONTROLLERS",
     "CREEP",
+    "CURVES",
     "DISTURBANCE",
+    "DOUBTED",
+    "ENGINE",
     "FRICTION",
     "GAIN",
     "HEIGHT_M",
+    "LABELS",
     "LAG",
     "LATENCY",
+    "REPEATED",
+    "AdaptiveCompFlc",
     "AlphaEstimator",
+    "Array",
     "Clock",
     "CommandLimits",
+    "CommandsInFlight",
     "Compliance",
+    "CurveReference",
+    "EachReference",
+    "FuzzyLaw",
     "Gate",
     "KalmanFilter",
+    "Kinematics",
     "Limits",
+    "Lqr",
+    "Mamdani",
     "NominalRobot",
+    "OmniError",
+    "Proportional",
+    "Reference",
     "RobotFilter",
+    "Smith",
+    "Trapezoid",
+    "Variable",
     "anticipate",
     "approach",
     "approach_pose",
+    "body_to_world",
+    "checked_parameters",
     "checked_waypoints",
     "compensation",
+    "find",
     "lqr_gain",
+    "make",
+    "mamdani",
+    "memberships",
     "minimize",
+    "parameters",
+    "simc_gain",
     "stopping_speed",
+    "traction",
+    "traction_limits",
+    "triangle",
     "vision_filter",
     "vision_gate",
+    "world_to_body",
+    "wrap_angle",
 ]
