@@ -187,11 +187,12 @@ class Cameras:
         self._groups = [
             _SameRate(np.flatnonzero(np.equal(rates, rate)), settings, seeds, faults) for rate in dict.fromkeys(rates)
         ]
+        self._is_late = any(group.is_late for group in self._groups)
         self.age: Array | None = None
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
         """Return the poses (n, 3) that arrived since the frame before, NaN where none did, and whether one did (n,)."""
-        if not any(group.is_late for group in self._groups):
+        if not self._is_late:
             return self._groups[0].take(pose)
         measured, self.age = np.full(pose.shape, np.nan), np.zeros(len(pose))
         for group in self._groups:

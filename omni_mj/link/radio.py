@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,8 +13,7 @@ from omni_mj.scenarios.faults import Delay, Fault, RadioBursts, RadioDuplicates,
 from omni_mj.scenarios.settings import RadioSettings, column
 
 
-@dataclass(frozen=True)
-class Received:
+class Received(NamedTuple):
     """What n robots hold of the radio in a frame.
 
     Args:
@@ -57,6 +56,18 @@ def longest(settings: RadioSettings, faults: Sequence[Fault]) -> int:
     delays = [fault.to for fault in faults if isinstance(fault, Delay)]
     behind = [fault.frames for fault in faults if isinstance(fault, (RadioDuplicates, RadioReorder))]
     return max(settings.delay_frames, *delays, 0) + settings.jitter_frames + max(behind, default=0)
+
+
+Robots = np.ndarray | slice  # by their numbers
+
+
+class _Flight(NamedTuple):
+    """Packets (k, columns) to some robots (k,) that arrive together; `is_last`: after all others of their tick."""
+
+    sent_tick: int
+    robots: Robots
+    packets: Array
+    is_last: bool
 
 
 class Radio:
@@ -106,17 +117,11 @@ class Radio:
         self._chains = dict[tuple[int, RadioBursts], bool]()  # of the bursts that go on: whether in one
         self._copied, self._overtaken = np.zeros((2, n))  # probabilities of a packet, and by how many frames
         self._copied_by, self._overtaken_by = np.zeros((2, n), int)
-
-        room = max(map(longest, settings, faults or [()] * n)) * ticks + 1
-        # Rings: the tick in which the newest packet was sent that arrives in a tick, and the packets sent.
-        self._arrival_ring = np.full((room, n), -1)
-        self._packets = np.empty((room, n, len(nothing)))
         self._current = np.tile(np.asarray(nothing, float), (n, 1))
-        self._newest = np.full(n, -1)
-        self._overtaken_ring = np.full((room, n), -1)  # the same ring of packets that come last of all in a tick
-        self._sent_ticks = self._newest  # when the packets that robots hold were sent
-        self._robots, self._ticks = np.arange(n), ticks
-        self._tick, self._arrival_ticks = 0, set[int]()  # now, and the ticks from now on in which a packet arrives
+        self._sent_ticks = np.full(n, -1)  # when the packets that robots hold were sent
+        self._newest = np.full(n, -1)  # the same, of the newest packet that was not overtaken
+        self._in_flight = dict[int, list[_Flight]]()  # by tick of arrival, in the order of sending
+        self._robots, self._ticks, self._tick = np.arange(n), ticks, 0
         self._delay = self._usual  # of what is sent from now on, (n,)
         self._begin_frame()
 
@@ -126,64 +131,69 @@ class Radio:
         packets[:, :3], packets[:, 3] = command, heading
         self.send(packets)
         packets, new, age = self.deliver()
-        packets[~new, 3] = np.nan
+        if np.count_nonzero(new) < len(new):
+            packets[~new, 3] = np.nan
         return Received(packets[:, :3], packets[:, 3], age, new)
 
     def send(self, packets: Array, to: np.ndarray | None = None) -> None:
         """Send packets (n, k) to the robots of these numbers, by default to all."""
-        tick, ring, late = self._tick, len(self._packets), self._delay
-        to = self._robots if to is None else to
+        robots: Robots = slice(None) if to is None else to  # a slice costs a third
+        arrival = self._tick + self._delay
         if self._jitters:
-            late = late + np.rint((2 * self._jitter + 1) * self._late.next()[:, 0] - (self._jitter + 0.5)).astype(int)
-        if self._loses:
-            to = to[self._losses.next()[to, 0] >= self._loss[to]]
-        self._packets[tick % ring, to] = packets[to]
-        if self._fails:
-            lost, burst, copied, overtaken = self._chance.next().T
-            is_received = (lost < self._passes) & (burst < self._outside_burst)
-            is_overtaken = is_received & (overtaken < self._overtaken)
-            is_copied = is_received & (copied < self._copied)
-            delay_frames = np.where(is_overtaken, self._overtaken_by, np.where(is_copied, self._copied_by, 0))
-            receivers = to[delay_frames[to] > 0]
-            arrival = tick + late[receivers] + delay_frames[receivers] * self._ticks
-            self._overtaken_ring[arrival % ring, receivers] = tick
-            self._arrival_ticks.update(arrival.tolist())
-            to = to[(is_received & ~is_overtaken)[to]]
-        # Later packets overwrite: of two that arrive together the last sent counts.
-        arrives = tick + late[to]
-        self._arrival_ring[arrives % ring, to] = tick
-        self._arrival_ticks.update(arrives.tolist())
+            jitter = (2 * self._jitter + 1) * self._late.next()[:, 0] - (self._jitter + 0.5)
+            arrival += np.rint(jitter).astype(int)
+        if self._loses or self._fails:
+            robots = self._lose(packets, self._robots[robots], arrival)
+        self._launch(packets, robots, arrival, is_last=False)
 
     def deliver(self) -> tuple[Array, np.ndarray, np.ndarray]:
         """End a tick; return what robots hold (n, k), whether it arrived now (n,), and its age in ticks (n,)."""
-        tick, ring = self._tick, len(self._packets)
+        tick, new = self._tick, np.zeros(len(self._robots), bool)
+        for flight in sorted(self._in_flight.pop(tick, ()), key=lambda flight: flight.is_last):
+            robots, packets = flight.robots, flight.packets
+            if not flight.is_last:
+                is_newer = self._newest[robots] <= flight.sent_tick
+                if np.count_nonzero(is_newer) < len(is_newer):
+                    robots, packets = self._robots[robots][is_newer], packets[is_newer]
+                self._newest[robots] = flight.sent_tick
+            self._current[robots], self._sent_ticks[robots], new[robots] = packets, flight.sent_tick, True
         self.wait()
-        arrivals = self._arrival_ring[tick % ring]
-        new = arrivals > self._newest
-        self._newest = np.maximum(self._newest, arrivals)
-        sent_ticks = np.where(new, arrivals, self._sent_ticks)
-        if self._fails:
-            overtaken = self._overtaken_ring[tick % ring]
-            has_overtaken = overtaken >= 0
-            sent_ticks, new = np.where(has_overtaken, overtaken, sent_ticks), new | has_overtaken
-            overtaken[:] = -1
-        self._sent_ticks = sent_ticks
-        arrivals[:] = -1
-        self._current[new] = self._packets[sent_ticks[new] % ring, self._robots[new]]
-        return self._current.copy(), new, tick - sent_ticks
+        return self._current.copy(), new, tick - self._sent_ticks
 
     @property
     def quiet(self) -> int:
         """The number of ticks from this one on in which nothing arrives of what was sent until now."""
-        return min(self._arrival_ticks) - self._tick if self._arrival_ticks else sys.maxsize
+        return min(self._in_flight) - self._tick if self._in_flight else sys.maxsize
 
     def wait(self, ticks: int = 1) -> None:
         """End ticks in which all is quiet, without asking what robots hold."""
         for _ in range(ticks):
-            self._arrival_ticks.discard(self._tick)
             self._tick += 1
             if self._tick % self._ticks == 0:
                 self._begin_frame()
+
+    def _lose(self, packets: Array, robots: np.ndarray, arrival: np.ndarray) -> np.ndarray:
+        """Launch packets that faults delay or copy; return the robots whose packets arrive as they should."""
+        if self._loses:
+            robots = robots[self._losses.next()[robots, 0] >= self._loss[robots]]
+        if not self._fails:
+            return robots
+        lost, burst, copied, overtaken = self._chance.next().T
+        is_received = (lost < self._passes) & (burst < self._outside_burst)
+        is_overtaken = is_received & (overtaken < self._overtaken)
+        is_copied = is_received & (copied < self._copied)
+        delay = np.where(is_overtaken, self._overtaken_by, np.where(is_copied, self._copied_by, 0)) * self._ticks
+        self._launch(packets, robots[delay[robots] > 0], arrival + delay, is_last=True)
+        return robots[(is_received & ~is_overtaken)[robots]]
+
+    def _launch(self, packets: Array, robots: Robots, arrival: np.ndarray, is_last: bool) -> None:
+        """Let packets (n, k) to robots of these numbers arrive in ticks (n,), after all others of the tick or not."""
+        ticks = arrival[robots]
+        distinct = set(ticks.tolist())
+        for tick in distinct:
+            group = robots if len(distinct) == 1 else self._robots[robots][ticks == tick]
+            flight = _Flight(self._tick, group, packets[group].copy(), is_last)
+            self._in_flight.setdefault(tick, []).append(flight)
 
     def _begin_frame(self) -> None:
         """Apply the faults of the frame that begins."""
