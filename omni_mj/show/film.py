@@ -7,7 +7,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import matplotlib
 import mujoco
 import numpy as np
 import pyarrow.compute as pc
@@ -25,17 +24,11 @@ from omni_mj.worlds import build, parts
 
 CODECS = {".mp4": "libx264", ".webm": "libvpx-vp9"}
 KINDS = (".gif", ".webp", *CODECS)
-PALETTE = 128  # colours of a GIF, the same for all pictures so that what rests does not flicker
 NEEDS = "MuJoCo cannot draw here: {reason}; without a display it needs EGL, on Debian libegl1 and libgl1-mesa-dri"
-FONT = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
 PANELS_ACROSS, GAP = 4, 4  # panels in a row at most; pixels between panels
 TRAIL_STEP = 3  # frames between points of a trail
-# View -> azimuth and elevation of its direction, deg, and distance, m, or None to have the whole route in sight.
-VIEWS: dict[str, tuple[float, float, float | None]] = {
-    "follow": (90.0, -38.0, 0.85),
-    "whole": (90.0, -55.0, None),
-    "plan": (90.0, -90.0, None),
-}
+# View -> elevation of its direction, deg, and distance, m, or None to have the whole route in sight.
+VIEWS: dict[str, tuple[float, float | None]] = {"follow": (-38.0, 0.85), "whole": (-55.0, None), "plan": (-90.0, None)}
 REFERENCE, ROUTE = (1.0, 1.0, 1.0, 1.0), (1.0, 1.0, 1.0, 0.6)
 RING_M, ABOVE_M = 0.09, 0.15  # radius and height of the league's envelope, on top of which a ring shows the reference
 LINE_SHARE = 0.007  # thickness of lines, as a share of the distance from which they are seen
@@ -166,23 +159,13 @@ def write(pictures: Iterable[Image.Image], out: Path, rate: float) -> None:
             if out.suffix in CODECS:
                 _write_video(pictures, file, out.suffix, rate)
             else:
-                first, *others = _with_palette(list(pictures)) if out.suffix == ".gif" else list(pictures)
-                options: dict[str, Any] = {"optimize": False} if out.suffix == ".gif" else {"quality": 60, "method": 4}
-                options |= {"format": out.suffix[1:], "save_all": True, "append_images": others, "loop": 0}
-                first.save(file, duration=round(1000 / rate), **options)
+                first, *others = pictures
+                duration = round(1000 / rate)
+                first.save(file, out.suffix[1:], save_all=True, append_images=others, loop=0, duration=duration)
     except ImportError:
         raise OmniError(f"{out}: videos need PyAV: pip install 'omni-mj[film]'; .gif and .webp do not") from None
     except OSError as error:
         raise OmniError(f"{out}: {error.strerror or error}") from None
-
-
-def _with_palette(pictures: list[Image.Image]) -> list[Image.Image]:
-    """Return pictures that share a palette, which is made of eight of them."""
-    some = pictures[:: max(1, len(pictures) // 8)]
-    palette = Image.fromarray(np.concatenate([np.asarray(picture) for picture in some])).quantize(
-        PALETTE, dither=Image.Dither.NONE
-    )
-    return [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
 
 
 def _write_video(pictures: Iterable[Image.Image], file: BinaryIO, kind: str, rate: float) -> None:
@@ -204,7 +187,7 @@ def _panel(stage: "_Stage", take: Take, instant: float) -> Image.Image:
     now = min(round(instant / PERIOD_S), len(take.poses) - 1)
     panel = Image.fromarray(stage.draw(take, now))
     pen, inset = ImageDraw.Draw(panel), panel.height // 40
-    large, small = (ImageFont.truetype(FONT, max(least, panel.height // n)) for least, n in ((11, 18), (9, 26)))
+    large, small = (ImageFont.load_default(max(9, panel.height // n)) for n in (18, 26))
     pen.text((inset, inset), take.controller, "white", large, stroke_width=2, stroke_fill=take.colour)
     error = f"{100 * take.errors[now]:.1f} cm off, {100 * take.errors[: now + 1].max():.1f} at most"
     pen.text((inset, panel.height - inset), error, "white", small, anchor="ls", stroke_width=2, stroke_fill="#00000080")
@@ -239,28 +222,24 @@ class _Stage:
         except Exception as error:  # whatever the platform's GL raises
             raise OmniError(NEEDS.format(reason=error or type(error).__name__)) from None
         low, high = route.min(0) - MARGIN_M, route.max(0) + MARGIN_M
-        # The whole route is in sight from where its height and, less by the picture's shape, its width are.
-        half = np.tan(np.deg2rad(visual.global_.fovy / 2))
-        self._reach = float(half * min(width / height, 1.0))  # in sight to either side, as a share of the distance
         self._camera = mujoco.MjvCamera()
-        self._camera.azimuth, self._camera.elevation, near = VIEWS[view]
-        self._follows, self._centre = near is not None, (low + high) / 2
-        self._distance = near or float(max(high[1] - low[1], (high[0] - low[0]) * height / width) / 2 / half)
-        self._thickness = LINE_SHARE * self._distance
+        self._camera.azimuth = 90.0
+        self._camera.elevation, near = VIEWS[view]
+        self._follows = near is not None and places == 1
+        self._camera.lookat[:] = *(low + high) / 2, 0.05
+        # The whole route is in sight from where its height and, less by the picture's shape, its width are.
+        size_m = max(high[1] - low[1], (high[0] - low[0]) * height / width)
+        far = float(size_m / 2 / np.tan(np.deg2rad(visual.global_.fovy / 2)))
+        self._camera.distance = near if near and self._follows else far
+        self._thickness = LINE_SHARE * self._camera.distance
 
     def draw(self, take: Take, frame: int) -> np.ndarray:
         """Return a picture of a frame, (height, width, 3) bytes."""
         poses, references = take.poses[frame], take.references[frame]
         colour = np.array(style.rgb(take.colour)) / 255
         self._pose(poses, take.wheels[frame], colour)
-        centre, distance = self._centre, self._distance
-        if self._follows:  # robots and their references, which may be far apart
-            points = np.concatenate([references[:, :2], poses[:, :2]])
-            centre = points.mean(0)
-            spread = np.linalg.norm(points - centre, axis=1).max() + 2 * RING_M
-            distance = max(distance, spread / self._reach)
-        self._camera.lookat[:] = *centre, 0.05
-        self._camera.distance = distance
+        if self._follows:
+            self._camera.lookat[:2] = (poses[0, :2] + references[0, :2]) / 2
         self.renderer.update_scene(self._data, self._camera)
         for place, (x, y, heading) in enumerate(references):
             self._add_line(take.references[::TRAIL_STEP, place, :2], ROUTE)

@@ -15,7 +15,7 @@ from matplotlib.image import imread
 from omni_control.registry import CONTROLLERS
 
 NAMES = ("path", "output", "error", "why", "alpha", "seeds", "memberships")
-OTHERS = ("mine", "yours", "theirs")
+OTHERS = ("mine", "yours")
 
 
 def test_figures_of_a_run_are_the_same_every_time_and_nothing_is_cut_off(runs: list[Path], tmp_path: Path) -> None:
