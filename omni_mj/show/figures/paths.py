@@ -9,18 +9,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
-from scipy.spatial import cKDTree
 
 from omni_control.kinematics import Array
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
 from omni_mj.show.figures.first import FirstRows
 
-FINER = 20  # points of the reference between two frames, to search the nearest in
 HALF_WIDTH = 0.75  # of a square, in deviations
 MIN_HALF_M = 0.005
 MAX_HALF = 1 / 12  # of a square, in extents of the path
 COLUMNS = 4
+MAX_PAIRS = 500_000  # of points and pieces, to be compared at once
 NUMBER_PT = 8  # width of a square's number
 
 
@@ -81,20 +80,31 @@ def find_spots(reference: Array, positions: Array) -> list[Spot]:
         reference: Points of the path, (frames, 2) m.
         positions: Positions of the robots, (frames, controllers, 2) m.
     """
-    fine_frames = np.linspace(0, len(reference) - 1, FINER * len(reference))
-    fine = np.column_stack([np.interp(fine_frames, np.arange(len(reference)), column) for column in reference.T])
-    tree = cKDTree(fine)
     everything = np.concatenate([reference, *np.nan_to_num(positions)])
     largest = max(MAX_HALF * float(np.ptp(everything, axis=0).max()), MIN_HALF_M)
     spots = []
     for travelled in np.moveaxis(positions, 1, 0):
-        distance, nearest = tree.query(travelled[~np.isnan(travelled[:, 0])])
+        feet = _nearest(reference, travelled[~np.isnan(travelled[:, 0])])
+        distance = np.linalg.norm(travelled[: len(feet)] - feet, axis=1)
         frame = int(distance.argmax())
         half = max(HALF_WIDTH * float(distance[frame]), MIN_HALF_M)
         # A deviation that does not fit into a square shows in the overview; the square then shows the robot.
-        centre = travelled[frame] if half > largest else (travelled[frame] + fine[nearest[frame]]) / 2
+        centre = travelled[frame] if half > largest else (travelled[frame] + feet[frame]) / 2
         spots.append(Spot(centre, min(half, largest), float(distance[frame])))
     return spots
+
+
+def _nearest(path: Array, points: Array) -> Array:
+    """Return the point of a path (n, 2) of straight pieces that is nearest to each of some points (m, 2)."""
+    steps = np.diff(path, axis=0, append=path[-1:])
+    lengths = np.maximum((steps**2).sum(1), 1e-30)
+    nearest = []
+    for part in np.array_split(points, 1 + len(points) * len(path) // MAX_PAIRS):
+        gaps = part[:, None] - path
+        along = np.clip((gaps * steps).sum(2) / lengths, 0, 1)[..., None] * steps
+        piece = ((gaps - along) ** 2).sum(2).argmin(1)
+        nearest.append(path[piece] + along[np.arange(len(part)), piece])
+    return np.concatenate(nearest)
 
 
 def _draw(
