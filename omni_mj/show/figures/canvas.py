@@ -2,12 +2,13 @@
 
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from functools import cache
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
 import numpy as np
-from matplotlib import style as matplotlib_style
+from matplotlib import rc_context, rc_params_from_file
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis, YAxis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -33,7 +34,12 @@ COMPARED: dict[str, Any] = {"color": style.REFERENCE, "lw": 0.8, "ls": (0, (4, 1
 
 def styled() -> AbstractContextManager[None]:
     """Return a context in which matplotlib has the program's style."""
-    return matplotlib_style.context(style.SHEET)
+    return rc_context(_sheet())
+
+
+@cache
+def _sheet() -> dict[str, Any]:
+    return dict(rc_params_from_file(style.SHEET, use_default_template=False))
 
 
 @contextmanager

@@ -101,9 +101,10 @@ def _nearest(path: Array, points: Array) -> Array:
     nearest = []
     for part in np.array_split(points, 1 + len(points) * len(path) // MAX_PAIRS):
         gaps = part[:, None] - path
-        along = np.clip((gaps * steps).sum(2) / lengths, 0, 1)[..., None] * steps
-        piece = ((gaps - along) ** 2).sum(2).argmin(1)
-        nearest.append(path[piece] + along[np.arange(len(part)), piece])
+        share = np.clip(np.einsum("ijk,jk->ij", gaps, steps) / lengths, 0, 1)
+        gaps -= share[..., None] * steps
+        piece = np.einsum("ijk,ijk->ij", gaps, gaps).argmin(1)
+        nearest.append(part - gaps[np.arange(len(part)), piece])
     return np.concatenate(nearest)
 
 
