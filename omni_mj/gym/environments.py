@@ -20,6 +20,7 @@ from omni_mj.scenarios.settings import FRAME_RATE_HZ
 
 Observations = NDArray[Any]  # of float32
 LAST_SEED = 2**63 - 1
+_MODES = "NextStep", "Disabled"
 
 
 class Track(gymnasium.Env[Observations, Observations]):
@@ -76,7 +77,7 @@ class Tracks(VectorEnv[Observations, Observations, NDArray[Any]]):
         num_envs: robots.
         scenario, memory, lost_m, changes: see `Track`.
         autoreset_mode: when an episode that has ended is followed by the next: with the next step (the action of which
-            is ignored), in the same step, or when `reset` says so. A robot whose episode has ended until then stays
+            is ignored), or when `reset` says so. A robot whose episode has ended until then stays
             where it is and is rewarded with 0.
 
     Raises:
@@ -97,11 +98,10 @@ class Tracks(VectorEnv[Observations, Observations, NDArray[Any]]):
         _check_mode(render_mode)
         if num_envs < 1:
             raise OmniError(f"num_envs must be at least 1, not {num_envs}")
-        try:
-            self.autoreset_mode = AutoresetMode(autoreset_mode)
-        except ValueError:
-            allowed = ", ".join(mode.value for mode in AutoresetMode)
-            raise OmniError(f"autoreset_mode must be one of {allowed}, not {autoreset_mode}") from None
+        mode = getattr(autoreset_mode, "value", autoreset_mode)
+        if mode not in _MODES:
+            raise OmniError(f"autoreset_mode must be one of {', '.join(_MODES)}, not {mode}")
+        self.autoreset_mode = AutoresetMode(mode)
         self.num_envs = num_envs
         self.metadata = {**Track.metadata, "autoreset_mode": self.autoreset_mode}
         self._episodes = Episodes(_chosen(scenario, changes), num_envs, memory, lost_m)
@@ -134,23 +134,11 @@ class Tracks(VectorEnv[Observations, Observations, NDArray[Any]]):
     def step(self, actions: Any) -> tuple[Observations, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Go on by a frame, 1/60 s."""
         before = self._episodes.ended
-        found, again = self._episodes.go_on(actions), np.zeros_like(before)
-        ended = (found.terminated | found.truncated) & ~before
-        info: dict[str, Any] = {}
-        if self.autoreset_mode is AutoresetMode.SAME_STEP and ended.any():
-            final = np.full(self.num_envs, None, object)
-            for robot in np.flatnonzero(ended):
-                final[robot] = self._episodes.seen[robot].copy()
-            info = {"final_obs": final, "_final_obs": ended}
-            info |= {"final_info": _told_of(found, ended), "_final_info": ended}
-            again = ended
-        elif self.autoreset_mode is AutoresetMode.NEXT_STEP:
-            again = before
-        info |= _told_of(found, ~before & ~again)
-        if again.any():
-            info |= self._begin(np.flatnonzero(again))
-        if self.autoreset_mode is AutoresetMode.NEXT_STEP:
-            found.terminated[again] = found.truncated[again] = False
+        found = self._episodes.go_on(actions)
+        info = {} if before.all() else _told(found) | {f"_{name}": ~before for name in _told(found)}
+        if self.autoreset_mode is AutoresetMode.NEXT_STEP and before.any():
+            info |= self._begin(np.flatnonzero(before))
+            found.terminated[before] = found.truncated[before] = False
         return self._episodes.seen.copy(), found.reward, found.terminated, found.truncated, info
 
     def _begin(self, robots: NDArray[np.intp], seeds: Sequence[int | None] | None = None) -> dict[str, Any]:
@@ -192,13 +180,5 @@ def _next(random: np.random.Generator | None) -> int:
     return int(random.integers(LAST_SEED))
 
 
-def _told(found: Outcome) -> dict[str, Array]:
+def _told(found: Outcome) -> dict[str, NDArray[Any]]:
     return {"distance_m": found.distance, "heading_error_rad": found.turned}
-
-
-def _told_of(found: Outcome, robots: NDArray[np.bool_]) -> dict[str, NDArray[Any]]:
-    """The same of some robots, as vectors of environments tell it: nothing, if there are none."""
-    if not robots.any():
-        return {}
-    info: dict[str, NDArray[Any]] = dict(_told(found))
-    return info | {f"_{name}": robots for name in info}

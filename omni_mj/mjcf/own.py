@@ -9,8 +9,8 @@ What is changed of the file, beside what every plant writes (motors' constants, 
 """
 
 import os
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ class Own:
         spec: of the robot alone, ready to be attached; to be copied, not changed.
         model: compiled from it.
         robot: its parts.
-        names: of parts, as the file and the settings say; of its hull those that there are.
+        names: of parts, as the file says; of its hull those that there are.
         touching: names of the rollers' geoms that touch the carpet.
         wheels, body: what was measured of it.
         gear: turns of the motor for one of the wheel.
@@ -91,12 +91,11 @@ class Own:
             yield "wheels.model = two-rollers needs rollers of one geom each; take rollers"
 
 
-def read(file: str | Path, given: Mapping[str, str] | None = None) -> Own:
+def read(file: str | Path) -> Own:
     """Read a robot's MJCF.
 
     Args:
         file: its path.
-        given: names of parts by role, separated by spaces, which go before those in the file's custom data.
 
     Raises:
         OmniError: there is no such file, it is no MJCF, or it lacks what the program needs; a line for each.
@@ -104,13 +103,12 @@ def read(file: str | Path, given: Mapping[str, str] | None = None) -> Own:
     path = Path(file)
     if not os.path.isfile(path):
         raise OmniError(f"there is no model {printable(str(path))}; give the path of a robot's MJCF: robot.xml")
-    named = tuple((role, tuple(text.split())) for role, text in (given or {}).items() if text.strip())
     changed = tuple(part.stat().st_mtime_ns for part in parts_of(path) if part.is_file())
-    return _read(path, path.resolve(), changed, Names(**dict(named)))
+    return _read(path, path.resolve(), changed)
 
 
 @lru_cache(maxsize=16)
-def _read(path: Path, resolved: Path, changed: tuple[int, ...], given: Names) -> Own:
+def _read(path: Path, resolved: Path, changed: tuple[int, ...]) -> Own:
     file = path.name
     try:
         spec = mujoco.MjSpec.from_file(str(resolved))
@@ -119,7 +117,7 @@ def _read(path: Path, resolved: Path, changed: tuple[int, ...], given: Names) ->
     if spec.compiler.settotalmass > 0:
         raise OmniError(f"{file}: <compiler settotalmass> scales what is compiled alone, not in a world; write masses")
     spec.compiler.discardvisual = spec.compiler.fusestatic = False  # all that is named stays
-    names = _names(spec, given, file)
+    names = _names(spec, file)
     prepare.name_all(spec)
     _compile(spec, file)  # so that what MuJoCo does not understand is said first
     chassis = _chassis(spec, names, file)
@@ -131,7 +129,7 @@ def _read(path: Path, resolved: Path, changed: tuple[int, ...], given: Names) ->
     touching = prepare.touching(spec, model, robot)
     wheels = Wheels.of(model, robot, _ids(model, touching), file)
     errors = [f"{file}: {line}" for line in _unfit(model, robot)]
-    names = replace(names, hull=_hull(spec, names, file, errors))
+    names["hull"] = _hull(spec, names, file, errors)
     if errors:
         raise OmniError("\n".join(dict.fromkeys(errors)))
     prepare.drive(spec, model, robot, wheels)
@@ -148,15 +146,12 @@ def _read(path: Path, resolved: Path, changed: tuple[int, ...], given: Names) ->
     )
 
 
-def _names(spec: mujoco.MjSpec, given: Names, file: str) -> Names:
-    """Names of parts: those given, and below them those in the file's custom data."""
-    known = {each.name for each in fields(Names)}
-    said = {text.name: tuple(text.data.split()) for text in spec.texts if text.name in known}
-    mine = {role: names for role in known if (names := getattr(given, role))}
-    names = Names(**(said | mine))
+def _names(spec: mujoco.MjSpec, file: str) -> dict[str, tuple[str, ...]]:
+    """Return the names of parts by role, from the file's custom data."""
+    names = {text.name: tuple(text.data.split()) for text in spec.texts if text.name in roles.ROLES}
     for role in ("chassis", "gyro"):
-        if len(getattr(names, role)) > 1:
-            raise OmniError(f"{file}: {role!r} must name one, not {' '.join(getattr(names, role))}")
+        if len(names.get(role, ())) > 1:
+            raise OmniError(f"{file}: {role!r} must name one, not {' '.join(names[role])}")
     return names
 
 
@@ -170,10 +165,10 @@ def _compile(spec: mujoco.MjSpec, file: str) -> mujoco.MjModel:
 def _chassis(spec: mujoco.MjSpec, names: Names, file: str) -> mujoco.MjsBody:
     """The body that carries the wheels."""
     model = _compile(spec, file)
-    if names.chassis:
-        if (chassis := spec.body(names.chassis[0])) is None:
+    if name := "".join(names.get("chassis", ())):
+        if (chassis := spec.body(name)) is None:
             bodies = ", ".join(body.name for body in spec.worldbody.bodies)
-            raise OmniError(f"{file}: there is no body {names.chassis[0]!r}, which 'chassis' names; there are {bodies}")
+            raise OmniError(f"{file}: there is no body {name!r}, which 'chassis' names; there are {bodies}")
         if chassis.parent.name != "world":
             raise OmniError(f"{file}: the body {chassis.name!r}, which 'chassis' names, must be one of the worldbody's")
         return chassis
@@ -192,9 +187,9 @@ def _ids(model: mujoco.MjModel, geoms: tuple[str, ...]) -> roles.Ids:
 
 
 def _hull(spec: mujoco.MjSpec, names: Names, file: str, errors: list[str]) -> tuple[str, ...]:
-    known = {geom.name for geom in spec.geoms}
-    errors += [f"{file}: there is no geom {name!r}, which 'hull' names" for name in names.hull if name not in known]
-    return names.hull or tuple(geom.name for geom in spec.geoms if geom.classname.name == "hull")
+    known, hull = {geom.name for geom in spec.geoms}, names.get("hull", ())
+    errors += [f"{file}: there is no geom {name!r}, which 'hull' names" for name in hull if name not in known]
+    return hull or tuple(geom.name for geom in spec.geoms if geom.classname.name == "hull")
 
 
 def _unfit(model: mujoco.MjModel, robot: Robot) -> list[str]:

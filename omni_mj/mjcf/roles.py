@@ -17,32 +17,14 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 
 Ids = NDArray[np.int_]
+Names = Mapping[str, tuple[str, ...]]  # of parts, by the roles in ROLES
+ROLES = "chassis", "wheels", "gyro", "hull"
 KEPT = 2  # rollers of a wheel that is computed with those at the bottom alone (`two_rollers`)
 LEAST = 3  # wheels, or rollers of one
+_NOTHING: Names = {}
 _JOINT = mujoco.mjtTrn.mjTRN_JOINT
 _WRITE = 'write <dcmotor joint=... motorconst=... resistance=... gear=... armature=... input="voltage"/>'
 _ALONG = 0.5  # cosine of the angle to the axle, above which a hinge turns as the wheel does
-
-
-@dataclass(frozen=True)
-class Names:
-    """What parts are called, where structure does not say which they are; empty where it does.
-
-    Args:
-        chassis: the body with the free joint.
-        wheels: hinges of the wheels, in their order.
-        motors: the <dcmotor>s of the wheels, in their order.
-        encoders: <jointpos> sensors of the wheels, in their order.
-        gyro: the <gyro> sensor.
-        hull: geoms with which robots meet.
-    """
-
-    chassis: tuple[str, ...] = ()
-    wheels: tuple[str, ...] = ()
-    motors: tuple[str, ...] = ()
-    encoders: tuple[str, ...] = ()
-    gyro: tuple[str, ...] = ()
-    hull: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +69,7 @@ class Robot:
 
 
 def find(
-    model: mujoco.MjModel, file: str, names: Names | None = None, prefixes: Mapping[int, str] | None = None
+    model: mujoco.MjModel, file: str, names: Names = _NOTHING, prefixes: Mapping[int, str] | None = None
 ) -> tuple[Robot, ...]:
     """Find robots of a model.
 
@@ -108,8 +90,7 @@ def find(
         raise OmniError(f"{file}: no wheels; a wheel is a hinge that a <dcmotor> drives" + _other_motors(model))
     sought = dict.fromkeys(range(len(roots)), "") if prefixes is None else prefixes
     return tuple(
-        _Finder(model, data, file, names or Names(), prefix).robot(int(roots[number]))
-        for number, prefix in sought.items()
+        _Finder(model, data, file, names, prefix).robot(int(roots[number])) for number, prefix in sought.items()
     )
 
 
@@ -165,7 +146,7 @@ class _Finder:
         self._raise()
         parts = [self._rollers(int(joint)) for joint in joints]
         gyro = self._gyro(chassis)
-        encoders = [self._encoder(number, int(joint)) for number, joint in enumerate(joints)]
+        encoders = [self._encoder(int(joint)) for joint in joints]
         counts = [len(rollers) for _, rollers, _ in parts]
         if len(set(counts)) > 1:
             self._say(f"wheels with different numbers of rollers: {counts}")
@@ -206,7 +187,7 @@ class _Finder:
 
     def _named(self, kind: str, role: str, there: Iterable[int]) -> Iterator[int]:
         """Numbers of the elements of a kind that are named for a role, of those that there are for it."""
-        for name in getattr(self._names, role):
+        for name in self._names.get(role, ()):
             try:
                 yield int(getattr(self._model, kind)(self._prefix + name).id)
             except KeyError:
@@ -220,13 +201,7 @@ class _Finder:
         driven = model.actuator_trnid[motors, 0]
         mine = model.body_rootid[model.jnt_bodyid[driven]] == chassis
         motors, driven = motors[mine], driven[mine]
-        if self._names.motors:
-            chosen = list(self._named("actuator", "motors", motors))
-            for motor in set(chosen) - set(motors.tolist()):
-                self._say(f"{model.actuator(motor).name!r}, which 'motors' names, is no <dcmotor> on a hinge")
-            motors = np.array([motor for motor in chosen if motor in motors], int)
-            driven = model.actuator_trnid[motors, 0]
-        if self._names.wheels:
+        if "wheels" in self._names:
             order = []
             for joint in self._named("joint", "wheels", driven):
                 found = np.flatnonzero(driven == joint)
@@ -237,15 +212,15 @@ class _Finder:
                     )
                 order += found[:1].tolist()
             motors, driven = motors[order], driven[order]
+        else:
+            self._undriven(chassis, driven)
         for joint in driven:
             if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE:
                 self._say(f"the joint {model.joint(joint).name!r}, which a <dcmotor> drives, is no hinge")
-        if not self._names.wheels and not self._names.motors:
-            self._undriven(chassis, driven)
         if len(driven) < LEAST and not self._errors:
             self._say(f"{len(driven)} wheels; it takes {LEAST} to move in every direction")
         if len(set(driven.tolist())) < len(driven):
-            self._say("two <dcmotor>s drive one hinge; name those of the wheels: 'motors'")
+            self._say("two <dcmotor>s drive one hinge; one must")
         return driven, motors
 
     def _undriven(self, chassis: int, driven: Ids) -> None:
@@ -302,12 +277,9 @@ class _Finder:
             return none
         return int(rims[0]), bodies[np.argsort(order)], phase
 
-    def _encoder(self, number: int, joint: int) -> int:
+    def _encoder(self, joint: int) -> int:
         model = self._model
         mine = (model.sensor_type == mujoco.mjtSensor.mjSENS_JOINTPOS) & (model.sensor_objid == joint)
-        if self._names.encoders:
-            chosen = list(self._named("sensor", "encoders", range(model.nsensor)))
-            mine &= np.isin(np.arange(model.nsensor), chosen[number : number + 1])
         if not mine.any():
             self._say(f"no encoder on {model.joint(joint).name!r}; it is a <jointpos> sensor of that joint")
             return -1
@@ -317,7 +289,7 @@ class _Finder:
         model = self._model
         gyros = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_GYRO)
         mine = [int(sensor) for sensor in gyros if model.site_bodyid[model.sensor_objid[sensor]] == chassis]
-        if self._names.gyro:
+        if "gyro" in self._names:
             chosen = list(self._named("sensor", "gyro", gyros))
             mine = [sensor for sensor in mine if sensor in chosen]
             if not chosen:

@@ -93,7 +93,7 @@ def read_model(model: ModelSettings) -> "Own":
     """
     from omni_mj.mjcf import own  # imports MuJoCo
 
-    return own.read(model.file, model.names)
+    return own.read(model.file)
 
 
 def contradictions(given: Mapping[str, Any], mjcf: "Own") -> Iterator[str]:

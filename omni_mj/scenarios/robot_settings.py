@@ -18,23 +18,9 @@ SINKS_M = 7e-5
 
 
 class ModelSettings(Checked):
-    """A robot's own MJCF, which then says what `body`, `wheels` and gear would; empty: the shape that comes along.
-
-    Names of parts, separated by spaces, are needed where neither structure nor the file's custom data says them.
-    """
+    """A robot's own MJCF, which then says what `body`, `wheels` and gear would; empty: the shape that comes along."""
 
     file: str = setting("", "", "path of the MJCF of a robot of yours, which says its geometry and masses")
-    chassis: str = setting("", "", "which body it is, if several carry wheels")
-    wheels: str = setting("", "", "hinges of the wheels, in their order")
-    motors: str = setting("", "", "<dcmotor>s of the wheels, in their order")
-    encoders: str = setting("", "", "<jointpos> sensors of the wheels, in their order")
-    gyro: str = setting("", "", "the <gyro> sensor, if there are several")
-    hull: str = setting("", "", "geoms with which robots meet; otherwise those of the class hull")
-
-    @property
-    def names(self) -> dict[str, str]:
-        """Names of parts by role."""
-        return {role: text for role, text in self.values().items() if role != "file"}
 
 
 class BodySettings(Checked):

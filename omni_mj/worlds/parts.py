@@ -65,7 +65,7 @@ def _ours(kind: Shape, path: Path, changed: int) -> Part:
         spec.delete(key)
     rollers = tuple(geom.name for geom in spec.geoms if geom.parent.name.startswith("roller_"))
     hull = tuple(geom.name for geom in spec.geoms if geom.classname.name == "hull")
-    return Part(path.name, spec, Names(), rollers, hull)
+    return Part(path.name, spec, {}, rollers, hull)
 
 
 @lru_cache(maxsize=16)
@@ -76,4 +76,4 @@ def _own(kind: Shape, found: Own) -> Part:
         raise OmniError(f"wheels.creep = off needs the robot that comes along, not {found.file.name}; take on")
     if kind.wheels.model == "two-rollers":
         in_one(f"{found.file.name}: {line}" for line in found.unlike())
-    return Part(found.file.name, found.spec, found.names, found.touching, found.names.hull)
+    return Part(found.file.name, found.spec, found.names, found.touching, found.names["hull"])

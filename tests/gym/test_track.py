@@ -111,7 +111,7 @@ def test_what_is_seen_is_where_the_robot_stands_to_its_reference() -> None:
         np.testing.assert_allclose(seen[-3 * memory :].reshape(memory, 3)[:, 1:], 0, atol=1e-3)
 
 
-@pytest.mark.parametrize("mode", AutoresetMode)
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED])
 def test_many_are_what_one_by_one_they_are(mode: AutoresetMode) -> None:
     """To the bit, against Gymnasium's own vector of single ones: episodes that end apart, others begun after them."""
     n, lost = 4, 0.12
@@ -139,13 +139,10 @@ def same(found: Any, expected: Any) -> None:
         assert found.keys() == expected.keys()
         for name, values in expected.items():
             mask = expected.get(f"_{name}", ...)
-            same(found[name], values) if isinstance(values, dict) else same(found[name][mask], values[mask])
+            same(found[name][mask], values[mask])
     elif isinstance(expected, tuple):
         for one, other in zip(found, expected, strict=True):
             same(one, other)
-    elif isinstance(expected, np.ndarray) and expected.dtype == object:
-        for one, other in zip(found, expected, strict=True):
-            np.testing.assert_array_equal(one, other)
     else:
         np.testing.assert_array_equal(found, expected)
 
@@ -190,7 +187,7 @@ def test_robots_that_cannot_share_a_model_are_simulated_apart() -> None:
         ({"radio": {"delay_frames": {"normal": [6, 1]}}}, "give memory="),
         ({"render_mode": "human"}, "there is none"),
         ({"num_envs": 0}, "num_envs must be at least 1"),
-        ({"autoreset_mode": "later"}, "one of NextStep, SameStep, Disabled"),
+        ({"autoreset_mode": "later"}, "one of NextStep, Disabled"),
     ],
 )
 def test_what_is_not_allowed_is_said_in_a_line(given: dict[str, Any], words: str) -> None:

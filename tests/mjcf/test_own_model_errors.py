@@ -123,7 +123,7 @@ def test_a_robots_file_may_name_it_and_leave_out_what_it_says(tmp_path: Path) ->
     """Beside itself, wherever the program is called; `om.robot` then tells what follows from both."""
     (tmp_path / "mine.xml").write_text(TEXT)
     ours = tomllib.loads((Path(om.__file__).parent / "robots" / "tigers-v2016.toml").read_text())
-    lines = ["[model]", 'file = "mine.xml"', 'hull = "plate"']
+    lines = ["[model]", 'file = "mine.xml"']
     for section in ("motor", "battery", "sensors", "firmware", "drive", "carpet"):
         lines += [
             f"[{section}]",
@@ -132,7 +132,6 @@ def test_a_robots_file_may_name_it_and_leave_out_what_it_says(tmp_path: Path) ->
     (tmp_path / "mine.toml").write_text("\n".join(lines))
     robot = om.robot(tmp_path / "mine.toml")
     assert robot.facts["mass_kg"] == pytest.approx(2.2 + 3 * (0.044 + 15 * 0.0015))
-    assert robot.settings.model.hull == "plate"
     assert om.scenario("rect", robot=robot).settings.motor.gear == 3.2
     (tmp_path / "mine.xml").unlink()
     with pytest.raises(om.OmniError, match=r"there is no model .*mine.xml"):
