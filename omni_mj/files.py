@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, and are still there after the power failed; and those that are shipped."""
+"""Files that appear whole or not at all; and those that are shipped."""
 
 import errno
 import json
@@ -33,7 +33,6 @@ def whole(path: Path) -> Iterator[BinaryIO]:
             file.flush()
             os.fsync(file.fileno())
         partial.replace(path)
-        _sync_names(path.parent)
     except OSError as error:
         if error.filename == str(partial):
             error.filename = str(path)  # what is wanted there
@@ -108,17 +107,3 @@ def check_room(folder: Path, needed_b: float) -> None:
     disk = shutil.disk_usage(folder)
     if disk.total and disk.free < needed_b + SPARE_B:  # some file systems say nothing
         raise OmniError(f"the {disk.free / 1e6:.1f} MB that are left on the disk are for the numbers")
-
-
-def _sync_names(folder: Path) -> None:
-    """See that a renamed file has its name after the power failed; where folders cannot be opened, it has anyway."""
-    try:
-        handle = os.open(folder, os.O_RDONLY)
-    except OSError:
-        return
-    try:
-        os.fsync(handle)
-    except OSError:  # a file system that syncs no folders
-        pass
-    finally:
-        os.close(handle)

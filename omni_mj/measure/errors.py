@@ -1,5 +1,7 @@
 """By how much robots miss their timed references, frame by frame and as statistics of each row."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
@@ -56,40 +58,27 @@ def travel(reference: Array) -> Array:
     return direction
 
 
-def statistics(error: Array) -> dict[str, Array]:
-    """Return each statistic of `STATISTICS` of errors (frames, n), (n,); NaN for a row without frames.
+def statistics(errors_of_rows: Mapping[str, Array], lengths: np.ndarray) -> dict[str, dict[str, Array]]:
+    """Return each statistic of `STATISTICS` of errors, axis -> statistic -> (n,); NaN for a row without frames.
 
-    The percentile is linear between the two nearest values.
+    Rows are computed one by one, so that other rows do not change the rounding.
+
+    Args:
+        errors_of_rows: Axis -> (frames, n).
+        lengths: Frames of the rows, (n,).
     """
-    count = (~np.isnan(error)).sum(0)
-    ordered = np.sort(error, axis=0)  # NaN last
-    position = PERCENTILE / 100 * (count - 1)
-    below = np.floor(position).astype(int)
-    low, high = (_ranked(ordered, np.clip(rank, 0, np.maximum(count - 1, 0))) for rank in (below, below + 1))
-    values = (
-        _ranked(ordered, np.maximum(count - 1, 0)),
-        low + (position - below) * (high - low),
-        mean(error),
-        np.sqrt(mean(error**2)),
-    )
-    return dict(zip(STATISTICS, values, strict=True))
+    values = np.full((len(errors_of_rows), len(STATISTICS), len(lengths)), np.nan)
+    for row in np.flatnonzero(lengths):
+        error = np.stack([axis[: lengths[row], row] for axis in errors_of_rows.values()])
+        values[..., row] = np.stack([
+            error.max(1), np.percentile(error, PERCENTILE, axis=1), error.mean(1), np.sqrt((error**2).mean(1)),
+        ], axis=1)  # fmt: skip
+    return {
+        axis: dict(zip(STATISTICS, of_axis, strict=True)) for axis, of_axis in zip(errors_of_rows, values, strict=True)
+    }
 
 
 def mean(values: Array) -> Array:
-    """Return the mean of the known values (frames, ...) over the frames, (...); NaN where none is known.
-
-    Sums are made frame by frame: another order, which numpy may choose by the number of rows, would round otherwise.
-    """
-    known = ~np.isnan(values)
-    total = np.cumsum(np.where(known, values, 0.0), axis=0)[-1:].sum(0)
-    with np.errstate(invalid="ignore"):  # 0 / 0
-        result: Array = total / known.sum(0)
-    return result
-
-
-def _ranked(ordered: Array, rank: np.ndarray) -> Array:
-    """Return the value of a rank (n,) in each column of ordered values (frames, n)."""
-    if not len(ordered):
-        return np.full(len(rank), np.nan)
-    chosen: Array = np.take_along_axis(ordered, rank[None], axis=0)[0]
-    return chosen
+    """Return the mean of the known values (frames, n) of each row, (n,); NaN if none is known."""
+    known = [column[~np.isnan(column)] for column in values.T]
+    return np.array([column.mean() if column.size else np.nan for column in known])

@@ -7,7 +7,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.measure import causes, recovery
-from omni_mj.measure.errors import AXES, UNITS, errors, mean, statistics
+from omni_mj.measure.errors import UNITS, errors, mean, statistics
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.simulate.log import Log
 
@@ -34,8 +34,8 @@ def row_metrics(log: Log, failures: "Iterable[Failure]" = ()) -> dict[str, Array
     error, failed = errors(log), [failure.row for failure in failures]
     found = {
         f"{axis}_{statistic}_{UNITS[axis]}": values
-        for axis in AXES
-        for statistic, values in statistics(error[axis]).items()
+        for axis, of_axis in statistics(error, log.lengths).items()
+        for statistic, values in of_axis.items()
     }
     reference, distance = log.channel("ref"), error["distance"]
     effort = _effort_square(log.channel("command")[..., :2])

@@ -3,27 +3,47 @@
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, Field, ValidationError
+
 from omni_control.errors import OmniError
 from omni_mj.files import read_json
 
 FORMAT = 4  # of summary.json
-# What a summary, and what is said in it of a scenario, must hold, and as what.
-NUMBER, NOTHING = (int, float), type(None)
-PARTS: dict[str, type | tuple[type, ...]] = {
-    **dict.fromkeys(("controllers", "informed", "seeds"), list),
-    **dict.fromkeys(("scenarios", "definitions", "versions"), dict),
-    "complete": bool,
-    "stopped": (str, NOTHING),
-    "wall_s": NUMBER,
-}
-ENTRY_PARTS: dict[str, type | tuple[type, ...]] = {
-    **dict.fromkeys(("description", "plant", "robot", "status"), str),
-    **dict.fromkeys(("reason",), (str, NOTHING)),
-    **dict.fromkeys(("frames", "simulated_s", "wall_s", "paper_table"), NUMBER),
-    **dict.fromkeys(("seeds", "events", "failed"), list),
-    **dict.fromkeys(("settings", "results"), dict),
-    **dict.fromkeys(("paper", "verdict"), (dict, NOTHING)),
-}
+
+
+class _Entry(BaseModel, strict=True):
+    """What the readers of a summary rely on in the entry of a scenario."""
+
+    description: str
+    plant: str
+    robot: str
+    status: str
+    reason: str | None
+    frames: int
+    simulated_s: float
+    wall_s: float
+    paper_table: int
+    seeds: list[int]
+    events: list[Any]
+    failed: list[Any]
+    settings: dict[str, Any]
+    results: dict[str, Any]
+    paper: dict[str, Any] | None
+    verdict: dict[str, Any] | None
+
+
+class _Summary(BaseModel, strict=True):
+    """What the readers of a summary rely on."""
+
+    controllers: list[str]
+    informed: list[str]
+    seeds: list[int]
+    scenarios: dict[str, _Entry] = Field(min_length=1)
+    definitions: dict[str, str]
+    versions: dict[str, str]
+    complete: bool
+    stopped: str | None
+    wall_s: float
 
 
 def read(folder: Path) -> dict[str, Any]:
@@ -43,13 +63,11 @@ def read(folder: Path) -> dict[str, Any]:
     summary = read_json(path)
     if summary.get("format") != FORMAT:
         raise OmniError(f"{path} is of format {summary.get('format')!r}; this version of omni-mj reads format {FORMAT}")
-    wrong = _wrong(summary, PARTS)
-    if not wrong:
-        for name, entry in summary["scenarios"].items():
-            wrong += [f"scenarios.{name}.{part}" for part in _wrong(entry, ENTRY_PARTS)]
-        wrong += [] if summary["scenarios"] else ["scenarios"]
-    if wrong:
-        raise OmniError(f"{path} is not a run's summary: {', '.join(wrong)} missing or wrong; make the run again")
+    try:
+        _Summary.model_validate(summary)
+    except ValidationError as error:
+        wrong = ", ".join(".".join(map(str, line["loc"])) for line in error.errors())
+        raise OmniError(f"{path} is not a run's summary: {wrong} missing or wrong; make the run again") from None
     return summary
 
 
@@ -59,10 +77,3 @@ def _served(folder: Path) -> bool:
         return read_json(folder / "provenance.json").get("study") == "serve"
     except OmniError:
         return False
-
-
-def _wrong(found: Any, parts: dict[str, type | tuple[type, ...]]) -> list[str]:
-    """Which parts something lacks, or has as something else."""
-    if not isinstance(found, dict):
-        return list(parts)
-    return [name for name, kind in parts.items() if name not in found or not isinstance(found[name], kind)]

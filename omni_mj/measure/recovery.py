@@ -5,13 +5,13 @@ frame, not from its end: some last until the end of the run, and a controller ma
 Whatever else happens in that time counts too.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.measure.statistics import Spread, spread
+from omni_mj.measure.statistics import spread
 from omni_mj.measure.table import Table, number
 from omni_mj.scenarios.faults import span
 from omni_mj.scenarios.rows import Row
@@ -85,11 +85,21 @@ def results(log: Log, controller: str, measured: Mapping[str, Array]) -> list[di
 
 
 def table(summary: Mapping[str, Any]) -> Table | None:
-    """How controllers came back from each fault of a summary's scenarios; None where there were none.
+    """Return how controllers came back from each fault of a summary's scenarios; None if there were none.
 
     Numbers are those of the one seed, or the medians.
     """
-    rows = list(_lines(summary))
+    rows = []
+    for entry in summary["scenarios"].values():
+        recoveries = [result["recovery"] for result in entry["results"].values()]
+        for number_of_fault in range(max(map(len, recoveries), default=0)):
+            name = ""
+            for controller, faults in zip(entry["results"], recoveries, strict=True):
+                for fault in faults[number_of_fault : number_of_fault + 1]:
+                    time, worst = fault[RECOVERY]["median"], number(fault[EXCURSION]["median"], 100)
+                    shown = "" if fault["fault"] == name else fault["fault"]
+                    rows.append([shown, controller, worst, "never" if time is None else number(time)])
+                    name = fault["fault"]
     if not rows:
         return None
     over = "" if len(summary["seeds"]) == 1 else f", median of {len(summary['seeds'])} seeds"
@@ -98,22 +108,5 @@ def table(summary: Mapping[str, Any]) -> Table | None:
     return Table(f"{title}{100 * NEAR_M:g} cm for good", headings, rows, 2)
 
 
-def _lines(summary: Mapping[str, Any]) -> Iterator[list[str]]:
-    for entry in summary["scenarios"].values():
-        told = [
-            (i, controller, fault)
-            for controller, result in entry["results"].items()
-            for i, fault in enumerate(result["recovery"])
-        ]
-        last = ""
-        for _, controller, fault in sorted(told, key=lambda each: each[0]):
-            name, last = fault["fault"] if fault["fault"] != last else "", fault["fault"]
-            yield [name, controller, number(fault[EXCURSION]["median"], 100), _recovered(fault[RECOVERY])]
-
-
 def _name(i: int, what: str) -> str:
     return f"fault_{i + 1}_{what}"
-
-
-def _recovered(spread: Spread) -> str:
-    return "never" if spread["median"] is None else number(spread["median"])

@@ -3,13 +3,12 @@
 No names of users, hosts or folders are in it.
 """
 
-import ctypes
 import hashlib
 import os
 import platform
+import re
 import subprocess
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -52,8 +51,8 @@ def digest(data: bytes) -> str:
 
 def source() -> dict[str, str]:
     """A hash over names and contents of the files of each package, and of the models."""
-    control, own = Path(omni_control.__file__).parent, models.folder()
-    return {"omni_mj": _hash(_PACKAGE, own), "omni_control": _hash(control), "models": _hash(own)}
+    folders = {"omni_mj": _PACKAGE, "omni_control": Path(omni_control.__file__).parent, "models": models.folder()}
+    return {name: _hash(folder) for name, folder in folders.items()}
 
 
 def git() -> dict[str, Any] | None:
@@ -81,45 +80,30 @@ def git() -> dict[str, Any] | None:
 
 def machine() -> dict[str, str]:
     """The processor, what numpy and its BLAS use of it, and the system's mathematics: last bits may depend on them."""
+    built = np.show_config(mode="dicts")
+    blas = built["Build Dependencies"]["blas"]
     return {
         "CPU": _cpu(),
-        "CPU features": " ".join(np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])),
-        "BLAS": _blas(),
+        "CPU features": " ".join(built["SIMD Extensions"].get("found", [])),
+        "BLAS": f"{blas.get('name')} {blas.get('version')}",
         "architecture": platform.machine(),
         "system": platform.system(),
         "C library": " ".join(word for word in platform.libc_ver() if word),
     }
 
 
-def _hash(folder: Path, without: Path | None = None) -> str:
-    files = (path for path in folder.rglob("*") if path.suffix in SOURCE)
-    contents = {
-        path.relative_to(folder).as_posix(): path.read_bytes()
-        for path in files
-        if without is None or not path.is_relative_to(without)
-    }
-    return digest("".join(f"{digest(contents[name])} {name}\n" for name in sorted(contents)).encode())
+def _hash(folder: Path) -> str:
+    files = sorted(path for path in folder.rglob("*") if path.suffix in SOURCE)
+    lines = [f"{digest(path.read_bytes())} {path.relative_to(folder).as_posix()}\n" for path in files]
+    return digest("".join(lines).encode())
 
 
 def _cpu() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
-        names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-        return names[0] if names else platform.processor()
-    except OSError:
-        return platform.processor()
-
-
-def _blas() -> str:
-    """Its name and version, and for which processor its kernels are, which it chooses when it is loaded."""
-    built = np.show_config(mode="dicts")["Build Dependencies"]["blas"]
-    said = [str(built[key]) for key in ("name", "version") if key in built]
-    for library in Path(np.__file__).parent.with_name("numpy.libs").glob("libscipy_openblas64*"):  # as in its wheels
-        with suppress(OSError, AttributeError):
-            ask = ctypes.CDLL(str(library)).scipy_openblas_get_corename64_
-            ask.restype = ctypes.c_char_p
-            said.append(ask().decode())
-    return " ".join(said)
+    """Return the processor's name, which Python leaves out on Linux."""
+    file = Path("/proc/cpuinfo")
+    text = file.read_text(encoding="utf-8", errors="replace") if file.exists() else ""
+    name = re.search(r"^model name\s*: (.*)$", text, re.MULTILINE)
+    return name[1] if name else platform.processor()
 
 
 def _commit(found: Mapping[str, Any] | None) -> str:

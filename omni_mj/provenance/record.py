@@ -11,7 +11,7 @@ from typing import Any
 from omni_control import controllers as known_controllers
 from omni_control.registry import CONTROLLERS
 from omni_mj.files import whole, write
-from omni_mj.measure import summary
+from omni_mj.measure.result import Outcome, Result
 from omni_mj.mjcf.files import copies
 from omni_mj.provenance import here, modules
 from omni_mj.scenarios import controllers, plants, resolve, robots, user_files
@@ -78,14 +78,8 @@ def begin(
     Args and errors: see `save`.
     """
     save(folder, study, command, scenarios, frames, given)
-    first = scenarios[0]
-    head = {
-        "created": _now(), "complete": False, "stopped": summary.UNFINISHED, "wall_s": 0.0, "repeat": None,
-        "controllers": list(first.labels), "informed": [], "seeds": first.seed_list, "half_width": None,
-        "subject": None,
-    }  # fmt: skip
-    content = summary.document({each.name: summary.nothing_run(each) for each in scenarios}, head)
-    write(folder / "summary.json", json.dumps(content, indent=2, allow_nan=False) + "\n")
+    outcomes = [Outcome.not_run(scenario) for scenario in scenarios]
+    Result(outcomes, scenarios[0].labels, seeds=scenarios[0].seed_list).save_summary(folder)
 
 
 def save_result(folder: Path, study: str, scenarios: Sequence[Scenario], frames: bool) -> None:

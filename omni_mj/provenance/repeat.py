@@ -122,7 +122,6 @@ def _run(folder: Folder, copies: Path, found: Repetition, begin: Begin) -> None:
         else:
             found.notes.append(f"{prefix}no frames were kept; the summary's numbers are compared")
         entry, now = entries[name], json.loads(json.dumps(outcome.entry))
-        lines += _failures(entry, now)
         before, after = ({part: each.get(part) for part in RESULTS} for each in (entry, now))
         lines += _differing(before, after)
         found.differences += [prefix + line for line in lines]
@@ -192,16 +191,6 @@ def _identify(folder: Folder, copies: Path, found: Repetition) -> None:
     found.rows, found.what = len(logs), "log" if len(logs) == 1 else "logs"
     before, after = ({part: values[part] for part in PARTS} for values in (folder.summary, now))
     found.differences += _differing(before, after, file=f"{IDENTIFIED}.json")
-
-
-def _failures(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the rows that failed in one of the two."""
-    for ones, others, where, other in ((now, recorded, "here", "in the run"), (recorded, now, "in the run", "here")):
-        known = [(each["controller"], each["seed"], each["place"]) for each in others["failed"]]
-        for each in ones["failed"]:
-            if (each["controller"], each["seed"], each["place"]) not in known:
-                which = f"{each['controller']}, seed {each['seed']}"
-                yield f"{which} failed {where} at {each['time_s']:.3f} s, not {other}: {each['cause']}"
 
 
 def _differing(old: Mapping[str, Any], new: Mapping[str, Any], file: str = "summary.json") -> Iterator[str]:

@@ -92,17 +92,6 @@ def test_way_points_are_reached_within_2_cm_and_a_tenth_of_a_radian(reference: d
         assert len(expected) >= 3  # one that keeps no timetable is late
 
 
-@pytest.mark.parametrize("name", ["rect", "league-smooth", "square-spin", "waypoints", "eight"])
-def test_a_robot_that_is_where_it_should_be_reaches_every_way_point(name: str) -> None:
-    """One after the other, whatever shape, limits and laps it has; curves have none."""
-    scenario = om.scenario(name)
-    poses = om.Simulation(scenario, ["p"]).references[0].poses
-    log = filled(rows(settings=scenario.settings), len(poses), pose=poses[:, None], ref=poses[:, None])
-    reached = [text for _, text in told(log, "way-point")]
-    assert reached == [f"way-point {k} of {len(reached)} reached" for k in range(1, len(reached) + 1)]
-    assert bool(reached) is (name != "eight")
-
-
 def test_a_watch_tells_each_event_once_while_the_log_grows() -> None:
     """Together those of the whole run: no event depends on what comes after its frame."""
     route = {"waypoints": [[0, 0], [0.4, 0], [0.4, 0.2]], "settle_s": 0}
