@@ -9,7 +9,6 @@ import numpy as np
 from benches.serve import Field
 from serving import LOOPBACK
 
-from omni_mj.live.serve.ports import Ports
 from omni_mj.live.serve.server import Server
 from omni_mj.live.sockets import Address
 
@@ -20,7 +19,7 @@ CASES = ("1", "0", "rollers"), ("1", "0", "two-rollers"), ("6", "6", "two-roller
 def serve(blue: str, yellow: str, wheels: str) -> tuple[np.ndarray, np.ndarray]:
     """CPU time of each frame, s, and lateness of detections, s. A client commands all robots 60 times a second."""
     field = Field(f"wheels.model={wheels}", blue=blue, yellow=yellow)
-    server = Server(field.pitch, Ports(0, 0, 0, Address(LOOPBACK, 10020)))
+    server = Server(field.pitch, (0, 0, 0), Address(LOOPBACK, 10020))
     script = Path(__file__).parent / "support" / "bench_client.py"
     client = subprocess.Popen([sys.executable, script, *map(str, server.ports[1:]), blue, yellow])
     used = list[float]()

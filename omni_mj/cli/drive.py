@@ -105,12 +105,11 @@ def _options(
     """Return what is said of the connection, checked."""
     from omni_mj.live.radio import PORTS
     from omni_mj.live.session import DEAD_TIME, MEASURED, Options
-    from omni_mj.live.sockets import address, check_local
+    from omni_mj.live.sockets import address
     from omni_mj.live.wire import VISION_PORT
 
-    target = None if commands is None else address(commands, PORTS[others["colour"]])
-    if target is not None and others["radio"] is None:
-        check_local(target, others["interface"])
+    interface = "" if others["radio"] else others["interface"]
+    target = address(commands, PORTS[others["colour"]], interface) if commands else None
     fixed = {override.partition("=")[0].strip() for override in overrides} | ({DEAD_TIME} if not pulse else set())
     measured = frozenset(MEASURED) - fixed
     return Options(address(vision, VISION_PORT), target, world=velocity == "global", measured=measured, **others)

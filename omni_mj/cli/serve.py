@@ -63,16 +63,14 @@ def command(**values: Any) -> None:
     from omni_mj.live.notes import Notes
     from omni_mj.live.serve import line_up
     from omni_mj.live.serve.pitch import Pitch
-    from omni_mj.live.serve.ports import Ports
     from omni_mj.live.serve.server import Server
-    from omni_mj.live.sockets import address, check_local
+    from omni_mj.live.sockets import address
     from omni_mj.live.wire import VISION_PORT
     from omni_mj.live.wire.simulation_pb2 import Team
     from omni_mj.studies.outcome import StoppedError
 
     chosen = SimpleNamespace(**values)
-    target = address(chosen.vision, VISION_PORT)
-    check_local(target, chosen.interface)
+    target = address(chosen.vision, VISION_PORT, chosen.interface)
     head = {name: values[name] for name in ("robot", "seed") if values[name] is not None}
     ours = line_up.load(chosen.name, chosen.overrides, head)
     theirs = line_up.load(chosen.name, chosen.overrides, head | {"robot": chosen.yellow_robot or ours.robot})
@@ -85,8 +83,8 @@ def command(**values: Any) -> None:
     console.quiet_mujoco()
     notes = Notes(lambda text: None if quiet else click.echo(text, err=True))
     pitch = Pitch({Team.BLUE: ours, Team.YELLOW: theirs}, poses, notes)
-    ports = Ports(chosen.control_port, chosen.blue_port, chosen.yellow_port, target, chosen.interface)
-    server = Server(pitch, ports, chosen.speed, chosen.lockstep or "")
+    ports = chosen.control_port, chosen.blue_port, chosen.yellow_port
+    server = Server(pitch, ports, target, chosen.interface, chosen.speed, chosen.lockstep or "")
     with ExitStack() as stack:
         stack.callback(server.close)
         interrupts = stack.enter_context(Interrupts())

@@ -39,10 +39,8 @@ class VisionCamera:
     heard_s: float = 0.0
     sent_s: float = 0.0
     arrived_s: float = 0.0
-    _first: tuple[float, float] | None = None  # stamp and arrival of the first frame since the clock began
     _number: int = 0  # of the newest frame
     _captured_s: float = 0.0
-    _counted: int = 0  # frames since the first, with lost ones
     _intervals: deque[float] = field(default_factory=lambda: deque(maxlen=120))
 
     def add(self, detection: Detection, arrival: float) -> bool:
@@ -50,18 +48,13 @@ class VisionCamera:
         self.heard_s, captured = arrival, detection.t_capture
         age = detection.t_sent - captured
         sent = detection.t_sent if 0 <= age <= MAX_AGE_S else captured
-        if self.clock.add(sent, arrival):
-            self._first = None
-        if self._first is None:
-            self._first, self._counted = (sent, arrival), 0
-        elif captured <= self._captured_s:
-            self.late += 1
-            return False
-        else:
+        if not self.clock.add(sent, arrival) and self.frames:
+            if captured <= self._captured_s:
+                self.late += 1
+                return False
             step = detection.frame_number - self._number
             step = step if 1 < step < MAX_LOST else 1  # not all number their frames
             self.lost += step - 1
-            self._counted += step
             self._intervals.append((sent - self.sent_s) / step)
         self._number, self._captured_s = detection.frame_number, captured
         self.sent_s, self.arrived_s = sent, arrival
@@ -80,18 +73,12 @@ class VisionCamera:
         return self.total_age_s / max(self.frames, 1)
 
     @property
-    def stamped_hz(self) -> float:
-        """Frames per second of its own clock; NaN before the second."""
-        return self._counted / (self.sent_s - self._first[0]) if self._first and self._counted else np.nan
-
-    @property
     def received_hz(self) -> float:
-        """Frames per second of our clock; NaN before the second."""
-        span = self.arrived_s - self._first[1] if self._first else 0.0
-        return self._counted / span if span > 0 else np.nan
+        """Frames per second of our clock, or NaN."""
+        return self.stamped_hz * self.clock.rate
 
     @property
-    def usual_hz(self) -> float:
+    def stamped_hz(self) -> float:
         """Frames per second of its own clock by the median interval, whatever stalled in between; or NaN."""
         usual = float(np.median(self._intervals)) if self._intervals else 0.0
         return 1 / usual if usual > 0 else np.nan

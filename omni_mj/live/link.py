@@ -71,7 +71,7 @@ class Link:
             OmniError: Frames shall, but there are not about 60 of them per second of their own clock.
         """
         self._choose_leader(SILENT_S)
-        rate = math.nan if self.leader is None else self.vision.cameras[self.leader].usual_hz
+        rate = math.nan if self.leader is None else self.vision.cameras[self.leader].stamped_hz
         fits = abs(rate / FRAME_RATE_HZ - 1) < RATE_TOLERANCE
         if pace == "vision" and not fits and not math.isnan(rate):  # unknown of a simulation that waits for commands
             raise OmniError(

@@ -98,7 +98,6 @@ class SimulatorRadio(Radio):
     def __init__(self, line: Line) -> None:
         super().__init__(line)
         self._target = line.host or Address(LOOPBACK, PORTS[line.colour])
-        sockets.check_local(self._target, line.interface)
         self._socket = sockets.sender(line.interface)
         self._opponents = None
         if line.both and self._target.port == PORTS[line.colour]:  # of other ports it is not known whose they are

@@ -9,7 +9,6 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_mj.live.drive import Live
 from omni_mj.live.latency import measure_run
-from omni_mj.live.link import RATE_TOLERANCE
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 
 CAMERA_FIGURES = "frames", "lost", "late", "restarts", "stamped_hz", "received_hz", "mean_age_s", "bias_m_m_rad"
@@ -51,7 +50,7 @@ def summarize(live: Live) -> dict[str, Any]:
         "answered_after_s": dict(zip(("p50", "p95", "p99", "max"), answers, strict=True)),
     }
     counts = dict(live.notes.counts)
-    summary = {"source": link.vision.source, "cameras": cameras, "ticks": ticks, "robots": robots, "notes": counts}
+    summary = {"cameras": cameras, "ticks": ticks, "robots": robots, "notes": counts}
     return _as_json(summary)
 
 
@@ -61,12 +60,6 @@ def describe(summary: Mapping[str, Any]) -> list[str]:
     if ticks["answered_after_s"]["p50"] is not None:
         times = ", ".join(f"{name} {1e3 * value:.1f}" for name, value in ticks["answered_after_s"].items())
         lines.append(f"commands left so many ms after each tick: {times}")
-    hz = summary["cameras"][str(ticks["camera"])]["stamped_hz"] if ticks["with_frames"] else None
-    if hz is not None and abs(hz / FRAME_RATE_HZ - 1) > RATE_TOLERANCE:
-        lines.append(
-            f"each frame of camera {ticks['camera']} was a tick, and it sent {hz:.1f} a second: all was driven "
-            f"{hz / FRAME_RATE_HZ:.2f} times as fast; --rate {FRAME_RATE_HZ} goes by this computer's clock"
-        )
     for robot in summary["robots"]:
         parts, fitted, identified = [], robot["fitted"], robot["identified"]
         if (latency := fitted["latency_frames"]) is not None:

@@ -1,8 +1,9 @@
-"""UDP as the league uses it: vision from a multicast group or to an address, commands to a host.
+"""UDP and TCP as the league uses them: vision from a multicast group or to an address, commands to a host.
 
 Everything is bound and sent to this computer alone, with a time to live of 0, unless an interface is named.
 """
 
+import io
 import ipaddress
 import select
 import socket
@@ -10,10 +11,15 @@ import time
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from google.protobuf import proto
+from google.protobuf.message import DecodeError, Message
+
 from omni_control.errors import OmniError
+from omni_mj.live.wire import MessageT, WireError, check_complete
 
 LOOPBACK = "127.0.0.1"
 MAX_DATAGRAM = 65_536  # bytes
+CLIENT_TIMEOUT_S = 1.0  # for a TCP client that stops in the middle of a message
 BUFFER_BYTES = 1 << 21  # of the kernel: some seconds of four cameras
 
 
@@ -27,34 +33,31 @@ class Address(NamedTuple):
         return f"{self.host}:{self.port}"
 
 
-def address(text: str, default_port: int) -> Address:
+def address(text: str, default_port: int, interface: str = "") -> Address:
     """Parse HOST:PORT, or HOST alone.
 
+    Args:
+        text: What is parsed.
+        default_port: Port of a host alone.
+        interface: Address of the network interface by which packets leave for the host, if they do.
+
     Raises:
-        OmniError: The text is no address, or the host is unknown.
+        OmniError: The text is no address, the host is unknown, or it is another computer and no interface is named.
     """
     host, colon, port = text.strip().partition(":")
     port = port if colon else str(default_port)
     if not host or not port.isdecimal() or not 0 < int(port) < 65_536:
         raise OmniError(f"{text!r} is no address: write HOST:PORT, such as 127.0.0.1:10020, ports from 1 to 65535")
     try:
-        return Address(socket.gethostbyname(host), int(port))
+        number = ipaddress.ip_address(socket.gethostbyname(host))
     except (OSError, UnicodeError):
         raise OmniError(f"nobody knows the host {host!r}; give an IPv4 address, such as 127.0.0.1") from None
-
-
-def check_local(target: Address, interface: str) -> None:
-    """Check that nothing is sent beyond this computer unless an interface is named.
-
-    Raises:
-        OmniError: It would be.
-    """
-    host = ipaddress.ip_address(target.host)
-    if interface == LOOPBACK and not (host.is_loopback or host.is_multicast):
+    if interface == LOOPBACK and not (number.is_loopback or number.is_multicast):
         raise OmniError(
-            f"{target.host} is another computer, and packets stay on this one: name the interface that leads there,"
+            f"{host} is another computer, and packets stay on this one: name the interface that leads there,"
             " by its address, with --interface"
         )
+    return Address(str(number), int(port))
 
 
 def sender(interface: str = LOOPBACK) -> socket.socket:
@@ -126,8 +129,74 @@ class Receiver:
                 continue
             yield data, time.monotonic(), Address(*source)
 
+    def reply(self, data: bytes, to: Address) -> None:
+        """Send an answer."""
+        self._socket.sendto(data, to)
+
     def close(self) -> None:
         """Free the address."""
+        self._socket.close()
+
+
+def listen(where: Address) -> socket.socket:
+    """Return a socket that accepts TCP connections.
+
+    Raises:
+        OmniError: The port is taken.
+    """
+    try:
+        return socket.create_server(where)
+    except OSError as error:
+        raise OmniError(f"cannot listen to {where} by TCP: {reason(error)}") from None
+
+
+class Stream:
+    """A TCP connection. Each message follows its length as a varint.
+
+    Args:
+        connection: Its socket.
+    """
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._socket, self.address = connection, Address(*connection.getpeername())
+        connection.settimeout(CLIENT_TIMEOUT_S)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._input = connection.makefile("rb", 1)  # reads nothing ahead, which `select` would not know of
+
+    def fileno(self) -> int:
+        """Return the descriptor for `selectors`."""
+        return self._socket.fileno()
+
+    def read(self, size: int) -> bytes:
+        """Return `size` bytes, for protobuf's parser."""
+        if size > MAX_DATAGRAM:
+            raise WireError(f"a message is longer than {MAX_DATAGRAM} bytes")
+        return self._input.read(size)
+
+    def receive(self, message_type: type[MessageT]) -> MessageT:
+        """Wait for a message.
+
+        Raises:
+            WireError: It is malformed or too long.
+            OSError: The client has gone, or stopped in the middle.
+        """
+        try:
+            message = proto.parse_length_prefixed(message_type, self)  # type: ignore[arg-type]
+        except (DecodeError, ValueError) as error:
+            raise WireError(str(error)) from None
+        if message is None:
+            raise ConnectionResetError
+        return check_complete(message)
+
+    def reply(self, message: Message) -> None:
+        """Send an answer."""
+        packet = io.BytesIO()
+        proto.serialize_length_prefixed(message, packet)
+        self._socket.sendall(packet.getvalue())
+
+    def close(self) -> None:
+        """Hang up."""
+        self._input.close()
         self._socket.close()
 
 

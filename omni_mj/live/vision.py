@@ -10,7 +10,7 @@ from omni_control.kinematics import Array, wrap_angle
 from omni_mj.live.cameras import BiasLearner, VisionCamera
 from omni_mj.live.notes import Notes
 from omni_mj.live.wire import MM_PER_M, WireError, parse
-from omni_mj.live.wire.vision_pb2 import DetectedRobot, Detection, Source, VisionPacket
+from omni_mj.live.wire.vision_pb2 import DetectedRobot, Detection, VisionPacket
 
 Colour = Literal["blue", "yellow"]
 
@@ -47,7 +47,6 @@ class Vision:
     Attributes:
         colour, ids: Of the robots that are followed.
         cameras: By number.
-        source: Name of the sending program, or None.
         heard_s: When the last frame came (`time.monotonic`), s; minus infinity before.
         age: How long before the last tick robots were seen, shape (n,), s; zero for those that were not.
         extrapolation: By how much they were moved from there to the tick, shape (n, 3).
@@ -55,10 +54,8 @@ class Vision:
 
     def __init__(self, colour: Colour, ids: Sequence[int], notes: Notes) -> None:
         self.cameras: dict[int, VisionCamera] = {}
-        self.source: str | None = None
         self.heard_s = -math.inf
         self.colour, self._notes, self._bias_learner = colour, notes, BiasLearner()
-        self._senders: dict[int, object] = {}
         self.follow(ids)
 
     def follow(self, ids: Sequence[int], poses: Array | None = None) -> None:
@@ -81,12 +78,6 @@ class Vision:
             self._notes.add("bad packet", f"a packet from {sender} is skipped: {error}")
             return None
         number = detection.camera_id
-        before, self._senders[number] = self._senders.get(number, sender), sender
-        if sender != before:
-            text = f"camera {number} is sent by {sender} now, by {before} before: a new peer, or two at once"
-            self._notes.add("another sender", text)
-        if packet.HasField("source"):
-            self.source = Source.Name(packet.source).removeprefix("SOURCE_")
         self.heard_s = arrival
         camera = self.cameras.setdefault(number, VisionCamera())
         restarts = camera.restarts

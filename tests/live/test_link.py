@@ -42,14 +42,13 @@ def test_detections_are_brought_to_the_tick_from_their_capture(age: float, later
 
 
 def test_the_usual_rate_is_that_of_frames_that_nothing_held_up() -> None:
-    """A camera of 65 a second whose computer stalls for 45 ms now and then sends 60.6, and is none of 60."""
+    """A camera of 65 a second whose computer stalls for 45 ms now and then is none of 60."""
     camera, time_s = Camera(5), 0.0
     for frame in range(300):
         time_s += 1 / 65 + (0.045 if frame % 40 == 39 else 0.0)
         camera.see(frame, [], at=time_s, offset=time_s - frame * PERIOD_S)
     found = camera.vision.cameras[0]
-    assert found.stamped_hz == pytest.approx(1 / (1 / 65 + 0.045 / 40), rel=1e-2)
-    assert found.usual_hz == pytest.approx(65)
+    assert found.stamped_hz == pytest.approx(65)
 
 
 def test_another_robots_number_or_a_mirrored_heading_is_not_believed_unless_it_lasts() -> None:
@@ -175,4 +174,4 @@ def test_what_cannot_be_listened_to_or_sent_to_is_said_and_nothing_leaves_this_c
         with pytest.raises(OmniError, match=r"no address|nobody knows"):
             link.address(text, 1)
     with pytest.raises(OmniError, match="--interface"):
-        link.check_local(Address("192.0.2.1", 1), LOOPBACK)
+        link.address("192.0.2.1", 1, LOOPBACK)

@@ -5,20 +5,18 @@ import selectors
 import socket
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import islice
 from typing import Any
-
-from google.protobuf.message import Message
 
 from omni_control.errors import OmniError
 from omni_mj.live.serve import control
 from omni_mj.live.serve.cameras import CYCLES_PER_FRAME
 from omni_mj.live.serve.commands import Refusal
 from omni_mj.live.serve.pitch import Pitch
-from omni_mj.live.serve.ports import Port, Ports, Stream, listen
 from omni_mj.live.serve.publisher import Pace, Publisher
-from omni_mj.live.sockets import Address, reason
+from omni_mj.live.sockets import LOOPBACK, Address, Receiver, Stream, listen, reason
 from omni_mj.live.wire import WireError, parse
 from omni_mj.live.wire.simulation_pb2 import (
     RobotControl,
@@ -35,6 +33,7 @@ from omni_mj.live.wire.vision_pb2 import Detection, Geometry
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ
 
 MIN_SPAN_CYCLES = 4  # simulated at a time while nothing comes and nothing is due
+BURST = 64  # datagrams read from one port before the others have their turn
 REPEAT_S = 0.2  # in lockstep, between repetitions of the last images until the first command
 CHECK_S = 0.1  # for which nothing else is looked after at most
 MAX_SPEED = 1000.0  # simulated seconds per second
@@ -47,13 +46,16 @@ class Server:
 
     Args:
         pitch: What is served.
-        ports: Where.
+        ports: Of the simulator, the blue and the yellow robots; 0 takes a free one.
+        vision: Where detections go.
+        interface: Address of the network interface; loopback keeps everything on this computer.
         speed: Simulated seconds per second.
         lockstep: "" if time goes by itself; "any" if each packet to a team makes a step to the first camera's next
             image; "both" if a packet to each team does.
 
     Attributes:
         after_frame: Called after every 1/60 s of simulated time; set it before `run`.
+        ports: That are listened to: control, blue, yellow.
         publisher: Of what cameras see.
         pace: Of simulated time.
         notes: What went wrong.
@@ -63,29 +65,32 @@ class Server:
         OmniError: A port is taken, or there is no such interface.
     """
 
-    def __init__(self, pitch: Pitch, ports: Ports, speed: float = 1.0, lockstep: str = "") -> None:
+    def __init__(
+        self,
+        pitch: Pitch,
+        ports: Sequence[int],
+        vision: Address,
+        interface: str = LOOPBACK,
+        speed: float = 1.0,
+        lockstep: str = "",
+    ) -> None:
         self.pitch, self.lockstep, self.notes, self.pace = pitch, lockstep, pitch.notes, Pace(speed)
         self.after_frame: Callable[[], None] = lambda: None
-        self.publisher = Publisher(pitch, ports.vision, ports.interface, self.pace)
+        self.publisher = Publisher(pitch, vision, interface, self.pace)
         self.counts: Counter[str] = self.publisher.counts
         self._selector = selectors.DefaultSelector()
-        self._addresses = list[Address]()
+        self.ports = list[int]()
         try:
-            for number, team in zip(ports[:3], (None, Team.BLUE, Team.YELLOW), strict=True):
-                port = Port(Address(ports.interface, number), ports.interface, team)
-                self._selector.register(port, selectors.EVENT_READ, self._answer)
-                self._addresses.append(port.address)
+            for number, team in zip(ports, (None, Team.BLUE, Team.YELLOW), strict=True):
+                port = Receiver(Address(interface, number), interface)
+                self._register(port, self._answer, team)
+                self.ports.append(port.address.port)
                 if lockstep:
-                    self._register_listener(port)
+                    self._register(listen(port.address), self._accept, team)
         except BaseException:
             self.close()
             raise
         self._heard_teams, self._repeated_at, self._cycle_remainder = set[int](), -math.inf, 0.0
-
-    @property
-    def ports(self) -> tuple[int, ...]:
-        """The ports that are listened to: control, blue, yellow."""
-        return tuple(address.port for address in self._addresses)
 
     def run(self, check: Callable[[], None] = lambda: None, until_s: float = math.inf) -> None:
         """Serve until simulated time is over, or `check`, which is called often, raises something."""
@@ -141,19 +146,23 @@ class Server:
             if not self.lockstep:  # what comes now acts in the cycle that begins next
                 due = self.pace.cycle_at(time.monotonic())
                 self._advance(min(due, self.pitch.cycle + CYCLES_PER_FRAME))
-            key.data(key.fileobj)
+            key.data()
 
-    def _answer(self, port: Port) -> None:
+    def _register(self, port: Any, handle: Callable[[Any, int | None], None], team: int | None) -> None:
+        """Call `handle` whenever something comes to a socket of a team, or, if it is None, of the simulator."""
+        self._selector.register(port, selectors.EVENT_READ, partial(handle, port, team))
+
+    def _answer(self, port: Receiver, team: int | None) -> None:
         """Obey and answer datagrams."""
-        for data, client in port.requests():
+        for data, _, client in islice(port.packets(), BURST):
             try:
-                if port.team is None:
+                if team is None:
                     answer = SimulatorResponse(errors=self._obey_simulator(parse(SimulatorCommand, data)))
                     if self.lockstep:
                         self.publisher.repeat()
                 else:
-                    answer = self._command(port.team, parse(RobotControl, data))
-                    self._step_after(port.team)
+                    answer = self._command(team, parse(RobotControl, data))
+                    self._step_after(team)
             except WireError as error:
                 self.notes.add("bad packets", f"a packet from {client} is skipped: {error}")
                 continue
@@ -169,22 +178,17 @@ class Server:
             self._heard_teams.clear()
             self._advance(self.pitch.next_leading_image)
 
-    def _register_listener(self, port: Port) -> None:
-        """Let clients of the synchronous mode in by TCP at the same port."""
+    def _accept(self, listener: socket.socket, team: int | None) -> None:
+        """Let a client of the synchronous mode in."""
+        try:
+            self._register(Stream(listener.accept()[0]), self._converse, team)
+        except OSError as error:
+            self.notes.add("clients lost", f"a client left before it was let in: {reason(error)}")
 
-        def accept(listener: socket.socket) -> None:
-            try:
-                stream = Stream(listener.accept()[0], port.team)
-                self._selector.register(stream, selectors.EVENT_READ, self._converse)
-            except OSError as error:
-                self.notes.add("clients lost", f"a client left before it was let in: {reason(error)}")
-
-        self._selector.register(listen(port.address), selectors.EVENT_READ, accept)
-
-    def _converse(self, stream: Stream) -> None:
+    def _converse(self, stream: Stream, team: int | None) -> None:
         """Answer a request of the synchronous mode. Hang up if it is malformed, or the client has gone."""
         try:
-            stream.reply(self._answer_sync(stream.team, stream.receive()))
+            stream.reply(self._answer_sync(team, stream.receive(SyncRequest)))
         except (WireError, OSError) as error:
             if isinstance(error, WireError):
                 self.notes.add("bad packets", f"{stream.address} is hung up on: {error}")
@@ -216,16 +220,16 @@ class Server:
         self.counts["simulator commands"] += 1
         config, wishes = command.config, command.control
         errors = control.check_config(config)
-        handlers: list[tuple[Message, str, Callable[[Any], None]]] = [
-            (config, "geometry", self._replace_geometry),
-            (config, "vision_port", self._send_vision_to),
-            (wishes, "teleport_ball", partial(control.teleport_ball, self.pitch)),
-            (wishes, "simulation_speed", self._change_speed),
-        ]
-        for message, field, handle in handlers:
-            if message.HasField(field):
+        handlers: dict[str, Callable[[Any], None]] = {
+            "geometry": self._replace_geometry,
+            "vision_port": self._send_vision_to,
+            "teleport_ball": partial(control.teleport_ball, self.pitch),
+            "simulation_speed": self._change_speed,
+        }
+        for field, value in config.ListFields() + wishes.ListFields():
+            if field.name in handlers:
                 try:
-                    handle(getattr(message, field))
+                    handlers[field.name](value)
                 except Refusal as refusal:
                     errors.append(refusal.error)
         return errors + control.teleport_robots(self.pitch, wishes.teleport_robot)

@@ -15,7 +15,7 @@ from omni_mj.live.vision import Vision
 
 PERIOD_S = 1 / 60
 Robot = tuple[int, float, float, float]
-address, check_local, sender = sockets.address, sockets.check_local, sockets.sender
+address, sender = sockets.address, sockets.sender
 
 
 class Camera:

@@ -13,7 +13,6 @@ from omni_mj.live.notes import Notes
 from omni_mj.live.serve import line_up
 from omni_mj.live.serve.log import TableWriter, Tape
 from omni_mj.live.serve.pitch import Pitch, label
-from omni_mj.live.serve.ports import Ports
 from omni_mj.live.serve.server import Server
 from omni_mj.live.sockets import Address
 from omni_mj.live.wire import parse
@@ -159,7 +158,7 @@ class Field:
 def here(field: Field, lockstep: str = "any", speed: float = 1.0) -> Iterator[tuple[Client, Server]]:
     """A server in a thread, and a foreign client of it."""
     client, stop = Client(), threading.Event()
-    server = Server(field.pitch, Ports(0, 0, 0, Address(LOOPBACK, client.vision_port)), speed, lockstep)
+    server = Server(field.pitch, (0, 0, 0), Address(LOOPBACK, client.vision_port), speed=speed, lockstep=lockstep)
     client.ports = server.ports
 
     def check() -> None:
