@@ -3,6 +3,7 @@
 import gc
 import json
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 CONTROLLER = "adaptive-comp-flc"
 DURATION = click.FloatRange(min=0, max=1e5, min_open=True)
-OUTPUT_OPTIONS = "out", "overwrite", "record", "view", "connect", "draw"
 OUTPUTS = (*run_command.OUTPUTS, "link.json")
 
 
@@ -53,12 +53,13 @@ OUTPUTS = (*run_command.OUTPUTS, "link.json")
 @options.CONNECT
 @options.FIGURES
 @options.QUIET
+@options.outputs
 def command(
     name: str | None,
     controller: str,
     robot: str | None,
     overrides: tuple[str, ...],
-    dry_run: bool,
+    outputs: options.Outputs,
     quiet: bool,
     **values: Any,
 ) -> None:
@@ -67,7 +68,7 @@ def command(
     from omni_mj.scenarios import scenario
     from omni_mj.scenarios.library import builtin
 
-    out, overwrite, record, view, connect, draw = map(values.pop, OUTPUT_OPTIONS)
+    out, overwrite, dry_run = map(values.pop, ("out", "overwrite", "dry_run"))
     chosen = _options(overrides, **values)
     if dry_run:
         _listen(chosen, quiet)
@@ -77,11 +78,11 @@ def command(
     head = {"controllers": (controller,), "plant": "live", "seeds": 1} | ({"robot": robot} if robot else {})
     what = untold(scenario.load(name, overrides, head), robot is None)
     session.check(what, chosen)
-    viewers = run_command.viewers(view, connect)
+    viewers = run_command.viewers(outputs.view, outputs.connect)
     folder = folders.prepare(out, f"drive-{what.name}", OUTPUTS, overwrite)
     try:
         with console.writing(folder):
-            _drive(what, chosen, folder, record, draw, quiet, viewers)
+            _drive(what, chosen, folder, outputs, viewers, quiet)
     finally:
         if not any(folder.iterdir()):  # nobody was there to be driven
             folder.rmdir()
@@ -104,15 +105,15 @@ def _options(
 ) -> "Options":
     """Return what is said of the connection, checked."""
     from omni_mj.live.radio import PORTS
-    from omni_mj.live.session import DEAD_TIME, MEASURED, Options
+    from omni_mj.live.session import DEAD_TIME, Options
     from omni_mj.live.sockets import address
     from omni_mj.live.wire import VISION_PORT
 
     interface = "" if others["radio"] else others["interface"]
     target = address(commands, PORTS[others["colour"]], interface) if commands else None
-    fixed = {override.partition("=")[0].strip() for override in overrides} | ({DEAD_TIME} if not pulse else set())
-    measured = frozenset(MEASURED) - fixed
-    return Options(address(vision, VISION_PORT), target, world=velocity == "global", measured=measured, **others)
+    fixed = [override.partition("=")[0].strip() for override in overrides] + [DEAD_TIME] * (not pulse)
+    where = address(vision, VISION_PORT), target
+    return Options(*where, world=velocity == "global", fixed=frozenset(fixed), **others)
 
 
 def _listen(options: "Options", quiet: bool) -> None:
@@ -140,7 +141,12 @@ def _listen(options: "Options", quiet: bool) -> None:
 
 
 def _drive(
-    scenario: "Scenario", options: "Options", folder: Path, record: bool, draw: bool, quiet: bool, viewers: list[str]
+    scenario: "Scenario",
+    connection: "Options",
+    folder: Path,
+    outputs: options.Outputs,
+    viewers: list[str],
+    quiet: bool,
 ) -> None:
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.live import report, session
@@ -149,41 +155,42 @@ def _drive(
     from omni_mj.measure.result import write
     from omni_mj.studies.outcome import StoppedError
 
+    def show(text: str) -> None:
+        if not quiet:
+            print(text, flush=True)
+
     notes = Notes(_warn)
     with Interrupts() as interrupts:
         try:
-            with session.listening(options, notes, interrupts.check) as link:
-                if not quiet:
-                    print("\n".join(describe_cameras(link.vision.cameras)), flush=True)
-                with session.ready(scenario, options, link, notes) as live:
-                    if not quiet:
-                        pace = f"camera {link.leader}" if link.follows_frames else "the clock of this computer"
-                        robots = ", ".join(map(str, live.ids))
-                        print(f"robots {robots} at 60 frames a second of {pace}", flush=True)
+            with session.listening(connection, notes, interrupts.check) as link:
+                show("\n".join(describe_cameras(link.vision.cameras)))
+                with session.ready(scenario, connection, link, notes) as live:
+                    pace = f"camera {link.leader}" if link.follows_frames else "the clock of this computer"
+                    show(f"robots {', '.join(map(str, live.ids))} at 60 frames a second of {pace}")
                     gc.collect()
                     gc.freeze()  # a collection through everything imported would hold up robots
-                    watch = None if quiet else partial(_print_estimates, live)
-                    outcome = run_command.recorded(live, folder, record, viewers, interrupts, quiet, "drive", watch)
+                    result = run_command.recorded(
+                        live, folder, outputs.record, viewers, interrupts, quiet, "drive", partial(_watch, live, show)
+                    )
         except StoppedError as stopped:  # before there was anything to record
             interrupts.end(stopped.reason, "the robots had not begun")
             raise AssertionError from stopped
     summary = report.summarize(live)
     write(folder / "link.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
-    run_command.shown(outcome, folder, draw, quiet)
-    if not quiet:
-        print("\n".join([*report.describe(summary), *describe_cameras(link.vision.cameras), *_counts(notes)]))
-    run_command.ended(outcome, folder, interrupts)
+    run_command.shown(result, folder, outputs.draw, quiet)
+    show("\n".join([*report.describe(summary), *describe_cameras(link.vision.cameras), *_counts(notes)]))
+    run_command.ended(result, folder, interrupts)
 
 
-def _print_estimates(live: "Live", frame: int) -> None:
-    """Print once a second what was identified."""
+def _watch(live: "Live", show: Callable[[str], None], frame: int) -> None:
+    """Show once a second what was identified."""
     from omni_mj.live import report
     from omni_mj.scenarios.settings import FRAME_RATE_HZ
 
     second, rest = divmod(frame + 1, FRAME_RATE_HZ)
     if not rest:
         for line in report.describe_estimates(live) or [f"frame {frame + 1}"]:
-            print(f"{second:4d} s  {line}", flush=True)
+            show(f"{second:4d} s  {line}")
 
 
 def _warn(text: str) -> None:

@@ -53,9 +53,9 @@ DURATION = click.FloatRange(min=0, min_open=True)
 @click.option("--for", "until_s", type=DURATION, default=math.inf, help="End after so much simulated time, s.")
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="Record there. [nothing is recorded]")
 @options.OVERWRITE
-@click.option("--record/--no-record", default=True, help="With --out, write recording.rrd for the rerun viewer.")
-@click.option("--view", is_flag=True, help="Watch in a rerun viewer of its own.")
-@click.option("--connect", metavar="URL", help="Watch in a rerun viewer that is running.")
+@options.RECORD
+@options.VIEW
+@options.CONNECT
 @options.QUIET
 def command(**values: Any) -> None:
     """Simulate robots for software that speaks the league's protocols."""
@@ -77,7 +77,7 @@ def command(**values: Any) -> None:
     line_up.check_together(ours, theirs)
     numbers = line_up.numbers(chosen.blue, "--blue"), line_up.numbers(chosen.yellow, "--yellow")
     poses = line_up.poses(*numbers, None if chosen.name is None else ours)
-    viewers = run.viewers(chosen.view, chosen.connect)
+    targets: list[str | Path] = [*run.viewers(chosen.view, chosen.connect)]
     out, quiet = chosen.out, chosen.quiet
     folder = None if out is None else folders.prepare(out, ours.name, OUTPUTS, chosen.overwrite)
     console.quiet_mujoco()
@@ -90,7 +90,8 @@ def command(**values: Any) -> None:
         interrupts = stack.enter_context(Interrupts())
         if folder is not None:
             stack.enter_context(console.writing(folder))
-        _record(stack, server, folder, {"blue": ours, "yellow": theirs}, chosen.record, viewers)
+            targets += [folder / "recording.rrd"] * chosen.record
+        _record(stack, server, folder, {"blue": ours, "yellow": theirs}, targets)
         if not quiet:
             click.echo(_introduction(server))
         gc.collect()
@@ -111,10 +112,9 @@ def _record(
     server: "Server",
     folder: Path | None,
     teams: "Mapping[str, Scenario]",
-    record: bool,
-    viewers: Sequence[str],
+    targets: Sequence[str | Path],
 ) -> None:
-    """Record what is served until the end of `stack`."""
+    """Record what is served in `folder`, and show it in `targets` for rerun, until the end of `stack`."""
     from omni_mj.live.serve.log import Block, TableWriter, Tape
     from omni_mj.measure.result import write
     from omni_mj.provenance import record as provenance
@@ -130,17 +130,13 @@ def _record(
         table = TableWriter(folder / "trajectory.parquet")
         stack.callback(table.finish)
         sinks.append(table)
-    targets: list[str | Path] = [*viewers]
-    if folder is not None and record:
-        targets.append(folder / "recording.rrd")
-    if targets:
+    for target in targets:
         from omni_mj.show.recording.served import ServedRecording
 
         settings = {team: scenario.settings for team, scenario in teams.items()}
-        for target in targets:
-            recording = ServedRecording(target, settings, f"serve {blue.name}")
-            stack.callback(recording.close)
-            sinks.append(recording.send)
+        recording = ServedRecording(target, settings, f"serve {blue.name}")
+        stack.callback(recording.close)
+        sinks.append(recording.send)
     if sinks:
         tape = Tape(server.pitch, sinks)
         server.after_frame = tape.add
@@ -175,8 +171,8 @@ def _summary(server: "Server") -> str:
     lines += [f"  {count:8d}  {kind}" for kind, count in sorted((server.counts + server.notes.counts).items())]
     if server.pace.lost_s:
         lines.append(f"  {server.pace.lost_s:8.1f}  s behind, in which this computer was too slow")
-    late_ms = 1e3 * np.array(server.publisher.lateness)
-    if late_ms.size and np.isfinite(late_ms).all() and not server.lockstep:
-        shares = ", ".join(f"{np.quantile(late_ms, q):.2f} ({q:.0%})" for q in (0.05, 0.5, 0.95, 0.99))
-        lines.append(f"  detections left {shares}, {late_ms.max():.2f} ms (most) after they were due")
+    if server.publisher.lateness and not server.lockstep:
+        late_ms = 1e3 * np.quantile(server.publisher.lateness, [0.05, 0.5, 0.95, 0.99, 1])
+        shares = "{:.2f} (5%), {:.2f} (50%), {:.2f} (95%), {:.2f} (99%), {:.2f} ms (most)".format(*late_ms)
+        lines.append(f"  detections left {shares} after they were due")
     return "\n".join(lines)

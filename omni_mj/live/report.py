@@ -1,10 +1,12 @@
 """What a live run says of robots and of the link: while it goes on, and at the end."""
 
+import json
 import warnings
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pydantic_core
 
 from omni_control.kinematics import Array
 from omni_mj.live.drive import Live
@@ -51,7 +53,8 @@ def summarize(live: Live) -> dict[str, Any]:
     }
     counts = dict(live.notes.counts)
     summary = {"cameras": cameras, "ticks": ticks, "robots": robots, "notes": counts}
-    return _as_json(summary)
+    text = pydantic_core.to_json(summary, inf_nan_mode="null", fallback=np.ndarray.tolist)
+    return dict(json.loads(text))
 
 
 def describe(summary: Mapping[str, Any]) -> list[str]:
@@ -74,14 +77,3 @@ def describe(summary: Mapping[str, Any]) -> list[str]:
 
 def _join(values: Array, digits: int) -> str:
     return " ".join(f"{value:.{digits}f}" for value in values)
-
-
-def _as_json(value: Any) -> Any:
-    """Return what JSON can hold: rounded numbers, and None for those that are not finite."""
-    if isinstance(value, dict):
-        return {key: _as_json(item) for key, item in value.items()}
-    if isinstance(value, (list, np.ndarray)):
-        return [_as_json(item) for item in value]
-    if isinstance(value, float):
-        return round(float(value), 6) if np.isfinite(value) else None
-    return value

@@ -26,7 +26,6 @@ SIMULATED_VISION = Address(VISION_GROUP, VISION_PORT)
 LISTEN_S = 1.5  # at first: rates are known to a part in some hundreds, clocks to a fraction of a millisecond
 MAX_ROBOTS = 12
 DEAD_TIME = "radio.delay_frames"
-MEASURED = (DEAD_TIME, "vision.position_noise_m", "vision.heading_noise_rad", "vision.delay_s")
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,7 @@ class Options:
         here: Whether routes begin where the robots are; otherwise robots are brought to where routes begin.
         wait_s, listen_s: How long vision is waited for, and listened to before anything else.
         duration_s: After which it ends; None for the whole route.
-        measured: Settings, of `MEASURED`, that are measured before.
+        fixed: Settings that are left alone; others may be measured before.
     """
 
     vision: Address = SIMULATED_VISION
@@ -60,7 +59,7 @@ class Options:
     wait_s: float = 10.0
     listen_s: float = LISTEN_S
     duration_s: float | None = None
-    measured: frozenset[str] = frozenset(MEASURED)
+    fixed: frozenset[str] = frozenset()
 
 
 def check(scenario: Scenario, options: Options) -> None:
@@ -111,10 +110,8 @@ def listening(options: Options, notes: Notes, check_stop: Callable[[], None] = l
         until = time.monotonic() + options.wait_s
         while not link.vision.cameras:
             if time.monotonic() > until:
-                n_bad = notes.counts["bad packet"]
-                but = f", but for {n_bad} bad packets," if n_bad else ""
                 raise OmniError(
-                    f"no vision came to {options.vision} by the interface {options.interface}{but} for"
+                    f"no vision came to {options.vision} by the interface {options.interface} for"
                     f" {options.wait_s:g} s; --vision and --interface say where it is"
                 )
             link.listen(0.1)
@@ -142,7 +139,7 @@ def ready(scenario: Scenario, options: Options, link: Link, notes: Notes) -> Ite
         if link.delay_s is not None:
             measured["vision.delay_s"] = link.delay_s
         chosen = _with_measured(chosen, options, measured)
-        if DEAD_TIME in options.measured:
+        if DEAD_TIME not in options.fixed:
             trial = Live(chosen, link, radio, ids, notes, _resting_rows(chosen, poses))
             chosen = _with_measured(chosen, options, {DEAD_TIME: _dead_time(trial, notes)})
         max_frames = np.inf if options.duration_s is None else round(options.duration_s * FRAME_RATE_HZ)
@@ -186,7 +183,7 @@ def _with_measured(scenario: Scenario, options: Options, measured: Mapping[str, 
     """Return the scenario with measured settings, where the options allow it."""
     settings = scenario.settings
     for name, value in measured.items():
-        if name in options.measured and np.isfinite(value):
+        if name not in options.fixed and np.isfinite(value):
             section, field = name.split(".")
             settings = settings.replace(**{section: {field: value}})
     return scenario.replace(settings=settings)

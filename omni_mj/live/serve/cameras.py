@@ -99,11 +99,11 @@ class FieldCamera:
             t_capture=epoch_s + time_s,
             t_sent=epoch_s + sent_s,
             camera_id=self._number,
-            t_capture_camera=epoch_s + time_s,
         )
         if area.sees(ball[None])[0]:
-            _add_ball(detection, ball + self._vision.position_noise_m * ball_noise[0] + self._offset[:2], area)
-        _add_robots(detection, names, measured, area)
+            x, y = ball + self._vision.position_noise_m * ball_noise[0] + self._offset[:2]
+            detection.balls.add(confidence=1.0, x=MM_PER_M * x, y=MM_PER_M * y, pixel_x=0.0, pixel_y=0.0)
+        _add_robots(detection, names, measured)
         self._frame += 1
         self.due = self._cycle_of(self._frame)
         return Image(float(sent_s), cycle, tuple(names), measured, detection)
@@ -113,14 +113,8 @@ class FieldCamera:
         return math.ceil((frame / self._vision.rate_hz + self._phase_s) * CYCLE_RATE_HZ - 1e-6)
 
 
-def _add_ball(detection: Detection, position: Array, area: Area) -> None:
-    (pixel_x, pixel_y), (x, y) = area.pixels(position[None])[0].tolist(), (MM_PER_M * position).tolist()
-    detection.balls.add(confidence=1.0, x=x, y=y, pixel_x=pixel_x, pixel_y=pixel_y)
-
-
-def _add_robots(detection: Detection, names: Sequence[RobotName], poses: Array, area: Area) -> None:
-    pixels = area.pixels(poses[:, :2]).tolist()
-    for (team, number), (x, y, heading), (pixel_x, pixel_y) in sorted(zip(names, poses.tolist(), pixels, strict=True)):
+def _add_robots(detection: Detection, names: Sequence[RobotName], poses: Array) -> None:
+    for (team, number), (x, y, heading) in sorted(zip(names, poses.tolist(), strict=True)):
         if not math.isnan(x):
             robots = detection.robots_blue if team == Team.BLUE else detection.robots_yellow
             robots.add(
@@ -129,7 +123,7 @@ def _add_robots(detection: Detection, names: Sequence[RobotName], poses: Array, 
                 x=MM_PER_M * x,
                 y=MM_PER_M * y,
                 orientation=heading,
-                pixel_x=pixel_x,
-                pixel_y=pixel_y,
+                pixel_x=0.0,
+                pixel_y=0.0,
                 height=MM_PER_M * ROBOT_HEIGHT_M,
             )

@@ -1,4 +1,4 @@
-"""The field as SSL-Vision describes it, and the cameras above it: areas, calibrations, pixels."""
+"""The field as SSL-Vision describes it, and the cameras above it: areas and calibrations."""
 
 from dataclasses import dataclass
 
@@ -102,19 +102,14 @@ class Area:
         """Return which points, shape (n, 2), are in the area."""
         return np.asarray((np.abs(points - self.middle) <= self.half).all(1))
 
-    def pixels(self, points: Array) -> Array:
-        """Return the pixels of points on the carpet, shape (n, 2). The camera looks straight down."""
-        scale = self._focal_length / CAMERA_HEIGHT_M
-        return IMAGE_SIZE / 2 + scale * (points - self.middle) * (1, -1)
-
     def calibration(self, camera: int) -> Calibration:
-        """Return the calibration: half a turn about x, without distortion."""
+        """Return the calibration of a camera that looks straight down: half a turn about x, without distortion."""
         x, y = MM_PER_M * self.middle
         z = MM_PER_M * CAMERA_HEIGHT_M
         width, height = IMAGE_SIZE
         return Calibration(
             camera_id=camera,
-            focal_length=self._focal_length,
+            focal_length=CAMERA_HEIGHT_M * np.min(IMAGE_SIZE / (2 * self.half)),
             principal_point_x=width / 2,
             principal_point_y=height / 2,
             distortion=0.0,
@@ -132,10 +127,6 @@ class Area:
             pixel_image_height=height,
         )
 
-    @property
-    def _focal_length(self) -> float:
-        return float(CAMERA_HEIGHT_M * np.min(IMAGE_SIZE / (2 * self.half)))
-
 
 def areas(n_cameras: int, extent: Array, overlap: float) -> list[Area]:
     """Divide the carpet among 1 to 4 cameras.
@@ -147,10 +138,5 @@ def areas(n_cameras: int, extent: Array, overlap: float) -> list[Area]:
     """
     columns, rows = CAMERA_GRIDS[n_cameras]
     cell = extent / (columns, rows)
-    result = []
-    for j in range(rows):
-        for i in range(columns):
-            low = cell * (i, j) - extent / 2 - np.array([i > 0, j > 0]) * overlap / 2
-            high = cell * (i + 1, j + 1) - extent / 2 + np.array([i < columns - 1, j < rows - 1]) * overlap / 2
-            result.append(Area((low + high) / 2, (high - low) / 2))
-    return result
+    corners = [np.array([i, j]) for j in range(rows) for i in range(columns)]
+    return [Area(cell * (corner + 0.5) - extent / 2, (cell + overlap) / 2) for corner in corners]

@@ -71,9 +71,10 @@ class Pitch:
         self._headings = dict[RobotName, tuple[float, int]]()  # that vision saw last, and the cycles of the images
         self.size, self.ball = standard_field(), np.zeros(2)
         self._reach = {team: build.world(scenario.settings).reach for team, scenario in scenarios.items()}
+        self._cameras = list[FieldCamera]()
         self._build(poses)
         self._vision = self.rows[0].settings.vision
-        self._cameras = [FieldCamera(number, self.rows) for number in range(self._vision.cameras)]
+        self._cameras += [FieldCamera(number, self.rows) for number in range(self._vision.cameras)]
         self._areas = areas(len(self._cameras), surface(self.size), self._vision.overlap_m)
         for name, obstacle in self._find_obstacles({name: (pose, np.zeros(3)) for name, pose in poses.items()}).items():
             raise OmniError(f"{label(name)} starts in {obstacle}")
@@ -129,7 +130,7 @@ class Pitch:
                 self.notes.add("robot failed", f"{label(self.names[robot])} {cause} at {self.time_s:.3f} s")
             self.cycle += count
             if world.is_unstable:
-                self._rebuild(self._last_poses)
+                self._build(self._last_poses)
                 radio, world = self._radio, self.world
 
     def command(self, team: int, commands: Sequence[RobotCommand]) -> tuple[list[SimulatorError], list[int]]:
@@ -187,7 +188,7 @@ class Pitch:
             errors.append(Refusal("TOO_MANY", reason).error)
             del placements[name], poses[name]
         if not placements.keys() <= set(self.names):
-            self._rebuild(poses)
+            self._build(poses)
         for name, (pose, twist) in placements.items():
             squad, i = self.world.squad_of[self.names.index(name)]
             squad.place(i, pose, twist)
@@ -228,13 +229,8 @@ class Pitch:
                 obstacles[name] = f"a robot that is {distance.min():.3f} m away"
         return obstacles
 
-    def _rebuild(self, poses: Mapping[RobotName, Array]) -> None:
-        """Make the world anew with these robots, at rest."""
-        self._build(poses)
-        for camera in self._cameras:
-            camera.set_robots(self.rows)
-
     def _build(self, poses: Mapping[RobotName, Array]) -> None:
+        """Make the world anew with these robots, at rest."""
         self.names = list(poses)
         self.rows = [self._row(place, name) for place, name in enumerate(self.names)]
         self.world = ServedWorld(self.rows, np.array([*poses.values()]), surface(self.size))
@@ -249,6 +245,8 @@ class Pitch:
         )
         self.held = decode_packets(self._packets, np.zeros(n, bool), 0)
         self.measured = np.full((n, 3), np.nan)
+        for camera in self._cameras:
+            camera.set_robots(self.rows)
 
     def _row(self, place: int, name: RobotName) -> Row:
         team, number = name

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from serving import BLUE, LOOPBACK, Client, fields
+from serving import BLUE, LOOPBACK, Client
 
 from omni_mj.live.notes import Notes
 from omni_mj.live.serve import line_up
@@ -180,8 +180,3 @@ def here(field: Field, lockstep: str = "any", speed: float = 1.0) -> Iterator[tu
         thread.join(10)
         client.close()
         assert not thread.is_alive()
-
-
-def geometry(packet: bytes) -> dict[int, list[Any]]:
-    """Fields of the geometry in a packet."""
-    return fields(fields(packet)[2][0])
