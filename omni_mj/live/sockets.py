@@ -181,7 +181,7 @@ class Stream:
             OSError: The client has gone, or stopped in the middle.
         """
         try:
-            message = proto.parse_length_prefixed(message_type, self)  # type: ignore[arg-type]
+            message = proto.parse_length_prefixed(message_type, self)
         except (DecodeError, ValueError) as error:
             raise WireError(str(error)) from None
         if message is None:

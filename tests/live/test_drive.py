@@ -3,9 +3,11 @@
 The peer waits for commands (`--lockstep`), so that nothing depends on how busy this computer is.
 """
 
+from pathlib import Path
+
 import numpy as np
 import pytest
-from benches.drive import driven, in_process, on_wire, peer, summary
+from benches.drive import NOBODY, driven, in_process, on_wire, peer, summary
 
 
 @pytest.mark.parametrize(("controller", "delay"), [("comp-flc", 0), ("comp-flc", 4), ("adaptive-comp-flc", 2)])
@@ -94,10 +96,31 @@ def test_robots_may_start_where_they_are() -> None:
     assert np.abs(live.log.channel("pose") - live.log.channel("ref")).max() < 0.02
 
 
+RADIO = """
+from omni_mj.live.radio import Radio
+from serving import local, udp
+
+
+class Mine(Radio):
+    def send(self, commands):
+        packet = b"".join(local(command.id, command.forward, command.left, command.turn) for command in commands)
+        with udp() as socket:
+            socket.sendto(packet, self.line.host)
+"""
+
+
+def test_a_radio_of_ones_own(tmp_path: Path) -> None:
+    file = tmp_path / "radio.py"
+    file.write_text(RADIO)
+    with peer(radio=f"{file}:Mine") as options:
+        live = driven(on_wire("comp-flc"), options)
+    assert np.abs(live.log.channel("pose") - live.log.channel("ref")).max() < 0.02
+
+
 REFUSALS = [
     ({"colour": "yellow"}, "does not see as many robots as there are places, 1; of yellow, it sees none"),
     ({"ids": (4,)}, "does not see robots 4; of blue, it sees 0"),
-    ({"commands": ("127.0.0.1", 9)}, "robots 0 do not turn as they are told"),
+    ({"commands": NOBODY}, "robots 0 do not turn as they are told"),
     ({"radio": "radio.py"}, "--radio must be file.py:Class"),
 ]
 

@@ -41,16 +41,16 @@ def test_what_cannot_be_is_refused_and_the_rest_is_done() -> None:
         assert client.codes(0, small) == ["GEOMETRY"]
         assert client.codes(0, large) == []
         assert client.codes(0, serving.teleport(0, BLUE, x=4.25, y=0.0)) == ["OCCUPIED"]  # the wall is at 4.3 m
+        assert client.codes(0, serving.teleport(0, BLUE, x=4.1, y=0.0)) == []
+        for _ in range(20):
+            seen = client.after(serving.world(0, 2.0))
+        assert seen["blue", 0][0] == pytest.approx(4.3 - 0.09, abs=0.02)
         ball = serving.field(1, serving.field(1, serving.message(0.0, 0.5, None, 3.0)))
         assert client.codes(0, ball) == ["BALL_LIES"]
-        for code, packet in (
-            ("TELEPORT", serving.teleport(0, BLUE, x=float("nan"))),
-            ("OCCUPIED", serving.teleport(0, BLUE, x=5.15, y=0.0)),  # in a wall
-            ("ROBOT_ID", serving.teleport(16, BLUE, x=0.0, y=0.0)),
-        ):
-            assert client.codes(0, packet) == [code]
+        assert client.codes(0, serving.teleport(0, BLUE, x=float("nan"))) == ["TELEPORT"]
+        assert client.codes(0, serving.teleport(16, BLUE, x=0.0, y=0.0)) == ["ROBOT_ID"]
         assert client.codes(0, serving.teleport(0, BLUE, x=-4.0, y=3.0)) == []
-        assert client.after(b"")["blue", 0][:2] == pytest.approx((-4.0, 3.0), abs=1e-4)
+        assert client.after(b"")["blue", 0][:2] == pytest.approx((-4.0, 3.0), abs=2e-3)
 
 
 def test_a_world_has_twelve_robots_at_most() -> None:

@@ -105,19 +105,6 @@ def test_robots_that_meet_do_not_overlap() -> None:
     assert field.upright
 
 
-def test_another_field_has_other_walls() -> None:
-    field = Field(*QUIET, FAST)
-    assert field.put(0, 0, 0, 0) == []
-    field.resize(2.0, 1.5, 0.25)
-    assert field.put(0, 0.9, 0, 0) == []
-    field.drive(40, world(0, 2.0))
-    assert field.poses[0, 0] == pytest.approx(1.25 - RADIUS_M, abs=0.02)
-    with pytest.raises(ValueError, match="blue 0 would stand in a wall"):
-        field.resize(1.5, 1.5, 0.25)
-    with pytest.raises(ValueError, match=r"not 0\.1 x 1 m"):
-        field.resize(0.1, 1, 0.25)
-
-
 def test_a_teleport_gives_the_velocity_it_says() -> None:
     """Told to go on at the metre a second at which it rolls, a robot is 0.1 s further, but for creep and drag."""
     field = Field(*QUIET, FAST, "firmware.timeout_s=0")

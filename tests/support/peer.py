@@ -29,12 +29,10 @@ def options(given: Sequence[str] | None = None) -> argparse.Namespace:
     parse.add_argument("--port", type=int, default=10301)
     parse.add_argument("--start", type=float, nargs="+", default=[0.0, 0.0, 0.0], help="x y heading of each robot")
     parse.add_argument("--delay", type=float, default=0.0, help="frames")
-    parse.add_argument("--alpha", type=float, default=1.0)
     parse.add_argument("--lockstep", action="store_true")
     parse.add_argument("--age", type=float, default=0.0, help="between capture and sending, s, as stamped")
     parse.add_argument("--noise", type=float, default=0.0, help="m, and ten times as many rad")
     parse.add_argument("--cameras", type=int, default=1)
-    parse.add_argument("--overlap", type=float, default=0.5, help="m")
     parse.add_argument("--bias", type=float, default=0.0, help="of the second camera, m in x and y")
     parse.add_argument("--loss", type=float, default=0.0, help="of packets, both ways")
     parse.add_argument("--mirror", type=float, default=0.0, help="how often a heading is seen the wrong way round")
@@ -44,15 +42,14 @@ def options(given: Sequence[str] | None = None) -> argparse.Namespace:
         "--dark", type=int, nargs=2, default=(0, 0), help="first frame without vision, and the next with"
     )
     parse.add_argument("--junk", type=float, default=0.0, help="bad packets per frame")
-    parse.add_argument("--seed", type=int, default=0)
     return parse.parse_args(given)
 
 
 class Robots:
     """Commands are held from when they act until others do; a velocity in a robot's own frame turns with it."""
 
-    def __init__(self, start: np.ndarray, delay: float, alpha: float) -> None:
-        self.pose, self._alpha = start.copy(), alpha
+    def __init__(self, start: np.ndarray, delay: float) -> None:
+        self.pose = start.copy()
         self._delay = round(delay * SUBSTEPS)
         n = len(start)
         self._queue = [(-self._delay, np.zeros((n, 3)), np.ones(n, bool))]
@@ -80,10 +77,10 @@ class Robots:
             while len(self._queue) > 1 and self._queue[1][0] + self._delay <= self._step:
                 del self._queue[0]
             _, twist, local = self._queue[0]
-            turn = self._alpha * twist[:, 2] * PERIOD_S / SUBSTEPS
+            turn = twist[:, 2] * PERIOD_S / SUBSTEPS
             heading = np.where(local, self.pose[:, 2] + turn / 2, 0.0)
             c, s = np.cos(heading), np.sin(heading)
-            step = self._alpha * twist[:, :2] * PERIOD_S / SUBSTEPS
+            step = twist[:, :2] * PERIOD_S / SUBSTEPS
             self.pose[:, 0] += c * step[:, 0] - s * step[:, 1]
             self.pose[:, 1] += s * step[:, 0] + c * step[:, 1]
             self.pose[:, 2] += turn
@@ -95,13 +92,11 @@ class Peer:
     """Sockets, cameras and clock."""
 
     def __init__(self, said: argparse.Namespace) -> None:
-        self.said, self.random, self.normal = said, random.Random(said.seed), np.random.default_rng(said.seed)
-        self.robots = Robots(np.array(said.start, float).reshape(-1, 3), said.delay, said.alpha)
+        self.said, self.random, self.normal = said, random.Random(0), np.random.default_rng(0)
+        self.robots = Robots(np.array(said.start, float).reshape(-1, 3), said.delay)
         host, _, port = said.vision.partition(":")
         self.vision = (host, int(port))
         self.out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.out.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
-        self.out.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
         self.commands = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.commands.bind(("127.0.0.1", said.port))
         self.commands.setblocking(False)
@@ -124,9 +119,7 @@ class Peer:
             middle = (camera - (said.cameras - 1) / 2) * 2.0
             robots = []
             for number, (x, y, heading) in enumerate(pose):
-                edge = 1.0 + said.overlap / 2
-                first, last = camera == 0, camera == said.cameras - 1
-                if (x < middle - edge and not first) or (x > middle + edge and not last):
+                if abs(x - middle) > 1.25 and said.cameras > 1:
                     continue
                 shift = said.bias if camera == 1 else 0.0
                 dx, dy, dh = self.normal.normal(size=3) * said.noise

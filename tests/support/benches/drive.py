@@ -24,25 +24,31 @@ from omni_mj.scenarios.scenario import Scenario, scenario
 from omni_mj.simulate.simulation import Simulation
 
 PEER = [sys.executable, str(Path(peer_program.__file__))]
+NOBODY = Address(LOOPBACK, 9)
 ROUTE = {"waypoints": [[0, 0], [0.5, 0.3], [0.5, 0.0]], "settle_s": 0.3}
 # What is believed of robots that do as they are told; of alpha, as on equation 7's plant, nothing.
 EXACT = {"lag_s": 0.0, "drag_m_s": 0.0, "creep_s2_m": 0.0, "alpha_forward": 0.0, "alpha_sideways": 0.0}
 
 
 @contextmanager
+def started(ports: tuple[int, int], *said: object) -> Iterator[None]:
+    """A simulator, for as long as the block lasts, which sends vision to a port and takes commands at another."""
+    vision, port = ports
+    command = [*PEER, "--vision", f"{LOOPBACK}:{vision}", "--port", str(port), *map(str, said)]
+    with subprocess.Popen(command) as process:
+        try:
+            yield
+        finally:
+            process.kill()
+
+
+@contextmanager
 def peer(*said: object, **options: Any) -> Iterator[Options]:
-    """A simulator, for as long as the block lasts; how to connect to it, with more options."""
-    vision, port = free_port(), free_port()
-    command = [*PEER, "--vision", f"{LOOPBACK}:{vision}", "--port", str(port), "--lockstep", *map(str, said)]
-    process = subprocess.Popen(command)
-    try:
-        connection = Options(Address(LOOPBACK, vision), Address(LOOPBACK, port), pace="vision", listen_s=0.4)
-        if "commands" in options:
-            options["commands"] = Address(*options["commands"])
-        yield replace(connection, **options)
-    finally:
-        process.kill()
-        process.wait()
+    """A simulator that waits for commands; how to connect to it, with more options."""
+    ports = free_port(), free_port()
+    vision, commands = (Address(LOOPBACK, port) for port in ports)
+    with started(ports, "--lockstep", *said):
+        yield replace(Options(vision, commands, pace="vision", listen_s=0.4), **options)
 
 
 def on_wire(controller: str | type[Controller], **sections: object) -> Scenario:

@@ -17,7 +17,6 @@ from omni_mj.live.serve.server import Server
 from omni_mj.live.sockets import Address
 from omni_mj.live.wire import parse
 from omni_mj.live.wire.simulation_pb2 import RobotControl, Team
-from omni_mj.live.wire.vision_pb2 import FieldSize
 
 QUIET = (
     "vision.position_noise_m=0",
@@ -120,11 +119,6 @@ class Field:
     def put(self, number: int, *pose: float, team: int = BLUE, twist: Any = (0, 0, 0)) -> list[str]:
         """Put a robot down; codes of what is refused."""
         return [text.split()[0] for text in self.place({(team, number): pose}, twist)]
-
-    def resize(self, length: float, width: float, margin: float) -> None:
-        lengths = (round(1000 * value) for value in (length, width, 0.5, 0.1, margin))
-        names = ("field_length", "field_width", "goal_width", "goal_depth", "boundary_width")
-        self.pitch.resize(FieldSize(**dict(zip(names, lengths, strict=True))))
 
     def release(self) -> None:
         """Let no current flow: robots roll."""

@@ -9,15 +9,6 @@ from omni_mj.live.wire import WireError, parse, simulation_pb2, vision_pb2
 FILES = vision_pb2.DESCRIPTOR, simulation_pb2.DESCRIPTOR
 MESSAGES = {name: kind for file in FILES for name, kind in file.message_types_by_name.items()}
 ENUMERATIONS = {name: kind for file in FILES for name, kind in file.enum_types_by_name.items()}
-PACKETS = {
-    "VisionPacket": vision_pb2.VisionPacket,
-    "SimulatorCommand": simulation_pb2.SimulatorCommand,
-    "SimulatorResponse": simulation_pb2.SimulatorResponse,
-    "RobotControl": simulation_pb2.RobotControl,
-    "RobotControlResponse": simulation_pb2.RobotControlResponse,
-    "SyncRequest": simulation_pb2.SyncRequest,
-    "SyncResponse": simulation_pb2.SyncResponse,
-}
 
 
 def table(message: str) -> dict[int, tuple[str, str, str]]:
@@ -35,6 +26,6 @@ def table(message: str) -> dict[int, tuple[str, str, str]]:
 def read(packet: str, data: bytes) -> Any:
     """The message that bytes are; None if they are refused."""
     try:
-        return parse(PACKETS[packet], data)
+        return parse(getattr(vision_pb2 if packet == "VisionPacket" else simulation_pb2, packet), data)
     except WireError:
         return None
