@@ -7,9 +7,7 @@ import tomllib
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from importlib.util import find_spec
-from itertools import zip_longest
 from pathlib import Path
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from omni_control.errors import OmniError
@@ -24,7 +22,6 @@ if TYPE_CHECKING:
 
 HEADINGS = ["setting", "default", "unit", "allowed", "meaning"]
 WIDTHS = [48, 20, 10, 24]  # of columns at most, but of the last, in characters
-NARROWEST = 20  # the last column
 TITLES = {  # of the lists, and how each is used
     "scenarios": "--scenario",
     "controllers": "--controller",
@@ -115,19 +112,18 @@ def _matching(word: str, lines: list[list[str]]) -> list[list[str]]:
 
 
 def _print(lines: list[list[str]]) -> None:
-    """Print lines in columns, their cells wrapped; rich takes long for so many."""
-    widths = [
-        min(limit, max(map(len, column))) for limit, column in zip(WIDTHS, zip(*lines, strict=True), strict=False)
-    ]
-    widths = widths[: len(lines[0]) - 1]
-    widths.append(max(terminal.width() - sum(widths) - 2 * len(widths) - 2, NARROWEST))
+    """Print lines in columns, their cells wrapped."""
+    from rich.console import Console  # not needed to complete names in a shell
+    from rich.padding import Padding
+    from rich.table import Table
+    from rich.text import Text
+
+    grid = Table.grid(padding=(0, 2))
+    for limit in (*WIDTHS[: len(lines[0]) - 1], None):
+        grid.add_column(max_width=limit)
     for line in lines:
-        cells = [wrap(cell, width, break_on_hyphens=False) or [""] for cell, width in zip(line, widths, strict=True)]
-        if line[0].startswith(" "):
-            cells[0] = [line[0]]
-        for parts in zip_longest(*cells, fillvalue=""):
-            text = "  ".join(part.ljust(width) for part, width in zip(parts, widths, strict=True))
-            print(f"  {text}".rstrip())
+        grid.add_row(*map(Text, line))
+    Console(width=terminal.width()).print(Padding(grid, (0, 0, 0, 2)))
 
 
 def _remark(controller: str) -> str:

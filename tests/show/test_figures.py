@@ -1,12 +1,11 @@
 """Figures show what was recorded, tell controllers apart, and are the same every time."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from benches.figures import ALPHA, FRAMES, SPEED, TURN, compared, curves, drawn, look, outcome, wheel_names
+from benches.figures import ALPHA, FRAMES, SPEED, TURN, compared, curves, drawn, look, outcome
 from commands import invoke
 from hypothesis import given
 from hypothesis import strategies as st
@@ -108,11 +107,6 @@ def test_a_path_is_enlarged_where_each_controller_strays_farthest(controllers: i
         assert np.max(path.get_ydata()) == pytest.approx(5.1 / 2, rel=0.03)  # from the centre of the square
 
 
-def test_wheels_are_named_by_their_places() -> None:
-    assert wheel_names(np.deg2rad([60, 180, 300])) == ("front left", "rear", "front right")
-    assert wheel_names(np.deg2rad([30, 60])) == ("front left (30°)", "front left (60°)")
-
-
 def test_memberships_are_triangles_that_cross_at_half_height() -> None:
     for axes, reach in zip(drawn(outcome())["memberships"].axes, (10.0, 1.0), strict=True):
         x = np.linspace(-1, 1, 81)
@@ -138,39 +132,18 @@ def test_a_run_shows_the_mean_and_every_seed_but_of_controllers_that_failed_the_
     assert [text.get_text() for text in axes.texts] == ["failed"]
 
 
-def spread(*values: float | None) -> dict[str, Any]:
-    """As in a summary; the half interval is a tenth of the mean."""
-    mean = None if None in values else float(np.mean(values))  # type: ignore[arg-type]
-    return {"seeds": list(values), "mean": mean, "plus_minus": mean / 10 if mean else None}
-
-
-def result(errors: Sequence[float | None], settled: Sequence[float | None]) -> dict[str, Any]:
-    scaled = {stat: spread(*errors) for stat in ("max", "mean")}
-    parts = {"error_m": {"distance": scaled}, "error_rad": {"heading": scaled}}
-    return parts | {"excess_effort_m_s2": spread(*errors), "settle_s": spread(*settled)}
-
-
 def test_a_comparison_has_a_dot_at_each_mean_and_names_what_is_missing() -> None:
-    """In cm and degrees, hollow for the informed; a value that a seed lacks is a word; a limit spans its scenario."""
-    entries: dict[str, dict[str, Any]] = {
-        "s1": {"seeds": [0, 1], "results": {"a": result([0.01, 0.03], [0.5, 0.7]), "b": result([0.1, 0.3], [1, 1])}},
-        "s2": {"seeds": [0, 1], "results": {"b": result([0.2, None], [None, None])}},
-        "s3": {"seeds": [], "results": {}},
-    }
-    entries["s2"]["limit"] = {"distance": {stat: spread(0.004, 0.006) for stat in ("max", "mean")}}
-    figure = compared({name: {"plant": "mujoco", "robot": "r", **entry} for name, entry in entries.items()}, ["a"])
+    """In cm; hollow for the informed; a value that a seed lacks is a word; a limit spans its scenario."""
+    run = outcome(ends={5: 100}).entry
+    run["limit"] = {"distance": {stat: {"seeds": [0.005], "mean": 0.005} for stat in ("max", "mean")}}
+    figure = compared({"s1": outcome().entry, "s2": run, "s3": run | {"results": {}}}, ["c1"])
     words = ["failed"] * 4 + ["never"]
-    for axes, scale, word in zip(figure.axes, (100, 100, np.rad2deg(1), 1, None), words, strict=True):
-        assert [text.get_text() for text in axes.texts] == [word]
-        if scale:
-            points = sorted(float(x) for line in axes.get_lines() for x in line.get_xdata())
-            np.testing.assert_allclose(points, [0.02 * scale, 0.2 * scale])
-    (hollow,) = (
-        line for line in figure.axes[0].get_lines() if line.get_markerfacecolor() == "white" and len(line.get_xdata())
-    )
-    np.testing.assert_allclose(np.asarray(hollow.get_xdata(), float), [2.0])
-    assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == ["s1", "s2"]
-    for axes in figure.axes[:2]:
-        ((start, end),) = (lines.get_segments()[0] for lines in axes.collections if lines.get_label() == "limit")
-        assert start[0] == end[0] == pytest.approx(0.5)
-        assert axes.get_xlim()[0] < 0.5
+    assert [{text.get_text() for text in axes.texts} for axes in figure.axes] == [{word} for word in words]
+    axes = figure.axes[0]
+    lines = [line for line in axes.get_lines() if len(line.get_xdata())]
+    points = [(line.get_xdata()[0], line.get_markerfacecolor() == "white") for line in lines]
+    np.testing.assert_allclose([x for x, _ in points], np.sqrt(2) * np.array([0.1, 1.1, 0.1]))
+    assert [hollow for _, hollow in points] == [False, True, False]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["s1", "s2"]
+    ((start, end),) = (lines.get_segments()[0] for lines in axes.collections if lines.get_label() == "limit")
+    assert start[0] == end[0] == pytest.approx(0.5)

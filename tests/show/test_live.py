@@ -117,12 +117,6 @@ def test_a_window_needs_a_display(display: str | None, said: str, monkeypatch: p
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("url", ["", "localhost", "http://127.0.0.1:9876", "rerun+http://127.0.0.1/proxy"])
-def test_an_address_that_is_none_is_bad_input(url: str) -> None:
-    with pytest.raises(OmniError, match=r"--connect needs the address of a rerun viewer, such as rerun\+http://"):
-        live.check(url)
-
-
 def test_bad_input_is_said_before_the_run(tmp_path: Path) -> None:
     arguments = ["--scenario", "rect", "--connect", "", "--out", str(tmp_path / "run")]
     with pytest.raises(OmniError, match="--connect needs"):

@@ -35,13 +35,6 @@ def test_wheels_turn_by_the_angles_of_the_table(driven: Driven) -> None:
         np.testing.assert_allclose([turn[0] for turn in turns], expected, atol=1e-6)
 
 
-def test_the_path_leads_from_pose_to_pose(driven: Driven) -> None:
-    table = rows(driven.table, "flc")
-    segments = np.array([row[0] for row in driven.recorded.column("/world/flc/path", "LineStrips3D:strips")])
-    np.testing.assert_allclose(segments[:, 1, :2], np.column_stack([table["x_m"], table["y_m"]]), atol=1e-6)
-    np.testing.assert_allclose(segments[1:, 0], segments[:-1, 1], atol=0)
-
-
 def test_the_robot_is_the_compiled_models_own_geometry(recorded: Recorded) -> None:
     model = mujoco.MjModel.from_xml_path(str(MODEL))
     for i in range(1, 5):
@@ -56,29 +49,6 @@ def test_the_robot_is_the_compiled_models_own_geometry(recorded: Recorded) -> No
     ):
         shown = recorded.static(f"/world/flc/robot/chassis/{entity}", name)
         assert len(shown) == (chassis & (model.geom_type == kind)).sum()
-
-
-def test_the_field_is_that_of_the_rules(recorded: Recorded) -> None:
-    """Division B: 9 x 6 m to the outer edges of lines 10 mm wide, a centre circle of 1 m, goals behind the lines."""
-    strips = recorded.static("/world/field/lines", "LineStrips3D:strips")
-    assert recorded.static("/world/field/lines", "LineStrips3D:radii") == pytest.approx([0.005])
-    assert np.abs(np.concatenate(strips)).max(0) == pytest.approx([4.495, 2.995, 0.0])  # their middles
-    circle = np.array(max(strips, key=len))
-    np.testing.assert_allclose(np.hypot(circle[:, 0], circle[:, 1]), 0.495, atol=1e-6)
-    centres, half = (np.array(recorded.static("/world/field/goals", f"Boxes3D:{n}")) for n in ("centers", "half_sizes"))
-    inside = np.abs(centres) - half
-    assert inside[:, 0].min() == pytest.approx(4.5)  # walls touch the line, and leave 1 m between them
-    assert inside[np.abs(centres[:, 1]) > 0.1, 1] == pytest.approx(np.full(4, 0.5))
-
-
-def test_it_opens_paused_at_its_start_with_its_layout(recorded: Recorded) -> None:
-    (store,) = recorded.reader.blueprints()
-    chunks = recorded.reader.stream(store=store).to_chunks()
-    panel = [c.to_record_batch() for c in chunks if c.entity_path == "/time_panel" and c.is_static]
-    paused = 1
-    assert [b["TimePanelBlueprint:play_state"].to_pylist() for b in panel] == [[[paused]]]
-    (names,) = recorded.layouts()
-    assert {"plan", "summary", "events", "settings", "tracking error in x, cm", "winding temperature, deg C"} <= names
 
 
 def test_summary_settings_and_events_are_in_it(recorded: Recorded) -> None:

@@ -6,11 +6,10 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from benches.recording import Driven, Recorded, driven_by, record, rows, simulated
+from benches.recording import Driven, Recorded, driven_by, rows
 from numpy.typing import NDArray
 
 from omni_control.controllers.base import Controller, Seen
@@ -79,26 +78,6 @@ def test_a_robot_that_failed_is_recorded_up_to_there_and_says_why(own: Driven) -
     texts = [row[0] for row in own.recorded.column("/events/Breaks", "TextLog:text")]
     assert next(text for text in texts if "stopped" in text).startswith("1.17 s  Breaks: stopped: ")
     assert len(texts) == len(set(texts))
-
-
-def test_a_block_is_made_of_its_own_frames(tmp_path: Path) -> None:
-    """Each block costs the same however long the run: wiping out the log 40 frames before it changes nothing."""
-    paths = [tmp_path / f"{wiped}.rrd" for wiped in (False, True)]
-    for path, wiped in zip(paths, (False, True), strict=True):
-        simulation = simulated(["comp-flc"], "reference.laps=2", "reference.settle_s=0.1")
-        log = simulation.log
-
-        def wipe(frame: int, log: Any = log, wiped: bool = wiped) -> None:
-            if wiped and frame and frame % 300 == 0:
-                for channel in log.columns:
-                    log.channel(channel)[: frame - 40] = 0
-
-        record(simulation, path, after_frame=wipe)
-        assert log.length > 4 * 300, "blocks of 300 frames"
-    recorded, other = (Recorded(path) for path in paths)
-    for entity in (entity for entity in recorded.entities() if not entity.startswith("/events")):
-        pairs = zip(recorded.batches(entity), other.batches(entity), strict=True)
-        assert all(a[name] == b[name] for a, b in pairs for name in a.schema.names[1:]), entity  # but for row numbers
 
 
 def test_a_killed_run_leaves_its_blocks(tmp_path: Path) -> None:

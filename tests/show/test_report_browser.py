@@ -7,10 +7,8 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from commands import invoke
-from matplotlib.image import imread
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 FLAGS = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
@@ -54,13 +52,3 @@ def test_all_figures_load_and_nothing_is_wider_than_the_window(folder: Path, run
     assert all(complete and wide > 0 and right <= width for complete, wide, right in seen["images"])
     assert seen["overflow"] <= 0
     assert set(seen["inside"]) <= {"data:image"}
-
-
-@pytest.mark.parametrize(("scheme", "dark"), [("1", False), ("0", True)])
-def test_it_follows_the_colour_scheme(folder: Path, scheme: str, dark: bool) -> None:
-    shot = folder / f"shot{scheme}.png"
-    settings = ("--window-size=1000,800", f"--blink-settings=preferredColorScheme={scheme}")
-    chromium(folder / f"shot{scheme}", f"--screenshot={shot}", *settings, (folder / "report.html").as_uri())
-    brightness = imread(shot)[..., :3].mean(-1)
-    assert (np.median(brightness) < 0.2) == dark
-    assert np.ptp(brightness) > 0.6  # there is something on it

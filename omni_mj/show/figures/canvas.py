@@ -38,8 +38,8 @@ def styled() -> AbstractContextManager[None]:
 
 
 @cache
-def _sheet() -> dict[str, Any]:
-    return dict(rc_params_from_file(style.SHEET, use_default_template=False))
+def _sheet() -> Any:
+    return rc_params_from_file(style.SHEET, use_default_template=False)
 
 
 @contextmanager

@@ -87,6 +87,3 @@ def curves(axes: Axes, label: str) -> list[NDArray]:
 def look(controllers: Sequence[str]) -> list[dict[str, Any]]:
     """Return the line properties of the controllers of a run."""
     return [style.line(slot) for slot in style.slots(controllers).values()]
-
-
-wheel_names = style.wheel_names
