@@ -101,10 +101,10 @@ def send(stream: rr.RecordingStream, robot: Robot, frames: Frames, known: set[st
         known: Entities of beliefs whose shapes are there already; others appear with the first belief and are added.
     """
     entity, time, pose, lift = f"world/{robot.name}", indexes(frames), robot["pose"], robot.order * TIE_M
-    stream.send_columns(f"{entity}/robot", time, transform(pose[frames], lift))
-    angles = np.nan_to_num(robot["wheel_angle"][frames])  # the kinematic plant's wheels do not turn
-    for i, (position, axis) in enumerate(robot_shape.wheel_mounts(robot.table_row.settings)):
-        stream.send_columns(f"{entity}/robot/wheel_{i + 1}", time, turned(position, angles[:, i], axis))
+    angles, settings = robot["wheel_angle"][frames], robot.table_row.settings
+    send_pose(
+        stream, f"{entity}/robot", time, pose[frames], robot["wheel_angle"][frames], robot.table_row.settings, lift
+    )
     # A segment per frame, from the frame before: the viewer shows those up to its time cursor.
     ends = [_at(pose[at], 0.004 + lift) for at in (np.maximum(frames - 1, 0), frames)]
     segments = np.stack(ends, axis=1, dtype=np.float32)
@@ -120,14 +120,35 @@ def send(stream: rr.RecordingStream, robot: Robot, frames: Frames, known: set[st
                 stream.send_columns(place, indexes(frames[seen][:1]), shape(robot.colour))
 
 
+def send_pose(
+    stream: rr.RecordingStream,
+    entity: str,
+    time: list[rr.TimeColumn],
+    pose: Array,
+    angles: Array,
+    settings: Settings,
+    height: float = 0.0,
+) -> None:
+    """Send transforms of a robot and of its wheels, whose shapes `robot_shape.log` has put there.
+
+    Args:
+        stream: Stream of the recording.
+        entity: Path of the robot.
+        time: Index columns of n frames.
+        pose: Poses, (n, 3) m, m, rad.
+        angles: Angles of the wheels, (n, wheels) rad; NaN where wheels do not turn.
+        settings: Settings of the robot.
+        height: Height above the carpet, m.
+    """
+    stream.send_columns(entity, time, transform(pose, height))
+    for i, (mount, axis) in enumerate(robot_shape.wheel_mounts(settings)):
+        places = np.broadcast_to(mount, (len(angles), 3))
+        stream.send_columns(f"{entity}/wheel_{i + 1}", time, _transform(places, np.nan_to_num(angles[:, i]), axis))
+
+
 def transform(pose: Array, height: float = 0.0) -> rr.ComponentColumnList:
     """Return columns of transforms of upright robots at poses (n, 3), at a height above the carpet, m."""
     return _transform(_at(pose, height), pose[:, 2], _UP)
-
-
-def turned(position: Array, angle: Array, axis: Array) -> rr.ComponentColumnList:
-    """Return columns of transforms at one `position` (3,), turned by `angle` (n,) about `axis` (3,)."""
-    return _transform(np.broadcast_to(position, (len(angle), 3)), angle, axis)
 
 
 def _transform(position: Array, angle: Array, axis: Array) -> rr.ComponentColumnList:

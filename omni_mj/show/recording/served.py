@@ -91,25 +91,18 @@ class ServedRecording:
         for gone in sorted(set(self._before) - set(names)):
             out_of_sight = scene.transform(np.zeros((1, 3)), -BELOW_M)  # shapes are static, which nothing clears
             stream.send_columns(f"world/{_entity(gone)}/at", indexes(frames[:1]), out_of_sight)
-        self._before = list(names)
+        self._before = names
         points = np.column_stack([np.nan_to_num(ball), np.full(len(ball), BALL_RADIUS_M)])
         look = rr.Points3D.columns(positions=points, colors=[BALL] * len(points), radii=[BALL_RADIUS_M] * len(points))
         stream.send_columns("world/ball", time, look)
         for row, name in enumerate(names):
-            self._show(name, {channel: log.channel(channel).shape[2] for channel in PLOTS})
-            pose = log.channel("pose")[:, row]
-            entity = f"world/{_entity(name)}"
-            stream.send_columns(f"{entity}/at", time, scene.transform(pose))
-            for i, (mount, axis) in enumerate(robot_shape.wheel_mounts(self._robots[name.split()[0]])):
-                angle = np.nan_to_num(log.channel("wheel_angle")[:, row, i])
-                stream.send_columns(f"{entity}/at/wheel_{i + 1}", time, scene.turned(mount, angle, axis))
-            for channel in PLOTS:
-                values = log.channel(channel)[:, row]
-                stream.send_columns(
-                    f"plots/{channel}/{_entity(name)}",
-                    time,
-                    rr.Scalars.columns(scalars=values.ravel()).partition(np.full(len(values), values.shape[1])),
-                )
+            values = {channel: log.channel(channel)[:, row] for channel in PLOTS}
+            self._show(name, {channel: part.shape[1] for channel, part in values.items()})
+            poses, angles = log.channel("pose")[:, row], log.channel("wheel_angle")[:, row]
+            scene.send_pose(stream, f"world/{_entity(name)}/at", time, poses, angles, self._robots[name.split()[0]])
+            for channel, part in values.items():
+                columns = rr.Scalars.columns(scalars=part.ravel()).partition(np.full(len(part), part.shape[1]))
+                stream.send_columns(f"plots/{channel}/{_entity(name)}", time, columns)
 
     def _show(self, name: str, lines: Mapping[str, int]) -> None:
         """Log a robot's shape once, and how its lines look, so many of each channel."""
@@ -118,12 +111,11 @@ class ServedRecording:
         self._shown.add(name)
         team, number = name.split()
         robot_shape.log(self._stream, f"world/{_entity(name)}/at", TEAMS[team], self._robots[team])
-        own = style.rgb(style.colour(SLOTS[team][int(number) % len(SLOTS[team])]))
+        colour = style.rgb(style.colour(SLOTS[team][int(number) % len(SLOTS[team])]))
         for channel, count in lines.items():
-            each = AXES if channel == "command" else [f"wheel {i + 1}" for i in range(count)] if count > 1 else [""]
             look = rr.SeriesLines(
-                names=[f"{name} {one}".rstrip() for one in each],
-                colors=[sink.pale(own, 0.7 * i / count) for i in range(count)],
+                names=[f"{name} {line}" for line in (AXES if channel == "command" else range(1, count + 1))],
+                colors=[sink.pale(colour, 0.7 * i / count) for i in range(count)],
             )
             self._stream.log(f"plots/{channel}/{_entity(name)}", look, static=True)
 
