@@ -30,7 +30,7 @@ class Kind(NamedTuple):
         limit: half width of the 95 % interval above which it is not told; share: the same, over the value.
         needs: what the motion must have: forward, sideways, turning, creep.
         would_tell: what to drive.
-        law: standard error of the law itself, over the value if `share` is: `tests/bench_identify_coverage.py`.
+        law: standard error of the law itself, over the value if `share` is: `tests/bench_identify.py`.
     """
 
     title: str

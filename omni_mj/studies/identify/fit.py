@@ -4,7 +4,9 @@ Poses that are predicted through each stretch are compared with measured ones; h
 the noises. The first pose and twist of each stretch are eliminated by projection (variable projection with Kaufman's
 Jacobian: Kaufman 1975, BIT 15, 49), so that scipy's `least_squares` sees the law's parameters only. Residuals of a law
 last for more than one sample, so standard errors are those of sums over whole stretches (Liang and Zeger 1986,
-Biometrika 73, 13), or of white noise where those are larger; intervals are Student's.
+Biometrika 73, 13), or of white noise where those are larger; intervals are Student's. If the law
+lacks something of the robot, standard errors grow by the ratio of lasting residuals to what is
+allowed.
 """
 
 from collections.abc import Sequence
@@ -197,17 +199,20 @@ def fit(body: Body, stretches: Stretches, start: Array, late: float, free: Seque
     problem = Problem(body, stretches, start, free)
     x = problem.solve(np.append(late, start[problem.columns]))
     residual = problem.residual(x)
-    lasts = ALLOWED[stretches.are_wheels]
+    allowed = ALLOWED[stretches.are_wheels]
+    position = Residuals.of(residual[..., :2], allowed[0])
+    heading = Residuals.of(residual[..., 2:] / problem.metres[2], allowed[1])
+    lacking = max([1.0, *(r.lasting / r.allowed for r in (position, heading) if r.misfit)])
     bound = (x < problem.low + 2e-3 * problem.scale) | (x > problem.high - 2e-3 * problem.scale)
     return Fit(
         names=problem.names,
         value=x,
-        covariance=covariance(problem.jacobian, residual),
+        covariance=lacking**2 * covariance(problem.jacobian, residual),
         parameters=problem.parameters(x),
         quantile=float(stdtrit(max(len(stretches) - 1, 1), 0.975)),
         at_bound=frozenset(np.array(problem.names)[bound].tolist()),
-        position=Residuals.of(residual[..., :2], lasts[0]),
-        heading=Residuals.of(residual[..., 2:] / problem.metres[2], lasts[1]),
+        position=position,
+        heading=heading,
         stretch_rms=np.sqrt((residual**2).mean((1, 2))),
         body=body,
         stretches=stretches,

@@ -1,0 +1,223 @@
+"""Check `omni-mj identify` on robots with known numbers.
+
+    python tests/bench_identify.py coverage [--logs 100] [--folder DIR]
+    python tests/bench_identify.py measured FOLDER
+
+`coverage` counts how often 95 % intervals hold the truth. Each log draws a robot from one of `ROBOTS`, with its own
+creep, drag, loop gain and latency, and drives half of the plan's moves (20 s). The robot's file that the log is
+identified from differs in creep, drag, mass and latency; its radius is as accurate as the program assumes. Drives in
+--folder are reused.
+
+`measured` identifies the robot omni3 of sousarbarb/optiodom (MIT; R. B. Sousa et al., J. Intell. Robot. Syst. 105, 39,
+2022). The rows of its CSV files are time, true pose (m, m, rad) and encoder counts of three wheels.
+"""
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from omni_control.errors import OmniError
+from omni_mj.measure.table import DASH, Table, text
+from omni_mj.scenarios import robots
+from omni_mj.scenarios.rows import Row
+from omni_mj.scenarios.settings import CYCLE_RATE_HZ, PERIOD_S, Settings
+from omni_mj.simulate.simulation import Simulation
+from omni_mj.studies import run
+from omni_mj.studies.identify import Estimate, Identified, identify, robot_file
+from omni_mj.studies.identify.logs import read
+from omni_mj.studies.identify.motion import RADIUS_SHARE, ROLLS
+from omni_mj.studies.identify.plan import LENGTHS_M, plan
+from omni_mj.studies.identify.study import of_logs, started
+from omni_mj.studies.outcome import drive
+from omni_mj.studies.slip.law import expected
+
+ROBOTS = ("tigers-v2016", "tigers-v2020", "ssl-a-team", "robojackets", "roboteam-twente")
+COUNTS_PER_RAD = -1024 * 12 / (2 * np.pi)  # omni3's encoder and gear; its wheels turn the other way than ours
+OMNI3 = {  # mass, inertias, height and rollers are guesses
+    ("body", "mass_kg"): "10.0",
+    ("body", "centre_x_m"): "0.0",
+    ("body", "centre_height_m"): "0.1",
+    ("body", "yaw_inertia_kg_m2"): "0.25",
+    ("body", "tilt_inertia_kg_m2"): "0.2",
+    ("wheels", "azimuths_deg"): "[300, 60, 180]",
+    ("wheels", "arm_m"): "0.195",
+    ("wheels", "radius_m"): "0.051",
+    ("wheels", "rollers"): "18",
+    ("wheels", "roller_radius_m"): "0.005",
+    ("carpet", "pile"): "0.1",
+}
+COLUMNS = {  # number -> unit in the table
+    "radius_m": 2e3, "gain_forward": 102, "gain_sideways": 102, "arm_m": 1e3, "clock_s": 1e3, "drift": 100,
+    "creep_stiffness": 1,
+}  # fmt: skip
+
+
+def write_robot(path: Path, robot: str, changes: Mapping[tuple[str, str], object]) -> str:
+    """Write a robot's file with other numbers and return its path."""
+    values = {place: f"{value} # a guess" for place, value in changes.items()}
+    path.write_text(robot_file.written(robots.robot_path(robot).read_text("utf-8"), values, ["a guess"]), "utf-8")
+    return str(path)
+
+
+def draw_robot(base: Settings, number: int) -> Settings:
+    """Return the settings of the robot that drives log `number`, with its moves."""
+    rng = np.random.default_rng([number, 0])
+    creep, rollers, pile, gain = np.exp(rng.uniform(-0.35, 0.35, 4))
+    moves = np.array(base.reference.waypoints[1::2]).reshape(len(LENGTHS_M), -1, 3)  # by length and direction
+    half = len(LENGTHS_M) // 2
+    chosen = [moves[k, i] for i in range(moves.shape[1]) for k in (rng.integers(half), half + rng.integers(half))]
+    turn = rng.uniform(-np.pi, np.pi)
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    points = [[0.0, 0.0, turn]]
+    for i in rng.permutation(len(chosen)):
+        *position, heading = chosen[i] * rng.uniform(0.8, 1.15)
+        points += [[*np.round(rotation @ position, 4).tolist(), turn + heading], points[0]]
+    return base.replace(
+        drive={
+            "creep_stiffness": base.drive.creep_stiffness * creep,
+            "roller_friction": base.drive.roller_friction * rollers,
+        },
+        carpet={"pile": base.carpet.pile * pile},
+        firmware={"kp": base.firmware.kp * gain},
+        radio={"delay_frames": int(rng.integers(2, 9))},
+        vision={"position_noise_m": rng.uniform(0.5e-3, 2e-3), "heading_noise_rad": rng.uniform(0.003, 0.01)},
+        reference={"waypoints": points, "max_acceleration_m_s2": rng.uniform(1.6, 2.2)},
+    )
+
+
+def write_start_file(settings: Settings, robot: str, number: int, folder: Path) -> str:
+    """Write the robot's file from which log `number` is identified."""
+    rng = np.random.default_rng([number, 1])
+    creep, rollers, pile = np.exp(rng.uniform(-0.4, 0.4, 3))
+    changes = {
+        ("drive", "creep_stiffness"): settings.drive.creep_stiffness * creep,
+        ("drive", "roller_friction"): settings.drive.roller_friction * rollers,
+        ("carpet", "pile"): settings.carpet.pile * pile,
+        ("body", "mass_kg"): settings.body.mass_kg * rng.uniform(0.93, 1.1),
+        ("wheels", "radius_m"): settings.wheels.radius_m * (1 + RADIUS_SHARE * rng.normal()),
+        ("radio", "delay_frames"): 3,
+    }
+    return write_robot(folder / f"start-{number}.toml", robot, changes)
+
+
+def true_numbers(settings: Settings) -> dict[str, float]:
+    """Return the plant's numbers by the names of estimates.
+
+    The plant's integrator is semi-implicit: bodies are half a step ahead of their forces.
+    """
+    law, half_step = expected(settings), 0.5 / CYCLE_RATE_HZ / settings.physics.substeps
+    numbers = {
+        "wheels.creep_stiffness": settings.drive.creep_stiffness,
+        "wheels.pile": settings.carpet.pile,
+        "wheels.roller_friction": settings.drive.roller_friction,
+        "wheels.radius_m": ROLLS * settings.wheels.radius_m,
+        "wheels.arm_m": settings.wheels.arm_m,
+        "commands.latency_s": settings.radio.delay_frames * PERIOD_S - half_step,
+    }
+    numbers |= dict.fromkeys(("wheels.clock_s", "wheels.drift", "wheels.slope_x_rad", "wheels.slope_y_rad"), 0.0)
+    for i, axis in enumerate(("forward", "sideways")):
+        numbers[f"wheels.gain_{axis}"] = ROLLS * float(law.gain[i])
+        numbers[f"wheels.creep_{axis}_s2_m"] = float(law.time[i])
+        numbers[f"wheels.drag_{axis}_m_s2"] = float(law.drag[i]) / settings.body.mass_kg
+    return numbers
+
+
+def identify_drawn(robot: str, numbers: range, folder: Path) -> list[tuple[Identified, dict[str, float]]]:
+    """Drive logs of a robot in one batch, unless the folder has them, and identify each."""
+    base = plan(robot).scenario
+    base = base.replace(settings=base.settings.replace(wheels={"model": "two-rollers"}))
+    settings = [draw_robot(base.settings, number) for number in numbers]
+    drives = folder / f"{robot}-{numbers}"
+    if not (drives / "trajectory.parquet").exists():
+        rows = [
+            Row(i, 0, base.controllers[0], number, drawn, robot)
+            for i, (number, drawn) in enumerate(zip(numbers, settings, strict=True))
+        ]
+        simulation = Simulation(base, rows=rows)
+        run.of(simulation, drive(simulation)).save(drives)
+    logs = read(drives / "trajectory.parquet")
+    return [
+        (of_logs([log], started(write_start_file(drawn, robot, number, folder))), true_numbers(drawn))
+        for number, log, drawn in zip(numbers, logs, settings, strict=True)
+    ]
+
+
+def coverage(logs: int, folder: Path) -> Table:
+    """Return relative errors of each number and the share of intervals that hold the truth.
+
+    "error / std." is the root mean square of errors over standard errors, which should be 1.
+    """
+    step = len(ROBOTS)
+    results = [
+        result
+        for k, robot in enumerate(ROBOTS)
+        if k < logs
+        for result in identify_drawn(robot, range(k, logs, step), folder)
+    ]
+    rows = []
+    for name in results[0][1]:
+        estimates = [(told(result)[name], truth[name]) for result, truth in results if name in told(result)]
+        if estimates:
+            value, error, low, high, truth = np.array([[e.value, e.error, e.low, e.high, t] for e, t in estimates]).T
+            unit = np.where(truth == 0, 1.0, np.abs(truth))
+            deviation, ratio = (value - truth) / unit, (value - truth) / error
+            figures = deviation.mean(), deviation.std(), (error / unit).mean(), np.sqrt((ratio**2).mean())
+            held = f"{100 * np.mean((low <= truth) & (truth <= high)):.0f} %"
+            rows.append([name, *(f"{x:.2g}" for x in figures), held, str(len(estimates))])
+    misfits = sum(bool(result.misfits) for result, _ in results)
+    headings = ["", "mean error", "spread", "std. error", "error / std.", "hold the truth", "told"]
+    return Table(f"{logs} logs, {misfits} misfits; over the truth where that is not 0", headings, rows, 1)
+
+
+def measured(runs: Path, folder: Path) -> Table:
+    """Return what each run of omni3 tells."""
+    robot = write_robot(folder / "omni3.toml", robots.DEFAULT, OMNI3)
+    rows = []
+    for path in sorted(runs.glob("*_run-*.csv")):
+        data = np.loadtxt(path, delimiter=",")
+        columns = np.column_stack([data[:, :4], np.cumsum(data[:, 4:], axis=0) / COUNTS_PER_RAD])
+        header = "time_s,x_m,y_m,heading_rad,wheel_1_rad,wheel_2_rad,wheel_3_rad"
+        np.savetxt(folder / path.name, columns, fmt="%.9g", delimiter=",", header=header, comments="")
+        try:
+            result = identify([folder / path.name], robot)
+        except OmniError as error:
+            rows.append([path.stem, str(error), *[""] * len(COLUMNS)])
+            continue
+        cells = [format_estimate(told(result).get(f"wheels.{name}"), unit) for name, unit in COLUMNS.items()]
+        rows.append([path.stem, *cells, f"{1e3 * result.parts[0].fitted.position.lasting:.2g}"])
+    headings = ["run", "wheel, mm", "K fwd", "K side", "arm, mm", "later, ms", "more, %", "creep", "lasts, mm"]
+    return Table("omni3, by wheels and true poses; K times 102 mm", headings, rows, 1)
+
+
+def told(result: Identified) -> dict[str, Estimate]:
+    """Return the estimates that the data tell, by name."""
+    return {f"{e.source}.{e.name}": e for e in result.estimates if e.told}
+
+
+def format_estimate(estimate: Estimate | None, unit: float) -> str:
+    """Return value and standard error as text."""
+    return f"{unit * estimate.value:.4g} +- {unit * estimate.error:.2g}" if estimate else DASH
+
+
+def main() -> None:
+    """Run the program."""
+    parser = argparse.ArgumentParser(description="Check omni-mj identify on robots with known numbers.")
+    commands = parser.add_subparsers(dest="command", required=True)
+    drawn = commands.add_parser("coverage")
+    drawn.add_argument("--logs", type=int, default=100)
+    drawn.add_argument("--folder", type=Path)
+    commands.add_parser("measured").add_argument("runs", type=Path)
+    options = parser.parse_args()
+    with TemporaryDirectory() as name:
+        if options.command == "measured":
+            table = measured(options.runs, Path(name))
+        else:
+            table = coverage(options.logs, options.folder or Path(name))
+    print(text(table))
+
+
+if __name__ == "__main__":
+    main()
