@@ -81,7 +81,7 @@ class Response:
     speeding_up: Array
     lag_s: Array
 
-    def at(self, index: int | tuple[int, ...]) -> "Response":
+    def at(self, index: int | slice | tuple[int, ...]) -> "Response":
         """A part of it."""
         return Response(self.steady[index], self.speeding_up[index], self.lag_s[index])
 

@@ -21,14 +21,12 @@ from omni_mj.measure.response import NAMES, Response
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.scenarios import distributions
 from omni_mj.scenarios.scenario import Scenario, load
-from omni_mj.scenarios.settings import Settings
 from omni_mj.studies.alpha_findings import Study
 from omni_mj.studies.conditions import CAUSES, CONDITIONS, PROFILE, Conditions, changed, combinations
-from omni_mj.studies.drives import DIRECTIONS, Commanded, Drives, Groups, InUse
-from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
+from omni_mj.studies.drives import DIRECTIONS, Commanded, Drives, alpha_percentiles, path_simulation
+from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing, total_frames
 
 TASKS = ("rect", "league")
-BASE, COMBINED = "as it is", "causes combined"  # groups of drives, beside those of conditions
 Begin = Callable[[str, int], AfterFrame]
 
 
@@ -78,45 +76,48 @@ def alpha(
     chosen = load(scenario) if isinstance(scenario, str) else scenario
     chosen = chosen.replace(name="alpha", description="gain and lag, and their causes", paper_table=0, seeds=1)
     distributions.refuse(chosen.distributions, "alpha")
-    profiles = Drives(chosen, _groups(chosen.settings, values))
-    paths = {task: InUse(chosen, task) for task in (TASKS if tasks is None else tasks)}
-    parts: list[Drives | InUse] = [profiles, *paths.values()]
+    drives = [(chosen.settings, PROFILE)]
+    drives += [changed(chosen.settings, name, value) for name, tried in values.items() for value in tried]
+    drives += [(combined, PROFILE) for combined in combinations(chosen.settings)]
+    profiles = Drives(chosen, drives)
+    paths = {task: path_simulation(chosen, task) for task in (TASKS if tasks is None else tasks)}
     result = AlphaResult([Outcome.not_run(chosen)], [Commanded.__name__], seeds=[chosen.seed])
-    after_frame, number = begin("alpha", sum(part.frames for part in parts)), itertools.count()
+    after_frame, number = begin("alpha", profiles.frames + sum(map(total_frames, paths.values()))), itertools.count()
+
+    def count(_: int) -> None:
+        after_frame(next(number))
+
     try:
-        for part in parts:
-            part.run(lambda _: after_frame(next(number)))
+        profiles.run(count)
+        for simulation in paths.values():
+            simulation.run(count)
+        result.complete = True
     except StoppedError as error:
         result.stopped = error.reason
     result.wall_s = time.perf_counter() - started
-    result.complete = result.stopped is None
-    measured = dict(profiles.driven)
+    measured = dict(profiles.labels)
     if result.complete:
         body = profiles.body()
-        result.study = _study(values, profiles, body, paths)
-        measured |= {name: getattr(body, name) for name in NAMES}
-    for part in parts:
-        log, failures = part.simulation.log, list(part.simulation.failures)
-        entry = summary.entry(part.scenario, log, failures, {}, result.wall_s, result.stopped)
-        own = measured if part is profiles else {}
-        result.outcomes.append(Outcome(part.scenario, entry, part.rows, failures, own))
-    del result.outcomes[0]  # that of nothing run
+        in_use = {task: alpha_percentiles(simulation.log) for task, simulation in paths.items()}
+        result.study = _study(values, body, profiles.wheels().at(-1), in_use)
+        measured |= {name: getattr(body, name).ravel() for name in NAMES}
+    result.outcomes.clear()
+    for simulation in (profiles.simulation, *paths.values()):
+        failures = list(simulation.failures)
+        entry = summary.entry(simulation.scenario, simulation.log, failures, {}, result.wall_s, result.stopped)
+        result.outcomes.append(Outcome(simulation.scenario, entry, simulation.rows, failures, measured))
+        measured = {}  # only the standard profiles have responses
     return result
 
 
-def _groups(settings: Settings, conditions: Conditions) -> Groups:
-    return {
-        BASE: [(settings, PROFILE)],
-        **{name: [changed(settings, name, value) for value in values] for name, values in conditions.items()},
-        COMBINED: [(combined, PROFILE) for combined in combinations(settings)],
-    }
-
-
-def _study(conditions: Conditions, profiles: Drives, body: Response, paths: Mapping[str, InUse]) -> Study:
-    changes = profiles.grouped(body)
-    base, last = changes.pop(BASE).at(0), changes.pop(COMBINED)
+def _study(
+    conditions: Conditions, body: Response, wheels: Response, in_use: Mapping[str, Mapping[str, Mapping[str, float]]]
+) -> Study:
+    """Return the study for responses (drives, directions): unchanged, conditions one by one, combined causes."""
+    start, changes = 1, {}
+    for name, values in conditions.items():
+        changes[name] = body.at(slice(start, start + len(values)))
+        start += len(values)
     shape = (2,) * len(CAUSES) + (len(DIRECTIONS),)
-    combined = Response(*(getattr(last, name).reshape(shape) for name in NAMES))
-    wheels = profiles.grouped(profiles.wheels())[COMBINED].at(-1)
-    in_use = {task: path.percentiles() for task, path in paths.items()}
-    return Study(conditions, base, changes, combined, wheels, in_use)
+    combined = Response(*(getattr(body, name)[start:].reshape(shape) for name in NAMES))
+    return Study(conditions, body.at(0), changes, combined, wheels, in_use)

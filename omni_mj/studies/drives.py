@@ -4,8 +4,7 @@ Profiles are commanded frame by frame: no controller, no dead time, and a camera
 straight. Around a path a controller drives a robot under each of the usual conditions.
 """
 
-from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -16,9 +15,10 @@ from omni_mj.measure.response import NAMES, Profile, Response, measure
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.scenarios.settings import Settings
+from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies import conditions
-from omni_mj.studies.outcome import AfterFrame, standing, total_frames
+from omni_mj.studies.outcome import AfterFrame, standing
 
 DIRECTIONS = {"forward": (1.0, 0.0), "sideways": (0.0, 1.0), "diagonal": (0.5**0.5, 0.5**0.5)}
 AXES = ("forward", "sideways")
@@ -29,7 +29,6 @@ UNDISTURBED = {
     "vision": {"position_noise_m": 0, "heading_noise_rad": 0, "miss_probability": 0},
     "disturbance": {"force_n": 0},
 }
-Groups = Mapping[str, Sequence[tuple[Settings, Profile]]]
 
 
 class Commanded(Controller):
@@ -37,104 +36,92 @@ class Commanded(Controller):
 
 
 class Drives:
-    """Drives in one batch, each in every direction; those that fail have responses that are not a number.
+    """Drives of standard profiles in one batch, each in every direction.
 
     Args:
-        scenario: seed, robot, plant.
-        groups: name -> drives: settings, all of one shape (see `plants.mujoco`), and profile.
+        scenario: Seed, robot and plant.
+        drives: Settings, all of one shape (see `plants.mujoco`), and profile of each drive.
+
+    Attributes:
+        simulation: One row per drive and direction.
+        frames: Number of frames to simulate.
+        labels: Direction and profile of each row, by column name.
 
     Raises:
-        OmniError: the plant has no wheels.
+        OmniError: The plant has no wheels.
     """
 
-    def __init__(self, scenario: Scenario, groups: Groups) -> None:
-        self._sizes = {name: len(drives) for name, drives in groups.items()}
-        every = [(drive, name) for drives in groups.values() for drive in drives for name in DIRECTIONS]
-        self._profiles = [profile for (_, profile), _ in every]
-        self._heading = np.array([DIRECTIONS[name] for _, name in every])
-        # One frame more only records where the last one led.
-        self.scenario, self.frames = scenario, 1 + max(len(profile.command()) for profile in self._profiles)
-        self.rows = [
-            Row(world, 0, Commanded.__name__, scenario.seed, standing(s, self.frames, **UNDISTURBED), scenario.robot)
-            for world, ((s, _), _) in enumerate(every)
+    def __init__(self, scenario: Scenario, drives: Sequence[tuple[Settings, Profile]]) -> None:
+        self._profiles = [profile for _, profile in drives for _ in DIRECTIONS]
+        self._directions = np.array([*DIRECTIONS.values()] * len(drives))
+        # The last frame only records the pose that the command of the frame before led to.
+        self.frames = 1 + max(len(profile.command()) for profile in self._profiles)
+        settings = [standing(s, self.frames, **UNDISTURBED) for s, _ in drives for _ in DIRECTIONS]
+        rows = [
+            Row(i, 0, Commanded.__name__, scenario.seed, settings_i, scenario.robot)
+            for i, settings_i in enumerate(settings)
         ]
-        self.simulation = Simulation(scenario, [Commanded], rows=self.rows)
+        self.simulation = Simulation(scenario, [Commanded], rows=rows)
         if self.simulation.plant.geometry is None:
             raise OmniError(f"alpha is studied on wheels, and the plant {scenario.plant!r} has none")
         self._geometry = self.simulation.plant.geometry
-        self.driven: dict[str, np.ndarray] = {"direction": np.array([name for _, name in every])}
+        self.labels = {"direction": np.array([*DIRECTIONS] * len(drives))}
         for name in vars(self._profiles[0]):
-            self.driven[name] = np.array([getattr(profile, name) for profile in self._profiles])
+            self.labels[name] = np.array([getattr(profile, name) for profile in self._profiles])
 
     def run(self, after_frame: AfterFrame) -> None:
-        """Drive; `after_frame` is called with each frame's number, and may raise `StoppedError`."""
-        command = np.zeros((self.frames, len(self.rows), 3))
+        """Drive all rows and call `after_frame`, which may raise `StoppedError`, after each frame."""
+        command = np.zeros((self.frames, len(self._profiles), 3))
         for i, profile in enumerate(self._profiles):
             speed = profile.command()
-            command[: len(speed), i, :2] = speed[:, None] * self._heading[i]
-        for frame, sent in enumerate(command):
-            self.simulation.step(sent)
+            command[: len(speed), i, :2] = speed[:, None] * self._directions[i]
+        for frame, twists in enumerate(command):
+            self.simulation.step(twists)
             after_frame(frame)
 
     def body(self) -> Response:
-        """Return how the robots followed, (n,) in the order of their rows."""
-        return self._response((self.simulation.log.channel("pose")[..., :2] * self._heading).sum(-1))
+        """Return the response of the robots, (drives, directions); not a number for those that failed."""
+        return self._response(self.simulation.log.channel("pose")[..., :2])
 
     def wheels(self) -> Response:
-        """Return how their wheels did, (n,): what the robots would have done, had no wheel slipped."""
-        per_wheel = np.linalg.pinv(self._geometry.matrix)[:2] * self._geometry.radius  # speeds of body over wheel
-        return self._response((self.simulation.log.channel("wheel_angle") @ per_wheel.T * self._heading).sum(-1))
+        """Return the response that the robots would have had without slip, (drives, directions)."""
+        to_body = np.linalg.pinv(self._geometry.matrix)[:2] * self._geometry.radius
+        return self._response(self.simulation.log.channel("wheel_angle") @ to_body.T)
 
-    def grouped(self, response: Response) -> dict[str, Response]:
-        """Return the groups of a response of all: name -> (drives, directions)."""
-        ends = np.cumsum([0, *self._sizes.values()]) * len(DIRECTIONS)
-        return {
-            group: Response(*(getattr(response, name)[a:b].reshape(-1, len(DIRECTIONS)) for name in NAMES))
-            for group, (a, b) in zip(self._sizes, pairwise(ends), strict=True)
-        }
-
-    def _response(self, travelled: np.ndarray) -> Response:
-        """Return the response for ways along the drives (frames, n)."""
-        result = np.full((len(NAMES), len(self.rows)), np.nan)
-        for profile in set(self._profiles):
-            robots = [i for i, driven in enumerate(self._profiles) if driven == profile]
-            part = measure(profile, travelled[: len(profile.command()) + 1, robots])
-            result[:, robots] = [getattr(part, name) for name in NAMES]
-        return Response(*result)
+    def _response(self, positions: np.ndarray) -> Response:
+        """Return the response for positions (frames, n, 2)."""
+        travelled = (positions * self._directions).sum(-1)
+        responses = [
+            measure(profile, travelled[: len(profile.command()) + 1, i : i + 1])
+            for i, profile in enumerate(self._profiles)
+        ]
+        shape = (-1, len(DIRECTIONS))
+        return Response(*(np.reshape([getattr(r, name) for r in responses], shape) for name in NAMES))
 
 
-class InUse:
-    """One robot for each of the usual conditions, around the path of a scenario.
+def path_simulation(scenario: Scenario, task: str) -> Simulation:
+    """Return a simulation of one robot for each of the usual conditions, driven around the path of a scenario.
 
     Args:
-        scenario: everything but the path.
-        task: name of the scenario whose path it is; robots must face along x on it, so that forward is x.
+        scenario: Everything but the path.
+        task: Name of the scenario with the path; robots must face along x, so that forward is x.
     """
+    path = {"reference": load(task).settings.reference, "world": {"places": [[0, 0, 0]]}, "fault": ()}
+    settings = scenario.settings.replace(**path)
+    chosen = scenario.replace(name=task, controllers=(CONTROLLER,), paper_table=0, settings=settings, seeds=1)
+    rows = [
+        Row(i, 0, CONTROLLER, scenario.seed, usual, scenario.robot)
+        for i, usual in enumerate(conditions.usual(settings))
+    ]
+    return Simulation(chosen, rows=rows)
 
-    def __init__(self, scenario: Scenario, task: str) -> None:
-        path = {"reference": load(task).settings.reference, "world": {"places": [[0, 0, 0]]}, "fault": ()}
-        settings = scenario.settings.replace(**path)
-        self.scenario = scenario.replace(
-            name=task, controllers=(CONTROLLER,), paper_table=0, settings=settings, seeds=1
-        )
-        self.rows = [
-            Row(world, 0, CONTROLLER, scenario.seed, usual, scenario.robot)
-            for world, usual in enumerate(conditions.usual(settings))
-        ]
-        self.simulation = Simulation(self.scenario, rows=self.rows)
-        self.frames = total_frames(self.simulation)
 
-    def run(self, after_frame: AfterFrame) -> None:
-        """Drive; `after_frame` is called with each frame's number."""
-        self.simulation.run(after_frame)
-
-    def percentiles(self) -> dict[str, dict[str, float]]:
-        """Return those of alpha over all robots and windows in which they are driven, by axis; none without any."""
-        log = self.simulation.log
-        alpha = metrics.driven_alpha(log.channel("pose")[..., :2], log.channel("applied")[..., :2])
-        found: dict[str, dict[str, float]] = {}
-        for j, axis in enumerate(AXES):
-            known = alpha[..., j][~np.isnan(alpha[..., j])]
-            levels = metrics.ALPHA_PERCENTILES if known.size else ()
-            found[axis] = {f"p{p}": round(float(np.percentile(known, p)), 6) for p in levels}
-        return found
+def alpha_percentiles(log: Log) -> dict[str, dict[str, float]]:
+    """Return percentiles of alpha over all robots and windows, by axis; an axis without commands has none."""
+    alpha = metrics.driven_alpha(log.channel("pose")[..., :2], log.channel("applied")[..., :2])
+    percentiles: dict[str, dict[str, float]] = {}
+    for j, axis in enumerate(AXES):
+        known = alpha[..., j][~np.isnan(alpha[..., j])]
+        levels = metrics.ALPHA_PERCENTILES if known.size else ()
+        percentiles[axis] = {f"p{p}": round(float(np.percentile(known, p)), 6) for p in levels}
+    return percentiles
