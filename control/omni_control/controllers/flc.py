@@ -7,7 +7,7 @@ import numpy as np
 from omni_control.controllers.base import Controller, Seen, Told
 from omni_control.delay import compensation
 from omni_control.estimation.alpha import AlphaEstimator
-from omni_control.fuzzy.rules import FuzzyLaw
+from omni_control.fuzzy import FuzzyLaw
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import Reference
 

@@ -16,9 +16,7 @@ from omni_control.estimation.gate import DOUBTED, REPEATED, Gate
 from omni_control.estimation.late import Clock
 from omni_control.estimation.robot_filter import CREEP, DISTURBANCE, FRICTION, GAIN, LAG, LATENCY, RobotFilter
 from omni_control.estimation.tracking import KalmanFilter
-from omni_control.fuzzy import mamdani
-from omni_control.fuzzy.mamdani import Mamdani, Trapezoid, Variable, triangle
-from omni_control.fuzzy.rules import ENGINE, LABELS, FuzzyLaw, memberships
+from omni_control.fuzzy import LABELS, FuzzyLaw, memberships
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 from omni_control.limits import CommandLimits
 from omni_control.reference import EachReference, Reference
@@ -33,7 +31,6 @@ __all__ = [
     "CURVES",
     "DISTURBANCE",
     "DOUBTED",
-    "ENGINE",
     "FRICTION",
     "GAIN",
     "HEIGHT_M",
@@ -56,15 +53,12 @@ __all__ = [
     "Kinematics",
     "Limits",
     "Lqr",
-    "Mamdani",
     "NominalRobot",
     "OmniError",
     "Proportional",
     "Reference",
     "RobotFilter",
     "Smith",
-    "Trapezoid",
-    "Variable",
     "anticipate",
     "approach",
     "approach_pose",
@@ -75,7 +69,6 @@ __all__ = [
     "find",
     "lqr_gain",
     "make",
-    "mamdani",
     "memberships",
     "minimize",
     "parameters",
@@ -83,7 +76,6 @@ __all__ = [
     "stopping_speed",
     "traction",
     "traction_limits",
-    "triangle",
     "vision_filter",
     "vision_gate",
     "world_to_body",
