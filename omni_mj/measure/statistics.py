@@ -61,17 +61,15 @@ def paired(ours: Spread, theirs: Spread) -> tuple[float | None, float | None, fl
     """
     if None in ours["seeds"] or None in theirs["seeds"]:
         return None, None, None
-    differences = np.array(ours["seeds"]) - np.array(theirs["seeds"])
-    difference, half = confidence(differences)
-    n = len(differences)
-    if n == 1:
-        return float(difference), None, None
-    error = differences.std(ddof=1) / np.sqrt(n)
-    if error == 0:  # the same in every seed
-        return float(difference), 0.0, float(difference == 0)
-    from scipy.special import stdtr
+    difference = np.array(ours["seeds"]) - np.array(theirs["seeds"])
+    mean, half = (float(value) for value in confidence(difference))
+    if len(difference) == 1:
+        return mean, None, None
+    if half == 0:  # the same in every seed
+        return mean, 0.0, float(mean == 0)
+    from scipy.stats import ttest_1samp
 
-    return float(difference), float(half), float(2 * stdtr(n - 1, -abs(difference) / error))
+    return mean, half, float(ttest_1samp(difference, 0.0).pvalue)
 
 
 def holm(p: Array) -> Array:

@@ -1,6 +1,6 @@
 """Verdicts on one controller, the subject: whom it beats, whom it does not, by how much, and whether by chance."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from math import inf
 from typing import Any
 
@@ -77,67 +77,58 @@ def verdicts(
         `loses_to` (names; as good as is not beaten); and `why_not`, a sentence for each error and competitor that is
         not beaten.
     """
-    informed = list(informed)
-    found = {name: _judged(entry, informed, subject) for name, entry in entries.items()}
-    _correct(
+    out_of_competition = {subject, *informed}
+    found: dict[str, dict[str, Any] | None] = {}
+    for name, entry in entries.items():
+        results = entry["results"]
+        rivals = [rival for rival in results if rival not in out_of_competition]
+        found[name] = None
+        if subject is not None and subject in results and rivals and entry["status"] == "done":
+            errors = {statistic: _judged(results, subject, rivals, statistic) for statistic in ERRORS}
+            found[name] = {"of": subject, "errors": errors}
+    judged = {name: verdict for name, verdict in found.items() if verdict}
+    pairs = [
         pair
-        for verdict in found.values()
-        for errors in (verdict["errors"].values() if verdict else ())
-        for pair in errors["against"].values()
-    )
-    for name, verdict in found.items():
-        if verdict:
-            verdict["why_not"] = _why_not(entries[name], verdict)
+        for verdict in judged.values()
+        for error in verdict["errors"].values()
+        for pair in error["against"].values()
+        if pair["p"] is not None
+    ]
+    for pair, p in zip(pairs, holm(np.array([pair["p"] for pair in pairs])), strict=True):
+        pair |= {"p_adjusted": float(p), "beyond_chance": bool(p <= CHANCE)}
+    for name, verdict in judged.items():
+        verdict["why_not"] = list(_why_not(entries[name]["results"], verdict))
     return found
 
 
-def _judged(entry: Entry, informed: list[str], subject: str | None) -> dict[str, Any] | None:
-    """A verdict before it is corrected."""
-    results = entry["results"]
-    rivals = [name for name in results if name != subject and name not in informed]
-    if subject is None or subject not in results or not rivals or entry["status"] != "done":
-        return None
-    errors: dict[str, Any] = {}
-    for statistic in ERRORS:
-        ours = mean(results[subject], statistic)
-        lost = [name for name in rivals if mean(results[name], statistic) <= ours]
-        errors[statistic] = {
-            "against": {name: _pair(results[subject], results[name], statistic) for name in rivals},
-            "best": best(results, rivals, statistic),
-            "beats": [name for name in rivals if name not in lost],
-            "loses_to": lost,
-        }
-    return {"of": subject, "errors": errors, "why_not": []}
-
-
-def _pair(ours: Mapping[str, Any], theirs: Mapping[str, Any], statistic: str) -> dict[str, Any]:
-    difference, half, p = paired(error(ours, statistic), error(theirs, statistic))
-    a, b = mean(ours, statistic), mean(theirs, statistic)
-    ratio = a / b if 0 < b < inf and a < inf else None
+def _judged(results: Results, subject: str, rivals: list[str], statistic: str) -> dict[str, Any]:
+    """Return the verdict on the subject by one statistic, before the correction for the number of verdicts."""
+    means, against = {name: mean(results[name], statistic) for name in results}, {}
+    for rival in rivals:
+        difference, half, p = paired(error(results[subject], statistic), error(results[rival], statistic))
+        ratio = means[subject] / means[rival] if means[rival] else inf
+        against[rival] = {
+            "ratio": ratio if 0 < means[rival] < inf and ratio < inf else None,
+            "difference_m": difference, "plus_minus_m": half, "p": p, "p_adjusted": None, "beyond_chance": None,
+        }  # fmt: skip
+    lost = [rival for rival in rivals if means[rival] <= means[subject]]
     return {
-        "ratio": ratio, "difference_m": difference, "plus_minus_m": half,
-        "p": p, "p_adjusted": None, "beyond_chance": None,
-    }  # fmt: skip
+        "against": against,
+        "best": best(results, rivals, statistic),
+        "beats": [rival for rival in rivals if rival not in lost],
+        "loses_to": lost,
+    }
 
 
-def _correct(pairs: Iterable[dict[str, Any]]) -> None:
-    """Fill in what depends on the number of all pairs."""
-    tested = [pair for pair in pairs if pair["p"] is not None]
-    for pair, p in zip(tested, holm(np.array([pair["p"] for pair in tested])), strict=True):
-        pair |= {"p_adjusted": float(p), "beyond_chance": bool(p <= CHANCE)}
-
-
-def _why_not(entry: Entry, verdict: Mapping[str, Any]) -> list[str]:
-    """In words: by how much each rival that is not beaten is better, and whether by chance."""
-    results, subject, sentences = entry["results"], verdict["of"], []
+def _why_not(results: Results, verdict: Mapping[str, Any]) -> Iterator[str]:
+    """Yield in words by how much each rival that is not beaten is better, and whether by chance."""
     for statistic, errors in verdict["errors"].items():
         for rival in errors["loses_to"]:
-            ours, theirs = (_words(results[name], statistic) for name in (subject, rival))
+            ours, theirs = (_words(results[name], statistic) for name in (verdict["of"], rival))
             pair = errors["against"][rival]
-            chance = pair["difference_m"] is not None and not pair["beyond_chance"]
+            is_chance = pair["difference_m"] is not None and not pair["beyond_chance"]
             text = f"{ERRORS[statistic]} error {ours}, that of {rival} {theirs}"
-            sentences.append(text + ", a difference within chance" * chance)
-    return sentences
+            yield text + ", a difference within chance" * is_chance
 
 
 def _words(result: Mapping[str, Any], statistic: str) -> str:

@@ -188,19 +188,6 @@ def test_no_controller_gets_below_it(plant: str) -> None:
         assert om.limit(scenario, SEEDS, iterations=4).table() == found.table()
 
 
-def test_bad_input_is_refused_all_at_once() -> None:
-    """Robots that share a world have no limit of their own."""
-    several = om.scenario("rect", world={"places": [[0, 0, 0], [0, 1, 0]]})
-    with pytest.raises(om.OmniError) as error:
-        om.limit(several, 1, iterations=1)
-    lines = str(error.value).splitlines()
-    assert ["places" in lines[0], "iterations" in lines[1], len(lines)] == [True, True, 2]
-    with pytest.raises(om.OmniError, match="unknown scenario 'rekt'"):
-        om.limit("rekt")
-    with pytest.raises(om.OmniError, match="count up"):
-        om.limit("rect", [1, 3])
-
-
 def test_one_that_is_stopped_says_so_and_has_what_it_learned() -> None:
     begun = []
 
