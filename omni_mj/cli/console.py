@@ -8,7 +8,6 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
@@ -201,24 +200,13 @@ def writing(folder: Path) -> Iterator[None]:
 def drawing(folder: Path) -> Iterator[None]:
     """Within it, what cannot be drawn, or is interrupted, ends the program with a line: the numbers are on the disk."""
     kept = f"the numbers are whole in {folder}; figures and report may be missing"
-
-    def ended(number: int, frame: FrameType | None) -> NoReturn:
-        fail(f"{ENDED[number]}; {kept}", 128 + number)
-
-    before = {number: signal.getsignal(number) for number in ENDED if number != signal.SIGINT}
     try:
-        for number, handler in before.items():
-            if handler != signal.SIG_IGN:
-                signal.signal(number, ended)
         yield
     except KeyboardInterrupt:
         fail(f"{ENDED[signal.SIGINT]}; {kept}", 128 + signal.SIGINT)
     except Exception as error:
         reason = (isinstance(error, OSError) and error.strerror) or f"{type(error).__name__}: {error}"
         fail(f"not all could be drawn: {' '.join(reason.split())}; {kept}", FAILED)
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def print_events(entry: Mapping[str, Any]) -> None:

@@ -10,10 +10,7 @@ from omni_control.errors import OmniError, choose, printable
 from omni_mj.scenarios.library import builtin
 
 MOST_BYTES = 2_000_000
-PARTS = 16  # of a key, such as controller.Mine.gain; tomllib takes time with the square of their number
 NAME_LETTERS = 100  # longest name of a scenario
-_KEY = r"""(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+"""
-_LONG_KEY = re.compile(rf"{_KEY}(?:\.[ \t]*+{_KEY}){{{PARTS}}}")
 
 
 def read(path: Path, what: str) -> dict[str, Any]:
@@ -44,8 +41,6 @@ def parse(text: str) -> dict[str, Any]:
     Raises:
         ValueError: It is not TOML, or too deeply nested.
     """
-    if _LONG_KEY.search(text):
-        raise ValueError(f"a key has more than {PARTS} parts")
     try:
         return tomllib.loads(text)
     except RecursionError:

@@ -72,10 +72,13 @@ class Log:
     def __init__(self, rows: Sequence[Row], wheels: int, frames: int = 0) -> None:
         self.rows, self._expected = list(rows), frames
         self.columns = channels(wheels)
+        ends = np.cumsum([0, *map(len, self.columns.values())]).tolist()
+        self._at = {name: slice(*span) for name, span in zip(self.columns, pairwise(ends), strict=True)}
         self.length = 0
         self.lengths = np.zeros(len(self.rows), int)
-        self._data: Array
-        self._lay_out(FIRST_FRAMES)
+        # All channels but controllers' own side by side, so that a frame is written at once.
+        self._data: Array = np.full((FIRST_FRAMES, len(self.rows), ends[-1]), np.nan)
+        self._own: dict[str, Array] = {}
 
     @classmethod
     def joined(cls, logs: "Sequence[Log]", rows: Sequence[Row]) -> "Log":
@@ -91,12 +94,10 @@ class Log:
         while len(found._data) < found.length:
             found._make_room()
         for log in logs:
-            found._widen({name: len(titles) for name, titles in log.columns.items()})
-        for log in logs:
-            own = numbers(rows, log.rows)
-            found.lengths[own] = log.lengths
+            places = numbers(rows, log.rows)
+            found.lengths[places] = log.lengths
             for name, titles in log.columns.items():
-                found._data[: log.length, own, found._first(name, len(titles))] = log.channel(name)
+                found._frames(name, len(titles))[: log.length, places, : len(titles)] = log.channel(name)
         return found
 
     @property
@@ -136,25 +137,25 @@ class Log:
         """
         if self.length == len(self._data):
             self._make_room()
-        if own:
-            self._widen({OWN + name: value.shape[1] for name, value in own.items()})
         frame, at = self._data[self.length], self._at
-        parts = [(at[name], value if value.ndim == 2 else value[:, None]) for name, value in values.items()]
-        parts += [(self._first(OWN + name, value.shape[1]), value) for name, value in own.items()]
+        parts = [(frame[:, at[name]], value if value.ndim == 2 else value[:, None]) for name, value in values.items()]
+        for name, value in own.items():
+            width = value.shape[1]
+            parts.append((self._frames(OWN + name, width)[self.length, :, :width], value))
         if telemetry is not None:
-            parts.append((slice(at[NAMES[0]].start, at[NAMES[-1]].stop), telemetry))
+            parts.append((frame[:, at[NAMES[0]].start : at[NAMES[-1]].stop], telemetry))
         if np.count_nonzero(recorded) == len(recorded):
             for columns, value in parts:
-                frame[:, columns] = value
+                columns[:] = value
         else:
             for columns, value in parts:
-                np.copyto(frame[:, columns], value, where=recorded[:, None])
+                np.copyto(columns, value, where=recorded[:, None])
         self.length += 1
         self.lengths += recorded
 
     def channel(self, name: str) -> np.ndarray:
         """A channel's frames (length, n, columns); not a number, or false, where a row recorded none."""
-        values = self._data[: self.length, :, self._at[name]]
+        values = self._frames(name)[: self.length]
         return values == 1 if name == "vision_valid" else values
 
     def table(self, first: int = 0, stop: int | None = None) -> "pa.Table":
@@ -188,28 +189,22 @@ class Log:
         """Make room for all frames that are expected, or twice as many as there is room for."""
         room = len(self._data)
         more = max(self._expected - room, 0) or room
-        self._data = np.concatenate([self._data, np.full((more, *self._data.shape[1:]), np.nan)])
+        self._data = _longer(self._data, more)
+        self._own = {name: _longer(frames, more) for name, frames in self._own.items()}
 
-    def _first(self, name: str, width: int) -> slice:
-        """Where the first columns of a channel are."""
-        first = self._at[name].start
-        return slice(first, first + width)
-
-    def _widen(self, widths: Mapping[str, int]) -> None:
-        """Make room for channels of so many columns; in what was recorded before there is nothing of them."""
-        wider = {name: width for name, width in widths.items() if width > len(self.columns.get(name, ()))}
-        if not wider:
-            return
-        for name, width in wider.items():
+    def _frames(self, name: str, width: int = 0) -> Array:
+        """Return the room of a channel (frames, n, columns), one of a controller's own as wide as this at least."""
+        if name in self._at:
+            return self._data[..., self._at[name]]
+        frames = self._own.get(name)
+        if frames is None or frames.shape[2] < width:
+            wider = np.full((*self._data.shape[:2], width), np.nan)
+            if frames is not None:
+                wider[..., : frames.shape[2]] = frames
+            self._own[name] = frames = wider
             self.columns[name] = (name,) if width == 1 else tuple(f"{name}_{i + 1}" for i in range(width))
-        before, at = self._data, self._at
-        self._lay_out(len(before))
-        for name, columns in at.items() if self.length else ():
-            self._data[..., self._first(name, columns.stop - columns.start)] = before[..., columns]
+        return frames
 
-    def _lay_out(self, frames: int) -> None:
-        """Have room for so many frames, all channels side by side, so that a frame is written at once."""
-        widths, n = {name: len(titles) for name, titles in self.columns.items()}, len(self.rows)
-        ends = np.cumsum([0, *widths.values()]).tolist()
-        self._at = {name: slice(*ends) for name, ends in zip(widths, pairwise(ends), strict=True)}
-        self._data = np.full((frames, n, ends[-1]), np.nan)
+
+def _longer(frames: Array, more: int) -> Array:
+    return np.concatenate([frames, np.full((more, *frames.shape[1:]), np.nan)])

@@ -1,6 +1,5 @@
 """The command line as a newcomer meets it: what there is, what it costs to ask, files to begin with, studies."""
 
-import os
 import re
 import shlex
 import subprocess
@@ -219,41 +218,3 @@ def test_bad_input_of_studies_is_a_line_and_leaves_no_folder(
     assert says in printed_error
     assert printed_error.count("\n") == 1
     assert not (tmp_path / "out").exists()
-
-
-def test_the_loop_study_leaves_numbers_and_a_figure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ("--controller", "p", "--plant", "kinematic", "--set", "radio.delay_frames=3", "--out", tmp_path / "out")
-    assert invoke("loop", *words) == 0
-    out = capsys.readouterr().out
-    assert "driving, across" in out
-    found = strict(tmp_path / "out" / "summary.json")["loop"]["cases"]["rest, forward"]["p"]["strengths"][1]["margins"]
-    assert f"{found['phase']:.0f}" in out.splitlines()[2].split()
-    assert (tmp_path / "out" / "loop.png").stat().st_size > 10_000
-    assert invoke("verify", tmp_path / "out") == 0
-    assert "repeats" in capsys.readouterr().out
-
-
-def test_no_home_no_display_and_one_core_change_nothing(tmp_path: Path) -> None:
-    """What a terminal usually gives and a service does not."""
-    words = (
-        "run",
-        "--scenario",
-        "rect",
-        *SHORT,
-        "--plant",
-        "kinematic",
-        "--controller",
-        "flc",
-        "--no-figures",
-        "--quiet",
-    )
-    gone = {name: value for name, value in os.environ.items() if name not in ("HOME", "DISPLAY", "TERM", "LANG")}
-    core = {min(os.sched_getaffinity(0))}
-    tables = []
-    for name, env in (("usual", dict(os.environ)), ("bare", {**gone, "LC_ALL": "C"})):
-        command = [sys.executable, "-m", "omni_mj", *words, "--out", str(tmp_path / name)]
-        one_core = (lambda: os.sched_setaffinity(0, core)) if name == "bare" else None
-        done = subprocess.run(command, env=env, preexec_fn=one_core, capture_output=True, text=True, timeout=120)
-        assert (done.returncode, done.stderr) == (0, "")
-        tables.append(strict(tmp_path / name / "summary.json")["scenarios"]["rect"]["results"])
-    assert tables[0] == tables[1]

@@ -1,7 +1,5 @@
 """Nobody else is asked: no connection to another machine, no usage statistics."""
 
-import json
-import os
 import shutil
 import subprocess
 import sys
@@ -9,18 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from omni_mj.show.recording.viewer import QUIET
-
 SHORT = ("--set", "reference.waypoints=[[0, 0], [0.1, 0]]", "--set", "reference.settle_s=0.1", "--plant", "kinematic")
 RUN = ("run", "--scenario", "rect", *SHORT, "--controller", "flc", "--no-figures", "--quiet")
-
-
-def test_the_viewer_that_is_started_sends_no_statistics() -> None:
-    """As it says itself of the configuration that it is given."""
-    said = subprocess.run(
-        [sys.executable, "-m", "rerun", "analytics", "config"], env=os.environ | QUIET, capture_output=True, text=True
-    )
-    assert json.loads(said.stdout)["analytics_enabled"] is False, said
 
 
 def test_a_run_makes_no_connection(tmp_path: Path) -> None:

@@ -197,19 +197,16 @@ def test_a_full_disk_is_one_line_and_leaves_what_fits(tmp_path: Path) -> None:
     [
         (KeyboardInterrupt(), 130, "interrupted; the numbers are whole in"),
         (RuntimeError("no\nfont"), 1, "not all could be drawn: RuntimeError: no font; the numbers are whole in"),
-        (signal.SIGTERM, 143, "terminated; the numbers are whole in"),
     ],
 )
 def test_drawing_costs_no_numbers(
-    error: object, code: int, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    error: BaseException, code: int, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     """Whatever figures meet; the table is printed, and a line says where the numbers are."""
 
     def fails(*_: object) -> None:
-        if isinstance(error, BaseException):
-            raise error
-        os.kill(os.getpid(), signal.SIGTERM)
+        raise error
 
     monkeypatch.setattr("omni_mj.show.figures.save_all", fails)
     assert invoke(*KINEMATIC, "--no-record", "--out", tmp_path / "out") == code
@@ -230,15 +227,6 @@ def test_a_recording_leaves_the_disk_to_the_numbers(
     assert "the recording could not be written to its end" in err
     assert err.count("\n") == 1
     assert is_whole(tmp_path / "out")
-
-
-def test_little_memory_is_a_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    def fails(*_: object) -> None:
-        raise MemoryError
-
-    monkeypatch.setattr("omni_mj.studies.run.prepare", fails)
-    assert invoke(*KINEMATIC, *BARE) == 1
-    assert capsys.readouterr().err.startswith("error: there is too little memory")
 
 
 # Folders.

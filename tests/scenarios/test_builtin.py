@@ -10,14 +10,12 @@ from commands import listed
 from numpy.typing import NDArray
 
 import omni_mj as om
-from omni_control.traction import traction_limits
 
 BUILTIN, ROBOTS = listed("scenarios"), listed("robots")
 TASKS = ("circle", "eight", "square-spin", "sprint", "waypoints")
 PERIOD_S = 1 / 60
 FIELD_M = (9.0, 6.0)  # division B, RoboCup-SSL rules
 ROBOT_M = 0.09  # radius of the largest robot, same
-WITHIN_S = 2.0  # in which the effect of a fault is looked at
 
 
 @cache
@@ -125,39 +123,3 @@ def test_no_task_is_slowed_by_what_wheels_can_do(name: str) -> None:
             for more in ({}, {"reference": {"friction": 0.0}})
         )
         np.testing.assert_array_equal(believed, free)
-
-
-def shares_asked(name: str, friction: float) -> list[float]:
-    """Return the shares of what wheels can push ahead and aside that a scenario asks for, to speed up against drag."""
-    settings = om.scenario(name).settings
-    azimuths = np.radians(settings.wheels.azimuths_deg)
-    limits = traction_limits(settings.wheels.kinematics, friction, settings.body.centre_height_m)
-    loads = np.linalg.pinv([np.ones(4), np.cos(azimuths), np.sin(azimuths)]) @ [1.0, 0.0, 0.0]
-    asked = settings.reference.max_acceleration_m_s2, settings.reference.max_side_acceleration_m_s2
-    axles = np.abs([np.cos(azimuths), np.sin(azimuths)])
-    drags = 9.81 * (settings.carpet.pile + settings.drive.roller_friction * axles @ loads)
-    return [(acceleration + drag) / limit for limit, acceleration, drag in zip(limits, asked, drags, strict=True)]
-
-
-def test_slippery_asks_for_nine_tenths_of_what_its_carpet_gives_and_the_fault_leaves_enough() -> None:
-    assert shares_asked("slippery", om.scenario("slippery").settings.carpet.friction) == pytest.approx(
-        [0.9] * 2, abs=0.01
-    )
-    (fault,) = om.scenario("fault-friction").settings.fault
-    assert shares_asked("fault-friction", 0.8) == pytest.approx([0.50, 0.55], abs=0.01)
-    assert shares_asked("fault-friction", fault.to) == pytest.approx([0.78, 0.88], abs=0.01)
-
-
-@pytest.mark.parametrize("name", [name for name in BUILTIN if name.startswith("fault-")])
-def test_faults_happen_while_the_robot_drives_one_after_the_other(name: str) -> None:
-    """Of one alone that ends, what comes after is seen before the first corner; of several, before the next begins."""
-    scenario, poses = built_in(name)
-    corner = int(np.flatnonzero(poses[:, 1] > poses[0, 1])[0])
-    faults = scenario.settings.fault
-    starts = [round(fault.at / PERIOD_S) for fault in faults]
-    assert starts == sorted(starts)
-    nexts = [*starts[1:], corner if len(faults) == 1 else len(poses)]
-    for fault, start, following in zip(faults, starts, nexts, strict=True):
-        assert (poses[start] != poses[start - 1]).any()
-        end = start + round(fault.for_ / PERIOD_S)
-        assert not fault.for_ or following == start or end + WITHIN_S / PERIOD_S <= following

@@ -183,16 +183,13 @@ def test_a_scenario_cannot_be_changed_but_copied() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('[radio]\n"a" . ' + "'b' ." * 40 + "c = 1", "more than 16 parts"),
         ("a = " + "[" * 50_000 + "]" * 50_000, "nested too deeply"),
-        ("a = " + "{a=" * 50_000 + "1" + "}" * 50_000, "nested too deeply"),
         ("seed = " + "9" * 5000, "not valid TOML"),
         ("[body", "not valid TOML"),
         ("description = '" + "a" * 3_000_000 + "'", "more than 2 MB"),
         (f"description = '{'a' * 1000}'", "at most 500"),
         ('description = "\\u001b[31mred\\u0007"', "description"),
         ("name = '../x'", "name"),
-        (f"name = '{'a' * 101}'", "at most 100"),
         ('"\\u001b[31m\\n\\u2028" = 1', "unknown name"),
         ('[radio]\n"\\u001b[31m\\nloss" = 1', "unknown setting radio"),
         ("[radio]\ndelay_frames = " + "[" * 90 + "]" * 90, "radio.delay_frames"),

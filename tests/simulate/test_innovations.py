@@ -60,16 +60,6 @@ def test_the_innovations_squared_average_one(certainty: Certainty) -> None:
     assert (squared < 1.2).all()
 
 
-def test_the_innovations_are_nearly_white(certainty: Certainty) -> None:
-    """White noise of some thousand innovations: within 5 / sqrt(1000) = 0.16 of nought.
-
-    Robots that lag, or whose alpha lasts, are no random walk besides: a few hundredths more may be related.
-    """
-    for lag in (1, 2, 5):
-        related = np.nanmean(certainty.innovation[lag:] * certainty.innovation[:-lag], (0, 1))
-        assert np.abs(related).max() < 0.2, lag
-
-
 def test_the_errors_are_covered_by_sigma(certainty: Certainty) -> None:
     """Errors of the pose, squared, over what the filter says: about 1 seen or not, and few beyond three sigmas."""
     normalised = certainty.error / certainty.sigma

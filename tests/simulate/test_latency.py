@@ -70,15 +70,6 @@ def test_on_the_kinematic_plant_the_dead_time_is_found(alpha: str) -> None:
     assert (np.abs(error) < 1.0).mean() > 0.86
 
 
-def test_little_is_left_of_the_guess() -> None:
-    """Whose standard deviation is 1.2 frames, against that of two seconds of evidence, 0.3 to 0.45.
-
-    It weighs 0.3^2 / (0.3^2 + 1.2^2) = 6 % to 12 %.
-    """
-    medians = np.median(errors_on_the_kinematic_plant()["constant"], axis=1)
-    assert -0.13 < np.polyfit(DELAYS, medians, 1)[0] < 0.0
-
-
 @pytest.mark.parametrize("jitter", [1, 2, 3])
 def test_under_jitter_the_mean_age_of_what_is_obeyed_is_found(jitter: int) -> None:
     """A robot obeys the newest command that has arrived: with jitter, one that is younger than the dead time."""

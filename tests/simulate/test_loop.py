@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benches.simulating import COMPENSATED, DISTURBED, FLC, FRAME_S, PLANTS, Grid, ages, finished, run, simulation
+from benches.simulating import COMPENSATED, DISTURBED, FLC, PLANTS, Grid, ages, finished, run, simulation
 
 RANDOM = (*DISTURBED, "radio.jitter_frames=4")
 BRIEF = ("reference.waypoints=[[0,0],[0.2,0]]", "reference.settle_s=0.1")
@@ -23,15 +23,6 @@ def test_two_runs_are_identical(plant: str) -> None:
     for again in (finished(simulated), finished(simulated)):  # of a new simulation, and of one that was run before
         for row in np.ndindex(2, 2):
             assert_rows_equal(first, row, again, row)
-
-
-@pytest.mark.parametrize("plant", PLANTS)
-@pytest.mark.parametrize("row", [(0, 0), (1, 1)])
-def test_a_row_is_the_same_alone_and_among_others(plant: str, row: tuple[int, int]) -> None:
-    batch = run(plant, RANDOM, seeds=2, route=BRIEF)
-    controller, seed = row
-    alone = run(plant, RANDOM, controllers=(batch.controllers[controller],), seed=batch.seeds[seed], route=BRIEF)
-    assert_rows_equal(alone, (0, 0), batch, row)
 
 
 @pytest.mark.parametrize("plant", PLANTS)
@@ -62,14 +53,6 @@ def test_every_channel_of_every_frame_is_recorded(plant: str) -> None:
         # Neither controller estimates the latency.
         assert missing == (name == "latency_hat" or (plant == "kinematic" and name in without_wheels)), name
     np.testing.assert_allclose(trajectory.time, np.arange(trajectory.length) / 60)
-
-
-def test_commands_keep_the_limits() -> None:
-    tight = ("control.max_speed_m_s=0.4", "control.max_acceleration_m_s2=1.5", "control.speed_range_m_s=5")
-    command = run("kinematic", (*tight, *DISTURBED)).channel("command")[..., :2]
-    change = np.diff(command, axis=0, prepend=np.zeros((1, *command.shape[1:])))
-    assert np.linalg.norm(command, axis=-1).max() <= 0.4 * (1 + 1e-12)
-    assert np.linalg.norm(change, axis=-1).max() <= 1.5 * FRAME_S * (1 + 1e-12)
 
 
 @pytest.mark.parametrize("plant", PLANTS)

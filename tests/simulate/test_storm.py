@@ -24,14 +24,3 @@ def test_robots_come_out_of_the_storm_on_the_field_and_at_rest() -> None:
     assert known.any()
     assert (latency[known] >= 0).all()
     assert (latency[known] < 30).all()
-
-
-def test_a_row_of_the_storm_is_what_it_is_alone() -> None:
-    """To the bit, through radio, cameras, filter, controller and plant; a second of it."""
-    chosen = STORM.replace(settings=STORM.settings.replace(physics={"kernel": "numpy"}))
-    together, alone = om.Simulation(chosen, ["flc"], seeds=[0, 1]), om.Simulation(chosen, ["flc"], seeds=[1])
-    for simulation in (together, alone):
-        for _ in range(150):
-            simulation.step()
-    np.testing.assert_array_equal(together.log.channel("pose")[:, 1], alone.log.channel("pose")[:, 0])
-    np.testing.assert_array_equal(together.log.channel("applied")[:, 1], alone.log.channel("applied")[:, 0])
