@@ -1,9 +1,9 @@
 """Kernels: what computes the functions of this package, numpy or programs that JAX compiles from them.
 
 A kernel holds parameters and state of n robots, and runs functions (parameters, state, *inputs) -> (state, outputs).
-Handing an array to a compiled program costs about a microsecond, and a state has sixty. So JAX gets parameters and
-state packed into one array each. Robots are computed in blocks, filled up to a few sizes, because every new size
-compiles anew, and because larger blocks leave the processor's cache.
+Handing an array to a compiled program costs 1 to 3 us, and a state has sixty. So JAX gets parameters, state and inputs
+packed into one array each, and returns outputs packed as well: a frame of one robot takes half the time. Robots are
+computed in blocks, filled up to a few sizes, because every new size compiles anew.
 """
 
 import importlib.util
@@ -20,6 +20,7 @@ import numpy as np
 from omni_control.errors import OmniError
 
 BLOCKS = 1, 16, 64  # robots that a compiled program takes
+LARGE_BLOCK, MANY_ROBOTS = 256, 512  # for this many robots; one of a large block takes 3/4 of the time of one of 64
 NUMPY_FRAME_S, NUMPY_ROBOT_S = 3e-3, 2e-5  # that a frame of `planar` takes, and a robot in it
 JAX_START_S = 5.0  # import and compilation
 COMPILER_OPTIONS = {"xla_cpu_use_fusion_emitters": False}  # one robot compiles in half the time, and runs as fast
@@ -120,7 +121,7 @@ class Structure:
         for shape, kind in self._kinds:
             size = math.prod(shape)
             leaf = packed[at : at + size].reshape(shape)
-            leaves.append(leaf.astype(kind))
+            leaves.append(leaf.astype(kind, copy=False))
             at += size
         return self._tree.unflatten(leaves)
 
@@ -134,7 +135,8 @@ def pack(tree: Any, xp: Any = np) -> Any:
     """Put the arrays of NamedTuples one after the other, (numbers,)."""
     import jax
 
-    return xp.concatenate([leaf.ravel().astype(float) for leaf in jax.tree.leaves(tree)])
+    leaves = [leaf.ravel().astype(float, copy=False) for leaf in jax.tree.leaves(tree)]
+    return xp.concatenate(leaves) if leaves else xp.zeros(0)
 
 
 class JaxKernel:
@@ -146,7 +148,8 @@ class JaxKernel:
 
         self._robots = int(jax.tree.leaves(parameters)[0].shape[-1])
         self._size = next((size for size in BLOCKS if size >= self._robots), BLOCKS[-1])
-        self._programs: dict[Any, Program] = {}
+        if self._robots >= MANY_ROBOTS:
+            self._size = LARGE_BLOCK
         self.parameters, self.state = parameters, state
 
     @property
@@ -156,10 +159,12 @@ class JaxKernel:
 
     @parameters.setter
     def parameters(self, parameters: Any) -> None:
+        import jax
+
         blocks = self._cut(parameters)
-        self._programs.clear()
         self._parameters, self._parameter_structure = parameters, Structure.of(blocks[0])
-        self._parameter_blocks = [pack(block) for block in blocks]
+        with jax.enable_x64(True):
+            self._parameter_blocks = [jax.device_put(pack(block)) for block in blocks]
 
     @property
     def state(self) -> Any:
@@ -169,7 +174,6 @@ class JaxKernel:
     @state.setter
     def state(self, state: Any) -> None:
         blocks = self._cut(state)
-        self._programs.clear()
         self._state_structure = Structure.of(blocks[0])
         self._state_blocks = [pack(block) for block in blocks]
 
@@ -177,17 +181,16 @@ class JaxKernel:
         """See `Kernel`."""
         import jax
 
-        key = function, jax.tree.structure(inputs)
-        if (program := self._programs.get(key)) is None:
-            program = self._programs[key] = compiled(*key, self._parameter_structure, self._state_structure)
-        outputs = []
+        blocks, outputs = self._cut(inputs), []
+        structures = Structure.of(blocks[0]), self._parameter_structure, self._state_structure
+        program = compiled(function, *structures)
         with jax.enable_x64(True):
-            for i, block in enumerate(self._cut(inputs)):
-                self._state_blocks[i], output = program.run(self._parameter_blocks[i], self._state_blocks[i], *block)
-                outputs.append(output)
-        if program.state_structure is not self._state_structure:
-            self._state_structure = program.state_structure
-            self._programs.clear()
+            for i, block in enumerate(blocks):
+                self._state_blocks[i], output = program.run(
+                    self._parameter_blocks[i], self._state_blocks[i], pack(block)
+                )
+                outputs.append(program.output_structure.unpack(np.asarray(output)))
+        self._state_structure = program.state_structure
         return self._joined(outputs)
 
     def _cut(self, tree: Any) -> list[Any]:
@@ -219,31 +222,34 @@ class JaxKernel:
 
 
 class Program:
-    """A function compiled for packed parameters and a packed state.
+    """A function compiled for packed inputs, parameters and state.
 
     Attributes:
-        run: Takes packed parameters, packed state, and inputs; returns the packed state and outputs.
+        run: Takes packed parameters, state and inputs; returns the packed state and the packed outputs.
         state_structure: Of the state that it returns, known after the first run.
+        output_structure: Of the outputs, known after the first run.
     """
 
     state_structure: Structure
+    output_structure: Structure
 
-    def __init__(self, function: Function, parameters: Structure, state: Structure) -> None:
+    def __init__(self, function: Function, inputs: Structure, parameters: Structure, state: Structure) -> None:
         import jax
 
-        def packed(parameter_array: Any, state_array: Any, *inputs: Any) -> tuple[Any, Any]:
-            after, outputs = function(parameters.unpack(parameter_array), state.unpack(state_array), *inputs)
-            self.state_structure = Structure.of(after)
-            return pack(after, jax.numpy), outputs
+        def packed(parameter_array: Any, state_array: Any, input_array: Any) -> tuple[Any, Any]:
+            arguments = parameters.unpack(parameter_array), state.unpack(state_array), *inputs.unpack(input_array)
+            after, outputs = function(*arguments)
+            self.state_structure, self.output_structure = Structure.of(after), Structure.of(outputs)
+            return pack(after, jax.numpy), pack(outputs, jax.numpy)
 
         options = COMPILER_OPTIONS if jax.default_backend() == "cpu" else None
         self.run = jax.jit(packed, compiler_options=options)
 
 
 @cache
-def compiled(function: Function, inputs: Any, parameters: Structure, state: Structure) -> Program:
-    """Return the program of a function for inputs of a structure, compiled when it is first run."""
-    return Program(function, parameters, state)
+def compiled(function: Function, inputs: Structure, parameters: Structure, state: Structure) -> Program:
+    """Return the program of a function, compiled when it is first run."""
+    return Program(function, inputs, parameters, state)
 
 
 @cache
