@@ -11,7 +11,7 @@ from omni_control.controllers import parameters
 from omni_control.errors import OmniError, choose
 from omni_control.registry import CONTROLLERS
 from omni_mj.robots import builtin as robots_here
-from omni_mj.scenarios import controllers, robots, user_files
+from omni_mj.scenarios import controllers, robots, toml_files, user_files
 from omni_mj.scenarios.checking import plain
 from omni_mj.scenarios.library import builtin as scenarios_here
 from omni_mj.scenarios.resolve import resolve
@@ -36,15 +36,15 @@ def text(name: str, overrides: Sequence[str] = (), robot: str | None = None) -> 
     if name in scenarios_here() or (name.endswith(".toml") and not _is_robot(name)):
         return scenario(load(name, overrides, {"robot": robot} if robot else {}))
     if name in robots_here() or name.endswith(".toml"):
-        kind, found = "robot", the_robot
+        kind, describe = "robot", the_robot
     elif name in CONTROLLERS or user_files.names_class(name):
-        kind, found = "controller", controller
+        kind, describe = "controller", controller
     else:
         names = [*scenarios_here(), *robots_here(), *CONTROLLERS]
         raise OmniError(f"there is nothing called {name!r}; {choose(name, names)}, or a file: .toml, or file.py:Class")
     if overrides or robot:
         raise OmniError(f"--set and --robot change a scenario; {name} is a {kind}")
-    return found(name)
+    return describe(name)
 
 
 def scenario(of: Scenario) -> str:
@@ -78,27 +78,20 @@ def sections(settings: Settings, wanted: Mapping[str, Iterable[str]]) -> Iterato
 
 
 def controller(name: str) -> str:
-    """What a controller does, by its docstring, and its parameters."""
-    kind = controllers.find(name)
-    label = controllers.label(name)
-    lines = [inspect.getdoc(kind) or f"{label}: its class has no docstring"]
-    lines += ["", "parameters:" if parameters(kind) else "It has no parameters."]
+    """Return what a controller does, by its docstring, and its parameters."""
+    kind, label = controllers.find(name), controllers.label(name)
+    lines = [inspect.getdoc(kind) or f"{label}: its class has no docstring", "", "parameters:"]
     lines += [f"  --set controller.{label}.{key}={json.dumps(value)}" for key, value in parameters(kind).items()]
     return "\n".join([*lines, "", f"source: {inspect.getsourcefile(kind)}"]) + "\n"
 
 
 def _is_robot(file: str) -> bool:
-    """Whether a TOML file is a robot's rather than a scenario's: it has most of the sections that a robot must give."""
+    """Return whether a TOML file is a robot's rather than a scenario's: it has nothing that robots do not have."""
     path = Path(file)
     if not path.is_file():
         raise OmniError(f"there is no file {path}")
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise OmniError(f"{path} is not valid TOML: {' '.join(str(error).split())}") from None
-    needed = robots.sections(robots.DEFAULT).keys()
-    own_fields = {declared.name for declared in Scenario.declared()} - {robots.DESCRIPTION}
-    return 2 * len(needed & data.keys()) > len(needed) and not own_fields & data.keys()
+    data = toml_files.read(path, "the file")
+    return bool(data) and data.keys() <= {*robots.sections(robots.DEFAULT), robots.DESCRIPTION}
 
 
 def _explained(lines: Iterable[str], usual: Mapping[str, Any] | None = None) -> Iterator[str]:

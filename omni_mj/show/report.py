@@ -91,20 +91,16 @@ class Run:
         declared = {setting.full: setting for setting in every_setting()}
         rows = []
         for section, fields in self.entry["settings"].items():
-            if isinstance(fields, list):
-                doc = "what happens while a run goes on"
-                rows.append(
-                    {"name": section, "value": fields, "default": [], "unit": "", "doc": doc, "changed": bool(fields)}
-                )
-                continue
-            for field, value in fields.items():
-                if (setting := declared.get(f"{section}.{field}")) is None:  # parameters of a controller
-                    row = {"name": f"{section}.{field}", "value": value, "default": {}, "unit": ""}
-                    rows.append(row | {"doc": "parameters of the controller", "changed": True})
-                    continue
-                default = json.loads(json.dumps(setting.default))  # tuples are lists in a summary
-                row = {"name": setting.full, "value": value, "default": default, "unit": setting.unit}
-                rows.append(row | {"doc": setting.doc, "changed": default not in (None, value)})
+            is_list = isinstance(fields, list)  # of faults
+            for name, value in {section: fields}.items() if is_list else fields.items():
+                setting = declared.get(f"{section}.{name}")
+                row = {"name": name if is_list else f"{section}.{name}", "value": value, "default": None}
+                if setting is None:  # faults, or parameters of a controller
+                    rows.append(row | {"unit": "", "doc": "", "changed": bool(value)})
+                else:
+                    default = json.loads(json.dumps(setting.default))  # tuples are lists in a summary
+                    row |= {"default": default, "unit": setting.unit, "doc": setting.doc}
+                    rows.append(row | {"changed": default not in (None, value)})
         return rows
 
     def best(self, statistic: str) -> str | None:

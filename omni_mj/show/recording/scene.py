@@ -101,7 +101,6 @@ def send(stream: rr.RecordingStream, robot: Robot, frames: Frames, known: set[st
         known: Entities of beliefs whose shapes are there already; others appear with the first belief and are added.
     """
     entity, time, pose, lift = f"world/{robot.name}", indexes(frames), robot["pose"], robot.order * TIE_M
-    angles, settings = robot["wheel_angle"][frames], robot.table_row.settings
     send_pose(
         stream, f"{entity}/robot", time, pose[frames], robot["wheel_angle"][frames], robot.table_row.settings, lift
     )
