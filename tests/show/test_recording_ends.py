@@ -58,20 +58,6 @@ def test_channels_of_a_controllers_own_are_recorded(own: Driven) -> None:
     assert all({"own", "pull", "asked"} <= names for names in recorded.layouts())
 
 
-def test_a_channel_that_comes_late_is_in_the_layout_then(tmp_path: Path) -> None:
-    """In frame 400, with blocks of 300."""
-
-    class Late(Own):
-        def command(self, frame: int, seen: Seen) -> NDArray:
-            if frame == 400:
-                self.channels["late"] = np.ones(len(seen.pose))
-            return super().command(frame, seen)
-
-    recorded = driven_by(tmp_path / "recording.rrd", [Late], "reference.laps=1").recorded
-    assert ["late" in names for names in recorded.layouts()].count(True) == 1
-    assert recorded.frames("/plots/own/late/Late")[0] == 400
-
-
 def test_a_robot_that_failed_is_recorded_up_to_there_and_says_why(own: Driven) -> None:
     assert sorted(own.recorded.frames("/world/Breaks/robot")) == list(range(70))
     assert len(own.recorded.frames("/world/Own/robot")) > 100
