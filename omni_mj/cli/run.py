@@ -103,8 +103,9 @@ def recorded(
         watch: called with each frame's number in place of showing progress.
     """
     from omni_mj.files import write
+    from omni_mj.measure.table import table
     from omni_mj.provenance import record as provenance
-    from omni_mj.show import markdown
+    from omni_mj.show import tables
     from omni_mj.studies import run
 
     console.quiet_mujoco()
@@ -119,7 +120,7 @@ def recorded(
         result.repeat = shlex.join(["omni-mj", study, *_as_it_was(simulation.scenario, folder)])
         result.save_files(folder)
         if simulation.log.lengths.any():
-            text = markdown.result(result.summary())
+            text = tables.titled(table(result.summary()))
             for recording in recordings:
                 recording.finish(text)
     return result
@@ -195,15 +196,15 @@ def _table(result: "Result") -> None:
     """Print the table, and what happened."""
     from omni_mj.measure import causes, recovery
     from omni_mj.measure.table import table
-    from omni_mj.show import terminal
+    from omni_mj.show import tables
 
     (outcome,) = result.outcomes
     if outcome.entry["results"]:
         summary = result.summary()
-        terminal.show(table(summary))
+        tables.show(table(summary))
         for more in (causes.table(summary), recovery.table(summary)):
             if more:
-                terminal.show(more)
+                tables.show(more)
         console.print_events(outcome.entry)
 
 

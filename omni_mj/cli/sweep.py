@@ -145,7 +145,7 @@ def _duration(seconds: float) -> str:
 
 def _show(found: "Sweep", quiet: bool) -> None:
     """Write tables and figures of what is there, and print the table."""
-    from omni_mj.show import sensitivity, sweep_figure, sweep_table, terminal
+    from omni_mj.show import sensitivity, sweep_figure, sweep_table, tables
     from omni_mj.studies.sweep.sensitivity import indices
 
     folder, shown = found.folder, None
@@ -158,5 +158,5 @@ def _show(found: "Sweep", quiet: bool) -> None:
         sweep_figure.save(found, folder / "sweep.png")
         shown = sweep_table.shown(found)
     if shown and not quiet:
-        terminal.show(shown)
+        tables.show(shown)
         print(f"{found.done} of {_shards(len(found.plan.jobs))}; {console.results(folder, OUTPUTS)}")

@@ -6,8 +6,7 @@ from typing import Any
 from omni_mj.measure import limits
 from omni_mj.measure.table import DASH, OVER, Table, label, plus_minus, table
 from omni_mj.measure.verdict import CHANCE, ERRORS, best
-from omni_mj.show import markdown as md
-from omni_mj.show import terminal
+from omni_mj.show import tables
 
 Summary = dict[str, Any]
 WITHIN_CHANCE = "?"
@@ -18,13 +17,13 @@ def show(summary: Summary) -> None:
     """Print the table, the verdicts, and what was missed or not done."""
     errors, verdicts = table(summary), verdict_table(summary)
     if errors.rows:
-        terminal.show(errors)
+        tables.show(errors)
         print("settled: s after the end of the reference's last move (how many seeds of all do, where not all)")
         if errors.headings[-1] == OVER:
             print(f"{OVER}: maximum/mean in the plane, mean over the seeds, over that of the limit")
         print("excess: command effort above what the reference itself needs; compare.md has the definitions\n")
     if verdicts.rows:
-        terminal.show(verdicts)
+        tables.show(verdicts)
         print(f"{_caption(summary)}\n")
     for line in _why_not(summary):
         print(f"why not: {line}")
@@ -40,14 +39,14 @@ def markdown(summary: Summary) -> str:
         blocks += [f"## {name} error in the plane in cm", _matrix(summary, statistic)]
     blocks += [_list(_not_done(summary))]
     if verdicts.rows:
-        blocks += [f"## {verdicts.title}", _caption(summary), md.table(verdicts.headings, verdicts.rows)]
+        blocks += [f"## {verdicts.title}", _caption(summary), tables.markdown(verdicts.headings, verdicts.rows)]
         blocks += ["What is not beaten:" if any(_why_not(summary)) else "", _list(_why_not(summary))]
-    blocks += ["## Errors, effort and settling", md.table(errors.headings, errors.rows) if errors.rows else ""]
+    blocks += ["## Errors, effort and settling", tables.markdown(errors.headings, errors.rows) if errors.rows else ""]
     rows = [
         [name, entry["description"], str(len(entry["seeds"])), f"{entry['simulated_s']:.1f}", f"{entry['wall_s']:.1f}"]
         for name, entry in summary["scenarios"].items()
     ]
-    blocks += ["## Scenarios", md.table(["scenario", "", "seeds", "simulated, s", "computed in, s"], rows)]
+    blocks += ["## Scenarios", tables.markdown(["scenario", "", "seeds", "simulated, s", "computed in, s"], rows)]
     blocks += ["## Definitions", _list(f"**{name}**: {text}" for name, text in summary["definitions"].items())]
     blocks += [", ".join(f"{name} {number}" for name, number in summary["versions"].items())]
     return "\n\n".join(block for block in blocks if block) + "\n"
@@ -102,7 +101,7 @@ def _matrix(summary: Summary, statistic: str) -> str:
         if not entry["results"]:
             cells[controllers[0]] = entry["status"]
         rows.append([scenario, *(cells.get(name, "") for name in (*controllers, *columns))])
-    return md.table(["", *(label(summary, name) for name in controllers), *columns], rows)
+    return tables.markdown(["", *(label(summary, name) for name in controllers), *columns], rows)
 
 
 def _change(pair: Summary | None) -> str:
@@ -127,4 +126,4 @@ def _not_done(summary: Summary) -> Iterator[str]:
 
 
 def _list(lines: Iterable[str]) -> str:
-    return "\n".join(f"- {md.plain(line)}" for line in lines)
+    return "\n".join(f"- {tables.plain(line)}" for line in lines)

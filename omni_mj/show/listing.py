@@ -15,7 +15,7 @@ from omni_control.registry import CONTROLLERS, missing
 from omni_mj import robots
 from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.plants import PLANTS
-from omni_mj.show import terminal
+from omni_mj.show import tables
 
 if TYPE_CHECKING:
     from omni_mj.scenarios.checking import Setting
@@ -123,7 +123,7 @@ def _print(lines: list[list[str]]) -> None:
         grid.add_column(max_width=limit)
     for line in lines:
         grid.add_row(*map(Text, line))
-    Console(width=terminal.width()).print(Padding(grid, (0, 0, 0, 2)))
+    Console(width=tables.width()).print(Padding(grid, (0, 0, 0, 2)))
 
 
 def _remark(controller: str) -> str:

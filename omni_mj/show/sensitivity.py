@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from omni_mj.measure.table import Table
-from omni_mj.show import markdown, style
+from omni_mj.show import style, tables
 from omni_mj.show.figures import canvas
 from omni_mj.studies.sweep import sensitivity
 from omni_mj.studies.sweep.cells import SHOWN
@@ -44,7 +44,7 @@ def table(result: "Sweep", lines: Lines) -> Table:
 def save(result: "Sweep", lines: Lines, folder: Path) -> None:
     """Write sensitivity.md, and sensitivity.png with a bar per quantity, setting and controller."""
     whole = table(result, lines)
-    markdown.save(whole, folder / "sensitivity.md")
+    tables.save(whole, folder / "sensitivity.md")
     assert result.plan.design is not None, "asked of such a sweep only"
     key = BARS[result.plan.design[0]]
     settings, names = [axis.name for axis in result.plan.axes], result.plan.scenario.labels

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from omni_mj.measure.table import Table
-from omni_mj.show import markdown
+from omni_mj.show import tables
 from omni_mj.studies.sweep.cells import STRAYED
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def shown(result: "Sweep") -> Table:
 
 def save(result: "Sweep", path: Path) -> None:
     """Write the whole table as Markdown."""
-    markdown.save(table(result), path)
+    tables.save(table(result), path)
 
 
 def _line(cell: dict[str, Any], names: list[str]) -> list[str]:

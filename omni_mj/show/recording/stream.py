@@ -1,6 +1,6 @@
 """A recording: what the first robots of each controller do, sent in blocks while the run goes on."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -10,10 +10,10 @@ import rerun.blueprint as rrb
 
 from omni_control.errors import OmniError
 from omni_mj.files import check_room
-from omni_mj.measure.events import Watch
+from omni_mj.measure import events
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show import full
-from omni_mj.show.recording import plots, scene, texts
+from omni_mj.show.recording import plots, scene
 from omni_mj.show.recording.layout import blueprint
 from omni_mj.show.recording.plots import Robot
 from omni_mj.show.recording.sink import Frames, flush, indexes, open_stream
@@ -21,6 +21,8 @@ from omni_mj.simulate.simulation import Simulation
 from omni_mj.worlds.build import kinematics
 
 NUMBER_B = 8  # of a table, before compression
+ERRORS = (events.STOPPED, events.TEMPERATURE, events.BATTERY)
+NOTES = (events.VISION, events.WAY_POINT)
 
 
 class Recording:
@@ -66,14 +68,14 @@ class Recording:
             if frames.size:
                 self._send(stream, frames)
             for robot, watch in zip(self._robots, self._watches, strict=True):
-                texts.send_events(stream, robot, watch.new(self._simulation.failures))
+                _send_events(stream, robot, watch.new(self._simulation.failures))
             flush(stream)
 
     def finish(self, summary: str) -> None:
         """Send the result, a Markdown text."""
         with self._guarded():
             if self._stream and not self._failure:
-                texts.log(self._stream, "summary", summary)
+                _log_text(self._stream, "summary", summary)
                 flush(self._stream)
 
     @contextmanager
@@ -94,7 +96,7 @@ class Recording:
         self._robots = plots.shown_robots(log)
         references = [simulation.references[robot.row] for robot in self._robots]
         self._paths = [reference.poses for reference in {id(r): r for r in references}.values()]
-        self._watches = [Watch(log, robot.row) for robot in self._robots]
+        self._watches = [events.Watch(log, robot.row) for robot in self._robots]
         self._tabs = plots.tabs(kinematics(log.rows[0].settings.wheels), log)
         # Sent when it is flushed and never by the clock, or equal runs would differ in the order of chunks.
         stream = open_stream(rr.ChunkBatcherConfig.NEVER())
@@ -103,8 +105,8 @@ class Recording:
         chosen, seed = simulation.scenario, log.rows[0].seed
         stream.send_recording_name(f"{chosen.name} on {chosen.plant}, seed {seed}")
         scene.log_static(stream, self._robots, log.rows[0].settings, self._paths)
-        texts.log(stream, "settings", full.scenario(chosen), rr.MediaType.TEXT)
-        texts.log(stream, "summary", "The run has not ended; its summary follows.")
+        _log_text(stream, "settings", full.scenario(chosen), rr.MediaType.TEXT)
+        _log_text(stream, "summary", "The run has not ended; its summary follows.")
         return stream
 
     def _send(self, stream: rr.RecordingStream, frames: Frames) -> None:
@@ -173,3 +175,20 @@ class FileRecording(Recording):
         super().__exit__(*error)
         if self._failure:
             raise OSError(None, f"the recording could not be written to its end: {self._failure}", str(self._path))
+
+
+def _log_text(stream: rr.RecordingStream, entity: str, text: str, kind: rr.MediaType = rr.MediaType.MARKDOWN) -> None:
+    """Show a text in place of one that was there before."""
+    stream.log(entity, rr.TextDocument(text, media_type=kind), static=True)
+
+
+def _send_events(stream: rr.RecordingStream, robot: Robot, happened: Sequence[events.Event]) -> None:
+    """Send what happened to a robot."""
+    if happened:
+        kinds = [event.kind for event in happened]
+        columns = rr.TextLog.columns(
+            text=[f"{event.time_s:.2f} s  {robot.name}: {event.text}" for event in happened],
+            level=["ERROR" if kind in ERRORS else "INFO" if kind in NOTES else "WARN" for kind in kinds],
+            color=[robot.colour] * len(happened),
+        )
+        stream.send_columns(f"events/{robot.name}", indexes(np.array([event.frame for event in happened])), columns)

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
 from omni_control.controllers.base import Controller
+from omni_mj.measure.table import table
 from omni_mj.scenarios import scenario
-from omni_mj.show import markdown
+from omni_mj.show import tables
 from omni_mj.show.recording import FileRecording, LiveRecording, sink
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies import run
@@ -98,7 +99,7 @@ def record(simulation: Simulation, path: Path, url: str = "", after_frame: Calla
         outcome = drive(simulation, update)
         for recording in recordings:
             recording.write()
-            recording.finish(markdown.result(run.of(simulation, outcome).summary()))
+            recording.finish(tables.titled(table(run.of(simulation, outcome).summary())))
 
 
 def rrd(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
