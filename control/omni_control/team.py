@@ -90,7 +90,7 @@ class Team:
 
         self.twist = self._tracker.twist
         self.last, self.failed = np.zeros((self.n, 3)), np.zeros(self.n, bool)
-        self._failures = False  # whether any has
+        self._active = list(range(len(self.controllers)))  # controllers with a robot that has not failed
         self._known: _Known | None = None  # until it is answered by commands
         self._true: _Known | None = None
 
@@ -124,8 +124,7 @@ class Team:
                 controller that knows it.
         """
         seen = _numbers(measured, self.n, "what vision reports")
-        if self._failures:
-            seen[self.failed] = np.nan
+        seen[self.failed] = np.nan
         if self.knows_truth and truth is None:
             raise OmniError("a controller of this team knows the truth, which must be given with what vision reports")
         if self.knows_truth and truth is not None:
@@ -158,16 +157,12 @@ class Team:
         """
         seen = self._observed()
         wanted = np.zeros((self.n, 3))
-        for i, rows in enumerate(self._rows):
-            if not (self._failures and self.failed[rows].all()):
-                known = self._true if self._truthful[i] else seen
-                assert known is not None, "checked when it was observed"
-                wanted[rows] = self._asked(i, known)
-        if self._failures:
-            wanted[self.failed] = 0.0
+        for i in self._active:
+            known = self._true if self._truthful[i] else seen
+            assert known is not None, "checked when it was observed"
+            wanted[self._rows[i]] = self._asked(i, known)
         command = self._limits(wanted, self.last)
-        if self._failures:
-            command[self.failed] = 0.0
+        command[self.failed] = 0.0
         self.last, self._known = command, None
         return command.copy()
 
@@ -200,7 +195,7 @@ class Team:
     def stop(self, rows: Rows) -> None:
         """Take robots out of the game: they are sent zero, and their controllers' failures ignored."""
         self.failed[rows] = True
-        self._failures = bool(np.count_nonzero(self.failed))
+        self._active = [i for i, part in enumerate(self._rows) if not self.failed[part].all()]
 
     def _observed(self) -> "_Known":
         if self._known is None:
@@ -217,7 +212,7 @@ class Team:
 
     def _held(self, pose: Array, twist: Array) -> "_Known":
         """Return the truth, in which robots that have failed stay where they were."""
-        if self._true is not None and self._failures:
+        if self._true is not None:
             pose[self.failed], twist[self.failed] = self._true[0][self.failed], 0.0
         return _Known(pose, twist, pose)
 
@@ -280,8 +275,7 @@ class Team:
         for record, rows in zip(self._records, self._rows, strict=True):
             if name in record:
                 table[rows, : record[name].shape[1]] = record[name]
-        if self._failures:
-            table[self.failed] = np.nan
+        table[self.failed] = np.nan
         return table
 
 

@@ -26,9 +26,7 @@ _NEAR = 2  # cells either way
 _PARALLEL = 1e-9  # two wheels that do the same span no face
 
 
-def traction_limits(
-    kinematics: Kinematics, friction: float, centre_height: float = 0.0, gravity: float = GRAVITY
-) -> tuple[float, float]:
+def traction_limits(kinematics: Kinematics, friction: float, centre_height: float = 0.0) -> tuple[float, float]:
     """Highest acceleration (forward, sideways) in m/s^2, along the body's x and y axes, for speeding up and braking.
 
     The ellipse through them, as `MotionLimits` keeps it, is more than friction allows in between: see `traction`.
@@ -38,21 +36,18 @@ def traction_limits(
         friction: coefficient of friction between rollers and carpet.
         centre_height: of the centre of mass above the carpet, m, by which acceleration shifts load from wheel to wheel;
             0 neglects that.
-        gravity: m/s^2.
 
     Raises:
         OmniError: the robot does not stand on these wheels.
     """
     ahead, back, left, right = (
-        traction(kinematics, friction, bearing, centre_height, gravity)
+        traction(kinematics, friction, bearing, centre_height)
         for bearing in (0.0, math.pi, math.pi / 2, -math.pi / 2)
     )
     return min(ahead, back), min(left, right)
 
 
-def traction(
-    kinematics: Kinematics, friction: float, bearing: float, centre_height: float = 0.0, gravity: float = GRAVITY
-) -> float:
+def traction(kinematics: Kinematics, friction: float, bearing: float, centre_height: float = 0.0) -> float:
     """Highest acceleration without turning towards `bearing` (rad from the body's x axis), m/s^2; 0 if there is none.
 
     The centre of mass is over the middle of the wheels. Motors are taken to be strong enough, and drag is neglected.
@@ -62,12 +57,11 @@ def traction(
         friction: as for `traction_limits`.
         bearing: as above.
         centre_height: as for `traction_limits`.
-        gravity: same.
 
     Raises:
         OmniError: the robot does not stand on these wheels.
     """
-    wheels = WheelLimits(kinematics, friction, gyration=1.0, centre_height=centre_height, gravity=gravity)
+    wheels = WheelLimits(kinematics, friction, gyration=1.0, centre_height=centre_height)
     towards = np.array([[math.cos(bearing), math.sin(bearing), 0.0]])
     return float(1 / wheels.friction_share(towards, np.zeros((1, 3))).max())
 
@@ -85,7 +79,6 @@ class WheelLimits:
         roller_friction: what the rollers' bearings resist against travel along its axle, same; it also takes its part
             of the circle of friction.
         rim_speed: highest speed of a rim, m/s.
-        gravity: m/s^2.
 
     Raises:
         OmniError: a number is not what it can be, the robot does not stand on these wheels, or they cannot even pull
@@ -99,7 +92,6 @@ class WheelLimits:
     pile: float = 0.0
     roller_friction: float = 0.0
     rim_speed: float = np.inf
-    gravity: float = GRAVITY
 
     def __post_init__(self) -> None:
         """Check that anything can be driven with them.
@@ -107,7 +99,7 @@ class WheelLimits:
         Raises:
             OmniError: see above.
         """
-        for name in ("friction", "gyration", "rim_speed", "gravity"):
+        for name in ("friction", "gyration", "rim_speed"):
             if not getattr(self, name) > 0:
                 raise OmniError(f"the {name.replace('_', ' ')} of wheels must be positive, not {getattr(self, name)}")
         for name in ("centre_height", "pile", "roller_friction"):
@@ -168,7 +160,7 @@ class WheelLimits:
     def _drag(self, travel: Array) -> Array:
         """What the carpet does to the body, [ax, ay, moment per mass] (n, 3), against its travel at twists (n, 3)."""
         along, across = travel @ self.kinematics.matrix.T, travel @ self._axles.T
-        load, speed = self.gravity * self._loads[0], np.hypot(along, across)
+        load, speed = GRAVITY * self._loads[0], np.hypot(along, across)
         pile = np.divide(self.pile, speed, out=np.zeros_like(speed), where=speed > 0)
         against = pile * across + self.roller_friction * np.sign(across)
         return -(load * pile * along) @ self.kinematics.matrix - (load * against) @ self._axles
@@ -191,7 +183,7 @@ class WheelLimits:
         reach = grip * np.abs(normals @ pushes.T)
         pushed = np.concatenate([normals, np.zeros_like(shifting)])
         borne = np.concatenate([reach, np.eye(len(standing))])
-        most = self.gravity * (borne @ standing)[:, None]
+        most = GRAVITY * (borne @ standing)[:, None]
         return (pushed - borne @ shifting) / most, pushed / most
 
     @cached_property
@@ -200,7 +192,7 @@ class WheelLimits:
         pushed = self._faces[1]
         along, across = np.abs(pushed @ self.kinematics.matrix.T), np.abs(pushed @ self._axles.T)
         taken = self.pile * np.hypot(along, across) + self.roller_friction * across
-        return np.asarray(taken @ (self.gravity * self._loads[0]))
+        return np.asarray(taken @ (GRAVITY * self._loads[0]))
 
     @cached_property
     def _axles(self) -> Array:
@@ -210,7 +202,6 @@ class WheelLimits:
 
     @cached_property
     def _loads(self) -> tuple[Array, Array]:
-        """See `loads`."""
         return loads(self.kinematics, self.centre_height)
 
 

@@ -28,11 +28,19 @@ class SampledReference:
     """
 
     def __init__(self, poses: Array, period: float) -> None:
-        self.poses, self.period = np.array(poses, float), period
-        if self.poses.ndim != 2 or self.poses.shape[1] != 3 or not len(self.poses) or not np.isfinite(self.poses).all():
+        poses = np.array(poses, float)
+        if poses.ndim != 2 or poses.shape[1] != 3 or not len(poses) or not np.isfinite(poses).all():
             raise OmniError("a reference needs poses (frames, 3) of finite numbers [x, y, heading]")
+        self._store(poses, period)
+
+    def _store(self, poses: Array, period: float) -> None:
+        """Store poses (frames, 3) or (frames, n, 3), and rows (frames, 1 or n, 6) of poses and twists."""
+        self.poses, self.period = poses, period
         self.poses.flags.writeable = False
-        self._rows = _with_twists(self.poses, period)
+        twists = np.zeros_like(poses)
+        twists[:-1] = np.diff(poses, axis=0) / period
+        rows = np.concatenate([poses, twists], axis=-1) + 0.0  # turns -0.0 into 0.0
+        self._rows = rows.reshape(len(rows), -1, 6)
 
     @property
     def frames(self) -> int:
@@ -47,7 +55,6 @@ class SampledReference:
         """See `Reference`: linear between frames; at rest before the first, which counts as now, and after the last."""
         rows = np.empty((len(pose), 6))
         rows[:] = self._between(frame)
-        rows.flags.writeable = False
         return rows[:, :3], rows[:, 3:]
 
     def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
@@ -60,24 +67,21 @@ class SampledReference:
         return rows[..., :3], rows[..., 3:]
 
     def _between(self, frame: float | Array) -> Array:
-        """Poses and twists (..., 6) at frames: a number, (n,), or with the components last."""
+        """Return poses and twists (..., 1 or n, 6) at frames: a number, (n,), or with the components last."""
         last = self.frames - 1
         if isinstance(frame, float | int):  # of most controllers: needs no arrays of indices
-            kept = min(max(frame, 0), last)
-            row = int(kept)
-            if row == kept:
-                return self._rows[row]
-            of_row, of_next = self._rows[row], self._rows[min(row + 1, last)]
-            return of_row + (kept - row) * (of_next - of_row)
+            frame = min(max(frame, 0), last)
+            row = int(frame)
+            here, following = self._rows[row], self._rows[min(row + 1, last)]
+            return here if row == frame else here + (frame - row) * (following - here)
         frame = np.minimum(np.maximum(frame, 0), last)
         frame = frame[..., None] if frame.ndim < 2 else frame
+        if frame.shape[-1] > 1:
+            frame = np.concatenate([frame, frame], axis=-1)
         before = frame.astype(int)
         after = np.minimum(before + 1, last)
-        if frame.shape[-1] == 1:  # one for all components: whole rows are found several times as fast
-            here, following = self._rows[before[..., 0]], self._rows[after[..., 0]]
-        else:
-            frame, before, after = (np.concatenate([each, each], axis=-1) for each in (frame, before, after))
-            here, following = self._rows[before, range(6)], self._rows[after, range(6)]
+        robots, columns = np.arange(self._rows.shape[1])[:, None], np.arange(6)
+        here, following = self._rows[before, robots, columns], self._rows[after, robots, columns]
         return here + (frame - before) * (following - here)
 
 
@@ -99,28 +103,7 @@ class EachReference(SampledReference):
             raise OmniError("robots that share a controller need references of frames of the same length")
         longest = max(reference.frames for reference in references)
         poses = [np.pad(each.poses, ((0, longest - each.frames), (0, 0)), "edge") for each in references]
-        self.poses, self.period = np.stack(poses, axis=1), references[0].period
-        self.poses.flags.writeable = False
-        self._rows = _with_twists(self.poses, self.period)
-
-    def _between(self, frame: float | Array) -> Array:
-        last, n = self.frames - 1, self.poses.shape[1]
-        frame = np.minimum(np.maximum(frame, 0), last)
-        frame = frame[..., None] if frame.ndim < 2 else frame
-        if frame.shape[-1] > 1:
-            frame = np.concatenate([frame, frame], axis=-1)
-        before = frame.astype(int)
-        after = np.minimum(before + 1, last)
-        robots, columns = np.arange(n)[:, None], np.arange(6)
-        here, following = self._rows[before, robots, columns], self._rows[after, robots, columns]
-        return here + (frame - before) * (following - here)
-
-
-def _with_twists(poses: Array, period: float) -> Array:
-    """Poses (frames, ..., 3), and beside each the twist from there to the next, (frames, ..., 6)."""
-    twists = np.zeros_like(poses)
-    twists[:-1] = np.diff(poses, axis=0) / period
-    return np.concatenate([poses, twists], axis=-1) + 0.0  # no zero of these is negative, as of those in between
+        self._store(np.stack(poses, axis=1), references[0].period)
 
 
 class TimedReference(SampledReference):
