@@ -41,8 +41,7 @@ def traction_limits(kinematics: Kinematics, friction: float, centre_height: floa
         OmniError: the robot does not stand on these wheels.
     """
     ahead, back, left, right = (
-        traction(kinematics, friction, bearing, centre_height)
-        for bearing in (0.0, math.pi, math.pi / 2, -math.pi / 2)
+        traction(kinematics, friction, bearing, centre_height) for bearing in (0.0, math.pi, math.pi / 2, -math.pi / 2)
     )
     return min(ahead, back), min(left, right)
 

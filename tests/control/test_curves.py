@@ -6,29 +6,23 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from benches.control import CURVES, Array, CurveReference
+from benches.control import CURVES, Array, Curve, CurveReference
 from hypothesis import given
 from hypothesis import strategies as st
-from laws import LAW
+from laws import FEW, LAW
+from routes import T, assert_keeps, curves, limits, smooth_limits
 from scipy.integrate import quad, solve_ivp
 
 from omni_control import MotionLimits
 
-T = 1 / 60
 FREE = 1e6  # a limit that never counts
 shapes = st.sampled_from(list(CURVES))
 sizes = st.tuples(st.floats(0.5, 6), st.floats(0.5, 6))
-limits = st.builds(MotionLimits, st.floats(0.3, 4), st.floats(0.3, 6), st.floats(1, 10), st.floats(3, 40))
 
 
 def drive(shape: str, size: tuple[float, float], limit: MotionLimits, laps: int = 1, tangent: bool = False) -> Array:
     """Poses (frames, 3)."""
     return CurveReference(CURVES[shape](*size), limit, T, laps, tangent).poses
-
-
-def lengths(rows: Array) -> Array:
-    """Size of the translation and of the rotation of each row [x, y, heading], (frames, 2)."""
-    return np.stack([np.hypot(rows[:, 0], rows[:, 1]), np.abs(rows[:, 2])], axis=1)
 
 
 # --- where ---
@@ -63,22 +57,11 @@ def test_the_heading_follows_the_path(shape: str, size: tuple[float, float], lim
 # --- how fast ---
 
 
-def assert_keeps(poses: Array, limit: MotionLimits) -> None:
-    """Speed and whole acceleration, from the differences of the poses, do not exceed the limits, the ends included."""
-    velocity = np.pad(np.diff(poses, axis=0) / T, ((1, 1), (0, 0)))  # with rest before the first and after the last
-    acceleration = np.diff(velocity, axis=0) / T
-    # Second differences of poses of size 10 round at 1e-15 / T^2.
-    assert (lengths(velocity) <= np.array([limit.speed, limit.turn_rate]) * (1 + 1e-8)).all()
-    assert (lengths(acceleration) <= np.array([limit.acceleration, limit.turn_acceleration]) * (1 + 1e-8)).all()
-
-
-@LAW
-@given(shapes, sizes, limits, st.integers(1, 2), st.booleans())
-def test_a_drive_keeps_its_limits(
-    shape: str, size: tuple[float, float], limit: MotionLimits, laps: int, tangent: bool
-) -> None:
-    """Whatever the figure, and which of the limits counts where."""
-    assert_keeps(drive(shape, size, limit, laps, tangent), limit)
+@FEW
+@given(curves, limits | smooth_limits, st.integers(1, 2), st.booleans())
+def test_a_drive_keeps_its_limits(curve: Curve, limit: MotionLimits, laps: int, tangent: bool) -> None:
+    """Along and across the path, with the ellipse and without, facing ahead or along it, whatever limit counts."""
+    assert_keeps(CurveReference(curve, limit, T, laps, tangent).poses, limit)
 
 
 def assert_takes(poses: Array, seconds: float, tolerance: float) -> None:

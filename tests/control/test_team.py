@@ -42,7 +42,7 @@ def test_it_is_the_loop_written_by_hand() -> None:
         made = [[make(name, told, along(kind, 2), 2) for name in CONTROLLERS] for _ in range(2)]
         expected = by_hand(made[0], plant_of(start), noise_of(len(start)))
         assert np.array_equal(play(Team(made[1], start), plant_of(start), noise_of(len(start)))["command"], expected)
-        assert np.hypot(*np.moveaxis(expected[..., :2], -1, 0)).max() == pytest.approx(0.5), "the limits count"
+        assert np.hypot(*np.moveaxis(expected[..., :2], -1, 0)).max() == pytest.approx(0.25), "the limits count"
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -8,8 +8,8 @@ from closed_loop import BodyFrame, Plant, reported, vision
 from omni_control import Controller, MotionLimits, Seen, Team
 from omni_control.kinematics import Array
 
-FRAMES = 40
-TIGHT = MotionLimits(0.5, 1.5, 1.0, 5.0)
+FRAMES = 14
+TIGHT = MotionLimits(0.25, 3.0, 1.0, 5.0)
 SAID = ("estimate", "predicted", "alpha_hat", "latency_hat")
 
 

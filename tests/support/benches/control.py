@@ -20,7 +20,7 @@ from omni_control.fuzzy import LABELS, FuzzyLaw, memberships
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 from omni_control.limits import CommandLimits
 from omni_control.reference import EachReference, Reference
-from omni_control.reference.curves import CURVES, CurveReference
+from omni_control.reference.curves import CURVES, Curve, CurveReference
 from omni_control.reference.limits import approach, approach_pose, checked_waypoints, stopping_speed
 from omni_control.registry import CONTROLLERS
 from omni_control.traction import traction, traction_limits
@@ -45,6 +45,7 @@ __all__ = [
     "CommandLimits",
     "CommandsInFlight",
     "Compliance",
+    "Curve",
     "CurveReference",
     "EachReference",
     "FuzzyLaw",
