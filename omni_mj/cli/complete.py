@@ -1,6 +1,6 @@
 """What a shell offers for a word that is not whole: names of what there is, and else files."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import click
@@ -21,25 +21,22 @@ def _listed(*lists: str, files: bool = True, end: str = "") -> Complete:
     """
 
     def complete(context: click.Context, parameter: click.Parameter, incomplete: str) -> "list[CompletionItem]":
+        from click.shell_completion import CompletionItem
+
         from omni_mj.show import listing
 
         rows = [(row[0] + end, row[-1]) for title in lists for row in listing.rows(title)]
-        return offered(incomplete, rows, files)
+        names = [CompletionItem(name, help=meaning) for name, meaning in rows if name.startswith(incomplete)]
+        return [CompletionItem(incomplete, type="file")] * files + names  # shells take files if no name fits
 
     return complete
 
 
-def offered(incomplete: str, rows: Iterable[tuple[str, str]], files: bool = False) -> "list[CompletionItem]":
-    """What a shell is told of names and their meanings; shells take files, where they may, if no name fits."""
-    from click.shell_completion import CompletionItem
-
-    items = [CompletionItem(name, help=meaning) for name, meaning in rows if name.startswith(incomplete)]
-    return [CompletionItem(incomplete, type="file")] * files + items
-
-
 def files(context: click.Context, parameter: click.Parameter, incomplete: str) -> "list[CompletionItem]":
     """Completes files alone."""
-    return offered(incomplete, [], files=True)
+    from click.shell_completion import CompletionItem
+
+    return [CompletionItem(incomplete, type="file")]
 
 
 scenarios = _listed("scenarios")

@@ -1,23 +1,13 @@
 """`omni-mj list`: what there is to name."""
 
-from typing import TYPE_CHECKING
-
 import click
 
 from omni_control.errors import OmniError, choose
-from omni_mj.cli import complete
 from omni_mj.show import listing
-
-if TYPE_CHECKING:
-    from click.shell_completion import CompletionItem
-
-
-def _titles(context: click.Context, parameter: click.Parameter, incomplete: str) -> "list[CompletionItem]":
-    return complete.offered(incomplete, listing.TITLES.items())
 
 
 @click.command("list")
-@click.argument("what", required=False, metavar=f"[{'|'.join(listing.TITLES)}]", shell_complete=_titles)
+@click.argument("what", required=False, metavar=f"[{'|'.join(listing.TITLES)}]")
 @click.argument("word", required=False, metavar="[WORD]")
 def command(what: str | None, word: str | None) -> None:
     """List scenarios, controllers, plants, robots, settings and faults: all, one list, or what has WORD in it.

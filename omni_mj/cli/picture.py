@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 from omni_control.errors import OmniError
-from omni_mj.cli import complete
 
 if TYPE_CHECKING:
-    from click.shell_completion import CompletionItem
     from rerun.experimental import ViewerClient
 
 PATIENCE_S = 30.0  # for a viewer to load and draw
@@ -23,16 +21,12 @@ TABS = ("tracking", "velocity", "why", "alpha", "wheels", "heat", "summary", "ev
 T = TypeVar("T")
 
 
-def _tab(context: click.Context, parameter: click.Parameter, incomplete: str) -> "list[CompletionItem]":
-    return complete.offered(incomplete, [(tab, "") for tab in TABS])
-
-
 @click.command("picture")
 @click.argument("recording", type=click.Path(path_type=Path))
 @click.argument("out", type=click.Path(path_type=Path))
 @click.option("--time", "time_s", default=0.0, metavar="S", help="Where the time cursor stands. [0]")
 @click.option(
-    "--tab", "tabs", multiple=True, metavar="NAME", shell_complete=_tab,
+    "--tab", "tabs", multiple=True, metavar="NAME",
     help=f"A tab to show; may be repeated: {', '.join(TABS)}, own where controllers record channels of their own, or a "
     "controller's name.",
 )  # fmt: skip

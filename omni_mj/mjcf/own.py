@@ -39,7 +39,6 @@ class Own:
         wheels, body: what was measured of it.
         gear: turns of the motor for one of the wheel.
         rotor_inertia: of a motor with all that turns as fast, kg m^2.
-        constant, resistance: of the <dcmotor>s, N m/A and ohm: a plant writes the robot's file's in their place.
     """
 
     file: Path
@@ -52,8 +51,6 @@ class Own:
     body: Body
     gear: float
     rotor_inertia: float
-    constant: float
-    resistance: float
 
     def numbers(self) -> dict[str, dict[str, Any]]:
         """What it says of settings, by section and field."""
@@ -139,11 +136,8 @@ def _read(path: Path, resolved: Path, changed: tuple[int, ...]) -> Own:
     motor, hub = int(robot.motors[0]), int(robot.wheel_dofs[0])
     gear = float(model.actuator_gear[motor, 0])
     rotor = float(model.actuator_armature[motor] + model.dof_armature[hub] / gear**2)
-    resistance, constant = (float(value) for value in model.actuator_gainprm[motor, :2])
     body = Body.of(model, robot)
-    return Own(
-        path, spec, model, robot, names, touching, wheels, body, _round(gear), _round(rotor), constant, resistance
-    )
+    return Own(path, spec, model, robot, names, touching, wheels, body, _round(gear), _round(rotor))
 
 
 def _names(spec: mujoco.MjSpec, file: str) -> dict[str, tuple[str, ...]]:

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 HARDWARE = "body", "wheels", "motor", "firmware", "drive", "carpet"  # sections from which [control] follows
 SAME = 1e-6  # relative difference of numbers that are equal
-SAME_MOTOR = 0.01  # relative difference of motors that are equal
 
 
 @dataclass(frozen=True)
@@ -101,7 +100,7 @@ def contradictions(given: Mapping[str, Any], mjcf: "Own") -> Iterator[str]:
     for section, field, number in _numbers(mjcf):
         values = given.get(section, {})
         value = values.get(field, number) if isinstance(values, Mapping) else getattr(values, field, number)
-        if not _same(value, number, SAME):
+        if not _same(value, number):
             yield (
                 f"{section}.{field} = {shown(plain(value))} contradicts {mjcf.file.name}, which has "
                 f"{_text(number)}; change the model, or leave it out"
@@ -115,7 +114,7 @@ def differences(robot: str, model: ModelSettings) -> Iterator[str]:
     mjcf, file = read_model(model), robots.sections(robot)
     for section, field, number in _numbers(mjcf):
         file_number = file.get(section, {}).get(field, number)
-        if not _same(file_number, number, SAME):
+        if not _same(file_number, number):
             yield (
                 f"{section}.{field} is {_text(number)} in {mjcf.file.name}, {_text(file_number)} in robot {robot}: the "
                 "model's is simulated"
@@ -126,13 +125,6 @@ def differences(robot: str, model: ModelSettings) -> Iterator[str]:
             f"{mjcf.file.name} has its centre of mass {1e3 * aside:.1f} mm to the left: simulated, not told to "
             "controllers"
         )
-    for field, number in (("constant_nm_a", mjcf.constant), ("resistance_ohm", mjcf.resistance)):
-        file_number = file.get("motor", {}).get(field, number)
-        if not _same(file_number, number, SAME_MOTOR):
-            yield (
-                f"motor.{field} is {_text(number)} in {mjcf.file.name}, {_text(file_number)} in robot {robot}: "
-                "motors are the robot's, by their datasheet"
-            )
 
 
 def _with_model(file: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -173,9 +165,9 @@ def _text(number: Any) -> str:
     return f"{number:.6g}" if isinstance(number, (int, float)) else shown(number)
 
 
-def _same(first_number: Any, second_number: Any, tolerance: float) -> bool:
+def _same(first_number: Any, second_number: Any) -> bool:
     try:
         a, b = np.asarray(first_number, float), np.asarray(second_number, float)
     except (TypeError, ValueError):
         return False
-    return a.shape == b.shape and bool(np.allclose(a, b, rtol=tolerance, atol=1e-9))
+    return a.shape == b.shape and bool(np.allclose(a, b, rtol=SAME, atol=1e-9))

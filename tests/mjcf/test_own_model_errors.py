@@ -19,7 +19,6 @@ def naming(role: str, names: str) -> list[tuple[str, str]]:
 
 
 ARM = 'pos="0.08 0 0.0275"'
-MESH = '<asset><mesh name="q" file="plate.obj"/></asset>'
 # What is said, in how many lines; and the edits, plain text or a pattern, that bring it about.
 LACKS: list[tuple[str, int, list[tuple[str, str]]]] = [
     ("no wheels; a wheel is a hinge that a <dcmotor> drives$", 1, [("<actuator>.*</actuator>", "")]),
@@ -33,7 +32,6 @@ LACKS: list[tuple[str, int, list[tuple[str, str]]]] = [
     ("no encoder on 'drive_[abc]'; it is a <jointpos> sensor", 3, [("jointpos", "jointvel")]),
     ("no gyro; it is a <gyro> sensor on a site of the body 'base'", 1, [("<gyro [^>]*>", "")]),
     ("z axis of the gyro's site must point up", 1, [('<site name="imu"/>', '<site name="imu" euler="90 0 0"/>')]),
-    ("2 gyros on the body 'base'; name one: 'gyro'", 1, [("<gyro ", '<gyro name="other" site="imu"/><gyro ')]),
     ("'drive_[abc]' has no rollers.*if 'drive_[abc]' drives no wheel, name", 3, [("<replicate.*?</replicate>", "")]),
     ("'drive_[abc]' has no rollers.*across the axle", 3, [('<joint axis="0 1 0"/>', '<joint axis="1 1 0"/>')]),
     ("the 14 rollers of the wheel 'drive_[abc]' must be evenly spaced", 3, [('count="15"', 'count="14"')]),
@@ -46,21 +44,16 @@ LACKS: list[tuple[str, int, list[tuple[str, str]]]] = [
     ("'m_drive_[abc]' must be driven by a voltage, with motorconst", 3,
      [("<dcmotor m", '<dcmotor inductance="1e-4" m')]),
     ("'drive_a' has a range or a spring; a wheel turns freely", 1, [('<joint name="drive_a"', r'\g<0> stiffness="1"')]),
-    ("'drive_a', which a <dcmotor> drives, is no hinge", 1, [('<joint name="drive_a"', r'\g<0> type="slide"')]),
     ("no joint 'drive_x', which 'wheels' names; there are drive_a, drive_b, drive_c", 1,
      naming("wheels", "drive_a drive_x")),
     ("2 wheels; it takes 3", 1, naming("wheels", "drive_a drive_b")),
-    ("no sensor 'imu', which 'gyro' names; there are gyro$", 1, naming("gyro", "imu")),
-    ("'gyro' must name one, not a b", 1, naming("gyro", "a b")),
     ("no geom 'shell', which 'hull' names", 1, naming("hull", "shell")),
     ("no body 'basis', which 'chassis' names; there are base", 1,
      naming("chassis", "basis")),
     ("body.mass_kg must be a number from 0.5 to 20 kg, not 42.", 1, [('mass="2.2"', 'mass="42"')]),
     ("the wheels at 60 and 70 deg overlap", 1, [("0 0 180", "0 0 70")]),
     ("<compiler settotalmass> scales what is compiled alone", 1, [("<compiler ", '<compiler settotalmass="3" ')]),
-    ("Schema violation: unrecognized element", 1, [("<freejoint/>", "<freejoynt/>")]),
     ("XML parse error", 1, [("</mujoco>", "")]),
-    ("Error opening file 'plate.obj'", 1, [("<worldbody>", f"{MESH}<worldbody>")]),
 ]  # fmt: skip
 
 
@@ -113,7 +106,7 @@ def test_the_command_line_takes_it_and_tells(
         "note: wheels.azimuths_deg is [60, 180, 300] in mine.xml, [60, 135, 225, 300] in robot tigers-v2016: "
         in told[4]
     )
-    assert len(told) == 10
+    assert all(line.startswith("note: ") for line in told)
     text = Path("out/scenario.toml").read_text()
     assert 'file = "mine.xml"' in text
     assert "rollers = 15" in text

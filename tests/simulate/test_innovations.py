@@ -68,19 +68,3 @@ def test_the_errors_are_covered_by_sigma(certainty: Certainty) -> None:
     assert (squared > 0.5).all()
     assert (squared < 1.5).all()
     assert (np.abs(normalised) < 3).mean() > 0.99  # 0.997 of a normal distribution
-
-
-@pytest.mark.parametrize("certainty", [case for case in CASES if "gaps" in case], indirect=True)
-def test_sigma_grows_in_a_gap_and_returns_after_it(certainty: Certainty) -> None:
-    """After ten frames unseen sigma is threefold at least and still covers the error; one frame seen ends it."""
-    sigma, unseen = certainty.sigma, certainty.unseen
-    later = unseen[1:] > 0
-    assert (sigma[1:][later] > sigma[:-1][later]).all()
-    last = unseen == 10
-    seen = sigma[unseen == 0].mean(0)
-    assert (sigma[last].mean(0) > 3 * seen).all()
-    squared = (certainty.error[last] / sigma[last]) ** 2
-    # A few dozen gaps: means of squares uncertain by 5 sqrt(2 / 30); alpha that lasts is no random walk.
-    assert (squared.mean(0) < 3).all()
-    again = (unseen[1:] == 0) & (unseen[:-1] >= 10)
-    assert (sigma[1:][again].mean(0) < 2 * seen).all()

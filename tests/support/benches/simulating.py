@@ -97,12 +97,6 @@ def ages(command: NDArray, applied: NDArray) -> NDArray:
     return np.arange(1, len(command) + 1)[:, None, None] - same.argmax(1)
 
 
-def bits(log: Log, controller: str) -> list[bytes]:
-    """All that was recorded of a controller's rows, but for what it says of itself."""
-    names = [name for name in log.columns if not name.startswith("own_")]
-    return [log.channel(name)[: log.lengths[row], row].tobytes() for name in names for row in log.of(controller)]
-
-
 def variants(
     plant: str, changes: Sequence[dict[str, Any]], labels: Sequence[str], route: tuple[str, ...]
 ) -> Simulation:
