@@ -12,6 +12,7 @@ import os
 import sys
 from collections.abc import Callable
 from functools import cache
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -105,7 +106,9 @@ class Structure:
     """
 
     def __init__(self, tree: Any, kinds: tuple[tuple[tuple[int, ...], Any], ...]) -> None:
-        self._tree, self._kinds = tree, kinds
+        self._tree = tree
+        ends = [0, *accumulate(math.prod(shape) for shape, _ in kinds)]
+        self._parts = [(slice(*ends[i : i + 2]), *kind) for i, kind in enumerate(kinds)]
 
     @classmethod
     def of(cls, tree: Any) -> "Structure":
@@ -117,12 +120,10 @@ class Structure:
 
     def unpack(self, packed: Any) -> Any:
         """Return the NamedTuples in an array (numbers,)."""
-        leaves, at = [], 0
-        for shape, kind in self._kinds:
-            size = math.prod(shape)
-            leaf = packed[at : at + size].reshape(shape)
-            leaves.append(leaf.astype(kind, copy=False))
-            at += size
+        leaves = []
+        for place, shape, kind in self._parts:
+            leaf = packed[place].reshape(shape)
+            leaves.append(leaf if kind == leaf.dtype else leaf.astype(kind))
         return self._tree.unflatten(leaves)
 
 
@@ -211,10 +212,12 @@ class JaxKernel:
         return [jax.tree.map(lambda leaf: cut(leaf, start), tree) for start in range(0, n, size)]  # noqa: B023
 
     def _joined(self, blocks: list[Any]) -> Any:
+        if len(blocks) == 1 and self._robots == self._size:
+            return blocks[0]
         import jax
 
         def join(*leaves: Any) -> np.ndarray:
-            if (len(leaves) == 1 and self._robots == self._size) or not leaves[0].ndim:
+            if not leaves[0].ndim:
                 return np.asarray(leaves[0])
             return np.concatenate(leaves, axis=-1)[..., : self._robots]
 
