@@ -46,7 +46,6 @@ GAIN = "half a minute along that axis, with plateaus at two or three speeds"
 CREEP = "moves along that axis to 1, 1.5 and 2 m/s at 2 m/s^2 and more, there and back, ten each (--plan)"
 LAG = "steps of the command at low speed along that axis, where creep is small"
 STEPS = "changes of the command of 1 m/s or more, twenty or so"
-DRAG = "as for creep; roll-outs with motors off, or motors' currents"
 RECEIVED = "a column received_s: when the robot got each line's command, by any clock"
 SLOW = "moves at 0.1 to 0.3 m/s beside fast ones"
 KINDS = {
@@ -54,8 +53,8 @@ KINDS = {
     "clock_s": Kind("poses later than wheels by", "s", 0.5 * PERIOD_S, 0, "", STEPS, 4.5e-4),
     "drift": Kind("and more so by, each second", "", 1e-3, 0, "", "a log of a minute or more", 5e-5),
     "creep_stiffness": Kind("creep stiffness C", "", 0, 0.25, "creep", CREEP, 0.014),
-    "pile": Kind("drag of the pile, over load", "", 0.02, 0, "creep", DRAG, 7e-3),
-    "roller_friction": Kind("friction of rollers, over load", "", 0.03, 0, "creep", DRAG, 8e-3),
+    "pile": Kind("drag of the pile, over load", "", 0.02, 0, "creep", CREEP, 7e-3),
+    "roller_friction": Kind("friction of rollers, over load", "", 0.03, 0, "creep", CREEP, 8e-3),
     "radius_m": Kind("effective wheel radius", "m", 0, 0.01, "", GAIN, 1.1e-3),
     "arm_m": Kind("effective arm", "m", 0, 0.02, "turning", GAIN, 3e-3),
     "lag_forward_s": Kind("lag tau forward", "s", 0.02, 0, "forward", LAG, 1e-3),
@@ -68,7 +67,7 @@ for _axis in (*AXES, "turning"):
     KINDS[f"gain_{_axis}"] = Kind(f"gain K {_axis}", "", 0.05, 0, _axis, GAIN, 2e-3)
     KINDS[f"creep_{_axis}_s2_m"] = Kind(f"creep T {_axis}", "s^2/m", 0.03, 0, f"creep {_axis}", CREEP, 1e-3)
     KINDS[f"drag_{_axis}_m_s2"] = Kind(
-        f"drag through the contacts {_axis}", "m/s^2", 0, 0.25, f"creep {_axis}", DRAG, 0.025
+        f"drag through the contacts {_axis}", "m/s^2", 0, 0.25, f"creep {_axis}", CREEP, 0.025
     )
 for _axis in "xy":
     KINDS[f"slope_{_axis}_rad"] = Kind(f"slope of the carpet down along {_axis}", "rad", 0.01, 0, "creep", CREEP, 4e-4)
@@ -80,7 +79,7 @@ class Estimate:
 
     Attributes:
         name, title, unit: of it; source: commands, wheels or stamps.
-        value, error: with its standard error, `noise` that of the data alone; low, high: ends of the 95 % interval.
+        value, error: with its standard error; low, high: ends of the 95 % interval.
         why_not: why the data cannot tell it, or None; would_tell: what to drive then.
     """
 
@@ -90,7 +89,6 @@ class Estimate:
     source: str
     value: float
     error: float
-    noise: float
     low: float
     high: float
     why_not: str | None
@@ -106,12 +104,10 @@ class Estimate:
         head = {"title": self.title, "unit": self.unit, "source": self.source}
         if not self.told:
             return head | {"value": None, "not_identifiable": self.why_not, "would_tell": self.would_tell}
-        interval = [self.low, self.high]
         return head | {
             "value": self.value,
             "standard_error": self.error,
-            "of_noise": self.noise,
-            "interval_95": interval,
+            "interval_95": [self.low, self.high],
         }
 
 
@@ -214,7 +210,7 @@ def estimates(fitted: Fit, settings: Settings, excited: Excitation) -> Iterator[
         if name in fitted.at_bound or ("creep" in name and "creep" in fitted.at_bound):
             why = why or f"the fit stopped at a bound, {value:.3g} {kind.unit}".rstrip()
         if (error > 0 and ("creep" in free or "creep" not in name)) or (name == "creep_stiffness" and by_wheels):
-            yield judged(name, kind, "wheels" if by_wheels else "commands", (value, error), fitted.quantile, why)
+            yield judged(name, "wheels" if by_wheels else "commands", value, float(error), fitted.quantile, why)
 
 
 def _lawless(fitted: Fit) -> str | None:
@@ -229,19 +225,23 @@ def _lawless(fitted: Fit) -> str | None:
 
 
 def judged(
-    name: str, kind: Kind, source: str, value: tuple[float, float], quantile: float = NORMAL, why: str | None = None
+    name: str, source: str, value: float, error: float, quantile: float = NORMAL, why: str | None = None
 ) -> Estimate:
-    """Return a number and its standard error as an estimate, told unless there is a reason or it is too uncertain."""
-    number, noise = map(float, value)
-    error = float(np.hypot(noise, kind.law * (abs(number) if kind.share and not kind.limit else 1.0)))
-    half, limit = quantile * error, max(kind.limit, kind.share * abs(number))
+    """Return a number and the standard error of its data as an estimate.
+
+    The number is told unless `why` says why not or its interval is too wide.
+    """
+    kind, size = KINDS[name], abs(value)
+    error = float(np.hypot(error, kind.law * (size if kind.share and not kind.limit else 1.0)))
+    half, limit = quantile * error, max(kind.limit, kind.share * size)
     if why is None and not half <= limit:
-        why = (
-            f"its 95 % interval is +-{half:.2g} {kind.unit}".rstrip()
-            + f", wider than +-{limit:.2g} {kind.unit}".rstrip()
-        )
-    ends = number - half, number + half
-    return Estimate(name, kind.title, kind.unit, source, number, error, noise, *ends, why, kind.would_tell)
+        why = f"its 95 % interval is +-{_number(half, kind)}, wider than +-{_number(limit, kind)}"
+    ends = value - half, value + half
+    return Estimate(name, kind.title, kind.unit, source, value, error, *ends, why, kind.would_tell)
+
+
+def _number(value: float, kind: Kind) -> str:
+    return f"{value:.2g} {kind.unit}".rstrip()
 
 
 def by_stamps(logs: Sequence[Log]) -> Iterator[Estimate]:
@@ -256,5 +256,5 @@ def by_stamps(logs: Sequence[Log]) -> Iterator[Estimate]:
         delays, share, count = np.concatenate(late), float(np.mean(np.concatenate(lost))), sum(map(len, lost))
         spread = float(delays.std())
         error = np.sqrt(max(float((delays**4).mean()) - spread**4, 0.0) / (4 * len(delays))) / max(spread, 1e-12)
-        yield judged("jitter_s", KINDS["jitter_s"], "stamps", (spread, error))
-        yield judged("lost", KINDS["lost"], "stamps", (share, (share * (1 - share) / count) ** 0.5))
+        yield judged("jitter_s", "stamps", spread, float(error))
+        yield judged("lost", "stamps", share, (share * (1 - share) / count) ** 0.5)

@@ -23,13 +23,9 @@ OURS = ("command_vx_m_s", "command_vy_m_s", "command_w_rad_s")
 WORLD = ("vx_cmd_world_m_s", "vy_cmd_world_m_s", "w_cmd_rad_s")
 BODY = ("vx_cmd_body_m_s", "vy_cmd_body_m_s", "w_cmd_rad_s")
 ANGLES, SPEEDS = ("wheel_{}_rad", "wheel_angle_{}_rad"), ("wheel_{}_rad_s", "wheel_speed_{}_rad_s")
-USED = re.compile(
-    r"time_s|received_s|(vision_)?(x_m|y_m|heading_rad)|.*cmd.*|command_.*|wheel_.*|coasting|(mean_)?current_.*"
-)
-CURRENTS = ("mean_current_{}_a", "current_{}_a")
+USED = re.compile(r"time_s|received_s|(vision_)?(x_m|y_m|heading_rad)|.*cmd.*|command_.*|wheel_.*")
 GAP = 3.5  # periods without a line, from which a log is cut in two
 LEAST_LINES = 30
-OFF_A = 0.02  # current of motors below which all of them are off
 GAME = re.compile(r"(?P<file>.+\.log(?:\.gz)?)(?::(?P<team>yellow|blue|):(?P<robot>\d*))?(?:,(?P<commands>.+))?")
 
 
@@ -44,7 +40,6 @@ class Log:
         command: twists (F, 3), or None; in_body: whether they are along the body's axes.
         wheels: mean speeds from each line to the next, (F, W) rad/s, or None.
         notes: a line each.
-        coasting: where no motor carries current and the robot rolls out, (F,), or None.
         received: when the robot got each line's command, (F,) s by any clock; not a number if never; or None.
     """
 
@@ -55,7 +50,6 @@ class Log:
     in_body: bool = False
     wheels: Array | None = None
     notes: list[str] = field(default_factory=list)
-    coasting: np.ndarray | None = None
     received: Array | None = None
 
     def __post_init__(self) -> None:
@@ -171,7 +165,7 @@ def _log(name: str, columns: dict[str, np.ndarray]) -> Log:
     named = _commands(columns)
     command = None if named is None else _stack(columns, named)
     received = columns["received_s"].astype(float) if "received_s" in columns and named else None
-    return Log(name, time, pose, command, named is BODY, _wheels(time, columns), notes, _coasting(columns), received)
+    return Log(name, time, pose, command, named is BODY, _wheels(time, columns), notes, received)
 
 
 def _rows(name: str, columns: Mapping[str, np.ndarray]) -> Iterator[tuple[str, np.ndarray]]:
@@ -231,11 +225,3 @@ def _wheels(time: Array, columns: Mapping[str, np.ndarray]) -> Array | None:
     else:
         return None
     return np.concatenate([means, means[-1:]])
-
-
-def _coasting(columns: Mapping[str, np.ndarray]) -> np.ndarray | None:
-    """Return where no motor carries current, (F,), if the log says so."""
-    if "coasting" in columns:
-        return np.asarray(columns["coasting"].astype(float) > 0.5)
-    current = _first_numbered(columns, CURRENTS)
-    return None if current is None else np.asarray((np.abs(current) < OFF_A).all(1))

@@ -18,7 +18,6 @@ ODD, MOST_ODD = 3.0, 0.25  # residuals over their median, and share, of stretche
 DRIFTS_S = 30.0  # length of logs from which clocks may run at different speeds
 OTHER_RADIUS, SURE = 0.025, 3.0  # and standard errors, from which the radius is not that of the robot's file
 ROLLS, RADIUS_SHARE = 0.9988, 0.002  # rolling radius over the file's (rubber is pressed), and how well it is known
-ROLLING_M_S = 0.05  # rim speed above which motors without current roll out
 CONTACTS = ("creep", "pile", "roller_friction", "lean_x_m_s2", "lean_y_m_s2")
 
 
@@ -82,7 +81,6 @@ def by_commands(logs: Sequence[Log], settings: Settings, rolled: Fit | None) -> 
         OmniError: axes are others than said, or there is too little.
     """
     body, notes = Body.of(settings), list[str]()
-    logs = [_driven(log, settings.wheels.radius_m) for log in logs]
     inputs = [log.command for log in logs if log.command is not None]
     late = [checks.delay(log, u, log.in_body, "commands", settings) for log, u in zip(logs, inputs, strict=True)]
     stretches = cut(logs, inputs, [log.in_body for log in logs], False)
@@ -105,14 +103,6 @@ def by_commands(logs: Sequence[Log], settings: Settings, rolled: Fit | None) -> 
     fitted = _without_odd(fit(body, stretches, start, max(np.median(late) - lag, 0.01), free), notes, "commands")
     before = _residuals(fitted, believed, settings.radio.delay_frames * PERIOD_S)
     return Part("commands", fitted, before, list(estimates(fitted, settings, excited)), notes)
-
-
-def _driven(log: Log, radius: float) -> Log:
-    """Return a log without poses where the robot rolls out, whatever is commanded."""
-    if log.coasting is None or log.wheels is None:
-        return log
-    rolls = log.coasting & (np.abs(log.wheels).max(1) * radius > ROLLING_M_S)
-    return replace(log, pose=np.where(rolls[:, None], np.nan, log.pose), notes=[])
 
 
 def _along_body(log: Log, command: Array) -> Array:
