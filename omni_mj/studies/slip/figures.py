@@ -24,15 +24,11 @@ QUANTITIES = {
     "time_sideways": ("T sideways", "s²/m", 4),
     "time_turning": ("T turning", "s²/m", 4),
     "drag_forward": ("roll-out drag forward", "N", 2),
-    "drag_sideways": ("roll-out drag sideways", "N", 2),
-    "drag_diagonal": ("roll-out drag diagonal", "N", 2),
     "drag_turning": ("roll-out drag turning", "N m", 3),
-    "efficiency_plateau": ("efficiency, speed held", "", 3),
-    "efficiency_accelerating": ("efficiency, accelerating", "", 3),
     "efficiency": ("efficiency", "", 3),
     "efficiency_turning": ("efficiency turning", "", 3),
 }
-FITTED = ("gain", "time", "deceleration", "efficiency_plateau", "efficiency_accelerating")
+FITTED = ("gain", "time", "deceleration", "efficiency")
 
 
 @dataclass(frozen=True)
@@ -104,20 +100,15 @@ def figures(name: str, settings: Settings, moves: Sequence[Move], record: Record
             law = fit_law(wheels[used, i], along, body[used, i], PERIOD_S)
             fitted["gain"][i], fitted["time"][i] = law.gain, law.time
     measured = {f"{what}_{axis}": _mean(fitted[what][kinds == axis]) for what in ("gain", "time") for axis in AXES}
-    for kind in (*AXES, "diagonal"):
-        weight = inertia if kind == "turning" else mass
-        measured[f"drag_{kind}"] = weight * _mean(fitted["deceleration"][kinds == kind])
-    for i, move in living:
-        if move.rolls_out and move.kind in ("forward", "turning"):
-            spans, weight = (move.holding(frames), move.accelerating(frames)), inertia if turning[i] else mass
-            drag, pull = measured[f"drag_{move.kind}"], np.abs(force[:, i])
-            both = efficiency(body[:, i], pull, *spans, drag, weight, PERIOD_S)
-            fitted["efficiency_plateau"][i], fitted["efficiency_accelerating"][i] = both
-    plateau, accelerating = fitted["efficiency_plateau"], fitted["efficiency_accelerating"]
-    measured["efficiency_plateau"] = _mean(plateau[~turning])
-    measured["efficiency_accelerating"] = _mean(accelerating[~turning])
-    measured["efficiency"] = (measured["efficiency_plateau"] + measured["efficiency_accelerating"]) / 2
-    measured["efficiency_turning"] = (_mean(plateau[turning]) + _mean(accelerating[turning])) / 2
+    for kind, weight in (("forward", mass), ("turning", inertia)):
+        drag = measured[f"drag_{kind}"] = weight * _mean(fitted["deceleration"][kinds == kind])
+        for i, move in living:
+            if move.rolls_out and move.kind == kind:
+                spans = move.holding(frames), move.accelerating(frames)
+                pull = np.abs(force[:, i])
+                fitted["efficiency"][i] = efficiency(body[:, i], pull, *spans, drag, weight, PERIOD_S)
+    measured["efficiency"] = _mean(fitted["efficiency"][~turning])
+    measured["efficiency_turning"] = _mean(fitted["efficiency"][turning])
     law_of, closed = expected(settings), dict[str, float]()
     for axis, i in AXES.items():
         drag = (inertia if axis == "turning" else mass) * law_of.deceleration[i]

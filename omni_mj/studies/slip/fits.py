@@ -78,8 +78,10 @@ def fit_drag(v: Array, free: np.ndarray, period: float, at_rest: float = AT_REST
 
 def efficiency(
     v: Array, force: Array, holding: np.ndarray, accelerating: np.ndarray, drag: float, mass: float, period: float
-) -> tuple[float, float]:
-    """What the body shows of the force that the motors' currents should give: while speed is held, and while it grows.
+) -> float:
+    """Return the share of the force by the motors' currents that moves the body.
+
+    It is the mean of the share while speed is held and of that while it grows.
 
     Held: drag over mean force. Growing: mean of (mass acceleration + drag) / force. The drag is that of a roll-out,
     with motors and gears in it.
@@ -98,4 +100,4 @@ def efficiency(
     growth = (v[growing] - v[growing - 1]) / period
     # Mean force of the two frames between whose middles the speed grew.
     pulling = (force[growing] + force[growing - 1]) / 2
-    return drag / float(force[held].mean()), float(((mass * growth + drag) / pulling).mean())
+    return float(drag / force[held].mean() + ((mass * growth + drag) / pulling).mean()) / 2

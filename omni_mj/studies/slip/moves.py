@@ -2,7 +2,7 @@
 
 There and back between two ends 3 m apart, each way on its own: speed up at 2 m/s^2, hold, and either brake and stop or,
 half a second's way before the end, let the motors go and roll out; forward and sideways. On the spot: speed up at
-12 rad/s^2, hold for 3 s, roll out. Roll-outs sideways and diagonally are ours: they did not measure drag there.
+12 rad/s^2, hold for 3 s, roll out.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,6 @@ ROLLING = 1.5  # s at the most
 DIRECTIONS = {
     "forward": (1.0, 0.0, 0.0),
     "sideways": (0.0, 1.0, 0.0),
-    "diagonal": (0.5**0.5, 0.5**0.5, 0.0),
     "turning": (0.0, 0.0, 1.0),
 }
 
@@ -31,7 +30,7 @@ class Move:
     """One move from rest.
 
     Attributes:
-        kind: forward, sideways, diagonal or turning.
+        kind: forward, sideways or turning.
         speed: that is held, m/s or rad/s; negative for the way back.
         acceleration: magnitude, m/s^2 or rad/s^2.
         held_s: how long the speed is held.
@@ -95,12 +94,11 @@ def identification() -> list[Move]:
         for speed in SPEEDS_M_S
         for sign in (1, -1)
     ]
-    moves += [
+    return moves + [
         Move("turning", sign * rate, TURN_ACCELERATION_RAD_S2, HELD_S, True)
         for rate in TURN_RATES_RAD_S
         for sign in (1, -1)
     ]
-    return moves + [straight(kind, speed, True) for kind in ("sideways", "diagonal") for speed in SPEEDS_M_S]
 
 
 def longest(moves: Sequence[Move]) -> int:
