@@ -4,7 +4,8 @@ from pathlib import Path
 
 import click
 
-from omni_mj.cli import console, folders, options
+from omni_mj.cli import folders, options
+from omni_mj.cli.study_command import StudyCommand
 
 OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "alpha.png", *folders.PROVENANCE)
 
@@ -24,25 +25,13 @@ def command(
     quiet: bool,
 ) -> None:
     """Measure how a robot follows its commands: gain and lag apart, and what takes how much of them."""
-    from omni_mj.cli.interrupts import Interrupts
-    from omni_mj.provenance import record
+    from omni_mj.show import alpha_figure
     from omni_mj.studies import alpha
 
-    chosen = choice.load("rect")
-    options.tell_model(chosen, quiet)
-    folder = folders.prepare(out, "alpha", OUTPUTS, overwrite)
-    with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
-        asked = record.asked([(chosen.name, chosen)])
-        record.begin(folder, "alpha", console.command_line(), [chosen], frames=False, given=asked)
-        result = alpha.alpha(chosen, begin=lambda *what: console.checked(interrupts.check, begin(*what)))
-    with console.writing(folder):
-        result.save_files(folder)
-        if result.study:
-            from omni_mj.show import alpha_figure
-
-            with console.drawing(folder):
-                alpha_figure.save(result.study, folder / "alpha.png")
-    if not quiet:
-        console.tell(result, folder, OUTPUTS)
-    interrupts.end(result.stopped, f"nothing was measured; what there is is in {folder}")
-    console.fail_rows({outcome.scenario.name: outcome.failures for outcome in result.outcomes})
+    study = StudyCommand(
+        "alpha",
+        OUTPUTS,
+        lambda chosen, begin: alpha.alpha(chosen[0], begin=begin),
+        lambda result, folder: alpha_figure.save(result.study, folder / "alpha.png"),
+    )
+    study.run([choice.load("rect")], out, overwrite, quiet)

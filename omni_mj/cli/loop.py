@@ -5,7 +5,8 @@ from pathlib import Path
 
 import click
 
-from omni_mj.cli import complete, console, folders, options
+from omni_mj.cli import complete, folders, options
+from omni_mj.cli.study_command import StudyCommand
 
 OUTPUTS = ("summary.json", "scenario.toml", "loop.png", "loop.svg", *folders.PROVENANCE)
 
@@ -38,28 +39,15 @@ def command(
     quiet: bool,
 ) -> None:
     """Measure how control loops answer a step, and their gain, phase and delay margins."""
-    from omni_mj.cli.interrupts import Interrupts
-    from omni_mj.provenance import record
+    from omni_mj.show import loop_figure
     from omni_mj.studies.loop import loop, study
     from omni_mj.studies.loop.drive import FRAMES
 
-    choice = replace(choice, controllers=choice.controllers or study.usual())
-    chosen = choice.load(name, "wheels.model=two-rollers")
-    options.tell_model(chosen, quiet)
-    folder = folders.prepare(out, "loop", OUTPUTS, overwrite)
-    with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
-        asked = record.asked([(chosen.name, chosen)])
-        record.begin(folder, "loop", console.command_line(), [chosen], frames=False, given=asked)
-        show = begin("loop", FRAMES)
-        result = loop(chosen, chosen.controllers, after_frame=console.checked(interrupts.check, show))
-    with console.writing(folder):
-        result.save_files(folder)
-        if result.findings:
-            from omni_mj.show import loop_figure
-
-            with console.drawing(folder):
-                loop_figure.save(result.findings, folder / "loop")
-    if not quiet:
-        console.tell(result, folder, OUTPUTS)
-    interrupts.end(result.stopped, f"nothing was measured; what there is is in {folder}")
-    console.fail_rows({outcome.scenario.name: outcome.failures for outcome in result.outcomes})
+    chosen = replace(choice, controllers=choice.controllers or study.usual()).load(name, "wheels.model=two-rollers")
+    measured = StudyCommand(
+        "loop",
+        OUTPUTS,
+        lambda chosen, begin: loop(chosen[0], chosen[0].controllers, after_frame=begin("loop", FRAMES)),
+        lambda result, folder: loop_figure.save(result.findings, folder / "loop"),
+    )
+    measured.run([chosen], out, overwrite, quiet)

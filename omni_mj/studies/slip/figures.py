@@ -95,7 +95,7 @@ def figures(name: str, settings: Settings, moves: Sequence[Move], record: Record
         used, lever = slice(move.frames), arm if turning[i] else 1.0
         if move.rolls_out:
             fitted["deceleration"][i] = fit_drag(rolling[used, i], move.free(frames)[used], PERIOD_S, AT_REST / lever)
-        if move.kind in AXES and (turning[i] or not move.rolls_out):
+        if turning[i] or not move.rolls_out:
             along = np.hypot(*record.wheels[used, i, :2].T) + arm * np.abs(record.wheels[used, i, 2]) * turning[i]
             law = fit_law(wheels[used, i], along, body[used, i], PERIOD_S)
             fitted["gain"][i], fitted["time"][i] = law.gain, law.time

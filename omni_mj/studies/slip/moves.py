@@ -12,17 +12,13 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.scenarios.settings import PERIOD_S
+from omni_mj.studies.slip.law import AXES
 
 SPEEDS_M_S, ACCELERATION_M_S2, WAY_M, ROLL_OUT_S = (0.5, 1.0, 1.25, 1.5), 2.0, 3.0, 0.5
 TURN_RATES_RAD_S, TURN_ACCELERATION_RAD_S2, HELD_S = (4.0, 6.0, 8.0, 10.0), 12.0, 3.0
 REST_S = 0.1  # at the start
 AFTER_S = 0.25  # to come to rest after braking; a roll-out is given as long as ROLLING allows
 ROLLING = 1.5  # s at the most
-DIRECTIONS = {
-    "forward": (1.0, 0.0, 0.0),
-    "sideways": (0.0, 1.0, 0.0),
-    "turning": (0.0, 0.0, 1.0),
-}
 
 
 @dataclass(frozen=True)
@@ -59,7 +55,8 @@ class Move:
     @property
     def direction(self) -> Array:
         """Body twist (3,) of the speed 1."""
-        return np.array(DIRECTIONS[self.kind])
+        direction: Array = np.eye(3)[AXES[self.kind]]
+        return direction
 
     def commands(self, frames: int) -> Array:
         """Return twists (frames, 3): in each frame what is wanted at its end."""

@@ -71,7 +71,7 @@ def slip(
         OmniError: there is no such robot, or one is named twice.
     """
     started, driven = time.perf_counter(), list(identification() if moves is None else moves)
-    chosen = [_chosen(each) for each in (PUBLISHED if robots is None else robots)]
+    chosen = [named(each) for each in (PUBLISHED if robots is None else robots)]
     names = [each.name for each in chosen]
     for name in names:
         if names.count(name) > 1:
@@ -106,8 +106,8 @@ def _identify(result: SlipResult, i: int, chosen: Scenario, moves: Sequence[Move
         raise StoppedError(record.stopped)
 
 
-def _chosen(robot: Scenario | described.Robot | str) -> Scenario:
-    """What is driven, under the robot's name."""
+def named(robot: Scenario | described.Robot | str) -> Scenario:
+    """Return the scenario that is driven, with the name of its robot."""
     if not isinstance(robot, Scenario):
         robot = scenario("rect", robot=robot, wheels={"model": "two-rollers"})
     distributions.refuse(robot.distributions, "slip")
