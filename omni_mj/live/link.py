@@ -20,7 +20,6 @@ Pace = Literal["auto", "60", "vision"]
 SILENT_S = 0.5  # without any frame, after which vision is lost
 GRACE_S = 0.001  # for which frames of the other cameras are waited for after that of the leading one
 OVERDUE = 1.6  # periods after a tick at which a frame is taken to be lost
-MIN_PERIOD_S = 0.0125  # of frames that are waited for: a faster simulation waits for commands anyway
 RATE_TOLERANCE = 0.03  # by which frames may differ from 60 per second of their own clock to give the ticks
 SETTLE_S = 0.05  # in which frames arrive that were on their way
 CHECK_S = 0.05  # between checks whether to stop, while nothing comes
@@ -162,7 +161,7 @@ class Link:
         camera = self.vision.cameras[self.leader]
         if self._tick_clock != (self.leader, camera.restarts):
             self._tick_clock, self._tick = (self.leader, camera.restarts), -math.inf
-        period = max(PERIOD_S / camera.clock.rate, MIN_PERIOD_S)  # of our clock
+        period = PERIOD_S / camera.clock.rate  # of our clock
         is_first = not math.isfinite(self._ticked_at)
         overdue = math.inf if self._waits_for_frames or is_first else self._ticked_at + OVERDUE * period
         while camera.sent_s <= self._tick + PERIOD_S / 2 and camera.restarts == self._tick_clock[1]:

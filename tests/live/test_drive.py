@@ -77,17 +77,6 @@ def test_robots_that_turn_while_they_drive_are_told_right(world: bool) -> None:
     assert aside.max() < 0.003
 
 
-def test_vision_that_comes_back_is_waited_for_with_commands() -> None:
-    """A simulator that waits for commands shows nothing to who only listens; no number comes from what is not seen."""
-    with peer("--dark", 160, 166) as options:
-        live = driven(on_wire("comp-flc"), options)
-    assert live.notes.counts["silence"] == live.notes.counts["return"] == 1
-    assert not live.failures
-    assert live.log.length == live.references[0].frames
-    for name in ("pose", "command", "applied"):
-        assert np.isfinite(live.log.channel(name)).all()
-
-
 def test_robots_may_start_where_they_are() -> None:
     """--here: the route is displaced and turned to begin there."""
     with peer("--start", 1.0, -0.5, 2.0, here=True) as options:

@@ -53,17 +53,6 @@ def test_what_cannot_be_is_refused_and_the_rest_is_done() -> None:
         assert client.after(b"")["blue", 0][:2] == pytest.approx((-4.0, 3.0), abs=2e-3)
 
 
-def test_a_world_has_twelve_robots_at_most() -> None:
-    """One that leaves makes room for one of either team; the others stay where they are."""
-    field = Field(*QUIET, FAST, blue="6", yellow="6")
-    assert field.put(6, 3.0, 0.0, 0.0) == ["TOO_MANY"]
-    assert field.place({}, away=[(BLUE, 0)]) == []
-    others = field.poses
-    assert field.put(7, 3.0, 1.0, 0.5, team=YELLOW) == []
-    assert set(field.names) == {*(f"blue {i}" for i in range(1, 6)), *(f"yellow {i}" for i in (*range(6), 7))}
-    np.testing.assert_allclose(field.poses, [*others, [3.0, 1.0, 0.5]], atol=1e-12)
-
-
 @settings(deadline=None, max_examples=15, derandomize=True)
 @given(st.data())
 def test_whatever_is_teleported_nobody_stands_in_another_and_the_world_goes_on(data: st.DataObject) -> None:

@@ -12,8 +12,8 @@ import random
 import select
 import socket
 import time
-from collections.abc import Sequence
 from itertools import count
+from typing import Any
 
 import numpy as np
 from serving import fields, float32, vision
@@ -23,26 +23,29 @@ SUBSTEPS = 16
 PATIENCE_S = 0.05  # for the first commands, in lockstep
 
 
-def options(given: Sequence[str] | None = None) -> argparse.Namespace:
+DEFAULTS: dict[str, Any] = {
+    "vision": "127.0.0.1:10020",
+    "port": 10301,
+    "delay": 0.0,  # frames
+    "age": 0.0,  # between capture and sending, s, as stamped
+    "noise": 0.0,  # m, and ten times as many rad
+    "cameras": 1,
+    "bias": 0.0,  # of the second camera, m in x and y
+    "loss": 0.0,  # of packets, both ways
+    "mirror": 0.0,  # how often a heading is seen the wrong way round
+    "swap": 0.0,  # how often a robot has another's number
+    "patience": 10.0,  # for the next commands, in lockstep, s
+    "junk": 0.0,  # bad packets per frame
+}
+
+
+def options() -> argparse.Namespace:
     parse = argparse.ArgumentParser()
-    parse.add_argument("--vision", default="127.0.0.1:10020")
-    parse.add_argument("--port", type=int, default=10301)
+    for name, default in DEFAULTS.items():
+        parse.add_argument(f"--{name}", type=type(default), default=default)
     parse.add_argument("--start", type=float, nargs="+", default=[0.0, 0.0, 0.0], help="x y heading of each robot")
-    parse.add_argument("--delay", type=float, default=0.0, help="frames")
     parse.add_argument("--lockstep", action="store_true")
-    parse.add_argument("--age", type=float, default=0.0, help="between capture and sending, s, as stamped")
-    parse.add_argument("--noise", type=float, default=0.0, help="m, and ten times as many rad")
-    parse.add_argument("--cameras", type=int, default=1)
-    parse.add_argument("--bias", type=float, default=0.0, help="of the second camera, m in x and y")
-    parse.add_argument("--loss", type=float, default=0.0, help="of packets, both ways")
-    parse.add_argument("--mirror", type=float, default=0.0, help="how often a heading is seen the wrong way round")
-    parse.add_argument("--swap", type=float, default=0.0, help="how often a robot has another's number")
-    parse.add_argument("--patience", type=float, default=10.0, help="for the next commands, in lockstep, s")
-    parse.add_argument(
-        "--dark", type=int, nargs=2, default=(0, 0), help="first frame without vision, and the next with"
-    )
-    parse.add_argument("--junk", type=float, default=0.0, help="bad packets per frame")
-    return parse.parse_args(given)
+    return parse.parse_args()
 
 
 class Robots:
@@ -115,7 +118,7 @@ class Peer:
         """What each camera sees now; what it stamps is when it sends, and the age before that."""
         said, pose = self.said, self.robots.at(self.said.age)
         now = frame * PERIOD_S
-        for camera in range(0 if said.dark[0] <= frame < said.dark[1] else said.cameras):
+        for camera in range(said.cameras):
             middle = (camera - (said.cameras - 1) / 2) * 2.0
             robots = []
             for number, (x, y, heading) in enumerate(pose):

@@ -9,11 +9,15 @@ from omni_control.kinematics import wrap_angle
 from omni_mj.live.serve.cameras import RobotName
 from omni_mj.live.serve.commands import Refusal
 from omni_mj.live.serve.pitch import Pitch, Placement, label
-from omni_mj.live.wire.simulation_pb2 import SimulatorConfig, SimulatorError, Team, TeleportBall, TeleportRobot
+from omni_mj.live.wire.simulation_pb2 import SimulatorError, Team, TeleportBall, TeleportRobot
 
 MAX_SPEED_M_S, MAX_RATE_RAD_S = 20.0, 100.0  # of a robot that is put down
 MAX_DISTANCE_M = 100.0  # of the ball from the field's centre
 MAX_NUMBER = 15  # of a robot: there are 16 patterns
+REFUSED = {  # fields of a configuration -> code and reason
+    "robot_specs": ("ROBOT_SPECS", "robots are those of their files: start serve with --robot and --set"),
+    "realism_config": ("REALISM", "realism is a scenario's: start serve with --scenario and --set"),
+}
 
 
 def teleport_robots(pitch: Pitch, teleports: Iterable[TeleportRobot]) -> list[SimulatorError]:
@@ -46,18 +50,6 @@ def teleport_ball(pitch: Pitch, ball: TeleportBall) -> None:
     pitch.ball = position
     if ball.vx or ball.vy or ball.vz or ball.z:
         raise Refusal("BALL_LIES", "the ball lies where it is put; it neither rolls nor flies here")
-
-
-def check_config(config: SimulatorConfig) -> list[SimulatorError]:
-    """Return errors for what cannot be configured here."""
-    errors = []
-    if config.robot_specs:
-        reason = "robots are those of their files: start serve with --robot and --set to have others"
-        errors.append(SimulatorError(code="ROBOT_SPECS", message=reason))
-    if config.HasField("realism_config"):
-        reason = "realism is a scenario's: start serve with --scenario and --set to have another"
-        errors.append(SimulatorError(code="REALISM", message=reason))
-    return errors
 
 
 def _name(teleport: TeleportRobot) -> RobotName:

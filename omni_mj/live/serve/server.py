@@ -218,21 +218,22 @@ class Server:
     def _obey_simulator(self, command: SimulatorCommand) -> list[SimulatorError]:
         """Obey a command to the simulator. Return what is refused."""
         self.counts["simulator commands"] += 1
-        config, wishes = command.config, command.control
-        errors = control.check_config(config)
+        errors = list[SimulatorError]()
         handlers: dict[str, Callable[[Any], None]] = {
             "geometry": self._replace_geometry,
             "vision_port": self._send_vision_to,
             "teleport_ball": partial(control.teleport_ball, self.pitch),
             "simulation_speed": self._change_speed,
         }
-        for field, value in config.ListFields() + wishes.ListFields():
-            if field.name in handlers:
-                try:
+        for field, value in command.config.ListFields() + command.control.ListFields():
+            try:
+                if field.name in control.REFUSED:
+                    raise Refusal(*control.REFUSED[field.name])
+                if field.name in handlers:
                     handlers[field.name](value)
-                except Refusal as refusal:
-                    errors.append(refusal.error)
-        return errors + control.teleport_robots(self.pitch, wishes.teleport_robot)
+            except Refusal as refusal:
+                errors.append(refusal.error)
+        return errors + control.teleport_robots(self.pitch, command.control.teleport_robot)
 
     def _replace_geometry(self, geometry: Geometry) -> None:
         try:
