@@ -39,10 +39,9 @@ class RobotSightings:
         """Add a detection."""
         for colour in get_args(Colour):
             for robot in team_robots(detection, colour):
-                if robot.HasField("robot_id") and robot.HasField("orientation"):
-                    self.cameras.add(detection.camera_id)
-                    by_camera = self._robots[colour, robot.robot_id]
-                    by_camera.setdefault(detection.camera_id, deque(maxlen=MAX_STORED)).append(robot_pose(robot))
+                self.cameras.add(detection.camera_id)
+                by_camera = self._robots[colour, robot.robot_id]
+                by_camera.setdefault(detection.camera_id, deque(maxlen=MAX_STORED)).append(robot_pose(robot))
 
     def ids(self, colour: Colour) -> list[int]:
         """Return the numbers of a team's robots in order."""

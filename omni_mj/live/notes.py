@@ -3,8 +3,6 @@
 from collections import Counter
 from collections.abc import Callable
 
-MANY = 20  # of what is worth to be told each time, until there is no end of it
-
 
 class Notes:
     """Counts what happens, by its kind, and tells the first of each kind.
@@ -21,8 +19,9 @@ class Notes:
         self.counts: Counter[str] = Counter()
 
     def add(self, kind: str, text: str, *, always: bool = False) -> None:
-        """Count one; its text is told if it is the first of its kind, or, if always, among the first `MANY`."""
+        """Count an event, and tell it if it is the first of its kind, or always."""
         self.counts[kind] += 1
-        last = MANY if always else 1
-        if self.counts[kind] <= last:
-            self._tell(text if self.counts[kind] < last else f"{text}; more of this kind are counted only")
+        if always:
+            self._tell(text)
+        elif self.counts[kind] == 1:
+            self._tell(f"{text}; more of this kind are counted only")

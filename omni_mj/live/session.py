@@ -70,14 +70,10 @@ def check(scenario: Scenario, options: Options) -> None:
     """
     distributions.refuse(scenario.distributions, "drive")
     errors, ids, places = [], options.ids, len(scenario.settings.world.places)
-    names = [label(kind) for kind in scenario.controllers]
-    if len(names) != 1 or scenario.seeds != 1:
-        errors.append(
-            f"robots have one controller each, and one chance: give one --controller, one seed, not {', '.join(names)}"
-        )
-    for name, kind in zip(names, scenario.controllers, strict=True):
-        if find(kind).knows_truth:
-            errors.append(f"{name} must be given the true pose, which nobody knows of robots outside of this program")
+    (controller,) = scenario.controllers
+    if find(controller).knows_truth:
+        name = label(controller)
+        errors.append(f"{name} must be given the true pose, which nobody knows of robots outside of this program")
     if scenario.settings.fault:
         errors.append(
             "nothing can be made to happen to robots outside of this program: the scenario must have no [[fault]]"

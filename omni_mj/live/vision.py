@@ -21,9 +21,10 @@ UNSEEN_S = 0.25  # for which motion is carried on, and after which a heading may
 MAX_DISTANCE_M = 1e3  # from the field's centre
 
 
-def team_robots(detection: Detection, colour: Colour) -> Sequence[DetectedRobot]:
-    """Return the robots of a team."""
-    return detection.robots_blue if colour == "blue" else detection.robots_yellow
+def team_robots(detection: Detection, colour: Colour) -> list[DetectedRobot]:
+    """Return the robots of a team whose patterns were recognized."""
+    robots = detection.robots_blue if colour == "blue" else detection.robots_yellow
+    return [robot for robot in robots if robot.HasField("robot_id") and robot.HasField("orientation")]
 
 
 def robot_pose(robot: DetectedRobot) -> Array:
@@ -110,7 +111,8 @@ class Vision:
         for i, number in enumerate(self.ids):
             poses = dict[int, Array]()
             for camera, detection in self._fresh.items():
-                candidates = [robot_pose(robot) + ages[camera] * twist[i] for robot in self._robots(detection, number)]
+                robots = [robot for robot in team_robots(detection, self.colour) if robot.robot_id == number]
+                candidates = [robot_pose(robot) + ages[camera] * twist[i] for robot in robots]
                 if plausible := [pose for pose in candidates if self._is_plausible(i, pose)]:
                     expected = np.nan_to_num(self._pose[i, :2])
                     poses[camera] = min(plausible, key=lambda pose: math.dist(pose[:2], expected))
@@ -129,16 +131,6 @@ class Vision:
             captured = self.cameras[number].clock.ours(captured)
             captured = captured if leader is None else self.cameras[leader].clock.theirs(captured)
         return min(max(tick - captured, 0.0), UNSEEN_S)
-
-    def _robots(self, detection: Detection, number: int) -> list[DetectedRobot]:
-        robots = [
-            robot
-            for robot in team_robots(detection, self.colour)
-            if robot.HasField("robot_id") and robot.robot_id == number
-        ]
-        if not all(robot.HasField("orientation") for robot in robots):
-            self._notes.add("no heading", f"vision sees no heading of robot {number}: it needs a pattern")
-        return [robot for robot in robots if robot.HasField("orientation")]
 
     def _is_plausible(self, i: int, pose: Array) -> bool:
         """Return whether a robot can have a pose, whose heading is not that of a mirrored pattern."""
