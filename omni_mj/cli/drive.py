@@ -3,8 +3,8 @@
 import gc
 import json
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +16,9 @@ from omni_mj.cli import complete, console, folders, options
 from omni_mj.cli import run as run_command
 
 if TYPE_CHECKING:
+    from omni_mj.cli.interrupts import Interrupts
     from omni_mj.live.drive import Live
-    from omni_mj.live.notes import Notes
+    from omni_mj.live.link import Link
     from omni_mj.live.session import Options
     from omni_mj.scenarios.scenario import Scenario
 
@@ -116,28 +117,35 @@ def _options(
     return Options(*where, world=velocity == "global", fixed=frozenset(fixed), **others)
 
 
-def _listen(options: "Options", quiet: bool) -> None:
-    """Print what vision sends until somebody ends it."""
+@contextmanager
+def _connected(connection: "Options", failure: str) -> Iterator[tuple["Link", "Interrupts"]]:
+    """Listen to vision until the end of the block. A signal that ends it prints `failure`."""
     from omni_mj.cli.interrupts import Interrupts
-    from omni_mj.live import listen, session
+    from omni_mj.live import session
     from omni_mj.live.notes import Notes
     from omni_mj.studies.outcome import StoppedError
 
-    notes = Notes(_warn)
     with Interrupts() as interrupts:
         try:
-            with session.listening(options, notes, interrupts.check) as link:
-                until = time.monotonic() + (options.duration_s or float("inf"))
-                with suppress(StoppedError):
-                    while (left := until - time.monotonic()) > 0:
-                        link.listen(min(1.0, left))
-                        if not quiet:
-                            robots = link.sightings.describe()
-                            print(f"{len(link.vision.cameras)} cameras, {len(robots)} robots", flush=True)
-                lines = [*listen.describe_cameras(link.vision.cameras), *link.sightings.describe(), *_counts(notes)]
-                print("\n".join(lines))
+            with session.listening(connection, Notes(_warn), interrupts.check) as link:
+                yield link, interrupts
         except StoppedError as stopped:
-            interrupts.end(stopped.reason, "vision had not been listened to for long enough to say anything")
+            interrupts.end(stopped.reason, failure)
+
+
+def _listen(connection: "Options", quiet: bool) -> None:
+    """Print what vision sends until somebody ends it."""
+    from omni_mj.studies.outcome import StoppedError
+
+    with _connected(connection, "vision had not been listened to for long enough to say anything") as (link, _):
+        until = time.monotonic() + (connection.duration_s or float("inf"))
+        with suppress(StoppedError):
+            while (left := until - time.monotonic()) > 0:
+                link.listen(min(1.0, left))
+                if not quiet:
+                    robots = link.sightings.describe()
+                    print(f"{len(link.vision.cameras)} cameras, {len(robots)} robots", flush=True)
+        print("\n".join([*link.sightings.describe(), *_describe(link)]))
 
 
 def _drive(
@@ -148,37 +156,27 @@ def _drive(
     viewers: list[str],
     quiet: bool,
 ) -> None:
-    from omni_mj.cli.interrupts import Interrupts
     from omni_mj.live import report, session
-    from omni_mj.live.listen import describe_cameras
-    from omni_mj.live.notes import Notes
     from omni_mj.measure.result import write
-    from omni_mj.studies.outcome import StoppedError
 
     def show(text: str) -> None:
         if not quiet:
             print(text, flush=True)
 
-    notes = Notes(_warn)
-    with Interrupts() as interrupts:
-        try:
-            with session.listening(connection, notes, interrupts.check) as link:
-                show("\n".join(describe_cameras(link.vision.cameras)))
-                with session.ready(scenario, connection, link, notes) as live:
-                    pace = f"camera {link.leader}" if link.follows_frames else "the clock of this computer"
-                    show(f"robots {', '.join(map(str, live.ids))} at 60 frames a second of {pace}")
-                    gc.collect()
-                    gc.freeze()  # a collection through everything imported would hold up robots
-                    result = run_command.recorded(
-                        live, folder, outputs.record, viewers, interrupts, quiet, "drive", partial(_watch, live, show)
-                    )
-        except StoppedError as stopped:  # before there was anything to record
-            interrupts.end(stopped.reason, "the robots had not begun")
-            raise AssertionError from stopped
+    with _connected(connection, "the robots had not begun") as (link, interrupts):
+        show("\n".join(_describe(link)))
+        with session.ready(scenario, connection, link) as live:
+            pace = f"camera {link.leader}" if link.follows_frames else "the clock of this computer"
+            show(f"robots {', '.join(map(str, live.ids))} at 60 frames a second of {pace}")
+            gc.collect()
+            gc.freeze()  # a collection through everything imported would hold up robots
+            result = run_command.recorded(
+                live, folder, outputs.record, viewers, interrupts, quiet, "drive", partial(_watch, live, show)
+            )
     summary = report.summarize(live)
     write(folder / "link.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
     run_command.shown(result, folder, outputs.draw, quiet)
-    show("\n".join([*report.describe(summary), *describe_cameras(link.vision.cameras), *_counts(notes)]))
+    show("\n".join([*report.describe(summary), *_describe(link)]))
     run_command.ended(result, folder, interrupts)
 
 
@@ -197,7 +195,9 @@ def _warn(text: str) -> None:
     click.echo(f"note: {text}", err=True)
 
 
-def _counts(notes: "Notes") -> list[str]:
-    """Return how often what went wrong did."""
-    counts = ", ".join(f"{kind}: {count}" for kind, count in notes.counts.items())
-    return [f"noted: {counts}"] if counts else []
+def _describe(link: "Link") -> list[str]:
+    """Return a line for each camera, and how often what went wrong did."""
+    from omni_mj.live.listen import describe_cameras
+
+    counts = ", ".join(f"{kind}: {count}" for kind, count in link.vision.notes.counts.items())
+    return describe_cameras(link.vision.cameras) + ([f"noted: {counts}"] if counts else [])

@@ -10,7 +10,6 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_mj.link.radio import Received
 from omni_mj.live.link import SILENT_S, Link, VisionLostError
-from omni_mj.live.notes import Notes
 from omni_mj.live.radio import Command, Radio
 from omni_mj.plants import Plant, Telemetry
 from omni_mj.scenarios.rows import Row
@@ -92,7 +91,6 @@ class Live(Simulation):
         link: Vision's end, listening.
         radio: The robots' end.
         ids: The robots' numbers, one per row.
-        notes: What goes wrong.
         rows: The table of rows, if they are not the scenario's places.
         max_frames: After which it ends, unless its references end before.
 
@@ -110,11 +108,10 @@ class Live(Simulation):
         link: Link,
         radio: Radio,
         ids: Sequence[int],
-        notes: Notes,
         rows: Sequence[Row] | None = None,
         max_frames: float = math.inf,
     ) -> None:
-        self.link, self.ids, self.notes = link, list(ids), notes
+        self.link, self.ids, self.notes = link, list(ids), link.vision.notes
         self._radio, self._max_frames = radio, max_frames
         super().__init__(scenario, rows=rows)
 
@@ -165,7 +162,7 @@ class Live(Simulation):
         way[:, 2] = wrap_angle(way[:, 2])
         if (np.hypot(way[:, 0], way[:, 1]) > NEAR_M).any() or (np.abs(way[:, 2]) > NEAR_RAD).any():
             rows = straight_routes(self.rows, poses, poses + way)
-            Live(self.scenario, self.link, self._radio, self.ids, self.notes, rows).run()
+            Live(self.scenario, self.link, self._radio, self.ids, rows).run()
 
     def _robots(self, start: Array) -> tuple[Plant, See, Exchange]:
         n = len(self.rows)

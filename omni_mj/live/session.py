@@ -116,7 +116,7 @@ def listening(options: Options, notes: Notes, check_stop: Callable[[], None] = l
 
 
 @contextmanager
-def ready(scenario: Scenario, options: Options, link: Link, notes: Notes) -> Iterator[Live]:
+def ready(scenario: Scenario, options: Options, link: Link) -> Iterator[Live]:
     """Bring robots to the start of their routes. They are told to stand when the block ends.
 
     Raises:
@@ -128,7 +128,7 @@ def ready(scenario: Scenario, options: Options, link: Link, notes: Notes) -> Ite
     link.choose_pace(options.pace)
     radio_type = SimulatorRadio if options.radio is None else _find_radio(options.radio)
     both = options.pace != "vision"  # a simulation that waits for commands would take an empty packet for one
-    line = Line(options.commands, options.colour, options.interface, options.world, notes, both)
+    line = Line(options.commands, options.colour, options.interface, options.world, link.vision.notes, both)
     with closing(radio_type(line)) as radio:
         chosen = _displaced(scenario, poses) if options.here else scenario
         measured = link.sightings.noise(options.colour, ids)
@@ -136,10 +136,10 @@ def ready(scenario: Scenario, options: Options, link: Link, notes: Notes) -> Ite
             measured["vision.delay_s"] = link.delay_s
         chosen = _with_measured(chosen, options, measured)
         if DEAD_TIME not in options.fixed:
-            trial = Live(chosen, link, radio, ids, notes, _resting_rows(chosen, poses))
-            chosen = _with_measured(chosen, options, {DEAD_TIME: _dead_time(trial, notes)})
+            trial = Live(chosen, link, radio, ids, _resting_rows(chosen, poses))
+            chosen = _with_measured(chosen, options, {DEAD_TIME: _dead_time(trial)})
         max_frames = np.inf if options.duration_s is None else round(options.duration_s * FRAME_RATE_HZ)
-        live = Live(chosen, link, radio, ids, notes, max_frames=max_frames)
+        live = Live(chosen, link, radio, ids, max_frames=max_frames)
         live.warm_up(poses)
         try:
             live.approach(np.array([reference.poses[0] for reference in live.references]))
@@ -156,7 +156,7 @@ def _resting_rows(scenario: Scenario, poses: Array) -> list[rows.Row]:
     return straight_routes(rows.table(names, [scenario.seed], scenario.settings_of, scenario.robot), poses, poses)
 
 
-def _dead_time(trial: Live, notes: Notes) -> int:
+def _dead_time(trial: Live) -> int:
     """Return frames from a command to its effect, without the wheel loops' lag, by a pulse."""
     try:
         responses = measure_pulse(trial)
@@ -170,7 +170,7 @@ def _dead_time(trial: Live, notes: Notes) -> int:
         )
     latency = float(np.median([response.latency for response in responses]))
     ms = 1e3 * latency / FRAME_RATE_HZ
-    notes.add("pulse", f"robots answer a pulse {latency:.2f} frames later ({ms:.0f} ms)", always=True)
+    trial.notes.add("pulse", f"robots answer a pulse {latency:.2f} frames later ({ms:.0f} ms)", always=True)
     trial.link.restart()
     return max(round(latency - trial.scenario.settings.control.lag_s * FRAME_RATE_HZ), 0)
 

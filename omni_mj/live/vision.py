@@ -47,6 +47,7 @@ class Vision:
 
     Attributes:
         colour, ids: Of the robots that are followed.
+        notes: As given.
         cameras: By number.
         heard_s: When the last frame came (`time.monotonic`), s; minus infinity before.
         age: How long before the last tick robots were seen, shape (n,), s; zero for those that were not.
@@ -56,7 +57,7 @@ class Vision:
     def __init__(self, colour: Colour, ids: Sequence[int], notes: Notes) -> None:
         self.cameras: dict[int, VisionCamera] = {}
         self.heard_s = -math.inf
-        self.colour, self._notes, self._bias_learner = colour, notes, BiasLearner()
+        self.colour, self.notes, self._bias_learner = colour, notes, BiasLearner()
         self.follow(ids)
 
     def follow(self, ids: Sequence[int], poses: Array | None = None) -> None:
@@ -76,7 +77,7 @@ class Vision:
                 return None
             _check(detection)
         except WireError as error:
-            self._notes.add("bad packet", f"a packet from {sender} is skipped: {error}")
+            self.notes.add("bad packet", f"a packet from {sender} is skipped: {error}")
             return None
         number = detection.camera_id
         self.heard_s = arrival
@@ -84,7 +85,7 @@ class Vision:
         restarts = camera.restarts
         is_new = camera.add(detection, arrival)
         if camera.restarts > restarts:
-            self._notes.add("restart", f"the clock of camera {number} began anew", always=True)
+            self.notes.add("restart", f"the clock of camera {number} began anew", always=True)
         if not is_new:
             return None
         self._fresh[number] = detection
@@ -138,10 +139,10 @@ class Vision:
         if not math.isfinite(unseen_s) or np.isnan(expected).any():
             return True
         if math.dist(pose[:2], expected[:2]) > NEAR_M + MAX_SPEED_M_S * unseen_s:
-            self._notes.add("wrong id", f"vision sees robot {self.ids[i]} where it cannot be; it is not believed")
+            self.notes.add("wrong id", f"vision sees robot {self.ids[i]} where it cannot be; it is not believed")
             return False
         if unseen_s <= UNSEEN_S and abs(wrap_angle(pose[2] - expected[2])) > MIRRORED_RAD:
-            self._notes.add("mirrored", f"vision sees robot {self.ids[i]} the wrong way round; it is not believed")
+            self.notes.add("mirrored", f"vision sees robot {self.ids[i]} the wrong way round; it is not believed")
             return False
         return True
 

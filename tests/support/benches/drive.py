@@ -57,9 +57,8 @@ def on_wire(controller: str | type[Controller], **sections: object) -> Scenario:
 
 
 def driven(chosen: Scenario, options: Options) -> Live:
-    notes = Notes()
     session.check(chosen, options)
-    with session.listening(options, notes) as link, session.ready(chosen, options, link, notes) as live:
+    with session.listening(options, Notes()) as link, session.ready(chosen, options, link) as live:
         live.run()
     return live
 
