@@ -79,24 +79,6 @@ def write(tables: "Iterable[pa.Table]", path: Path) -> None:
             writer.write_table(each)
 
 
-def join(parts: Sequence[Path], path: Path) -> None:
-    """Make one file of several with the same columns, of which a few at a time are in memory.
-
-    Raises:
-        OmniError, OSError: as of `read` and `write`; the parts stay.
-    """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    held: list[pa.Table] = []
-    with whole(path) as file, pq.ParquetWriter(file, schema(parts[0]), compression="zstd") as table:
-        for part in parts:
-            held.append(read(part))
-            if part is parts[-1] or sum(each.num_rows for each in held) >= GROUP_ROWS:
-                table.write_table(pa.concat_tables(held))
-                held.clear()
-
-
 @contextmanager
 def _opened(path: Path) -> "Iterator[pa.NativeFile]":
     """A file to read; what is wrong with it is a line.

@@ -188,7 +188,12 @@ def document(entries: Mapping[str, Entry], head: Mapping[str, Any]) -> dict[str,
 def versions() -> dict[str, str]:
     """Versions of Python and of the packages that decide the result."""
     names = "omni-mj", "mujoco", "numpy", "scipy", "rerun-sdk", "pyarrow", "piqp", "jax"  # the last two are extras
-    return {"python": platform.python_version()} | {name: found for name in names if (found := _version(name))}
+    return {"python": platform.python_version()} | installed(names)
+
+
+def installed(packages: Iterable[str]) -> dict[str, str]:
+    """Return the versions of those packages that are installed."""
+    return {name: found for name in packages if (found := _version(name))}
 
 
 @cache

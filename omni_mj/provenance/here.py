@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 import omni_control
-from omni_mj.measure.summary import versions
-from omni_mj.provenance import modules
+from omni_mj.measure.summary import installed, versions
 from omni_mj.scenarios import models
 
 SOURCE = (".py", ".toml", ".xml")  # suffixes of what a result can depend on
@@ -35,7 +34,7 @@ def differences(recorded: Mapping[str, Any]) -> list[str]:
     for part in ("versions", "source", "machine"):
         ours, theirs = here[part], recorded.get(part) or {}
         if part == "versions":  # what a user's files import is recorded too
-            ours |= modules.installed(theirs.keys() - ours.keys())
+            ours |= installed(theirs.keys() - ours.keys())
         for name in (name for name in dict.fromkeys([*theirs, *ours]) if ours.get(name) != theirs.get(name)):
             before, now = theirs.get(name) or "not recorded", ours.get(name) or "not there"
             source = f"the source of {name} is another than in the run"

@@ -3,14 +3,15 @@
 import ast
 import sys
 import sysconfig
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from functools import cache
-from importlib.metadata import PackageNotFoundError, packages_distributions, version
+from importlib.metadata import packages_distributions
 from pathlib import Path
 from types import ModuleType
 
 import omni_control
+from omni_mj.measure.summary import installed
 
 OURS = ("omni_mj", "omni_control")
 
@@ -37,16 +38,7 @@ def versions(sources: Mapping[str, bytes]) -> dict[str, str]:
     """Versions of the packages of others that sources import: name of the package as it is installed -> version."""
     names = set[str]().union(*map(_imported, sources.values())) - {*sys.stdlib_module_names, *OURS}
     others = {name for name in names if name in sys.modules and not list(_files(name, sys.modules[name]))}
-    return installed(_packages(frozenset(others)))
-
-
-def installed(packages: Iterable[str]) -> dict[str, str]:
-    """Versions of those packages that are installed."""
-    found: dict[str, str] = {}
-    for package in sorted(packages):
-        with suppress(PackageNotFoundError):
-            found[package] = version(package)
-    return found
+    return installed(sorted(_packages(frozenset(others))))
 
 
 @cache

@@ -131,7 +131,7 @@ class _Shelf:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._kept: dict[str, bytes] = {}
-        self._models: dict[Path, dict[str, bytes]] = {}
+        self._models: dict[Path, int] = {}
 
     def put(self, name: str, data: bytes) -> dict[str, str]:
         """Keep a file; where it is in the run's folder, and its hash. Others of its name have a folder each."""
@@ -156,9 +156,7 @@ class _Shelf:
             found = copies(file)
         except (OSError, ValueError) as error:
             return {"name": file.name, "why": f"{file.name} could not be kept: {' '.join(str(error).split())}"}
-        known = list(self._models.values())
-        number = known.index(found) if found in known else len(known)
-        self._models[file] = found
+        number = self._models.setdefault(file, len(self._models))
         shelf = f"model{number + 1}" if number else "model"
         first, *others = (self.put(f"{shelf}/{place}", data) for place, data in found.items())
         return {"name": file.name, **first, "parts": others}

@@ -124,7 +124,7 @@ class TableWriter:
         """Join the parts."""
         self._write_part()
         if self._parts:
-            parquet.join(self._parts, self._path)
+            parquet.write(map(parquet.read, self._parts), self._path)
         for part in self._parts:
             part.unlink()
 
