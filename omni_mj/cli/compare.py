@@ -68,8 +68,8 @@ def command(
     """
     from omni_control.registry import available
     from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.files import write
     from omni_mj.measure import limits
-    from omni_mj.measure.result import write
     from omni_mj.provenance import record
     from omni_mj.show import compare_table
     from omni_mj.studies import compare, cost

@@ -156,8 +156,8 @@ def _drive(
     viewers: list[str],
     quiet: bool,
 ) -> None:
+    from omni_mj.files import write
     from omni_mj.live import report, session
-    from omni_mj.measure.result import write
 
     def show(text: str) -> None:
         if not quiet:

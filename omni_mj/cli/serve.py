@@ -115,8 +115,8 @@ def _record(
     targets: Sequence[str | Path],
 ) -> None:
     """Record what is served in `folder`, and show it in `targets` for rerun, until the end of `stack`."""
+    from omni_mj.files import write
     from omni_mj.live.serve.log import Block, TableWriter, Tape
-    from omni_mj.measure.result import write
     from omni_mj.provenance import record as provenance
 
     sinks, blue, yellow = list[Callable[[Block], None]](), teams["blue"], teams["yellow"]

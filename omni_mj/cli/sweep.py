@@ -116,6 +116,7 @@ def _run(plan: "Plan", folder: Path, quiet: bool, **how: Any) -> None:
 
 def _estimate(plan: "Plan", jobs: "list[Job]") -> str:
     """How much there is to do, and how long one process takes about, from the first frames of a shard."""
+    from omni_mj.studies.cost import duration
     from omni_mj.studies.sweep.study import simulation
 
     trial = simulation(plan, jobs[0])
@@ -126,21 +127,11 @@ def _estimate(plan: "Plan", jobs: "list[Job]") -> str:
     total_s = (time.perf_counter() - started) * plan.frames / TRIAL_FRAMES * len(jobs)
     runs, controllers = sum(len(job.runs) for job in jobs), len(plan.scenario.controllers)
     what = f"{runs} runs of {controllers} controller{'s' * (controllers > 1)} in {_shards(len(jobs))}"
-    return f"{what}: about {_duration(total_s)} and {plan.bytes / 1e9:.1f} GB of memory for one process"
+    return f"{what}: about {duration(total_s)} and {plan.bytes / 1e9:.1f} GB of memory for one process"
 
 
 def _shards(count: int) -> str:
     return f"{count} shard{'s' * (count > 1)}"
-
-
-def _duration(seconds: float) -> str:
-    return (
-        f"{seconds:.0f} s"
-        if seconds < 120
-        else f"{seconds / 60:.0f} min"
-        if seconds < 7200
-        else f"{seconds / 3600:.1f} h"
-    )
 
 
 def _show(found: "Sweep", quiet: bool) -> None:

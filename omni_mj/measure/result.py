@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_mj.files import write as write
+from omni_mj.files import write
 from omni_mj.measure import limits, summary
 from omni_mj.measure.table import table, text
 from omni_mj.scenarios.rows import Row

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 
 from omni_control.errors import OmniError
@@ -35,15 +36,19 @@ class Cost:
 
     def __str__(self) -> str:
         """In words."""
-        time = f"{self.time_s / 60:.0f} min" if self.time_s < 7200 else f"{self.time_s / 3600:.1f} h"
-        return (
-            f"{self.robots} robots of {self.frames} frames take about {self.memory_b / 1e9:.2g} GB of memory and {time}"
-        )
+        memory, time = f"{self.memory_b / 1e9:.2g} GB of memory", duration(self.time_s)
+        return f"{self.robots} robots of {self.frames} frames take about {memory} and {time}"
 
     @property
     def big(self) -> bool:
         """Whether a user should know before."""
         return self.memory_b > TOLD_B or self.time_s > TOLD_S
+
+
+def duration(seconds: float) -> str:
+    """Return a duration as text, in seconds, minutes or hours."""
+    units = ((120, 1, ".0f", "s"), (7200, 60, ".0f", "min"), (inf, 3600, ".1f", "h"))
+    return next(f"{seconds / size:{digits}} {unit}" for most, size, digits, unit in units if seconds < most)
 
 
 def estimate(scenario: Scenario, seeds: int | None = None) -> Cost:

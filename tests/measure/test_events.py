@@ -92,24 +92,25 @@ def test_way_points_are_reached_within_2_cm_and_a_tenth_of_a_radian(reference: d
         assert len(expected) >= 3  # one that keeps no timetable is late
 
 
-def test_a_watch_tells_each_event_once_while_the_log_grows() -> None:
-    """Together those of the whole run: no event depends on what comes after its frame."""
+@pytest.mark.parametrize("block", [1, 7, 30])
+def test_a_watch_reports_each_event_once_while_the_log_grows(block: int) -> None:
+    """The blocks together report what the whole run does: no event depends on later frames, or on the blocks."""
     route = {"waypoints": [[0, 0], [0.4, 0], [0.4, 0.2]], "settle_s": 0}
-    simulation = om.Simulation(om.scenario("rect", plant="planar", reference=route, motor={"limit_c": 25.02}), ["flc"])
-    watches, heard = [], []
+    out = {"kind": "vision-out", "at": 0.4, "for": 0.3}
+    chosen = om.scenario("rect", plant="planar", reference=route, motor={"limit_c": 25.02}, fault=[out])
+    simulation = om.Simulation(chosen, ["flc"])
+    watch, reported = events.Watch(simulation.log, 0), []
 
     def after_frame(frame: int) -> None:
-        if frame == 0:
-            watches.append(events.Watch(simulation.log, 0))
-        if frame % 7 == 0 or frame == simulation.references[0].frames - 1:
-            fresh = watches[0].new()
-            assert all(event.frame <= frame for event in fresh)
-            heard.extend(fresh)
+        if frame % block == 0 or frame == simulation.references[0].frames - 1:
+            new = watch.new()
+            assert all(event.frame <= frame for event in new)
+            reported.extend(new)
 
     simulation.run(after_frame)
     whole = events.of_row(simulation.log, 0)
-    assert {e.kind for e in whole} >= {"temperature", "vision", "way-point"}
-    assert sorted(heard, key=lambda e: (e.frame, e.text)) == sorted(whole, key=lambda e: (e.frame, e.text))
+    assert {e.kind for e in whole} >= {"temperature", "vision", "way-point", "fault"}
+    assert sorted(reported, key=lambda e: (e.frame, e.text)) == sorted(whole, key=lambda e: (e.frame, e.text))
 
 
 def test_faults_and_rows_that_were_stopped_are_events_of_every_row() -> None:

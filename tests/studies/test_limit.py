@@ -122,21 +122,6 @@ def test_poses_are_predicted_as_well_as_can_be() -> None:
     assert off.var() == pytest.approx(before * r / (before + r) + DELAY * q, rel=0.12)
 
 
-def test_the_filter_sees_the_compass_error_of_the_firmware() -> None:
-    """Of a gyro whose bias turns it by 2 degrees in a second; what the filter makes of it is right to a third."""
-    scenario = om.scenario(
-        "rect",
-        plant="planar",
-        physics={"kernel": "numpy"},
-        sensors={"gyro_bias_rad_s": 0.05},
-        reference={"waypoints": [[0, 0], [1.2, 0]], "max_acceleration_m_s2": 1.5, "settle_s": 0},
-    )
-    true, known = bench.compass_errors(scenario, LAG_S)
-    late = slice(len(true) // 2, None)
-    assert np.sqrt((true[late] ** 2).mean()) > 0.005
-    assert np.sqrt(((true - known)[late] ** 2).mean()) < np.sqrt((true[late] ** 2).mean()) / 3
-
-
 def test_a_robot_without_lag_is_inverted_exactly() -> None:
     """With alpha the same for ever, x(k+1) = x(k) + T alpha u(k-D) wants u(k) = (r(k+D+1) - r(k+D)) / (T alpha)."""
     alpha, delay = 0.8, 6

@@ -7,12 +7,10 @@ import numpy as np
 import omni_mj as om
 from omni_control.kinematics import Array
 from omni_control.reference import MotionLimits
-from omni_mj.scenarios.settings import PERIOD_S
-from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.limit.learning import Drives, Learned, Learner, lead, quiet
+from omni_mj.studies.limit.learning import Drives, Learner, quiet
 from omni_mj.studies.limit.model import DepartureModel
 from omni_mj.studies.limit.plan import improve
-from omni_mj.studies.limit.tracking import COMPASS, POSE, Policy, Tracker, _regulator
+from omni_mj.studies.limit.tracking import POSE, Policy, Tracker, _regulator
 from omni_mj.studies.outcome import StoppedError as StoppedError
 from omni_mj.studies.outcome import nothing
 
@@ -53,27 +51,6 @@ def predicted_poses(scenario: om.Scenario, poses: Array, measured: Array, noise:
     for k in range(len(poses) - delay):
         ahead = tracker.predict(measured[k], np.zeros(poses.shape[1]), np.zeros(poses.shape[1:]))
     return ahead[:, POSE]
-
-
-def compass_errors(scenario: om.Scenario, lag_s: float) -> tuple[Array, Array]:
-    """Return the error of the heading that the firmware holds, and the filter's estimate of it, (F, n) rad."""
-    simulation = Simulation(scenario, [Learned], seeds=range(4))
-    poses = simulation.references[0].poses
-    frames, delay = len(poses), scenario.settings.radio.delay_frames
-    commands = np.zeros_like(poses)
-    commands[: frames - 1 - delay] = np.diff(poses, axis=0)[delay:] / PERIOD_S
-    commands, poses = (np.repeat(values[:, None], 4, axis=1) for values in (commands, poses))
-    tracker = Tracker(DepartureModel.prior(frames, delay, lag_s), commands, poses, scenario, [Policy(0.1)] * 4)
-    found: list[Any] = []
-
-    def note(_: int) -> None:
-        plant: Any = simulation.plant
-        held = np.asarray(plant._kernel.state.onboard.loops.heading)
-        found.append((held - plant.pose()[:, 2], tracker._state[:, COMPASS]))
-
-    lead(simulation, tracker, note)
-    errors = np.array(found)
-    return errors[:, 0], errors[:, 1]
 
 
 def learned(scenario: om.Scenario, seeds: list[int], attempts: int) -> tuple[Drives, Array, list[dict[Any, float]]]:
