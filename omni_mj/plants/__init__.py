@@ -50,11 +50,6 @@ class Telemetry:
         return part
 
     @classmethod
-    def empty(cls, n: int, wheels: int) -> "Telemetry":
-        """Room for that of n robots with so many wheels each."""
-        return cls(np.empty((n, _EACH_WHEEL * wheels + len(_SINGLE))))
-
-    @classmethod
     def of(cls, **parts: Array) -> "Telemetry":
         """Of all its parts, by their names."""
         columns = [parts[name] if parts[name].ndim == 2 else parts[name][:, None] for name in NAMES]
@@ -63,7 +58,7 @@ class Telemetry:
     @classmethod
     def of_no_wheels(cls, n: int, wheels: int = 4) -> "Telemetry":
         """That of n robots on a plant that has no wheels, in the columns of a robot that has."""
-        return cls(np.full_like(cls.empty(n, wheels).columns, np.nan))
+        return cls(np.full((n, _EACH_WHEEL * wheels + len(_SINGLE)), np.nan))
 
     def named(self) -> dict[str, Array]:
         """All parts by their names."""

@@ -25,7 +25,6 @@ from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.teams import Follow, assemble
-from omni_mj.worlds.build import kinematics
 from omni_mj.worlds.shape import Shape
 
 _OF_MODEL = {"body", "wheels", "motor", "model", "physics"}  # sections that a key of `mujoco` looks into
@@ -155,7 +154,7 @@ class Simulation:
         self._seen: Seen | None = None
         self._vision: Array | None = None  # until the step
         start = np.array([reference.poses[0] for reference in self.references])
-        geometry = kinematics(self.rows[0].settings.wheels)
+        geometry = self.rows[0].settings.wheels.kinematics
         self.plant, self.camera, self.radio = self._robots(start)
         rolls, wheels = self.plant.geometry is not None, self.plant.telemetry().wheel_angle.shape[1]
         self.team = assemble(self.rows, self._kinds, start, geometry, rolls, self._stop, self._follow)

@@ -19,7 +19,6 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
 from omni_mj.mjcf.roles import Ids, Robot
 from omni_mj.scenarios import models
-from omni_mj.scenarios.robot_settings import WheelSettings
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, Settings
 from omni_mj.worlds import parts, two_rollers
 from omni_mj.worlds.contact import RIGID, STIFFEST, Contact, creeping
@@ -67,17 +66,11 @@ class World:
     loads: Ids
     reach: float
 
-    @property
-    def weight(self) -> float:
-        """Of one robot, N."""
-        return float(self.model.body_subtreemass[self.robots[0].chassis] * -self.model.opt.gravity[2])
-
 
 def world(
     settings: Settings | None = None,
     places: int = 1,
     scene: str = models.SCENE,
-    substeps: int | None = None,
     hulls: bool | None = None,
 ) -> World:
     """A scene with robots of one shape on it, built once.
@@ -86,20 +79,18 @@ def world(
         settings: of the robots; what their `Shape` says counts. [the default robot's]
         places: number of robots.
         scene: name or path of its MJCF file.
-        substeps: physics steps per cycle of the wheel loops. [as in the settings]
         hulls: whether robots meet each other and walls. [if they are several]
 
     Raises:
         OmniError: numbers of which no robot can be made, a robot's or scene's file that lacks a part, or a scene that
             has other solver options than rollers need.
     """
-    return mixed([settings or Settings()] * places, scene, substeps, hulls)[0]
+    return mixed([settings or Settings()] * places, scene, hulls)[0]
 
 
 def mixed(
     settings: Sequence[Settings],
     scene: str = models.SCENE,
-    substeps: int | None = None,
     hulls: bool | None = None,
 ) -> tuple[World, ...]:
     """A scene with robots of any shapes on it, built once: for each shape the same world, with the robots that have it.
@@ -107,7 +98,6 @@ def mixed(
     Args:
         settings: of the robot at each place; what their `Shape` says counts.
         scene: name or path of its MJCF file.
-        substeps: physics steps per cycle of the wheel loops. [as in the first one's settings]
         hulls: whether robots meet each other and walls. [if they are several]
 
     Returns:
@@ -124,13 +114,9 @@ def mixed(
     shapes = [Shape.of(each) for each in settings]
     path = models.scene_path(scene).resolve()
     changed = path.stat().st_mtime_ns  # a file edited since is read again
-    steps, meet = substeps or settings[0].physics.substeps, len(settings) > 1 if hulls is None else hulls
-    return _worlds(tuple((parts.of(shape), shape) for shape in shapes), path, changed, steps, meet)
-
-
-def kinematics(wheels: WheelSettings) -> Kinematics:
-    """Of a robot with these wheels."""
-    return wheels.kinematics
+    meet = len(settings) > 1 if hulls is None else hulls
+    robots = tuple((parts.of(shape), shape) for shape in shapes)
+    return _worlds(robots, path, changed, settings[0].physics.substeps, meet)
 
 
 @lru_cache(maxsize=16)
@@ -167,7 +153,7 @@ def _worlds(
             model=model,
             robots=same,
             standing=standing,
-            kinematics=kinematics(shape.wheels),
+            kinematics=shape.wheels.kinematics,
             wheels=WheelGeometry.of(model, same[0], 2 * np.pi / shape.wheels.rollers),
             pairs=_pairs(model, same),
             loads=_loads(model, same),

@@ -18,7 +18,6 @@ from omni_mj.show.recording.layout import blueprint
 from omni_mj.show.recording.plots import Robot
 from omni_mj.show.recording.sink import Frames, flush, indexes, open_stream
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.worlds.build import kinematics
 
 NUMBER_B = 8  # of a table, before compression
 ERRORS = (events.STOPPED, events.TEMPERATURE, events.BATTERY)
@@ -97,7 +96,7 @@ class Recording:
         references = [simulation.references[robot.row] for robot in self._robots]
         self._paths = [reference.poses for reference in {id(r): r for r in references}.values()]
         self._watches = [events.Watch(log, robot.row) for robot in self._robots]
-        self._tabs = plots.tabs(kinematics(log.rows[0].settings.wheels), log)
+        self._tabs = plots.tabs(log.rows[0].settings.wheels.kinematics, log)
         # Sent when it is flushed and never by the clock, or equal runs would differ in the order of chunks.
         stream = open_stream(rr.ChunkBatcherConfig.NEVER())
         self._connect(stream)
