@@ -48,11 +48,14 @@ PEAKS = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])[:, None, None]
 _CROSSINGS = (PEAKS[1:] + PEAKS[:-1]) / 2
 _LEFT, _RIGHT = np.array([0, 1, 2, 3, 4, 0, 1, 2, 3]), np.array([0, 1, 2, 3, 4, 1, 2, 3, 4])
 _TOP = np.repeat([1.0, 0.5], [5, 4])[:, None, None]
-_AREA = np.array([[0.5, 1, 1, 1, 0.5, *[-0.5] * 4], [-0.25, -0.5, -0.5, -0.5, -0.25, *[0.5] * 4]])[..., None, None]
-_INWARDS = np.array([1.0, 0, 0, 0, -1, 0, 0, 0, 0])[:, None, None] / 24
-_MOMENT = np.concatenate([PEAKS, _CROSSINGS]) * [*_AREA, _AREA[0] * 0]
-_MOMENT += np.array([3.0, -3, 1])[:, None, None, None] * _INWARDS
-_COEFFICIENTS = tuple(_AREA), tuple(_MOMENT)
+_LINEAR, _QUADRATIC, _CUBIC = np.zeros((3, 2, 9, 1, 1))  # coefficients of [area, moment] of the nine triangles
+_LINEAR[0, :, 0, 0] = [0.5, 1, 1, 1, 0.5, *[-0.5] * 4]
+_QUADRATIC[0, :, 0, 0] = [-0.25, -0.5, -0.5, -0.5, -0.25, *[0.5] * 4]
+_LINEAR[1], _QUADRATIC[1] = np.concatenate([PEAKS, _CROSSINGS]) * [_LINEAR[0], _QUADRATIC[0]]
+for _outermost, _inwards in ((0, 1 / 24), (4, -1 / 24)):
+    _LINEAR[1, _outermost] += 3 * _inwards
+    _QUADRATIC[1, _outermost] -= 3 * _inwards
+    _CUBIC[1, _outermost] = _inwards
 
 
 def memberships(values: Array) -> Array:
@@ -64,9 +67,8 @@ def centre_of_gravity(heights: Array) -> Array:
     """Return the centres of gravity (outputs, n) of the union of the sets clipped at heights (5, outputs, n)."""
     # numpy adds up the rows of a table in order, but those of a lone column pairwise: at least two outputs.
     u = np.minimum(np.minimum(heights.take(_LEFT, axis=0), heights.take(_RIGHT, axis=0)), _TOP)
-    (a1, a2), (m1, m2, m3) = _COEFFICIENTS
-    area, moment = (a2 * u + a1) * u, ((m3 * u + m2) * u + m1) * u
-    return np.asarray(np.add.reduce(moment) / np.add.reduce(area))
+    area, moment = np.add.reduce(((_CUBIC * u + _QUADRATIC) * u + _LINEAR) * u, axis=1)
+    return np.asarray(moment / area)
 
 
 @dataclass(frozen=True)

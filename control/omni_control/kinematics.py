@@ -28,11 +28,7 @@ _PAST_HALF_A_TURN = np.nextafter(-np.pi, 0)
 
 def wrap_angle(angle: ArrayLike) -> Array:
     """Return `angle` (rad, any shape) mapped into (-pi, pi]."""
-    return wrapped(np.asarray(angle, float))
-
-
-def wrapped(angle: Array) -> Array:
-    """As `wrap_angle`, of what is a number or an array of numbers already."""
+    angle = np.asarray(angle, float)
     near = angle - 2 * np.pi * np.ceil(angle / (2 * np.pi) - 0.5)
     return np.minimum(np.maximum(near, _PAST_HALF_A_TURN), np.pi)  # rounding may have led just past the ends
 

@@ -17,19 +17,22 @@ class CommandLimits:
     """
 
     def __init__(self, limits: Sequence[MotionLimits], period: float) -> None:
-        table = np.array([[s.speed, s.turn_rate, s.acceleration, s.turn_acceleration] for s in limits])
-        self._highest, self._step = table[:, :2], table[:, 2:] * period
+        speed, turn_rate, acceleration, turn_acceleration = np.array(
+            [[s.speed, s.turn_rate, s.acceleration, s.turn_acceleration] for s in limits]
+        ).T[..., None]
+        self._highest = speed, turn_rate, -turn_rate
+        turn_step = turn_acceleration * period
+        self._step = acceleration * period, turn_step, -turn_step
 
     def __call__(self, command: Array, last: Array) -> Array:
         """Return the commands (n, 3) that may be sent, given those wanted and those sent before."""
-        return last + _clip(_clip(command, self._highest) - last, self._step)
+        return last + _clip(_clip(command, *self._highest) - last, *self._step)
 
 
-def _clip(vector: Array, limit: Array) -> Array:
-    """Return vectors (n, 3) whose translation and turn are at most limits (n, 2)."""
-    clipped = np.empty_like(vector)
-    size, turn = np.hypot(vector[:, 0], vector[:, 1]), limit[:, 1]
-    scale = np.minimum(limit[:, 0] / np.maximum(size, 1e-300), 1.0)
-    np.multiply(vector[:, :2], scale[:, None], out=clipped[:, :2])
-    clipped[:, 2] = np.minimum(np.maximum(vector[:, 2], -turn), turn)
+def _clip(vector: Array, size: Array, turn: Array, turn_back: Array) -> Array:
+    """Return vectors (n, 3) whose translation and turn are at most as large as limits (n, 1)."""
+    clipped = np.minimum(np.maximum(vector, turn_back), turn)
+    translation = vector[:, :2]
+    norm = np.hypot(translation[:, :1], translation[:, 1:])
+    np.multiply(translation, size / np.maximum(norm, size), out=clipped[:, :2])
     return clipped

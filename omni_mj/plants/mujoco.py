@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from mujoco.batch import Batch
 
-from omni_control.kinematics import Array, wrapped
+from omni_control.kinematics import Array, wrap_angle
 from omni_mj.link.radio import Received
 from omni_mj.plants import Telemetry, batches
 from omni_mj.plants.bodies import MujocoBodies
@@ -142,7 +142,7 @@ class MujocoPlant(WheeledPlant):
         self._record = stack_records([drives.record for drives in self._drives])
         self._kernel.run(finish_frame, self._record)
         self._drives.clear()
-        self._heading += wrapped(self.quaternion_heading() - self._heading)
+        self._heading += wrap_angle(self.quaternion_heading() - self._heading)
         toppled = (self._toppled() & ~self._failed).any()
         return self._check() if toppled or np.count_nonzero(self._warnings) else {}
 

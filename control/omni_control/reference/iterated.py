@@ -1,7 +1,7 @@
 """The reference planned anew in every frame from where the robot is (section 3-A, "iteratively updated")."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,16 +17,16 @@ ARRIVAL_RADIUS_M, ARRIVAL_ANGLE_RAD = 0.02, 0.1  # of a way-point, within which 
 class _Plan:
     """What was last answered to n robots, and what the next answer starts from.
 
-    frame: for which it was asked, (n, 3). here, twist: the answer, (n, 3). following: the pose to which it leads, which
-    is the next answer's, (n, 3). goal: index of the way-point (n,). rest: frames still to be spent at the first, (n,).
+    frame: for which it was asked. here, twist: the answer, (n, 3). following: the pose to which it leads, which
+    is the next answer's, (n, 3). goal: index of the way-point (n,). rest: frames still to be spent at the first.
     """
 
-    frame: Array
+    frame: float | Array
     here: Array
     twist: Array
     following: Array
     goal: NDArray[np.intp]
-    rest: NDArray[np.intp]
+    rest: int
 
 
 class IteratedReference:
@@ -35,8 +35,8 @@ class IteratedReference:
     A way-point counts as reached within `arrival_radius` (m) and `arrival_angle` (rad); the robot then turns to the
     next, still slowing down. The first `rest_frames` frames are spent at the first way-point.
 
-    It goes on by a step whenever it is asked for another frame than the last time; a robot that asks for the same frame
-    again is given the same answer.
+    It goes on by a step whenever it is asked for another frame than the last time; robots that ask for the same frame
+    again are given the same answer.
 
     Where a robot must go next, and how much it must turn meanwhile, depends on what disturbs it: so limits are eased
     beforehand until the wheels can do all that is left at once, whatever the directions. Jerk is not limited, since the
@@ -64,9 +64,7 @@ class IteratedReference:
         self.arrival_radius, self.arrival_angle = arrival_radius, arrival_angle
         start = np.repeat(self.waypoints[:1], n, axis=0)
         first = np.minimum(np.ones(n, int), len(waypoints) - 1)
-        self._plan = _Plan(
-            np.full((n, 3), np.nan), start, np.zeros((n, 3)), start, first, np.full(n, rest_frames, int)
-        )  # fmt: skip
+        self._plan = _Plan(np.nan, start, np.zeros((n, 3)), start, first, rest_frames)
 
     def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
         """See `Reference`: the pose expected one frame after the last that was asked for, and the twist from here."""
@@ -83,23 +81,15 @@ class IteratedReference:
         return poses, twists
 
     def _planned(self, last: _Plan, frame: float | Array, pose: Array) -> _Plan:
-        """The plan for `frame`, which for robots whose last one was for this frame is the last."""
-        asked = np.asarray(frame, float)
-        asked = np.broadcast_to(asked[:, None] if asked.ndim == 1 else asked, pose.shape)
-        repeated = (asked == last.frame).all(1)
-        if repeated.all():
+        """Return the plan for `frame`: the last one, if that was for the same frame."""
+        if np.array_equal(frame, last.frame):
             return last
+        frame = np.array(frame, float)
         twist = approach_pose(pose, last.twist, self.waypoints[last.goal], self.limits, self.period)
         offset = self.waypoints[last.goal] - pose
         near = np.hypot(offset[:, 0], offset[:, 1]) < self.arrival_radius
         arrived = near & (np.abs(offset[:, 2]) < self.arrival_angle)
         goal = np.minimum(last.goal + arrived, len(self.waypoints) - 1)
-        again, stays = repeated[:, None], (repeated | (last.rest > 0))[:, None]
-        return _Plan(
-            frame=np.where(again, last.frame, asked),
-            here=np.where(again, last.here, last.following),
-            twist=np.where(stays, last.twist, twist),
-            following=np.where(stays, last.following, pose + twist * self.period),
-            goal=np.where(stays[:, 0], last.goal, goal),
-            rest=np.where(repeated, last.rest, np.maximum(last.rest - 1, 0)),
-        )
+        if last.rest:
+            return replace(last, frame=frame, here=last.following, rest=last.rest - 1)
+        return _Plan(frame, last.following, twist, pose + twist * self.period, goal, 0)

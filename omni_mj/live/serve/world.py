@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from mujoco.batch import Batch
 
-from omni_control.kinematics import Array, world_to_body, wrapped
+from omni_control.kinematics import Array, world_to_body, wrap_angle
 from omni_mj.link.radio import Received
 from omni_mj.live.serve.cameras import CYCLES_PER_FRAME
 from omni_mj.plants import Telemetry, batches
@@ -47,7 +47,7 @@ class Squad(MujocoPlant):
         """Return poses, also between frames, shape (n, 3)."""
         poses = super().pose()
         if self._cycle:
-            poses[:, 2] += wrapped(self.quaternion_heading() - self._heading)
+            poses[:, 2] += wrap_angle(self.quaternion_heading() - self._heading)
         return poses
 
     def place(self, robot: int, pose: Array, twist: Array) -> None:
