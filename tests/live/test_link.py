@@ -13,8 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from serving import LOOPBACK
 
-from omni_control.errors import OmniError
-
 TWIST = np.array([[1.0, -0.5, 2.0]])
 ALLOWED_M = 1e-6  # of numbers that were floats in mm
 JITTER_S = 0.003  # mean of what packets take above the least, exponentially distributed
@@ -146,7 +144,7 @@ def test_a_simulation_that_is_held_is_followed_but_packets_that_were_held_up_are
     assert clock.ours(now + 59 * PERIOD_S) == pytest.approx(now + 2.0 + 59 * PERIOD_S, abs=1e-3)
 
 
-def test_what_cannot_be_listened_to_or_sent_to_is_said_and_nothing_leaves_this_computer_unasked() -> None:
+def test_nothing_leaves_this_computer_unasked() -> None:
     receiver = Receiver(Address("224.5.23.2", 0))
     sender = link.sender()
     assert sender.getsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL) == 0
@@ -156,15 +154,3 @@ def test_what_cannot_be_listened_to_or_sent_to_is_said_and_nothing_leaves_this_c
     assert (data, source.host) == (b"hello", LOOPBACK)
     for each in (receiver, sender):
         each.close()
-    receiver = Receiver(Address(LOOPBACK, 0))
-    with pytest.raises(OmniError, match=f"cannot listen to {receiver.address}.*in use"):
-        Receiver(receiver.address)
-    receiver.close()
-    with pytest.raises(OmniError, match="by the interface"):
-        Receiver(Address("224.5.23.2", 0), "8.8.8.8")
-    assert link.address("127.0.0.1:10301", 1) == Address(LOOPBACK, 10301)
-    for text in (":1", "127.0.0.1:65536", "::1", "a b:1"):
-        with pytest.raises(OmniError, match=r"no address|nobody knows"):
-            link.address(text, 1)
-    with pytest.raises(OmniError, match="--interface"):
-        link.address("192.0.2.1", 1, LOOPBACK)

@@ -63,13 +63,17 @@ def test_bad_packets_are_counted_and_skipped_and_the_rest_is_obeyed() -> None:
         assert server.notes.counts["bad packets"] > 10  # how many come through is up to the system's buffers
 
 
-def test_either_side_is_killed_and_comes_back_and_what_ends_it_ends_it_cleanly() -> None:
+def test_either_side_is_killed_and_comes_back_and_what_ends_it_ends_it_cleanly(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     client = Client()
     with served("--set", FAST, client=client):
         ports = client.ports
         client.ask(1, local(0, 0.5))
     client.commands.sendto(local(0, 0.5), (LOOPBACK, ports[1]))  # to nobody
     with served("--set", FAST, client=client, ports=ports) as process:
+        assert invoke("serve", "--control-port", 0, "--blue-port", ports[1]) == 2
+        assert "in use" in capsys.readouterr().err
         client.close()
         client = Client()  # a team that was started anew: of other ports
         client.ports = ports
@@ -89,6 +93,7 @@ MISTAKES = {
     ("--blue", "1,1"): "which differ and are from 0 to 15",
     ("--plant", "kinematic"): "No such option",
     ("--speed", "-1"): "-1.0 is not in the range 0<=x<=1000",
+    ("--vision", "127.0.0.1:65536"): "is no address",
     ("--vision", "10.0.0.1:10020"): "10.0.0.1 is another computer",
     ("--interface", "203.0.113.1"): "by the interface '203.0.113.1'",
 }

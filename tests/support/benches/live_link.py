@@ -15,7 +15,7 @@ from omni_mj.live.vision import Vision
 
 PERIOD_S = 1 / 60
 Robot = tuple[int, float, float, float]
-address, sender = sockets.address, sockets.sender
+sender = sockets.sender
 
 
 class Camera:
