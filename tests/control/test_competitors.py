@@ -58,8 +58,7 @@ def check_stable(name: str, n: int, delay: int, wrong: int, lag: float, seed: in
     alpha, noise = rng.uniform(0.5, 1.1, (n, 3)), np.zeros((frames, n, 3))
     run = drive(controller, Lagged(start, delay + wrong, lag, alpha), noise)
     # The slowest loop, p with a latency of 11 frames and alpha 0.5, leaves some exp(-0.5 * 2.7 / s * 6 s) = 3e-4 of it.
-    # What is identified returns to the prior, by which robots at rest are off by some millimetres.
-    assert np.abs(run.pose[-1]).max() < (1e-2 if name in IDENTIFYING else 1e-4)
+    assert np.abs(run.pose[-1]).max() < (2e-3 if name in IDENTIFYING else 1e-4)
     assert np.abs(run.pose).max() < 0.2, "none swings out"
 
 
