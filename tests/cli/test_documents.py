@@ -44,9 +44,9 @@ def test_every_block_of_a_document_works(document: str, tmp_path: Path) -> None:
 
 
 def test_files_that_the_documents_name_exist() -> None:
-    """Files of the repository that the texts link or name are there."""
+    """Files of the repository that the texts link or name are there; the change log names those of its time."""
     for path in (
-        *ROOT.glob("*.md"),
+        *(path for path in ROOT.glob("*.md") if path.name != "CHANGELOG.md"),
         *ROOT.glob("docs/*.md"),
         *(ROOT / name / "README.md" for name in ("control", "models")),
     ):
