@@ -81,7 +81,7 @@ def told(settings: Settings, geometry: Kinematics, wheels: bool) -> Told:
         speed_range_m_s=control.speed_range_m_s,
         heading_gain=control.heading_gain,
         alpha_window_frames=control.alpha_window_frames,
-        geometry=geometry if wheels else None,
+        geometry=geometry,
         limits=references.motion_limits(control),
     )
 
