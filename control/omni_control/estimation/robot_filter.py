@@ -48,7 +48,7 @@ EVIDENT_M_S = 0.1  # below it, dry friction may hold a robot, and its parameters
 MAX_BRAKING_M_S2 = 9.81
 # A robot is unresponsive if its motion is less than this share of the commanded one for a while.
 RESPONSE_FRAMES, MIN_RESPONSE, SILENT_FRAMES = 8, 0.3, 5
-DIFFERENCE = 1e-4  # of states, for the Jacobian
+DIFFERENCE = 1e-5  # of states, for the Jacobian
 
 
 class RobotFilter:
@@ -219,10 +219,11 @@ class RobotFilter:
         latency = self.latency[:, None] + (0.0 if late is None else late.behind[:, None])
         shifts = np.array([0, -1, 1])[:, None, None]
         command, sooner, later = sent.felt(np.maximum(latency + shifts, 0))
-        states = np.concatenate([state[None], state + self._perturbed])
+        states = np.concatenate([state[None], state + self._perturbed, state - self._perturbed])
         after = self.step(states, np.broadcast_to(command, (len(states), *command.shape)), period)
+        above, below = np.split(after[1:], 2)
         transition = np.tile(np.eye(SIZE), (len(state), 1, 1))
-        transition[:, :, 2:] = np.moveaxis((after[1:] - after[0]) / DIFFERENCE, 0, -1)
+        transition[:, :, 2:] = np.moveaxis((above - below) / (2 * DIFFERENCE), 0, -1)
         shifted = self.step(state, command + DIFFERENCE * (later - sooner) / 2, period)
         transition[:, :, LATENCY] += (shifted - after[0]) / DIFFERENCE
 
