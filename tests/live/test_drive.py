@@ -10,12 +10,13 @@ import pytest
 from benches.drive import NOBODY, driven, in_process, on_wire, peer, summary
 
 
-@pytest.mark.parametrize(("controller", "delay"), [("comp-flc", 0), ("comp-flc", 4), ("adaptive-comp-flc", 2)])
+@pytest.mark.parametrize(("controller", "delay"), [("comp-flc", 0), ("comp-flc", 4), ("inverse-flc", 2)])
 def test_the_wire_adds_its_delay_and_nothing_else(controller: str, delay: int) -> None:
     """A pulse finds the delay; then errors are those of the in-process loop with as many `delay_frames`.
 
     The pulse leaves the robot turned by some mrad from where its route begins, which the heading hold takes back at 3
-    per second; floats in mm are 0.1 um apart, which the fuzzy controller magnifies. A computer that is busy for a frame
+    per second; floats in mm are 0.1 um apart, which the fuzzy controller magnifies. A controller that learns would learn
+    from that turn, so it is not compared. A computer that is busy for a frame
     holds a command for longer, which is another run; it has three chances to have time.
     """
     for _ in range(3):
@@ -29,7 +30,7 @@ def test_the_wire_adds_its_delay_and_nothing_else(controller: str, delay: int) -
     assert live.log.length == expected.log.length
     for channel in ("ref", "pose", "command"):
         ours, theirs = live.log.channel(channel)[:, 0], expected.log.channel(channel)[:, 0]
-        allowed = {"ref": 0.0, "pose": [2e-4, 2e-4, 2e-3], "command": [2e-3, 2e-3, 2e-2]}[channel]
+        allowed = {"ref": 0.0, "pose": [1e-5, 1e-5, 2e-3], "command": [1e-4, 1e-4, 1e-2]}[channel]
         assert (np.abs(ours - theirs) <= allowed).all(), channel
 
 
