@@ -15,9 +15,9 @@ def test_the_wire_adds_its_delay_and_nothing_else(controller: str, delay: int) -
     """A pulse finds the delay; then errors are those of the in-process loop with as many `delay_frames`.
 
     The pulse leaves the robot turned by some mrad from where its route begins, which the heading hold takes back at 3
-    per second; floats in mm are 0.1 um apart, which the fuzzy controller magnifies. A controller that learns would learn
-    from that turn, so it is not compared. A computer that is busy for a frame
-    holds a command for longer, which is another run; it has three chances to have time.
+    per second; floats in mm are 0.1 um apart, which the fuzzy controller magnifies. A controller that learns would
+    learn from that turn, so it is not compared. A computer that is busy for a frame holds a command for longer, which
+    is another run; it has three chances to have time.
     """
     for _ in range(3):
         with peer("--delay", delay) as options:
