@@ -70,7 +70,6 @@ def command(
     from omni_mj.cli.interrupts import Interrupts
     from omni_mj.files import write
     from omni_mj.measure import limits
-    from omni_mj.provenance import record
     from omni_mj.show import compare_table
     from omni_mj.studies import compare, cost
     from omni_mj.studies.outcome import total_frames
@@ -96,7 +95,7 @@ def command(
         write(folder / "compare.md", compare_table.markdown(result.summary()))
 
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
-        record.begin(folder, "compare", console.command_line(), chosen, trajectories)
+        folders.begin_record(folder, "compare", console.command_line(), chosen, trajectories)
 
         def before_block(simulation: "Simulation") -> "AfterFrame":
             console.quiet_mujoco()

@@ -1,14 +1,17 @@
 """Folders for results: made when needed, never overwritten unasked, and then only what a run of ours left there."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from omni_control.errors import OmniError
 from omni_mj.files import PARTIAL, text_of
+
+if TYPE_CHECKING:
+    from omni_mj.scenarios.scenario import Scenario
 
 PROVENANCE = ("provenance.json", "sources")  # names given by `omni_mj.provenance.record`
 MARKS = {PROVENANCE[0]: ("format", "study", "scenarios"), "identify.json": ("format", "robot")}  # in folders of ours
@@ -112,3 +115,23 @@ def _inside(out: Path, record: Mapping[str, Any]) -> Iterator[str]:
         linked = any((out / parent).is_symlink() for parent in place.parents)
         if place.parts[:1] == (PROVENANCE[1],) and ".." not in place.parts and not linked:
             yield str(place)
+
+
+def begin_record(
+    folder: Path,
+    study: str,
+    command: str | None,
+    scenarios: "Sequence[Scenario]",
+    frames: bool = True,
+    given: Mapping[str, Any] | None = None,
+) -> None:
+    """Write what is about to be run, and a summary of nothing done, which a killed run leaves.
+
+    Args and errors: see `omni_mj.provenance.record.save`.
+    """
+    from omni_mj.measure.result import Outcome, Result
+    from omni_mj.provenance import record
+
+    record.save(folder, study, command, scenarios, frames, given)
+    outcomes = [Outcome.not_run(scenario) for scenario in scenarios]
+    Result(outcomes, scenarios[0].labels, seeds=scenarios[0].seed_list).save_summary(folder)

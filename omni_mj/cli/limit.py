@@ -34,7 +34,6 @@ def command(
 ) -> None:
     """Find out what is possible: without noise, by learning the way; with noise, by feedback along it."""
     from omni_mj.cli.interrupts import Interrupts
-    from omni_mj.provenance import record
     from omni_mj.studies import limit
 
     chosen = choice.load(name)
@@ -42,7 +41,7 @@ def command(
     limit.check(chosen, iterations)
     folder = folders.prepare(out, f"limit-{chosen.name}", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
-        record.begin(folder, "limit", console.command_line(), [chosen], given={"iterations": iterations})
+        folders.begin_record(folder, "limit", console.command_line(), [chosen], given={"iterations": iterations})
         result = limit.limit(
             chosen,
             chosen.seed_list,

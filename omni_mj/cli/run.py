@@ -104,12 +104,11 @@ def recorded(
     """
     from omni_mj.files import write
     from omni_mj.measure.table import table
-    from omni_mj.provenance import record as provenance
     from omni_mj.show import tables
     from omni_mj.studies import run
 
     console.quiet_mujoco()
-    provenance.begin(folder, study, console.command_line(), [simulation.scenario])
+    folders.begin_record(folder, study, console.command_line(), [simulation.scenario])
     write(folder / "scenario.toml", simulation.scenario.to_toml())
     with ExitStack() as stack:
         recordings = _recordings(simulation, folder, record, shown_by)

@@ -38,7 +38,7 @@ class StudyCommand:
         folder = folders.prepare(out, self.name, self.outputs, overwrite)
         asked = record.asked([(scenario.name, scenario) for scenario in chosen])
         with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
-            record.begin(folder, self.name, console.command_line(), chosen, frames=False, given=asked)
+            folders.begin_record(folder, self.name, console.command_line(), chosen, frames=False, given=asked)
             result = self.measure(chosen, lambda *what: console.checked(interrupts.check, begin(*what)))
         with console.writing(folder):
             result.save_files(folder)

@@ -11,7 +11,6 @@ from typing import Any
 from omni_control import controllers as known_controllers
 from omni_control.registry import CONTROLLERS
 from omni_mj.files import whole, write
-from omni_mj.measure.result import Outcome, Result
 from omni_mj.mjcf.files import copies
 from omni_mj.provenance import here, modules
 from omni_mj.scenarios import controllers, plants, resolve, robots, user_files
@@ -63,23 +62,6 @@ def save(
     }  # fmt: skip
     write(folder / FILE, json.dumps(content, indent=2, ensure_ascii=False) + "\n")  # by which the folder is ours
     shelf.write()
-
-
-def begin(
-    folder: Path,
-    study: str,
-    command: str | None,
-    scenarios: Sequence[Scenario],
-    frames: bool = True,
-    given: Mapping[str, Any] | None = None,
-) -> None:
-    """Write what is about to be run, and a summary that says that none of it is done: what a killed run leaves.
-
-    Args and errors: see `save`.
-    """
-    save(folder, study, command, scenarios, frames, given)
-    outcomes = [Outcome.not_run(scenario) for scenario in scenarios]
-    Result(outcomes, scenarios[0].labels, seeds=scenarios[0].seed_list).save_summary(folder)
 
 
 def save_result(folder: Path, study: str, scenarios: Sequence[Scenario], frames: bool) -> None:
