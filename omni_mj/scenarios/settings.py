@@ -152,21 +152,21 @@ class ControlSettings(Checked):
     lag_s: float = setting(
         None,
         "s",
-        "MuJoCo plant: what it believes the lag of the wheel loops to be; by default that of the robot's gains",
+        "MuJoCo plant: what it believes the wheel loops' lag to be; by default that of its gains; 0: not known",
         0,
         1,
     )
     drag_m_s: float = setting(
         None,
         "m/s",
-        "MuJoCo plant: what it believes dry friction may cost of the speed; by default what it costs by these gains",
+        "MuJoCo plant: what it believes dry friction costs of the speed; by default by its gains; 0: not known",
         0,
         1,
     )
     creep_s2_m: float = setting(
         None,
         "s^2/m",
-        "MuJoCo plant: what it believes wheels to creep, forward (TIGERs: 0.038 to 0.06); by default by their law",
+        "MuJoCo plant: what it believes wheels to creep, forward (TIGERs: 0.038 to 0.06); 0: not known",
         0,
         1,
     )

@@ -33,8 +33,8 @@ class Told:
         delay_frames: dead time k_d from command to robot, frames; as far as the team knows it.
         lag_s: time constant of the robots' wheel loops, s; zero: unknown.
         position_noise_m, heading_noise_rad: standard deviation of what vision sees, per axis.
-        drag_m_s: what dry friction may cost the robots of their speed, m/s.
-        creep_s2_m: how much of their speed wheels creep per acceleration, forward, s^2/m: zero: unknown.
+        drag_m_s: what dry friction may cost the robots of their speed, m/s; zero: unknown.
+        creep_s2_m: how much of their speed wheels creep per acceleration, forward, s^2/m; zero: unknown.
         creep_sideways_s2_m: the same sideways. [as the wheels' directions make it of that]
         alpha: what robots reach of a command ahead and aside when they drive steadily: motor correction factors. Who
             knows them knows lag, drag and creep of these robots well too. [not known: 0.7 to 1]

@@ -278,6 +278,5 @@ class RobotFilter:
         commanded, moving = command * rims, self.state[:, VELOCITY] * rims
         self._commanded += ((commanded**2).sum(1) - self._commanded) / RESPONSE_FRAMES
         self._answered += ((commanded * moving).sum(1) - self._answered) / RESPONSE_FRAMES
-        silent = self._answered < MIN_RESPONSE * np.maximum(self._commanded, EVIDENT_M_S**2)
-        silent &= self._commanded > EVIDENT_M_S**2
+        silent = (self._commanded > EVIDENT_M_S**2) & (self._answered < MIN_RESPONSE * self._commanded)
         self._silent = np.where(silent, self._silent + 1, 0)
