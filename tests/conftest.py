@@ -10,8 +10,9 @@ from hypothesis import settings
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
-settings.register_profile("patient", deadline=None)  # time says how busy a computer is
-settings.load_profile("patient")
+# The same examples in each run; no deadline, as time says how busy a computer is.
+settings.register_profile("laws", deadline=None, max_examples=30, derandomize=True)
+settings.load_profile("laws")
 
 
 def pytest_collection() -> None:

@@ -4,7 +4,6 @@ import numpy as np
 from benches.control import AlphaEstimator, Array, CommandsInFlight
 from hypothesis import given
 from hypothesis import strategies as st
-from laws import LAW
 
 T = 1 / 60
 CONFIDENCE_M = 0.02
@@ -30,7 +29,6 @@ def estimate(positions: Array, commands: Array, window: int, delay: int) -> Arra
     return np.array(values)
 
 
-@LAW
 @given(alphas, st.integers(1, 20), st.integers(0, 12), st.integers(0, 2**32 - 1))
 def test_the_error_shrinks_by_the_weight_of_the_old_value(
     alpha: tuple[float, float], window: int, delay: int, seed: int
@@ -49,7 +47,6 @@ def test_the_error_shrinks_by_the_weight_of_the_old_value(
     np.testing.assert_allclose(values, alpha + (1 - np.array(alpha)) * left, rtol=0, atol=1e-12)
 
 
-@LAW
 @given(alphas, st.integers(0, 12), st.floats(0.3, 3), st.floats(0, 2 * np.pi))
 def test_a_constant_factor_is_found_exactly(
     alpha: tuple[float, float], delay: int, speed: float, direction: float
@@ -66,7 +63,6 @@ def test_a_constant_factor_is_found_exactly(
     np.testing.assert_allclose(values[-1, 0], alpha, rtol=0, atol=4e-12)
 
 
-@LAW
 @given(st.integers(0, 6), st.integers(0, 2**32 - 1))
 def test_at_standstill_the_estimate_keeps_its_value(delay: int, seed: int) -> None:
     """A robot that was told to stand teaches nothing: not even vision errors of 5 mm move the value learned before."""

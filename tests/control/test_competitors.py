@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from benches.control import CONTROLLERS, find, make
 from closed_loop import Lagged, T, commands_for, drive, seen_at
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from laws import FEW, FEWER
 from ways import KINDS, LIMITS, REST, TIMED, along, told
 
 from omni_control import TimedReference
@@ -32,7 +31,7 @@ of_other_robots = given(
 
 
 @each_linear
-@FEW
+@settings(max_examples=12)
 @of_other_robots
 def test_stable_on_robots_that_are_weaker_and_slower_or_faster_than_told(
     name: str, delay: int, wrong: int, lag: float, seed: int
@@ -41,7 +40,7 @@ def test_stable_on_robots_that_are_weaker_and_slower_or_faster_than_told(
 
 
 @each_identifying
-@FEWER
+@settings(max_examples=5)
 @of_other_robots
 def test_those_that_identify_are_stable_on_them_too(name: str, delay: int, wrong: int, lag: float, seed: int) -> None:
     check_stable(name, 2 if name == "mpc" else 10, delay, wrong, lag, seed)  # programs are solved one by one

@@ -7,9 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from benches.control import CURVES, Array, Curve, CurveReference
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from laws import FEW, LAW
 from routes import T, assert_keeps, curves, limits, smooth_limits
 from scipy.integrate import quad, solve_ivp
 
@@ -28,7 +27,6 @@ def drive(shape: str, size: tuple[float, float], limit: MotionLimits, laps: int 
 # --- where ---
 
 
-@LAW
 @given(shapes, sizes, limits, st.integers(1, 3))
 def test_every_pose_is_on_the_curve(shape: str, size: tuple[float, float], limit: MotionLimits, laps: int) -> None:
     """The curve's equation without its parameter holds: an ellipse, and the quartic of Gerono's lemniscate."""
@@ -39,7 +37,6 @@ def test_every_pose_is_on_the_curve(shape: str, size: tuple[float, float], limit
     np.testing.assert_allclose(equation[shape], 0, rtol=0, atol=1e-13)
 
 
-@LAW
 @given(shapes, sizes, limits, st.integers(1, 3))
 def test_the_heading_follows_the_path(shape: str, size: tuple[float, float], limit: MotionLimits, laps: int) -> None:
     """Square to the gradient of the curve's equation, and ahead; a circle turns once a lap, an eight not at all."""
@@ -57,7 +54,7 @@ def test_the_heading_follows_the_path(shape: str, size: tuple[float, float], lim
 # --- how fast ---
 
 
-@FEW
+@settings(max_examples=12)
 @given(curves, limits | smooth_limits, st.integers(1, 2), st.booleans())
 def test_a_drive_keeps_its_limits(curve: Curve, limit: MotionLimits, laps: int, tangent: bool) -> None:
     """Along and across the path, with the ellipse and without, facing ahead or along it, whatever limit counts."""
@@ -70,7 +67,6 @@ def assert_takes(poses: Array, seconds: float, tolerance: float) -> None:
     assert seconds * (1 - tolerance) <= frames * T <= seconds * (1 + tolerance) + 2 * T
 
 
-@LAW
 @given(st.floats(0.2, 3), st.floats(0.3, 4), st.floats(0.3, 6), st.integers(1, 3))
 def test_a_circle_takes_the_closed_form_time(radius: float, speed: float, acceleration: float, laps: int) -> None:
     """Speeding up on a circle, v^2 = a r sin(2 s / r), until that is at its top or v at its limit; then uniform."""

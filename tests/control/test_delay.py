@@ -5,7 +5,6 @@ import pytest
 from benches.control import Array, CommandsInFlight, OmniError, compensation
 from hypothesis import given
 from hypothesis import strategies as st
-from laws import LAW
 
 from omni_control import Seen
 
@@ -37,7 +36,6 @@ def test_frame_by_frame_table_of_three_frames_dead_time() -> None:
         assert compensation(flying, np.ones((1, 3)), 1.0).tolist() == [[distance, 0, -distance]]
 
 
-@LAW
 @given(st.integers(0, 12), st.integers(0, 20), st.integers(1, 4), st.integers(0, 2**32 - 1))
 def test_the_compensated_pose_is_where_the_plant_will_be(delay: int, spare: int, n: int, seed: int) -> None:
     """Equation 7, x(k+1) = x(k) + alpha T u(k - k_d), reaches in k + k_d what equation 10 predicts in frame k."""
@@ -60,7 +58,6 @@ def test_the_compensated_pose_is_where_the_plant_will_be(delay: int, spare: int,
 # --- latencies that need not be whole, nor the same for all robots and axes ---
 
 
-@LAW
 @given(st.lists(st.integers(0, 96), min_size=6, max_size=6), st.integers(0, 2**32 - 1))
 def test_what_is_felt_is_what_a_fine_clock_says(eighths: list[int], seed: int) -> None:
     """A robot that obeys, in each eighth of a frame, what was commanded a latency of so many eighths before."""

@@ -6,7 +6,6 @@ from benches.control import Array, vision_filter
 from driven import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, driven, filtered
 from hypothesis import given
 from hypothesis import strategies as st
-from laws import LAW
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -38,7 +37,6 @@ def textbook(measured: Array, displacement: Array, start: float, noise: float, w
     return dict(zip(("pose", "twist", "drift", "sigma", "normalised"), np.array(said).T, strict=True))
 
 
-@LAW
 @given(seeds, st.floats(0, 0.9))
 def test_it_is_the_textbooks_kalman_filter(seed: int, missed: float) -> None:
     """With the process noise as it is stated: pose, twist, drift, sigma and innovations, gaps included, to 1e-9."""
@@ -51,7 +49,6 @@ def test_it_is_the_textbooks_kalman_filter(seed: int, missed: float) -> None:
             np.testing.assert_allclose(said[name][:, 1, axis], values, rtol=1e-9, atol=1e-9, err_msg=name)
 
 
-@LAW
 @given(seeds, st.floats(0, 0.9))
 def test_a_perfect_robot_seen_perfectly_is_tracked_exactly(seed: int, missed: float) -> None:
     """What does as told surprises nobody: poses are the true ones, seen or not, the drift is nought."""
@@ -66,7 +63,6 @@ def test_a_perfect_robot_seen_perfectly_is_tracked_exactly(seed: int, missed: fl
     np.testing.assert_allclose(said["twist"], displacement / T, rtol=0, atol=1e-11)
 
 
-@LAW
 @given(st.floats(-np.pi, np.pi), st.floats(-20, 20))
 def test_headings_are_followed_over_full_turns(heading: float, rate: float) -> None:
     """Vision reports angles in (-pi, pi]; the filtered heading is the one that an uncut angle would give."""

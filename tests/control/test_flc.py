@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from benches.control import Array, make
 from closed_loop import Equation7, Run, T, drive
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from laws import FEW
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from ways import KINDS, LIMITS, along
@@ -59,7 +58,7 @@ def test_without_dead_time_both_controllers_are_the_same() -> None:
 
 
 @both_references
-@FEW
+@settings(max_examples=12)
 @given(start=starts, delay=st.integers(0, 12))
 def test_compensation_takes_the_dead_time_out_of_the_loop(kind: str, start: tuple[float, ...], delay: int) -> None:
     """The law of the Smith predictor: a perfect robot with dead time does what one without it does k_d frames later.
@@ -76,7 +75,7 @@ def test_compensation_takes_the_dead_time_out_of_the_loop(kind: str, start: tupl
 
 
 @both_references
-@FEW
+@settings(max_examples=12)
 @given(start=starts, delay=st.integers(0, 12), highest=st.floats(0.1, 2))
 def test_predicted_is_the_true_pose_at_the_end_of_the_dead_time(
     kind: str, start: tuple[float, ...], delay: int, highest: float

@@ -6,7 +6,6 @@ import scikit_flc
 from benches.control import LABELS, FuzzyLaw, OmniError, memberships
 from hypothesis import given
 from hypothesis import strategies as st
-from laws import LAW
 from scikit_flc import TABLE_1, TABLE_2, triangles
 
 RANGE_M, SPEED = 0.1, 1.0
@@ -16,7 +15,6 @@ FLC = FuzzyLaw(RANGE_M, SPEED)
 errors = st.tuples(st.floats(-0.15, 0.15), st.floats(-0.15, 0.15))
 
 
-@LAW
 @given(st.floats(-1, 1))
 def test_the_sets_are_the_triangles_of_figure_5(value: float) -> None:
     """The degrees of membership are those of five triangular sets, and sum to one everywhere."""
@@ -39,7 +37,6 @@ def centre(heights: dict[str, float]) -> float:
     return float(moment / area)
 
 
-@LAW
 @given(st.tuples(st.floats(-1.1, 1.1), st.floats(-1.1, 1.1)))
 def test_the_surface_is_exact(error: tuple[float, float]) -> None:
     """The rules of tables 1 and 2, evaluated one by one: on, between and beyond the peaks."""
@@ -70,7 +67,6 @@ def test_the_controller_agrees_with_scikit_fuzzy() -> None:
     np.testing.assert_allclose(FLC(grid), expected, rtol=0, atol=1e-4)
 
 
-@LAW
 @given(errors)
 def test_mirrored_errors_give_mirrored_velocities(error: tuple[float, float]) -> None:
     """The rules treat left and right, forth and back alike: v(-e) = -v(e), and each axis by itself."""
@@ -81,7 +77,6 @@ def test_mirrored_errors_give_mirrored_velocities(error: tuple[float, float]) ->
     np.testing.assert_allclose(FLC([-x, y]), [-vx, vy], rtol=0, atol=1e-14)
 
 
-@LAW
 @given(errors)
 def test_the_correction_points_back_to_the_reference(error: tuple[float, float]) -> None:
     """Each velocity has the sign of its own error, and is zero without one, whatever the other error is."""
@@ -90,7 +85,6 @@ def test_the_correction_points_back_to_the_reference(error: tuple[float, float])
         assert v * e > 0 if abs(e) > 1e-9 else abs(v) < 1e-6
 
 
-@LAW
 @given(errors, st.floats(1e-3, 0.1))
 def test_a_larger_error_is_never_corrected_more_slowly(error: tuple[float, float], more: float) -> None:
     """The velocity of an axis does not fall while its own error grows and the other stays."""
@@ -98,7 +92,6 @@ def test_a_larger_error_is_never_corrected_more_slowly(error: tuple[float, float
     assert FLC([error[0] + more, error[1]])[0] >= FLC(error)[0] - 1e-14
 
 
-@LAW
 @given(errors)
 def test_velocities_saturate_at_five_sixths_of_the_range(error: tuple[float, float]) -> None:
     """The outermost set is a half triangle of width 1/2, whose centre of gravity lies 1/6 from its peak at the end."""
@@ -106,7 +99,6 @@ def test_velocities_saturate_at_five_sixths_of_the_range(error: tuple[float, flo
     assert np.abs(FLC(error)).max() <= 5 / 6 + 1e-14
 
 
-@LAW
 @given(errors, st.floats(0.01, 1), st.floats(0.1, 4))
 def test_the_ranges_only_scale_the_axes(error: tuple[float, float], range_m: float, speed: float) -> None:
     """Velocity over its range is one function of error over its range."""

@@ -6,7 +6,6 @@ import numpy as np
 from benches.control import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 from hypothesis import example, given
 from hypothesis import strategies as st
-from laws import LAW
 
 EPS = float(np.finfo(float).eps)
 
@@ -35,7 +34,6 @@ def test_wheel_speeds_of_pure_motions_are_those_of_the_unit_circle() -> None:
         np.testing.assert_allclose(ROBOT.wheel_speeds(twist), np.array(rim) / RADIUS, rtol=0, atol=1e-13)
 
 
-@LAW
 @given(robots, twists)
 def test_a_wheel_rolls_at_the_velocity_of_its_contact_point(robot: Kinematics, twist: tuple[float, ...]) -> None:
     """Rigid body in the complex plane: the point p moves at v + i w p, and the wheel drives along i p / |p|."""
@@ -46,7 +44,6 @@ def test_a_wheel_rolls_at_the_velocity_of_its_contact_point(robot: Kinematics, t
     np.testing.assert_allclose(robot.wheel_speeds(twist), rim / robot.radius, rtol=0, atol=2e-12)
 
 
-@LAW
 @given(robots, st.tuples(*[st.floats(-300, 300)] * 4))
 def test_slipping_wheels_give_the_least_squares_twist(robot: Kinematics, speeds: tuple[float, ...]) -> None:
     """Four wheels over-determine three unknowns; an independent solver finds the same best fit."""
@@ -57,7 +54,6 @@ def test_slipping_wheels_give_the_least_squares_twist(robot: Kinematics, speeds:
     np.testing.assert_allclose(robot.body_twist(speeds), best, rtol=0, atol=1e-11)
 
 
-@LAW
 @given(twists, angles)
 def test_the_world_frame_is_a_rotation_of_the_body_frame(twist: tuple[float, ...], heading: float) -> None:
     """A planar vector turned by phi is its product with exp(i phi); the turn rate is the same in both frames."""
@@ -68,7 +64,6 @@ def test_the_world_frame_is_a_rotation_of_the_body_frame(twist: tuple[float, ...
     np.testing.assert_allclose(world_to_body(twist, heading), [back.real, back.imag, twist[2]], rtol=0, atol=4e-15)
 
 
-@LAW
 @given(angles)
 @example(np.pi)
 @example(-np.pi)

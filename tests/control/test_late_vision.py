@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from benches.control import AdaptiveCompFlc, Array
 from driven import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, driven
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from laws import FEW
 
 from omni_control import Controller, MotionLimits, OmniError, Team, TimedReference, Told
 
@@ -52,7 +51,7 @@ def test_what_is_seen_late_serves_as_well_as_it_can(late: int) -> None:
     assert np.sqrt((ours**2).mean()) < 1.03 * np.sqrt((theirs**2).mean())
 
 
-@FEW
+@settings(max_examples=12)
 @given(st.integers(0, 2**32 - 1), st.floats(0, 0.2))
 def test_a_perfect_robot_seen_late_is_tracked_exactly(seed: int, longest: float) -> None:
     """Images of any age up to 0.2 s, none before the last one's, of robots that move evenly within frames.

@@ -6,7 +6,6 @@ import numpy as np
 from benches.control import CommandLimits
 from hypothesis import given
 from hypothesis import strategies as st
-from laws import LAW
 from numpy.typing import NDArray
 
 from omni_control import MotionLimits
@@ -37,7 +36,6 @@ def speeds(sent: NDArray) -> NDArray:
     return np.hypot(sent[:, 0], sent[:, 1])
 
 
-@LAW
 @given(sequences)
 def test_limits_hold_for_any_sequence(commands: list[tuple[float, float, float]]) -> None:
     sent = played(np.array(commands))
@@ -49,7 +47,6 @@ def test_limits_hold_for_any_sequence(commands: list[tuple[float, float, float]]
     assert (np.abs(steps[:, 2]) <= STEP_RAD_S * ROUNDING + 1e-14).all()
 
 
-@LAW
 @given(st.lists(st.tuples(*[st.floats(-1, 1)] * 3), min_size=1, max_size=40))
 def test_commands_within_the_limits_pass_unchanged(directions: list[tuple[float, float, float]]) -> None:
     # Steps of at most 0.7 of the limit per axis are 0.99 as a vector, and 40 of them stay below both speed limits.

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from benches.control import Array, Lqr
 from closed_loop import Lagged, T, commands_for, drive, seen_at
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from laws import FEW
 from scipy.linalg import solve_discrete_are
 from scipy.signal import cont2discrete
 from ways import KINDS, LIMITS, REST, STRAIGHT, along, told
@@ -77,7 +76,7 @@ def test_its_answer_is_the_optimal_gain_of_the_model_with_dead_time() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@FEW
+@settings(max_examples=12)
 @given(start=starts, delay=delays, lag=st.sampled_from([0.0, 0.02, 0.1]))
 def test_the_dead_time_is_taken_out_of_the_loop(kind: str, start: tuple[float, ...], delay: int, lag: float) -> None:
     """A nominal robot does what one without dead time does, k_d frames later."""

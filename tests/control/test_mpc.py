@@ -6,9 +6,8 @@ import sys
 import numpy as np
 from benches.control import Array, Limits, make, minimize
 from closed_loop import BodyFrame, T, drive, limited
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from laws import FEW
 from scipy import optimize
 
 from omni_control import MotionLimits, TimedReference, Told
@@ -42,7 +41,7 @@ def excess(limits: Limits, robot: int, w: Array) -> Array:
     return np.concatenate([each.ravel() for each in beyond])
 
 
-@FEW
+@settings(max_examples=12)
 @given(seed=st.integers(0, 999))
 def test_programs_are_solved_as_by_another_solver(seed: int) -> None:
     """By sequential quadratic programming, which starts from what is allowed: going on with the last command."""

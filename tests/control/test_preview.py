@@ -3,9 +3,8 @@
 import numpy as np
 from benches.control import Array
 from closed_loop import T
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from laws import FEW, LAW
 
 from omni_control import CURVES, CurveReference, IteratedReference, MotionLimits, Reference, TimedReference
 
@@ -26,7 +25,6 @@ def answers(reference: Reference, frame: float | Array, pose: Array, count: int)
     return np.array(poses), np.array(twists)
 
 
-@LAW
 @given(seeds)
 def test_a_preview_of_what_is_known_in_advance_is_what_is_answered(seed: int) -> None:
     """Bit for bit, for one frame for all robots, one each and one for each component, whole or not, beyond the ends."""
@@ -48,7 +46,7 @@ def disturbed(rng: np.random.Generator, n: int, frames: int, rest: int) -> tuple
     return reference, pose
 
 
-@FEW
+@settings(max_examples=12)
 @given(seeds, st.integers(0, 60), st.integers(0, 30))
 def test_a_preview_of_what_is_planned_anew_is_the_plan_of_now(seed: int, frames: int, rest: int) -> None:
     """What is answered afterwards, if nothing disturbs: at rest, on the way and past way-points; asked before or not.

@@ -8,9 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from benches.control import OmniError
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from laws import FEW, LAW
 from routes import SNAP_M, T, assert_keeps, ellipse_share, fastest_time, limits, paths, poses, smooth_limits
 from ruckig import InputParameter, Ruckig, Trajectory
 
@@ -22,14 +21,12 @@ Path = list[tuple[float, ...]]
 # --- known in advance ---
 
 
-@LAW
 @given(paths, limits | smooth_limits, st.integers(0, 5))
 def test_a_timed_reference_keeps_its_limits(path: Path, limit: MotionLimits, dwell: int) -> None:
     """By the differences of the poses, at corners and ends too, in the body's axes of each frame."""
     assert_keeps(TimedReference(path, limit, T, dwell).poses, limit, 0.0 if limit.jerk else SNAP_M)
 
 
-@LAW
 @given(paths, limits, st.integers(0, 5), st.integers(0, 5))
 def test_a_timed_reference_rests_on_every_way_point(path: Path, limit: MotionLimits, dwell: int, settle: int) -> None:
     """Every way-point is met exactly, in order, with one frame of rest and the dwell; the last also with settling.
@@ -57,7 +54,6 @@ def test_a_timed_reference_rests_on_every_way_point(path: Path, limit: MotionLim
     np.testing.assert_allclose(travelled[:-1], reference.poses[1:], rtol=0, atol=1e-11)
 
 
-@LAW
 @given(poses, poses, limits)
 def test_a_leg_takes_the_closed_form_time(
     start: tuple[float, ...], end: tuple[float, ...], limit: MotionLimits
@@ -79,7 +75,6 @@ def test_a_leg_takes_the_closed_form_time(
     assert abs(frames - fastest / T) <= 2
 
 
-@LAW
 @given(poses, poses, smooth_limits, st.floats(20, 2000))
 def test_a_leg_with_limited_jerk_takes_ruckigs_time(
     start: tuple[float, ...], end: tuple[float, ...], limit: MotionLimits, turn_jerk: float
@@ -101,7 +96,7 @@ def test_a_leg_with_limited_jerk_takes_ruckigs_time(
 # --- planned anew in every frame ---
 
 
-@FEW
+@settings(max_examples=12)
 @given(paths, limits)
 def test_a_perfect_robot_is_led_past_every_way_point_to_rest_on_the_last(path: Path, limit: MotionLimits) -> None:
     """It passes within the arrival radius of each, in order, and ends on the last with nothing left to cover."""
@@ -121,7 +116,6 @@ def test_a_perfect_robot_is_led_past_every_way_point_to_rest_on_the_last(path: P
     np.testing.assert_allclose(twist, 0, atol=1e-12 / T)
 
 
-@LAW
 @given(paths, limits, st.integers(0, 2**32 - 1))
 def test_an_iterated_reference_keeps_its_limits_for_a_disturbed_robot(
     path: Path, limit: MotionLimits, seed: int

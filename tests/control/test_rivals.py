@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from benches.control import NominalRobot, Proportional, Smith, simc_gain
 from closed_loop import Lagged, T, drive
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from laws import FEW, LAW
 from scipy.optimize import brentq
 from scipy.signal import cont2discrete
 from ways import KINDS, LIMITS, REST, STRAIGHT, along, told
@@ -17,7 +16,6 @@ starts = st.tuples(st.floats(-0.12, 0.12), st.floats(-0.12, 0.12), st.floats(-1,
 delays, lags = st.integers(0, 9), st.sampled_from([0.0, 1e-4, 0.02, 2 * T, 0.1])
 
 
-@LAW
 @given(delay=delays, lag=st.sampled_from([1e-4, 0.02, 0.1]), seed=st.integers(0, 99))
 def test_the_nominal_robot_is_its_differential_equation_sampled(delay: int, lag: float, seed: int) -> None:
     """Displacement in the last frame, and state at the end of the dead time, are those of scipy's discretisation."""
@@ -80,7 +78,7 @@ def test_p_returns_to_rest_along_the_poles_of_its_loop() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@FEW
+@settings(max_examples=12)
 @given(start=starts, delay=delays, lag=lags)
 def test_smith_takes_the_dead_time_out_of_the_loop(kind: str, start: tuple[float, ...], delay: int, lag: float) -> None:
     """The law of the Smith predictor: a nominal robot does what one without dead time does, k_d frames later."""

@@ -8,7 +8,6 @@ from benches.control import CREEP, DISTURBANCE, GAIN, HEIGHT_M, LAG, LATENCY, Ar
 from benches.creeping import NOISE, WHEELS, Creeping, T
 from hypothesis import given
 from hypothesis import strategies as st
-from laws import LAW
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -23,7 +22,6 @@ def filter_of(told: Told, n: int = 1) -> RobotFilter:
     return RobotFilter(told, n, tuple(NOISE))
 
 
-@LAW
 @given(st.tuples(*[number] * 5))
 def test_a_step_is_the_solution_of_the_law(drawn: tuple[float, ...]) -> None:
     """(tau + g^2 T |v|) v' = u - g v in the body's axes; |v| is that at the beginning of each of many steps."""
@@ -43,7 +41,6 @@ def test_a_step_is_the_solution_of_the_law(drawn: tuple[float, ...]) -> None:
     np.testing.assert_allclose(state[0, :2], true[:2], rtol=0, atol=4e-5)
 
 
-@LAW
 @given(st.tuples(*[number] * 7))
 def test_the_inverse_leads_from_one_velocity_to_another(drawn: tuple[float, ...]) -> None:
     """With all that the law knows, but for friction where motions are slow, and loads that follow the real command."""
@@ -173,7 +170,6 @@ STEP = 0.1  # m/s a frame
 paths = st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=1, max_size=12).map(np.array)
 
 
-@LAW
 @given(paths)
 def test_what_can_be_reached_is_commanded_as_it_is(path: Array) -> None:
     steps = np.diff(path, axis=0, prepend=0.0)
@@ -181,7 +177,6 @@ def test_what_can_be_reached_is_commanded_as_it_is(path: Array) -> None:
     np.testing.assert_array_equal(anticipate(within[:, None], STEP)[0], within[0])
 
 
-@LAW
 @given(st.lists(st.floats(-3, 3), min_size=1, max_size=12), st.floats(0, 7))
 def test_along_a_line_no_command_misses_less(along: list[float], angle: float) -> None:
     path, direction = np.array(along), np.array([math.cos(angle), math.sin(angle)])

@@ -5,7 +5,6 @@ import pytest
 from benches.control import Array, EachReference
 from hypothesis import given
 from hypothesis import strategies as st
-from laws import LAW
 
 from omni_control import OmniError, SampledReference
 
@@ -23,7 +22,6 @@ def between_frames(frame: float) -> Array:
     return np.array([np.interp(frame, np.arange(LAST + 1), column) for column in POSES.T])
 
 
-@LAW
 @given(frames)
 def test_between_frames_a_reference_is_on_the_line_between_them(frame: float) -> None:
     """The pose is linear in the frame, and at rest before the first and after the last."""
@@ -32,7 +30,6 @@ def test_between_frames_a_reference_is_on_the_line_between_them(frame: float) ->
     np.testing.assert_allclose(pose[0], between_frames(frame), rtol=0, atol=2e-14)
 
 
-@LAW
 @given(st.lists(frames, min_size=1, max_size=6))
 def test_each_robot_gets_the_answer_to_its_own_frame(asked: list[float]) -> None:
     """A frame per robot gives, bit for bit, what each robot alone is given for its frame."""

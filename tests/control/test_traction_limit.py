@@ -7,7 +7,6 @@ import pytest
 from benches.control import traction, traction_limits
 from hypothesis import given
 from hypothesis import strategies as st
-from laws import LAW
 
 from omni_control import Kinematics, OmniError
 
@@ -17,7 +16,6 @@ ROBOT = Kinematics(np.radians(AZIMUTHS), ARM, RADIUS)
 frictions, heights = st.floats(0.05, 1.2), st.floats(0, 0.05)
 
 
-@LAW
 @given(frictions, heights)
 def test_of_the_default_wheels_the_limits_are_closed_forms(friction: float, height: float) -> None:
     """The wheels' distances ahead and behind are 1/2 and 1/sqrt 2 of the arm, and share the weight the other way round.

@@ -8,7 +8,6 @@ import pytest
 from benches.control import traction
 from hypothesis import given
 from hypothesis import strategies as st
-from laws import LAW
 from pushing import TIGERS, G, most, vectors, wheels
 
 from omni_control import (
@@ -17,7 +16,6 @@ from omni_control import (
 )
 
 
-@LAW
 @given(wheels, vectors, vectors)
 def test_no_forces_give_more(robot: WheelLimits, asked: tuple[float, ...], travel: tuple[float, ...]) -> None:
     """At so many times the acceleration as forces of single wheels can give at best, the whole friction is needed."""
@@ -36,7 +34,6 @@ def test_pushing_needs_what_traction_says_and_turning_all_wheels_alike() -> None
     assert robot.friction_share(np.array([[0, 0, spun]]), still)[0] == pytest.approx(1)
 
 
-@LAW
 @given(wheels, st.floats(0.3, 6), st.floats(0.3, 6), st.floats(1, 100))
 def test_what_is_spared_for_all_at_once_is_enough_for_each(
     robot: WheelLimits, ahead: float, aside: float, turning: float

@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benches.control import Array
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from laws import FEW
 from pushing import TIGERS, drag, limits, statics, wheels
 from routes import T, paths
 from scipy.optimize import linprog
@@ -46,7 +45,7 @@ def assert_within(robot: WheelLimits, poses: Array) -> None:
     assert np.abs(rims).max(initial=0) <= robot.rim_speed * (1 + 1e-6)
 
 
-@FEW
+@settings(max_examples=12)
 @given(paths, limits, wheels, st.integers(0, 2))
 def test_a_way_stays_within_what_wheels_can(
     path: list[tuple[float, ...]], limit: MotionLimits, robot: WheelLimits, dwell: int
@@ -57,7 +56,7 @@ def test_a_way_stays_within_what_wheels_can(
     assert limit.excess(reference.poses, T) <= 1 + 1e-5
 
 
-@FEW
+@settings(max_examples=12)
 @given(st.sampled_from(list(CURVES)), st.floats(0.7, 1), limits, wheels, st.booleans())
 def test_a_curve_stays_within_what_wheels_can(
     shape: str, length: float, limit: MotionLimits, robot: WheelLimits, tangent: bool

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from benches.link import FRAME_S, fault, watch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import stats
@@ -70,7 +70,6 @@ def test_a_robot_is_seen_the_same_in_any_batch_and_however_long() -> None:
     assert (np.isnan(often) | (often == seldom)).all()
 
 
-@settings(deadline=None, max_examples=30, derandomize=True)
 @given(st.floats(-10, 10), st.floats(-10, 10), st.floats(-100, 100))
 def test_a_sharp_camera_shows_the_pose_with_its_heading_wrapped(x: float, y: float, heading: float) -> None:
     seen, _ = watch(np.array([[[x, y, heading]]]), **SHARP)
@@ -78,7 +77,6 @@ def test_a_sharp_camera_shows_the_pose_with_its_heading_wrapped(x: float, y: flo
     same(seen, np.array([[[x, y, heading]]]))
 
 
-@settings(deadline=None, max_examples=30, derandomize=True)
 @given(st.floats(10, 300), st.floats(0, 0.2), st.floats(0, 0.1))
 def test_an_image_shows_where_the_robot_was_at_its_age(rate: float, delay: float, jitter: float) -> None:
     """Of a straight motion, so that poses between frames are exact; what is not seen has no age."""

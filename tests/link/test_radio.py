@@ -5,16 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 from benches.link import FRAME_S, fault, hold, radio
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import omni_mj as om
 
 SIGMAS = 5  # of a statistic's own spread
-quick = settings(deadline=None, max_examples=30, derandomize=True)
 
 
-@quick
 @given(delay=st.integers(0, 20), robots=st.integers(1, 4), frames=st.integers(1, 60))
 def test_delivered_is_what_was_sent_k_d_frames_ago(delay: int, robots: int, frames: int) -> None:
     """Every command and heading, copies of the sender's; before the first a robot is told to stand, without heading."""
@@ -49,7 +47,6 @@ delays = st.builds(
 )
 
 
-@quick
 @given(st.integers(0, 12), st.lists(delays, max_size=3), st.sampled_from([1, 4]))
 def test_packets_take_the_dead_time_of_the_frame_in_which_they_are_sent(
     delay: int, faults: list[dict[str, Any]], ticks: int
@@ -103,7 +100,6 @@ def test_bursts_are_as_long_and_as_frequent_as_gilbert_and_elliott_say(length: f
         assert found.mean() == pytest.approx(mean, abs=SIGMAS * np.sqrt(mean * (mean - 1) / len(found)))
 
 
-@quick
 @given(st.integers(0, 9), st.integers(1, 9), st.integers(0, 30), st.integers(1, 30))
 def test_packets_that_are_late_or_come_again_come_last_in_their_frame(
     delay: int, k: int, start: int, lasts: int

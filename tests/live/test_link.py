@@ -24,7 +24,7 @@ def moving(time_s: float) -> np.ndarray:
 
 
 @given(age=st.floats(0, 0.04), later=st.floats(0, 0.03), offset=st.floats(-1e3, 1e3))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_detections_are_brought_to_the_tick_from_their_capture(age: float, later: float, offset: float) -> None:
     """Of a robot that drives steadily all poses agree, however old they are, whatever the peer's clock says."""
     camera = Camera(5)
@@ -101,7 +101,7 @@ def fed(offset: float, rate: float, seconds: float, seed: int = 0) -> tuple[Cloc
 
 
 @given(st.floats(-1e6, 2e9), st.floats(0.8, 1.25), st.integers(0, 1000))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_offset_and_rate_of_a_clock_are_found_through_jitter(offset: float, rate: float, seed: int) -> None:
     """Of 15 packets in each quarter of a second the fastest is JITTER_S / 15 late, with as much spread.
 

@@ -53,7 +53,7 @@ def test_what_cannot_be_is_refused_and_the_rest_is_done() -> None:
         assert client.after(b"")["blue", 0][:2] == pytest.approx((-4.0, 3.0), abs=2e-3)
 
 
-@settings(deadline=None, max_examples=15, derandomize=True)
+@settings(max_examples=15)
 @given(st.data())
 def test_whatever_is_teleported_nobody_stands_in_another_and_the_world_goes_on(data: st.DataObject) -> None:
     """Places at random, most of them too near: those that are refused stay where they were."""

@@ -33,7 +33,6 @@ def verdict(of: dict[str, Any], informed: list[str], subject: str | None) -> Any
     return verdicts({"rect": {"results": of, "status": "done"}}, informed, subject)["rect"]
 
 
-@settings(deadline=None, derandomize=True)
 @given(st.lists(st.floats(-10, 10, width=32), min_size=2, max_size=9))
 def test_intervals_and_pairs_are_those_of_students_t(values: list[float]) -> None:
     """scipy computes the same from its own distribution; a rounding error of 1e-9 of the values is allowed."""
@@ -65,7 +64,7 @@ def test_a_spread_counts_what_failed_or_never_settled() -> None:
         assert statistics.spread(np.array(values)) == dict(zip(keys, wanted, strict=True)), values
 
 
-@settings(deadline=None, derandomize=True, max_examples=60)
+@settings(max_examples=60)
 @given(st.lists(st.floats(0, 1), max_size=7))
 def test_holm_is_the_closure_of_bonferroni(p: list[float]) -> None:
     """Of a closed test: one of several is rejected where every set it is in is, by the set's least p times its size."""

@@ -31,7 +31,7 @@ def inertia_about(origin: NDArray, body: tuple[float, NDArray, NDArray]) -> NDAr
     return inertia + mass * (r @ r * np.eye(3) - np.outer(r, r))
 
 
-@hypothesis_settings(deadline=None, max_examples=6, derandomize=True)
+@hypothesis_settings(max_examples=6)
 @given(st.lists(st.tuples(st.floats(0, 20), st.floats(0.001, 0.5)), min_size=1, max_size=3))
 def test_a_load_is_a_point_mass_on_the_chassis(loads: list[tuple[float, float]]) -> None:
     """Mass, first and second moments about the origin are sums over the bodies: they are independent of its axes."""

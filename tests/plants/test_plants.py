@@ -19,7 +19,7 @@ from omni_mj.scenarios.settings import Settings
 # --- kinematic ---
 
 
-@hypothesis_settings(deadline=None, max_examples=50, derandomize=True)
+@hypothesis_settings(max_examples=50)
 @given(alpha=st.floats(0, 2), frames=st.integers(1, 50), seed=st.integers(0, 2**63 - 1), data=st.data())
 def test_with_a_fixed_alpha_equation_7_is_a_sum(alpha: float, frames: int, seed: int, data: st.DataObject) -> None:
     start = np.array([data.draw(st.tuples(*[st.floats(-10, 10)] * 3))])

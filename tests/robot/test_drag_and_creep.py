@@ -16,7 +16,7 @@ ANGLE = st.floats(-4, 4)
 FREE: dict[str, Any] = {"drive": {"roller_friction": 0.0}}
 
 
-@examples(deadline=None, max_examples=40, derandomize=True)
+@examples(max_examples=40)
 @given(ANGLE, ANGLE, st.floats(0.02, 3), st.floats(0, 1), st.floats(-360, 360))
 def test_the_pile_drags_by_the_angle_to_its_fibres(
     way: float, heading: float, speed: float, nap: float, fibres: float

@@ -17,7 +17,7 @@ import omni_mj as om
 ROBOTS = listed("robots")
 DEFAULT = "tigers-v2016"
 angles = st.lists(st.floats(0, 360), min_size=3, max_size=8)
-quick = settings(deadline=None, max_examples=60, derandomize=True)
+quick = settings(max_examples=60)
 
 
 def text_of(robot: str, capsys: pytest.CaptureFixture[str]) -> str:

@@ -211,7 +211,7 @@ VALUES = st.one_of(
 )  # fmt: skip
 
 
-@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.dictionaries(st.deferred(lambda: st.sampled_from(sorted(declared()))), VALUES, min_size=1, max_size=4))
 @example(values={"model.file": "\U00018cd6"})
 def test_any_settings_are_a_scenario_that_reads_back_or_lines(tmp_path: Path, values: dict[str, object]) -> None:

@@ -25,7 +25,7 @@ def write(path: Path, columns: Any) -> Path:
     return path
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(max_examples=60)
 @given(
     separator=st.sampled_from(",;\t"), comma=st.booleans(), encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16"]),
     around=st.sampled_from(["", " "]), quote=st.sampled_from(["", '"']), end=st.sampled_from(["\n", "\r\n"]),
@@ -142,7 +142,7 @@ def test_what_is_no_table_is_one_line(tmp_path: Path) -> None:
         assert str(error.value).count("\n") == 0
 
 
-@settings(deadline=None, max_examples=100, derandomize=True)
+@settings(max_examples=100)
 @given(data=st.one_of(st.binary(max_size=200), st.text(alphabet="time_sx_m,;\t\n0.1-e# \"'", max_size=200)))
 def test_no_content_is_a_traceback(data: bytes | str, tmp_path_factory: pytest.TempPathFactory) -> None:
     """Nothing that is drawn at random is a log, and all of it is refused in a line."""

@@ -145,7 +145,7 @@ def log_or_line(file: Path) -> Log | None:
 WHOLE = game_logs.whole(game_logs.of(*(lambda t, p: (t, {("blue", 1): p}))(*circle(1.0))))
 
 
-@settings(deadline=None, max_examples=40, derandomize=True)
+@settings(max_examples=40)
 @given(cut=st.integers(0, len(WHOLE) - 1), packed=st.booleans())
 def test_a_log_that_is_cut_off_counts_as_far_as_it_goes(
     cut: int, packed: bool, tmp_path_factory: pytest.TempPathFactory
@@ -157,7 +157,7 @@ def test_a_log_that_is_cut_off_counts_as_far_as_it_goes(
     assert found is None or len(found.time) >= 30
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(max_examples=60)
 @given(data=st.data())
 def test_a_damaged_log_is_a_line(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory) -> None:
     """Some bytes are others: it is read all the same, if they are numbers of poses, or there is a line."""
