@@ -4,7 +4,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from benches.loop import motion, study
+from benches.studies import motion, study
 from commands import invoke
 
 MINE = """

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from benches.control import Array, Reference, make
-from benches.creeping import WHEELS, Creeping, T, loop
-from closed_loop import BodyFrame, drive, limited, vision
+from closed_loop import WHEELS, BodyFrame, Creeping, T, drive, limited, loop, vision
 
 from omni_control import Controller, IteratedReference, MotionLimits, Team, TimedReference, Told
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from benches.control import Array, vision_filter
-from driven import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, driven, filtered
+from closed_loop import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, driven, filtered
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -5,8 +5,7 @@ from benches.control import DOUBTED, REPEATED, Array, Gate, make, wrap_angle
 from closed_loop import NOISE, BodyFrame, T, reported, vision
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from playing import play, starts
-from ways import TIMED, along
+from ways import TIMED, along, play, starts
 
 from omni_control import MotionLimits, Team, Told
 

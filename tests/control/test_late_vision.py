@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from benches.control import AdaptiveCompFlc, Array
-from driven import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, driven
+from closed_loop import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, driven
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

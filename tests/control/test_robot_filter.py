@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from benches.control import CREEP, DISTURBANCE, GAIN, HEIGHT_M, LAG, LATENCY, Array, Compliance, RobotFilter, anticipate
-from benches.creeping import NOISE, WHEELS, Creeping, T
+from closed_loop import NOISE, WHEELS, Creeping, T
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp

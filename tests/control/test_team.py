@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from benches.control import CONTROLLERS, Array, CommandLimits, KalmanFilter, make
 from closed_loop import Plant, T, reported
-from playing import TIGHT, Knowing, Straight, noise_of, plant_of, play, starts
-from ways import KINDS, TIMED, along
+from ways import KINDS, TIGHT, TIMED, Knowing, Straight, along, noise_of, plant_of, play, starts
 
 from omni_control import CommandsInFlight, Controller, OmniError, Seen, Team, Told
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from benches.control import Array, make
 from closed_loop import T
-from playing import Knowing, Straight, noise_of, plant_of, play, starts
-from ways import TIMED
+from ways import TIMED, Knowing, Straight, noise_of, plant_of, play, starts
 
 from omni_control import ControllerError, OmniError, Seen, Team, Told
 

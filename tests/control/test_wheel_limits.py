@@ -8,7 +8,7 @@ import pytest
 from benches.control import traction
 from hypothesis import given
 from hypothesis import strategies as st
-from pushing import TIGERS, G, most, vectors, wheels
+from routes import TIGERS, G, most, vectors, wheels
 
 from omni_control import (
     OmniError,

@@ -8,8 +8,7 @@ import pytest
 from benches.control import Array
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pushing import TIGERS, drag, limits, statics, wheels
-from routes import T, paths
+from routes import TIGERS, T, drag, limits, paths, smooth_limits, statics, wheels
 from scipy.optimize import linprog
 
 from omni_control import (
@@ -46,7 +45,7 @@ def assert_within(robot: WheelLimits, poses: Array) -> None:
 
 
 @settings(max_examples=12)
-@given(paths, limits, wheels, st.integers(0, 2))
+@given(paths, limits | smooth_limits, wheels, st.integers(0, 2))
 def test_a_way_stays_within_what_wheels_can(
     path: list[tuple[float, ...]], limit: MotionLimits, robot: WheelLimits, dwell: int
 ) -> None:
@@ -57,7 +56,7 @@ def test_a_way_stays_within_what_wheels_can(
 
 
 @settings(max_examples=12)
-@given(st.sampled_from(list(CURVES)), st.floats(0.7, 1), limits, wheels, st.booleans())
+@given(st.sampled_from(list(CURVES)), st.floats(0.7, 1), limits | smooth_limits, wheels, st.booleans())
 def test_a_curve_stays_within_what_wheels_can(
     shape: str, length: float, limit: MotionLimits, robot: WheelLimits, tangent: bool
 ) -> None:

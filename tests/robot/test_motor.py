@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from benches.motor import MAXON, ROBOTS, RPM, SHEET, sheet
-from benches.robot import FRAME_S, drive_motor, heat_motor
+from benches.robot import FRAME_S, MAXON, ROBOTS, RPM, SHEET, drive_motor, heat_motor, sheet
 from scipy.integrate import solve_ivp
 
 import omni_mj as om

@@ -4,8 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from benches.alpha import NAMES, AlphaResult, Study, conditions
-from benches.studies import StoppedError
+from benches.studies import NAMES, AlphaResult, StoppedError, Study, conditions
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays

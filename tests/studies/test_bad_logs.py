@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from benches.robot_logs import read
+from benches.studies import read
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic import COMMAND, POSE, Columns, Drive, Truth, driven

@@ -7,7 +7,7 @@ from pathlib import Path
 import game_logs
 import numpy as np
 import pytest
-from benches.robot_logs import Log, read
+from benches.studies import Log, read
 from commands import invoke, strict
 from game_logs import EPOCH_S
 from hypothesis import given, settings

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benches import limit as bench
+from benches import studies as bench
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_are
 from scipy.optimize import minimize

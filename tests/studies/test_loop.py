@@ -4,8 +4,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-from benches.loop import STEP, STEP_M, WARM_UP, Drive, LoopResult, loop, margins, measure, motion
-from benches.studies import StoppedError
+from benches.studies import STEP, STEP_M, WARM_UP, Drive, LoopResult, StoppedError, loop, margins, measure, motion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benches.slip import PERIOD_S, PUBLISHED, Move, Settings, fits, law, loads, moves, straight
+from benches.studies import PERIOD_S, PUBLISHED, Move, Settings, fits, law, loads, moves, straight
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray

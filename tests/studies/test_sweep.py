@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from benches import sweep as bench
+from benches import studies as bench
 from commands import invoke
 from distributed import Client, LocalCluster
 

@@ -1,9 +1,11 @@
 """The ways along which tests of controllers drive, and what the controllers are told."""
 
-import numpy as np
-from closed_loop import T
+from typing import Any
 
-from omni_control import IteratedReference, MotionLimits, TimedReference, Told
+import numpy as np
+from closed_loop import BodyFrame, Plant, T, reported, vision
+
+from omni_control import Controller, IteratedReference, MotionLimits, Seen, Team, TimedReference, Told
 from omni_control.kinematics import Array
 from omni_control.reference import Reference
 
@@ -26,3 +28,56 @@ def told(delay: int, lag: float = 0.02, noisy: bool = False) -> Told:
     """What is told of robots with this dead time, frames, and lag, s; vision that is not `noisy` is trusted."""
     noise = (0.0013, 0.01) if noisy else (0.0, 0.0)
     return Told(T, delay, lag, *noise)
+
+
+FRAMES = 14
+TIGHT = MotionLimits(0.25, 3.0, 1.0, 5.0)
+SAID = ("estimate", "predicted", "alpha_hat", "latency_hat")
+
+
+class Straight(Controller):
+    """Drives as the reference does, and notes what it saw."""
+
+    gain: float = 2.0
+
+    def __init__(self, *known: Any) -> None:
+        super().__init__(*known)
+        self.saw: list[Seen] = []
+
+    def command(self, frame: int, seen: Seen) -> Array:
+        self.saw.append(seen)
+        self.predicted = seen.arriving
+        target, speed = self.reference.at(frame, seen.pose)
+        return speed + self.gain * (target - seen.arriving)
+
+
+class Knowing(Straight):
+    """The same with the truth."""
+
+    knows_truth = True
+
+
+def noise_of(n: int, frames: int = FRAMES) -> Array:
+    return vision(np.random.default_rng(0), frames, n, gaps=0.02)
+
+
+def plant_of(start: Array, rows: Any = slice(None)) -> Plant:
+    """Some of robots of which each answers in a way of its own."""
+    rng, n = np.random.default_rng(1), len(start)
+    latency, alpha = rng.integers(6, 16, (n, 1)) / 2 + np.zeros(3), rng.uniform(0.7, 1.1, (n, 3))
+    return BodyFrame(start[rows], latency[rows], alpha[rows], 0.02)
+
+
+def play(team: Team, plant: Plant, noise: Array) -> dict[str, Array]:
+    """Drive, and record what a team commands and says, (frames, n, 3) each."""
+    said: dict[str, list[Array]] = {name: [] for name in ("command", *SAID)}
+    for error in noise:
+        command = team.step(reported(plant.pose + error), (plant.pose, plant.twist))
+        for name, values in said.items():
+            values.append(np.array(command if name == "command" else getattr(team, name)))
+        plant.advance(command)
+    return {name: np.array(values) for name, values in said.items()}
+
+
+def starts(n: int) -> Array:
+    return np.random.default_rng(2).uniform(-0.1, 0.1, (n, 3))

@@ -7,8 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from benches.plant import with_settings
-from plain import arrays
+from benches.plant import arrays, with_settings
 
 from omni_control.errors import OmniError
 from omni_mj.scenarios import models

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from benches.motor import OWN
 from benches.plant import GRAVITY, OUTWARD, RADIUS_M, TANGENTS, mujoco, quiet
+from benches.robot import OWN
 from benches.steps import Tape
 from numpy.typing import NDArray
 

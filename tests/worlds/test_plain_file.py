@@ -4,8 +4,8 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from benches.plant import arrays
 from numpy.typing import NDArray
-from plain import arrays
 
 from omni_mj.robot.motors import Motor
 from omni_mj.scenarios import models

@@ -1,4 +1,5 @@
 """A bench of a team's parts: the internal names of `omni_control` that its tests use."""
+# ruff: noqa: F401
 
 from omni_control.controllers import checked_parameters, find, make, parameters
 from omni_control.controllers.adaptive import AdaptiveCompFlc, anticipate
@@ -24,61 +25,3 @@ from omni_control.reference.curves import CURVES, Curve, CurveReference
 from omni_control.reference.limits import approach, approach_pose, checked_waypoints, stopping_speed
 from omni_control.registry import CONTROLLERS
 from omni_control.traction import traction, traction_limits
-
-__all__ = [
-    "CONTROLLERS",
-    "CREEP",
-    "CURVES",
-    "DISTURBANCE",
-    "DOUBTED",
-    "FRICTION",
-    "GAIN",
-    "HEIGHT_M",
-    "LABELS",
-    "LAG",
-    "LATENCY",
-    "REPEATED",
-    "AdaptiveCompFlc",
-    "AlphaEstimator",
-    "Array",
-    "Clock",
-    "CommandLimits",
-    "CommandsInFlight",
-    "Compliance",
-    "Curve",
-    "CurveReference",
-    "EachReference",
-    "FuzzyLaw",
-    "Gate",
-    "KalmanFilter",
-    "Kinematics",
-    "Limits",
-    "Lqr",
-    "NominalRobot",
-    "OmniError",
-    "Proportional",
-    "Reference",
-    "RobotFilter",
-    "Smith",
-    "anticipate",
-    "approach",
-    "approach_pose",
-    "body_to_world",
-    "checked_parameters",
-    "checked_waypoints",
-    "compensation",
-    "find",
-    "lqr_gain",
-    "make",
-    "memberships",
-    "minimize",
-    "parameters",
-    "simc_gain",
-    "stopping_speed",
-    "traction",
-    "traction_limits",
-    "vision_filter",
-    "vision_gate",
-    "world_to_body",
-    "wrap_angle",
-]

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+import mujoco as mj
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
@@ -188,3 +189,15 @@ def inertias(plant: PlanarPlant) -> tuple[NDArray, NDArray]:
     body = plant.parameters.body
     rims = body.jacobian[:, :, 0]
     return body.inertia[..., 0] / 960, rims @ rims.T / (960 * body.hub_gain[0])
+
+
+def arrays(model: mj.MjModel) -> dict[str, Any]:
+    """Every array and number of a model by name, options included; not names and keyframes."""
+    skipped = ("_", "name", "key_", "nname", "nkey", "nbuffer", "signature")
+    values = {}
+    for owner, prefix in ((model, ""), (model.opt, "opt."), (model.stat, "stat.")):
+        for name in dir(owner):
+            value = getattr(owner, name) if not name.startswith(skipped) else None
+            if isinstance(value, np.ndarray | int | float):
+                values[prefix + name] = value
+    return values

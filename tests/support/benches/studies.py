@@ -1,6 +1,78 @@
-"""How a study that goes on is watched and stopped."""
+"""Bench of the studies: the internal names that their tests use, and the parts of `omni-mj limit` on their own."""
+# ruff: noqa: F401
 
-from omni_mj.measure.result import Outcome as Outcome
-from omni_mj.studies.compare import Watch as Watch
-from omni_mj.studies.outcome import StoppedError as StoppedError
-from omni_mj.studies.outcome import nothing as nothing
+from typing import Any
+
+import numpy as np
+
+import omni_mj as om
+from omni_control.kinematics import Array
+from omni_control.reference import MotionLimits
+from omni_mj.measure.response import NAMES
+from omni_mj.measure.result import Outcome
+from omni_mj.scenarios.settings import PERIOD_S, Settings
+from omni_mj.scenarios.told import loads
+from omni_mj.studies import conditions
+from omni_mj.studies.alpha import AlphaResult
+from omni_mj.studies.alpha_findings import Study
+from omni_mj.studies.compare import Watch
+from omni_mj.studies.identify.logs import Log, read
+from omni_mj.studies.limit.learning import Drives, Learner, quiet
+from omni_mj.studies.limit.model import DepartureModel
+from omni_mj.studies.limit.plan import improve
+from omni_mj.studies.limit.tracking import POSE, Policy, Tracker, _regulator
+from omni_mj.studies.loop import LoopResult, loop, motion, study
+from omni_mj.studies.loop.drive import STEP, STEP_M, WARM_UP, Drive
+from omni_mj.studies.loop.response import margins, measure
+from omni_mj.studies.outcome import StoppedError, nothing
+from omni_mj.studies.slip import fits, law, moves
+from omni_mj.studies.slip.moves import Move, straight
+from omni_mj.studies.slip.published import PUBLISHED
+from omni_mj.studies.sweep import Axis, Plan, Sweep, axes, resume, sensitivity, sweep, workers
+from omni_mj.studies.sweep.cells import median
+from omni_mj.studies.sweep.sensitivity import Design, indices
+
+PRIOR = DepartureModel.prior
+Model = DepartureModel
+FIT = DepartureModel.fit
+
+
+def departures(model: DepartureModel, commands: Array) -> Array:
+    """Return the poses (F, 3) that changes of the commands (F, 3) lead to."""
+    transition, push = model.operators()
+    return np.linalg.solve(transition.toarray(), push @ commands.ravel())[: commands.size].reshape(-1, 3)
+
+
+def planned(model: DepartureModel, limits: MotionLimits, errors: Array) -> tuple[Array, Array]:
+    """Return commands and expected errors (F, n, 3) planned for runs that were sent nothing."""
+    return improve(model, limits, errors, np.zeros_like(errors))
+
+
+def regulator_gains(model: DepartureModel, weight: float) -> Array:
+    """Return the gains (F, 3, 9) on pose, velocity and last command."""
+    return _regulator(model, weight)
+
+
+def predicted_poses(scenario: om.Scenario, poses: Array, measured: Array, noise: float, delay: int) -> Array:
+    """Return the poses (n, 3) predicted, at the end, of robots that push themselves about without being commanded.
+
+    Args:
+        scenario: On the kinematic plant.
+        poses: True ones, (F, n, 3).
+        measured: Poses that vision reports, (F, n, 3).
+        noise: Factor of the filter's process noise.
+        delay: Dead time, frames.
+    """
+    zero = np.zeros_like(poses)
+    policies = [Policy(0.1, noise)] * poses.shape[1]
+    tracker = Tracker(DepartureModel.prior(len(poses), delay, 0.0), zero, zero, scenario, policies)
+    for k in range(len(poses) - delay):
+        ahead = tracker.predict(measured[k], np.zeros(poses.shape[1]), np.zeros(poses.shape[1:]))
+    return ahead[:, POSE]
+
+
+def learned(scenario: om.Scenario, seeds: list[int], attempts: int) -> tuple[Drives, Array, list[dict[Any, float]]]:
+    """Return the best runs, the reference (F, 3) and the history of robots that learn without noise."""
+    learner = Learner(quiet(scenario), seeds, lambda title, frames: nothing)
+    learner.learn(attempts)
+    return learner.best, learner.reference, learner.history
