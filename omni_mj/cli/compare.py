@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from omni_mj.cli import complete, console, folders, options
+from omni_mj.cli import console, folders, options
 
 if TYPE_CHECKING:
     from omni_mj.measure.result import Outcome, Result
@@ -20,7 +20,7 @@ KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet", *fol
 
 @click.command("compare")
 @click.option(
-    "--scenario", "names", metavar="NAME|FILE.toml", multiple=True, shell_complete=complete.scenarios,
+    "--scenario", "names", metavar="NAME|FILE.toml", multiple=True, shell_complete=options.complete("scenarios"),
     help="May be repeated. [all that come with the program, but for the long heat]",
 )  # fmt: skip
 @options.CONTROLLER
@@ -67,7 +67,7 @@ def command(
     Without --controller all that are installed are compared.
     """
     from omni_control.registry import available
-    from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.cli.console import Interrupts
     from omni_mj.files import write
     from omni_mj.measure import limits
     from omni_mj.show import compare_table

@@ -1,6 +1,6 @@
 """What a user sees on the terminal: errors in a line each, progress."""
 
-import errno
+import io
 import os
 import shlex
 import signal
@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from omni_control.errors import OmniError, printable
-from omni_mj.cli import streams
 
 if TYPE_CHECKING:
     from omni_mj.measure.result import Result
@@ -21,36 +20,35 @@ if TYPE_CHECKING:
     from omni_mj.studies.cost import Cost
 
 BAD_INPUT, FAILED = 2, 1
-NO_PATH = (errno.ENAMETOOLONG, errno.ELOOP)  # what no file can be at
-NO_MEMORY = "Could not allocate memory"  # what MuJoCo's compiler says
-LEFT = "left by its terminal"
-ENDED: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}  # what a signal did, in words
-if hasattr(signal, "SIGHUP"):
-    ENDED[signal.SIGHUP] = LEFT
+ENDED = {  # what a signal did, in words
+    signal.SIGINT: "interrupted",
+    signal.SIGTERM: "terminated",
+    signal.SIGHUP: "left by its terminal",
+}
 EVENTS_SHOWN = 5
 MESSAGE = 4000  # characters of a line, at most
-PROGRESS_STEP = 12  # frames from one look of the progress bar to the next
 
 
 def program(command: click.Command) -> NoReturn:
     """Run a click command by what was typed, as a program of its own, and exit; see `invoke`."""
     words = sys.argv[1:]
+    sys.stdout = sys.stdout or io.StringIO()  # one that is closed
     if "film" not in words:  # nothing else draws by MuJoCo, which looks for libraries of windows
         os.environ.setdefault("MUJOCO_GL", "disable")
     invoke(command, words)
 
 
 def invoke(command: click.Command, words: list[str]) -> NoReturn:
-    """Run a click command and exit: 0 on success, 2 for bad input, 1 for a failure; each error is a line on stderr."""
-    streams.attend()
-    for word in words:
-        if not word.isascii() and word.encode(errors="ignore").decode() != word:
-            fail(f"{word!r} is not UTF-8, which names of files and all other words must be", BAD_INPUT)
+    """Run a click command and exit.
+
+    The code is 0 on success, 2 for bad input, 1 for a failure; each error is a line on stderr.
+    """
     name = "omni-mj" if isinstance(command, click.Group) else f"python -m omni_mj.{command.name}"
+    line = f"{name} {shlex.join(words)}"
     try:
-        line = shlex.join([*name.split(), *words])
+        line.encode()
         code = command.main(args=words, prog_name=name, standalone_mode=False, obj=line)
-        sys.stdout.flush()
+        print(end="", flush=True)
     except click.exceptions.Abort:
         fail("interrupted", 130)
     except OmniError as error:
@@ -58,15 +56,17 @@ def invoke(command: click.Command, words: list[str]) -> NoReturn:
     except click.ClickException as error:
         context = getattr(error, "ctx", None)
         message = " ".join(error.format_message().split())
-        fail(message if context is None else f"{message.rstrip('.')}; see {context.command_path} --help", BAD_INPUT)
+        hint = "" if context is None else f"; see {context.command_path} --help"
+        fail(message.rstrip(".") + hint, BAD_INPUT)
+    except BrokenPipeError:  # the reader of the output has gone, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(FAILED)
     except OSError as error:
-        if error.errno in NO_PATH:
-            fail(f"{error.strerror}: {printable(str(error.filename), 100)}", BAD_INPUT)
-        fail(f"{error.filename or 'file system'}: {error.strerror or error}", FAILED)
-    except (MemoryError, ImportError, ValueError) as error:
-        if isinstance(error, ValueError) and NO_MEMORY not in str(error):
-            raise
-        fail(f"there is too little memory, or a library cannot be loaded: {' '.join(str(error).split())}", FAILED)
+        fail(f"{error.filename or 'standard output'}: {error.strerror or error}", FAILED)
+    except UnicodeError:
+        fail("names of files and all other words must be UTF-8", BAD_INPUT)
+    except (MemoryError, ImportError) as error:
+        fail(f"too little memory, or a library cannot be loaded: {error}", FAILED)
     sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -146,40 +146,23 @@ def results(folder: Path, outputs: Iterable[str]) -> str:
 
 @contextmanager
 def progress(quiet: bool) -> Iterator[Callable[[str, int], Callable[[int], None]]]:
-    """Progress bars on stderr.
+    """Show progress bars on stderr.
 
     Yields:
-        A function that begins a bar, given what it is of and how many frames there are; it returns a function that is
-        told each frame's number.
+        A function that begins a bar, given its title and the number of frames; it returns a
+        function that is called with each frame's number.
     """
-    if quiet or not sys.stderr.isatty():
-        yield lambda description, total: lambda frame: None
-        return
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import Progress
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(
-        *columns, TimeElapsedColumn(), TimeRemainingColumn(), console=Console(stderr=True), transient=True
-    ) as display:
+    is_hidden = quiet or not sys.stderr.isatty()
+    with Progress(console=Console(stderr=True), transient=True, disable=is_hidden) as display:
 
-        def begin(description: str, total: int) -> Callable[[int], None]:
+        def begin(title: str, total: int) -> Callable[[int], None]:
             for before in display.task_ids:
                 display.remove_task(before)
-            task = display.add_task(description, total=total)
-
-            def after_frame(frame: int) -> None:
-                if (frame + 1) % PROGRESS_STEP == 0 or frame + 1 == total:
-                    display.update(task, completed=frame + 1)
-
-            return after_frame
+            task = display.add_task(title, total=total)
+            return lambda frame: display.update(task, completed=frame + 1)
 
         yield begin
 
@@ -190,8 +173,6 @@ def writing(folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.filename == streams.OUTPUT:
-            raise
         reason = error.strerror or str(error)
         fail(f"cannot write to {folder}: {reason}; what could be written until then is there", FAILED)
 
@@ -216,3 +197,48 @@ def print_events(entry: Mapping[str, Any]) -> None:
         print(f"note: {event['time_s']:.2f} s, {event['controller']}, seed {event['seed']}: {event['text']}")
     if (more := len(events) - EVENTS_SHOWN) > 0:
         print(f"note: {more} more events are in summary.json")
+
+
+class Interrupts:
+    """Signals as a request that is granted at the next good moment, so that no file is cut off.
+
+    While entered, it remembers the first signal of `ENDED`, unless it is ignored as in a background
+    job. A second one ends the program at once, but for that of a terminal that closes: shell and
+    system may each send it.
+    """
+
+    def __init__(self) -> None:
+        self._received: int = 0
+        self._before: dict[int, Any] = {}
+
+    def check(self) -> None:
+        """Raise `StoppedError` if a signal has come."""
+        from omni_mj.studies.outcome import StoppedError
+
+        if self._received:
+            raise StoppedError(ENDED[signal.Signals(self._received)])
+
+    def end(self, stopped: str | None, left: str) -> None:
+        """End the program with the code of a signal, if one stopped what it did.
+
+        Args:
+            stopped: The reason that a result gives, or None.
+            left: What is said of what there is.
+        """
+        if stopped:
+            fail(f"{stopped}; {left}", 128 + self._received)
+
+    def __enter__(self) -> "Interrupts":
+        used = [number for number in ENDED if signal.getsignal(number) != signal.SIG_IGN]
+        self._before = {number: signal.signal(number, self._remember) for number in used}
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _remember(self, number: int, frame: object) -> None:
+        self._received = number
+        self.__exit__()
+        if number == signal.SIGHUP:
+            signal.signal(number, signal.SIG_IGN)

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from omni_control.errors import OmniError
-from omni_mj.cli import complete, console, folders, options
+from omni_mj.cli import console, folders, options
 from omni_mj.cli import run as run_command
 
 if TYPE_CHECKING:
-    from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.cli.console import Interrupts
     from omni_mj.live.drive import Live
     from omni_mj.live.link import Link
     from omni_mj.live.session import Options
@@ -29,7 +29,9 @@ OUTPUTS = (*run_command.OUTPUTS, "link.json")
 
 @click.command("drive", context_settings={"show_default": True})
 @options.SCENARIO
-@click.option("--controller", metavar="NAME|FILE.py:Class", shell_complete=complete.controllers, default=CONTROLLER)
+@click.option(
+    "--controller", metavar="NAME|FILE.py:Class", shell_complete=options.complete("controllers"), default=CONTROLLER
+)
 @options.ROBOT
 @click.option("--team", "colour", type=click.Choice(["blue", "yellow"]), default="blue")
 @click.option(
@@ -120,7 +122,7 @@ def _options(
 @contextmanager
 def _connected(connection: "Options", failure: str) -> Iterator[tuple["Link", "Interrupts"]]:
     """Listen to vision until the end of the block. A signal that ends it prints `failure`."""
-    from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.cli.console import Interrupts
     from omni_mj.live import session
     from omni_mj.live.notes import Notes
     from omni_mj.studies.outcome import StoppedError

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from omni_control.errors import OmniError
-from omni_mj.cli import complete, console, folders, options
+from omni_mj.cli import console, folders, options
 
 OUTPUTS = ("identify.json", "robot.toml", "plan.toml", *folders.PROVENANCE)
 
@@ -13,7 +13,10 @@ OUTPUTS = ("identify.json", "robot.toml", "plan.toml", *folders.PROVENANCE)
 @click.command("identify")
 @click.argument("logs", metavar="LOG...", nargs=-1, type=click.Path(path_type=Path))
 @click.option(
-    "--robot", metavar="NAME|FILE.toml", shell_complete=complete.robots, help="Which to start from. [tigers-v2016]"
+    "--robot",
+    metavar="NAME|FILE.toml",
+    shell_complete=options.complete("robots"),
+    help="Which to start from. [tigers-v2016]",
 )
 @options.MODEL
 @click.option("--team", type=click.Choice(["yellow", "blue"]), help="Whose robot it is, in game logs.")
@@ -59,7 +62,7 @@ def command(
     if not logs:
         raise OmniError("name at least one log, .csv, .parquet, .log or .log.gz; or --plan, for what to drive")
     from omni_mj.provenance import record
-    from omni_mj.studies.identify.logs import files, of_robot, read
+    from omni_mj.studies.identify.logs import of_robot, read
     from omni_mj.studies.identify.study import of_logs, started
 
     words, start = [of_robot(log, team, number) for log in logs], started(chosen, model)
@@ -71,10 +74,7 @@ def command(
     folder = folders.prepare(file.with_suffix("") if file else out, "identify", OUTPUTS, overwrite)
     with console.writing(folder):
         found.save(folder, file)
-        named = [files(word) for word in words]
-        said = [{"word": word, "files": len(paths)} for word, paths in named]
-        asked, data = {"logs": said, "scenario": start.to_toml()}, [file for _, paths in named for file in paths]
-        record.save(folder, record.IDENTIFIED, console.command_line(), [start], frames=False, given=asked, data=data)
+        record.save(folder, "identify", console.command_line(), [start], frames=False)
     if not quiet:
         print(found.table())
         print(f"results in {folder}/ (identify.json, robot.toml)" + f", the robot in {file}" * (file is not None))

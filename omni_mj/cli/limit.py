@@ -5,13 +5,13 @@ from pathlib import Path
 
 import click
 
-from omni_mj.cli import complete, console, folders, options
+from omni_mj.cli import console, folders, options
 
 OUTPUTS = ("summary.json", "scenario.toml", "trajectory.parquet", "limit.png", *folders.PROVENANCE)
 
 
 @click.command("limit")
-@click.argument("name", metavar="SCENARIO|FILE.toml", shell_complete=complete.scenarios)
+@click.argument("name", metavar="SCENARIO|FILE.toml", shell_complete=options.complete("scenarios"))
 @options.PLANT
 @options.ROBOT
 @options.MODEL
@@ -33,7 +33,7 @@ def command(
     quiet: bool,
 ) -> None:
     """Find out what is possible: without noise, by learning the way; with noise, by feedback along it."""
-    from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.cli.console import Interrupts
     from omni_mj.studies import limit
 
     chosen = choice.load(name)
@@ -41,7 +41,7 @@ def command(
     limit.check(chosen, iterations)
     folder = folders.prepare(out, f"limit-{chosen.name}", OUTPUTS, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
-        folders.begin_record(folder, "limit", console.command_line(), [chosen], given={"iterations": iterations})
+        folders.begin_record(folder, "limit", console.command_line(), [chosen])
         result = limit.limit(
             chosen,
             chosen.seed_list,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from omni_mj.cli import complete, folders, options
+from omni_mj.cli import folders, options
 from omni_mj.cli.study_command import StudyCommand
 
 OUTPUTS = ("summary.json", "scenario.toml", "loop.png", "loop.svg", *folders.PROVENANCE)
@@ -13,11 +13,12 @@ OUTPUTS = ("summary.json", "scenario.toml", "loop.png", "loop.svg", *folders.PRO
 
 @click.command("loop")
 @click.option(
-    "--controller", "controllers", metavar="NAME|FILE.py:Class", multiple=True, shell_complete=complete.controllers,
+    "--controller", "controllers", metavar="NAME|FILE.py:Class", multiple=True,
+    shell_complete=options.complete("controllers"),
     help="May be repeated. [all that come with the program, but for the oracle]",
 )  # fmt: skip
 @click.option(
-    "--scenario", "name", metavar="NAME|FILE.toml", default="rect", shell_complete=complete.scenarios,
+    "--scenario", "name", metavar="NAME|FILE.toml", default="rect", shell_complete=options.complete("scenarios"),
     help="Whose settings count. [rect]",
 )  # fmt: skip
 @options.PLANT

@@ -1,11 +1,10 @@
 """The console script `omni-mj`: its commands, each imported when it is called; `run` may be left out."""
 
 from importlib import import_module
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import click
 
-from omni_control.errors import OmniError, choose
 from omni_mj.cli import console
 
 SECTIONS = {  # heading -> command -> what it is for, at most what fits a line of 80
@@ -37,74 +36,61 @@ SECTIONS = {  # heading -> command -> what it is for, at most what fits a line o
     },
 }
 COMMANDS = {name: what for commands in SECTIONS.values() for name, what in commands.items()}
-EXAMPLES = {
-    "omni-mj run --scenario rect": "the paper's experiment, with figures, report and recording",
-    "omni-mj run --scenario rect --controller comp-flc --controller mpc --view": "two others, watched",
-    "omni-mj run --scenario league --robot ubc-thunderbots --set carpet.friction=0.6": "another robot and carpet",
-    "omni-mj compare --scenario rect --scenario league --seeds 3": "all controllers, in a table",
-    "omni-mj new controller mine": "write mine.py, a controller to change",
-    "omni-mj run --scenario rect --controller comp-flc --controller mine.py:Mine": "drive it beside another",
-    "omni-mj list settings friction": "what can be set, of which that word says something",
-}
-FURTHER = (
-    "omni-mj COMMAND --help tells what a command takes. docs/tour.md is a tour of a quarter of an hour, docs/python.md "
-    "tells how to do all this from Python. docs/commands.md has more examples, and completion for your shell."
-)
+EPILOG = """
+\b
+Examples, of which docs/commands.md has more:
+omni-mj run --scenario rect
+    the paper's experiment, with figures, report and recording
+omni-mj run --scenario rect --controller comp-flc --controller mpc --view
+    two others, watched
+omni-mj run --scenario league --robot ubc-thunderbots --set carpet.friction=0.6
+    another robot and carpet
+omni-mj compare --scenario rect --scenario league --seeds 3
+    all controllers, in a table
+omni-mj new controller mine
+    write mine.py, a controller to change
+omni-mj run --scenario rect --controller comp-flc --controller mine.py:Mine
+    drive it beside another
+omni-mj list settings friction
+    what can be set, of which that word says something
+
+omni-mj COMMAND --help tells what a command takes. docs/tour.md is a tour of a quarter of an hour,
+docs/python.md tells how to do all this from Python.
+"""
 
 
 class _Commands(click.Group):
-    """A group whose commands are in files of their names; options alone mean `run`: omni-mj --scenario rect."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """See `click.Group`."""
-        return list(COMMANDS)
+    """A group of commands in files of their names; options alone mean `run`: omni-mj --scenario rect."""
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """See `click.Group`: imports the command's file."""
+        """Import the command's file; see `click.Group`."""
         if cmd_name not in COMMANDS:
             return None
-        command = import_module(f"omni_mj.cli.{cmd_name}").command
-        assert isinstance(command, click.Command)
+        command: click.Command = import_module(f"omni_mj.cli.{cmd_name}").command
         return command
 
-    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        """See `click.Group`.
-
-        Raises:
-            OmniError: there is no such command; the message names the nearest.
-        """
-        word = args[0]
-        if word not in COMMANDS and not ctx.resilient_parsing:
-            from omni_mj.scenarios.library import builtin
-
-            run = f"did you mean omni-mj run --scenario {word}?"
-            raise OmniError(f"there is no command {word!r}; {run if word in builtin() else choose(word, COMMANDS)}")
-        return super().resolve_command(ctx, args)
-
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """See `click.Group`; nothing at all asks for help."""
+        """Put `run` in front of options, ask for help if there is nothing; see `click.Group`."""
         args = args or ["--help"]
         if args[0].startswith("-") and args[0] not in (*ctx.help_option_names, "--version"):
             args = ["run", *args]
         return super().parse_args(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """See `click.Group`; by sections, without importing any."""
+        """List the commands by sections, without importing any; see `click.Group`."""
         widest = max(map(len, COMMANDS))
         for heading, commands in SECTIONS.items():
             with formatter.section(heading):
                 formatter.write_dl([(name.ljust(widest), what) for name, what in commands.items()])
 
-    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """See `click.Group`; examples, which are not wrapped, as they are there to be copied."""
-        with formatter.section("Examples"):
-            for example, what in EXAMPLES.items():
-                formatter.write(f"  {example}\n      {what}\n")
-        with formatter.section("Where to go on"):
-            formatter.write_text(FURTHER)
 
-
-@click.group(cls=_Commands, options_metavar="", subcommand_metavar="COMMAND [OPTIONS]")
+@click.group(
+    cls=_Commands,
+    commands=dict.fromkeys(COMMANDS, click.Command(None)),  # names alone, for suggestions
+    epilog=EPILOG,
+    options_metavar="",
+    subcommand_metavar="COMMAND [OPTIONS]",
+)
 @click.version_option(None, "--version", package_name="omni-mj", message="omni-mj %(version)s")
 def cli() -> None:
     """Motion control of RoboCup Small Size League robots on real physics: dead time, slip, motors that heat."""

@@ -15,7 +15,7 @@ from omni_control.errors import OmniError
 from omni_mj.cli import console, folders, options
 
 if TYPE_CHECKING:
-    from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.cli.console import Interrupts
     from omni_mj.measure.result import Outcome, Result
     from omni_mj.scenarios.scenario import Scenario
     from omni_mj.show.recording import Recording
@@ -61,7 +61,7 @@ def command(
 
         listing.show()
         return
-    from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.cli.console import Interrupts
     from omni_mj.scenarios.library import builtin
     from omni_mj.studies import cost, run
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from omni_mj.cli import complete, console, folders, options, run
+from omni_mj.cli import console, folders, options, run
 
 if TYPE_CHECKING:
     from omni_mj.live.serve.server import Server
@@ -25,12 +25,12 @@ DURATION = click.FloatRange(min=0, min_open=True)
 
 @click.command("serve", context_settings={"show_default": True})
 @click.option(
-    "--scenario", "name", metavar="NAME|FILE.toml", shell_complete=complete.scenarios,
+    "--scenario", "name", metavar="NAME|FILE.toml", shell_complete=options.complete("scenarios"),
     help="Carpet, cameras, radio, faults and so on.",
 )  # fmt: skip
 @options.ROBOT
 @click.option(
-    "--yellow-robot", metavar="NAME|FILE.toml", shell_complete=complete.robots,
+    "--yellow-robot", metavar="NAME|FILE.toml", shell_complete=options.complete("robots"),
     help="Same, of the yellow team. [as --robot]",
 )  # fmt: skip
 @options.SETTINGS
@@ -59,7 +59,7 @@ DURATION = click.FloatRange(min=0, min_open=True)
 @options.QUIET
 def command(**values: Any) -> None:
     """Simulate robots for software that speaks the league's protocols."""
-    from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.cli.console import Interrupts
     from omni_mj.live.notes import Notes
     from omni_mj.live.serve import line_up
     from omni_mj.live.serve.pitch import Pitch
@@ -121,12 +121,10 @@ def _record(
 
     sinks, blue, yellow = list[Callable[[Block], None]](), teams["blue"], teams["yellow"]
     if folder is not None:
-        other = {} if yellow == blue else {"yellow": yellow.to_toml()}
-        # First of all, since by it --overwrite knows the folder for ours.
-        provenance.save(folder, "serve", console.command_line(), [blue], given=other)
+        provenance.save(folder, "serve", console.command_line(), [blue])
         write(folder / "scenario.toml", blue.to_toml())
-        if other:
-            write(folder / YELLOW, other["yellow"])
+        if yellow != blue:
+            write(folder / YELLOW, yellow.to_toml())
         table = TableWriter(folder / "trajectory.parquet")
         stack.callback(table.finish)
         sinks.append(table)

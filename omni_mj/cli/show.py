@@ -2,11 +2,11 @@
 
 import click
 
-from omni_mj.cli import complete, options
+from omni_mj.cli import options
 
 
 @click.command("show")
-@click.argument("name", metavar="NAME|FILE", shell_complete=complete.shown)
+@click.argument("name", metavar="NAME|FILE", shell_complete=options.complete("scenarios", "robots", "controllers"))
 @options.ROBOT
 @options.SETTINGS
 def command(name: str, robot: str | None, overrides: tuple[str, ...]) -> None:

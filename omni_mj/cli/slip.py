@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from omni_mj.cli import complete, folders, options
+from omni_mj.cli import folders, options
 from omni_mj.cli.study_command import StudyCommand
 
 OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "slip.png", *folders.PROVENANCE)
@@ -13,7 +13,7 @@ OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "slip.png", *folders.PR
 
 @click.command("slip")
 @click.option(
-    "--robot", "robots", metavar="NAME|FILE.toml", multiple=True, shell_complete=complete.robots,
+    "--robot", "robots", metavar="NAME|FILE.toml", multiple=True, shell_complete=options.complete("robots"),
     help="May be repeated. [those that were measured]",
 )  # fmt: skip
 @options.MODEL

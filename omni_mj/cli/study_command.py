@@ -30,15 +30,13 @@ class StudyCommand:
 
     def run(self, chosen: Sequence[Scenario], out: Path | None, overwrite: bool, quiet: bool) -> None:
         """Measure scenarios, save the result, and end the program if the study was stopped or rows failed."""
-        from omni_mj.cli.interrupts import Interrupts
-        from omni_mj.provenance import record
+        from omni_mj.cli.console import Interrupts
 
         for scenario in chosen:
             options.tell_model(scenario, quiet)
         folder = folders.prepare(out, self.name, self.outputs, overwrite)
-        asked = record.asked([(scenario.name, scenario) for scenario in chosen])
         with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
-            folders.begin_record(folder, self.name, console.command_line(), chosen, frames=False, given=asked)
+            folders.begin_record(folder, self.name, console.command_line(), chosen, frames=False)
             result = self.measure(chosen, lambda *what: console.checked(interrupts.check, begin(*what)))
         with console.writing(folder):
             result.save_files(folder)

@@ -92,7 +92,7 @@ def command(
 
 
 def _run(plan: "Plan", folder: Path, quiet: bool, **how: Any) -> None:
-    from omni_mj.cli.interrupts import Interrupts
+    from omni_mj.cli.console import Interrupts
     from omni_mj.studies.sweep import study
 
     left = study.left(plan, folder)

@@ -139,8 +139,8 @@ class Result:
         """Write summary.json, the effective scenarios and, where they were kept, the frames; each whole or not at all.
 
         One scenario leaves scenario.toml and trajectory.parquet; several scenarios/NAME.toml and
-        trajectories/NAME.parquet. provenance.json and sources/ say what was run, and what is missing to repeat it
-        (`omni_mj.verify`). Folders are made; files of the same names are replaced.
+        trajectories/NAME.parquet. provenance.json and sources/ say what was run, for
+        `omni_mj.verify`. Folders are made; files of the same names are replaced.
         """
         from omni_mj.provenance import record  # late: it takes a while to import
 
@@ -148,7 +148,7 @@ class Result:
         study = type(self).__name__.removesuffix("Result").lower()
         study = study or ("compare" if len(self.outcomes) > 1 else "run")
         kept = all(outcome.log is not None for outcome in self.outcomes)
-        record.save_result(Path(folder), study, [outcome.scenario for outcome in self.outcomes], kept)
+        record.save(Path(folder), study, None, [outcome.scenario for outcome in self.outcomes], kept)
 
     def save_files(self, folder: Path) -> None:
         """As `save`, without what says what was run; the summary last, since it says that all is there."""

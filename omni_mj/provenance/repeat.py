@@ -1,44 +1,51 @@
-"""Runs again what a folder holds, and compares: the frames bit for bit, and what the summary says of them."""
+"""Run again what a folder holds, and compare: frames bit for bit, or else the summary's numbers."""
 
 import json
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from omni_control.errors import OmniError
-from omni_mj.measure.result import Outcome, Result
-from omni_mj.provenance import frames, here
-from omni_mj.provenance.folder import PARTS, Folder, importable
-from omni_mj.provenance.record import ASKED, IDENTIFIED, MODULES, SOURCES
+from omni_mj import parquet
+from omni_mj.files import read_json
+from omni_mj.measure import reading
+from omni_mj.measure.limits import flat
+from omni_mj.measure.result import Outcome
+from omni_mj.provenance.record import FILE, FORMAT, digest, environment
+from omni_mj.scenarios import scenario
 from omni_mj.scenarios.scenario import Scenario
-from omni_mj.studies import alpha, compare, limit, loop, slip
-from omni_mj.studies.outcome import AfterFrame, StoppedError, drive, joined, nothing, total_frames
-from omni_mj.studies.run import prepare
+from omni_mj.simulate.simulation import Simulation
+from omni_mj.studies.outcome import AfterFrame, StoppedError, drive, nothing, total_frames
 
-RESULTS = ("failed", "drawn", "events", "results")  # what a summary says of a scenario that its frames decide
-NAMED = 3  # numbers of the summary that are named
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+REPEATED = ("run", "compare")  # studies that are run again
+RESULTS = ("failed", "drawn", "events", "results")  # parts of a scenario's entry that frames decide
+ENVIRONMENT = ("versions", "source", "git", "machine")  # parts of a record
+KEYS = ["controller", "seed", "place", "frame"]
+HERE = " here"  # after the names of the repetition's channels
 Begin = Callable[[str, int], AfterFrame]
 
 
 @dataclass
 class Repetition:
-    """What came of running it again.
+    """The outcome of running it again.
 
     Attributes:
-        rows: how many were run.
-        frames: how many of all rows were compared.
-        differences: in what they, or the summary, differ from the run, in lines; none if it repeats.
-        notes: what is not as it was in the run but decided nothing, or was left out, in lines.
-        what: rows are.
+        rows: Number of rows that were run.
+        frames: Number of frames of all rows that were compared.
+        differences: What differs from the run, in lines; empty if it repeats.
+        notes: What is not as it was but decided nothing, or was left out, in lines.
     """
 
     rows: int = 0
     frames: int = 0
     differences: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    what: str = "rows"
 
     @property
     def repeats(self) -> bool:
@@ -46,169 +53,169 @@ class Repetition:
         return not self.differences
 
     def __str__(self) -> str:
-        """What came of it, in lines."""
+        """Return the outcome in lines."""
         if not self.repeats:
             return "\n".join(["does not repeat", *self.differences, *self.notes])
-        compared = f"{self.frames} frames identical bit for bit" if self.frames else "the summary's numbers identical"
-        return "\n".join([f"repeats: {self.rows} {self.what}, {compared}", *(f"note: {note}" for note in self.notes)])
+        compared = f"{self.frames} frames identical bit for bit"
+        compared = compared if self.frames else "the summary's numbers identical"
+        head = f"repeats: {self.rows} rows, {compared}"
+        return "\n".join([head, *(f"note: {note}" for note in self.notes)])
 
 
 def verify(folder: str | Path, begin: Begin = lambda title, count: nothing) -> Repetition:
-    """Run again what a folder holds, wherever it is now, and compare bit for bit, as `omni-mj verify` does.
+    """Run again what a folder holds, and compare bit for bit, as `omni-mj verify` does.
 
     Args:
-        folder: that a run, a comparison or `Result.save` left.
-        begin: called with a title and a number of frames before a scenario is run; what it returns is called after
-            each frame.
+        folder: Folder that a run, a comparison or `Result.save` left.
+        begin: Called with a title and a number of frames before a scenario is run; its result is
+            called after each frame.
 
     Raises:
-        OmniError: it cannot be run again; a line for each reason.
+        OmniError: It cannot be run again; a line for each reason.
     """
+    path = Path(folder)
+    if not (path / FILE).exists():
+        raise OmniError(f"{path} holds no run that can be repeated: it has no {FILE}")
+    record = read_json(path / FILE)
     try:
-        return _repeated(Folder(Path(folder)), begin)
+        return _repeat(path, record, begin)
     except OmniError:
         raise
-    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:  # whatever was changed
-        raise OmniError(f"what {folder} holds is not as a run leaves it; make the run again") from error
+    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
+        raise OmniError(f"{path} is not as a run leaves it; make the run again") from error
 
 
-def _repeated(folder: Folder, begin: Begin) -> Repetition:
-    found, study = Repetition(), folder.record["study"]
-    with tempfile.TemporaryDirectory() as temporary:
-        copies = Path(temporary)
-        folder.copy(copies)
-        with importable(copies / SOURCES / MODULES):
-            if study in ("run", "compare", "limit"):
-                _run(folder, copies, found, begin)
-            elif study in ("alpha", "slip", "loop"):
-                _study(folder, study, copies, found, begin)
-            elif study == IDENTIFIED:
-                _identify(folder, copies, found)
-            else:
-                again = folder.summary.get("repeat") or folder.record.get("command")
-                raise OmniError(f"{folder.path} is of omni-mj {study}, which is repeated as a whole: {again}")
-    changed = here.differences(folder.record)
-    if found.repeats:
-        found.notes += changed
-    else:
-        found.differences += changed or [
-            "versions, source, commit and processor are the run's: look for random numbers without a seed, for the"
-            " clock, and for files that a controller reads, which are not in the folder"
-        ]
-    return found
-
-
-def _run(folder: Folder, copies: Path, found: Repetition, begin: Begin) -> None:
-    """Run scenarios again and compare their frames and numbers."""
-    every = folder.summary["scenarios"]
-    entries = {name: entry for name, entry in every.items() if entry["frames"]}
-    if not entries:
-        raise OmniError(f"nothing was recorded in {folder.path}: there is nothing to compare with")
-    found.notes += [f"{name} was not run: there is nothing to compare with" for name in every if name not in entries]
-    if stopped := folder.summary["stopped"]:
-        found.notes.append(f"the run was {stopped}; what it recorded until then is compared")
-    scenarios = {name: folder.scenario(name, copies) for name in entries}
-    for name, scenario in scenarios.items():
-        prefix = f"{name}: " if folder.several else ""
-        outcome = _again(folder, scenario, entries[name], begin)
-        found.rows += len(outcome.rows)
-        lines: list[str] = []
-        if folder.record["frames_kept"]:
-            again = copies / "trajectory.parquet"
-            assert outcome.log is not None
-            outcome.log.save(again)  # so that what is compared has been through the same
-            count, lines = frames.differences(folder.trajectory(name), again)
-            found.frames += count
-        else:
-            found.notes.append(f"{prefix}no frames were kept; the summary's numbers are compared")
-        entry, now = entries[name], json.loads(json.dumps(outcome.entry))
-        before, after = ({part: each.get(part) for part in RESULTS} for each in (entry, now))
-        lines += _differing(before, after)
-        found.differences += [prefix + line for line in lines]
-
-
-def _again(folder: Folder, scenario: Scenario, entry: Mapping[str, Any], begin: Begin) -> Outcome:
-    """Run a scenario as far as it was run, its seeds in the blocks in which they were."""
-    seeds = scenario.seed_list
-    if folder.record["study"] == "limit":
-        return limit.limit(scenario, seeds, folder.record["given"]["iterations"], begin=begin).outcomes[0]
-    block = compare.BLOCK if folder.summary["half_width"] else len(seeds)
-    count, parts = entry["frames"] if folder.record["study"] == "run" and entry["status"] == "stopped" else None, []
-    for first in range(0, len(seeds), block):
-        simulation = prepare(scenario, seeds=seeds[first : first + block])
-        show = begin(scenario.name, count or total_frames(simulation))
-
-        def after_frame(frame: int, show: AfterFrame = show) -> None:
-            show(frame)
-            if frame + 1 == count:
-                raise StoppedError(str(entry["reason"]))
-
-        parts.append(drive(simulation, after_frame))
-    return joined(parts)
-
-
-def _study(folder: Folder, study: str, copies: Path, found: Repetition, begin: Begin) -> None:
-    """Run a study of its own scenarios again, as a whole, and compare what it found."""
-    asked, before = folder.record["given"].get(ASKED), folder.summary.get(study)
-    if not isinstance(asked, dict):
-        command = folder.summary.get("repeat") or folder.record.get("command")
+def _repeat(path: Path, record: Mapping[str, Any], begin: Begin) -> Repetition:
+    if record["format"] != FORMAT:
+        raise OmniError(f"{path / FILE} is of format {record['format']!r}; known is {FORMAT}")
+    if record["study"] not in REPEATED:
         raise OmniError(
-            f"{folder.path} does not say what omni-mj {study} was asked for; repeat it as a whole: {command}"
+            f"{path} is of omni-mj {record['study']}, which verify does not run again; repeat it as a "
+            f"whole: {record['command'] or 'it was called from Python'}"
         )
-    if before is None:
-        raise OmniError(f"nothing was found in {folder.path}: there is nothing to compare with")
-    scenarios = [folder.asked(text, name, copies) for name, text in asked.items()]
-    result = STUDIES[study](scenarios, begin)
-    found.rows += sum(len(outcome.rows) for outcome in result.outcomes)
-    now = json.loads(json.dumps(result.summary()[study]))
-    found.differences += _differing({study: before}, {study: now})
-
-
-STUDIES: dict[str, Callable[[list[Scenario], Begin], Result]] = {
-    "alpha": lambda given, begin: alpha.alpha(given[0], begin=begin),
-    "loop": lambda given, begin: loop.loop(
-        given[0], given[0].controllers, after_frame=begin("loop", loop.drive.FRAMES)
-    ),
-    "slip": lambda given, begin: slip.slip(given, before_robot=begin),
-}
-
-
-def _identify(folder: Folder, copies: Path, found: Repetition) -> None:
-    """Identify a robot again from the copies of its logs, and compare what was found."""
-    from omni_mj.studies.identify.logs import read
-    from omni_mj.studies.identify.study import of_logs
-
-    words, text = (folder.record["given"].get(key) for key in ("logs", "scenario"))
-    paths = [copies / each["file"] for each in folder.record.get("data", [])]
-    if not words or not isinstance(text, str) or sum(each["files"] for each in words) != len(paths):
-        raise OmniError(f"{folder.path} does not say which logs it is of; repeat it as a whole")
-    (name,) = folder.record["scenarios"]
-    chosen, logs = folder.asked(text, name, copies), list[Any]()
-    for each in words:
-        own, paths = paths[: each["files"]], paths[each["files"] :]
-        logs += read(Path(each["word"].format(*own)))
-    now = json.loads(json.dumps(of_logs(logs, chosen).report()))
-    found.rows, found.what = len(logs), "log" if len(logs) == 1 else "logs"
-    before, after = ({part: values[part] for part in PARTS} for values in (folder.summary, now))
-    found.differences += _differing(before, after, file=f"{IDENTIFIED}.json")
-
-
-def _differing(old: Mapping[str, Any], new: Mapping[str, Any], file: str = "summary.json") -> Iterator[str]:
-    """Yield what is not the same in both; results that only this version has are not among it."""
-    before, after = dict(_flat(old)), dict(_flat(new))
-    keys = dict.fromkeys([*before, *(key for key in after if not key.startswith("results."))])
-    texts = {key: [json.dumps(each[key]) if key in each else "not there" for each in (before, after)] for key in keys}
-    differ = {key: both for key, both in texts.items() if both[0] != both[1]}
-    for key, both in list(differ.items())[:NAMED]:
-        yield f"{file}: {key} is {both[0]} in the run, {both[1]} here"
-    if (more := len(differ) - NAMED) > 0:
-        yield f"{file}: {more} more values differ"
-
-
-def _flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield all that a value holds, by names such as `results.flc.0`."""
-    if isinstance(value, Mapping | list):
-        for key, each in value.items() if isinstance(value, Mapping) else enumerate(value):
-            yield from _flat(each, f"{name}.{key}" if name else str(key))
+    scenarios = reading.read(path)["scenarios"]
+    result = Repetition()
+    for name, entry in scenarios.items():
+        if not entry["frames"]:
+            result.notes.append(f"{name} was not run: there is nothing to compare with")
+            continue
+        place = "scenarios/{}.toml" if len(scenarios) > 1 else "scenario.toml"
+        chosen = _load(path, path / place.format(name), record["scenarios"][name], entry)
+        outcome = _run(chosen, entry, begin)
+        result.rows += len(outcome.rows)
+        if record["frames_kept"]:
+            place = "trajectories/{}.parquet" if len(scenarios) > 1 else "trajectory.parquet"
+            recorded = parquet.read(path / place.format(name))
+            result.frames += recorded.num_rows
+            assert outcome.log is not None
+            lines = _frame_differences(recorded, outcome.log.table())
+        else:
+            lines = _number_differences(entry, json.loads(json.dumps(outcome.entry)))
+        result.differences += [f"{name}: {line}" for line in lines]
+    if not result.rows:
+        raise OmniError(f"nothing was recorded in {path}: there is nothing to compare with")
+    changed = _changes(record)
+    if result.repeats:
+        result.notes += changed
     else:
-        yield name, value
+        result.differences += changed or [
+            "versions, source and processor are the run's: look for random numbers without a seed, "
+            "the clock, and files or modules that a controller reads"
+        ]
+    return result
+
+
+def _load(path: Path, file: Path, said: Mapping[str, Any], entry: Mapping[str, Any]) -> Scenario:
+    """Return a scenario as it was run, made of the copies in the folder.
+
+    Raises:
+        OmniError: A copy is missing or not what was run, or this version cannot run the scenario.
+    """
+
+    def copy(part: Mapping[str, Any]) -> str:
+        if "why" in part:
+            raise OmniError(f"{part['name']} {part['why']}")
+        place = path / part["file"]
+        if not place.is_file() or digest(place.read_bytes()) != part["sha256"]:
+            raise OmniError(f"{place} is missing, or not what was run: its SHA-256 is another")
+        return str(place)
+
+    def kind(part: Mapping[str, Any]) -> str:
+        is_here = "file" not in part and "why" not in part
+        return part["name"] if is_here else f"{copy(part)}:{part['class']}"
+
+    head = {
+        "controllers": [kind(part) for part in said["controllers"]],
+        "plant": kind(said["plant"]),
+        "robot": copy(said["robot"]),
+        "seed": entry["seeds"][0],
+        "seeds": len(entry["seeds"]),
+    }
+    sections = {}
+    if model := said.get("model"):
+        sections["model"] = {"file": copy(model)}
+        for part in model["parts"]:
+            copy(part)
+    return scenario.load(str(file), (), head, sections=sections)
+
+
+def _run(chosen: Scenario, entry: Mapping[str, Any], begin: Begin) -> Outcome:
+    """Run a scenario as far as it was run."""
+    simulation = Simulation(chosen)
+    count = entry["frames"] if entry["status"] == "stopped" else total_frames(simulation)
+    show = begin(chosen.name, count)
+
+    def after_frame(frame: int) -> None:
+        show(frame)
+        if entry["status"] == "stopped" and frame + 1 == count:
+            raise StoppedError(str(entry["reason"]))
+
+    return drive(simulation, after_frame)
+
+
+def _frame_differences(recorded: "pa.Table", again: "pa.Table") -> Iterator[str]:
+    """Yield how trajectories differ; a value that is not a number equals any other such."""
+    old, new = (table.set_column(0, "controller", table["controller"].cast("string")) for table in (recorded, again))
+    both = old.join(new, KEYS, join_type="inner", right_suffix=HERE, use_threads=False)
+    both = both.sort_by([(key, "ascending") for key in ("frame", *KEYS[:3])])
+    if not old.num_rows == new.num_rows == both.num_rows:
+        yield f"{old.num_rows} frames are in the run, {new.num_rows} here"
+    first: dict[str, int] = {}
+    for name in (name for name in old.column_names if name not in KEYS):
+        if name not in new.column_names:
+            yield f"nothing is recorded here of {name}"
+            continue
+        before, after = (both[column].to_numpy() for column in (name, name + HERE))
+        differs = before != after
+        if before.dtype == after.dtype == float:
+            differs = before.view(np.uint64) != after.view(np.uint64)
+            differs &= ~(np.isnan(before) & np.isnan(after))
+        if differs.any():
+            first[name] = int(differs.argmax())
+    if first:
+        name = min(first, key=first.__getitem__)
+        row = both.slice(first[name], 1).to_pylist()[0]
+        yield (
+            f"first in frame {row['frame']} of {row['controller']}, seed {row['seed']}, "
+            f"place {row['place']}: {name} is {row[name]} in the run, {row[name + HERE]} here; "
+            f"{len(first)} channels differ"
+        )
+
+
+def _number_differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> Iterator[str]:
+    """Yield how the entries of a scenario in two summaries differ."""
+    old, new = (dict(flat({part: entry[part] for part in RESULTS})) for entry in (before, after))
+    if differing := [name for name, value in old.items() if new.get(name, ...) != value]:
+        name = differing[0]
+        yield (f"summary.json: {name} is {old[name]} in the run, {new.get(name)} here; {len(differing)} numbers differ")
+
+
+def _changes(record: Mapping[str, Any]) -> list[str]:
+    """Return how this environment differs from the recorded one, a line each."""
+    here, now = environment(), {part: record.get(part) for part in ENVIRONMENT}
+    old, new = dict(flat(now)), dict(flat(here))
+    return [
+        f"{name} was {old.get(name)} in the run, is {new.get(name)} here"
+        for name in {**old, **new}
+        if old.get(name) != new.get(name)
+    ]

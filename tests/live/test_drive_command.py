@@ -60,7 +60,7 @@ def test_a_simulator_that_is_killed_and_started_again_elsewhere(
     table = pq.read_table(folder / "trajectory.parquet").to_pydict()
     assert abs(table["x_m"][-1] - 1.2) < 0.05
     assert invoke("verify", folder) == 2
-    assert "is of omni-mj drive, which was live" in capsys.readouterr().err
+    assert "is of omni-mj drive, which verify does not run again" in capsys.readouterr().err
 
 
 def test_ctrl_c_saves_what_there_is(tmp_path: Path) -> None:

@@ -112,16 +112,6 @@ def of_robot(path: Path, team: str | None, number: int | None) -> Path:
     return Path(f"{game['file']}:{team or ''}:{'' if number is None else number}{commands}")
 
 
-def files(log: Path) -> tuple[str, list[Path]]:
-    """Return the word that `read` takes, with {} in place of each file, and these files."""
-    game = GAME.fullmatch(str(log))
-    if game is None:
-        return "{}", [log]
-    robot = "" if game["team"] is None else f":{game['team']}:{game['robot']}"
-    commands = [Path(game["commands"])] if game["commands"] else []
-    return "{}" + robot + ",{}" * len(commands), [Path(game["file"]), *commands]
-
-
 def _game(file: str, team: str | None, robot: str | None, commands: str | None) -> Log:
     track, sent, in_body = game_log.follow(Path(file), team or None, int(robot) if robot else None), None, False
     if commands:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from omni_control.errors import OmniError
 from omni_mj.measure.summary import versions
-from omni_mj.provenance import here
+from omni_mj.provenance.record import source_digest
 from omni_mj.studies.sweep.plan import Job, Plan
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def _run(shard: Shard, plan: Plan, job: Job, expected: dict[str, str]) -> "pa.Ta
 def _dependencies() -> dict[str, str]:
     """Return what must be the same everywhere for the same numbers: versions, and hashes of the package's source."""
     found = {name: value for name, value in versions().items() if name != "rerun-sdk"}
-    return found | {f"source of {name}": value[:12] for name, value in here.source().items()}
+    return found | {"source": source_digest()[:12]}
 
 
 def _processes(count: int) -> Iterator[Executor]:
