@@ -72,7 +72,7 @@ def take(viewer: "ViewerClient", time_s: float, tabs: tuple[str, ...] = ()) -> b
     Raises:
         OmniError: no such tab, or the picture keeps changing.
     """
-    from omni_mj.show.recording.sink import TIME
+    from omni_mj.show.recording.scene import TIME
 
     _still(lambda: tuple(line.end for recording in viewer.get_state().recordings for line in recording.timelines), ())
     viewer.set_time(TIME, duration=time_s, play_state="paused")

@@ -151,18 +151,18 @@ def viewers(view: bool, connect: str | None) -> list[str]:
     """The addresses of the viewers in which the run is watched."""
     if not view and connect is None:
         return []
-    from omni_mj.show.recording import live
+    from omni_mj.show.recording import viewer
 
-    return ([] if connect is None else [live.check(connect)]) + ([live.open_viewer()] if view else [])
+    return ([] if connect is None else [viewer.check(connect)]) + ([viewer.open_viewer()] if view else [])
 
 
 def _recordings(simulation: "Simulation", folder: Path, record: bool, shown_by: Sequence[str]) -> "list[Recording]":
     if not record and not shown_by:
         return []
-    from omni_mj.show.recording import FileRecording, LiveRecording
+    from omni_mj.show.recording import Recording
 
-    recordings: list[Recording] = [LiveRecording(url, simulation) for url in shown_by]
-    return recordings + [FileRecording(folder / "recording.rrd", simulation)] * record
+    targets: list[Path | str] = [*shown_by, *[folder / "recording.rrd"] * record]
+    return [Recording(target, simulation) for target in targets]
 
 
 def _drive(

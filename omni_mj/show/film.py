@@ -19,7 +19,7 @@ from omni_mj.files import whole
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.show import style
-from omni_mj.show.recording.robot_shape import COVER
+from omni_mj.show.recording.scene import COVER
 from omni_mj.worlds import build, parts
 
 CODECS = {".mp4": "libx264", ".webm": "libvpx-vp9"}

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 # Of a run, in the order in which a report shows them.
 FIGURES = ("path", "output", "error", "why", "alpha", "seeds", "memberships")
+Rgb = tuple[int, int, int]  # bytes
 SHEET = Path(__file__).with_name("omni.mplstyle")
 REFERENCE = "#7F7F7F"
 BACKGROUND = "#C8C8C8"
-MIDDLE = 0.1  # sine or cosine of an azimuth below which a wheel is in the middle
 COLOURS = (
     "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#999933", "#332288",
     "#661100", "#AA4499", "#117733",
@@ -77,23 +77,13 @@ def line(slot: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def rgb(colour: str) -> tuple[int, int, int]:
+def rgb(colour: str) -> Rgb:
     """Return a colour like #D55E00 as three bytes."""
     red, green, blue = bytes.fromhex(colour[1:])
     return red, green, blue
 
 
-def wheel_names(azimuths: Iterable[float]) -> tuple[str, ...]:
-    """Return a name for each wheel by its place, as front left; with its azimuth if several share a place.
-
-    Args:
-        azimuths: Of the wheels about the robot's centre from its front, counter-clockwise, rad.
-    """
-    names = []
-    for azimuth in azimuths:
-        along, across = math.cos(azimuth), math.sin(azimuth)
-        front = "" if abs(along) < MIDDLE else "front" if along > 0 else "rear"
-        side = "" if abs(across) < MIDDLE else "left" if across > 0 else "right"
-        names.append((f"{front} {side}".strip(), f" ({math.degrees(azimuth):.0f}°)"))
-    places = [place for place, _ in names]
-    return tuple(place + (degrees if places.count(place) > 1 else "") for place, degrees in names)
+def pale(colour: Rgb, share: float = 0.5) -> Rgb:
+    """Return a colour with a `share` of white."""
+    red, green, blue = (round(c + share * (255 - c)) for c in colour)
+    return red, green, blue

@@ -5,7 +5,6 @@ import os
 # rerun's log would break into lines of our own; what matters in it comes back as an exception.
 os.environ.setdefault("RUST_LOG", "off")
 
-from omni_mj.show.recording.live import LiveRecording
-from omni_mj.show.recording.stream import FileRecording, Recording
+from omni_mj.show.recording.stream import Recording
 
-__all__ = ["FileRecording", "LiveRecording", "Recording"]
+__all__ = ["Recording"]

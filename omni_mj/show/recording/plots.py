@@ -1,26 +1,25 @@
-"""Time series of a recording: which lines each plot shows, and how they follow from the log."""
+"""Time series of a recording: the plots of each tab, and how their lines follow from the log."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
 
-from omni_control.kinematics import Array, Kinematics, world_to_body, wrap_angle
+from omni_control.kinematics import Array, world_to_body, wrap_angle
 from omni_mj.measure import causes
 from omni_mj.measure.metrics import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES, driven_alpha
-from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
+from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.show import style
-from omni_mj.show.recording.sink import Frames, Rgb, pale
+from omni_mj.show.style import Rgb, pale
 from omni_mj.simulate.log import OWN, Log
 
-OWN_TAB = "own"
+HISTORY_FRAMES = ALPHA_WINDOW_FRAMES + ALPHA_START_FRAMES  # before a block, on which its values depend
 SINGLE = ("alpha", "wheels", "heat")  # tabs that show one robot at a time
 SIGMA = OWN + "alpha_sigma"
-_ALPHA_RANGE, _SHARE = (0.4, 1.3), (0.0, 1.05)
-_PALER, _PALEST = 0.35, 0.7  # share of white per robot of one controller, and at most
+ALPHA_RANGE, SHARE = (0.4, 1.3), (0.0, 1.05)  # of axes
+PALER, PALEST = 0.35, 0.7  # share of white per robot of one controller, and at most
 
 
 @dataclass(frozen=True)
@@ -33,6 +32,7 @@ class Robot:
         order: Its number among the robots shown.
         name: Its controller's, and its place if that drives several robots in a world.
         colour: Its controller's, paler from place to place.
+        first: Frame from which its channels are returned.
     """
 
     log: Log
@@ -40,11 +40,12 @@ class Robot:
     order: int
     name: str
     colour: Rgb
+    first: int = 0
 
     @property
-    def table_row(self) -> Row:
-        """Its row of the table of rows, which has its settings."""
-        return self.log.rows[self.row]
+    def settings(self) -> Settings:
+        """Its own settings."""
+        return self.log.rows[self.row].settings
 
     @property
     def length(self) -> int:
@@ -53,227 +54,173 @@ class Robot:
 
     def __getitem__(self, channel: str) -> Array:
         """Return a channel, (frames, columns)."""
-        return self.log.channel(channel)[: self.length, self.row]
+        return self.log.channel(channel)[self.first : self.length, self.row]
 
 
 def shown_robots(log: Log) -> list[Robot]:
     """Return the robots of each controller's first world, controller by controller."""
     robots: list[Robot] = []
     for controller, slot in style.slots(row.controller for row in log.rows).items():
-        driven = [i for i, row in enumerate(log.rows) if row.controller == controller]
-        together = [i for i in driven if log.rows[i].world == log.rows[driven[0]].world]
+        world = log.rows[log.first(controller)].world
+        together = [row for row in log.of(controller).tolist() if log.rows[row].world == world]
         for k, row in enumerate(together):
             name = controller if len(together) == 1 else f"{controller}/{log.rows[row].place}"
-            colour = pale(style.rgb(style.colour(slot)), min(k * _PALER, _PALEST))
+            colour = pale(style.rgb(style.colour(slot)), min(k * PALER, PALEST))
             robots.append(Robot(log, row, len(robots), name, colour))
     return robots
 
 
-@dataclass(frozen=True)
-class Series:
-    """Lines of a plot that share an entity.
+class Plot(NamedTuple):
+    """A plot, which has the same lines for each robot.
 
     Args:
-        values: Maps a robot and successive frames (n,) to values (n, lines), NaN where there are none.
+        path: Path below plots/; the robots are below it.
+        title: Quantity and unit that it shows.
+        values: Maps a robot to values (frames, lines), NaN where there are none.
         lines: Names of the lines; empty if there is nothing to tell apart.
-        entity: Path below the plot and robot, if these have several series.
-        pale: Share of white in the colours of the first lines, with which the others are compared.
+        channel: Channel of the log; if it holds no numbers there is no plot.
+        white: Share of white in the colours of the first lines, with which the others are compared.
+        range: Limits of the axis. [those of the data]
+        wheels: Number of wheels if each has a colour of its own; 0 if lines have the robot's.
     """
 
-    values: Callable[[Robot, Frames], Array]
+    path: str
+    title: str
+    values: Callable[[Robot], Array]
     lines: tuple[str, ...] = ("",)
-    entity: str = ""
-    pale: tuple[float, ...] = ()
+    channel: str = "pose"
+    white: tuple[float, ...] = ()
+    range: tuple[float, float] | None = None
+    wheels: int = 0
 
-    def path(self, plot: "Plot", robot: Robot) -> str:
-        """Return its entity in the recording."""
-        return f"plots/{plot.entity}/{robot.name}/{self.entity}".rstrip("/")
+    def block(self, robot: Robot, first: int) -> Array:
+        """Return a robot's values from a frame on."""
+        begin = max(first - HISTORY_FRAMES, 0)
+        return self.values(replace(robot, first=begin))[first - begin :]
 
-    def look(self, plot: "Plot", robot: Robot) -> rr.SeriesLines:
-        """Return names with unit and rate, colours and widths of the lines."""
-        name, rate = "" if plot.wheels else robot.name, f"{FRAME_RATE_HZ} Hz"
-        unit = f"({plot.unit}, {rate})" if plot.unit else f"({rate})"
-        white = [*self.pale, *[0.0] * (len(self.lines) - len(self.pale))]
-        slots = [i % plot.wheels for i in range(len(self.lines))] if plot.wheels else []
-        hues = [style.rgb(style.colour(slot)) for slot in slots] or [robot.colour] * len(self.lines)
+    def look(self, robot: Robot) -> rr.SeriesLines:
+        """Return names, colours and widths of a robot's lines."""
+        white = [*self.white, *[0.0] * (len(self.lines) - len(self.white))]
+        hues = [style.rgb(style.colour(i % self.wheels)) if self.wheels else robot.colour for i in range(len(white))]
         return rr.SeriesLines(
-            names=[" ".join(filter(None, (name, line, unit))) for line in self.lines],
+            names=[line if self.wheels else f"{robot.name} {line}".strip() for line in self.lines],
             colors=[pale(hue, share) for hue, share in zip(hues, white, strict=True)],
             widths=[0.8 if share else 1.5 for share in white],
         )
 
 
-@dataclass(frozen=True)
-class Plot:
-    """What is plotted together.
-
-    Args:
-        entity: Path below plots/; the robots are below it.
-        title: What it shows.
-        unit: Unit of its values.
-        series: Series of each robot.
-        channel: Channel of the log; if it holds no numbers there is no plot.
-        range: Limits of the axis. [those of the data]
-        wheels: Number of wheels if each line is a wheel in a colour of its own; 0 if lines have the robot's.
-    """
-
-    entity: str
-    title: str
-    unit: str
-    series: tuple[Series, ...]
-    channel: str = "pose"
-    range: tuple[float, float] | None = None
-    wheels: int = 0
-
-
-def tabs(geometry: Kinematics, log: Log) -> dict[str, list[Plot]]:
+def tabs(log: Log) -> dict[str, list[Plot]]:
     """Return the plots of each tab whose channels hold numbers so far."""
-    wheels = style.wheel_names(geometry.azimuths)
-    count = len(wheels)
-    names = [f"{wheel} {kind}" for kind in ("commanded", "measured") for wheel in wheels]
-    speeds = (Series(_wheel_speeds(geometry), tuple(names), pale=(0.6,) * count),)
-    held = "share of the last 0.25 s in which the command is held back by a limit"
-    acted = "from the robot to the pose that its controller acts on"
-    alpha = "motor correction factor alpha in"
-    plots = {
+    geometry = log.rows[0].settings.wheels.kinematics
+    wheels = tuple(f"{i} at {azimuth:.0f}°" for i, azimuth in enumerate(np.rad2deg(geometry.azimuths), start=1))
+    white = (0.6,) * len(wheels)
+
+    def wheel_speeds(robot: Robot) -> Array:
+        """Return the speeds of wheels that roll without slip as the command asks, and the true ones."""
+        twist = world_to_body(robot["applied"], robot["pose"][:, 2])
+        return np.hstack([geometry.wheel_speeds(twist), robot["wheel_speed"]])
+
+    def per_wheel(channel: str, title: str) -> Plot:
+        return Plot(f"wheel/{channel}", title, lambda robot: robot[channel], wheels, channel, wheels=len(wheels))
+
+    speeds = tuple(f"{wheel} {kind}" for kind in ("commanded", "measured") for wheel in wheels)
+    speed = per_wheel("wheel_speed", "wheel speed, rad/s")._replace(values=wheel_speeds, lines=speeds, white=white)
+    ahead, held = "from the robot to the pose that its controller acts on, cm", "held back by a limit"
+    tabs = {
         "tracking": [
-            Plot("error/x", "tracking error in x", "cm", _gap("pose", "ref", lambda gap: 100 * gap[:, 0])),
-            Plot("error/y", "tracking error in y", "cm", _gap("pose", "ref", lambda gap: 100 * gap[:, 1])),
-            Plot("error/distance", "distance to the reference in the plane", "cm", _gap("pose", "ref", _distance_cm)),
-            Plot("error/heading", "tracking error in heading", "deg", _gap("pose", "ref", _heading_deg)),
-            Plot("ahead", acted, "cm", _gap("predicted", "pose", _distance_cm)),
+            Plot("error/x", "tracking error in x, cm", lambda robot: 100 * _error(robot)[:, :1]),
+            Plot("error/y", "tracking error in y, cm", lambda robot: 100 * _error(robot)[:, 1:2]),
+            Plot("error/distance", "distance to the reference in the plane, cm", lambda robot: _cm(_error(robot))),
+            Plot("error/heading", "tracking error in heading, deg", lambda robot: np.rad2deg(_error(robot)[:, 2:])),
+            Plot("ahead", ahead, lambda robot: _cm(robot["predicted"] - robot["pose"])),
         ],
         "velocity": [
-            Plot("velocity/x", "velocity in x", "m/s", _velocity(0)),
-            Plot("velocity/y", "velocity in y", "m/s", _velocity(1)),
-            Plot("velocity/turn", "turn rate", "rad/s", _velocity(2)),
+            _velocity("velocity/x", "velocity in x, m/s", 0),
+            _velocity("velocity/y", "velocity in y, m/s", 1),
+            _velocity("velocity/turn", "turn rate, rad/s", 2),
         ],
         "why": [
-            Plot("why/sliding", "slip beyond creep of the wheel that slides most", "m/s", (Series(_sliding),), "slip"),
-            Plot("why/duty", "greatest duty of the motors", "", _columns("duty_peak"), "duty_peak", _SHARE),
-            Plot(
-                "why/limited", "share of time at a driver's limit", "", (Series(_limited),), "current_limited", _SHARE
-            ),
-            Plot("why/held", held, "", (Series(_held_back),), "command", _SHARE),
+            Plot("why/sliding", "slip beyond creep of the wheel that slides most, m/s", _sliding, channel="slip"),
+            _share("why/duty", "greatest duty of the motors", "duty_peak"),
+            _share("why/limited", "share of time at a driver's limit", "current_limited"),
+            Plot("why/held", f"share of the last 0.25 s in which the command is {held}", _held_back, range=SHARE),
         ],
-        "alpha": [Plot(f"alpha/{'xy'[i]}", f"{alpha} {'xy'[i]}", "", _alpha(i), range=_ALPHA_RANGE) for i in range(2)],
+        "alpha": [_alpha("x", 0), _alpha("y", 1)],
         "wheels": [
-            Plot("wheel/speed", "wheel speed", "rad/s", speeds, "wheel_speed", wheels=count),
-            Plot("wheel/voltage", "motor voltage", "V", _columns("voltage", wheels), "voltage", wheels=count),
-            Plot("wheel/current", "motor current", "A", _columns("current", wheels), "current", wheels=count),
-            Plot("wheel/slip", "slip of the contact points", "m/s", _columns("slip", wheels), "slip", wheels=count),
+            speed,
+            per_wheel("voltage", "motor voltage, V"),
+            per_wheel("current", "motor current, A"),
+            per_wheel("slip", "slip of the contact points, m/s"),
         ],
         "heat": [
-            Plot("winding", "winding temperature", "deg C", _columns("winding", wheels), "winding", wheels=count),
-            Plot("battery", "battery voltage under load", "V", _columns("battery"), "battery"),
+            per_wheel("winding", "winding temperature, deg C"),
+            Plot("battery", "battery voltage under load, V", lambda robot: robot["battery"], channel="battery"),
         ],
-        OWN_TAB: own_plots(log.columns),
+        "own": [_own(channel, len(names)) for channel, names in log.columns.items() if channel.startswith(OWN)],
     }
     known = {name for name in log.columns if not np.isnan(log.channel(name)).all()}
-    return {tab: [plot for plot in part if plot.channel in known] for tab, part in plots.items()}
+    return {tab: [plot for plot in part if plot.channel in known] for tab, part in tabs.items()}
 
 
-def own_plots(columns: Mapping[str, Sequence[str]]) -> list[Plot]:
-    """Return a plot for each channel that controllers record of their own."""
-    plots = []
-    for channel in columns:
-        if channel.startswith(OWN):
-            name, count = channel.removeprefix(OWN), len(columns[channel])
-            lines = [str(i + 1) for i in range(count)] if count > 1 else [""]
-            white = tuple(0.6 * (1 - i / (count - 1)) for i in range(count - 1))
-            entity = f"{OWN_TAB}/{rr.escape_entity_path_part(name)}"
-            plots.append(Plot(entity, name, "", _columns(channel, lines, white), channel))
-    return plots
+def _own(channel: str, count: int) -> Plot:
+    """Return the plot of a channel of a controller's own."""
+    name = channel.removeprefix(OWN)
+    lines = tuple(str(i + 1) for i in range(count)) if count > 1 else ("",)
+    plot = f"own/{rr.escape_entity_path_part(name)}"
+    return Plot(plot, name, lambda robot: robot[channel], lines, channel, white=tuple(np.linspace(0.6, 0, count)))
 
 
-def _columns(channel: str, lines: Iterable[str] = ("",), white: tuple[float, ...] = ()) -> tuple[Series, ...]:
-    return (Series(lambda robot, frames: robot[channel][frames], tuple(lines), pale=white),)
+def _share(plot: str, title: str, channel: str) -> Plot:
+    """Return the plot of the largest share of all motors."""
+    return Plot(plot, title, lambda robot: robot[channel].max(-1, keepdims=True), ("",), channel, range=SHARE)
 
 
-def _gap(end: str, start: str, measure: Callable[[Array], Array]) -> tuple[Series, ...]:
-    """Return a measure of the difference of two poses."""
-    return (Series(lambda robot, frames: measure(robot[end][frames] - robot[start][frames])[:, None]),)
+def _error(robot: Robot) -> Array:
+    """Return a robot's pose less its reference, (frames, 3) m, m, rad."""
+    error = robot["pose"] - robot["ref"]
+    return np.column_stack([error[:, :2], wrap_angle(error[:, 2])])
 
 
-def _distance_cm(gap: Array) -> Array:
-    return 100 * np.hypot(gap[:, 0], gap[:, 1])
+def _cm(gap: Array) -> Array:
+    return 100 * np.hypot(gap[:, :1], gap[:, 1:2])
 
 
-def _heading_deg(gap: Array) -> Array:
-    return np.rad2deg(wrap_angle(gap[:, 2]))
-
-
-def _velocity(axis: int) -> tuple[Series, ...]:
+def _velocity(plot: str, title: str, axis: int) -> Plot:
     """Return what was sent, what arrived at the robot, and what was achieved since the frame before."""
 
-    def values(robot: Robot, frames: Frames) -> Array:
+    def values(robot: Robot) -> Array:
         pose = robot["pose"][:, axis]
-        achieved = (pose[frames] - pose[np.maximum(frames - 1, 0)]) / PERIOD_S
-        return np.stack([robot["command"][frames, axis], robot["applied"][frames, axis], achieved], axis=1)
+        achieved = np.diff(pose, prepend=pose[0]) / PERIOD_S
+        return np.stack([robot["command"][:, axis], robot["applied"][:, axis], achieved], axis=1)
 
-    return (Series(values, ("sent", "arrived", "achieved"), pale=(0.75, 0.45)),)
+    return Plot(plot, title, values, ("sent", "arrived", "achieved"), white=(0.75, 0.45))
 
 
-def _alpha(axis: int) -> tuple[Series, ...]:
+def _alpha(name: str, axis: int) -> Plot:
     """Return estimate and its band, and the ratio of displacements of the window that ends in each frame."""
 
-    def estimate(robot: Robot, frames: Frames) -> Array:
-        alpha = robot["alpha_hat"][frames, axis, None]
-        return np.where(alpha == 1, np.nan, alpha)  # exactly 1: nothing is estimated, or nothing yet
+    def values(robot: Robot) -> Array:
+        estimate = robot["alpha_hat"][:, axis, None]
+        estimate = np.where(estimate == 1, np.nan, estimate)  # exactly 1: nothing is estimated, or nothing yet
+        sigma = robot[SIGMA][:, axis, None] if SIGMA in robot.log.columns else np.nan
+        ratio = np.full_like(estimate, np.nan)
+        if len(ratio) > ALPHA_WINDOW_FRAMES:
+            ratio[ALPHA_WINDOW_FRAMES:, 0] = driven_alpha(robot["pose"][:, axis], robot["applied"][:, axis])
+        return np.hstack([ratio, estimate - 2 * sigma, estimate + 2 * sigma, estimate])
 
-    def band(robot: Robot, frames: Frames) -> Array:
-        if SIGMA not in robot.log.columns:
-            return np.full((len(frames), 2), np.nan)
-        return robot["alpha_hat"][frames, axis, None] + 2 * robot[SIGMA][frames, axis, None] * np.array([-1, 1])
-
-    def ratio(robot: Robot, frames: Frames) -> Array:
-        part = _since(frames, ALPHA_WINDOW_FRAMES + ALPHA_START_FRAMES)
-        alpha = np.full(len(frames), np.nan)
-        if part.stop - part.start > ALPHA_WINDOW_FRAMES:
-            windows = driven_alpha(robot["pose"][part, axis], robot["applied"][part, axis])[-len(frames) :]
-            alpha[-len(windows) :] = windows
-        return alpha[:, None]
-
-    return (
-        Series(estimate, ("estimate",)),
-        Series(band, ("less 2 sigma", "plus 2 sigma"), entity="sigma", pale=(0.6, 0.6)),
-        Series(ratio, ("ratio",), entity="ratio", pale=(0.8,)),
-    )
+    lines, white = ("ratio", "less 2 sigma", "plus 2 sigma", "estimate"), (0.8, 0.6, 0.6)
+    title = f"motor correction factor alpha in {name}"
+    return Plot(f"alpha/{name}", title, values, lines, white=white, range=ALPHA_RANGE)
 
 
-def _sliding(robot: Robot, frames: Frames) -> Array:
+def _sliding(robot: Robot) -> Array:
     """Return by how much the wheel that slides most does, m/s; zero if none does."""
-    part = _since(frames, 1)
-    beyond = causes.slip_beyond(robot["pose"][part], robot["slip"][part], robot.table_row.settings)
-    most = np.maximum(beyond.max(-1), 0.0)
-    return np.concatenate([np.zeros(len(frames) - len(most)), most])[:, None]
+    beyond = causes.slip_beyond(robot["pose"], robot["slip"], robot.settings)
+    return np.concatenate([[0.0], np.maximum(beyond.max(-1), 0.0)])[:, None]
 
 
-def _limited(robot: Robot, frames: Frames) -> Array:
-    return robot["current_limited"][frames].max(-1, keepdims=True)
-
-
-def _held_back(robot: Robot, frames: Frames) -> Array:
+def _held_back(robot: Robot) -> Array:
     """Return the share of the last quarter of a second in which the command was at a limit."""
-    part = _since(frames, ALPHA_WINDOW_FRAMES - 1)
-    before = robot["command"][part.start - 1] if part.start else np.zeros(3)
-    limits: dict[str, Any] = causes.at_limits(robot["command"][part], before, robot.table_row.settings.control)
+    limits = causes.at_limits(robot["command"], np.zeros(3), robot.settings.control)
     held = np.any([met for _, met in limits.values()], axis=0)
-    missing = len(frames) + ALPHA_WINDOW_FRAMES - 1 - len(held)
-    padded = np.concatenate([np.zeros(missing), held])
-    return np.lib.stride_tricks.sliding_window_view(padded, ALPHA_WINDOW_FRAMES).mean(-1)[:, None]
-
-
-def _wheel_speeds(geometry: Kinematics) -> Callable[[Robot, Frames], Array]:
-    """Return the speeds of wheels that roll without slip as the command asks, and the true ones."""
-
-    def values(robot: Robot, frames: Frames) -> Array:
-        twist = world_to_body(robot["applied"][frames], robot["pose"][frames, 2])
-        return np.concatenate([geometry.wheel_speeds(twist), robot["wheel_speed"][frames]], axis=1)
-
-    return values
-
-
-def _since(frames: Frames, before: int) -> slice:
-    """Return the slice of successive frames and at most so many before them."""
-    return slice(max(int(frames[0]) - before, 0), int(frames[-1]) + 1)
+    return np.convolve(held, np.full(ALPHA_WINDOW_FRAMES, 1 / ALPHA_WINDOW_FRAMES))[: len(held), None]

@@ -1,32 +1,44 @@
-"""Spatial views of a recording: field, reference, robots, and where robots are believed to be."""
+"""Spatial part of a recording: field, reference, robots, and where robots are believed to be."""
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
 
+import mujoco
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from omni_control.kinematics import Array
-from omni_mj.scenarios.settings import Settings
-from omni_mj.show.recording import robot_shape
+from omni_mj.mjcf import roles
+from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.show.recording.plots import Robot
-from omni_mj.show.recording.sink import Frames, Rgb, indexes, pale
-from omni_mj.worlds import field
+from omni_mj.show.style import Rgb, pale
+from omni_mj.worlds import build, field
 
+Frames = NDArray[np.int_]  # numbers of frames, (n,)
+FRAME, TIME = "frame", "time"  # timelines
 CARPET, LINES, GOALS, REFERENCE = (33, 66, 45), (150, 175, 158), (190, 190, 190), (240, 240, 240)
-ABOVE = "world/above"  # camera of the plan view
-PIXELS_PER_M, CAMERA_HEIGHT_M = 500.0, 100.0  # from so high up there is hardly any perspective
 RADIUS_M, HEIGHT_M = 0.09, 0.15  # of a robot: the envelope that the rules allow
 MARGIN_M = 0.3  # shown around the reference
-CROWD, ROW_M = 4, 0.15  # more names than that stand in two rows, so far from each other
 TIE_M = 5e-4  # from a robot up to the next: of robots at one place, one must hide the other
+COVER = "cover"  # material of the geoms that tell robots apart by their colour
+LIGHTER = 110  # of 255
+SHOWN_GROUPS = 3  # as in MuJoCo's viewer: geoms of group 3 and above (hulls) are hidden
 _UP = np.array([0.0, 0.0, 1.0])
+# Kind of geom -> its rerun shape, from sizes (n, 3), centres (n, 3) and further arguments.
+_SHAPES: dict[str, Callable[..., Any]] = {
+    "CYLINDER": lambda size, at, **look: rr.Cylinders3D(radii=size[:, 0], lengths=2 * size[:, 1], centers=at, **look),
+    "BOX": lambda size, at, **look: rr.Boxes3D(half_sizes=size, centers=at, **look),
+    "ELLIPSOID": lambda size, at, **look: rr.Ellipsoids3D(half_sizes=size, centers=at, **look),
+}
+_SHAPES["CAPSULE"] = _SHAPES["CYLINDER"]
+_SHAPES["SPHERE"] = lambda size, at, **look: _SHAPES["ELLIPSOID"](size[:, :1].repeat(3, axis=1), at, **look)
 
 
-def pixel(x: float, y: float) -> tuple[float, float]:
-    """Return where the point (x, y) of the carpet, in m, lies in the plan view."""
-    length, width = field.SURFACE_M
-    return PIXELS_PER_M * (length / 2 + x), PIXELS_PER_M * (width / 2 - y)
+def indexes(frames: Frames) -> list[rr.TimeColumn]:
+    """Return index columns that place rows in `frames`."""
+    return [rr.TimeColumn(FRAME, sequence=frames), rr.TimeColumn(TIME, duration=frames * PERIOD_S)]
 
 
 def extent(paths: Iterable[Array]) -> tuple[Array, Array]:
@@ -35,15 +47,8 @@ def extent(paths: Iterable[Array]) -> tuple[Array, Array]:
     return points.min(0) - MARGIN_M, points.max(0) + MARGIN_M
 
 
-def log_static(stream: rr.RecordingStream, robots: Sequence[Robot], settings: Settings, paths: Sequence[Array]) -> None:
-    """Log what does not change.
-
-    Args:
-        stream: Stream of the recording.
-        robots: Robots whose shapes, colours and names are logged.
-        settings: Settings of one of them; they are of one kind.
-        paths: References that they follow, (frames, 3) each, which lie on the carpet.
-    """
+def log_static(stream: rr.RecordingStream, robots: Sequence[Robot], paths: Sequence[Array]) -> None:
+    """Log what does not change: the field, the references (frames, 3) on it, and how robots look."""
     stream.log("world", rr.ViewCoordinates.FLU, static=True)
     log_field(stream)
     strips = [_at(path, 0.002) for path in paths]
@@ -54,10 +59,9 @@ def log_static(stream: rr.RecordingStream, robots: Sequence[Robot], settings: Se
     count = len(robots)
     for robot in robots:
         entity = f"world/{robot.name}"
-        robot_shape.log(stream, f"{entity}/robot", robot.colour, settings)
+        log_robot(stream, f"{entity}/robot", robot.colour, robot.settings)
         # Names are a legend on the carpet: above robots so close to each other they would hide them.
-        row = robot.order % 2 if count > CROWD else 0
-        place = [[left + (right - left) * (robot.order + 0.5) / count, front - row * ROW_M, 0.01]]
+        place = [[left + (right - left) * (robot.order + 0.5) / count, front, 0.01]]
         look: dict[str, Any] = {"colors": [pale(robot.colour, 0.3)], "radii": _points(4), "show_labels": True}
         stream.log(f"{entity}/name", rr.Points3D(place, labels=[robot.name], **look), static=True)
         # Paths of the first robots are wider, to show beneath those that are drawn over them.
@@ -66,22 +70,17 @@ def log_static(stream: rr.RecordingStream, robots: Sequence[Robot], settings: Se
 
 
 def log_field(stream: rr.RecordingStream) -> None:
-    """Log carpet, lines, goals and the camera of the plan view."""
-    size = np.array(field.SURFACE_M)
-    boxes: dict[str, tuple[Any, Any, Rgb]] = {
-        "carpet": ([[*size / 2, 0.01]], [[0, 0, -0.011]], CARPET),
-        "goals": (*field.goal_walls()[::-1], GOALS),
-    }
-    for name, (half_sizes, centres, colour) in boxes.items():
-        shape = rr.Boxes3D(half_sizes=half_sizes, centers=centres, colors=[colour], fill_mode="solid")
+    """Log carpet, lines and goals."""
+    carpet = [[*np.array(field.SURFACE_M) / 2, 0.01]]
+    centres, half_sizes = field.goal_walls()
+    for name, sizes, at, colour in (
+        ("carpet", carpet, [[0, 0, -0.011]], CARPET),
+        ("goals", half_sizes, centres, GOALS),
+    ):
+        shape = rr.Boxes3D(half_sizes=sizes, centers=at, colors=[colour], fill_mode="solid")
         stream.log(f"world/field/{name}", shape, static=True)
     strips = [_at(line, 0.0) for line in field.lines()]
-    lines = rr.LineStrips3D(strips, colors=[LINES], radii=field.LINE_M / 2)
-    stream.log("world/field/lines", lines, static=True)
-    # Looks straight down, the image's x along the field's and its y, which points down, against the field's.
-    camera = rr.Transform3D(translation=[0, 0, CAMERA_HEIGHT_M], mat3x3=np.diag([1.0, -1.0, -1.0]))
-    pinhole = rr.Pinhole(focal_length=CAMERA_HEIGHT_M * PIXELS_PER_M, resolution=PIXELS_PER_M * size)
-    stream.log(ABOVE, camera, pinhole, static=True)
+    stream.log("world/field/lines", rr.LineStrips3D(strips, colors=[LINES], radii=field.LINE_M / 2), static=True)
 
 
 def send_targets(stream: rr.RecordingStream, paths: Sequence[Array], frames: Frames) -> None:
@@ -91,32 +90,21 @@ def send_targets(stream: rr.RecordingStream, paths: Sequence[Array], frames: Fra
     stream.send_columns("world/reference/target", indexes(frames), points.partition(np.full(len(frames), len(paths))))
 
 
-def send(stream: rr.RecordingStream, robot: Robot, frames: Frames, known: set[str]) -> None:
-    """Send where a robot was in `frames` and where it was believed to be.
-
-    Args:
-        stream: Stream of the recording.
-        robot: The robot.
-        frames: Successive frames that it has.
-        known: Entities of beliefs whose shapes are there already; others appear with the first belief and are added.
-    """
-    entity, time, pose, lift = f"world/{robot.name}", indexes(frames), robot["pose"], robot.order * TIE_M
-    send_pose(
-        stream, f"{entity}/robot", time, pose[frames], robot["wheel_angle"][frames], robot.table_row.settings, lift
-    )
+def send(stream: rr.RecordingStream, robot: Robot, frames: Frames) -> None:
+    """Send where a robot was in successive `frames`, and where it was believed to be."""
+    entity, pose, lift = f"world/{robot.name}", robot["pose"], robot.order * TIE_M
+    time = indexes(frames)
+    send_pose(stream, f"{entity}/robot", time, pose[frames], robot["wheel_angle"][frames], robot.settings, lift)
     # A segment per frame, from the frame before: the viewer shows those up to its time cursor.
     ends = [_at(pose[at], 0.004 + lift) for at in (np.maximum(frames - 1, 0), frames)]
     segments = np.stack(ends, axis=1, dtype=np.float32)
     stream.send_columns(f"{entity}/path", time, rr.LineStrips3D.columns(strips=segments))
     for belief, shape in (("vision", _ring), ("predicted", _ghost)):
         values = robot[belief][frames]
-        seen = ~np.isnan(values[:, 0])
-        if seen.any():
-            stream.send_columns(f"{entity}/{belief}", indexes(frames[seen]), transform(values[seen]))
-            place = f"{entity}/{belief}/shape"
-            if place not in known:
-                known.add(place)
-                stream.send_columns(place, indexes(frames[seen][:1]), shape(robot.colour))
+        known = ~np.isnan(values[:, 0])
+        if known.any():
+            stream.send_columns(f"{entity}/{belief}", indexes(frames[known]), transform(values[known]))
+            stream.send_columns(f"{entity}/{belief}/shape", indexes(frames[known][:1]), shape(robot.colour))
 
 
 def send_pose(
@@ -128,7 +116,7 @@ def send_pose(
     settings: Settings,
     height: float = 0.0,
 ) -> None:
-    """Send transforms of a robot and of its wheels, whose shapes `robot_shape.log` has put there.
+    """Send transforms of a robot and of its wheels, whose shapes `log_robot` has put there.
 
     Args:
         stream: Stream of the recording.
@@ -140,14 +128,85 @@ def send_pose(
         height: Height above the carpet, m.
     """
     stream.send_columns(entity, time, transform(pose, height))
-    for i, (mount, axis) in enumerate(robot_shape.wheel_mounts(settings)):
-        places = np.broadcast_to(mount, (len(angles), 3))
-        stream.send_columns(f"{entity}/wheel_{i + 1}", time, _transform(places, np.nan_to_num(angles[:, i]), axis))
+    shape = _shape(settings)
+    for i, joint in enumerate(shape.robot.joints):
+        at = np.broadcast_to(shape.data.xanchor[joint], (len(angles), 3))
+        turned = _transform(at, np.nan_to_num(angles[:, i]), shape.data.xaxis[joint])
+        stream.send_columns(f"{entity}/wheel_{i + 1}", time, turned)
 
 
 def transform(pose: Array, height: float = 0.0) -> rr.ComponentColumnList:
     """Return columns of transforms of upright robots at poses (n, 3), at a height above the carpet, m."""
     return _transform(_at(pose, height), pose[:, 2], _UP)
+
+
+def log_robot(stream: rr.RecordingStream, entity: str, colour: Rgb, settings: Settings) -> None:
+    """Log chassis and wheels once, static, under `entity`; the cover in `colour` to tell robots apart."""
+    shape = _shape(settings)
+    model, robot = shape.model, shape.robot
+    turning = np.concatenate([robot.wheels, robot.rims, robot.rollers.ravel()])
+    chassis = np.setdiff1d(np.flatnonzero(model.body_rootid == robot.chassis), turning)
+    _log_geoms(stream, f"{entity}/chassis", shape, chassis, np.zeros(3), colour)
+    for i, joint in enumerate(robot.joints):
+        wheel = np.append(robot.rollers[i], robot.wheels[i])
+        _log_geoms(stream, f"{entity}/wheel_{i + 1}", shape, wheel, shape.data.xanchor[joint], colour)
+
+
+class _Shape(NamedTuple):
+    """A model and its first robot, whose chassis is over the origin: world coordinates are the robot's own."""
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    robot: roles.Robot
+
+
+def _shape(settings: Settings) -> _Shape:
+    """Return the model of whole wheels."""
+    return _posed(build.world(settings.replace(wheels={"model": "rollers"})))
+
+
+@lru_cache(maxsize=4)
+def _posed(world: build.World) -> _Shape:
+    robot, data = world.robots[0], mujoco.MjData(world.model)
+    data.qpos[robot.qpos[:7]] = [0, 0, data.qpos[robot.qpos[2]], 1, 0, 0, 0]
+    mujoco.mj_kinematics(world.model, data)
+    return _Shape(world.model, data, robot)
+
+
+def _log_geoms(
+    stream: rr.RecordingStream, entity: str, shape: _Shape, bodies: np.ndarray, origin: np.ndarray, cover: Rgb
+) -> None:
+    """Log the geoms of `bodies` relative to `origin`: one entity per kind of geom, and one per mesh."""
+    model, data, robot = shape
+    shown = np.isin(model.geom_bodyid, bodies) & (model.geom_group < SHOWN_GROUPS)
+    colours = np.array([_colour(model, robot, geom, cover) for geom in range(model.ngeom)])
+    for kind, primitive in _SHAPES.items():
+        ids = np.flatnonzero((model.geom_type == getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")) & shown)
+        if ids.size:
+            quaternions = data.geom_xquat[ids][:, [1, 2, 3, 0]]  # MuJoCo's wxyz to rerun's xyzw
+            look = {"quaternions": quaternions, "colors": colours[ids], "fill_mode": "solid"}
+            geoms = primitive(model.geom_size[ids], data.geom_xpos[ids] - origin, **look)
+            stream.log(f"{entity}/{kind.lower()}s", geoms, static=True)
+    for geom in np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_MESH) & shown):
+        mesh = model.mesh(model.geom_dataid[geom])
+        vertices = model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
+        shape_3d = rr.Mesh3D(
+            vertex_positions=vertices @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom] - origin,
+            triangle_indices=model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]],
+            albedo_factor=[*colours[geom], 255],
+        )
+        stream.log(f"{entity}/mesh_{geom}", shape_3d, static=True)
+
+
+def _colour(model: mujoco.MjModel, robot: roles.Robot, geom: int, cover: Rgb) -> np.ndarray:
+    """Return the colour (3,) of a geom, 0 to 255: its material's or its own, or that of this robot's `cover`."""
+    material = model.geom_matid[geom]
+    if material >= 0 and model.mat(material).name.endswith(f"/{COVER}"):
+        return np.array(cover)
+    colour = (255 * (model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom])[:3]).astype(int)
+    if model.geom_bodyid[geom] in robot.rollers[:, ::2]:  # every other roller lighter, or nobody sees wheels turn
+        colour = np.minimum(colour + LIGHTER, 255)
+    return colour
 
 
 def _transform(position: Array, angle: Array, axis: Array) -> rr.ComponentColumnList:

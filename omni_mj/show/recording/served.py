@@ -15,8 +15,8 @@ from omni_mj.files import check_room
 from omni_mj.live.serve.log import Block
 from omni_mj.scenarios.settings import Settings
 from omni_mj.show import style
-from omni_mj.show.recording import robot_shape, scene, sink
-from omni_mj.show.recording.sink import TIME, indexes
+from omni_mj.show.recording import scene, stream
+from omni_mj.show.recording.scene import TIME, indexes
 from omni_mj.show.recording.viewer import answers
 from omni_mj.simulate.log import Log
 
@@ -48,7 +48,7 @@ class ServedRecording:
     def __init__(self, target: Path | str, robots: Mapping[str, Settings], name: str) -> None:
         self._target, self._robots, self._shown = target, robots, set[str]()
         self._before: Sequence[str] = ()
-        self._has_failed, self._stream = False, sink.open_stream()
+        self._has_failed, self._stream = False, stream.open_stream()
         with self._warning():
             if isinstance(target, Path):  # without a footer, which rerun would hold in memory until the end
                 check_room(target.parent, TABLE_BYTES)
@@ -71,7 +71,7 @@ class ServedRecording:
     def close(self) -> None:
         """End it."""
         with self._warning():
-            sink.flush(self._stream)
+            stream.flush(self._stream)
             self._stream.disconnect()
 
     @contextmanager
@@ -110,12 +110,12 @@ class ServedRecording:
             return
         self._shown.add(name)
         team, number = name.split()
-        robot_shape.log(self._stream, f"world/{_entity(name)}/at", TEAMS[team], self._robots[team])
+        scene.log_robot(self._stream, f"world/{_entity(name)}/at", TEAMS[team], self._robots[team])
         colour = style.rgb(style.colour(SLOTS[team][int(number) % len(SLOTS[team])]))
         for channel, count in lines.items():
             look = rr.SeriesLines(
                 names=[f"{name} {line}" for line in (AXES if channel == "command" else range(1, count + 1))],
-                colors=[sink.pale(colour, 0.7 * i / count) for i in range(count)],
+                colors=[style.pale(colour, 0.7 * i / count) for i in range(count)],
             )
             self._stream.log(f"plots/{channel}/{_entity(name)}", look, static=True)
 
@@ -126,9 +126,7 @@ def _entity(name: str) -> str:
 
 def _blueprint() -> rrb.Blueprint:
     eye = rrb.EyeControls3D(position=[0, -6, 6], look_target=[0, 0, 0], eye_up=[0, 0, 1])
-    field = rrb.Spatial3DView(
-        origin="world", contents=["$origin/**", f"- {scene.ABOVE}/**"], name="field", eye_controls=eye, line_grid=False
-    )
+    field = rrb.Spatial3DView(origin="world", name="field", eye_controls=eye, line_grid=False)
     plots = rrb.Tabs(
         *(rrb.TimeSeriesView(origin=f"plots/{channel}", name=f"{channel}, {unit}") for channel, unit in PLOTS.items())
     )

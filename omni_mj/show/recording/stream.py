@@ -1,9 +1,12 @@
 """A recording: what the first robots of each controller do, sent in blocks while the run goes on."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+import atexit
+import ctypes
+import uuid
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import click
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
@@ -16,169 +19,169 @@ from omni_mj.show import full
 from omni_mj.show.recording import plots, scene
 from omni_mj.show.recording.layout import blueprint
 from omni_mj.show.recording.plots import Robot
-from omni_mj.show.recording.sink import Frames, flush, indexes, open_stream
+from omni_mj.show.recording.viewer import answers
 from omni_mj.simulate.simulation import Simulation
 
+BLOCK_FRAMES = 5 * FRAME_RATE_HZ  # to write at a time, and so the most that a killed process loses
+LIVE_BLOCK_FRAMES = FRAME_RATE_HZ // 2
+FLUSH_S = 30.0  # a block has a megabyte
 NUMBER_B = 8  # of a table, before compression
 ERRORS = (events.STOPPED, events.TEMPERATURE, events.BATTERY)
 NOTES = (events.VISION, events.WAY_POINT)
 
 
 class Recording:
-    """Common part of recordings to files and to viewers; a context manager.
+    """A recording of a run in a file, or in a viewer while it goes on; a context manager.
 
-    A failure ends the recording and never the run that it shows. The stream begins with the first block.
+    The stream begins with the first block. A failure ends the recording and never the run that it shows. If a viewer is
+    not there, or goes away, that costs a line on stderr. A file ends if the disk has no more room than the numbers will
+    need.
 
     Args:
+        target: Path of the .rrd file, whose folder must exist, or address of the viewer.
         simulation: Simulation whose log is recorded.
-        block_frames: Frames to send at a time, and so the most that a killed process loses.
-        live: Follow what is recorded instead of waiting at its start.
     """
 
-    def __init__(self, simulation: Simulation, block_frames: int, live: bool) -> None:
-        self._simulation, self._block_frames, self._live = simulation, block_frames, live
-        self._log, self._sent = simulation.log, 0
+    def __init__(self, target: Path | str, simulation: Simulation) -> None:
+        self._target, self._simulation, self._log = target, simulation, simulation.log
         self._stream: rr.RecordingStream | None = None
-        self._failure = ""
-        self._known: set[str] = set()  # entities whose shape or look was logged
+        self._sent, self._failure = 0, ""
+        self._begun = set[str]()  # entities of series that have begun
+        self._columns: Sequence[str] = ()  # channels of which the layout knows
+        self._robots = plots.shown_robots(self._log)
+        references = [simulation.references[robot.row] for robot in self._robots]
+        self._paths = [reference.poses for reference in dict.fromkeys(references)]
+        self._watches = [events.Watch(self._log, robot.row) for robot in self._robots]
+        if isinstance(target, str) and not answers(target):
+            self._fail("nobody answers")
 
     def __enter__(self) -> "Recording":
         return self
 
     def __exit__(self, *error: object) -> None:
-        with self._guarded():
-            if self._stream and not self._failure:
-                flush(self._stream)
-                self._stream.disconnect()
+        """End it.
+
+        Raises:
+            OSError: Not all of a file could be written.
+        """
+        if self._stream and not self._failure:  # flushed after all that was sent
+            self._stream.disconnect()
+        if self._failure and isinstance(self._target, Path):
+            text = f"the recording could not be written to its end: {self._failure}"
+            raise OSError(None, text, str(self._target))
 
     def update(self) -> None:
         """Send what was recorded since the last time if it fills a block."""
-        if self._log.length - self._sent >= self._block_frames:
+        block = BLOCK_FRAMES if isinstance(self._target, Path) else LIVE_BLOCK_FRAMES
+        if self._log.length - self._sent >= block:
             self.write()
 
     def write(self) -> None:
         """Send what was recorded since the last time, so that it stays readable whatever ends the run."""
-        with self._guarded():
-            if self._failure or not self._log.length:
-                return
-            stream = self._stream or self._begin()
-            frames = np.arange(self._sent, self._log.length)
-            self._sent = self._log.length
-            if frames.size:
-                self._send(stream, frames)
-            for robot, watch in zip(self._robots, self._watches, strict=True):
-                _send_events(stream, robot, watch.new(self._simulation.failures))
-            flush(stream)
+        if self._log.length:
+            self._attempt(self._send)
 
     def finish(self, summary: str) -> None:
         """Send the result, a Markdown text."""
-        with self._guarded():
-            if self._stream and not self._failure:
-                _log_text(self._stream, "summary", summary)
-                flush(self._stream)
+        self._attempt(self._log_text, "summary", summary)
 
-    @contextmanager
-    def _guarded(self) -> Iterator[None]:
-        """Turn any exception into the recording's failure."""
+    def _attempt(self, send: Callable[..., None], *arguments: object) -> None:
+        """Call a function and flush, unless the recording has failed; an exception is its failure."""
+        if self._failure:
+            return
         try:
-            yield
+            send(*arguments)
+            if self._stream:
+                flush(self._stream)
         except Exception as error:  # rerun refused something, or something is wrong here
-            self._fail(error)
+            self._fail(str(error) if isinstance(error, OmniError) else f"{type(error).__name__}: {error}")
 
-    def _connect(self, stream: rr.RecordingStream) -> None:
-        """Lead the stream to its file or viewer."""
-        raise NotImplementedError
+    def _fail(self, failure: str) -> None:
+        """Give up, as what is sent does not arrive."""
+        self._failure = " ".join(failure.split())
+        if isinstance(self._target, str):
+            click.echo(f"warning: no viewer at {self._target}; the run goes on without it", err=True)
 
     def _begin(self) -> rr.RecordingStream:
         """Return a new stream, to which everything that does not change was sent."""
-        simulation, log = self._simulation, self._log
-        self._robots = plots.shown_robots(log)
-        references = [simulation.references[robot.row] for robot in self._robots]
-        self._paths = [reference.poses for reference in {id(r): r for r in references}.values()]
-        self._watches = [events.Watch(log, robot.row) for robot in self._robots]
-        self._tabs = plots.tabs(log.rows[0].settings.wheels.kinematics, log)
         # Sent when it is flushed and never by the clock, or equal runs would differ in the order of chunks.
-        stream = open_stream(rr.ChunkBatcherConfig.NEVER())
-        self._connect(stream)
-        self._stream = stream
-        chosen, seed = simulation.scenario, log.rows[0].seed
-        stream.send_recording_name(f"{chosen.name} on {chosen.plant}, seed {seed}")
-        scene.log_static(stream, self._robots, log.rows[0].settings, self._paths)
-        _log_text(stream, "settings", full.scenario(chosen), rr.MediaType.TEXT)
-        _log_text(stream, "summary", "The run has not ended; its summary follows.")
+        self._stream = stream = open_stream(rr.ChunkBatcherConfig.NEVER())
+        if isinstance(self._target, Path):
+            stream.save(self._target, default_blueprint=self._layout())
+        else:
+            stream.connect_grpc(self._target, default_blueprint=self._layout())
+        chosen = self._simulation.scenario
+        stream.send_recording_name(f"{chosen.name} on {chosen.plant}, seed {self._log.rows[0].seed}")
+        scene.log_static(stream, self._robots, self._paths)
+        self._log_text("settings", full.scenario(chosen), rr.MediaType.TEXT)
+        self._log_text("summary", "The run has not ended; its summary follows.")
         return stream
 
-    def _send(self, stream: rr.RecordingStream, frames: Frames) -> None:
-        scene.send_targets(stream, self._paths, frames)
-        own = plots.own_plots(self._log.columns)
-        if len(own) > len(self._tabs[plots.OWN_TAB]):
-            self._tabs[plots.OWN_TAB] = own
-            stream.send_blueprint(self._blueprint())
-        for robot in self._robots:
+    def _layout(self) -> rrb.Blueprint:
+        """Return the layout for the channels that there are now."""
+        self._columns, self._tabs = list(self._log.columns), plots.tabs(self._log)
+        names = [robot.name for robot in self._robots]
+        return blueprint(names, self._paths, self._tabs, live=isinstance(self._target, str))
+
+    def _send(self) -> None:
+        log = self._log
+        if isinstance(self._target, Path):
+            numbers = sum(reference.frames for reference in self._simulation.references)
+            check_room(self._target.parent, NUMBER_B * numbers * sum(map(len, log.columns.values())))
+        stream = self._stream or self._begin()
+        if self._columns != list(log.columns):  # a controller records something else from now on
+            stream.send_blueprint(self._layout())
+        frames = np.arange(self._sent, log.length)
+        self._sent = log.length
+        if frames.size:
+            scene.send_targets(stream, self._paths, frames)
+        for robot, watch in zip(self._robots, self._watches, strict=True):
             recorded = frames[frames < robot.length]
             if recorded.size:
-                scene.send(stream, robot, recorded, self._known)
+                scene.send(stream, robot, recorded)
                 self._send_series(stream, robot, recorded)
+            _send_events(stream, robot, watch.new(self._simulation.failures))
 
-    def _send_series(self, stream: rr.RecordingStream, robot: Robot, frames: Frames) -> None:
-        """Send a robot's series from their first number on; NaN leaves a gap."""
+    def _send_series(self, stream: rr.RecordingStream, robot: Robot, frames: scene.Frames) -> None:
+        """Send a robot's series, each from the block of its first number on; NaN is a gap."""
         for plot in (plot for tab in self._tabs.values() for plot in tab):
-            for series in plot.series:
-                entity, values = series.path(plot, robot), series.values(robot, frames)
-                known = np.asarray(~np.isnan(values).any(1))
-                begin = 0
-                if entity not in self._known and known.any():
-                    self._known.add(entity)
-                    stream.log(entity, series.look(plot, robot), static=True)
-                    begin = int(known.argmax())
-                if entity in self._known:
-                    known, values = known[begin:], values[begin:]
-                    columns = rr.Scalars.columns(scalars=values[known].ravel()).partition(known * values.shape[1])
-                    stream.send_columns(entity, indexes(frames[begin:]), columns)
+            entity, values = f"plots/{plot.path}/{robot.name}", plot.block(robot, frames[0])
+            if entity not in self._begun and not np.isnan(values).all():
+                self._begun.add(entity)
+                stream.log(entity, plot.look(robot), static=True)
+            if entity in self._begun:
+                columns = rr.Scalars.columns(scalars=values.ravel()).partition(np.full(len(values), values.shape[1]))
+                stream.send_columns(entity, scene.indexes(frames), columns)
 
-    def _fail(self, failure: Exception) -> None:
-        """Give up, as what is sent does not arrive."""
-        text = str(failure) if isinstance(failure, OmniError) else f"{type(failure).__name__}: {failure}"
-        self._failure = self._failure or " ".join(text.split())
-
-    def _blueprint(self) -> rrb.Blueprint:
-        return blueprint([robot.name for robot in self._robots], self._paths, self._tabs, self._live)
+    def _log_text(self, entity: str, text: str, kind: rr.MediaType = rr.MediaType.MARKDOWN) -> None:
+        """Show a text in place of one that was there before."""
+        if self._stream:
+            self._stream.log(entity, rr.TextDocument(text, media_type=kind), static=True)
 
 
-class FileRecording(Recording):
-    """An .rrd file, which ends if the disk has no more room than the numbers will need.
+def open_stream(batcher: rr.ChunkBatcherConfig | None = None) -> rr.RecordingStream:
+    """Return a stream that leads nowhere yet; rerun's complaints become exceptions."""
+    rr.set_strict_mode(True)  # otherwise rejected data is missing without a word
+    stream = rr.RecordingStream("omni-mj", recording_id=uuid.uuid4(), batcher_config=batcher)
+    stream.set_log_time_enabled(False)
+    return stream
 
-    Args:
-        path: Path of the file; its folder must exist.
-        simulation: Simulation whose log is recorded.
+
+def flush(stream: rr.RecordingStream) -> None:
+    """Wait until everything sent is written.
+
+    If the writer dies of a full disk just as it is told to flush, rerun waits for it without end: there, when the
+    stream is finalized, and when the program exits. The latter two are prevented here.
+
+    Raises:
+        RuntimeError: It was not written and will not be.
     """
-
-    def __init__(self, path: Path, simulation: Simulation) -> None:
-        super().__init__(simulation, block_frames=5 * FRAME_RATE_HZ, live=False)
-        self._path = path
-
-    def _connect(self, stream: rr.RecordingStream) -> None:
-        stream.save(self._path, default_blueprint=self._blueprint())
-
-    def _send(self, stream: rr.RecordingStream, frames: Frames) -> None:
-        numbers = sum(reference.frames for reference in self._simulation.references)
-        check_room(self._path.parent, NUMBER_B * numbers * sum(map(len, self._log.columns.values())))
-        super()._send(stream, frames)
-
-    def __exit__(self, *error: object) -> None:
-        """End the file.
-
-        Raises:
-            OSError: Not all of it could be written.
-        """
-        super().__exit__(*error)
-        if self._failure:
-            raise OSError(None, f"the recording could not be written to its end: {self._failure}", str(self._path))
-
-
-def _log_text(stream: rr.RecordingStream, entity: str, text: str, kind: rr.MediaType = rr.MediaType.MARKDOWN) -> None:
-    """Show a text in place of one that was there before."""
-    stream.log(entity, rr.TextDocument(text, media_type=kind), static=True)
+    try:
+        stream.flush(timeout_sec=FLUSH_S)
+    except RuntimeError:
+        atexit.unregister(rr.rerun_shutdown)
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))  # never finalized
+        raise
 
 
 def _send_events(stream: rr.RecordingStream, robot: Robot, happened: Sequence[events.Event]) -> None:
@@ -190,4 +193,5 @@ def _send_events(stream: rr.RecordingStream, robot: Robot, happened: Sequence[ev
             level=["ERROR" if kind in ERRORS else "INFO" if kind in NOTES else "WARN" for kind in kinds],
             color=[robot.colour] * len(happened),
         )
-        stream.send_columns(f"events/{robot.name}", indexes(np.array([event.frame for event in happened])), columns)
+        frames = np.array([event.frame for event in happened])
+        stream.send_columns(f"events/{robot.name}", scene.indexes(frames), columns)

@@ -19,12 +19,12 @@ from omni_control.controllers.base import Controller
 from omni_mj.measure.table import table
 from omni_mj.scenarios import scenario
 from omni_mj.show import tables
-from omni_mj.show.recording import FileRecording, LiveRecording, sink
+from omni_mj.show.recording import Recording, stream
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies import run
 from omni_mj.studies.outcome import drive
 
-set_patience = partial(setattr, sink, "FLUSH_S")  # seconds that a recording waits for its file
+set_patience = partial(setattr, stream, "FLUSH_S")  # seconds that a recording waits for its file
 RERUN = Path(sys.executable).with_name("rerun")
 
 
@@ -87,8 +87,8 @@ def rows(table: pa.Table, controller: str, seed: int = 0, place: int = 0) -> dic
 def record(simulation: Simulation, path: Path, url: str = "", after_frame: Callable[[int], None] | None = None) -> None:
     """Run a simulation to its end, recorded into a file and shown by a viewer, if there is one, as the command does."""
     with ExitStack() as stack:
-        recordings = [stack.enter_context(FileRecording(path, simulation))]
-        recordings += [stack.enter_context(LiveRecording(url, simulation))] if url else []
+        recordings = [stack.enter_context(Recording(path, simulation))]
+        recordings += [stack.enter_context(Recording(url, simulation))] if url else []
 
         def update(frame: int) -> None:
             if after_frame:
