@@ -71,7 +71,7 @@ def command(
     from omni_mj.files import write
     from omni_mj.measure import limits
     from omni_mj.show import compare_table
-    from omni_mj.studies import compare, cost
+    from omni_mj.studies import compare
     from omni_mj.studies.outcome import total_frames
 
     plant = choice.plant or "mujoco"
@@ -80,7 +80,6 @@ def command(
     chosen = [choice.load(name) for name in names]
     options.tell_model(chosen[0], quiet)
     compare.check(chosen, subject, half_width)
-    console.tell_costs([cost.estimate(each) for each in chosen], quiet)
     studies = [limits.read(path) for path in found]
     limits.known(studies, chosen)  # before there is a folder
     several = {"--scenario": names, "--limits": found}

@@ -5,7 +5,7 @@ import os
 import shlex
 import signal
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -17,7 +17,6 @@ from omni_control.errors import OmniError, printable
 if TYPE_CHECKING:
     from omni_mj.measure.result import Result
     from omni_mj.simulate.simulation import Failure
-    from omni_mj.studies.cost import Cost
 
 BAD_INPUT, FAILED = 2, 1
 ENDED = {  # what a signal did, in words
@@ -95,20 +94,6 @@ def fail_rows(failures: Mapping[str, Iterable["Failure"]], errors: Iterable[str]
     lines = [" ".join(line.split()) for line in (*lines, *errors)]
     if lines:
         fail("\n".join(lines), FAILED)
-
-
-def tell_costs(costs: Sequence["Cost"], quiet: bool) -> None:
-    """Print what big runs take, unless quiet.
-
-    Raises:
-        OmniError: one takes more memory than there is.
-    """
-    from omni_mj.studies import cost
-
-    cost.check(costs)
-    for each in costs:
-        if each.big and not quiet:
-            click.echo(f"note: {each}", err=True)
 
 
 def quiet_mujoco() -> None:

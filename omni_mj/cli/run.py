@@ -63,13 +63,12 @@ def command(
         return
     from omni_mj.cli.console import Interrupts
     from omni_mj.scenarios.library import builtin
-    from omni_mj.studies import cost, run
+    from omni_mj.studies import run
 
     if name is None:
         raise OmniError(f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file")
     chosen = choice.load(name)
     options.tell_model(chosen, quiet)
-    console.tell_costs([cost.estimate(chosen)], quiet)
     simulation = run.prepare(chosen)
     shown_by = viewers(outputs.view, outputs.connect)
     folder = folders.prepare(out, chosen.name, OUTPUTS, overwrite)

@@ -3,11 +3,13 @@
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from omni_control.controllers.base import Controller
+from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.measure import metrics, summary
 from omni_mj.measure.result import Outcome
@@ -20,6 +22,7 @@ from omni_mj.simulate.simulation import Failure, Simulation
 
 Kinds = Sequence[str | type[Controller]]
 AfterFrame = Callable[[int], None]
+FRAME_BYTES = 1200  # of a robot-frame in the log, with what is made of it to measure, and its reference
 
 
 class StoppedError(Exception):
@@ -36,6 +39,19 @@ class StoppedError(Exception):
 
 def nothing(_: object) -> None:
     """What is called after a frame, or a scenario, where nobody wants to know."""
+
+
+def check_memory(robots: int, frames: int) -> None:
+    """Raise OmniError if so many robots at once take more memory than this computer has free, as far as it says."""
+    try:
+        free_b = 1024 * int(Path("/proc/meminfo").read_text().split("MemAvailable:")[1].split()[0])
+    except (OSError, IndexError):
+        return
+    if robots * frames * FRAME_BYTES > free_b:
+        raise OmniError(
+            f"{robots} robots at once for {frames} frames take about {robots * frames * FRAME_BYTES / 1e9:.2g} GB of"
+            f" memory, and {free_b / 1e9:.2g} GB are free; run fewer at a time, or something shorter"
+        )
 
 
 def standing(settings: Settings, frames: int, **sections: Any) -> Settings:

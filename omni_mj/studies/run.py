@@ -9,7 +9,7 @@ from omni_mj.robot.kernels import choose_kernel
 from omni_mj.scenarios.references import timed
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.outcome import AfterFrame, drive, informed, nothing
+from omni_mj.studies.outcome import AfterFrame, check_memory, drive, informed, nothing
 
 
 def run(
@@ -45,7 +45,10 @@ def prepare(
     seeds: Iterable[int] | None = None,
 ) -> Simulation:
     """The simulation that `run` runs, at its start."""
-    return Simulation(chosen(scenario, controllers, seeds))
+    found = chosen(scenario, controllers, seeds)
+    robots = len(found.controllers) * found.seeds * len(found.settings.world.places)
+    check_memory(robots, timed(found.settings).frames)
+    return Simulation(found)
 
 
 def chosen(

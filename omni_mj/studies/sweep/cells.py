@@ -1,72 +1,95 @@
-"""What a sweep says of each point and controller: how often robots fail, and how far they stray, with confidence."""
+"""What a sweep says: how often robots fail and how far they stray, what matters, and which runs are the worst."""
 
-from functools import cache
+import shlex
+from itertools import groupby
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from omni_control.kinematics import Array
 from omni_mj.measure.statistics import CONFIDENCE, plain
+from omni_mj.scenarios.controllers import written
+from omni_mj.studies.sweep.plan import Plan
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 STRAYED = "distance_max_m"
 SHOWN = {STRAYED: "maximum error in the plane, m", "distance_mean_m": "mean error in the plane, m"}
+N_WORST = 3
 
 
-@cache
-def wilson(failed: int, count: int) -> tuple[float, float]:
-    """Return the 95 % interval of a failure rate by Wilson's method: sane for 0 of n as well."""
-    from scipy.stats import binomtest
+def cells(table: "pa.Table", axes: list[str]) -> list[dict[str, Any]]:
+    """Return a dictionary for each point and controller, in order: numbers, or None where none is finite.
 
-    interval = binomtest(failed, count).proportion_ci(CONFIDENCE, method="wilson")
-    return float(interval.low), float(interval.high)
+    Failure rates have Wilson's 95 % interval, which is sane for 0 of n as well. Medians have one by order statistics,
+    which assumes nothing about the samples, infinite for robots that failed; there is none below 6 samples.
 
-
-def median(values: Array) -> tuple[float, float, float]:
-    """Return the median of samples (n,), infinite for robots that failed, and its 95 % interval by order statistics.
-
-    The interval has no assumption on how values spread: as many lie below the median as heads come of n coins. Its ends
-    are NaN where samples are too few (below 6).
+    Args:
+        table: Rows of the sweep, those of a point and controller together.
+        axes: Names of the settings that are varied.
     """
-    ordered, n = np.sort(values), len(values)
-    low = _below_interval(n)
-    with np.errstate(invalid="ignore"):  # infinite less infinite
-        middle = float(np.median(ordered))
-    return (middle, float(ordered[low]), float(ordered[n - 1 - low])) if low >= 0 else (middle, np.nan, np.nan)
+    from scipy.stats import binomtest, quantile_test
+
+    keys = list(zip(table["point"].to_pylist(), table["controller"].to_pylist(), strict=True))
+    result = []
+    for (point, controller), group in groupby(range(len(keys)), keys.__getitem__):
+        rows = table.take(list(group))
+        n_failed = rows.num_rows - rows["cause"].null_count
+        rate = binomtest(n_failed, rows.num_rows).proportion_ci(CONFIDENCE, method="wilson")
+        cell = {"point": point, **{name: rows[name][0].as_py() for name in axes}, "controller": controller}
+        cell |= {"robots": rows.num_rows, "failed": n_failed, "failure_rate": n_failed / rows.num_rows}
+        cell |= {"failure_low": float(rate.low), "failure_high": float(rate.high)}
+        for name in SHOWN:
+            errors = rows[name].to_numpy()
+            interval = quantile_test(errors, p=0.5).confidence_interval(CONFIDENCE)
+            with np.errstate(invalid="ignore"):  # infinite less infinite
+                median = np.median(errors)
+            numbers = {"median": median, "low": interval.low, "high": interval.high}
+            numbers["p90"] = np.quantile(errors, 0.9, method="higher")
+            cell[name] = {key: plain(value) for key, value in numbers.items()}
+        result.append(cell)
+    return result
 
 
-@cache
-def _below_interval(n: int) -> int:
-    """Return how many of n samples are below the interval of their median; -1 where all would have to be within."""
-    from scipy.stats import binom
+def correlations(table: "pa.Table") -> list[dict[str, Any]]:
+    """Return Spearman's rank correlation of each number that is varied or drawn with each controller's errors.
 
-    beyond = (1 - CONFIDENCE) / 2  # how likely so few of n samples lie below the median
-    low = int(binom.ppf(beyond, n, 0.5))
-    return low - bool(binom.cdf(low, n, 0.5) > beyond)
+    A robot that failed ranks behind all others. It is None where errors are all the same.
+    """
+    from scipy.stats import spearmanr
+
+    result = []
+    for controller in table["controller"].unique().to_pylist():
+        rows = table.take(np.flatnonzero(table["controller"].to_numpy(zero_copy_only=False) == controller))
+        for setting in (name for name in table.column_names if "." in name):
+            values = np.array(rows[setting].to_pylist())
+            if values.dtype.kind in "if" and np.ptp(values) > 0:
+                line = {"controller": controller, "setting": setting}
+                for error in SHOWN:
+                    errors = rows[error].to_numpy()
+                    is_constant = (errors == errors[0]).all()
+                    line[error] = None if is_constant else plain(spearmanr(values, errors).statistic)
+                result.append(line)
+    return result
 
 
-def of(table: "pa.Table", axes: list[str]) -> list[dict[str, Any]]:
-    """Return a dictionary for each point and controller, in order: numbers, or None where none is finite."""
-    names = ("point", "controller", "failed_at_s", *SHOWN)
-    column = {name: table[name].to_numpy(zero_copy_only=False) for name in names}
-    where = {name: table[name].to_pylist() for name in axes}
-    found, controllers = [], list(dict.fromkeys(column["controller"]))
-    numbers, first = np.unique(column["point"], return_index=True)  # rows of a point stand together
-    for point, start, stop in zip(numbers, first, [*first[1:], table.num_rows], strict=True):
-        for controller in controllers:
-            own = start + np.flatnonzero(column["controller"][start:stop] == controller)
-            if not own.size:
-                continue
-            failed = int((~np.isnan(column["failed_at_s"][own])).sum())
-            low, high = wilson(failed, own.size)
-            cell: dict[str, Any] = {"point": int(point), **{name: where[name][own[0]] for name in axes}}
-            cell |= {"controller": controller, "robots": own.size, "failed": failed}
-            cell |= {"failure_rate": failed / own.size, "failure_low": low, "failure_high": high}
-            for name in SHOWN:
-                tail = float(np.quantile(column[name][own], 0.9, method="higher"))
-                ends = zip(("median", "low", "high"), median(column[name][own]), strict=True)
-                cell[name] = {key: plain(value) for key, value in (*ends, ("p90", tail))}
-            found.append(cell)
-    return found
+def worst(table: "pa.Table", plan: Plan, folder: Path) -> list[dict[str, Any]]:
+    """Return the worst runs, and the command that repeats each: those that failed first, then those that strayed most.
+
+    Args:
+        table: Rows of the sweep.
+        plan: Of the sweep.
+        folder: Of the sweep, with its scenario.
+    """
+    kinds = dict(zip(plan.scenario.labels, map(written, plan.scenario.controllers), strict=True))
+    keys = [("failed_at_s", "ascending"), (STRAYED, "descending")]
+    result = []
+    for row in table.sort_by(keys).slice(0, N_WORST).to_pylist():
+        words = ["--scenario", str(folder / "scenario.toml"), "--controller", kinds[row["controller"]]]
+        words += ["--seed", str(row["seed"]), "--seeds", "1"]
+        words += [word for axis in plan.axes for word in ("--set", f"{axis.name}={row[axis.name]}")]
+        columns = ("point", *(axis.name for axis in plan.axes), "controller", "seed", "cause")
+        line = {name: row[name] for name in columns} | {STRAYED: plain(row[STRAYED])}
+        result.append({**line, "repeat": shlex.join(["omni-mj", "run", *words])})
+    return result

@@ -24,51 +24,22 @@ ANSWER_S = 10.0  # that a scheduler may take
 Shard = Callable[[Plan, Job], "pa.Table"]
 
 
-class Workers:
-    """Where shards are run: processes of this machine, a cluster, or here.
-
-    Args:
-        jobs: Processes; 1 for this one alone.
-        cluster: Address of a Dask scheduler, or a `distributed.Client` of one.
-
-    Raises:
-        OmniError: Both are given, or neither processes nor a cluster can be there.
-    """
-
-    def __init__(self, jobs: int = 1, cluster: Any = None) -> None:
-        if jobs < 1:
-            raise OmniError(f"jobs must be at least 1, not {jobs}")
-        if cluster is not None and jobs > 1:
-            raise OmniError("give jobs, which are processes of this machine, or a cluster")
-        self._jobs, self._cluster = jobs, cluster
-        self.here = cluster is None and jobs == 1
-
-    @contextmanager
-    def executor(self) -> Iterator[Executor]:
-        """Give an executor that runs functions there."""
-        if self._cluster is None:
-            yield from _processes(self._jobs)
-            return
-        client, ours = _client(self._cluster)
-        try:
-            try:
-                client.wait_for_workers(1, timeout=ANSWER_S)
-            except TimeoutError:
-                where = f"the scheduler at {self._cluster}"
-                raise OmniError(f"{where} has no workers: start some with `dask worker`") from None
-            yield client.get_executor(pure=False)
-        finally:
-            if ours:
-                client.close()
+def check_workers(jobs: int, cluster: Any) -> None:
+    """Raise OmniError if shards cannot be run in so many processes of this machine, or on a cluster."""
+    if jobs < 1:
+        raise OmniError(f"jobs must be at least 1, not {jobs}")
+    if cluster is not None and jobs > 1:
+        raise OmniError("give jobs, which are processes of this machine, or a cluster")
 
 
 def tables(
-    where: Workers, shard: Shard, plan: Plan, jobs: Sequence[Job], check: Callable[[], None]
+    n_processes: int, cluster: Any, shard: Shard, plan: Plan, jobs: Sequence[Job], check: Callable[[], None]
 ) -> "Iterator[tuple[Job, pa.Table]]":
     """Have shards run, and yield their tables, each as soon as it is there.
 
     Args:
-        where: They are run.
+        n_processes: Of this machine.
+        cluster: Address of a Dask scheduler or a `distributed.Client` of one, in their place.
         shard: Runs one.
         plan: Of the sweep.
         jobs: Its shards.
@@ -77,7 +48,7 @@ def tables(
     Raises:
         OmniError: A shard cannot be run, a process was killed, or a worker has other versions than are here.
     """
-    with where.executor() as executor:
+    with _processes(n_processes) if cluster is None else _workers(cluster) as executor:
         waiting = {executor.submit(_run, shard, plan, job, _dependencies()): job for job in jobs}
         while waiting:
             check()
@@ -99,8 +70,8 @@ def tables(
 
 def _run(shard: Shard, plan: Plan, job: Job, expected: dict[str, str]) -> "pa.Table":
     """Return a shard's table; on a worker."""
-    own = _dependencies()
-    differ = [f"{name} {own.get(name, 'missing')}, not {v}" for name, v in expected.items() if own.get(name) != v]
+    present = _dependencies()
+    differ = [f"{name} {present.get(name)}, not {v}" for name, v in expected.items() if present.get(name) != v]
     if differ:
         raise OmniError(f"a worker has other versions than are here, and may find other numbers: {'; '.join(differ)}")
     return shard(plan, job)
@@ -109,11 +80,12 @@ def _run(shard: Shard, plan: Plan, job: Job, expected: dict[str, str]) -> "pa.Ta
 @cache
 def _dependencies() -> dict[str, str]:
     """Return what must be the same everywhere for the same numbers: versions, and hashes of the package's source."""
-    found = {name: value for name, value in versions().items() if name != "rerun-sdk"}
-    return found | {"source": source_digest()[:12]}
+    return versions() | {"source": source_digest()[:12]}
 
 
+@contextmanager
 def _processes(count: int) -> Iterator[Executor]:
+    """Give an executor of processes of this machine, which end at once if it is left by an exception."""
     before = multiprocessing.active_children()
     context = multiprocessing.get_context("spawn")  # forked ones would inherit threads, of which they know nothing
     with ProcessPoolExecutor(count, context, _begin) as executor:
@@ -137,19 +109,30 @@ def _begin() -> None:
     quiet_mujoco()
 
 
-def _client(cluster: Any) -> tuple[Any, bool]:
-    """Return a client of a scheduler, and whether it was made here."""
+@contextmanager
+def _workers(cluster: Any) -> Iterator[Executor]:
+    """Give an executor of the workers of a Dask scheduler."""
     try:
         from distributed import Client
     except ModuleNotFoundError:
         raise OmniError("a cluster needs the package distributed: pip install 'omni-mj[cluster]'") from None
-    if isinstance(cluster, Client):
-        return cluster, False
-    connect: Any = Client
+    client = cluster if isinstance(cluster, Client) else _client(Client, cluster)
     try:
-        return connect(cluster, timeout=ANSWER_S), True
+        try:
+            client.wait_for_workers(1, timeout=ANSWER_S)
+        except TimeoutError:
+            raise OmniError(f"the scheduler at {cluster} has no workers: start some with `dask worker`") from None
+        yield client.get_executor(pure=False)
+    finally:
+        if client is not cluster:
+            client.close()
+
+
+def _client(connect: Any, address: str) -> Any:
+    try:
+        return connect(address, timeout=ANSWER_S)
     except (OSError, ValueError, TypeError) as error:
         reason = str(error).splitlines()[0]
     # Its finalizer waits for a lock that the start of another client holds, and must not run in the thread of that one.
     gc.collect()
-    raise OmniError(f"no Dask scheduler answers at {cluster}: {reason}")
+    raise OmniError(f"no Dask scheduler answers at {address}: {reason}")

@@ -28,9 +28,7 @@ from omni_mj.studies.outcome import StoppedError, nothing
 from omni_mj.studies.slip import fits, law, moves
 from omni_mj.studies.slip.moves import Move, straight
 from omni_mj.studies.slip.published import PUBLISHED
-from omni_mj.studies.sweep import Axis, Plan, Sweep, axes, resume, sensitivity, sweep, workers
-from omni_mj.studies.sweep.cells import median
-from omni_mj.studies.sweep.sensitivity import Design, indices
+from omni_mj.studies.sweep import Axis, Plan, Sweep, axes, resume, sweep, workers
 
 PRIOR = DepartureModel.prior
 Model = DepartureModel
