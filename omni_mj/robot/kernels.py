@@ -257,11 +257,19 @@ def compiled(function: Function, inputs: Structure, parameters: Structure, state
 
 @cache
 def _set_up_jax() -> None:
-    """Prepare JAX: programs are stored for the next process, and small ones are not handed to another thread."""
+    """Prepare JAX: programs are stored for the next process, and run on one thread.
+
+    Operations on so few robots are too small to share. Without the pool of threads a frame costs 28 % less CPU time for
+    1 robot, 30 % less for 64, and 14 % less for 1,024. Set PJRT_NPROC before to choose another number of threads.
+    """
     import jax
 
     config: Any = jax.config
     config.update("jax_cpu_enable_async_dispatch", False)
+    if "PJRT_NPROC" not in os.environ:
+        os.environ["PJRT_NPROC"] = "1"
+        jax.devices("cpu")  # starts the threads
+        del os.environ["PJRT_NPROC"]
     if getattr(config, "jax_compilation_cache_dir", None) is None:
         config.update("jax_compilation_cache_dir", str(_cache_folder()))
         config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
