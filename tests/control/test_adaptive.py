@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 from benches.control import Array, Reference, make
-from closed_loop import WHEELS, BodyFrame, Creeping, T, drive, limited, loop, vision
+from closed_loop import WHEELS, Creeping, T, loop, vision
 
-from omni_control import Controller, IteratedReference, MotionLimits, Team, TimedReference, Told
+from omni_control import IteratedReference, MotionLimits, Team, TimedReference, Told
 
 LIMITS = MotionLimits()
 PATH = [[0.0, 0.0, 0.0], [1.2, 0.4, 1.5], [0.5, 0.8, -1.0], [0.0, 0.0, 0.0]]
 LEAD, SECOND = 15, 60
 ROUTE = TimedReference(PATH, LIMITS, T, settle_frames=SECOND).after_rest(LEAD)
 RIGHT = {"lag_s": 0.0267, "creep_s2_m": 0.06, "drag_m_s": 0.0375, "alpha": (0.92, 0.87)}
-NONE = {"lag_s": 1e-6, "creep_s2_m": 1e-6, "drag_m_s": 0.04}
+NONE = {"lag_s": 0.01, "creep_s2_m": 1e-6, "drag_m_s": 0.04, "alpha": None}
 UNKNOWN = {"lag_s": 0.0, "creep_s2_m": 0.0, "drag_m_s": 0.0}
 
 
@@ -105,20 +105,12 @@ def test_a_dead_time_told_wrong_is_found_and_robots_come_to_rest(wrong: int) -> 
     assert record["latency"][ROUTE.frames - SECOND, 0, 0] == pytest.approx(8, abs=1 if abs(wrong) < 8 else 3)
 
 
-def adaptive(n: int, delay: int, reference: Reference) -> Controller:
-    """A controller that is told that there is no lag, but nothing of alpha."""
-    return make("adaptive-comp-flc", Told(T, delay, **NONE), reference, n)
-
-
 def test_robots_told_wrong_are_found_out_and_tracked() -> None:
     """Latencies from 3 to 9 frames under one controller told 6, alpha from 0.6 to 1.1, drag: on the way after 2 s."""
     n, rng = 13, np.random.default_rng(0)
-    latency = np.repeat(np.linspace(3, 9, n)[:, None], 3, axis=1)
-    alpha, drag = rng.uniform(0.6, 1.1, (n, 1)) * np.ones(3), rng.uniform(0, 0.03, (n, 1)) * np.ones(3)
-    plant = BodyFrame(np.zeros((n, 3)), latency, alpha, drag)
-    controller = adaptive(n, 6, ROUTE)
-    run = drive(controller, plant, vision(rng, ROUTE.frames, n), limits=limited)
-    distance, turned = errors({"pose": run.pose})
+    alpha, drag = rng.uniform(0.6, 1.1, (n, 1)) * np.ones(3), rng.uniform(0, 0.03, (n, 1))
+    plant = Creeping(np.zeros((n, 3)), np.linspace(3, 9, n), 0.01, 0.0, drag, alpha)
+    distance, turned = errors(loop(team("adaptive-comp-flc", n=n, **NONE), plant, vision(rng, ROUTE.frames, n)))
     late = LEAD + 2 * SECOND
     assert (distance.max(), distance[late:].max()) < (0.04, 0.015)
     assert turned.max() < 0.5
@@ -130,11 +122,11 @@ def test_the_reference_planned_anew_leads_through_all_way_points() -> None:
     for delay in [0, 12]:
         n, path = 3, np.array(PATH)
         reference = IteratedReference(PATH, LIMITS, T, n, rest_frames=LEAD)
-        plant = BodyFrame(np.repeat(path[:1], n, axis=0), delay, [[1.0], [0.8], [0.6]], 0.01)
-        controller = adaptive(n, delay, reference)
-        run = drive(controller, plant, vision(np.random.default_rng(0), 7 * SECOND, n), limits=limited)
+        plant = Creeping(np.repeat(path[:1], n, axis=0), delay, 0.01, 0.0, 0.01, np.outer([1.0, 0.8, 0.6], np.ones(3)))
+        noise = vision(np.random.default_rng(0), 8 * SECOND, n)
+        record = loop(team("adaptive-comp-flc", delay, reference, n, **NONE), plant, noise)
         for point in path[1:]:
             # Within the 2 cm at which a way-point counts as reached, and as much that the prediction may be off.
-            assert np.hypot(*np.moveaxis(run.pose[..., :2] - point[:2], -1, 0)).min(0).max() < 0.04
-        np.testing.assert_allclose(run.pose[-1], np.repeat(path[-1:], n, axis=0), rtol=0, atol=0.01)
-        assert np.abs(run.sent[-1]).max() < 0.3
+            assert np.hypot(*np.moveaxis(record["pose"][..., :2] - point[:2], -1, 0)).min(0).max() < 0.04
+        np.testing.assert_allclose(record["pose"][-1], np.repeat(path[-1:], n, axis=0), rtol=0, atol=0.01)
+        assert np.abs(record["command"][-1]).max() < 0.3

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from benches.control import CONTROLLERS, find, make
-from closed_loop import Lagged, T, commands_for, drive, seen_at
+from closed_loop import Lagged, T, commands_for, loop, seen_at
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from ways import KINDS, LIMITS, REST, TIMED, along, told
 
-from omni_control import TimedReference
+from omni_control import Team, TimedReference
 
 COMPETITORS = ("p", "smith", "lqr", "mpc", "oracle")
 LINEAR, IDENTIFYING = COMPETITORS[:3], COMPETITORS[3:]
@@ -55,10 +55,10 @@ def check_stable(name: str, n: int, delay: int, wrong: int, lag: float, seed: in
     start = rng.uniform(-0.1, 0.1, (n, 3))
     controller = make(name, told(delay, lag), REST, n)
     alpha, noise = rng.uniform(0.5, 1.1, (n, 3)), np.zeros((frames, n, 3))
-    run = drive(controller, Lagged(start, delay + wrong, lag, alpha), noise)
+    pose = loop(Team(controller, start), Lagged(start, delay + wrong, lag, alpha), noise)["pose"]
     # The slowest loop, p with a latency of 11 frames and alpha 0.5, leaves some exp(-0.5 * 2.7 / s * 6 s) = 3e-4 of it.
-    assert np.abs(run.pose[-1]).max() < (2e-3 if name in IDENTIFYING else 1e-4)
-    assert np.abs(run.pose).max() < 0.2, "none swings out"
+    assert np.abs(pose[-1]).max() < (2e-3 if name in IDENTIFYING else 1e-4)
+    assert np.abs(pose).max() < 0.2, "none swings out"
 
 
 def test_the_mirror_image_of_a_task_is_done_by_mirrored_commands() -> None:
@@ -69,10 +69,10 @@ def test_the_mirror_image_of_a_task_is_done_by_mirrored_commands() -> None:
             start, noise = rng.uniform(-0.1, 0.1, (3, 3)), rng.normal(0, 0.002, (120, 3, 3))
             alpha = rng.uniform(0.7, 1, (3, 3))
             runs = [
-                drive(
-                    make(name, told(6, noisy=True), along(kind, 3, side), 3),
+                loop(
+                    Team(make(name, told(6, noisy=True), along(kind, 3, side), 3), side * start),
                     Lagged(side * start, 6, 0.02, alpha), side * noise,
-                ).sent
+                )["command"]
                 for side in (np.ones(3), mirror)
             ]  # fmt: skip
             # Programs are solved to 1e-9.
@@ -102,8 +102,8 @@ def test_the_truth_is_never_worse_than_noise() -> None:
     error = {}
     for name in ("oracle", ADAPTIVE):
         controller = make(name, told(6, noisy=True), path, n)
-        run = drive(controller, Lagged(np.zeros((n, 3)), 6, 0.02, alpha), noise)
-        off = run.pose - path.poses[:, None]
+        start = np.zeros((n, 3))
+        off = loop(Team(controller, start), Lagged(start, 6, 0.02, alpha), noise)["pose"] - path.poses[:, None]
         error[name] = np.hypot(off[..., 0], off[..., 1])
     assert (error["oracle"].mean(0) < error[ADAPTIVE].mean(0)).all()
     assert ((error["oracle"] ** 2).mean(0) < (error[ADAPTIVE] ** 2).mean(0)).all()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from benches.control import Array, make
-from closed_loop import Equation7, Run, T, drive
+from closed_loop import Lagged, Run, T, drive
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
@@ -27,16 +27,14 @@ def follow(
     noise: Array | int = FRAMES,
     *,
     first_frame: int = 0,
-    alpha: Array | float = 1.0,
     highest: float = np.inf,
 ) -> Run:
     """Close the loop with equation 7; commands are clipped at `highest`, noisy poses are taken for the truth."""
     return drive(
         controller,
-        Equation7(start, alpha, delay),
+        Lagged(start, delay),
         noise,
         limits=lambda wanted, last: np.clip(wanted, -highest, highest),
-        filtered=False,
         first_frame=first_frame,
     )
 

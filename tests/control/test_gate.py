@@ -2,10 +2,10 @@
 
 import numpy as np
 from benches.control import DOUBTED, REPEATED, Array, Gate, make, wrap_angle
-from closed_loop import NOISE, BodyFrame, T, reported, vision
+from closed_loop import NOISE, Lagged, T, loop, reported, vision
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ways import TIMED, along, play, starts
+from ways import TIMED, along, starts
 
 from omni_control import MotionLimits, Team, Told
 
@@ -119,14 +119,14 @@ def test_a_team_drives_on_as_if_nothing_had_been_mistaken(seed: int, share: floa
     So it is whatever a controller makes of what it sees.
     """
     rng, n, frames = np.random.default_rng(seed), 2, 100
-    errors = vision(rng, frames, n, gaps=0.0)
+    errors = vision(rng, frames, n)
     wrong = (rng.random((frames, n)) < share) & (np.arange(frames) > 0)[:, None]
     lied, missed = errors.copy(), errors.copy()
     lied[wrong] += [1.5, 0.3, np.pi]
     missed[wrong] = np.nan
     told, start = Told(T, 4), starts(n)
     driven = [
-        play(Team(make("comp-flc", told, along(TIMED, n), n), start), BodyFrame(start, 4.5, 0.9, 0.02), each)
+        loop(Team(make("comp-flc", told, along(TIMED, n), n), start), Lagged(start, 4, alpha=0.9), each)
         for each in (lied, missed)
     ]
     for name, values in driven[0].items():

@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 from benches.control import Array, Limits, make, minimize
-from closed_loop import BodyFrame, T, drive, limited
+from closed_loop import Lagged, T, drive
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import optimize
@@ -112,10 +112,10 @@ def test_its_commands_keep_within_the_limits_of_what_may_be_sent() -> None:
     def noted(command: Array, last: Array) -> Array:
         wanted.append(np.hypot(*(command - last)[0, :2]) / T)
         fastest.append(np.hypot(*command[0, :2]))
-        return limited(command, last)
+        return command
 
-    plant = BodyFrame(np.zeros((1, 3)), 4, 0.9, 0.0)
-    run = drive(make("mpc", told, reference, 1), plant, np.zeros((reference.frames, 1, 3)), limits=noted)
+    plant = Lagged(np.zeros((1, 3)), 4, alpha=0.9)
+    run = drive(make("mpc", told, reference, 1), plant, reference.frames, limits=noted)
     assert max(wanted) < 4.7 + 1e-5  # 1e-9 m/s to which programs are solved, in a frame of 1/60 s, and some rounding
     assert max(wanted) > 4.6, "the limit counts"
     assert 0.99 < max(fastest) < 1.0 / np.cos(np.pi / 8)

@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 from benches.control import CONTROLLERS, Array, CommandLimits, KalmanFilter, make
-from closed_loop import Plant, T, reported
-from ways import KINDS, TIGHT, TIMED, Knowing, Straight, along, noise_of, plant_of, play, starts
+from closed_loop import Plant, T, loop, reported
+from ways import KINDS, TIGHT, TIMED, Knowing, Straight, along, noise_of, plant_of, starts
 
 from omni_control import CommandsInFlight, Controller, OmniError, Seen, Team, Told
 
@@ -40,7 +40,7 @@ def test_it_is_the_loop_written_by_hand() -> None:
     for kind in KINDS:
         made = [[make(name, told, along(kind, 2), 2) for name in CONTROLLERS] for _ in range(2)]
         expected = by_hand(made[0], plant_of(start), noise_of(len(start)))
-        assert np.array_equal(play(Team(made[1], start), plant_of(start), noise_of(len(start)))["command"], expected)
+        assert np.array_equal(loop(Team(made[1], start), plant_of(start), noise_of(len(start)))["command"], expected)
         assert np.hypot(*np.moveaxis(expected[..., :2], -1, 0)).max() == pytest.approx(0.25), "the limits count"
 
 
@@ -53,7 +53,7 @@ def test_a_row_of_a_batch_is_what_it_is_alone(kind: str) -> None:
 
         def run(*rows: int, name: str = name) -> dict[str, Array]:
             team = Team(make(name, told, along(kind, len(rows)), len(rows)), start[list(rows)])
-            return play(team, plant_of(start, list(rows)), noise[:, rows])
+            return loop(team, plant_of(start, list(rows)), noise[:, rows])
 
         batch = run(0, 1, 2, 3)
         for rows in ((3,), (1, 2)):

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 from benches.control import Array, make
-from closed_loop import T
-from ways import TIMED, Knowing, Straight, noise_of, plant_of, play, starts
+from closed_loop import T, loop
+from ways import TIMED, Knowing, Straight, noise_of, plant_of, starts
 
 from omni_control import ControllerError, OmniError, Seen, Team, Told
 
@@ -56,7 +56,7 @@ def team_with(how: str, on_failure: Callable[..., None] | None = None) -> Team:
 
 def test_rows_that_fail_are_sent_zero_and_the_others_go_on() -> None:
     """Told once, with the reason; they say nothing more, and no bit of the others changes."""
-    quiet = play(team_with(""), plant_of(starts(6)), noise_of(6, 12))
+    quiet = loop(team_with(""), plant_of(starts(6)), noise_of(6, 12))
     for how, (frame, rows, says) in FAILURES.items():
         told: list[tuple[int, list[int]]] = []
 
@@ -67,7 +67,7 @@ def test_rows_that_fail_are_sent_zero_and_the_others_go_on() -> None:
                 raise reason
 
         team = team_with(how, handle)
-        said = play(team, plant_of(starts(6)), noise_of(6, 12))
+        said = loop(team, plant_of(starts(6)), noise_of(6, 12))
         assert (told, np.flatnonzero(team.failed).tolist()) == ([rows], rows), how
         others = [row for row in range(6) if row not in rows]
         for name, values in said.items():
@@ -76,7 +76,7 @@ def test_rows_that_fail_are_sent_zero_and_the_others_go_on() -> None:
         assert (said["command"][frame:, rows] == 0).all()
         assert np.isnan(said["predicted"][frame:, rows]).all()
         with pytest.raises(ControllerError, match=says):
-            play(team_with(how), plant_of(starts(6)), noise_of(6, 12))
+            loop(team_with(how), plant_of(starts(6)), noise_of(6, 12))
 
 
 def test_a_robot_that_was_stopped_is_left_alone() -> None:

@@ -3,9 +3,9 @@
 from typing import Any
 
 import numpy as np
-from closed_loop import BodyFrame, Plant, T, reported, vision
+from closed_loop import Creeping, Plant, T, vision
 
-from omni_control import Controller, IteratedReference, MotionLimits, Seen, Team, TimedReference, Told
+from omni_control import Controller, IteratedReference, MotionLimits, Seen, TimedReference, Told
 from omni_control.kinematics import Array
 from omni_control.reference import Reference
 
@@ -32,7 +32,6 @@ def told(delay: int, lag: float = 0.02, noisy: bool = False) -> Told:
 
 FRAMES = 14
 TIGHT = MotionLimits(0.25, 3.0, 1.0, 5.0)
-SAID = ("estimate", "predicted", "alpha_hat", "latency_hat")
 
 
 class Straight(Controller):
@@ -64,19 +63,8 @@ def noise_of(n: int, frames: int = FRAMES) -> Array:
 def plant_of(start: Array, rows: Any = slice(None)) -> Plant:
     """Some of robots of which each answers in a way of its own."""
     rng, n = np.random.default_rng(1), len(start)
-    latency, alpha = rng.integers(6, 16, (n, 1)) / 2 + np.zeros(3), rng.uniform(0.7, 1.1, (n, 3))
-    return BodyFrame(start[rows], latency[rows], alpha[rows], 0.02)
-
-
-def play(team: Team, plant: Plant, noise: Array) -> dict[str, Array]:
-    """Drive, and record what a team commands and says, (frames, n, 3) each."""
-    said: dict[str, list[Array]] = {name: [] for name in ("command", *SAID)}
-    for error in noise:
-        command = team.step(reported(plant.pose + error), (plant.pose, plant.twist))
-        for name, values in said.items():
-            values.append(np.array(command if name == "command" else getattr(team, name)))
-        plant.advance(command)
-    return {name: np.array(values) for name, values in said.items()}
+    latency, alpha = rng.integers(3, 8, n), rng.uniform(0.7, 1.1, (n, 3))
+    return Creeping(start[rows], latency[rows], creep=0.0, alpha=alpha[rows])
 
 
 def starts(n: int) -> Array:
