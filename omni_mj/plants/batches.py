@@ -1,10 +1,9 @@
-"""Batches of worlds: the rows that can share one, how it is made, what it says of instability."""
+"""Batches of worlds: the rows that can share one, and how it is made."""
 
 import copy
 from collections.abc import Sequence
 
 import mujoco
-import numpy as np
 from mujoco.batch import Batch
 
 from omni_control.errors import OmniError
@@ -14,12 +13,6 @@ from omni_mj.worlds.build import World
 from omni_mj.worlds.shape import Shape
 
 _ALLOWED_DEPTH_M = 1e-3  # in which robots may start in each other or in a wall: that of a hard contact
-# MuJoCo resets an unstable simulation silently after one of these.
-_UNSTABLE = {
-    mujoco.mjtWarning.mjWARN_BADQPOS: "a position is not a number or too large",
-    mujoco.mjtWarning.mjWARN_BADQVEL: "a velocity is not a number or too large",
-    mujoco.mjtWarning.mjWARN_BADQACC: "an acceleration is not a number or too large",
-}
 
 
 def places(rows: Sequence[Row]) -> int:
@@ -43,18 +36,11 @@ def check(rows: Sequence[Row]) -> None:
     """
     first = rows[0].settings
     for number, row in enumerate(rows):
-        differ = [
-            field
-            for field, one, other in (
-                ("body", row.settings.body, first.body),
-                ("wheels", row.settings.wheels, first.wheels),
-                ("physics", row.settings.physics, first.physics),
-                ("motor.gear or motor.rotor_inertia_kg_m2", Shape.of(row.settings), Shape.of(first)),
-            )
-            if one != other
-        ]
+        differ = [name for name in ("body", "wheels", "physics") if getattr(row.settings, name) != getattr(first, name)]
+        if not differ and Shape.of(row.settings) != Shape.of(first):
+            differ = ["motor.gear or motor.rotor_inertia_kg_m2"]
         if differ:
-            raise OmniError(f"rows 0 and {number} differ in {' and '.join(differ[:3])}: one batch has one model")
+            raise OmniError(f"rows 0 and {number} differ in {' and '.join(differ)}: one batch has one model")
         varied = row.settings.variation
         if row.settings.wheels.creep == "off" and (varied.friction or varied.wear_m or row.settings.carpet.patches):
             raise OmniError("variation.friction, variation.wear_m and carpet.patches need wheels.creep = on")
@@ -84,30 +70,8 @@ def check_start(rows: Sequence[Row], model: mujoco.MjModel, positions: Array) ->
                 )
 
 
-def model_of(world: World) -> mujoco.MjModel:
-    """What is stepped of a world that was built."""
-    model = copy.copy(world.model)
-    model.actuator_ctrllimited[:] = 0  # the battery limits, also where braking motors lift its voltage
-    return model
-
-
 def made(world: World, worlds: int, threads: int = 1) -> Batch:
     """So many worlds like one that was built, stepped by so many threads."""
-    return Batch(model_of(world), worlds, threads)
-
-
-def warnings(batch: Batch) -> np.ndarray:
-    """How often which world became unstable, (worlds, 3), as it goes on."""
-    kinds = [int(warning) for warning in _UNSTABLE]
-    return np.asarray(batch.warning[:, min(kinds) : max(kinds) + 1, 1])
-
-
-def unstable(batch: Batch, failed: np.ndarray) -> dict[int, str]:
-    """The robots of worlds that became unstable, and how, but for those (n,) that had failed before."""
-    causes: dict[int, str] = {}
-    for warning, meaning in _UNSTABLE.items():
-        counts = batch.warning[:, warning, 1]
-        broken = np.repeat(counts > 0, len(failed) // len(counts)) & ~failed
-        text = f"became unstable: {meaning} (MuJoCo warning {mujoco.mjtWarning(warning).name})"
-        causes |= {int(row): text for row in np.flatnonzero(broken) if int(row) not in causes}
-    return causes
+    model = copy.copy(world.model)
+    model.actuator_ctrllimited[:] = 0  # the battery limits, also where braking motors lift its voltage
+    return Batch(model, worlds, threads)

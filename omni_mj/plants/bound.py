@@ -1,23 +1,54 @@
-"""Where robots are in a batch of MuJoCo's: what a plant reads and writes in every step."""
+"""Robots in a batch of MuJoCo's: what a plant reads and writes, in every step and before the first."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
+from functools import cached_property
 
+import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.mjcf import roles
-from omni_mj.mjcf.roles import Robot
+from omni_mj.mjcf.geometry import spread
+from omni_mj.mjcf.roles import Ids
+from omni_mj.plants.variation import Drawn
 from omni_mj.robot.motors import Motor
-from omni_mj.robot.rims import Drives, Sensed
 from omni_mj.scenarios.settings import Settings, column
 from omni_mj.worlds.build import World
-from omni_mj.worlds.columns import Columns
-from omni_mj.worlds.two_rollers import Handover
+
+STUCK_NM = 100.0  # dry friction of a hub that is stuck: more than motor and carpet can turn
+_BODY = "body_mass", "body_subtreemass", "body_ipos", "body_inertia", "body_iquat"
+
+
+class Entries:
+    """Some entries of an array over worlds, seen as (k, n): k numbers of each of n robots.
+
+    Args:
+        array: Live, (worlds, ...).
+        columns: Indices along its second axis for the robot at each place, (places, k), or (places, 1).
+        last: Index along its third axis, if it has one. [all]
+    """
+
+    def __init__(self, array: Array, columns: Ids, last: int | None = None) -> None:
+        third = [np.arange(array.shape[2]) if last is None else last] if array.ndim == 3 else []
+        index = np.broadcast_arrays(np.arange(len(array))[:, None, None], columns, *third)
+        strides = np.array(array.strides) // array.itemsize
+        offsets = np.tensordot(strides, np.array(index), 1)
+        self._at: Ids = np.ascontiguousarray(offsets.reshape(-1, offsets.shape[-1]).T)
+        # Indexing one flat axis takes a tenth of the time of indexing two or three, at every step of the physics.
+        self._flat = np.lib.stride_tricks.as_strided(array, (self._at.max() + 1,), (array.itemsize,))
+
+    def get(self) -> Array:
+        """Return a copy of the values, (k, n)."""
+        return self._flat[self._at]
+
+    def set(self, values: Array) -> None:
+        """Write values (k, n)."""
+        self._flat[self._at] = values
 
 
 class Bound:
-    """Live arrays of n robots with W wheels.
+    """Live numbers of n robots with W wheels, each of the shape (k, n).
 
     Args:
         batch: Of the robots' worlds.
@@ -25,89 +56,166 @@ class Bound:
 
     Attributes:
         qpos, qvel: All positions and speeds of a robot.
-        position, quaternion, velocity: Of the free joint: (n, 3) m, (n, 4), (n, 6) m/s and rad/s.
-        wheel_angle, wheel_speed: Of the hubs, (n, W) rad and rad/s.
-        gyro, encoders: What these sensors show, (n, 1) rad/s and (n, W) rad.
-        ctrl: Voltages for the dcmotors, (n, W).
-        resistance, constant: Of the dcmotors, (n, W).
-        wrench: Force and torque on the chassis, world frame, (n, 6).
-        load: Of the wheels, (n, W) N.
+        pose, velocity: Of the free joint: m and quaternion (7, n), m/s and rad/s (6, n).
+        wheel_angle, wheel_speed: Of the hubs, (W, n) rad and rad/s.
+        gyro, encoders: What these sensors show, (1, n) rad/s and (W, n) rad.
+        voltage: Of the dcmotors, (W, n).
+        resistance, constant: Of the dcmotors, (W, n).
+        wrench: Force and torque on the chassis, world frame, (6, n).
+        load: Of the wheels, (W, n) N.
         creeps: Whether rims slip on hinges.
-        slip_speed, slip_limit, slip_impedance: Of these hinges, (n, W) rad/s, N m and 1.
-        handover: Of wheels of two rollers; None of others.
+        slip_angle, slip_speed, slip_limit, slip_impedance: Of these hinges, (W, n) rad, rad/s, N m and 1.
+        roller_speeds: Of a wheel's rollers at the bottom and next to it, (W, n) rad/s each.
     """
 
     def __init__(self, batch: Batch, world: World) -> None:
-        robots = world.robots
+        self._batch, self._world = batch, world
 
-        def at(array: Array, numbers: Callable[[Robot], Sequence[int] | np.ndarray]) -> Columns:
-            return Columns(array, np.array([numbers(robot) for robot in robots]))
+        def ids(name: str) -> Ids:
+            return np.array([getattr(robot, name) for robot in world.robots])
 
         qpos, qvel, sensors = (batch.bind(name) for name in ("qpos", "qvel", "sensordata"))
-        gain, forces = batch.expand("actuator_gainprm"), batch.bind("xfrc_applied")
-        self.qpos, self.qvel = at(qpos, lambda r: r.qpos), at(qvel, lambda r: r.dofs)
-        self.position = at(qpos, lambda r: r.qpos[:3])
-        self.quaternion = at(qpos, lambda r: r.qpos[3:7])
-        self.velocity = at(qvel, lambda r: r.dofs[:6])
-        self.wheel_angle, self.wheel_speed = at(qpos, lambda r: r.wheel_qpos), at(qvel, lambda r: r.wheel_dofs)
-        self.gyro, self.encoders = at(sensors, lambda r: [r.gyro]), at(sensors, lambda r: r.encoders)
-        self.ctrl = at(batch.bind("ctrl"), lambda r: r.motors)
-        self.resistance, self.constant = at(gain[:, :, 0], lambda r: r.motors), at(gain[:, :, 1], lambda r: r.motors)
-        self.wrench = at(forces.reshape(len(forces), -1), lambda r: range(6 * r.chassis, 6 * r.chassis + 6))
-        self.load = Columns(sensors, world.loads)
-        self.creeps = robots[0].slip_dofs.size > 0
-        self.handover: Handover | None = None
+        motors, slips, rollers = ids("motors"), ids("slip_dofs"), ids("roller_dofs")
+        self._chassis = ids("chassis")[:, None]
+        self.qpos, self.qvel = Entries(qpos, ids("qpos")), Entries(qvel, ids("dofs"))
+        self.pose, self.velocity = Entries(qpos, ids("qpos")[:, :7]), Entries(qvel, ids("dofs")[:, :6])
+        self.wheel_angle, self.wheel_speed = Entries(qpos, ids("wheel_qpos")), Entries(qvel, ids("wheel_dofs"))
+        self.gyro, self.encoders = Entries(sensors, ids("gyro")[:, None]), Entries(sensors, ids("encoders"))
+        self.load = Entries(sensors, world.loads)
+        self.voltage = Entries(batch.bind("ctrl"), motors)
+        self.resistance, self.constant = (self._entries("actuator_gainprm", motors, i) for i in range(2))
+        self.wrench = Entries(batch.bind("xfrc_applied"), self._chassis)
+        self.creeps = slips.size > 0
         if self.creeps:
-            self.slip_speed = at(qvel, lambda r: r.slip_dofs)
-            self.slip_limit = at(batch.expand("dof_frictionloss"), lambda r: r.slip_dofs)
-            self.slip_impedance = at(batch.expand("dof_solimp")[:, :, 0], lambda r: r.slip_dofs)
-        if self.creeps and robots[0].rollers.shape[1] == roles.KEPT:
-            slips = at(qpos, lambda r: r.slip_qpos)
-            bottom, following = at(qvel, lambda r: r.roller_dofs[:, 0]), at(qvel, lambda r: r.roller_dofs[:, 1])
-            self.handover = Handover(self.wheel_angle, slips, (bottom, following), world.wheels.pitch)
+            self.slip_angle, self.slip_speed = Entries(qpos, ids("slip_qpos")), Entries(qvel, slips)
+            self.slip_limit = self._entries("dof_frictionloss", slips)
+            self.slip_impedance = self._entries("dof_solimp", slips, 0)
+            self.roller_speeds = [Entries(qvel, rollers[:, :, i]) for i in range(2)]
 
-    def read(self, gyro: Array, encoder_angle: Array) -> Sensed:
-        """Read what is needed before a step.
+    def _entries(self, field: str, columns: Ids, last: int | None = None) -> Entries:
+        """Return entries of a field of each world's model."""
+        return Entries(self._batch.expand(field), columns, last)
 
-        Args:
-            gyro: What gyros showed a cycle ago, (n,) rad/s.
-            encoder_angle: What encoders showed, (W, n) rad.
+    def write_robots(self, settings: Sequence[Settings], drawn: Drawn) -> None:
+        """Write what sets robots apart into their worlds' models: friction, wear, mass.
+
+        Constants that MuJoCo derives from masses stay: these scale contacts and slip hinges, which shall be the same
+        for all.
         """
-        x, y, _ = self.position.get().T
-        w, _, _, z = self.quaternion.get().T
-        velocity_x, velocity_y, _, _, _, rate = self.velocity.get().T
-        speed, load = self.wheel_speed.get().T.copy(), self.load.get().T
-        return Sensed(gyro, encoder_angle, speed, load, x, y, w, z, velocity_x, velocity_y, rate)
+        robots, drive = self._world.robots, [s.drive for s in settings]
+        if not self.creeps:  # the carpet's friction is that of the contacts, not of slip hinges
+            friction = column([s.carpet for s in settings], "friction")[:: len(robots), None]
+            self._batch.expand("pair_friction")[:, :, :2] = friction
+        motors, hubs = [Motor.of(s.motor) for s in settings], np.array([robot.wheel_dofs for robot in robots])
+        rollers = np.array([robot.roller_dofs.ravel() for robot in robots])
+        dry = column(motors, "wheel_dry") + column(drive, "gear_friction_nm")
+        self._entries("dof_frictionloss", hubs).set(dry.T)
+        self._entries("dof_damping", hubs).set(column(motors, "wheel_viscous").T)
+        self._entries("dof_damping", rollers).set(column(drive, "roller_damping_nm_s").T)
+        if drawn.wear.any():
+            self._wear_down(drawn.wear.T)
+        if (drawn.mass != 1).any() or drawn.centre.any():
+            self._weigh(drawn.mass.T, drawn.centre.T)
 
-    def write(self, drives: Drives) -> None:
-        """Write voltages, forces and limits before a step."""
-        self.ctrl.set(drives.voltage.T)
-        self.wrench.set(drives.wrench.T)
-        if self.creeps:
-            self.limit_slips(drives.limit, drives.impedance)
+    def _wear_down(self, wear: Array) -> None:
+        """Take rubber (W, n), m, from rollers, and set axles lower by as much."""
+        model, first = self._world.model, self._world.robots[0]
+        wheels = np.array([robot.wheels for robot in self._world.robots])
+        self._entries("body_pos", wheels, 2).set(model.body_pos[first.wheels, 2][:, None] - wear)
+        geoms = np.array([model.body_geomadr[robot.rollers].ravel() for robot in self._world.robots])
+        size, kinds = model.geom_size[geoms[0]], model.geom_type[geoms[0]]
+        if (size[:, 0] != size[:, 1]).any() or (kinds != mujoco.mjtGeom.mjGEOM_ELLIPSOID).any():
+            raise OmniError("variation.wear_m needs a model with rollers that are ellipsoids about their z axes")
+        lost, radius = np.repeat(wear, first.rollers.shape[1], axis=0), size[:, :1]
+        # A barrel's profile is curved as the wheel (see `shape`): its half length squared is the product of the radii.
+        shorter = np.sqrt((1 - lost / radius) * (1 - lost / self._world.kinematics.radius))
+        for axis, value in enumerate((radius - lost, radius - lost, size[:, 2:] * shorter)):
+            self._entries("geom_size", geoms, axis).set(value)
 
-    def limit_slips(self, limit: Array, impedance: Array) -> None:
-        """Write limits and impedances of the slip hinges, (W, n)."""
-        self.slip_limit.set(limit.T)
-        self.slip_impedance.set(impedance.T)
+    def _weigh(self, factor: Array, shift: Array) -> None:
+        """Change the chassis: its mass by a factor (1, n), its inertia in proportion, its centre by (2, n) m."""
+        mass, subtree, centre, inertia = (self._entries(name, self._chassis) for name in _BODY[:4])
+        more = mass.get() * (factor - 1)
+        mass.set(mass.get() + more)
+        subtree.set(subtree.get() + more)
+        centre.set(centre.get() + np.concatenate([shift, 0 * factor]))
+        inertia.set(inertia.get() * factor)
+
+    def hand_over(self, pitch: float) -> None:
+        """Turn back the rims of wheels of two rollers that are past a pitch (rad), or before the bottom one.
+
+        To be called after every step and before anything else reads the state; see `omni_mj.worlds.two_rollers`.
+        """
+        slips = self.slip_angle.get()
+        past = np.floor((self.wheel_angle.get() + slips) * (1 / pitch))
+        if not past.any():
+            return
+        self.slip_angle.set(slips - past * pitch)
+        bottom, following = (speeds.get() for speeds in self.roller_speeds)
+        self.roller_speeds[0].set(np.where(past == 0, bottom, np.where(past == 1, following, 0.0)))
+        self.roller_speeds[1].set(np.where(past == 0, following, np.where(past == -1, bottom, 0.0)))
+
+    # What faults change; see `omni_mj.plants.faults.Faulty`. It starts from robots as they were when a fault first did.
+
+    @cached_property
+    def _empty(self) -> list[tuple[Entries, Array]]:
+        """Fields of each chassis, and their values without loads."""
+        fields = [self._entries(name, self._chassis) for name in _BODY]
+        return [(field, field.get()) for field in fields]
+
+    @cached_property
+    def _hubs(self) -> tuple[Entries, Array]:
+        """Dry friction of hubs, and its usual values, (W, n) N m."""
+        hubs = self._entries("dof_frictionloss", np.array([robot.wheel_dofs for robot in self._world.robots]))
+        return hubs, hubs.get()
+
+    def carry(self, loads: Iterable[tuple[int, float, float]]) -> Array:
+        """Carry loads; return by how much each chassis' centre of mass is off that without any, (3, n) m."""
+        empty = [values for _, values in self._empty]
+        mass, subtree, centre, inertia, axes = (values.copy() for values in empty)
+        for row, load, height in loads:
+            apart = np.array([*centre[:2, row], height or empty[2][2, row]]) - centre[:, row]
+            # About the common centre of mass two bodies turn as their reduced mass does at their distance.
+            share = load / (mass[0, row] + load)
+            more = mass[0, row] * share * spread(apart)
+            mass[:, row] += load
+            subtree[:, row] += load
+            centre[:, row] += share * apart
+            if more.any():
+                inertia[:, row], axes[:, row] = _joined(inertia[:, row], axes[:, row], more)
+        for (field, _), values in zip(self._empty, (mass, subtree, centre, inertia, axes), strict=True):
+            field.set(values)
+        return centre - empty[2]
+
+    def lean(self, along: Array) -> None:
+        """Turn gravity in the world's axes, on every body, wheels and rollers too."""
+        into = np.sqrt(np.maximum(1 - (along**2).sum(1), 0.0))
+        g, places = -float(self._world.model.opt.gravity[2]), len(self._world.robots)
+        self._batch.expand("opt.gravity")[:] = g * np.column_stack([along, -into])[::places]
+
+    def block(self, stuck: np.ndarray) -> None:
+        """Have hubs stuck."""
+        hubs, usual = self._hubs
+        hubs.set(np.where(stuck, STUCK_NM, usual))
+
+    def put(self, robot: int, moved: tuple[float, float, float]) -> None:
+        """Put a robot elsewhere, tilted and as high as it was."""
+        pose, speeds = self.pose.get(), self.qvel.get()
+        x, y, turn = moved
+        pose[:2, robot] += x, y
+        turned = np.zeros(4)
+        mujoco.mju_mulQuat(turned, np.array([np.cos(turn / 2), 0, 0, np.sin(turn / 2)]), pose[3:, robot].copy())
+        pose[3:, robot], speeds[:, robot] = turned, 0.0
+        self.pose.set(pose)
+        self.qvel.set(speeds)
 
 
-def write_friction(batch: Batch, world: World, settings: Sequence[Settings]) -> None:
-    """Write friction of wheels, rollers and gears into each robot's copy of the model's fields.
-
-    Args:
-        batch: Of the robots' worlds.
-        world: As built.
-        settings: Of each robot.
-    """
-    drive, robots = [s.drive for s in settings], world.robots
-    if not robots[0].slip_dofs.size:  # the carpet's friction is that of the contacts, not of slip hinges
-        pairs, friction = batch.expand("pair_friction"), column([s.carpet for s in settings], "friction")
-        for direction in range(2):
-            Columns(pairs[:, :, direction], world.pairs).set(friction)
-    motors, hubs = [Motor.of(s.motor) for s in settings], np.array([robot.wheel_dofs for robot in robots])
-    dry, damping = batch.expand("dof_frictionloss"), batch.expand("dof_damping")
-    Columns(dry, hubs).set(column(motors, "wheel_dry") + column(drive, "gear_friction_nm"))
-    Columns(damping, hubs).set(column(motors, "wheel_viscous"))
-    rollers = np.array([robot.roller_dofs.ravel() for robot in robots])
-    Columns(damping, rollers).set(column(drive, "roller_damping_nm_s"))
+def _joined(inertia: Array, quaternion: Array, more: Array) -> tuple[Array, Array]:
+    """Return principal moments (3,) and axes (4,) of a body with `more` inertia (3, 3), in its frame."""
+    matrix, turned = np.zeros(9), np.zeros(4)
+    mujoco.mju_quat2Mat(matrix, quaternion)
+    axes = matrix.reshape(3, 3)
+    moments, vectors = np.linalg.eigh(axes * inertia @ axes.T + more)
+    vectors[:, 2] *= np.linalg.det(vectors)  # right-handed
+    mujoco.mju_mat2Quat(turned, vectors.ravel())
+    return moments, turned

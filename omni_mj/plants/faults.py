@@ -16,7 +16,6 @@ from omni_control.kinematics import Array
 from omni_mj.link.noise import Noise, Stream
 from omni_mj.link.schedule import Active, Schedule
 from omni_mj.robot.carpet import covered
-from omni_mj.robot.kernels import Kernel
 from omni_mj.scenarios import faults
 from omni_mj.scenarios.rows import Row
 
@@ -32,16 +31,7 @@ KINDS: tuple[type[faults.Fault], ...] = (
 class Faulty(ABC):
     """What faults change of n robots: parameters with the fields `onboard` and `carpet`, and bodies."""
 
-    _kernel: Kernel
-
-    @property
-    def parameters(self) -> Any:
-        """Parameters of the robots."""
-        return self._kernel.parameters
-
-    @parameters.setter
-    def parameters(self, parameters: Any) -> None:
-        self._kernel.parameters = parameters
+    parameters: Any
 
     @abstractmethod
     def carry(self, loads: Iterable[tuple[int, float, float]]) -> None:

@@ -2,38 +2,50 @@
 
 import os
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import NamedTuple
 
+import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from omni_control.kinematics import Array, wrap_angle
+from omni_control.kinematics import Array, world_to_body, wrap_angle
 from omni_mj.link.radio import Received
+from omni_mj.mjcf.roles import KEPT
 from omni_mj.plants import Telemetry, batches
-from omni_mj.plants.bodies import MujocoBodies
-from omni_mj.plants.bound import Bound, write_friction
+from omni_mj.plants.bound import Bound
 from omni_mj.plants.variation import Drawn
 from omni_mj.plants.wheeled import WheeledPlant, by_wheel
-from omni_mj.robot.array_namespace import stack_records
-from omni_mj.robot.carpet import carpet_parameters
-from omni_mj.robot.rims import (
-    Drives,
-    MujocoParameters,
-    MujocoState,
-    accept,
-    drive_cycle,
-    finish_frame,
-    impedance,
-    start_frame,
+from omni_mj.robot.array_namespace import rotate, stack_records
+from omni_mj.robot.carpet import (
+    DRAG_CYCLES,
+    CarpetParameters,
+    Drag,
+    Motion,
+    carpet_parameters,
+    compute_drag,
+    limit_torque,
 )
+from omni_mj.robot.onboard import CycleRecord, OnboardParameters, begin_frame, end_frame, hear, run_cycle
 from omni_mj.robot.wheel_loops import CYCLES
 from omni_mj.scenarios.rows import Row
 from omni_mj.worlds import build
 from omni_mj.worlds.build import World
-from omni_mj.worlds.wheels import contact_slip
 
 THREADED = 16  # robots from which several threads gain more in a step than they lose by meeting at its end
 TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2  # sine squared of half the tilt: x^2 + y^2 of the quaternion
+UNSTABLE = [  # MuJoCo resets an unstable simulation silently after one of these
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+]
+
+
+class MujocoParameters(NamedTuple):
+    """Parameters of n robots."""
+
+    onboard: OnboardParameters
+    carpet: CarpetParameters
+    centre: Array  # of mass of the chassis, from the middle of the wheels' contacts, (3, n) m
 
 
 class MujocoPlant(WheeledPlant):
@@ -73,11 +85,11 @@ class MujocoPlant(WheeledPlant):
             within = batches.made(world, worlds, min(threads, worlds)), world
         self._batch, self._world = within
         world = self._world
-        self._warnings = batches.warnings(self._batch)
+        first, last = int(UNSTABLE[0]), int(UNSTABLE[-1])
+        self._warnings = np.asarray(self._batch.warning)[:, first : last + 1, 1]  # (worlds, 3), live
         drawn = Drawn.of(rows)
-        drawn.write(self._batch, world)
-        write_friction(self._batch, world, settings)
         self._at = Bound(self._batch, world)
+        self._at.write_robots(settings, drawn)
         self._start_poses = np.array(start, float)
         self._heading = self._start_poses[:, 2].copy()
         super().__init__(rows, world.kinematics, drawn, self._heading)
@@ -86,118 +98,119 @@ class MujocoPlant(WheeledPlant):
         inertia = world.model.dof_invweight0[robot.slip_dofs][:, None] if self._at.creeps else 1.0
         carpet = carpet_parameters(settings, world.kinematics, by_wheel(drawn.friction), by_wheel(drawn.wear))
         carpet = carpet._replace(creep=carpet.creep / (world.model.opt.timestep * inertia))
-        centre = world.model.body_ipos[robot.chassis][:, None] + np.vstack([drawn.centre.T, np.zeros(n)])
+        self._centre = world.model.body_ipos[robot.chassis][:, None] + np.vstack([drawn.centre.T, np.zeros(n)])
+        two_rollers = self._at.creeps and robot.rollers.shape[1] == KEPT
+        self._pitch = 2 * np.pi / settings[0].wheels.rollers if two_rollers else None
         self._failed = np.zeros(n, bool)
         self._living: np.ndarray | None = None  # worlds that are stepped; None for all
         self._stand(np.arange(worlds))
         if places > 1 and checked:
             batches.check_start(rows, world.model, self._batch.bind("qpos"))
-        self._bodies = MujocoBodies(self._batch, world, n)
-        parameters = MujocoParameters(self._onboard[0], carpet, centre)
-        self._start(parameters, MujocoState.at_rest(self._onboard, carpet, self._sensed))
-        self._cycle, self._drives = 0, list[Drives]()
+        p, s = self._onboard
+        self.parameters = MujocoParameters(p, carpet, self._centre)
+        count = np.floor(self._sensed[1] * p.loops.counts_per_rad)
+        self.onboard = s._replace(loops=s.loops._replace(last_count=count))
+        self._drag: Drag
+        self._cycle, self._records = 0, list[CycleRecord]()
         self._nothing: tuple[Array, np.ndarray] = np.full(n, np.nan), np.zeros(n, int)
         self._heard: tuple[Array, np.ndarray] = self._nothing
+        self._start_faults()
 
     def pose(self) -> Array:
         """See `Plant`."""
-        poses = self._at.position.get().copy()
+        poses = self._at.pose.get()[:3].T
         poses[:, 2] = self._heading
         return poses
 
     def twist(self) -> Array:
         """See `Plant`."""
-        return self._at.velocity.get()[:, [0, 1, 5]]
+        return self._at.velocity.get()[[0, 1, 5]].T
 
     def advance(self, received: Received) -> dict[int, str]:
         """See `Plant`."""
-        return self.go(self.cycles, received)
-
-    def go(self, count: int, received: Received | None = None) -> dict[int, str]:
-        """Move on by some cycles of the wheel loops, of which there are as many in a frame as `cycles` says.
-
-        Args:
-            count: How many, no more than are left of the frame.
-            received: What robots hold from now on, if anything arrived; headings are compared in the next frame.
-
-        Returns:
-            As `advance`, at the end of a frame; nothing within one.
-        """
         self.begin(received)
-        run_cycles([self], self._batch, count, self._living)
-        return self.end(count)
+        run_cycles([self], self._batch, self.cycles, self._living)
+        return self.end(self.cycles)
 
     def begin(self, received: Received | None = None) -> None:
-        """Do what comes before cycles; see `go`."""
+        """Do what comes before some cycles of the wheel loops.
+
+        Args:
+            received: What robots hold from now on, if anything arrived; headings are compared in the next frame.
+        """
         if received is not None:
             self._accept(received)
         if self._cycle == 0:
             self._begin()
 
     def end(self, count: int) -> dict[int, str]:
-        """Do what comes after so many; see `go`."""
+        """Do what comes after some cycles, no more than were left of the frame; return as `advance` at its end."""
         self._cycle = (self._cycle + count) % self.cycles
         if self._cycle:
             return {}
-        self._record = stack_records([drives.record for drives in self._drives])
-        self._kernel.run(finish_frame, self._record)
-        self._drives.clear()
+        self._record = stack_records(self._records)
+        self.onboard = end_frame(self.parameters.onboard, self.onboard, self._record)
+        self._records.clear()
         self._heading += wrap_angle(self.quaternion_heading() - self._heading)
         toppled = (self._toppled() & ~self._failed).any()
         return self._check() if toppled or np.count_nonzero(self._warnings) else {}
 
     def before_step(self) -> None:
-        """Turn what sensors show into voltages, and loads of wheels into limits of the slip hinges."""
-        at = self._at
-        drives = self._kernel.run(drive_cycle, at.read(*self._sensed))
-        self._drives.append(drives)
-        at.write(drives)
+        """Turn what sensors show into voltages, forces on the chassis, and limits of the slip hinges."""
+        at, carpet, is_due = self._at, self.parameters.carpet, self.onboard.cycle % DRAG_CYCLES == 0
+        gyro, angle = self._sensed
+        speed, load = at.wheel_speed.get(), at.load.get()
+        self.onboard, record = run_cycle(self.parameters.onboard, self.onboard, gyro, angle, speed)
+        self._records.append(record)
+        if is_due:
+            motion = self._motion()
+            self._drag = compute_drag(carpet, motion, load, angle)
+            at.wrench.set(self._wrench(motion))
+        motors = self.onboard.motors
+        # MuJoCo's dcmotor knows a constant R in place of R + X |w|.
+        at.voltage.set(motors.back_emf * speed + record.current * motors.resistance)
+        self._limit_slips(load)
 
     def after_step(self, is_first: bool, is_last: bool) -> None:
         """See to what follows a physics step, the first or last of a cycle."""
         if is_first:  # what MuJoCo sensed at its start: a cycle ago, however many steps there are in it
             self._sense()
-        if self._at.handover is not None:
-            self._at.handover()
-        if not is_last and self._at.creeps:
-            drives = self._drives[-1]
-            self._at.limit_slips(*impedance(drives.rim_friction, drives.softness, self._at.load.get().T))
+        if self._pitch is not None:
+            self._at.hand_over(self._pitch)
+        if not is_last:
+            self._limit_slips(self._at.load.get())
 
     def telemetry(self) -> Telemetry:
         """See `Plant`."""
         at = self._at
-        state: Any = self._kernel.state
-        return self._telemetry(state.onboard, at.wheel_angle.get().T, at.wheel_speed.get().T, self._slip())
+        return self._telemetry(self.onboard, at.wheel_angle.get(), at.wheel_speed.get(), self._slip())
 
     def quaternion_heading(self) -> Array:
         """Headings in (-pi, pi], however robots are tilted, (n,) rad."""
-        w, x, y, z = self._at.quaternion.get().T
+        w, x, y, z = self._at.pose.get()[3:]
         return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
     # What faults change; see `omni_mj.plants.faults.Faulty`.
 
     def carry(self, loads: Iterable[tuple[int, float, float]]) -> None:
         """Carry these loads and no others."""
-        before = self._bodies.centre
-        self._bodies.carry(loads)
-        shift = (self._bodies.centre - before).T
-        self.parameters = self.parameters._replace(centre=self.parameters.centre + shift)
+        self.parameters = self.parameters._replace(centre=self._centre + self._at.carry(loads))
 
     def lean(self, along: Array) -> None:
         """Stand on carpets that lean so that gravity has the parts `along` (n, 2) of itself along them."""
-        self._bodies.lean(along)
+        self._at.lean(along)
 
     def block(self, stuck: np.ndarray) -> None:
         """Have these wheels stuck, (W, n), and no others."""
-        self._bodies.block(stuck.T)
+        self._at.block(stuck)
 
     def put(self, robot: int, moved: tuple[float, float, float]) -> None:
         """Put a robot as far from where it is, m, m and rad in the world, at rest."""
-        self._bodies.put(robot, moved)
+        self._at.put(robot, moved)
 
     def _accept(self, received: Received) -> None:
         """Take over commands, and keep vision's headings until the next frame begins."""
-        self._kernel.run(accept, self._command(received))
+        self.onboard = hear(self.parameters.onboard, self.onboard, self._command(received))
         (seen, age), missing = self._heard, np.isnan(received.heading)
         if np.count_nonzero(missing):
             self._heard = np.where(missing, seen, received.heading), np.where(missing, age, received.age)
@@ -206,23 +219,50 @@ class MujocoPlant(WheeledPlant):
 
     def _begin(self) -> None:
         """Begin a frame: what changes from frame to frame."""
-        inputs = self._inputs(*self._heard, self._failed)
-        resistance, constant = self._kernel.run(start_frame, inputs, self._sensed[1])
-        self._at.resistance.set(resistance.T)
-        self._at.constant.set(constant.T)
+        inputs = self._inputs(*self._heard, self._failed)  # which may change parameters
+        p = self.parameters.onboard
+        self.onboard = begin_frame(p, self.onboard, inputs, self._sensed[1])
+        motors = self.onboard.motors
+        self._at.resistance.set(motors.resistance)
+        self._at.constant.set(motors.back_emf / p.motors.gear)
         self._heard = self._nothing
 
-    def _slip(self) -> Array:
-        world = self._world
+    def _motion(self) -> Motion:
+        """Return the motion of robots that stand upright."""
+        x, y, _, w, _, _, z = self._at.pose.get()
+        velocity_x, velocity_y, _, _, _, turn_rate = self._at.velocity.get()
+        cosine, sine = w * w - z * z, 2 * w * z
+        ahead, aside = rotate(velocity_x, velocity_y, cosine, -sine)
+        return Motion(x, y, cosine, sine, ahead, aside, turn_rate)
+
+    def _wrench(self, motion: Motion) -> Array:
+        """Return the wrench of drag and pushes on the chassis, world frame, (6, n) N and N m."""
+        drag, inputs = self._drag, self.onboard.inputs
+        x, y = rotate(drag.ahead, drag.aside, motion.cosine, motion.sine)
+        centre_x, centre_y, height = self.parameters.centre
+        moment = drag.moment - centre_x * drag.aside + centre_y * drag.ahead
+        return np.stack([x + inputs.push_x, y + inputs.push_y, 0 * moment, height * y, -height * x, moment])
+
+    def _limit_slips(self, load: Array) -> None:
+        """Write limits and impedances of slip hinges under a load (W, n) in N; see `omni_mj.robot.carpet`."""
         if self._at.creeps:
-            return abs(self._at.slip_speed.get()).T * self.parameters.carpet.radius
-        return contact_slip(world.wheels, world.kinematics, self._at.qpos.get(), self._at.qvel.get()).T
+            limit, pressed = limit_torque(self._drag.rim_friction, load)
+            self._at.slip_limit.set(limit)
+            self._at.slip_impedance.set(pressed / (pressed + self._drag.softness))
+
+    def _slip(self) -> Array:
+        """Return the speed at which rims slide over the carpet, (W, n) m/s; without creep, along the rim alone."""
+        at, world = self._at, self._world
+        if at.creeps:
+            return abs(at.slip_speed.get()) * self.parameters.carpet.radius
+        twist = world_to_body(self.twist(), self._heading)
+        return abs(at.wheel_speed.get() - world.kinematics.wheel_speeds(twist).T) * world.kinematics.radius
 
     def _sense(self) -> None:
-        self._sensed = self._at.gyro.get()[:, 0].copy(), by_wheel(self._at.encoders.get())
+        self._sensed = self._at.gyro.get()[0], self._at.encoders.get()
 
     def _toppled(self) -> np.ndarray:
-        _, x, y, _ = self._at.quaternion.get().T
+        _, x, y, _ = self._at.pose.get()[3:]
         return np.asarray(x * x + y * y > TOPPLED)
 
     def _stand(self, worlds: np.ndarray) -> None:
@@ -230,11 +270,11 @@ class MujocoPlant(WheeledPlant):
         places = self._places
         rows = (worlds[:, None] * places + np.arange(places)).ravel()
         standing = self._world.standing[np.array([robot.qpos for robot in self._world.robots])]
-        positions, speeds = self._at.qpos.get().copy(), self._at.qvel.get().copy()
-        positions[rows], speeds[rows] = standing[rows % places], 0.0
+        positions, speeds = self._at.qpos.get(), self._at.qvel.get()
         x, y, heading = self._start_poses[rows].T
-        positions[rows, 0], positions[rows, 1] = x, y
-        positions[rows, 3:7] = np.stack([np.cos(heading / 2), *np.zeros((2, len(rows))), np.sin(heading / 2)], axis=1)
+        positions[:, rows], speeds[:, rows] = standing[rows % places].T, 0.0
+        positions[:2, rows] = x, y
+        positions[3:7, rows] = np.cos(heading / 2), 0 * x, 0 * x, np.sin(heading / 2)
         self._at.qpos.set(positions)
         self._at.qvel.set(speeds)
         self._heading[rows] = heading
@@ -243,10 +283,15 @@ class MujocoPlant(WheeledPlant):
 
     def _check(self) -> dict[int, str]:
         """Find what has failed, and stop it."""
-        causes = batches.unstable(self._batch, self._failed)
+        causes: dict[int, str] = {}
+        for warning, counts in zip(UNSTABLE, self._warnings.T, strict=True):
+            broken = np.repeat(counts > 0, self._places) & ~self._failed
+            causes = (
+                dict.fromkeys(np.flatnonzero(broken).tolist(), f"became unstable (MuJoCo: {warning.name})") | causes
+            )
         unstable = list(causes)
         toppled = np.flatnonzero(self._toppled() & ~self._failed)
-        causes |= {int(row): "toppled over" for row in toppled if int(row) not in causes}
+        causes |= {row: "toppled over" for row in toppled.tolist() if row not in causes}
         if causes:
             self._stop(list(causes), unstable)
         return causes

@@ -14,6 +14,7 @@ from omni_mj.plants.variation import Drawn
 from omni_mj.plants.wheeled import WheeledPlant, by_wheel
 from omni_mj.robot.array_namespace import rotate, select
 from omni_mj.robot.carpet import carpet_parameters
+from omni_mj.robot.kernels import choose_kernel, make_kernel
 from omni_mj.robot.planar_body import (
     BodyParameters,
     BodyState,
@@ -57,10 +58,35 @@ class PlanarPlant(WheeledPlant):
         carpet = carpet_parameters(settings, world.kinematics, by_wheel(drawn.friction), by_wheel(drawn.wear))
         self._dry = body.hub_dry
         state = PlanarState(onboard_state, body_at_rest(body, x, y, heading))
-        self._start(PlanarParameters(onboard, carpet, body), state)
+        kernel = choose_kernel(settings[0].physics.kernel, self.name)
+        self._kernel = make_kernel(kernel, PlanarParameters(onboard, carpet, body), state)
+        self._start_faults()
         self._stopped = np.zeros(len(rows), bool)
         self._pose, self._twist = np.array(start, float), np.zeros((len(rows), 3))
         self._report: FrameReport | None = None
+
+    @property
+    def parameters(self) -> Any:
+        """Parameters of the robots."""
+        return self._kernel.parameters
+
+    @parameters.setter
+    def parameters(self, parameters: Any) -> None:
+        self._kernel.parameters = parameters
+
+    @property
+    def state(self) -> Any:
+        """State of the robots."""
+        return self._kernel.state
+
+    @property
+    def onboard(self) -> Any:
+        """State of what robots carry."""
+        return self._kernel.state.onboard
+
+    @onboard.setter
+    def onboard(self, onboard: Any) -> None:
+        self._kernel.state = self._kernel.state._replace(onboard=onboard)
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -94,7 +120,7 @@ class PlanarPlant(WheeledPlant):
         """See `Plant`."""
         if self._report is None:
             zero = np.zeros_like(self._dry)
-            return self._telemetry(self._kernel.state.onboard, zero, zero, zero)
+            return self._telemetry(self.onboard, zero, zero, zero)
         return Telemetry(self._report.telemetry.T)
 
     def carry(self, loads: Iterable[tuple[int, float, float]]) -> None:

@@ -12,17 +12,12 @@ between roller and carpet gives way by 0.07 mm (`omni_mj.worlds.contact`); a rea
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
-from mujoco.batch import Batch
 
-from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.link.noise import Noise, Stream
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import column
-from omni_mj.worlds.build import World
-from omni_mj.worlds.columns import Columns
 
 CUT = 3.0  # deviations
 
@@ -75,46 +70,6 @@ class Drawn:
         }
         typical = dict.fromkeys(columns, 0.0) | dict.fromkeys((n for n in columns if not n.endswith("_m")), 1.0)
         return columns if any((values != typical[name]).any() for name, values in columns.items()) else {}
-
-    def write(self, batch: Batch, world: World) -> None:
-        """Write wear, mass and centre into each robot's copy of the model's fields, where any robot has some.
-
-        Constants that MuJoCo derives from them are left as they are: these scale the contacts and the slip hinges,
-        which shall be the same for all.
-        """
-        if self.wear.any():
-            self._wear_down(batch, world)
-        if (self.mass != 1).any() or self.centre.any():
-            self._weigh(batch, world)
-
-    def _wear_down(self, batch: Batch, world: World) -> None:
-        model, first = world.model, world.robots[0]
-        height = Columns(batch.expand("body_pos")[:, :, 2], np.array([robot.wheels for robot in world.robots]))
-        height.set(model.body_pos[first.wheels, 2] - self.wear)
-        geoms = np.array([model.body_geomadr[robot.rollers].ravel() for robot in world.robots])
-        wear = np.repeat(self.wear, first.rollers.shape[1], axis=1)
-        roller, wheel = model.geom_size[geoms[0], 0], world.kinematics.radius
-        across, kinds = model.geom_size[geoms[0], :2], model.geom_type[geoms[0]]
-        if (across[:, 0] != across[:, 1]).any() or (kinds != mujoco.mjtGeom.mjGEOM_ELLIPSOID).any():
-            raise OmniError("variation.wear_m needs a model with rollers that are ellipsoids about their z axes")
-        # A barrel's profile is curved as the wheel (see `shape`): its half length squared is the product of the radii.
-        shorter = np.sqrt((1 - wear / roller) * (1 - wear / wheel))
-        sizes = batch.expand("geom_size")
-        for axis, size in enumerate((roller - wear, roller - wear, model.geom_size[geoms[0], 2] * shorter)):
-            Columns(sizes[:, :, axis], geoms).set(size)
-
-    def _weigh(self, batch: Batch, world: World) -> None:
-        """Change the chassis: its mass, its inertia in proportion, its centre."""
-        model, chassis = world.model, np.array([[robot.chassis] for robot in world.robots])
-        one = int(chassis[0, 0])
-        more = model.body_mass[one] * (self.mass - 1)
-        for name in ("body_mass", "body_subtreemass"):
-            Columns(batch.expand(name), chassis).set(getattr(model, name)[one] + more)
-        centre, inertia = batch.expand("body_ipos"), batch.expand("body_inertia")
-        for axis in range(2):
-            Columns(centre[:, :, axis], chassis).set(model.body_ipos[one, axis] + self.centre[:, [axis]])
-        for axis in range(3):
-            Columns(inertia[:, :, axis], chassis).set(model.body_inertia[one, axis] * self.mass)
 
 
 def _normal(uniform: Array) -> Array:

@@ -1,7 +1,7 @@
 """What plants with wheels share: parameters and state of their robots, chance, faults, held currents."""
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -10,7 +10,6 @@ from omni_mj.link.radio import Received, longest
 from omni_mj.plants import Telemetry
 from omni_mj.plants.faults import ENCODERS, PROCESSORS, Faults, Faulty
 from omni_mj.plants.variation import Chance, Drawn
-from omni_mj.robot.kernels import choose_kernel, make_kernel
 from omni_mj.robot.onboard import (
     CycleRecord,
     FrameInputs,
@@ -30,10 +29,12 @@ class WheeledPlant(Faulty):
         geometry: Of the wheels, as they are when new.
         drawn: What the robots' seeds drew for them.
         cycles: Of the wheel loops in a frame.
+        onboard: State of what robots carry.
     """
 
     name: ClassVar[str]
     geometry: Kinematics | None
+    onboard: OnboardState
     remembered_frames = 0  # for which robots remember their headings at least; vision may be that late
 
     def __init__(self, rows: Sequence[Row], kinematics: Kinematics, drawn: Drawn, heading: Array) -> None:
@@ -49,17 +50,10 @@ class WheeledPlant(Faulty):
             [row.settings for row in rows], kinematics, heading, by_wheel(drawn.strength), options
         )
 
-    def _start(self, parameters: Any, state: Any) -> None:
-        """Begin with parameters and a state."""
-        kernel = choose_kernel(self._rows[0].settings.physics.kernel, self.name)
-        self._kernel = make_kernel(kernel, parameters, state)
+    def _start_faults(self) -> None:
+        """Let faults act on robots as they are now."""
         if any(row.faults for row in self._rows):
             self._faults = Faults(self._rows, self)
-
-    @property
-    def state(self) -> Any:
-        """State of the robots."""
-        return self._kernel.state
 
     def hold(self, current: Array | None) -> None:
         """Have drivers hold currents from the next frame on, whatever the firmware commands.
@@ -72,14 +66,13 @@ class WheeledPlant(Faulty):
 
     def know_heading(self, robot: int, heading: float) -> None:
         """Have a robot, which somebody has put down, know its heading (rad) and forget what was before."""
-        state: Any = self._kernel.state
-        loops, chosen = state.onboard.loops, np.arange(len(self._rows)) == robot
+        loops, chosen = self.onboard.loops, np.arange(len(self._rows)) == robot
         loops = loops._replace(
             heading=np.where(chosen, heading, loops.heading),
             past_headings=np.where(chosen, heading, loops.past_headings),
             gyro_bias=np.where(chosen, 0.0, loops.gyro_bias),
         )
-        self._kernel.state = state._replace(onboard=state.onboard._replace(loops=loops))
+        self.onboard = self.onboard._replace(loops=loops)
 
     def _command(self, received: Received) -> Command:
         n = len(self._rows)

@@ -25,7 +25,6 @@ from omni_mj.worlds.contact import RIGID, STIFFEST, Contact, creeping
 from omni_mj.worlds.hulls import reach, switch_on
 from omni_mj.worlds.parts import Part
 from omni_mj.worlds.shape import Shape
-from omni_mj.worlds.wheels import WheelGeometry
 
 CYCLE_S = 1 / CYCLE_RATE_HZ  # of the wheel loops: 16 in a camera frame, each of one physics step or several
 SETTLING_S = 0.25
@@ -51,8 +50,6 @@ class World:
         robots: n of one shape, in the order of their places: all that are in it, unless it is `mixed`.
         standing: positions (nq,) with every robot at rest at the origin, its weight on its rollers.
         kinematics: of each robot's wheels.
-        wheels: where each robot's rollers are, for its slip.
-        pairs: contacts of carpet and rollers, numbers of each robot's, (n, pairs).
         loads: addresses in sensordata of the forces on each robot's wheels in the direction of z, (n, wheels).
         reach: radius of the circle about a robot's middle that its hull stays in, m; 0 without a hull.
     """
@@ -61,8 +58,6 @@ class World:
     robots: tuple[Robot, ...]
     standing: Array
     kinematics: Kinematics
-    wheels: WheelGeometry
-    pairs: Ids
     loads: Ids
     reach: float
 
@@ -154,8 +149,6 @@ def _worlds(
             robots=same,
             standing=standing,
             kinematics=shape.wheels.kinematics,
-            wheels=WheelGeometry.of(model, same[0], 2 * np.pi / shape.wheels.rollers),
-            pairs=_pairs(model, same),
             loads=_loads(model, same),
             reach=kinds[part, shape].reach,
         )
@@ -253,12 +246,6 @@ def _loads(model: mujoco.MjModel, robots: tuple[Robot, ...]) -> Ids:
     sensors = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_CONTACT)
     address = dict(zip(model.sensor_refid[sensors].tolist(), model.sensor_adr[sensors] + 2, strict=True))  # z
     return np.array([[address[rim] for rim in robot.rims.tolist()] for robot in robots])
-
-
-def _pairs(model: mujoco.MjModel, robots: tuple[Robot, ...]) -> Ids:
-    """Numbers of each robot's pairs, (robots, pairs)."""
-    roots = model.body_rootid[model.geom_bodyid[[model.pair_geom1, model.pair_geom2]]].max(0)  # the carpet's is lower
-    return np.array([np.flatnonzero(roots == robot.chassis) for robot in robots])
 
 
 def _standing(model: mujoco.MjModel) -> Array:

@@ -29,6 +29,7 @@ from benches.plant import (
     rows,
     standing,
     two_rollers,
+    wheel_loads,
 )
 from benches.plant import mujoco as plant_of
 from benches.steps import Tape
@@ -84,7 +85,7 @@ def test_a_robot_that_stands_on_a_slope_weighs_on_its_wheels_as_statics_says() -
     tilts = [{"kind": "tilt", "angle_deg": 5.0, "direction_deg": np.degrees(b)} for b in bearings]
     plant = plant_of([meets(each, **FAST) for each in tilts] + [quiet(**FAST)])
     standing(plant, SETTLE + 40)
-    load = plant._at.load.get()
+    load = wheel_loads(plant)
     np.testing.assert_allclose(load.sum(1)[:3], MASS_KG * GRAVITY * np.cos(angle), rtol=2e-3)
     moment = load @ CONTACTS / GRAVITY
     downhill = np.column_stack([np.cos(bearings), np.sin(bearings)])

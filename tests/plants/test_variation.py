@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benches.plant import FRAME_S, SIGMAS, constant, drive, quiet, ramp, rows, with_settings
+from benches.plant import FRAME_S, SIGMAS, constant, drive, quiet, ramp, rows, wheel_loads, with_settings
 from benches.plant import mujoco as plant_of
 from numpy.typing import NDArray
 
@@ -111,7 +111,7 @@ def test_worn_wheels_roll_at_their_own_radius_and_stand_as_new_ones(model: str) 
     np.testing.assert_allclose(radius[2:] - radius[:2], -plant.drawn.wear[2:], atol=5e-4 * 0.0285)
     standing = plant_of([quiet(variation={"wear_m": wear}, **free) for wear in (0.0, 1e-3)], [[0, 0, 0]] * 2, [0, 1])
     drive(standing, constant([0, 0, 0], 30, 2))
-    new, worn = standing._at.load.get()
+    new, worn = wheel_loads(standing)
     np.testing.assert_allclose(worn, new, rtol=0.01)  # at rest the springs still swing by less
     assert np.abs(standing.pose()).max() < 1e-4
 
@@ -124,7 +124,7 @@ def test_a_wheel_that_slides_pulls_by_its_own_friction() -> None:
     chosen = [quiet(carpet=carpet, variation={"friction": each}, **base) for each in (0.0, *[share] * 4)]
     plant = plant_of(chosen, seeds=range(5))
     drive(plant, constant([0, 0, 0], 30, 5))
-    load = plant._at.load.get()[0].copy()  # at rest
+    load = wheel_loads(plant)[0]  # at rest
     poses = drive(plant, constant([0, 0, 25.0], frames, 5))
     assert plant.telemetry().slip.min() > 0.5
     # Second differences: what is gained from frame 4 on, when all wheels slide.
@@ -145,7 +145,7 @@ def test_mass_and_centre_are_carried_by_the_wheels() -> None:
     """The loads' sum is the weight, their middle the centre of mass, which the wheels dilute."""
     plant = plant_of([quiet(variation={"mass": 0.1, "centre_m": 0.005})] * 4, seeds=range(4))
     drive(plant, constant([0, 0, 0], 60, 4))
-    load, body = plant._at.load.get(), Settings().body
+    load, body = wheel_loads(plant), Settings().body
     wheels = sum(plant._world.model.body_mass) - plant._world.model.body_mass[plant._world.robots[0].chassis]
     chassis = (body.mass_kg - wheels) * plant.drawn.mass[:, 0]
     np.testing.assert_allclose(load.sum(1), (chassis + wheels) * GRAVITY, rtol=1e-3)

@@ -5,7 +5,7 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 import pytest
-from benches.plant import FRAME_S, STIFF, constant, drive, quiet, ramp
+from benches.plant import FRAME_S, ROLLERS, STIFF, constant, drive, quiet, ramp
 from benches.plant import mujoco as plant_of
 from benches.steps import Tape
 from numpy.typing import NDArray
@@ -101,6 +101,6 @@ def test_the_encoder_knows_nothing_of_the_hand_over() -> None:
     # The rims have been turned back from their hubs by whole pitches, and what they slid is left.
     slips = plant._batch.bind("qpos")[:, plant._world.robots[0].slip_qpos]
     slid = tape.steps["slips"].sum(0) / 960
-    back = (slips - slid) / plant._world.wheels.pitch
+    back = (slips - slid) / (2 * np.pi / ROLLERS)
     assert back == pytest.approx(np.rint(back), abs=1e-6)
     assert np.abs(back).max() > 20

@@ -82,13 +82,12 @@ class Squad(MujocoPlant):
         velocity[[0, 1, 5]] = twist
         for array, value in (
             (at.qvel, 0.0),
-            (at.position, (*pose[:2], height)),
-            (at.quaternion, (np.cos(pose[2] / 2), 0.0, 0.0, np.sin(pose[2] / 2))),
+            (at.pose, (*pose[:2], height, np.cos(pose[2] / 2), 0.0, 0.0, np.sin(pose[2] / 2))),
             (at.velocity, velocity),
             (at.wheel_speed, self._world.kinematics.wheel_speeds(world_to_body(twist, pose[2]))),
         ):
-            values = array.get().copy()
-            values[robot] = value
+            values = array.get()
+            values[:, robot] = value
             array.set(values)
 
     def _stop(self, rows: list[int], unstable: list[int]) -> None:

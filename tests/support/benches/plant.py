@@ -129,13 +129,13 @@ ON_WHEELS = pytest.mark.parametrize("plant_of", [two_rollers, planar], ids=["muj
 # What is inside plants.
 def held_heading(plant: MujocoPlant | PlanarPlant) -> NDArray:
     """Headings that robots estimate, (n,) rad."""
-    heading: NDArray = plant._kernel.state.onboard.loops.heading
+    heading: NDArray = plant.onboard.loops.heading
     return heading
 
 
 def encoder_angles(plant: MujocoPlant | PlanarPlant) -> NDArray:
     """Angles by the encoders' last counts, (n, W) rad."""
-    counts: NDArray = plant._kernel.state.onboard.loops.last_count
+    counts: NDArray = plant.onboard.loops.last_count
     return (counts / plant.parameters.onboard.loops.counts_per_rad).T
 
 
@@ -148,7 +148,7 @@ def sensed(plant: MujocoPlant) -> list[float]:
 def wheel_loads(plant: MujocoPlant | PlanarPlant) -> NDArray:
     """Loads of wheels, (n, W) N."""
     if isinstance(plant, MujocoPlant):
-        return plant._at.load.get().copy()
+        return plant._at.load.get().T
     load: NDArray = plant._kernel.state.body.load
     return load.T
 

@@ -29,14 +29,13 @@ class Tape:
         self._batch.step(worlds)
         plant = self._plant
         for name, columns in (
-            ("position", plant._at.position),
-            ("quaternion", plant._at.quaternion),
+            ("pose", plant._at.pose),
             ("velocity", plant._at.velocity),
             ("wheels", plant._at.wheel_speed),
             ("slips", plant._at.slip_speed),
             ("load", plant._at.load),
         ):
-            self.steps.setdefault(name, []).append(columns.get().copy())
+            self.steps.setdefault(name, []).append(columns.get().T)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._batch, name)
@@ -48,6 +47,7 @@ class Tape:
             assert plant.advance(Received(command, plant.pose()[:, 2], np.zeros(len(command), int))) == {}
             self.currents.append(plant._record.current.swapaxes(1, 2))
         self.steps = {name: np.array(values) for name, values in self.steps.items()}
+        self.steps["position"], self.steps["quaternion"] = np.split(self.steps["pose"], [3], axis=-1)
         self.currents = np.concatenate(self.currents)
         return self
 
@@ -58,7 +58,7 @@ class Tape:
         friction, damping = (self._batch.expand(name)[:, hubs] for name in ("dof_frictionloss", "dof_damping"))
         wheels = self.steps["wheels"]
         currents = np.repeat(self.currents, len(wheels) // len(self.currents), axis=0)
-        return np.asarray(plant._at.constant.get() * gear * currents - friction * np.sign(wheels) - damping * wheels)
+        return np.asarray(plant._at.constant.get().T * gear * currents - friction * np.sign(wheels) - damping * wheels)
 
     def heading(self) -> NDArray:
         """(steps, n) of robots that are upright."""
