@@ -42,7 +42,7 @@ _HOMES = {
     "Simulation": "omni_mj.simulate.simulation",
     "alpha": "omni_mj.studies.alpha",
     "compare": "omni_mj.studies.compare",
-    "identify": "omni_mj.studies.identify.study",
+    "identify": "omni_mj.studies.identify",
     "limit": "omni_mj.studies.limit",
     "robot": "omni_mj.studies.robot",
     "run": "omni_mj.studies.run",

@@ -26,11 +26,19 @@ from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, PERIOD_S, Settings
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies import run
-from omni_mj.studies.identify import Estimate, Identified, identify, robot_file
+from omni_mj.studies.identify import (
+    LENGTHS_M,
+    RADIUS_SHARE,
+    ROLLS,
+    Estimate,
+    Identified,
+    identify,
+    identify_logs,
+    plan,
+    robot_file,
+    start_scenario,
+)
 from omni_mj.studies.identify.logs import read
-from omni_mj.studies.identify.motion import RADIUS_SHARE, ROLLS
-from omni_mj.studies.identify.plan import LENGTHS_M, plan
-from omni_mj.studies.identify.study import of_logs, started
 from omni_mj.studies.outcome import drive
 from omni_mj.studies.slip.law import expected
 
@@ -58,7 +66,7 @@ COLUMNS = {  # number -> unit in the table
 def write_robot(path: Path, robot: str, changes: Mapping[tuple[str, str], object]) -> str:
     """Write a robot's file with other numbers and return its path."""
     values = {place: f"{value} # a guess" for place, value in changes.items()}
-    path.write_text(robot_file.written(robots.robot_path(robot).read_text("utf-8"), values, ["a guess"]), "utf-8")
+    path.write_text(robot_file.write_changes(robots.robot_path(robot).read_text("utf-8"), values, ["a guess"]), "utf-8")
     return str(path)
 
 
@@ -127,7 +135,7 @@ def true_numbers(settings: Settings) -> dict[str, float]:
 
 def identify_drawn(robot: str, numbers: range, folder: Path) -> list[tuple[Identified, dict[str, float]]]:
     """Drive logs of a robot in one batch, unless the folder has them, and identify each."""
-    base = plan(robot).scenario
+    base = plan(robot)
     base = base.replace(settings=base.settings.replace(wheels={"model": "two-rollers"}))
     settings = [draw_robot(base.settings, number) for number in numbers]
     drives = folder / f"{robot}-{numbers}"
@@ -140,7 +148,7 @@ def identify_drawn(robot: str, numbers: range, folder: Path) -> list[tuple[Ident
         run.of(simulation, drive(simulation)).save(drives)
     logs = read(drives / "trajectory.parquet")
     return [
-        (of_logs([log], started(write_start_file(drawn, robot, number, folder))), true_numbers(drawn))
+        (identify_logs([log], start_scenario(write_start_file(drawn, robot, number, folder))), true_numbers(drawn))
         for number, log, drawn in zip(numbers, logs, settings, strict=True)
     ]
 
@@ -187,14 +195,15 @@ def measured(runs: Path, folder: Path) -> Table:
             rows.append([path.stem, str(error), *[""] * len(COLUMNS)])
             continue
         cells = [format_estimate(told(result).get(f"wheels.{name}"), unit) for name, unit in COLUMNS.items()]
-        rows.append([path.stem, *cells, f"{1e3 * result.parts[0].fitted.position.lasting:.2g}"])
+        lasting = result.fits["wheels"].residuals["positions"].lasting
+        rows.append([path.stem, *cells, f"{1e3 * lasting:.2g}"])
     headings = ["run", "wheel, mm", "K fwd", "K side", "arm, mm", "later, ms", "more, %", "creep", "lasts, mm"]
     return Table("omni3, by wheels and true poses; K times 102 mm", headings, rows, 1)
 
 
 def told(result: Identified) -> dict[str, Estimate]:
     """Return the estimates that the data tell, by name."""
-    return {f"{e.source}.{e.name}": e for e in result.estimates if e.told}
+    return {name: estimate for name, estimate in result.estimates.items() if estimate.told}
 
 
 def format_estimate(estimate: Estimate | None, unit: float) -> str:

@@ -1,6 +1,5 @@
-"""`omni-mj identify` as a user types it: files left, a log's gaps, our own recordings, moves to drive, verification."""
+"""`omni-mj identify` as a user types it: files left, a log's gaps, our own recordings, moves to drive."""
 
-import shutil
 import tomllib
 from pathlib import Path
 
@@ -20,22 +19,19 @@ def log(tmp_path: Path) -> Path:
 def test_a_log_becomes_numbers_a_report_and_a_robot(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The robot is in the folder, and in a file beside it if one is named, which stays unless it may be replaced."""
-    assert invoke("identify", log, "--out", tmp_path / "mine.toml") == 0
-    assert "by start values" in capsys.readouterr().out
-    late = strict(tmp_path / "mine" / "identify.json")["estimates"]["commands.latency_s"]
+    assert invoke("identify", log, "--out", tmp_path / "out") == 0
+    assert "motion by commands: residuals of positions" in capsys.readouterr().out
+    late = strict(tmp_path / "out" / "identify.json")["estimates"]["commands.latency_s"]
     assert late["value"] == pytest.approx(0.1, abs=0.005)
     low, high = late["interval_95"]
     assert low < late["value"] < high
-    text = (tmp_path / "mine" / "robot.toml").read_text()
+    text = (tmp_path / "out" / "robot.toml").read_text()
     data = tomllib.loads(text)
     assert data["radio"]["delay_frames"] == 6
     assert data["body"]["mass_kg"] == 2.65  # as it was
     assert "delay_frames = 6 # identified from commands: " in text
-    assert om.scenario("rect", robot=str(tmp_path / "mine.toml")).settings.radio.delay_frames == 6
-    assert (tmp_path / "mine.toml").read_text() == text
-    assert invoke("identify", log, "--out", tmp_path / "mine.toml") == 2
-    assert "--overwrite" in capsys.readouterr().err
+    robot = om.scenario("rect", robot=str(tmp_path / "out" / "robot.toml"))
+    assert robot.settings.radio.delay_frames == 6
 
 
 def test_what_is_no_log_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -47,7 +43,7 @@ def test_what_is_no_log_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[
         ((tmp_path / "none.csv",), "there is no log"),
         ((tmp_path / "log.txt",), "a .csv or .parquet file"),
         ((tmp_path / "log.parquet",), "cannot be read"),
-        ((tmp_path / "log.txt", "--plan"), "takes no logs"),
+        ((short, "--plan"), "or --plan"),
         ((short, "--out", tmp_path / "out"), "too few to identify anything"),
     ):
         assert invoke("identify", *words) == 2
@@ -65,9 +61,7 @@ def test_gaps_and_lines_without_a_pose_are_passed_over(log: Path, tmp_path: Path
     there = (columns["time_s"] < 3.1) | (columns["time_s"] > 3.6)
     write(log, {name: values[there] for name, values in columns.items()})
     assert invoke("identify", log, "--out", tmp_path / "out", "--quiet") == 0
-    found = strict(tmp_path / "out" / "identify.json")
-    assert [note for note in found["notes"] if "gaps, the longest of 0.533 s" in note]
-    late = found["estimates"]["commands.latency_s"]
+    late = strict(tmp_path / "out" / "identify.json")["estimates"]["commands.latency_s"]
     assert late["value"] == pytest.approx(0.1, abs=5 * late["standard_error"])
 
 
@@ -84,23 +78,17 @@ def test_our_own_recording_of_our_own_robot(tmp_path: Path) -> None:
     assert found["estimates"]["wheels.gain_turning"]["value"] is None
 
 
-def test_the_plan_is_a_scenario_within_the_limits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert invoke("identify", "--plan", "--out", tmp_path / "out") == 0
-    printed = capsys.readouterr().out
-    assert all(move in printed for move in ("forward", "sideways", "diagonal", "turning"))
+def test_the_plan_is_a_scenario_within_the_limits(tmp_path: Path) -> None:
+    assert invoke("identify", "--plan", "--out", tmp_path / "out", "--quiet") == 0
     plan = om.scenario(str(tmp_path / "out" / "plan.toml"))
     assert plan.settings.reference.max_acceleration_m_s2 == 2.0
     assert plan.settings.reference.friction > 0  # wheels are regarded
 
 
-def test_a_model_of_the_users_goes_with_it(log: Path, tmp_path: Path) -> None:
-    """Found by the robot's file that is written, wherever the folder is then; and the same robot."""
-    (tmp_path / "mine").mkdir()
-    model = tmp_path / "mine" / "robot.xml"
+def test_a_model_of_the_users_is_named_and_copied(log: Path, tmp_path: Path) -> None:
+    """The robot's file names it where it is; the folder holds a copy."""
+    model = tmp_path / "robot.xml"
     model.write_text((Path(om.__file__).parents[1] / "models" / "ssl_robot.xml").read_text())
-    out, moved = tmp_path / "out", tmp_path / "moved"
-    assert invoke("identify", log, "--model", model, "--out", out, "--quiet") == 0
-    shutil.rmtree(model.parent)
-    shutil.move(out, moved)
-    robot = om.scenario("rect", robot=str(moved / "robot.toml"))
-    assert Path(robot.settings.model.file).parent == moved / "sources" / "model"
+    assert invoke("identify", log, "--model", model, "--out", tmp_path / "out", "--quiet") == 0
+    robot = om.scenario("rect", robot=str(tmp_path / "out" / "robot.toml"))
+    assert Path(robot.settings.model.file) == model

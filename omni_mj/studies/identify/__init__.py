@@ -1,12 +1,246 @@
-"""Identification of a user's robot from its logs.
+"""Identification of a user's robot from its logs: numbers, what they predict, and what the data cannot tell.
 
-`logs` reads tables (`tables`) and game logs (`game_log`), `checks` refuses what cannot be of this robot, `stretches`
-cuts logs, `law` predicts the motion and `fit` fits it, `motion` says what is fitted to wheels and to commands, `motors`
-what currents and voltages tell, `findings` what the data tell and what not, `study` is all of it, `robot_file` what it
-writes, `plan` what to drive.
+`logs` reads tables and game logs (`game_log`), `checks` refuses what cannot be of this robot,
+`stretches` cuts logs, `law` predicts the motion and `fit` fits it, `findings` says what the data
+tell, `robot_file` writes it.
 """
 
-from omni_mj.studies.identify.findings import Estimate
-from omni_mj.studies.identify.study import Identified, identify
+import json
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
-__all__ = ["Estimate", "Identified", "identify"]
+import numpy as np
+
+from omni_control.kinematics import world_to_body
+from omni_mj.files import write
+from omni_mj.measure.table import DASH, Table, text
+from omni_mj.scenarios import robots
+from omni_mj.scenarios.scenario import Scenario, scenario
+from omni_mj.scenarios.settings import Settings
+from omni_mj.studies.identify import checks, robot_file
+from omni_mj.studies.identify.findings import Estimate, estimates, find_lacks
+from omni_mj.studies.identify.fit import Fit, fit_usual
+from omni_mj.studies.identify.law import NAMES, Body
+from omni_mj.studies.identify.logs import Log, read
+from omni_mj.studies.identify.stretches import cut
+
+__all__ = ["Estimate", "Identified", "identify", "identify_logs", "plan", "start_scenario"]
+
+DRIFTS_S = 30.0  # length of logs from which clocks may run at different speeds
+OTHER_RADIUS, SURE = 0.025, 3.0  # and standard errors, from which the radius is not that of the robot's file
+ROLLS, RADIUS_SHARE = 0.9988, 0.002  # rolling radius over the file's (rubber is pressed), and how well it is known
+CONTACTS = ("creep", "pile", "roller_friction", "lean_x_m_s2", "lean_y_m_s2")
+# Moves that tell everything: to 0.4, 0.9, 1.3 and 1.8 m/s, and turns.
+LENGTHS_M, ANGLES_RAD = (0.1, 0.4, 0.9, 1.6), (0.8, 1.8, 3.0, 3.1)
+LIMITS = {  # within traction, with room for what the controller adds: wheels that slide tell less of their creep
+    "max_speed_m_s": 2.5,
+    "max_acceleration_m_s2": 2.0,
+    "max_side_acceleration_m_s2": 1.6,
+    "max_turn_rate_rad_s": 8.0,
+    "max_turn_acceleration_rad_s2": 20.0,
+}
+
+
+@dataclass
+class Identified:
+    """Result of an identification.
+
+    Attributes:
+        robot: Name or path of the start robot's file.
+        settings: Of that.
+        logs: Names of those that were read.
+        estimates: Numbers, told or not, by name, such as `wheels.creep_stiffness`.
+        fits: To wheels and to commands.
+        notes: A line each.
+    """
+
+    robot: str
+    settings: Settings
+    logs: list[str]
+    estimates: dict[str, Estimate] = field(default_factory=dict)
+    fits: dict[str, Fit] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def __getitem__(self, name: str) -> Estimate:
+        """Return the estimate of a name, such as `wheels.creep_stiffness` or `commands.latency_s`."""
+        return self.estimates[name]
+
+    @property
+    def misfits(self) -> list[str]:
+        """What the law does not predict as it should, a line each."""
+        return [
+            f"motion by {source}: {1e3 * r.lasting:.2f} (mm or mrad) of the residuals of {what} last, of robots that "
+            f"the law describes {1e3 * r.allowed:g} at the most: it lacks something of this one"
+            for source, fitted in self.fits.items()
+            for what, r in fitted.residuals.items()
+            if r.misfit
+        ]
+
+    def table(self) -> str:
+        """Return all of it as lines of text."""
+        return "\n".join(self._lines())
+
+    def report(self) -> dict[str, Any]:
+        """Return all of it for JSON."""
+        return {
+            "format": 5,
+            "robot": self.robot,
+            "logs": self.logs,
+            "notes": self.notes,
+            "misfits": self.misfits,
+            "estimates": {name: estimate.report() for name, estimate in self.estimates.items()},
+            "fits": {
+                source: {"stretches": len(fitted.stretches)} | {what: vars(r) for what, r in fitted.residuals.items()}
+                for source, fitted in self.fits.items()
+            },
+        }
+
+    def save(self, folder: Path) -> None:
+        """Write identify.json and robot.toml, which names a model of the user's where it is."""
+        misfits = {source for source, fitted in self.fits.items() if fitted.misfit}
+        made = robot_file.changes(self.estimates, misfits)
+        if model := self.settings.model.file:
+            made["model", "file"] = json.dumps(Path(model).resolve().as_posix())
+        start = robots.robot_path(self.robot).read_text("utf-8")
+        write(folder / "robot.toml", robot_file.write_changes(start, made, self.logs))
+        write(folder / "identify.json", json.dumps(self.report(), indent=2, allow_nan=False) + "\n")
+
+    def _lines(self) -> Iterator[str]:
+        rows = []
+        for e in self.estimates.values():
+            cells = [f"{e.value:.4g}", f"{e.error:.4g}", f"{e.low:.4g} to {e.high:.4g}"] if e.told else [DASH] * 3
+            rows.append([e.title, e.source, e.unit, *cells])
+        headings = ["", "from", "unit", "value", "std. error", "95 % interval"]
+        yield text(Table(f"{self.robot}, identified from {', '.join(self.logs)}", headings, rows, 3))
+        for source, fitted in self.fits.items():
+            for (what, r), unit in zip(fitted.residuals.items(), ("mm", "mrad"), strict=True):
+                noise = f"{1e3 * r.rms:.2f} {unit}, of which noise {1e3 * r.noise:.2f} {unit}"
+                yield f"motion by {source}: residuals of {what} {noise}"
+        yield from (f"misfit: {line}" for line in self.misfits)
+        for e in self.estimates.values():
+            if not e.told:
+                yield f"not identifiable from these data: {e.title} ({e.source}): {e.why_not}"
+        yield from (f"note: {note}" for note in self.notes)
+
+
+def identify(logs: Sequence[Path | str], robot: str = robots.DEFAULT, model: str | None = None) -> Identified:
+    """Identify a robot from its logs.
+
+    Args:
+        logs: CSV or Parquet files, or game logs; see docs/identify.md.
+        robot: Name or file of the robot to start from: its wheels' geometry, and what is believed of it.
+        model: Its MJCF, which decides geometry and masses. [the robot's file's]
+
+    Raises:
+        OmniError: A log cannot be what it says, or holds too little.
+    """
+    return identify_logs([log for path in logs for log in read(path)], start_scenario(robot, model))
+
+
+def start_scenario(robot: str, model: str | None = None) -> Scenario:
+    """Return the scenario whose robot an identification starts from; see `identify`."""
+    return scenario("rect", robot=robot, model=model or {})
+
+
+def plan(robot: str = robots.DEFAULT, model: str | None = None) -> Scenario:
+    """Return a scenario of moves that tell everything: forward, sideways, diagonal and turning.
+
+    Args:
+        robot: Name or file.
+        model: Its MJCF, if it is a user's own.
+
+    Raises:
+        OmniError: There is no such robot, or its wheels cannot drive the moves.
+    """
+    points = [[0.0, 0.0, 0.0]]
+    for length, angle in zip(LENGTHS_M, ANGLES_RAD, strict=True):
+        for direction in (0.0, math.pi / 2, math.pi / 4):
+            points += [[round(length * math.cos(direction), 4), round(length * math.sin(direction), 4), 0.0], points[0]]
+        points += [[0.0, 0.0, angle], points[0]]
+    reference = {"waypoints": points, "laps": 1, "dwell_s": 0.15, **LIMITS}
+    chosen = scenario("rect", robot=robot, model=model or {}, reference=reference, controllers=["comp-flc"], seeds=1)
+    says = "moves that identify a robot: omni-mj identify --plan"
+    return chosen.replace(name="plan", description=says, paper_table=0)
+
+
+def identify_logs(logs: Sequence[Log], chosen: Scenario) -> Identified:
+    """Identify a robot from logs that were read, and the scenario with the start robot."""
+    result = Identified(chosen.robot, chosen.settings, [log.name for log in logs])
+    result.notes += [note for log in logs for note in log.notes]
+    if driven := [log for log in logs if log.wheels is not None]:
+        _add_fit(result, "wheels", driven)
+    if commanded := [log for log in logs if log.command is not None]:
+        _add_fit(result, "commands", commanded)
+    return result
+
+
+def _add_fit(result: Identified, source: str, logs: Sequence[Log]) -> None:
+    """Fit the law to one kind of inputs and add what that tells.
+
+    If wheels told creep and drag, these are not fitted to commands again.
+
+    Raises:
+        OmniError: Wheels or axes are not those of this robot, or there is too little.
+    """
+    settings, by_wheels = result.settings, source == "wheels"
+    body, geometry, inputs, twists, delays = Body.of(settings), settings.wheels.kinematics, [], [], []
+    for log in logs:
+        inputs.append(np.asarray(log.wheels if by_wheels else log.command))
+        twist = checks.wheel_twists(log, geometry) if by_wheels else inputs[-1]
+        delays.append(checks.starting_delay(log, twist, source, geometry))
+        if not by_wheels and not log.in_body:
+            known = np.isfinite(log.pose[:, 2])
+            twist = world_to_body(twist, np.interp(log.time, log.time[known], log.pose[known, 2]))
+        twists.append(twist)
+    stretches = cut(logs, inputs, by_wheels)
+    lacks = find_lacks(twists, stretches.period)
+    if "motion" in lacks:
+        result.notes.append(f"{source}: the robot stands; nothing is told of its motion")
+        return
+    start, late = body.parameters(settings, by_wheels), float(np.median(delays))
+    if by_wheels:
+        is_long = any(np.ptp(log.time) > DRIFTS_S for log in logs)
+        free = ["scale", "arm", "compass_rad"] + ["drift"] * is_long
+    else:
+        free = ["scale", "give_s", "friction_m_s", "compass_rad"] + ["turn_gain"] * ("turning" not in lacks)
+        late = max(late - 2 * start[NAMES.index("give_s")] / len(body.along), 0.01)
+    contacts = [NAMES.index(name) for name in CONTACTS]
+    rolled = result.fits.get("wheels")
+    if rolled and "creep" in rolled.names:
+        start[contacts] = rolled.parameters[contacts]
+        start[NAMES.index("arm")] = rolled.parameters[NAMES.index("arm")] / rolled.parameters[NAMES.index("scale")]
+    elif "creep" not in lacks:
+        free += CONTACTS
+    else:
+        start[contacts] = 0.0
+    fitted = fit_usual(body, stretches, start, late, free)
+    if odd := len(stretches) - len(fitted.stretches):
+        result.notes.append(
+            f"{source}: {odd} of {len(stretches)} stretches with far larger residuals are left out; "
+            "wheels that slide, a push, or a camera's mistake"
+        )
+    if by_wheels and "creep" in free:
+        fitted = _believe_radius(fitted, result.notes)
+    result.fits[source] = fitted
+    result.estimates |= {f"{source}.{e.name}": e for e in estimates(fitted, settings, lacks)}
+
+
+def _believe_radius(fitted: Fit, notes: list[str]) -> Fit:
+    """Condition a fit on the radius of the robot's file, unless the data contradict it.
+
+    Drag that is pulled through creep takes a share of the speed, as a smaller radius does; data know their sum well.
+    """
+    at = fitted.names.index("scale")
+    scale, variance = fitted.value[at], fitted.covariance[at, at]
+    if abs(scale - 1) > max(SURE * variance**0.5, OTHER_RADIUS):
+        off = f"{100 * (scale - 1):+.1f} +- {100 * variance**0.5:.1f} %"
+        notes.append(f"wheels: their radius is not that of the robot's file: {off}")
+        return fitted
+    gain = fitted.covariance[at] / (variance + RADIUS_SHARE**2)
+    value, parameters = fitted.value + gain * (ROLLS - scale), fitted.parameters.copy()
+    parameters[[NAMES.index(name) for name in fitted.names[1:]]] = value[1:]
+    covariance = fitted.covariance - np.outer(gain, fitted.covariance[at])
+    return replace(fitted, value=value, covariance=covariance, parameters=parameters)

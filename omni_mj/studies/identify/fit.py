@@ -1,12 +1,12 @@
 """Least squares of the law over stretches whose first pose and twist are free.
 
-Poses that are predicted through each stretch are compared with measured ones; headings count in metres, by the ratio of
-the noises. The first pose and twist of each stretch are eliminated by projection (variable projection with Kaufman's
-Jacobian: Kaufman 1975, BIT 15, 49), so that scipy's `least_squares` sees the law's parameters only. Residuals of a law
-last for more than one sample, so standard errors are those of sums over whole stretches (Liang and Zeger 1986,
-Biometrika 73, 13), or of white noise where those are larger; intervals are Student's. If the law
-lacks something of the robot, standard errors grow by the ratio of lasting residuals to what is
-allowed.
+Poses that are predicted through each stretch are compared with measured ones; headings count in
+metres, by the ratio of the noises. The first pose and twist of each stretch are eliminated by
+projection (variable projection with Kaufman's Jacobian: Kaufman 1975, BIT 15, 49), so that scipy's
+`least_squares` sees the law's parameters only. Residuals of a law last for more than one sample,
+so standard errors are those of sums over whole stretches (Liang and Zeger 1986, Biometrika 73, 13),
+or of white noise where those are larger; intervals are Student's. If the law lacks something of
+the robot, standard errors grow by the ratio of lasting residuals to what is allowed.
 """
 
 from collections.abc import Sequence
@@ -18,8 +18,8 @@ from scipy.special import stdtrit
 from scipy.stats import norm
 
 from omni_control.kinematics import Array
-from omni_mj.studies.identify.law import NAMES, STEP_S, Body, simulate
-from omni_mj.studies.identify.stretches import Stretches
+from omni_mj.studies.identify.law import NAMES, Body, simulate
+from omni_mj.studies.identify.stretches import LEAST, Stretches
 
 LATE = "latency_s"
 # Name -> size of a change that matters, step of finite differences, lowest and highest value.
@@ -38,12 +38,11 @@ RANGES = {
     "lean_y_m_s2": (0.1, 1e-2, -2.0, 2.0),
     LATE: (0.01, 1e-4, -0.5, 0.6),
 }
-ROUGH_S = 0.02  # integration step of the first iterations
 NUDGES = 0.02 * np.eye(4)  # of first heading and twist, rad, m/s and rad/s
 NEGLIGIBLE = 1e-3  # of a column of first states, over the largest, below which it is not solved for
-RIDGE = 1e-12  # of normal equations with columns of length 1
 LAGS, ALARM = 5, 0.01  # samples over which residuals last; chance of a false alarm
 ALLOWED = {True: (0.3e-3, 2.5e-3), False: (0.6e-3, 4e-3)}  # by wheels, by commands: what lasts of 95 % of our logs
+ODD, MOST_ODD = 3.0, 0.25  # residuals over their median, and share, of stretches that may be left out
 
 
 @dataclass(frozen=True)
@@ -51,9 +50,11 @@ class Residuals:
     """Residuals of positions in m, or headings in rad.
 
     Attributes:
-        rms: root mean square; noise: the part that changes from sample to sample.
-        lasting: root of the mean covariance of samples up to `LAGS` apart, which noise does not have.
-        allowed: what lasts where the law describes the robot; misfit: whether more lasts, sure to `ALARM`.
+        rms: Root mean square.
+        noise: The part that changes from sample to sample.
+        lasting: Root of the mean covariance of samples up to `LAGS` apart, which noise does not have.
+        allowed: The part that lasts where the law describes the robot.
+        misfit: Whether more lasts, sure to `ALARM`.
     """
 
     rms: float
@@ -62,35 +63,22 @@ class Residuals:
     allowed: float
     misfit: bool
 
-    @classmethod
-    def of(cls, values: Array, allowed: float) -> "Residuals":
-        """Return those of values (S, m, k)."""
-        products = [values[:, lag:] * values[:, :-lag] for lag in range(1, LAGS + 1)]
-        power, lasting = float((values**2).mean()), float(np.mean([product.mean() for product in products]))
-        error = (power - max(lasting, 0.0)) / sum(product.size for product in products) ** 0.5
-        misfit = bool(lasting > allowed**2 + norm.isf(ALARM) * error)
-        noise = float((changes(values) ** 2).mean()) ** 0.5
-        return cls(power**0.5, noise, max(lasting, 0.0) ** 0.5, allowed, misfit)
-
-
-def changes(values: Array) -> Array:
-    """Return second differences of (S, m, k) over those of white noise of variance 1."""
-    return np.diff(values, 2, axis=1) / 6**0.5
-
 
 @dataclass(frozen=True)
 class Fit:
     """Result of a fit.
 
     Attributes:
-        names: of the n free parameters, the delay first; value: (n,).
+        names: Of the n free parameters, the delay first.
+        value: (n,).
         covariance: (n, n); huge for what the data do not show.
-        parameters: all of the law's.
+        parameters: All of the law's.
         quantile: Student's, for 95 % intervals.
-        at_bound: names of parameters that stopped at a bound.
-        position, heading: residuals.
-        stretch_rms: root mean square residual of each stretch, (S,) m.
-        body, stretches: fitted with, and to.
+        at_bound: Names of parameters that stopped at a bound.
+        residuals: Of "positions" in m and "headings" in rad.
+        usual: Stretches whose residuals are not far larger than the others', (S,).
+        body: Fitted with.
+        stretches: Fitted to.
     """
 
     names: tuple[str, ...]
@@ -99,45 +87,38 @@ class Fit:
     parameters: Array
     quantile: float
     at_bound: frozenset[str]
-    position: Residuals
-    heading: Residuals
-    stretch_rms: Array
+    residuals: dict[str, Residuals]
+    usual: np.ndarray
     body: Body
     stretches: Stretches
 
     @property
-    def late(self) -> float:
-        """Delay of the inputs, s."""
-        return float(self.value[0])
-
-    @property
     def misfit(self) -> bool:
         """Whether the law lacks something of this robot."""
-        return self.position.misfit or self.heading.misfit
+        return any(r.misfit for r in self.residuals.values())
 
 
 class Problem:
     """Residuals and their Jacobian, without what the first pose and twist of each stretch explain.
 
     Args:
-        body: the robot.
+        body: The robot.
         stretches: S of them.
-        start: parameters of the law.
-        free: names of those that are free besides the delay.
+        start: Parameters of the law.
+        free: Names of those that are free besides the delay.
 
     Attributes:
-        jacobian: by delay and free parameters at the last point, (S, m, 3, n).
-        metres: of a residual per unit of x, y and heading, (3,).
+        jacobian: By delay and free parameters at the last point, (S, m, 3, n).
+        metres: Of a residual per unit of x, y and heading, (3,).
     """
 
     def __init__(self, body: Body, stretches: Stretches, start: Array, free: Sequence[str]) -> None:
         self.body, self.stretches, self.start = body, stretches, start
         self.columns = [NAMES.index(name) for name in free]
-        self.names = (LATE, *free)
-        self.scale, self.steps, self.low, self.high = np.array([RANGES[name] for name in self.names]).T
-        noise = np.median(np.abs(changes(stretches.pose)), axis=(0, 1))
-        per_rad = noise[:2].mean() / max(noise[2], 1e-6)
-        self.metres, self.first, self.longest = np.array([1.0, 1.0, per_rad]), stretches.first(), STEP_S
+        self.scale, self.steps, self.low, self.high = np.array([RANGES[name] for name in (LATE, *free)]).T
+        noise = np.median(np.abs(_changes(stretches.pose)), axis=(0, 1))
+        self.metres = np.array([1.0, 1.0, noise[:2].mean() / max(noise[2], 1e-6)])
+        self.first = stretches.estimate_first()
         self.jacobian = np.empty(0)
 
     def parameters(self, x: Array) -> Array:
@@ -148,75 +129,94 @@ class Problem:
 
     def residual(self, x: Array) -> Array:
         """Return residuals (S, m, 3) in metres for delay and free parameters."""
-        n, (count, m) = len(self.columns), self.stretches.lines.shape
+        n, (count, m) = len(self.columns), self.stretches.time.shape
         sets = np.tile(self.parameters(x), (6 + n, 1))  # nominal, four first states, delay, parameters
         sets[6 + np.arange(n), self.columns] += self.steps[1:]
         late = x[0] + self.steps[0] * (np.arange(6 + n) == 5)
         first = np.tile(self.first[:, None], (1, 6 + n, 1, 1))
         first[:, 1:5, 0, 2] += NUDGES[:, 0]
         first[:, 1:5, 1] += NUDGES[:, 1:]
-        poses = simulate(self.body, self.stretches, sets, late, first, self.longest)
+        poses = simulate(self.body, self.stretches, sets, late, first)
         flat = (poses * self.metres).reshape(count, 6 + n, 3 * m)
         slopes = (flat[:, 1:] - flat[:, :1]) / np.concatenate([NUDGES.diagonal(), self.steps])[:, None]
         places = np.tile(np.eye(3)[:2], m)[None].repeat(count, 0)
         states = np.concatenate([places, slopes[:, :4]], 1)
-        inverse = np.linalg.pinv(states, rcond=NEGLIGIBLE)
         wrong = flat[:, :1] - (self.stretches.pose * self.metres).reshape(count, 1, 3 * m)
         columns = np.concatenate([wrong, slopes[:, 4:]], 1)
-        columns = (columns - columns @ inverse @ states).reshape(count, -1, m, 3)
+        columns -= columns @ np.linalg.pinv(states, rcond=NEGLIGIBLE) @ states
+        columns = columns.reshape(count, -1, m, 3)
         self.jacobian = np.moveaxis(columns[:, 1:], 1, -1)
         residual: Array = columns[:, 0]
         return residual
 
     def solve(self, x: Array) -> Array:
-        """Return what minimizes the squares, first with long steps of integration, then with short ones."""
-        x = np.clip(x, self.low + 1e-3 * self.scale, self.high - 1e-3 * self.scale)
-        for self.longest in (ROUGH_S, STEP_S):
-            x = least_squares(
-                lambda x: self.residual(x).ravel(),
-                np.clip(x, self.low + 1e-6 * self.scale, self.high - 1e-6 * self.scale),
-                lambda x: self.jacobian.reshape(-1, len(x)),
-                bounds=(self.low, self.high),
-                x_scale=self.scale,
-                ftol=1e-5,
-                xtol=1e-5,
-                gtol=1e-9,
-                max_nfev=40,
-            ).x
-        return x
+        """Return what minimizes the squares."""
+        solution: Array = least_squares(
+            lambda x: self.residual(x).ravel(),
+            np.clip(x, self.low + 1e-3 * self.scale, self.high - 1e-3 * self.scale),
+            lambda x: self.jacobian.reshape(-1, len(x)),
+            bounds=(self.low, self.high),
+            x_scale=self.scale,
+            ftol=1e-5,
+            xtol=1e-5,
+            gtol=1e-9,
+            max_nfev=40,
+        ).x
+        return solution
 
 
 def fit(body: Body, stretches: Stretches, start: Array, late: float, free: Sequence[str]) -> Fit:
     """Fit the law to stretches.
 
     Args:
-        body: the robot.
-        stretches: at least two.
-        start: parameters in the order of `law.NAMES`.
-        late: delay of the inputs to start from, s.
-        free: names of the parameters that are fitted besides the delay.
+        body: The robot.
+        stretches: At least two.
+        start: Parameters in the order of `law.NAMES`.
+        late: Delay of the inputs to start from, s.
+        free: Names of the parameters that are fitted besides the delay.
     """
     problem = Problem(body, stretches, start, free)
     x = problem.solve(np.append(late, start[problem.columns]))
     residual = problem.residual(x)
     allowed = ALLOWED[stretches.are_wheels]
-    position = Residuals.of(residual[..., :2], allowed[0])
-    heading = Residuals.of(residual[..., 2:] / problem.metres[2], allowed[1])
-    lacking = max([1.0, *(r.lasting / r.allowed for r in (position, heading) if r.misfit)])
+    residuals = {
+        "positions": measure(residual[..., :2], allowed[0]),
+        "headings": measure(residual[..., 2:] / problem.metres[2], allowed[1]),
+    }
+    lacking = max([1.0, *(r.lasting / r.allowed for r in residuals.values() if r.misfit)])
     bound = (x < problem.low + 2e-3 * problem.scale) | (x > problem.high - 2e-3 * problem.scale)
+    names, rms = (LATE, *free), np.sqrt((residual**2).mean((1, 2)))
     return Fit(
-        names=problem.names,
+        names=names,
         value=x,
         covariance=lacking**2 * covariance(problem.jacobian, residual),
         parameters=problem.parameters(x),
-        quantile=float(stdtrit(max(len(stretches) - 1, 1), 0.975)),
-        at_bound=frozenset(np.array(problem.names)[bound].tolist()),
-        position=position,
-        heading=heading,
-        stretch_rms=np.sqrt((residual**2).mean((1, 2))),
+        quantile=float(stdtrit(len(stretches) - 1, 0.975)),
+        at_bound=frozenset(np.array(names)[bound].tolist()),
+        residuals=residuals,
+        usual=rms <= ODD * np.median(rms),
         body=body,
         stretches=stretches,
     )
+
+
+def fit_usual(body: Body, stretches: Stretches, start: Array, late: float, free: Sequence[str]) -> Fit:
+    """Fit the law, and again without stretches of far larger residuals if there are a few; see `fit`."""
+    result = fit(body, stretches, start, late, free)
+    usual = result.usual
+    if usual.all() or usual.mean() < 1 - MOST_ODD or usual.sum() < LEAST:
+        return result
+    return fit(body, stretches.select(usual), result.parameters, float(result.value[0]), free)
+
+
+def measure(values: Array, allowed: float) -> Residuals:
+    """Measure residuals (S, m, k), of which `allowed` may last."""
+    products = [values[:, lag:] * values[:, :-lag] for lag in range(1, LAGS + 1)]
+    power, lasting = float((values**2).mean()), float(np.mean([product.mean() for product in products]))
+    error = (power - max(lasting, 0.0)) / sum(product.size for product in products) ** 0.5
+    misfit = bool(lasting > allowed**2 + norm.isf(ALARM) * error)
+    noise = float((_changes(values) ** 2).mean()) ** 0.5
+    return Residuals(power**0.5, noise, max(lasting, 0.0) ** 0.5, allowed, misfit)
 
 
 def covariance(jacobian: Array, residual: Array) -> Array:
@@ -225,11 +225,15 @@ def covariance(jacobian: Array, residual: Array) -> Array:
     length = np.maximum(np.sqrt((jacobian**2).sum((0, 1, 2))), 1e-9)
     unit = jacobian / length
     flat = unit.reshape(-1, n)
-    bread = np.linalg.inv(flat.T @ flat + RIDGE * np.eye(n))
+    bread = np.linalg.inv(flat.T @ flat + 1e-12 * np.eye(n))
     freedom = residual.size / max(residual.size - 6 * len(residual) - n, 1)
+    scores = bread @ np.einsum("smkn,smk->ns", unit, residual)
+    robust = scores @ scores.T * freedom
     white = np.diag(bread) * (residual**2).mean() * freedom
-    scores = np.einsum("smkn,smk->sn", unit, residual)
-    robust = bread @ scores.T @ scores @ bread * freedom
-    larger = np.sqrt(np.maximum(white / np.maximum(np.diag(robust), 1e-300), 1.0))
-    result: Array = robust * np.outer(larger, larger) / np.outer(length, length)
-    return result
+    larger = np.sqrt(np.maximum(white / np.maximum(np.diag(robust), 1e-300), 1.0)) / length
+    return robust * np.outer(larger, larger)
+
+
+def _changes(values: Array) -> Array:
+    """Return second differences of (S, m, k) over those of white noise of variance 1."""
+    return np.diff(values, 2, axis=1) / 6**0.5

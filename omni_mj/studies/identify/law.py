@@ -50,18 +50,20 @@ class Body:
     """Known properties of a robot with W wheels; masses and forces are divided by the robot's mass.
 
     Attributes:
-        along, axles: directions of rims and axles (W, 3).
-        radius: of the wheels, m.
-        centre: of mass, ahead of the middle of the wheels, m.
-        mass: matrix (3, 3) of a twist.
-        loads: at rest, (W,) m/s^2; shift: load per acceleration, (2, W).
-        viscous: drag of a wheel's rollers over its speed along the axle, 1/s.
-        spun: drag of rollers that spin up, over the same and the rim speed, 1/m.
-        commutation: by which share a motor's resistance grows with its rim speed, s/m.
-        hub: inertia of a motor, as a mass at the rim.
-        wait: mean time that a command waits for the next run of the wheel loops, s.
-        loop_delay: of the wheel speed that the loops see, times their share of the stiffness, s.
-        gyro_delay: of the turn rate that the loop on the gyro sees, s.
+        along: Directions of rims, (W, 3).
+        axles: Directions of axles, (W, 3).
+        radius: Of the wheels, m.
+        centre: Of mass, ahead of the middle of the wheels, m.
+        mass: Matrix (3, 3) of a twist.
+        loads: At rest, (W,) m/s^2.
+        shift: Load per acceleration, (2, W).
+        viscous: Drag of a wheel's rollers over its speed along the axle, 1/s.
+        spun: Drag of rollers that spin up, over the same and the rim speed, 1/m.
+        commutation: By which share a motor's resistance grows with its rim speed, s/m.
+        hub: Inertia of a motor, as a mass at the rim.
+        wait: Mean time that a command waits for the next run of the wheel loops, s.
+        loop_delay: Of the wheel speed that the loops see, times their share of the stiffness, s.
+        gyro_delay: Of the turn rate that the loop on the gyro sees, s.
     """
 
     along: Array
@@ -83,16 +85,14 @@ class Body:
     def of(cls, settings: Settings) -> Self:
         """Return the body that the settings describe."""
         body, wheels, motor = settings.body, settings.wheels, Motor.of(settings.motor)
-        along, radius, centre = wheels.kinematics.matrix, wheels.radius_m, body.centre_x_m
+        along, radius, centre, kg = wheels.kinematics.matrix, wheels.radius_m, body.centre_x_m, body.mass_kg
         axles = np.stack([along[:, 1], -along[:, 0], np.zeros(len(along))], 1)
         places = np.column_stack([np.ones(len(along)), wheels.arm_m * axles[:, :2]])
-        spread = places @ np.linalg.inv(places.T @ places)  # of a force, and moments about the middle
-        mass = np.array([[1, 0, 0], [0, 1, centre], [0, centre, body.yaw_inertia_kg_m2 / body.mass_kg + centre**2]])
+        spread = np.linalg.pinv(places).T  # of a force, and moments about the middle
         count, roller = wheels.rollers, wheels.roller_radius_m
-        mass += rim_mass(settings) / body.mass_kg * along.T @ along
+        rims = count * ROLLER_KG * (1 - roller / radius) ** 2  # mass of a wheel's rollers as seen at its rim
+        mass = np.array([[1, 0, 0], [0, 1, centre], [0, centre, body.yaw_inertia_kg_m2 / kg + centre**2]])
         turning = roller - radius * (1 - np.cos(np.pi / count))  # radius at which a roller is spun up
-        spun = SPUN_EARLY * count / (2 * np.pi * radius) * 0.4 * ROLLER_KG * (roller / turning) ** 2 / body.mass_kg
-        hub = motor.inertia * motor.gear**2 / (radius**2 * body.mass_kg)
         cycles, frame = round(CYCLE_RATE_HZ / settings.firmware.rate_hz), CYCLE_RATE_HZ // FRAME_RATE_HZ
         gain = settings.firmware.kp + motor.speed_constant
         return cls(
@@ -100,13 +100,13 @@ class Body:
             axles=axles,
             radius=radius,
             centre=centre,
-            mass=mass,
-            loads=told.loads(settings) / body.mass_kg,
+            mass=mass + rims / kg * along.T @ along,
+            loads=told.loads(settings) / kg,
             shift=-body.centre_height_m * spread[:, 1:].T,
-            viscous=BOTH_TOUCH * settings.drive.roller_damping_nm_s / roller**2 / body.mass_kg,
-            spun=spun,
+            viscous=BOTH_TOUCH * settings.drive.roller_damping_nm_s / roller**2 / kg,
+            spun=SPUN_EARLY * count / (2 * np.pi * radius) * 0.4 * ROLLER_KG * (roller / turning) ** 2 / kg,
             commutation=motor.commutation * motor.gear / (motor.resistance * radius),
-            hub=hub,
+            hub=motor.inertia * motor.gear**2 / (radius**2 * kg),
             wait=float(np.mean(-frame * np.arange(cycles) % cycles)) / CYCLE_RATE_HZ,
             loop_delay=(cycles + 1) / CYCLE_RATE_HZ * settings.firmware.kp / gain,
             gyro_delay=(cycles / 2 + 1) / CYCLE_RATE_HZ,
@@ -132,42 +132,31 @@ class Body:
         return np.array([known[name] for name in NAMES])
 
 
-def rim_mass(settings: Settings) -> float:
-    """Return the mass of a wheel's rollers as seen at its rim, kg."""
-    wheels = settings.wheels
-    return wheels.rollers * ROLLER_KG * (1 - wheels.roller_radius_m / wheels.radius_m) ** 2
-
-
-def simulate(
-    body: Body, stretches: Stretches, parameters: Array, late: Array, first: Array, step: float = STEP_S
-) -> Array:
+def simulate(body: Body, stretches: Stretches, parameters: Array, late: Array, first: Array) -> Array:
     """Solve the law for S stretches and P sets of parameters.
 
     Each step takes the mean input over it and the coefficients of its middle, and is solved by the (0, 2) Pade
     approximant of the exponential: second order, and stable for any stiffness.
 
     Args:
-        body: the robot.
-        stretches: inputs and times.
-        parameters: in the order of `NAMES`, (P, n).
-        late: delay of the inputs, (P,) s.
-        first: pose, twist and acceleration at the first sample, world frame, (S, P, 3, 3).
-        step: longest step, s.
+        body: The robot.
+        stretches: Inputs and times.
+        parameters: In the order of `NAMES`, (P, n).
+        late: Delay of the inputs, (P,) s.
+        first: Pose, twist and acceleration at the first sample, world frame, (S, P, 3, 3).
 
     Returns:
         Poses at all samples, world frame, (S, P, m, 3).
     """
     p = dict(zip(NAMES, parameters.T[:, :, None], strict=True))  # (P, 1) each
-    compass, lean = p["compass_rad"][:, 0], np.stack([p["lean_x_m_s2"], p["lean_y_m_s2"], 0 * p["grip"]], -1)[:, 0]
+    compass = p["compass_rad"][:, 0]
+    lean = np.concatenate([p["lean_x_m_s2"], p["lean_y_m_s2"], np.zeros_like(p["grip"])], -1)
     along = body.along * np.concatenate([np.ones((len(parameters), 2)), p["arm"]], 1)[:, None]  # (P, W, 3)
-    rim_squares, axle_squares = (
-        (d[..., None] * d[..., None, :]).reshape(*d.shape[:-1], 9) for d in (along, body.axles)
-    )
     cap = np.sqrt(np.maximum(p["grip"] ** 2 - p["roller_friction"] ** 2, 1e-4))
     by_wheels = stretches.are_wheels
-    inverse_mass = np.linalg.inv(body.mass)
-    parts = max(1, int(np.ceil(stretches.period / step)))
-    inputs, duration = stretches.means(late + (0 if by_wheels else body.wait), p["drift"], parts)
+    mass = body.mass
+    parts = max(1, int(np.ceil(stretches.period / STEP_S)))
+    inputs, duration = stretches.mean_inputs(late + (0 if by_wheels else body.wait), p["drift"], parts)
     pose, velocity = first[..., 0, :], first[..., 1, :]
     pull = world_to_body(first[..., 2, :], pose[..., 2] + compass)
     unit = np.eye(3)
@@ -178,7 +167,7 @@ def simulate(
         axes = heading + compass
         before = world_to_body(velocity, axes)
         middle = before + 0.5 * h * pull
-        rolling, across = (along @ middle[..., None])[..., 0], middle @ body.axles.T
+        rolling, across = _apply(along, middle), middle @ body.axles.T
         speed = np.hypot(rolling, across)
         down = world_to_body(lean, axes)
         down[..., 2] = body.centre * down[..., 1]
@@ -190,7 +179,7 @@ def simulate(
             command = inputs[:, :, k]
             command = np.where(stretches.in_body[:, None, None], command, world_to_body(command, heading))
             command[..., 2] += p["turn_gain"][:, 0] * (command[..., 2] - middle[..., 2])
-            rim = (along @ command[..., None])[..., 0]
+            rim = _apply(along, command)
             soft = p["give_s"] * (1 + body.commutation * np.abs(rim))
             rim = p["scale"] * rim - p["friction_m_s"] * rim / np.maximum(np.abs(rim), RUBBED_M_S)
             compliance = compliance + soft
@@ -198,29 +187,22 @@ def simulate(
         stiffness = np.minimum(stiffness, cap * load / np.maximum(np.abs(rim - rolling), 1e-9))
         pile = p["pile"] * load / np.maximum(speed, AT_REST_M_S)
         bearing = p["roller_friction"] * load / np.maximum(np.abs(across), AT_REST_M_S)
-        rim_drag = stiffness + PRESSED_S_M * load + pile
         axle_drag = pile + bearing + body.viscous + body.spun * np.abs(rolling)
-        resisting = ((rim_drag[..., None, :] @ rim_squares)[..., 0, :] + axle_drag @ axle_squares).reshape(
-            *pull.shape, 3
-        )
-        pushing = (stiffness[..., None, :] @ along)[..., 0, :]
+        resisting = _weigh(stiffness + PRESSED_S_M * load + pile, along) + _weigh(axle_drag, body.axles)
+        pushing = _apply(along.mT, stiffness * rim) + down
         if not by_wheels:  # the loop on the gyro; motors, which turn with the rims, and loops that see late
-            gyro = p["turn_gain"] * p["scale"] * p["arm"] * body.along[0, 2] * pushing
+            gyro = p["turn_gain"] * p["scale"] * p["arm"] * body.along[0, 2] * _apply(along.mT, stiffness)
             resisting[..., 2] += gyro
+            pushing += gyro * middle[..., 2:]
             inertia = stiffness * (body.hub * soft - np.minimum(body.loop_delay, MOST_DELAY * soft))
-            mass = body.mass + (inertia[..., None, :] @ rim_squares).reshape(*pull.shape, 3)
+            mass = body.mass + _weigh(inertia, along)
             mass[..., 2] -= body.gyro_delay * gyro
-            inverse_mass = inverse_3x3(mass)
-        pushing = ((stiffness * rim)[..., None, :] @ along)[..., 0, :] + down
-        if not by_wheels:
-            pushing = pushing + gyro * middle[..., 2:]
-        x = h[..., None] * (inverse_mass @ resisting)
-        gain = h * (inverse_mass @ pushing[..., None])[..., 0]
+        x = h[..., None] * np.linalg.solve(mass, resisting)
+        gain = h * np.linalg.solve(mass, pushing[..., None])[..., 0]
         upper = unit + 0.5 * x
-        reach = (upper @ gain[..., None])[..., 0]
-        travel = h * (upper @ before[..., None])[..., 0] + 0.5 * h * (2 * reach - gain)
-        solver = inverse_3x3(unit + x @ upper)
-        after, moved = ((solver @ v[..., None])[..., 0] for v in (before + reach, travel))
+        reach = _apply(upper, gain)
+        travel = h * _apply(upper, before) + 0.5 * h * (2 * reach - gain)
+        after, moved = np.moveaxis(np.linalg.solve(unit + x @ upper, np.stack([before + reach, travel], -1)), -1, 0)
         pull = (after - before) / h
         pose, velocity = pose + body_to_world(moved, axes), body_to_world(after, axes)
         if (k + 1) % parts == 0:
@@ -228,9 +210,12 @@ def simulate(
     return np.stack(poses, 2)
 
 
-def inverse_3x3(matrices: Array) -> Array:
-    """Invert matrices (..., 3, 3) by cross products of their rows, several times as fast as LAPACK for many."""
-    a, b, c = np.moveaxis(matrices, -2, 0)
-    adjugate = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], -1)
-    inverse: Array = adjugate / (a * adjugate[..., 0]).sum(-1)[..., None, None]
-    return inverse
+def _apply(matrix: Array, vectors: Array) -> Array:
+    """Multiply matrices (..., m, n) by vectors (..., n)."""
+    product: Array = (matrix @ vectors[..., None])[..., 0]
+    return product
+
+
+def _weigh(weights: Array, directions: Array) -> Array:
+    """Return the sums of weights (..., W) times the outer squares of directions (..., W, 3)."""
+    return (directions.mT * weights[..., None, :]) @ directions

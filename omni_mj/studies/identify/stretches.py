@@ -8,7 +8,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.studies.identify.logs import GAP, Log
+from omni_mj.studies.identify.logs import GAP, Log, integrate
 
 STRETCH_S = 0.75
 LEAST, LEAST_POSES = 4, 8  # stretches, and poses in each
@@ -22,111 +22,82 @@ class Stretches:
     """S stretches of m samples.
 
     Attributes:
-        clock: time of all lines, (F,) s; total: integral of the inputs over it, a line from each to the next.
-        are_wheels: whether inputs are wheel speeds in rad/s, else twists in m/s and rad/s.
-        in_body: whether twists are along the body's axes, (S,).
-        lines: line of each sample, (S, m); all have a pose.
-        pose: measured, world frame, (S, m, 3).
-        log: number of the log, (S,); name: of the logs.
-        begin, middle: times of each log's first line, and of its middle, s.
-        period: median time between samples, s.
+        are_wheels: Whether inputs are wheel speeds in rad/s, else twists in m/s and rad/s.
+        period: Median time between samples, s.
+        start: Time of the first line, s.
+        total: Integral of the inputs over time.
+        time: Of each sample, (S, m) s.
+        pose: Measured, world frame, (S, m, 3).
+        in_body: Whether twists are along the body's axes, (S,).
+        middle: Time of the middle of the stretch's log, (S,) s.
     """
 
-    clock: Array
-    total: BSpline
     are_wheels: bool
-    in_body: np.ndarray
-    lines: np.ndarray
-    pose: Array
-    log: np.ndarray
-    name: tuple[str, ...]
-    begin: Array
-    middle: Array
     period: float
+    start: float
+    total: BSpline
+    time: Array
+    pose: Array
+    in_body: np.ndarray
+    middle: Array
 
     def __len__(self) -> int:
-        return len(self.lines)
+        return len(self.time)
 
-    @property
-    def time(self) -> Array:
-        """Time of each sample, (S, m) s."""
-        return self.clock[self.lines]
-
-    def where(self) -> list[str]:
-        """Return the log and the time since its first line at which each stretch begins."""
-        return [f"{self.name[i]} at {t - self.begin[i]:.1f} s" for i, t in zip(self.log, self.time[:, 0], strict=True)]
-
-    def some(self, chosen: np.ndarray) -> "Stretches":
+    def select(self, mask: np.ndarray) -> "Stretches":
         """Return the stretches of a mask (S,)."""
-        fields = ("in_body", "lines", "pose", "log")
-        return replace(self, **{name: getattr(self, name)[chosen] for name in fields})
+        return replace(
+            self, time=self.time[mask], pose=self.pose[mask], in_body=self.in_body[mask], middle=self.middle[mask]
+        )
 
-    def means(self, late: Array, drift: Array, parts: int) -> tuple[Array, Array]:
+    def mean_inputs(self, late: Array, drift: Array, parts: int) -> tuple[Array, Array]:
         """Return the mean input of each step (S, P, q, K) and its duration (S, q) in s.
 
         Args:
-            late: delay of the inputs, (P,) s.
-            drift: growth of the delay per second since the middle of the log, (P, 1).
-            parts: steps from a sample to the next.
+            late: Delay of the inputs, (P,) s.
+            drift: Growth of the delay per second since the middle of the log, (P, 1).
+            parts: Steps from a sample to the next.
         """
-        m = self.lines.shape[1]
+        m = self.time.shape[1]
         edges = make_interp_spline(np.arange(m), self.time.T, k=1)(np.linspace(0, m - 1, parts * (m - 1) + 1)).T
-        at = edges[:, None] - late[:, None] - drift * (edges - self.middle[self.log][:, None])[:, None]
+        at = edges[:, None] - late[:, None] - drift * (edges - self.middle[:, None])[:, None]
         duration = np.diff(edges)
-        moved = np.diff(self.total(np.maximum(at, self.clock[0])), axis=2)
-        return moved / duration[:, None, :, None], duration
+        return np.diff(self.total(np.maximum(at, self.start)), axis=2) / duration[:, None, :, None], duration
 
-    def first(self) -> Array:
-        """Return pose, velocity and acceleration at the first sample, by a parabola through 1/4 s, (S, 3, 3)."""
+    def estimate_first(self) -> Array:
+        """Return pose, velocity and acceleration at the first sample, by a parabola, (S, 3, 3)."""
         near = max(6, round(FIRST_S / self.period))
         time = self.time[:, :near] - self.time[:, :1]
         fits = [np.polyfit(t, pose, 2)[::-1] for t, pose in zip(time, self.pose[:, :near], strict=True)]
         return np.array(fits) * [[1], [1], [2]]
 
 
-def cut(logs: Sequence[Log], inputs: Sequence[Array], in_body: Sequence[bool], are_wheels: bool) -> Stretches:
+def cut(logs: Sequence[Log], inputs: Sequence[Array], are_wheels: bool) -> Stretches:
     """Cut logs into stretches.
 
     Args:
-        logs: at least one.
-        inputs: of each log, each acts until the next line, (F, K): twists, or wheel speeds.
-        in_body: whether the twists of each log are along the body's axes.
-        are_wheels: whether inputs are wheel speeds.
+        logs: At least one.
+        inputs: Twists or wheel speeds of each log; each acts until the next line, (F, K).
+        are_wheels: Whether inputs are wheel speeds.
 
     Raises:
-        OmniError: there are too few.
+        OmniError: There are too few.
     """
-    valid = [np.flatnonzero(np.isfinite(log.pose).all(1)) for log in logs]
-    steps = np.concatenate([np.diff(log.time[of_log]) for log, of_log in zip(logs, valid, strict=True)])
-    period = float(np.median(steps)) if steps.size else STRETCH_S
+    seen = [np.flatnonzero(np.isfinite(log.pose).all(1)) for log in logs]
+    period = float(np.median(np.concatenate([np.diff(log.time[s]) for log, s in zip(logs, seen, strict=True)])))
     count = max(LEAST_POSES, round(STRETCH_S / period))
-    clock, lines, numbers = list[Array](), list[np.ndarray](), list[int]()
-    for number, (log, of_log) in enumerate(zip(logs, valid, strict=True)):
-        offset, start = sum(map(len, clock)), clock[-1][-1] + APART_S if clock else 0.0
-        clock.append(log.time - log.time[0] + start)
-        for piece in np.split(of_log, np.flatnonzero(np.diff(log.time[of_log]) > GAP * period) + 1):
-            settled = piece[log.time[piece] >= log.time[piece[:1]] + SETTLED_S]
-            blocks = settled[: len(settled) // count * count].reshape(-1, count)
-            lines += list(offset + blocks)
-            numbers += [number] * len(blocks)
-    if len(lines) < LEAST:
+    clocks, rows = list[Array](), list[tuple[Array, Array, bool, float]]()
+    for log, lines in zip(logs, seen, strict=True):
+        clock = log.time - log.time[0] + (clocks[-1][-1] + APART_S if clocks else 0.0)
+        clocks.append(clock)
+        for piece in np.split(lines, np.flatnonzero(np.diff(clock[lines]) > GAP * period) + 1):
+            settled = piece[clock[piece] >= clock[piece[:1]] + SETTLED_S]
+            for block in settled[: len(settled) // count * count].reshape(-1, count):
+                rows.append((clock[block], log.pose[block], log.in_body, (clock[0] + clock[-1]) / 2))
+    if len(rows) < LEAST:
         raise OmniError(
-            f"{len(lines)} stretches of {STRETCH_S:g} s without a gap are too few to identify anything, "
+            f"{len(rows)} stretches of {STRETCH_S:g} s without a gap are too few to identify anything, "
             f"at least {LEAST} are needed"
         )
-    pose, acting, when = np.concatenate([log.pose for log in logs]), np.concatenate(inputs), np.concatenate(clock)
-    ends = np.append(when, when[-1] + 1)
-    total = np.concatenate([np.zeros((1, acting.shape[1])), np.cumsum(np.diff(ends)[:, None] * acting, 0)])
-    return Stretches(
-        clock=when,
-        total=make_interp_spline(ends, total, k=1),
-        are_wheels=are_wheels,
-        in_body=np.array(in_body, bool)[numbers],
-        lines=np.array(lines),
-        pose=pose[lines],
-        log=np.array(numbers),
-        name=tuple(log.name for log in logs),
-        begin=np.array([times[0] for times in clock]),
-        middle=np.array([(times[0] + times[-1]) / 2 for times in clock]),
-        period=period,
-    )
+    total = integrate(np.concatenate(clocks), np.concatenate(inputs))
+    return Stretches(are_wheels, period, 0.0, total, *map(np.array, zip(*rows, strict=True)))

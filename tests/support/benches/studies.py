@@ -16,7 +16,7 @@ from omni_mj.studies import conditions
 from omni_mj.studies.alpha import AlphaResult
 from omni_mj.studies.alpha_findings import Study
 from omni_mj.studies.compare import Watch
-from omni_mj.studies.identify.logs import Log, read
+from omni_mj.studies.identify.logs import read
 from omni_mj.studies.limit.learning import Drives, Learner, quiet
 from omni_mj.studies.limit.model import DepartureModel
 from omni_mj.studies.limit.plan import improve
