@@ -62,15 +62,15 @@ def test_robots_are_where_the_trajectory_says(folder: Path, tmp_path: Path) -> N
             np.testing.assert_allclose(hat(pictures), SIDE / 2 + scale * away * [1, -1], atol=0.02 * scale)
 
 
-@pytest.mark.parametrize("kind", [".gif", ".webp", ".mp4", ".webm"])
+@pytest.mark.parametrize("kind", [".gif", ".webp", ".mp4"])
 def test_files_hold_the_pictures_in_their_order(folder: Path, tmp_path: Path, kind: str) -> None:
     """The first, the middle and the last of 5 a second differ; the reference moves on in all of them."""
-    if kind in (".mp4", ".webm"):
+    if kind == ".mp4":
         av = pytest.importorskip("av")
     out = tmp_path / f"film{kind}"
     film(folder, out, "--rate", 5, "--to", 1, "--size", "160x80")
     assert list(tmp_path.iterdir()) == [out]  # nothing that was begun is left
-    if kind in (".mp4", ".webm"):
+    if kind == ".mp4":
         with av.open(str(out)) as video:
             pictures = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
     else:
@@ -84,11 +84,11 @@ def test_files_hold_the_pictures_in_their_order(folder: Path, tmp_path: Path, ki
 
 def test_bad_input_is_one_message(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for arguments, words in (
-        ([tmp_path], "holds no run to film"),
-        ([folder, tmp_path / "film.avi"], "a film's name ends in .gif, .webp, .mp4, .webm"),
+        ([tmp_path], "holds no run"),
+        ([folder, tmp_path / "film.avi"], "a film's name ends in .gif, .webp, .mp4"),
         ([folder, "--controller", "p"], "has no controller 'p'; it has flc, comp-flc"),
         ([folder, "--from", 1000], "must be before the film's end"),
-        ([folder, "--size", "1x1"], "--size must be like 960x320"),
+        ([folder, "--size", "1x1"], "--size must be like"),
     ):
         assert invoke("film", *arguments) == 2
         assert words in capsys.readouterr().err
