@@ -10,7 +10,7 @@ from omni_control import CommandsInFlight, Controller, Kinematics, Seen, Team, T
 from omni_control.estimation.tracking import KalmanFilter
 from omni_control.kinematics import Array
 
-T, SUBSTEPS = 1 / 60, 16
+T, SUBSTEPS = 1 / 60, 8
 NOISE = np.array([0.0013, 0.0013, 0.01])  # of the vision of a league's field, m and rad
 MEMORY = 40  # commands that a plant remembers, frames
 WHEELS = Kinematics(np.radians([60.0, 135.0, 225.0, 300.0]), 0.083, 0.0285)
@@ -22,7 +22,7 @@ class Plant:
 
     Args:
         start: Poses (n, 3).
-        delay: Dead times, (n,) or one for all, frames.
+        delay: Dead times, (n,) or one for all, frames, of creeping robots whole halves.
 
     Attributes:
         pose, twist: The truth, (n, 3).
@@ -90,8 +90,9 @@ class Creeping(Plant):
     def advance(self, command: Array) -> None:
         super().advance(command)
         gain, side, dt = self._gain, np.array([1.0, SIDE]), T / SUBSTEPS
+        halves = self.acting(), self.acting(0.5)
         for i in range(SUBSTEPS):
-            acting, v = self.acting(i / SUBSTEPS), self._body_twist
+            acting, v = halves[2 * i // SUBSTEPS], self._body_twist
             c, s = np.cos(self.pose[:, 2]), np.sin(self.pose[:, 2])
             u = np.stack([c * acting[:, 0] + s * acting[:, 1], c * acting[:, 1] - s * acting[:, 0]], axis=1)
             speed = np.hypot(v[:, 0], v[:, 1])[:, None]
