@@ -1,4 +1,4 @@
-"""`make bench`: what `serve` costs of a core in real time, and how regularly its detections leave."""
+"""`make bench`: what `serve` costs of a core in real time."""
 
 import subprocess
 import sys
@@ -16,8 +16,8 @@ PERIOD_S, SECONDS = 1 / 60, 8.0
 CASES = ("1", "0", "rollers"), ("1", "0", "two-rollers"), ("6", "6", "two-rollers"), ("6", "6", "rollers")
 
 
-def serve(blue: str, yellow: str, wheels: str) -> tuple[np.ndarray, np.ndarray]:
-    """CPU time of each frame, s, and lateness of detections, s. A client commands all robots 60 times a second."""
+def serve(blue: str, yellow: str, wheels: str) -> np.ndarray:
+    """CPU time of each frame, s. A client commands all robots 60 times a second."""
     field = Field(f"wheels.model={wheels}", blue=blue, yellow=yellow)
     server = Server(field.pitch, (0, 0, 0), Address(LOOPBACK, 10020))
     script = Path(__file__).parent / "support" / "bench_client.py"
@@ -25,10 +25,9 @@ def serve(blue: str, yellow: str, wheels: str) -> tuple[np.ndarray, np.ndarray]:
     used = list[float]()
     try:
         server.run(until_s=0.5)
-        server.publisher.lateness.clear()
         server.after_frame = lambda: used.append(time.process_time())
         server.run(until_s=0.5 + SECONDS)
-        return np.diff(used), np.array(server.publisher.lateness)
+        return np.diff(used)
     finally:
         client.kill()
         client.wait()
@@ -36,10 +35,9 @@ def serve(blue: str, yellow: str, wheels: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 if __name__ == "__main__":
-    print("serve in real time: CPU time of a frame, share of 1/60 s of a core; lateness of detections, ms")
-    print("robots  wheels         10 %  50 %  90 %    late 5 %     50 %     95 %     99 %")
+    print("serve in real time: CPU time of a frame, share of 1/60 s of a core")
+    print("robots  wheels         10 %  50 %  90 %")
     for blue, yellow, wheels in CASES:
-        used, late = serve(blue, yellow, wheels)
+        used = serve(blue, yellow, wheels)
         shares = "".join(f"{np.quantile(used, q) / PERIOD_S:6.0%}" for q in (0.1, 0.5, 0.9))
-        lateness = "".join(f"{1e3 * np.quantile(late, q):9.2f}" for q in (0.05, 0.5, 0.95, 0.99))
-        print(f"{int(blue) + int(yellow):6d}  {wheels:12s} {shares}   {lateness}", flush=True)
+        print(f"{int(blue) + int(yellow):6d}  {wheels:12s} {shares}", flush=True)

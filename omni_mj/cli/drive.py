@@ -2,10 +2,8 @@
 
 import gc
 import json
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +15,6 @@ from omni_mj.cli import run as run_command
 
 if TYPE_CHECKING:
     from omni_mj.cli.console import Interrupts
-    from omni_mj.live.drive import Live
     from omni_mj.live.link import Link
     from omni_mj.live.session import Options
     from omni_mj.scenarios.scenario import Scenario
@@ -43,7 +40,6 @@ OUTPUTS = (*run_command.OUTPUTS, "link.json")
 @click.option("--rate", "pace", type=click.Choice(["auto", "60", "vision"]), default="auto", help="What gives ticks.")
 @click.option("--velocity", type=click.Choice(["local", "global"]), default="local", help="As told to robots.")
 @click.option("--radio", metavar="FILE.py:Class", help="A radio of your own. [ssl-simulation-protocol]")
-@click.option("--here", is_flag=True, help="Start where the robots are, all that are seen if none is named.")
 @click.option("--wait", "wait_s", type=click.FloatRange(0, 1e5), default=10.0, help="How long vision is waited for, s.")
 @click.option("--duration", "duration_s", type=DURATION, help="End after so many seconds. [the whole route]")
 @click.option("--pulse/--no-pulse", default=True, help="Measure dead time first: robots turn to and fro.")
@@ -70,37 +66,27 @@ def command(
     from omni_mj.live import session
     from omni_mj.scenarios import scenario
     from omni_mj.scenarios.library import builtin
+    from omni_mj.scenarios.robots import DEFAULT
 
     out, overwrite, dry_run = map(values.pop, ("out", "overwrite", "dry_run"))
-    chosen = _options(overrides, **values)
-    if dry_run:
-        _listen(chosen, quiet)
-        return
-    if name is None:
-        raise OmniError(f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file")
     head = {"controllers": (controller,), "plant": "live", "seeds": 1} | ({"robot": robot} if robot else {})
-    what = untold(scenario.load(name, overrides, head), robot is None)
-    session.check(what, chosen)
+    chosen = scenario.load(name, overrides, head) if name else None
+    knows_robot = robot is not None or (chosen is not None and chosen.robot != DEFAULT)
+    connection = _options(overrides, knows_robot=knows_robot, **values)
+    if dry_run:
+        _listen(connection)
+        return
+    if chosen is None:
+        raise OmniError(f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file")
+    session.check(chosen, connection)
     viewers = run_command.viewers(outputs.view, outputs.connect)
-    folder = folders.prepare(out, f"drive-{what.name}", OUTPUTS, overwrite)
+    folder = folders.prepare(out, f"drive-{chosen.name}", OUTPUTS, overwrite)
     try:
         with console.writing(folder):
-            _drive(what, chosen, folder, outputs, viewers, quiet)
+            _drive(chosen, connection, folder, outputs, viewers, quiet)
     finally:
         if not any(folder.iterdir()):  # nobody was there to be driven
             folder.rmdir()
-
-
-def untold(what: "Scenario", unnamed: bool) -> "Scenario":
-    """A scenario whose robot nobody named: who is out there need not be the default one, whose alpha is not told."""
-    from omni_mj.scenarios.robots import DEFAULT
-    from omni_mj.scenarios.settings import Settings
-
-    names = "alpha_forward", "alpha_sideways"
-    usual = all(getattr(what.settings.control, name) == getattr(Settings().control, name) for name in names)
-    if not (unnamed and what.robot == DEFAULT and usual):
-        return what
-    return what.replace(settings=what.settings.replace(control=dict.fromkeys(names, 0.0)))
 
 
 def _options(
@@ -115,8 +101,8 @@ def _options(
     interface = "" if others["radio"] else others["interface"]
     target = address(commands, PORTS[others["colour"]], interface) if commands else None
     fixed = [override.partition("=")[0].strip() for override in overrides] + [DEAD_TIME] * (not pulse)
-    where = address(vision, VISION_PORT), target
-    return Options(*where, world=velocity == "global", fixed=frozenset(fixed), **others)
+    where = address(vision, VISION_PORT)
+    return Options(where, target, world=velocity == "global", fixed=frozenset(fixed), **others)
 
 
 @contextmanager
@@ -124,7 +110,7 @@ def _connected(connection: "Options", failure: str) -> Iterator[tuple["Link", "I
     """Listen to vision until the end of the block. A signal that ends it prints `failure`."""
     from omni_mj.cli.console import Interrupts
     from omni_mj.live import session
-    from omni_mj.live.notes import Notes
+    from omni_mj.live.sockets import Notes
     from omni_mj.studies.outcome import StoppedError
 
     with Interrupts() as interrupts:
@@ -135,19 +121,14 @@ def _connected(connection: "Options", failure: str) -> Iterator[tuple["Link", "I
             interrupts.end(stopped.reason, failure)
 
 
-def _listen(connection: "Options", quiet: bool) -> None:
-    """Print what vision sends until somebody ends it."""
+def _listen(connection: "Options") -> None:
+    """Print what vision sends, after a while or when somebody ends it."""
     from omni_mj.studies.outcome import StoppedError
 
     with _connected(connection, "vision had not been listened to for long enough to say anything") as (link, _):
-        until = time.monotonic() + (connection.duration_s or float("inf"))
         with suppress(StoppedError):
-            while (left := until - time.monotonic()) > 0:
-                link.listen(min(1.0, left))
-                if not quiet:
-                    robots = link.sightings.describe()
-                    print(f"{len(link.vision.cameras)} cameras, {len(robots)} robots", flush=True)
-        print("\n".join([*link.sightings.describe(), *_describe(link)]))
+            link.listen(connection.duration_s or float("inf"))
+        print("\n".join(_describe(link)))
 
 
 def _drive(
@@ -168,13 +149,11 @@ def _drive(
     with _connected(connection, "the robots had not begun") as (link, interrupts):
         show("\n".join(_describe(link)))
         with session.ready(scenario, connection, link) as live:
-            pace = f"camera {link.leader}" if link.follows_frames else "the clock of this computer"
-            show(f"robots {', '.join(map(str, live.ids))} at 60 frames a second of {pace}")
+            clock = "this computer" if link.leader is None else f"camera {link.leader}"
+            show(f"robots {', '.join(map(str, live.ids))} at 60 frames a second of {clock}")
             gc.collect()
             gc.freeze()  # a collection through everything imported would hold up robots
-            result = run_command.recorded(
-                live, folder, outputs.record, viewers, interrupts, quiet, "drive", partial(_watch, live, show)
-            )
+            result = run_command.recorded(live, folder, outputs.record, viewers, interrupts, quiet, "drive")
     summary = report.summarize(live)
     write(folder / "link.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
     run_command.shown(result, folder, outputs.draw, quiet)
@@ -182,24 +161,11 @@ def _drive(
     run_command.ended(result, folder, interrupts)
 
 
-def _watch(live: "Live", show: Callable[[str], None], frame: int) -> None:
-    """Show once a second what was identified."""
-    from omni_mj.live import report
-    from omni_mj.scenarios.settings import FRAME_RATE_HZ
-
-    second, rest = divmod(frame + 1, FRAME_RATE_HZ)
-    if not rest:
-        for line in report.describe_estimates(live) or [f"frame {frame + 1}"]:
-            show(f"{second:4d} s  {line}")
-
-
 def _warn(text: str) -> None:
     click.echo(f"note: {text}", err=True)
 
 
 def _describe(link: "Link") -> list[str]:
-    """Return a line for each camera, and how often what went wrong did."""
-    from omni_mj.live.listen import describe_cameras
-
-    counts = ", ".join(f"{kind}: {count}" for kind, count in link.vision.notes.counts.items())
-    return describe_cameras(link.vision.cameras) + ([f"noted: {counts}"] if counts else [])
+    """Return a line for each camera and robot, and how often what went wrong did."""
+    counts = ", ".join(f"{kind}: {count}" for kind, count in link.vision.notes.items())
+    return link.vision.describe() + ([f"noted: {counts}"] if counts else [])

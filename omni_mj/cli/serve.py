@@ -2,10 +2,9 @@
 
 import gc
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -14,10 +13,8 @@ from omni_mj.cli import console, folders, options, run
 
 if TYPE_CHECKING:
     from omni_mj.live.serve.server import Server
-    from omni_mj.scenarios.scenario import Scenario
 
-YELLOW = "scenario-yellow.toml"  # what robots the other team has, if they are others
-OUTPUTS = ("trajectory.parquet", "recording.rrd", "scenario.toml", YELLOW, *folders.PROVENANCE)
+OUTPUTS = ("trajectory.parquet", "recording.rrd", "scenario.toml", *folders.PROVENANCE)
 
 PORT = click.IntRange(0, 65_535)
 DURATION = click.FloatRange(min=0, min_open=True)
@@ -29,22 +26,12 @@ DURATION = click.FloatRange(min=0, min_open=True)
     help="Carpet, cameras, radio, faults and so on.",
 )  # fmt: skip
 @options.ROBOT
-@click.option(
-    "--yellow-robot", metavar="NAME|FILE.toml", shell_complete=options.complete("robots"),
-    help="Same, of the yellow team. [as --robot]",
-)  # fmt: skip
 @options.SETTINGS
 @click.option("--seed", type=int, metavar="S", help="Of the random numbers. [0]")
 @click.option("--blue", metavar="N|IDS", default="1", help="Robots: how many, or their numbers.")
 @click.option("--yellow", metavar="N|IDS", default="0", help="Same.")
 @click.option("--speed", type=click.FloatRange(0, 1000), default=1.0, help="Times as fast as real time; 0: paused.")
-@click.option(
-    "--lockstep",
-    is_flag=False,
-    flag_value="any",
-    type=click.Choice(["any", "both"]),
-    help="Time goes by commands: a camera's image for each packet to a team (any), or to both teams (both).",
-)
+@click.option("--lockstep", is_flag=True, help="Time goes by commands: an image of a camera for each packet to a team.")
 @click.option("--control-port", type=PORT, default=10300, help="Of the simulator; 0: any.")
 @click.option("--blue-port", type=PORT, default=10301, help="Of the blue robots.")
 @click.option("--yellow-port", type=PORT, default=10302, help="Of the yellow robots.")
@@ -57,48 +44,54 @@ DURATION = click.FloatRange(min=0, min_open=True)
 @options.VIEW
 @options.CONNECT
 @options.QUIET
-def command(**values: Any) -> None:
+def command(
+    name: str | None,
+    overrides: tuple[str, ...],
+    out: Path | None,
+    overwrite: bool,
+    quiet: bool,
+    until_s: float,
+    **values: Any,
+) -> None:
     """Simulate robots for software that speaks the league's protocols."""
     from omni_mj.cli.console import Interrupts
-    from omni_mj.live.notes import Notes
+    from omni_mj.files import write
     from omni_mj.live.serve import line_up
     from omni_mj.live.serve.pitch import Pitch
     from omni_mj.live.serve.server import Server
-    from omni_mj.live.sockets import address
+    from omni_mj.live.sockets import Notes, address
     from omni_mj.live.wire import VISION_PORT
-    from omni_mj.live.wire.simulation_pb2 import Team
+    from omni_mj.provenance import record as provenance
     from omni_mj.studies.outcome import StoppedError
 
-    chosen = SimpleNamespace(**values)
-    target = address(chosen.vision, VISION_PORT, chosen.interface)
-    head = {name: values[name] for name in ("robot", "seed") if values[name] is not None}
-    ours = line_up.load(chosen.name, chosen.overrides, head)
-    theirs = line_up.load(chosen.name, chosen.overrides, head | {"robot": chosen.yellow_robot or ours.robot})
-    line_up.check_together(ours, theirs)
-    numbers = line_up.numbers(chosen.blue, "--blue"), line_up.numbers(chosen.yellow, "--yellow")
-    poses = line_up.poses(*numbers, None if chosen.name is None else ours)
-    targets: list[str | Path] = [*run.viewers(chosen.view, chosen.connect)]
-    out, quiet = chosen.out, chosen.quiet
-    folder = None if out is None else folders.prepare(out, ours.name, OUTPUTS, chosen.overwrite)
+    target = address(values["vision"], VISION_PORT, values["interface"])
+    head = {option: values[option] for option in ("robot", "seed") if values[option] is not None}
+    scenario = line_up.load(name, overrides, head)
+    poses = line_up.poses(*(line_up.numbers(values[team], f"--{team}") for team in ("blue", "yellow")))
+    targets: list[str | Path] = [*run.viewers(values["view"], values["connect"])]
+    folder = None if out is None else folders.prepare(out, scenario.name, OUTPUTS, overwrite)
     console.quiet_mujoco()
-    notes = Notes(lambda text: None if quiet else click.echo(text, err=True))
-    pitch = Pitch({Team.BLUE: ours, Team.YELLOW: theirs}, poses, notes)
-    ports = chosen.control_port, chosen.blue_port, chosen.yellow_port
-    server = Server(pitch, ports, target, chosen.interface, chosen.speed, chosen.lockstep or "")
+    pitch = Pitch(scenario, poses, Notes(lambda text: None if quiet else click.echo(text, err=True)))
+    ports = [values[f"{port}_port"] for port in ("control", "blue", "yellow")]
+    server = Server(pitch, ports, target, values["interface"], values["speed"], values["lockstep"])
     with ExitStack() as stack:
         stack.callback(server.close)
         interrupts = stack.enter_context(Interrupts())
         if folder is not None:
             stack.enter_context(console.writing(folder))
-            targets += [folder / "recording.rrd"] * chosen.record
-        _record(stack, server, folder, {"blue": ours, "yellow": theirs}, targets)
+            # First of all, since by it --overwrite knows the folder for ours.
+            provenance.save(folder, "serve", console.command_line(), [scenario])
+            write(folder / "scenario.toml", scenario.to_toml())
+            if values["record"]:
+                targets.append(folder / "recording.rrd")
+        _record(stack, server, folder, targets)
         if not quiet:
             click.echo(_introduction(server))
         gc.collect()
         gc.freeze()  # a collection through everything imported would hold up several frames
         reason = None
         try:
-            server.run(interrupts.check, chosen.until_s)
+            server.run(interrupts.check, until_s)
         except StoppedError as error:
             reason = error.reason
     if not quiet:
@@ -107,55 +100,35 @@ def command(**values: Any) -> None:
     interrupts.end(reason, f"{pitch.time_s:.1f} s were simulated{left}")
 
 
-def _record(
-    stack: ExitStack,
-    server: "Server",
-    folder: Path | None,
-    teams: "Mapping[str, Scenario]",
-    targets: Sequence[str | Path],
-) -> None:
+def _record(stack: ExitStack, server: "Server", folder: Path | None, targets: Sequence[str | Path]) -> None:
     """Record what is served in `folder`, and show it in `targets` for rerun, until the end of `stack`."""
-    from omni_mj.files import write
-    from omni_mj.live.serve.log import Block, TableWriter, Tape
-    from omni_mj.provenance import record as provenance
+    from omni_mj.live.serve.recorder import Recorder
 
-    sinks, blue, yellow = list[Callable[[Block], None]](), teams["blue"], teams["yellow"]
-    if folder is not None:
-        provenance.save(folder, "serve", console.command_line(), [blue])
-        write(folder / "scenario.toml", blue.to_toml())
-        if yellow != blue:
-            write(folder / YELLOW, yellow.to_toml())
-        table = TableWriter(folder / "trajectory.parquet")
-        stack.callback(table.finish)
-        sinks.append(table)
+    if folder is None and not targets:
+        return
+    sinks, row = [], server.pitch.rows[0]
     for target in targets:
         from omni_mj.show.recording.served import ServedRecording
 
-        settings = {team: scenario.settings for team, scenario in teams.items()}
-        recording = ServedRecording(target, settings, f"serve {blue.name}")
+        recording = ServedRecording(target, row.settings)
         stack.callback(recording.close)
         sinks.append(recording.send)
-    if sinks:
-        tape = Tape(server.pitch, sinks)
-        server.after_frame = tape.add
-        stack.callback(tape.flush)
+    recorder = Recorder(server.pitch, folder and folder / "trajectory.parquet", sinks)
+    server.after_frame = recorder.add
+    stack.callback(recorder.close)
 
 
 def _introduction(server: "Server") -> str:
     """Return who is served where, in a line each."""
-    from omni_mj.live.serve.pitch import label
+    from omni_mj.live.serve.requests import label
 
     pitch, (control, blue, yellow) = server.pitch, server.ports
-    settings, speed = pitch.rows[0].settings, server.pace.speed
-    timeout_s = settings.firmware.timeout_s
-    pace = f"{speed:g} times as fast as real time" if speed else "paused"
-    if server.lockstep:
-        teams = "either team" if server.lockstep == "any" else "both teams"
-        pace = f"an image for each packet to {teams}, and steps by TCP (lockstep)"
+    row = pitch.rows[0]
+    settings, timeout_s = row.settings, row.settings.firmware.timeout_s
+    pace = "in lockstep with commands" if server.lockstep else f"{server.speed:g} times as fast as real time"
     stop = f"robots stop {timeout_s:g} s after" if timeout_s else "robots never forget"
-    robots = ", ".join(dict.fromkeys(row.robot for row in pitch.rows))
-    return f"""serving {", ".join(map(label, pitch.names))}: {robots}
-  ports      simulator {control}, blue {blue}, yellow {yellow}; vision to {server.publisher.to}
+    return f"""serving {", ".join(map(label, pitch.names))}: {row.robot}
+  ports      simulator {control}, blue {blue}, yellow {yellow}; vision to {server.vision}
   cameras    {settings.vision.cameras} of {settings.vision.rate_hz:g} Hz, {pace}
   dead time  {settings.radio.delay_frames} frames of 1/60 s (radio.delay_frames); {stop} the last command \
 (firmware.timeout_s)"""
@@ -163,14 +136,8 @@ def _introduction(server: "Server") -> str:
 
 def _summary(server: "Server") -> str:
     """Return what came and went, in a line each."""
-    import numpy as np
-
     lines = [f"{server.pitch.time_s:.1f} s simulated"]
-    lines += [f"  {count:8d}  {kind}" for kind, count in sorted((server.counts + server.notes.counts).items())]
-    if server.pace.lost_s:
-        lines.append(f"  {server.pace.lost_s:8.1f}  s behind, in which this computer was too slow")
-    if server.publisher.lateness and not server.lockstep:
-        late_ms = 1e3 * np.quantile(server.publisher.lateness, [0.05, 0.5, 0.95, 0.99, 1])
-        shares = "{:.2f} (5%), {:.2f} (50%), {:.2f} (95%), {:.2f} (99%), {:.2f} ms (most)".format(*late_ms)
-        lines.append(f"  detections left {shares} after they were due")
+    lines += [f"  {count:8d}  {kind}" for kind, count in sorted(server.notes.items())]
+    if server.behind_s:
+        lines.append(f"  {server.behind_s:8.1f}  s behind, in which this computer was too slow")
     return "\n".join(lines)

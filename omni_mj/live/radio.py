@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from omni_mj.live import sockets
-from omni_mj.live.notes import Notes
-from omni_mj.live.sockets import LOOPBACK, MAX_DATAGRAM, Address
+from omni_mj.live.sockets import LOOPBACK, MAX_DATAGRAM, Address, Notes
 from omni_mj.live.vision import Colour
 from omni_mj.live.wire import BLUE_PORT, YELLOW_PORT, WireError, parse
 from omni_mj.live.wire.simulation_pb2 import RobotControl, RobotControlResponse

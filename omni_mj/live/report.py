@@ -1,79 +1,122 @@
-"""What a live run says of robots and of the link: while it goes on, and at the end."""
+"""How late and how well robots respond to commands, by least squares: to a pulse, and over a whole run.
+
+A robot's position should be its gain times the integral of the commands a latency before. The integral is piecewise
+linear, which gives latencies that are no whole number of frames a meaning.
+"""
 
 import json
 import warnings
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pydantic_core
 
-from omni_control.kinematics import Array
+from omni_control.kinematics import Array, wrap_angle
 from omni_mj.live.drive import Live
-from omni_mj.live.latency import measure_run
-from omni_mj.scenarios.settings import FRAME_RATE_HZ
+from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 
-CAMERA_FIGURES = "frames", "lost", "late", "restarts", "stamped_hz", "received_hz", "mean_age_s", "bias_m_m_rad"
+LATENCIES = np.arange(0.0, 30.0, 0.02)  # that are tried, frames
+# Turn rates of a pulse, rad/s. However slowly they change, none of the turn is left. The latest response is awaited.
+PULSE = np.repeat([3.0, -3.0, 3.0, 0.0], [8, 16, 8, 42])
+WINDOW_FRAMES = 6  # over which displacements are compared: creep and pushes add up in a run
+MIN_MOTION = 0.05  # of a robot that moved, root of the sum of squares, m or rad
+CAMERA_FIGURES = "frames", "rate_hz", "mean_age_s"
 
 
-def describe_estimates(live: Live) -> list[str]:
-    """Return a line for each robot: latency and alpha as its controller has identified them so far."""
-    lines = []
-    for number, latency, alpha in zip(live.ids, live.team.latency_hat, live.team.alpha_hat, strict=True):
-        if np.isfinite(latency).all():
-            ms = _join(1e3 * latency / FRAME_RATE_HZ, 0)
-            lines.append(f"robot {number}: latency {_join(latency, 2)} frames ({ms} ms), alpha {_join(alpha, 2)}")
-    return lines
+class Response(NamedTuple):
+    """How a robot responds.
+
+    Attributes:
+        latency: Frames; NaN if unknown.
+        gain: Share of the command that it reaches; NaN if unknown.
+    """
+
+    latency: float
+    gain: float
+
+
+def measure_pulse(live: Live) -> list[Response]:
+    """Turn all robots to and fro by some 20 degrees at rest, and return their responses."""
+    for rate in PULSE:
+        live.step(np.tile([0.0, 0.0, rate], (len(live.rows), 1)))
+    return _fit_rows(live, slice(2, 3))
+
+
+def measure_run(live: Live) -> list[Response]:
+    """Return the responses over what was recorded of driving along the field."""
+    return _fit_rows(live, slice(2))
+
+
+def fit(velocities: Array, positions: Array, *, is_angle: bool = False) -> Response:
+    """Fit displacements over a tenth of a second to velocities, of which they are integrals a latency before.
+
+    Args:
+        velocities: Commanded, shape (frames, k), m/s or rad/s.
+        positions: Shape (frames, k), m or rad; NaN where none was seen.
+        is_angle: Whether positions are angles.
+    """
+    moved = positions[WINDOW_FRAMES:] - positions[:-WINDOW_FRAMES]
+    moved = wrap_angle(moved) if is_angle else moved
+    seen = ~np.isnan(moved[:, 0])
+    if np.linalg.norm(moved[seen]) < MIN_MOTION:
+        return Response(np.nan, np.nan)
+    frames = np.arange(len(velocities)) - LATENCIES[:, None]
+    paths = [
+        np.interp(frames, np.arange(len(axis) + 1), np.concatenate([[0.0], np.cumsum(axis)]) * PERIOD_S)
+        for axis in velocities.T
+    ]
+    expected = np.hstack([(path[:, WINDOW_FRAMES:] - path[:, :-WINDOW_FRAMES])[:, seen] for path in paths])
+    observed = moved[seen].T.ravel()
+    power = np.maximum((expected**2).sum(1), 1e-12)
+    gains = expected @ observed / power
+    explained = np.where(gains > 0, gains**2 * power, -np.inf)
+    best = int(explained.argmax())
+    return Response(float(LATENCIES[best]), float(gains[best]))
 
 
 def summarize(live: Live) -> dict[str, Any]:
     """Return the content of link.json: vision, ticks, what went wrong, and how robots respond."""
     link, log = live.link, live.log
-    second_half = slice(log.length // 2, None)  # estimates have settled by then
     robots = []
     for row, (number, response) in enumerate(zip(live.ids, measure_run(live), strict=True)):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing
-            latency, alpha = (log.channel(name)[second_half, row] for name in ("latency_hat", "alpha_hat"))
-            estimates = {"latency_frames": np.nanmean(latency, 0), "alpha": np.nanmean(alpha, 0)}
-        is_known = np.isfinite(estimates["latency_frames"]).all()
+            latency, alpha = (  # of the second half: estimates have settled by then
+                np.nanmean(log.channel(name)[log.length // 2 :, row], 0) for name in ("latency_hat", "alpha_hat")
+            )
+        identified = {"latency_frames": latency, "alpha": alpha} if np.isfinite(latency).all() else None
         fitted = {"latency_frames": response.latency, "alpha": response.gain}
-        robots.append({"id": number, "identified": estimates if is_known else None, "fitted": fitted})
-    cameras = {
-        str(number): {figure: getattr(camera, figure) for figure in CAMERA_FIGURES}
-        for number, camera in sorted(link.vision.cameras.items())
+        robots.append({"id": number, "identified": identified, "fitted": fitted})
+    summary = {
+        "cameras": {
+            str(number): {figure: getattr(camera, figure) for figure in CAMERA_FIGURES}
+            for number, camera in sorted(link.vision.cameras.items())
+        },
+        "ticks": {"camera": link.leader, "skipped": link.skipped},
+        "robots": robots,
+        "notes": dict(live.notes),
     }
-    answers = np.percentile(link.answers, [50, 95, 99, 100]) if link.answers else np.full(4, np.nan)
-    ticks = {
-        "with_frames": link.follows_frames,
-        "camera": link.leader,
-        "late": link.late,
-        "missing": link.missing,
-        "answered_after_s": dict(zip(("p50", "p95", "p99", "max"), answers, strict=True)),
-    }
-    counts = dict(live.notes.counts)
-    summary = {"cameras": cameras, "ticks": ticks, "robots": robots, "notes": counts}
     text = pydantic_core.to_json(summary, inf_nan_mode="null", fallback=np.ndarray.tolist)
     return dict(json.loads(text))
 
 
 def describe(summary: Mapping[str, Any]) -> list[str]:
-    """Return lines on ticks and on each robot at the end."""
-    lines, ticks = [], summary["ticks"]
-    if ticks["answered_after_s"]["p50"] is not None:
-        times = ", ".join(f"{name} {1e3 * value:.1f}" for name, value in ticks["answered_after_s"].items())
-        lines.append(f"commands left so many ms after each tick: {times}")
+    """Return a line for each robot at the end."""
+    lines = []
     for robot in summary["robots"]:
         parts, fitted, identified = [], robot["fitted"], robot["identified"]
         if (latency := fitted["latency_frames"]) is not None:
             ms = 1e3 * latency / FRAME_RATE_HZ
             parts.append(f"answers {latency:.2f} frames ({ms:.0f} ms) later, with {fitted['alpha']:.2f} of it")
         if identified is not None:
-            latencies, alphas = (_join(np.array(identified[name], float), 2) for name in ("latency_frames", "alpha"))
+            latencies, alphas = (" ".join(f"{value:.2f}" for value in values) for values in identified.values())
             parts.append(f"identified: latency {latencies} frames, alpha {alphas} (forward, left, turning)")
         lines.append(f"robot {robot['id']}: {'; '.join(parts) or 'did not move'}")
     return lines
 
 
-def _join(values: Array, digits: int) -> str:
-    return " ".join(f"{value:.{digits}f}" for value in values)
+def _fit_rows(live: Live, axes: slice) -> list[Response]:
+    """Fit what vision saw of each robot along some axes to commands."""
+    sent, seen = (live.log.channel(name)[..., axes] for name in ("applied", "vision"))
+    return [fit(sent[:, row], seen[:, row], is_angle=axes.start == 2) for row in range(len(live.rows))]

@@ -1,4 +1,4 @@
-"""From what a user names to robots that stand where their route begins: sockets, who is there, who is driven."""
+"""From what a user names to robots that are ready to be driven: sockets, who is there, who is driven."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -9,15 +9,14 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, wrap_angle
-from omni_mj.live.drive import Live, straight_routes
-from omni_mj.live.latency import MIN_GAIN, measure_pulse
+from omni_mj.live.drive import Live
 from omni_mj.live.link import Link, Pace
-from omni_mj.live.notes import Notes
 from omni_mj.live.radio import Line, Radio, SimulatorRadio
-from omni_mj.live.sockets import LOOPBACK, Address, Receiver
+from omni_mj.live.report import measure_pulse
+from omni_mj.live.sockets import LOOPBACK, Address, Notes, Receiver
 from omni_mj.live.vision import Colour, Vision
 from omni_mj.live.wire import VISION_GROUP, VISION_PORT
-from omni_mj.scenarios import distributions, references, rows, user_files
+from omni_mj.scenarios import distributions, references, user_files
 from omni_mj.scenarios.controllers import find, label
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
@@ -25,7 +24,10 @@ from omni_mj.scenarios.settings import FRAME_RATE_HZ
 SIMULATED_VISION = Address(VISION_GROUP, VISION_PORT)
 LISTEN_S = 1.5  # at first: rates are known to a part in some hundreds, clocks to a fraction of a millisecond
 MAX_ROBOTS = 12
+MIN_GAIN = 0.3  # of a robot that responds at all to a pulse
+PULSE_S = 3.0  # by which a route is longer while a pulse is measured
 DEAD_TIME = "radio.delay_frames"
+UNKNOWN_ALPHA = {"control.alpha_forward": 0.0, "control.alpha_sideways": 0.0}  # zero: not known
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class Options:
         pace: What gives the ticks.
         world: Whether robots are told velocities along the field.
         radio: A class of a team's own, as `file.py:Class`; None for the simulation protocol.
-        here: Whether routes begin where the robots are; otherwise robots are brought to where routes begin.
+        knows_robot: Whether it is known which robot is out there; else its alpha is not.
         wait_s, listen_s: How long vision is waited for, and listened to before anything else.
         duration_s: After which it ends; None for the whole route.
         fixed: Settings that are left alone; others may be measured before.
@@ -55,7 +57,7 @@ class Options:
     pace: Pace = "auto"
     world: bool = False
     radio: str | None = None
-    here: bool = False
+    knows_robot: bool = True
     wait_s: float = 10.0
     listen_s: float = LISTEN_S
     duration_s: float | None = None
@@ -69,7 +71,7 @@ def check(scenario: Scenario, options: Options) -> None:
         OmniError: It cannot; a line for each reason.
     """
     distributions.refuse(scenario.distributions, "drive")
-    errors, ids, places = [], options.ids, len(scenario.settings.world.places)
+    errors = []
     (controller,) = scenario.controllers
     if find(controller).knows_truth:
         name = label(controller)
@@ -78,13 +80,8 @@ def check(scenario: Scenario, options: Options) -> None:
         errors.append(
             "nothing can be made to happen to robots outside of this program: the scenario must have no [[fault]]"
         )
-    if len(set(ids)) != len(ids) or len(ids) > MAX_ROBOTS:
-        errors.append(f"--id must name up to {MAX_ROBOTS} robots, each once, not {ids}")
-    if ids and len(ids) != places and not options.here:
-        errors.append(
-            f"{len(ids)} robots are named, and the scenario has places for {places} (world.places);"
-            " with --here, each drives from where it is"
-        )
+    if len(set(options.ids)) != len(options.ids) or len(options.ids) > MAX_ROBOTS:
+        errors.append(f"--id must name up to {MAX_ROBOTS} robots, each once, not {options.ids}")
     if errors:
         raise OmniError("\n".join(errors))
 
@@ -102,7 +99,7 @@ def listening(options: Options, notes: Notes, check_stop: Callable[[], None] = l
         OmniError: Nothing came.
     """
     with closing(Receiver(options.vision, options.interface)) as receiver:
-        link = Link(receiver, Vision(options.colour, options.ids, notes), check_stop)
+        link = Link(receiver, Vision(options.colour, notes), check_stop)
         until = time.monotonic() + options.wait_s
         while not link.vision.cameras:
             if time.monotonic() > until:
@@ -117,43 +114,34 @@ def listening(options: Options, notes: Notes, check_stop: Callable[[], None] = l
 
 @contextmanager
 def ready(scenario: Scenario, options: Options, link: Link) -> Iterator[Live]:
-    """Bring robots to the start of their routes. They are told to stand when the block ends.
+    """Prepare a drive that begins where the robots stand. They are told to stand when the block ends.
 
     Raises:
         OmniError: They are not seen, cannot be driven so, or do not respond.
     """
-    ids = _chosen_ids(scenario, options, link.sightings.ids(options.colour))
-    link.vision.follow(ids)
-    poses = link.locate()
-    link.choose_pace(options.pace)
+    vision = link.vision
+    vision.ids = _chosen_ids(scenario, options, vision.seen_ids())
+    link.choose_ticks(options.pace)
     radio_type = SimulatorRadio if options.radio is None else _find_radio(options.radio)
     both = options.pace != "vision"  # a simulation that waits for commands would take an empty packet for one
-    line = Line(options.commands, options.colour, options.interface, options.world, link.vision.notes, both)
+    line = Line(options.commands, options.colour, options.interface, options.world, vision.notes, both)
     with closing(radio_type(line)) as radio:
-        chosen = _displaced(scenario, poses) if options.here else scenario
-        measured = link.sightings.noise(options.colour, ids)
-        if link.delay_s is not None:
-            measured["vision.delay_s"] = link.delay_s
-        chosen = _with_measured(chosen, options, measured)
+        chosen = _with_measured(_displaced(scenario, vision.resting_poses()), options, vision.noise())
+        if not options.knows_robot:
+            chosen = _with_measured(chosen, options, UNKNOWN_ALPHA)
         if DEAD_TIME not in options.fixed:
-            trial = Live(chosen, link, radio, ids, _resting_rows(chosen, poses))
+            settle_s = chosen.settings.reference.settle_s + PULSE_S
+            longer = chosen.settings.replace(reference={"settle_s": settle_s})
+            trial = Live(chosen.replace(settings=longer), link, radio, vision.ids)
             chosen = _with_measured(chosen, options, {DEAD_TIME: _dead_time(trial)})
         max_frames = np.inf if options.duration_s is None else round(options.duration_s * FRAME_RATE_HZ)
-        live = Live(chosen, link, radio, ids, max_frames=max_frames)
-        live.warm_up(poses)
+        live = Live(chosen, link, radio, vision.ids, max_frames)
+        live.team.step(vision.resting_poses())  # what controllers make at first, before robots wait
+        live.reset()
         try:
-            live.approach(np.array([reference.poses[0] for reference in live.references]))
-            link.restart()
-            link.answers.clear()  # what counts begins now
-            link.late = link.missing = 0
             yield live
         finally:
             live.stop()
-
-
-def _resting_rows(scenario: Scenario, poses: Array) -> list[rows.Row]:
-    names = [label(scenario.controllers[0])]
-    return straight_routes(rows.table(names, [scenario.seed], scenario.settings_of, scenario.robot), poses, poses)
 
 
 def _dead_time(trial: Live) -> int:
@@ -170,8 +158,7 @@ def _dead_time(trial: Live) -> int:
         )
     latency = float(np.median([response.latency for response in responses]))
     ms = 1e3 * latency / FRAME_RATE_HZ
-    trial.notes.add("pulse", f"robots answer a pulse {latency:.2f} frames later ({ms:.0f} ms)", always=True)
-    trial.link.restart()
+    trial.notes.add("pulse", f"robots answer a pulse {latency:.2f} frames later ({ms:.0f} ms)")
     return max(round(latency - trial.scenario.settings.control.lag_s * FRAME_RATE_HZ), 0)
 
 
@@ -188,9 +175,9 @@ def _with_measured(scenario: Scenario, options: Options, measured: Mapping[str, 
 def _chosen_ids(scenario: Scenario, options: Options, seen: Sequence[int]) -> list[int]:
     """Return the numbers of the robots that are driven."""
     places = len(scenario.settings.world.places)
-    ids = list(options.ids) or list(seen[: MAX_ROBOTS if options.here else places])
+    ids = list(options.ids) or list(seen[:places])
     missing = ", ".join(str(number) for number in ids if number not in seen)
-    if missing or not ids or (len(ids) < places and not options.here):
+    if missing or not ids or (len(ids) < places and not options.ids):
         visible = f"of {options.colour}, it sees {', '.join(map(str, seen)) or 'none'}"
         robots = f"robots {missing}" if missing else f"as many robots as there are places, {places}"
         raise OmniError(f"vision does not see {robots}; {visible}: --team and --id say who is driven")
@@ -199,8 +186,6 @@ def _chosen_ids(scenario: Scenario, options: Options, seen: Sequence[int]) -> li
 
 def _displaced(scenario: Scenario, poses: Array) -> Scenario:
     """Return the scenario with each robot's route moved and turned to begin where the robot is."""
-    if np.isnan(poses).any():
-        raise OmniError("not all robots are seen")
     x, y, heading = references.timed(scenario.settings).poses[0]
     turn = wrap_angle(poses[:, 2] - heading)
     c, s = np.cos(turn), np.sin(turn)

@@ -8,7 +8,8 @@ import ipaddress
 import select
 import socket
 import time
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from google.protobuf import proto
@@ -21,6 +22,24 @@ LOOPBACK = "127.0.0.1"
 MAX_DATAGRAM = 65_536  # bytes
 CLIENT_TIMEOUT_S = 1.0  # for a TCP client that stops in the middle of a message
 BUFFER_BYTES = 1 << 21  # of the kernel: some seconds of four cameras
+
+
+class Notes(Counter[str]):
+    """Counts of packets and of what went wrong with them, by kind.
+
+    Args:
+        tell: Called with the first message of each kind.
+    """
+
+    def __init__(self, tell: Callable[[str], None] = lambda text: None) -> None:
+        super().__init__()
+        self._tell = tell
+
+    def add(self, kind: str, text: str) -> None:
+        """Count an event, and tell it if it is the first of its kind."""
+        self[kind] += 1
+        if self[kind] == 1:
+            self._tell(text)
 
 
 class Address(NamedTuple):

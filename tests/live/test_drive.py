@@ -22,10 +22,10 @@ def test_the_wire_adds_its_delay_and_nothing_else(controller: str, delay: int) -
     for _ in range(3):
         with peer("--delay", delay) as options:
             live = driven(on_wire(controller), options)
-        if "busy" not in live.notes.counts:
+        if not live.link.skipped:
             break
     assert live.scenario.settings.radio.delay_frames == delay
-    assert (live.link.late, live.link.missing, dict(live.notes.counts)) == (0, 0, {"pulse": 1})
+    assert (live.link.skipped, dict(live.notes)) == (0, {"pulse": 1})
     expected = in_process(live, delay)
     assert live.log.length == expected.log.length
     for channel in ("ref", "pose", "command"):
@@ -46,21 +46,17 @@ def test_latency_is_found_whatever_the_controller(delay: float) -> None:
 
 
 def test_what_vision_gets_wrong_costs_little() -> None:
-    """Two cameras 2 cm apart, now and then another's number, a heading the wrong way round, bad packets; two robots.
+    """Two cameras 1 cm apart, now and then another's number, a heading the wrong way round, bad packets; two robots.
 
     Where this computer is busy between an image and its tick, the image is as much older, and the robot is taken to
     have gone on for so long, which one of a peer that waits has not: by 4 and 14 cm in two of some 35 runs beside six
     busy processes. It has three chances to have time.
     """
-    wrong = ("--cameras", 2, "--bias", 0.02, "--swap", 0.03, "--mirror", 0.03, "--junk", 0.1, "--noise", 0.0005)
-    place = {"places": [[0.1, 0.2, 0], [-0.6, -0.5, 1]]}
+    wrong = ("--cameras", 2, "--bias", 0.01, "--swap", 0.03, "--mirror", 0.03, "--junk", 0.1, "--noise", 0.0005)
     for _ in range(3):
-        with peer("--delay", 2, *wrong, "--start", -0.2, 0.2, 0.3, -0.6, -0.4, 1.2) as options:
-            live = driven(on_wire("comp-flc", world=place), options)
-        assert {"wrong id", "mirrored", "bad packet"} <= live.notes.counts.keys()
-        bias = live.link.vision.cameras[1].bias_m_m_rad - live.link.vision.cameras[0].bias_m_m_rad
-        np.testing.assert_allclose(bias[:2], 0.02, atol=1e-3)
-        assert abs(bias[2]) < 1e-2  # ten times as noisy
+        with peer("--delay", 2, *wrong, "--start", 0.1, 0.2, 0.3, -0.6, -0.4, 1.2, ids=(0, 1)) as options:
+            live = driven(on_wire("comp-flc"), options)
+        assert live.notes["bad packet"]
         error = np.abs(live.log.channel("pose") - live.log.channel("ref"))
         if error[..., :2].max() < 0.02:
             break
@@ -78,9 +74,9 @@ def test_robots_that_turn_while_they_drive_are_told_right(world: bool) -> None:
     assert aside.max() < 0.003
 
 
-def test_robots_may_start_where_they_are() -> None:
-    """--here: the route is displaced and turned to begin there."""
-    with peer("--start", 1.0, -0.5, 2.0, here=True) as options:
+def test_robots_start_where_they_are() -> None:
+    """The route is displaced and turned to begin there."""
+    with peer("--start", 1.0, -0.5, 2.0) as options:
         live = driven(on_wire("comp-flc"), options)
     np.testing.assert_allclose(live.log.channel("ref")[0, 0], [1.0, -0.5, 2.0], atol=1e-3)
     assert np.abs(live.log.channel("pose") - live.log.channel("ref")).max() < 0.02

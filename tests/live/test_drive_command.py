@@ -33,32 +33,25 @@ def wait_for(process: "subprocess.Popen[str]", text: str) -> None:
     assert any(text in line for line in process.stdout), f"{text!r} was never printed"
 
 
-def test_a_simulator_that_is_killed_and_started_again_elsewhere(
+def test_vision_that_falls_silent_ends_the_drive_and_all_is_there(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The robot is brought back, the rest of the route is driven, and all that `run` leaves is there, and the table.
-
-    What was live is not repeated, which is said.
-    """
+    """All that `run` leaves is there, and the table. What was live is not repeated, which is said."""
     ports = free_port(), free_port()
     known = "--no-pulse", "--set", "radio.delay_frames=1", "--set", "reference.waypoints=[[0, 0], [1.2, 0]]"
     with started(ports, "--delay", 1, "--loss", 0.05):
         process = drive(tmp_path, ports, *OUT, *known)
-        wait_for(process, "1 s  robot 0: latency")
-    time.sleep(1.0)
-    with started(ports, "--delay", 1, "--start", -0.2, 0.1, 1.0):
-        out, err = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 0, err
-    for text in ("vision has fallen silent", "the clock of camera 0 began anew", "vision is back"):
-        assert text in err
+        wait_for(process, "robots 0 at 60 frames a second")
+        time.sleep(4.0)
+    out, err = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 1
+    assert re.search(r"was not seen for 0.5 s at \d\.\d* s\n", err)
     assert re.search(r"robot 0: answers \d\.\d\d frames", out)
     folder = tmp_path / "drive"
     left = {path.name for path in folder.iterdir()}
     assert {"summary.json", "trajectory.parquet", "recording.rrd", "report.html", "scenario.toml", "link.json"} <= left
-    assert json.loads((folder / "link.json").read_text())["cameras"]["0"]["restarts"] == 1
-    assert json.loads((folder / "summary.json").read_text())["complete"]
-    table = pq.read_table(folder / "trajectory.parquet").to_pydict()
-    assert abs(table["x_m"][-1] - 1.2) < 0.05
+    assert json.loads((folder / "link.json").read_text())["cameras"]["0"]["frames"] > 100
+    assert pq.read_table(folder / "trajectory.parquet").num_rows >= 60
     assert invoke("verify", folder) == 2
     assert "is of omni-mj drive, which verify does not run again" in capsys.readouterr().err
 
@@ -67,7 +60,8 @@ def test_ctrl_c_saves_what_there_is(tmp_path: Path) -> None:
     ports = free_port(), free_port()
     with started(ports):
         process = drive(tmp_path, ports, *OUT, "--no-pulse", "--no-record", "--set", "reference.laps=20")
-        wait_for(process, "1 s  robot 0")
+        wait_for(process, "robots 0 at 60 frames a second")
+        time.sleep(4.0)
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
@@ -82,17 +76,17 @@ def test_listening_only(tmp_path: Path) -> None:
         out, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0
     assert re.search(r"camera 0: (59|60)\.\d\d frames a second of its clock", out)
-    noise = re.search(r"blue 0: at .*noise (\d\.\d\d) mm", out)
-    assert noise
-    assert 0.8 < float(noise[1]) < 1.2  # 1 mm by 100 detections and more, whose median is known to a tenth
+    noise = re.findall(r"blue 0: at .*noise (\d\.\d\d) mm", out)
+    assert len(noise) == 2
+    for each in noise:
+        assert 0.8 < float(each) < 1.2  # 1 mm by 100 detections and more, whose median is known to a tenth
     assert "bad packet" in out
     assert err.count("is skipped") == 1
 
 
 WRONG = {
     ("--scenario", "rect", "--controller", "oracle"): "oracle must be given the true pose",
-    ("--scenario", "rect", "--id", 1, "--id", 2): "the scenario has places for 1",
-    ("--scenario", "rect", "--id", 1, "--id", 1, "--here"): "each once",
+    ("--scenario", "rect", "--id", 1, "--id", 1): "each once",
     ("--scenario", "rect", "--commands", "192.0.2.1"): "name the interface",
     ("--scenario", "rect", "--vision", "nowhere"): "nobody knows the host",
     ("--scenario", "rect", "--duration", 0): "not in the range",

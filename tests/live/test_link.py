@@ -1,9 +1,8 @@
-"""From packets to poses at a tick: capture times, several cameras, wrong numbers; clocks, sockets."""
+"""From packets to what is seen at a tick: capture times, several cameras, bad packets; clocks, sockets."""
 
 import math
 import socket
 import time
-from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -11,82 +10,61 @@ from benches import live_link as link
 from benches.live_link import PERIOD_S, Address, Camera, Clock, Receiver
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from serving import LOOPBACK
+from serving import LOOPBACK, RobotSeen
 
-TWIST = np.array([[1.0, -0.5, 2.0]])
-ALLOWED_M = 1e-6  # of numbers that were floats in mm
 JITTER_S = 0.003  # mean of what packets take above the least, exponentially distributed
-
-
-def moving(time_s: float) -> np.ndarray:
-    """A robot that drives steadily, as `TWIST` says."""
-    return np.array([0.3, 0.2, 0.1]) + TWIST[0] * time_s
 
 
 @given(age=st.floats(0, 0.04), later=st.floats(0, 0.03), offset=st.floats(-1e3, 1e3))
 @settings(max_examples=50)
-def test_detections_are_brought_to_the_tick_from_their_capture(age: float, later: float, offset: float) -> None:
-    """Of a robot that drives steadily all poses agree, however old they are, whatever the peer's clock says."""
-    camera = Camera(5)
+def test_detections_are_as_old_as_their_stamps_say(age: float, later: float, offset: float) -> None:
+    """Whatever the peer's clock says; headings are in (-pi, pi]."""
+    camera, time_s = Camera(5), 29 * PERIOD_S
     for frame in range(30):
-        time_s = frame * PERIOD_S
-        camera.see(frame, [(5, *moving(time_s - age))], age=age, offset=offset)
-        pose = camera.at(time_s + later, TWIST)
-    assert camera.seen.all()
-    np.testing.assert_allclose(pose[0], moving(time_s + later), atol=1e-5)
-    by_camera = Camera(5)
-    by_camera.see(0, [(5, *moving(-age))], age=age, offset=offset)
-    np.testing.assert_allclose(by_camera.at(offset, TWIST, leader=0)[0], moving(0.0), atol=1e-5)
+        camera.see(frame, [(5, 1.0, -2.0, 4.0)], age=age, offset=offset)
+    (pose,), (seen_before,) = camera.at(time_s + later)
+    np.testing.assert_allclose(pose, [1.0, -2.0, 4.0 - 2 * np.pi], atol=1e-6)
+    assert seen_before == pytest.approx(age + later, abs=1e-5)
+    assert np.isnan(camera.at(time_s + later)[0]).all()  # told once
 
 
-def test_the_usual_rate_is_that_of_frames_that_nothing_held_up() -> None:
+def test_the_rate_is_that_of_frames_that_nothing_held_up() -> None:
     """A camera of 65 a second whose computer stalls for 45 ms now and then is none of 60."""
     camera, time_s = Camera(5), 0.0
     for frame in range(300):
         time_s += 1 / 65 + (0.045 if frame % 40 == 39 else 0.0)
         camera.see(frame, [], at=time_s, offset=time_s - frame * PERIOD_S)
-    found = camera.vision.cameras[0]
-    assert found.stamped_hz == pytest.approx(65)
+    assert camera.vision.cameras[0].rate_hz == pytest.approx(65)
 
 
-def test_another_robots_number_or_a_mirrored_heading_is_not_believed_unless_it_lasts() -> None:
-    def still(seen: Sequence[link.Robot], frames: int) -> np.ndarray:
-        for _ in range(frames):
-            camera.see(next(counter), seen)
-            pose = camera.at(0.0)
-        return pose[0]
-
-    camera, counter = Camera(3), iter(range(1000))
-    still([(3, 0.0, 0.0, 0.5)], 10)
-    assert still([(3, 5.0, 0.0, 0.5)], 1)[0] == pytest.approx(0.0)
-    assert still([(3, 5.0, 0.0, 0.5), (3, 0.01, 0.0, 0.5)], 1)[0] == pytest.approx(0.01)
-    assert camera.notes.counts == {"wrong id": 2}
-    assert still([(3, 0.0, 0.0, 0.5 - np.pi)], 3)[2] == pytest.approx(0.5)
-    assert camera.notes.counts["mirrored"] == 3
-    still([(3, 0.0, 0.0, 0.5)], 1)
-    assert still([(3, 5.0, 0.0, 0.5)], 60)[0] == pytest.approx(5.0)  # at 5 m/s, within a second
-    turned = still([(3, 5.0, 0.0, 0.5 - np.pi)], 17)[2]  # a quarter of a second
-    assert math.cos(turned - 0.5 + np.pi) == pytest.approx(1.0)
+def test_of_several_robots_of_a_number_the_one_counts_that_is_near() -> None:
+    """In one image or in those of two cameras; where a robot rests is not moved by a few of another's."""
+    camera = Camera(3)
+    for frame in range(9):
+        camera.see(frame, [(3, 0.1, 0.0, 0.5 + np.pi * (frame == 4))])
+    camera.see(9, [(3, 5.0, 0.0, 0.5), (3, 0.1, 0.0, 0.5)])
+    camera.see(9, [(3, 0.2, 0.0, 0.5)], camera=1)
+    assert camera.at(0.0, (0.11, 0.0, 0.0))[0][0, 0] == pytest.approx(0.1)
+    np.testing.assert_allclose(camera.vision.resting_poses(), [[0.1, 0.0, 0.5]], atol=1e-6)
 
 
 def test_frames_that_are_late_or_came_before_count_once_and_others_are_not_ours() -> None:
     camera = Camera(0)
-    counted = [frame for frame in (0, 2, 1, 2, 3) if camera.see(frame, [(0, 0.0, 0.0, 0.0)], at=0.1)]
-    assert counted == [0, 2, 3]
-    found = camera.vision.cameras[0]
-    assert (found.frames, found.late, found.lost) == (3, 2, 1)
+    assert [frame for frame in (0, 2, 1, 2, 3) if camera.see(frame, [(0, 0.0, 0.0, 0.0)], at=0.1)] == [0, 2, 3]
+    assert camera.vision.cameras[0].frames == 3
     yellow = Camera(0, colour="yellow")
     yellow.see(0, [(0, 1.0, 1.0, 0.0)])
-    assert np.isnan(yellow.at(0.0)).all()
+    assert np.isnan(yellow.at(0.0)[0]).all()
+    assert yellow.vision.seen_ids() == []
 
 
 @pytest.mark.parametrize("robot", [(0, math.nan, 0.0, 0.0), (0, 1e6, 0.0, 0.0), (0, 0.0, 0.0, math.inf)], ids=str)
-def test_places_that_are_none_are_bad_packets(robot: link.Robot) -> None:
+def test_places_that_are_none_are_bad_packets(robot: RobotSeen) -> None:
     camera = Camera(0)
-    assert not any(camera.see(frame, [robot], "somebody") for frame in range(3))
-    assert camera.notes.counts == {"bad packet": 3}
-    assert len(camera.said) == 1
-    assert "somebody" in camera.said[0]
+    assert not any(camera.see(frame, [robot]) for frame in range(3))
+    assert camera.vision.notes == {"bad packet": 3}
+    (said,) = camera.said
+    assert "somebody" in said
 
 
 def fed(offset: float, rate: float, seconds: float, seed: int = 0) -> tuple[Clock, float]:
@@ -95,7 +73,7 @@ def fed(offset: float, rate: float, seconds: float, seed: int = 0) -> tuple[Cloc
     for k in range(round(seconds / PERIOD_S)):
         ours = 100.0 + k * PERIOD_S
         arrival = ours + rng.exponential(JITTER_S)
-        assert not clock.add(offset + rate * ours, arrival)
+        clock.add(offset + rate * ours, arrival)
         assert clock.ours(offset + rate * ours) <= arrival + 1e-6  # no packet arrives before it was sent
     return clock, ours
 
@@ -115,33 +93,15 @@ def test_offset_and_rate_of_a_clock_are_found_through_jitter(offset: float, rate
     allowed = 6 * spread + 20 * spread / np.sqrt(40) + resolution
     assert clock.ours(offset + rate * now) == pytest.approx(now, abs=allowed)
     assert clock.rate == pytest.approx(rate, rel=1.1e-4)
-    assert clock.theirs(clock.ours(offset + 3.0)) == pytest.approx(offset + 3.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("jump", [-100.0, -1.0, 1.0, 1e9], ids=str)
-def test_a_peer_that_is_started_anew_is_noticed_at_once(jump: float) -> None:
-    clock, now = fed(0.0, 1.0, 5.0)
-    stamp = now + PERIOD_S + jump
-    assert clock.add(stamp, now + PERIOD_S)
-    assert clock.restarts == 1
-    assert clock.ours(stamp) == pytest.approx(now + PERIOD_S, abs=1e-9)
-
-
-def test_a_simulation_that_is_held_is_followed_but_packets_that_were_held_up_are_not() -> None:
-    """When this computer was busy for 0.3 s, packets that waited arrive at one time, and the line stays.
-
-    When stamps go on where they were, two seconds later, all packets are late by as much: no restart.
-    """
+def test_packets_that_were_held_up_are_not_followed() -> None:
+    """When this computer was busy for 0.3 s, packets that waited arrive at one time, and the line stays."""
     clock, now = fed(0.0, 1.0, 5.0)
     before = clock.ours(now)
-    for k in range(18):
-        clock.add(now + k * PERIOD_S, now + 0.3)
-    assert clock.ours(now) == pytest.approx(before, abs=1e-4)
-    now += 18 * PERIOD_S
     for k in range(60):
-        clock.add(now + k * PERIOD_S, now + 2.0 + k * PERIOD_S)
-    assert clock.restarts == 0
-    assert clock.ours(now + 59 * PERIOD_S) == pytest.approx(now + 2.0 + 59 * PERIOD_S, abs=1e-3)
+        clock.add(now + k * PERIOD_S, now + max(0.3, k * PERIOD_S))
+    assert clock.ours(now) == pytest.approx(before, abs=1e-4)
 
 
 def test_nothing_leaves_this_computer_unasked() -> None:

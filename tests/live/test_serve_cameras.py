@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benches.serve import FAST, QUIET, Field, here
-from serving import fields, float32, local
+from serving import local
 
 CYCLE_S = 1 / 960
 FAULTS = """
@@ -106,13 +106,12 @@ def test_faults_concern_the_robots_whose_numbers_they_name_and_cameras_as_a_whol
 def test_the_geometry_is_that_of_division_b() -> None:
     """Rules: 9 x 6 m, 0.7 m around, goals of 1 m, defence areas of 2 x 1 m; cameras along the field."""
     with here(Field(*QUIET, FAST, "vision.cameras=3")) as (client, _):
-        while 2 not in fields(packet := client.vision.recv(65536)):
-            pass
-    found = fields(fields(packet)[2][0])
-    size, cameras = fields(found[1][0]), [fields(camera) for camera in found[2]]
-    assert [size[number][0] for number in (1, 2, 3, 5, 8, 9)] == [9000, 6000, 1000, 700, 1000, 2000]
-    assert len({fields(line)[1][0] for line in size[6]}) == 12
-    assert [camera[1][0] for camera in cameras] == [0, 1, 2]
+        geometry = client.packet("geometry").geometry
+    size = geometry.field
+    assert (size.field_length, size.field_width, size.goal_width) == (9000, 6000, 1000)
+    assert (size.boundary_width, size.penalty_area_depth, size.penalty_area_width) == (700, 1000, 2000)
+    assert len({line.name for line in size.field_lines}) == 12
+    assert [camera.camera_id for camera in geometry.calib] == [0, 1, 2]
     # SSL-Vision's pinhole: turned by half a turn about x, (x, y, z) is (x + tx, -y + ty, tz) for the camera.
-    middles = [-float32(camera[10][0]) for camera in cameras]
+    middles = [-camera.tx for camera in geometry.calib]
     np.testing.assert_allclose(middles, [-10400 / 3, 0, 10400 / 3], rtol=1e-6)

@@ -7,9 +7,18 @@ import numpy as np
 import pytest
 import serving
 from benches.serve import FAST, QUIET, Field, here
-from serving import LOOPBACK, Client, field, fields, local, message, prefixed, world
+from google.protobuf import proto
+from serving import LOOPBACK, Client, local, world
 
 import omni_mj as om
+from omni_mj.live.wire.simulation_pb2 import (
+    RobotCommand,
+    RobotControl,
+    RobotControlResponse,
+    SimulatorCommand,
+    SyncRequest,
+    SyncResponse,
+)
 
 STEPS = 40
 FLOAT32_M = 4e-7  # what a place of up to 4 m loses on the wire, in mm as a 32-bit number: 2^-24 of it, and rounding
@@ -64,7 +73,9 @@ def test_the_loop_in_one_process_is_reproduced_over_the_wire(delay: int) -> None
     log, team = om.Simulation(chosen).run(), om.Simulation(chosen).team
     seen = np.full((log.length, 3), np.nan)
     sets = f"reference.waypoints={route['waypoints']}", "reference.settle_s=0", f"radio.delay_frames={delay}"
-    with here(Field(*sets, scenario="rect")) as (client, _):
+    field = Field(*sets, scenario="rect")
+    assert field.put(0, 0.0, 0.0, 0.0) == []
+    with here(field) as (client, _):
         detection = client.newest()
         for k in range(log.length):
             seen[k] = serving.robots(detection).get(("blue", 0), [np.nan] * 3)
@@ -79,30 +90,17 @@ def test_the_loop_in_one_process_is_reproduced_over_the_wire(delay: int) -> None
     np.testing.assert_allclose(*errors, atol=0.9e-3)
 
 
-def test_both_teams_make_a_step_where_both_must() -> None:
-    with here(Field(yellow="1"), "both") as (client, _):
-        before = serving.captured(client.newest())
-        for _ in range(3):
-            client.ask(1, local(0, 1.0))
-        client.vision.settimeout(0.1)
-        with pytest.raises(TimeoutError):
-            client.detection()
-        client.vision.settimeout(serving.PATIENCE_S)
-        client.ask(2, b"")
-        assert serving.captured(client.newest()) == pytest.approx(before + 1 / 60)
-
-
-def test_packets_to_the_simulator_repeat_the_last_image_and_kicks_are_refused_once() -> None:
-    with here(Field(blue="2,7")) as (client, _):
+def test_packets_to_the_simulator_repeat_the_last_image_and_kicks_are_ignored() -> None:
+    with here(Field(blue="2,7")) as (client, server):
         seen = client.step(local(2, 1.0))
         assert client.ask(0, b"") == b""
-        assert client.detection() == seen
-        assert client.codes(0, serving.speed(2.0)) == ["LOCKSTEP"]
-        answer = client.ask(1, serving.kick(7) + local(2, 0.1))
-        assert serving.codes(answer) == ["NO_KICK"]
-        # feedback: number, no contact with the ball
-        assert answer.endswith(b"".join(field(2, message(number, 0)) for number in (7, 2)))
-        assert client.codes(1, serving.kick(7)) == []
+        assert client.packet().detection == seen
+        assert client.codes(0, serving.control(simulation_speed=2.0)) == ["LOCKSTEP"]
+        kick = RobotControl(robot_commands=[RobotCommand(id=7, kick_speed=5.0)]).SerializeToString()
+        answer = RobotControlResponse.FromString(client.ask(1, kick + local(2, 0.1)))
+        assert [(robot.id, robot.dribbler_ball_contact) for robot in answer.feedback] == [(7, False), (2, False)]
+        assert not answer.errors
+        assert server.notes["kicks"] == 1
 
 
 class Stream:
@@ -110,22 +108,23 @@ class Stream:
 
     def __init__(self, port: int) -> None:
         self.socket = socket.create_connection((LOOPBACK, port), serving.PATIENCE_S)
+        self.file = self.socket.makefile("rwb", 1)
 
-    def ask(self, *request: bytes | float | None, pieces: int = 1) -> dict:
-        """Send a step in s, commands to the simulator, and to robots, in so many pieces; the answer's fields."""
-        data = prefixed(message(*request))
-        size = max(len(data) // pieces, 1)
-        for at in range(0, len(data), size):
-            self.socket.sendall(data[at : at + size])
-        answer = b""
-        while True:  # an answer has a length of its own
-            answer += self.socket.recv(65536)
-            for start in (1, 2, 3):
-                if prefixed(answer[start:]) == answer:
-                    return fields(answer[start:])
+    def ask(self, step_s: float | None, control: bytes = b"", commands: bytes = b"") -> SyncResponse:
+        """Send a step, commands to the simulator, and to robots; return the answer."""
+        request = SyncRequest(sim_step=step_s)
+        if control:
+            request.simulator_command.CopyFrom(SimulatorCommand.FromString(control))
+        if commands:
+            request.robot_control.CopyFrom(RobotControl.FromString(commands))
+        proto.serialize_length_prefixed(request, self.file)
+        self.file.flush()
+        answer = proto.parse_length_prefixed(SyncResponse, self.file)
+        assert answer is not None
+        return answer
 
-    def codes(self, *request: bytes | float | None) -> list[str]:
-        return serving.codes(self.ask(*request)[2][0])
+    def codes(self, step_s: float | None, control: bytes = b"", commands: bytes = b"") -> list[str]:
+        return [error.code for error in self.ask(step_s, control, commands).robot_control_response.errors]
 
 
 def test_steps_by_tcp_are_those_by_packets_to_the_bit() -> None:
@@ -135,22 +134,24 @@ def test_steps_by_tcp_are_those_by_packets_to_the_bit() -> None:
         by_packets = [client.step(command) for _ in range(12)]
     with here(Field(*QUIET[1:], FAST, "vision.delay_s=0")) as (client, server):
         stream = Stream(server.ports[1])
-        assert [stream.ask(1 / 60, None, command)[1] for _ in range(12)] == [[image] for image in by_packets]
+        assert [list(stream.ask(1 / 60, b"", command).detection) for _ in range(12)] == [
+            [image] for image in by_packets
+        ]
         assert client.newest() == by_packets[-1]
 
 
 def test_a_step_is_as_long_as_it_says_and_has_all_images_that_went_out_in_it() -> None:
     """Steps that are no whole cycles add up: 30 of 0.01 s are 0.3 s, 18 images; steps of 0.1 s have six each."""
     with here(Field(*QUIET, FAST, blue="2", yellow="1")) as (_, server):
-        blue, control = Stream(server.ports[1]), Stream(server.ports[0])
-        times = [serving.captured(raw) for _ in range(30) for raw in blue.ask(0.01).get(1, ())]
+        blue, simulator = Stream(server.ports[1]), Stream(server.ports[0])
+        times = [image.t_capture for _ in range(30) for image in blue.ask(0.01).detection]
         assert times == pytest.approx([k / 60 for k in range(1, 19)])
-        answer = control.ask(0.1, serving.teleport(1, 2, x=2.0, y=1.0, orientation=0.5), pieces=7)
-        assert len(answer[1]) == 6
-        assert serving.robots(answer[1][-1])["blue", 1] == pytest.approx((2.0, 1.0, 0.5), abs=2e-3)
-        assert control.codes(None, None, local(0, 1.0)) == ["NO_TEAM"]
-        assert control.codes(-1.0) == control.codes(float("nan")) == ["STEP"]
-        assert set(blue.codes(0.0, serving.speed(2.0), serving.kick(0))) == {"NO_KICK", "LOCKSTEP"}
+        seen = simulator.ask(0.1, serving.teleport(1, 2, x=2.0, y=1.0, orientation=0.5)).detection
+        assert len(seen) == 6
+        assert serving.robots(seen[-1])["blue", 1] == pytest.approx((2.0, 1.0, 0.5), abs=2e-3)
+        assert simulator.codes(None, commands=local(0, 1.0)) == ["NO_TEAM"]
+        assert simulator.codes(-1.0) == simulator.codes(float("nan")) == ["STEP"]
+        assert blue.codes(0.0, serving.control(simulation_speed=2.0)) == ["LOCKSTEP"]
 
 
 @pytest.mark.parametrize("bad", [b"\xff" * 10, b"\xff\xff\x7f", b"\x02\x0d\x00"])
@@ -162,6 +163,6 @@ def test_who_cannot_be_understood_is_hung_up_on_and_the_others_are_not(bad: byte
         with suppress(ConnectionResetError):
             assert hostile.socket.recv(1) == b""
         gone.socket.close()
-        assert len(good.ask(1 / 60)[1]) == 1
+        assert len(good.ask(1 / 60).detection) == 1
         assert client.after(local(0, 0.0))
-        assert server.notes.counts["bad packets"] == 1
+        assert server.notes["bad packets"] == 1

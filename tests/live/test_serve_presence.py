@@ -1,5 +1,7 @@
 """Robots come and go by teleport; what cannot be is refused with its reason, and nothing else is lost."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import serving
@@ -7,6 +9,13 @@ from benches.serve import FAST, QUIET, Field, here
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from serving import BLUE, YELLOW, local
+
+from omni_mj.live.wire.simulation_pb2 import SimulatorCommand, SimulatorConfig
+from omni_mj.live.wire.vision_pb2 import FieldSize, Geometry
+
+REFUSED_FIELD = Geometry(
+    field=FieldSize(field_length=8000, field_width=6000, goal_width=1000, goal_depth=180, boundary_width=300)
+)
 
 
 def test_robots_come_and_go() -> None:
@@ -34,23 +43,48 @@ def test_what_cannot_be_is_refused_and_the_rest_is_done() -> None:
     with here(Field(*QUIET, FAST, blue="2", yellow="1")) as (client, _):
         both = serving.teleport(0, BLUE, x=1.0, y=0.0) + serving.teleport(1, BLUE, x=1.05, y=0.0)  # one message, merged
         assert client.codes(0, both) == ["OCCUPIED", "OCCUPIED"]
-        config = serving.field(2, serving.message(None, serving.message(1), b"", 70_000))
-        assert client.codes(0, config) == ["ROBOT_SPECS", "REALISM", "VISION_PORT"]
-        sizes = [serving.message(length, 6000, 1000, 180, 300) for length in (100, 8000)]  # mm
-        small, large = (serving.field(2, serving.field(1, serving.field(1, size))) for size in sizes)
-        assert client.codes(0, small) == ["GEOMETRY"]
-        assert client.codes(0, large) == []
-        assert client.codes(0, serving.teleport(0, BLUE, x=4.25, y=0.0)) == ["OCCUPIED"]  # the wall is at 4.3 m
-        assert client.codes(0, serving.teleport(0, BLUE, x=4.1, y=0.0)) == []
-        for _ in range(20):
-            seen = client.after(serving.world(0, 2.0))
-        assert seen["blue", 0][0] == pytest.approx(4.3 - 0.09, abs=0.02)
-        ball = serving.field(1, serving.field(1, serving.message(0.0, 0.5, None, 3.0)))
-        assert client.codes(0, ball) == ["BALL_LIES"]
+        config = SimulatorConfig(geometry=REFUSED_FIELD, robot_specs=[b"1"], realism_config=b"", vision_port=70_000)
+        packet = SimulatorCommand(config=config).SerializeToString()
+        assert client.codes(0, packet) == ["GEOMETRY", "ROBOT_SPECS", "REALISM", "VISION_PORT"]
+        assert client.codes(0, serving.teleport(0, BLUE, x=5.15, y=0.0)) == ["OCCUPIED"]  # the wall is at 5.2 m
+        assert client.codes(0, serving.teleport(0, BLUE, x=5.1, y=0.0)) == []
+        for ball in ({"x": 0.0, "vx": 3.0}, {"x": float("inf")}):
+            assert client.codes(0, serving.control(teleport_ball=ball)) == ["BALL"]
+        assert client.codes(0, serving.control(teleport_ball={"x": 1.0, "y": 0.5})) == []
         assert client.codes(0, serving.teleport(0, BLUE, x=float("nan"))) == ["TELEPORT"]
         assert client.codes(0, serving.teleport(16, BLUE, x=0.0, y=0.0)) == ["ROBOT_ID"]
         assert client.codes(0, serving.teleport(0, BLUE, x=-4.0, y=3.0)) == []
-        assert client.after(b"")["blue", 0][:2] == pytest.approx((-4.0, 3.0), abs=2e-3)
+        seen = client.step(b"")
+        assert serving.robots(seen)["blue", 0][:2] == pytest.approx((-4.0, 3.0), abs=2e-3)
+        assert (seen.balls[0].x, seen.balls[0].y) == (1000, 500)
+
+
+def test_a_world_has_twelve_robots_and_an_absent_one_makes_room() -> None:
+    field = Field(*QUIET, FAST, blue="11", yellow="1")
+    assert field.put(5, 3.0, 1.0, 0.5, team=YELLOW) == ["OCCUPIED"]
+    assert field.place({}, away=[(BLUE, 3)]) == []
+    before = field.poses
+    assert field.put(5, 3.0, 1.0, 0.5, team=YELLOW) == []
+    np.testing.assert_allclose(field.poses[:-1], before, atol=1e-12)
+    field.drive(20, yellow=local(5, 0.8))
+    assert np.hypot(*(field.poses[-1, :2] - [3.0, 1.0])) > 0.1
+    assert field.upright
+
+
+def test_a_world_that_becomes_unstable_goes_on_from_where_robots_last_were(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # where MuJoCo logs its warnings
+    field, curve = Field(*QUIET, FAST, yellow="2"), local(0, 0.6, 0.3, 1.5)
+    field.drive(30, curve, curve)
+    assert field.place({}, away=[(YELLOW, 1)]) == []
+    before = field.poses
+    field.break_physics()
+    field.drive(1, curve, curve)
+    np.testing.assert_allclose(field.poses, before, atol=1e-12)
+    field.drive(20, curve, curve)
+    assert field.upright
+    assert (np.hypot(*(field.poses - before)[:, :2].T) > 0.05).all()
 
 
 @settings(max_examples=15)

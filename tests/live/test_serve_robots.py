@@ -1,9 +1,14 @@
 """What robots do that are served: they obey all forms of commands, meet, stop at walls, and if they receive nothing."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from benches.serve import FAST, QUIET, Field
 from serving import local, wheels, world
+
+import omni_mj as om
 
 RADIUS_M = 0.09  # of the rules' envelope
 HEADING_RAD = 1e-7  # by which one command more or less, and the heading with it, changes a pose, rad and m
@@ -26,6 +31,19 @@ def test_the_forms_of_a_command_are_the_same_motion(heading: float) -> None:
     # Rim speeds leave turning to the wheels, without the loop on the gyro: a cm and a hundredth of a radian.
     np.testing.assert_allclose(ends[1:], [ends[0]] * 2, atol=0.01)
     assert abs(ends[0][2] - heading) < 0.01
+
+
+def test_rim_speeds_are_of_robots_with_four_wheels(tmp_path: Path) -> None:
+    """The default robot with three wheels refuses them; that with four turns counter-clockwise."""
+    text = (Path(om.__file__).parent / "robots" / "tigers-v2016.toml").read_text()
+    file, turn = tmp_path / "three.toml", wheels(0, 0.1, 0.1, 0.1, 0.1)
+    file.write_text(re.sub("azimuths_deg = .*", "azimuths_deg = [60, 180, 300]", text))
+    three, four = Field(*QUIET, FAST, robot=str(file)), Field(*QUIET, FAST)
+    assert three.command(turn) == ["WHEELS"]
+    three.drive(30, local(0, 0.0, 0.0, 1.0))
+    four.drive(30, turn)
+    for field in (three, four):
+        assert (field.twists[:, 2] > 0.5).all()
 
 
 @pytest.mark.parametrize("delay", [0, 3])

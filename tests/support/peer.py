@@ -16,7 +16,9 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-from serving import fields, float32, vision
+from serving import vision
+
+from omni_mj.live.wire.simulation_pb2 import RobotControl
 
 PERIOD_S = 1 / 60
 SUBSTEPS = 16
@@ -66,13 +68,12 @@ class Robots:
     def command(self, packet: bytes) -> None:
         _, twist, local = self._queue[-1]
         twist, local = twist.copy(), local.copy()
-        for raw in fields(packet).get(1, ()):
-            command = fields(raw)
-            number, (form, (values,)) = command[1][0], next(iter(fields(command[2][0]).items()))
-            if number < len(twist):
-                velocity = fields(values)
-                twist[number] = [float32(velocity[axis][0]) for axis in (1, 2, 3)]
-                local[number] = form == 2
+        for command in RobotControl.FromString(packet).robot_commands:
+            form = command.move_command.WhichOneof("command")
+            if command.id < len(twist):
+                velocity = getattr(command.move_command, form)
+                twist[command.id] = [value for _, value in velocity.ListFields()]
+                local[command.id] = form == "local_velocity"
         self._queue.append((self._step, twist, local))
 
     def advance(self) -> None:

@@ -9,16 +9,19 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_mj.link.camera import Camera, Timing
 from omni_mj.link.noise import Noise, Seed, Stream
-from omni_mj.live.serve.field import Area
 from omni_mj.live.wire import MM_PER_M
 from omni_mj.live.wire.simulation_pb2 import Team
-from omni_mj.live.wire.vision_pb2 import Detection
+from omni_mj.live.wire.vision_pb2 import Calibration, Detection
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ
+from omni_mj.worlds.field import SURFACE_M
 
 CYCLES_PER_FRAME = CYCLE_RATE_HZ // FRAME_RATE_HZ
 SEED_OFFSET = 1000  # added to a camera's number: its seeds differ from those of places
 ROBOT_HEIGHT_M = 0.15  # of the pattern above the carpet
+CAMERA_HEIGHT_M = 4.0
+IMAGE_SIZE = np.array([1920, 1200])  # pixels
+CAMERA_GRIDS = {1: (1, 1), 2: (2, 1), 3: (3, 1), 4: (2, 2)}  # number of cameras -> along x and y
 
 RobotName = tuple[int, int]  # team (a value of `Team`) and number
 
@@ -45,10 +48,11 @@ class FieldCamera:
     """One camera above the field.
 
     Images of the first one are taken at 0, 1/rate, ... and its noise is that of `run`. The others start anywhere
-    within their first period and have noise of their own.
+    within their first period and have noise of their own. Each sees a cell of a grid over the carpet, and of its
+    neighbours' cells a strip.
 
     Args:
-        number: Of the camera, from 0.
+        number: Of the camera, from 0, along x, then along y, from the lowest coordinates.
         rows: One per robot. Settings of the camera as a whole are those of the first.
 
     Attributes:
@@ -68,15 +72,17 @@ class FieldCamera:
         # The fraction of a widely scaled normal number is uniformly distributed.
         self._phase_s = 0.0 if number == 0 else phase * 1e3 % 1.0 / self._vision.rate_hz
         self.due = self._cycle_of(0)
+        columns, lines = CAMERA_GRIDS[self._vision.cameras]
+        cell = np.array(SURFACE_M) / (columns, lines)
+        self._centre = cell * (number % columns + 0.5, number // columns + 0.5) - np.array(SURFACE_M) / 2
+        self._half = (cell + self._vision.overlap_m) / 2
 
     def set_robots(self, rows: Sequence[Row]) -> None:
         """Observe these robots from now on."""
         seeds = [row.noise_seed if self._number == 0 else (*row.noise_seed, SEED_OFFSET + self._number) for row in rows]
         self._camera = Camera([row.settings.vision for row in rows], seeds, [row.faults for row in rows])
 
-    def take_image(
-        self, cycle: int, names: Sequence[RobotName], poses: Array, ball: Array, area: Area, epoch_s: float
-    ) -> Image:
+    def take_image(self, cycle: int, names: Sequence[RobotName], poses: Array, ball: Array, epoch_s: float) -> Image:
         """Take the image that is due.
 
         Args:
@@ -84,15 +90,13 @@ class FieldCamera:
             names: Of the robots, n.
             poses: True poses, shape (n, 3); NaN for robots that are not on the field.
             ball: Position, shape (2,), m.
-            area: That the camera sees.
             epoch_s: Time of a correct clock at simulated time 0, s.
         """
-        time_s = cycle / CYCLE_RATE_HZ
-        measured, _ = self._camera(poses, cycle // CYCLES_PER_FRAME)
+        time_s, frame = cycle / CYCLE_RATE_HZ, cycle // CYCLES_PER_FRAME
+        measured, _ = self._camera(poses, frame)
         measured = measured + self._offset
-        measured[~area.sees(poses[:, :2])] = np.nan
-        (sent_s,), (clock_lag_s,) = self._timing.at(cycle // CYCLES_PER_FRAME, time_s)
-        ball_noise = self._ball_noise.next()
+        measured[~self._sees(poses[:, :2])] = np.nan
+        (sent_s,), (clock_lag_s,) = self._timing.at(frame, time_s)
         epoch_s += self._clock_offset_s - clock_lag_s
         detection = Detection(
             frame_number=self._frame,
@@ -100,30 +104,47 @@ class FieldCamera:
             t_sent=epoch_s + sent_s,
             camera_id=self._number,
         )
-        if area.sees(ball[None])[0]:
-            x, y = ball + self._vision.position_noise_m * ball_noise[0] + self._offset[:2]
-            detection.balls.add(confidence=1.0, x=MM_PER_M * x, y=MM_PER_M * y, pixel_x=0.0, pixel_y=0.0)
-        _add_robots(detection, names, measured)
+        ball_noise = self._vision.position_noise_m * self._ball_noise.next()[0]
+        if self._sees(ball[None])[0]:
+            x, y = MM_PER_M * (ball + ball_noise + self._offset[:2])
+            detection.balls.add(confidence=1.0, x=x, y=y, pixel_x=0.0, pixel_y=0.0)
+        for (team, number), (x, y, heading) in sorted(zip(names, measured.tolist(), strict=True)):
+            if not math.isnan(x):
+                robots = detection.robots_blue if team == Team.BLUE else detection.robots_yellow
+                place = {"x": MM_PER_M * x, "y": MM_PER_M * y, "orientation": heading, "pixel_x": 0.0, "pixel_y": 0.0}
+                robots.add(confidence=1.0, robot_id=number, height=MM_PER_M * ROBOT_HEIGHT_M, **place)
         self._frame += 1
         self.due = self._cycle_of(self._frame)
         return Image(float(sent_s), cycle, tuple(names), measured, detection)
 
+    def calibration(self) -> Calibration:
+        """Return the calibration of a camera that looks straight down: half a turn about x, without distortion."""
+        (x, y), z = MM_PER_M * self._centre, MM_PER_M * CAMERA_HEIGHT_M
+        width, height = IMAGE_SIZE
+        return Calibration(
+            camera_id=self._number,
+            focal_length=CAMERA_HEIGHT_M * np.min(IMAGE_SIZE / (2 * self._half)),
+            principal_point_x=width / 2,
+            principal_point_y=height / 2,
+            distortion=0.0,
+            q0=1.0,
+            q1=0.0,
+            q2=0.0,
+            q3=0.0,
+            tx=-x,
+            ty=y,
+            tz=z,
+            derived_camera_world_tx=x,
+            derived_camera_world_ty=y,
+            derived_camera_world_tz=z,
+            pixel_image_width=width,
+            pixel_image_height=height,
+        )
+
+    def _sees(self, points: Array) -> np.ndarray:
+        """Return which points, shape (n, 2), are in the camera's view."""
+        return np.asarray((np.abs(points - self._centre) <= self._half).all(1))
+
     def _cycle_of(self, frame: int) -> int:
         """Return the first cycle that does not begin before an image is taken."""
         return math.ceil((frame / self._vision.rate_hz + self._phase_s) * CYCLE_RATE_HZ - 1e-6)
-
-
-def _add_robots(detection: Detection, names: Sequence[RobotName], poses: Array) -> None:
-    for (team, number), (x, y, heading) in sorted(zip(names, poses.tolist(), strict=True)):
-        if not math.isnan(x):
-            robots = detection.robots_blue if team == Team.BLUE else detection.robots_yellow
-            robots.add(
-                confidence=1.0,
-                robot_id=number,
-                x=MM_PER_M * x,
-                y=MM_PER_M * y,
-                orientation=heading,
-                pixel_x=0.0,
-                pixel_y=0.0,
-                height=MM_PER_M * ROBOT_HEIGHT_M,
-            )

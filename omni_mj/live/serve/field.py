@@ -1,20 +1,12 @@
-"""The field as SSL-Vision describes it, and the cameras above it: areas and calibrations."""
+"""The field as SSL-Vision describes it."""
 
-from dataclasses import dataclass
+import math
 
-import numpy as np
-
-from omni_control.errors import OmniError
-from omni_control.kinematics import Array
 from omni_mj.live.wire import MM_PER_M
-from omni_mj.live.wire.vision_pb2 import Calibration, FieldArc, FieldLine, FieldSize, Point, Shape
+from omni_mj.live.wire.vision_pb2 import FieldArc, FieldLine, FieldSize, Point, Shape
 from omni_mj.worlds import field
 
-CAMERA_HEIGHT_M = 4.0
-IMAGE_SIZE = np.array([1920, 1200])  # pixels
 BALL_RADIUS_M, ROBOT_RADIUS_M = 0.0215, 0.09
-MIN_SIZE_M, MAX_SIZE_M, MAX_MARGIN_M = 1.0, 30.0, 5.0  # of fields that are accepted
-CAMERA_GRIDS = {1: (1, 1), 2: (2, 1), 3: (3, 1), 4: (2, 2)}  # number of cameras -> along x and y
 
 
 def standard_field() -> FieldSize:
@@ -51,7 +43,7 @@ def standard_field() -> FieldSize:
         center=Point(x=0, y=0),
         radius=MM_PER_M * field.CIRCLE_RADIUS_M,
         a1=0.0,
-        a2=2 * np.pi,
+        a2=2 * math.pi,
         thickness=thickness,
         type=Shape.CENTER_CIRCLE,
     )
@@ -68,75 +60,3 @@ def standard_field() -> FieldSize:
         ball_radius=MM_PER_M * BALL_RADIUS_M,
         max_robot_radius=MM_PER_M * ROBOT_RADIUS_M,
     )
-
-
-def surface(size: FieldSize) -> Array:
-    """Return length and width between the walls, shape (2,), m.
-
-    Raises:
-        OmniError: The lengths are out of range.
-    """
-    length, width, margin = (value / MM_PER_M for value in (size.field_length, size.field_width, size.boundary_width))
-    plausible = all(MIN_SIZE_M <= value <= MAX_SIZE_M for value in (length, width))
-    if not plausible or not 0 <= margin <= MAX_MARGIN_M:
-        raise OmniError(
-            f"a field must be {MIN_SIZE_M:g} to {MAX_SIZE_M:g} m long and wide with a margin of up to "
-            f"{MAX_MARGIN_M:g} m, not {length:g} x {width:g} m with {margin:g} m"
-        )
-    return np.array([length, width]) + 2 * margin
-
-
-@dataclass(frozen=True, eq=False)
-class Area:
-    """Part of the carpet that a camera sees.
-
-    Attributes:
-        middle: Its centre, shape (2,), m.
-        half: Half of its extent, shape (2,), m.
-    """
-
-    middle: Array
-    half: Array
-
-    def sees(self, points: Array) -> np.ndarray:
-        """Return which points, shape (n, 2), are in the area."""
-        return np.asarray((np.abs(points - self.middle) <= self.half).all(1))
-
-    def calibration(self, camera: int) -> Calibration:
-        """Return the calibration of a camera that looks straight down: half a turn about x, without distortion."""
-        x, y = MM_PER_M * self.middle
-        z = MM_PER_M * CAMERA_HEIGHT_M
-        width, height = IMAGE_SIZE
-        return Calibration(
-            camera_id=camera,
-            focal_length=CAMERA_HEIGHT_M * np.min(IMAGE_SIZE / (2 * self.half)),
-            principal_point_x=width / 2,
-            principal_point_y=height / 2,
-            distortion=0.0,
-            q0=1.0,
-            q1=0.0,
-            q2=0.0,
-            q3=0.0,
-            tx=-x,
-            ty=y,
-            tz=z,
-            derived_camera_world_tx=x,
-            derived_camera_world_ty=y,
-            derived_camera_world_tz=z,
-            pixel_image_width=width,
-            pixel_image_height=height,
-        )
-
-
-def areas(n_cameras: int, extent: Array, overlap: float) -> list[Area]:
-    """Divide the carpet among 1 to 4 cameras.
-
-    Args:
-        n_cameras: Number of cameras. They are numbered along x, then along y, from the lowest coordinates.
-        extent: Length and width between the walls, shape (2,), m.
-        overlap: Width of the strip that two neighbours both see, m.
-    """
-    columns, rows = CAMERA_GRIDS[n_cameras]
-    cell = extent / (columns, rows)
-    corners = [np.array([i, j]) for j in range(rows) for i in range(columns)]
-    return [Area(cell * (corner + 0.5) - extent / 2, (cell + overlap) / 2) for corner in corners]

@@ -4,19 +4,16 @@ import math
 import selectors
 import socket
 import time
-from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing
 from functools import partial
 from itertools import islice
 from typing import Any
 
-from omni_control.errors import OmniError
-from omni_mj.live.serve import control
-from omni_mj.live.serve.cameras import CYCLES_PER_FRAME
-from omni_mj.live.serve.commands import Refusal
+from omni_mj.live.serve.cameras import CYCLES_PER_FRAME, Image
 from omni_mj.live.serve.pitch import Pitch
-from omni_mj.live.serve.publisher import Pace, Publisher
-from omni_mj.live.sockets import LOOPBACK, Address, Receiver, Stream, listen, reason
+from omni_mj.live.serve.requests import Refusal, read_ball
+from omni_mj.live.sockets import LOOPBACK, Address, Receiver, Stream, listen, reason, sender
 from omni_mj.live.wire import WireError, parse
 from omni_mj.live.wire.simulation_pb2 import (
     RobotControl,
@@ -28,17 +25,25 @@ from omni_mj.live.wire.simulation_pb2 import (
     SyncRequest,
     SyncResponse,
     Team,
+    TeleportBall,
 )
-from omni_mj.live.wire.vision_pb2 import Detection, Geometry
+from omni_mj.live.wire.vision_pb2 import Detection, VisionPacket
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ
 
-MIN_SPAN_CYCLES = 4  # simulated at a time while nothing comes and nothing is due
+SPAN_CYCLES = 4  # simulated at a time while nothing comes and nothing is due
 BURST = 64  # datagrams read from one port before the others have their turn
-REPEAT_S = 0.2  # in lockstep, between repetitions of the last images until the first command
 CHECK_S = 0.1  # for which nothing else is looked after at most
+EARLY_S = 1e-9  # by which rounding may have a packet leave
+GEOMETRY_CYCLES = CYCLE_RATE_HZ  # from one packet of the geometry to the next
+MAX_DELAY_S = 0.1  # of our time, by which the simulation may be late before it gives up catching up
 MAX_SPEED = 1000.0  # simulated seconds per second
 MAX_STEP_S = 10.0  # of a request in the synchronous mode
-BOTH_TEAMS = {Team.BLUE, Team.YELLOW}
+ASKED = "blue commands", "yellow commands", "synchronous requests"  # by which time goes in lockstep
+REFUSED = {  # fields of a request to the simulator -> code and reason
+    "geometry": ("GEOMETRY", "the field is that of division B"),
+    "robot_specs": ("ROBOT_SPECS", "robots are those of their files: start serve with --robot and --set"),
+    "realism_config": ("REALISM", "realism is a scenario's: start serve with --scenario and --set"),
+}
 
 
 class Server:
@@ -49,17 +54,14 @@ class Server:
         ports: Of the simulator, the blue and the yellow robots; 0 takes a free one.
         vision: Where detections go.
         interface: Address of the network interface; loopback keeps everything on this computer.
-        speed: Simulated seconds per second.
-        lockstep: "" if time goes by itself; "any" if each packet to a team makes a step to the first camera's next
-            image; "both" if a packet to each team does.
+        speed: Simulated seconds per second; 0 pauses.
+        lockstep: Whether time goes by commands: each packet to a team makes a step to the first camera's next image.
 
     Attributes:
         after_frame: Called after every 1/60 s of simulated time; set it before `run`.
         ports: That are listened to: control, blue, yellow.
-        publisher: Of what cameras see.
-        pace: Of simulated time.
-        notes: What went wrong.
-        counts: Of packets.
+        notes: Counts of packets, and what went wrong.
+        behind_s: By how much, in our time, the simulation fell behind because the computer was too slow.
 
     Raises:
         OmniError: A port is taken, or there is no such interface.
@@ -72,81 +74,123 @@ class Server:
         vision: Address,
         interface: str = LOOPBACK,
         speed: float = 1.0,
-        lockstep: str = "",
+        lockstep: bool = False,
     ) -> None:
-        self.pitch, self.lockstep, self.notes, self.pace = pitch, lockstep, pitch.notes, Pace(speed)
+        self.pitch, self.notes, self.vision, self.lockstep = pitch, pitch.notes, vision, lockstep
         self.after_frame: Callable[[], None] = lambda: None
-        self.publisher = Publisher(pitch, vision, interface, self.pace)
-        self.counts: Counter[str] = self.publisher.counts
-        self._selector = selectors.DefaultSelector()
+        self.behind_s, self._cycle_remainder, self._geometry_due = 0.0, 0.0, 0
+        self._outbox = list[Image]()
+        self._newest = dict[int, bytes]()  # camera -> packet
         self.ports = list[int]()
-        try:
+        self._set_speed(speed)
+        with ExitStack() as stack:
+            self._selector = stack.enter_context(selectors.DefaultSelector())
+            self._socket = stack.enter_context(closing(sender(interface)))
             for number, team in zip(ports, (None, Team.BLUE, Team.YELLOW), strict=True):
-                port = Receiver(Address(interface, number), interface)
+                port = stack.enter_context(closing(Receiver(Address(interface, number), interface)))
                 self._register(port, self._answer, team)
                 self.ports.append(port.address.port)
                 if lockstep:
-                    self._register(listen(port.address), self._accept, team)
-        except BaseException:
-            self.close()
-            raise
-        self._heard_teams, self._repeated_at, self._cycle_remainder = set[int](), -math.inf, 0.0
+                    self._register(stack.enter_context(listen(port.address)), self._accept, team)
+            self._stack = stack.pop_all()
 
     def run(self, check: Callable[[], None] = lambda: None, until_s: float = math.inf) -> None:
         """Serve until simulated time is over, or `check`, which is called often, raises something."""
         pitch = self.pitch
         if not self.lockstep:  # in lockstep time stamps are the same in all runs
             pitch.epoch_s = time.time() - pitch.time_s
-        self.pace.change(self.pace.speed, time.monotonic(), pitch.cycle)
-        self.publisher.update()
+        self._set_speed(self.speed)
+        self._publish()
         while pitch.time_s < until_s:
             check()
-            if self.lockstep:
-                self._wait(time.monotonic() + CHECK_S)
-                self._repeat_until_first_command()
-            else:
+            if not self.lockstep:
                 self._simulate_due_cycles()
+            elif not self._handle_requests(CHECK_S) and not any(self.notes[kind] for kind in ASKED):
+                self._repeat()  # clients that come later see the last images until the first command
 
     def close(self) -> None:
         """Free the ports."""
-        self.publisher.close()
-        for key in list(self._selector.get_map().values()):
-            key.fileobj.close()  # type: ignore[union-attr]
-        self._selector.close()
+        self._stack.close()
+
+    def _set_speed(self, speed: float) -> None:
+        """Go on at a speed from now."""
+        self.speed, self._started = speed, (time.monotonic(), self.pitch.cycle)
+
+    def _time_of(self, cycle: int) -> float:
+        """Return when a cycle is due (`time.monotonic`), s; infinity during a pause."""
+        time_s, first_cycle = self._started
+        return time_s + (cycle - first_cycle) / (self.speed * CYCLE_RATE_HZ) if self.speed else math.inf
 
     def _simulate_due_cycles(self) -> None:
         """Simulate what is due, then wait for packets until more is."""
-        pitch, now = self.pitch, time.monotonic()
-        due = self.pace.cycle_at(now)
-        if self.pace.skip_delay(now, pitch.cycle):
-            text = "this computer is too slow for this speed; simulated time falls behind"
-            self.notes.add("too slow", text)
-            due = pitch.cycle
-        self._advance(min(due, pitch.cycle + CYCLES_PER_FRAME))
-        # Half of what is left to the next packet at a time: few wakings, and little left when it is due.
-        left = self.publisher.due - pitch.cycle
-        wake = pitch.cycle + min(left, max(left // 2, MIN_SPAN_CYCLES))
-        self._wait(min(self.pace.time_of(wake), now + CHECK_S))
+        pitch, delay = self.pitch, time.monotonic() - self._time_of(self.pitch.cycle)
+        if delay > MAX_DELAY_S:
+            self.notes.add("too slow", "this computer is too slow for this speed; simulated time falls behind")
+            self.behind_s += delay
+            self._set_speed(self.speed)
+        self._catch_up()
+        due = min(camera.due for camera in pitch.cameras)
+        if self._outbox:
+            due = min(due, math.ceil(self._outbox[0].sent_s * CYCLE_RATE_HZ - 1e-6))
+        wake_s = self._time_of(max(min(due, pitch.cycle + SPAN_CYCLES), pitch.cycle + 1))
+        self._handle_requests(min(wake_s - time.monotonic(), CHECK_S))
+
+    def _catch_up(self) -> None:
+        """Simulate the cycles that are due, at most a frame of them."""
+        time_s, first_cycle = self._started
+        due = first_cycle + math.floor((time.monotonic() - time_s) * self.speed * CYCLE_RATE_HZ)
+        self._advance(min(due, self.pitch.cycle + CYCLES_PER_FRAME))
 
     def _advance(self, until: int) -> list[Detection]:
         """Simulate up to a cycle. Return the detections that were sent meanwhile."""
         pitch, detections = self.pitch, list[Detection]()
         while pitch.cycle < until:
-            frame_end = (pitch.cycle // CYCLES_PER_FRAME + 1) * CYCLES_PER_FRAME
-            pitch.advance(max(int(min(until, frame_end, self.publisher.due)), pitch.cycle + 1))
-            if self.publisher.due <= pitch.cycle:
-                detections += self.publisher.update()
+            pitch.advance()
+            detections += self._publish()
             if pitch.cycle % CYCLES_PER_FRAME == 0:
                 self.after_frame()
         return detections
 
-    def _wait(self, until: float) -> None:
-        """Handle packets that come until then (`time.monotonic`). Return after the first ones."""
-        for key, _ in self._selector.select(max(until - time.monotonic(), 0.0)):
+    def _publish(self) -> list[Detection]:
+        """Take the images that are due and send what is due. Return the detections that were sent."""
+        for image in self.pitch.take_images():
+            if math.isfinite(image.sent_s):
+                self._outbox.append(image)
+                self._outbox.sort(key=lambda image: image.sent_s)
+        detections = []
+        while self._outbox and self._outbox[0].sent_s <= self.pitch.time_s + EARLY_S:
+            image = self._outbox.pop(0)
+            self.pitch.publish(image)
+            packet = VisionPacket(detection=image.detection).SerializeToString()
+            self._newest[image.detection.camera_id] = packet
+            self._send(packet)
+            detections.append(image.detection)
+        if self.pitch.cycle >= self._geometry_due:
+            self._geometry_due = self.pitch.cycle + GEOMETRY_CYCLES
+            self._send(VisionPacket(geometry=self.pitch.geometry()).SerializeToString())
+        return detections
+
+    def _repeat(self) -> None:
+        """Send the geometry and the last detection of each camera once more."""
+        self._send(VisionPacket(geometry=self.pitch.geometry()).SerializeToString())
+        for packet in self._newest.values():
+            self._send(packet)
+
+    def _send(self, packet: bytes) -> None:
+        try:
+            self._socket.sendto(packet, self.vision)
+            self.notes["vision packets sent"] += 1
+        except OSError as error:
+            self.notes.add("vision not sent", f"cannot send to {self.vision}: {reason(error)}")
+
+    def _handle_requests(self, seconds: float) -> bool:
+        """Handle packets that come within some seconds. Return whether any came."""
+        events = self._selector.select(max(seconds, 0.0))
+        for key, _ in events:
             if not self.lockstep:  # what comes now acts in the cycle that begins next
-                due = self.pace.cycle_at(time.monotonic())
-                self._advance(min(due, self.pitch.cycle + CYCLES_PER_FRAME))
+                self._catch_up()
             key.data()
+        return bool(events)
 
     def _register(self, port: Any, handle: Callable[[Any, int | None], None], team: int | None) -> None:
         """Call `handle` whenever something comes to a socket of a team, or, if it is None, of the simulator."""
@@ -157,31 +201,24 @@ class Server:
         for data, _, client in islice(port.packets(), BURST):
             try:
                 if team is None:
-                    answer = SimulatorResponse(errors=self._obey_simulator(parse(SimulatorCommand, data)))
+                    answer = SimulatorResponse(errors=self._obey(parse(SimulatorCommand, data)))
                     if self.lockstep:
-                        self.publisher.repeat()
+                        self._repeat()
                 else:
                     answer = self._command(team, parse(RobotControl, data))
-                    self._step_after(team)
+                    if self.lockstep:
+                        self._advance(self.pitch.cameras[0].due)
+                port.reply(answer.SerializeToString(), client)
             except WireError as error:
                 self.notes.add("bad packets", f"a packet from {client} is skipped: {error}")
-                continue
-            try:
-                port.reply(answer.SerializeToString(), client)
             except OSError as error:
                 self.notes.add("answers not sent", f"cannot answer {client}: {reason(error)}")
-
-    def _step_after(self, team: int) -> None:
-        """In lockstep, make a step if all teams that must have sent commands."""
-        self._heard_teams.add(team)
-        if self.lockstep == "any" or (self.lockstep and self._heard_teams == BOTH_TEAMS):
-            self._heard_teams.clear()
-            self._advance(self.pitch.next_leading_image)
 
     def _accept(self, listener: socket.socket, team: int | None) -> None:
         """Let a client of the synchronous mode in."""
         try:
-            self._register(Stream(listener.accept()[0]), self._converse, team)
+            stream = self._stack.enter_context(closing(Stream(listener.accept()[0])))
+            self._register(stream, self._converse, team)
         except OSError as error:
             self.notes.add("clients lost", f"a client left before it was let in: {reason(error)}")
 
@@ -196,81 +233,64 @@ class Server:
             stream.close()
 
     def _answer_sync(self, team: int | None, request: SyncRequest) -> SyncResponse:
-        self.counts["synchronous requests"] += 1
-        answer, errors, cycles = RobotControlResponse(), list[SimulatorError](), 0
-        if request.HasField("simulator_command"):
-            errors += self._obey_simulator(request.simulator_command)
-        if request.HasField("robot_control"):
-            if team is None:
-                errors.append(SimulatorError(code="NO_TEAM", message="commands to robots go to a team's port"))
-            else:
-                answer = self._command(team, request.robot_control)
+        self.notes["synchronous requests"] += 1
+        answer, cycles = RobotControlResponse(), 0
+        errors = self._obey(request.simulator_command) if request.HasField("simulator_command") else []
+        if request.HasField("robot_control") and team is not None:
+            answer = self._command(team, request.robot_control)
+        elif request.HasField("robot_control"):
+            answer.errors.add(code="NO_TEAM", message="commands to robots go to a team's port")
+        answer.errors.extend(errors)
         if 0 <= request.sim_step <= MAX_STEP_S:
             exact = request.sim_step * CYCLE_RATE_HZ + self._cycle_remainder
             cycles = round(exact)
             self._cycle_remainder = exact - cycles
         else:
             text = f"a step takes 0 to {MAX_STEP_S:g} s, not {request.sim_step:g}"
-            errors.append(SimulatorError(code="STEP", message=text))
-        answer.errors.extend(errors)
+            answer.errors.add(code="STEP", message=text)
         return SyncResponse(detection=self._advance(self.pitch.cycle + cycles), robot_control_response=answer)
 
-    def _obey_simulator(self, command: SimulatorCommand) -> list[SimulatorError]:
+    def _obey(self, command: SimulatorCommand) -> list[SimulatorError]:
         """Obey a command to the simulator. Return what is refused."""
-        self.counts["simulator commands"] += 1
-        errors = list[SimulatorError]()
+        self.notes["simulator commands"] += 1
+        errors = self.pitch.teleport(command.control.teleport_robot)
         handlers: dict[str, Callable[[Any], None]] = {
-            "geometry": self._replace_geometry,
             "vision_port": self._send_vision_to,
-            "teleport_ball": partial(control.teleport_ball, self.pitch),
+            "teleport_ball": self._teleport_ball,
             "simulation_speed": self._change_speed,
         }
         for field, value in command.config.ListFields() + command.control.ListFields():
             try:
-                if field.name in control.REFUSED:
-                    raise Refusal(*control.REFUSED[field.name])
+                if field.name in REFUSED:
+                    raise Refusal(*REFUSED[field.name])
                 if field.name in handlers:
                     handlers[field.name](value)
             except Refusal as refusal:
                 errors.append(refusal.error)
-        return errors + control.teleport_robots(self.pitch, command.control.teleport_robot)
-
-    def _replace_geometry(self, geometry: Geometry) -> None:
-        try:
-            self.pitch.resize(geometry.field)
-        except OmniError as error:
-            raise Refusal("GEOMETRY", str(error)) from None
-        self.publisher.send_geometry()
+        return errors
 
     def _send_vision_to(self, port: int) -> None:
         if not 0 < port < 65_536:
             raise Refusal("VISION_PORT", f"ports are 1 to 65535, not {port}")
-        self.publisher.to = self.publisher.to._replace(port=port)
+        self.vision = self.vision._replace(port=port)
+
+    def _teleport_ball(self, ball: TeleportBall) -> None:
+        self.pitch.ball = read_ball(ball, self.pitch.ball)
 
     def _change_speed(self, speed: float) -> None:
         if not 0 <= speed <= MAX_SPEED:
             raise Refusal("SPEED", f"a simulation runs 0 to {MAX_SPEED:g} times as fast as time, not {speed:g}")
         if self.lockstep:
             raise Refusal("LOCKSTEP", "in lockstep, time goes by commands")
-        self.pace.change(speed, time.monotonic(), self.pitch.cycle)
+        self._set_speed(speed)
 
     def _command(self, team: int, commands: RobotControl) -> RobotControlResponse:
         """Pass commands on to robots."""
-        self.counts[f"{Team.Name(team).lower()} commands"] += 1
+        self.notes[f"{Team.Name(team).lower()} commands"] += 1
         errors, commanded = self.pitch.command(team, commands.robot_commands)
         for error in errors:
             self.notes.add(f"refused: {error.code}", error.message)
         if any(command.kick_speed or command.dribbler_speed for command in commands.robot_commands):
-            if not self.notes.counts["kicks"]:  # said once, to either side
-                text = "robots here neither kick nor dribble; they only move"
-                errors.append(SimulatorError(code="NO_KICK", message=text))
-            self.notes.add("kicks", "kicks and dribblers are ignored: robots here only move")
+            self.notes.add("kicks", "robots here neither kick nor dribble; they only move")
         feedback = [RobotFeedback(id=number, dribbler_ball_contact=False) for number in commanded]
         return RobotControlResponse(errors=errors, feedback=feedback)
-
-    def _repeat_until_first_command(self) -> None:
-        """In lockstep, let clients that come later see the last images until the first command."""
-        kinds = "blue commands", "yellow commands", "synchronous requests"
-        if not any(self.counts[kind] for kind in kinds) and time.monotonic() - self._repeated_at > REPEAT_S:
-            self._repeated_at = time.monotonic()
-            self.publisher.repeat()

@@ -17,9 +17,8 @@ from serving import LOOPBACK, free_port
 from omni_control import Controller
 from omni_mj.live import report, session
 from omni_mj.live.drive import Live
-from omni_mj.live.notes import Notes
 from omni_mj.live.session import Options
-from omni_mj.live.sockets import Address
+from omni_mj.live.sockets import Address, Notes
 from omni_mj.scenarios.scenario import Scenario, scenario
 from omni_mj.simulate.simulation import Simulation
 

@@ -3,18 +3,16 @@
 from collections.abc import Sequence
 
 import numpy as np
-from serving import vision
+from serving import RobotSeen, vision
 
 from omni_mj.live import sockets
-from omni_mj.live.cameras import VisionCamera as VisionCamera
-from omni_mj.live.clock import Clock as Clock
-from omni_mj.live.notes import Notes
 from omni_mj.live.sockets import Address as Address
+from omni_mj.live.sockets import Notes
 from omni_mj.live.sockets import Receiver as Receiver
+from omni_mj.live.vision import Clock as Clock
 from omni_mj.live.vision import Vision
 
 PERIOD_S = 1 / 60
-Robot = tuple[int, float, float, float]
 sender = sockets.sender
 
 
@@ -23,22 +21,24 @@ class Camera:
 
     def __init__(self, *ids: int, colour: str = "blue") -> None:
         self.said: list[str] = []
-        self.notes = Notes(self.said.append)
-        self.vision = Vision(colour, ids, self.notes)  # type: ignore[arg-type]
+        self.vision = Vision(colour, Notes(self.said.append))  # type: ignore[arg-type]
+        self.vision.ids = list(ids)
 
-    def packet(
-        self, frame: int, robots: Sequence[Robot], *, camera: int = 0, age: float = 0.0, offset: float = 0.0
-    ) -> bytes:
-        sent = offset + frame * PERIOD_S
-        return vision(frame, robots, camera=camera, captured=sent - age, sent=sent)
-
-    def see(self, frame: int, robots: Sequence[Robot], sender: str = "", at: float | None = None, **how: float) -> bool:
+    def see(
+        self,
+        frame: int,
+        robots: Sequence[RobotSeen],
+        *,
+        camera: int = 0,
+        age: float = 0.0,
+        offset: float = 0.0,
+        at: float | None = None,
+    ) -> bool:
         """Take in a packet; whether it counts."""
-        packet = self.packet(frame, robots, **how)  # type: ignore[arg-type]
-        return self.vision.add(packet, frame * PERIOD_S if at is None else at, sender) is not None
+        sent = offset + frame * PERIOD_S
+        packet = vision(frame, robots, camera=camera, captured=sent - age, sent=sent)
+        return self.vision.add(packet, frame * PERIOD_S if at is None else at, "somebody")
 
-    def at(self, time: float, twist: np.ndarray | None = None, leader: int | None = None) -> np.ndarray:
-        """Poses at a tick."""
-        twist = np.zeros((len(self.vision.ids), 3)) if twist is None else twist
-        poses, self.seen = self.vision.at(time, PERIOD_S, twist, leader)
-        return poses
+    def at(self, time: float, *expected: Sequence[float], rate: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+        """What was seen at a tick of robots that are expected at these poses, and its age."""
+        return self.vision.at(time, rate, np.array(expected or np.zeros((len(self.vision.ids), 3))))

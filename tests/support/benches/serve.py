@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from serving import BLUE, LOOPBACK, Client
 
-from omni_mj.live.notes import Notes
 from omni_mj.live.serve import line_up
-from omni_mj.live.serve.log import TableWriter, Tape
-from omni_mj.live.serve.pitch import Pitch, label
+from omni_mj.live.serve.pitch import Pitch
+from omni_mj.live.serve.recorder import Recorder
+from omni_mj.live.serve.requests import label
 from omni_mj.live.serve.server import Server
-from omni_mj.live.sockets import Address
+from omni_mj.live.sockets import Address, Notes
 from omni_mj.live.wire import parse
-from omni_mj.live.wire.simulation_pb2 import RobotControl, Team
+from omni_mj.live.wire.simulation_pb2 import RobotControl
 
 QUIET = (
     "vision.position_noise_m=0",
@@ -42,18 +42,11 @@ class Field:
         blue: str = "1",
         yellow: str = "0",
         scenario: str | None = None,
-        seed: int = 0,
-        **robots: str,
+        **head: Any,
     ) -> None:
-        head = {"seed": seed} | {key: value for key, value in robots.items() if key == "robot"}
-        ours = line_up.load(scenario, sets, head)
-        theirs = line_up.load(scenario, sets, head | {"robot": robots.get("yellow_robot", ours.robot)})
-        line_up.check_together(ours, theirs)
-        numbers = line_up.numbers(blue, "--blue"), line_up.numbers(yellow, "--yellow")
-        poses = line_up.poses(*numbers, ours if scenario else None)
-        self.pitch = Pitch({Team.BLUE: ours, Team.YELLOW: theirs}, poses, Notes())
-        self.tape: Tape | None = None
-        self._table: TableWriter | None = None
+        poses = line_up.poses(line_up.numbers(blue, "--blue"), line_up.numbers(yellow, "--yellow"))
+        self.pitch = Pitch(line_up.load(scenario, sets, head), poses, Notes())
+        self.recorder: Recorder | None = None
 
     @property
     def names(self) -> list[str]:
@@ -66,15 +59,11 @@ class Field:
 
     @property
     def twists(self) -> np.ndarray:
-        return self.pitch.world.gather(lambda squad: squad.twist())[self.pitch.world.present]
-
-    @property
-    def telemetry(self) -> Any:
-        return self.pitch.world.telemetry()
+        return self.pitch.plant.twist()[self.pitch.plant.present]
 
     @property
     def upright(self) -> bool:
-        return all((squad.present == ~squad._failed).all() for squad in self.pitch.world.squads)
+        return bool((self.pitch.plant.present == ~self.pitch.plant._failed).all())
 
     @property
     def time_s(self) -> float:
@@ -90,7 +79,7 @@ class Field:
         images = []
         for _ in range(count):
             images += self.look()
-            self.pitch.advance(self.pitch.cycle + 1)
+            self.pitch.advance()
         return images
 
     def look(self) -> list[Any]:
@@ -100,15 +89,14 @@ class Field:
             self.pitch.publish(image)
         return images
 
-    def drive(self, frames: int, blue: bytes = b"", yellow: bytes = b"", every: int = 1) -> list[Any]:
-        """Go on by frames, with the same commands in every so many; the images that were taken meanwhile."""
+    def drive(self, frames: int, blue: bytes = b"", yellow: bytes = b"") -> list[Any]:
+        """Go on by frames, with the same commands in each; the images that were taken meanwhile."""
         images = []
-        for frame in range(frames):
-            if frame % every == 0:
-                assert self.command(blue) == self.command(yellow, 1) == []
+        for _ in range(frames):
+            assert self.command(blue) == self.command(yellow, 1) == []
             images += self.cycles(CYCLES)
-            if self.tape is not None:
-                self.tape.add()
+            if self.recorder is not None:
+                self.recorder.add()
         return images
 
     def place(self, poses: dict[tuple[int, int], Any], twist: Any = (0, 0, 0), away: Any = ()) -> list[str]:
@@ -120,36 +108,28 @@ class Field:
         """Put a robot down; codes of what is refused."""
         return [text.split()[0] for text in self.place({(team, number): pose}, twist)]
 
-    def release(self) -> None:
-        """Let no current flow: robots roll."""
-        for squad in self.pitch.world.squads:
-            squad.hold(np.zeros_like(squad.telemetry().current))
-
     def break_physics(self) -> None:
-        self.pitch.world._batch.bind("qvel")[0, 3] = 1e12
+        self.pitch.plant._batch.bind("qvel")[0, 3] = 1e12
 
     def heading_estimates(self) -> np.ndarray:
         """What robots take their headings to be."""
-        return np.concatenate([squad._kernel.state.onboard.loops.heading for squad in self.pitch.world.squads])
+        return np.asarray(self.pitch.plant.onboard.loops.heading)
 
     def voltage(self) -> float:
-        """Largest voltage of the first squad's motors in the cycle just past."""
-        return float(np.abs(self.pitch.world.squads[0]._at.ctrl.get()).max())
+        """Largest voltage of the motors in the cycle just past."""
+        return float(np.abs(self.pitch.plant._at.voltage.get()).max())
 
     def record(self, path: Path) -> None:
         """Record to a table until `finish`."""
-        self._table = TableWriter(path)
-        self.tape = Tape(self.pitch, [self._table])
+        self.recorder = Recorder(self.pitch, path)
 
     def finish(self) -> None:
-        assert self.tape is not None
-        assert self._table is not None
-        self.tape.flush()
-        self._table.finish()
+        assert self.recorder is not None
+        self.recorder.close()
 
 
 @contextmanager
-def here(field: Field, lockstep: str = "any", speed: float = 1.0) -> Iterator[tuple[Client, Server]]:
+def here(field: Field, lockstep: bool = True, speed: float = 1.0) -> Iterator[tuple[Client, Server]]:
     """A server in a thread, and a foreign client of it."""
     client, stop = Client(), threading.Event()
     server = Server(field.pitch, (0, 0, 0), Address(LOOPBACK, client.vision_port), speed=speed, lockstep=lockstep)

@@ -11,16 +11,16 @@ MESSAGES = {name: kind for file in FILES for name, kind in file.message_types_by
 ENUMERATIONS = {name: kind for file in FILES for name, kind in file.enum_types_by_name.items()}
 
 
-def table(message: str) -> dict[int, tuple[str, str, str]]:
-    """Field number -> label, type and name of a message's fields."""
-    rows = {}
+def table(message: str) -> str:
+    """Label (! required, ? optional, * repeated), number, type and name of a message's fields."""
+    kinds = {getattr(FieldDescriptor, name): name for name in dir(FieldDescriptor) if name.startswith("TYPE_")}
+    rows = []
     for field in MESSAGES[message].fields:
-        label = "repeated" if field.is_repeated else "required" if field.is_required else "optional"
+        label = "*" if field.is_repeated else "!" if field.is_required else "?"
         inside = field.message_type or field.enum_type
-        kinds = {getattr(FieldDescriptor, name): name for name in dir(FieldDescriptor) if name.startswith("TYPE_")}
         kind = inside.name if inside else kinds[field.type].removeprefix("TYPE_").lower()
-        rows[field.number] = label, kind, field.name
-    return rows
+        rows.append(f"{label}{field.number} {kind} {field.name}")
+    return ", ".join(rows)
 
 
 def read(packet: str, data: bytes) -> Any:
