@@ -27,12 +27,9 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.measure import causes
-from omni_mj.measure.errors import errors
-from omni_mj.measure.metrics import row_metrics
-from omni_mj.measure.recovery import NEAR_M
-from omni_mj.measure.statistics import spread
+from omni_mj.measure.metrics import NEAR_M, errors, row_metrics
+from omni_mj.measure.statistics import spread, verdicts
 from omni_mj.measure.table import Table, text
-from omni_mj.measure.verdict import verdicts
 from omni_mj.robots import builtin as robots
 from omni_mj.scenarios.faults import span
 from omni_mj.scenarios.references import timed
@@ -221,8 +218,10 @@ def compared(found: Sequence[Drive]) -> Iterator[str]:
     headings = ["", "ahead", "beyond chance", "behind", "beyond chance", "least ratio", "median", "9 in 10", "most"]
     yield text(Table(f"{SUBJECT}, means over seeds, over those of", headings, rows, 1))
     for drive in found:
-        for line in judged[drive.scenario.name]["why_not"]:
-            yield f"{drive.scenario.name} ({drive.scenario.robot}, {drive.scenario.description}): {line}"
+        for statistic, error in judged[drive.scenario.name]["errors"].items():
+            for rival in error["loses_to"]:
+                words = f"{drive.scenario.name} ({drive.scenario.robot}, {drive.scenario.description})"
+                yield f"{words}: {statistic} error {error['against'][rival]['ratio']} times that of {rival}"
 
 
 def traction(parts: dict[str, list[Drive]]) -> Iterator[Table]:

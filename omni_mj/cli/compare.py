@@ -27,23 +27,8 @@ KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet", *fol
 @options.PLANT
 @options.ROBOT
 @options.MODEL
-@click.option("--seeds", type=int, metavar="N", default=20, help="How many seeds at most, from the first on. [20]")
-@click.option(
-    "--half-width",
-    type=float,
-    metavar="SHARE",
-    default=0.05,
-    help="Half the 95 % interval of a competitor's mean error, as a share of it, that is enough; 0: all seeds. [0.05]",
-)
+@click.option("--seeds", type=int, metavar="N", default=10, help="How many seeds, from the first on. [10]")
 @click.option("--seed", type=int, metavar="S", default=0, help="First seed of the random numbers. [0]")
-@click.option(
-    "--limits",
-    "found",
-    type=options.FOLDER,
-    metavar="DIR",
-    multiple=True,
-    help="What omni-mj limit found for one of the scenarios, to stand beside. May be repeated.",
-)
 @options.SUBJECT
 @options.SETTINGS
 @click.option("--trajectories", is_flag=True, help="Keep all frames: DIR/trajectories/<scenario>.parquet.")
@@ -54,23 +39,20 @@ KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet", *fol
 def command(
     choice: options.Choice,
     names: tuple[str, ...],
-    half_width: float,
-    found: tuple[Path, ...],
     subject: str | None,
     trajectories: bool,
     out: Path | None,
     overwrite: bool,
     quiet: bool,
 ) -> None:
-    """Compare controllers on many scenarios: errors, effort, time to settle, over as many seeds as it takes.
+    """Compare controllers on many scenarios: errors, effort, time to settle, and whether differences are by chance.
 
     Without --controller all that are installed are compared.
     """
     from omni_control.registry import available
     from omni_mj.cli.console import Interrupts
     from omni_mj.files import write
-    from omni_mj.measure import limits
-    from omni_mj.show import compare_table
+    from omni_mj.show import compare_table, figures
     from omni_mj.studies import compare
     from omni_mj.studies.outcome import total_frames
 
@@ -79,45 +61,35 @@ def command(
     names = names or compare.usual(plant)
     chosen = [choice.load(name) for name in names]
     options.tell_model(chosen[0], quiet)
-    compare.check(chosen, subject, half_width)
-    studies = [limits.read(path) for path in found]
-    limits.known(studies, chosen)  # before there is a folder
-    several = {"--scenario": names, "--limits": found}
-    repeat = [str(word) for option, values in several.items() for value in values for word in (option, value)]
-    repeat += [*choice.words, "--half-width", f"{half_width:g}"]
+    compare.check(chosen, subject)
+    repeat = ["omni-mj", "compare", *(word for name in names for word in ("--scenario", name)), *choice.words]
     repeat += ["--subject", subject] if subject else []
     folder = folders.prepare(out, "compare", (*OUTPUTS, *KEPT), overwrite)
 
     def save(result: "Result") -> None:
-        result.repeat = shlex.join(["omni-mj", "compare", *repeat])
+        result.repeat = shlex.join(repeat)
         result.save_summary(folder)
         write(folder / "compare.md", compare_table.markdown(result.summary()))
 
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
         folders.begin_record(folder, "compare", console.command_line(), chosen, trajectories)
 
-        def before_block(simulation: "Simulation") -> "AfterFrame":
-            console.quiet_mujoco()
-            run, own = simulation.scenario, simulation.log.seeds
-            number = [each.name for each in chosen].index(run.name) + 1
-            title = f"{run.name} ({number} of {len(chosen)}), seeds {own[0]} to {own[-1]}"
+        def before(simulation: "Simulation") -> "AfterFrame":
+            name = simulation.scenario.name
+            title = f"{name} ({[each.name for each in chosen].index(name) + 1} of {len(chosen)})"
             return console.checked(interrupts.check, begin(title, total_frames(simulation)))
 
-        def after_block(result: "Result", outcome: "Outcome") -> None:
+        def after(result: "Result", outcome: "Outcome") -> None:
             save(result)
             result.save_outcome(outcome if trajectories else replace(outcome, log=None), folder)
 
-        result = compare.compare(
-            chosen, choice.controllers, chosen[0].seed_list, subject, half_width=half_width, known=studies,
-            watch=compare.Watch(before_block, after_block),
-        )  # fmt: skip
+        seeds = chosen[0].seed_list
+        result = compare.compare(chosen, choice.controllers, seeds, subject, before=before, after=after)
     with console.writing(folder):
         save(result)
-    with console.drawing(folder):
-        from omni_mj.show import figures
-
-        figures.save_comparison(result.summary(), folder / "compare")
     summary = result.summary()
+    with console.drawing(folder):
+        figures.save_comparison(summary, folder / "compare")
     if not quiet:
         compare_table.show(summary)
         print(f"{console.results(folder, (*OUTPUTS, *KEPT))} after {result.wall_s:.0f} s")

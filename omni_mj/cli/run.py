@@ -192,15 +192,14 @@ def _drive(
 
 def _table(result: "Result") -> None:
     """Print the table, and what happened."""
-    from omni_mj.measure import causes, recovery
-    from omni_mj.measure.table import table
+    from omni_mj.measure.table import recovery_table, table, why_table
     from omni_mj.show import tables
 
     (outcome,) = result.outcomes
     if outcome.entry["results"]:
         summary = result.summary()
         tables.show(table(summary))
-        for more in (causes.table(summary), recovery.table(summary)):
+        for more in (why_table(summary), recovery_table(summary)):
             if more:
                 tables.show(more)
         console.print_events(outcome.entry)

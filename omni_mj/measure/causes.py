@@ -4,15 +4,9 @@ A wheel that pulls creeps: the rim's speed differs from the carpet's in proporti
 Slip beyond what it creeps there is sliding, in which the carpet gives no more however fast the wheel turns.
 """
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from omni_control.kinematics import Array, world_to_body
-from omni_mj.measure.errors import mean
-from omni_mj.measure.statistics import Spread, plain, spread
-from omni_mj.measure.table import Table, label, number
 from omni_mj.scenarios.settings import PERIOD_S, ControlSettings, Settings
 from omni_mj.simulate.log import Log
 
@@ -21,7 +15,6 @@ SLIDING, VOLTAGE, CURRENT, HELD_BACK = "sliding", "full_voltage", "current_limit
 CAUSES = {SLIDING: "wheels slide", VOLTAGE: "full voltage", CURRENT: "current limited", HELD_BACK: "held back"}
 DUTY = "duty_mean"
 NAMES = {f"{cause}_share": name for cause, name in CAUSES.items()} | {DUTY: "duty"}
-WORTH = 0.05  # share from which on a table on the terminal tells of causes
 SLIDES_M_S = 0.02  # slip above what is creep at Coulomb's limit, which is known to about 2 %
 ROUNDING = 1e-9  # relative, of a command that was scaled to a limit
 DEFINITIONS = {
@@ -73,69 +66,25 @@ def at_limits(command: Array, before: Array, control: ControlSettings) -> dict[s
 
 def of_row(log: Log, row: int) -> dict[str, np.ndarray]:
     """In which of its frames each of `CAUSES` is there for a row, (frames,); without those that its plant lacks."""
-    own, settings = slice(log.lengths[row]), log.rows[row].settings
-    pose, slip = log.channel("pose")[own, row], log.channel("slip")[own, row]
-    found = {}
-    if not np.isnan(slip).all():
-        slides = (slip_beyond(pose, slip, settings) > 0).any(-1)
+    frames, settings = slice(log.lengths[row]), log.rows[row].settings
+    channel = {name: log.channel(name)[frames, row] for name in ("pose", "slip", "duty_peak", "current_limited")}
+    found: dict[str, np.ndarray] = {}
+    if not np.isnan(channel["slip"]).all():
+        slides = (slip_beyond(channel["pose"], channel["slip"], settings) > 0).any(-1)
         found[SLIDING] = np.concatenate([[False], slides])  # in the first frame nobody knows how fast it drives
-    if not np.isnan(duty := log.channel("duty_peak")[own, row, 0]).all():
-        found[VOLTAGE] = duty >= 1
-        found[CURRENT] = np.asarray((log.channel("current_limited")[own, row] > 0).any(-1))
-    met = at_limits(log.channel("command")[own, row], np.zeros(3), settings.control)
+    if not np.isnan(channel["duty_peak"]).all():
+        found[VOLTAGE] = channel["duty_peak"][:, 0] >= 1
+        found[CURRENT] = np.asarray((channel["current_limited"] > 0).any(-1))
+    met = at_limits(log.channel("command")[frames, row], np.zeros(3), settings.control)
     found[HELD_BACK] = np.asarray(np.any([frames for _, frames in met.values()], axis=0))
     return found
 
 
 def shares(log: Log) -> dict[str, Array]:
     """Return each row's `sliding_share` and so on, and `duty_mean`, (n,); NaN where its plant has no such."""
-    found = {f"{cause}_share": np.full(len(log.rows), np.nan) for cause in CAUSES}
+    found = {name: np.full(len(log.rows), np.nan) for name in NAMES}
     for row in np.flatnonzero(log.lengths):
         for cause, frames in of_row(log, int(row)).items():
-            found[f"{cause}_share"][row] = frames.sum() / len(frames)
-    return found | {DUTY: mean(log.channel("duty_peak")[..., 0])}
-
-
-def results(measured: Mapping[str, Array], rows: np.ndarray) -> dict[str, Spread]:
-    """What a summary says of a controller's rows: the spread of each number over the seeds that did not fail.
-
-    Args:
-        measured: what `metrics.row_metrics` says of the log.
-        rows: the controller's.
-    """
-    found = {}
-    for name in NAMES:
-        values = measured[name][rows]
-        known = values[~np.isnan(values)]
-        found[name] = spread(known if known.size else np.array([np.nan])) | {"seeds": [plain(each) for each in values]}
+            found[f"{cause}_share"][row] = frames.mean()
+        found[DUTY][row] = log.channel("duty_peak")[: log.lengths[row], row, 0].mean()
     return found
-
-
-def table(summary: Mapping[str, Any]) -> Table | None:
-    """Each controller's shares in per cent, beside its error; None where all are small, or for several scenarios.
-
-    Numbers are those of the one seed, or the medians.
-    """
-    entries = [entry for entry in summary["scenarios"].values() if entry["results"]]
-    if len(entries) != 1:
-        return None
-    results = entries[0]["results"]
-    met = {name: max(result["why"][name]["median"] or 0.0 for result in results.values()) for name in NAMES}
-    if max(met[name] for name in NAMES if name != DUTY) < WORTH:
-        return None
-    shown = [name for name in NAMES if met[name] > 0]
-    rows = [
-        [
-            label(summary, controller, result),
-            "/".join(number(result["error_m"]["distance"][statistic]["median"], 100) for statistic in ("max", "mean")),
-            *(number(result["why"][name]["median"], 100, 1) for name in shown),
-        ]
-        for controller, result in results.items()
-    ]
-    over = "" if len(summary["seeds"]) == 1 else f", median of {len(summary['seeds'])} seeds"
-    return Table(
-        f"why{over}: shares of the frames, and mean duty",
-        ["controller", "plane, cm", *(f"{NAMES[name]}, %" for name in shown)],
-        rows,
-        1,
-    )

@@ -11,7 +11,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_mj.files import write
-from omni_mj.measure import limits, summary
+from omni_mj.measure import summary
 from omni_mj.measure.table import table, text
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
@@ -60,7 +60,7 @@ class Result:
         outcomes: of each scenario, in the order in which they are run.
         controllers: labels of those that were compared.
         informed: those of them that are given the true state, and are no competitors.
-        seeds: of the random numbers, as many as there may be.
+        seeds: of the random numbers.
         subject: the controller of which verdicts were asked for, or None.
         created: when the study began, ISO 8601.
         wall_s: how long it took, s.
@@ -68,8 +68,6 @@ class Result:
             that it goes on, or was killed.
         repeat: the command line that gives the same, where there is one.
         complete: whether all that was asked for has been done.
-        half_width: share of competitors' mean errors to which half their intervals shall come down, for which seeds
-            are added; None where all are run.
     """
 
     outcomes: list[Outcome]
@@ -82,7 +80,6 @@ class Result:
     stopped: str | None = None
     repeat: str | None = None
     complete: bool = False
-    half_width: float | None = None
 
     @property
     def failures(self) -> "list[Failure]":
@@ -96,7 +93,7 @@ class Result:
     def summary(self) -> dict[str, Any]:
         """What summary.json holds: every number, with its definition."""
         names = ("created", "complete", "stopped", "wall_s", "repeat", "controllers", "informed", "seeds")
-        head = {name: getattr(self, name) for name in (*names, "half_width", "subject")}
+        head = {name: getattr(self, name) for name in (*names, "subject")}
         head |= {name: list(head[name]) for name in ("controllers", "informed", "seeds")}
         head |= {"stopped": None if self.complete else self.stopped or summary.UNFINISHED}
         head |= {"wall_s": round(self.wall_s, 3)}
@@ -132,8 +129,7 @@ class Result:
         names = dict.fromkeys(name for line in lines for name in line)
         settings = {name for name in names if "." in name or name == "fault"}
         same = {name for name in settings if all(line.get(name) == lines[0].get(name) for line in lines)}
-        columns = {name: [_plain(line.get(name)) for line in lines] for name in names if name not in same}
-        return pa.table({name: pa.array(values) for name, values in columns.items()})
+        return pa.table({name: pa.array([line.get(name) for line in lines]) for name in names if name not in same})
 
     def save(self, folder: str | Path) -> None:
         """Write summary.json, the effective scenarios and, where they were kept, the frames; each whole or not at all.
@@ -174,15 +170,12 @@ class Result:
 
 
 def _lines(outcome: Outcome) -> Iterator[dict[str, Any]]:
+    """Yield a row's name, failure, settings and numbers, row by row."""
     failures = {failure.row: failure for failure in outcome.failures}
-    flat: dict[int, dict[str, Any]] = {}  # of settings that rows share
+    settings = {id(row.settings): row.settings for row in outcome.rows}  # rows share them
+    plain = {key: dict(summary.flat(value.plain())) for key, value in settings.items()}
     for i, row in enumerate(outcome.rows):
         failure = failures.get(i)
-        if id(row.settings) not in flat:
-            flat[id(row.settings)] = {
-                name: json.dumps(value) if isinstance(value, list | tuple) else value
-                for name, value in limits.flat(row.settings.plain())
-            }
         yield {
             "scenario": outcome.scenario.name,
             "controller": row.controller,
@@ -190,10 +183,9 @@ def _lines(outcome: Outcome) -> Iterator[dict[str, Any]]:
             "place": row.place,
             "failed_at_s": failure.time_s if failure else None,
             "cause": failure.cause if failure else None,
-            **flat[id(row.settings)],
+            **{
+                name: json.dumps(value) if isinstance(value, list | tuple) else value
+                for name, value in plain[id(row.settings)].items()
+            },
             **{name: values[i] for name, values in {**outcome.measured, **outcome.drawn}.items()},
         }
-
-
-def _plain(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) else value

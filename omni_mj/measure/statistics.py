@@ -1,6 +1,7 @@
-"""Statistics over seeds: spreads, confidence intervals, paired differences, and many of these at once."""
+"""Statistics over seeds: spreads, confidence intervals, paired differences, and verdicts on a controller."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,33 @@ import numpy as np
 from omni_control.kinematics import Array
 
 CONFIDENCE = 0.95
+CHANCE = 1 - CONFIDENCE
+ERRORS = {"max": "maximum", "mean": "mean"}  # of the error in the plane, by which verdicts are
 Spread = dict[str, Any]
+Results = Mapping[str, Any]
+Entry = Mapping[str, Any]
+
+DEFINITIONS = {
+    "verdict": (
+        "by the means over the seeds of the error in the plane, against every other controller that is not informed; a"
+        " controller of which a seed failed has no mean, and is behind all that have one"
+    ),
+    "p": (
+        "each seed's noise is the same for all controllers, so that two of them are compared by their differences seed"
+        " by seed: p is that of Student's test of the mean difference, two-sided, and plus_minus half its"
+        f" {100 * CONFIDENCE:g} % interval, neither corrected for the number of verdicts; one seed, or one that failed,"
+        " gives none"
+    ),
+    "p_adjusted": (
+        "p by Holm's method over the family of all verdicts that have one: all scenarios that were done, all rivals,"
+        " maximum and mean error. beyond_chance is whether it is at most"
+        f" {100 * CHANCE:g} %: so likely is it at most that any difference beyond chance is by chance after all"
+    ),
+    "informed": (
+        "a controller that is given the true state in place of vision: no competitor; what it reaches is no limit of"
+        " what is possible, which omni-mj limit finds"
+    ),
+}
 
 
 def confidence(values: Array) -> tuple[Array, Array]:
@@ -45,6 +72,11 @@ def spread(values: Array) -> Spread:
         median = np.median(values)
     numbers = {"median": median, "min": values.min(), "max": values.max(), "mean": mean, "plus_minus": half}
     return {"seeds": [plain(value) for value in values]} | {name: plain(value) for name, value in numbers.items()}
+
+
+def plain(value: Any) -> float | None:
+    """A number as JSON has it: None for one that is not finite."""
+    return float(value) if np.isfinite(value) else None
 
 
 def paired(ours: Spread, theirs: Spread) -> tuple[float | None, float | None, float | None]:
@@ -90,17 +122,63 @@ def holm(p: Array) -> Array:
     return adjusted
 
 
-def precise(spreads: Iterable[Spread], share: float) -> bool:
-    """Whether half the interval of each mean is at most a share of the mean, leaving out those that have no mean.
+def plane_error(result: Mapping[str, Any], statistic: str) -> float:
+    """Return a controller's error in the plane, m, mean over the seeds; infinite if one of them failed."""
+    mean: float | None = result["error_m"]["distance"][statistic]["mean"]
+    return inf if mean is None else mean
 
-    Seeds that are added until this is so make intervals a little too narrow: of normal errors whose spread is 2 to 30 %
-    of their mean, with blocks of 5 up to 20 seeds and a share of 5 %, the nominal 95 % cover the truth in 92.5 to 95 %
-    of all studies, and two equals are told apart in 5 to 6 % in place of 5 %.
+
+def best(results: Results, names: Iterable[str], statistic: str) -> str | None:
+    """Which of `names` has the lowest error in the plane, of those that have any; `statistic` is max or mean."""
+    means = {name: plane_error(results[name], statistic) for name in names if name in results}
+    return min((name for name in means if means[name] < inf), key=lambda name: means[name], default=None)
+
+
+def verdicts(
+    entries: Mapping[str, Entry], informed: Collection[str], subject: str | None
+) -> dict[str, dict[str, Any] | None]:
+    """How the subject fares against every other competitor, in every scenario that was run to its end.
+
+    Args:
+        entries: scenario -> its entry in a summary.
+        informed: controllers that are no competitors.
+        subject: whose verdict is asked for, any controller's.
+
+    Returns:
+        Scenario -> verdict, None where the subject, or everybody else, was not run. Otherwise `of`, the subject, and
+        `errors`, for max and mean each: `against` (other -> ratio, paired difference, its p, also adjusted for the
+        number of all verdicts, and whether it is beyond chance), `best` (the best of the others), `beats` and
+        `loses_to` (names; as good as is not beaten).
     """
-    known = [each for each in spreads if each["mean"] is not None]
-    return all(each["plus_minus"] is not None and each["plus_minus"] <= share * abs(each["mean"]) for each in known)
+    found: dict[str, dict[str, Any] | None] = dict.fromkeys(entries)
+    pairs: list[dict[str, Any]] = []
+    for name, entry in entries.items():
+        results = entry["results"]
+        rivals = [rival for rival in results if rival != subject and rival not in informed]
+        if subject in results and rivals and entry["status"] == "done":
+            errors = {statistic: _judge(results, str(subject), rivals, statistic) for statistic in ERRORS}
+            found[name] = {"of": subject, "errors": errors}
+            pairs += [pair for error in errors.values() for pair in error["against"].values() if pair["p"] is not None]
+    for pair, p in zip(pairs, holm(np.array([pair["p"] for pair in pairs])), strict=True):
+        pair |= {"p_adjusted": float(p), "beyond_chance": bool(p <= CHANCE)}
+    return found
 
 
-def plain(value: Any) -> float | None:
-    """A number as JSON has it: None for one that is not finite."""
-    return float(value) if np.isfinite(value) else None
+def _judge(results: Results, subject: str, rivals: list[str], statistic: str) -> dict[str, Any]:
+    """Return the verdict on the subject by one statistic, before the correction for the number of verdicts."""
+    means, against = {name: plane_error(results[name], statistic) for name in results}, {}
+    for rival in rivals:
+        ours, theirs = (results[name]["error_m"]["distance"][statistic] for name in (subject, rival))
+        difference, half, p = paired(ours, theirs)
+        ratio = plain(means[subject] / means[rival]) if 0 < means[rival] < inf else None
+        against[rival] = {
+            "ratio": ratio, "difference_m": difference, "plus_minus_m": half, "p": p, "p_adjusted": None,
+            "beyond_chance": None,
+        }  # fmt: skip
+    lost = [rival for rival in rivals if means[rival] <= means[subject]]
+    return {
+        "against": against,
+        "best": best(results, rivals, statistic),
+        "beats": [rival for rival in rivals if rival not in lost],
+        "loses_to": lost,
+    }

@@ -1,21 +1,21 @@
 """The summary of a study: what was run and what came out, every figure recomputable from the trajectories."""
 
 import platform
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.measure import causes, events, limits, metrics, paper, recovery
-from omni_mj.measure.errors import AXES, STATISTICS, UNITS
-from omni_mj.measure.reading import FORMAT
-from omni_mj.measure.statistics import CONFIDENCE, Spread, plain, spread
-from omni_mj.measure.verdict import DEFINITIONS as VERDICTS
-from omni_mj.measure.verdict import verdicts
+from omni_mj.files import read_json
+from omni_mj.measure import causes, events, metrics, paper, statistics
+from omni_mj.measure.metrics import AXES, EXCURSION, RECOVERY, STATISTICS, UNITS
+from omni_mj.measure.statistics import Spread, plain, spread
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.simulate.log import Log
@@ -23,6 +23,7 @@ from omni_mj.simulate.log import Log
 if TYPE_CHECKING:
     from omni_mj.simulate.simulation import Failure
 
+FORMAT = 4  # of summary.json
 UNFINISHED = "unfinished (it goes on, or was killed)"  # in place of why a study was stopped
 Entry = dict[str, Any]  # what a summary says of one scenario
 SINGLE = ("effort_m_s2", "excess_effort_m_s2", "settle_s")  # a number of each row beside its errors
@@ -39,16 +40,10 @@ DEFINITIONS = {
         " (ref_x_m, ref_y_m)[k-1] to [k+1], and the part to the left of it; where the reference rests, its last"
         " direction; before its first move, that of the first; where it never moves, x"
     ),
-    "seeds": (
-        "of a scenario, those that were run; of the summary, those that might have been: they are added in blocks until"
-        " half the intervals of all competitors' maximum and mean error in the plane are at most half_width times their"
-        " means, leaving out those that failed in a seed; where half_width is 0 or nothing, all are run. A seed's"
-        " numbers are the same either way; stopping so makes intervals a little too narrow: of normal errors, 92.5 to"
-        " 95 % hold the mean"
-    ),
     "spread": (
         "each seed's value, and over the seeds median, least, greatest and mean; plus_minus is half the"
-        f" {100 * CONFIDENCE:g} % confidence interval of the mean by Student's t, which one seed does not have"
+        f" {100 * statistics.CONFIDENCE:g} % confidence interval of the mean by Student's t, which one seed"
+        " does not have"
     ),
     "failed": (
         "rows that were stopped before their end: their errors, efforts and times to settle count as infinite, written"
@@ -84,10 +79,17 @@ DEFINITIONS = {
         " middle of that mass"
     ),
     "events": "the first frame of each kind, controller and seed; of faults each beginning and end",
-    **recovery.DEFINITIONS,
+    EXCURSION: (
+        "the greatest error in the plane of a seed from the first frame of a fault until"
+        f" {metrics.AFTER_S:g} s after its last, or the end of the run"
+    ),
+    RECOVERY: (
+        "time from the first frame of a fault until the error in the plane is below"
+        f" {100 * metrics.NEAR_M:g} cm and stays so for the rest of that; zero for a robot that never was farther,"
+        " without bound for one that does not come back"
+    ),
     **causes.DEFINITIONS,
-    **limits.DEFINITIONS,
-    **VERDICTS,
+    **statistics.DEFINITIONS,
 }
 
 
@@ -97,8 +99,7 @@ def nothing_run(scenario: Scenario) -> Entry:
         "description": scenario.description, "plant": scenario.plant, "robot": scenario.robot,
         "status": "not run", "reason": None, "seeds": [], "frames": 0, "simulated_s": 0.0, "wall_s": 0.0,
         "settings": scenario.plain_settings(), "paper_table": scenario.paper_table, "paper": paper.table(scenario),
-        "drawn": [], "events": [], "failed": [], "results": {}, **dict.fromkeys(limits.LIMITS),
-        "over_limit": None, "verdict": None,
+        "drawn": [], "events": [], "failed": [], "results": {}, "verdict": None,
     }  # fmt: skip
 
 
@@ -117,7 +118,7 @@ def entry(
         scenario: what was run.
         log: what was recorded.
         failures: the rows that were stopped.
-        measured: what `metrics` and `recovery` say of its rows; empty where errors mean nothing.
+        measured: what `metrics` says of its rows; empty where errors mean nothing.
         wall_s: how long it took, s.
         stopped: why it ended before its time, or None.
         drawn: what sets the rows' robots apart, name -> (n,).
@@ -160,8 +161,8 @@ def results(log: Log, failures: "Iterable[Failure]", measured: Mapping[str, Arra
             "error_rad": {axis: error[axis] for axis in AXES if UNITS[axis] == "rad"},
             "reduction_percent": _reduction(error, base) if base else None,
             **{name: spread(measured[name][rows]) for name in SINGLE},
-            "recovery": recovery.results(log, controller, measured),
-            "why": causes.results(measured, rows),
+            "recovery": _recovery(log, rows, measured),
+            "why": {name: _known_spread(measured[name][rows]) for name in causes.NAMES},
             "alpha": metrics.alpha_percentiles(log, rows),
             **{name: _peak(measured[name][rows]) for name in metrics.PEAKS},
             "failed": len(failed.intersection(rows.tolist())),
@@ -178,31 +179,48 @@ def document(entries: Mapping[str, Entry], head: Mapping[str, Any]) -> dict[str,
         entries: Of the scenarios, by their names.
         head: All that is said of the study as a whole, by the keys of summary.json.
     """
-    judged = verdicts(entries, head["informed"], head["subject"])
-    scenarios = {
-        name: {**entry, "over_limit": limits.over(entry), "verdict": judged[name]} for name, entry in entries.items()
-    }
+    judged = statistics.verdicts(entries, head["informed"], head["subject"])
+    scenarios = {name: {**entry, "verdict": judged[name]} for name, entry in entries.items()}
     return {"format": FORMAT, **head, "scenarios": scenarios, "definitions": DEFINITIONS, "versions": versions()}
 
 
-def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that decide the result."""
-    names = "omni-mj", "mujoco", "numpy", "scipy", "rerun-sdk", "pyarrow", "piqp", "jax"  # the last two are extras
-    return {"python": platform.python_version()} | installed(names)
+def read(folder: Path) -> dict[str, Any]:
+    """Return the summary in the folder of a run or comparison.
 
-
-def installed(packages: Iterable[str]) -> dict[str, str]:
-    """Return the versions of those packages that are installed."""
-    return {name: found for name in packages if (found := _version(name))}
+    Raises:
+        OmniError: There is none, or one that cannot be read.
+    """
+    path = folder / "summary.json"
+    if not path.exists():
+        raise OmniError(
+            f"{folder} holds no run: it has no {path.name}; give the folder of a run. omni-mj serve leaves none:"
+            " without a reference there are no errors to report"
+        )
+    summary = read_json(path)
+    if summary.get("format") != FORMAT or not summary.get("scenarios"):
+        raise OmniError(f"{path} is not a run's summary of format {FORMAT}, which this version reads")
+    return summary
 
 
 @cache
-def _version(name: str) -> str | None:
-    """The version of a package, if it is installed; to read it takes milliseconds, and a summary is written often."""
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return None
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that decide the result, as far as they are installed."""
+    found = {"python": platform.python_version()}
+    for name in ("omni-mj", "mujoco", "numpy", "scipy", "rerun-sdk", "pyarrow", "piqp", "jax"):  # the last two: extras
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the names `section.field` of nested settings, and their values."""
+    for name, value in settings.items():
+        if isinstance(value, Mapping):
+            yield from flat(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, value
 
 
 def _each_robot(log: Log, drawn: Mapping[str, Array]) -> list[dict[str, Any]]:
@@ -225,6 +243,27 @@ def _reduction(error: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, d
         }
         for axis in AXES
     }
+
+
+def _recovery(log: Log, rows: np.ndarray, measured: Mapping[str, Array]) -> list[dict[str, Any]]:
+    """What a summary says of a controller: for each fault of its first row the spreads over its rows that have it."""
+    found = []
+    for i, fault in enumerate(log.rows[rows[0]].settings.fault):
+        same = [
+            row for row in rows
+            if log.rows[row].settings.fault[i : i + 1] == (fault,) and fault.concerns(log.rows[row].place)
+        ]  # fmt: skip
+        numbers = {key: spread(measured[f"fault_{i + 1}_{key}"][same]) for key in (EXCURSION, RECOVERY)}
+        found.append(
+            {"fault": fault.told, "kind": fault.kind, "at_s": fault.at, "for_s": fault.for_ or None, **numbers}
+        )
+    return found
+
+
+def _known_spread(values: Array) -> Spread:
+    """Return the spread over the seeds that did not fail, with None as the value of those that did."""
+    known = values[~np.isnan(values)]
+    return spread(known if known.size else np.array([np.nan])) | {"seeds": [plain(value) for value in values]}
 
 
 def _peak(values: Array) -> float | None:

@@ -1,20 +1,21 @@
-"""The one table of what came out: for the terminal, Markdown, recordings and plain text alike."""
+"""Tables of what came out: for the terminal, Markdown, recordings and plain text alike."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sized
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
 from typing import Any
 
-from omni_mj.measure import limits
-from omni_mj.measure.statistics import CONFIDENCE, Spread
+from omni_mj.measure.causes import DUTY, NAMES
+from omni_mj.measure.metrics import AFTER_S, EXCURSION, NEAR_M, RECOVERY
+from omni_mj.measure.statistics import Spread
 
 DASH = "\N{EN DASH}"
 PAPER = "paper's "  # before the names of controllers whose numbers the paper reports
 COLUMNS = {"x": ("x, cm", "error_m", 100.0), "y": ("y, cm", "error_m", 100.0)}
 COLUMNS |= {"distance": ("plane, cm", "error_m", 100.0), "heading": ("heading, °", "error_rad", degrees(1))}
-OVER = "over limit"  # maximum and mean in the plane
 EFFORT = "excess, m/s²"  # effort above what the reference needs: one scale for all scenarios
+WORTH = 0.05  # share from which on a table on the terminal tells of causes
 Summary = Mapping[str, Any]
 
 
@@ -31,43 +32,62 @@ class Table:
 def table(summary: Summary) -> Table:
     """The table of a summary: errors as maximum/mean, effort, time to settle, and the change against the first.
 
-    A number is that of the one seed, or the median over the seeds; but where several scenarios were run with several
-    seeds, distance in the plane is the mean and half its interval. Limits that are known, and what the paper has,
-    follow the controllers; how many times the limit these are is the last column, of means over the seeds.
+    A number is that of the one seed, or the median over the seeds. What the paper has follows the controllers.
     """
     entries = {name: entry for name, entry in summary["scenarios"].items() if entry["results"]}
     several = len(summary["scenarios"]) > 1
     first = next((next(iter(entry["results"])) for entry in entries.values()), "")
-    headings = ["scenario", "seeds"] * several + ["controller", *(heading for heading, _, _ in COLUMNS.values())]
+    headings = ["scenario"] * several + ["controller", *(heading for heading, _, _ in COLUMNS.values())]
     headings += [EFFORT, "settled, s", f"vs {first}, %"]
-    limited = any(entry.get("over_limit") for entry in entries.values())
-    headings += [OVER] * limited
     rows = []
     for name, entry in entries.items():
-        means = several and len(entry["seeds"]) > 1
-        lines = [*_lines(summary, entry, means), *_limit_lines(entry, means), *_paper_lines(entry)]
-        rows += [
-            ["" if i else name, "" if i else f"{len(entry['seeds'])}"] * several + line[: None if limited else -1]
-            for i, line in enumerate(lines)
+        for i, line in enumerate([*_lines(summary, entry), *_paper_lines(entry)]):
+            rows.append(["" if i else name] * several + line)
+    name = "Controllers compared" if several else next(iter(summary["scenarios"]))
+    places = " and ".join(dict.fromkeys(where(entry) for entry in summary["scenarios"].values()))
+    return Table(f"{name}, {places}{over(summary)}; maximum/mean", headings, rows, 1 + several)
+
+
+def why_table(summary: Summary) -> Table | None:
+    """Each controller's shares in per cent, beside its error; None where all are small, or for several scenarios."""
+    entries = [entry for entry in summary["scenarios"].values() if entry["results"]]
+    if len(entries) != 1:
+        return None
+    results = entries[0]["results"]
+    met = {name: max(result["why"][name]["median"] or 0.0 for result in results.values()) for name in NAMES}
+    if max(met[name] for name in NAMES if name != DUTY) < WORTH:
+        return None
+    shown = [name for name in NAMES if met[name] > 0]
+    rows = [
+        [
+            label(summary, controller, result),
+            _both(result["error_m"]["distance"], 100),
+            *(number(result["why"][name]["median"], 100, 1) for name in shown),
         ]
-    return Table(title(summary), headings, rows, 1 + 2 * several)
+        for controller, result in results.items()
+    ]
+    title = f"why{over(summary)}: shares of the frames, and mean duty"
+    return Table(title, ["controller", "plane, cm", *(f"{NAMES[name]}, %" for name in shown)], rows, 1)
 
 
-def title(summary: Summary) -> str:
-    """What was run, and what the numbers are."""
-    names, entries = list(summary["scenarios"]), list(summary["scenarios"].values())
-    what = names[0] if len(names) == 1 else "Controllers compared"
-    places = " and ".join(dict.fromkeys(where(entry) for entry in entries))
-    seeds = [entry["seeds"] for entry in entries if entry["seeds"]]
-    if not seeds:
-        over = ""
-    elif max(map(len, seeds)) == 1:
-        over = f", seed {seeds[0][0]}" + (", no intervals" if len(names) > 1 else "")
-    elif len(names) == 1:
-        over = f", median of {len(seeds[0])} seeds"
-    else:
-        over = f"; in the plane mean of {counted(seeds)} seeds ± {100 * CONFIDENCE:g} % interval, otherwise medians"
-    return f"{what}, {places}{over}; maximum/mean"
+def recovery_table(summary: Summary) -> Table | None:
+    """Return how controllers came back from each fault of a summary's scenarios; None if there were none."""
+    rows = []
+    for entry in summary["scenarios"].values():
+        for faults in zip(*(result["recovery"] for result in entry["results"].values()), strict=False):
+            for i, (controller, fault) in enumerate(zip(entry["results"], faults, strict=True)):
+                time, worst = fault[RECOVERY]["median"], number(fault[EXCURSION]["median"], 100)
+                came_back = "never" if time is None else number(time)
+                rows.append(["" if i else fault["fault"], controller, worst, came_back])
+    title = f"recovery{over(summary)}: worst excursion until {AFTER_S:g} s after a fault, time from its start until"
+    headings = ["fault", "controller", "worst, cm", "recovered, s"]
+    return Table(f"{title} below {100 * NEAR_M:g} cm for good", headings, rows, 2) if rows else None
+
+
+def over(summary: Summary) -> str:
+    """What seeds a table is over, as an end of its title."""
+    seeds = summary["seeds"]
+    return f", median of {len(seeds)} seeds" if len(seeds) > 1 else f", seed {seeds[0]}" if seeds else ""
 
 
 def where(entry: Mapping[str, Any]) -> str:
@@ -76,16 +96,10 @@ def where(entry: Mapping[str, Any]) -> str:
     return f"{robot}on the {entry['plant']} plant"
 
 
-def counted(seeds: Iterable[Sized]) -> str:
-    """How many seeds several scenarios were run with: 20, or 5 to 20."""
-    counts = sorted(map(len, seeds))
-    return f"{counts[0]}" if counts[0] == counts[-1] else f"{counts[0]} to {counts[-1]}"
-
-
 def text(given: Table) -> str:
     """The table as lines of plain text."""
     lines = [given.headings, *given.rows]
-    widths = [max(len(line[i]) for line in lines) for i in range(len(given.headings))]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     aligned = [
         "  ".join(
             cell.ljust(width) if i < given.left else cell.rjust(width)
@@ -116,48 +130,26 @@ def plus_minus(spread: Spread, factor: float = 1.0) -> str:
     return f"{factor * spread['mean']:.2f}±{number(spread['plus_minus'], factor)}"
 
 
-def settled(result: Mapping[str, Any]) -> str:
-    """The median time to settle, or "never"; and how many of the seeds do, where not all do."""
-    spread, count = result["settle_s"], len(result["settle_s"]["seeds"])
-    of = "" if result["settled"] == count else f" ({result['settled']}/{count})"
-    return ("never" if spread["median"] is None else number(spread["median"])) + of
+def _both(error: Mapping[str, Any], factor: float) -> str:
+    """Maximum and mean of an error: medians over the seeds."""
+    return "/".join(number(error[statistic]["median"], factor) for statistic in ("max", "mean"))
 
 
-def _lines(summary: Summary, entry: Mapping[str, Any], means: bool) -> Iterator[list[str]]:
+def _lines(summary: Summary, entry: Mapping[str, Any]) -> Iterator[list[str]]:
     for controller, result in entry["results"].items():
-        cells = [label(summary, controller, result), *_errors(result, means)]
-        cells += [number(result["excess_effort_m_s2"]["median"]), settled(result)]
-        yield [*cells, _change(result["reduction_percent"]), _over((entry.get("over_limit") or {}).get(controller))]
-
-
-def _limit_lines(entry: Mapping[str, Any], means: bool) -> Iterator[list[str]]:
-    for name, errors in limits.of(entry).items():
-        yield [name, *_errors({"error_m": errors}, means), "", "", "", ""]
-
-
-def _errors(result: Mapping[str, Any], means: bool) -> Iterator[str]:
-    """Maximum and mean of each column, as far as the result has them."""
-    for axis, (_, key, factor) in COLUMNS.items():
-        error = result.get(key, {}).get(axis)
-        if error is None:
-            yield ""
-        elif means and axis == "distance":
-            yield "/".join(plus_minus(error[s], factor) for s in ("max", "mean"))
-        else:
-            yield "/".join(number(error[s]["median"], factor) for s in ("max", "mean"))
-
-
-def _change(reduction: Mapping[str, Any] | None) -> str:
-    """Of the medians of maximum and mean in the plane, against the first controller's."""
-    if reduction is None:
-        return ""
-    values = (reduction["distance"][s] for s in ("max", "mean"))
-    return "/".join(DASH if value is None else f"{-value:+.0f}" for value in values)
-
-
-def _over(ratios: Mapping[str, float | None] | None) -> str:
-    """How many times the limit's maximum and mean a controller's are."""
-    return "/".join(number(ratio, digits=1) for ratio in ratios.values()) if ratios else ""
+        settle, count = result["settle_s"], len(result["settle_s"]["seeds"])
+        settled = "never" if settle["median"] is None else number(settle["median"])
+        reduction, change = result["reduction_percent"], ""
+        if reduction is not None:
+            values = (reduction["distance"][statistic] for statistic in ("max", "mean"))
+            change = "/".join(DASH if value is None else f"{-value:+.0f}" for value in values)
+        yield [
+            label(summary, controller, result),
+            *(_both(result[key][axis], factor) for axis, (_, key, factor) in COLUMNS.items()),
+            number(result["excess_effort_m_s2"]["median"]),
+            settled + ("" if result["settled"] == count else f" ({result['settled']}/{count})"),
+            change,
+        ]
 
 
 def _paper_lines(entry: Mapping[str, Any]) -> Iterator[list[str]]:
@@ -165,4 +157,4 @@ def _paper_lines(entry: Mapping[str, Any]) -> Iterator[list[str]]:
         cells = [
             "/".join(number(error[axis][s], 100) for s in ("max", "mean")) if axis in error else "" for axis in COLUMNS
         ]
-        yield [PAPER + controller, *cells, "", "", "", ""]
+        yield [PAPER + controller, *cells, "", "", ""]

@@ -11,8 +11,7 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_mj import parquet
 from omni_mj.files import read_json
-from omni_mj.measure import reading
-from omni_mj.measure.limits import flat
+from omni_mj.measure import summary
 from omni_mj.measure.result import Outcome
 from omni_mj.provenance.record import FILE, FORMAT, digest, environment
 from omni_mj.scenarios import scenario
@@ -93,7 +92,7 @@ def _repeat(path: Path, record: Mapping[str, Any], begin: Begin) -> Repetition:
             f"{path} is of omni-mj {record['study']}, which verify does not run again; repeat it as a "
             f"whole: {record['command'] or 'it was called from Python'}"
         )
-    scenarios = reading.read(path)["scenarios"]
+    scenarios = summary.read(path)["scenarios"]
     result = Repetition()
     for name, entry in scenarios.items():
         if not entry["frames"]:
@@ -204,7 +203,7 @@ def _frame_differences(recorded: "pa.Table", again: "pa.Table") -> Iterator[str]
 
 def _number_differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> Iterator[str]:
     """Yield how the entries of a scenario in two summaries differ."""
-    old, new = (dict(flat({part: entry[part] for part in RESULTS})) for entry in (before, after))
+    old, new = (dict(summary.flat({part: entry[part] for part in RESULTS})) for entry in (before, after))
     if differing := [name for name, value in old.items() if new.get(name, ...) != value]:
         name = differing[0]
         yield (f"summary.json: {name} is {old[name]} in the run, {new.get(name)} here; {len(differing)} numbers differ")
@@ -213,7 +212,7 @@ def _number_differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> 
 def _changes(record: Mapping[str, Any]) -> list[str]:
     """Return how this environment differs from the recorded one, a line each."""
     here, now = environment(), {part: record.get(part) for part in ENVIRONMENT}
-    old, new = dict(flat(now)), dict(flat(here))
+    old, new = dict(summary.flat(now)), dict(summary.flat(here))
     return [
         f"{name} was {old.get(name)} in the run, is {new.get(name)} here"
         for name in {**old, **new}

@@ -3,9 +3,8 @@
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from omni_mj.measure import limits
-from omni_mj.measure.table import DASH, OVER, Table, label, plus_minus, table
-from omni_mj.measure.verdict import CHANCE, ERRORS, best
+from omni_mj.measure.statistics import CHANCE, ERRORS, best
+from omni_mj.measure.table import DASH, Table, label, plus_minus, table
 from omni_mj.show import tables
 
 Summary = dict[str, Any]
@@ -14,19 +13,15 @@ STATISTICS = {"max": "Maximum", "p99": "99th percentile of the", "mean": "Mean"}
 
 
 def show(summary: Summary) -> None:
-    """Print the table, the verdicts, and what was missed or not done."""
+    """Print the table, the verdicts, and what was not done."""
     errors, verdicts = table(summary), verdict_table(summary)
     if errors.rows:
         tables.show(errors)
         print("settled: s after the end of the reference's last move (how many seeds of all do, where not all)")
-        if errors.headings[-1] == OVER:
-            print(f"{OVER}: maximum/mean in the plane, mean over the seeds, over that of the limit")
         print("excess: command effort above what the reference itself needs; compare.md has the definitions\n")
     if verdicts.rows:
         tables.show(verdicts)
         print(f"{_caption(summary)}\n")
-    for line in _why_not(summary):
-        print(f"why not: {line}")
     for line in _not_done(summary):
         print(f"note: {line}")
 
@@ -40,13 +35,7 @@ def markdown(summary: Summary) -> str:
     blocks += [_list(_not_done(summary))]
     if verdicts.rows:
         blocks += [f"## {verdicts.title}", _caption(summary), tables.markdown(verdicts.headings, verdicts.rows)]
-        blocks += ["What is not beaten:" if any(_why_not(summary)) else "", _list(_why_not(summary))]
     blocks += ["## Errors, effort and settling", tables.markdown(errors.headings, errors.rows) if errors.rows else ""]
-    rows = [
-        [name, entry["description"], str(len(entry["seeds"])), f"{entry['simulated_s']:.1f}", f"{entry['wall_s']:.1f}"]
-        for name, entry in summary["scenarios"].items()
-    ]
-    blocks += ["## Scenarios", tables.markdown(["scenario", "", "seeds", "simulated, s", "computed in, s"], rows)]
     blocks += ["## Definitions", _list(f"**{name}**: {text}" for name, text in summary["definitions"].items())]
     blocks += [", ".join(f"{name} {number}" for name, number in summary["versions"].items())]
     return "\n\n".join(block for block in blocks if block) + "\n"
@@ -54,44 +43,31 @@ def markdown(summary: Summary) -> str:
 
 def verdict_table(summary: Summary) -> Table:
     """Return two rows a scenario, for maximum and mean error: the subject against every other competitor."""
-    subject = summary["subject"]
-    rivals = [name for name in _competitors(summary) if name != subject]
-    rows = []
-    for scenario, verdict in _verdicts(summary).items():
-        for i, (statistic, errors) in enumerate(verdict["errors"].items()):
+    subject, rows = summary["subject"], []
+    rivals = [name for name in summary["controllers"] if name not in (subject, *summary["informed"])]
+    for scenario, entry in summary["scenarios"].items():
+        for statistic, errors in (entry["verdict"] or {"errors": {}})["errors"].items():
             changes = [_change(errors["against"].get(name)) for name in rivals]
             beaten = f"{len(errors['beats'])} of {len(errors['against'])}"
-            rows.append(["" if i else scenario, ERRORS[statistic], *changes, beaten, errors["best"] or DASH])
+            rows.append([scenario, ERRORS[statistic], *changes, beaten, errors["best"] or DASH])
     headings = ["scenario", "error", *(f"vs {name}" for name in rivals), "beats", "best of the others"]
     return Table(f"Verdicts on {subject}", headings, rows, 2)
 
 
 def _caption(summary: Summary) -> str:
-    errors = [errors for verdict in _verdicts(summary).values() for errors in verdict["errors"].values()]
-    tested = sum(pair["p"] is not None for part in errors for pair in part["against"].values())
     return (
         f"Error in the plane of {summary['subject']} against each other's, change in %; {WITHIN_CHANCE} within chance:"
-        f" paired by seed, p above {100 * CHANCE:g} % after Holm's correction for all {tested} verdicts."
+        f" paired by seed, p above {100 * CHANCE:g} % after Holm's correction for all verdicts."
         " Informed controllers are no competitors."
     )
 
 
-def _verdicts(summary: Summary) -> dict[str, Any]:
-    return {name: entry["verdict"] for name, entry in summary["scenarios"].items() if entry["verdict"]}
-
-
-def _competitors(summary: Summary) -> list[str]:
-    return [name for name in summary["controllers"] if name not in summary["informed"]]
-
-
 def _matrix(summary: Summary, statistic: str) -> str:
-    """Return the error in the plane by scenario and controller, the best competitor's bold, and known limits."""
+    """Return the error in the plane by scenario and controller, means over the seeds, the best competitor's bold."""
     controllers, rows = summary["controllers"], []
-    known = {name: limits.of(entry) for name, entry in summary["scenarios"].items()}
-    columns = [name for name in limits.LIMITS.values() if any(name in errors for errors in known.values())]
+    competitors = [name for name in controllers if name not in summary["informed"]]
     for scenario, entry in summary["scenarios"].items():
-        cells = {name: plus_minus(errors["distance"][statistic], 100) for name, errors in known[scenario].items()}
-        least = best(entry["results"], _competitors(summary), statistic)
+        cells, least = {}, best(entry["results"], competitors, statistic)
         for name, result in entry["results"].items():
             cells[name] = plus_minus(result["error_m"]["distance"][statistic], 100)
             if result["failed"]:
@@ -100,19 +76,14 @@ def _matrix(summary: Summary, statistic: str) -> str:
                 cells[name] = f"**{cells[name]}**"
         if not entry["results"]:
             cells[controllers[0]] = entry["status"]
-        rows.append([scenario, *(cells.get(name, "") for name in (*controllers, *columns))])
-    return tables.markdown(["", *(label(summary, name) for name in controllers), *columns], rows)
+        rows.append([scenario, *(cells.get(name, "") for name in controllers)])
+    return tables.markdown(["", *(label(summary, name) for name in controllers)], rows)
 
 
 def _change(pair: Summary | None) -> str:
     if pair is None or pair["ratio"] is None:
         return DASH
     return f"{100 * (pair['ratio'] - 1):+.0f}" + ("" if pair["beyond_chance"] else f" {WITHIN_CHANCE}")
-
-
-def _why_not(summary: Summary) -> Iterator[str]:
-    for name, verdict in _verdicts(summary).items():
-        yield from (f"{name}: {text}" for text in verdict["why_not"])
 
 
 def _not_done(summary: Summary) -> Iterator[str]:

@@ -17,9 +17,10 @@ import jinja2
 
 from omni_control.errors import OmniError
 from omni_mj.files import write as write_file
-from omni_mj.measure import causes, limits, reading
+from omni_mj.measure import causes
+from omni_mj.measure.statistics import best
+from omni_mj.measure.summary import read as read_summary
 from omni_mj.measure.table import DASH, where
-from omni_mj.measure.verdict import best
 from omni_mj.scenarios.settings import every_setting
 from omni_mj.show.style import ERROR_AXES, FIGURES
 
@@ -167,7 +168,7 @@ def write(folders: Sequence[Path], out: Path) -> None:
 
 
 def _source(folder: Path, label: str, alone: bool) -> Source:
-    summary = reading.read(folder)
+    summary = read_summary(folder)
     several = len(summary["scenarios"]) > 1
     figures = {}
     for path in (folder / "figures" / f"{name}{kind}" for name in FIGURES for kind in TYPES):
@@ -209,12 +210,11 @@ def _data_uri(image: bytes, suffix: str) -> str:
 
 
 def matrix(runs: Sequence[Run], statistic: str) -> tuple[list[str], list[tuple[Run, list[dict[str, Any] | None]]]]:
-    """Return the controllers and known limits, and for each run the spreads of their errors in the plane."""
+    """Return the controllers, and for each run the spreads of their errors in the plane."""
     columns = dict.fromkeys(name for run in runs for name in run.entry["results"] or run.summary["controllers"])
-    columns |= dict.fromkeys(name for run in runs for name in limits.of(run.entry))
     rows = []
     for run in runs:
-        errors = {name: result["error_m"] for name, result in run.entry["results"].items()} | limits.of(run.entry)
+        errors = {name: result["error_m"] for name, result in run.entry["results"].items()}
         rows.append((run, [errors[name]["distance"][statistic] if name in errors else None for name in columns]))
     return list(columns), rows
 

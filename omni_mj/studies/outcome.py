@@ -1,24 +1,18 @@
 """What all studies are made of: a simulation that is run, and the outcome of it."""
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
-from omni_control.kinematics import Array
 from omni_mj.measure import metrics, summary
 from omni_mj.measure.result import Outcome
-from omni_mj.scenarios import rows
 from omni_mj.scenarios.controllers import find, label
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S, Settings
-from omni_mj.simulate.log import Log
-from omni_mj.simulate.simulation import Failure, Simulation
+from omni_mj.simulate.simulation import Simulation
 
 Kinds = Sequence[str | type[Controller]]
 AfterFrame = Callable[[int], None]
@@ -87,47 +81,12 @@ def drive(simulation: Simulation, after_frame: AfterFrame = nothing) -> Outcome:
         simulation.run(after_frame)
     except StoppedError as error:
         stopped = error.reason
-    wall_s = time.perf_counter() - started
-    return _measured(simulation.scenario, simulation.log, simulation.failures, simulation.drawn, wall_s, stopped)
-
-
-def joined(parts: Sequence[Outcome]) -> Outcome:
-    """The outcome of a scenario that was run with some of its seeds after the others: that of all at once.
-
-    Args:
-        parts: at least one, each whole, with its log; their seeds count up from one to the next.
-    """
-    if len(parts) == 1:
-        return parts[0]
-    logs = [part.log for part in parts if part.log]
-    seeds = [seed for log in logs for seed in log.seeds]
-    scenario = parts[0].scenario.replace(seeds=len(seeds))
-    table = rows.table(logs[0].controllers, seeds, scenario.settings_of, scenario.robot)
-    own = [rows.numbers(table, part.rows) for part in parts]
-    order = np.argsort(np.concatenate(own))
-    drawn = {name: np.concatenate([part.drawn[name] for part in parts])[order] for name in parts[0].drawn}
-    failures = [replace(f, row=here[f.row]) for part, here in zip(parts, own, strict=True) for f in part.failures]
-    return _measured(
-        scenario,
-        Log.joined(logs, table),
-        failures,
-        drawn,
-        sum(part.entry["wall_s"] for part in parts),
-    )
-
-
-def _measured(
-    scenario: Scenario,
-    log: Log,
-    failures: Iterable[Failure],
-    drawn: Mapping[str, Array],
-    wall_s: float,
-    stopped: str | None = None,
-) -> Outcome:
-    failures = sorted(failures, key=lambda failure: (failure.time_s, failure.row))  # whatever the batch
+    log, drawn = simulation.log, simulation.drawn
+    failures = sorted(simulation.failures, key=lambda failure: (failure.time_s, failure.row))  # whatever the batch
     measured = metrics.row_metrics(log, failures)
-    entry = summary.entry(scenario, log, failures, measured, wall_s, stopped, drawn)
-    return Outcome(scenario, entry, log.rows, failures, measured, log, drawn)
+    wall_s = time.perf_counter() - started
+    entry = summary.entry(simulation.scenario, log, failures, measured, wall_s, stopped, drawn)
+    return Outcome(simulation.scenario, entry, log.rows, failures, measured, log, drawn)
 
 
 def total_frames(simulation: Simulation) -> int:

@@ -204,8 +204,6 @@ def test_output_that_goes_nowhere_is_no_fault_and_one_that_is_lost_is_said(
         (("loop", "--scenario", "rekt"), "unknown scenario 'rekt'"),
         (("compare", "--scenario", "rect", "--scenario", "rect"), "two scenarios are called 'rect'"),
         (("compare", "--subject", "comp-fcl"), "did you mean 'comp-flc'"),
-        (("compare", "--half-width", "-1"), "a share of the mean such as 0.05"),
-        (("compare", "--limits", "nowhere"), "holds no run"),
         (("compare", "--seeds", "0"), "1 to 100000"),
     ],
 )

@@ -1,4 +1,4 @@
-"""`omni-mj limit` as a user types it, and `omni-mj compare` beside what it leaves."""
+"""`omni-mj limit` as a user types it."""
 
 from contextlib import redirect_stdout
 from io import StringIO
@@ -43,22 +43,6 @@ def test_the_limit_is_a_command(limited: tuple[Path, str], tiny: Path, capsys: p
     assert f"repeat it as a whole: omni-mj limit {tiny}" in capsys.readouterr().err
     assert summary["repeat"].startswith(f"omni-mj limit {tiny} --plant kinematic --seed 3 --seeds 2 --set")
     assert summary["repeat"].endswith(" --iterations 2")
-
-
-def test_what_it_leaves_stands_beside_in_a_comparison(
-    limited: tuple[Path, str], tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Ratios in the table, lines in the figure."""
-    options = (*COMMON, "--scenario", tiny, "--controller", "flc", "--controller", "comp-flc", "--half-width", 0)
-    assert invoke("compare", *options, "--limits", limited[0], "--out", tmp_path / "out") == 0
-    assert "over limit" in capsys.readouterr().out
-    entry = strict(tmp_path / "out/summary.json")["scenarios"]["tiny"]
-    assert entry["limit"] == strict(limited[0] / "summary.json")["scenarios"]["tiny"]["results"]["limit"]["error_m"]
-    assert all(ratio > 1 for ratio in entry["over_limit"]["comp-flc"].values())
-    assert "<!-- limit without noise -->" in (tmp_path / "out/compare.svg").read_text()
-    assert invoke("compare", *options, "--limits", tmp_path / "out", "--out", tmp_path / "none") == 2
-    assert "holds no limit" in capsys.readouterr().err
-    assert not (tmp_path / "none").exists()
 
 
 def test_bad_input_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

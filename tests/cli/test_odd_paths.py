@@ -14,7 +14,6 @@ TAKE_PATHS = {  # what is called with a path, and a name's ending
     "a controller": ((*RUN, "--out", "out", "--controller"), ".py:Mine"),
     "a plant": ((*RUN[:3], "--out", "out", "--plant"), ".py:Mine"),
     "a model": ((*RUN[:3], "--out", "out", "--model"), ".xml"),
-    "a limit": (("compare", *RUN[1:], "--out", "out", "--limits"), ""),
     "a folder": ((*RUN, "--out"), ""),
     "a run": (("verify",), ""),
     "a run to report": (("report",), ""),
@@ -53,7 +52,7 @@ def test_where_nothing_can_be_nothing_is(
 
 
 def test_devices_and_pipes_are_no_files_and_not_waited_for(capsys: pytest.CaptureFixture[str]) -> None:
-    for given in (("compare", *RUN[1:], "--limits"), ("identify",), ("run", "--scenario")):
+    for given in (("identify",), ("run", "--scenario")):
         assert invoke(*given, "/dev/zero") == 2
         assert capsys.readouterr().err.startswith("error: ")
     for name in ("summary.json", "provenance.json"):

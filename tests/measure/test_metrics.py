@@ -14,7 +14,7 @@ from benches.logs import (
     failure,
     filled,
     measured,
-    recovery,
+    recovery_table,
     rows,
 )  # fmt: skip
 from numpy.typing import NDArray
@@ -217,7 +217,7 @@ def test_a_run_tells_how_its_controllers_recover() -> None:
     scenario = om.scenario("rect", plant="kinematic", reference=route, fault=happens)
     result = om.run(scenario, ["flc", "comp-flc"], seeds=[0, 1, 2])
     found = result.summary()["scenarios"]["rect"]["results"]
-    drawn = recovery.table(result.summary())
+    drawn = recovery_table(result.summary())
     assert drawn is not None
     assert [row[1] for row in drawn.rows] == ["flc", "comp-flc"] * 2
     assert drawn.rows[0][2] == f"{100 * found['flc']['recovery'][0]['excursion_m']['median']:.2f}"
@@ -225,4 +225,4 @@ def test_a_run_tells_how_its_controllers_recover() -> None:
         result.rows()["fault_2_excursion_m"].to_pylist()[3:] == found["comp-flc"]["recovery"][1]["excursion_m"]["seeds"]
     )
     calm = om.run(om.scenario("rect", plant="kinematic", reference=route), ["flc"], seeds=[0])
-    assert recovery.table(calm.summary()) is None
+    assert recovery_table(calm.summary()) is None

@@ -27,7 +27,7 @@ def comparison(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("comparison") / "compare"
     names = [option for name in ("rect", "rect-noise") for option in ("--scenario", name)]
     names += [option for name in ("flc", "p", "oracle") for option in ("--controller", name)]
-    options = ("--seeds", 3, "--half-width", 0, "--subject", "p", "--out", folder)
+    options = ("--seeds", 3, "--subject", "p", "--out", folder)
     assert invoke("compare", *names, *SHORT, *options) == 0
     return folder
 

@@ -133,9 +133,8 @@ def test_a_run_shows_the_mean_and_every_seed_but_of_controllers_that_failed_the_
 
 
 def test_a_comparison_has_a_dot_at_each_mean_and_names_what_is_missing() -> None:
-    """In cm; hollow for the informed; a value that a seed lacks is a word; a limit spans its scenario."""
+    """In cm; hollow for the informed; a value that a seed lacks is a word."""
     run = outcome(ends={5: 100}).entry
-    run["limit"] = {"distance": {stat: {"seeds": [0.005], "mean": 0.005} for stat in ("max", "mean")}}
     figure = compared({"s1": outcome().entry, "s2": run, "s3": run | {"results": {}}}, ["c1"])
     words = ["failed"] * 4 + ["never"]
     assert [{text.get_text() for text in axes.texts} for axes in figure.axes] == [{word} for word in words]
@@ -145,5 +144,3 @@ def test_a_comparison_has_a_dot_at_each_mean_and_names_what_is_missing() -> None
     np.testing.assert_allclose([x for x, _ in points], np.sqrt(2) * np.array([0.1, 1.1, 0.1]))
     assert [hollow for _, hollow in points] == [False, True, False]
     assert [label.get_text() for label in axes.get_yticklabels()] == ["s1", "s2"]
-    ((start, end),) = (lines.get_segments()[0] for lines in axes.collections if lines.get_label() == "limit")
-    assert start[0] == end[0] == pytest.approx(0.5)

@@ -116,11 +116,10 @@ def test_it_is_complete_in_itself_with_all_figures(runs: list[Path], comparison:
     assert "disturbance.velocity_m_s" in report.html[: report.html.index("<article")]  # in which they differ
 
 
-def test_a_comparison_is_a_matrix_with_limits_and_verdicts(comparison: Path, tmp_path: Path, out: Path) -> None:
+def test_a_comparison_is_a_matrix_with_verdicts(comparison: Path, tmp_path: Path, out: Path) -> None:
     """Means over the seeds with half their intervals; the least of a row, but for the informed, is bold."""
     summary = summary_of(comparison)
     entry = summary["scenarios"]["rect"]
-    entry["limit"] = entry["results"]["oracle"]["error_m"]
     never = {"seeds": [0.5, None, None], **dict.fromkeys(("median", "mean", "plus_minus"))}
     entry["results"]["flc"] |= {"settled": 1, "settle_s": never}
     (tmp_path / "summary.json").write_text(json.dumps(summary))
@@ -135,10 +134,7 @@ def test_a_comparison_is_a_matrix_with_limits_and_verdicts(comparison: Path, tmp
         least = min(errors[name]["mean"] for name in ("flc", "p"))
         assert f'<td class="n best"><data value="{least}"' in report.html
     heads = re.findall(r'<table class="matrix">\n<thead>(.*?)</thead>', report.html)
-    assert [re.findall(r'class="n">(\w+)', head) for head in heads] == [["flc", "p", "oracle", "limit"]] * 3
-    why_not = [text for entry in summary["scenarios"].values() for text in entry["verdict"]["why_not"]]
-    assert why_not
-    assert all(text in report.text for text in why_not)
+    assert [re.findall(r'class="n">(\w+)', head) for head in heads] == [["flc", "p", "oracle"]] * 3
 
 
 def test_what_a_user_wrote_is_text(runs: list[Path], tmp_path: Path, out: Path) -> None:
@@ -196,8 +192,7 @@ def test_settings_off_their_default_stand_out(runs: list[Path], out: Path) -> No
     [
         (None, "holds no run"),
         ("{", "not valid JSON"),
-        ('{"format": 4}', "controllers, informed"),
-        ('{"format": 2}', "of format 2; this version of omni-mj reads format 4"),
+        ('{"format": 2}', "not a run's summary of format 4"),
     ],
 )
 def test_a_folder_that_holds_no_run_is_refused_in_one_line(
@@ -217,6 +212,6 @@ def test_a_summary_that_lacks_something_is_refused(
 ) -> None:
     lacking = changed(runs[0], tmp_path / "lacking", settings=3)
     empty = changed(runs[0], tmp_path / "empty", results={"flc": {}})
-    for folder, words in ((lacking, "scenarios.rect.settings"), (empty, "not of this version")):
+    for folder in (lacking, empty):
         assert invoke("report", folder, "--out", out) == 2
-        assert words in capsys.readouterr().err
+        assert "not of this version" in capsys.readouterr().err

@@ -18,7 +18,6 @@ from PIL import Image
 
 from omni_control.kinematics import Array
 from omni_mj.files import whole
-from omni_mj.measure.limits import LIMITS
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show import style
 
@@ -28,7 +27,6 @@ LINE_IN, GAP_IN = 0.18, 0.42  # height of a line of text; between panels
 MARKERS_PER_CURVE = 12
 OUTLIER = 3.0  # ratio to the median controller's largest value beyond which curves are cut off
 WIDE_RANGE = 200.0  # ratio of limits above which a logarithmic axis labels powers of ten only
-LIMIT_DASHES = dict(zip(LIMITS.values(), ("-", (0, (1, 1))), strict=True))
 COMPARED: dict[str, Any] = {"color": style.REFERENCE, "lw": 0.8, "ls": (0, (4, 1.5))}
 
 
@@ -135,11 +133,6 @@ def use_log_scale(axis: Axis) -> None:
     axis.set_major_locator(LogLocator(subs=(1,) if high > WIDE_RANGE * low else (1, 2, 5)))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_locator(NullLocator())
-
-
-def mark_limit(axes: Axes, value: float, name: str, span: tuple[float, float]) -> None:
-    """Draw the line of a known limit from one position to another along the y-axis."""
-    axes.vlines(value, *span, color="black", lw=1.4, ls=LIMIT_DASHES[name], zorder=2.5, label=name)
 
 
 def visible_range(values: Array, failed: Collection[int]) -> tuple[float, float]:

@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from omni_mj.measure import limits
-from omni_mj.measure.table import counted, where
+from omni_mj.measure.table import where
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
 
@@ -30,7 +29,6 @@ class Panel:
         scale: Factor from SI units to the label's.
         logarithmic: Whether the axis is.
         missing: Text for a value that not every seed has.
-        limited: Whether a limit has it too.
     """
 
     label: str
@@ -38,12 +36,11 @@ class Panel:
     scale: float = 1.0
     logarithmic: bool = True
     missing: str = "failed"
-    limited: bool = False
 
 
 PANELS = (
-    Panel("maximum error\nin the plane, cm", lambda result: result["error_m"]["distance"]["max"], 100, limited=True),
-    Panel("mean error\nin the plane, cm", lambda result: result["error_m"]["distance"]["mean"], 100, limited=True),
+    Panel("maximum error\nin the plane, cm", lambda result: result["error_m"]["distance"]["max"], 100),
+    Panel("mean error\nin the plane, cm", lambda result: result["error_m"]["distance"]["mean"], 100),
     Panel("maximum error\nof heading, deg", lambda result: result["error_rad"]["heading"]["max"], 180 / np.pi),
     Panel("excess effort\nin m/s²", lambda result: result["excess_effort_m_s2"]),
     Panel("time to settle\nin s", lambda result: result["settle_s"], logarithmic=False, missing="never"),
@@ -81,11 +78,6 @@ def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figur
                         seeds, np.full(len(seeds), height + 0.3), ".", ms=4, mew=0, color="#333333", label="a seed"
                     )
                 shown += [spread["mean"]]
-            for name, errors in limits.of(entry).items() if panel.limited else ():
-                mean = panel.spread({"error_m": errors})["mean"]
-                if mean is not None:
-                    canvas.mark_limit(axes, panel.scale * mean, name, span)
-                    shown += [mean]
         axes.margins(x=0.08)
         smallest = panel.scale * min((mean for mean in shown if mean is not None), default=0.0)
         if panel.logarithmic and smallest > 0:
@@ -99,8 +91,8 @@ def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figur
     canvas.add_legend(figure, grid)
     places = {where(entry) for entry in entries.values()}
     place = f", {places.pop()}" if len(places) == 1 else ""
-    number = counted(entry["seeds"] for entry in entries.values())
-    over = "one seed, no intervals" if number == "1" else f"mean of {number} seeds ± 95 % interval"
+    counts = " to ".join(map(str, sorted({len(entry["seeds"]) for entry in entries.values()})))
+    over = "one seed, no intervals" if counts == "1" else f"mean of {counts} seeds ± 95 % interval"
     figure.suptitle(f"Controllers compared{place}: {over}")
 
 

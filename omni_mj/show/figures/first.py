@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.measure.errors import errors
+from omni_mj.measure.metrics import errors
 from omni_mj.show import style
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Failure

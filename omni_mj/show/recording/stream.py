@@ -51,7 +51,7 @@ class Recording:
         self._robots = plots.shown_robots(self._log)
         references = [simulation.references[robot.row] for robot in self._robots]
         self._paths = [reference.poses for reference in dict.fromkeys(references)]
-        self._watches = [events.Watch(self._log, robot.row) for robot in self._robots]
+        self._n_events = [0] * len(self._robots)  # that were sent
         if isinstance(target, str) and not answers(target):
             self._fail("nobody answers")
 
@@ -135,12 +135,14 @@ class Recording:
         self._sent = log.length
         if frames.size:
             scene.send_targets(stream, self._paths, frames)
-        for robot, watch in zip(self._robots, self._watches, strict=True):
+        for i, robot in enumerate(self._robots):
             recorded = frames[frames < robot.length]
             if recorded.size:
                 scene.send(stream, robot, recorded)
                 self._send_series(stream, robot, recorded)
-            _send_events(stream, robot, watch.new(self._simulation.failures))
+            happened = events.of_row(log, robot.row, self._simulation.failures)
+            _send_events(stream, robot, happened[self._n_events[i] :])
+            self._n_events[i] = len(happened)
 
     def _send_series(self, stream: rr.RecordingStream, robot: Robot, frames: scene.Frames) -> None:
         """Send a robot's series, each from the block of its first number on; NaN is a gap."""

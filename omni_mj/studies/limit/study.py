@@ -1,4 +1,4 @@
-"""The study of a limit: robots learn a path, practise under noise, and drive next to the package's best controllers."""
+"""The study of a limit: a robot learns a path, practises under noise, and drives next to the package's controllers."""
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -6,35 +6,32 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
-import numpy as np
-
-from omni_control import controllers
-from omni_control.kinematics import Array
-from omni_control.registry import CONTROLLERS
-from omni_mj.measure import metrics, summary
+from omni_control.controllers.base import Controller
+from omni_control.registry import available
 from omni_mj.measure.result import Outcome, Result
+from omni_mj.measure.statistics import ERRORS, plane_error
 from omni_mj.measure.table import plus_minus
-from omni_mj.measure.verdict import ERRORS, mean
 from omni_mj.scenarios import distributions
 from omni_mj.scenarios.checking import in_one
+from omni_mj.scenarios.controllers import find
+from omni_mj.scenarios.robot_settings import VariationSettings
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario, load
-from omni_mj.simulate.log import Log
-from omni_mj.simulate.simulation import Failure, Simulation
-from omni_mj.studies.limit.learning import AIMS, Aim, Begin, Drives, Learner, lead, quiet, simulation
+from omni_mj.simulate.simulation import Simulation
+from omni_mj.studies.limit.learning import AIMS, Aim, Begin, lead, learn, led
 from omni_mj.studies.limit.tracking import Policy, Tracker
-from omni_mj.studies.outcome import StoppedError, nothing
+from omni_mj.studies.outcome import StoppedError, drive, nothing
 from omni_mj.studies.run import counted, with_kernel
 
 LIMIT, WITHOUT_NOISE = "limit", "limit without noise"
 SEEDS, ATTEMPTS = 20, 16
-PRACTICE_SEEDS, RIVAL_SEEDS, FIRST_SEED = 5, 3, 1_000_000  # seeds of practice count on from the scenario's
-WEIGHTS, NOISES = (0.0003, 0.001, 0.003, 0.01, 0.03), (0.1, 0.3, 1.0)  # policies that are tried: all pairs
+PRACTICE_SEEDS, FIRST_SEED = 5, 1_000_000  # seeds of practice count on from the scenario's
+POLICIES = tuple(Policy(*pair) for pair in product((0.0003, 0.001, 0.003, 0.01, 0.03), (0.1, 0.3, 1.0)))
 DEFINITIONS = {
     "limit": "least error found of robots that know the plant, and see no more than any controller: of information",
     "limit without noise": "least error found of robots that nothing disturbs and that see the truth: of the plant",
     "of": "whose the maximum and mean of the limit are: of robots that learned, or of a controller that was better",
-    "attempts": "maximum and mean error in the plane, m, of the best run without noise, after each attempt (median)",
+    "attempts": "maximum and mean error in the plane, m, of the best run without noise, after each attempt",
 }
 
 
@@ -44,40 +41,30 @@ class LimitResult(Result):
 
     Attributes:
         history: Maximum and mean error in the plane of the best run without noise, m, after each attempt.
-        commands: That were learned, (F, L, 3), world frame, m/s and rad/s: of one robot if all are alike, otherwise of
-            one per seed.
         whose: Aim -> label in the log of those whose errors the limit's are.
     """
 
-    history: Sequence[Mapping[Aim, float]] = ()
-    commands: Array | None = None
+    history: list[dict[Aim, float]] = field(default_factory=list)
     whose: Mapping[Aim, str] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
         """Return that of any result, with what was learned as `limit`."""
-        learned = {
-            "definitions": DEFINITIONS,
-            "attempts": [dict(errors) for errors in self.history],
-            "of": {aim: self._winner(aim) for aim in self.whose},
-        }
-        return super().summary() | {"limit": learned}
+        of = {aim: "learned" if label == LIMIT else label for aim, label in self.whose.items()}
+        return super().summary() | {"limit": {"definitions": DEFINITIONS, "attempts": self.history, "of": of}}
 
     def table(self) -> str:
         """Return the limits' errors, and how they were found, as lines of text."""
         return "\n".join([super().table(), *self._lines()]) if self.complete else ""
 
-    def _winner(self, aim: Aim) -> str:
-        return "learned" if self.whose[aim] == LIMIT else self.whose[aim]
-
     def _lines(self) -> Iterator[str]:
-        (outcome,) = self.outcomes
-        for name, result in outcome.entry["results"].items():
+        results = self.outcomes[0].entry["results"]
+        for name, result in results.items():
             error = result["error_m"]["distance"]
-            if len(error["max"]["seeds"]) > 1:
-                both = " / ".join(plus_minus(error[aim], 100) for aim in AIMS)
-                yield f"{name}: maximum / mean in the plane, mean over seeds: {both} cm"
-        for aim in AIMS:
-            if (name := self._winner(aim)) != "learned":
+            both = " / ".join(plus_minus(error[aim], 100) for aim in AIMS)
+            times = " / ".join(f"{plane_error(result, aim) / plane_error(results[LIMIT], aim):.1f}" for aim in AIMS)
+            yield f"{name}: maximum / mean in the plane, mean over seeds: {both} cm, {times} times the limit"
+        for aim, name in self.whose.items():
+            if name != LIMIT:
                 yield f"the limit of the {ERRORS[aim]} is that of {name}: learning found nothing lower"
         first, last = ((100 * errors["max"], 100 * errors["mean"]) for errors in (self.history[0], self.history[-1]))
         yield (
@@ -95,7 +82,7 @@ def limit(
 ) -> LimitResult:
     """Find out what is possible on a scenario's plant.
 
-    Robots that `[variation]` sets apart learn each for itself: the team knows its robots, but not what noise does.
+    The robot is the nominal one: `[variation]` is left out.
 
     Args:
         scenario: What is driven, or its name; its controllers are left out.
@@ -105,7 +92,7 @@ def limit(
             frame, and may raise `StoppedError`.
 
     Returns:
-        Errors of "limit", with noise, and of "limit without noise", in the form of any controller's.
+        Errors of "limit", with noise, of "limit without noise", and of the package's controllers that see no more.
 
     Raises:
         OmniError: There is no such scenario, robots share its world, seeds do not count up, there are fewer than two
@@ -116,7 +103,8 @@ def limit(
     distributions.refuse(chosen.distributions, "limit")
     numbers = counted(range(seeds) if isinstance(seeds, int) else seeds)
     check(chosen, iterations)
-    chosen = with_kernel(chosen.replace(seed=numbers[0], seeds=len(numbers)), len(numbers))
+    settings = chosen.settings.replace(variation=VariationSettings().model_dump())
+    chosen = with_kernel(chosen.replace(settings=settings, seed=numbers[0], seeds=len(numbers)), len(numbers))
     result = LimitResult([Outcome.not_run(chosen)], [LIMIT, WITHOUT_NOISE], seeds=numbers)
     try:
         _find(result, chosen, iterations, begin)
@@ -140,67 +128,51 @@ def check(scenario: Scenario, iterations: int) -> None:
     in_one(wrong)
 
 
+def quiet(scenario: Scenario) -> Scenario:
+    """Return the scenario without noise, disturbance and jitter."""
+    kinematic = scenario.settings.kinematic
+    middle = (kinematic.alpha_low + kinematic.alpha_high) / 2
+    settings = scenario.settings.replace(
+        vision={"position_noise_m": 0, "heading_noise_rad": 0, "miss_probability": 0},
+        sensors={"gyro_noise_rad_s": 0, "gyro_bias_rad_s": 0},
+        disturbance={"force_n": 0, "velocity_m_s": 0},
+        radio={"jitter_frames": 0},
+        kinematic={"alpha_low": middle, "alpha_high": middle, "alpha_time_s": 0},
+    )
+    return scenario.replace(settings=settings)
+
+
 def _find(result: LimitResult, chosen: Scenario, iterations: int, begin: Begin) -> None:
     """Fill in the result; raise StoppedError if it is stopped."""
-    started, seeds = time.perf_counter(), chosen.seed_list
-    apart = bool(simulation(chosen, (), seeds[:1]).drawn)  # by [variation]
-    learner = Learner(quiet(chosen), seeds if apart else seeds[:1], begin)
-    result.history, frames = learner.history, len(learner.reference)
-    learner.learn(iterations)
-    result.commands = learner.best.asked
+    calm, seeds = quiet(chosen), chosen.seed_list
+    run, model = learn(calm, iterations, result.history, begin)
 
-    own = np.arange(PRACTICE_SEEDS) % len(seeds) if apart else np.zeros(PRACTICE_SEEDS, int)
-    training = [seeds[i] for i in own] if apart else [seeds[0] + FIRST_SEED + i for i in range(PRACTICE_SEEDS)]
-    policies = [Policy(*pair) for pair in product(WEIGHTS, NOISES)]
-    made = _track(chosen, training, learner, own, policies, begin)[1]
-    practice = {aim: made.size(aim).reshape(len(policies), -1).mean(1) for aim in AIMS}
-    policy = policies[int(sum(errors / errors.min() for errors in practice.values()).argmin())]
-    names = [name for name in CONTROLLERS if not controllers.find(name).knows_truth]
-    rivals = simulation(chosen, names, training[:RIVAL_SEEDS])
-    rivals.run(begin("controllers, with noise", frames))
-    theirs = Drives.of(rivals, rivals.log.channel("command"))
-    best = list(dict.fromkeys(names[theirs.size(aim).reshape(len(names), -1).mean(1).argmin()] for aim in AIMS))
+    def tracker(policies: Sequence[Policy]) -> Tracker:
+        return Tracker(model, run.sent, run.poses, chosen, policies)
 
-    led = _track(chosen, seeds, learner, np.arange(len(seeds)) % len(learner.seeds), [policy], begin)[0]
-    still = simulation(learner.scenario, (), learner.seeds)
-    commands = iter(learner.best.asked)
-    lead(still, lambda measured, heading, last: next(commands), begin("limit without noise", frames))
-    beside = simulation(chosen, best, seeds)
-    beside.run(begin("best controllers", frames))
-    outcome = _outcome(chosen, [(led, LIMIT), (still, WITHOUT_NOISE), (beside, None)], started)
+    training = [seeds[0] + FIRST_SEED + i for i in range(PRACTICE_SEEDS)]
+    practice = tracker([policy for policy in POLICIES for _ in training])
+    made = lead(chosen, training * len(POLICIES), practice, begin("feedback", model.frames))
+    errors = [made.size(aim).reshape(len(POLICIES), -1).mean(1) for aim in AIMS]
+    policy = POLICIES[int(sum(error / error.min() for error in errors).argmin())]
+
+    names = [name for name in available() if not find(name).knows_truth]
+    commands = iter(run.asked)
+    kinds: list[str | type[Controller]] = [
+        led(LIMIT, tracker([policy] * len(seeds))),
+        led(WITHOUT_NOISE, lambda *seen: next(commands)),
+        *names,
+    ]
+    table = [(LIMIT, seed, chosen) for seed in seeds] + [(WITHOUT_NOISE, seeds[0], calm)]
+    table += [(name, seed, chosen) for name in names for seed in seeds]
+    rows = [Row(i, 0, name, seed, each.settings, chosen.robot) for i, (name, seed, each) in enumerate(table)]
+    outcome = drive(Simulation(chosen, kinds, rows=rows), begin("limit and controllers", model.frames))
+    if outcome.entry["reason"]:
+        raise StoppedError(outcome.entry["reason"])
     results = outcome.entry["results"]
-    result.whose = {aim: min((LIMIT, *best), key=lambda name: mean(results[name], aim)) for aim in AIMS}
+    result.whose = {aim: min((LIMIT, *names), key=lambda name: plane_error(results[name], aim)) for aim in AIMS}
     results[LIMIT] = _least(results, result.whose)
-    result.outcomes, result.controllers = [outcome], list(results)
-
-
-def _track(
-    scenario: Scenario, seeds: Sequence[int], learner: Learner, own: np.ndarray, policies: Sequence[Policy],
-    begin: Begin,
-) -> tuple[Simulation, Drives]:  # fmt: skip
-    """Lead a robot of each seed by each policy along the runs that were learned, by their numbers `own`."""
-    runs = np.tile(own, len(policies))
-    tracker = Tracker(
-        learner.model, learner.best.sent[:, runs], learner.best.poses[:, runs], scenario,
-        [policy for policy in policies for _ in seeds],
-    )  # fmt: skip
-    robots = simulation(scenario, (), list(seeds) * len(policies))
-    return robots, lead(robots, tracker, begin("feedback", len(learner.reference)))
-
-
-def _outcome(chosen: Scenario, parts: Sequence[tuple[Simulation, str | None]], started: float) -> Outcome:
-    """Return the outcome of simulations as if all their rows, renamed if a name is given, had run together."""
-    rows, failures = list[Row](), list[Failure]()
-    for part, name in parts:
-        part.log.rows = [replace(row, controller=name or row.controller) for row in part.log.rows]
-        failures += [replace(f, row=f.row + len(rows), controller=name or f.controller) for f in part.failures]
-        rows += [replace(row, world=len(rows) + i) for i, row in enumerate(part.log.rows)]
-    log = Log.joined([part.log for part, _ in parts], rows)
-    drawn = {name: np.concatenate([part.drawn[name] for part, _ in parts]) for name in parts[0][0].drawn}
-    measured, wall_s = metrics.row_metrics(log, failures), time.perf_counter() - started
-    entry = summary.entry(chosen, log, failures, measured, wall_s, None, drawn=drawn)
-    entry["results"] = {name: {**found, "reduction_percent": None} for name, found in entry["results"].items()}
-    return Outcome(chosen, entry, rows, failures, {**measured, **drawn}, log)
+    result.outcomes, result.controllers = [replace(outcome, scenario=chosen)], list(results)
 
 
 def _least(results: Mapping[str, Any], whose: Mapping[Aim, str]) -> dict[str, Any]:
@@ -210,4 +182,4 @@ def _least(results: Mapping[str, Any], whose: Mapping[Aim, str]) -> dict[str, An
         key: {axis: usual[key][axis] | {"max": worst[key][axis]["max"]} for axis in worst[key]}
         for key in ("error_m", "error_rad")
     }
-    return {**worst, **errors}
+    return {**worst, **errors, "reduction_percent": None}

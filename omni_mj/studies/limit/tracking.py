@@ -12,7 +12,7 @@ Kleinman, IEEE Trans. Automatic Control 14, 1969).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,21 +20,20 @@ from omni_control.kinematics import Array, wrap_angle
 from omni_mj.scenarios.faults import ON_WHEELS
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S
-from omni_mj.studies.limit.model import DepartureModel
-from omni_mj.studies.limit.plan import SCALE
+from omni_mj.studies.limit.model import SCALE, DepartureModel
 
 POSE, SPEED, DRIFT, COMPASS, BIAS, GAIN = slice(0, 3), slice(3, 6), slice(6, 9), 9, 10, slice(11, 14)
 STATES = 14
+TRANSLATION = np.array([1, 1, 0, 1, 1, 0, 1, 1, 0, 0, 0, 1, 1, 1], bool)
 DRIFT_DECAY = np.exp(-1 / 30.0)  # per frame
 SMALLEST = 2e-6  # m or rad that vision resolves; avoids a division by zero
 # Standard deviations per frame of what no linear model foresees: velocity, its lasting part (drift), in m/s and rad/s,
 # and the heading that the firmware holds, rad. Those with which poses of tigers-v2016 on `rect` are predicted best.
-ON_WHEELS_NOISE = np.array([5e-4, 5e-4, 2e-3, 2e-5, 2e-5, 4e-5, 2.5e-4])
+ON_WHEELS_NOISE = np.array([0, 0, 0, 5e-4, 5e-4, 2e-3, 2e-5, 2e-5, 4e-5, 2.5e-4, 0, 0, 0, 0])
 ROUNDS = 5  # a disturbance is at most 0.2 of a command, so five rounds leave nothing of it
 
 
-@dataclass(frozen=True)
-class Policy:
+class Policy(NamedTuple):
     """How feedback is set.
 
     Attributes:
@@ -51,8 +50,8 @@ class Tracker:
 
     Args:
         model: Departures, the same for all runs.
-        commands: Of the runs, (F, n, 3).
-        poses: Of the runs, (F, n, 3).
+        commands: Of the runs, (F, n, 3), or (F, 1, 3) for one run of all.
+        poses: Of the runs, same shape.
         scenario: Its noise, radio and firmware.
         policies: One per robot.
     """
@@ -70,10 +69,9 @@ class Tracker:
         position, heading = max(vision.position_noise_m, SMALLEST), max(vision.heading_noise_rad, SMALLEST)
         self._vision_covariance = np.diag(np.square([position, position, heading]))
         self._noise, gain, self._gain_decay = _process_noise(scenario, model, commands[:, 0])
-        self._noise_factors = np.array([[policy.noise**2, 1.0] for policy in policies])
-        weights = [policy.weight for policy in policies]
-        distinct, self._which = np.unique(weights, return_inverse=True)
-        self._gains = np.stack([_regulator(model, weight) for weight in distinct], axis=1)
+        self._noise_factors = np.array([np.where(TRANSLATION, policy.noise, 1.0) for policy in policies])
+        regulators = {weight: _regulator(model, weight) for weight in {policy.weight for policy in policies}}
+        self._gains = np.stack([regulators[policy.weight] for policy in policies], axis=1)
         self._inverse = np.linalg.pinv(model.command.sum(0))
         self._state = np.zeros((n, STATES))
         self._covariance = np.zeros((n, STATES, STATES))
@@ -91,13 +89,12 @@ class Tracker:
             heading: Sent along with the command, (n,).
             last: Commands sent in the frame before, (n, 3).
         """
-        ahead = self.predict(measured, heading, last)
-        frame = self._frame
+        ahead, frame = self.predict(measured, heading, last), self._frame
         acts = min(frame + self._delay, self._last)
         before = self._in_frame(self._sent, frame - 1)
         felt = before - self._in_frame(self._commands, frame - 1) + self._disturbance(ahead, before, acts)
         state = np.concatenate([ahead[:, POSE], ahead[:, SPEED], felt], axis=1)
-        feedback = (self._gains[min(frame, self._last), self._which] * state[:, None]).sum(-1)
+        feedback = (self._gains[min(frame, self._last)] * state[:, None]).sum(-1)
         desired = command = self._in_frame(self._commands, frame) - feedback
         for _ in range(ROUNDS):
             command = desired - self._disturbance(ahead, command, acts)
@@ -125,7 +122,9 @@ class Tracker:
         images = self._advanced(states, self._frame)
         jacobian = (images[1:] - images[0]).transpose(1, 2, 0)
         self._state = self._advanced(self._state, self._frame)
-        noise = np.einsum("np,pij->nij", self._noise_factors, self._noise[:, min(self._frame, self._last)])
+        effect = np.eye(STATES)
+        effect[POSE, SPEED] = PERIOD_S * np.eye(3)
+        noise = effect * (self._noise_factors * self._noise[min(self._frame, self._last)])[:, None] ** 2 @ effect.T
         self._covariance = jacobian @ self._covariance @ jacobian.swapaxes(1, 2) + noise
 
     def _advanced(self, state: Array, frame: int) -> Array:
@@ -178,7 +177,7 @@ class Tracker:
 
 
 def _process_noise(scenario: Scenario, model: DepartureModel, commands: Array) -> tuple[Array, float, float]:
-    """Return the process noise of a scenario.
+    """Return the standard deviation of the noise that acts on each state in a frame (F, STATES).
 
     Args:
         scenario: Its disturbances and sensors.
@@ -186,34 +185,24 @@ def _process_noise(scenario: Scenario, model: DepartureModel, commands: Array) -
         commands: Of a run, (F, 3).
 
     Returns:
-        The covariances that noise of translation, and all else, adds in each frame, (2, F, STATES, STATES); the
-        standard deviation of the gain by which speeds differ from commands, and its decay per frame.
+        These; the standard deviation of the gain by which speeds differ from commands, and its decay per frame.
     """
-    settings, gain, decay = scenario.settings, 0.0, 1.0
-    sizes = np.zeros((model.frames, 10))
+    settings, sizes, gain, decay = scenario.settings, np.zeros((model.frames, STATES)), 0.0, 1.0
     if scenario.plant in ON_WHEELS:
-        push_m_s = settings.disturbance.force_n / settings.body.mass_kg * PERIOD_S
         gyro = settings.sensors.gyro_noise_rad_s
-        turn = gyro / (1 + settings.firmware.turn_gain)
-        sizes[:, :7] = np.hypot(ON_WHEELS_NOISE, [push_m_s / 3**0.5] * 2 + [turn, 0, 0, 0, PERIOD_S * gyro])
+        sizes[:, SPEED] = settings.disturbance.force_n / settings.body.mass_kg * PERIOD_S / 3**0.5
+        sizes[:, 5], sizes[:, COMPASS] = gyro / (1 + settings.firmware.turn_gain), PERIOD_S * gyro
+        return np.hypot(sizes, ON_WHEELS_NOISE), gain, decay
+    kinematic = settings.kinematic
+    sizes[:, SPEED], sizes[:, DRIFT] = 1e-9 + settings.disturbance.velocity_m_s / 3**0.5, 1e-9
+    spread = (kinematic.alpha_high - kinematic.alpha_low) / (kinematic.alpha_high + kinematic.alpha_low) / 3**0.5
+    if kinematic.alpha_time_s:
+        gain, decay = spread, float(np.exp(-PERIOD_S / kinematic.alpha_time_s))
+        sizes[:, GAIN] = gain * (1 - decay**2) ** 0.5
     else:
-        kinematic = settings.kinematic
-        sizes[:, :7] = 1e-9
-        sizes[:, :3] += settings.disturbance.velocity_m_s / 3**0.5
-        spread = (kinematic.alpha_high - kinematic.alpha_low) / (kinematic.alpha_high + kinematic.alpha_low) / 3**0.5
-        if kinematic.alpha_time_s:
-            gain, decay = spread, float(np.exp(-PERIOD_S / kinematic.alpha_time_s))
-            sizes[:, 7:] = gain * (1 - decay**2) ** 0.5
-        else:
-            acting = np.concatenate([np.zeros((model.delay, 3)), commands])[: model.frames]
-            sizes[:, :3] += spread * np.abs(acting)
-    effect = np.zeros((STATES, 10))
-    effect[SPEED, :3] = effect[DRIFT, 3:6] = effect[GAIN, 7:] = np.eye(3)
-    effect[POSE, :3] = PERIOD_S * np.eye(3)
-    effect[COMPASS, 6] = 1
-    translation = np.array([1, 1, 0, 1, 1, 0, 0, 1, 1, 1])
-    parts = np.stack([translation, 1 - translation])[:, None] * sizes**2
-    return effect * parts[:, :, None] @ effect.T, gain, decay
+        acting = np.concatenate([np.zeros((model.delay, 3)), commands])[: model.frames]
+        sizes[:, SPEED] += spread * np.abs(acting)
+    return sizes, gain, decay
 
 
 def _regulator(model: DepartureModel, weight: float) -> Array:

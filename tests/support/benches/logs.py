@@ -10,17 +10,17 @@ import omni_mj as om
 from omni_mj.measure import causes as causes
 from omni_mj.measure import events as events
 from omni_mj.measure import paper as paper
-from omni_mj.measure import recovery as recovery
 from omni_mj.measure import statistics as statistics
 from omni_mj.measure import summary
-from omni_mj.measure.errors import errors as errors
-from omni_mj.measure.errors import travel as travel
 from omni_mj.measure.metrics import alpha_windows as alpha_windows
 from omni_mj.measure.metrics import driven_alpha as driven_alpha
+from omni_mj.measure.metrics import errors as errors
 from omni_mj.measure.metrics import row_metrics
+from omni_mj.measure.metrics import travel as travel
 from omni_mj.measure.result import Outcome
+from omni_mj.measure.statistics import verdicts as verdicts
+from omni_mj.measure.table import recovery_table as recovery_table
 from omni_mj.measure.table import table as table
-from omni_mj.measure.verdict import verdicts as verdicts
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import Settings
 from omni_mj.simulate.log import Log
@@ -94,6 +94,6 @@ def compared(results: Mapping[str, Any], informed: Sequence[str], subject: str |
     }  # fmt: skip
     head = {
         "created": "", "complete": True, "stopped": None, "wall_s": 1.0, "repeat": "", "controllers": list(results),
-        "informed": list(informed), "seeds": list(range(20)), "half_width": None, "subject": subject,
+        "informed": list(informed), "seeds": list(range(20)), "subject": subject,
     }  # fmt: skip
     return summary.document({"rect": entry}, head)

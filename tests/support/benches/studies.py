@@ -15,11 +15,10 @@ from omni_mj.scenarios.told import loads
 from omni_mj.studies import conditions
 from omni_mj.studies.alpha import AlphaResult
 from omni_mj.studies.alpha_findings import Study
-from omni_mj.studies.compare import Watch
 from omni_mj.studies.identify.logs import read
-from omni_mj.studies.limit.learning import Drives, Learner, quiet
-from omni_mj.studies.limit.model import DepartureModel
-from omni_mj.studies.limit.plan import improve
+from omni_mj.studies.limit.learning import Drives, learn
+from omni_mj.studies.limit.model import DepartureModel, improve
+from omni_mj.studies.limit.study import quiet
 from omni_mj.studies.limit.tracking import POSE, Policy, Tracker, _regulator
 from omni_mj.studies.loop import LoopResult, loop, motion, study
 from omni_mj.studies.loop.drive import STEP, STEP_M, WARM_UP, Drive
@@ -69,8 +68,8 @@ def predicted_poses(scenario: om.Scenario, poses: Array, measured: Array, noise:
     return ahead[:, POSE]
 
 
-def learned(scenario: om.Scenario, seeds: list[int], attempts: int) -> tuple[Drives, Array, list[dict[Any, float]]]:
-    """Return the best runs, the reference (F, 3) and the history of robots that learn without noise."""
-    learner = Learner(quiet(scenario), seeds, lambda title, frames: nothing)
-    learner.learn(attempts)
-    return learner.best, learner.reference, learner.history
+def learned(scenario: om.Scenario, attempts: int) -> tuple[Drives, list[dict[Any, float]]]:
+    """Return the best run of a robot that learns without noise, and its history."""
+    history: list[dict[Any, float]] = []
+    best, _ = learn(quiet(scenario), attempts, history, lambda title, frames: nothing)
+    return best, history
