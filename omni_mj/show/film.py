@@ -15,7 +15,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj import parquet
 from omni_mj.files import whole
-from omni_mj.measure import reading
+from omni_mj.measure import summary as summaries
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.show import style
 from omni_mj.show.recording.scene import COVER, HEIGHT_M, RADIUS_M
@@ -62,7 +62,7 @@ def read(folder: Path, controllers: Sequence[str] = ()) -> tuple[Settings, list[
     Raises:
         OmniError: The folder holds no run, no trajectory, or no such controller.
     """
-    entry = next(iter(reading.read(folder)["scenarios"].values()))
+    entry = next(iter(summaries.read(folder)["scenarios"].values()))
     settings = Settings(**{section: entry["settings"][section] for section in ("model", "body", "wheels")})
     pose = ["x_m", "y_m", "heading_rad"]
     angles = [f"wheel_angle_{i + 1}_rad" for i in range(len(settings.wheels.azimuths_deg))]
