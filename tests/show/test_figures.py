@@ -13,7 +13,7 @@ from matplotlib.image import imread
 
 from omni_control.registry import CONTROLLERS
 
-NAMES = ("path", "output", "error", "why", "alpha", "seeds", "memberships")
+NAMES = ("path", "output", "error", "why", "alpha", "seeds")
 OTHERS = ("mine", "yours")
 
 
@@ -92,7 +92,7 @@ def _texts(figure: Any) -> str:
 
 @pytest.mark.parametrize("controllers", [2, 5])
 def test_a_path_is_enlarged_where_each_controller_strays_farthest(controllers: int) -> None:
-    """All keep 1 mm aside of 2 m straight ahead, but for 5 cm half-way: squares of some 7 cm show that, in cm."""
+    """All keep 1 mm aside of 2 m straight ahead, but for 5 cm half-way: squares of 13 cm around that show it, in cm."""
     along = np.linspace(0, 2, FRAMES)
     aside = 0.001 + 0.05 * np.exp(-((along - 1) ** 2) / (2 * 0.02**2))
     ref = np.zeros((FRAMES, controllers, 3))
@@ -102,17 +102,10 @@ def test_a_path_is_enlarged_where_each_controller_strays_farthest(controllers: i
     _, *squares = figure.axes
     assert len(squares) == controllers
     for axes in squares:
-        assert np.ptp(axes.get_xlim()) == pytest.approx(1.5 * 5.1, rel=0.03)
+        assert np.ptp(axes.get_xlim()) == pytest.approx(2.5 * 5.1, rel=0.03)
         path = next(line for line in axes.get_lines() if str(line.get_label()).startswith("c"))
-        assert np.max(path.get_ydata()) == pytest.approx(5.1 / 2, rel=0.03)  # from the centre of the square
-
-
-def test_memberships_are_triangles_that_cross_at_half_height() -> None:
-    for axes, reach in zip(drawn(outcome())["memberships"].axes, (10.0, 1.0), strict=True):
-        x = np.linspace(-1, 1, 81)
-        for peak, line in zip(np.linspace(-1, 1, 5), axes.get_lines(), strict=True):
-            degree = np.interp(reach * x, *line.get_data())
-            np.testing.assert_allclose(degree, np.maximum(0, 1 - 2 * np.abs(x - peak)), atol=1e-9)
+        assert np.max(path.get_ydata()) == pytest.approx(0, abs=0.1)
+        assert float(axes.get_xlabel().split()[0]) == pytest.approx(5.1, rel=0.03)
 
 
 @given(st.lists(st.sampled_from([*CONTROLLERS, *OTHERS]), unique=True, min_size=1))
@@ -123,21 +116,12 @@ def test_controllers_are_told_apart_without_colour_and_keep_their_look(controlle
     assert all(look([name]) == [line] for name, line in zip(controllers, lines, strict=True) if name in CONTROLLERS)
 
 
-def test_a_run_shows_the_mean_and_every_seed_but_of_controllers_that_failed_the_mean_is_a_word() -> None:
-    """Seed j of controller i is off by i + 0.1 j cm, in x and in y; the last seed of the last fails."""
-    axes = drawn(outcome(ends={5: 100}))["seeds"].axes[0]
-    dots = [line.get_xdata() for line in axes.get_lines() if line.get_label() == "a seed"]
-    expected = np.sqrt(2) * np.array([[0.0, 0.1, 0.2], [1.0, 1.1, np.nan]])
-    np.testing.assert_allclose(np.array(dots, float), expected, atol=1e-9)
-    assert [text.get_text() for text in axes.texts] == ["failed"]
-
-
 def test_a_comparison_has_a_dot_at_each_mean_and_names_what_is_missing() -> None:
     """In cm; hollow for the informed; a value that a seed lacks is a word."""
     run = outcome(ends={5: 100}).entry
     figure = compared({"s1": outcome().entry, "s2": run, "s3": run | {"results": {}}}, ["c1"])
     words = ["failed"] * 4 + ["never"]
-    assert [{text.get_text() for text in axes.texts} for axes in figure.axes] == [{word} for word in words]
+    assert [{text.get_text().strip() for text in axes.texts} for axes in figure.axes] == [{word} for word in words]
     axes = figure.axes[0]
     lines = [line for line in axes.get_lines() if len(line.get_xdata())]
     points = [(line.get_xdata()[0], line.get_markerfacecolor() == "white") for line in lines]

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -14,8 +15,7 @@ from omni_mj.measure.result import Outcome
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.show import figures, style
-from omni_mj.show.figures import canvas, comparison
-from omni_mj.show.figures.first import FirstRows
+from omni_mj.show.figures import comparison
 
 FRAMES, SPEED, ALPHA = 240, 0.5, 0.8
 TURN = 0.02  # rad, by which each controller is turned per cm of error
@@ -58,21 +58,16 @@ def outcome(
 
 def drawn(result: Outcome) -> dict[str, Figure]:
     """Return all figures of an outcome by name."""
-    assert result.log
-    functions = figures.drawings(
-        FirstRows(result.log, result.failures), {"rect": result.entry}, result.scenario.settings.control
-    )
     shown = {}
-    with canvas.styled():
-        for name, draw in functions.items():
-            shown[name] = Figure(layout="none")  # type: ignore[arg-type]
-            draw(shown[name])
+    with rc_context(fname=style.SHEET):
+        for name, draw in figures.drawings(result).items():
+            draw(shown.setdefault(name, Figure()))
     return shown
 
 
 def compared(entries: dict[str, Any], informed: Sequence[str] = ()) -> Figure:
     """Return the figure that compares entries of a summary."""
-    with canvas.styled():
+    with rc_context(fname=style.SHEET):
         figure = Figure()
         comparison.draw_comparison(entries, informed, figure)
         figure.draw_without_rendering()
