@@ -30,9 +30,9 @@ from omni_mj.measure import causes
 from omni_mj.measure.metrics import NEAR_M, errors, row_metrics
 from omni_mj.measure.statistics import spread, verdicts
 from omni_mj.measure.table import Table, text
-from omni_mj.robots import builtin as robots
 from omni_mj.scenarios.faults import span
 from omni_mj.scenarios.references import timed
+from omni_mj.scenarios.robots import builtin as robots
 from omni_mj.scenarios.rows import Row, table
 from omni_mj.scenarios.scenario import Scenario, scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S

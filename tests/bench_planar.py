@@ -27,9 +27,9 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_mj.measure.metrics import row_metrics
 from omni_mj.measure.statistics import confidence
-from omni_mj.robots import builtin as builtin_robots
 from omni_mj.scenarios import scenario
-from omni_mj.scenarios.library import builtin as builtin_scenarios
+from omni_mj.scenarios.robots import builtin as builtin_robots
+from omni_mj.scenarios.toml_files import builtin as builtin_scenarios
 from omni_mj.simulate.simulation import Simulation
 
 CONTROLLERS = "comp-flc", "adaptive-comp-flc", "lqr"

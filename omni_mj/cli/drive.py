@@ -65,8 +65,8 @@ def command(
     """Drive robots that SSL-Vision sees, and tell how late and how well they answer."""
     from omni_mj.live import session
     from omni_mj.scenarios import scenario
-    from omni_mj.scenarios.library import builtin
     from omni_mj.scenarios.robots import DEFAULT
+    from omni_mj.scenarios.toml_files import builtin
 
     out, overwrite, dry_run = map(values.pop, ("out", "overwrite", "dry_run"))
     head = {"controllers": (controller,), "plant": "live", "seeds": 1} | ({"robot": robot} if robot else {})

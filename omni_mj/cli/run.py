@@ -62,7 +62,7 @@ def command(
         listing.show()
         return
     from omni_mj.cli.console import Interrupts
-    from omni_mj.scenarios.library import builtin
+    from omni_mj.scenarios.toml_files import builtin
     from omni_mj.studies import run
 
     if name is None:

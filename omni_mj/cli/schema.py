@@ -8,6 +8,6 @@ def command() -> None:
     """Print the JSON Schema of scenario files."""
     import json
 
-    from omni_mj.scenarios.schema import schema
+    from omni_mj.scenarios.scenario import schema
 
     print(json.dumps(schema(), indent=2))

@@ -16,8 +16,8 @@ from omni_mj.live.report import measure_pulse
 from omni_mj.live.sockets import LOOPBACK, Address, Notes, Receiver
 from omni_mj.live.vision import Colour, Vision
 from omni_mj.live.wire import VISION_GROUP, VISION_PORT
-from omni_mj.scenarios import distributions, references, user_files
-from omni_mj.scenarios.controllers import find, label
+from omni_mj.scenarios import classes, distributions, references
+from omni_mj.scenarios.classes import label
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 
@@ -73,7 +73,7 @@ def check(scenario: Scenario, options: Options) -> None:
     distributions.refuse(scenario.distributions, "drive")
     errors = []
     (controller,) = scenario.controllers
-    if find(controller).knows_truth:
+    if classes.find_controller(controller).knows_truth:
         name = label(controller)
         errors.append(f"{name} must be given the true pose, which nobody knows of robots outside of this program")
     if scenario.settings.fault:
@@ -199,6 +199,6 @@ def _find_radio(name: str) -> type[Radio]:
     Raises:
         OmniError: There is no such class.
     """
-    if not user_files.names_class(name):
+    if not classes.names_class(name):
         raise OmniError(f"--radio must be file.py:Class, not {name!r}")
-    return user_files.find(name, "derived from omni_mj.live.radio.Radio", lambda kind: issubclass(kind, Radio))
+    return classes.find_class(name, "derived from omni_mj.live.radio.Radio", lambda kind: issubclass(kind, Radio))

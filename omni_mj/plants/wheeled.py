@@ -45,7 +45,7 @@ class WheeledPlant(Faulty):
         self._record: CycleRecord | None = None  # of the frame just past
         kinds = {type(fault) for row in rows for fault in row.faults}
         frames = max(*(longest(row.settings.radio, row.settings.fault) for row in rows), self.remembered_frames) + 1
-        options = frames, bool(kinds & {*PROCESSORS}), bool(kinds & {*ENCODERS})
+        options = frames, bool(kinds.intersection(PROCESSORS)), bool(kinds.intersection(ENCODERS))
         self._onboard: tuple[OnboardParameters, OnboardState] = onboard(
             [row.settings for row in rows], kinematics, heading, by_wheel(drawn.strength), options
         )

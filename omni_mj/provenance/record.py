@@ -19,7 +19,7 @@ from omni_control.registry import CONTROLLERS
 from omni_mj.files import write
 from omni_mj.measure.summary import versions
 from omni_mj.mjcf.files import copies
-from omni_mj.scenarios import controllers, models, plants, robots, user_files
+from omni_mj.scenarios import classes, robots
 from omni_mj.scenarios.scenario import Scenario
 
 FORMAT = 1
@@ -89,7 +89,7 @@ def digest(data: bytes) -> str:
 
 def source_digest() -> str:
     """Return a digest of names and contents of the packages' files and of the models."""
-    folders = _PACKAGE, Path(omni_control.__file__).parent, models.folder()
+    folders = _PACKAGE, Path(omni_control.__file__).parent, robots.models()
     return digest("".join(line for folder in folders for line in _digests(folder)).encode())
 
 
@@ -116,7 +116,7 @@ def _describe(scenario: Scenario, files: dict[str, bytes]) -> dict[str, Any]:
     robot, plant = robots.robot_path(scenario.robot), scenario.plant
     (robot_copy,) = _copy(files, {robot.name: robot.read_bytes()})
     entry: dict[str, Any] = {
-        "plant": {"name": plant} if plant in plants.PLANTS else _class(plant, files),
+        "plant": {"name": plant} if plant in classes.PLANTS else _class(plant, files),
         "robot": {"name": Path(scenario.robot).name} | robot_copy,
         "controllers": [_controller(kind, scenario, files) for kind in scenario.controllers],
     }
@@ -132,24 +132,21 @@ def _describe(scenario: Scenario, files: dict[str, bytes]) -> dict[str, Any]:
     return entry
 
 
-def _controller(kind: controllers.Kind, scenario: Scenario, files: dict[str, bytes]) -> dict[str, Any]:
-    label, found = controllers.label(kind), controllers.find(kind)
+def _controller(kind: classes.Kind, scenario: Scenario, files: dict[str, bytes]) -> dict[str, Any]:
+    label, found = classes.label(kind), classes.find_controller(kind)
     entry = {"name": label} if kind in CONTROLLERS else _class(kind, files)
     given = scenario.settings.controller.get(label, {})
     return entry | {"parameters": known_controllers.parameters(found) | dict(given)}
 
 
-def _class(kind: controllers.Kind, files: dict[str, bytes]) -> dict[str, Any]:
+def _class(kind: classes.Kind, files: dict[str, bytes]) -> dict[str, Any]:
     """Return the entry of a class of the user's own, and copy the file that defines it."""
-    file, _, name = controllers.written(kind).rpartition(":")
-    entry = {"name": controllers.label(kind), "class": name}
-    if isinstance(kind, str):
-        data = user_files.source(kind)
-    elif kind.__module__ == "__main__" or "." in name or not Path(file).is_file():
+    file, _, name = classes.written(kind).rpartition(":")
+    entry = {"name": classes.label(kind), "class": name}
+    is_main = isinstance(kind, type) and kind.__module__ == "__main__"
+    if is_main or "." in name or not Path(file).is_file():
         return entry | {"why": "is not defined at the top level of a file that can be imported"}
-    else:
-        data = Path(file).read_bytes()
-    (copy,) = _copy(files, {Path(file).name: data})
+    (copy,) = _copy(files, {Path(file).name: Path(file).read_bytes()})
     return entry | copy
 
 

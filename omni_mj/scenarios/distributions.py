@@ -12,7 +12,7 @@ from zlib import crc32
 import numpy as np
 
 from omni_control.errors import OmniError, choose
-from omni_mj.scenarios.checking import Setting, shown
+from omni_mj.scenarios.checking import shown
 from omni_mj.scenarios.settings import Settings, every_setting
 
 KINDS = {
@@ -20,6 +20,7 @@ KINDS = {
     "normal": "[mean, deviation] or [mean, deviation, low, high], a deviation above 0 and low below high",
     "choice": "a list of 1 to 999 values",
 }
+LENGTHS = {"uniform": (2,), "normal": (2, 4), "choice": range(1, 1000)}
 Value = int | float | str | bool
 
 
@@ -88,16 +89,12 @@ def split(sections: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Distri
     Raises:
         OmniError: A distribution of what cannot be drawn, or one with wrong numbers.
     """
-    plain, drawn, known = dict(sections), dict[str, Distribution](), {each.full: each for each in every_setting()}
+    plain, drawn = dict(sections), dict[str, Distribution]()
     for section, fields in sections.items():
-        if isinstance(fields, Mapping) and section != "controller":
-            for field, value in fields.items():
-                if isinstance(value, Mapping):
-                    name = f"{section}.{field}"
-                    if name not in known:
-                        raise OmniError(f"unknown setting {name}; {choose(name, known)}")
-                    drawn[name] = _made(known[name], value)
-                    plain[section] = {**plain[section], field: drawn[name].middle}
+        if section != "controller" and isinstance(fields, Mapping):
+            own = {f"{section}.{field}": value for field, value in fields.items() if isinstance(value, Mapping)}
+            drawn |= {name: _made(name, value) for name, value in own.items()}
+            plain[section] = {**fields, **{name.split(".")[1]: drawn[name].middle for name in own}}
     return plain, drawn
 
 
@@ -140,13 +137,6 @@ def refuse(distributions: Mapping[str, Distribution], study: str) -> None:
         raise OmniError(f"{study} takes numbers, no distributions; give one for {', '.join(distributions)}")
 
 
-def value(settings: Settings, name: str) -> Value:
-    """Return the value of the setting called `section.field`."""
-    section, field = name.split(".")
-    found: Value = getattr(getattr(settings, section), field)
-    return found
-
-
 def put(settings: Settings, values: Mapping[str, Value]) -> Settings:
     """Return the settings with other values, by `section.field`.
 
@@ -160,22 +150,21 @@ def put(settings: Settings, values: Mapping[str, Value]) -> Settings:
     return settings.replace(**sections)
 
 
-def _made(declared: Setting, value: Mapping[str, Any]) -> Distribution:
-    name = declared.full
-    if len(value) != 1 or not value.keys() <= KINDS.keys():
-        raise OmniError(f"{name} must be {declared.wanted}, or one of {', '.join(KINDS)}, not {shown(dict(value))}")
-    ((kind, values),) = value.items()
-    if kind != "choice" and not declared.number:
+def _made(name: str, given: Mapping[str, Any]) -> Distribution:
+    known = {each.full: each for each in every_setting()}
+    if name not in known:
+        raise OmniError(f"unknown setting {name}; {choose(name, known)}")
+    kind, values = next(iter(given.items()), ("", ()))
+    if len(given) != 1 or kind not in KINDS:
+        raise OmniError(f"{name} must be a value, or one of {', '.join(KINDS)}, not {shown(dict(given))}")
+    if kind != "choice" and not known[name].number:
         raise OmniError(f"{name} is no number: draw it by {{choice = [...]}}, not {kind}")
-    sized = isinstance(values, (list, tuple)) and len(values) in {"uniform": (2,), "normal": (2, 4)}.get(
-        kind, range(1, 1000)
-    )
-    numbers = kind == "choice" or (
-        sized
-        and all(isinstance(each, (int, float)) and np.isfinite(each) for each in values)
-        and (values[0] <= values[1] if kind == "uniform" else values[1] > 0)
-        and (len(values) < 4 or values[2] < values[3])
-    )
-    if not (sized and numbers):
+    numbers = tuple(values) if isinstance(values, (list, tuple)) else ()
+    fits = len(numbers) in LENGTHS[kind]
+    if fits and kind != "choice":
+        pairs = numbers if kind == "uniform" else (0, *numbers[1:])  # ascending each
+        fits = all(isinstance(number, (int, float)) for number in numbers)
+        fits = fits and bool(np.all(np.diff(np.reshape(pairs, (-1, 2))) > 0))
+    if not fits:
         raise OmniError(f"{name}: {kind} = {KINDS[kind]}, not {shown(values)}")
-    return Distribution(kind, tuple(values), declared.kind is int)
+    return Distribution(kind, numbers, known[name].kind is int)

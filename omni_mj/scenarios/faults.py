@@ -5,20 +5,30 @@ A kind is a class here, and a small function where it acts: `omni_mj.plants.faul
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, computed_field
 
+from omni_control.errors import OmniError, choose
 from omni_mj.scenarios import FRAME_RATE_HZ, PERIOD_S
-from omni_mj.scenarios.checking import FRICTIONS, REACH_M, Checked, in_one, setting
-from omni_mj.scenarios.plants import PLANTS, find_plant
+from omni_mj.scenarios.checking import (
+    FRICTIONS,
+    REACH_M,
+    Checked,
+    in_one,
+    setting,
+    shown,
+)
+from omni_mj.scenarios.classes import PLANTS, find_plant
 
 if TYPE_CHECKING:
     from omni_mj.scenarios.settings import Settings
 
 ON_WHEELS, KINEMATIC = ("mujoco", "planar"), ("kinematic",)
 HIGHEST = 15  # number of a robot in the league
+KINDS: dict[str, type["Fault"]] = {}  # name in files -> class
 Robots = Annotated[tuple[Annotated[int, Field(ge=0, le=HIGHEST)], ...], Field(strict=False)]
 
 
@@ -31,12 +41,22 @@ class Fault(Checked):
 
     plants: ClassVar[tuple[str, ...] | None] = None
 
-    kind: str
     at: float = setting(..., "s", "when it begins, from the start of the run; to the nearest frame", 0, 36_000)
-    for_: float = setting(0.0, "s", "how long it lasts; 0: until the end of the run", 0, 36_000, alias="for")
+    for_: float = setting(0.0, "s", "how long it lasts; 0: until the end of the run", 0, 36_000)
     robots: Robots = setting(
         (), "", "to which robots it happens: their numbers in their world (serve: in their team); none: all", 0, 12
     )
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        super().__init_subclass__(**keywords)
+        if not cls.__name__.startswith("On"):  # a class of several kinds
+            KINDS[_kind(cls)] = cls
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def kind(self) -> str:
+        """Its name in files."""
+        return _kind(type(self))
 
     @property
     def text(self) -> str:
@@ -57,19 +77,15 @@ class Fault(Checked):
         """Return whether it happens to the robot of this number."""
         return not self.robots or robot in self.robots
 
-    @field_validator("for_")
-    @classmethod
-    def _in_frames(cls, duration: float) -> float:
-        if 0 < duration < 0.999 * PERIOD_S:
-            raise ValueError(f"for must be 0 or at least a frame, {PERIOD_S:.4f} s, not {duration:g}")
-        return duration
+    def contradictions(self) -> Iterator[str]:
+        """Yield what its values cannot be."""
+        if 0 < self.for_ < 0.999 * PERIOD_S:
+            yield f"for must be 0 or at least a frame, {PERIOD_S:.4f} s, not {self.for_:g}"
 
-    @field_validator("robots")
-    @classmethod
-    def _different(cls, robots: tuple[int, ...]) -> tuple[int, ...]:
-        if len(set(robots)) < len(robots):
-            raise ValueError(f"robots must be different numbers, not {list(robots)}")
-        return robots
+
+def _kind(cls: type[Fault]) -> str:
+    """Return the name of a kind in files: wheel-worn of `WheelWorn`."""
+    return re.sub("(?<=[a-z])(?=[A-Z])", "-", cls.__name__).lower()
 
 
 class OnWheels(Fault):
@@ -78,7 +94,7 @@ class OnWheels(Fault):
     plants = ON_WHEELS
 
 
-class OfWheel(OnWheels):
+class OnOneWheel(OnWheels):
     """What happens to one wheel, or its motor or encoder."""
 
     wheel: int = setting(..., "", "whose, counted from 1 at the front left, counter-clockwise", 1, 8)
@@ -94,7 +110,6 @@ def _chance(doc: str, default: Any = ...) -> Any:
 class Push(OnWheels):
     """A force on the chassis at its centre of mass: another robot, a hand."""
 
-    kind: Literal["push"] = "push"
     force_n: float = setting(..., "N", "force", 0, 1000)
     direction_deg: float = setting(0.0, "deg", "towards where, from the world's x to its y", -360, 360)
 
@@ -103,7 +118,6 @@ class Kidnap(Fault):
     """A hand that puts the robot elsewhere, at rest, in no time; its gyro and encoders see nothing of it."""
 
     plants = ON_WHEELS + KINEMATIC
-    kind: Literal["kidnap"] = "kidnap"
     x_m: float = setting(0.0, "m", "how far along the world's x", -10, 10)
     y_m: float = setting(0.0, "m", "same, along y", -10, 10)
     heading_deg: float = setting(0.0, "deg", "how far turned", -180, 180)
@@ -117,7 +131,6 @@ class Kidnap(Fault):
 class Payload(OnWheels):
     """More mass, a point on the vertical line through the chassis' centre of mass; it comes and goes at its speed."""
 
-    kind: Literal["payload"] = "payload"
     mass_kg: float = setting(..., "kg", "how much more", 0, 20)
     height_m: float = setting(0.0, "m", "of it above the carpet; 0: that of the chassis' centre of mass", 0, 0.5)
 
@@ -125,7 +138,6 @@ class Payload(OnWheels):
 class Tilt(OnWheels):
     """A carpet that leans: gravity acts along it on every part of a robot, and so much less into it."""
 
-    kind: Literal["tilt"] = "tilt"
     angle_deg: float = setting(..., "deg", "slope", 0, 30)
     direction_deg: float = setting(0.0, "deg", "downhill, from the world's x to its y", -360, 360)
 
@@ -133,14 +145,12 @@ class Tilt(OnWheels):
 class Friction(OnWheels):
     """Another carpet, wherever there is no patch."""
 
-    kind: Literal["friction"] = "friction"
     to: float = setting(..., "", "coefficient of friction, in place of carpet.friction", *FRICTIONS)
 
 
 class FrictionPatch(OnWheels):
     """A patch of another friction: something was spilt. It covers carpet.patches."""
 
-    kind: Literal["friction-patch"] = "friction-patch"
     x_m: float = setting(..., "m", "its centre", -REACH_M, REACH_M)
     y_m: float = setting(..., "m", "same", -REACH_M, REACH_M)
     radius_m: float = setting(..., "m", "its radius", 0.01, 20)
@@ -151,84 +161,69 @@ class Alpha(Fault):
     """Another gain alpha of equation 7, along all axes."""
 
     plants = KINEMATIC
-    kind: Literal["alpha"] = "alpha"
     to: float = setting(..., "", "alpha, in place of what is drawn", 0, 2)
 
 
 # Of the robot.
 
 
-class MotorWeak(OfWheel):
+class MotorWeak(OnOneWheel):
     """A motor whose magnets have lost some of their field: less torque per current, and less back-EMF per speed."""
 
-    kind: Literal["motor-weak"] = "motor-weak"
     to: float = setting(..., "", "factor of its torque constant", 0.05, 2)
 
 
-class MotorDead(OfWheel):
+class MotorDead(OnOneWheel):
     """A motor that has no current, as of a driver that is off: its wheel is dragged along."""
 
-    kind: Literal["motor-dead"] = "motor-dead"
 
-
-class MotorBlocked(OfWheel):
+class MotorBlocked(OnOneWheel):
     """A motor that is stuck: its wheel does not turn, and slides."""
 
-    kind: Literal["motor-blocked"] = "motor-blocked"
 
-
-class WheelWorn(OfWheel):
+class WheelWorn(OnOneWheel):
     """A wheel whose rollers have lost their rubber: it grips less; its radius stays."""
 
-    kind: Literal["wheel-worn"] = "wheel-worn"
     to: float = setting(..., "", "factor of the carpet's friction", 0.01, 2)
 
 
-class WheelRoller(OfWheel):
+class WheelRoller(OnOneWheel):
     """A wheel that has lost rollers, side by side: once a turn, while the gap is below, it grips nothing."""
 
-    kind: Literal["wheel-roller"] = "wheel-roller"
     rollers: int = setting(1, "", "how many, side by side", 1, 8)
 
 
-class EncoderDropout(OfWheel):
+class EncoderDropout(OnOneWheel):
     """An encoder that counts nothing in some frames, and does not make up for it: a loose contact, or a broken one."""
 
-    kind: Literal["encoder-dropout"] = "encoder-dropout"
     probability: float = _chance("of a frame", 1.0)
 
 
-class EncoderScale(OfWheel):
+class EncoderScale(OnOneWheel):
     """An encoder of other counts per turn than the firmware believes."""
 
-    kind: Literal["encoder-scale"] = "encoder-scale"
     to: float = setting(..., "", "factor of its counts", 0.1, 4)
 
 
 class GyroBias(OnWheels):
     """A gyro that shows more than there is, in addition to sensors.gyro_bias_rad_s."""
 
-    kind: Literal["gyro-bias"] = "gyro-bias"
     rad_s: float = setting(..., "rad/s", "how much too much", -10, 10)
 
 
 class GyroScale(OnWheels):
     """A gyro of another sensitivity than the firmware believes."""
 
-    kind: Literal["gyro-scale"] = "gyro-scale"
     to: float = setting(..., "", "factor of all that it shows; 0: it shows nothing", 0, 4)
 
 
 class FirmwareTimeout(OnWheels):
     """The firmware takes its radio for dead: it holds the wheels at rest until the fault ends and a packet comes."""
 
-    kind: Literal["firmware-timeout"] = "firmware-timeout"
-
 
 class BrownOut(OnWheels):
     """A supply that sinks: motors have a part of the battery's voltage only; the processor goes on."""
 
-    kind: Literal["brown-out"] = "brown-out"
     to: float = setting(..., "", "factor of the battery's voltage", 0.05, 1)
 
 
@@ -239,7 +234,6 @@ class Reboot(OnWheels):
     packet for its own, and stands until then.
     """
 
-    kind: Literal["reboot"] = "reboot"
     motors: Literal["coast", "brake"] = setting(
         "coast", "", "meanwhile: coast: drivers are off, and wheels roll; brake: drivers short the windings"
     )
@@ -251,14 +245,12 @@ class Reboot(OnWheels):
 class Delay(Fault):
     """Another dead time of the radio, for what is sent from then on; the team does not know."""
 
-    kind: Literal["delay"] = "delay"
     to: int = setting(..., "frames", "dead time, in place of radio.delay_frames", 0, 600)
 
 
 class RadioLoss(Fault):
     """Packets that are lost, each independently."""
 
-    kind: Literal["radio-loss"] = "radio-loss"
     probability: float = _chance("that a packet never arrives, in addition to radio.loss_probability", 1.0)
 
 
@@ -269,7 +261,6 @@ class RadioBursts(Fault):
     which packets are.
     """
 
-    kind: Literal["radio-bursts"] = "radio-bursts"
     frames: float = setting(..., "frames", "how long a burst lasts, on average", 1, 600)
     share: float = setting(..., "", "of the time that is in bursts, in the long run", 0.001, 0.5)
     probability: float = _chance("that a packet of a burst is lost", 1.0)
@@ -278,7 +269,6 @@ class RadioBursts(Fault):
 class RadioDuplicates(Fault):
     """Packets that come twice; a robot applies the copy until the next packet comes."""
 
-    kind: Literal["radio-duplicates"] = "radio-duplicates"
     probability: float = _chance("that a packet comes again")
     frames: int = setting(..., "frames", "how long after it; a copy comes last of what comes in a frame", 1, 120)
 
@@ -286,7 +276,6 @@ class RadioDuplicates(Fault):
 class RadioReorder(Fault):
     """Packets that come late, after younger ones; a robot applies them all the same until the next comes."""
 
-    kind: Literal["radio-reorder"] = "radio-reorder"
     probability: float = _chance("that a packet is late")
     frames: int = setting(..., "frames", "by how much; a late packet comes last of what comes in a frame", 1, 120)
 
@@ -294,19 +283,14 @@ class RadioReorder(Fault):
 class VisionOut(Fault):
     """A camera that does not see the robot."""
 
-    kind: Literal["vision-out"] = "vision-out"
-
 
 class VisionFreeze(Fault):
     """A camera that shows its last image again and again, as new."""
-
-    kind: Literal["vision-freeze"] = "vision-freeze"
 
 
 class VisionWrongId(Fault):
     """Another robot that is taken for this one: the camera shows the pose of what stands elsewhere."""
 
-    kind: Literal["vision-wrong-id"] = "vision-wrong-id"
     x_m: float = setting(..., "m", "where it stands", -REACH_M, REACH_M)
     y_m: float = setting(..., "m", "same", -REACH_M, REACH_M)
     heading_deg: float = setting(0.0, "deg", "its heading", -360, 360)
@@ -316,7 +300,6 @@ class VisionWrongId(Fault):
 class VisionBias(Fault):
     """A camera that sees the robot beside where it is: knocked, calibrated badly, or front taken for back (180 deg)."""
 
-    kind: Literal["vision-bias"] = "vision-bias"
     x_m: float = setting(0.0, "m", "how much too far along the world's x", -1, 1)
     y_m: float = setting(0.0, "m", "same, along y", -1, 1)
     heading_deg: float = setting(0.0, "deg", "how much too far turned", -180, 180)
@@ -329,35 +312,49 @@ class VisionClock(Fault):
     By that much farther the team carries what was seen on. When the fault ends, the clock is set right.
     """
 
-    kind: Literal["vision-clock"] = "vision-clock"
     ms_per_s: float = setting(..., "ms/s", "how much it loses; below 0: gains", -100, 100)
 
 
 class VisionJitter(Fault):
     """Images that come late, each by another time, of which the team knows when they were taken."""
 
-    kind: Literal["vision-jitter"] = "vision-jitter"
     s: float = setting(..., "s", "how late at most, uniformly, in addition to vision.jitter_s", 0, 1)
 
 
 class VisionDelay(Fault):
     """Another latency of the camera."""
 
-    kind: Literal["vision-delay"] = "vision-delay"
     to: float = setting(..., "s", "from an image to its packet's arrival, in place of vision.delay_s", 0, 1)
 
 
-AnyFault = Annotated[
-    Push | Kidnap | Payload | Tilt | Friction | FrictionPatch
-    | MotorWeak | MotorDead | MotorBlocked | WheelWorn | WheelRoller
-    | EncoderDropout | EncoderScale | GyroBias | GyroScale | FirmwareTimeout | BrownOut | Reboot
-    | Delay | RadioLoss | RadioBursts | RadioDuplicates | RadioReorder
-    | VisionOut | VisionFreeze | VisionWrongId | VisionBias | VisionClock | VisionJitter | VisionDelay
-    | Alpha,
-    Field(discriminator="kind"),
-]  # fmt: skip
-KINDS: dict[str, type[Fault]] = {kind.model_fields["kind"].default: kind for kind in get_args(get_args(AnyFault)[0])}
 _CREEP = Friction, FrictionPatch, WheelWorn, WheelRoller  # wheels without creep have friction in their contacts
+
+
+def made(given: Any) -> tuple[Fault, ...]:
+    """Return the faults that the list of a scenario's file describes.
+
+    Raises:
+        OmniError: There is no such kind, or a value is not allowed; lines for each fault.
+    """
+    if not isinstance(given, (list, tuple)):
+        raise ValueError(f"fault is a list: write [[fault]] and its fields below, not {shown(given)}")
+    faults: list[Fault] = []
+    errors: list[str] = []
+    for number, fault in enumerate(given, 1):
+        try:
+            faults.append(fault if isinstance(fault, Fault) else _one(fault))
+        except OmniError as error:
+            errors += [f"fault {number}: {line}" for line in str(error).splitlines()]
+    in_one(errors)
+    return tuple(faults)
+
+
+def _one(given: Any) -> Fault:
+    fields = dict(given) if isinstance(given, Mapping) else {"kind": given}
+    kind = str(fields.pop("kind", None))
+    if kind not in KINDS:
+        raise OmniError(f"kind must be a fault's, not {shown(kind)}; {choose(kind, KINDS)}")
+    return KINDS[kind](**fields)
 
 
 def of_robot(faults: Iterable[Fault], robot: int) -> tuple[Fault, ...]:
@@ -376,7 +373,7 @@ def misfits(faults: Iterable[Fault], settings: "Settings") -> Iterator[str]:
     wheels, jitter = len(settings.wheels.azimuths_deg), settings.radio.jitter_frames
     for number, fault in enumerate(faults, 1):
         where = f"fault {number}: {fault.kind}"
-        if isinstance(fault, OfWheel) and fault.wheel > wheels:
+        if isinstance(fault, OnOneWheel) and fault.wheel > wheels:
             yield f"{where}: wheel must be 1 to {wheels}, not {fault.wheel}: the robot has {wheels}"
         if isinstance(fault, _CREEP) and settings.wheels.creep == "off":
             yield f"{where} needs wheels.creep = on"

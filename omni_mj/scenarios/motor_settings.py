@@ -2,18 +2,13 @@
 
 import math
 from collections.abc import Iterator
-from typing import Self
 
-from pydantic import model_validator
-
-from omni_mj.scenarios.checking import Checked, in_one, setting
+from omni_mj.scenarios.checking import Checked, setting
 from omni_mj.scenarios.robots import of_robot
 
 RAD_S = math.pi / 30  # in a turn per minute
 NO_LOAD_TOLERANCE = 0.05  # of the nominal voltage; samples differ, and the rows' digits
 TORQUE_TOLERANCE = 0.2  # sheets print the torque of the air gap or of the shaft, and their constants differ by some 8 %
-SHEET_C = 25.0  # at which the sheet's resistance and torque constant hold
-LEAST_SHARE = 0.05  # of resistance and torque constant, which must be left however warm or cold a motor gets
 
 
 class MotorSettings(Checked):
@@ -95,12 +90,7 @@ class MotorSettings(Checked):
         """The part of it that is proportional to speed, N m s/rad."""
         return (1 - self.dry_share) * self.no_load_friction_nm / (self.no_load_rpm * RAD_S)
 
-    @model_validator(mode="after")
-    def _is_a_motor(self) -> Self:
-        in_one(self._contradictions())
-        return self
-
-    def _contradictions(self) -> Iterator[str]:
+    def contradictions(self) -> Iterator[str]:
         """Yield what a motor cannot be, a line each."""
         volts, commutation = self.nominal_voltage_v, self.commutation_ohm_s
         sheet = "; take all rows from one page"
@@ -123,15 +113,6 @@ class MotorSettings(Checked):
                 f"motor.nominal_torque_nm = {self.nominal_torque_nm:g} is not motor.constant_nm_a times "
                 f"motor.nominal_current_a, {torque:.4g}, within {TORQUE_TOLERANCE:.0%}{sheet}"
             )
-        coldest = min(self.winding_c, self.housing_c, self.ambient_c)
-        hottest = max(self.limit_c, self.winding_c, self.housing_c, self.ambient_c)
-        for name, change in (("copper_per_k", self.copper_per_k), ("magnet_per_k", self.magnet_per_k)):
-            share = min(1 + change * (celsius - SHEET_C) for celsius in (coldest, hottest))
-            if share < LEAST_SHARE:
-                yield (
-                    f"motor.{name} = {change:g} leaves {share:.2g} of its value at {coldest:g} to {hottest:g} "
-                    f"deg C (ambient_c, winding_c, housing_c, limit_c); it takes {LEAST_SHARE:g} at least"
-                )
         if self.nominal_current_a <= self.no_load_current_a:
             yield (
                 f"motor.nominal_current_a = {self.nominal_current_a:g} must be above motor.no_load_current_a = "

@@ -157,22 +157,20 @@ _RECENT: deque[SampledReference] = deque(maxlen=256)  # are kept
 
 
 def _check_length(task: ReferenceSettings) -> None:
-    """See that it does not take for ever, before it is planned.
+    """Check that it does not take for ever, before it is planned.
 
     Raises:
-        OmniError: at its highest speeds it takes longer than a reference may.
+        OmniError: At its highest speed it takes longer than a reference may.
     """
-    if task.shape in CURVES:
-        least = 2 * max(task.length_m, task.width_m) * task.laps / task.max_speed_m_s
-    else:
-        visits = np.array(_visits(task))
-        ways, turns = np.hypot(*np.diff(visits[:, :2], axis=0).T), np.abs(np.diff(visits[:, 2]))
-        each = np.maximum(ways / task.max_speed_m_s, turns / task.max_turn_rate_rad_s)
-        least = float(each.sum()) + task.dwell_s * len(each)
+    visits = np.array(_visits(task))[:, :2]
+    way = 2 * max(task.length_m, task.width_m) * task.laps
+    if task.shape not in CURVES:
+        way = float(np.hypot(*np.diff(visits, axis=0).T).sum())
+    least = way / task.max_speed_m_s + task.dwell_s * (len(visits) - 1)
     if least > LONGEST_S:
         raise OmniError(
             f"the reference takes more than {least / 3600:.0f} h at reference.max_speed_m_s = {task.max_speed_m_s:g}; "
-            f"{LONGEST_S / 3600:.0f} h at most: fewer laps (reference.laps = {task.laps}), less dwell_s, or faster"
+            f"{LONGEST_S / 3600:.0f} h at most: give fewer laps, less dwell_s, or more speed"
         )
 
 

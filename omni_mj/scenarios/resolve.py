@@ -4,6 +4,7 @@ The one function (scenario, robot) -> settings is `resolve`.
 """
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,14 +13,15 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_mj.scenarios import robots
-from omni_mj.scenarios.checking import in_one, merged, plain, shown
-from omni_mj.scenarios.robot_settings import BodySettings, ModelSettings, WheelSettings
-from omni_mj.scenarios.settings import Settings
+from omni_mj.scenarios.checking import Checked, in_one, merged
+from omni_mj.scenarios.robot_settings import ModelSettings
+from omni_mj.scenarios.settings import ControlSettings, Settings
 
 if TYPE_CHECKING:
     from omni_mj.mjcf.own import Own
 
 HARDWARE = "body", "wheels", "motor", "firmware", "drive", "carpet"  # sections from which [control] follows
+FOLLOWING = [name for name, field in ControlSettings.model_fields.items() if field.default is None]
 SAME = 1e-6  # relative difference of numbers that are equal
 
 
@@ -66,22 +68,19 @@ def resolve(given: Mapping[str, Any], robot: str) -> Settings:
         f"{section}.{field} depends on the robot; give it in the scenario, or in {robots.robot_path(robot)}"
         for section, fields in robots.sections(robots.DEFAULT).items()
         for field in fields
-        if section != "control" and not _has(whole, section, field)
+        if section != "control" and isinstance(whole.get(section, {}), Mapping) and field not in whole.get(section, {})
     )
     control = whole.get("control", {})
     if isinstance(control, Mapping):
-        creep = {"creep_s2_m": control["creep_s2_m"]} if "creep_s2_m" in control else {}
         hardware = merged(whole, {name: file[name] for name in HARDWARE if name in file})
-        hardware = _with_model({name: hardware[name] for name in (*HARDWARE, "model") if name in hardware}, {})
-        try:
-            follows = dict(Settings(**hardware | {"control": creep}).control)
-        except OmniError:  # reported below, with all other errors
-            follows = {}
-        whole["control"] = {name: follows[name] for name in _FOLLOWING if name in follows} | dict(control)
+        own = _with_model({name: hardware[name] for name in (*HARDWARE, "model") if name in hardware}, {})
+        creep = {name: control[name] for name in ("creep_s2_m",) if name in control}
+        following: dict[str, Any] = {}
+        with suppress(OmniError):  # reported below, with all other errors
+            beliefs = dict(Settings(**own, control=creep).control)
+            following = {name: beliefs[name] for name in FOLLOWING}
+        whole["control"] = following | dict(control)
     return Settings(**whole)
-
-
-_FOLLOWING = ("lag_s", "drag_m_s", "creep_s2_m", "creep_sideways_s2_m", "alpha_forward", "alpha_sideways")
 
 
 def read_model(model: ModelSettings) -> "Own":
@@ -97,34 +96,16 @@ def read_model(model: ModelSettings) -> "Own":
 
 def contradictions(given: Mapping[str, Any], mjcf: "Own") -> Iterator[str]:
     """Yield a line for each value of given sections that differs from a robot's own MJCF."""
-    for section, field, number in _numbers(mjcf):
-        values = given.get(section, {})
-        value = values.get(field, number) if isinstance(values, Mapping) else getattr(values, field, number)
-        if not _same(value, number):
-            yield (
-                f"{section}.{field} = {shown(plain(value))} contradicts {mjcf.file.name}, which has "
-                f"{_text(number)}; change the model, or leave it out"
-            )
+    for name, number, other in _differing(given, mjcf):
+        yield f"{name} = {other} contradicts {mjcf.file.name}, which has {number}; change the model, or leave it out"
 
 
 def differences(robot: str, model: ModelSettings) -> Iterator[str]:
     """Yield a line for each number in which a robot's own MJCF, if there is one, differs from the robot's file."""
-    if not model.file:
-        return
-    mjcf, file = read_model(model), robots.sections(robot)
-    for section, field, number in _numbers(mjcf):
-        file_number = file.get(section, {}).get(field, number)
-        if not _same(file_number, number):
-            yield (
-                f"{section}.{field} is {_text(number)} in {mjcf.file.name}, {_text(file_number)} in robot {robot}: the "
-                "model's is simulated"
-            )
-    aside = float(mjcf.body.centre[1])
-    if abs(aside) > 5e-4:
-        yield (
-            f"{mjcf.file.name} has its centre of mass {1e3 * aside:.1f} mm to the left: simulated, not told to "
-            "controllers"
-        )
+    if model.file:
+        mjcf = read_model(model)
+        for name, number, other in _differing(robots.sections(robot), mjcf):
+            yield f"{name} is {number} in {mjcf.file.name}, {other} in robot {robot}: the model's is simulated"
 
 
 def _with_model(file: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -133,41 +114,27 @@ def _with_model(file: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, 
     model = whole.get("model", {})
     if isinstance(model, (str, Path)):
         model = {"file": str(model)}
-    if not isinstance(model, ModelSettings):
-        if not isinstance(model, Mapping):
-            raise OmniError(f"model is a section, or the path of an MJCF, not {shown(model)}")
-        model = ModelSettings(**model)
-    if not model.file:
-        return whole
-    mjcf = read_model(model)
-    numbers, errors = mjcf.numbers(), list(contradictions(given, mjcf))
-    for kind, section in ((BodySettings, "body"), (WheelSettings, "wheels")):
-        try:
-            kind(**numbers[section])
-        except OmniError as error:
-            errors += [f"{mjcf.file.name}: {line}" for line in str(error).splitlines()]
-    in_one(errors)
-    return merged(whole, numbers | {"model": model})
+    if isinstance(model, Mapping):
+        whole["model"] = model = ModelSettings(**model)
+    if isinstance(model, ModelSettings) and model.file:
+        mjcf = read_model(model)
+        in_one(contradictions(given, mjcf))
+        whole = merged(whole, mjcf.numbers())
+    return whole
 
 
-def _has(whole: Mapping[str, Any], section: str, field: str) -> bool:
-    values = whole.get(section, {})
-    return field in values if isinstance(values, Mapping) else True  # a whole section, or an error
+def _differing(sections: Mapping[str, Any], mjcf: "Own") -> Iterator[tuple[str, Any, Any]]:
+    """Yield names, the MJCF's numbers and others, where they differ."""
+    for section, fields in mjcf.numbers().items():
+        values = sections.get(section)
+        for field, number in fields.items():
+            other = dict(values).get(field, number) if isinstance(values, (Mapping, Checked)) else number
+            if not _is_same(number, other):
+                yield f"{section}.{field}", number, other
 
 
-def _numbers(mjcf: "Own") -> Iterator[tuple[str, str, Any]]:
-    return ((section, field, value) for section, fields in mjcf.numbers().items() for field, value in fields.items())
-
-
-def _text(number: Any) -> str:
-    if isinstance(number, (tuple, list)):
-        return f"[{', '.join(map(_text, number))}]"
-    return f"{number:.6g}" if isinstance(number, (int, float)) else shown(number)
-
-
-def _same(first_number: Any, second_number: Any) -> bool:
+def _is_same(number: Any, other: Any) -> bool:
     try:
-        a, b = np.asarray(first_number, float), np.asarray(second_number, float)
+        return np.shape(number) == np.shape(other) and np.allclose(number, other, rtol=SAME, atol=1e-9)
     except (TypeError, ValueError):
         return False
-    return a.shape == b.shape and bool(np.allclose(a, b, rtol=SAME, atol=1e-9))

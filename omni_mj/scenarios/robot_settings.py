@@ -3,14 +3,14 @@
 import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field
 
 from omni_control.kinematics import Kinematics
 from omni_mj.scenarios import CYCLE_RATE_HZ
-from omni_mj.scenarios.checking import Angles, Checked, Patches, in_one, setting
+from omni_mj.scenarios.checking import Angles, Checked, Patches, setting
 from omni_mj.scenarios.robots import of_robot
 
 # By which a robot's weight presses rollers into the carpet (omni_mj.worlds.contact, 2.65 kg on 4 wheels), rounded up.
@@ -59,13 +59,8 @@ class WheelSettings(Checked):
         """Of a robot with these wheels."""
         return Kinematics(np.radians(self.azimuths_deg) % (2 * np.pi), self.arm_m, self.radius_m)
 
-    @model_validator(mode="after")
-    def _are_wheels(self) -> Self:
-        in_one(self._contradictions())
-        return self
-
-    def _contradictions(self) -> Iterator[str]:
-        """Yield what wheels cannot be, a line each: rollers that do not fit or close a wheel, wheels that overlap."""
+    def contradictions(self) -> Iterator[str]:
+        """Yield what wheels cannot be, a line each: rollers that do not fit or close a wheel."""
         radius, roller, count = self.radius_m, self.roller_radius_m, self.rollers
         if 2 * roller >= radius:
             yield (
@@ -86,16 +81,6 @@ class WheelSettings(Checked):
                 f"wheels.rollers = {count} is too many for wheels.model = two-rollers: with wheels.roller_radius_m = "
                 f"{roller:g} more than two of a wheel touch the carpet; take rollers"
             )
-        # Wheels are discs as thick as their rollers; neighbours meet where their inner sides, lines, cross.
-        around = sorted(azimuth % 360 for azimuth in self.azimuths_deg)
-        for one, other in pairwise([*around, around[0] + 360]):
-            half = math.radians(other - one) / 2
-            if half < math.pi / 2 and (self.arm_m - roller) * math.tan(half) < radius:
-                least = f"{roller + radius / math.tan(half):.3g} at least" if half > 0.01 else "none is enough"
-                yield (
-                    f"wheels.azimuths_deg: the wheels at {one:g} and {other % 360:g} deg overlap with wheels.arm_m = "
-                    f"{self.arm_m:g} and wheels.radius_m = {radius:g}; place them apart, or give another arm ({least})"
-                )
 
 
 class DriveSettings(Checked):
@@ -179,17 +164,15 @@ class FirmwareSettings(Checked):
     )
     derate: bool = setting(False, "", "limit the current of a motor that nears its highest winding temperature")
 
-    @field_validator("rate_hz")
-    @classmethod
-    def _divides_the_clock(cls, rate: int) -> int:
-        if CYCLE_RATE_HZ % rate:
-            rates = [CYCLE_RATE_HZ // n for n in range(1, 17) if CYCLE_RATE_HZ % n == 0]
-            nearest = min(rates, key=lambda each: abs(each - rate))
-            raise ValueError(
+    def contradictions(self) -> Iterator[str]:
+        """Yield what its clock cannot do."""
+        rates = [CYCLE_RATE_HZ // n for n in range(1, 17) if CYCLE_RATE_HZ % n == 0]
+        if self.rate_hz not in rates:
+            nearest = min(rates, key=lambda rate: abs(rate - self.rate_hz))
+            yield (
                 f"firmware.rate_hz must divide the {CYCLE_RATE_HZ} Hz of the physics ({', '.join(map(str, rates))}), "
-                f"not {rate}; the nearest is {nearest}"
+                f"not {self.rate_hz}; the nearest is {nearest}"
             )
-        return rate
 
 
 class SensorSettings(Checked):

@@ -1,18 +1,22 @@
-"""The files of robots: their settings by section, which are the defaults of whatever such a robot drives."""
+"""The files of robots, which are the defaults of whatever such a robot drives, and of models."""
 
-import os
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from omni_control.errors import OmniError, choose
-from omni_mj.robots import builtin
 from omni_mj.scenarios import toml_files
 
 DEFAULT = "tigers-v2016"
 DESCRIPTION = "description"  # the one key of a robot's file that is no section
+SCENE = "field"
 Sections = Mapping[str, Mapping[str, Any]]
+
+
+def builtin() -> Mapping[str, Path]:
+    """Return the files of the robots that come with the package, by name."""
+    return toml_files.shipped("robots")
 
 
 def robot_path(robot: str) -> Path:
@@ -22,18 +26,11 @@ def robot_path(robot: str) -> Path:
         OmniError: There is no such robot or file.
     """
     if robot.endswith(".toml"):
-        if not os.path.isfile(robot):
-            raise OmniError(f"there is no robot's file {robot}")
         return Path(robot)
-    known = builtin()
-    if robot.endswith(".xml"):
-        raise OmniError(
-            f"a robot is a .toml file of settings, not {robot!r}; {choose(robot, known)}, or robot.toml; a model of "
-            f"yours goes with it: --model {robot}"
-        )
-    if robot not in known:
-        raise OmniError(f"unknown robot {robot!r}; {choose(robot, known)}, or a file of yours: robot.toml")
-    return known[robot]
+    if robot not in builtin():
+        own = f"--model {robot}" if robot.endswith(".xml") else "a file of yours: robot.toml"
+        raise OmniError(f"unknown robot {robot!r}; {choose(robot, builtin())}, or {own}")
+    return builtin()[robot]
 
 
 def sections(robot: str) -> Sections:
@@ -42,8 +39,7 @@ def sections(robot: str) -> Sections:
     Raises:
         OmniError: There is no such robot, or its file is not TOML or holds something else than sections.
     """
-    path = robot_path(robot)
-    return _read(path, path.stat().st_mtime_ns)[1]
+    return _read(robot)[1]
 
 
 def description(robot: str) -> str:
@@ -52,8 +48,7 @@ def description(robot: str) -> str:
     Raises:
         OmniError: As `sections`.
     """
-    path = robot_path(robot)
-    return _read(path, path.stat().st_mtime_ns)[0]
+    return _read(robot)[0]
 
 
 def of_robot(name: str) -> Callable[[], Any]:
@@ -67,8 +62,32 @@ def of_robot(name: str) -> Callable[[], Any]:
     return default
 
 
+def models() -> Path:
+    """Return the folder of models: beside the package in a checkout, inside it in an installed wheel."""
+    package = Path(__file__).parents[1]
+    beside = package.parent / "models"
+    return beside if (beside / "ssl_robot.xml").is_file() else package / "models"
+
+
+def scene_path(scene: str) -> Path:
+    """Return the MJCF of a scene, given its name in the folder of models or the path of an .xml file.
+
+    Raises:
+        OmniError: There is no such scene or file.
+    """
+    path = Path(scene) if scene.endswith(".xml") else models() / f"{scene}.xml"
+    if not path.is_file():
+        raise OmniError(f"there is no scene {scene!r}; {choose(scene, [SCENE])}, or a model of yours: file.xml")
+    return path
+
+
+def _read(robot: str) -> tuple[str, Sections]:
+    path = robot_path(robot)
+    return _parsed(path, path.stat().st_mtime_ns if path.is_file() else 0)
+
+
 @lru_cache
-def _read(path: Path, changed: int) -> tuple[str, Sections]:
+def _parsed(path: Path, changed: int) -> tuple[str, Sections]:
     data = toml_files.read(path, "the robot's file")
     text = data.pop(DESCRIPTION, "")
     if not isinstance(text, str) or not all(isinstance(section, dict) for section in data.values()):

@@ -3,7 +3,6 @@
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -12,9 +11,8 @@ from pydantic import Field, ValidationInfo, field_validator
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_control.registry import CONTROLLERS
-from omni_mj.scenarios import controllers, distributions, faults, robots, user_files
-from omni_mj.scenarios.checking import Checked, Setting, in_one, merged, setting, shown
-from omni_mj.scenarios.plants import check_plant
+from omni_mj.scenarios import classes, distributions, faults, robots
+from omni_mj.scenarios.checking import Checked, collected, in_one, merged, setting, shown
 from omni_mj.scenarios.resolve import Robot, resolve
 from omni_mj.scenarios.settings import Settings
 from omni_mj.scenarios.toml_files import NAME_LETTERS, put, read_scenario
@@ -53,23 +51,17 @@ class Scenario(Checked):
     @property
     def labels(self) -> tuple[str, ...]:
         """The names of the controllers in tables and files."""
-        return tuple(controllers.label(kind) for kind in self.controllers)
+        return tuple(classes.label(kind) for kind in self.controllers)
 
     @property
     def has_code(self) -> bool:
         """Whether its file names code: a controller or a plant of a user's own."""
-        return any(user_files.names_class(controllers.written(kind)) for kind in (*self.controllers, self.plant))
+        return any(classes.names_class(classes.written(kind)) for kind in (*self.controllers, self.plant))
 
     @property
     def seed_list(self) -> list[int]:
         """The seeds; each is a row per controller."""
         return [self.seed + i for i in range(self.seeds)]
-
-    @classmethod
-    @cache
-    def declared(cls) -> tuple[Setting, ...]:
-        """Return the declarations of its own fields; those of the settings are in their sections."""
-        return tuple(cls._declared(name) for name in cls.model_fields if name not in ("settings", "distributions"))
 
     def settings_of(self, seed: int) -> Settings:
         """Return the settings of a seed's rows.
@@ -102,13 +94,13 @@ class Scenario(Checked):
 
         A controller that was given as a class is named by its file.
         """
-        head = dict(self) | {"controllers": [controllers.written(kind) for kind in self.controllers]}
+        head = dict(self) | {"controllers": [classes.written(kind) for kind in self.controllers]}
         sections = self.plain_settings()
         parameters, events = sections.pop("controller"), sections.pop("fault")
         tables = [(f"[{name}]", values) for name, values in sections.items()]
         tables += [(f"[controller.{_key(name)}]", values) for name, values in parameters.items()]
         tables += [("[[fault]]", values) for values in events]
-        lines = [f"{each.name} = {_toml(head[each.name])}" for each in self.declared()]
+        lines = [f"{name} = {_toml(head[name])}" for name in HEAD]
         for heading, values in tables:
             lines += ["", heading, *(f"{_key(name)} = {_toml(value)}" for name, value in values.items())]
         return "\n".join(lines) + "\n"
@@ -116,7 +108,8 @@ class Scenario(Checked):
     @field_validator("plant")
     @classmethod
     def _plant(cls, plant: str) -> str:
-        check_plant(plant)
+        if plant not in classes.PLANTS:  # those are imported when they are needed
+            classes.find_plant(plant)
         return plant
 
     @field_validator("robot", mode="before")
@@ -130,49 +123,35 @@ class Scenario(Checked):
     @field_validator("controllers", mode="before")
     @classmethod
     def _controllers(cls, kinds: Any) -> tuple[str | type[Controller], ...]:
-        if not isinstance(kinds, (list, tuple)) or not kinds or not all(map(_names_controller, kinds)):
-            what = "a list of at least one name, or class derived from omni_control.Controller"
-            raise ValueError(f"controllers must be {what}, not {shown(kinds)}")
-        errors = []
-        for kind in dict.fromkeys(kinds):
-            try:
-                if kind not in CONTROLLERS:
-                    controllers.find(kind)
-            except OmniError as error:
-                errors.append(str(error))
-        labels = [controllers.label(kind) for kind in kinds]
-        twice = dict.fromkeys(label for label in labels if labels.count(label) > 1)
-        in_one([*errors, *(f"controller {label!r} is named twice; name each once" for label in twice)])
+        if not isinstance(kinds, (list, tuple)) or not kinds:
+            raise ValueError(f"controllers must be a list of at least one name or class, not {shown(kinds)}")
+        errors: list[str] = []
+        for kind in kinds:
+            with collected(errors):
+                if str(kind) not in CONTROLLERS:
+                    classes.find_controller(kind)
+        labels = [classes.label(kind) for kind in kinds] if not errors else []
+        in_one([*errors, *(f"controller {label!r} is named twice" for label in labels if labels.count(label) > 1)])
         return tuple(kinds)
 
     @field_validator("settings", mode="before")
     @classmethod
-    def _settings(cls, sections: Any, info: ValidationInfo) -> Settings:
+    def _settings(cls, given: Any, info: ValidationInfo) -> Settings:
         """Return settings made of sections, with the controllers' parameters and the plant's faults validated."""
-        if not isinstance(sections, (Mapping, Settings)):
-            raise ValueError(f"settings must be Settings, or sections by name, not {shown(sections)}")
-        errors, settings = [], sections
-        if isinstance(sections, Mapping):
-            try:
-                settings = resolve(sections, info.data.get("robot", robots.DEFAULT))
-            except OmniError as error:
-                errors.append(str(error))
-        given = sections.controller if isinstance(sections, Settings) else sections.get("controller")
-        parameters = {}
-        try:
-            if isinstance(settings, Settings) and "plant" in info.data:
-                faults.check(settings.fault, info.data["plant"])
-        except OmniError as error:
-            errors.append(str(error))
-        try:
-            sections_given = isinstance(given, Mapping) and all(isinstance(each, Mapping) for each in given.values())
-            if given and sections_given and "controllers" in info.data:
-                parameters = controllers.check_parameters(given, controllers.resolve(info.data["controllers"]))
-        except OmniError as error:
-            errors.append(str(error))
+        head, errors = info.data, list[str]()
+        settings = given if isinstance(given, Settings) else resolve(given, head.get("robot", robots.DEFAULT))
+        parameters = settings.controller
+        if "plant" in head:
+            with collected(errors):
+                faults.check(settings.fault, head["plant"])
+        if "controllers" in head:
+            with collected(errors):
+                parameters = classes.check_parameters(parameters, head["controllers"])
         in_one(errors)
-        assert isinstance(settings, Settings)
-        return settings.replace(controller=parameters) if parameters else settings
+        return settings if parameters == settings.controller else settings.replace(controller=parameters)
+
+
+HEAD = tuple(name for name in Scenario.model_fields if name not in ("settings", "distributions"))
 
 
 def scenario(
@@ -227,24 +206,20 @@ def load(
     data, stem = ({}, "scenario") if name_or_path is None else read_scenario(name_or_path)
     if not code:
         _check_code(data, head)
-    errors = []
+    errors: list[str] = []
     for override in overrides:
-        try:
+        with collected(errors):
             put(data, override)
-        except OmniError as error:
-            errors.append(str(error))
     data = merged(data, sections) | dict(head)
-    head_names = {each.name for each in Scenario.declared()}
-    names = {key for key, value in data.items() if key not in head_names and isinstance(value, (Mapping, Checked))}
-    names |= data.keys() & {*Settings.model_fields, "settings"}
-    values = {key: value for key, value in data.items() if key not in names}
-    try:
-        settings, drawn = distributions.split({key: value for key, value in data.items() if key in names})
+    values: dict[str, Any] = {}
+    own: dict[str, Any] = {}
+    for name, value in data.items():
+        is_section = name in Settings.model_fields or isinstance(value, (Mapping, Checked))
+        (own if is_section and name not in HEAD else values)[name] = value
+    with collected(errors):
+        settings, drawn = distributions.split(own)
         result = Scenario(**{"name": stem, **values, "settings": settings, "distributions": drawn})
         distributions.check(result.settings, result.distributions)
-    except OmniError as error:
-        in_one([*errors, str(error)])
-        raise
     in_one(errors)
     return result
 
@@ -262,12 +237,8 @@ def _check_code(data: Mapping[str, Any], head: Mapping[str, Any]) -> None:
         f"the scenario's file names code, {shown(kind)}, which is not run unasked; name it yourself by {option}, or "
         "allow it by --allow-code (in Python: code=True)"
         for option, kind in named
-        if isinstance(kind, str) and user_files.names_class(kind)
+        if isinstance(kind, str) and classes.names_class(kind)
     )
-
-
-def _names_controller(kind: Any) -> bool:
-    return isinstance(kind, str) or (isinstance(kind, type) and issubclass(kind, Controller))
 
 
 def _toml(value: Any) -> str:
@@ -279,3 +250,40 @@ def _toml(value: Any) -> str:
 
 def _key(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON Schema of a scenario's file, by which editors of TOML complete, explain and check it.
+
+    Plants, robots and controllers are open, since they may be a user's own; numbers may be drawn.
+    """
+    scenario = Scenario.model_json_schema()
+    definitions = scenario.pop("$defs")
+    settings = definitions.pop("Settings")["properties"]
+    del definitions["Fault"]
+    for section in definitions.values():
+        section.pop("required", None)
+        for name, field in section["properties"].items():
+            if field.get("type") in ("number", "integer"):
+                extra = ("description", "default", "unit", "title")
+                rest = {key: field.pop(key) for key in extra if key in field}
+                section["properties"][name] = rest | {"anyOf": [field, {"$ref": "#/$defs/Distribution"}]}
+    definitions["Distribution"] = {
+        "type": "object",
+        "properties": {kind: {"type": "array", "description": form} for kind, form in distributions.KINDS.items()},
+        "additionalProperties": False,
+    }
+    kinds = []
+    for name, kind in faults.KINDS.items():
+        kinds.append(kind.model_json_schema())
+        kinds[-1]["properties"]["kind"] = {"const": name}
+        kinds[-1]["required"].append("kind")
+    settings["fault"] = {"type": "array", "items": {"oneOf": kinds}}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "a scenario of omni-mj",
+        "type": "object",
+        "additionalProperties": False,
+        "properties": {name: scenario["properties"][name] for name in HEAD} | settings,
+        "$defs": definitions,
+    }

@@ -1,22 +1,24 @@
 """Every number a scenario can set: small frozen models whose fields carry unit, bounds and meaning."""
 
-import math
 from collections.abc import Iterator, Sequence
-from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
-from pydantic_core import ErrorDetails
+from pydantic import Field, SerializeAsAny, field_validator, model_validator
 
-from omni_control.errors import choose
 from omni_control.kinematics import Array
 from omni_control.reference.curves import CURVES
 from omni_mj.scenarios import CYCLE_RATE_HZ as CYCLE_RATE_HZ
 from omni_mj.scenarios import FRAME_RATE_HZ as FRAME_RATE_HZ
 from omni_mj.scenarios import PERIOD_S as PERIOD_S
 from omni_mj.scenarios import faults, told
-from omni_mj.scenarios.checking import Checked, Poses, Setting, in_one, merged, setting, shown
+from omni_mj.scenarios.checking import (
+    Checked,
+    Poses,
+    Setting,
+    merged,
+    setting,
+)
 from omni_mj.scenarios.motor_settings import MotorSettings
 from omni_mj.scenarios.robot_settings import BatterySettings as BatterySettings
 from omni_mj.scenarios.robot_settings import (
@@ -32,7 +34,6 @@ from omni_mj.scenarios.robot_settings import (
 )
 
 FULL_CELL_V = 4.2  # of a LiPo cell
-ENVELOPE_M, HEIGHT_M = 0.09, 0.15  # radius and height that the league's rules allow
 
 
 def column(settings: Sequence[Any], name: str) -> Array:
@@ -77,28 +78,25 @@ class ReferenceSettings(Checked):
     dwell_s: float = setting(0.0, "s", "rest at each way-point", 0, 60)
     settle_s: float = setting(1.0, "s", "rest at the end", 0, 60)
 
-    @model_validator(mode="after")
-    def _plannable(self) -> Self:
-        in_one(self._contradictions())
-        return self
-
-    def _contradictions(self) -> Iterator[str]:
+    def contradictions(self) -> Iterator[str]:
         """Yield what no reference can be, a line each."""
         if self.mode == "iterated" and self.shape in CURVES:
             yield (
                 "reference.mode = iterated plans from way-point to way-point, of which a curve has none; "
                 f"reference.shape = {self.shape} needs reference.mode = timed"
             )
-        if 0 < self.max_side_acceleration_m_s2 < 0.01:
-            yield "reference.max_side_acceleration_m_s2 must be 0, for the same as ahead, or at least 0.01"
-        for name in ("max_jerk_m_s3", "max_turn_jerk_rad_s3"):
-            if 0 < (jerk := getattr(self, name)) < 0.1:
-                yield f"reference.{name} must be 0, for none, or at least 0.1"
-            if jerk and self.mode == "iterated":
-                yield (
-                    f"reference.{name} needs reference.mode = timed: iterated plans anew in each frame from where the "
-                    "robot is, which disturbances change at once"
-                )
+        for name, least in (
+            ("max_side_acceleration_m_s2", 0.01),
+            ("max_jerk_m_s3", 0.1),
+            ("max_turn_jerk_rad_s3", 0.1),
+        ):
+            if 0 < getattr(self, name) < least:
+                yield f"reference.{name} must be 0, for no limit of its own, or at least {least:g}"
+        if self.mode == "iterated" and (self.max_jerk_m_s3 or self.max_turn_jerk_rad_s3):
+            yield (
+                "reference.max_jerk_m_s3 and max_turn_jerk_rad_s3 need reference.mode = timed: iterated plans anew in "
+                "each frame from where the robot is, which disturbances change at once"
+            )
 
 
 class VisionSettings(Checked):
@@ -133,13 +131,10 @@ class RadioSettings(Checked):
     jitter_frames: int = setting(0, "frames", "a packet takes up to this more or less, uniformly; newest wins", 0, 600)
     loss_probability: float = setting(0.0, "", "probability that a packet never arrives", 0, 0.95)
 
-    @model_validator(mode="after")
-    def _causal(self) -> Self:
+    def contradictions(self) -> Iterator[str]:
+        """Yield what a radio cannot do."""
         if self.jitter_frames > self.delay_frames:
-            raise ValueError(
-                "radio.jitter_frames must not be above radio.delay_frames: no packet arrives before it is sent"
-            )
-        return self
+            yield "radio.jitter_frames must not be above radio.delay_frames: no packet arrives before it is sent"
 
 
 class ControlSettings(Checked):
@@ -213,11 +208,10 @@ class KinematicSettings(Checked):
     alpha_high: float = setting(1.0, "", "... to here, per axis (paper, section 2)", 0, 2)
     alpha_time_s: float = setting(0.0, "s", "time over which alpha forgets its value; 0: new in every frame", 0, 1e6)
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def contradictions(self) -> Iterator[str]:
+        """Yield what alpha cannot be."""
         if self.alpha_low > self.alpha_high:
-            raise ValueError("kinematic.alpha_low must not be above kinematic.alpha_high")
-        return self
+            yield "kinematic.alpha_low must not be above kinematic.alpha_high"
 
 
 class WorldSettings(Checked):
@@ -236,53 +230,41 @@ class Settings(Checked):
 
     unknown = "unknown section"
 
-    reference: ReferenceSettings = Field(default_factory=ReferenceSettings)
-    vision: VisionSettings = Field(default_factory=VisionSettings)
-    radio: RadioSettings = Field(default_factory=RadioSettings)
-    control: ControlSettings = Field(default_factory=ControlSettings)
-    firmware: FirmwareSettings = Field(default_factory=FirmwareSettings)
-    sensors: SensorSettings = Field(default_factory=SensorSettings)
-    motor: MotorSettings = Field(default_factory=MotorSettings)
-    battery: BatterySettings = Field(default_factory=BatterySettings)
-    drive: DriveSettings = Field(default_factory=DriveSettings)
-    physics: PhysicsSettings = Field(default_factory=PhysicsSettings)
-    model: ModelSettings = Field(default_factory=ModelSettings)
-    body: BodySettings = Field(default_factory=BodySettings)
-    wheels: WheelSettings = Field(default_factory=WheelSettings)
-    carpet: CarpetSettings = Field(default_factory=CarpetSettings)
-    variation: VariationSettings = Field(default_factory=VariationSettings)
-    disturbance: DisturbanceSettings = Field(default_factory=DisturbanceSettings)
-    kinematic: KinematicSettings = Field(default_factory=KinematicSettings)
-    world: WorldSettings = Field(default_factory=WorldSettings)
+    reference: ReferenceSettings
+    vision: VisionSettings
+    radio: RadioSettings
+    control: ControlSettings
+    firmware: FirmwareSettings
+    sensors: SensorSettings
+    motor: MotorSettings
+    battery: BatterySettings
+    drive: DriveSettings
+    physics: PhysicsSettings
+    model: ModelSettings
+    body: BodySettings
+    wheels: WheelSettings
+    carpet: CarpetSettings
+    variation: VariationSettings
+    disturbance: DisturbanceSettings
+    kinematic: KinematicSettings
+    world: WorldSettings
     controller: dict[str, dict[str, Any]] = Field(default_factory=dict)
-    fault: Annotated[tuple[faults.AnyFault, ...], Field(strict=False)] = ()
+    fault: tuple[SerializeAsAny[faults.Fault], ...] = ()
 
     def __hash__(self) -> int:
-        return hash((*(getattr(self, name) for name in _sections()), self.fault))
+        return hash((*(getattr(self, name) for name in sections()), self.fault))
 
-    @field_validator("model", mode="before")
-    @classmethod
-    def _from_path(cls, value: Any) -> Any:
-        return {"file": str(value)} if isinstance(value, (str, Path)) else value
+    def __init__(self, /, **given: Any) -> None:
+        super().__init__(**{name: {} for name in sections()} | given)
 
-    @field_validator("controller")
+    @field_validator("fault", mode="before")
     @classmethod
-    def _parameters(cls, controllers: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-        plain = {
-            label: {name: value.item() if isinstance(value, np.generic) else value for name, value in values.items()}
-            for label, values in controllers.items()
-        }
-        in_one(
-            f"controller.{label}.{name} must be a finite number, true or false, or a string, not {shown(value)}"
-            for label, values in plain.items()
-            for name, value in values.items()
-            if not (isinstance(value, str) or (isinstance(value, (int, float)) and abs(value) < math.inf))
-        )
-        return plain
+    def _faults(cls, value: Any) -> tuple[faults.Fault, ...]:
+        return faults.made(value)
 
     @model_validator(mode="after")
-    def _can_be(self) -> Self:
-        in_one([*faults.misfits(self.fault, self), *self._contradictions()])
+    def _tell_team(self) -> Self:
+        """Set what the team believes of the robot where nothing else is said."""
         missing = [name for name, value in self.control if value is None]
         if missing:
             found = told.follows(self, self.control.creep_s2_m)
@@ -290,9 +272,10 @@ class Settings(Checked):
             object.__setattr__(self, "control", control)
         return self
 
-    def _contradictions(self) -> Iterator[str]:
+    def contradictions(self) -> Iterator[str]:
         """Yield what no robot can be, a line each: a body that tips over or has no such inertia, a dead battery."""
-        body, placed, battery, motor = self.body, self.wheels, self.battery, self.motor
+        yield from faults.misfits(self.fault, self)
+        body, placed, battery = self.body, self.wheels, self.battery
         inside = support(placed.azimuths_deg, placed.arm_m, body.centre_x_m)
         if inside <= 0:
             yield (
@@ -301,24 +284,8 @@ class Settings(Checked):
             )
         if body.yaw_inertia_kg_m2 > 2 * body.tilt_inertia_kg_m2:
             yield (
-                f"body.yaw_inertia_kg_m2 = {body.yaw_inertia_kg_m2:g} and body.tilt_inertia_kg_m2 = "
-                f"{body.tilt_inertia_kg_m2:g} are principal inertias which no body has; the first is twice the second "
-                "at most, that of a flat disc"
-            )
-        across = max(ENVELOPE_M, placed.arm_m + placed.roller_radius_m)
-        for name, farthest in (("yaw", across), ("tilt", math.hypot(across, HEIGHT_M))):
-            inertia, most = getattr(body, f"{name}_inertia_kg_m2"), body.mass_kg * farthest**2
-            if inertia > most:
-                yield (
-                    f"body.{name}_inertia_kg_m2 = {inertia:g} is more than body.mass_kg = {body.mass_kg:g} has if all "
-                    f"of it is {farthest * 1e3:.0f} mm away, at the robot's edge; at most {most:.3g}"
-                )
-        counts, fastest = self.sensors.encoder_counts, motor.no_load_rpm / 60
-        if counts * fastest < CYCLE_RATE_HZ:
-            yield (
-                f"sensors.encoder_counts = {counts} gives less than a count in a cycle of 1/{CYCLE_RATE_HZ} s even at "
-                f"motor.no_load_rpm = {motor.no_load_rpm:g}: no speed of the motor could be measured; "
-                f"{math.ceil(CYCLE_RATE_HZ / fastest)} at least"
+                f"body.yaw_inertia_kg_m2 = {body.yaw_inertia_kg_m2:g} must be at most twice body.tilt_inertia_kg_m2 = "
+                f"{body.tilt_inertia_kg_m2:g}, as of a flat disc"
             )
         full = FULL_CELL_V * battery.cells
         if battery.cut_off_v >= full:
@@ -339,31 +306,8 @@ class Settings(Checked):
         """Return all values by section and field, and the faults as a list, as TOML and JSON hold them."""
         return self.model_dump(mode="json", by_alias=True)
 
-    def items(self) -> Iterator[tuple[Setting, Any]]:
-        """Yield the declaration and value of every setting but the parameters of controllers."""
-        for name, kind in _sections().items():
-            section = getattr(self, name)
-            yield from ((declared, getattr(section, declared.name)) for declared in kind.declared())
 
-    @classmethod
-    def _explain(cls, error: ErrorDetails) -> Iterator[str]:
-        kind, place = error["type"], error["loc"]
-        name = str(place[0]) if place else ""
-        if name == "fault" and len(place) > 1 and isinstance(place[1], int) and kind != "value_error":
-            given = error["input"].get("kind") if isinstance(error["input"], dict) else error["input"]
-            yield f"fault {place[1] + 1}: kind must be a fault's, not {shown(given)}; {choose(given, faults.KINDS)}"
-        elif name == "fault" and kind != "value_error":
-            yield f"fault is a list: write [[fault]] and its fields below, once for each, not {shown(error['input'])}"
-        elif name in cls.model_fields and kind != "value_error":
-            where = ".".join(map(str, place))
-            yield f"{where} is a section: write [{where}] and its fields below, not {shown(error['input'])}"
-        elif kind == "extra_forbidden":
-            yield f"{cls.unknown} {shown(name)[1:-1]}; {choose(name, cls.model_fields)}"
-        else:
-            yield from super()._explain(error)
-
-
-def _sections() -> dict[str, type[Checked]]:
+def sections() -> dict[str, type[Checked]]:
     """Return the class of each section by name, without that of controllers' parameters."""
     kinds = {name: field.annotation for name, field in Settings.model_fields.items()}
     return {name: kind for name, kind in kinds.items() if isinstance(kind, type) and issubclass(kind, Checked)}
@@ -371,8 +315,8 @@ def _sections() -> dict[str, type[Checked]]:
 
 def every_setting() -> list[Setting]:
     """Return the declarations of all settings of all sections, in order."""
-    return [declared for kind in _sections().values() for declared in kind.declared()]
+    return [declared for kind in sections().values() for declared in kind.declared().values()]
 
 
-for _name, _kind in _sections().items():
-    _kind.section = _name
+for _name, _kind in sections().items():
+    _kind.section = f"{_name}."

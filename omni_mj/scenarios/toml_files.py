@@ -1,16 +1,28 @@
-"""TOML that users write: files of scenarios and robots, and values of --set, read with bounds on size and depth."""
+"""TOML files of scenarios and robots, values of --set, and the JSON Schema of scenarios."""
 
 import os
 import re
 import tomllib
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from omni_control.errors import OmniError, choose, printable
-from omni_mj.scenarios.library import builtin
 
 MOST_BYTES = 2_000_000
 NAME_LETTERS = 100  # longest name of a scenario
+
+
+@cache
+def shipped(folder: str) -> Mapping[str, Path]:
+    """Return the TOML files of a folder of the package, by name."""
+    return {path.stem: path for path in sorted((Path(__file__).parents[1] / folder).glob("*.toml"))}
+
+
+def builtin() -> Mapping[str, Path]:
+    """Return the files of the scenarios that come with the package, by name."""
+    return shipped("scenarios/library")
 
 
 def read(path: Path, what: str) -> dict[str, Any]:
@@ -53,10 +65,8 @@ def read_scenario(name_or_path: str) -> tuple[dict[str, Any], str]:
     Raises:
         OmniError: There is no such scenario or file, or it is not TOML.
     """
-    path = builtin().get(name_or_path)
-    if path is None and (name_or_path.endswith(".toml") or os.path.isfile(name_or_path)):
-        path = Path(name_or_path)
-    if path is None:
+    path = builtin().get(name_or_path, Path(name_or_path))
+    if name_or_path not in builtin() and not (path.suffix == ".toml" or os.path.isfile(path)):
         hint = choose(name_or_path, sorted(builtin()))
         raise OmniError(f"unknown scenario {name_or_path!r}; {hint}, or a .toml file")
     name = re.sub(r"[^\w.-]+", "-", path.stem)[:NAME_LETTERS].strip(".")

@@ -10,13 +10,12 @@ from typing import Any
 from omni_control.controllers import parameters
 from omni_control.errors import OmniError, choose
 from omni_control.registry import CONTROLLERS
-from omni_mj.robots import builtin as robots_here
-from omni_mj.scenarios import controllers, robots, toml_files, user_files
-from omni_mj.scenarios.checking import plain
-from omni_mj.scenarios.library import builtin as scenarios_here
+from omni_mj.scenarios import classes, robots, toml_files
 from omni_mj.scenarios.resolve import resolve
+from omni_mj.scenarios.robots import builtin as robots_here
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.scenarios.settings import Settings, every_setting
+from omni_mj.scenarios.toml_files import builtin as scenarios_here
 
 COMMENT_AT = 40  # column where the comments of settings begin, if there is room
 SHORT = 20  # characters of a default that is shown beside a value
@@ -37,7 +36,7 @@ def text(name: str, overrides: Sequence[str] = (), robot: str | None = None) -> 
         return scenario(load(name, overrides, {"robot": robot} if robot else {}))
     if name in robots_here() or name.endswith(".toml"):
         kind, describe = "robot", the_robot
-    elif name in CONTROLLERS or user_files.names_class(name):
+    elif name in CONTROLLERS or classes.names_class(name):
         kind, describe = "controller", controller
     else:
         names = [*scenarios_here(), *robots_here(), *CONTROLLERS]
@@ -49,7 +48,7 @@ def text(name: str, overrides: Sequence[str] = (), robot: str | None = None) -> 
 
 def scenario(of: Scenario) -> str:
     """The effective scenario; a setting that is not as the robot drives with by default says so."""
-    usual = plain(resolve({}, of.robot).plain())
+    usual = resolve({}, of.robot).plain()
     return "\n".join(_explained(of.to_toml().splitlines(), usual)) + "\n"
 
 
@@ -71,7 +70,7 @@ def sections(settings: Settings, wanted: Mapping[str, Iterable[str]]) -> Iterato
         settings: in force.
         wanted: which of them: sections and their fields.
     """
-    whole = plain(settings.plain())
+    whole = settings.plain()
     for name, fields in wanted.items():
         lines = [f"{field} = {json.dumps(whole[name][field])}" for field in fields]
         yield from ("", *_explained([f"[{name}]", *lines]))
@@ -79,7 +78,7 @@ def sections(settings: Settings, wanted: Mapping[str, Iterable[str]]) -> Iterato
 
 def controller(name: str) -> str:
     """Return what a controller does, by its docstring, and its parameters."""
-    kind, label = controllers.find(name), controllers.label(name)
+    kind, label = classes.find_controller(name), classes.label(name)
     lines = [inspect.getdoc(kind) or f"{label}: its class has no docstring", "", "parameters:"]
     lines += [f"  --set controller.{label}.{key}={json.dumps(value)}" for key, value in parameters(kind).items()]
     return "\n".join([*lines, "", f"source: {inspect.getsourcefile(kind)}"]) + "\n"

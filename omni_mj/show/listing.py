@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from omni_control.errors import OmniError
 from omni_control.registry import CONTROLLERS, missing
-from omni_mj import robots
-from omni_mj.scenarios.library import builtin
-from omni_mj.scenarios.plants import PLANTS
+from omni_mj.scenarios import robots
+from omni_mj.scenarios.classes import PLANTS
+from omni_mj.scenarios.toml_files import builtin
 from omni_mj.show import tables
 
 if TYPE_CHECKING:
@@ -81,11 +81,11 @@ def faults() -> list[list[str]]:
     """Return the fields of all faults, then each kind of fault and its further fields."""
     from omni_mj.scenarios.faults import KINDS, Fault
 
-    lines = [_row(declared) for declared in Fault.declared() if declared.name != "kind"]
+    lines = [_row(declared) for declared in Fault.declared().values()]
     for name, kind in KINDS.items():
         plants = f"plants {', '.join(kind.plants)}: " if kind.plants else ""
         lines.append([f"kind = {name}", "", "", "", plants + (kind.__doc__ or "").split("\n")[0]])
-        for name, *cells in map(_row, kind.declared()[len(Fault.model_fields) :]):
+        for name, *cells in map(_row, list(kind.declared().values())[len(Fault.model_fields) :]):
             lines.append([f"  {name}", *cells])
     return lines
 

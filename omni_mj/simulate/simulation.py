@@ -5,6 +5,7 @@ All robots run side by side as rows of arrays. `run` is the loop; `observe` and 
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Protocol
 
 import numpy as np
@@ -17,9 +18,7 @@ from omni_mj.link.camera import Cameras
 from omni_mj.link.radio import Radio, Received
 from omni_mj.plants import Plant
 from omni_mj.robot.kernels import choose_kernel
-from omni_mj.scenarios import distributions, faults, references
-from omni_mj.scenarios.controllers import resolve
-from omni_mj.scenarios.plants import find_plant
+from omni_mj.scenarios import classes, faults, references
 from omni_mj.scenarios.rows import Row, table
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S, Settings
@@ -105,7 +104,7 @@ class Simulation:
     ) -> None:
         self._logged = logged
         self.scenario = scenario if controllers is None else scenario.replace(controllers=tuple(controllers))
-        self._kinds = resolve(self.scenario.controllers)
+        self._kinds = {classes.label(kind): classes.find_controller(kind) for kind in self.scenario.controllers}
         given = scenario.seed_list if seeds is None else list(seeds)
         self._draws = bool(scenario.distributions) and rows is None
         self._table = rows or table(self._kinds, given, scenario.settings_of, scenario.robot)
@@ -176,9 +175,7 @@ class Simulation:
         """What sets the rows' robots apart, name -> (n,); nothing where all are alike, or the plant draws nothing."""
         columns: dict[str, Array] = self.plant.drawn.columns() if hasattr(self.plant, "drawn") else {}
         named = self.scenario.distributions
-        return columns | {
-            name: np.array([distributions.value(row.settings, name) for row in self.rows]) for name in named
-        }
+        return columns | {name: np.array([attrgetter(name)(row.settings) for row in self.rows]) for name in named}
 
     def run(self, after_frame: Callable[[int], None] = lambda frame: None) -> Log:
         """Run from the start to the end; `after_frame` is called with each frame's number once it is in the log."""
@@ -234,7 +231,7 @@ class Simulation:
         """Return the robots at the start (n, 3), and what is between them and the team."""
         seeds, own_faults = [row.noise_seed for row in self.rows], [row.faults for row in self.rows]
         return (
-            find_plant(self.scenario.plant)(self.rows, start),
+            classes.find_plant(self.scenario.plant)(self.rows, start),
             Cameras([row.settings.vision for row in self.rows], seeds, own_faults),
             Radio([row.settings.radio for row in self.rows], seeds, own_faults),
         )

@@ -10,8 +10,8 @@ from omni_control.registry import available
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.scenarios import faults
 from omni_mj.scenarios.checking import in_one
-from omni_mj.scenarios.library import builtin
 from omni_mj.scenarios.scenario import Scenario, load
+from omni_mj.scenarios.toml_files import builtin
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies.outcome import AfterFrame, StoppedError, drive, informed, nothing
 from omni_mj.studies.run import counted, prepare

@@ -9,7 +9,7 @@ from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_mj.measure import metrics, summary
 from omni_mj.measure.result import Outcome
-from omni_mj.scenarios.controllers import find, label
+from omni_mj.scenarios.classes import find_controller, label
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.simulate.simulation import Simulation
@@ -96,4 +96,4 @@ def total_frames(simulation: Simulation) -> int:
 
 def informed(scenario: Scenario) -> list[str]:
     """Labels of the controllers that are given the truth: no competitors."""
-    return [label(kind) for kind in scenario.controllers if find(kind).knows_truth]
+    return [label(kind) for kind in scenario.controllers if find_controller(kind).knows_truth]

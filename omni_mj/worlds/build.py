@@ -18,7 +18,7 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
 from omni_mj.mjcf.roles import Ids, Robot
-from omni_mj.scenarios import models
+from omni_mj.scenarios.robots import SCENE, scene_path
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, Settings
 from omni_mj.worlds import parts, two_rollers
 from omni_mj.worlds.contact import RIGID, STIFFEST, Contact, creeping
@@ -65,7 +65,7 @@ class World:
 def world(
     settings: Settings | None = None,
     places: int = 1,
-    scene: str = models.SCENE,
+    scene: str = SCENE,
     hulls: bool | None = None,
 ) -> World:
     """A scene with robots of one shape on it, built once.
@@ -85,7 +85,7 @@ def world(
 
 def mixed(
     settings: Sequence[Settings],
-    scene: str = models.SCENE,
+    scene: str = SCENE,
     hulls: bool | None = None,
 ) -> tuple[World, ...]:
     """A scene with robots of any shapes on it, built once: for each shape the same world, with the robots that have it.
@@ -107,7 +107,7 @@ def mixed(
     if len({each.wheels.creep for each in settings}) > 1:
         raise OmniError("wheels.creep must be the same for all robots of a world, on or off")
     shapes = [Shape.of(each) for each in settings]
-    path = models.scene_path(scene).resolve()
+    path = scene_path(scene).resolve()
     changed = path.stat().st_mtime_ns  # a file edited since is read again
     meet = len(settings) > 1 if hulls is None else hulls
     robots = tuple((parts.of(shape), shape) for shape in shapes)

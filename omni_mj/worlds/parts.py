@@ -11,7 +11,7 @@ from omni_control.errors import OmniError
 from omni_mj.mjcf import roles
 from omni_mj.mjcf.own import Own
 from omni_mj.mjcf.roles import Names, Robot
-from omni_mj.scenarios import models, resolve
+from omni_mj.scenarios import resolve, robots
 from omni_mj.scenarios.checking import in_one
 from omni_mj.worlds import shape
 from omni_mj.worlds.shape import Shape
@@ -54,7 +54,7 @@ def of(kind: Shape) -> Part:
     """
     if kind.model.file:
         return _own(kind, resolve.read_model(kind.model))
-    path = models.robot_path().resolve()
+    path = (robots.models() / "ssl_robot.xml").resolve()
     return _ours(kind, path, path.stat().st_mtime_ns)
 
 

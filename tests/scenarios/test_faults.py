@@ -67,9 +67,8 @@ def test_wrong_faults_are_refused_with_their_number_all_at_once() -> None:
     ("fault", "more", "words"),
     [
         ({**PUSH, "for": 0.01}, {}, "at least a frame"),
-        ({**PUSH, "robots": [1, 1]}, {}, "different"),
         ({**PUSH, "robots": [16]}, {}, "15"),
-        ({"kind": "delay", "at": 1, "to": 1.5}, {}, "a whole number from 0 to 600 frames"),
+        ({"kind": "delay", "at": 1, "to": 1.5}, {}, "a valid integer (0 to 600 frames)"),
         ({"kind": "delay", "at": 1, "to": 1}, {"radio": {"jitter_frames": 2}}, "radio.jitter_frames"),
         ({"kind": "motor-weak", "at": 1, "wheel": 5, "to": 0.5}, {}, "the robot has 4"),
         ({"kind": "friction", "at": 1, "to": 0.5}, {"wheels": {"creep": "off"}}, "wheels.creep"),

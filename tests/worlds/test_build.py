@@ -10,10 +10,10 @@ import pytest
 from benches.plant import arrays, with_settings
 
 from omni_control.errors import OmniError
-from omni_mj.scenarios import models
+from omni_mj.scenarios.robots import models
 from omni_mj.worlds import build
 
-ROBOT, SCENE = ((models.folder() / f"{name}.xml").read_text() for name in ("ssl_robot", "field"))
+ROBOT, SCENE = ((models() / f"{name}.xml").read_text() for name in ("ssl_robot", "field"))
 
 
 def test_every_robot_of_a_world_is_the_one_alone() -> None:

@@ -6,7 +6,7 @@ import pytest
 from benches.plant import ARM_M, RADIUS_M, ROLLER_RADIUS_M
 from numpy.typing import NDArray
 
-from omni_mj.scenarios import models
+from omni_mj.scenarios.robots import models
 from omni_mj.scenarios.settings import Settings
 from omni_mj.worlds import build
 
@@ -16,7 +16,7 @@ WHEELS = (1, 2, 3, 4)
 
 @pytest.fixture(scope="module")
 def model() -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_path(str(models.folder() / "scene.xml"))
+    return mujoco.MjModel.from_xml_path(str(models() / "scene.xml"))
 
 
 @pytest.fixture(scope="module")

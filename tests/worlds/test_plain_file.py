@@ -8,7 +8,7 @@ from benches.plant import arrays
 from numpy.typing import NDArray
 
 from omni_mj.robot.motors import Motor
-from omni_mj.scenarios import models
+from omni_mj.scenarios.robots import models
 from omni_mj.scenarios.settings import Settings
 from omni_mj.worlds import build, shape
 from omni_mj.worlds.shape import Shape
@@ -25,7 +25,7 @@ def expected() -> list[str]:
     """What must stand in ssl_robot.xml, for the settings of the default robot."""
     settings = Settings()
     wheels, motor, world = settings.wheels, Motor.of(settings.motor), build.world()
-    (chassis,) = shape.robot(Shape.of(settings), models.robot_path()).worldbody.bodies
+    (chassis,) = shape.robot(Shape.of(settings), models() / "ssl_robot.xml").worldbody.bodies
     pair = {name: getattr(world.model, f"pair_{name}")[0] for name in ("solref", "solimp", "solreffriction")}
     dry = motor.wheel_dry + settings.drive.gear_friction_nm
     at_rest = settings.carpet.friction * settings.body.mass_kg * 9.81 / 4 * wheels.radius_m  # of a rim
@@ -51,14 +51,14 @@ def expected() -> list[str]:
 
 def test_the_plain_file_holds_the_default_robots_numbers() -> None:
     """omni_mj/robots says them, models/ssl_robot.xml repeats them for those who open it without omni-mj."""
-    text = " ".join(models.robot_path().read_text().split())
+    text = " ".join(models() / "ssl_robot.xml".read_text().split())
     missing = [line for line in expected() if line not in text]
     assert not missing, "models/ssl_robot.xml must be changed to hold these:\n" + "\n".join(missing)
 
 
 def test_the_plain_file_is_the_world_of_one_robot() -> None:
     """But for the sensors of load, which the build adds, and what is written in every step."""
-    plain = arrays(mujoco.MjModel.from_xml_path(str(models.folder() / "scene.xml")))
+    plain = arrays(mujoco.MjModel.from_xml_path(str(models() / "scene.xml")))
     built = arrays(build.world().model)
     assert plain.keys() == built.keys()
     assert len(plain) > 300

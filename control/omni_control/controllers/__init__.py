@@ -1,6 +1,7 @@
 """The controllers by the names that users call them, each loaded when it is asked for; made, with their parameters."""
 
 import inspect
+import math
 import numbers
 from collections.abc import Mapping
 from importlib import import_module
@@ -111,4 +112,4 @@ def _fitting(value: object, wanted: type | None) -> Parameter | None:
         return value if isinstance(value, str) else None
     if wanted is int:
         return int(value) if isinstance(value, numbers.Integral) else None
-    return float(value) if isinstance(value, numbers.Real) else None
+    return float(value) if isinstance(value, numbers.Real) and math.isfinite(value) else None

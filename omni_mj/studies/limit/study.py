@@ -13,7 +13,6 @@ from omni_mj.measure.statistics import ERRORS, plane_error
 from omni_mj.measure.table import plus_minus
 from omni_mj.scenarios import distributions
 from omni_mj.scenarios.checking import in_one
-from omni_mj.scenarios.controllers import find
 from omni_mj.scenarios.robot_settings import VariationSettings
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario, load
@@ -156,7 +155,7 @@ def _find(result: LimitResult, chosen: Scenario, iterations: int, begin: Begin) 
     errors = [made.size(aim).reshape(len(POLICIES), -1).mean(1) for aim in AIMS]
     policy = POLICIES[int(sum(error / error.min() for error in errors).argmin())]
 
-    names = [name for name in available() if not find(name).knows_truth]
+    names = [name for name in available() if not find_controller(name).knows_truth]
     commands = iter(run.asked)
     kinds: list[str | type[Controller]] = [
         led(LIMIT, tracker([policy] * len(seeds))),

@@ -11,7 +11,7 @@ from omni_control.registry import available
 from omni_mj.measure import summary
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.scenarios import distributions
-from omni_mj.scenarios.controllers import find
+from omni_mj.scenarios.classes import find_controller
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.studies.loop.drive import STEP_M, STRENGTHS, Drive
 from omni_mj.studies.loop.findings import Findings
@@ -88,4 +88,4 @@ def loop(
 
 def usual() -> tuple[str, ...]:
     """The controllers that are measured unless others are named."""
-    return tuple(name for name in available() if not find(name).knows_truth)
+    return tuple(name for name in available() if not find_controller(name).knows_truth)

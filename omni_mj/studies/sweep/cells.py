@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from omni_mj.measure.statistics import CONFIDENCE, plain
-from omni_mj.scenarios.controllers import written
+from omni_mj.scenarios.classes import written
 from omni_mj.studies.sweep.plan import Plan
 
 if TYPE_CHECKING:

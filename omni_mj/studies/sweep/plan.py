@@ -15,7 +15,7 @@ import numpy as np
 from omni_control.errors import OmniError, choose
 from omni_mj.files import text_of, write
 from omni_mj.scenarios.checking import shown
-from omni_mj.scenarios.controllers import written
+from omni_mj.scenarios.classes import written
 from omni_mj.scenarios.references import timed
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.scenarios.settings import every_setting

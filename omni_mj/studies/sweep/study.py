@@ -5,6 +5,7 @@ import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,6 @@ from omni_control.errors import OmniError
 from omni_mj import parquet
 from omni_mj.files import write
 from omni_mj.measure.metrics import row_metrics
-from omni_mj.scenarios.distributions import value
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.rows import table as rows_of
 from omni_mj.scenarios.scenario import Scenario
@@ -216,7 +216,7 @@ def run_shard(plan: Plan, job: Job, after_frame: AfterFrame = nothing) -> "pa.Ta
         "cause": pa.array([failures[i].cause if i in failures else None for i in range(len(point))], pa.string()),
     }
     drawn = sorted(set(plan.scenario.distributions) - set(plan.points[0]))
-    columns |= {name: [value(row.settings, name) for row in driven.rows] for name in drawn}
+    columns |= {name: [attrgetter(name)(row.settings) for row in driven.rows] for name in drawn}
     return pa.table(columns | row_metrics(log, driven.failures))
 
 

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from omni_mj.robot import battery, carpet, motors, onboard, wheel_loops
 from omni_mj.robot.kernels import JaxKernel
-from omni_mj.robots import builtin
 from omni_mj.scenarios import robots
 from omni_mj.scenarios.motor_settings import MotorSettings
+from omni_mj.scenarios.robots import builtin
 from omni_mj.scenarios.settings import Settings
 from omni_mj.simulate.simulation import Simulation
 
