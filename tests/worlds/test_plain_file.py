@@ -51,7 +51,7 @@ def expected() -> list[str]:
 
 def test_the_plain_file_holds_the_default_robots_numbers() -> None:
     """omni_mj/robots says them, models/ssl_robot.xml repeats them for those who open it without omni-mj."""
-    text = " ".join(models() / "ssl_robot.xml".read_text().split())
+    text = " ".join((models() / "ssl_robot.xml").read_text().split())
     missing = [line for line in expected() if line not in text]
     assert not missing, "models/ssl_robot.xml must be changed to hold these:\n" + "\n".join(missing)
 

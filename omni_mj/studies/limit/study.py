@@ -13,6 +13,7 @@ from omni_mj.measure.statistics import ERRORS, plane_error
 from omni_mj.measure.table import plus_minus
 from omni_mj.scenarios import distributions
 from omni_mj.scenarios.checking import in_one
+from omni_mj.scenarios.classes import find_controller
 from omni_mj.scenarios.robot_settings import VariationSettings
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario, load
