@@ -1,8 +1,11 @@
-"""`omni-mj list`: what there is to name."""
+"""`omni-mj list`, `show` and `schema`: what there is to name, one of it in full, what editors check."""
+
+import json
 
 import click
 
 from omni_control.errors import OmniError, choose
+from omni_mj.cli import options
 from omni_mj.show import listing
 
 
@@ -18,4 +21,27 @@ def command(what: str | None, word: str | None) -> None:
     only = next((title for title in listing.TITLES if what in (title, title[:-1])), None)
     if only is None and word is not None:
         raise OmniError(f"there is no list {what!r}; {choose(what, listing.TITLES)}")
-    listing.show(only, word if only else what)
+    listing.show(only, (word if only else what) or "")
+
+
+@click.command("show")
+@click.argument("name", metavar="NAME|FILE", shell_complete=options.complete("scenarios", "robots", "controllers"))
+@options.ROBOT
+@options.SETTINGS
+def show(name: str, robot: str | None, overrides: tuple[str, ...]) -> None:
+    """Print a scenario, a robot or a controller in full.
+
+    NAME is one that omni-mj list prints; FILE a scenario.toml, a robot.toml or a controller, file.py:Class. A scenario
+    is printed with all its settings, their units and meanings, as a file that can be run; --robot and --set change it,
+    as they do for omni-mj run. Of a robot that is a file for --robot, with what follows from its numbers; of a
+    controller, what it does and its parameters.
+    """
+    print(listing.in_full(name, overrides, robot), end="")
+
+
+@click.command("schema")
+def schema() -> None:
+    """Print the JSON Schema of scenario files."""
+    from omni_mj.scenarios.scenario import schema
+
+    print(json.dumps(schema(), indent=2))

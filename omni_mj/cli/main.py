@@ -59,6 +59,9 @@ docs/python.md tells how to do all this from Python.
 """
 
 
+SHARED = {"show": "list", "schema": "list"}  # commands that are in another's file
+
+
 class _Commands(click.Group):
     """A group of commands in files of their names; options alone mean `run`: omni-mj --scenario rect."""
 
@@ -66,7 +69,8 @@ class _Commands(click.Group):
         """Import the command's file; see `click.Group`."""
         if cmd_name not in COMMANDS:
             return None
-        command: click.Command = import_module(f"omni_mj.cli.{cmd_name}").command
+        module = import_module(f"omni_mj.cli.{SHARED.get(cmd_name, cmd_name)}")
+        command: click.Command = getattr(module, cmd_name if cmd_name in SHARED else "command")
         return command
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:

@@ -52,7 +52,7 @@ def _starter(kind: str) -> str:
         return text
     from omni_mj.scenarios import robots
     from omni_mj.scenarios.resolve import resolve
-    from omni_mj.show import full
+    from omni_mj.show import listing
 
     must = robots.sections(robots.DEFAULT)
-    return text + "\n".join(full.sections(resolve({}, robots.DEFAULT), must)) + "\n"
+    return text + listing.sections(resolve({}, robots.DEFAULT), must)

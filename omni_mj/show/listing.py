@@ -1,27 +1,26 @@
-"""Lists of everything that can be named: scenarios, controllers, plants, robots, settings and faults."""
+"""Everything that can be named, as lists and in full: scenarios, controllers, plants, robots, settings and faults."""
 
-import ast
+import inspect
 import json
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, choose
 from omni_control.registry import CONTROLLERS, missing
-from omni_mj.scenarios import robots
-from omni_mj.scenarios.classes import PLANTS
-from omni_mj.scenarios.toml_files import builtin
+from omni_mj.scenarios import robots, toml_files
 from omni_mj.show import tables
 
 if TYPE_CHECKING:
     from omni_mj.scenarios.checking import Setting
+    from omni_mj.scenarios.scenario import Scenario
+    from omni_mj.scenarios.settings import Settings
 
 HEADINGS = ["setting", "default", "unit", "allowed", "meaning"]
-WIDTHS = [48, 20, 10, 24]  # of columns at most, but of the last, in characters
 TITLES = {  # of the lists, and how each is used
     "scenarios": "--scenario",
     "controllers": "--controller",
@@ -30,39 +29,43 @@ TITLES = {  # of the lists, and how each is used
     "settings": "--set section.field=value",
     "faults": "what happens in a run: [[fault]] in a scenario's file",
 }
+WIDTHS = [48, 20, 10, 24]  # of columns at most, but of the last, in characters
+COMMENT_AT = 40  # column where the comments of settings begin, if there is room
+Rows = list[list[str]]
 
 
-def show(only: str | None = None, word: str | None = None) -> None:
+def show(only: str | None = None, word: str = "") -> None:
     """Print the lists.
 
     Args:
         only: Title of one of them. [all]
-        word: Text that lines must contain, in any case. [all lines]
+        word: Text that lines must contain, in any case.
 
     Raises:
         OmniError: No line contains the word.
     """
-    titles = [only] if only else list(TITLES)
-    lists = {title: rows(title) if word is None else _matching(word, rows(title)) for title in titles}
-    if not any(lists.values()):
-        names = [row[0] for title in titles for row in rows(title)]
-        words = {part for name in (*names, *TITLES) for part in (name, *re.findall(r"[a-z]+", name))}
-        near = get_close_matches(word or "", sorted(words), n=1)
+    lists = {title: rows(title) for title in ([only] if only else TITLES)}
+    matching = {
+        title: [row for row in lines if any(word.casefold() in cell.casefold() for cell in row)]
+        for title, lines in lists.items()
+    }
+    if not any(matching.values()):
+        words = {part for lines in lists.values() for row in lines for part in re.findall(r"[\w-]+", row[0])}
+        near = get_close_matches(word, sorted(words | {*TITLES}), n=1)
         hint = f"did you mean {near[0]!r}?" if near else "omni-mj list prints all that there is"
         raise OmniError(f"there is no {word!r} in the {only or 'lists'}; {hint}")
-    for title, lines in lists.items():
+    for title, lines in matching.items():
         if lines:
             print(f"{title} ({TITLES[title]})")
             _print([HEADINGS, *lines] if len(lines[0]) > 2 else lines)
-            print()
 
 
-def rows(title: str) -> list[list[str]]:
+def rows(title: str) -> Rows:
     """Return the lines of the list called `title`: a name first, its meaning last."""
-    lists: dict[str, Callable[[], list[list[str]]]] = {
-        "scenarios": lambda: _descriptions(builtin()),
+    lists: dict[str, Callable[[], Rows]] = {
+        "scenarios": lambda: _descriptions(toml_files.builtin()),
         "controllers": lambda: [[name, _first_line(where) + _remark(name)] for name, where in CONTROLLERS.items()],
-        "plants": lambda: [[name, _first_line(where)] for name, where in PLANTS.items()],
+        "plants": plants,
         "robots": lambda: _descriptions(robots.builtin()),
         "settings": settings,
         "faults": faults,
@@ -70,48 +73,134 @@ def rows(title: str) -> list[list[str]]:
     return lists[title]()
 
 
-def settings() -> list[list[str]]:
+def plants() -> Rows:
+    """Return name and meaning of every plant."""
+    from omni_mj.scenarios.classes import PLANTS
+
+    return [[name, _first_line(where)] for name, where in PLANTS.items()]
+
+
+def settings() -> Rows:
     """Return name, default, unit, range and meaning of every setting."""
     from omni_mj.scenarios.settings import every_setting
 
-    return [_row(declared) for declared in every_setting()]
+    return [_row(setting.full, setting) for setting in every_setting()]
 
 
-def faults() -> list[list[str]]:
+def faults() -> Rows:
     """Return the fields of all faults, then each kind of fault and its further fields."""
     from omni_mj.scenarios.faults import KINDS, Fault
 
-    lines = [_row(declared) for declared in Fault.declared().values()]
+    lines = [_row(name, setting) for name, setting in Fault.declared().items()]
     for name, kind in KINDS.items():
         plants = f"plants {', '.join(kind.plants)}: " if kind.plants else ""
         lines.append([f"kind = {name}", "", "", "", plants + (kind.__doc__ or "").split("\n")[0]])
-        for name, *cells in map(_row, list(kind.declared().values())[len(Fault.model_fields) :]):
-            lines.append([f"  {name}", *cells])
+        own = list(kind.declared().items())[len(Fault.model_fields) :]
+        lines += [_row(f"{name}.{field}", setting) for field, setting in own]
     return lines
 
 
-def short(value: Any) -> str:
-    """Return a setting's value as in a scenario file, without the quotes of a string."""
-    return value if isinstance(value, str) else json.dumps(value)
+def in_full(name: str, overrides: Sequence[str] = (), robot: str | None = None) -> str:
+    """Return a scenario, a robot or a controller in full, as text: the first two are files that can be used.
+
+    Args:
+        name: Its name, or a file with one: .toml, or file.py:Class.
+        overrides: Settings of a scenario, as for `--set`.
+        robot: The scenario's, in place of its own.
+
+    Raises:
+        OmniError: There is nothing of that name, it is not what it should be, or has no settings to change.
+    """
+    from omni_mj.scenarios.classes import names_class
+    from omni_mj.scenarios.scenario import load
+
+    if name in toml_files.builtin() or (name.endswith(".toml") and not _is_robot(name)):
+        return scenario(load(name, overrides, {"robot": robot} if robot else {}))
+    if name in robots.builtin() or name.endswith(".toml"):
+        kind, describe = "robot", _robot
+    elif name in CONTROLLERS or names_class(name):
+        kind, describe = "controller", _controller
+    else:
+        names = [*toml_files.builtin(), *robots.builtin(), *CONTROLLERS]
+        raise OmniError(f"there is nothing called {name!r}; {choose(name, names)}, or a file: .toml, or file.py:Class")
+    if overrides or robot:
+        raise OmniError(f"--set and --robot change a scenario; {name} is a {kind}")
+    return describe(name)
 
 
-def _row(setting: "Setting") -> list[str]:
-    default = "" if setting.default is None else short(setting.default)
-    return [setting.full, default, setting.unit, setting.allowed, setting.doc]
+def scenario(scenario: "Scenario") -> str:
+    """Return the effective scenario; a setting that is not as the robot drives with by default says so."""
+    from omni_mj.scenarios.resolve import resolve
+
+    usual = resolve({}, scenario.robot).plain()
+    return "\n".join(_explained(scenario.to_toml().splitlines(), usual)) + "\n"
 
 
-def _matching(word: str, lines: list[list[str]]) -> list[list[str]]:
-    """Return the lines that contain a word, and all that are indented below one that does."""
-    matching, is_below = [], False
+def sections(settings: "Settings", fields: Mapping[str, Iterable[str]]) -> str:
+    """Return settings as TOML with units and meanings, those of the given sections and fields."""
+    values = settings.plain()
+    lines = []
+    for section, names in fields.items():
+        lines += ["", f"[{section}]", *(f"{name} = {json.dumps(values[section][name])}" for name in names)]
+    return "\n".join(_explained(lines)) + "\n"
+
+
+def _robot(name: str) -> str:
+    """Return a robot's file, with all settings of its sections, and what follows from them."""
+    from omni_mj.studies.robot import robot  # builds it, with MuJoCo
+
+    chosen = robot(name)
+    facts = [f"#   {fact} = {value:.3g}" for fact, value in chosen.facts.items()]
+    head = ["# What follows from the numbers below:", *facts, "", f"description = {json.dumps(chosen.description)}"]
+    fields = {section: getattr(chosen.settings, section).values() for section in robots.sections(name)}
+    return "\n".join([*head, sections(chosen.settings, fields)])
+
+
+def _controller(name: str) -> str:
+    """Return what a controller does, by its docstring, and its parameters."""
+    from omni_control.controllers import parameters
+    from omni_mj.scenarios import classes
+
+    kind, label = classes.find_controller(name), classes.label(name)
+    lines = [inspect.getdoc(kind) or f"{label}: its class has no docstring", "", "parameters:"]
+    lines += [f"  --set controller.{label}.{key}={json.dumps(value)}" for key, value in parameters(kind).items()]
+    return "\n".join([*lines, "", f"source: {inspect.getsourcefile(kind)}"]) + "\n"
+
+
+def _is_robot(file: str) -> bool:
+    """Return whether a TOML file is a robot's rather than a scenario's: it has nothing that robots do not have."""
+    if not Path(file).is_file():
+        raise OmniError(f"there is no file {file}")
+    data = toml_files.read(Path(file), "the file")
+    return bool(data) and data.keys() <= {*robots.sections(robots.DEFAULT), robots.DESCRIPTION}
+
+
+def _explained(lines: Iterable[str], usual: Mapping[str, Any] | None = None) -> Iterator[str]:
+    """Yield TOML lines, those of settings with unit and meaning behind, and their default where they differ from it."""
+    from omni_mj.scenarios.settings import every_setting
+
+    declared = {setting.full: setting for setting in every_setting()}
+    section = ""
     for line in lines:
-        has_word = any(word.casefold() in cell.casefold() for cell in line)
-        is_below = has_word or (is_below and line[0].startswith(" "))
-        if is_below:
-            matching.append(line)
-    return matching
+        section = line.strip("[]") if line.startswith("[") else section
+        name, equals, _ = line.partition(" = ")
+        setting = declared.get(f"{section}.{name}") if equals else None
+        if setting is None:
+            yield line
+            continue
+        note = f"[{setting.unit}] {setting.doc}" if setting.unit else setting.doc
+        if usual is not None and usual[section][name] != tomllib.loads(line)[name]:
+            note = f"(default {json.dumps(usual[section][name])}) {note}"
+        yield f"{line.ljust(COMMENT_AT)} # {note}"
 
 
-def _print(lines: list[list[str]]) -> None:
+def _row(name: str, setting: "Setting") -> list[str]:
+    value = setting.default
+    default = "" if value is None else value if isinstance(value, str) else json.dumps(value)
+    return [name, default, setting.unit, setting.allowed, setting.doc]
+
+
+def _print(lines: Rows) -> None:
     """Print lines in columns, their cells wrapped."""
     from rich.console import Console  # not needed to complete names in a shell
     from rich.padding import Padding
@@ -123,7 +212,7 @@ def _print(lines: list[list[str]]) -> None:
         grid.add_column(max_width=limit)
     for line in lines:
         grid.add_row(*map(Text, line))
-    Console(width=tables.width()).print(Padding(grid, (0, 0, 0, 2)))
+    Console(width=tables.width()).print(Padding(grid, (0, 0, 1, 2)))
 
 
 def _remark(controller: str) -> str:
@@ -131,20 +220,16 @@ def _remark(controller: str) -> str:
     return f" (needs {package}: pip install 'omni-mj[{controller}]')" if package else ""
 
 
-def _descriptions(files: Mapping[str, Path]) -> list[list[str]]:
+def _descriptions(files: Mapping[str, Path]) -> Rows:
     """Return names and descriptions of TOML files."""
-    texts = {name: path.read_text(encoding="utf-8") for name, path in files.items()}
-    return [[name, tomllib.loads(text).get("description", "")] for name, text in texts.items()]
+    return [[name, tomllib.loads(path.read_text("utf-8")).get("description", "")] for name, path in files.items()]
 
 
 def _first_line(where: str) -> str:
     """Return the first line of the docstring of a class named `module:Class`, which is not imported."""
     module, _, name = where.partition(":")
     top, *rest = module.split(".")
-    spec = find_spec(top)
-    assert spec is not None, "its own package"
-    assert spec.submodule_search_locations is not None, "its own package"
-    file = Path(spec.submodule_search_locations[0]).joinpath(*rest).with_suffix(".py")
-    nodes = ast.parse(file.read_text(encoding="utf-8")).body
-    kind = next(node for node in nodes if isinstance(node, ast.ClassDef) and node.name == name)
-    return (ast.get_docstring(kind) or "").split("\n", 1)[0]
+    folder = Path(str(getattr(find_spec(top), "origin", ""))).parent
+    text = folder.joinpath(*rest).with_suffix(".py").read_text("utf-8")
+    match = re.search(rf'^class {name}\b.*\n +"""(.*?)(?:"""|\n)', text, re.MULTILINE)
+    return match[1] if match else ""

@@ -99,7 +99,7 @@ def test_lists_are_the_same_however_asked_and_a_word_finds_its_lines(capsys: pyt
     assert "radio.delay_frames" not in found
     kinds = [line.split()[:3] for line in printed(capsys, "list", "faults", "push").splitlines()[2:] if line.strip()]
     assert ["kind", "=", "push"] in kinds
-    assert ["force_n", "N", "0"] in kinds
+    assert ["push.force_n", "N", "0"] in kinds
 
 
 @pytest.mark.parametrize("name", ["rect", "storm", "league-smooth"])

@@ -15,7 +15,7 @@ from omni_control.errors import OmniError
 from omni_mj.files import check_room
 from omni_mj.measure import events
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
-from omni_mj.show import full
+from omni_mj.show import listing
 from omni_mj.show.recording import plots, scene
 from omni_mj.show.recording.layout import blueprint
 from omni_mj.show.recording.plots import Robot
@@ -113,7 +113,7 @@ class Recording:
         chosen = self._simulation.scenario
         stream.send_recording_name(f"{chosen.name} on {chosen.plant}, seed {self._log.rows[0].seed}")
         scene.log_static(stream, self._robots, self._paths)
-        self._log_text("settings", full.scenario(chosen), rr.MediaType.TEXT)
+        self._log_text("settings", listing.scenario(chosen), rr.MediaType.TEXT)
         self._log_text("summary", "The run has not ended; its summary follows.")
         return stream
 
