@@ -28,7 +28,7 @@ def robot_path(robot: str) -> Path:
     if robot.endswith(".toml"):
         return Path(robot)
     if robot not in builtin():
-        own = f"--model {robot}" if robot.endswith(".xml") else "a file of yours: robot.toml"
+        own = f"a model of yours goes with it: --model {robot}" if robot.endswith(".xml") else "a file of yours: robot.toml"
         raise OmniError(f"unknown robot {robot!r}; {choose(robot, builtin())}, or {own}")
     return builtin()[robot]
 
@@ -67,6 +67,11 @@ def models() -> Path:
     package = Path(__file__).parents[1]
     beside = package.parent / "models"
     return beside if (beside / "ssl_robot.xml").is_file() else package / "models"
+
+
+def robot_model() -> Path:
+    """Return the MJCF of a robot's shape."""
+    return models() / "ssl_robot.xml"
 
 
 def scene_path(scene: str) -> Path:

@@ -54,7 +54,7 @@ def of(kind: Shape) -> Part:
     """
     if kind.model.file:
         return _own(kind, resolve.read_model(kind.model))
-    path = (robots.models() / "ssl_robot.xml").resolve()
+    path = robots.robot_model().resolve()
     return _ours(kind, path, path.stat().st_mtime_ns)
 
 

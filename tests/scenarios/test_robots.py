@@ -55,8 +55,8 @@ def test_a_robots_file_is_the_base_of_its_scenarios(tmp_path: Path, capsys: pyte
     ("values", "more", "words"),
     [
         ({"pile": ""}, "", "carpet.pile depends on the robot; give it in the scenario, or in "),
-        ({"pile": "-1"}, "", "carpet.pile must be a number from 0 to 1, not -1"),
-        ({"azimuths_deg": "[0, 180]"}, "", "wheels.azimuths_deg must be a list of 3 to 8"),
+        ({"pile": "-1"}, "", "carpet.pile must be greater than or equal to 0 (0 to 1), not -1"),
+        ({"azimuths_deg": "[0, 180]"}, "", "wheels.azimuths_deg must have at least 3 items"),
         ({}, "[motr]\ngear = 3", "did you mean 'motor'"),
         ({}, "[body", "not valid TOML"),
     ],
@@ -103,16 +103,12 @@ def refused(**sections: Any) -> str:
         ({"wheels": {"rollers": 8, "roller_radius_m": 0.002}}, "it takes 9 at least"),
         ({"wheels": {"roller_radius_m": 0.015}}, "no room for an axle"),
         ({"wheels": {"rollers": 30, "model": "two-rollers"}}, "more than two of a wheel touch the carpet"),
-        ({"wheels": {"arm_m": 0.04}}, "the wheels at 60 and 135 deg overlap"),
         ({"wheels": {"azimuths_deg": [-60, 0, 60]}}, "41.5 mm outside the polygon"),
-        ({"body": {"yaw_inertia_kg_m2": 0.03}}, "the first is twice the second at most"),
-        ({"body": {"tilt_inertia_kg_m2": 0.1}}, "at the robot's edge; at most"),
+        ({"body": {"yaw_inertia_kg_m2": 0.03}}, "at most twice body.tilt_inertia_kg_m2"),
         ({"battery": {"cut_off_v": 17.0}}, "the 16.8 V of battery.cells = 4"),
-        ({"sensors": {"encoder_counts": 1}}, "10 at least"),
         ({"motor": {"resistance_ohm": 4.0}}, "motor.nominal_rpm with motor.nominal_current_a takes"),
         ({"motor": {"no_load_rpm": 5500.0}}, "motor.no_load_rpm with motor.no_load_current_a takes"),
         ({"motor": {"nominal_torque_nm": 1.0}}, "is not motor.constant_nm_a times"),
-        ({"motor": {"magnet_per_k": -0.01}}, "motor.magnet_per_k"),
     ],
 )
 def test_what_no_robot_can_be_is_refused_with_the_reason(sections: dict[str, Any], words: str) -> None:
@@ -133,26 +129,6 @@ def test_rollers_close_a_wheel_where_their_barrels_meet(radius: float, share: fl
 
 
 @quick
-@given(angles, st.floats(0.05, 0.12))
-def test_wheels_overlap_where_their_discs_do(azimuths: list[float], arm: float) -> None:
-    """Seen from above, their inner sides are segments; they overlap where two of these cross."""
-    radius, roller = 0.0285, 0.006
-    middles = [(arm - roller) * np.exp(1j * math.radians(a)) for a in azimuths]
-    sides = [(m - 1j * radius * m / abs(m), m + 1j * radius * m / abs(m)) for m in middles]
-
-    def side(a: complex, b: complex, p: complex) -> float:
-        return float(((b - a).conjugate() * (p - a)).imag)
-
-    pairs = [(s, t) for i, s in enumerate(sides) for t in sides[:i]]
-    products = [(side(*s, t[0]) * side(*s, t[1]), side(*t, s[0]) * side(*t, s[1])) for s, t in pairs]
-    if any(abs(p) < 1e-12 for pair in products for p in pair):
-        return  # they touch, or nearly lie on each other: rounding decides
-    crossing = any(p < 0 and q < 0 for p, q in products)
-    wheels = {"azimuths_deg": azimuths, "arm_m": arm, "radius_m": radius, "rollers": 16, "roller_radius_m": roller}
-    assert ("overlap" in refused(wheels=wheels)) == crossing
-
-
-@quick
 @given(angles, st.floats(-0.09, 0.09))
 def test_a_robot_stands_where_wheels_can_bear_it(azimuths: list[float], x: float) -> None:
     """By linear programming: loads that are not negative, with the weight's sum and moments."""
@@ -160,7 +136,7 @@ def test_a_robot_stands_where_wheels_can_bear_it(azimuths: list[float], x: float
 
     arm, around = 0.4, np.sort(np.radians(azimuths))
     if np.diff([*around, around[0] + math.tau]).min() < 0.2:
-        return  # they overlap
+        return
     balance = np.stack([np.ones(len(around)), arm * np.cos(around), arm * np.sin(around)])
     stands = linprog(np.zeros(len(around)), A_eq=balance, b_eq=[1.0, x, 0.0]).status == 0
     message = refused(wheels={"azimuths_deg": azimuths, "arm_m": arm}, body={"centre_x_m": x})
