@@ -1,6 +1,8 @@
-"""`omni_mj/Track-v0`: one robot as an environment of Gymnasium, and many as a vector of them on one batch."""
+"""`omni_mj/Track-v0`: robots that each follow the reference of a scenario, commanded from outside."""
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import gymnasium
@@ -10,78 +12,76 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
-from omni_control.kinematics import Array
+from omni_control.kinematics import Array, wrap_angle
+from omni_control.reference import EachReference, SampledReference
 from omni_mj.gym import frames
-from omni_mj.gym.episodes import LOST_M, Episodes, Outcome
+from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.scenario import scenario as made
-from omni_mj.scenarios.settings import FRAME_RATE_HZ
+from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, Settings
+from omni_mj.simulate.simulation import Simulation, alike
 
-Observations = NDArray[Any]  # of float32
+ARM_M = 0.09  # the league's largest radius of a robot: so far its hull is off per radian of heading
+LOST_M = 1.0
+LONGEST_MEMORY = 600  # frames
 LAST_SEED = 2**63 - 1
-_MODES = "NextStep", "Disabled"
+Numbers = NDArray[Any]
+Bools = NDArray[np.bool_]
 
 
-class Track(gymnasium.Env[Observations, Observations]):
-    """A robot that is to follow the reference of a scenario; see docs/gym.md.
+class Outside(Controller):
+    """Holds the place of a controller where commands come from outside; it is never asked."""
+
+    memory: int = 1  # frames
+
+    def __init__(self, told: object, reference: object, n: int) -> None:
+        super().__init__(told, reference, n)  # type: ignore[arg-type]
+        self.memory_frames = max(self.memory, self.memory_frames)
+
+
+@dataclass
+class Batch:
+    """Robots whose episodes began in the same frame: the rows of one simulation.
 
     Args:
-        scenario: or its name, or its file. What it draws from distributions is drawn for each episode.
-        memory: how many of the commands sent are observed. [as many as may be in flight, and one]
-        lost_m: how far off its reference a robot is lost, m.
-        changes: of a scenario that is named: plant, robot, and sections of settings, as `om.scenario` takes them.
-
-    Raises:
-        OmniError: something is unknown or not allowed.
+        simulation: Theirs.
+        robots: Their numbers; -1 for one that has begun another episode since.
     """
 
-    metadata = {"render_modes": [], "render_fps": round(FRAME_RATE_HZ)}  # noqa: RUF012 - as the base class has it
+    simulation: Simulation
+    robots: NDArray[np.intp]
+    reference: SampledReference = field(init=False)
+    last: NDArray[np.intp] = field(init=False)
+    limits: Array = field(init=False)
 
-    def __init__(
-        self,
-        scenario: Scenario | str = "rect",
-        *,
-        memory: int | None = None,
-        lost_m: float = LOST_M,
-        render_mode: None = None,
-        **changes: Any,
-    ) -> None:
-        _check_mode(render_mode)
-        self._episodes = Episodes(_chosen(scenario, changes), 1, memory, lost_m)
-        self.observation_space, self.action_space = _spaces(self._episodes)
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observations, dict[str, Any]]:
-        """Begin an episode: with a seed, the run that `omni-mj run --seed` drives; without, the next that it draws."""
-        super().reset(seed=seed)
-        number = _next(self.np_random) if seed is None else seed
-        self._episodes.begin(np.array([0]), [number])
-        return self._episodes.seen[0].copy(), {"seed": number}
-
-    def step(self, action: Any) -> tuple[Observations, float, bool, bool, dict[str, Any]]:
-        """Go on by a frame, 1/60 s."""
-        found = self._episodes.go_on(np.asarray(action, float)[None])
-        info = {name: float(values[0]) for name, values in _told(found).items()}
-        ends = bool(found.terminated[0]), bool(found.truncated[0])
-        return self._episodes.seen[0].copy(), float(found.reward[0]), *ends, info
+    def __post_init__(self) -> None:
+        """Set what does not change during the episodes."""
+        own = self.simulation.references
+        self.reference = own[0] if all(each is own[0] for each in own) else EachReference(own)
+        self.last = np.array([each.frames - 1 for each in own])
+        control = [row.settings.control for row in self.simulation.rows]
+        self.limits = np.array([[c.max_speed_m_s, c.max_speed_m_s, c.max_turn_rate_rad_s] for c in control])
 
 
-class Tracks(VectorEnv[Observations, Observations, NDArray[Any]]):
-    """Many robots as `Track` has one, simulated together; to the bit what as many of these are, one by one.
+class Tracks(VectorEnv[Numbers, Numbers, Numbers]):
+    """Many robots, simulated together; to the bit what as many of `Track` are, one by one.
 
     Robots whose episodes began in the same frame are one batch, which is what makes them fast.
 
     Args:
-        num_envs: robots.
-        scenario, memory, lost_m, changes: see `Track`.
-        autoreset_mode: when an episode that has ended is followed by the next: with the next step (the action of which
+        num_envs: Number of robots.
+        scenario: Its name, its file, or itself. What it draws from distributions is drawn for each episode.
+        memory: How many of the commands sent are observed. [as many as may be in flight, and one]
+        lost_m: How far off its reference a robot is lost, m.
+        autoreset_mode: When an episode that has ended is followed by the next: with the next step (the action of which
             is ignored), or when `reset` says so. A robot whose episode has ended until then stays
             where it is and is rewarded with 0.
+        changes: Of a scenario that is named: plant, robot, and sections of settings, as `om.scenario` takes them.
 
     Raises:
-        OmniError: something is unknown or not allowed.
+        OmniError: Something is unknown or not allowed.
     """
 
     def __init__(
@@ -95,90 +95,154 @@ class Tracks(VectorEnv[Observations, Observations, NDArray[Any]]):
         render_mode: None = None,
         **changes: Any,
     ) -> None:
-        _check_mode(render_mode)
-        if num_envs < 1:
-            raise OmniError(f"num_envs must be at least 1, not {num_envs}")
-        mode = getattr(autoreset_mode, "value", autoreset_mode)
-        if mode not in _MODES:
-            raise OmniError(f"autoreset_mode must be one of {', '.join(_MODES)}, not {mode}")
-        self.autoreset_mode = AutoresetMode(mode)
-        self.num_envs = num_envs
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        if self.autoreset_mode is AutoresetMode.SAME_STEP:
+            raise OmniError("autoreset_mode must be NextStep or Disabled")
+        chosen = scenario if isinstance(scenario, Scenario) else made(scenario, **changes)
+        if len(chosen.settings.world.places) > 1:
+            raise OmniError("world.places: an environment is one robot; leave one place")
+        self.memory = _memory(chosen) if memory is None else memory
+        if not 1 <= self.memory <= LONGEST_MEMORY or not 0 < lost_m < math.inf:
+            raise OmniError(f"memory must be from 1 to {LONGEST_MEMORY} frames, lost_m above 0")
+        parameters = {Outside.__name__: {"memory": self.memory}}
+        settings = Settings(**{**dict(chosen.settings), "controller": parameters})
+        self.scenario = chosen.replace(controllers=(Outside,), settings=settings)
+        self.num_envs, self.lost_m = num_envs, lost_m
         self.metadata = {**Track.metadata, "autoreset_mode": self.autoreset_mode}
-        self._episodes = Episodes(_chosen(scenario, changes), num_envs, memory, lost_m)
-        self.single_observation_space, self.single_action_space = _spaces(self._episodes)
+        box, size = gymnasium.spaces.Box, frames.size(self.memory)
+        self.single_observation_space = box(-frames.HIGHEST, frames.HIGHEST, (size,), np.float32)
+        self.single_action_space = box(-1.0, 1.0, (3,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
+        self.seen = np.zeros((num_envs, size), np.float32)
+        self.terminated, self.truncated = np.ones((2, num_envs), bool)
+        self._batches: list[Batch] = []
         self._random: list[np.random.Generator | None] = [None] * num_envs
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observations, dict[str, Any]]:
+    ) -> tuple[Numbers, dict[str, Any]]:
         """Begin an episode of each robot, or of those where `options["reset_mask"]`, (num_envs,), says so.
 
         Args:
-            seed: of the first; the others' count up from it. Or one for each.
-            options: see above.
+            seed: Of the first; the others' count up from it. Or one for each.
+            options: See above.
 
         Raises:
-            OmniError: not as many seeds as robots, or a mask that is none of them.
+            OmniError: A seed draws what is not allowed.
         """
-        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
-        if seeds is not None and len(seeds) != self.num_envs:
-            raise OmniError(f"{self.num_envs} environments need as many seeds, not {len(seeds)}")
-        mask = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, bool)))
-        if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
-            raise OmniError(f"reset_mask must be ({self.num_envs},) True and False, at least one True")
-        info = self._begin(np.flatnonzero(mask), seeds)
-        return self._episodes.seen.copy(), info
+        if isinstance(seed, int):
+            seed = [seed + i for i in range(self.num_envs)]
+        mask = (options or {}).get("reset_mask", np.ones(self.num_envs, bool))
+        info = self._begin(np.flatnonzero(mask), seed or [None] * self.num_envs)
+        return self.seen.copy(), info
 
-    def step(self, actions: Any) -> tuple[Observations, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Go on by a frame, 1/60 s."""
-        before = self._episodes.ended
-        found = self._episodes.go_on(actions)
-        info = {} if before.all() else _told(found) | {f"_{name}": ~before for name in _told(found)}
+    def step(self, actions: Any) -> tuple[Numbers, Array, Bools, Bools, dict[str, Any]]:
+        """Go on by a frame, 1/60 s; robots whose episodes have ended stay as they are.
+
+        Raises:
+            OmniError: The actions are not (num_envs, 3) finite numbers.
+        """
+        given = np.asarray(actions, float)
+        if given.shape != (self.num_envs, 3):
+            raise OmniError(f"actions must be finite numbers {(self.num_envs, 3)}, not of shape {given.shape}")
+        before = self.terminated | self.truncated
+        reward, distance, turned = np.zeros((3, self.num_envs))
+        self._batches = [batch for batch in self._batches if self._going(batch).any()]
+        for batch in self._batches:
+            going, simulation = self._going(batch), batch.simulation
+            simulation.step(frames.command(given[batch.robots], simulation.observe(), batch.limits))
+            poses = simulation.plant.pose()
+            error = poses - batch.reference.at(simulation.frame, poses)[0]
+            off, angle = np.hypot(error[:, 0], error[:, 1]), np.abs(wrap_angle(error[:, 2]))
+            failed = np.isin(np.arange(len(off)), [failure.row for failure in simulation.failures])
+            terminated = failed | ~(off <= self.lost_m)  # what is no number has failed
+            cost = np.minimum(np.where(failed, self.lost_m, off + ARM_M * angle), self.lost_m)
+            cost += np.where(terminated, self.lost_m * (batch.last - simulation.frame), 0.0)
+            robots = batch.robots[going]
+            reward[robots], distance[robots], turned[robots] = -cost[going], off[going], angle[going]
+            self.terminated[robots] = terminated[going]
+            self.truncated[robots] = ((simulation.frame >= batch.last) & ~terminated)[going]
+            self._observe(batch, going)
+        info: dict[str, Any] = {}
+        if not before.all():
+            info = {"distance_m": distance, "heading_error_rad": turned}
+            info |= {f"_{name}": ~before for name in info}
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and before.any():
-            info |= self._begin(np.flatnonzero(before))
-            found.terminated[before] = found.truncated[before] = False
-        return self._episodes.seen.copy(), found.reward, found.terminated, found.truncated, info
+            info |= self._begin(np.flatnonzero(before), [None] * self.num_envs)
+        return self.seen.copy(), reward, self.terminated.copy(), self.truncated.copy(), info
 
-    def _begin(self, robots: NDArray[np.intp], seeds: Sequence[int | None] | None = None) -> dict[str, Any]:
-        """Begin episodes of these robots; what is said of them."""
-        numbers = np.zeros(self.num_envs, np.int64)
+    def _begin(self, robots: NDArray[np.intp], seeds: Sequence[int | None]) -> dict[str, Any]:
+        """Begin episodes of these robots from the start of their references; return their seeds."""
+        numbers, begun = np.zeros(self.num_envs, np.int64), np.zeros(self.num_envs, bool)
+        self.terminated[robots], self.truncated[robots], begun[robots] = False, False, True
+        for batch in self._batches:  # what ended there is begun anew here
+            batch.robots[np.isin(batch.robots, robots)] = -1
+        groups: dict[object, dict[int, Row]] = {}
         for i in robots.tolist():
-            given = None if seeds is None else seeds[i]
-            if given is not None or self._random[i] is None:
-                self._random[i], _ = seeding.np_random(given)
-            numbers[i] = _next(self._random[i]) if given is None else given
-        self._episodes.begin(robots, numbers[robots].tolist())
-        begun = np.zeros(self.num_envs, bool)
-        begun[robots] = True
+            random, seed = self._random[i], seeds[i]
+            if seed is not None or random is None:
+                self._random[i] = random = seeding.np_random(seed)[0]
+            numbers[i] = seed = int(random.integers(LAST_SEED)) if seed is None else seed
+            own = self.scenario.settings_of(seed)
+            group = groups.setdefault(alike(self.scenario.plant, own), {})
+            group[i] = Row(len(group), 0, Outside.__name__, seed, own, self.scenario.robot)
+        for group in groups.values():
+            simulation = Simulation(self.scenario, rows=list(group.values()), logged=False)
+            self._batches.append(Batch(simulation, np.array(list(group))))
+            self._observe(self._batches[-1])
         return {"seed": numbers, "_seed": begun}
 
+    def _going(self, batch: Batch) -> Bools:
+        return (batch.robots >= 0) & ~(self.terminated | self.truncated)[batch.robots]
 
-def _chosen(scenario: Scenario | str, changes: dict[str, Any]) -> Scenario:
-    if isinstance(scenario, Scenario):
-        if changes:
-            raise OmniError(f"{', '.join(changes)}: changes are made to a scenario that is named; make them in yours")
-        return scenario
-    return made(scenario, **changes)
-
-
-def _check_mode(render_mode: None) -> None:
-    if render_mode is not None:
-        raise OmniError(f"render_mode = {render_mode!r}: there is none; record or film a run in place of it")
+    def _observe(self, batch: Batch, going: Bools | slice = slice(None)) -> None:
+        simulation = batch.simulation
+        found = frames.observation(simulation.frame, simulation.observe(), batch.reference, self.memory)
+        self.seen[batch.robots[going]] = found[going]
 
 
-def _spaces(episodes: Episodes) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Box]:
-    shape = episodes.seen.shape[1:]
-    seen = gymnasium.spaces.Box(-frames.HIGHEST, frames.HIGHEST, shape, np.float32)
-    return seen, gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float32)
+class Track(gymnasium.Env[Numbers, Numbers]):
+    """A robot that is to follow the reference of a scenario: `Tracks` of one; see docs/gym.md.
+
+    Args:
+        scenario, given: As of `Tracks`.
+
+    Raises:
+        OmniError: Something is unknown or not allowed.
+    """
+
+    metadata = {"render_modes": [], "render_fps": round(FRAME_RATE_HZ)}  # noqa: RUF012 - as the base class has it
+
+    def __init__(self, scenario: Scenario | str = "rect", **given: Any) -> None:
+        self._one = Tracks(1, scenario, autoreset_mode=AutoresetMode.DISABLED, **given)
+        self.observation_space = self._one.single_observation_space
+        self.action_space = self._one.single_action_space
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Numbers, dict[str, Any]]:
+        """Begin an episode: with a seed, the run that `omni-mj run --seed` drives; without, the next that it draws."""
+        super().reset(seed=seed)
+        seen, info = self._one.reset(seed=seed)
+        return seen[0], {"seed": int(info["seed"][0])}
+
+    def step(self, action: Any) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
+        """Go on by a frame, 1/60 s."""
+        seen, reward, terminated, truncated, info = self._one.step(np.asarray(action, float)[None])
+        told = {name: float(values[0]) for name, values in info.items() if not name.startswith("_")}
+        return seen[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), told
 
 
-def _next(random: np.random.Generator | None) -> int:
-    """The seed of the next episode."""
-    assert random is not None, "made when the first was begun"
-    return int(random.integers(LAST_SEED))
+def _memory(scenario: Scenario) -> int:
+    """Return the frames within which a command has acted, at most.
 
-
-def _told(found: Outcome) -> dict[str, NDArray[Any]]:
-    return {"distance_m": found.distance, "heading_error_rad": found.turned}
+    Raises:
+        OmniError: There is no most, since the dead time is drawn from a distribution without ends.
+    """
+    control, radio = scenario.settings.control, scenario.settings.radio
+    drawn = scenario.distributions.get("radio.delay_frames")
+    if drawn is not None and not drawn.ends:
+        raise OmniError("radio.delay_frames is drawn from a distribution without ends: give it some, or give memory=")
+    longest = radio.delay_frames if drawn is None else max(drawn.ends)
+    return int(longest) + radio.jitter_frames + math.ceil(control.lag_s / PERIOD_S) + 1

@@ -181,13 +181,11 @@ def test_robots_that_cannot_share_a_model_are_simulated_apart() -> None:
     [
         ({"scenario": "recht"}, "unknown scenario"),
         ({"plant": "planer"}, "unknown plant"),
-        ({"memory": 0}, "memory must be a whole number"),
-        ({"lost_m": 0.0}, "lost_m must be a positive number"),
+        ({"memory": 0}, "memory must be from 1"),
+        ({"lost_m": 0.0}, "lost_m above 0"),
         ({"world": {"places": [[0, 0, 0], [0, 2, 0]]}}, "an environment is one robot"),
         ({"radio": {"delay_frames": {"normal": [6, 1]}}}, "give memory="),
-        ({"render_mode": "human"}, "there is none"),
-        ({"num_envs": 0}, "num_envs must be at least 1"),
-        ({"autoreset_mode": "later"}, "one of NextStep, Disabled"),
+        ({"autoreset_mode": "SameStep"}, "must be NextStep or Disabled"),
     ],
 )
 def test_what_is_not_allowed_is_said_in_a_line(given: dict[str, Any], words: str) -> None:
