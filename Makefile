@@ -60,10 +60,10 @@ wheel: $(VENV)/.installed-release
 	build/wheel/venv/bin/python -m pip check
 	cd build/wheel && venv/bin/omni-mj --scenario rect --set reference.waypoints='[[0, 0], [0.2, 0.1]]'
 
-# The Python modules of the league's messages, from their .proto files. Their version must not exceed that of the installed protobuf.
+# The Python module of the league's messages, from their .proto file. Its version must not exceed that of the installed protobuf.
 proto: $(VENV)/.installed
 	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --target build/protoc grpcio-tools==1.85.1 grpcio
-	PYTHONPATH=build/protoc $(BIN)/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. omni_mj/live/wire/*.proto
+	PYTHONPATH=build/protoc $(BIN)/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. omni_mj/live/wire/league.proto
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

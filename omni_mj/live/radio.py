@@ -9,7 +9,7 @@ from omni_mj.live import sockets
 from omni_mj.live.sockets import LOOPBACK, MAX_DATAGRAM, Address, Notes
 from omni_mj.live.vision import Colour
 from omni_mj.live.wire import BLUE_PORT, YELLOW_PORT, WireError, parse
-from omni_mj.live.wire.simulation_pb2 import RobotControl, RobotControlResponse
+from omni_mj.live.wire.league_pb2 import RobotControl, RobotControlResponse
 
 PORTS: dict[Colour, int] = {"blue": BLUE_PORT, "yellow": YELLOW_PORT}
 

@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.live.sockets import Notes
 from omni_mj.live.wire import MM_PER_M, WireError, parse
-from omni_mj.live.wire.vision_pb2 import DetectedRobot, Detection, VisionPacket
+from omni_mj.live.wire.league_pb2 import DetectedRobot, Detection, VisionPacket
 
 Colour = Literal["blue", "yellow"]
 

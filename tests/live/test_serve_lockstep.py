@@ -11,7 +11,7 @@ from google.protobuf import proto
 from serving import LOOPBACK, Client, local, world
 
 import omni_mj as om
-from omni_mj.live.wire.simulation_pb2 import (
+from omni_mj.live.wire.league_pb2 import (
     RobotCommand,
     RobotControl,
     RobotControlResponse,

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from serving import BLUE, YELLOW, local
 
-from omni_mj.live.wire.simulation_pb2 import SimulatorCommand, SimulatorConfig
-from omni_mj.live.wire.vision_pb2 import FieldSize, Geometry
+from omni_mj.live.wire.league_pb2 import FieldSize, Geometry, SimulatorCommand, SimulatorConfig
 
 REFUSED_FIELD = Geometry(
     field=FieldSize(field_length=8000, field_width=6000, goal_width=1000, goal_depth=180, boundary_width=300)

@@ -24,7 +24,7 @@ TABLES = {
     "!10 float tx, !11 float ty, !12 float tz, ?13 float derived_camera_world_tx, ?14 float derived_camera_world_ty, "
     "?15 float derived_camera_world_tz, ?16 uint32 pixel_image_width, ?17 uint32 pixel_image_height",
     "Geometry": "!1 FieldSize field, *2 Calibration calib",
-    "VisionPacket": "?1 Detection detection, ?2 Geometry geometry, ?3 Source source",
+    "VisionPacket": "?1 Detection detection, ?2 Geometry geometry",
     "RobotId": "?1 uint32 id, ?2 Team team",
     "SimulatorError": "?1 string code, ?2 string message",
     "WheelVelocity": "!1 float front_right, !2 float back_right, !3 float back_left, !4 float front_left",
@@ -53,7 +53,7 @@ TABLES = {
 
 def test_messages_have_the_fields_of_the_protocols() -> None:
     assert {name: wire.table(name) for name in wire.MESSAGES} == TABLES
-    sizes = {"Source": 6, "Shape": 14, "Team": 3}
+    sizes = {"Shape": 14, "Team": 3}
     assert {name: list(range(size)) for name, size in sizes.items()} == {
         name: sorted(value.number for value in kind.values) for name, kind in wire.ENUMERATIONS.items()
     }

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from serving import vision
 
-from omni_mj.live.wire.simulation_pb2 import RobotControl
+from omni_mj.live.wire.league_pb2 import RobotControl
 
 PERIOD_S = 1 / 60
 SUBSTEPS = 16

@@ -10,7 +10,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from omni_mj.live.wire.simulation_pb2 import (
+from omni_mj.live.wire.league_pb2 import (
+    Detection,
     MoveCommand,
     RobotCommand,
     RobotControl,
@@ -20,8 +21,8 @@ from omni_mj.live.wire.simulation_pb2 import (
     SimulatorResponse,
     Team,
     TeleportRobot,
+    VisionPacket,
 )
-from omni_mj.live.wire.vision_pb2 import Detection, VisionPacket
 
 LOOPBACK = "127.0.0.1"
 PATIENCE_S = 20.0  # of a test, on a busy machine

@@ -10,8 +10,7 @@ from omni_control.kinematics import Array
 from omni_mj.link.camera import Camera, Timing
 from omni_mj.link.noise import Noise, Seed, Stream
 from omni_mj.live.wire import MM_PER_M
-from omni_mj.live.wire.simulation_pb2 import Team
-from omni_mj.live.wire.vision_pb2 import Calibration, Detection
+from omni_mj.live.wire.league_pb2 import Calibration, Detection, Team
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ
 from omni_mj.worlds.field import SURFACE_M

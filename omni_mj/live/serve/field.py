@@ -3,7 +3,7 @@
 import math
 
 from omni_mj.live.wire import MM_PER_M
-from omni_mj.live.wire.vision_pb2 import FieldArc, FieldLine, FieldSize, Point, Shape
+from omni_mj.live.wire.league_pb2 import FieldArc, FieldLine, FieldSize, Point, Shape
 from omni_mj.worlds import field
 
 BALL_RADIUS_M, ROBOT_RADIUS_M = 0.0215, 0.09

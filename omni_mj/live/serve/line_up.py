@@ -10,7 +10,7 @@ from omni_control.kinematics import Array
 from omni_mj.live.serve.cameras import RobotName
 from omni_mj.live.serve.pitch import MAX_ROBOTS
 from omni_mj.live.serve.requests import MAX_NUMBER
-from omni_mj.live.wire.simulation_pb2 import Team
+from omni_mj.live.wire.league_pb2 import Team
 from omni_mj.scenarios import distributions, scenario
 from omni_mj.scenarios.scenario import Scenario
 

@@ -27,8 +27,7 @@ from omni_mj.live.serve.requests import (
     read_teleport,
 )
 from omni_mj.live.sockets import Notes
-from omni_mj.live.wire.simulation_pb2 import RobotCommand, SimulatorError, Team, TeleportRobot
-from omni_mj.live.wire.vision_pb2 import Geometry
+from omni_mj.live.wire.league_pb2 import Geometry, RobotCommand, SimulatorError, Team, TeleportRobot
 from omni_mj.scenarios.faults import of_robot
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario

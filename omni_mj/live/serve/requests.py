@@ -9,7 +9,7 @@ from omni_control.kinematics import Array, wrap_angle
 from omni_mj.link.radio import Received
 from omni_mj.live.serve.cameras import CYCLES_PER_FRAME, RobotName
 from omni_mj.live.serve.plant import HEADING_MEMORY_FRAMES
-from omni_mj.live.wire.simulation_pb2 import RobotCommand, SimulatorError, Team, TeleportBall, TeleportRobot
+from omni_mj.live.wire.league_pb2 import RobotCommand, SimulatorError, Team, TeleportBall, TeleportRobot
 
 # Columns of a packet: velocities [vx, vy, w]; the heading that vision saw, and the cycle of its image; whether the
 # velocities are in the robot's frame; rim speeds, NaN where there are none.

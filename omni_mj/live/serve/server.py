@@ -15,7 +15,8 @@ from omni_mj.live.serve.pitch import Pitch
 from omni_mj.live.serve.requests import Refusal, read_ball
 from omni_mj.live.sockets import LOOPBACK, Address, Receiver, Stream, listen, reason, sender
 from omni_mj.live.wire import WireError, parse
-from omni_mj.live.wire.simulation_pb2 import (
+from omni_mj.live.wire.league_pb2 import (
+    Detection,
     RobotControl,
     RobotControlResponse,
     RobotFeedback,
@@ -26,8 +27,8 @@ from omni_mj.live.wire.simulation_pb2 import (
     SyncResponse,
     Team,
     TeleportBall,
+    VisionPacket,
 )
-from omni_mj.live.wire.vision_pb2 import Detection, VisionPacket
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ
 
 SPAN_CYCLES = 4  # simulated at a time while nothing comes and nothing is due

@@ -1,6 +1,6 @@
 """Messages of the RoboCup Small Size League: SSL-Vision and ssl-simulation-protocol.
 
-The `.proto` files hold the field numbers; `make proto` generates the modules `*_pb2` from them. Lengths of vision are
+`league.proto` holds the field numbers; `make proto` generates the module `league_pb2` from it. Lengths of vision are
 in mm on the wire and in m everywhere else.
 """
 

@@ -19,7 +19,7 @@ import numpy as np
 from omni_control.errors import OmniError, printable
 from omni_control.kinematics import Array
 from omni_mj.live.wire import MM_PER_M, WireError, parse
-from omni_mj.live.wire.vision_pb2 import LoggedPacket
+from omni_mj.live.wire.league_pb2 import LoggedPacket
 
 HEADER, MESSAGE = struct.Struct(">12si"), struct.Struct(">qii")
 START = HEADER.pack(b"SSL_LOG_FILE", 1)

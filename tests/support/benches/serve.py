@@ -16,7 +16,7 @@ from omni_mj.live.serve.requests import label
 from omni_mj.live.serve.server import Server
 from omni_mj.live.sockets import Address, Notes
 from omni_mj.live.wire import parse
-from omni_mj.live.wire.simulation_pb2 import RobotControl
+from omni_mj.live.wire.league_pb2 import RobotControl
 
 QUIET = (
     "vision.position_noise_m=0",

@@ -4,11 +4,9 @@ from typing import Any
 
 from google.protobuf.descriptor import FieldDescriptor
 
-from omni_mj.live.wire import WireError, parse, simulation_pb2, vision_pb2
+from omni_mj.live.wire import WireError, league_pb2, parse
 
-FILES = vision_pb2.DESCRIPTOR, simulation_pb2.DESCRIPTOR
-MESSAGES = {name: kind for file in FILES for name, kind in file.message_types_by_name.items()}
-ENUMERATIONS = {name: kind for file in FILES for name, kind in file.enum_types_by_name.items()}
+MESSAGES, ENUMERATIONS = league_pb2.DESCRIPTOR.message_types_by_name, league_pb2.DESCRIPTOR.enum_types_by_name
 
 
 def table(message: str) -> str:
@@ -26,6 +24,6 @@ def table(message: str) -> str:
 def read(packet: str, data: bytes) -> Any:
     """The message that bytes are; None if they are refused."""
     try:
-        return parse(getattr(vision_pb2 if packet == "VisionPacket" else simulation_pb2, packet), data)
+        return parse(getattr(league_pb2, packet), data)
     except WireError:
         return None
