@@ -65,7 +65,8 @@ class Log:
     Attributes:
         rows: as given.
         columns: channel -> its columns in a table.
-        length: frames recorded so far, since the last `clear`.
+    first_frame: the number that a table gives its first frame.
+                length: frames recorded so far, since the last `clear`.
         lengths: how many of them each row has, (n,): one that failed or came to its end before has fewer.
     """
 
@@ -74,7 +75,7 @@ class Log:
         self.columns = channels(wheels)
         ends = np.cumsum([0, *map(len, self.columns.values())]).tolist()
         self._at = {name: slice(*span) for name, span in zip(self.columns, pairwise(ends), strict=True)}
-        self.length = 0
+        self.length, self.first_frame = 0, 0
         self.lengths = np.zeros(len(self.rows), int)
         # All channels but controllers' own side by side, so that a frame is written at once.
         self._data: Array = np.full((FIRST_FRAMES, len(self.rows), ends[-1]), np.nan)
@@ -171,8 +172,8 @@ class Log:
         columns: dict[str, np.ndarray] = {
             "seed": np.array([row.seed for row in self.rows], np.int64)[line],
             "place": np.array([row.place for row in self.rows], np.int32)[line],
-            "frame": frame.astype(np.int32),
-            "time_s": frame * PERIOD_S,
+            "frame": (self.first_frame + frame).astype(np.int32),
+            "time_s": (self.first_frame + frame) * PERIOD_S,
         }
         for name, titles in self.columns.items():
             data = self.channel(name)

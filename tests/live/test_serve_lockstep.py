@@ -95,7 +95,7 @@ def test_packets_to_the_simulator_repeat_the_last_image_and_kicks_are_ignored() 
         seen = client.step(local(2, 1.0))
         assert client.ask(0, b"") == b""
         assert client.packet().detection == seen
-        assert client.codes(0, serving.control(simulation_speed=2.0)) == ["LOCKSTEP"]
+        assert client.codes(0, serving.control(simulation_speed=2.0)) == ["SPEED"]
         kick = RobotControl(robot_commands=[RobotCommand(id=7, kick_speed=5.0)]).SerializeToString()
         answer = RobotControlResponse.FromString(client.ask(1, kick + local(2, 0.1)))
         assert [(robot.id, robot.dribbler_ball_contact) for robot in answer.feedback] == [(7, False), (2, False)]
@@ -151,7 +151,7 @@ def test_a_step_is_as_long_as_it_says_and_has_all_images_that_went_out_in_it() -
         assert serving.robots(seen[-1])["blue", 1] == pytest.approx((2.0, 1.0, 0.5), abs=2e-3)
         assert simulator.codes(None, commands=local(0, 1.0)) == ["NO_TEAM"]
         assert simulator.codes(-1.0) == simulator.codes(float("nan")) == ["STEP"]
-        assert blue.codes(0.0, serving.control(simulation_speed=2.0)) == ["LOCKSTEP"]
+        assert blue.codes(0.0, serving.control(simulation_speed=2.0)) == ["SPEED"]
 
 
 @pytest.mark.parametrize("bad", [b"\xff" * 10, b"\xff\xff\x7f", b"\x02\x0d\x00"])

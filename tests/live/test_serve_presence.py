@@ -44,7 +44,7 @@ def test_what_cannot_be_is_refused_and_the_rest_is_done() -> None:
         assert client.codes(0, both) == ["OCCUPIED", "OCCUPIED"]
         config = SimulatorConfig(geometry=REFUSED_FIELD, robot_specs=[b"1"], realism_config=b"", vision_port=70_000)
         packet = SimulatorCommand(config=config).SerializeToString()
-        assert client.codes(0, packet) == ["GEOMETRY", "ROBOT_SPECS", "REALISM", "VISION_PORT"]
+        assert client.codes(0, packet) == ["CONFIG"] * 4
         assert client.codes(0, serving.teleport(0, BLUE, x=5.15, y=0.0)) == ["OCCUPIED"]  # the wall is at 5.2 m
         assert client.codes(0, serving.teleport(0, BLUE, x=5.1, y=0.0)) == []
         for ball in ({"x": 0.0, "vx": 3.0}, {"x": float("inf")}):
@@ -61,7 +61,7 @@ def test_what_cannot_be_is_refused_and_the_rest_is_done() -> None:
 def test_a_world_has_twelve_robots_and_an_absent_one_makes_room() -> None:
     field = Field(*QUIET, FAST, blue="11", yellow="1")
     assert field.put(5, 3.0, 1.0, 0.5, team=YELLOW) == ["OCCUPIED"]
-    assert field.place({}, away=[(BLUE, 3)]) == []
+    assert field.teleport(serving.teleport(3, BLUE, present=False)) == []
     before = field.poses
     assert field.put(5, 3.0, 1.0, 0.5, team=YELLOW) == []
     np.testing.assert_allclose(field.poses[:-1], before, atol=1e-12)
@@ -76,7 +76,7 @@ def test_a_world_that_becomes_unstable_goes_on_from_where_robots_last_were(
     monkeypatch.chdir(tmp_path)  # where MuJoCo logs its warnings
     field, curve = Field(*QUIET, FAST, yellow="2"), local(0, 0.6, 0.3, 1.5)
     field.drive(30, curve, curve)
-    assert field.place({}, away=[(YELLOW, 1)]) == []
+    assert field.teleport(serving.teleport(1, YELLOW, present=False)) == []
     before = field.poses
     field.break_physics()
     field.drive(1, curve, curve)
@@ -98,7 +98,12 @@ def test_whatever_is_teleported_nobody_stands_in_another_and_the_world_goes_on(d
         near = data.draw(st.lists(place, min_size=4, max_size=4))
         centre = np.array([*data.draw(place)[:2], 0]) * data.draw(st.sampled_from([0.0, 1.0]))
         wanted = {name: centre + np.array(p) * [0.1, 0.1, 1] for name, p in zip(names, near, strict=True)}
-        refused = field.place(wanted)
+        refused = field.teleport(
+            *(
+                serving.teleport(number, team, **dict(zip(("x", "y", "orientation"), pose, strict=True)))
+                for (team, number), pose in wanted.items()
+            )
+        )
         for name, old, new in zip(names, before, field.poses, strict=True):
             stays = any(names[name] in text.split(" would")[0] for text in refused)
             np.testing.assert_allclose(new[:2], (old if stays else wanted[name])[:2], atol=1e-9)

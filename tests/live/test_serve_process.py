@@ -11,7 +11,7 @@ import pytest
 import serving
 from benches.serve import FAST, QUIET, Field, here
 from commands import invoke
-from serving import LOOPBACK, YELLOW, Client, local, served
+from serving import BLUE, LOOPBACK, YELLOW, Client, local, served
 
 import omni_mj as om
 
@@ -111,13 +111,14 @@ def test_robots_that_come_and_go_are_recorded_frame_by_frame(tmp_path: Path) -> 
     field = Field(*QUIET, FAST, blue="2", yellow="1")
     field.record(tmp_path / "trajectory.parquet")
     field.drive(40, local(0, 0.5))
-    assert field.place({}, away=[(2, 1)]) == []
+    assert field.teleport(serving.teleport(1, BLUE, present=False)) == []
     field.drive(5, local(0, 0.5))
     assert field.put(9, 2.0, 2.0, 0.0, team=YELLOW) == []
     field.drive(605, local(0, 0.5))
     (part,) = tmp_path.iterdir()
     assert len(pl.read_parquet(part)) > 3 * 500
-    assert field.place({}, away=[(2, 0), (YELLOW, 0), (YELLOW, 9)]) == []
+    for number, team in ((0, BLUE), (0, YELLOW), (9, YELLOW)):
+        assert field.teleport(serving.teleport(number, team, present=False)) == []
     field.drive(3)
     field.finish()
     assert [path.name for path in tmp_path.iterdir()] == ["trajectory.parquet"]
@@ -152,4 +153,4 @@ def test_a_process_that_is_ended_leaves_a_whole_table_and_recording(
     assert len(pl.read_parquet(out / "trajectory.parquet")) == 2 * 45
     for command in ("verify", "report"):
         assert invoke(command, out) == 2
-        assert "is of omni-mj serve" in capsys.readouterr().err
+        assert "omni-mj serve" in capsys.readouterr().err

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benches.serve import FAST, QUIET, Field
-from serving import local, wheels, world
+from serving import local, teleport, wheels, world
 
 import omni_mj as om
 
@@ -111,7 +111,7 @@ def test_robots_that_meet_do_not_overlap() -> None:
     """Head on, off the middle, of both teams, each at 2 m/s, and a heap of four that push into one point."""
     field = Field(*QUIET, FAST, blue="2", yellow="2")
     places = {(2, 0): (-0.6, 0.03), (2, 1): (0, 0.6), (1, 0): (0.6, -0.03), (1, 1): (0, -0.6)}
-    assert field.place({name: (*place, 0.0) for name, place in places.items()}) == []
+    assert field.teleport(*(teleport(i, team, x=x, y=y, orientation=0.0) for (team, i), (x, y) in places.items())) == []
     least = np.inf
     for _ in range(70):
         aims = [local(number, *(-4 * pose[:2])) for number, pose in zip((0, 1, 0, 1), field.poses, strict=True)]

@@ -24,10 +24,11 @@ from omni_mj.live.serve.requests import (
     empty_packet,
     encode_packet,
     label,
+    read_ball,
     read_teleport,
 )
 from omni_mj.live.sockets import Notes
-from omni_mj.live.wire.league_pb2 import Geometry, RobotCommand, SimulatorError, Team, TeleportRobot
+from omni_mj.live.wire.league_pb2 import Geometry, RobotCommand, SimulatorControl, SimulatorError, Team
 from omni_mj.scenarios.faults import of_robot
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
@@ -148,27 +149,30 @@ class Pitch:
             self._radio.send(packets, np.array(sorted(receivers)))
         return errors, commanded
 
-    def teleport(self, teleports: Iterable[TeleportRobot]) -> list[SimulatorError]:
-        """Put robots down and take others away. Return what is refused."""
-        errors, placements, poses = list[SimulatorError](), dict[RobotName, Placement | None](), self.poses()
-        for teleport in teleports:
-            try:
-                name, placement = read_teleport(teleport, poses)
-                placements[name] = placement
-            except Refusal as refusal:
-                errors.append(refusal.error)
-        leaving = {name for name, placement in placements.items() if placement is None}
-        return errors + self.place({name: place for name, place in placements.items() if place is not None}, leaving)
-
-    def place(self, placements: Mapping[RobotName, Placement], leaving: set[RobotName]) -> list[SimulatorError]:
-        """Put robots down and take others away. Return what is refused.
+    def teleport(self, control: SimulatorControl) -> list[SimulatorError]:
+        """Put the ball and robots down and take robots away. Return what is refused.
 
         A robot that the world has no body for makes the world anew without bodies of absent robots. All robots then go
         on from where they are, at rest, as fresh as at the start of a run.
         """
-        for name in leaving & set(self.names):
-            self.plant.remove(self.names.index(name))
-        errors, placements, before = list[SimulatorError](), dict(placements), self.poses()
+        errors, placements = list[SimulatorError](), dict[RobotName, Placement]()
+        if control.HasField("teleport_ball"):
+            try:
+                self.ball = read_ball(control.teleport_ball, self.ball)
+            except Refusal as refusal:
+                errors.append(refusal.error)
+        for teleport in control.teleport_robot:
+            try:
+                name, placement = read_teleport(teleport, self.poses())
+            except Refusal as refusal:
+                errors.append(refusal.error)
+                continue
+            placements.pop(name, None)
+            if placement is not None:
+                placements[name] = placement
+            elif name in self.names:
+                self.plant.remove(self.names.index(name))
+        before = self.poses()
         while True:  # a refused robot stays, perhaps in the way of another
             poses = before | {name: pose for name, (pose, _) in placements.items()}
             refusals = {name: self._find_obstacle(name, poses) for name in placements}
@@ -177,7 +181,7 @@ class Pitch:
             if not refused:
                 break
             for name, reason in refused.items():
-                errors.append(SimulatorError(code="OCCUPIED", message=f"{label(name)} would {reason}"))
+                errors.append(Refusal("OCCUPIED", f"{label(name)} would {reason}").error)
                 del placements[name]
         if not placements.keys() <= set(self.names):
             self._build(poses)

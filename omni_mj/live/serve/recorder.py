@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from omni_mj import parquet
-from omni_mj.live.serve.cameras import CYCLES_PER_FRAME
+from omni_mj.live.serve.cameras import CYCLES_PER_FRAME, RobotName
 from omni_mj.live.serve.pitch import Pitch
 from omni_mj.live.serve.requests import label
-from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
+from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.simulate.log import Log
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 BLOCK_FRAMES = FRAME_RATE_HZ // 2
 PART_FRAMES = 10 * FRAME_RATE_HZ  # in a part of the table, which a killed process loses at most
 
-Sink = Callable[[int, Sequence[str], Log], None]  # number of the first frame, names of the robots, and their log
+Sink = Callable[[Sequence[str], Log], None]  # names of the robots, and their log
 
 
 class Recorder:
@@ -37,16 +37,20 @@ class Recorder:
 
     def __init__(self, pitch: Pitch, table: Path | None, sinks: Sequence[Sink] = ()) -> None:
         self._pitch, self._path, self._sinks = pitch, table, sinks
-        self._next_frame = pitch.cycle // CYCLES_PER_FRAME + 1
         self._tables, self._n_frames, self._parts = list["pa.Table"](), 0, list[Path]()
-        self._begin_block()
+        self._n_wheels = len(pitch.rows[0].settings.wheels.azimuths_deg)
+        self._names, self._log = list[RobotName](), Log([], self._n_wheels)
 
     def add(self) -> None:
         """Record the frame that has just ended."""
         pitch = self._pitch
-        if sorted(pitch.poses()) != self._names or self._log.length == BLOCK_FRAMES:
+        names = sorted(pitch.poses())
+        robots = [pitch.names.index(name) for name in names]
+        if names != self._names or self._log.length == BLOCK_FRAMES:
             self._end_block()
-        robots = [pitch.names.index(name) for name in self._names]
+            rows = [replace(pitch.rows[robot], place=name[1]) for robot, name in zip(robots, names, strict=True)]
+            self._names, self._log = names, Log(rows, self._n_wheels)
+            self._log.first_frame = pitch.cycle // CYCLES_PER_FRAME
         command, measured = pitch.held.command[robots], pitch.measured[robots]
         self._log.write(
             np.ones(len(robots), bool),
@@ -59,41 +63,26 @@ class Recorder:
             telemetry=pitch.plant.telemetry().columns[robots],
         )
         pitch.measured[:] = np.nan
-        self._next_frame += 1
 
     def close(self) -> None:
         """Hand on what is left, and join the parts of the table."""
         self._end_block()
-        if self._path is not None and self._parts + self._tables:
-            self._write_part()
+        self._write_part()
+        if self._path is not None and self._parts:
             parquet.write(map(parquet.read, self._parts), self._path)
             for part in self._parts:
                 part.unlink()
 
-    def _begin_block(self) -> None:
-        pitch = self._pitch
-        self._names = sorted(pitch.poses())
-        rows = [replace(pitch.rows[pitch.names.index(name)], place=name[1]) for name in self._names]
-        self._log = Log(rows, len(pitch.rows[0].settings.wheels.azimuths_deg))
-
     def _end_block(self) -> None:
+        """Hand on what was recorded since the last time."""
         if self._log.length:
-            first = self._next_frame - self._log.length
             for sink in self._sinks:
-                sink(first, [label(name) for name in self._names], self._log)
+                sink([label(name) for name in self._names], self._log)
             if self._path is not None:
-                self._add_to_table(first)
-        self._begin_block()
-
-    def _add_to_table(self, first: int) -> None:
-        table = self._log.table()
-        frames = table["frame"].to_numpy().astype(np.int64) + first
-        for name, values in (("frame", frames), ("time_s", frames * PERIOD_S)):
-            table = table.set_column(table.schema.get_field_index(name), name, parquet.column(values))
-        self._tables.append(table)
-        self._n_frames += self._log.length
-        if self._n_frames >= PART_FRAMES:
-            self._write_part()
+                self._tables.append(self._log.table())
+            self._n_frames += self._log.length
+            if self._n_frames >= PART_FRAMES:
+                self._write_part()
 
     def _write_part(self) -> None:
         if self._tables and self._path is not None:

@@ -7,12 +7,11 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from functools import partial
-from itertools import islice
 from typing import Any
 
 from omni_mj.live.serve.cameras import CYCLES_PER_FRAME, Image
 from omni_mj.live.serve.pitch import Pitch
-from omni_mj.live.serve.requests import Refusal, read_ball
+from omni_mj.live.serve.requests import Refusal
 from omni_mj.live.sockets import LOOPBACK, Address, Receiver, Stream, listen, reason, sender
 from omni_mj.live.wire import WireError, parse
 from omni_mj.live.wire.league_pb2 import (
@@ -26,13 +25,11 @@ from omni_mj.live.wire.league_pb2 import (
     SyncRequest,
     SyncResponse,
     Team,
-    TeleportBall,
     VisionPacket,
 )
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ
 
 SPAN_CYCLES = 4  # simulated at a time while nothing comes and nothing is due
-BURST = 64  # datagrams read from one port before the others have their turn
 CHECK_S = 0.1  # for which nothing else is looked after at most
 EARLY_S = 1e-9  # by which rounding may have a packet leave
 GEOMETRY_CYCLES = CYCLE_RATE_HZ  # from one packet of the geometry to the next
@@ -40,11 +37,7 @@ MAX_DELAY_S = 0.1  # of our time, by which the simulation may be late before it 
 MAX_SPEED = 1000.0  # simulated seconds per second
 MAX_STEP_S = 10.0  # of a request in the synchronous mode
 ASKED = "blue commands", "yellow commands", "synchronous requests"  # by which time goes in lockstep
-REFUSED = {  # fields of a request to the simulator -> code and reason
-    "geometry": ("GEOMETRY", "the field is that of division B"),
-    "robot_specs": ("ROBOT_SPECS", "robots are those of their files: start serve with --robot and --set"),
-    "realism_config": ("REALISM", "realism is a scenario's: start serve with --scenario and --set"),
-}
+FIXED = "is that with which serve was started: see its options --robot, --scenario, --set and --vision"  # of a field
 
 
 class Server:
@@ -199,7 +192,7 @@ class Server:
 
     def _answer(self, port: Receiver, team: int | None) -> None:
         """Obey and answer datagrams."""
-        for data, _, client in islice(port.packets(), BURST):
+        for data, _, client in port.packets():
             try:
                 if team is None:
                     answer = SimulatorResponse(errors=self._obey(parse(SimulatorCommand, data)))
@@ -247,43 +240,22 @@ class Server:
             cycles = round(exact)
             self._cycle_remainder = exact - cycles
         else:
-            text = f"a step takes 0 to {MAX_STEP_S:g} s, not {request.sim_step:g}"
-            answer.errors.add(code="STEP", message=text)
+            answer.errors.add(code="STEP", message=f"a step takes 0 to {MAX_STEP_S:g} s, not {request.sim_step:g}")
         return SyncResponse(detection=self._advance(self.pitch.cycle + cycles), robot_control_response=answer)
 
     def _obey(self, command: SimulatorCommand) -> list[SimulatorError]:
         """Obey a command to the simulator. Return what is refused."""
         self.notes["simulator commands"] += 1
-        errors = self.pitch.teleport(command.control.teleport_robot)
-        handlers: dict[str, Callable[[Any], None]] = {
-            "vision_port": self._send_vision_to,
-            "teleport_ball": self._teleport_ball,
-            "simulation_speed": self._change_speed,
-        }
-        for field, value in command.config.ListFields() + command.control.ListFields():
-            try:
-                if field.name in REFUSED:
-                    raise Refusal(*REFUSED[field.name])
-                if field.name in handlers:
-                    handlers[field.name](value)
-            except Refusal as refusal:
-                errors.append(refusal.error)
+        errors = self.pitch.teleport(command.control)
+        errors += [Refusal("CONFIG", f"{field.name} {FIXED}").error for field, _ in command.config.ListFields()]
+        if command.control.HasField("simulation_speed"):
+            speed = command.control.simulation_speed
+            if not self.lockstep and 0 <= speed <= MAX_SPEED:
+                self._set_speed(speed)
+            else:
+                reason = f"outside of lockstep, time goes 0 to {MAX_SPEED:g} times as fast as it does, not {speed:g}"
+                errors.append(Refusal("SPEED", reason).error)
         return errors
-
-    def _send_vision_to(self, port: int) -> None:
-        if not 0 < port < 65_536:
-            raise Refusal("VISION_PORT", f"ports are 1 to 65535, not {port}")
-        self.vision = self.vision._replace(port=port)
-
-    def _teleport_ball(self, ball: TeleportBall) -> None:
-        self.pitch.ball = read_ball(ball, self.pitch.ball)
-
-    def _change_speed(self, speed: float) -> None:
-        if not 0 <= speed <= MAX_SPEED:
-            raise Refusal("SPEED", f"a simulation runs 0 to {MAX_SPEED:g} times as fast as time, not {speed:g}")
-        if self.lockstep:
-            raise Refusal("LOCKSTEP", "in lockstep, time goes by commands")
-        self._set_speed(speed)
 
     def _command(self, team: int, commands: RobotControl) -> RobotControlResponse:
         """Pass commands on to robots."""

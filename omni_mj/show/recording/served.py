@@ -50,11 +50,10 @@ class ServedRecording:
                 raise RuntimeError("no viewer answers")
             scene.log_field(self._stream)
 
-    def send(self, first: int, names: Sequence[str], log: Log) -> None:
+    def send(self, names: Sequence[str], log: Log) -> None:
         """Send a block of frames.
 
         Args:
-            first: Number of the first frame.
             names: Of the robots: team and number.
             log: Of their rows.
         """
@@ -63,13 +62,13 @@ class ServedRecording:
                 return
             if isinstance(self._target, Path):
                 check_room(self._target.parent, TABLE_BYTES)
-            time = indexes(np.arange(first, first + log.length))
+            frames = log.first_frame + np.arange(log.length)
             out_of_sight = scene.transform(np.zeros((1, 3)), -BELOW_M)  # shapes are static, which nothing clears
             for name in self._present - set(names):
-                self._stream.send_columns(f"world/{name}", indexes(np.array([first])), out_of_sight)
+                self._stream.send_columns(f"world/{name}", indexes(frames[:1]), out_of_sight)
             self._present = set(names)
             for row, name in enumerate(names):
-                self._send(name, time, {channel: log.channel(channel)[:, row] for channel in log.columns})
+                self._send(name, indexes(frames), {channel: log.channel(channel)[:, row] for channel in log.columns})
 
     def close(self) -> None:
         """End it."""
@@ -100,8 +99,7 @@ class ServedRecording:
 
 
 def _blueprint() -> rrb.Blueprint:
-    eye = rrb.EyeControls3D(position=[0, -6, 6], look_target=[0, 0, 0], eye_up=[0, 0, 1])
-    field = rrb.Spatial3DView(origin="world", name="field", eye_controls=eye, line_grid=False)
+    field = rrb.Spatial3DView(origin="world", name="field", line_grid=False)
     plots = rrb.Tabs(
         *(rrb.TimeSeriesView(origin=f"plots/{channel}", name=f"{channel}, {unit}") for channel, unit in PLOTS.items())
     )

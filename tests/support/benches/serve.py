@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from serving import BLUE, LOOPBACK, Client
+from serving import BLUE, LOOPBACK, Client, teleport
 
 from omni_mj.live.serve import line_up
 from omni_mj.live.serve.pitch import Pitch
@@ -16,7 +16,7 @@ from omni_mj.live.serve.requests import label
 from omni_mj.live.serve.server import Server
 from omni_mj.live.sockets import Address, Notes
 from omni_mj.live.wire import parse
-from omni_mj.live.wire.league_pb2 import RobotControl
+from omni_mj.live.wire.league_pb2 import RobotControl, SimulatorCommand
 
 QUIET = (
     "vision.position_noise_m=0",
@@ -99,14 +99,19 @@ class Field:
                 self.recorder.add()
         return images
 
-    def place(self, poses: dict[tuple[int, int], Any], twist: Any = (0, 0, 0), away: Any = ()) -> list[str]:
-        """Put robots down; codes and names of what is refused."""
-        wanted = {name: (np.array(pose, float), np.array(twist, float)) for name, pose in poses.items()}
-        return [f"{error.code} {error.message}" for error in self.pitch.place(wanted, set(away))]
+    def teleport(self, *packets: bytes) -> list[str]:
+        """Put robots down or take them away; codes and names of what is refused."""
+        command = parse(SimulatorCommand, b"".join(packets))
+        return [f"{error.code} {error.message}" for error in self.pitch.teleport(command.control)]
 
-    def put(self, number: int, *pose: float, team: int = BLUE, twist: Any = (0, 0, 0)) -> list[str]:
+    def put(
+        self, number: int, x: float, y: float, heading: float, team: int = BLUE, twist: Any = (0, 0, 0)
+    ) -> list[str]:
         """Put a robot down; codes of what is refused."""
-        return [text.split()[0] for text in self.place({(team, number): pose}, twist)]
+        twists = dict(zip(("v_x", "v_y", "v_angular"), twist, strict=True))
+        return [
+            text.split()[0] for text in self.teleport(teleport(number, team, x=x, y=y, orientation=heading, **twists))
+        ]
 
     def break_physics(self) -> None:
         self.pitch.plant._batch.bind("qvel")[0, 3] = 1e12
