@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from omni_mj.scenarios.scenario import Scenario
 
 CONTROLLER = "adaptive-comp-flc"
+ALPHAS = "alpha_forward", "alpha_sideways"  # zero: not known
 DURATION = click.FloatRange(min=0, max=1e5, min_open=True)
 OUTPUTS = (*run_command.OUTPUTS, "link.json")
 
@@ -67,17 +68,23 @@ def command(
     from omni_mj.scenarios import scenario
     from omni_mj.scenarios.robots import DEFAULT
     from omni_mj.scenarios.toml_files import builtin
+    from omni_mj.studies.outcome import StoppedError
 
     out, overwrite, dry_run = map(values.pop, ("out", "overwrite", "dry_run"))
-    head = {"controllers": (controller,), "plant": "live", "seeds": 1} | ({"robot": robot} if robot else {})
-    chosen = scenario.load(name, overrides, head) if name else None
-    knows_robot = robot is not None or (chosen is not None and chosen.robot != DEFAULT)
-    connection = _options(overrides, knows_robot=knows_robot, **values)
+    connection = session.Options(overrides=overrides, **values)
     if dry_run:
-        _listen(connection)
+        with _connected(connection, "vision had not been listened to for long enough to say anything") as (link, _):
+            with suppress(StoppedError):
+                link.listen(connection.duration_s or float("inf"))
+            print("\n".join(_describe(link)))
         return
-    if chosen is None:
+    if name is None:
         raise OmniError(f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file")
+    head = {"controllers": (controller,), "plant": "live", "seeds": 1} | ({"robot": robot} if robot else {})
+    chosen = scenario.load(name, overrides, head)
+    if robot is None and chosen.robot == DEFAULT:  # nobody said which robot is out there
+        unknown = {alpha: 0.0 for alpha in ALPHAS if not connection.fixes(f"control.{alpha}")}
+        chosen = chosen.replace(settings=chosen.settings.replace(control=unknown))
     session.check(chosen, connection)
     viewers = run_command.viewers(outputs.view, outputs.connect)
     folder = folders.prepare(out, f"drive-{chosen.name}", OUTPUTS, overwrite)
@@ -87,22 +94,6 @@ def command(
     finally:
         if not any(folder.iterdir()):  # nobody was there to be driven
             folder.rmdir()
-
-
-def _options(
-    overrides: tuple[str, ...], vision: str, commands: str | None, velocity: str, pulse: bool, **others: Any
-) -> "Options":
-    """Return what is said of the connection, checked."""
-    from omni_mj.live.radio import PORTS
-    from omni_mj.live.session import DEAD_TIME, Options
-    from omni_mj.live.sockets import address
-    from omni_mj.live.wire import VISION_PORT
-
-    interface = "" if others["radio"] else others["interface"]
-    target = address(commands, PORTS[others["colour"]], interface) if commands else None
-    fixed = [override.partition("=")[0].strip() for override in overrides] + [DEAD_TIME] * (not pulse)
-    where = address(vision, VISION_PORT)
-    return Options(where, target, world=velocity == "global", fixed=frozenset(fixed), **others)
 
 
 @contextmanager
@@ -119,16 +110,6 @@ def _connected(connection: "Options", failure: str) -> Iterator[tuple["Link", "I
                 yield link, interrupts
         except StoppedError as stopped:
             interrupts.end(stopped.reason, failure)
-
-
-def _listen(connection: "Options") -> None:
-    """Print what vision sends, after a while or when somebody ends it."""
-    from omni_mj.studies.outcome import StoppedError
-
-    with _connected(connection, "vision had not been listened to for long enough to say anything") as (link, _):
-        with suppress(StoppedError):
-            link.listen(connection.duration_s or float("inf"))
-        print("\n".join(_describe(link)))
 
 
 def _drive(

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 from omni_mj.live import sockets
 from omni_mj.live.sockets import LOOPBACK, MAX_DATAGRAM, Address, Notes
@@ -51,7 +50,6 @@ class Line:
         colour: Of the team.
         interface: By which packets leave.
         world: Whether robots are told velocities along the field, in place of forward and left.
-        notes: For what goes wrong.
         both: Whether the other team's port gets an empty packet for each.
     """
 
@@ -59,7 +57,6 @@ class Line:
     colour: Colour
     interface: str
     world: bool
-    notes: Notes
     both: bool = False
 
 
@@ -71,12 +68,11 @@ class Radio:
 
     Args:
         line: Where it leads.
+        notes: For what goes wrong: `notes.add(kind, text)` counts it.
     """
 
-    name: ClassVar[str] = "own radio"
-
-    def __init__(self, line: Line) -> None:
-        self.line = line
+    def __init__(self, line: Line, notes: Notes) -> None:
+        self.line, self.notes = line, notes
 
     def send(self, commands: Sequence[Command]) -> None:
         """Send what robots are told in this frame."""
@@ -92,10 +88,8 @@ class SimulatorRadio(Radio):
     The other team's may get an empty one: grSim stops a team whose opponents nobody commands.
     """
 
-    name = "ssl-simulation-protocol"
-
-    def __init__(self, line: Line) -> None:
-        super().__init__(line)
+    def __init__(self, line: Line, notes: Notes) -> None:
+        super().__init__(line, notes)
         self._target = line.host or Address(LOOPBACK, PORTS[line.colour])
         self._socket = sockets.sender(line.interface)
         self._opponents = None
@@ -119,7 +113,7 @@ class SimulatorRadio(Radio):
             if self._opponents:
                 self._socket.sendto(b"", self._opponents)
         except OSError as error:
-            self.line.notes.add("not sent", f"commands to {self._target} are not sent: {sockets.reason(error)}")
+            self.notes.add("not sent", f"commands to {self._target} are not sent: {sockets.reason(error)}")
 
     def close(self) -> None:
         """See `Radio`."""
@@ -133,8 +127,8 @@ class SimulatorRadio(Radio):
             except BlockingIOError:
                 return
             except (OSError, WireError):
-                self.line.notes.add("bad answer", f"an answer of {self._target} to commands is skipped")
+                self.notes.add("bad answer", f"an answer of {self._target} to commands is skipped")
                 continue
             for error in response.errors:
                 text = error.message or error.code or "no reason given"
-                self.line.notes.add(f"refused: {text}", f"{self._target} refuses: {text}")
+                self.notes.add(f"refused: {text}", f"{self._target} refuses: {text}")

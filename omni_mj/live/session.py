@@ -11,9 +11,9 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.live.drive import Live
 from omni_mj.live.link import Link, Pace
-from omni_mj.live.radio import Line, Radio, SimulatorRadio
+from omni_mj.live.radio import PORTS, Line, Radio, SimulatorRadio
 from omni_mj.live.report import measure_pulse
-from omni_mj.live.sockets import LOOPBACK, Address, Notes, Receiver
+from omni_mj.live.sockets import LOOPBACK, Address, Notes, Receiver, address
 from omni_mj.live.vision import Colour, Vision
 from omni_mj.live.wire import VISION_GROUP, VISION_PORT
 from omni_mj.scenarios import classes, distributions, references
@@ -21,13 +21,11 @@ from omni_mj.scenarios.classes import label
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ
 
-SIMULATED_VISION = Address(VISION_GROUP, VISION_PORT)
 LISTEN_S = 1.5  # at first: rates are known to a part in some hundreds, clocks to a fraction of a millisecond
 MAX_ROBOTS = 12
 MIN_GAIN = 0.3  # of a robot that responds at all to a pulse
 PULSE_S = 3.0  # by which a route is longer while a pulse is measured
 DEAD_TIME = "radio.delay_frames"
-UNKNOWN_ALPHA = {"control.alpha_forward": 0.0, "control.alpha_sideways": 0.0}  # zero: not known
 
 
 @dataclass(frozen=True)
@@ -35,33 +33,50 @@ class Options:
     """What a user says of the connection.
 
     Attributes:
-        vision: The group or address to which SSL-Vision is sent.
+        vision: The group or address to which SSL-Vision is sent, HOST[:PORT].
         commands: Address of the simulator or the radio; None for the usual one.
         interface: Address of the network interface.
         colour: Of the team.
         ids: The robots' numbers; none for the lowest that are seen.
         pace: What gives the ticks.
-        world: Whether robots are told velocities along the field.
+        velocity: In whose frame robots are told velocities, "local" or "global".
         radio: A class of a team's own, as `file.py:Class`; None for the simulation protocol.
-        knows_robot: Whether it is known which robot is out there; else its alpha is not.
         wait_s, listen_s: How long vision is waited for, and listened to before anything else.
         duration_s: After which it ends; None for the whole route.
-        fixed: Settings that are left alone; others may be measured before.
+        pulse: Whether the dead time is measured.
+        overrides: Settings that are left alone, `section.field=value`; others may be measured before.
     """
 
-    vision: Address = SIMULATED_VISION
-    commands: Address | None = None
+    vision: str = VISION_GROUP
+    commands: str | None = None
     interface: str = LOOPBACK
     colour: Colour = "blue"
     ids: tuple[int, ...] = ()
     pace: Pace = "auto"
-    world: bool = False
+    velocity: str = "local"
     radio: str | None = None
-    knows_robot: bool = True
     wait_s: float = 10.0
     listen_s: float = LISTEN_S
     duration_s: float | None = None
-    fixed: frozenset[str] = frozenset()
+    pulse: bool = True
+    overrides: tuple[str, ...] = ()
+
+    @property
+    def vision_address(self) -> Address:
+        """Where vision comes to; it raises `OmniError` if there is no such address."""
+        return address(self.vision, VISION_PORT)
+
+    @property
+    def line(self) -> Line:
+        """Where the radio leads; it raises `OmniError` if there is no such address."""
+        interface = "" if self.radio else self.interface
+        target = address(self.commands, PORTS[self.colour], interface) if self.commands else None
+        both = self.pace != "vision"  # a simulation that waits for commands would take an empty packet for one
+        return Line(target, self.colour, self.interface, self.velocity == "global", both)
+
+    def fixes(self, name: str) -> bool:
+        """Return whether a setting is left alone."""
+        return any(override.partition("=")[0].strip() == name for override in self.overrides)
 
 
 def check(scenario: Scenario, options: Options) -> None:
@@ -71,7 +86,7 @@ def check(scenario: Scenario, options: Options) -> None:
         OmniError: It cannot; a line for each reason.
     """
     distributions.refuse(scenario.distributions, "drive")
-    errors = []
+    errors, _ = list[str](), (options.vision_address, options.line)
     (controller,) = scenario.controllers
     if classes.find_controller(controller).knows_truth:
         name = label(controller)
@@ -98,7 +113,7 @@ def listening(options: Options, notes: Notes, check_stop: Callable[[], None] = l
     Raises:
         OmniError: Nothing came.
     """
-    with closing(Receiver(options.vision, options.interface)) as receiver:
+    with closing(Receiver(options.vision_address, options.interface)) as receiver:
         link = Link(receiver, Vision(options.colour, notes), check_stop)
         until = time.monotonic() + options.wait_s
         while not link.vision.cameras:
@@ -123,13 +138,9 @@ def ready(scenario: Scenario, options: Options, link: Link) -> Iterator[Live]:
     vision.ids = _chosen_ids(scenario, options, vision.seen_ids())
     link.choose_ticks(options.pace)
     radio_type = SimulatorRadio if options.radio is None else _find_radio(options.radio)
-    both = options.pace != "vision"  # a simulation that waits for commands would take an empty packet for one
-    line = Line(options.commands, options.colour, options.interface, options.world, vision.notes, both)
-    with closing(radio_type(line)) as radio:
+    with closing(radio_type(options.line, vision.notes)) as radio:
         chosen = _with_measured(_displaced(scenario, vision.resting_poses()), options, vision.noise())
-        if not options.knows_robot:
-            chosen = _with_measured(chosen, options, UNKNOWN_ALPHA)
-        if DEAD_TIME not in options.fixed:
+        if options.pulse and not options.fixes(DEAD_TIME):
             settle_s = chosen.settings.reference.settle_s + PULSE_S
             longer = chosen.settings.replace(reference={"settle_s": settle_s})
             trial = Live(chosen.replace(settings=longer), link, radio, vision.ids)
@@ -166,7 +177,7 @@ def _with_measured(scenario: Scenario, options: Options, measured: Mapping[str, 
     """Return the scenario with measured settings, where the options allow it."""
     settings = scenario.settings
     for name, value in measured.items():
-        if name not in options.fixed and np.isfinite(value):
+        if not options.fixes(name) and np.isfinite(value):
             section, field = name.split(".")
             settings = settings.replace(**{section: {field: value}})
     return scenario.replace(settings=settings)

@@ -127,7 +127,7 @@ def test_a_teleport_gives_the_velocity_it_says() -> None:
     """Told to go on at the metre a second at which it rolls, a robot is 0.1 s further, but for creep and drag."""
     field = Field(*QUIET, FAST, "firmware.timeout_s=0")
     field.drive(20, local(0, 1.5))
-    assert field.put(0, 2.0, -1.0, 2.5, twist=(-0.8, 0.6, 0.0)) == []
+    assert field.put(0, 2.0, -1.0, 2.5, v_x=-0.8, v_y=0.6) == []
     np.testing.assert_allclose(field.poses[0], [2.0, -1.0, 2.5], atol=1e-12)
     forward, left = np.array([[np.cos(2.5), np.sin(2.5)], [-np.sin(2.5), np.cos(2.5)]]) @ [-0.8, 0.6]
     field.drive(6, local(0, forward, left))

@@ -18,12 +18,12 @@ from omni_control import Controller
 from omni_mj.live import report, session
 from omni_mj.live.drive import Live
 from omni_mj.live.session import Options
-from omni_mj.live.sockets import Address, Notes
+from omni_mj.live.sockets import Notes
 from omni_mj.scenarios.scenario import Scenario, scenario
 from omni_mj.simulate.simulation import Simulation
 
 PEER = [sys.executable, str(Path(peer_program.__file__))]
-NOBODY = Address(LOOPBACK, 9)
+NOBODY = f"{LOOPBACK}:9"
 ROUTE = {"waypoints": [[0, 0], [0.5, 0.3], [0.5, 0.0]], "settle_s": 0.3}
 # What is believed of robots that do as they are told; of alpha, as on equation 7's plant, nothing.
 EXACT = {"lag_s": 0.0, "drag_m_s": 0.0, "creep_s2_m": 0.0, "alpha_forward": 0.0, "alpha_sideways": 0.0}
@@ -45,7 +45,7 @@ def started(ports: tuple[int, int], *said: object) -> Iterator[None]:
 def peer(*said: object, **options: Any) -> Iterator[Options]:
     """A simulator that waits for commands; how to connect to it, with more options."""
     ports = free_port(), free_port()
-    vision, commands = (Address(LOOPBACK, port) for port in ports)
+    vision, commands = (f"{LOOPBACK}:{port}" for port in ports)
     with started(ports, "--lockstep", *said):
         yield replace(Options(vision, commands, pace="vision", listen_s=0.4), **options)
 

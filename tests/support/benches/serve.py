@@ -104,14 +104,10 @@ class Field:
         command = parse(SimulatorCommand, b"".join(packets))
         return [f"{error.code} {error.message}" for error in self.pitch.teleport(command.control)]
 
-    def put(
-        self, number: int, x: float, y: float, heading: float, team: int = BLUE, twist: Any = (0, 0, 0)
-    ) -> list[str]:
+    def put(self, number: int, x: float, y: float, heading: float, team: int = BLUE, **twist: float) -> list[str]:
         """Put a robot down; codes of what is refused."""
-        twists = dict(zip(("v_x", "v_y", "v_angular"), twist, strict=True))
-        return [
-            text.split()[0] for text in self.teleport(teleport(number, team, x=x, y=y, orientation=heading, **twists))
-        ]
+        refused = self.teleport(teleport(number, team, x=x, y=y, orientation=heading, **twist))
+        return [text.split()[0] for text in refused]
 
     def break_physics(self) -> None:
         self.pitch.plant._batch.bind("qvel")[0, 3] = 1e12
