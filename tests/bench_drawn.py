@@ -36,10 +36,10 @@ from omni_mj.scenarios.robots import builtin as robots
 from omni_mj.scenarios.rows import Row, table
 from omni_mj.scenarios.scenario import Scenario, scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
+from omni_mj.scenarios.told import creep as creep_law
 from omni_mj.scenarios.told import drag, lag
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.slip.law import expected
 
 SUBJECT = "adaptive-comp-flc"
 CONTROLLERS = (SUBJECT, "comp-flc", "comp-flc-lag")
@@ -167,7 +167,7 @@ def estimates(log: Log, row: int) -> Array:
     values = np.stack([
         latency[0] - lags[0] / PERIOD_S - settings.radio.delay_frames,
         *alpha,
-        creep[0] / expected(settings).time[0],
+        creep[0] / creep_law(settings).time[0],
         friction[0] / drag(settings)[0],
         lags[0] / lag(settings)[0],
     ])  # fmt: skip

@@ -24,6 +24,7 @@ from omni_mj.measure.table import DASH, Table, text
 from omni_mj.scenarios import robots
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, PERIOD_S, Settings
+from omni_mj.scenarios.told import creep
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies import run
 from omni_mj.studies.identify import (
@@ -40,7 +41,6 @@ from omni_mj.studies.identify import (
 )
 from omni_mj.studies.identify.logs import read
 from omni_mj.studies.outcome import drive
-from omni_mj.studies.slip.law import expected
 
 ROBOTS = ("tigers-v2016", "tigers-v2020", "ssl-a-team", "robojackets", "roboteam-twente")
 COUNTS_PER_RAD = -1024 * 12 / (2 * np.pi)  # omni3's encoder and gear; its wheels turn the other way than ours
@@ -116,7 +116,7 @@ def true_numbers(settings: Settings) -> dict[str, float]:
 
     The plant's integrator is semi-implicit: bodies are half a step ahead of their forces.
     """
-    law, half_step = expected(settings), 0.5 / CYCLE_RATE_HZ / settings.physics.substeps
+    law, half_step = creep(settings), 0.5 / CYCLE_RATE_HZ / settings.physics.substeps
     numbers = {
         "wheels.creep_stiffness": settings.drive.creep_stiffness,
         "wheels.pile": settings.carpet.pile,

@@ -12,7 +12,7 @@ from omni_mj.studies.conditions import CAUSES, LABELS, PROFILE, WORN
 from omni_mj.studies.drives import DIRECTIONS
 
 if TYPE_CHECKING:
-    from omni_mj.studies.alpha_findings import Study
+    from omni_mj.studies.alpha import AlphaResult, Study
 
 QUANTITIES = {"steady": "steady gain", "speeding_up": "gain while speeding up", "lag_s": "lag in ms"}
 MARKS, HATCHES = "os^", ("", "///", "...")  # of directions, for readers who cannot tell the colours apart
@@ -20,15 +20,15 @@ COLUMNS = 4
 WIDE_RANGE = 30  # ratio of values above which an axis is logarithmic
 
 
-def save(study: "Study", path: Path) -> None:
-    """Draw the study into a PNG: conditions in pairs of panels, gain above lag; below them what causes take."""
+def save(result: "AlphaResult", stem: Path) -> None:
+    """Draw the study into `stem`.png: conditions in pairs of panels, gain above lag; below them what causes take."""
+    study = result.study
+    assert study is not None
     names = list(study.changed)
     bands = -(-len(names) // COLUMNS)
     title = f"Gain and lag of a robot's motion: {PROFILE.speed_m_s:g} m/s at {PROFILE.acceleration_m_s2:g} m/s², unless"
     worn = f"windings at {WORN['winding_c']:g} °C, battery at {100 * WORN['charge']:g} %"
-    with canvas.drawing(
-        path.with_suffix(""), f"{title} the panel changes it", figsize=(11, 3.6 + 4.0 * bands)
-    ) as figure:
+    with canvas.drawing(stem, f"{title} the panel changes it", figsize=(11, 3.6 + 4.0 * bands)) as figure:
         *upper, lower = figure.subfigures(bands + 1, 1, height_ratios=[4.0] * bands + [3.2], squeeze=False)[:, 0]
         for k, band in enumerate(upper):
             grid = band.subplots(2, COLUMNS, sharey="row")
@@ -55,9 +55,8 @@ def _draw_condition(study: "Study", name: str, gain: Axes, lag: Axes) -> None:
         gain.plot(values, result.speeding_up[:, i], ls=":", mfc="white", label=f"{direction}, speeding up", **look)
         lag.plot(values, 1000 * result.lag_s[:, i], **look)
     results = study.changed.values()
-    gain.set_ylim(min(np.nanmin(r.speeding_up) for r in results) - 0.05, 1.05)
+    gain.set(title=LABELS[name], ylim=(min(np.nanmin(r.speeding_up) for r in results) - 0.05, 1.05))
     lag.set_ylim(0, 1050 * max(np.nanmax(r.lag_s) for r in results))
-    gain.set_title(LABELS[name])
     for axes in (gain, lag):
         axes.margins(x=0.06)
         if min(values) > 0 and max(values) > WIDE_RANGE * min(values):
@@ -69,8 +68,7 @@ def _draw_condition(study: "Study", name: str, gain: Axes, lag: Axes) -> None:
 def _draw_causes(study: "Study", name: str, axes: Axes) -> None:
     """Draw what each cause adds to a quantity, and what the wheel loop leaves without any of them."""
     is_lag = name == "lag_s"
-    parts = {"wheel loop": getattr(study.loop, name) - (0.0 if is_lag else 1.0)}
-    parts |= {cause: row["share"] for cause, row in study.shares(name).items()}
+    parts = {"wheel loop": getattr(study.loop, name) - (0.0 if is_lag else 1.0)} | study.shares(name)
     width, x = 0.8 / len(DIRECTIONS), np.arange(1 + len(CAUSES))
     for i, (direction, hatch) in enumerate(zip(DIRECTIONS, HATCHES, strict=True)):
         heights = [(1000.0 if is_lag else 1.0) * part[i] for part in parts.values()]
@@ -79,4 +77,3 @@ def _draw_causes(study: "Study", name: str, axes: Axes) -> None:
     axes.axhline(0, color="#888888", lw=0.8)
     axes.set_xticks(x, list(parts))
     axes.set_title(QUANTITIES[name] + ("" if is_lag else ": what is missing of 1"))
-    axes.margins(x=0.02)

@@ -101,28 +101,23 @@ def combinations(settings: Settings) -> list[Settings]:
     return combined
 
 
-def shares(values: Array) -> dict[str, dict[str, Array]]:
-    """How much of what all causes do together is each one's.
+def shares(values: Array) -> dict[str, Array]:
+    """Return how much of what all causes do together is each one's.
+
+    A cause's share is the mean of what adding it changes, over all orders in which causes could be added one by one
+    (L. S. Shapley, A Value for n-Person Games, 1953). Shares add up to what all do together.
 
     Args:
-        values: with every combination of causes, an axis of two for each (without, with), then any others.
-
-    Returns:
-        For each cause what adding it changes: `alone`, to a robot without any; `last`, to one with all others; and the
-        mean over all orders in which they could be added one by one, its `share` (L. S. Shapley, A Value for n-Person
-        Games, 1953). Shares add up to what all do together.
+        values: With every combination of causes, an axis of two for each (without, with), then any others.
     """
-    count = len(CAUSES)
-    found = {}
-    for i, cause in enumerate(CAUSES):
-        added = np.take(values, 1, i) - np.take(values, 0, i)  # over the combinations of the others
-        weight = [
-            math.factorial(sum(others)) * math.factorial(count - 1 - sum(others)) / math.factorial(count)
-            for others in itertools.product((0, 1), repeat=count - 1)
-        ]
-        steps = added.reshape(len(weight), *values.shape[count:])
-        found[cause] = {"share": np.tensordot(weight, steps, 1), "alone": steps[0], "last": steps[-1]}
-    return found
+    result = {cause: np.zeros(values.shape[len(CAUSES) :]) for cause in CAUSES}
+    for order in itertools.permutations(CAUSES):
+        present = dict.fromkeys(CAUSES, 0)
+        for cause in order:
+            before = values[tuple(present.values())]
+            present[cause] = 1
+            result[cause] += (values[tuple(present.values())] - before) / math.factorial(len(CAUSES))
+    return result
 
 
 def _without_friction(settings: Settings) -> dict[str, float]:

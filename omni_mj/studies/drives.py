@@ -54,8 +54,12 @@ class Drives:
     def __init__(self, scenario: Scenario, drives: Sequence[tuple[Settings, Profile]]) -> None:
         self._profiles = [profile for _, profile in drives for _ in DIRECTIONS]
         self._directions = np.array([*DIRECTIONS.values()] * len(drives))
+        speeds = [profile.command() for profile in self._profiles]
         # The last frame only records the pose that the command of the frame before led to.
-        self.frames = 1 + max(len(profile.command()) for profile in self._profiles)
+        self.frames = 1 + max(map(len, speeds))
+        self._twists = np.zeros((self.frames, len(speeds), 3))
+        for i, speed in enumerate(speeds):
+            self._twists[: len(speed), i, :2] = speed[:, None] * self._directions[i]
         settings = [standing(s, self.frames, **UNDISTURBED) for s, _ in drives for _ in DIRECTIONS]
         rows = [
             Row(i, 0, Commanded.__name__, scenario.seed, settings_i, scenario.robot)
@@ -71,11 +75,7 @@ class Drives:
 
     def run(self, after_frame: AfterFrame) -> None:
         """Drive all rows and call `after_frame`, which may raise `StoppedError`, after each frame."""
-        command = np.zeros((self.frames, len(self._profiles), 3))
-        for i, profile in enumerate(self._profiles):
-            speed = profile.command()
-            command[: len(speed), i, :2] = speed[:, None] * self._directions[i]
-        for frame, twists in enumerate(command):
+        for frame, twists in enumerate(self._twists):
             self.simulation.step(twists)
             after_frame(frame)
 
@@ -120,8 +120,7 @@ def alpha_percentiles(log: Log) -> dict[str, dict[str, float]]:
     """Return percentiles of alpha over all robots and windows, by axis; an axis without commands has none."""
     alpha = metrics.driven_alpha(log.channel("pose")[..., :2], log.channel("applied")[..., :2])
     percentiles: dict[str, dict[str, float]] = {}
-    for j, axis in enumerate(AXES):
-        known = alpha[..., j][~np.isnan(alpha[..., j])]
-        levels = metrics.ALPHA_PERCENTILES if known.size else ()
-        percentiles[axis] = {f"p{p}": round(float(np.percentile(known, p)), 6) for p in levels}
+    for axis, values in zip(AXES, np.moveaxis(alpha, -1, 0), strict=True):
+        levels = metrics.ALPHA_PERCENTILES if np.isfinite(values).any() else ()
+        percentiles[axis] = {f"p{p}": round(float(np.nanpercentile(values, p)), 6) for p in levels}
     return percentiles

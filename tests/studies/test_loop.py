@@ -4,7 +4,19 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-from benches.studies import STEP, STEP_M, WARM_UP, Drive, LoopResult, StoppedError, loop, margins, measure, motion
+from benches.studies import (
+    FREQUENCIES,
+    STEP,
+    STEP_M,
+    WARM_UP,
+    Drive,
+    LoopResult,
+    StoppedError,
+    find_margins,
+    loop,
+    loop_drive,
+    measure_step,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -41,7 +53,7 @@ EXACT = {"p": proportional(GAINS["p"]), "smith": predicting(GAINS["smith"]), "co
 
 
 def gains(system: control.TransferFunction) -> NDArray[np.complex128]:
-    return np.asarray(system(np.exp(1j * motion.FREQUENCIES * T)))
+    return np.asarray(system(np.exp(1j * FREQUENCIES * T)))
 
 
 def ideal(**sections: dict[str, object]) -> om.Scenario:
@@ -60,7 +72,7 @@ def stop_at(last: int) -> Callable[[int], None]:
 def small() -> Iterator[LoopResult]:
     """Disturbed so little that the fuzzy law is a gain, on the plant of which all is known."""
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(motion, "RMS_M_S", 0.001)
+        patched.setattr(loop_drive, "RMS_M_S", 0.001)
         yield loop(ideal(), list(GAINS), [REST, ACROSS])
 
 
@@ -73,12 +85,12 @@ def test_margins_are_those_of_python_control(gain: float, delay: int, predicts: 
         gain = min(gain, 0.9 / (T * (2 * delay + 1)))  # of pi/2, where the loop begins to oscillate
     system = (predicting if predicts else proportional)(gain, delay)
     most, phase, distance, at, crossover, _ = control.stability_margins(system)
-    found = margins(gains(system))
-    if motion.FREQUENCIES[0] < crossover:
+    found = find_margins(gains(system))
+    if FREQUENCIES[0] < crossover:
         assert found.crossover == pytest.approx(crossover, rel=0.005)
         assert found.phase == pytest.approx(phase, abs=0.1)
         assert found.delay == pytest.approx(np.radians(phase) / crossover, rel=0.005)
-    if at < motion.FREQUENCIES[-1]:
+    if at < FREQUENCIES[-1]:
         assert found.gain == pytest.approx(most, rel=0.015)
     assert found.sensitivity == pytest.approx(1 / distance, rel=0.015)
 
@@ -89,32 +101,29 @@ def test_what_is_measured_is_the_closed_form(small: LoopResult, name: str) -> No
 
     Driving as at rest; but for comp-flc, which then estimates alpha, and that is a loop of its own.
     """
-    assert small.findings is not None
     for case in (REST,) if name == "comp-flc" else (REST, ACROSS):
-        found = small.findings.loops[case][name]
-        np.testing.assert_allclose(found.gains[0], gains(EXACT[name]), rtol=0.02 if name == "comp-flc" else 0.01)
+        found = small.loops[case][name]
+        np.testing.assert_allclose(found.gains, gains(EXACT[name]), rtol=0.02 if name == "comp-flc" else 0.01)
         most, phase, distance, *_ = control.stability_margins(EXACT[name])
-        assert found.margins(0).phase == pytest.approx(phase, abs=1)
-        assert found.margins(0).gain == pytest.approx(most, rel=0.04)
-        assert found.margins(0).sensitivity == pytest.approx(1 / distance, rel=0.03)
+        assert found.margins.phase == pytest.approx(phase, abs=1)
+        assert found.margins.gain == pytest.approx(most, rel=0.04)
+        assert found.margins.sensitivity == pytest.approx(1 / distance, rel=0.03)
 
 
 def test_p_has_the_margins_of_its_rule(small: LoopResult) -> None:
     """Half a radian less than a right angle, and pi, with the half frame that it counts for a dead time badly known."""
-    assert small.findings is not None
-    found = small.findings.loops[REST]["p"].margins()
+    found = small.loops[REST]["p"].margins
     assert found.phase - np.degrees(found.crossover * T / 2) == pytest.approx(90 - np.degrees(0.5), abs=0.2)
     assert found.gain * 6.5 / 7 == pytest.approx(np.pi, rel=0.01)
 
 
 def test_steps_are_those_of_the_closed_loop(small: LoopResult) -> None:
     """By python-control, frame by frame: nothing is limited here, and the filter has nothing to say."""
-    assert small.findings is not None
     for name in ("p", "smith"):
         _, wanted = control.step_response(control.feedback(EXACT[name]), T * np.arange(STEP))
         for case in (REST, ACROSS):
-            moved = small.findings.loops[case][name].moved
-            np.testing.assert_allclose(moved / (STEP_M * np.array([1, 2])), wanted[:, None].repeat(2, 1), atol=1e-6)
+            moved = small.loops[case][name].moved
+            np.testing.assert_allclose(moved / STEP_M, wanted, atol=1e-6)
 
 
 @given(damping=st.floats(0.3, 0.9), rate=st.floats(3, 12))
@@ -123,7 +132,7 @@ def test_figures_of_a_step_are_those_of_python_control(damping: float, rate: flo
     """Times to a frame: it samples, and counts from another one."""
     system = control.tf([rate**2], [1, 2 * damping * rate, rate**2])
     time = T * np.arange(600)
-    info, found = control.step_info(system, T=time), measure(0.05 * control.step_response(system, time)[1], 0.05)
+    info, found = control.step_info(system, T=time), measure_step(0.05 * control.step_response(system, time)[1], 0.05)
     assert found.rise == pytest.approx(info["RiseTime"], abs=1.01 * T)
     assert 100 * found.overshoot == pytest.approx(info["Overshoot"], abs=0.2)
     assert found.within_2_percent == pytest.approx(info["SettlingTime"], abs=1.01 * T)
@@ -133,24 +142,23 @@ def test_figures_of_a_step_are_those_of_python_control(damping: float, rate: flo
 
 def test_a_loop_bears_as_much_more_dead_time_as_its_margin_says(small: LoopResult) -> None:
     """The team is not told of it; after three seconds an error has died out, or grown."""
-    assert small.findings is not None
-    frames = small.findings.loops[REST]["p"].margins().delay / T
+    frames = small.loops[REST]["p"].margins.delay / T
     assert frames == pytest.approx(15.5, abs=0.1)
     for more, dies_out in ((int(frames), True), (int(frames) + 1, False)):
         late = ideal(radio={"delay_frames": DELAY + more}, control={**IDEAL["control"], "delay_error_frames": -more})
-        drive = Drive(late.replace(controllers=("p",)), {REST: motion.CASES[REST]})
+        drive = Drive(late.replace(controllers=("p",)), [REST])
         drive.disturbance[:] = 0
         with pytest.raises(StoppedError):
             drive.run(stop_at(WARM_UP + 600))
-        error = np.abs(drive.position()[WARM_UP:, 0, 0, 0, 0] - STEP_M)
+        error = np.abs(drive.answers()[0][WARM_UP:, 0, 0, 0] - STEP_M)
         assert (error[400:].max() < error[200:400].max()) == dies_out
 
 
 def test_summary_and_table_say_the_same(small: LoopResult) -> None:
     summary = small.summary()
     assert summary["complete"]
-    assert len(small.rows().to_pylist()) == len(GAINS) * 2 * 2 * 2
-    margins_of_p = summary["loop"]["cases"][REST]["p"]["strengths"][1]["margins"]
+    assert len(small.rows().to_pylist()) == len(GAINS) * 2 * 2
+    margins_of_p = summary["loop"]["cases"][REST]["p"]["margins"]
     line = next(line for line in small.table().splitlines() if line.startswith(REST))
     assert line.split()[2] == "p"
     assert f"{margins_of_p['phase']:.0f}" in line.split()
@@ -166,18 +174,17 @@ def test_noise_of_vision_falls_out_and_a_controller_that_fails_spoils_nobodys_fi
             return np.zeros((len(self.predicted), 3))
 
     result = loop(ideal(vision={"miss_probability": 0.02}), ["p", Raises], [REST])
-    assert result.findings is not None
-    loops = result.findings.loops[REST]
+    loops = result.loops[REST]
     _, wanted = control.step_response(control.feedback(EXACT["p"]), T * np.arange(STEP))
-    np.testing.assert_allclose(loops["p"].moved[:, 1], 2 * STEP_M * wanted, atol=1e-4)
+    np.testing.assert_allclose(loops["p"].moved, STEP_M * wanted, atol=1e-4)
     assert {failure.controller for failure in result.failures} == {"Raises"}
-    told = result.summary()["loop"]["cases"][REST]["Raises"]["strengths"][0]
+    told = result.summary()["loop"]["cases"][REST]["Raises"]
     assert set(told["margins"].values()) == set(told["step"].values()) == {None}
 
 
 def test_a_study_that_is_stopped_has_found_nothing_and_what_there_is_not_is_said() -> None:
-    stopped = loop(ideal(), ["p"], [REST], after_frame=stop_at(3))
-    assert (stopped.findings, stopped.stopped, stopped.table()) == (None, "interrupted", "")
+    stopped = loop(ideal(), ["p"], [REST], begin=lambda title, frames: stop_at(3))
+    assert (stopped.loops, stopped.stopped, stopped.table()) == ({}, "interrupted", "")
     assert stopped.summary()["loop"] is None
     with pytest.raises(om.OmniError, match="unknown case 'rest'"):
         loop(ideal(), ["p"], ["rest"])

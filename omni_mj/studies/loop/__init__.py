@@ -1,9 +1,188 @@
 """The loop as a control engineer looks at it: its step response and its margins, measured on the plant.
 
-`motion` is what robots do meanwhile, `drive` runs it, `response` is what is read from the record, `findings` puts it
-together for each controller.
+`drive` is what robots do meanwhile, `response` what is read from the record.
 """
 
-from omni_mj.studies.loop.study import LoopResult, loop
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
-__all__ = ["LoopResult", "loop"]
+import numpy as np
+
+from omni_control.controllers.base import Controller
+from omni_control.errors import OmniError, choose
+from omni_control.kinematics import Array
+from omni_control.registry import available
+from omni_mj.measure import summary
+from omni_mj.measure.result import Outcome, Result
+from omni_mj.measure.statistics import plain
+from omni_mj.measure.table import DASH, Table
+from omni_mj.measure.table import text as aligned
+from omni_mj.scenarios import distributions
+from omni_mj.scenarios.classes import find_controller
+from omni_mj.scenarios.scenario import Scenario, load
+from omni_mj.studies.loop import drive as drives
+from omni_mj.studies.loop.drive import CASES, FREQUENCIES, STEP_M, Drive
+from omni_mj.studies.loop.response import Gains, Margins, Step, find_margins, loop_gain, measure_step
+from omni_mj.studies.outcome import AfterFrame, StoppedError, informed, nothing
+
+__all__ = ["Loop", "LoopResult", "loop", "usual"]
+
+DEFINITIONS = {
+    "rest, driving": f"the robot stands; or drives at {drives.SPEED_M_S:g} m/s, weaving by {drives.WEAVE_M_S:g} m/s"
+    " forward and left",
+    "forward, sideways, along, across": "the direction in which it is stepped and disturbed; it looks and drives ahead",
+    "step": "the reference's poses jump, unannounced, its velocities do not; the answer is what robots do besides the"
+    " same drive without a jump, by half the difference of two that jump to opposite sides under the same noise",
+    "rise": "time from a tenth to nine tenths of the step",
+    "overshoot": "largest way beyond the step, share of it",
+    "within_5_mm, within_2_percent": "time from which on the error stays as small, s",
+    "left": "error in the last half second of three, m",
+    "gain": "L = -u / (u + d) by Fourier transform: u what the team commands, d what is added on the way to the radio,"
+    " unknown to the team; likewise by half the difference of two rows",
+    "crossover": "lowest frequency at which abs(L) falls through one, rad/s",
+    "phase": "180 degrees + phase of L there, the least",
+    "delay": "phase margin over frequency, the least: what the dead time may be longer, s",
+    "gain_margin": "1 / abs(L) where the phase is -180 degrees and abs(L) < 1, the least",
+    "sensitivity": "Ms, largest abs(1 / (1 + L)) from the lowest frequency measured to the highest",
+}
+# Figure -> its heading, factor, digits.
+COLUMNS = {
+    "rise": ("rise, ms", 1e3, 0), "overshoot": ("overshoot, %", 1e2, 0), "within_5_mm": ("5 mm, s", 1, 2),
+    "within_2_percent": ("2 %, s", 1, 2), "left": ("left, mm", 1e3, 1), "crossover": ("w, rad/s", 1, 1),
+    "phase": ("phase, °", 1, 0), "delay": ("delay, ms", 1e3, 0), "gain": ("gain", 1, 2), "sensitivity": ("Ms", 1, 2),
+}  # fmt: skip
+
+
+class Loop(NamedTuple):
+    """One controller in one case.
+
+    Attributes:
+        gains: L at `FREQUENCIES`, complex, (tones,).
+        moved: Answer to the step, (frames,) m.
+        step: Figures of that.
+        margins: Of the loop.
+    """
+
+    gains: Gains
+    moved: Array
+    step: Step
+    margins: Margins
+
+    def report(self) -> dict[str, Any]:
+        """Return all in plain values, None for what there is none of."""
+        return {
+            "rms_m_s": drives.RMS_M_S,
+            "step_m": STEP_M,
+            "step": {name: plain(value) for name, value in self.step._asdict().items()},
+            "margins": {name: plain(value) for name, value in self.margins._asdict().items()},
+            "gain": [plain(size) for size in np.abs(self.gains)],
+            "phase_deg": [plain(angle) for angle in np.degrees(np.angle(self.gains))],
+        }
+
+
+@dataclass
+class LoopResult(Result):
+    """The result of the study; its rows hold case and sign.
+
+    Attributes:
+        loops: What was found, by case and controller; nothing of a study that was stopped.
+    """
+
+    loops: Mapping[str, Mapping[str, Loop]] = field(default_factory=dict)
+
+    @property
+    def title(self) -> str:
+        """What was measured."""
+        chosen, step = self.outcomes[0].scenario, f"steps of {100 * STEP_M:g} cm"
+        return f"loops of {chosen.robot} on the {chosen.plant} plant: {step}, then crossover and margins"
+
+    def summary(self) -> dict[str, Any]:
+        """Return that of any result, with the loops as `loop`."""
+        cases = {case: {label: one.report() for label, one in loops.items()} for case, loops in self.loops.items()}
+        report = {"definitions": DEFINITIONS, "frequencies_rad_s": FREQUENCIES.round(6).tolist(), "cases": cases}
+        return super().summary() | {"loop": report if cases else None}
+
+    def table(self) -> str:
+        """Return the figures as lines of text."""
+        headings = ["", "", *(heading for heading, _, _ in COLUMNS.values())]
+        return aligned(Table(self.title, headings, list(self._lines()), 2)) if self.loops else ""
+
+    def _lines(self) -> Iterator[list[str]]:
+        for case, loops in self.loops.items():
+            for i, (label, one) in enumerate(loops.items()):
+                figures = one.step._asdict() | one.margins._asdict()
+                cells = [_cell(figures[name], factor, digits) for name, (_, factor, digits) in COLUMNS.items()]
+                yield ["" if i else case, label, *cells]
+
+
+def loop(
+    scenario: Scenario | str = "rect",
+    controllers: Sequence[str | type[Controller]] | None = None,
+    cases: Sequence[str] = tuple(CASES),
+    *,
+    begin: Callable[[str, int], AfterFrame] = lambda title, frames: nothing,
+) -> LoopResult:
+    """Measure how loops answer a step, and how far they are from the edge of stability.
+
+    Args:
+        scenario: Robot, plant, seeds and all settings, or its name; its reference is left out.
+        controllers: Names, `file.py:Class`, or classes derived from `Controller`. [those that come with the package,
+            but for what is told the truth]
+        cases: Of `CASES`, those that are measured.
+        begin: Called with a title and the number of frames to come; what it returns is called after each frame, and
+            may raise `StoppedError`.
+
+    Raises:
+        OmniError: There is no such scenario, controller or case.
+    """
+    started = time.perf_counter()
+    chosen = load(scenario) if isinstance(scenario, str) else scenario
+    distributions.refuse(chosen.distributions, "loop")
+    kinds = tuple(usual() if controllers is None else controllers)
+    chosen = chosen.replace(name="loop", description="step responses and margins", paper_table=0, controllers=kinds)
+    for name in cases:
+        if name not in CASES:
+            raise OmniError(f"unknown case {name!r}; {choose(name, CASES)}")
+    drive, loops, stopped = Drive(chosen, cases), {}, None
+    try:
+        drive.run(begin("loop", drives.FRAMES))
+        loops = _find_loops(drive, chosen.labels, cases)
+    except StoppedError as error:
+        stopped = error.reason
+    simulation, wall_s = drive.simulation, time.perf_counter() - started
+    entry = summary.entry(chosen, simulation.log, simulation.failures, {}, wall_s, stopped, drawn=simulation.drawn)
+    return LoopResult(
+        [Outcome(chosen, entry, simulation.rows, simulation.failures, drive.asked)],
+        chosen.labels,
+        informed(chosen),
+        chosen.seed_list,
+        wall_s=wall_s,
+        stopped=stopped,
+        complete=stopped is None,
+        loops=loops,
+    )
+
+
+def usual() -> tuple[str, ...]:
+    """Return the controllers that are measured unless others are named."""
+    return tuple(name for name in available() if not find_controller(name).knows_truth)
+
+
+def _find_loops(drive: Drive, labels: Sequence[str], cases: Sequence[str]) -> dict[str, dict[str, Loop]]:
+    """Return the loops of a drive that has come to its end."""
+    position, command, disturbance = drive.answers()
+    wanted, added = command[-drives.MEASURED :], disturbance[-drives.MEASURED :]
+    moved = position[drives.WARM_UP :][: drives.STEP]
+    moved = (moved - moved[0]).mean(3)
+
+    def find_loop(i: int, j: int) -> Loop:
+        gains = loop_gain(wanted[:, i, j], added[:, i, j])
+        return Loop(gains, moved[:, i, j], measure_step(moved[:, i, j], STEP_M), find_margins(gains))
+
+    return {case: {label: find_loop(i, j) for i, label in enumerate(labels)} for j, case in enumerate(cases)}
+
+
+def _cell(value: float, factor: float, digits: int) -> str:
+    return DASH if np.isnan(value) else f"{round(factor * value, digits) + 0.0:.{digits}f}"  # never -0

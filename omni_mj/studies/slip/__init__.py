@@ -1,9 +1,168 @@
 """How robots slip: the identification that TIGERs Mannheim publish, done on simulated robots.
 
-`moves` are what is driven, `record` is what a robot logs of it, `fits` are their fits, `figures` what comes out of a
-robot, `law` what must come out in closed form, `published` what came out of real ones.
+`moves` are what is driven and logged, `fits` their fits and what must come out in closed form.
+
+TIGERs Mannheim identified three robots with `matlab/identification/identifyBotModelV2.m` of their
+Sumatra; the numbers stand in `robot_impl.c` of their Firmware (`src/main2016` until 2023,
+`src/main2019`; TIGERs-Mannheim/Firmware at 2177659 and ef794dd). They are for comparison only. Their
+x is our y: K and T of their y are ours forward. Drag was measured in roll-outs forward. Their
+firmware takes it for that sideways, 1.28 to 1.30 times that forward, which was not measured; if they
+entered it so, forward drag is 3.41, 2.07 and 4.14 N.
 """
 
-from omni_mj.studies.slip.study import SlipResult, slip
+import re
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
-__all__ = ["SlipResult", "slip"]
+import numpy as np
+
+from omni_control.errors import OmniError
+from omni_mj.measure import summary
+from omni_mj.measure.result import Outcome, Result
+from omni_mj.measure.statistics import plain
+from omni_mj.measure.table import DASH, Table, text
+from omni_mj.scenarios import distributions
+from omni_mj.scenarios import resolve as described
+from omni_mj.scenarios.scenario import Scenario, scenario
+from omni_mj.studies.outcome import AfterFrame, nothing
+from omni_mj.studies.slip.fits import SlipFit, fit_moves
+from omni_mj.studies.slip.moves import Move, count_frames, drive, identification
+
+__all__ = ["PUBLISHED", "QUANTITIES", "SlipResult", "named", "slip"]
+
+# Name -> title, unit, digits behind the point, and what was published of each robot of `ROBOTS`.
+QUANTITIES: dict[str, tuple[str, str, int, tuple[float, ...]]] = {
+    "gain_forward": ("gain K forward", "", 3, (0.90, 1.00, 0.95)),
+    "gain_sideways": ("gain K sideways", "", 3, (0.79, 0.95, 0.91)),
+    "gain_turning": ("gain K turning", "", 3, ()),
+    "time_forward": ("T forward", "s²/m", 4, (0.060, 0.050, 0.038)),
+    "time_sideways": ("T sideways", "s²/m", 4, (0.155, 0.095, 0.082)),
+    "time_turning": ("T turning", "s²/m", 4, ()),
+    "drag_forward": ("roll-out drag forward", "N", 2, (4.44, 2.65, 5.3)),
+    "drag_turning": ("roll-out drag turning", "N m", 3, (0.14, 0.097, 0.2)),
+}
+ROBOTS = {  # with the masses by which decelerations were turned into forces, kg
+    "tigers-v2016": ("2016", 2.65),
+    "tigers-v2020": ("2020, direct drive", 2.46),
+    "tigers-v2020-planetary": ("2020, planetary gear", 2.46),
+}
+PUBLISHED = {
+    robot: {name: values[i] for name, (*_, values) in QUANTITIES.items() if values} for i, robot in enumerate(ROBOTS)
+}
+INERTIA_SHARE = 0.55  # yaw inertia over mass and arm squared, with which decelerations were turned into torques
+DEFINITIONS = {
+    "gain, time": "K and T of v' = (K u - v) / (T |u| + 1 ms): least squares over whole moves, mean over moves",
+    "u, v": "velocity by encoders, and of the body; in turning T |u| is T l |u|",
+    "drag": "mean deceleration of a robot whose motors carry no current, times the mass of the published fit",
+    "law": "closed form of the law of creep, which knows the robot's numbers and nothing of the moves",
+}
+
+
+@dataclass
+class SlipResult(Result):
+    """The result of the study; its rows hold each move and what was fitted to it.
+
+    Attributes:
+        robots: What came out of those that were driven, by name.
+    """
+
+    robots: dict[str, SlipFit] = field(default_factory=dict)
+
+    def summary(self) -> dict[str, Any]:
+        """Return that of any result, with the figures as `slip`."""
+        robots = {name: {"source": _source(name), "quantities": self._quantities(name)} for name in self.robots}
+        return super().summary() | {"slip": {"definitions": DEFINITIONS, "robots": robots}}
+
+    def table(self) -> str:
+        """Return the figures of each robot beside what the law says and what was published, as lines of text."""
+        return "\n".join(map(self._text, self.robots))
+
+    def _quantities(self, name: str) -> dict[str, dict[str, Any]]:
+        robot, result = self.robots[name], {}
+        for quantity, (_, unit, _, _) in QUANTITIES.items():
+            measured, published = robot.measured[quantity], PUBLISHED.get(name, {}).get(quantity)
+            result[quantity] = {
+                "unit": unit,
+                "measured": plain(measured),
+                "law": plain(robot.law.get(quantity, np.nan)),
+                "published": published,
+                "deviation_percent": None if published is None else plain(100 * (measured / published - 1)),
+            }
+        return result
+
+    def _text(self, name: str) -> str:
+        rows = []
+        for quantity, figures in self._quantities(name).items():
+            title, unit, digits, _ = QUANTITIES[quantity]
+            values = [figures[key] for key in ("measured", "law", "published")]
+            cells = [DASH if value is None else f"{value:.{digits}f}" for value in values]
+            deviation = figures["deviation_percent"]
+            rows.append([title, unit, *cells, "" if deviation is None else f"{deviation:+.0f}"])
+        source = _source(name)
+        title = f"{name}; published: {source}" if source else f"{name}; nothing published"
+        return text(Table(title, ["", "unit", "measured", "law", "published", "deviation, %"], rows, 2))
+
+
+def slip(
+    robots: Sequence[Scenario | described.Robot | str] | None = None,
+    moves: Sequence[Move] | None = None,
+    *,
+    begin: Callable[[str, int], AfterFrame] = lambda name, frames: nothing,
+) -> SlipResult:
+    """Identify how robots slip, as TIGERs Mannheim identified theirs.
+
+    Args:
+        robots: Names or files of robots; or scenarios, whose robot, settings and seed are meant. [those that
+            were measured, on the faster wheels]
+        moves: That each robot drives. [`identification()`]
+        begin: Called with each robot's name and the number of frames to come; what it returns is called after
+            each frame, and may raise `StoppedError`.
+
+    Raises:
+        OmniError: There is no such robot, or one is named twice.
+    """
+    began, driven = time.perf_counter(), list(identification() if moves is None else moves)
+    chosen = [named(robot) for robot in (ROBOTS if robots is None else robots)]
+    names = [each.name for each in chosen]
+    for name in names:
+        if names.count(name) > 1:
+            raise OmniError(f"robot {name!r} is named twice; name each once, or files with another name")
+    result = SlipResult([Outcome.not_run(each) for each in chosen], ["Controller"])
+    result.seeds = list(dict.fromkeys(each.seed for each in chosen))
+    for i, each in enumerate(chosen):
+        started, settings = time.perf_counter(), each.settings
+        record = drive(each, driven, begin(each.name, count_frames(driven) + 1))
+        columns: dict[str, np.ndarray] = {}
+        if record.stopped is None:
+            mass, inertia = settings.body.mass_kg, settings.body.yaw_inertia_kg_m2
+            if each.name in ROBOTS:
+                mass = ROBOTS[each.name][1]
+                inertia = INERTIA_SHARE * mass * settings.wheels.arm_m**2
+            robot = result.robots[each.name] = fit_moves(settings, driven, record, mass, inertia)
+            columns = {"move": np.array([move.kind for move in driven])} | dict(robot.fitted)
+            columns |= {name: np.array([getattr(move, name) for move in driven]) for name in ("speed", "rolls_out")}
+        simulation, wall_s = record.simulation, time.perf_counter() - started
+        entry = summary.entry(simulation.scenario, simulation.log, simulation.failures, {}, wall_s, record.stopped)
+        result.outcomes[i] = Outcome(simulation.scenario, entry, simulation.rows, simulation.failures, columns)
+        result.stopped = record.stopped
+        if record.stopped:
+            break
+    result.complete = result.stopped is None
+    result.wall_s = time.perf_counter() - began
+    return result
+
+
+def named(robot: Scenario | described.Robot | str) -> Scenario:
+    """Return the scenario that is driven, with the name of its robot."""
+    if not isinstance(robot, Scenario):
+        robot = scenario("rect", robot=robot, wheels={"model": "two-rollers"})
+    distributions.refuse(robot.distributions, "slip")
+    name = re.sub(r"[^\w.-]+", "-", Path(robot.robot).stem if robot.robot.endswith(".toml") else robot.robot)
+    return robot.replace(name=name, description="how it slips")
+
+
+def _source(name: str) -> str | None:
+    return f"TIGERs Mannheim, Firmware, robot_impl.c ({ROBOTS[name][0]})" if name in ROBOTS else None

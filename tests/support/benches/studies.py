@@ -11,22 +11,21 @@ from omni_control.reference import MotionLimits
 from omni_mj.measure.response import NAMES
 from omni_mj.measure.result import Outcome
 from omni_mj.scenarios.settings import PERIOD_S, Settings
-from omni_mj.scenarios.told import loads
+from omni_mj.scenarios.told import creep, loads
 from omni_mj.studies import conditions
-from omni_mj.studies.alpha import AlphaResult
-from omni_mj.studies.alpha_findings import Study
+from omni_mj.studies.alpha import AlphaResult, Study
 from omni_mj.studies.identify.logs import read
 from omni_mj.studies.limit.learning import Drives, learn
 from omni_mj.studies.limit.model import DepartureModel, improve
 from omni_mj.studies.limit.study import quiet
 from omni_mj.studies.limit.tracking import POSE, Policy, Tracker, _regulator
-from omni_mj.studies.loop import LoopResult, loop, motion, study
-from omni_mj.studies.loop.drive import STEP, STEP_M, WARM_UP, Drive
-from omni_mj.studies.loop.response import margins, measure
+from omni_mj.studies.loop import LoopResult, loop
+from omni_mj.studies.loop import drive as loop_drive
+from omni_mj.studies.loop.drive import FREQUENCIES, STEP, STEP_M, WARM_UP, Drive
+from omni_mj.studies.loop.response import find_margins, measure_step
 from omni_mj.studies.outcome import StoppedError, nothing
-from omni_mj.studies.slip import fits, law, moves
+from omni_mj.studies.slip import PUBLISHED, fits, moves
 from omni_mj.studies.slip.moves import Move, straight
-from omni_mj.studies.slip.published import PUBLISHED
 from omni_mj.studies.sweep import Axis, Plan, Sweep, axes, resume, sweep, workers
 
 PRIOR = DepartureModel.prior

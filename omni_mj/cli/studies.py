@@ -1,0 +1,126 @@
+"""`omni-mj alpha`, `loop` and `slip`: studies of a robot, and of its controllers' loops."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+
+from omni_mj.cli import console, folders, options
+from omni_mj.scenarios.scenario import Scenario
+
+WRITTEN = ("summary.json", "scenario.toml", "scenarios")
+
+
+def output(study: str) -> Callable[[Any], Any]:
+    """Return a decorator that adds the options of a study's results, which `_run` takes."""
+    out = click.option("--out", type=options.FOLDER, metavar="DIR", help=f"[runs/{study}-<UTC time>]")
+    return lambda command: out(options.OVERWRITE(options.QUIET(command)))
+
+
+@click.command("alpha")
+@options.ROBOT
+@options.MODEL
+@options.SETTINGS
+@output("alpha")
+@options.choice
+def alpha(choice: options.Choice, **output: Any) -> None:
+    """Measure how a robot follows its commands: gain and lag apart, and what takes how much of them."""
+    from omni_mj.show import alpha_figure
+    from omni_mj.studies.alpha import alpha
+
+    chosen = choice.load("rect")
+    _run("alpha", [chosen], lambda begin: alpha(chosen, begin=begin), alpha_figure.save, **output)
+
+
+@click.command("loop")
+@click.option(
+    "--controller", "controllers", metavar="NAME|FILE.py:Class", multiple=True,
+    shell_complete=options.complete("controllers"),
+    help="May be repeated. [all that come with the program, but for the oracle]",
+)  # fmt: skip
+@click.option(
+    "--scenario", "name", metavar="NAME|FILE.toml", default="rect", shell_complete=options.complete("scenarios"),
+    help="Whose settings count. [rect]",
+)  # fmt: skip
+@options.PLANT
+@options.ROBOT
+@options.MODEL
+@click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")
+@click.option("--seeds", type=int, metavar="N", help="How many seeds, over which is averaged. [1]")
+@options.SETTINGS
+@options.ALLOW_CODE
+@output("loop")
+@options.choice
+def loop(choice: options.Choice, name: str, **output: Any) -> None:
+    """Measure how control loops answer a step, and their gain, phase and delay margins."""
+    from omni_mj.show import loop_figure
+    from omni_mj.studies.loop import loop, usual
+
+    controllers = choice.controllers or usual()
+    chosen = replace(choice, controllers=controllers).load(name, "wheels.model=two-rollers")
+    _run("loop", [chosen], lambda begin: loop(chosen, chosen.controllers, begin=begin), loop_figure.save, **output)
+
+
+@click.command("slip")
+@click.option(
+    "--robot", "robots", metavar="NAME|FILE.toml", multiple=True, shell_complete=options.complete("robots"),
+    help="May be repeated. [those that were measured]",
+)  # fmt: skip
+@options.MODEL
+@options.SETTINGS
+@output("slip")
+@options.choice
+def slip(choice: options.Choice, robots: Sequence[str], **output: Any) -> None:
+    """Identify gain, slip and drag of robots as TIGERs Mannheim do."""
+    from omni_mj.scenarios.robots import DEFAULT
+    from omni_mj.show import slip_figure
+    from omni_mj.studies.slip import PUBLISHED, named, slip
+
+    chosen = [
+        named(replace(choice, robot=robot).load("rect", "wheels.model=two-rollers"))
+        for robot in robots or ([DEFAULT] if choice.model else PUBLISHED)
+    ]
+    _run("slip", chosen, lambda begin: slip(chosen, begin=begin), slip_figure.save, **output)
+
+
+def _run(
+    name: str,
+    chosen: Sequence[Scenario],
+    measure: Callable[[Callable[[str, int], Callable[[int], None]]], Any],
+    draw: Callable[[Any, Path], None],
+    out: Path | None,
+    overwrite: bool,
+    quiet: bool,
+) -> None:
+    """Measure scenarios, save the result, and end the program if the study was stopped or rows failed.
+
+    Args:
+        name: Of the command.
+        chosen: Scenarios of the study.
+        measure: Return the result. Its argument takes a title and the number of frames, and returns what is to be
+            called after each frame.
+        draw: Save the figure of a result as a file without its suffix.
+        out: Folder of the results.
+        overwrite: Whether files there may be replaced.
+        quiet: Whether nothing is printed.
+    """
+    from omni_mj.cli.console import Interrupts
+
+    outputs = (*WRITTEN, f"{name}.png", f"{name}.svg", *folders.PROVENANCE)
+    for scenario in chosen:
+        options.tell_model(scenario, quiet)
+    folder = folders.prepare(out, name, outputs, overwrite)
+    with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
+        folders.begin_record(folder, name, console.command_line(), chosen, frames=False)
+        result = measure(lambda *what: console.checked(interrupts.check, begin(*what)))
+    with console.writing(folder):
+        result.save_files(folder)
+        if result.table():
+            with console.drawing(folder):
+                draw(result, folder / name)
+    if not quiet:
+        console.tell(result, folder, outputs)
+    interrupts.end(result.stopped, f"what there is is in {folder}")
+    console.fail_rows({outcome.scenario.name: outcome.failures for outcome in result.outcomes})
