@@ -59,7 +59,13 @@ docs/python.md tells how to do all this from Python.
 """
 
 
-SHARED = {"show": "list", "schema": "list", "alpha": "studies", "loop": "studies", "slip": "studies"}  # commands that are in another's file
+SHARED = {
+    "show": "list",
+    "schema": "list",
+    "alpha": "studies",
+    "loop": "studies",
+    "slip": "studies",
+}  # commands that are in another's file
 
 
 class _Commands(click.Group):
