@@ -57,7 +57,7 @@ def test_summary_settings_and_events_are_in_it(recorded: Recorded) -> None:
     settings = recorded.static("/settings", "TextDocument:text")[0]
     assert "\ndelay_frames = 6" in settings
     (waypoints,) = (line for line in settings.splitlines() if line.startswith("waypoints = [[0.0, 0.0, 0.0], [0.5"))
-    assert "(not the default)" in waypoints
+    assert "(default " in waypoints
     texts = [row[0] for row in recorded.column("/events/comp-flc", "TextLog:text")]
     assert [text for text in texts if "way-point" in text][-1].endswith("comp-flc: way-point 4 of 4 reached")
 

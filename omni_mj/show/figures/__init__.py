@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from omni_mj.measure.table import where
 from omni_mj.show.figures import canvas, comparison, paths, series
-from omni_mj.show.figures.series import FirstRows
+from omni_mj.show.shown import shown_robots
 
 if TYPE_CHECKING:
     from omni_mj.measure.result import Outcome
@@ -37,17 +37,19 @@ def drawings(outcome: "Outcome") -> dict[str, Callable[[Figure], None]]:
     """Return the functions that draw the figures for which an outcome has data, by name."""
     log, scenario = outcome.log, outcome.scenario
     assert log
-    first = FirstRows(log, outcome.failures)
+    robots = shown_robots(log, 1)
+    by_row = {failure.row: failure for failure in outcome.failures}
+    failures = {robot.name: by_row[robot.row] for robot in robots if robot.row in by_row}
     place = f"{scenario.name}, {where(outcome.entry)}, seed {log.seeds[0]}"
-    failures = [f"{name} failed at {failure.time_s:.2f} s: {failure.cause}" for name, failure in first.failed.items()]
+    titles = [f"{name} failed at {failure.time_s:.2f} s: {failure.cause}" for name, failure in failures.items()]
 
-    def over_time(draw: Callable[[FirstRows, Figure], None], figure: Figure) -> None:
-        draw(first, figure)
-        figure.suptitle("\n".join([f"{figure.get_suptitle()}: {place}", *failures]))
+    def over_time(draw: Callable[..., None], figure: Figure) -> None:
+        draw(robots, failures, figure)
+        figure.suptitle("\n".join([f"{figure.get_suptitle()}: {place}", *titles]))
 
     functions = {"path": paths.draw_paths, "output": series.draw_output, "error": series.draw_errors}
     functions["why"] = series.draw_causes
-    if series.estimators(first):
+    if series.estimators(robots):
         functions["alpha"] = series.draw_alpha
     figures: dict[str, Callable[[Figure], None]] = {name: partial(over_time, draw) for name, draw in functions.items()}
     if len(log.seeds) >= FEWEST_SEEDS:

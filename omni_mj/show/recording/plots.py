@@ -1,73 +1,23 @@
 """Time series of a recording: the plots of each tab, and how their lines follow from the log."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
 
-from omni_control.kinematics import Array, world_to_body, wrap_angle
+from omni_control.kinematics import Array, world_to_body
 from omni_mj.measure import causes
-from omni_mj.measure.metrics import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES, driven_alpha
-from omni_mj.scenarios.settings import PERIOD_S, Settings
+from omni_mj.measure.metrics import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES
+from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.show import style
-from omni_mj.show.style import Rgb, pale
+from omni_mj.show.shown import Robot
 from omni_mj.simulate.log import OWN, Log
 
 HISTORY_FRAMES = ALPHA_WINDOW_FRAMES + ALPHA_START_FRAMES  # before a block, on which its values depend
 SINGLE = ("alpha", "wheels", "heat")  # tabs that show one robot at a time
-SIGMA = OWN + "alpha_sigma"
 ALPHA_RANGE, SHARE = (0.4, 1.3), (0.0, 1.05)  # of axes
-PALER, PALEST = 0.35, 0.7  # share of white per robot of one controller, and at most
-
-
-@dataclass(frozen=True)
-class Robot:
-    """A robot that is shown, and what was recorded of it.
-
-    Args:
-        log: Log of the run.
-        row: Its row in the log.
-        order: Its number among the robots shown.
-        name: Its controller's, and its place if that drives several robots in a world.
-        colour: Its controller's, paler from place to place.
-        first: Frame from which its channels are returned.
-    """
-
-    log: Log
-    row: int
-    order: int
-    name: str
-    colour: Rgb
-    first: int = 0
-
-    @property
-    def settings(self) -> Settings:
-        """Its own settings."""
-        return self.log.rows[self.row].settings
-
-    @property
-    def length(self) -> int:
-        """Number of frames recorded."""
-        return int(self.log.lengths[self.row])
-
-    def __getitem__(self, channel: str) -> Array:
-        """Return a channel, (frames, columns)."""
-        return self.log.channel(channel)[self.first : self.length, self.row]
-
-
-def shown_robots(log: Log) -> list[Robot]:
-    """Return the robots of each controller's first world, controller by controller."""
-    robots: list[Robot] = []
-    for controller, slot in style.slots(row.controller for row in log.rows).items():
-        world = log.rows[log.first(controller)].world
-        together = [row for row in log.of(controller).tolist() if log.rows[row].world == world]
-        for k, row in enumerate(together):
-            name = controller if len(together) == 1 else f"{controller}/{log.rows[row].place}"
-            colour = pale(style.rgb(style.colour(slot)), min(k * PALER, PALEST))
-            robots.append(Robot(log, row, len(robots), name, colour))
-    return robots
 
 
 class Plot(NamedTuple):
@@ -104,7 +54,7 @@ class Plot(NamedTuple):
         hues = [style.rgb(style.colour(i % self.wheels)) if self.wheels else robot.colour for i in range(len(white))]
         return rr.SeriesLines(
             names=[line if self.wheels else f"{robot.name} {line}".strip() for line in self.lines],
-            colors=[pale(hue, share) for hue, share in zip(hues, white, strict=True)],
+            colors=[style.pale(hue, share) for hue, share in zip(hues, white, strict=True)],
             widths=[0.8 if share else 1.5 for share in white],
         )
 
@@ -128,11 +78,11 @@ def tabs(log: Log) -> dict[str, list[Plot]]:
     ahead, held = "from the robot to the pose that its controller acts on, cm", "held back by a limit"
     tabs = {
         "tracking": [
-            Plot("error/x", "tracking error in x, cm", lambda robot: 100 * _error(robot)[:, :1]),
-            Plot("error/y", "tracking error in y, cm", lambda robot: 100 * _error(robot)[:, 1:2]),
-            Plot("error/distance", "distance to the reference in the plane, cm", lambda robot: _cm(_error(robot))),
-            Plot("error/heading", "tracking error in heading, deg", lambda robot: np.rad2deg(_error(robot)[:, 2:])),
-            Plot("ahead", ahead, lambda robot: _cm(robot["predicted"] - robot["pose"])),
+            Plot("error/x", "tracking error in x, cm", lambda robot: robot.error()[:, :1]),
+            Plot("error/y", "tracking error in y, cm", lambda robot: robot.error()[:, 1:2]),
+            Plot("error/distance", "distance to the reference in the plane, cm", lambda robot: _length(robot.error())),
+            Plot("error/heading", "tracking error in heading, deg", lambda robot: robot.error()[:, 2:]),
+            Plot("ahead", ahead, lambda robot: 100 * _length(robot["predicted"] - robot["pose"])),
         ],
         "velocity": [
             _velocity("velocity/x", "velocity in x, m/s", 0),
@@ -175,14 +125,8 @@ def _share(plot: str, title: str, channel: str) -> Plot:
     return Plot(plot, title, lambda robot: robot[channel].max(-1, keepdims=True), ("",), channel, range=SHARE)
 
 
-def _error(robot: Robot) -> Array:
-    """Return a robot's pose less its reference, (frames, 3) m, m, rad."""
-    error = robot["pose"] - robot["ref"]
-    return np.column_stack([error[:, :2], wrap_angle(error[:, 2])])
-
-
-def _cm(gap: Array) -> Array:
-    return 100 * np.hypot(gap[:, :1], gap[:, 1:2])
+def _length(gap: Array) -> Array:
+    return np.hypot(gap[:, :1], gap[:, 1:2])
 
 
 def _velocity(plot: str, title: str, axis: int) -> Plot:
@@ -197,20 +141,9 @@ def _velocity(plot: str, title: str, axis: int) -> Plot:
 
 
 def _alpha(name: str, axis: int) -> Plot:
-    """Return estimate and its band, and the ratio of displacements of the window that ends in each frame."""
-
-    def values(robot: Robot) -> Array:
-        estimate = robot["alpha_hat"][:, axis, None]
-        estimate = np.where(estimate == 1, np.nan, estimate)  # exactly 1: nothing is estimated, or nothing yet
-        sigma = robot[SIGMA][:, axis, None] if SIGMA in robot.log.columns else np.nan
-        ratio = np.full_like(estimate, np.nan)
-        if len(ratio) > ALPHA_WINDOW_FRAMES:
-            ratio[ALPHA_WINDOW_FRAMES:, 0] = driven_alpha(robot["pose"][:, axis], robot["applied"][:, axis])
-        return np.hstack([ratio, estimate - 2 * sigma, estimate + 2 * sigma, estimate])
-
     lines, white = ("ratio", "less 2 sigma", "plus 2 sigma", "estimate"), (0.8, 0.6, 0.6)
     title = f"motor correction factor alpha in {name}"
-    return Plot(f"alpha/{name}", title, values, lines, white=white, range=ALPHA_RANGE)
+    return Plot(f"alpha/{name}", title, lambda robot: robot.alpha(axis), lines, white=white, range=ALPHA_RANGE)
 
 
 def _sliding(robot: Robot) -> Array:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from omni_control.kinematics import Array
 from omni_mj.mjcf import roles
 from omni_mj.scenarios.settings import PERIOD_S, Settings
-from omni_mj.show.recording.plots import Robot
+from omni_mj.show.shown import Robot
 from omni_mj.show.style import Rgb, pale
 from omni_mj.worlds import build, field
 

@@ -18,8 +18,8 @@ from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show import listing
 from omni_mj.show.recording import plots, scene
 from omni_mj.show.recording.layout import blueprint
-from omni_mj.show.recording.plots import Robot
 from omni_mj.show.recording.viewer import answers
+from omni_mj.show.shown import Robot, shown_robots
 from omni_mj.simulate.simulation import Simulation
 
 BLOCK_FRAMES = 5 * FRAME_RATE_HZ  # to write at a time, and so the most that a killed process loses
@@ -48,7 +48,7 @@ class Recording:
         self._sent, self._failure = 0, ""
         self._begun = set[str]()  # entities of series that have begun
         self._columns: Sequence[str] = ()  # channels of which the layout knows
-        self._robots = plots.shown_robots(self._log)
+        self._robots = shown_robots(self._log)
         references = [simulation.references[robot.row] for robot in self._robots]
         self._paths = [reference.poses for reference in dict.fromkeys(references)]
         self._n_events = [0] * len(self._robots)  # that were sent
