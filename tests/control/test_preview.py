@@ -27,11 +27,11 @@ def answers(reference: Reference, frame: float | Array, pose: Array, count: int)
 
 @given(seeds)
 def test_a_preview_of_what_is_known_in_advance_is_what_is_answered(seed: int) -> None:
-    """Bit for bit, for one frame for all robots, one each and one for each component, whole or not, beyond the ends."""
+    """Bit for bit, for one frame for all robots and one each, whole or not, beyond the ends."""
     rng = np.random.default_rng(seed)
     for reference in KNOWN:
         first = int(rng.integers(-5, reference.frames + 5))
-        for frame in (first, first + 0.3, first + rng.uniform(0, 9, 4), first + rng.uniform(0, 9, (4, 3))):
+        for frame in (first, first + 0.3, first + rng.uniform(0, 9, 4)):
             got = reference.preview(frame, np.zeros((4, 3)), 30)
             np.testing.assert_array_equal(got, answers(reference, frame, np.zeros((4, 3)), 30))
 

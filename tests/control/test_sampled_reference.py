@@ -42,11 +42,11 @@ def test_each_robot_gets_the_answer_to_its_own_frame(asked: list[float]) -> None
 
 
 def test_robots_with_references_of_their_own_are_told_what_each_would_be() -> None:
-    """To the bit, whatever is asked: one frame, one each, one for each component, a preview; shorter ones rest."""
+    """To the bit, whatever is asked: one frame, one each, a preview; shorter ones rest."""
     each = [REFERENCE, SampledReference(POSES[::-1][:3], T), SampledReference(POSES + 1.0, T)]
     together, n = EachReference(each), len(each)
     pose, rng = np.zeros((n, 3)), np.random.default_rng(0)
-    for frame in (0, 2.4, -3.0, 1e3, rng.uniform(-2, 12, n), rng.uniform(-2, 12, (n, 3))):
+    for frame in (0, 2.4, -3.0, 1e3, rng.uniform(-2, 12, n)):
         own = [frame if np.ndim(frame) == 0 else frame[i : i + 1] for i in range(n)]
         for found, expected in (
             (together.at(frame, pose), [one.at(at, pose[:1]) for one, at in zip(each, own, strict=True)]),

@@ -1,10 +1,9 @@
 """Where a robot should be when: known in advance (`timed`, `curves`) or planned anew in each frame (`iterated`)."""
 
-from omni_control.reference.base import Reference
 from omni_control.reference.curves import CURVES, CurveReference
 from omni_control.reference.iterated import IteratedReference
 from omni_control.reference.limits import MotionLimits
-from omni_control.reference.timed import EachReference, SampledReference, TimedReference, drives
+from omni_control.reference.timed import EachReference, Reference, SampledReference, TimedReference, drives
 
 __all__ = [
     "CURVES",

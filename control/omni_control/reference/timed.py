@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 
@@ -11,6 +12,33 @@ from omni_control.reference.legs import legs
 from omni_control.reference.limits import MotionLimits, checked_waypoints
 
 Task = tuple[Sequence[Sequence[float]], MotionLimits, int, int]  # see `drives`
+
+
+class Reference(Protocol):
+    """Where robots should be and how fast they should move there."""
+
+    def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
+        """Return the reference poses (n, 3) at `frame` and the twists (n, 3) that lead from there to a frame later.
+
+        Args:
+            frame: one for all robots, or one each (n,). It need not be whole: a robot may look ahead by a
+                latency of 6.4 frames. A reference that is planned anew in every frame does not look
+                ahead: it tells by the frame alone whether it has been asked before.
+            pose: where the robots are, or are predicted to be, at that frame, (n, 3); ignored by one known in advance.
+        """
+        ...
+
+    def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
+        """Return what `at` would answer in `frame`, `frame` + 1, ... to robots that follow: (count, n, 3) each.
+
+        Nothing is changed by it, and what `at` answers later is the same with it and without.
+
+        Args:
+            frame: as for `at`.
+            pose: where the robots are, or are predicted to be, at that frame, (n, 3).
+            count: how many frames.
+        """
+        ...
 
 
 class SampledReference:
@@ -41,6 +69,7 @@ class SampledReference:
         twists[:-1] = np.diff(poses, axis=0) / period
         rows = np.concatenate([poses, twists], axis=-1) + 0.0  # turns -0.0 into 0.0
         self._rows = rows.reshape(len(rows), -1, 6)
+        self._robots = np.arange(self._rows.shape[1])
 
     @property
     def frames(self) -> int:
@@ -49,40 +78,22 @@ class SampledReference:
 
     def after_rest(self, frames: int) -> "SampledReference":
         """The same after `frames` frames of rest at its start."""
-        return SampledReference(np.concatenate([np.repeat(self.poses[:1], frames, axis=0), self.poses]), self.period)
+        return SampledReference(np.pad(self.poses, ((frames, 0), (0, 0)), "edge"), self.period)
 
     def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
         """See `Reference`: linear between frames; at rest before the first, which counts as now, and after the last."""
-        rows = np.empty((len(pose), 6))
-        rows[:] = self._between(frame)
-        return rows[:, :3], rows[:, 3:]
+        poses, twists = self.preview(frame, pose, 1)
+        return poses[0], twists[0]
 
     def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
         """See `Reference`."""
-        first = np.asarray(frame)
-        first = first[..., None] if first.ndim == 1 else first
-        rows = self._between(first + np.arange(count)[:, None, None])
-        if rows.shape[1] < len(pose):
-            rows = np.repeat(rows, len(pose), axis=1)
-        return rows[..., :3], rows[..., 3:]
-
-    def _between(self, frame: float | Array) -> Array:
-        """Return poses and twists (..., 1 or n, 6) at frames: a number, (n,), or with the components last."""
         last = self.frames - 1
-        if isinstance(frame, float | int):  # of most controllers: needs no arrays of indices
-            frame = min(max(frame, 0), last)
-            row = int(frame)
-            here, following = self._rows[row], self._rows[min(row + 1, last)]
-            return here if row == frame else here + (frame - row) * (following - here)
-        frame = np.minimum(np.maximum(frame, 0), last)
-        frame = frame[..., None] if frame.ndim < 2 else frame
-        if frame.shape[-1] > 1:
-            frame = np.concatenate([frame, frame], axis=-1)
-        before = frame.astype(int)
-        after = np.minimum(before + 1, last)
-        robots, columns = np.arange(self._rows.shape[1])[:, None], np.arange(6)
-        here, following = self._rows[before, robots, columns], self._rows[after, robots, columns]
-        return here + (frame - before) * (following - here)
+        frames = np.minimum(np.maximum(frame + np.arange(count)[:, None], 0), last)
+        before = frames.astype(int)
+        here, following = (self._rows[i, self._robots] for i in (before, np.minimum(before + 1, last)))
+        rows = here + (frames - before)[..., None] * (following - here)
+        rows = np.repeat(rows, len(pose) // rows.shape[1], axis=1)
+        return rows[..., :3], rows[..., 3:]
 
 
 class EachReference(SampledReference):
@@ -142,17 +153,16 @@ def drives(tasks: Sequence[Task], period: float) -> list[Array]:
     Raises:
         OmniError: as `TimedReference`.
     """
-    ways = [(checked_waypoints(points), limits) for points, limits, *_ in tasks]
-    distinct = {_key(ends, limits): (*ends, limits) for points, limits in ways for ends in pairwise(points)}
-    planned = dict(zip(distinct, legs(list(distinct.values()), period), strict=True))  # laps repeat their legs
-    found = []
-    for (points, limits), (_, _, dwell, settle) in zip(ways, tasks, strict=True):
-        poses = [points[:1]]
-        for ends in pairwise(points):
-            poses += [planned[_key(ends, limits)], np.repeat(ends[1][None], dwell, axis=0)]
-        found.append(np.concatenate([*poses, np.repeat(points[-1:], settle, axis=0)]))
-    return found
-
-
-def _key(ends: tuple[Array, Array], limits: MotionLimits) -> tuple[bytes, MotionLimits]:
-    return np.array(ends).tobytes(), limits
+    routes = [
+        [(*ends, limits) for ends in pairwise(map(tuple, checked_waypoints(points).tolist()))]
+        for points, limits, *_ in tasks
+    ]
+    ways = list(dict.fromkeys(way for route in routes for way in route))  # laps repeat their legs
+    planned = dict(zip(ways, legs(ways, period), strict=True))
+    result = []
+    for route, (points, _, dwell, settle) in zip(routes, tasks, strict=True):
+        parts = [np.array(points[:1], float)]
+        for way in route:
+            parts += [planned[way], np.tile(way[1], (dwell, 1))]
+        result.append(np.pad(np.concatenate(parts), ((0, settle), (0, 0)), "edge"))
+    return result
