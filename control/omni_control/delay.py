@@ -33,54 +33,36 @@ class CommandsInFlight:
     """
 
     def __init__(self, n: int, length: int) -> None:
-        self._attach(np.zeros((2 * length, n, 3)), length, length)
+        self._store(np.zeros((length, n, 3)))
 
-    def _attach(self, table: Array, end: int, length: int) -> None:
-        """Take a table of commands, of which the newest is before `end`; others keep views of it."""
-        self.length, self._sent, self._end = length, table, end
-        self._shown = table.view()
-        self._shown.flags.writeable = False
-        self._since = np.arange(length - 1, -1.0, -1)[:, None, None]  # frames since each was sent
+    def _store(self, table: Array) -> None:
+        table.flags.writeable = False
+        self._sent, self.length = table, len(table)
 
     def push(self, command: Array) -> None:
-        """Add the commands (n, 3) that were sent in the frame just past.
-
-        Raises:
-            OmniError: this queue was handed out by another, to be read only.
-        """
-        if not self._sent.flags.writeable:
-            raise OmniError("commands that were handed out can only be read")
-        if not self.length:
-            return
-        if self._end == len(self._sent):  # a new table, since views of the old one were handed out
-            table = np.zeros_like(self._sent)
-            table[: self.length - 1] = self._sent[self._end - self.length + 1 :]
-            self._attach(table, self.length - 1, self.length)
-        self._sent[self._end] = command
-        self._end += 1
+        """Add the commands (n, 3) that were sent in the frame just past."""
+        if self.length:
+            self._store(np.concatenate([self._sent[1:], command[None]]))  # who was handed the last table keeps it
 
     def of(self, rows: Rows, length: int | None = None) -> "CommandsInFlight":
-        """Return a queue of some robots' last `length` commands [all], to be read only.
+        """Return a queue of some robots' last `length` commands [all].
 
         Raises:
             OmniError: more than are stored.
         """
         part = object.__new__(CommandsInFlight)
-        table = self.last(self.length if length is None else length)[:, rows]
-        table.flags.writeable = False
-        part._attach(table, len(table), len(table))
+        part._store(self.last(self.length if length is None else length)[:, rows])
         return part
 
     def last(self, count: int, skip: int = 0) -> Array:
-        """Return the `count` commands sent before the `skip` newest, (count, n, 3), oldest first.
+        """Return the `count` commands sent before the `skip` newest, (count, n, 3), oldest first, to be read only.
 
         Raises:
             OmniError: more than are stored.
         """
         if count + skip > self.length:
             raise OmniError(f"{count + skip} commands were asked for, but only {self.length} are kept")
-        end = self._end - skip
-        return self._shown[end - count : end]
+        return self._sent[self.length - skip - count : self.length - skip]
 
     def ahead(self, latency: float | Array) -> Array:
         """Return the share of each command that is still to act, (length, n or 1, 3 or 1).
@@ -88,7 +70,8 @@ class CommandsInFlight:
         Args:
             latency: frames, one for all, or (n, 1), or (n, 3).
         """
-        shares: Array = np.minimum(np.maximum(latency - self._since, 0.0), 1.0)
+        since = np.arange(self.length - 1, -1.0, -1)[:, None, None]  # frames since each was sent
+        shares: Array = np.minimum(np.maximum(latency - since, 0.0), 1.0)
         return shares
 
     def felt(self, latency: float | Array) -> Array:
@@ -97,17 +80,11 @@ class CommandsInFlight:
         Args:
             latency: frames, one for all, or (..., n, 1), or (..., n, 3).
         """
-        if isinstance(latency, float | int):
-            whole = int(latency)
-            part: float | Array = latency - whole
-            newer = self.last(1, skip=whole)[0]
-            older = self.last(1, skip=whole + 1)[0] if part else newer
-        else:
-            frames = latency.astype(int)
-            row, part = self._end - 1 - frames, latency - frames
-            robots, axes = np.arange(self._sent.shape[1])[:, None], np.arange(3)
-            newer, older = self._shown[row, robots, axes], self._shown[row - 1, robots, axes]
-        return np.ascontiguousarray(newer + part * (older - newer))
+        frames = np.asarray(latency, int)
+        robots, axes = np.arange(self._sent.shape[1])[:, None], np.arange(3)
+        row = self.length - 1 - frames
+        newer, older = self._sent[row, robots, axes], self._sent[row - 1, robots, axes]
+        return np.asarray(newer + (latency - frames) * (older - newer))
 
 
 def compensation(in_flight: Array, alpha: Array | float, period: float) -> Array:

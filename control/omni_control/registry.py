@@ -13,7 +13,7 @@ CONTROLLERS: dict[str, str] = {
     "adaptive-comp-flc": "omni_control.controllers.adaptive:AdaptiveCompFlc",
     "p": "omni_control.controllers.classic:Proportional",
     "smith": "omni_control.controllers.classic:Smith",
-    "lqr": "omni_control.controllers.lqr:Lqr",
+    "lqr": "omni_control.controllers.classic:Lqr",
     "mpc": "omni_control.controllers.mpc:Mpc",
     "oracle": "omni_control.controllers.adaptive:Oracle",
 }

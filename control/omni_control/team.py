@@ -9,21 +9,46 @@ The simulated loop runs the same.
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omni_control.controllers.base import RECORDED, Controller, Seen, carried, error_place, record_of
+from omni_control.controllers.base import RECORDED, Controller, Seen, error_place, record_of
 from omni_control.delay import CommandsInFlight, Rows
 from omni_control.errors import ControllerError, OmniError
 from omni_control.estimation.gate import Gate
-from omni_control.estimation.late import MOST_FRAMES, Late
-from omni_control.estimation.tracking import Tracker
+from omni_control.estimation.tracking import MOST_FRAMES, Tracker
 from omni_control.kinematics import Array
-from omni_control.limits import CommandLimits
+from omni_control.reference import MotionLimits
 
 OnFailure = Callable[[NDArray[np.intp], ControllerError], None]
+
+
+class CommandLimits:
+    """Limits on velocity commands and their change per frame, by the norm of translation and by turn.
+
+    Args:
+        limits: those of each of n robots.
+        period: length of a frame T, s.
+    """
+
+    def __init__(self, limits: Sequence[MotionLimits], period: float) -> None:
+        speed, turn_rate, acceleration, turn_acceleration = np.array(
+            [[s.speed, s.turn_rate, s.acceleration, s.turn_acceleration] for s in limits]
+        ).T[..., None]
+        self._highest, self._step = (speed, turn_rate), (acceleration * period, turn_acceleration * period)
+
+    def __call__(self, command: Array, last: Array) -> Array:
+        """Return the commands (n, 3) that may be sent, given those wanted and those sent before."""
+        return last + _clip(_clip(command, *self._highest) - last, *self._step)
+
+
+def _clip(vector: Array, size: Array, turn: Array) -> Array:
+    """Return vectors (n, 3) whose translation and turn are at most as large as limits (n, 1)."""
+    clipped = np.minimum(np.maximum(vector, -turn), turn)
+    norm = np.hypot(vector[:, :1], vector[:, 1:2])
+    clipped[:, :2] = vector[:, :2] * (size / np.maximum(norm, size))
+    return clipped
 
 
 class Team:
@@ -32,8 +57,7 @@ class Team:
     Args:
         controllers: one, or several with robots of their own.
         start: poses at the start (n, 3), m, m, rad; headings count full turns from there.
-        rows: the robots of each controller, as slices or indices into the n; one after the other,
-            if none are given.
+        rows: the numbers of the robots of each controller; one after the other, if none are given.
         on_failure: called with the rows that failed and the reason, when a controller fails. They
             are sent zero from then on, and the others go on. Without it, the reason is raised.
 
@@ -44,7 +68,7 @@ class Team:
         estimate, twist: filtered poses and twists (n, 3).
         failed: which rows have failed or were stopped, (n,).
         knows_truth: whether one of the controllers does, which must then be told.
-        last: the commands that were sent last, (n, 3); zero at first.
+        last: the commands that were sent last, (n, 3); zero at first. To be set where others were sent.
 
     Raises:
         OmniError: no controller, frames of different lengths, a start that is not (n, 3) finite
@@ -64,7 +88,7 @@ class Team:
         if pose.ndim != 2 or pose.shape[1] != 3 or not np.isfinite(pose).all():
             raise OmniError(f"the start must be finite poses (n, 3), not of shape {pose.shape}")
         self.n, self.frame, self.estimate = len(pose), -1, pose
-        self._rows = _rows_of_controllers(self.controllers, rows, self.n)
+        self._rows = _rows_of_controllers([len(c.predicted) for c in self.controllers], rows, self.n)
         self._on_failure = on_failure
 
         of_robot = np.empty(self.n, object)
@@ -73,26 +97,23 @@ class Team:
         told = list(of_robot)
         if len({t.period for t in told}) > 1:
             raise OmniError("controllers that are called together must be told frames of the same length")
-        self._period = told[0].period
+        period = told[0].period
         delays = np.array([t.delay_frames for t in told])
         self._delay = int(delays[0]) if (delays == delays[0]).all() else delays
         noise, limits = np.array([t.vision_noise for t in told]), [t.limits for t in told]
         latency = np.array([[t.latency_frames] for t in told])
-        self._limits = CommandLimits(limits, self._period)
-        self._tracker = Tracker(pose, noise, latency, self._period, Gate(noise, limits, self._period))
+        self._limits = CommandLimits(limits, period)
+        self._tracker = Tracker(pose, noise, latency, period, Gate(noise, limits, period))
         self.filter = self._tracker.filter
         self._memory = [max(c.memory_frames, math.ceil(c.told.latency_frames) + 1) for c in self.controllers]
-        longest = max(*self._memory, self._tracker.longest)
-        self._sent = CommandsInFlight(self.n, longest + MOST_FRAMES)
-        self._truthful = [type(c).knows_truth for c in self.controllers]
-        self.knows_truth = any(self._truthful)
+        self._sent = CommandsInFlight(self.n, max(*self._memory, self._tracker.longest) + MOST_FRAMES)
+        self.knows_truth = any(type(c).knows_truth for c in self.controllers)
         self._records = [record_of(c, len(c.predicted)) for c in self.controllers]
 
         self.twist = self._tracker.twist
         self.last, self.failed = np.zeros((self.n, 3)), np.zeros(self.n, bool)
-        self._active = list(range(len(self.controllers)))  # controllers with a robot that has not failed
-        self._known: _Known | None = None  # until it is answered by commands
-        self._true: _Known | None = None
+        self._seen: Seen | None = None  # until it is answered by commands
+        self._true: Seen | None = None
 
     def observe(
         self,
@@ -100,17 +121,7 @@ class Team:
         truth: tuple[ArrayLike, ArrayLike] | None = None,
         age: ArrayLike | None = None,
     ) -> Seen:
-        """Begin a frame with what vision reports; return what is known of all robots."""
-        self.see(measured, truth, age)
-        return self.seen
-
-    def see(
-        self,
-        measured: ArrayLike,
-        truth: tuple[ArrayLike, ArrayLike] | None = None,
-        age: ArrayLike | None = None,
-    ) -> Array:
-        """Begin a frame with what vision reports; return the poses that are believed, (n, 3).
+        """Begin a frame with what vision reports; return what is known of all robots.
 
         Args:
             measured: poses seen (n, 3), headings in (-pi, pi]; not a number where a robot was not
@@ -123,47 +134,51 @@ class Team:
             OmniError: poses of another shape, infinite ones, ages that cannot be, or no truth for a
                 controller that knows it.
         """
-        seen = _numbers(measured, self.n, "what vision reports")
-        seen[self.failed] = np.nan
+        reported = _numbers(measured, (self.n, 3), "what vision reports")
+        reported[self.failed] = np.nan
+        ages = np.zeros(self.n) if age is None else _numbers(age, (self.n,), "ages, in s from 0 on,")
+        if (ages < 0).any() or np.isnan(ages).any():
+            raise OmniError(f"ages must be ({self.n},) finite numbers of s from 0 on, not {age!r}")
         if self.knows_truth and truth is None:
             raise OmniError("a controller of this team knows the truth, which must be given with what vision reports")
-        if self.knows_truth and truth is not None:
-            self._true = self._held(*(_numbers(values, self.n, "the truth") for values in truth))
-        ages = None if age is None else _ages(age, self.n)
 
         self.frame += 1
         self._sent.push(self.last)
         now = self._tracker
-        seen = now.update(seen, ages, self._sent)
+        believed = now.update(reported, ages, self._sent)
         self.estimate, self.twist = now.pose.copy(), now.twist
-        self._known = _Known(now.pose, now.twist, seen, ages, now.steps)
-        return carried(seen, ages, now.twist)
+        period = self.controllers[0].told.period
+        self._seen = Seen(now.pose, now.twist, believed, self._sent, period, self._delay, ages, now.steps)
+        if self.knows_truth and truth is not None:
+            true, twist = (_numbers(values, (self.n, 3), "the truth") for values in truth)
+            true[self.failed], twist[self.failed] = now.pose[self.failed], 0.0  # which may be no numbers
+            self._true = Seen(true, twist, true, self._sent, period, self._delay)
+        return self._seen.of(slice(None), self._sent.length, self._delay)
 
-    @property
-    def seen(self) -> Seen:
-        """What is known of all robots in this frame, until they are commanded.
+    def command(self, wanted: ArrayLike | None = None) -> Array:
+        """Return the commands (n, 3) within the limits, and count them as sent.
+
+        Args:
+            wanted: commands (n, 3) in place of what the controllers say. [they are asked]
 
         Raises:
-            OmniError: nothing was observed since the last commands.
-        """
-        return self._part(self._observed(), slice(None), self._sent.length, self._delay)
-
-    def command(self) -> Array:
-        """Ask the controllers; return the commands (n, 3) within the limits, and count them as sent.
-
-        Raises:
-            OmniError: nothing was observed since the last commands.
+            OmniError: nothing was observed since the last commands, or they are not (n, 3) finite numbers.
             ControllerError: a controller failed, and nobody handles it.
         """
-        seen = self._observed()
-        wanted = np.zeros((self.n, 3))
-        for i in self._active:
-            known = self._true if self._truthful[i] else seen
-            assert known is not None, "checked when it was observed"
-            wanted[self._rows[i]] = self._asked(i, known)
-        command = self._limits(wanted, self.last)
+        if wanted is None and self._seen is None:
+            raise OmniError("robots must be observed before they are commanded, in every frame")
+        if wanted is None:
+            commands = np.zeros((self.n, 3))
+            for i, rows in enumerate(self._rows):
+                if not self.failed[rows].all():
+                    commands[rows] = self._ask(i)
+        else:
+            commands = _numbers(wanted, (self.n, 3), "commands")
+            if np.isnan(commands).any():
+                raise OmniError("commands must be finite numbers")
+        command = self._limits(commands, self.last)
         command[self.failed] = 0.0
-        self.last, self._known = command, None
+        self.last, self._seen = command, None
         return command.copy()
 
     def step(
@@ -173,79 +188,43 @@ class Team:
         age: ArrayLike | None = None,
     ) -> Array:
         """Return the commands (n, 3) for what vision reports: `observe`, then `command`."""
-        self.see(measured, truth, age)
+        self.observe(measured, truth, age)
         return self.command()
-
-    def limited(self, command: ArrayLike) -> Array:
-        """Return the commands (n, 3) that may be sent after the last, given those wanted.
-
-        Raises:
-            OmniError: they are not (n, 3) finite numbers.
-        """
-        return self._limits(_numbers(command, self.n, "commands", finite=True), self.last)
-
-    def sent(self, command: ArrayLike) -> None:
-        """Replace the commands (n, 3) of this frame, as if a person had sent others.
-
-        Raises:
-            OmniError: they are not (n, 3) finite numbers.
-        """
-        self.last, self._known = _numbers(command, self.n, "commands", finite=True), None
 
     def stop(self, rows: Rows) -> None:
         """Take robots out of the game: they are sent zero, and their controllers' failures ignored."""
         self.failed[rows] = True
-        self._active = [i for i, part in enumerate(self._rows) if not self.failed[part].all()]
 
-    def _observed(self) -> "_Known":
-        if self._known is None:
-            raise OmniError("robots must be observed before they are commanded, in every frame")
-        return self._known
-
-    def _part(self, known: "_Known", rows: Rows, memory: int, delay: int | Array) -> Seen:
-        """Return what is known of some robots, in arrays of its own."""
-        pose, twist, measured = (values[rows].copy() for values in known[:3])
-        age = None if known.age is None else known.age[rows].copy()
-        steps = tuple(late.of(rows) for late in known.steps) if known.steps else ()
-        sent = self._sent.of(rows, memory)
-        return Seen(pose, twist, measured, sent, self._period, delay, age, steps)
-
-    def _held(self, pose: Array, twist: Array) -> "_Known":
-        """Return the truth, in which robots that have failed stay where they were."""
-        if self._true is not None:
-            pose[self.failed], twist[self.failed] = self._true[0][self.failed], 0.0
-        return _Known(pose, twist, pose)
-
-    def _asked(self, i: int, known: "_Known") -> Array:
+    def _ask(self, i: int) -> Array:
         """Return what the i-th controller commands its robots (n of it, 3); zero where it fails."""
         controller, rows = self.controllers[i], self._rows[i]
-        seen = self._part(known, rows, self._memory[i], controller.told.delay_frames)
-        name, shape = type(controller).__name__, seen.pose.shape
+        known = self._true if controller.knows_truth else self._seen
+        assert known is not None, "checked when it was observed"
+        own = known.of(rows, self._memory[i], controller.told.delay_frames)
+        robots, name = np.arange(self.n)[rows], type(controller).__name__
         try:
-            wanted = _command(controller, self.frame, seen)
+            wanted = _command(controller, self.frame, own)
             self._records[i] = record_of(controller, len(wanted))
         except Exception as error:
             place = error_place(type(controller), error)
             failure = ControllerError(f"{name} failed in frame {self.frame}{place}")
             failure.__cause__ = error
-            self._fail(np.arange(self.n)[rows], failure)
-            return np.zeros(shape)
-        finite = np.isfinite(wanted)
-        if np.count_nonzero(finite) == finite.size:
-            return wanted
-        robots = np.arange(self.n)[rows]
-        wrong = np.asarray(~finite.all(1))
-        if (wrong & ~self.failed[robots]).any():
+            self._fail(robots, failure)
+            return np.zeros((len(robots), 3))
+        wrong = np.asarray(~np.isfinite(wanted).all(1))
+        if np.count_nonzero(wrong):
             reason = f"{name} returned commands that are not finite in frame {self.frame}"
-            self._fail(robots[wrong], ControllerError(f"{reason}; {shape} finite are needed"))
-        return np.where(wrong[:, None], 0.0, wanted)
+            self._fail(robots[wrong], ControllerError(f"{reason}; {wanted.shape} finite are needed"))
+            wanted = np.where(wrong[:, None], 0.0, wanted)
+        return wanted
 
     def _fail(self, rows: NDArray[np.intp], reason: ControllerError) -> None:
-        if self._on_failure is None:
-            raise reason
         new = rows[~self.failed[rows]]
+        if len(new) and self._on_failure is None:
+            raise reason
         self.stop(new)
-        self._on_failure(new, reason)
+        if len(new) and self._on_failure is not None:
+            self._on_failure(new, reason)
 
     @property
     def predicted(self) -> Array:
@@ -265,8 +244,8 @@ class Team:
     @property
     def channels(self) -> dict[str, Array]:
         """What else controllers record, by name: (n, k); not a number for rows without it."""
-        names = dict.fromkeys(name for record in self._records for name in record)
-        return {name: self._together(name) for name in names if name not in RECORDED}
+        names = dict.fromkeys(name for record in self._records for name in record if name not in RECORDED)
+        return {name: self._together(name) for name in names}
 
     def _together(self, name: str) -> Array:
         """Return what all controllers record under a name, (n, k), not a number where nothing is."""
@@ -279,71 +258,40 @@ class Team:
         return table
 
 
-class _Known(NamedTuple):
-    """What is known of n robots in a frame; see `Seen`."""
-
-    pose: Array
-    twist: Array
-    measured: Array
-    age: Array | None = None
-    steps: tuple[Late, ...] = ()
-
-
 def _command(controller: Controller, frame: int, seen: Seen) -> Array:
     """Return a controller's commands, of the shape of the poses, not necessarily finite."""
     wanted = np.asarray(controller.command(frame, seen))
-    if wanted.shape != seen.pose.shape:
-        raise OmniError(f"commands of shape {wanted.shape}; {seen.pose.shape} finite are needed")
-    if wanted.dtype.kind == "c":
-        raise OmniError("commands must be real numbers, not complex ones")
+    if wanted.shape != seen.pose.shape or wanted.dtype.kind == "c":
+        raise OmniError(f"commands of shape {wanted.shape}, {wanted.dtype}; {seen.pose.shape} finite are needed")
     return wanted.astype(float, copy=False)
 
 
-def _rows_of_controllers(controllers: Sequence[Controller], rows: Sequence[Rows] | None, n: int) -> list[Rows]:
-    """Return the rows of each controller among n robots, as slices where possible.
+def _rows_of_controllers(sizes: Sequence[int], rows: Sequence[Rows] | None, n: int) -> list[Rows]:
+    """Return the rows of each controller among n robots, as slices where possible: those are not copied.
 
     Raises:
         OmniError: robots have no controller, or two.
     """
-    sizes = [len(c.predicted) for c in controllers]
-    ends = np.cumsum(sizes).tolist()
-    parts = [slice(end - size, end) for end, size in zip(ends, sizes, strict=True)]
-    try:
-        robots = [np.arange(n)[part] for part in (parts if rows is None else rows)]
-    except IndexError:
-        robots = []
-    every = sorted(np.concatenate([[], *robots])) == list(range(n))
-    if [len(part) for part in robots] != sizes or not every or 0 in sizes or not n:
+    parts = np.split(np.arange(n), np.cumsum(sizes)[:-1]) if rows is None else [np.asarray(part, int) for part in rows]
+    all_rows = sorted(np.concatenate([[], *parts]))
+    if [len(part) for part in parts] != list(sizes) or all_rows != list(range(n)) or 0 in sizes or not n:
         raise OmniError(
             f"{n} robots need one controller each; there are controllers for {sizes} robots, in rows {rows}"
         )
-    return [slice(int(part[0]), int(part[-1]) + 1) if (np.diff(part) == 1).all() else part for part in robots]
+    return [slice(int(part[0]), int(part[-1]) + 1) if (np.diff(part) == 1).all() else part for part in parts]
 
 
-def _numbers(values: ArrayLike, n: int, name: str, *, finite: bool = False) -> Array:
-    """Return a copy of numbers (n, 3).
-
-    Raises:
-        OmniError: they are not of that shape, or infinite, or, if they must be finite, not numbers.
-    """
-    numbers = np.array(values, float)
-    good = np.isfinite(numbers) if finite else ~np.isinf(numbers)
-    if numbers.shape != (n, 3) or np.count_nonzero(good) < numbers.size:
-        wrong = f"not of shape {numbers.shape}" if numbers.shape != (n, 3) else "which these are not"
-        raise OmniError(f"{name} must be finite numbers ({n}, 3), {wrong}")
-    return numbers
-
-
-def _ages(age: ArrayLike, n: int) -> Array | None:
-    """Return a copy of ages (n,) in s, or None if all are zero.
+def _numbers(values: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
+    """Return a copy of numbers of a shape, which may be NaN.
 
     Raises:
-        OmniError: they are not n finite numbers from 0 on.
+        OmniError: they are not of that shape, or infinite.
     """
     try:
-        ages = np.array(age, float)
+        numbers = np.array(values, float)
     except (TypeError, ValueError):
-        ages = np.full(0, np.nan)
-    if ages.shape != (n,) or not (np.isfinite(ages) & (ages >= 0)).all():
-        raise OmniError(f"ages must be ({n},) finite numbers of s from 0 on, not {age!r}")
-    return ages if ages.any() else None
+        numbers = np.array(np.nan)
+    if numbers.shape != shape or np.isinf(numbers).any():
+        wrong = f"not of shape {numbers.shape}" if numbers.shape != shape else "which these are not"
+        raise OmniError(f"{name} must be finite numbers {shape}, {wrong}")
+    return numbers

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from omni_control.controllers.base import Seen
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_mj.link.radio import Received
@@ -143,10 +144,10 @@ class Live(Simulation):
         self.link.restart()
         return self._plant, self._plant, self
 
-    def _look(self) -> Array:
+    def observe(self) -> Seen:
         """See `Simulation`. What the team believes is recorded in place of the truth, which nobody knows."""
-        if self._vision is None:
-            difference = super()._look() - self.team.estimate
+        if self._seen is None:
+            difference = super().observe().carried - self.team.estimate
             difference[:, 2] = wrap_angle(difference[:, 2])
             self._pose = self.team.estimate + np.nan_to_num(difference)
-        return super()._look()
+        return super().observe()

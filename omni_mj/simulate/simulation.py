@@ -151,7 +151,6 @@ class Simulation:
         self.frame, self.failures = 0, list[Failure]()
         self._running = np.ones(n, bool)
         self._seen: Seen | None = None
-        self._vision: Array | None = None  # until the step
         start = np.array([reference.poses[0] for reference in self.references])
         geometry = self.rows[0].settings.wheels.kinematics
         self.plant, self.camera, self.radio = self._robots(start)
@@ -189,8 +188,10 @@ class Simulation:
     def observe(self) -> Seen:
         """What the team sees of all robots in this frame; the same, however often it is asked before the next step."""
         if self._seen is None:
-            self._look()
-            self._seen = self.team.seen
+            self._pose = self.plant.pose()
+            measured, self._valid = self.camera(self._pose)
+            truth = (self._pose, self.plant.twist()) if self.team.knows_truth else None
+            self._seen = self.team.observe(measured, truth, self.camera.age)
         return self._seen
 
     def step(self, command: Array | None = None) -> None:
@@ -203,29 +204,16 @@ class Simulation:
         Raises:
             OmniError: the command is not (n, 3) finite numbers.
         """
-        vision = self._look()
-        if command is None:
-            sent = self.team.command()
-        else:
-            sent = np.where(self._running[:, None], self.team.limited(command), 0.0)
-            self.team.sent(sent)
+        vision = self.observe().carried
+        sent = self.team.command(command)
         received = self.radio.exchange(sent, self.team.estimate[:, 2])
         if self._logged:
             self._record(vision, sent, received)
         failed = self.plant.advance(received)
-        self.frame, self._seen, self._vision = self.frame + 1, None, None
+        self.frame, self._seen = self.frame + 1, None
         for row, cause in failed.items():
             self._stop(np.array([row]), cause)
             self.team.stop(np.array([row]))
-
-    def _look(self) -> Array:
-        """What vision reports of this frame (n, 3), as the team believes it; however often it is asked."""
-        if self._vision is None:
-            self._pose = self.plant.pose()
-            measured, self._valid = self.camera(self._pose)
-            truth = (self._pose, self.plant.twist()) if self.team.knows_truth else None
-            self._vision = self.team.see(measured, truth, self.camera.age)
-        return self._vision
 
     def _robots(self, start: Array) -> tuple[Plant, See, Exchange]:
         """Return the robots at the start (n, 3), and what is between them and the team."""

@@ -16,7 +16,7 @@ def estimated(measured: Array, displacement: Array, start: Array, age: Array) ->
     team, seen = Team(Controller(told, None, len(start)), start), []  # type: ignore[arg-type]
     for k, (pose, each) in enumerate(zip(measured, age, strict=True)):
         seen.append(team.observe(pose, age=each))
-        team.sent(displacement[min(k + 1, len(displacement) - 1)] / T)
+        team.last = displacement[min(k + 1, len(displacement) - 1)] / T
     return np.array([one.pose for one in seen]), np.array([one.twist for one in seen])
 
 
@@ -109,5 +109,5 @@ def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
 @pytest.mark.parametrize("age", [[-0.1], [np.nan], [np.inf], [0.1, 0.1], 0.1, "old"], ids=str)
 def test_ages_that_cannot_be_are_refused(age: object) -> None:
     team = Team(Controller(Told(T, 0), None, 1), np.zeros((1, 3)))  # type: ignore[arg-type]
-    with pytest.raises(OmniError, match=r"ages must be \(1,\) finite numbers of s from 0 on"):
+    with pytest.raises(OmniError, match="ages"):
         team.observe(np.zeros((1, 3)), age=age)  # type: ignore[arg-type]

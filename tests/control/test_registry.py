@@ -109,7 +109,7 @@ def test_what_is_told_is_checked_and_can_be_compared() -> None:
     with pytest.raises(OmniError) as error:
         Told(0.0, -1, lag_s=np.nan, alpha=(0.9, 0.0), alpha_window_frames=1.5)  # type: ignore[arg-type]
     assert [line.split()[0] for line in str(error.value).split("\n")] == [
-        "period", "lag_s", "alpha", "delay_frames", "alpha_window_frames",
+        "period", "delay_frames", "lag_s", "alpha_window_frames", "alpha",
     ]  # fmt: skip
 
 

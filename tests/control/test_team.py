@@ -140,7 +140,7 @@ def test_nonsense_is_refused() -> None:
         ("knows the truth", lambda: Team(Knowing(told, TIMED, 1), poses[:1]).step(poses[:1])),
         (r"\(1, 3\), not of shape \(3, 3\)", lambda: Team(one, poses[:1]).step(poses)),
         ("observed before", lambda: Team(one, poses[:1]).command()),
-        ("commands must be finite", lambda: Team(one, poses[:1]).sent([[np.nan] * 3])),
+        ("commands must be finite", lambda: Team(one, poses[:1]).command([[np.nan] * 3])),
     ]
     for says, do in refused:
         with pytest.raises(OmniError, match=says):

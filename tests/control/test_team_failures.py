@@ -39,7 +39,7 @@ class Failing(Straight):
 
 FAILURES: dict[str, tuple[int, list[int], str]] = {  # the frame, the rows, what is said
     "raise": (5, [2, 3, 4], r"Failing failed in frame 5 \(test_team_failures.py, line \d+\): KeyError: 'no way'"),
-    "shape": (5, [2, 3, 4], r"in frame 5: commands of shape \(3, 2\); \(3, 3\) finite"),
+    "shape": (5, [2, 3, 4], r"in frame 5: commands of shape \(3, 2\), float64; \(3, 3\) finite"),
     "record": (5, [2, 3, 4], r"in frame 5: alpha_hat has the shape \(2,\)"),
     "channel": (5, [2, 3, 4], r"in frame 5: channel 'odd' has the shape \(7,\)"),
     "text": (5, [2, 3, 4], "could not convert string to float"),

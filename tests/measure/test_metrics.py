@@ -20,8 +20,8 @@ from benches.logs import (
 from numpy.typing import NDArray
 
 import omni_mj as om
-from omni_control.limits import CommandLimits
 from omni_control.reference import MotionLimits
+from omni_control.team import CommandLimits
 
 T = 1 / 60
 RECT = om.scenario("rect").settings

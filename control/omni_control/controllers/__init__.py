@@ -16,7 +16,13 @@ Parameter = bool | int | float | str
 Kind = TypeVar("Kind", bound=Controller)
 
 MAX_MEMORY_FRAMES = 36_000
-_WANTED = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
+# What a parameter of a type may be given as, and what to ask for.
+_ACCEPTED: dict[type, tuple[type, str]] = {
+    bool: (bool, "true or false"),
+    int: (numbers.Integral, "a whole number"),
+    float: (numbers.Real, "a number"),
+    str: (str, "a text"),
+}
 
 
 def find(name: str) -> type[Controller]:
@@ -36,12 +42,7 @@ def find(name: str) -> type[Controller]:
 
 def parameters(kind: type[Controller]) -> dict[str, Parameter]:
     """Names and default values of a controller's parameters; see `Controller`. Those of its base classes come first."""
-    names = [name for base in reversed(kind.__mro__) for name in inspect.get_annotations(base)]
-    return {
-        name: getattr(kind, name)
-        for name in dict.fromkeys(names)
-        if not name.startswith("_") and _type(kind, name) is not None
-    }
+    return {name: getattr(kind, name) for name in _types(kind)}
 
 
 def checked_parameters(kind: type[Controller], given: Mapping[str, object]) -> dict[str, Parameter]:
@@ -50,15 +51,19 @@ def checked_parameters(kind: type[Controller], given: Mapping[str, object]) -> d
     Raises:
         OmniError: a name that the controller does not have, or a value of another type; all of them, one line each.
     """
-    known, checked, wrong = parameters(kind), {}, []
+    types, checked, wrong = _types(kind), dict[str, Parameter](), []
     for name, value in given.items():
-        if name not in known:
-            none = f"{kind.__name__} has no parameter {name!r}; "
-            wrong.append(none + (choose(name, known) if known else "it has none at all"))
-        elif (fitting := _fitting(value, wanted := _type(kind, name))) is None:
-            wrong.append(f"parameter {name} of {kind.__name__} must be {_WANTED[wanted]}, not {value!r}")  # type: ignore[index]
+        if name not in types:
+            hint = choose(name, types) if types else "it has none at all"
+            wrong.append(f"{kind.__name__} has no parameter {name!r}; {hint}")
+            continue
+        wanted = types[name]
+        accepted, text = _ACCEPTED[wanted]
+        fits = isinstance(value, accepted) and isinstance(value, bool) == (wanted is bool)
+        if fits and (isinstance(value, str) or math.isfinite(value)):  # type: ignore[arg-type]
+            checked[name] = wanted(value)
         else:
-            checked[name] = fitting
+            wrong.append(f"parameter {name} of {kind.__name__} must be {text}, not {value!r}")
     if wrong:
         raise OmniError("\n".join(wrong))
     return checked
@@ -94,22 +99,11 @@ def make(
     return controller
 
 
-def _type(kind: type[Controller], name: str) -> type | None:
-    """The type of a parameter, by its annotation, or by its default where that says no more; None for none."""
-    annotation = next(a[name] for base in kind.__mro__ if name in (a := inspect.get_annotations(base)))
-    default = getattr(kind, name, None)
-    if type(default) not in _WANTED or "ClassVar" in str(annotation):
-        return None
-    named = {t.__name__: t for t in _WANTED}
-    return named.get(annotation if isinstance(annotation, str) else getattr(annotation, "__name__", ""), type(default))
-
-
-def _fitting(value: object, wanted: type | None) -> Parameter | None:
-    """The value as a parameter of that type, None if it is of another."""
-    if wanted is bool or isinstance(value, bool):
-        return value if wanted is bool and isinstance(value, bool) else None
-    if wanted is str:
-        return value if isinstance(value, str) else None
-    if wanted is int:
-        return int(value) if isinstance(value, numbers.Integral) else None
-    return float(value) if isinstance(value, numbers.Real) and math.isfinite(value) else None
+def _types(kind: type[Controller]) -> dict[str, type]:
+    """The types of a controller's parameters, by their annotations."""
+    named = {wanted.__name__: wanted for wanted in _ACCEPTED}
+    annotations: dict[str, object] = {}
+    for base in reversed(kind.__mro__):
+        annotations |= inspect.get_annotations(base)
+    types = {name: named.get(str(getattr(each, "__name__", each))) for name, each in annotations.items()}
+    return {name: kind_ for name, kind_ in types.items() if kind_ and name[0] != "_" and hasattr(kind, name)}

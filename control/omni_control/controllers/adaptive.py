@@ -18,8 +18,8 @@ import numpy as np
 
 from omni_control.controllers.base import Controller, Seen, Told
 from omni_control.estimation import robot_filter
-from omni_control.estimation.late import MOST_FRAMES
 from omni_control.estimation.robot_filter import DISTURBANCE, GAIN, POSE, VELOCITY, RobotFilter
+from omni_control.estimation.tracking import MOST_FRAMES
 from omni_control.fuzzy import FuzzyLaw
 from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import IteratedReference, Reference

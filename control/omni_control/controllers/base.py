@@ -13,14 +13,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from omni_control.delay import CommandsInFlight, compensation
+from omni_control.delay import CommandsInFlight, Rows, compensation
 from omni_control.errors import OmniError, printable
-from omni_control.estimation.late import Late
+from omni_control.estimation.tracking import Step
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_control.reference import MotionLimits, Reference
 
 RECORDED = ("predicted", "alpha_hat", "latency_hat")
-MAX_COLUMNS = 256  # of a controller's channels
 COMMAND_LIMITS = MotionLimits(3.7, 4.7, 26.0, 50.8)  # of the league's simulators (ssl-simulation-setup)
 
 
@@ -66,15 +65,14 @@ class Told:
 
     def __post_init__(self) -> None:
         """Check the numbers; those of the fuzzy controller are checked where it is made."""
-        wrong = [] if 0 < self.period < math.inf else [f"period must be a positive number of s, not {self.period}"]
-        for name in ("lag_s", "position_noise_m", "heading_noise_rad", "drag_m_s", "creep_s2_m", "creep_sideways_s2_m"):
-            if (value := getattr(self, name)) is not None and not 0 <= value < math.inf:
-                wrong.append(f"{name} must be a number from 0 on, not {value}")
-        if self.alpha is not None and not all(0 < alpha < math.inf for alpha in self.alpha):
-            wrong.append(f"alpha must be two positive numbers, not {self.alpha}")
-        for name, low in (("delay_frames", 0), ("alpha_window_frames", 1)):
-            if not (getattr(self, name) >= low and getattr(self, name) % 1 == 0):
-                wrong.append(f"{name} must be a whole number from {low} on, not {getattr(self, name)}")
+        given = [(name, value) for name, value in vars(self).items() if isinstance(value, int | float)]
+        given += [("alpha", value) for value in self.alpha or ()]
+        positive, whole = ("period", "alpha", "alpha_window_frames"), ("delay_frames", "alpha_window_frames")
+        wrong = [
+            f"{name} must be a {'whole ' * (name in whole)}number {'above' if name in positive else 'from'} 0: {value}"
+            for name, value in given
+            if not 0 <= value < math.inf or (name in positive and not value) or (name in whole and value % 1)
+        ]
         if wrong:
             raise OmniError("\n".join(wrong))
 
@@ -101,9 +99,8 @@ class Seen:
         sent: the last commands that were sent, within the limits, the newest in the frame before; to be read only.
         period: length of a frame T, s.
         delay_frames: dead time k_d as far as the team knows it, frames: one for all robots, or one each (n,).
-        age: for how long robots had been where they were seen when the frame began, (n,) s; none where all were seen
-            in this very frame.
-        steps: those of filters that are behind the present by that; none where all were seen in this very frame.
+        age: for how long robots had been where they were seen when the frame began, (n,) s. [not at all]
+        steps: those of filters, which are behind the present by that. [one, to this frame]
     """
 
     pose: Array
@@ -113,12 +110,30 @@ class Seen:
     period: float
     delay_frames: int | Array
     age: Array | None = None
-    steps: tuple[Late, ...] = ()
+    steps: tuple[Step, ...] = ()
+
+    def of(self, rows: Rows, memory: int, delay_frames: int | Array) -> "Seen":
+        """The same of some robots with that dead time and so many commands, in arrays of its own."""
+        age = None if self.age is None else self.age[rows].copy()
+        return Seen(
+            self.pose[rows].copy(),
+            self.twist[rows].copy(),
+            self.measured[rows].copy(),
+            self.sent.of(rows, memory),
+            self.period,
+            delay_frames,
+            age,
+            tuple(step.of(rows) for step in self.steps),
+        )
 
     @property
     def carried(self) -> Array:
         """What was measured, brought from when it was seen to this frame by the filtered twist, (n, 3)."""
-        return carried(self.measured, self.age, self.twist)
+        if self.age is None or not self.age.any():
+            return self.measured
+        brought = self.measured + self.age[:, None] * self.twist
+        brought[:, 2] = wrap_angle(brought[:, 2])
+        return brought
 
     @property
     def in_flight(self) -> Array:
@@ -136,15 +151,6 @@ class Seen:
     def arriving(self) -> Array:
         """Poses (n, 3) to which the commands in flight lead by the end of the dead time (equation 11), alpha = 1."""
         return self.pose + compensation(self.in_flight, 1.0, self.period)
-
-
-def carried(measured: Array, age: Array | None, twist: Array) -> Array:
-    """See `Seen.carried`."""
-    if age is None:
-        return measured
-    brought = measured + age[:, None] * twist
-    brought[:, 2] = wrap_angle(brought[:, 2])
-    return brought
 
 
 class Controller:
@@ -196,20 +202,14 @@ class Controller:
 
 def record_of(controller: Controller, n: int) -> dict[str, Array]:
     """Return what a controller of n robots records in this frame: (n, k) by name."""
-    record = {}
-    for name in RECORDED:
-        record[name] = np.asarray(getattr(controller, name), float)
-        if record[name].shape != (n, 3):
-            raise OmniError(f"{name} has the shape {record[name].shape}; {(n, 3)} is needed")
-    columns = 0
-    for name, values in controller.channels.items():
-        channel = np.asarray(values, float)
-        if channel.ndim not in (1, 2) or len(channel) != n:
-            raise OmniError(f"channel {name!r} has the shape {channel.shape}; ({n},) or ({n}, k) is needed")
-        record[name] = channel = channel.reshape(n, -1)
-        columns += channel.shape[1]
-    if columns > MAX_COLUMNS:
-        raise OmniError(f"its channels have {columns} columns; {MAX_COLUMNS} at most are recorded")
+    values = {name: getattr(controller, name) for name in RECORDED} | controller.channels
+    record = {name: np.asarray(value, float) for name, value in values.items()}
+    for name, value in record.items():
+        if name in RECORDED and value.shape != (n, 3):
+            raise OmniError(f"{name} has the shape {value.shape}; {(n, 3)} is needed")
+        if value.ndim not in (1, 2) or len(value) != n:
+            raise OmniError(f"channel {name!r} has the shape {value.shape}; ({n},) or ({n}, k) is needed")
+        record[name] = value.reshape(n, -1)
     return record
 
 

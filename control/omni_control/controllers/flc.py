@@ -1,15 +1,59 @@
-"""The paper's controllers: FLC, and comp-FLC, which compensates the dead time."""
+"""The paper's controllers: FLC, and comp-FLC, which compensates the dead time with the alpha of equation 8."""
 
 import math
 
 import numpy as np
 
 from omni_control.controllers.base import Controller, Seen, Told
-from omni_control.delay import compensation
-from omni_control.estimation.alpha import AlphaEstimator
+from omni_control.delay import CommandsInFlight, compensation
 from omni_control.fuzzy import FuzzyLaw
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import Reference
+
+# Commanded displacement at which a new ratio and the old value weigh the same: well above vision's error.
+CONFIDENCE_M = 0.02
+LOWEST_ALPHA, HIGHEST_ALPHA = 0.5, 1.1
+
+
+class AlphaEstimator:
+    """Ratio of the displacement achieved to that commanded, over a sliding window, per robot and axis.
+
+    Equation 8 sums n_0 ratios of single frames and divides by T, whose sum is not in [0.7, 1] but n_0 times 60 as
+    large, and divides by zero at rest. The ratio of the window's sums is what it can mean:
+
+        alpha = (dx dx_d + rho alpha_old) / (dx_d^2 + rho)
+
+    with dx the displacement seen by vision in the window and dx_d that of the commands which acted in it. The
+    regularisation rho keeps the old value at standstill, when neither means anything; what is left of an old value
+    shrinks by rho / (dx_d^2 + rho) each frame.
+
+    Args:
+        n: robots.
+        window_frames: length of the window n_0, frames.
+        delay_frames: dead time k_d, frames.
+        period: length of a frame T, s.
+
+    Attributes:
+        value: as estimated last, (n, 2).
+    """
+
+    def __init__(self, n: int, window_frames: int, delay_frames: int, period: float) -> None:
+        self.value = np.ones((n, 2))
+        self._window, self._delay, self._period = window_frames, delay_frames, period
+        self._positions: list[Array] = []
+
+    def update(self, position: Array, sent: CommandsInFlight) -> Array:
+        """Return alpha (n, 2) for x and y, given the filtered positions (n, 2) and the commands sent so far."""
+        self._positions.append(position.copy())
+        if len(self._positions) > self._window + 1:
+            del self._positions[0]
+        achieved = position - self._positions[0]
+        count = len(self._positions) - 1
+        commanded = np.add.reduce(sent.last(count, skip=self._delay)[..., :2]) * self._period
+        rho = CONFIDENCE_M**2
+        ratio = (achieved * commanded + rho * self.value) / (commanded * commanded + rho)
+        self.value = np.minimum(np.maximum(ratio, LOWEST_ALPHA), HIGHEST_ALPHA)
+        return self.value
 
 
 class Flc(Controller):

@@ -40,18 +40,7 @@ FALSE_ALARM = 1e-9  # of noise alone, in an image
 DOUBTED = 10  # images in a row, of which the last is believed
 REPEATED = 300  # same, of a robot that cannot have stopped like that
 
-# What is known of each robot: how fast it may go, m/s, and how far noise leads, m; of the last image that was believed
-# its age when it came and for how long it has been the last, s; speed before the last image, m/s; images in a row.
-SPEED, NOISY, AGE, SINCE, PACE, ELSEWHERE, BACKWARDS, FROZEN = range(8)
-SHOWN, BELIEVED = range(2)  # the last image, and the last that was believed
-
-
-def of_noise(chance: float) -> float:
-    """How far noise alone leads two images apart with this chance, in its standard deviations."""
-    return 2 * math.sqrt(-math.log(chance))
-
-
-NOISE = of_noise(FALSE_ALARM)
+NOISE = 2 * math.sqrt(-math.log(FALSE_ALARM))  # how far noise alone leads two images apart, standard deviations
 
 
 class Gate:
@@ -61,18 +50,16 @@ class Gate:
         noise: standard deviation of what vision reports, (n, 3), m and rad.
         limits: of what each of them may be commanded; blows of others are of `OTHERS` at least.
         period: length of a frame, s.
-
-    Attributes:
-        known: of robots, (8, n).
-        images: (2, n, 3).
     """
 
     def __init__(self, noise: Array, limits: Sequence[MotionLimits], period: float) -> None:
         n = len(noise)
         self._period, self._no_age = period, np.zeros(n)
-        self.known, self.images = np.zeros((8, n)), np.full((2, n, 3), np.nan)
         speed, self._turn_rate = np.maximum(OTHERS, [[limit.speed, limit.turn_rate] for limit in limits]).T
-        self.known[SPEED], self.known[NOISY] = BLOW * speed, NOISE * noise[:, 0]
+        self._speed, self._noise = BLOW * speed, NOISE * noise[:, 0]
+        self._shown, self._believed = np.full((2, n, 3), np.nan)  # the last image, the last that was believed
+        self._age, self._since, self._pace = np.zeros((3, n))  # of the latter: s, how long ago it came s, speed m/s
+        self._elsewhere, self._backwards, self._repeated = np.zeros((3, n))  # images in a row
 
     def __call__(self, measured: Array, age: Array | None = None) -> Array:
         """Return poses (n, 3) to believe, headings in (-pi, pi]; not a number where there is none.
@@ -81,42 +68,40 @@ class Gate:
             measured: poses seen (n, 3), not a number where a robot was not seen.
             age: for how long robots had been where they were seen, (n,) s. [none]
         """
-        k, moved = self.known, measured - self.images[BELIEVED]
-        k[SINCE] += self._period
-        age = self._no_age if age is None else age
-        between = k[SINCE] + np.abs(age - k[AGE])  # at least a frame, whatever cameras' clocks say
-        x, y, turned = moved.T
-        distance, allowed = np.hypot(x, y), k[SPEED] * between + k[NOISY]
-        fits = (distance > 0) & (distance <= allowed) & (np.abs(turned) < np.pi / 2)
-        if np.count_nonzero(fits) == len(fits):
-            k[SINCE], k[ELSEWHERE:] = 0.0, 0.0
-            k[PACE], k[AGE], self.images[:] = distance / between, age, measured
+        age, moved = self._no_age if age is None else age, measured - self._believed
+        self._since = self._since + self._period
+        between = self._since + np.abs(age - self._age)  # at least a frame, whatever cameras' clocks say
+        distance, allowed = np.hypot(moved[:, 0], moved[:, 1]), self._speed * between + self._noise
+        fits = (distance > 0) & (distance <= allowed) & (np.abs(moved[:, 2]) < np.pi / 2)
+        if np.count_nonzero(fits) == len(fits):  # nearly always: the rest takes as long as a filter
+            self._shown = self._believed = measured
+            self._age, self._since, self._pace = age, np.zeros_like(age), distance / between
+            self._elsewhere = self._backwards = self._repeated = self._since
             return measured
-        return self._judged(measured, age, between, moved, distance, distance > allowed)
 
-    def _judged(self, measured: Array, age: Array, between: Array, moved: Array, distance: Array, away: Flags) -> Array:
-        """See `__call__`; `between` images (n,) s, they have `moved` (n, 3), a `distance` (n,), some too far `away`."""
-        k, (shown, last) = self.known, self.images
-        repeated, new = (measured == shown).all(1), ~np.isnan(measured[:, 0])
-        far = new & away
-        k[ELSEWHERE] = np.where(new, np.where(far, k[ELSEWHERE] + 1, 0.0), k[ELSEWHERE])
-        found = k[ELSEWHERE] >= DOUBTED
-        k[ELSEWHERE, found] = 0.0
-        later = k[SINCE] - (age - k[AGE]) > self._period / 2  # and not the same one, told once more
-        stopped = repeated & later & (k[PACE] > STILL_M_S)
-        k[FROZEN] = np.where(new, np.where(stopped, k[FROZEN] + 1, 0.0), k[FROZEN])
-        taken = new & (~far | found) & ((k[FROZEN] == 0) | (k[FROZEN] >= REPEATED))
-
+        repeated, seen = (measured == self._shown).all(1), ~np.isnan(measured[:, 0])
+        far = seen & (distance > allowed)
+        self._elsewhere = _counted(self._elsewhere, far, seen)
+        found = self._elsewhere >= DOUBTED
+        self._elsewhere = np.where(found, 0.0, self._elsewhere)
+        later = self._since - (age - self._age) > self._period / 2  # and not the same one, told once more
+        self._repeated = _counted(self._repeated, repeated & later & (self._pace > STILL_M_S), seen)
+        taken = seen & (~far | found) & ((self._repeated == 0) | (self._repeated >= REPEATED))
         turned = np.abs(wrap_angle(moved[:, 2])) > np.pi / 2
         back = taken & ~far & turned & (self._turn_rate * between < np.pi / 2)
-        k[BACKWARDS] = np.where(taken, np.where(back, k[BACKWARDS] + 1, 0.0), k[BACKWARDS])
-        back &= k[BACKWARDS] < DOUBTED
+        self._backwards = _counted(self._backwards, back, taken)
+        back &= self._backwards < DOUBTED
 
         believed = np.where(taken[:, None], measured, np.nan)
         believed[back, 2] = wrap_angle(believed[back, 2] + np.pi)
-        np.copyto(shown, measured, where=new[:, None])
-        np.copyto(last, believed, where=taken[:, None])
+        self._shown = np.where(seen[:, None], measured, self._shown)
+        self._believed = np.where(taken[:, None], believed, self._believed)
         fresh = taken & ~repeated
-        k[PACE] = np.where(fresh, distance / between, k[PACE])
-        k[AGE], k[SINCE] = np.where(fresh, age, k[AGE]), np.where(fresh, 0.0, k[SINCE])
+        self._pace = np.where(fresh, distance / between, self._pace)
+        self._age, self._since = np.where(fresh, age, self._age), np.where(fresh, 0.0, self._since)
         return believed
+
+
+def _counted(count: Array, event: Flags, judged: Flags) -> Array:
+    """Return how often in a row (n,) an event happened, of robots that are judged now."""
+    return np.where(judged, (count + 1) * event, count)

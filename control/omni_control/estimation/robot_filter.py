@@ -19,7 +19,7 @@ import numpy as np
 from omni_control.controllers.base import Seen, Told
 from omni_control.delay import CommandsInFlight
 from omni_control.estimation.compliance import Compliance
-from omni_control.estimation.late import Late
+from omni_control.estimation.tracking import Step
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 
 POSE, VELOCITY, DISTURBANCE, GAIN = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
@@ -193,9 +193,10 @@ class RobotFilter:
             self.state[:, POSE] = seen.pose
             self.covariance[:] = self._prior_covariance
             self.covariance[:, POSE, POSE] = self._noise
-        for late in seen.steps[:-1]:
-            self._update(None, seen.sent, late)
-        self._update(seen.measured, seen.sent, seen.steps[-1] if seen.steps else None)
+        *before, last = seen.steps or (Step.now(len(self.state)),)
+        for step in before:
+            self._update(None, seen.sent, step)
+        self._update(seen.measured, seen.sent, last)
 
     def predict(self, seen: Seen) -> Array:
         """Return the states (n, 16) when the command of this frame begins to act."""
@@ -213,10 +214,10 @@ class RobotFilter:
         speed = np.hypot(velocity[..., 0], velocity[..., 1])
         return np.stack([speed, speed, np.hypot(speed, rim)], axis=-1)
 
-    def _update(self, measured: Array | None, sent: CommandsInFlight, late: Late | None) -> None:
+    def _update(self, measured: Array | None, sent: CommandsInFlight, step: Step) -> None:
         """Take in a frame, of which vision reports poses (n, 3); None on the way to such a frame."""
         state, period = self.state, self.period
-        latency = self.latency[:, None] + (0.0 if late is None else late.behind[:, None])
+        latency = (self.latency + step.behind)[:, None]
         shifts = np.array([0, -1, 1])[:, None, None]
         command, sooner, later = sent.felt(np.maximum(latency + shifts, 0))
         states = np.concatenate([state[None], state + self._perturbed, state - self._perturbed])
@@ -242,14 +243,12 @@ class RobotFilter:
         noise[:, 4], noise[:, 5] = noise[:, 3], scale * (TURN_ACCELERATION_RAD_S2 * period) ** 2
         covariance += self._renewed
         covariance[:, range(6), range(6)] += noise
-        if late is not None:
-            predicted = np.where(late.held[:, None], state, predicted)
-            covariance = np.where(late.held[:, None, None], self.covariance, covariance)
-        self.state, self.covariance = predicted, covariance
+        self.state = np.where(step.held[:, None], state, predicted)
+        self.covariance = np.where(step.held[:, None, None], self.covariance, covariance)
         if measured is not None:
-            self._correct(measured, 0.0 if late is None else late.after[:, None], command)
+            self._correct(measured, step.after[:, None], command)
 
-    def _correct(self, measured: Array, after: Array | float, command: Array) -> None:
+    def _correct(self, measured: Array, after: Array, command: Array) -> None:
         """Correct the states by poses (n, 3) that were seen a time `after` (n, 1) later, s."""
         state, covariance = self.state, self.covariance
         error = measured - state[:, POSE] - after * state[:, VELOCITY]

@@ -1,22 +1,26 @@
 """Track robots by vision of any age: an outlier gate, and a Kalman filter that knows the commands.
 
-Per axis the state is the position and a drift, the speed at which a robot departs from its commands:
+Per axis the state is the position x and a drift b, the speed at which a robot departs from its commands:
 
     x(k+1) = x(k) + q(k) + T b(k) + noise of GAIN_ERROR |q|
     b(k+1) = b(k) exp(-T / DRIFT_TIME_S) + noise
 
 with q the commanded displacement. How much a robot departs differs between plants, so the process
 noise is scaled until the normalized innovations squared average 1.
+
+Where images are late, the filter stays at the last frame that was over when vision saw a robot. From there to the
+present robots are predicted by the commands, as over the dead time. To correct the present by the past would need the
+velocity that is to be corrected, and take for evidence what came upon it since.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from omni_control.delay import CommandsInFlight
+from omni_control.delay import CommandsInFlight, Rows
 from omni_control.estimation.gate import Gate
-from omni_control.estimation.late import Clock, Late
 from omni_control.kinematics import Array, wrap_angle
 
 GAIN_ERROR = 0.06  # standard deviation of a frame's displacement over the commanded one
@@ -25,6 +29,57 @@ DRIFT_TIME_S = 0.5
 SCALE_MEMORY, MAX_INNOVATION = 0.97, 9.0  # of the process noise's scale; of one, squared
 SCALE_BOUNDS = 0.1, 100.0
 RESOLUTION = 1e-5, 1e-5, 1e-4  # of a camera, m and rad
+MOST_FRAMES = 15  # that filters may be behind; of what is older they are told that it is no older
+_ROUNDING = 1e-6  # of a frame
+
+
+class Step(NamedTuple):
+    """A step of filters of n robots, which ends at this frame, or at one in the past.
+
+    Attributes:
+        behind: by how many frames that lies before the present, (n,).
+        held: which stay where they are, (n,).
+        after: how much later vision saw what it reports with this step, (n,) s.
+    """
+
+    behind: Array
+    held: NDArray[np.bool_]
+    after: Array
+
+    @classmethod
+    def now(cls, n: int) -> "Step":
+        """Return the step to this frame of filters that were at the one before."""
+        return cls(np.zeros(n), np.zeros(n, bool), np.zeros(n))
+
+    def of(self, rows: Rows) -> "Step":
+        """Return the same of some robots, in arrays of its own."""
+        return Step(self.behind[rows].copy(), self.held[rows].copy(), self.after[rows].copy())
+
+
+class Clock:
+    """Where filters of n robots are: `behind` frames (n,) before the present.
+
+    Args:
+        n: robots.
+        period: length of a frame, s.
+    """
+
+    def __init__(self, n: int, period: float) -> None:
+        self._period, self.behind = period, np.zeros(n)
+
+    def steps(self, age: Array, seen: Array) -> list[Step]:
+        """The steps of this frame, of which the last has what vision reports: of this age (n,) s, of robots seen (n,).
+
+        An image from before the frame where a robot's filter is, as may come after one that had none, finds it waiting.
+        """
+        frames = np.minimum(age / self._period, MOST_FRAMES)
+        wanted = np.where(seen, np.ceil(frames - _ROUNDING), self.behind)
+        behind = np.minimum(wanted, self.behind + 1)
+        steps = self.behind + 1 - behind
+        after = np.where(seen, (behind - frames) * self._period, 0.0)
+        self.behind = behind
+        left = range(max(int(steps.max()), 1) - 1, -1, -1)
+        return [Step(behind + more, steps <= more, after if more == 0 else 0 * after) for more in left]
 
 
 class KalmanFilter:
@@ -43,10 +98,9 @@ class KalmanFilter:
     """
 
     def __init__(self, pose: Array, period: float, noise: ArrayLike) -> None:
-        self._period = period
+        self._period, self._now = period, Step.now(len(pose))
         self._noise = np.maximum(np.broadcast_to(noise, pose.shape), RESOLUTION) ** 2
-        keep = math.exp(-period / DRIFT_TIME_S)
-        self._transition = np.array([[1.0, period], [0.0, keep]])
+        self._transition = np.array([[1.0, period], [0.0, math.exp(-period / DRIFT_TIME_S)]])
         self._wander = np.array([DRIFT_M_S2, DRIFT_M_S2, DRIFT_RAD_S2]) ** 2 * period
         self.mean = np.stack([pose, np.zeros_like(pose)], axis=-1)
         self.covariance = np.zeros((*pose.shape, 2, 2))
@@ -74,7 +128,7 @@ class KalmanFilter:
         self,
         measured: Array,
         displacement: Array,
-        late: Late | None = None,
+        step: Step | None = None,
         onward: Array | float = 0.0,
     ) -> Array:
         """Return the filtered poses (n, 3).
@@ -82,33 +136,28 @@ class KalmanFilter:
         Args:
             measured: poses seen (n, 3); not a number where a robot was not seen.
             displacement: what commands should have caused since the last frame, (n, 3), m and rad.
-            late: robots that stay in their frame, and how much later they were seen. [none]
-            onward: what commands should have caused until then, (n, 3).
+            step: that of the filter. [to the next frame, in which robots were seen]
+            onward: what commands should have caused until robots were seen, (n, 3).
         """
+        held, after = (step or self._now).held[:, None, None], (step or self._now).after[:, None]
         moving = self._scale * (GAIN_ERROR * displacement) ** 2
         mean = (self._transition @ self.mean[..., None])[..., 0]
         mean[..., 0] += displacement
         covariance = self._transition @ self.covariance @ self._transition.T
         covariance[..., 0, 0] += moving
         covariance[..., 1, 1] += self._scale * self._wander
-        expected, with_seen = mean[..., 0], covariance[..., 0]  # of what is seen, with the state
-        variance = covariance[..., 0, 0] + self._noise
-        if late is not None:
-            held, after = late.held[:, None, None], late.after[:, None]
-            mean = np.where(held, self.mean, mean)
-            covariance = np.where(held[..., None], self.covariance, covariance)
-            expected = mean[..., 0] + onward + after * mean[..., 1]
-            with_seen = covariance[..., 0] + after[..., None] * covariance[..., 1]
-            variance = with_seen[..., 0] + after * with_seen[..., 1] + self._noise
-            variance += np.maximum(after / self._period, 0.0) * moving
-        innovation = measured - expected
+        mean = np.where(held, self.mean, mean)
+        covariance = np.where(held[..., None], self.covariance, covariance)
+        with_seen = covariance[..., 0] + after[..., None] * covariance[..., 1]  # of the state with what is seen
+        variance = with_seen[..., 0] + after * with_seen[..., 1] + self._noise
+        variance += np.maximum(after / self._period, 0.0) * moving
+        innovation = measured - (mean[..., 0] + onward + after * mean[..., 1])
         innovation[:, 2] = wrap_angle(innovation[:, 2])
         missed = np.isnan(innovation)
-        any_missed = np.count_nonzero(missed)
         gain = with_seen / variance[..., None]
         square = innovation**2 / variance
         self.normalised = innovation / np.sqrt(variance)
-        if any_missed:
+        if np.count_nonzero(missed):
             innovation, square = np.where(missed, 0.0, innovation), np.where(missed, 1.0, square)
             gain[missed] = 0.0
         self.mean = mean + gain * innovation[..., None]
@@ -133,48 +182,44 @@ class Tracker:
         filter: behind the present where images are late.
         longest: commands that may have acted in the frame just past.
         pose, twist: at this frame, (n, 3).
-        steps: those that the filter made in it; none where it is at the present.
+        steps: those that the filter made in it.
     """
 
     def __init__(self, pose: Array, noise: Array, latency: Array, period: float, gate: Gate) -> None:
         self.filter, self._gate = KalmanFilter(pose, period, noise), gate
         self._latency, self._period = latency, period
-        self._clock = Clock(len(latency), period)
+        self._clock, self._now = Clock(len(latency), period), Step.now(len(latency))
         self.longest = math.ceil(latency.max()) + 1
-        self._alike = bool((latency == latency[0]).all())
         self.pose, self.twist = self.filter.pose, self.filter.twist
-        self.steps: tuple[Late, ...] = ()
+        self.steps: tuple[Step, ...] = (self._now,)
 
-    def update(self, measured: Array, age: Array | None, sent: CommandsInFlight) -> Array:
+    def update(self, measured: Array, age: Array, sent: CommandsInFlight) -> Array:
         """Take in a frame; return the poses (n, 3) that the gate lets pass.
 
         Args:
             measured: poses seen by vision (n, 3), not a number where a robot was not seen.
-            age: how long before this frame that was, (n,) s. [0]
-            sent: commands up to the frame before, `late.MOST_FRAMES` more than `longest`.
+            age: how long before this frame that was, (n,) s.
+            sent: commands up to the frame before, `MOST_FRAMES` more than `longest`.
         """
         measured = self._gate(measured, age)
-        if age is not None or np.count_nonzero(self._clock.behind):
-            self._late(measured, age, sent)
-            return measured
-        latency = float(self._latency[0, 0]) if self._alike else self._latency
-        self.filter.update(measured, sent.felt(latency) * self._period)
-        self.pose, self.twist, self.steps = self.filter.pose, self.filter.twist, ()
+        if np.count_nonzero(age) or np.count_nonzero(self._clock.behind):
+            self._update_late(measured, age, sent)
+        else:
+            self.pose = self.filter.update(measured, sent.felt(self._latency) * self._period)
+            self.twist, self.steps = self.filter.twist, (self._now,)
         return measured
 
-    def _late(self, measured: Array, age: Array | None, sent: CommandsInFlight) -> None:
+    def _update_late(self, measured: Array, age: Array, sent: CommandsInFlight) -> None:
         """Take in a frame where robots were seen a while ago, or the filter is behind for that."""
-        ages = np.zeros(len(measured)) if age is None else age
-        steps = self._clock.steps(ages, ~np.isnan(measured[:, 0]))
-        now = self._latency
-        for late in steps:
-            behind, share = late.behind[:, None], late.after[:, None] / self._period
+        now, self.steps = self._latency, tuple(self._clock.steps(age, ~np.isnan(measured[:, 0])))
+        for step in self.steps:
+            behind, share = step.behind[:, None], step.after[:, None] / self._period
             displacement = sent.felt(now + behind) * self._period
             onward = share * sent.felt(now + np.maximum(behind - 1, 0.0)) * self._period
-            seen = measured if late is steps[-1] else np.full_like(measured, np.nan)
-            self.filter.update(seen, displacement, late, onward)
+            seen = measured if step is self.steps[-1] else np.full_like(measured, np.nan)
+            self.filter.update(seen, displacement, step, onward)
         behind, drift = self._clock.behind[:, None], self.filter.drift
         shares = sent.ahead(now + behind) - sent.ahead(now)
         since = (shares * sent.last(sent.length)).sum(0)
         self.pose = self.filter.pose + (since + behind * drift) * self._period
-        self.twist, self.steps = sent.felt(now) + drift, tuple(steps)
+        self.twist = sent.felt(now) + drift

@@ -132,9 +132,9 @@ class Drive:
             wanted = team.command()
             sent = wanted.copy()
             sent[self._along] += disturbance
-            team.sent(sent)  # as if in the frame before, so that the limit on changes lets the disturbance through
+            team.last = sent  # as if in the frame before, so that the limit on changes lets the disturbance through
             simulation.step(sent)
-            team.sent(wanted)
+            team.last = wanted
             after_frame(frame)
 
     def answers(self) -> tuple[Array, Array, Array]:
