@@ -63,7 +63,7 @@ def test_packets_take_the_dead_time_of_the_frame_in_which_they_are_sent(
 @pytest.mark.parametrize(("delay", "jitter"), [(6, 4), (3, 3)])
 def test_jitter_is_uniform_and_packets_that_are_overtaken_are_dropped(delay: int, jitter: int) -> None:
     """What is held is older than m frames if none of the packets of the last m has arrived: a product of chances."""
-    robots, frames = 4000, delay + jitter + 1
+    robots, frames = 1000, delay + jitter + 1
     got = hold([[]] * robots, frames + 20, delay, seeds=range(robots), jitter_frames=jitter)
     assert (np.diff(got, axis=0) >= 0).all()
     age = frames - 1 - got[frames - 1]

@@ -18,14 +18,12 @@ def alpha(value: float) -> tuple[str, ...]:
 
 DOUBTFUL = {
     "alpha lasting for 10 s": (),
-    "alpha anew in each frame": ("kinematic.alpha_time_s=0",),
+    "alpha anew in each frame, jitter of 2 frames": ("kinematic.alpha_time_s=0", "radio.jitter_frames=2"),
     "alpha 0.5": alpha(0.5),
     "alpha 0.7, delay 2": (*alpha(0.7), "radio.delay_frames=2"),
-    "alpha 0.7, delay 10": (*alpha(0.7), "radio.delay_frames=10"),
     "alpha 1.1": alpha(1.1),
     "delay 3 frames longer than told": ("control.delay_error_frames=-3",),
     "delay 3 frames shorter than told": ("control.delay_error_frames=3",),
-    "alpha anew in each frame, jitter of 2 frames": ("kinematic.alpha_time_s=0", "radio.jitter_frames=2"),
 }
 
 

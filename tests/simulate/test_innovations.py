@@ -18,8 +18,8 @@ CASES = {
     "kinematic, alpha anew in each frame": ("rect", "kinematic", 10, ("kinematic.alpha_time_s=0",)),
     "kinematic, disturbance": ("rect-noise", "kinematic", 10, ()),
     "kinematic, gaps": ("rect", "kinematic", 10, GAPS),
-    "mujoco": ("rect", "mujoco", 4, CORNER),
-    "mujoco, gaps": ("rect", "mujoco", 4, (*CORNER, *GAPS, "wheels.model=two-rollers")),
+    "mujoco": ("rect", "mujoco", 3, CORNER),
+    "mujoco, gaps": ("rect", "mujoco", 3, (*CORNER, *GAPS, "wheels.model=two-rollers")),
 }
 
 

