@@ -55,9 +55,7 @@ def test_every_channel_of_every_frame_is_recorded(plant: str) -> None:
     np.testing.assert_allclose(trajectory.time, np.arange(trajectory.length) / 60)
 
 
-@pytest.mark.parametrize(
-    ("plant", "mode"), [("kinematic", "timed"), ("kinematic", "iterated"), ("mujoco", "iterated")]
-)
+@pytest.mark.parametrize(("plant", "mode"), [("kinematic", "timed"), ("kinematic", "iterated"), ("mujoco", "iterated")])
 def test_robots_arrive(plant: str, mode: str) -> None:
     trajectory = run(plant, (f"reference.mode={mode}", "reference.settle_s=3", "kinematic.alpha_low=1"))
     left = np.linalg.norm(trajectory.channel("pose")[-120:, :, 0, :2] - [0.5, 0.0], axis=-1).max(0)
