@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch
 
 from omni_control.kinematics import Array, world_to_body, wrap_angle
 from omni_mj.link.radio import Received
@@ -29,7 +28,6 @@ from omni_mj.robot.onboard import CycleRecord, OnboardParameters, begin_frame, e
 from omni_mj.robot.wheel_loops import CYCLES
 from omni_mj.scenarios.rows import Row
 from omni_mj.worlds import build
-from omni_mj.worlds.build import World
 
 THREADED = 16  # robots from which several threads gain more in a step than they lose by meeting at its end
 TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2  # sine squared of half the tilt: x^2 + y^2 of the quaternion
@@ -56,9 +54,8 @@ class MujocoPlant(WheeledPlant):
             their models are made of (`Shape`) and the physics must be the same for all.
         start: Poses at the start, (n, 3).
         threads: Of the physics. Results do not depend on it. [one below 16 robots, else as many as cores]
-        within: A batch of one world, and where these robots are in it, perhaps with others: whoever steps it calls
-            `begin` and `end` of all its plants, and `run_cycles` in between. [a batch of their own; where they start is
-            then checked]
+        hulls: Whether robots meet each other and walls, wherever they start. [if a world has several, which may not
+            start in each other]
 
     Raises:
         OmniError: Rows that one batch cannot hold (see `batches`), a robot that starts in another or in a wall, or a
@@ -72,19 +69,16 @@ class MujocoPlant(WheeledPlant):
         rows: Sequence[Row],
         start: Array,
         threads: int | None = None,
-        within: tuple[Batch, World] | None = None,
+        hulls: bool | None = None,
     ) -> None:
-        settings, places = [row.settings for row in rows], batches.places(rows) if within is None else len(rows)
+        settings, places = [row.settings for row in rows], batches.places(rows)
         batches.check(rows)
-        n, worlds, checked = len(rows), len(rows) // places, within is None
+        n, worlds = len(rows), len(rows) // places
         self._places, self.substeps = places, settings[0].physics.substeps
-        if within is None:
-            world = build.world(settings[0], places)
-            if threads is None:
-                threads = 1 if n < THREADED else os.cpu_count() or 1
-            within = batches.made(world, worlds, min(threads, worlds)), world
-        self._batch, self._world = within
-        world = self._world
+        self._world = world = build.world(settings[0], places, hulls=hulls)
+        if threads is None:
+            threads = 1 if n < THREADED else os.cpu_count() or 1
+        self._batch = batches.made(world, worlds, min(threads, worlds))
         first, last = int(UNSTABLE[0]), int(UNSTABLE[-1])
         self._warnings = np.asarray(self._batch.warning)[:, first : last + 1, 1]  # (worlds, 3), live
         drawn = Drawn.of(rows)
@@ -104,7 +98,7 @@ class MujocoPlant(WheeledPlant):
         self._failed = np.zeros(n, bool)
         self._living: np.ndarray | None = None  # worlds that are stepped; None for all
         self._stand(np.arange(worlds))
-        if places > 1 and checked:
+        if places > 1 and hulls is None:
             batches.check_start(rows, world.model, self._batch.bind("qpos"))
         p, s = self._onboard
         self.parameters = MujocoParameters(p, carpet, self._centre)
@@ -128,23 +122,27 @@ class MujocoPlant(WheeledPlant):
 
     def advance(self, received: Received) -> dict[int, str]:
         """See `Plant`."""
-        self.begin(received)
-        run_cycles([self], self._batch, self.cycles, self._living)
-        return self.end(self.cycles)
+        return self.go(self.cycles, received)
 
-    def begin(self, received: Received | None = None) -> None:
-        """Do what comes before some cycles of the wheel loops.
+    def go(self, count: int, received: Received | None) -> dict[int, str]:
+        """Go through some cycles of the wheel loops, no more than are left of the frame.
 
         Args:
+            count: How many.
             received: What robots hold from now on, if anything arrived; headings are compared in the next frame.
+
+        Returns:
+            As `advance` at the end of a frame.
         """
         if received is not None:
             self._accept(received)
         if self._cycle == 0:
             self._begin()
-
-    def end(self, count: int) -> dict[int, str]:
-        """Do what comes after some cycles, no more than were left of the frame; return as `advance` at its end."""
+        for _ in range(count):
+            self._before_step()
+            for substep in range(self.substeps):
+                self._batch.step(self._living)
+                self._after_step(substep == 0, substep == self.substeps - 1)
         self._cycle = (self._cycle + count) % self.cycles
         if self._cycle:
             return {}
@@ -155,7 +153,7 @@ class MujocoPlant(WheeledPlant):
         toppled = (self._toppled() & ~self._failed).any()
         return self._check() if toppled or np.count_nonzero(self._warnings) else {}
 
-    def before_step(self) -> None:
+    def _before_step(self) -> None:
         """Turn what sensors show into voltages, forces on the chassis, and limits of the slip hinges."""
         at, carpet, is_due = self._at, self.parameters.carpet, self.onboard.cycle % DRAG_CYCLES == 0
         gyro, angle = self._sensed
@@ -171,7 +169,7 @@ class MujocoPlant(WheeledPlant):
         at.voltage.set(motors.back_emf * speed + record.current * motors.resistance)
         self._limit_slips(load)
 
-    def after_step(self, is_first: bool, is_last: bool) -> None:
+    def _after_step(self, is_first: bool, is_last: bool) -> None:
         """See to what follows a physics step, the first or last of a cycle."""
         if is_first:  # what MuJoCo sensed at its start: a cycle ago, however many steps there are in it
             self._sense()
@@ -304,22 +302,3 @@ class MujocoPlant(WheeledPlant):
         over = self._failed.reshape(-1, self._places).all(1)
         self._batch.bind("qvel")[over] = 0.0
         self._living = np.flatnonzero(~over)
-
-
-def run_cycles(plants: Sequence[MujocoPlant], batch: Batch, count: int, living: np.ndarray | None = None) -> None:
-    """Go through cycles of the wheel loops, physics steps among them.
-
-    Args:
-        plants: Those of a batch, one after the other.
-        batch: Of all their robots.
-        count: Of the cycles.
-        living: Worlds that are stepped; None for all.
-    """
-    substeps = plants[0].substeps
-    for _ in range(count):
-        for plant in plants:
-            plant.before_step()
-        for substep in range(substeps):
-            batch.step(living)
-            for plant in plants:
-                plant.after_step(substep == 0, substep == substeps - 1)

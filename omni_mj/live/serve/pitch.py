@@ -117,7 +117,7 @@ class Pitch:
                 self.held = arrived = decode_packets(packets, is_new, self.cycle + plant.cycles_left)
         if not plant.cycles_left:
             self._last_poses = self.poses()
-        for robot, cause in plant.go(arrived).items():
+        for robot, cause in plant.go(1, arrived).items():
             self.notes.add("robot failed", f"{label(self.names[robot])} {cause} at {self.time_s:.3f} s")
         self.cycle += 1
         if plant.is_unstable:

@@ -5,11 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from omni_control.kinematics import Array, world_to_body, wrap_angle
-from omni_mj.link.radio import Received
-from omni_mj.plants import batches
-from omni_mj.plants.mujoco import MujocoPlant, run_cycles
+from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.scenarios.rows import Row
-from omni_mj.worlds import build
 
 AWAY_M = 10.0  # height at which removed robots wait, each a metre above the one before
 HEADING_MEMORY_FRAMES = 120  # for which a robot remembers its headings; older images tell it nothing
@@ -30,19 +27,8 @@ class ServedPlant(MujocoPlant):
     remembered_frames = HEADING_MEMORY_FRAMES
 
     def __init__(self, rows: Sequence[Row], start: Array) -> None:
-        world = build.world(rows[0].settings, len(rows), hulls=True)
-        super().__init__(rows, start, within=(batches.made(world, 1), world))
+        super().__init__(rows, start, hulls=True)
         self.present, self.is_unstable = np.ones(len(rows), bool), False
-
-    def go(self, received: Received | None) -> dict[int, str]:
-        """Advance by a cycle of the wheel loops; see `advance`.
-
-        Args:
-            received: What robots hold from now on, if anything arrived; headings are compared in the next frame.
-        """
-        self.begin(received)
-        run_cycles([self], self._batch, 1)
-        return self.end(1)
 
     @property
     def cycles_left(self) -> int:
