@@ -1,20 +1,15 @@
-"""Files that appear whole or not at all; and those that are shipped."""
+"""Files that appear whole or not at all."""
 
-import errno
 import json
 import os
 import shutil
-import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, BinaryIO
 
 from omni_control.errors import OmniError
 
-MOST_BYTES = 500_000_000  # of a file that is read whole
 SPARE_B = 1_000_000  # of disk, for what is small: summary, report, provenance
 PARTIAL = ".partial"  # after the name of a file that is being written
 
@@ -52,20 +47,6 @@ def write(path: Path, content: str) -> None:
         file.write(content.encode())
 
 
-def text_of(path: Path) -> str:
-    """What a file holds.
-
-    Raises:
-        OSError: it cannot be read, is no file but a device or the like, or holds more than anybody means.
-        ValueError: it is not text.
-    """
-    with open(path, "rb", opener=_opened) as file:
-        data = file.read(MOST_BYTES + 1)
-    if len(data) > MOST_BYTES:
-        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
-    return data.decode()
-
-
 def read_json(path: Path) -> dict[str, Any]:
     """Return the mapping that a JSON file holds.
 
@@ -73,7 +54,7 @@ def read_json(path: Path) -> dict[str, Any]:
         OmniError: It cannot be read, or is none.
     """
     try:
-        found = json.loads(text_of(path))
+        found = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise OmniError(f"{path} cannot be read: {error.strerror}") from None
     except (ValueError, RecursionError) as error:
@@ -81,21 +62,6 @@ def read_json(path: Path) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise OmniError(f"{path} is not what a run leaves; make the run again")
     return found
-
-
-def _opened(path: str, flags: int) -> int:
-    """Open what is a file; something else is not waited for."""
-    handle = os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
-    if not stat.S_ISREG(os.fstat(handle).st_mode) and not stat.S_ISDIR(os.fstat(handle).st_mode):
-        os.close(handle)
-        raise OSError(errno.EINVAL, "it is not a regular file", path)
-    return handle
-
-
-@cache
-def shipped(folder: Path) -> Mapping[str, Path]:
-    """The TOML files of a folder of the package's own, by name; looked up once."""
-    return MappingProxyType({path.stem: path for path in sorted(folder.glob("*.toml"))})
 
 
 def check_room(folder: Path, needed_b: float) -> None:

@@ -7,8 +7,6 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from omni_control.errors import OmniError, printable
 from omni_mj.files import whole
 
@@ -16,25 +14,6 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 GROUP_ROWS = 20_000  # of a file that is written in parts, of which some things stay in memory until the end
-
-
-def column(values: np.ndarray) -> "pa.Array":
-    """Numbers, or truth values, (n,), as a column; Arrow would import pandas for it first, for half a second."""
-    import pyarrow as pa
-
-    kind = pa.from_numpy_dtype(values.dtype)
-    data = np.packbits(values, bitorder="little") if values.dtype == bool else np.ascontiguousarray(values)
-    return pa.Array.from_buffers(kind, len(values), [None, pa.py_buffer(data)])
-
-
-def labels(which: np.ndarray, names: Sequence[str]) -> "pa.DictionaryArray":
-    """For each line, the name whose number is given, (n,)."""
-    import pyarrow as pa
-
-    coded = [name.encode() for name in names]
-    ends = np.cumsum([0, *map(len, coded)], dtype=np.int32)
-    words = pa.StringArray.from_buffers(len(names), pa.py_buffer(ends), pa.py_buffer(b"".join(coded)))
-    return pa.DictionaryArray.from_arrays(column(which.astype(np.int32)), words)
 
 
 def read(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
@@ -54,14 +33,6 @@ def read(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
         if missing := [name for name in columns or () if name not in table.schema_arrow.names]:
             raise OmniError(f"{path} cannot be read: it has no column {missing[0]}")
         return table.read(None if columns is None else list(columns), use_threads=False)
-
-
-def schema(path: Path) -> "pa.Schema":
-    """The names and types of the columns in a file; errors are those of `read`."""
-    import pyarrow.parquet as pq
-
-    with _opened(path) as file:
-        return pq.read_schema(file)
 
 
 def write(tables: "Iterable[pa.Table]", path: Path) -> None:

@@ -178,8 +178,8 @@ class Log:
         for name, titles in self.columns.items():
             data = self.channel(name)
             columns |= {title: data[frame, line, i] for i, title in enumerate(titles)}
-        said = {"controller": parquet.labels(which[line], names)}
-        return pa.table(said | {title: parquet.column(values) for title, values in columns.items()})
+        labels = pa.DictionaryArray.from_arrays(which[line], pa.array(names, pa.string()))
+        return pa.table({"controller": labels} | columns)
 
     def save(self, path: Path) -> None:
         """Write the table as Parquet, some lines after the others; the file appears whole or not at all."""

@@ -51,12 +51,7 @@ def test_where_nothing_can_be_nothing_is(
         assert set(folder.rglob("*")) == before
 
 
-def test_devices_and_pipes_are_no_files_and_not_waited_for(capsys: pytest.CaptureFixture[str]) -> None:
+def test_devices_are_no_files(capsys: pytest.CaptureFixture[str]) -> None:
     for given in (("identify",), ("run", "--scenario")):
         assert invoke(*given, "/dev/zero") == 2
         assert capsys.readouterr().err.startswith("error: ")
-    for name in ("summary.json", "provenance.json"):
-        os.mkfifo(name)
-    for words in (("verify", "."), ("report", ".")):
-        assert invoke(*words) == 2
-        assert capsys.readouterr().err.count("\n") == 1

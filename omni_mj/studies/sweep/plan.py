@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from omni_control.errors import OmniError, choose
-from omni_mj.files import text_of, write
+from omni_mj.files import write
 from omni_mj.scenarios.checking import shown
 from omni_mj.scenarios.classes import written
 from omni_mj.scenarios.references import timed
@@ -209,7 +209,7 @@ class Plan:
         """
         path = folder / "sweep.json"
         try:
-            content = json.loads(text_of(path))
+            content = json.loads(path.read_text(encoding="utf-8"))
             if content["format"] != FORMAT:
                 raise OmniError(f"{path} is of format {content['format']!r}; this version reads {FORMAT}")
             scenario = load(str(folder / "scenario.toml"), code=True, head={"controllers": content["controllers"]})
