@@ -58,7 +58,7 @@ OMNI3 = {  # mass, inertias, height and rollers are guesses
     ("carpet", "pile"): "0.1",
 }
 COLUMNS = {  # number -> unit in the table
-    "radius_m": 2e3, "gain_forward": 102, "gain_sideways": 102, "arm_m": 1e3, "clock_s": 1e3, "drift": 100,
+    "radius_m": 2e3, "gain_forward": 102, "gain_sideways": 102, "arm_m": 1e3, "clock_s": 1e3,
     "creep_stiffness": 1,
 }  # fmt: skip
 
@@ -125,7 +125,7 @@ def true_numbers(settings: Settings) -> dict[str, float]:
         "wheels.arm_m": settings.wheels.arm_m,
         "commands.latency_s": settings.radio.delay_frames * PERIOD_S - half_step,
     }
-    numbers |= dict.fromkeys(("wheels.clock_s", "wheels.drift", "wheels.slope_x_rad", "wheels.slope_y_rad"), 0.0)
+    numbers |= dict.fromkeys(("wheels.clock_s", "wheels.slope_x_rad", "wheels.slope_y_rad"), 0.0)
     for i, axis in enumerate(("forward", "sideways")):
         numbers[f"wheels.gain_{axis}"] = ROLLS * float(law.gain[i])
         numbers[f"wheels.creep_{axis}_s2_m"] = float(law.time[i])
@@ -197,7 +197,7 @@ def measured(runs: Path, folder: Path) -> Table:
         cells = [format_estimate(told(result).get(f"wheels.{name}"), unit) for name, unit in COLUMNS.items()]
         lasting = result.fits["wheels"].residuals["positions"].lasting
         rows.append([path.stem, *cells, f"{1e3 * lasting:.2g}"])
-    headings = ["run", "wheel, mm", "K fwd", "K side", "arm, mm", "later, ms", "more, %", "creep", "lasts, mm"]
+    headings = ["run", "wheel, mm", "K fwd", "K side", "arm, mm", "later, ms", "creep", "lasts, mm"]
     return Table("omni3, by wheels and true poses; K times 102 mm", headings, rows, 1)
 
 

@@ -70,21 +70,21 @@ def test_motion_along_one_axis_tells_nothing_of_the_other(tmp_path: Path) -> Non
     assert "turns at 0.0" in (found["wheels.gain_turning"].why_not or "")
 
 
-def slow(wheels: int = 4, seconds: float = 40.0) -> Columns:
-    """A slow robot, 25 lines a second, 0.5 mm of noise: wheels 4 % small, arm 2 % short, clocks that differ."""
+def slow(seconds: float = 40.0) -> Columns:
+    """A slow robot, 25 lines a second, 0.5 mm of noise: wheels 4 % small, arm 2 % short, a clock that is off."""
     dense, t = np.arange(-1.0, seconds + 1.0, 1e-3), np.arange(0.0, seconds, 1 / 25)
     vx, vy, w = 0.2 * np.sin(1.1 * dense), 0.15 * np.sin(1.7 * dense + 1), 0.5 * np.sin(0.7 * dense)
     heading = np.cumsum(w) * 1e-3
     way = np.cumsum((vx + 1j * vy) * np.exp(1j * heading)) * 1e-3
     speeds = SETTINGS.wheels.kinematics.wheel_speeds(np.stack([vx, vy, 0.98 * w], 1) / 0.96)
-    shown = t + 0.07 + 0.01 * (t - seconds / 2)  # encoders of a line are of then
+    shown = t + 0.07  # encoders of a line are of then
     noise = np.random.default_rng(0).normal(size=(3, len(t))) * 5e-4
     poses = [np.interp(t, dense, c) + n for c, n in zip((way.real, way.imag, heading), noise, strict=True)]
-    angles = [np.interp(shown, dense, np.cumsum(s) * 1e-3) for s in speeds.T[:wheels]]
-    return dict(zip(("time_s", *POSE, *WHEELS), [t, *poses, *angles], strict=False))
+    angles = [np.interp(shown, dense, np.cumsum(s) * 1e-3) for s in speeds.T]
+    return dict(zip(("time_s", *POSE, *WHEELS), [t, *poses, *angles], strict=True))
 
 
-def test_wheels_tell_radius_arm_and_clocks(tmp_path: Path) -> None:
+def test_wheels_tell_radius_arm_and_clock(tmp_path: Path) -> None:
     """Within half a percent, and 10 ms."""
     found = identified(slow(), tmp_path)
     for name, value, within in (
@@ -92,7 +92,6 @@ def test_wheels_tell_radius_arm_and_clocks(tmp_path: Path) -> None:
         ("arm_m", 0.98 * SETTINGS.wheels.arm_m, {"rel": 0.01}),
         ("gain_forward", 0.96, {"rel": 0.005}),
         ("clock_s", 0.07, {"abs": 0.01}),
-        ("drift", 0.01, {"abs": 1e-3}),
     ):
         assert found[f"wheels.{name}"].value == pytest.approx(value, **within), name
     assert not found["wheels.creep_stiffness"].told

@@ -29,7 +29,6 @@ from omni_mj.studies.identify.stretches import cut
 
 __all__ = ["Estimate", "Identified", "identify", "identify_logs", "plan", "start_scenario"]
 
-DRIFTS_S = 30.0  # length of logs from which clocks may run at different speeds
 OTHER_RADIUS, SURE = 0.025, 3.0  # and standard errors, from which the radius is not that of the robot's file
 ROLLS, RADIUS_SHARE = 0.9988, 0.002  # rolling radius over the file's (rubber is pressed), and how well it is known
 CONTACTS = ("creep", "pile", "roller_friction", "lean_x_m_s2", "lean_y_m_s2")
@@ -202,8 +201,7 @@ def _add_fit(result: Identified, source: str, logs: Sequence[Log]) -> None:
         return
     start, late = body.parameters(settings, by_wheels), float(np.median(delays))
     if by_wheels:
-        is_long = any(np.ptp(log.time) > DRIFTS_S for log in logs)
-        free = ["scale", "arm", "compass_rad"] + ["drift"] * is_long
+        free = ["scale", "arm", "compass_rad"]
     else:
         free = ["scale", "give_s", "friction_m_s", "compass_rad"] + ["turn_gain"] * ("turning" not in lacks)
         late = max(late - 2 * start[NAMES.index("give_s")] / len(body.along), 0.01)

@@ -43,7 +43,6 @@ class Kind(NamedTuple):
 KINDS = {
     LATE: Kind("latency of the loop", "s", "", 0.5 * PERIOD_S, 8e-4),
     "clock_s": Kind("poses later than wheels by", "s", "", 0.5 * PERIOD_S, 4.5e-4),
-    "drift": Kind("and more so by, each second", "", "", 1e-3, 5e-5),
     "creep_stiffness": Kind("creep stiffness C", "", "creep", 0.25, 0.014, relative=True),
     "pile": Kind("drag of the pile, over load", "", "creep", 0.02, 7e-3),
     "roller_friction": Kind("friction of rollers, over load", "", "creep", 0.03, 8e-3),
@@ -186,7 +185,7 @@ def numbers(body: Body, settings: Settings, parameters: Array, by_wheels: bool) 
     result = {"creep_stiffness": stiffness} | {name: p[name] for name in ("pile", "roller_friction", "compass_rad")}
     if by_wheels:
         gain_turning = scale / p["arm"] * turning
-        result |= {"radius_m": body.radius * scale, "arm_m": arm, "drift": p["drift"]}
+        result |= {"radius_m": body.radius * scale, "arm_m": arm}
     else:
         gain_turning = scale * (1 + p["turn_gain"]) / (1 / turning + scale * p["turn_gain"])
         cosines = np.abs(body.along[:, 0])

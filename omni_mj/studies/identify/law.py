@@ -32,7 +32,7 @@ from omni_mj.studies.identify.stretches import Stretches
 
 NAMES = (
     "creep", "pile", "roller_friction", "scale", "arm", "compass_rad", "give_s", "friction_m_s", "turn_gain", "grip",
-    "drift", "lean_x_m_s2", "lean_y_m_s2",
+    "lean_x_m_s2", "lean_y_m_s2",
 )  # fmt: skip
 ROLLER_KG = 0.0015  # models/ssl_robot.xml; mass that turns with the rims, 1 to 2 % of the robot's
 AT_REST_M_S = 0.01  # speed below which dry drag fades, as on the plant
@@ -156,7 +156,7 @@ def simulate(body: Body, stretches: Stretches, parameters: Array, late: Array, f
     by_wheels = stretches.are_wheels
     mass = body.mass
     parts = max(1, int(np.ceil(stretches.period / STEP_S)))
-    inputs, duration = stretches.mean_inputs(late + (0 if by_wheels else body.wait), p["drift"], parts)
+    inputs, duration = stretches.mean_inputs(late + (0 if by_wheels else body.wait), parts)
     pose, velocity = first[..., 0, :], first[..., 1, :]
     pull = world_to_body(first[..., 2, :], pose[..., 2] + compass)
     unit = np.eye(3)

@@ -24,45 +24,37 @@ class Stretches:
     Attributes:
         are_wheels: Whether inputs are wheel speeds in rad/s, else twists in m/s and rad/s.
         period: Median time between samples, s.
-        start: Time of the first line, s.
-        total: Integral of the inputs over time.
+        total: Integral of the inputs over time, which begins at 0.
         time: Of each sample, (S, m) s.
         pose: Measured, world frame, (S, m, 3).
         in_body: Whether twists are along the body's axes, (S,).
-        middle: Time of the middle of the stretch's log, (S,) s.
     """
 
     are_wheels: bool
     period: float
-    start: float
     total: BSpline
     time: Array
     pose: Array
     in_body: np.ndarray
-    middle: Array
 
     def __len__(self) -> int:
         return len(self.time)
 
     def select(self, mask: np.ndarray) -> "Stretches":
         """Return the stretches of a mask (S,)."""
-        return replace(
-            self, time=self.time[mask], pose=self.pose[mask], in_body=self.in_body[mask], middle=self.middle[mask]
-        )
+        return replace(self, time=self.time[mask], pose=self.pose[mask], in_body=self.in_body[mask])
 
-    def mean_inputs(self, late: Array, drift: Array, parts: int) -> tuple[Array, Array]:
+    def mean_inputs(self, late: Array, parts: int) -> tuple[Array, Array]:
         """Return the mean input of each step (S, P, q, K) and its duration (S, q) in s.
 
         Args:
             late: Delay of the inputs, (P,) s.
-            drift: Growth of the delay per second since the middle of the log, (P, 1).
             parts: Steps from a sample to the next.
         """
         m = self.time.shape[1]
         edges = make_interp_spline(np.arange(m), self.time.T, k=1)(np.linspace(0, m - 1, parts * (m - 1) + 1)).T
-        at = edges[:, None] - late[:, None] - drift * (edges - self.middle[:, None])[:, None]
-        duration = np.diff(edges)
-        return np.diff(self.total(np.maximum(at, self.start)), axis=2) / duration[:, None, :, None], duration
+        duration, at = np.diff(edges), edges[:, None] - late[:, None]
+        return np.diff(self.total(np.maximum(at, 0.0)), axis=2) / duration[:, None, :, None], duration
 
     def estimate_first(self) -> Array:
         """Return pose, velocity and acceleration at the first sample, by a parabola, (S, 3, 3)."""
@@ -86,18 +78,18 @@ def cut(logs: Sequence[Log], inputs: Sequence[Array], are_wheels: bool) -> Stret
     seen = [np.flatnonzero(np.isfinite(log.pose).all(1)) for log in logs]
     period = float(np.median(np.concatenate([np.diff(log.time[s]) for log, s in zip(logs, seen, strict=True)])))
     count = max(LEAST_POSES, round(STRETCH_S / period))
-    clocks, rows = list[Array](), list[tuple[Array, Array, bool, float]]()
+    clocks, rows = list[Array](), list[tuple[Array, Array, bool]]()
     for log, lines in zip(logs, seen, strict=True):
         clock = log.time - log.time[0] + (clocks[-1][-1] + APART_S if clocks else 0.0)
         clocks.append(clock)
         for piece in np.split(lines, np.flatnonzero(np.diff(clock[lines]) > GAP * period) + 1):
             settled = piece[clock[piece] >= clock[piece[:1]] + SETTLED_S]
             for block in settled[: len(settled) // count * count].reshape(-1, count):
-                rows.append((clock[block], log.pose[block], log.in_body, (clock[0] + clock[-1]) / 2))
+                rows.append((clock[block], log.pose[block], log.in_body))
     if len(rows) < LEAST:
         raise OmniError(
             f"{len(rows)} stretches of {STRETCH_S:g} s without a gap are too few to identify anything, "
             f"at least {LEAST} are needed"
         )
     total = integrate(np.concatenate(clocks), np.concatenate(inputs))
-    return Stretches(are_wheels, period, 0.0, total, *map(np.array, zip(*rows, strict=True)))
+    return Stretches(are_wheels, period, total, *map(np.array, zip(*rows, strict=True)))

@@ -4,14 +4,13 @@
 """
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from omni_control.controllers.base import Controller
-from omni_control.errors import OmniError, choose
 from omni_control.kinematics import Array
 from omni_control.registry import available
 from omni_mj.measure import summary
@@ -47,12 +46,11 @@ DEFINITIONS = {
     "gain_margin": "1 / abs(L) where the phase is -180 degrees and abs(L) < 1, the least",
     "sensitivity": "Ms, largest abs(1 / (1 + L)) from the lowest frequency measured to the highest",
 }
-# Figure -> its heading, factor, digits.
-COLUMNS = {
-    "rise": ("rise, ms", 1e3, 0), "overshoot": ("overshoot, %", 1e2, 0), "within_5_mm": ("5 mm, s", 1, 2),
-    "within_2_percent": ("2 %, s", 1, 2), "left": ("left, mm", 1e3, 1), "crossover": ("w, rad/s", 1, 1),
-    "phase": ("phase, °", 1, 0), "delay": ("delay, ms", 1e3, 0), "gain": ("gain", 1, 2), "sensitivity": ("Ms", 1, 2),
-}  # fmt: skip
+# Of the figures of `Step` and `Margins`: heading, factor, digits.
+COLUMNS = (
+    ("rise, ms", 1e3, 0), ("overshoot, %", 1e2, 0), ("5 mm, s", 1, 2), ("2 %, s", 1, 2), ("left, mm", 1e3, 1),
+    ("w, rad/s", 1, 1), ("phase, °", 1, 0), ("delay, ms", 1e3, 0), ("gain", 1, 2), ("Ms", 1, 2),
+)  # fmt: skip
 
 
 class Loop(NamedTuple):
@@ -72,14 +70,11 @@ class Loop(NamedTuple):
 
     def report(self) -> dict[str, Any]:
         """Return all in plain values, None for what there is none of."""
-        return {
-            "rms_m_s": drives.RMS_M_S,
-            "step_m": STEP_M,
-            "step": {name: plain(value) for name, value in self.step._asdict().items()},
-            "margins": {name: plain(value) for name, value in self.margins._asdict().items()},
-            "gain": [plain(size) for size in np.abs(self.gains)],
-            "phase_deg": [plain(angle) for angle in np.degrees(np.angle(self.gains))],
-        }
+        figures = {"step": self.step._asdict(), "margins": self.margins._asdict()}
+        report = {name: {key: plain(value) for key, value in each.items()} for name, each in figures.items()}
+        values = {"gain": np.abs(self.gains), "phase_deg": np.degrees(np.angle(self.gains))}
+        lists = {name: [plain(value) for value in each] for name, each in values.items()}
+        return {"rms_m_s": drives.RMS_M_S, "step_m": STEP_M, **report, **lists}
 
 
 @dataclass
@@ -106,21 +101,18 @@ class LoopResult(Result):
 
     def table(self) -> str:
         """Return the figures as lines of text."""
-        headings = ["", "", *(heading for heading, _, _ in COLUMNS.values())]
-        return aligned(Table(self.title, headings, list(self._lines()), 2)) if self.loops else ""
-
-    def _lines(self) -> Iterator[list[str]]:
+        rows = []
         for case, loops in self.loops.items():
             for i, (label, one) in enumerate(loops.items()):
-                figures = one.step._asdict() | one.margins._asdict()
-                cells = [_cell(figures[name], factor, digits) for name, (_, factor, digits) in COLUMNS.items()]
-                yield ["" if i else case, label, *cells]
+                figures = (*one.step, *one.margins)
+                cells = [_cell(value, factor, n) for value, (_, factor, n) in zip(figures, COLUMNS, strict=True)]
+                rows.append(["" if i else case, label, *cells])
+        return aligned(Table(self.title, ["", "", *(heading for heading, _, _ in COLUMNS)], rows, 2)) if rows else ""
 
 
 def loop(
     scenario: Scenario | str = "rect",
     controllers: Sequence[str | type[Controller]] | None = None,
-    cases: Sequence[str] = tuple(CASES),
     *,
     begin: Callable[[str, int], AfterFrame] = lambda title, frames: nothing,
 ) -> LoopResult:
@@ -130,25 +122,21 @@ def loop(
         scenario: Robot, plant, seeds and all settings, or its name; its reference is left out.
         controllers: Names, `file.py:Class`, or classes derived from `Controller`. [those that come with the package,
             but for what is told the truth]
-        cases: Of `CASES`, those that are measured.
         begin: Called with a title and the number of frames to come; what it returns is called after each frame, and
             may raise `StoppedError`.
 
     Raises:
-        OmniError: There is no such scenario, controller or case.
+        OmniError: There is no such scenario or controller.
     """
     started = time.perf_counter()
     chosen = load(scenario) if isinstance(scenario, str) else scenario
     distributions.refuse(chosen.distributions, "loop")
     kinds = tuple(usual() if controllers is None else controllers)
     chosen = chosen.replace(name="loop", description="step responses and margins", paper_table=0, controllers=kinds)
-    for name in cases:
-        if name not in CASES:
-            raise OmniError(f"unknown case {name!r}; {choose(name, CASES)}")
-    drive, loops, stopped = Drive(chosen, cases), {}, None
+    drive, loops, stopped = Drive(chosen), {}, None
     try:
         drive.run(begin("loop", drives.FRAMES))
-        loops = _find_loops(drive, chosen.labels, cases)
+        loops = _find_loops(drive, chosen.labels)
     except StoppedError as error:
         stopped = error.reason
     simulation, wall_s = drive.simulation, time.perf_counter() - started
@@ -170,7 +158,7 @@ def usual() -> tuple[str, ...]:
     return tuple(name for name in available() if not find_controller(name).knows_truth)
 
 
-def _find_loops(drive: Drive, labels: Sequence[str], cases: Sequence[str]) -> dict[str, dict[str, Loop]]:
+def _find_loops(drive: Drive, labels: Sequence[str]) -> dict[str, dict[str, Loop]]:
     """Return the loops of a drive that has come to its end."""
     position, command, disturbance = drive.answers()
     wanted, added = command[-drives.MEASURED :], disturbance[-drives.MEASURED :]
@@ -181,7 +169,7 @@ def _find_loops(drive: Drive, labels: Sequence[str], cases: Sequence[str]) -> di
         gains = loop_gain(wanted[:, i, j], added[:, i, j])
         return Loop(gains, moved[:, i, j], measure_step(moved[:, i, j], STEP_M), find_margins(gains))
 
-    return {case: {label: find_loop(i, j) for i, label in enumerate(labels)} for j, case in enumerate(cases)}
+    return {case: {label: find_loop(i, j) for i, label in enumerate(labels)} for j, case in enumerate(CASES)}
 
 
 def _cell(value: float, factor: float, digits: int) -> str:

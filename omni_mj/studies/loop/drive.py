@@ -11,7 +11,6 @@ in both alike, and fall out.
 
 import itertools
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,7 +98,6 @@ class Drive:
 
     Args:
         scenario: Controllers, seeds, robot, plant, and all settings but the reference.
-        cases: Of `CASES`.
 
     Attributes:
         simulation: Of all rows.
@@ -107,11 +105,11 @@ class Drive:
         disturbance: What is added to commands along each row's axis, (FRAMES, n) m/s.
     """
 
-    def __init__(self, scenario: Scenario, cases: Sequence[str]) -> None:
+    def __init__(self, scenario: Scenario) -> None:
         rest = {"shape": "waypoints", "waypoints": [[0, 0], [0, 0]], "mode": "timed", "settle_s": FRAMES * PERIOD_S}
         settings = scenario.settings.replace(reference=rest, world={"places": [[0, 0, 0]]})
-        self._shape = len(scenario.labels), len(cases), scenario.seeds, 2
-        grid = list(itertools.product(scenario.labels, cases, scenario.seed_list, (1, -1)))
+        self._shape = len(scenario.labels), len(CASES), scenario.seeds, 2
+        grid = list(itertools.product(scenario.labels, CASES, scenario.seed_list, (1, -1)))
         rows = [Row(i, 0, label, seed, settings, scenario.robot) for i, (label, _, seed, _) in enumerate(grid)]
         _, names, seeds, signs = zip(*grid, strict=True)
         self.asked = {"case": np.array(names), "sign": np.array(signs)}
@@ -143,9 +141,7 @@ class Drive:
         Their shape is (FRAMES, controllers, cases, seeds); m and m/s.
         """
         pose, sent = (self.simulation.log.channel(name)[:, *self._along] for name in ("pose", "command"))
-        grids = (
-            values.reshape(len(values), *self._shape)
-            for values in (pose, sent - self.disturbance[: len(sent)], self.disturbance)
-        )
-        position, command, disturbance = ((grid[..., 0] - grid[..., 1]) / 2 for grid in grids)
+        channels = np.stack([pose, sent - self.disturbance[: len(sent)], self.disturbance[: len(sent)]])
+        grid = channels.reshape(3, -1, *self._shape)
+        position, command, disturbance = (grid[..., 0] - grid[..., 1]) / 2
         return position, command, disturbance
