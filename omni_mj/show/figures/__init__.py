@@ -1,20 +1,35 @@
 """Figures of a run, from each controller's first row but for the one over all seeds; and of comparisons."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from omni_mj.measure.table import where
-from omni_mj.show.figures import canvas, comparison, paths, series
+from omni_mj.show import style
+from omni_mj.show.figures import canvas, run
 from omni_mj.show.shown import shown_robots
 
 if TYPE_CHECKING:
     from omni_mj.measure.result import Outcome
 
 FEWEST_SEEDS = 3  # that make a figure
+Entry = dict[str, Any]  # a scenario's, in a summary
+LINE_IN = 0.1, 0.25  # height of a controller's line with several scenarios; with one
+GAP = 1.5  # between scenarios, in lines
+SETTLE = "time to settle\nin s"
+# Label of a panel -> factor from SI units to the label's, and the spread over the seeds, from a result.
+PANELS: dict[str, tuple[float, Callable[[Entry], Entry]]] = {
+    "maximum error\nin the plane, cm": (100, lambda result: result["error_m"]["distance"]["max"]),
+    "mean error\nin the plane, cm": (100, lambda result: result["error_m"]["distance"]["mean"]),
+    "maximum error\nof heading, deg": (180 / np.pi, lambda result: result["error_rad"]["heading"]["max"]),
+    "excess effort\nin m/s²": (1, lambda result: result["excess_effort_m_s2"]),
+    SETTLE: (1, lambda result: result["settle_s"]),
+}
 
 
 def save_all(outcome: "Outcome", folder: Path, svg: bool = False) -> None:
@@ -47,13 +62,13 @@ def drawings(outcome: "Outcome") -> dict[str, Callable[[Figure], None]]:
         draw(robots, failures, figure)
         figure.suptitle("\n".join([f"{figure.get_suptitle()}: {place}", *titles]))
 
-    functions = {"path": paths.draw_paths, "output": series.draw_output, "error": series.draw_errors}
-    functions["why"] = series.draw_causes
-    if series.estimators(robots):
-        functions["alpha"] = series.draw_alpha
+    functions = {"path": run.draw_paths, "output": run.draw_output, "error": run.draw_errors}
+    functions["why"] = run.draw_causes
+    if run.estimators(robots):
+        functions["alpha"] = run.draw_alpha
     figures: dict[str, Callable[[Figure], None]] = {name: partial(over_time, draw) for name, draw in functions.items()}
     if len(log.seeds) >= FEWEST_SEEDS:
-        figures["seeds"] = partial(comparison.draw_comparison, {scenario.name: outcome.entry}, ())
+        figures["seeds"] = partial(draw_comparison, {scenario.name: outcome.entry}, ())
     return figures
 
 
@@ -61,4 +76,52 @@ def save_comparison(summary: dict[str, Any], stem: Path) -> None:
     """Draw a comparison into `stem`.png and `stem`.svg, if any of its scenarios has results."""
     if any(entry["results"] for entry in summary["scenarios"].values()):
         with canvas.drawing(stem, svg=True) as figure:
-            comparison.draw_comparison(summary["scenarios"], summary["informed"], figure)
+            draw_comparison(summary["scenarios"], summary["informed"], figure)
+
+
+def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figure: Figure) -> None:
+    """Draw means over the seeds with their intervals, scenario by scenario, a panel per statistic.
+
+    Args:
+        entries: Entries of a summary by label; those without results are left out.
+        informed: Controllers that know the truth, drawn hollow.
+        figure: Empty figure.
+    """
+    entries = {label: entry for label, entry in entries.items() if entry["results"]}
+    slots = style.slots(name for entry in entries.values() for name in entry["results"])
+    tops = np.cumsum([0.0, *(len(entry["results"]) + GAP for entry in entries.values())])
+    figure.set_size_inches(11, 1.9 + LINE_IN[len(entries) == 1] * tops[-1])
+    grid = figure.subplots(1, len(PANELS), sharey=True)
+    for axes, (title, (scale, spread_of)) in zip(grid, PANELS.items(), strict=True):
+        for k, (entry, span) in enumerate(zip(entries.values(), pairwise(tops), strict=True)):
+            if k % 2 == 0:
+                axes.axhspan(*span, color="#F4F4F4", lw=0, zorder=0)
+            for line, (name, result) in enumerate(entry["results"].items()):
+                look = style.line(slots[name]) | {"linestyle": "none", "label": name}
+                if name in informed:
+                    look |= {"markerfacecolor": "white", "markeredgecolor": look["color"], "markeredgewidth": 1.0}
+                    look["label"] += " (informed)"
+                spread, height = spread_of(result), span[0] + line + (GAP + 1) / 2
+                if spread["mean"] is None or None in spread["seeds"]:  # not every seed has a value
+                    axes.plot([], [], **look)
+                    word = "never " if title == SETTLE else "failed "
+                    place: dict[str, Any] = {"transform": axes.get_yaxis_transform(), "ha": "right", "va": "center"}
+                    axes.text(1, height, word, fontsize=7, color=look["color"], **place)
+                else:
+                    half = scale * (spread["plus_minus"] or 0.0)
+                    axes.errorbar(scale * spread["mean"], height, xerr=half, elinewidth=1.2, **look)
+        axes.margins(x=0.08)
+        if title != SETTLE and 0 < axes.dataLim.x0 < np.inf:
+            axes.set_xlim(axes.dataLim.x0 / 2, 1.15 * axes.dataLim.x1)
+            canvas.use_log_scale(axes.xaxis)
+        axes.set_xlabel(title)
+        axes.grid(axis="y", visible=False)
+        axes.tick_params(axis="y", length=0)
+    grid[0].set_yticks((tops[:-1] + tops[1:]) / 2, list(entries))
+    grid[0].set_ylim(tops[-1], 0)
+    canvas.add_legend(figure, grid)
+    places = {where(entry) for entry in entries.values()}
+    where_all = f", {places.pop()}" if len(places) == 1 else ""
+    counts = " to ".join(map(str, sorted({len(entry["seeds"]) for entry in entries.values()})))
+    over = "one seed, no intervals" if counts == "1" else f"mean of {counts} seeds ± 95 % interval"
+    figure.suptitle(f"Controllers compared{where_all}: {over}")

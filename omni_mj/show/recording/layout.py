@@ -13,7 +13,7 @@ from omni_mj.show.recording.scene import FRAME, TIME, extent
 
 LEGEND_LINES = 3  # that the legend of a plot has room for; with more, the plot is higher
 LEGEND_SHARE = 0.4  # of a run's time, left free on the right for the legend
-FIELD = "field (ring: seen by vision; ghost: predicted; dot: reference)"
+FIELD = "field (ring: seen by vision; two rings: predicted; dot: reference)"
 
 
 def blueprint(
@@ -32,22 +32,21 @@ def blueprint(
     (x, y), reach = (low + high) / 2, float(np.hypot(*(high - low)))
     back = max(0.6 * reach, (high[1] - low[1]) / 2 + 0.28 * reach)  # behind the names, which lie at the front
     above = max(high[1] - low[1], (high[0] - low[0]) / 1.5)  # from where all is in sight of an eye of 55 degrees
-    no_names = [f"- world/{name}/name" for name in names]
     close_ups = [
         _scene(
             name,
-            ["world/field/**", "world/reference/**", f"world/{name}/**", f"- world/{name}/name"],
+            ["world/field/**", "world/reference/**", f"world/{name}/**"],
             ([0.22, 0.25, 0.09], [0, 0, 0.055]),  # close enough to see the rollers
             [name],
             f"world/{name}/robot",  # turns with it
         )
         for name in names
     ]
-    columns = rrb.TextLogColumns(timeline_columns=[FRAME], text_log_columns=["LogLevel", "Body"])
+    columns = rrb.TextLogColumns(timeline_columns=[FRAME], text_log_columns=["Body"])
     left = rrb.Vertical(
         _scene(FIELD, ["$origin/**"], ([x, y - back, 0.42 * reach], [x, y - 0.07 * reach, 0]), names),
         rrb.Horizontal(
-            _scene("plan", ["$origin/**", *no_names], ([x, y - 0.03 * above, above], [x, y, 0]), names),
+            _scene("plan", ["$origin/**", "- world/names"], ([x, y - 0.03 * above, above], [x, y, 0]), names),
             rrb.Tabs(*close_ups, active_tab=second),
         ),
         rrb.Tabs(

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -10,10 +10,9 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from omni_control.kinematics import Array
-from omni_mj.mjcf import roles
 from omni_mj.scenarios.settings import PERIOD_S, Settings
+from omni_mj.show import style
 from omni_mj.show.shown import Robot
-from omni_mj.show.style import Rgb, pale
 from omni_mj.worlds import build, field
 
 Frames = NDArray[np.int_]  # numbers of frames, (n,)
@@ -52,21 +51,21 @@ def log_static(stream: rr.RecordingStream, robots: Sequence[Robot], paths: Seque
     stream.log("world", rr.ViewCoordinates.FLU, static=True)
     log_field(stream)
     strips = [_at(path, 0.002) for path in paths]
-    stream.log("world/reference/path", rr.LineStrips3D(strips, colors=[REFERENCE], radii=_points(0.7)), static=True)
-    target = rr.Points3D.from_fields(colors=[REFERENCE], radii=_points(3.5))
-    stream.log("world/reference/target", target, static=True)
+    stream.log("world/reference", rr.LineStrips3D(strips, colors=[REFERENCE], radii=_points(0.7)), static=True)
+    # Names are a legend on the carpet: above robots so close to each other they would hide them.
     (left, front), (right, _) = extent(paths)
-    count = len(robots)
+    places = [[left + (right - left) * (i + 0.5) / len(robots), front, 0.01] for i in range(len(robots))]
+    names, colours = [robot.name for robot in robots], [style.pale(robot.colour, 0.3) for robot in robots]
+    legend = rr.Points3D(places, labels=names, colors=colours, radii=_points(4), show_labels=True)
+    stream.log("world/names", legend, static=True)
     for robot in robots:
         entity = f"world/{robot.name}"
         log_robot(stream, f"{entity}/robot", robot.colour, robot.settings)
-        # Names are a legend on the carpet: above robots so close to each other they would hide them.
-        place = [[left + (right - left) * (robot.order + 0.5) / count, front, 0.01]]
-        look: dict[str, Any] = {"colors": [pale(robot.colour, 0.3)], "radii": _points(4), "show_labels": True}
-        stream.log(f"{entity}/name", rr.Points3D(place, labels=[robot.name], **look), static=True)
         # Paths of the first robots are wider, to show beneath those that are drawn over them.
-        width = _points(1.0 + 0.4 * (count - 1 - robot.order))
+        width = _points(1.0 + 0.4 * (len(robots) - 1 - robot.order))
         stream.log(f"{entity}/path", rr.LineStrips3D.from_fields(colors=[robot.colour], radii=width), static=True)
+        target = rr.Points3D.from_fields(colors=[REFERENCE], radii=_points(3.5))
+        stream.log(f"{entity}/target", target, static=True)
 
 
 def log_field(stream: rr.RecordingStream) -> None:
@@ -83,13 +82,6 @@ def log_field(stream: rr.RecordingStream) -> None:
     stream.log("world/field/lines", rr.LineStrips3D(strips, colors=[LINES], radii=field.LINE_M / 2), static=True)
 
 
-def send_targets(stream: rr.RecordingStream, paths: Sequence[Array], frames: Frames) -> None:
-    """Send where the references (frames, 3) are in `frames`; one that has come to its end stays there."""
-    now = np.stack([path[np.minimum(frames, len(path) - 1)] for path in paths], axis=1)
-    points = rr.Points3D.columns(positions=_at(now.reshape(-1, 3), 0.005))
-    stream.send_columns("world/reference/target", indexes(frames), points.partition(np.full(len(frames), len(paths))))
-
-
 def send(stream: rr.RecordingStream, robot: Robot, frames: Frames) -> None:
     """Send where a robot was in successive `frames`, and where it was believed to be."""
     entity, pose, lift = f"world/{robot.name}", robot["pose"], robot.order * TIE_M
@@ -99,12 +91,14 @@ def send(stream: rr.RecordingStream, robot: Robot, frames: Frames) -> None:
     ends = [_at(pose[at], 0.004 + lift) for at in (np.maximum(frames - 1, 0), frames)]
     segments = np.stack(ends, axis=1, dtype=np.float32)
     stream.send_columns(f"{entity}/path", time, rr.LineStrips3D.columns(strips=segments))
-    for belief, shape in (("vision", _ring), ("predicted", _ghost)):
+    targets = rr.Points3D.columns(positions=_at(robot["ref"][frames], 0.005))
+    stream.send_columns(f"{entity}/target", time, targets)
+    for belief, heights in (("vision", [HEIGHT_M]), ("predicted", [0.0, HEIGHT_M])):
         values = robot[belief][frames]
         known = ~np.isnan(values[:, 0])
         if known.any():
             stream.send_columns(f"{entity}/{belief}", indexes(frames[known]), transform(values[known]))
-            stream.send_columns(f"{entity}/{belief}/shape", indexes(frames[known][:1]), shape(robot.colour))
+            stream.send_columns(f"{entity}/{belief}/shape", indexes(frames[known][:1]), _rings(robot.colour, heights))
 
 
 def send_pose(
@@ -128,10 +122,10 @@ def send_pose(
         height: Height above the carpet, m.
     """
     stream.send_columns(entity, time, transform(pose, height))
-    shape = _shape(settings)
-    for i, joint in enumerate(shape.robot.joints):
-        at = np.broadcast_to(shape.data.xanchor[joint], (len(angles), 3))
-        turned = _transform(at, np.nan_to_num(angles[:, i]), shape.data.xaxis[joint])
+    world, data = _at_rest(settings)
+    for i, joint in enumerate(world.robots[0].joints):
+        at = np.broadcast_to(data.xanchor[joint], (len(angles), 3))
+        turned = _transform(at, np.nan_to_num(angles[:, i]), data.xaxis[joint])
         stream.send_columns(f"{entity}/wheel_{i + 1}", time, turned)
 
 
@@ -140,73 +134,60 @@ def transform(pose: Array, height: float = 0.0) -> rr.ComponentColumnList:
     return _transform(_at(pose, height), pose[:, 2], _UP)
 
 
-def log_robot(stream: rr.RecordingStream, entity: str, colour: Rgb, settings: Settings) -> None:
-    """Log chassis and wheels once, static, under `entity`; the cover in `colour` to tell robots apart."""
-    shape = _shape(settings)
-    model, robot = shape.model, shape.robot
+def log_robot(stream: rr.RecordingStream, entity: str, cover: style.Rgb, settings: Settings) -> None:
+    """Log chassis and wheels once, static, under `entity`; in the colour `cover` what tells robots apart."""
+    world, data = _at_rest(settings)
+    model, robot = world.model, world.robots[0]
     turning = np.concatenate([robot.wheels, robot.rims, robot.rollers.ravel()])
     chassis = np.setdiff1d(np.flatnonzero(model.body_rootid == robot.chassis), turning)
-    _log_geoms(stream, f"{entity}/chassis", shape, chassis, np.zeros(3), colour)
+    parts = {"chassis": (chassis, np.zeros(3))}
     for i, joint in enumerate(robot.joints):
-        wheel = np.append(robot.rollers[i], robot.wheels[i])
-        _log_geoms(stream, f"{entity}/wheel_{i + 1}", shape, wheel, shape.data.xanchor[joint], colour)
+        parts[f"wheel_{i + 1}"] = (np.append(robot.rollers[i], robot.wheels[i]), data.xanchor[joint])
+    colours = _colours(world, cover)
+    for part, (bodies, origin) in parts.items():
+        shown = np.isin(model.geom_bodyid, bodies) & (model.geom_group < SHOWN_GROUPS)
+        places = data.geom_xpos - origin
+        for kind, shape in _SHAPES.items():
+            ids = np.flatnonzero((model.geom_type == getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")) & shown)
+            if ids.size:
+                quaternions = data.geom_xquat[ids][:, [1, 2, 3, 0]]  # MuJoCo's wxyz to rerun's xyzw
+                look = {"quaternions": quaternions, "colors": colours[ids], "fill_mode": "solid"}
+                geoms = shape(model.geom_size[ids], places[ids], **look)
+                stream.log(f"{entity}/{part}/{kind.lower()}s", geoms, static=True)
+        for geom in np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_MESH) & shown):
+            mesh = model.mesh(model.geom_dataid[geom])
+            vertices = model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
+            mesh_3d = rr.Mesh3D(
+                vertex_positions=vertices @ data.geom_xmat[geom].reshape(3, 3).T + places[geom],
+                triangle_indices=model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]],
+                albedo_factor=colours[geom],
+            )
+            stream.log(f"{entity}/{part}/mesh_{geom}", mesh_3d, static=True)
 
 
-class _Shape(NamedTuple):
-    """A model and its first robot, whose chassis is over the origin: world coordinates are the robot's own."""
-
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    robot: roles.Robot
-
-
-def _shape(settings: Settings) -> _Shape:
-    """Return the model of whole wheels."""
-    return _posed(build.world(settings.replace(wheels={"model": "rollers"})))
+def _at_rest(settings: Settings) -> tuple[build.World, mujoco.MjData]:
+    """Return the model of whole wheels, its first robot over the origin: world coordinates are the robot's own."""
+    world = build.world(settings.replace(wheels={"model": "rollers"}))
+    return world, _posed(world)
 
 
 @lru_cache(maxsize=4)
-def _posed(world: build.World) -> _Shape:
-    robot, data = world.robots[0], mujoco.MjData(world.model)
-    data.qpos[robot.qpos[:7]] = [0, 0, data.qpos[robot.qpos[2]], 1, 0, 0, 0]
+def _posed(world: build.World) -> mujoco.MjData:
+    data, qpos = mujoco.MjData(world.model), world.robots[0].qpos
+    data.qpos[qpos[:7]] = [0, 0, data.qpos[qpos[2]], 1, 0, 0, 0]
     mujoco.mj_kinematics(world.model, data)
-    return _Shape(world.model, data, robot)
+    return data
 
 
-def _log_geoms(
-    stream: rr.RecordingStream, entity: str, shape: _Shape, bodies: np.ndarray, origin: np.ndarray, cover: Rgb
-) -> None:
-    """Log the geoms of `bodies` relative to `origin`: one entity per kind of geom, and one per mesh."""
-    model, data, robot = shape
-    shown = np.isin(model.geom_bodyid, bodies) & (model.geom_group < SHOWN_GROUPS)
-    colours = np.array([_colour(model, robot, geom, cover) for geom in range(model.ngeom)])
-    for kind, primitive in _SHAPES.items():
-        ids = np.flatnonzero((model.geom_type == getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")) & shown)
-        if ids.size:
-            quaternions = data.geom_xquat[ids][:, [1, 2, 3, 0]]  # MuJoCo's wxyz to rerun's xyzw
-            look = {"quaternions": quaternions, "colors": colours[ids], "fill_mode": "solid"}
-            geoms = primitive(model.geom_size[ids], data.geom_xpos[ids] - origin, **look)
-            stream.log(f"{entity}/{kind.lower()}s", geoms, static=True)
-    for geom in np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_MESH) & shown):
-        mesh = model.mesh(model.geom_dataid[geom])
-        vertices = model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
-        shape_3d = rr.Mesh3D(
-            vertex_positions=vertices @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom] - origin,
-            triangle_indices=model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]],
-            albedo_factor=[*colours[geom], 255],
-        )
-        stream.log(f"{entity}/mesh_{geom}", shape_3d, static=True)
-
-
-def _colour(model: mujoco.MjModel, robot: roles.Robot, geom: int, cover: Rgb) -> np.ndarray:
-    """Return the colour (3,) of a geom, 0 to 255: its material's or its own, or that of this robot's `cover`."""
-    material = model.geom_matid[geom]
-    if material >= 0 and model.mat(material).name.endswith(f"/{COVER}"):
-        return np.array(cover)
-    colour = (255 * (model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom])[:3]).astype(int)
-    if model.geom_bodyid[geom] in robot.rollers[:, ::2]:  # every other roller lighter, or nobody sees wheels turn
-        colour = np.minimum(colour + LIGHTER, 255)
-    return colour
+def _colours(world: build.World, cover: style.Rgb) -> np.ndarray:
+    """Return the colours of all geoms, (n, 3) bytes: their materials' or their own, or `cover`."""
+    model, material = world.model, world.model.geom_matid
+    colours = 255 * np.where(material[:, None] >= 0, model.mat_rgba[material], model.geom_rgba)[:, :3]
+    covers = [i for i in range(model.nmat) if model.mat(i).name.endswith(f"/{COVER}")]
+    colours[np.isin(material, covers)] = cover
+    # Every other roller is lighter, or nobody sees wheels turn.
+    colours[np.isin(model.geom_bodyid, world.robots[0].rollers[:, ::2])] += LIGHTER
+    return np.minimum(colours, 255).astype(np.uint8)
 
 
 def _transform(position: Array, angle: Array, axis: Array) -> rr.ComponentColumnList:
@@ -215,24 +196,13 @@ def _transform(position: Array, angle: Array, axis: Array) -> rr.ComponentColumn
     return rr.Transform3D.columns(translation=position, quaternion=quaternion)
 
 
-def _ring(colour: Rgb) -> rr.ComponentColumnList:
-    """Return what shows where vision sees a robot: a ring on top of it, with a line to its front."""
+def _rings(colour: style.Rgb, heights: Sequence[float]) -> rr.ComponentColumnList:
+    """Return rings around a robot, m above the carpet, with a line to its front: where it is believed to be."""
     angle = np.linspace(0, 2 * np.pi, 37)
-    rim = RADIUS_M * np.column_stack([np.cos(angle), np.sin(angle)])
-    strip = _at(np.concatenate([[[0, 0]], rim]), HEIGHT_M)
-    return rr.LineStrips3D.columns(strips=[strip], colors=[pale(colour)], radii=[_points(1.2)])
-
-
-def _ghost(colour: Rgb) -> rr.ComponentColumnList:
-    """Return what shows where a robot is predicted to be: its envelope, transparent."""
-    return rr.Cylinders3D.columns(
-        lengths=[HEIGHT_M],
-        radii=[RADIUS_M],
-        centers=[[0, 0, HEIGHT_M / 2]],
-        colors=[(*pale(colour), 70)],
-        line_radii=[_points(0.8)],
-        fill_mode=["TransparentFillMajorWireframe"],
-    )
+    rim = np.concatenate([[[0, 0]], RADIUS_M * np.column_stack([np.cos(angle), np.sin(angle)])])
+    strips, count = [_at(rim, height) for height in heights], len(heights)
+    look: dict[str, Any] = {"colors": [style.pale(colour)] * count, "radii": [_points(1.2)] * count}
+    return rr.LineStrips3D.columns(strips=strips, **look).partition([count])
 
 
 def _points(size: float) -> float:

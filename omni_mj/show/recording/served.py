@@ -12,7 +12,7 @@ import rerun.blueprint as rrb
 from omni_control.errors import OmniError
 from omni_mj.files import check_room
 from omni_mj.scenarios.settings import Settings
-from omni_mj.show.recording import scene, stream
+from omni_mj.show.recording import flush, open_stream, scene
 from omni_mj.show.recording.scene import TIME, indexes
 from omni_mj.show.recording.viewer import answers
 from omni_mj.simulate.log import Log
@@ -40,7 +40,7 @@ class ServedRecording:
     def __init__(self, target: Path | str, settings: Settings) -> None:
         self._target, self._settings = target, settings
         self._shown, self._present = set[str](), set[str]()
-        self._has_failed, self._stream = False, stream.open_stream()
+        self._has_failed, self._stream = False, open_stream()
         with self._warning():
             if isinstance(target, Path):  # without a footer, which rerun would hold in memory until the end
                 self._stream.save(target, _blueprint(), write_footer=False)
@@ -73,7 +73,7 @@ class ServedRecording:
     def close(self) -> None:
         """End it."""
         with self._warning():
-            stream.flush(self._stream)
+            flush(self._stream)
             self._stream.disconnect()
 
     @contextmanager

@@ -15,7 +15,6 @@ from omni_mj.measure.result import Outcome
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.show import figures, style
-from omni_mj.show.figures import comparison
 
 FRAMES, SPEED, ALPHA = 240, 0.5, 0.8
 TURN = 0.02  # rad, by which each controller is turned per cm of error
@@ -69,7 +68,7 @@ def compared(entries: dict[str, Any], informed: Sequence[str] = ()) -> Figure:
     """Return the figure that compares entries of a summary."""
     with rc_context(fname=style.SHEET):
         figure = Figure()
-        comparison.draw_comparison(entries, informed, figure)
+        figures.draw_comparison(entries, informed, figure)
         figure.draw_without_rendering()
     return figure
 

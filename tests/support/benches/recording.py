@@ -18,13 +18,13 @@ from rerun.chunk import RrdReader
 from omni_control.controllers.base import Controller
 from omni_mj.measure.table import table
 from omni_mj.scenarios import scenario
-from omni_mj.show import tables
-from omni_mj.show.recording import Recording, stream
+from omni_mj.show import recording, tables
+from omni_mj.show.recording import Recording
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies import run
 from omni_mj.studies.outcome import drive
 
-set_patience = partial(setattr, stream, "FLUSH_S")  # seconds that a recording waits for its file
+set_patience = partial(setattr, recording, "FLUSH_S")  # seconds that a recording waits for its file
 RERUN = Path(sys.executable).with_name("rerun")
 
 
