@@ -1,13 +1,13 @@
 """`make bench`: what `serve` costs of a core in real time."""
 
-import subprocess
-import sys
+import math
+import socket
 import time
-from pathlib import Path
+from multiprocessing import Process
 
 import numpy as np
 from benches.serve import Field
-from serving import LOOPBACK
+from serving import LOOPBACK, local
 
 from omni_mj.live.serve.server import Server
 from omni_mj.live.sockets import Address
@@ -16,12 +16,23 @@ PERIOD_S, SECONDS = 1 / 60, 8.0
 CASES = ("1", "0", "rollers"), ("1", "0", "two-rollers"), ("6", "6", "two-rollers"), ("6", "6", "rollers")
 
 
+def command_robots(ports: list[int], counts: tuple[int, int]) -> None:
+    """Command all robots of both teams 60 times a second."""
+    sender, tick, frame = socket.socket(socket.AF_INET, socket.SOCK_DGRAM), time.monotonic(), 0
+    while True:
+        velocity = 0.4 * math.cos(frame / 60), 0.4 * math.sin(frame / 60)
+        for port, count in zip(ports, counts, strict=True):
+            sender.sendto(b"".join(local(i, *velocity, 0.5) for i in range(count)), (LOOPBACK, port))
+        frame, tick = frame + 1, tick + PERIOD_S
+        time.sleep(max(tick - time.monotonic(), 0.0))
+
+
 def serve(blue: str, yellow: str, wheels: str) -> np.ndarray:
     """CPU time of each frame, s. A client commands all robots 60 times a second."""
     field = Field(f"wheels.model={wheels}", blue=blue, yellow=yellow)
     server = Server(field.pitch, (0, 0, 0), Address(LOOPBACK, 10020))
-    script = Path(__file__).parent / "support" / "bench_client.py"
-    client = subprocess.Popen([sys.executable, script, *map(str, server.ports[1:]), blue, yellow])
+    client = Process(target=command_robots, args=(server.ports[1:], (int(blue), int(yellow))), daemon=True)
+    client.start()
     used = list[float]()
     try:
         server.run(until_s=0.5)
@@ -30,7 +41,6 @@ def serve(blue: str, yellow: str, wheels: str) -> np.ndarray:
         return np.diff(used)
     finally:
         client.kill()
-        client.wait()
         server.close()
 
 

@@ -76,7 +76,7 @@ def command(
         with _connected(connection, "vision had not been listened to for long enough to say anything") as (link, _):
             with suppress(StoppedError):
                 link.listen(connection.duration_s or float("inf"))
-            print("\n".join(_describe(link)))
+            print("\n".join(link.vision.describe()))
         return
     if name is None:
         raise OmniError(f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file")
@@ -106,7 +106,8 @@ def _connected(connection: "Options", failure: str) -> Iterator[tuple["Link", "I
 
     with Interrupts() as interrupts:
         try:
-            with session.listening(connection, Notes(_warn), interrupts.check) as link:
+            notes = Notes(lambda text: click.echo(f"note: {text}", err=True))
+            with session.listening(connection, notes, interrupts.check) as link:
                 yield link, interrupts
         except StoppedError as stopped:
             interrupts.end(stopped.reason, failure)
@@ -128,7 +129,7 @@ def _drive(
             print(text, flush=True)
 
     with _connected(connection, "the robots had not begun") as (link, interrupts):
-        show("\n".join(_describe(link)))
+        show("\n".join(link.vision.describe()))
         with session.ready(scenario, connection, link) as live:
             clock = "this computer" if link.leader is None else f"camera {link.leader}"
             show(f"robots {', '.join(map(str, live.ids))} at 60 frames a second of {clock}")
@@ -138,15 +139,5 @@ def _drive(
     summary = report.summarize(live)
     write(folder / "link.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
     run_command.shown(result, folder, outputs.draw, quiet)
-    show("\n".join([*report.describe(summary), *_describe(link)]))
+    show("\n".join([*report.describe(summary), *link.vision.describe()]))
     run_command.ended(result, folder, interrupts)
-
-
-def _warn(text: str) -> None:
-    click.echo(f"note: {text}", err=True)
-
-
-def _describe(link: "Link") -> list[str]:
-    """Return a line for each camera and robot, and how often what went wrong did."""
-    counts = ", ".join(f"{kind}: {count}" for kind, count in link.vision.notes.items())
-    return link.vision.describe() + ([f"noted: {counts}"] if counts else [])

@@ -95,7 +95,8 @@ def command(
         except StoppedError as error:
             reason = error.reason
     if not quiet:
-        click.echo(_summary(server))
+        counts = [f"  {count:8d}  {kind}" for kind, count in sorted(server.notes.items())]
+        click.echo("\n".join([f"{pitch.time_s:.1f} s simulated", *counts]))
     left = "" if folder is None else f"; what was recorded until then is in {folder}"
     interrupts.end(reason, f"{pitch.time_s:.1f} s were simulated{left}")
 
@@ -132,12 +133,3 @@ def _introduction(server: "Server") -> str:
   cameras    {settings.vision.cameras} of {settings.vision.rate_hz:g} Hz, {pace}
   dead time  {settings.radio.delay_frames} frames of 1/60 s (radio.delay_frames); {stop} the last command \
 (firmware.timeout_s)"""
-
-
-def _summary(server: "Server") -> str:
-    """Return what came and went, in a line each."""
-    lines = [f"{server.pitch.time_s:.1f} s simulated"]
-    lines += [f"  {count:8d}  {kind}" for kind, count in sorted(server.notes.items())]
-    if server.behind_s:
-        lines.append(f"  {server.behind_s:8.1f}  s behind, in which this computer was too slow")
-    return "\n".join(lines)

@@ -190,7 +190,7 @@ class Vision:
         return {"vision.position_noise_m": round(position, 6), "vision.heading_noise_rad": round(heading, 5)}
 
     def describe(self) -> list[str]:
-        """Return a line for each camera, and one for each robot that a camera sees."""
+        """Return a line for each camera, and for each robot that a camera sees, and how often what was noted."""
         lines = [
             f"camera {number}: {camera.rate_hz:.2f} frames a second of its clock,"
             f" {camera.rate_hz * camera.clock.rate:.2f} of ours; sent {1e3 * camera.mean_age_s:.1f} ms after capture"
@@ -202,7 +202,7 @@ class Vision:
                 f"{colour} {number}: at {x:.3f}, {y:.3f} m, {math.degrees(heading):.1f}° by camera {camera};"
                 f" noise {1e3 * position:.2f} mm, {math.degrees(turned):.2f}°"
             )
-        return lines
+        return [*lines, *(f"noted: {kind}, {count} times" for kind, count in self.notes.items())]
 
     def _tables(self, number: int) -> list[Array]:
         """Return the last poses of a robot of the team by each camera, shape (frames, 3) each."""

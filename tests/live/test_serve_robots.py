@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benches.serve import FAST, QUIET, Field
-from serving import local, teleport, wheels, world
+from serving import local, wheels, world
 
 import omni_mj as om
 
@@ -105,22 +105,6 @@ def test_walls_hold_robots_that_drive_into_them() -> None:
             deepest = np.maximum(deepest, field.poses[0, :2])
         assert (deepest < room + SOFT_M).all()
         assert ((field.poses[0, :2] > room - 0.02) == reached).all()
-
-
-def test_robots_that_meet_do_not_overlap() -> None:
-    """Head on, off the middle, of both teams, each at 2 m/s, and a heap of four that push into one point."""
-    field = Field(*QUIET, FAST, blue="2", yellow="2")
-    places = {(2, 0): (-0.6, 0.03), (2, 1): (0, 0.6), (1, 0): (0.6, -0.03), (1, 1): (0, -0.6)}
-    assert field.teleport(*(teleport(i, team, x=x, y=y, orientation=0.0) for (team, i), (x, y) in places.items())) == []
-    least = np.inf
-    for _ in range(70):
-        aims = [local(number, *(-4 * pose[:2])) for number, pose in zip((0, 1, 0, 1), field.poses, strict=True)]
-        field.drive(1, b"".join(aims[:2]), b"".join(aims[2:]))
-        positions = field.poses[:, :2]
-        distances = np.hypot(*(positions[:, None] - positions[None]).transpose(2, 0, 1)) + np.eye(4)
-        least = min(least, distances.min())
-    assert 2 * RADIUS_M - 2 * SOFT_M < least < 2 * RADIUS_M + 0.02  # they did meet
-    assert field.upright
 
 
 def test_a_teleport_gives_the_velocity_it_says() -> None:

@@ -8,10 +8,9 @@ as commands have come.
 """
 
 import argparse
-import random
-import select
 import socket
 import time
+from collections import deque
 from itertools import count
 from typing import Any
 
@@ -54,26 +53,20 @@ class Robots:
     """Commands are held from when they act until others do; a velocity in a robot's own frame turns with it."""
 
     def __init__(self, start: np.ndarray, delay: float) -> None:
-        self.pose = start.copy()
-        self._delay = round(delay * SUBSTEPS)
-        n = len(start)
+        self._delay, self._step, n = round(delay * SUBSTEPS), 0, len(start)
         self._queue = [(-self._delay, np.zeros((n, 3)), np.ones(n, bool))]
-        self._step = 0
-        self._past: list[np.ndarray] = [self.pose.copy()]
+        self._past = deque([start], maxlen=4 * SUBSTEPS)
 
     def at(self, age: float) -> np.ndarray:
         """Poses so many s ago."""
         return self._past[-1 - min(round(age * SUBSTEPS / PERIOD_S), len(self._past) - 1)]
 
     def command(self, packet: bytes) -> None:
-        _, twist, local = self._queue[-1]
-        twist, local = twist.copy(), local.copy()
+        twist, local = (values.copy() for values in self._queue[-1][1:])
         for command in RobotControl.FromString(packet).robot_commands:
             form = command.move_command.WhichOneof("command")
-            if command.id < len(twist):
-                velocity = getattr(command.move_command, form)
-                twist[command.id] = [value for _, value in velocity.ListFields()]
-                local[command.id] = form == "local_velocity"
+            twist[command.id] = [value for _, value in getattr(command.move_command, form).ListFields()]
+            local[command.id] = form == "local_velocity"
         self._queue.append((self._step, twist, local))
 
     def advance(self) -> None:
@@ -81,81 +74,67 @@ class Robots:
             while len(self._queue) > 1 and self._queue[1][0] + self._delay <= self._step:
                 del self._queue[0]
             _, twist, local = self._queue[0]
-            turn = twist[:, 2] * PERIOD_S / SUBSTEPS
-            heading = np.where(local, self.pose[:, 2] + turn / 2, 0.0)
-            c, s = np.cos(heading), np.sin(heading)
-            step = twist[:, :2] * PERIOD_S / SUBSTEPS
-            self.pose[:, 0] += c * step[:, 0] - s * step[:, 1]
-            self.pose[:, 1] += s * step[:, 0] + c * step[:, 1]
-            self.pose[:, 2] += turn
+            pose, step = self._past[-1], twist * PERIOD_S / SUBSTEPS
+            heading = np.where(local, pose[:, 2] + step[:, 2] / 2, 0.0)
+            move = (step[:, 0] + 1j * step[:, 1]) * np.exp(1j * heading)
+            self._past.append(pose + np.column_stack([move.real, move.imag, step[:, 2]]))
             self._step += 1
-            self._past = [*self._past[-4 * SUBSTEPS :], self.pose.copy()]
 
 
 class Peer:
     """Sockets, cameras and clock."""
 
     def __init__(self, said: argparse.Namespace) -> None:
-        self.said, self.random, self.normal = said, random.Random(0), np.random.default_rng(0)
+        self.said, self.random = said, np.random.default_rng(0)
         self.robots = Robots(np.array(said.start, float).reshape(-1, 3), said.delay)
         host, _, port = said.vision.partition(":")
         self.vision = (host, int(port))
-        self.out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.commands = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.commands.bind(("127.0.0.1", said.port))
-        self.commands.setblocking(False)
-        self.told = False
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", said.port))
+        self.patience = PATIENCE_S
 
     def run(self) -> None:
         due = time.monotonic()
         for frame in count():
             self.publish(frame)
             due += PERIOD_S
-            until = time.monotonic() + (self.said.patience if self.told else PATIENCE_S) if self.said.lockstep else due
-            self.obey(until)
+            self.obey(time.monotonic() + self.patience if self.said.lockstep else due)
             self.robots.advance()
 
     def publish(self, frame: int) -> None:
         """What each camera sees now; what it stamps is when it sends, and the age before that."""
-        said, pose = self.said, self.robots.at(self.said.age)
-        now = frame * PERIOD_S
+        said, pose, now = self.said, self.robots.at(self.said.age), frame * PERIOD_S
+        n = len(pose)
         for camera in range(said.cameras):
             middle = (camera - (said.cameras - 1) / 2) * 2.0
-            robots = []
-            for number, (x, y, heading) in enumerate(pose):
-                if abs(x - middle) > 1.25 and said.cameras > 1:
-                    continue
-                shift = said.bias if camera == 1 else 0.0
-                dx, dy, dh = self.normal.normal(size=3) * said.noise
-                turned = np.pi if self.random.random() < said.mirror else 0.0
-                name = (number + 1) % len(pose) if self.random.random() < said.swap else number
-                seen = (heading + 10 * dh + turned + np.pi) % (2 * np.pi) - np.pi
-                robots.append((name, x + shift + dx, y + shift + dy, seen))
+            visible = (np.abs(pose[:, 0] - middle) < 1.25) | (said.cameras == 1)
+            seen = pose + said.noise * self.random.normal(size=(n, 3)) * [1, 1, 10]
+            seen[:, :2] += said.bias * (camera == 1)
+            seen[:, 2] += np.pi * (self.random.random(n) < said.mirror)
+            names = (np.arange(n) + (self.random.random(n) < said.swap)) % n
+            robots = [(name, *place) for name, place in zip(names[visible], seen[visible], strict=True)]
             self.send(vision(frame, robots, camera=camera, captured=now - said.age, sent=now))
         if self.random.random() < said.junk:
-            self.send(self.random.randbytes(self.random.randrange(60)))
+            self.send(self.random.bytes(self.random.integers(60)))
 
     def send(self, packet: bytes) -> None:
         if self.random.random() >= self.said.loss:
-            self.out.sendto(packet, self.vision)
+            self.socket.sendto(packet, self.vision)
 
     def obey(self, until: float) -> None:
         """Take in commands until the next frame is due, or, in lockstep, until there were some."""
-        while True:
+        while (left := until - time.monotonic()) > 0:
+            self.socket.settimeout(left)
             try:
-                data, client = self.commands.recvfrom(65536)
-            except BlockingIOError:
-                if (left := until - time.monotonic()) <= 0:
-                    return
-                select.select([self.commands], [], [], left)
-                continue
-            if self.random.random() < self.said.loss:
-                continue
-            self.robots.command(data)
-            self.told = True
-            self.commands.sendto(b"", client)
-            if self.said.lockstep:
+                data, client = self.socket.recvfrom(65536)
+            except TimeoutError:
                 return
+            if self.random.random() >= self.said.loss:
+                self.robots.command(data)
+                self.patience = self.said.patience
+                self.socket.sendto(b"", client)
+                if self.said.lockstep:
+                    return
 
 
 if __name__ == "__main__":

@@ -12,8 +12,7 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Radio
-from omni_mj.live.serve.cameras import CYCLES_PER_FRAME, FieldCamera, Image, RobotName
-from omni_mj.live.serve.field import standard_field
+from omni_mj.live.serve.cameras import CYCLES_PER_FRAME, FieldCamera, Image, RobotName, standard_field
 from omni_mj.live.serve.plant import ServedPlant
 from omni_mj.live.serve.requests import (
     HEADING,

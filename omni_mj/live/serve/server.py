@@ -55,7 +55,6 @@ class Server:
         after_frame: Called after every 1/60 s of simulated time; set it before `run`.
         ports: That are listened to: control, blue, yellow.
         notes: Counts of packets, and what went wrong.
-        behind_s: By how much, in our time, the simulation fell behind because the computer was too slow.
 
     Raises:
         OmniError: A port is taken, or there is no such interface.
@@ -72,7 +71,7 @@ class Server:
     ) -> None:
         self.pitch, self.notes, self.vision, self.lockstep = pitch, pitch.notes, vision, lockstep
         self.after_frame: Callable[[], None] = lambda: None
-        self.behind_s, self._cycle_remainder, self._geometry_due = 0.0, 0.0, 0
+        self._cycle_remainder, self._geometry_due = 0.0, 0
         self._outbox = list[Image]()
         self._newest = dict[int, bytes]()  # camera -> packet
         self.ports = list[int]()
@@ -120,7 +119,7 @@ class Server:
         pitch, delay = self.pitch, time.monotonic() - self._time_of(self.pitch.cycle)
         if delay > MAX_DELAY_S:
             self.notes.add("too slow", "this computer is too slow for this speed; simulated time falls behind")
-            self.behind_s += delay
+            self.notes["ms behind"] += round(1e3 * delay)
             self._set_speed(self.speed)
         self._catch_up()
         due = min(camera.due for camera in pitch.cameras)
