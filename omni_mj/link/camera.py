@@ -6,12 +6,12 @@ velocity that it believes in, the team carries a robot on from there to its tick
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
-from omni_mj.link.noise import Noise, Seed, Stream
+from omni_mj.link.noise import Noise, Seed, Stream, uniform
 from omni_mj.link.schedule import Schedule
 from omni_mj.scenarios.faults import (
     Fault,
@@ -44,26 +44,19 @@ class Camera:
         self, settings: Sequence[VisionSettings], seeds: Sequence[Seed], faults: Sequence[Sequence[Fault]] = ()
     ) -> None:
         noise = [column(settings, name) for name in ("position_noise_m", "position_noise_m", "heading_noise_rad")]
-        sigma, probability = np.concatenate(noise, axis=1), column(settings, "miss_probability")
-        self._errors = Noise(
-            seeds, Stream.VISION_NOISE, lambda rng, count: rng.standard_normal((count, 3)), lambda block: sigma * block
-        )
-        self._visible = Noise(
-            seeds,
-            Stream.VISION_MISSES,
-            lambda rng, count: rng.random((count, 1)),
-            lambda block: self._outside_gaps((block < probability)[..., 0]),
-        )
-        self._gap = column(settings, "miss_frames")[:, 0]
-        self._gap_start = np.full(len(seeds), -np.inf)  # image of a block in which the last gap began
-        self._is_first = True
-        self._schedule = Schedule(faults, VisionOut, VisionFreeze, VisionWrongId, VisionBias)
+        self._sigma = np.concatenate(noise, axis=1)
+        self._miss, self._gap = (column(settings, name)[:, 0] for name in ("miss_probability", "miss_frames"))
+        self._errors = Noise(seeds, Stream.VISION_NOISE, lambda rng, count: rng.standard_normal((count, 3)))
+        self._misses = uniform(seeds, Stream.VISION_MISSES)
         # Drawn for each image whatever goes on, so that a fault changes nothing of another.
-        self._chance = Noise(seeds, Stream.CAMERA_FAULTS, lambda rng, count: rng.random((count, 2)))
-        self._out, self._frozen = np.zeros((2, len(seeds)), bool)
+        self._chance = uniform(seeds, Stream.CAMERA_FAULTS, 2)
+        self._schedule = Schedule(faults, VisionOut, VisionFreeze, VisionWrongId, VisionBias)
+        n = len(seeds)
+        self._missed = np.full(n, -1.0)  # images that a gap goes on for; below 0 before the first image
+        self._out, self._frozen = np.zeros((2, n), bool)
         self._wrong_ids: list[tuple[int, VisionWrongId]] = []
         self._biases: list[tuple[int, VisionBias]] = []
-        self._last = np.full((len(seeds), 3), np.nan)  # what was shown
+        self._last = np.full((n, 3), np.nan)  # what was shown
 
     def __call__(self, pose: Array, frame: int) -> tuple[Array, np.ndarray]:
         """Return the poses seen (n, 3), NaN where a robot was missed, and whether each was seen (n,).
@@ -72,18 +65,16 @@ class Camera:
             pose: True, (n, 3).
             frame: Of the loop in which this image is taken.
         """
-        seen: np.ndarray = self._visible.next()
-        measured = (self._misled(pose, frame) if self._schedule.kinds else pose) + self._errors.next()
+        begins = (self._misses.next()[:, 0] < self._miss) & (self._missed >= 0)  # first, robots are placed in view
+        self._missed = np.where(begins, self._gap, np.maximum(self._missed - 1, 0))
+        measured = self._misled(pose, frame) + self._sigma * self._errors.next()
         measured[:, 2] = wrap_angle(measured[:, 2])
-        if np.count_nonzero(seen) < len(seen):
-            measured[~seen] = np.nan
-        if self._schedule.kinds:
-            measured[self._frozen] = self._last[self._frozen]
-            seen = ~np.isnan(measured[:, 0])
-            self._last[seen] = measured[seen]
-            measured[self._out] = np.nan
-            seen &= ~self._out
-        return measured, seen
+        measured[self._missed > 0] = np.nan
+        measured[self._frozen] = self._last[self._frozen]
+        seen = ~np.isnan(measured[:, 0])
+        self._last[seen] = measured[seen]
+        measured[self._out] = np.nan
+        return measured, seen & ~self._out
 
     def _misled(self, pose: Array, frame: int) -> Array:
         """Return what there is to see in a frame in place of true poses (n, 3), but for noise."""
@@ -101,15 +92,6 @@ class Camera:
                 shown[row] = other.x_m, other.y_m, np.radians(other.heading_deg)
         return shown
 
-    def _outside_gaps(self, begins: np.ndarray) -> np.ndarray:
-        """Return whether robots are seen in a block of images in which gaps begin, both (images, n)."""
-        if self._is_first:
-            begins[0] = self._is_first = False  # a robot is placed where the camera sees it
-        image = np.arange(len(begins), dtype=float)[:, None]
-        start = np.maximum.accumulate(np.where(begins, image, self._gap_start))
-        self._gap_start = start[-1] - len(begins)
-        return np.asarray(image - start >= self._gap)
-
 
 class Timing:
     """When images of n robots arrive, and how old they are said to be.
@@ -120,9 +102,6 @@ class Timing:
         settings: Delay and jitter, one per row.
         seeds: One per row.
         faults: Of each row.
-
-    Attributes:
-        is_late: Whether any image may arrive late or never, or has a wrong age.
     """
 
     def __init__(
@@ -132,11 +111,9 @@ class Timing:
             column(settings, name)[:, 0] for name in ("delay_s", "jitter_s", "loss_probability")
         )
         self._late, self._lost, self._chance = (
-            Noise(seeds, stream, lambda rng, count: rng.random((count, 1)))
-            for stream in (Stream.CAMERA_JITTER, Stream.CAMERA_LOSSES, Stream.CAMERA_LATE)
+            uniform(seeds, stream) for stream in (Stream.CAMERA_JITTER, Stream.CAMERA_LOSSES, Stream.CAMERA_LATE)
         )
         self._schedule = Schedule(faults, VisionClock, VisionJitter, VisionDelay)
-        self.is_late = bool((self._usual + self._jitter + self._loss).any() or self._schedule.kinds)
         self._delay = self._usual
         self._more_jitter, self._loses, self._lost_s = np.zeros((3, len(seeds)))
 
@@ -160,12 +137,19 @@ class Timing:
             for row, clock in active.of(VisionClock):
                 self._loses[row] += clock.ms_per_s / 1000
                 self._lost_s[row] -= clock.ms_per_s / 1000 * span(clock)[0] * PERIOD_S
-        delay = self._delay
-        if self._schedule.kinds:
-            delay = delay + self._more_jitter * self._chance.next()[:, 0]
+        delay = self._delay + self._more_jitter * self._chance.next()[:, 0]
         arrival = time + delay + self._jitter * self._late.next()[:, 0]
         lost = self._lost.next()[:, 0] < self._loss
         return np.where(lost, np.inf, arrival), self._lost_s + self._loses * time
+
+
+class _Image(NamedTuple):
+    """Taken at `time`, arrives at `arrival` (n,), is said to be older by `behind` (n,), s; poses (n, 3)."""
+
+    time: float
+    poses: Array  # NaN where a robot was not seen
+    arrival: Array
+    behind: Array
 
 
 class Cameras:
@@ -177,67 +161,44 @@ class Cameras:
         faults: Of each row.
 
     Attributes:
-        age: For how long robots had been where they were last seen, (n,) s; None if that is no time at all.
+        age: For how long robots had been where they were last seen, (n,) s.
     """
 
     def __init__(
         self, settings: Sequence[VisionSettings], seeds: Sequence[Seed], faults: Sequence[Sequence[Fault]]
     ) -> None:
-        rates = [each.rate_hz for each in settings]
+        rates = [row.rate_hz for row in settings]
+        groups = [np.flatnonzero(np.equal(rates, rate)).tolist() for rate in dict.fromkeys(rates)]
         self._groups = [
-            _SameRate(np.flatnonzero(np.equal(rates, rate)), settings, seeds, faults) for rate in dict.fromkeys(rates)
+            (rows, _SameRate([settings[i] for i in rows], [seeds[i] for i in rows], [faults[i] for i in rows]))
+            for rows in groups
         ]
-        self._is_late = any(group.is_late for group in self._groups)
         self.age: Array | None = None
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
         """Return the poses (n, 3) that arrived since the frame before, NaN where none did, and whether one did (n,)."""
-        if not self._is_late:
-            return self._groups[0].take(pose)
         measured, self.age = np.full(pose.shape, np.nan), np.zeros(len(pose))
-        for group in self._groups:
-            group.arrive(pose, measured, self.age)
+        for rows, group in self._groups:
+            measured[rows], self.age[rows] = group.arrive(pose[rows])
         return measured, ~np.isnan(measured[:, 0])
 
 
-@dataclass
-class _Image:
-    """Taken at `time`, arrives at `arrival` (n,), is said to be older by `behind` (n,), s; poses (n, 3)."""
-
-    time: float
-    poses: Array  # NaN where a robot was not seen
-    arrival: Array
-    behind: Array
-
-
 class _SameRate:
-    """Rows of a batch, by their numbers, whose cameras take images at the same times."""
+    """Rows of a batch whose cameras take images at the same times."""
 
     def __init__(
-        self,
-        rows: np.ndarray,
-        settings: Sequence[VisionSettings],
-        seeds: Sequence[Seed],
-        faults: Sequence[Sequence[Fault]],
+        self, settings: Sequence[VisionSettings], seeds: Sequence[Seed], faults: Sequence[Sequence[Fault]]
     ) -> None:
-        own = [settings[i] for i in rows], [seeds[i] for i in rows], [faults[i] for i in rows]
-        self._rows, self._camera, self._timing = rows, Camera(*own), Timing(*own)
-        self._rate = own[0][0].rate_hz
-        self.is_late = self._timing.is_late or self._rate != FRAME_RATE_HZ
+        self._camera, self._timing = Camera(settings, seeds, faults), Timing(settings, seeds, faults)
+        self._rate = settings[0].rate_hz
         self._before: Array | None = None
         self._tick, self._taken = 0, 0  # frames of the loop, and images
         self._flying: list[_Image] = []
-        self._newest = np.full(len(rows), -np.inf)
+        self._newest = np.full(len(seeds), -np.inf)
 
-    def take(self, pose: Array) -> tuple[Array, np.ndarray]:
-        """Return the poses and whether they were seen of images that are taken at the ticks and arrive at once."""
-        self._tick += 1
-        return self._camera(pose, self._tick - 1)
-
-    def arrive(self, pose: Array, measured: Array, age: Array) -> None:
-        """Write what arrived since the frame before: poses (n, 3), and how old they are (n,), s."""
-        rows, now = self._rows, self._tick * PERIOD_S
-        pose = pose[rows]
+    def arrive(self, pose: Array) -> tuple[Array, Array]:
+        """Return what arrived since the frame before: poses (n, 3), and how old they are (n,), s."""
+        now, measured, age = self._tick * PERIOD_S, np.full(pose.shape, np.nan), np.zeros(len(pose))
         before = pose if self._before is None else self._before
         while (time := self._taken / self._rate) <= now + _SAME_S:
             if abs(time - now) <= _SAME_S:
@@ -247,10 +208,11 @@ class _SameRate:
         self._before, self._tick = pose, self._tick + 1
         for image in self._flying:
             came = (image.arrival <= now + _SAME_S) & (image.time > self._newest) & ~np.isnan(image.poses[:, 0])
-            measured[rows[came]] = image.poses[came]
-            age[rows[came]] = np.maximum(now - image.time + image.behind[came], 0.0)
+            measured[came] = image.poses[came]
+            age[came] = np.maximum(now - image.time + image.behind[came], 0.0)
             self._newest[came] = image.time
         self._flying = [image for image in self._flying if (image.arrival > now + _SAME_S).any()]
+        return measured, age
 
     def _take(self, time: float, pose: Array) -> None:
         frame = int((time + _SAME_S) * FRAME_RATE_HZ)

@@ -42,29 +42,25 @@ class Noise:
         stream: what the numbers are for.
         sample: draws a number of successive values from a generator, (count, k); drawing twice must give what drawing
             once as many does.
-        become: makes of numbers (count, n, k) what is wanted, for as many frames at once. [nothing else]
     """
 
     def __init__(
-        self,
-        seeds: Sequence[Seed],
-        stream: Stream,
-        sample: Callable[[np.random.Generator, int], Array],
-        become: Callable[[Array], np.ndarray] = lambda numbers: numbers,
+        self, seeds: Sequence[Seed], stream: Stream, sample: Callable[[np.random.Generator, int], Array]
     ) -> None:
-        distinct = {seed: number for number, seed in enumerate(dict.fromkeys(seeds))}
-        self._rows = np.array([distinct[seed] for seed in seeds]) if len(distinct) > 1 else slice(None)
-        self._copies = len(seeds) if len(distinct) == 1 else 1
-        self._generators = [np.random.default_rng([int(stream), *seed]) for seed in distinct]
-        self._sample, self._become = sample, become
-        self._block: np.ndarray = np.empty((0, 1, 1))
-        self._used = 0
+        numbers = {seed: number for number, seed in enumerate(dict.fromkeys(seeds))}
+        self._rows = [numbers[seed] for seed in seeds]
+        self._generators = [np.random.default_rng([int(stream), *seed]) for seed in numbers]
+        self._sample, self._used = sample, BLOCK
 
-    def next(self) -> np.ndarray:
+    def next(self) -> Array:
         """The next value of each row, (n, k)."""
-        if self._used == len(self._block):
+        if self._used == BLOCK:
             block = np.stack([self._sample(rng, BLOCK) for rng in self._generators], axis=1)
-            self._block = self._become(np.repeat(block[:, self._rows], self._copies, axis=1))
-            self._used = 0
+            self._block, self._used = block[:, self._rows], 0
         self._used += 1
         return self._block[self._used - 1]
+
+
+def uniform(seeds: Sequence[Seed], stream: Stream, count: int = 1) -> Noise:
+    """Return the stream of so many numbers from 0 to 1 a time."""
+    return Noise(seeds, stream, lambda rng, length: rng.random((length, count)))

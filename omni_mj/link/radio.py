@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.link.noise import Noise, Seed, Stream
+from omni_mj.link.noise import Seed, Stream, uniform
 from omni_mj.link.schedule import Schedule
 from omni_mj.scenarios.faults import Delay, Fault, RadioBursts, RadioDuplicates, RadioLoss, RadioReorder
 from omni_mj.scenarios.settings import RadioSettings, column
@@ -58,14 +58,11 @@ def longest(settings: RadioSettings, faults: Sequence[Fault]) -> int:
     return max(settings.delay_frames, *delays, 0) + settings.jitter_frames + max(behind, default=0)
 
 
-Robots = np.ndarray | slice  # by their numbers
-
-
 class _Flight(NamedTuple):
     """Packets (k, columns) to some robots (k,) that arrive together; `is_last`: after all others of their tick."""
 
     sent_tick: int
-    robots: Robots
+    robots: np.ndarray
     packets: Array
     is_last: bool
 
@@ -104,15 +101,12 @@ class Radio:
         self._usual = column(settings, "delay_frames")[:, 0].astype(int) * ticks
         self._jitter = column(settings, "jitter_frames")[:, 0].astype(int) * ticks
         self._loss = column(settings, "loss_probability")[:, 0]
-        self._jitters, self._loses = bool(self._jitter.any()), bool(self._loss.any())
         # Drawn for each packet, or each frame, whatever goes on, so that a fault changes nothing of another.
         self._late, self._losses, self._steps = (
-            Noise(seeds, stream, lambda rng, count: rng.random((count, 1)))
-            for stream in (Stream.RADIO_JITTER, Stream.RADIO_LOSSES, Stream.RADIO_BURSTS)
+            uniform(seeds, stream) for stream in (Stream.RADIO_JITTER, Stream.RADIO_LOSSES, Stream.RADIO_BURSTS)
         )
-        self._chance = Noise(seeds, Stream.RADIO_FAULTS, lambda rng, count: rng.random((count, 4)))
+        self._chance = uniform(seeds, Stream.RADIO_FAULTS, 4)
         self._schedule = Schedule(faults, Delay, RadioLoss, RadioBursts, RadioDuplicates, RadioReorder)
-        self._fails = bool(set(self._schedule.kinds) - {Delay})
         self._passes, self._outside_burst = np.ones((2, n))  # probabilities of a packet
         self._chains = dict[tuple[int, RadioBursts], bool]()  # of the bursts that go on: whether in one
         self._copied, self._overtaken = np.zeros((2, n))  # probabilities of a packet, and by how many frames
@@ -131,20 +125,22 @@ class Radio:
         packets[:, :3], packets[:, 3] = command, heading
         self.send(packets)
         packets, new, age = self.deliver()
-        if np.count_nonzero(new) < len(new):
-            packets[~new, 3] = np.nan
+        packets[~new, 3] = np.nan
         return Received(packets[:, :3], packets[:, 3], age, new)
 
     def send(self, packets: Array, to: np.ndarray | None = None) -> None:
         """Send packets (n, k) to the robots of these numbers, by default to all."""
-        robots: Robots = slice(None) if to is None else to  # a slice costs a third
-        arrival = self._tick + self._delay
-        if self._jitters:
-            jitter = (2 * self._jitter + 1) * self._late.next()[:, 0] - (self._jitter + 0.5)
-            arrival += np.rint(jitter).astype(int)
-        if self._loses or self._fails:
-            robots = self._lose(packets, self._robots[robots], arrival)
-        self._launch(packets, robots, arrival, is_last=False)
+        robots = self._robots if to is None else to
+        jitter = (2 * self._jitter + 1) * self._late.next()[:, 0] - (self._jitter + 0.5)
+        arrival = self._tick + self._delay + np.rint(jitter).astype(int)
+        lost, burst, copied, overtaken = self._chance.next().T
+        is_received = self._losses.next()[:, 0] >= self._loss
+        is_received &= (lost < self._passes) & (burst < self._outside_burst)
+        is_overtaken = is_received & (overtaken < self._overtaken)
+        is_copied = is_received & (copied < self._copied)
+        later = arrival + np.where(is_overtaken, self._overtaken_by, self._copied_by) * self._ticks
+        self._launch(packets, robots[(is_overtaken | is_copied)[robots]], later, is_last=True)
+        self._launch(packets, robots[(is_received & ~is_overtaken)[robots]], arrival, is_last=False)
 
     def deliver(self) -> tuple[Array, np.ndarray, np.ndarray]:
         """End a tick; return what robots hold (n, k), whether it arrived now (n,), and its age in ticks (n,)."""
@@ -153,8 +149,7 @@ class Radio:
             robots, packets = flight.robots, flight.packets
             if not flight.is_last:
                 is_newer = self._newest[robots] <= flight.sent_tick
-                if np.count_nonzero(is_newer) < len(is_newer):
-                    robots, packets = self._robots[robots][is_newer], packets[is_newer]
+                robots, packets = robots[is_newer], packets[is_newer]
                 self._newest[robots] = flight.sent_tick
             self._current[robots], self._sent_ticks[robots], new[robots] = packets, flight.sent_tick, True
         self.wait()
@@ -172,28 +167,11 @@ class Radio:
             if self._tick % self._ticks == 0:
                 self._begin_frame()
 
-    def _lose(self, packets: Array, robots: np.ndarray, arrival: np.ndarray) -> np.ndarray:
-        """Launch packets that faults delay or copy; return the robots whose packets arrive as they should."""
-        if self._loses:
-            robots = robots[self._losses.next()[robots, 0] >= self._loss[robots]]
-        if not self._fails:
-            return robots
-        lost, burst, copied, overtaken = self._chance.next().T
-        is_received = (lost < self._passes) & (burst < self._outside_burst)
-        is_overtaken = is_received & (overtaken < self._overtaken)
-        is_copied = is_received & (copied < self._copied)
-        delay = np.where(is_overtaken, self._overtaken_by, np.where(is_copied, self._copied_by, 0)) * self._ticks
-        self._launch(packets, robots[delay[robots] > 0], arrival + delay, is_last=True)
-        return robots[(is_received & ~is_overtaken)[robots]]
-
-    def _launch(self, packets: Array, robots: Robots, arrival: np.ndarray, is_last: bool) -> None:
+    def _launch(self, packets: Array, robots: np.ndarray, arrival: np.ndarray, is_last: bool) -> None:
         """Let packets (n, k) to robots of these numbers arrive in ticks (n,), after all others of the tick or not."""
-        ticks = arrival[robots]
-        distinct = set(ticks.tolist())
-        for tick in distinct:
-            group = robots if len(distinct) == 1 else self._robots[robots][ticks == tick]
-            flight = _Flight(self._tick, group, packets[group].copy(), is_last)
-            self._in_flight.setdefault(tick, []).append(flight)
+        for tick in set(arrival[robots].tolist()):
+            group = robots[arrival[robots] == tick]
+            self._in_flight.setdefault(tick, []).append(_Flight(self._tick, group, packets[group], is_last))
 
     def _begin_frame(self) -> None:
         """Apply the faults of the frame that begins."""
@@ -209,8 +187,6 @@ class Radio:
             for row, late in active.of(RadioReorder):
                 self._overtaken[row], self._overtaken_by[row] = late.probability, late.frames
             self._chains = {chain: self._chains.get(chain, False) for chain in active.of(RadioBursts)}
-        if not self._fails:
-            return
         drawn = self._steps.next()[:, 0]
         self._outside_burst[:] = 1.0
         for (row, bursts), inside in self._chains.items():
