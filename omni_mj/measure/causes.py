@@ -46,22 +46,14 @@ def slip_beyond(pose: Array, slip: Array, settings: Settings) -> Array:
     return beyond
 
 
-def at_limits(command: Array, before: Array, control: ControlSettings) -> dict[str, tuple[float, np.ndarray]]:
-    """The limits of commands, and where they are met: unit -> limit and which of the frames (frames,).
-
-    Args:
-        command: sent in each frame, (frames, 3) m/s, m/s, rad/s.
-        before: sent before the first, (3,).
-        control: whose limits hold.
-    """
-    step = np.diff(command, axis=0, prepend=before[None]) / PERIOD_S
-    sizes = {
-        "m/s": (control.max_speed_m_s, np.hypot(*command[:, :2].T)),
-        "m/s^2": (control.max_acceleration_m_s2, np.hypot(*step[:, :2].T)),
-        "rad/s": (control.max_turn_rate_rad_s, np.abs(command[:, 2])),
-        "rad/s^2": (control.max_turn_acceleration_rad_s2, np.abs(step[:, 2])),
-    }
-    return {unit: (limit, size >= limit * (1 - ROUNDING)) for unit, (limit, size) in sizes.items()}
+def held_back(command: Array, control: ControlSettings) -> np.ndarray:
+    """Return in which frames a command (frames, 3) is at a limit of speed or acceleration, (frames,)."""
+    step = np.diff(command, axis=0, prepend=np.zeros((1, 3))) / PERIOD_S
+    speed, acceleration = (np.stack([np.hypot(x, y), np.abs(w)]) for x, y, w in (command.T, step.T))
+    speeds = np.array([control.max_speed_m_s, control.max_turn_rate_rad_s])[:, None]
+    accelerations = np.array([control.max_acceleration_m_s2, control.max_turn_acceleration_rad_s2])[:, None]
+    tolerance = 1 - ROUNDING
+    return np.asarray(((speed >= speeds * tolerance) | (acceleration >= accelerations * tolerance)).any(0))
 
 
 def of_row(log: Log, row: int) -> dict[str, np.ndarray]:
@@ -75,8 +67,7 @@ def of_row(log: Log, row: int) -> dict[str, np.ndarray]:
     if not np.isnan(channel["duty_peak"]).all():
         found[VOLTAGE] = channel["duty_peak"][:, 0] >= 1
         found[CURRENT] = np.asarray((channel["current_limited"] > 0).any(-1))
-    met = at_limits(log.channel("command")[frames, row], np.zeros(3), settings.control)
-    found[HELD_BACK] = np.asarray(np.any([frames for _, frames in met.values()], axis=0))
+    found[HELD_BACK] = held_back(log.channel("command")[frames, row], settings.control)
     return found
 
 

@@ -154,6 +154,5 @@ def _sliding(robot: Robot) -> Array:
 
 def _held_back(robot: Robot) -> Array:
     """Return the share of the last quarter of a second in which the command was at a limit."""
-    limits = causes.at_limits(robot["command"], np.zeros(3), robot.settings.control)
-    held = np.any([met for _, met in limits.values()], axis=0)
+    held = causes.held_back(robot["command"], robot.settings.control)
     return np.convolve(held, np.full(ALPHA_WINDOW_FRAMES, 1 / ALPHA_WINDOW_FRAMES))[: len(held), None]
