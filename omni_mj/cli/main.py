@@ -63,6 +63,7 @@ SHARED = {
     "show": "list",
     "schema": "list",
     "alpha": "studies",
+    "limit": "studies",
     "loop": "studies",
     "slip": "studies",
 }  # commands that are in another's file

@@ -1,13 +1,10 @@
 """`omni-mj run`, or `python -m omni_mj.run`: run a scenario, show its result, leave its files."""
 
-import os
 import shlex
-import shutil
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -16,9 +13,7 @@ from omni_mj.cli import console, folders, options
 
 if TYPE_CHECKING:
     from omni_mj.cli.console import Interrupts
-    from omni_mj.measure.result import Outcome, Result
-    from omni_mj.scenarios.scenario import Scenario
-    from omni_mj.show.recording import Recording
+    from omni_mj.measure.result import Result
     from omni_mj.simulate.simulation import Simulation
 
 RESULTS = ("summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml", "figures", "report.html")
@@ -43,7 +38,6 @@ OUTPUTS = (*RESULTS, *folders.PROVENANCE)
 @options.FIGURES
 @options.SVG
 @options.QUIET
-@click.option("--list", "show_list", is_flag=True, help="The same as omni-mj list.")
 @options.choice
 @options.outputs
 def command(
@@ -53,14 +47,8 @@ def command(
     out: Path | None,
     overwrite: bool,
     quiet: bool,
-    show_list: bool,
 ) -> None:
     """Run a scenario with one or several controllers and compare them."""
-    if show_list:
-        from omni_mj.show import listing
-
-        listing.show()
-        return
     from omni_mj.cli.console import Interrupts
     from omni_mj.scenarios.toml_files import builtin
     from omni_mj.studies import run
@@ -87,7 +75,6 @@ def recorded(
     interrupts: "Interrupts",
     quiet: bool,
     study: str = "run",
-    watch: Callable[[int], None] | None = None,
 ) -> "Result":
     """Run a simulation and save what came of it.
 
@@ -99,23 +86,42 @@ def recorded(
         interrupts: asked after each frame.
         quiet: whether to show nothing while it runs.
         study: the command's name.
-        watch: called with each frame's number in place of showing progress.
     """
     from omni_mj.files import write
     from omni_mj.measure.table import table
     from omni_mj.show import tables
     from omni_mj.studies import run
+    from omni_mj.studies.outcome import drive, total_frames
 
     console.quiet_mujoco()
-    folders.begin_record(folder, study, console.command_line(), [simulation.scenario])
-    write(folder / "scenario.toml", simulation.scenario.to_toml())
+    scenario = simulation.scenario
+    folders.begin_record(folder, study, console.command_line(), [scenario])
+    write(folder / "scenario.toml", scenario.to_toml())
+    targets: list[Path | str] = [*shown_by, *[folder / "recording.rrd"] * record]
     with ExitStack() as stack:
-        recordings = _recordings(simulation, folder, record, shown_by)
-        for recording in recordings:
-            stack.enter_context(recording)
-        outcome = _drive(simulation, recordings, interrupts, quiet, watch)
+        recordings: list[Any] = []
+        if targets:
+            from omni_mj.show.recording import Recording
+
+            recordings = [stack.enter_context(Recording(target, simulation)) for target in targets]
+        begin = stack.enter_context(console.progress(quiet))
+        show = begin(scenario.name, total_frames(simulation))
+
+        def after_frame(frame: int) -> None:
+            interrupts.check()
+            show(frame)
+            for recording in recordings:
+                recording.update()
+
+        try:
+            outcome = drive(simulation, after_frame)
+        finally:
+            for recording in recordings:
+                recording.write()
         result = run.of(simulation, outcome)
-        result.repeat = shlex.join(["omni-mj", study, *_as_it_was(simulation.scenario, folder)])
+        allow_code = ["--allow-code"] * (scenario.has_code and scenario.plant != "live")
+        words = ["--scenario", str(folder / "scenario.toml"), *allow_code]
+        result.repeat = shlex.join(["omni-mj", study, *words])
         result.save_files(folder)
         if simulation.log.lengths.any():
             text = tables.titled(table(result.summary()))
@@ -125,9 +131,7 @@ def recorded(
 
 
 def shown(result: "Result", folder: Path, draw: bool, quiet: bool, svg: bool = False) -> None:
-    """Print the table, draw the figures, if they are wanted, write the report, and say what is there."""
-    if not quiet:
-        _table(result)
+    """Draw the figures, if they are wanted, write the report, and print the results."""
     with console.drawing(folder):
         if draw:
             from omni_mj.show import figures
@@ -137,7 +141,7 @@ def shown(result: "Result", folder: Path, draw: bool, quiet: bool, svg: bool = F
 
         report.write([folder], folder / "report.html")
     if not quiet:
-        _files(result, folder)
+        _print_results(result, folder)
 
 
 def ended(result: "Result", folder: Path, interrupts: "Interrupts") -> None:
@@ -155,82 +159,24 @@ def viewers(view: bool, connect: str | None) -> list[str]:
     return ([] if connect is None else [viewer.check(connect)]) + ([viewer.open_viewer()] if view else [])
 
 
-def _recordings(simulation: "Simulation", folder: Path, record: bool, shown_by: Sequence[str]) -> "list[Recording]":
-    if not record and not shown_by:
-        return []
-    from omni_mj.show.recording import Recording
-
-    targets: list[Path | str] = [*shown_by, *[folder / "recording.rrd"] * record]
-    return [Recording(target, simulation) for target in targets]
-
-
-def _drive(
-    simulation: "Simulation",
-    recordings: "Sequence[Recording]",
-    interrupts: "Interrupts",
-    quiet: bool,
-    watch: Callable[[int], None] | None,
-) -> "Outcome":
-    """Run to the end, recording in blocks."""
-    from omni_mj.studies.outcome import drive, total_frames
-
-    try:
-        with console.progress(quiet or watch is not None) as begin:
-            show = watch or begin(simulation.scenario.name, total_frames(simulation))
-
-            def after_frame(frame: int) -> None:
-                interrupts.check()
-                show(frame)
-                for recording in recordings:
-                    recording.update()
-
-            return drive(simulation, after_frame)
-    finally:
-        for recording in recordings:
-            recording.write()
-
-
-def _table(result: "Result") -> None:
-    """Print the table, and what happened."""
+def _print_results(result: "Result", folder: Path) -> None:
+    """Print the tables, what happened, and what is in the folder."""
     from omni_mj.measure.table import recovery_table, table, why_table
     from omni_mj.show import tables
 
     (outcome,) = result.outcomes
+    summary = result.summary()
     if outcome.entry["results"]:
-        summary = result.summary()
-        tables.show(table(summary))
-        for more in (why_table(summary), recovery_table(summary)):
-            if more:
-                tables.show(more)
+        for each in (table(summary), why_table(summary), recovery_table(summary)):
+            if each:
+                tables.show(each)
         console.print_events(outcome.entry)
-
-
-def _files(result: "Result", folder: Path) -> None:
-    """Print what is in the folder."""
-    (outcome,) = result.outcomes
     by = " by JAX" if outcome.scenario.settings.physics.kernel == "jax" else ""
     print(f"{outcome.entry['simulated_s']:.1f} s simulated in {result.wall_s:.1f} s{by}; results in {folder}/")
-    frames, figures, recording = (folder / name for name in ("trajectory.parquet", "figures", "recording.rrd"))
-    print(f"  report     {folder / 'report.html'}")
-    print(f"  numbers    {folder / 'summary.json'}" + f", {frames}" * frames.exists())
-    if figures.exists():
-        print(f"  figures    {figures}/")
-    again = f"{_program('python')} -m omni_mj.run" if outcome.scenario.plant != "live" else "omni-mj drive"
-    print(f"  repeat     {again} {shlex.join(_as_it_was(outcome.scenario, folder))}")
-    if recording.exists():
-        print(f"  recording  {_program('rerun')} {recording}")
-
-
-def _as_it_was(scenario: "Scenario", folder: Path) -> list[str]:
-    """The options with which a scenario is run again."""
-    return [
-        "--scenario",
-        str(folder / "scenario.toml"),
-        *["--allow-code"] * (scenario.has_code and scenario.plant != "live"),
-    ]
-
-
-def _program(name: str) -> str:
-    """Return how a user starts a program that is installed beside this Python, whose folder need not be on the PATH."""
-    program = Path(sys.executable).with_name(name)
-    return name if shutil.which(name) == str(program) else os.path.relpath(program)
+    names = {"numbers": "summary.json", "figures": "figures", "report": "report.html"}
+    for what, path in ((what, folder / name) for what, name in names.items()):
+        if path.exists():
+            print(f"  {what:10} {path}")
+    print(f"  {'repeat':10} {result.repeat}")
+    if (recording := folder / "recording.rrd").exists():
+        print(f"  {'recording':10} rerun {recording}")

@@ -1,5 +1,6 @@
-"""`omni-mj alpha`, `loop` and `slip`: studies of a robot, and of its controllers' loops."""
+"""`omni-mj alpha`, `limit`, `loop` and `slip`: studies of a robot, of what is possible, and of controllers' loops."""
 
+import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,7 @@ import click
 from omni_mj.cli import console, folders, options
 from omni_mj.scenarios.scenario import Scenario
 
-WRITTEN = ("summary.json", "scenario.toml", "scenarios")
+WRITTEN = ("summary.json", "scenario.toml", "scenarios", "trajectory.parquet")
 
 
 def output(study: str) -> Callable[[Any], Any]:
@@ -32,6 +33,34 @@ def alpha(choice: options.Choice, **output: Any) -> None:
 
     chosen = choice.load("rect")
     _run("alpha", [chosen], lambda begin: alpha(chosen, begin=begin), alpha_figure.save, **output)
+
+
+@click.command("limit")
+@click.argument("name", metavar="SCENARIO|FILE.toml", shell_complete=options.complete("scenarios"))
+@options.PLANT
+@options.ROBOT
+@options.MODEL
+@options.SETTINGS
+@click.option("--seeds", type=int, metavar="N", default=20, help="How many seeds show what noise costs. [20]")
+@click.option("--seed", type=int, metavar="S", default=0, help="First seed of the random numbers. [0]")
+@click.option("--iterations", type=int, metavar="N", default=16, help="Attempts to learn from, at the most. [16]")
+@options.ALLOW_CODE
+@output("limit")
+@options.choice
+def limit(choice: options.Choice, name: str, iterations: int, **output: Any) -> None:
+    """Find out what is possible: without noise, by learning the way; with noise, by feedback along it."""
+    from omni_mj.show import limit_figure
+    from omni_mj.studies import limit as study
+
+    chosen = choice.load(name)
+    study.check(chosen, iterations)
+
+    def measure(begin: study.Begin) -> study.LimitResult:
+        result = study.limit(chosen, chosen.seed_list, iterations, begin=begin)
+        result.repeat = shlex.join(["omni-mj", "limit", name, *choice.words, "--iterations", str(iterations)])
+        return result
+
+    _run("limit", [chosen], measure, limit_figure.save, frames=True, **output)
 
 
 @click.command("loop")
@@ -93,6 +122,7 @@ def _run(
     out: Path | None,
     overwrite: bool,
     quiet: bool,
+    frames: bool = False,
 ) -> None:
     """Measure scenarios, save the result, and end the program if the study was stopped or rows failed.
 
@@ -105,6 +135,7 @@ def _run(
         out: Folder of the results.
         overwrite: Whether files there may be replaced.
         quiet: Whether nothing is printed.
+        frames: Whether the result has frames.
     """
     from omni_mj.cli.console import Interrupts
 
@@ -113,7 +144,7 @@ def _run(
         options.tell_model(scenario, quiet)
     folder = folders.prepare(out, name, outputs, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
-        folders.begin_record(folder, name, console.command_line(), chosen, frames=False)
+        folders.begin_record(folder, name, console.command_line(), chosen, frames)
         result = measure(lambda *what: console.checked(interrupts.check, begin(*what)))
     with console.writing(folder):
         result.save_files(folder)

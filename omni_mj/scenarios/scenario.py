@@ -38,7 +38,7 @@ class Scenario(Checked):
     paper_table: Literal[0, 3, 4] = setting(
         0, "", "the table of the paper (3 or 4) that reports the same experiment, or 0"
     )
-    plant: str = setting("mujoco", "", "what is driven: a plant that --list names, or file.py:Class")
+    plant: str = setting("mujoco", "", "what is driven: a plant that omni-mj list names, or file.py:Class")
     robot: str = setting(robots.DEFAULT, "", "the name of a robot, or the path of a robot's .toml file")
     controllers: tuple[str | type[Controller], ...] = setting(
         ("flc", "comp-flc"), "", "what drives it: names of controllers, or file.py:Class", 1

@@ -87,8 +87,8 @@ def test_what_is_mistyped_is_told_in_a_line(words: list[str], says: str, capsys:
     assert says.casefold() in err.casefold()
 
 
-def test_lists_are_the_same_however_asked_and_a_word_finds_its_lines(capsys: pytest.CaptureFixture[str]) -> None:
-    (whole,) = {printed(capsys, *words) for words in (["--list"], ["list"], ["run", "--list"])}
+def test_a_word_finds_the_lines_of_a_list(capsys: pytest.CaptureFixture[str]) -> None:
+    whole = printed(capsys, "list")
     for name in ("rect-noise", "comp-flc", "kinematic", "tigers-v2016", "radio.delay_frames", "V s/rad", "0.826"):
         assert name in whole
     assert max(map(len, whole.splitlines())) <= 140
@@ -188,7 +188,7 @@ def test_output_that_goes_nowhere_is_no_fault_and_one_that_is_lost_is_said(
     streams: str, code: int, out: str, err: str
 ) -> None:
     """A reader that goes, streams that are closed, and a device that is full."""
-    command = f"set -o pipefail; {sys.executable} -m omni_mj --list {streams}"
+    command = f"set -o pipefail; {sys.executable} -m omni_mj list {streams}"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (code, err)
     assert done.stdout.startswith(out)

@@ -64,8 +64,8 @@ def test_within_limits_the_plan_is_the_best_there_is() -> None:
     """Against scipy's solver of the same problem along one axis, in which the limit of acceleration binds."""
     frames, delay = 40, 3
     model, limits = bench.PRIOR(frames, delay, LAG_S), MotionLimits(5.0, 4.7, 26.0, 50.8)
-    errors = np.zeros((frames, 1, 3))
-    errors[10:, 0, 0] = 0.01 * np.minimum(np.arange(frames - 10) / 10, 1)
+    errors = np.zeros((frames, 3))
+    errors[10:, 0] = 0.01 * np.minimum(np.arange(frames - 10) / 10, 1)
     commands, expected = bench.planned(model, limits, errors)
     unit = np.eye(3 * frames)[:, ::3]
     gain = np.stack([bench.departures(model, column.reshape(-1, 3))[:, 0] for column in unit.T], axis=1)
@@ -73,15 +73,15 @@ def test_within_limits_the_plan_is_the_best_there_is() -> None:
     sums = np.tril(np.ones((frames, frames)))  # commands are sums of bounded changes
     effect = gain @ sums
     best = minimize(
-        lambda change: ((errors[:, 0, 0] + effect @ change) ** 2).sum() * 1e4,
+        lambda change: ((errors[:, 0] + effect @ change) ** 2).sum() * 1e4,
         np.zeros(frames),
-        jac=lambda change: 2e4 * effect.T @ (errors[:, 0, 0] + effect @ change),
+        jac=lambda change: 2e4 * effect.T @ (errors[:, 0] + effect @ change),
         bounds=[(-step, step)] * frames,
         options={"maxiter": 5000, "ftol": 1e-15},
     )
     assert best.fun / 1e4 > 1e-8, "limits that do not bind"
-    assert (expected[:, 0, 0] ** 2).sum() == pytest.approx(best.fun / 1e4, rel=0.05)
-    assert np.abs(np.diff(commands[:, 0, 0], prepend=0)).max() < 1.01 * step
+    assert (expected[:, 0] ** 2).sum() == pytest.approx(best.fun / 1e4, rel=0.05)
+    assert np.abs(np.diff(commands[:, 0], prepend=0)).max() < 1.01 * step
 
 
 @pytest.mark.parametrize("weight", [0.01, 0.1])

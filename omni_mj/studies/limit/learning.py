@@ -128,8 +128,9 @@ def learn(
         history.append({aim: float(best.size(aim, 0.0)[0]) for aim in AIMS})
         if number == attempts or idle == PATIENCE:
             break
-        commands, errors = improve(model, limits, best.errors, best.sent)
-        commands, poses = best.sent + shares * (commands - best.sent), best.poses + shares * (errors - best.errors)
+        planned, expected = improve(model, limits, best.errors[:, 0], best.sent[:, 0])
+        commands = best.sent + shares * (planned[:, None] - best.sent)
+        poses = best.poses + shares * (expected[:, None] - best.errors)
         tracker = Tracker(model, commands, poses, scenario, policies)
         changes = PROBE * random.standard_normal((len(reference), len(policies), 3))
         changes[1:] += changes[:-1].copy()

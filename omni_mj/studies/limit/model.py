@@ -128,47 +128,35 @@ def _delayed(values: Array, frames: int) -> Array:
 
 
 def improve(model: DepartureModel, limits: MotionLimits, errors: Array, commands: Array) -> tuple[Array, Array]:
-    """Return better commands for n runs, and the errors expected of them.
+    """Return better commands for a run, and the errors expected of them.
 
     Args:
-        model: Departures of the runs.
+        model: Departures of the run.
         limits: Of what may be commanded.
-        errors: Poses less the reference, (F, n, 3).
-        commands: Sent commands, (F, n, 3).
+        errors: Poses less the reference, (F, 3).
+        commands: Sent commands, (F, 3).
     """
-    frames, n, _ = errors.shape
-    size = 3 * frames
-    off, sent = (values.swapaxes(1, 2).reshape(size, n) for values in (errors, commands))
+    size = errors.size
     motion, push = model.operators()
-    weights = sp.diags(np.tile(SCALE**2, frames))
-    both = sp.vstack([sp.eye(size), sp.eye(size) - sp.eye(size, k=-3)])  # commands, and their changes in a frame
-    pull = both.T @ sp.diags(np.concatenate([PULL_COMMAND * weights.diagonal(), PULL_CHANGE * weights.diagonal()]))
+    weights = sp.diags(np.tile(SCALE**2, len(errors)))
+    changes = sp.eye(size) - sp.eye(size, k=-3)  # of commands in a frame
+    both = sp.vstack([sp.eye(size), changes])
+    pull = sp.hstack([PULL_COMMAND * weights, PULL_CHANGE * changes.T @ weights])
     cost = sp.block_diag([RHO * weights + pull @ both, weights, sp.csc_matrix((size, size))])
     constraint = sp.hstack([-push, motion])
-    order = np.arange(5 * size).reshape(5, -1, 3).swapaxes(0, 1).ravel()  # frame by frame: a narrow band
-    system = sp.bmat([[cost, constraint.T], [constraint, None]]).tocsc()[order][:, order]
-    solve = splu(system.tocsc()).solve
-    limit = [[limits.speed, limits.turn_rate], [limits.acceleration * PERIOD_S, limits.turn_acceleration * PERIOD_S]]
-    bounds = np.repeat(limit, frames, axis=0)
-    start = both @ sent
-    allowed, owed = start.copy(), np.zeros_like(start)
-    right, solution = np.zeros((5 * size, n)), np.empty((5 * size, n))
-    right[size : 2 * size] = -weights @ off
+    solve = splu(sp.bmat([[cost, constraint.T], [constraint, None]]).tocsc()).solve
+    plane = np.array([[limits.speed], [limits.acceleration * PERIOD_S]])
+    turn = np.array([limits.turn_rate, limits.turn_acceleration * PERIOD_S])[:, None, None]
+    start = both @ commands.ravel()
+    allowed, owed, right = start, np.zeros(2 * size), np.zeros(5 * size)
+    right[size : 2 * size] = -weights @ errors.ravel()
     for _ in range(STEPS):
         right[:size] = pull @ (allowed - owed - start)
-        solution[order] = solve(right[order])
-        now = start + both @ solution[:size]
-        relaxed = RELAXATION * now + (1 - RELAXATION) * allowed + owed
-        allowed = _within(relaxed, bounds)
+        solution = solve(right)
+        relaxed = RELAXATION * (start + both @ solution[:size]) + (1 - RELAXATION) * allowed + owed
+        vectors = relaxed.reshape(2, -1, 3)
+        length = np.maximum(np.hypot(vectors[..., 0], vectors[..., 1]), 1e-12)
+        short = vectors[..., :2] * np.minimum(1.0, plane / length)[..., None]
+        allowed = np.concatenate([short, np.clip(vectors[..., 2:], -turn, turn)], axis=2).ravel()
         owed = relaxed - allowed
-    planned, expected = sent + solution[:size], off + solution[size : 2 * size]
-    return planned.reshape(frames, 3, n).swapaxes(1, 2), expected.reshape(frames, 3, n).swapaxes(1, 2)
-
-
-def _within(columns: Array, bounds: Array) -> Array:
-    """Return vectors (3 k, n) shortened to the bounds (k, 2) of the plane and of turning."""
-    vectors = columns.reshape(-1, 3, columns.shape[1]).copy()
-    plane = np.hypot(vectors[:, 0], vectors[:, 1])
-    vectors[:, :2] *= np.minimum(1.0, bounds[:, :1] / np.maximum(plane, 1e-12))[:, None]
-    vectors[:, 2] = np.clip(vectors[:, 2], -bounds[:, 1:], bounds[:, 1:])
-    return vectors.reshape(columns.shape)
+    return commands + solution[:size].reshape(-1, 3), errors + solution[size : 2 * size].reshape(-1, 3)

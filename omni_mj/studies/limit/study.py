@@ -1,7 +1,7 @@
 """The study of a limit: a robot learns a path, practises under noise, and drives next to the package's controllers."""
 
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
@@ -10,7 +10,7 @@ from omni_control.controllers.base import Controller
 from omni_control.registry import available
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.measure.statistics import ERRORS, plane_error
-from omni_mj.measure.table import plus_minus
+from omni_mj.measure.table import Table, plus_minus, text, where
 from omni_mj.scenarios import distributions
 from omni_mj.scenarios.checking import in_one
 from omni_mj.scenarios.classes import find_controller
@@ -53,24 +53,25 @@ class LimitResult(Result):
         return super().summary() | {"limit": {"definitions": DEFINITIONS, "attempts": self.history, "of": of}}
 
     def table(self) -> str:
-        """Return the limits' errors, and how they were found, as lines of text."""
-        return "\n".join([super().table(), *self._lines()]) if self.complete else ""
-
-    def _lines(self) -> Iterator[str]:
-        results = self.outcomes[0].entry["results"]
-        for name, result in results.items():
-            error = result["error_m"]["distance"]
-            both = " / ".join(plus_minus(error[aim], 100) for aim in AIMS)
-            times = " / ".join(f"{plane_error(result, aim) / plane_error(results[LIMIT], aim):.1f}" for aim in AIMS)
-            yield f"{name}: maximum / mean in the plane, mean over seeds: {both} cm, {times} times the limit"
-        for aim, name in self.whose.items():
-            if name != LIMIT:
-                yield f"the limit of the {ERRORS[aim]} is that of {name}: learning found nothing lower"
-        first, last = ((100 * errors["max"], 100 * errors["mean"]) for errors in (self.history[0], self.history[-1]))
-        yield (
-            f"without noise, in {len(self.history) - 1} attempts: from {first[0]:.2f}/{first[1]:.2f}"
-            f" to {last[0]:.4f}/{last[1]:.4f} cm in the plane"
-        )
+        """Return the limits' errors, controllers', and how they were found, as lines of text."""
+        if not self.complete:
+            return ""
+        ((name, entry),) = self.summary()["scenarios"].items()
+        rows = []
+        for label, result in entry["results"].items():
+            errors = [plus_minus(result["error_m"]["distance"][aim], 100) for aim in AIMS]
+            ratios = (plane_error(result, aim) / plane_error(entry["results"][LIMIT], aim) for aim in AIMS)
+            rows.append([label, *errors, "/".join(f"{ratio:.1f}" for ratio in ratios)])
+        headings = ["", *(f"{ERRORS[aim]}, cm" for aim in AIMS), "times the limit"]
+        title = f"{name}, {where(entry)}: error in the plane, mean of {len(self.seeds)} seeds"
+        notes = [
+            f"the limit of the {ERRORS[aim]} is that of {label}: learning found nothing lower"
+            for aim, label in self.whose.items()
+            if label != LIMIT
+        ]
+        attempts = [" / ".join(f"{100 * errors[aim]:.4f}" for aim in AIMS) for errors in self.history]
+        notes.append(f"without noise, in {len(attempts) - 1} attempts: from {attempts[0]} to {attempts[-1]} cm")
+        return "\n".join([text(Table(title, headings, rows, 1)), *notes])
 
 
 def limit(

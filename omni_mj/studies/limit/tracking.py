@@ -68,8 +68,8 @@ class Tracker:
         vision = settings.vision
         position, heading = max(vision.position_noise_m, SMALLEST), max(vision.heading_noise_rad, SMALLEST)
         self._vision_covariance = np.diag(np.square([position, position, heading]))
-        self._noise, gain, self._gain_decay = _process_noise(scenario, model, commands[:, 0])
-        self._noise_factors = np.array([np.where(TRANSLATION, policy.noise, 1.0) for policy in policies])
+        noise, gain, self._gain_decay = _process_noise(scenario)
+        self._noise = np.array([np.where(TRANSLATION, policy.noise, 1.0) * noise for policy in policies])
         regulators = {weight: _regulator(model, weight) for weight in {policy.weight for policy in policies}}
         self._gains = np.stack([regulators[policy.weight] for policy in policies], axis=1)
         self._inverse = np.linalg.pinv(model.command.sum(0))
@@ -124,7 +124,7 @@ class Tracker:
         self._state = self._advanced(self._state, self._frame)
         effect = np.eye(STATES)
         effect[POSE, SPEED] = PERIOD_S * np.eye(3)
-        noise = effect * (self._noise_factors * self._noise[min(self._frame, self._last)])[:, None] ** 2 @ effect.T
+        noise = effect * self._noise[:, None] ** 2 @ effect.T
         self._covariance = jacobian @ self._covariance @ jacobian.swapaxes(1, 2) + noise
 
     def _advanced(self, state: Array, frame: int) -> Array:
@@ -176,32 +176,23 @@ class Tracker:
         return values[min(frame, self._last)] if frame >= 0 else np.zeros_like(values[0])
 
 
-def _process_noise(scenario: Scenario, model: DepartureModel, commands: Array) -> tuple[Array, float, float]:
-    """Return the standard deviation of the noise that acts on each state in a frame (F, STATES).
-
-    Args:
-        scenario: Its disturbances and sensors.
-        model: Its dead time.
-        commands: Of a run, (F, 3).
+def _process_noise(scenario: Scenario) -> tuple[Array, float, float]:
+    """Return the standard deviation of the noise that acts on each state in a frame, (STATES,).
 
     Returns:
         These; the standard deviation of the gain by which speeds differ from commands, and its decay per frame.
     """
-    settings, sizes, gain, decay = scenario.settings, np.zeros((model.frames, STATES)), 0.0, 1.0
+    settings, sizes = scenario.settings, np.zeros(STATES)
     if scenario.plant in ON_WHEELS:
         gyro = settings.sensors.gyro_noise_rad_s
-        sizes[:, SPEED] = settings.disturbance.force_n / settings.body.mass_kg * PERIOD_S / 3**0.5
-        sizes[:, 5], sizes[:, COMPASS] = gyro / (1 + settings.firmware.turn_gain), PERIOD_S * gyro
-        return np.hypot(sizes, ON_WHEELS_NOISE), gain, decay
+        sizes[SPEED] = settings.disturbance.force_n / settings.body.mass_kg * PERIOD_S / 3**0.5
+        sizes[5], sizes[COMPASS] = gyro / (1 + settings.firmware.turn_gain), PERIOD_S * gyro
+        return np.hypot(sizes, ON_WHEELS_NOISE), 0.0, 1.0
     kinematic = settings.kinematic
-    sizes[:, SPEED], sizes[:, DRIFT] = 1e-9 + settings.disturbance.velocity_m_s / 3**0.5, 1e-9
-    spread = (kinematic.alpha_high - kinematic.alpha_low) / (kinematic.alpha_high + kinematic.alpha_low) / 3**0.5
-    if kinematic.alpha_time_s:
-        gain, decay = spread, float(np.exp(-PERIOD_S / kinematic.alpha_time_s))
-        sizes[:, GAIN] = gain * (1 - decay**2) ** 0.5
-    else:
-        acting = np.concatenate([np.zeros((model.delay, 3)), commands])[: model.frames]
-        sizes[:, SPEED] += spread * np.abs(acting)
+    sizes[SPEED], sizes[DRIFT] = 1e-9 + settings.disturbance.velocity_m_s / 3**0.5, 1e-9
+    gain = (kinematic.alpha_high - kinematic.alpha_low) / (kinematic.alpha_high + kinematic.alpha_low) / 3**0.5
+    decay = float(np.exp(-PERIOD_S / kinematic.alpha_time_s)) if kinematic.alpha_time_s else 0.0
+    sizes[GAIN] = gain * (1 - decay**2) ** 0.5
     return sizes, gain, decay
 
 

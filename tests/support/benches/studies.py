@@ -40,7 +40,7 @@ def departures(model: DepartureModel, commands: Array) -> Array:
 
 
 def planned(model: DepartureModel, limits: MotionLimits, errors: Array) -> tuple[Array, Array]:
-    """Return commands and expected errors (F, n, 3) planned for runs that were sent nothing."""
+    """Return commands and expected errors (F, 3) planned for a run that was sent nothing."""
     return improve(model, limits, errors, np.zeros_like(errors))
 
 
