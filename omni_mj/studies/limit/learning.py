@@ -42,30 +42,28 @@ class Drives:
     """What came of n rows in F frames.
 
     Attributes:
-        asked: Commands before the limits, (F, n, 3); the same commands give the same run, bit for bit.
         sent: Commands within the limits, (F, n, 3).
         poses: True poses, (F, n, 3).
         errors: Poses less the reference, (F, n, 3); infinite for a row that failed.
     """
 
-    asked: Array
     sent: Array
     poses: Array
     errors: Array
 
     @classmethod
-    def of(cls, simulation: Simulation, asked: Array) -> "Drives":
+    def of(cls, simulation: Simulation) -> "Drives":
         """Return those of a simulation that is over."""
         poses, sent = simulation.log.channel("pose"), simulation.log.channel("command")
         errors = poses - simulation.log.channel("ref")
         errors[:, [failure.row for failure in simulation.failures]] = np.inf
-        return cls(asked, sent, poses, errors)
+        return cls(sent, poses, errors)
 
     @property
     def best(self) -> "Drives":
         """Return those of the row with the least merit."""
         row = [int(self.merit.argmin())]
-        return Drives(*(values[:, row] for values in (self.asked, self.sent, self.poses, self.errors)))
+        return Drives(*(values[:, row] for values in (self.sent, self.poses, self.errors)))
 
     def size(self, aim: Aim, heading_m: float = HEADING_M) -> Array:
         """Return the maximum or mean error in the plane, (n,) m, and a little of that of the heading."""
@@ -89,16 +87,10 @@ def led(label: str, leader: Leader) -> type[Controller]:
 
 def lead(scenario: Scenario, seeds: Sequence[int], leader: Leader, after_frame: AfterFrame) -> Drives:
     """Lead robots, one for each seed and each in its own world, from start to end."""
-    asked = list[Array]()
-
-    def recorded(measured: Array, heading: Array, last: Array) -> Array:
-        asked.append(leader(measured, heading, last))
-        return asked[-1]
-
     rows = [Row(i, 0, "led", seed, scenario.settings, scenario.robot) for i, seed in enumerate(seeds)]
-    simulation = Simulation(scenario, [led("led", recorded)], rows=rows)
+    simulation = Simulation(scenario, [led("led", leader)], rows=rows)
     simulation.run(after_frame)
-    return Drives.of(simulation, np.array(asked))
+    return Drives.of(simulation)
 
 
 def learn(
@@ -119,7 +111,7 @@ def learn(
     model = DepartureModel.prior(len(reference), settings.radio.delay_frames, 2 * settings.control.lag_s)
     teachers = Simulation(scenario, TEACHERS, [seed])
     teachers.run(begin("controllers", len(reference)))
-    best = Drives.of(teachers, teachers.log.channel("command")).best
+    best = Drives.of(teachers).best
     if not np.isfinite(best.merit).all():
         raise OmniError(f"no controller comes to the end of {scenario.name!r}: there is nothing to learn from")
     policies = [Policy(weight) for _, weight in TRIES] + [Policy(PROBE_WEIGHT)] * PROBES

@@ -158,7 +158,7 @@ def _find(result: LimitResult, chosen: Scenario, iterations: int, begin: Begin) 
     policy = POLICIES[int(sum(error / error.min() for error in errors).argmin())]
 
     names = [name for name in available() if not find_controller(name).knows_truth]
-    commands = iter(run.asked)
+    commands = iter(run.sent)
     kinds: list[str | type[Controller]] = [
         led(LIMIT, tracker([policy] * len(seeds))),
         led(WITHOUT_NOISE, lambda *seen: next(commands)),
