@@ -131,7 +131,9 @@ def recorded(
 
 
 def shown(result: "Result", folder: Path, draw: bool, quiet: bool, svg: bool = False) -> None:
-    """Draw the figures, if they are wanted, write the report, and print the results."""
+    """Print the tables, draw the figures, if they are wanted, write the report, and say what is there."""
+    if not quiet:
+        _print_tables(result)
     with console.drawing(folder):
         if draw:
             from omni_mj.show import figures
@@ -141,7 +143,7 @@ def shown(result: "Result", folder: Path, draw: bool, quiet: bool, svg: bool = F
 
         report.write([folder], folder / "report.html")
     if not quiet:
-        _print_results(result, folder)
+        _print_files(result, folder)
 
 
 def ended(result: "Result", folder: Path, interrupts: "Interrupts") -> None:
@@ -159,24 +161,27 @@ def viewers(view: bool, connect: str | None) -> list[str]:
     return ([] if connect is None else [viewer.check(connect)]) + ([viewer.open_viewer()] if view else [])
 
 
-def _print_results(result: "Result", folder: Path) -> None:
-    """Print the tables, what happened, and what is in the folder."""
+def _print_tables(result: "Result") -> None:
+    """Print the tables, and what happened."""
     from omni_mj.measure.table import recovery_table, table, why_table
     from omni_mj.show import tables
 
-    (outcome,) = result.outcomes
     summary = result.summary()
-    if outcome.entry["results"]:
+    if result.outcomes[0].entry["results"]:
         for each in (table(summary), why_table(summary), recovery_table(summary)):
             if each:
                 tables.show(each)
-        console.print_events(outcome.entry)
+        console.print_events(result.outcomes[0].entry)
+
+
+def _print_files(result: "Result", folder: Path) -> None:
+    """Print what is in the folder."""
+    (outcome,) = result.outcomes
     by = " by JAX" if outcome.scenario.settings.physics.kernel == "jax" else ""
     print(f"{outcome.entry['simulated_s']:.1f} s simulated in {result.wall_s:.1f} s{by}; results in {folder}/")
-    names = {"numbers": "summary.json", "figures": "figures", "report": "report.html"}
-    for what, path in ((what, folder / name) for what, name in names.items()):
-        if path.exists():
-            print(f"  {what:10} {path}")
-    print(f"  {'repeat':10} {result.repeat}")
-    if (recording := folder / "recording.rrd").exists():
-        print(f"  {'recording':10} rerun {recording}")
+    for what, name in (("numbers", "summary.json"), ("figures", "figures"), ("report", "report.html")):
+        if (folder / name).exists():
+            print(f"  {what:10} {folder / name}")
+    print(f"  repeat     {result.repeat}")
+    if (folder / "recording.rrd").exists():
+        print(f"  recording  rerun {folder / 'recording.rrd'}")
