@@ -13,6 +13,7 @@ from omni_mj.mjcf.roles import Ids, Robot
 ALIKE_M = 5e-4  # by which wheels may differ that count as alike
 STRAIGHT = 0.01  # rad by which axles may miss the robot's middle, or the horizontal
 DIGITS = 10  # that are kept: others are rounding of the compiler's
+_GEOM = mujoco.mjtGeom
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,6 @@ class Wheels:
         arm: to where they touch, m.
         radius: over the rollers, m.
         roller_radius: m.
-        rollers: of a wheel.
         height: of the axles in the chassis' frame, m.
     """
 
@@ -34,110 +34,75 @@ class Wheels:
     arm: float
     radius: float
     roller_radius: float
-    rollers: int
     height: float
 
-    @classmethod
-    def of(cls, model: mujoco.MjModel, robot: Robot, touching: Ids, file: str) -> "Wheels":
-        """Measure them.
 
-        Args:
-            model: compiled.
-            robot: its parts.
-            touching: geoms of rollers that touch the carpet.
-            file: named in messages.
+def measure_wheels(model: mujoco.MjModel, robot: Robot, touching: Ids) -> Wheels:
+    """Measure a robot's wheels.
 
-        Raises:
-            OmniError: wheels that are not alike, upright, or on one circle about the robot's middle; a line for each.
-        """
-        data, errors = mujoco.MjData(model), list[str]()
-        mujoco.mj_kinematics(model, data)
-        names = [model.joint(joint).name for joint in robot.joints]
-        reaches = np.zeros((len(names), 4))  # arm, radius, roller's radius, height
-        azimuths, outward = [], []
-        for i, joint in enumerate(robot.joints):
-            anchor, axis = data.xanchor[joint], data.xaxis[joint]
-            out = np.array([*anchor[:2], 0.0])
-            outward.append(bool(axis @ out > 0))
-            axle = axis if outward[-1] else -axis
-            if np.linalg.norm(out) < ALIKE_M or np.linalg.norm(np.cross(axle, out)) > STRAIGHT * np.linalg.norm(out):
-                errors.append(
-                    f"{file}: the axle of the wheel {names[i]!r} at ({anchor[0]:.4g}, {anchor[1]:.4g}) m does not "
-                    f"lead level to the middle of the robot, the origin of the body {_name(model, robot)!r}"
-                )
-                continue
-            azimuths.append(float(np.round(np.degrees(np.arctan2(axle[1], axle[0])) % 360, DIGITS)) % 360)
-            geoms = touching[np.isin(model.geom_bodyid[touching], robot.rollers[i])]
-            if not geoms.size:
-                errors.append(f"{file}: the rollers of the wheel {names[i]!r} have no geom that could touch the carpet")
-                continue
-            reaches[i] = *_reach(model, data, robot.rollers[i], geoms, anchor, axle), anchor[2]
-        if not errors:
-            what = ("arms", "radii", "radii of rollers", "heights of axles")
-            for values, kind in zip(reaches.T, what, strict=True):
-                if np.ptp(values) > ALIKE_M:
-                    told = ", ".join(f"{1e3 * value:.2f}" for value in values)
-                    errors.append(f"{file}: wheels must be alike, but their {kind} are {told} mm")
-        if errors:
-            raise OmniError("\n".join(errors))
-        arm, radius, roller, height = (float(np.round(value, DIGITS)) for value in reaches.mean(0))
-        return cls(tuple(azimuths), tuple(outward), arm, radius, roller, robot.rollers.shape[1], height)
+    Args:
+        model: compiled.
+        robot: its parts.
+        touching: geoms of rollers that touch the carpet.
 
-
-@dataclass(frozen=True)
-class Body:
-    """Mass, kg; centre of mass, (3,) m; inertia about it, (3, 3) kg m^2, in the robot's frame."""
-
-    mass: float
-    centre: Array
-    inertia: Array
-
-    @classmethod
-    def of(cls, model: mujoco.MjModel, robot: Robot) -> "Body":
-        """The whole robot as modelled."""
-        return cls(*composite(model, np.flatnonzero(model.body_rootid == robot.chassis)))
-
-
-def _name(model: mujoco.MjModel, robot: Robot) -> str:
-    return str(model.body(robot.chassis).name)
+    Raises:
+        OmniError: wheels that are not alike, upright, or on one circle about the robot's middle.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    azimuths, outward, reaches = list[float](), list[bool](), list[tuple[float, ...]]()
+    for joint, rollers in zip(robot.joints, robot.rollers, strict=True):
+        anchor, axis = data.xanchor[joint], data.xaxis[joint]
+        out = np.array([*anchor[:2], 0.0])
+        outward.append(bool(axis @ out > 0))
+        axle = axis if outward[-1] else -axis
+        if np.linalg.norm(out) < ALIKE_M or np.linalg.norm(np.cross(axle, out)) > STRAIGHT * np.linalg.norm(out):
+            raise OmniError(
+                f"the axle of the wheel {model.joint(joint).name!r} at ({anchor[0]:.4g}, {anchor[1]:.4g}) m does not "
+                f"lead level to the middle of the robot, the origin of the body {model.body(robot.chassis).name!r}"
+            )
+        azimuths.append(float(np.round(np.degrees(np.arctan2(axle[1], axle[0])) % 360, DIGITS)) % 360)
+        means = np.mean([_reach(model, data, int(roller), touching, anchor, axle) for roller in rollers], axis=0)
+        reaches.append((*means, anchor[2]))
+    for values, kind in zip(np.transpose(reaches), ("arms", "radii", "radii of rollers", "heights"), strict=True):
+        if np.ptp(values) > ALIKE_M:
+            listed = ", ".join(f"{1e3 * value:.2f}" for value in values)
+            raise OmniError(f"wheels must be alike, but their {kind} are {listed} mm")
+    arm, radius, roller, height = (float(np.round(value, DIGITS)) for value in np.mean(reaches, axis=0))
+    return Wheels(tuple(azimuths), tuple(outward), arm, radius, roller, height)
 
 
 def _reach(
-    model: mujoco.MjModel, data: mujoco.MjData, rollers: Ids, geoms: Ids, anchor: Array, axle: Array
+    model: mujoco.MjModel, data: mujoco.MjData, roller: int, touching: Ids, anchor: Array, axle: Array
 ) -> tuple[float, float, float]:
-    """Means over rollers: how far out they touch, the wheel's radius in their middle, and their own."""
-    arms, radii, own = [], [], []
-    for roller in rollers:
-        hinge = data.xanchor[model.body_jntadr[roller]] - anchor
-        spoke = hinge - (hinge @ axle) * axle
-        length = float(np.linalg.norm(spoke))
-        mine = geoms[model.geom_bodyid[geoms] == roller]
-        reach = max(support(model, data, int(geom), spoke / length) for geom in mine) - anchor @ spoke / length
-        arms.append(float((anchor + (hinge @ axle) * axle)[:2] @ axle[:2]))
-        radii.append(reach)
-        own.append(reach - length)
-    return float(np.mean(arms)), float(np.mean(radii)), float(np.mean(own))
+    """How far out a roller touches, the wheel's radius there, and its own, m."""
+    hinge = data.xanchor[model.body_jntadr[roller]] - anchor
+    spoke = hinge - (hinge @ axle) * axle
+    length = float(np.linalg.norm(spoke))
+    geoms = touching[model.geom_bodyid[touching] == roller]
+    radius = max(support(model, data, int(geom), spoke / length) for geom in geoms) - anchor @ spoke / length
+    return float((anchor + (hinge @ axle) * axle)[:2] @ axle[:2]), radius, radius - length
 
 
 def support(model: mujoco.MjModel, data: mujoco.MjData, geom: int, direction: Array) -> float:
     """How far a geom reaches along a unit vector (3,), from the world's origin, m."""
     along = direction @ data.geom_xmat[geom].reshape(3, 3)
     a, b, c = model.geom_size[geom]
-    kind = mujoco.mjtGeom(model.geom_type[geom])
-    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+    kind = _GEOM(model.geom_type[geom])
+    if kind == _GEOM.mjGEOM_MESH:
         mesh = model.geom_dataid[geom]
         first = model.mesh_vertadr[mesh]
-        vertices = model.mesh_vert[first : first + model.mesh_vertnum[mesh]]
-        return float(direction @ data.geom_xpos[geom] + (vertices @ along).max())
-    reach = {
-        mujoco.mjtGeom.mjGEOM_SPHERE: a,
-        mujoco.mjtGeom.mjGEOM_ELLIPSOID: np.linalg.norm(along * [a, b, c]),
-        mujoco.mjtGeom.mjGEOM_CAPSULE: a + b * abs(along[2]),
-        mujoco.mjtGeom.mjGEOM_CYLINDER: a * np.hypot(along[0], along[1]) + b * abs(along[2]),
-        mujoco.mjtGeom.mjGEOM_BOX: np.abs(along) @ [a, b, c],
-    }.get(kind)
-    if reach is None:
-        raise OmniError(f"a roller cannot be a geom of type {kind.name[7:].lower()}")
+        reach = (model.mesh_vert[first : first + model.mesh_vertnum[mesh]] @ along).max()
+    elif kind == _GEOM.mjGEOM_ELLIPSOID:
+        reach = np.linalg.norm(along * [a, b, c])
+    elif kind == _GEOM.mjGEOM_CYLINDER:
+        reach = a * np.hypot(along[0], along[1]) + b * abs(along[2])
+    elif kind in (_GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_SPHERE):
+        reach = a + b * abs(along[2])  # b is 0 of a sphere
+    elif kind == _GEOM.mjGEOM_BOX:
+        reach = np.abs(along) @ [a, b, c]
+    else:
+        raise OmniError(f"rollers and hulls cannot be geoms of type {kind.name[7:].lower()}")
     return float(direction @ data.geom_xpos[geom] + reach)
 
 

@@ -3,14 +3,14 @@
 import mujoco
 import numpy as np
 
+from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.mjcf.geometry import Wheels
-from omni_mj.mjcf.roles import Robot, slip_hinges
+from omni_mj.mjcf.roles import HINGE, Robot, slip_hinges
 
 # Friction of hinges, as in models/ssl_robot.xml.
 STIFF = {"solimp_friction": [0.999, 0.9999, 0.001, 0.5, 2.0], "solref_friction": [0.005, 1.0]}
 PLACED = ("bodies", "geoms", "sites", "cameras", "lights")  # kinds of what a body carries
-TURNING = mujoco.mjtJoint.mjJNT_HINGE
 
 
 def name_all(spec: mujoco.MjSpec) -> None:
@@ -19,11 +19,8 @@ def name_all(spec: mujoco.MjSpec) -> None:
         spec.delete(key)
     spec.nkey = mujoco.MjSpec().nkey
     for kind, elements in (("body", spec.bodies), ("joint", spec.joints), ("geom", spec.geoms)):
-        taken = {element.name for element in elements}
         for number, element in enumerate(elements):
-            if not element.name:
-                name = f"{kind}_{number}"
-                element.name = name if name not in taken else f"unnamed_{kind}_{number}"
+            element.name = element.name or f"unnamed_{kind}_{number}"
 
 
 def isolate(spec: mujoco.MjSpec, chassis: mujoco.MjsBody) -> None:
@@ -50,6 +47,8 @@ def touching(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot) -> tuple[
     touching: list[str] = []
     for roller in robot.rollers.ravel():
         geoms = [model.geom(i).name for i in np.flatnonzero(model.geom_bodyid == roller)]
+        if not geoms:
+            raise OmniError(f"the roller {model.body(roller).name!r} has no geom that could touch the carpet")
         touching += [name for name in geoms if name in collides] or geoms
     for geom in spec.geoms:
         geom.contype = geom.conaffinity = 0
@@ -58,6 +57,8 @@ def touching(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot) -> tuple[
 
 def drive(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot, wheels: Wheels) -> None:
     """Make hinges of wheels turn the way that the program reckons with, and rims slip on them."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
     for joint, rim, phase, outward in zip(robot.joints, robot.rims, robot.phases, wheels.outward, strict=True):
         hub = spec.joint(model.joint(joint).name)
         body = spec.body(model.body(rim).name)
@@ -65,11 +66,12 @@ def drive(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot, wheels: Whee
         if slips:
             slip = spec.joint(model.joint(slips[0]).name)
         else:
-            slip = body.add_joint(name=f"slip_of_{hub.name}", type=TURNING, armature=0.0)
+            slip = body.add_joint(name=f"slip_of_{hub.name}", type=HINGE, armature=0.0)
             slip.pos, slip.axis = seen_from(model, int(rim), int(joint))
         if outward:
             hub.axis = -np.array(hub.axis)
-        if outward == (_axis(model, int(joint), slips) > 0):
+        same = data.xaxis[joint] @ data.xaxis[slips[0]] > 0 if slips else True  # axes of hub and rim, as in the file
+        if outward == same:
             slip.axis = -np.array(slip.axis)
         before = model.qpos0[model.jnt_qposadr[slips[0]]] if slips else 0.0
         first = (phase - before) if outward else (before - phase)
@@ -80,15 +82,6 @@ def drive(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot, wheels: Whee
         slip.damping = np.zeros_like(slip.damping)
     for address in robot.roller_dofs.ravel():  # what their bearings lose is the robot's file's
         spec.joint(model.joint(model.dof_jntid[address]).name).frictionloss = 0.0
-
-
-def _axis(model: mujoco.MjModel, joint: int, slips: list[int]) -> float:
-    """1 if a rim's hinge, there already or to be made, turns as the hub's, -1 if against it."""
-    if not slips:
-        return 1.0
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    return float(np.sign(data.xaxis[joint] @ data.xaxis[slips[0]]))
 
 
 def seen_from(model: mujoco.MjModel, rim: int, joint: int) -> tuple[Array, Array]:

@@ -97,7 +97,7 @@ def read_model(model: ModelSettings) -> "Own":
 def contradictions(given: Mapping[str, Any], mjcf: "Own") -> Iterator[str]:
     """Yield a line for each value of given sections that differs from a robot's own MJCF."""
     for name, number, other in _differing(given, mjcf):
-        yield f"{name} = {other} contradicts {mjcf.file.name}, which has {number}; change the model, or leave it out"
+        yield f"{name} = {other} contradicts {mjcf.file}, which has {number}; change the model, or leave it out"
 
 
 def differences(robot: str, model: ModelSettings) -> Iterator[str]:
@@ -105,7 +105,7 @@ def differences(robot: str, model: ModelSettings) -> Iterator[str]:
     if model.file:
         mjcf = read_model(model)
         for name, number, other in _differing(robots.sections(robot), mjcf):
-            yield f"{name} is {number} in {mjcf.file.name}, {other} in robot {robot}: the model's is simulated"
+            yield f"{name} is {number} in {mjcf.file}, {other} in robot {robot}: the model's is simulated"
 
 
 def _with_model(file: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -119,13 +119,13 @@ def _with_model(file: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, 
     if isinstance(model, ModelSettings) and model.file:
         mjcf = read_model(model)
         in_one(contradictions(given, mjcf))
-        whole = merged(whole, mjcf.numbers())
+        whole = merged(whole, mjcf.numbers)
     return whole
 
 
 def _differing(sections: Mapping[str, Any], mjcf: "Own") -> Iterator[tuple[str, Any, Any]]:
     """Yield names, the MJCF's numbers and others, where they differ."""
-    for section, fields in mjcf.numbers().items():
+    for section, fields in mjcf.numbers.items():
         values = sections.get(section)
         for field, number in fields.items():
             other = dict(values).get(field, number) if isinstance(values, (Mapping, Checked)) else number

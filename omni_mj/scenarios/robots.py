@@ -10,7 +10,6 @@ from omni_mj.scenarios import toml_files
 
 DEFAULT = "tigers-v2016"
 DESCRIPTION = "description"  # the one key of a robot's file that is no section
-SCENE = "field"
 Sections = Mapping[str, Mapping[str, Any]]
 
 
@@ -76,18 +75,6 @@ def models() -> Path:
 def robot_model() -> Path:
     """Return the MJCF of a robot's shape."""
     return models() / "ssl_robot.xml"
-
-
-def scene_path(scene: str) -> Path:
-    """Return the MJCF of a scene, given its name in the folder of models or the path of an .xml file.
-
-    Raises:
-        OmniError: There is no such scene or file.
-    """
-    path = Path(scene) if scene.endswith(".xml") else models() / f"{scene}.xml"
-    if not path.is_file():
-        raise OmniError(f"there is no scene {scene!r}; {choose(scene, [SCENE])}, or a model of yours: file.xml")
-    return path
 
 
 def _read(robot: str) -> tuple[str, Sections]:

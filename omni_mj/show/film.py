@@ -19,7 +19,7 @@ from omni_mj.measure import summary as summaries
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.show import style
 from omni_mj.show.recording.scene import COVER, HEIGHT_M, RADIUS_M
-from omni_mj.worlds import build, parts
+from omni_mj.worlds import build
 
 KINDS = (".gif", ".webp", ".mp4")
 NEEDS = "MuJoCo cannot draw here: {reason}; without a display it needs EGL, on Debian libegl1 and libgl1-mesa-dri"
@@ -201,7 +201,7 @@ class _Stage:
             data.qpos[robot.qpos[:2]] = x, y
             data.qpos[robot.qpos[3:7]] = np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2)
             data.qpos[robot.wheel_qpos] = take.wheels[frame, place]
-            cover = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MATERIAL, parts.prefix(place) + COVER)
+            cover = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MATERIAL, build.prefix(place) + COVER)
             if cover >= 0:
                 model.mat_rgba[cover, :3] = colour
         mujoco.mj_fwdPosition(model, data)

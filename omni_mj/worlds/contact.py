@@ -19,7 +19,7 @@ acts within 3.5 ms. They hop where they slide.
 """
 
 import math
-from dataclasses import dataclass, field
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -33,30 +33,13 @@ NEVER_SLIDES = 5.0
 STIFFEST = 0.9999  # the highest impedance d that MuJoCo has
 
 
-@dataclass(frozen=True)
-class Contact:
-    """Parameters of a pair of carpet and roller, named as MuJoCo names them, and the solver's `impratio`."""
-
-    solref: list[float]
-    solreffriction: list[float]
-    impratio: float
-    solimp: list[float] = field(default_factory=lambda: [0.9, 0.95, 0.001, 0.5, 2.0])
-    friction: float = 1.0
-
-    def add(self, world: mujoco.MjSpec, carpet: str, roller: str) -> None:
-        """Add the pair of two geoms by name to a world."""
-        world.add_pair(
-            geomname1=carpet,
-            geomname2=roller,
-            condim=3,
-            friction=[self.friction, self.friction, 0.005, 0.0001, 0.0001],
-            solref=self.solref,
-            solreffriction=self.solreffriction,
-            solimp=self.solimp,
-        )
-
-
-RIGID = Contact(solref=[0.02, 0.5], solreffriction=[0.0035, 1.0], impratio=10.0)
+RIGID_FRICTION_STIFFER = 10.0  # of wheels without creep
+RIGID: dict[str, Any] = {  # contacts of wheels without creep
+    "solref": [0.02, 0.5],
+    "solreffriction": [0.0035, 1.0],
+    "solimp": [0.9, 0.95, 0.001, 0.5, 2.0],
+    "friction": [1.0, 1.0, 0.005, 0.0001, 0.0001],
+}
 
 
 def damping(wheel_load_kg: float) -> float:
@@ -64,8 +47,8 @@ def damping(wheel_load_kg: float) -> float:
     return 2 * DAMPING_RATIO * math.sqrt(STIFFNESS_N_M * (wheel_load_kg + ADDED_MASS_KG))
 
 
-def creeping(robot: mujoco.MjModel, rollers: np.ndarray, wheel_load_kg: float) -> Contact:
-    """Contacts of wheels with a slip hinge.
+def creeping(robot: mujoco.MjModel, rollers: np.ndarray, wheel_load_kg: float) -> dict[str, Any]:
+    """Parameters of a pair of carpet and roller, named as MuJoCo names them, of wheels with a slip hinge.
 
     Args:
         robot: compiled, alone.
@@ -76,10 +59,9 @@ def creeping(robot: mujoco.MjModel, rollers: np.ndarray, wheel_load_kg: float) -
     d = inverse_mass / (inverse_mass + 1 / ADDED_MASS_KG)
     k = STIFFNESS_N_M / ADDED_MASS_KG
     b = damping(wheel_load_kg) / ADDED_MASS_KG
-    return Contact(
-        solref=[-k * d, -b * d],  # MuJoCo divides by d
-        solreffriction=[-1.0, -FRICTION_RATE_HZ * d],
-        impratio=FRICTION_STIFFER,
-        solimp=[d, d, 1.0, 0.5, 2.0],
-        friction=NEVER_SLIDES,
-    )
+    return {
+        "solref": [-k * d, -b * d],  # MuJoCo divides by d
+        "solreffriction": [-1.0, -FRICTION_RATE_HZ * d],
+        "solimp": [d, d, 1.0, 0.5, 2.0],
+        "friction": [NEVER_SLIDES, NEVER_SLIDES, 0.005, 0.0001, 0.0001],
+    }

@@ -5,18 +5,21 @@ settings say how large, how heavy, how many: sections `body` and `wheels`, and o
 file's wheels the first is copied for each azimuth; what the chassis weighs is what the wheels leave of the robot.
 """
 
-import copy
 import math
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
-from pathlib import Path
+from functools import lru_cache
 
 import mujoco
 import numpy as np
 
 from omni_control.errors import OmniError
 from omni_mj.mjcf.geometry import composite, spread, weigh
+from omni_mj.mjcf.own import Part
+from omni_mj.scenarios import resolve
+from omni_mj.scenarios.checking import in_one
 from omni_mj.scenarios.robot_settings import BodySettings, ModelSettings, WheelSettings
+from omni_mj.scenarios.robots import models
 from omni_mj.scenarios.settings import Settings
 
 Element = ElementTree.Element
@@ -47,100 +50,92 @@ class Shape:
         return cls(settings.body, settings.wheels, motor.gear, motor.rotor_inertia_kg_m2, settings.model)
 
 
-def robot(shape: Shape, file: Path) -> mujoco.MjSpec:
-    """The model of one robot.
-
-    Args:
-        shape: its numbers.
-        file: MJCF of its parts.
+def part_of(shape: Shape) -> Part:
+    """The robot of a shape, alone: ours with the numbers of its settings, or a user's own model.
 
     Raises:
-        OmniError: the file lacks a part, or the wheels weigh more than the robot.
+        OmniError: the model lacks something, or numbers contradict it or each other; a line for each.
     """
-    root = _parsed(file)
-    _write_wheels(root, shape, file.name)
-    spec = _spec(root, file)
-    _balance(spec, shape.body, file.name)
-    return spec
+    if not shape.model.file:
+        return _ours(shape)
+    own = resolve.read_model(shape.model)
+    motor = {"gear": shape.gear, "rotor_inertia_kg_m2": shape.rotor_inertia}
+    in_one(resolve.contradictions({"body": shape.body, "wheels": shape.wheels, "motor": motor}, own))
+    if shape.wheels.creep == "off":
+        raise OmniError(f"wheels.creep = off needs the robot that comes along, not {own.file}; take on")
+    if shape.wheels.model == "two-rollers" and not own.uniform:
+        raise OmniError(
+            f"{own.file}: wheels.model = two-rollers needs rollers that are all alike, in one row, of one geom each; "
+            "take rollers"
+        )
+    return own
 
 
-def _parsed(file: Path) -> Element:
-    try:
-        return ElementTree.parse(file).getroot()
-    except ElementTree.ParseError as error:
-        raise OmniError(f"{file.name}: {error}") from error
+@lru_cache(maxsize=16)
+def _ours(shape: Shape) -> Part:
+    path = models() / "ssl_robot.xml"
+    root = ElementTree.parse(path).getroot()
+    _write_wheels(root, shape)
+    spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+    spec.modelfiledir = str(path.parent)
+    _balance(spec, shape.body)
+    for key in list(spec.keys):  # of another size than the world's
+        spec.delete(key)
+    rollers = tuple(geom.name for geom in spec.geoms if geom.parent.name.startswith("roller_"))
+    hull = tuple(geom.name for geom in spec.geoms if geom.classname.name == "hull")
+    return Part(path.name, spec, rollers, hull)
 
 
-def _spec(root: Element, file: Path) -> mujoco.MjSpec:
-    try:
-        spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
-    except ValueError as error:
-        raise OmniError(f"{file.name}: {' '.join(str(error).split())}") from error
-    spec.modelfiledir = str(file.parent)
-    return spec
-
-
-def _write_wheels(root: Element, shape: Shape, file: str) -> None:
+def _write_wheels(root: Element, shape: Shape) -> None:
     """Put a copy of the first wheel, with its motor and its encoder, where each wheel is."""
-    wheels, chassis = shape.wheels, _found(root, "worldbody/body", file)
-    count = len(wheels.azimuths_deg)
-    for azimuth, frame in zip(wheels.azimuths_deg, _repeat_first(chassis, "frame", count, file), strict=True):
+    wheels, count = shape.wheels, len(shape.wheels.azimuths_deg)
+    for azimuth, frame in zip(wheels.azimuths_deg, _repeat_first(root, "worldbody/body/frame", count), strict=True):
         frame.set("euler", f"0 0 {azimuth!r}")
-        _found(frame, "body", file).set("pos", f"{wheels.arm_m!r} 0 {wheels.radius_m!r}")
-        _write_rollers(frame, wheels, file)
-    _repeat_first(root, "actuator/dcmotor", count, file)
-    _repeat_first(root, "sensor/jointpos", count, file)
-    motor = _found(root, "default/dcmotor", file)
+        _child(frame, "body").set("pos", f"{wheels.arm_m!r} 0 {wheels.radius_m!r}")
+        _write_rollers(frame, wheels)
+    _repeat_first(root, "actuator/dcmotor", count)
+    _repeat_first(root, "sensor/jointpos", count)
+    motor = _child(root, "default/dcmotor")
     motor.set("gear", repr(shape.gear))
     motor.set("armature", repr(shape.rotor_inertia))
 
 
-def _write_rollers(frame: Element, wheels: WheelSettings, file: str) -> None:
+def _write_rollers(frame: Element, wheels: WheelSettings) -> None:
     """Make the rollers of a wheel close its circle; without creep, the rim is part of the hub."""
-    rim = _found(frame, "body/body", file)
+    rim = _child(frame, "body/body")
     if wheels.creep == "off":
-        rim.remove(_found(rim, "joint", file))
-    rollers = _found(rim, "replicate", file)
+        rim.remove(_child(rim, "joint"))
+    rollers = _child(rim, "replicate")
     rollers.set("count", str(wheels.rollers))
     rollers.set("euler", f"{360 / wheels.rollers!r} 0 0")
-    roller = _found(rollers, "body", file)
+    roller = _child(rollers, "body")
     roller.set("pos", f"0 0 {wheels.roller_radius_m - wheels.radius_m!r}")
     # A barrel: its profile's radius of curvature is the wheel's radius.
     barrel = wheels.roller_radius_m, wheels.roller_radius_m, math.sqrt(wheels.radius_m * wheels.roller_radius_m)
-    _found(roller, "geom", file).set("size", " ".join(map(repr, barrel)))
+    _child(roller, "geom").set("size", " ".join(map(repr, barrel)))
 
 
-def _repeat_first(root: Element, path: str, count: int, file: str) -> list[Element]:
+def _repeat_first(root: Element, path: str, count: int) -> list[Element]:
     """Put copies of the first element at a path, one for each wheel, in the place of all that are there."""
-    first = _found(root, path, file)
-    parent = _found(root, path.rpartition("/")[0] or ".", file)
-    for each in root.findall(path):
-        parent.remove(each)
-    copies = [_numbered(first, number) for number in range(1, count + 1)]
+    first, parent = _child(root, path), _child(root, path.rpartition("/")[0])
+    for element in root.findall(path):
+        parent.remove(element)
+    text = ElementTree.tostring(first, encoding="unicode")
+    copies = [ElementTree.fromstring(text.replace("_1", f"_{number}")) for number in range(1, count + 1)]
     parent.extend(copies)
     return copies
 
 
-def _numbered(first: Element, number: int) -> Element:
-    """A copy of what belongs to wheel 1, named for another."""
-    element = copy.deepcopy(first)
-    for each in element.iter():
-        for name in ("name", "joint"):
-            if value := each.get(name):
-                each.set(name, value.replace("_1", f"_{number}"))
-    return element
-
-
-def _found(parent: Element, path: str, file: str) -> Element:
+def _child(parent: Element, path: str) -> Element:
+    """Return an element of models/ssl_robot.xml."""
     element = parent.find(path)
-    if element is None:
-        raise OmniError(f"{file}: <{parent.tag}> lacks {path}, as models/ssl_robot.xml has it")
+    assert element is not None, path
     return element
 
 
-def _balance(spec: mujoco.MjSpec, body: BodySettings, file: str) -> None:
+def _balance(spec: mujoco.MjSpec, body: BodySettings) -> None:
     """Give the chassis the mass and inertia that all other bodies leave it."""
-    (chassis,) = (each for each in spec.worldbody.bodies)
+    (chassis,) = spec.worldbody.bodies
     model = spec.compile()
     others = [number for number in range(1, model.nbody) if number != chassis.id]
     mass, centre, inertia = composite(model, others)

@@ -1,11 +1,10 @@
 """A faster wheel of the same physics: two rollers a wheel remain, those that flank the bottom.
 
 Of the rollers of a wheel one or two touch the carpet; the others only carry mass. `reduce` keeps two neighbours of each
-wheel and lumps the others into its rim. `omni_mj.plants.bound.Bound.hand_over`
-turns the rim back by one pitch whenever one of the two has come to
-the bottom and the other is a full pitch away: the rollers are alike, so that the one at the bottom is found where the
-other was, with its spin, and what was a pitch away, 2 mm above the carpet, is the newcomer. Hub and encoder do not
-know: what is turned back is the slip hinge.
+wheel and lumps the others into its rim. `omni_mj.plants.bound.Bound.hand_over` turns the rim back by one pitch
+whenever one of the two has come to the bottom and the other is a full pitch away: the rollers are alike, so that the
+one at the bottom is found where the other was, with its spin, and what was a pitch away, 2 mm above the carpet, is the
+newcomer. Hub and encoder do not know: what is turned back is the slip hinge.
 
 Mass matrix. A lumped roller adds its mass, and its inertia by the parallel-axis theorem, to the rim. Rim and kept
 rollers together weigh, balance and turn as the full wheel does, at every angle, for equal rollers look alike about the

@@ -115,33 +115,20 @@ def test_all_rollers_and_rollers_off_the_bottom_drive_as_well(write: Write) -> N
         om.Simulation(om.scenario("rect", model=plain, wheels={"creep": "off"}))
 
 
-def test_names_say_which_wheels_there_are_and_in_which_order(write: Write) -> None:
-    """A dribbler is a motor as well; without names it is asked for, in the file or in the robot's it is said."""
+def test_a_motor_that_drives_no_wheel_is_left_alone(write: Write) -> None:
+    """A dribbler is a motor as well."""
     dribbler = '<body name="d" pos="0.07 0 0.03"><joint name="d" axis="0 1 0"/><geom size="0.005" mass="0.01"/></body>'
-    more = {"more": dribbler, "extra_motors": '<dcmotor name="spin" joint="d"/>'}
-    with pytest.raises(om.OmniError, match=r"'d' has no rollers.*drives no wheel, name the hinges that do: 'wheels'"):
-        om.scenario("rect", model=write(written(FOUR, **more)))
-    order = "drive_b drive_c drive_d drive_a"
-    said = write(written(FOUR, **more, custom=f'<text name="wheels" data="{order}"/>'))
-    assert om.scenario("rect", model=said).settings.wheels.azimuths_deg == (130, 230, 310, 50)
-    assert np.abs(path(model=said) - path(model=write(written(FOUR)))).max() < 2e-3
+    text = written(FOUR, more=dribbler, extra_motors='<dcmotor name="spin" joint="d"/>')
+    assert np.abs(path(model=write(text)) - path(model=write(written(FOUR)))).max() < 2e-3
 
 
 def test_several_share_a_world_and_meet(write: Write) -> None:
-    """Each with its own parts by name; what they meet with must be said."""
+    """Each with its own parts; what they meet with must be said."""
     places = {"places": [[0, 0, 0], [0, 1, 0]]}
-    order = '<text name="wheels" data="drive_c drive_a drive_b"/>'
-    file = write(written(THREE, custom=order))
     with pytest.raises(om.OmniError, match=r"no hull.*'hull' names"):
-        om.Simulation(om.scenario("rect", model=file, world=places), ["flc"])
-    chosen = om.scenario(
-        "rect",
-        model=write(written(THREE, custom=order + '<text name="hull" data="plate"/>')),
-        world=places,
-        reference=WAY,
-    )
-    assert chosen.settings.wheels.azimuths_deg == (300, 60, 180)
-    frames = om.run(chosen, ["comp-flc"]).frames()
+        om.Simulation(om.scenario("rect", model=write(written(THREE)), world=places), ["flc"])
+    file = write(written(THREE, custom='<text name="hull" data="plate"/>'))
+    frames = om.run(om.scenario("rect", model=file, world=places, reference=WAY), ["comp-flc"]).frames()
     off = [np.subtract(frames[name], frames[f"ref_{name}"]) for name in ("x_m", "y_m")]
     assert np.hypot(*off).max() < 0.05
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from omni_mj.robot.motors import Motor
 from omni_mj.scenarios.robots import models
 from omni_mj.scenarios.settings import Settings
-from omni_mj.worlds import build, shape
-from omni_mj.worlds.shape import Shape
+from omni_mj.worlds import build
+from omni_mj.worlds.shape import Shape, part_of
 
 DIGITS = 1e-6  # of the numbers in the files
 
@@ -25,7 +25,7 @@ def expected() -> list[str]:
     """What must stand in ssl_robot.xml, for the settings of the default robot."""
     settings = Settings()
     wheels, motor, world = settings.wheels, Motor.of(settings.motor), build.world()
-    (chassis,) = shape.robot(Shape.of(settings), models() / "ssl_robot.xml").worldbody.bodies
+    (chassis,) = part_of(Shape.of(settings)).spec.worldbody.bodies
     pair = {name: getattr(world.model, f"pair_{name}")[0] for name in ("solref", "solimp", "solreffriction")}
     dry = motor.wheel_dry + settings.drive.gear_friction_nm
     at_rest = settings.carpet.friction * settings.body.mass_kg * 9.81 / 4 * wheels.radius_m  # of a rim

@@ -16,7 +16,6 @@ def test_its_geometry_is_that_of_its_settings() -> None:
     np.testing.assert_allclose(np.degrees(world.kinematics.azimuths), AZIMUTHS_DEG)
     assert world.robots[0].rollers.shape == (3, 18)
     assert (world.model.npair, world.model.nu) == (3 * 18, 3)
-    assert world.wheels.pitch == pytest.approx(np.radians(20))
 
 
 @pytest.mark.parametrize("wheels", ["rollers", "two-rollers"])
