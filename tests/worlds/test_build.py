@@ -53,7 +53,6 @@ def test_what_no_robot_can_be_is_refused_in_a_line() -> None:
             "more than",
         ),
         ({"body": {"yaw_inertia_kg_m2": 1e-3}}, "principal inertias"),
-        ({"body": {"tilt_inertia_kg_m2": 2e-3}}, "principal inertias"),
     ):
         with pytest.raises(OmniError, match=message) as error:
             build.world(with_settings(**sections))
