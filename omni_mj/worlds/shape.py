@@ -19,7 +19,7 @@ from omni_mj.mjcf.own import Part
 from omni_mj.scenarios import resolve
 from omni_mj.scenarios.checking import in_one
 from omni_mj.scenarios.robot_settings import BodySettings, ModelSettings, WheelSettings
-from omni_mj.scenarios.robots import models
+from omni_mj.scenarios.robots import robot_model
 from omni_mj.scenarios.settings import Settings
 
 Element = ElementTree.Element
@@ -73,7 +73,7 @@ def part_of(shape: Shape) -> Part:
 
 @lru_cache(maxsize=16)
 def _ours(shape: Shape) -> Part:
-    path = models() / "ssl_robot.xml"
+    path = robot_model()
     root = ElementTree.parse(path).getroot()
     _write_wheels(root, shape)
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
