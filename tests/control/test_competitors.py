@@ -31,7 +31,7 @@ of_other_robots = given(
 
 
 @each_linear
-@settings(max_examples=12)
+@settings(max_examples=8)
 @of_other_robots
 def test_stable_on_robots_that_are_weaker_and_slower_or_faster_than_told(
     name: str, delay: int, wrong: int, lag: float, seed: int
@@ -40,7 +40,7 @@ def test_stable_on_robots_that_are_weaker_and_slower_or_faster_than_told(
 
 
 @each_identifying
-@settings(max_examples=5)
+@settings(max_examples=3)
 @of_other_robots
 def test_those_that_identify_are_stable_on_them_too(name: str, delay: int, wrong: int, lag: float, seed: int) -> None:
     check_stable(name, 1 if name == "mpc" else 10, delay, wrong, lag, seed)  # programs are solved one by one
