@@ -1,6 +1,5 @@
 """`omni-mj compare`: every controller on every scenario over many seeds, in one table."""
 
-import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -62,12 +61,10 @@ def command(
     chosen = [choice.load(name) for name in names]
     options.tell_model(chosen[0], quiet)
     compare.check(chosen, subject)
-    repeat = ["omni-mj", "compare", *(word for name in names for word in ("--scenario", name)), *choice.words]
-    repeat += ["--subject", subject] if subject else []
     folder = folders.prepare(out, "compare", (*OUTPUTS, *KEPT), overwrite)
 
     def save(result: "Result") -> None:
-        result.repeat = shlex.join(repeat)
+        result.repeat = console.command_line()
         result.save_summary(folder)
         write(folder / "compare.md", compare_table.markdown(result.summary()))
 

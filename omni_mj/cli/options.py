@@ -93,14 +93,6 @@ class Choice:
         model = () if self.model is None else (f"model.file={json.dumps(self.model, ensure_ascii=False)}",)
         return (*self.overrides, *model)
 
-    @property
-    def words(self) -> list[str]:
-        """The options, as words of a command line that repeats it."""
-        once = (("--plant", self.plant), ("--robot", self.robot), ("--seed", self.seed), ("--seeds", self.seeds))
-        several = [("--controller", each) for each in self.controllers] + [("--set", each) for each in self.settings]
-        said = [(option, str(value)) for option, value in (*once, *several) if value is not None]
-        return [word for pair in said for word in pair] + ["--allow-code"] * self.allow_code
-
     def load(self, name: str, *usual: str) -> "Scenario":
         """The scenario of that name with what was chosen.
 

@@ -102,7 +102,7 @@ def names_class(name: str) -> bool:
 
 
 def find_class(name: str, what: str, fits: Callable[[type], bool]) -> type[Any]:
-    """Return the class named `file.py:Class`, of those that the file itself defines and that fit.
+    """Return the class named `file.py:Class`, of those in the file that fit.
 
     Args:
         name: Of the class.
@@ -117,16 +117,10 @@ def find_class(name: str, what: str, fits: Callable[[type], bool]) -> type[Any]:
     if not path.is_file():
         raise OmniError(f"there is no file {printable(file)}")
     module = _module(path.resolve(), path.stat().st_mtime_ns)
-    own = [
-        key
-        for key, value in inspect.getmembers(module, inspect.isclass)
-        if value.__module__ == module.__name__ and fits(value)
-    ]
-    if class_name not in own:
-        hint = f"; {choose(class_name, own)}" if own else " and no other"
-        raise OmniError(f"{file} has no class {class_name!r} {what}{hint}")
-    kind: type[Any] = getattr(module, class_name)
-    return kind
+    kinds = {key: kind for key, kind in vars(module).items() if inspect.isclass(kind) and fits(kind)}
+    if class_name not in kinds:
+        raise OmniError(f"{file} has no class {class_name!r} {what}; it has {', '.join(kinds) or 'none'}")
+    return kinds[class_name]
 
 
 @lru_cache

@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterator
 
 from omni_mj.scenarios.checking import Checked, setting
-from omni_mj.scenarios.robots import of_robot
 
 RAD_S = math.pi / 30  # in a turn per minute
 NO_LOAD_TOLERANCE = 0.05  # of the nominal voltage; samples differ, and the rows' digits
@@ -27,30 +26,18 @@ class MotorSettings(Checked):
     with it.
     """
 
-    nominal_voltage_v: float = setting(
-        of_robot("motor.nominal_voltage_v"), "V", "datasheet: nominal voltage, at which its rows hold", 0.1, 1000
-    )
-    no_load_rpm: float = setting(of_robot("motor.no_load_rpm"), "rpm", "datasheet: no-load speed", 1, 1e6)
-    no_load_current_a: float = setting(of_robot("motor.no_load_current_a"), "A", "datasheet: no-load current", 0, 1000)
-    nominal_rpm: float = setting(of_robot("motor.nominal_rpm"), "rpm", "datasheet: nominal speed", 1, 1e6)
-    nominal_torque_nm: float = setting(
-        of_robot("motor.nominal_torque_nm"), "N m", "datasheet: nominal torque; others are checked by it", 1e-6, 1000
-    )
-    nominal_current_a: float = setting(
-        of_robot("motor.nominal_current_a"), "A", "datasheet: nominal current, borne for ever", 1e-3, 1000
-    )
-    resistance_ohm: float = setting(
-        of_robot("motor.resistance_ohm"), "ohm", "datasheet: terminal resistance at 25 deg C", 1e-4, 1e3
-    )
-    constant_nm_a: float = setting(
-        of_robot("motor.constant_nm_a"), "N m/A", "datasheet: torque constant at 25 deg C", 1e-6, 100
-    )
-    rotor_inertia_kg_m2: float = setting(
-        of_robot("motor.rotor_inertia_kg_m2"), "kg m^2", "datasheet: inertia of the rotor", 0, 1
-    )
-    gear: float = setting(of_robot("motor.gear"), "", "turns of the motor in one of the wheel", 0.01, 1000)
+    nominal_voltage_v: float = setting(..., "V", "datasheet: nominal voltage, at which its rows hold", 0.1, 1000)
+    no_load_rpm: float = setting(..., "rpm", "datasheet: no-load speed", 1, 1e6)
+    no_load_current_a: float = setting(..., "A", "datasheet: no-load current", 0, 1000)
+    nominal_rpm: float = setting(..., "rpm", "datasheet: nominal speed", 1, 1e6)
+    nominal_torque_nm: float = setting(..., "N m", "datasheet: nominal torque; others are checked by it", 1e-6, 1000)
+    nominal_current_a: float = setting(..., "A", "datasheet: nominal current, borne for ever", 1e-3, 1000)
+    resistance_ohm: float = setting(..., "ohm", "datasheet: terminal resistance at 25 deg C", 1e-4, 1e3)
+    constant_nm_a: float = setting(..., "N m/A", "datasheet: torque constant at 25 deg C", 1e-6, 100)
+    rotor_inertia_kg_m2: float = setting(..., "kg m^2", "datasheet: inertia of the rotor", 0, 1)
+    gear: float = setting(..., "", "turns of the motor in one of the wheel", 0.01, 1000)
     dry_share: float = setting(
-        of_robot("motor.dry_share"),
+        ...,
         "",
         "share of the no-load friction that is dry; the rest grows with speed (iron, windage)",
         0,

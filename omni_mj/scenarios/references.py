@@ -25,7 +25,6 @@ from omni_control.traction import GRAVITY, WheelLimits
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, ControlSettings, ReferenceSettings, Settings
 
 Where = tuple[float, float, float]
-LONGEST_S = 24 * 3600.0
 ORIGIN: Where = (0.0, 0.0, 0.0)
 
 
@@ -37,7 +36,7 @@ def timed(settings: Settings, where: Where = ORIGIN) -> SampledReference:
         where: Pose [x, y, heading] in m and rad by which all of it is displaced.
 
     Raises:
-        OmniError: On a carpet as slippery as `reference.friction` says, nobody can drive it; or it takes too long.
+        OmniError: On a carpet as slippery as `reference.friction` says, nobody can drive it.
     """
     (reference,) = each_timed([(settings, where)])
     return reference
@@ -52,8 +51,6 @@ def each_timed(asked: Iterable[tuple[Settings, Where]]) -> list[SampledReference
     keys = [(settings.reference, reference_limits(settings), where) for settings, where in asked]
     result = {key: reference for key in keys if (reference := _IN_USE.get(key)) is not None}
     new = [key for key in dict.fromkeys(keys) if key not in result]
-    for task, _, _ in new:
-        _check_length(task)
     # Drives through way-points are planned together.
     driven = [(task, limits) for task, limits, _ in new if task.shape not in CURVES]
     poses = dict(zip(driven, drives([_drive(*drive) for drive in driven], PERIOD_S), strict=True))
@@ -154,24 +151,6 @@ def _rim_speed(settings: Settings) -> float:
 
 _IN_USE: WeakValueDictionary[tuple[Any, ...], SampledReference] = WeakValueDictionary()
 _RECENT: deque[SampledReference] = deque(maxlen=256)  # are kept
-
-
-def _check_length(task: ReferenceSettings) -> None:
-    """Check that it does not take for ever, before it is planned.
-
-    Raises:
-        OmniError: At its highest speed it takes longer than a reference may.
-    """
-    visits = np.array(_visits(task))[:, :2]
-    way = 2 * max(task.length_m, task.width_m) * task.laps
-    if task.shape not in CURVES:
-        way = float(np.hypot(*np.diff(visits, axis=0).T).sum())
-    least = way / task.max_speed_m_s + task.dwell_s * (len(visits) - 1)
-    if least > LONGEST_S:
-        raise OmniError(
-            f"the reference takes more than {least / 3600:.0f} h at reference.max_speed_m_s = {task.max_speed_m_s:g}; "
-            f"{LONGEST_S / 3600:.0f} h at most: give fewer laps, less dwell_s, or more speed"
-        )
 
 
 def _curve(task: ReferenceSettings, limits: MotionLimits) -> SampledReference:

@@ -11,7 +11,6 @@ from pydantic import Field
 from omni_control.kinematics import Kinematics
 from omni_mj.scenarios import CYCLE_RATE_HZ
 from omni_mj.scenarios.checking import Angles, Checked, Patches, setting
-from omni_mj.scenarios.robots import of_robot
 
 # By which a robot's weight presses rollers into the carpet (omni_mj.worlds.contact, 2.65 kg on 4 wheels), rounded up.
 SINKS_M = 7e-5
@@ -26,15 +25,11 @@ class ModelSettings(Checked):
 class BodySettings(Checked):
     """The whole robot, wheels included."""
 
-    mass_kg: float = setting(of_robot("body.mass_kg"), "kg", "mass", 0.5, 20)
-    centre_x_m: float = setting(of_robot("body.centre_x_m"), "m", "centre of mass, ahead of the middle", -0.1, 0.1)
-    centre_height_m: float = setting(of_robot("body.centre_height_m"), "m", "centre of mass, height", 0.01, 0.15)
-    yaw_inertia_kg_m2: float = setting(
-        of_robot("body.yaw_inertia_kg_m2"), "kg m^2", "about the vertical axis through the centre of mass", 1e-4, 1
-    )
-    tilt_inertia_kg_m2: float = setting(
-        of_robot("body.tilt_inertia_kg_m2"), "kg m^2", "about any horizontal axis through it", 1e-4, 1
-    )
+    mass_kg: float = setting(..., "kg", "mass", 0.5, 20)
+    centre_x_m: float = setting(..., "m", "centre of mass, ahead of the middle", -0.1, 0.1)
+    centre_height_m: float = setting(..., "m", "centre of mass, height", 0.01, 0.15)
+    yaw_inertia_kg_m2: float = setting(..., "kg m^2", "about the vertical axis through the centre of mass", 1e-4, 1)
+    tilt_inertia_kg_m2: float = setting(..., "kg m^2", "about any horizontal axis through it", 1e-4, 1)
 
 
 class WheelSettings(Checked):
@@ -47,12 +42,12 @@ class WheelSettings(Checked):
         "on", "", "on: rubber creeps under traction, as measured; off: wheels that do not, for comparison"
     )
     azimuths_deg: Annotated[Angles, Field(min_length=3, max_length=8)] = setting(
-        of_robot("wheels.azimuths_deg"), "deg", "where they are, counter-clockwise from ahead"
+        ..., "deg", "where they are, counter-clockwise from ahead"
     )
-    arm_m: float = setting(of_robot("wheels.arm_m"), "m", "from the robot's centre to where they touch", 0.02, 0.5)
-    radius_m: float = setting(of_robot("wheels.radius_m"), "m", "radius", 0.01, 0.2)
-    rollers: int = setting(of_robot("wheels.rollers"), "", "rollers of a wheel", 8, 40)
-    roller_radius_m: float = setting(of_robot("wheels.roller_radius_m"), "m", "radius of a roller", 0.002, 0.05)
+    arm_m: float = setting(..., "m", "from the robot's centre to where they touch", 0.02, 0.5)
+    radius_m: float = setting(..., "m", "radius", 0.01, 0.2)
+    rollers: int = setting(..., "", "rollers of a wheel", 8, 40)
+    roller_radius_m: float = setting(..., "m", "radius of a roller", 0.002, 0.05)
 
     @property
     def kinematics(self) -> Kinematics:
@@ -86,17 +81,11 @@ class WheelSettings(Checked):
 class DriveSettings(Checked):
     """What is between motor and carpet."""
 
-    gear_friction_nm: float = setting(
-        of_robot("drive.gear_friction_nm"), "N m", "dry friction of a gear, at the wheel", 0, 1
-    )
-    roller_friction: float = setting(
-        of_robot("drive.roller_friction"), "", "dry friction of a roller's bearing, at its rim: share of the load", 0, 1
-    )
-    roller_damping_nm_s: float = setting(
-        of_robot("drive.roller_damping_nm_s"), "N m s/rad", "viscous friction of a roller's bearing", 0, 2e-5
-    )
+    gear_friction_nm: float = setting(..., "N m", "dry friction of a gear, at the wheel", 0, 1)
+    roller_friction: float = setting(..., "", "dry friction of a roller's bearing, at its rim: share of the load", 0, 1)
+    roller_damping_nm_s: float = setting(..., "N m s/rad", "viscous friction of a roller's bearing", 0, 2e-5)
     creep_stiffness: float = setting(
-        of_robot("drive.creep_stiffness"),
+        ...,
         "",
         "traction over load per slip, below friction",
         0.1,
@@ -108,9 +97,7 @@ class CarpetSettings(Checked):
     """The carpet under the rollers."""
 
     friction: float = setting(0.8, "", "coefficient of friction, all wheels (the league's simulators)", 0.01, 5)
-    pile: float = setting(
-        of_robot("carpet.pile"), "", "rolling resistance of its pile, against any motion: share of the load", 0, 1
-    )
+    pile: float = setting(..., "", "rolling resistance of its pile, against any motion: share of the load", 0, 1)
     nap: float = setting(
         0.0, "", "how its drag changes with direction: it is pile (1 + nap cos(direction - nap_deg))", 0, 1
     )
@@ -150,15 +137,11 @@ class FirmwareSettings(Checked):
     ki: float = setting(0.0, "V/rad", "voltage per integrated error", 0, 1000)
     kd: float = setting(0.0, "V s^2/rad", "voltage per rate of the error", 0, 1)
     feed_forward: float = setting(1.0, "", "share of the wanted speed's back-EMF that is fed forward", 0, 2)
-    nominal_voltage_v: float = setting(
-        of_robot("firmware.nominal_voltage_v"), "V", "battery voltage that it reckons with", 1, 60
-    )
+    nominal_voltage_v: float = setting(..., "V", "battery voltage that it reckons with", 1, 60)
     turn_gain: float = setting(1.0, "", "turn rate added per error of the turn rate that the gyro shows", 0, 10)
     heading_gain: float = setting(2.0, "1/s", "heading corrected per difference to vision's", 0, 30)
     bias_gain: float = setting(0.5, "1/s^2", "gyro bias corrected per difference to vision's heading", 0, 100)
-    current_limit_a: float = setting(
-        of_robot("firmware.current_limit_a"), "A", "highest current that a motor's driver lets through", 0.1, 1e3
-    )
+    current_limit_a: float = setting(..., "A", "highest current that a motor's driver lets through", 0.1, 1e3)
     timeout_s: float = setting(
         0.0, "s", "a robot stops when no command has come for so long (simulators of the league: 0.1); 0: never", 0, 60
     )
@@ -178,9 +161,7 @@ class FirmwareSettings(Checked):
 class SensorSettings(Checked):
     """The sensors on the robot."""
 
-    encoder_counts: int = setting(
-        of_robot("sensors.encoder_counts"), "", "counts per revolution of a motor", 1, 1_000_000
-    )
+    encoder_counts: int = setting(..., "", "counts per revolution of a motor", 1, 1_000_000)
     gyro_noise_rad_s: float = setting(0.005, "rad/s", "standard deviation of the gyro over a frame", 0, 10)
     gyro_bias_rad_s: float = setting(0.01, "rad/s", "standard deviation of its bias, one per seed", 0, 10)
 
@@ -189,14 +170,10 @@ class BatterySettings(Checked):
     """The battery: LiPo."""
 
     charge: float = setting(0.5, "", "state of charge at the start: 1 full (4.2 V a cell), 0.5 nominal (3.7 V)", 0, 1)
-    cells: int = setting(of_robot("battery.cells"), "", "cells in series", 1, 6)
-    capacity_ah: float = setting(of_robot("battery.capacity_ah"), "Ah", "capacity", 0.01, 100)
-    resistance_ohm: float = setting(
-        of_robot("battery.resistance_ohm"), "ohm", "internal resistance: cells, wires and connectors", 0, 1
-    )
-    cut_off_v: float = setting(
-        of_robot("battery.cut_off_v"), "V", "below it, over a second, the battery gives no more power", 0, 60
-    )
+    cells: int = setting(..., "", "cells in series", 1, 6)
+    capacity_ah: float = setting(..., "Ah", "capacity", 0.01, 100)
+    resistance_ohm: float = setting(..., "ohm", "internal resistance: cells, wires and connectors", 0, 1)
+    cut_off_v: float = setting(..., "V", "below it, over a second, the battery gives no more power", 0, 60)
 
 
 def depth(radius: float, roller_radius: float, angle: float) -> float:

@@ -1,6 +1,6 @@
 """The files of robots, which are the defaults of whatever such a robot drives, and of models."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -52,17 +52,6 @@ def description(robot: str) -> str:
         OmniError: As `sections`.
     """
     return _read(robot)[0]
-
-
-def of_robot(name: str) -> Callable[[], Any]:
-    """Return the default of a setting that depends on the robot: the value in the default robot's file."""
-    section, field = name.split(".")
-
-    def default() -> Any:
-        value = sections(DEFAULT)[section][field]
-        return tuple(value) if isinstance(value, list) else value
-
-    return default
 
 
 def models() -> Path:

@@ -61,9 +61,3 @@ def table(
         for world, (controller, seed) in enumerate(worlds)
         for place in range(len(settings[seed].world.places))
     ]
-
-
-def numbers(rows: Iterable[Row], of: Iterable[Row]) -> list[int]:
-    """Return the numbers in a table of the rows `of` another, by controller, seed and place, which must be in it."""
-    known = {(row.controller, row.seed, row.place): i for i, row in enumerate(rows)}
-    return [known[row.controller, row.seed, row.place] for row in of]

@@ -230,14 +230,13 @@ def _check_code(data: Mapping[str, Any], head: Mapping[str, Any]) -> None:
     Raises:
         OmniError: It does.
     """
-    kinds, plant = data.get("controllers"), data.get("plant")
-    named = [("--controller", kind) for kind in kinds if "controllers" not in head] if isinstance(kinds, list) else []
-    named += [] if "plant" in head else [("--plant", plant)]
+    plants = [] if "plant" in head else [data.get("plant")]
+    kinds = [] if "controllers" in head else data.get("controllers", [])
     in_one(
-        f"the scenario's file names code, {shown(kind)}, which is not run unasked; name it yourself by {option}, or "
-        "allow it by --allow-code (in Python: code=True)"
-        for option, kind in named
-        if isinstance(kind, str) and classes.names_class(kind)
+        f"the scenario's file names code, {shown(name)}, which is not run unasked; name it yourself by "
+        "--plant or --controller, or allow it by --allow-code (in Python: code=True)"
+        for name in [*plants, *(kinds if isinstance(kinds, list) else [])]
+        if isinstance(name, str) and classes.names_class(name)
     )
 
 
@@ -260,25 +259,15 @@ def schema() -> dict[str, Any]:
     scenario = Scenario.model_json_schema()
     definitions = scenario.pop("$defs")
     settings = definitions.pop("Settings")["properties"]
-    del definitions["Fault"]
-    for section in definitions.values():
-        section.pop("required", None)
-        for name, field in section["properties"].items():
-            if field.get("type") in ("number", "integer"):
-                extra = ("description", "default", "unit", "title")
-                rest = {key: field.pop(key) for key in extra if key in field}
-                section["properties"][name] = rest | {"anyOf": [field, {"$ref": "#/$defs/Distribution"}]}
-    definitions["Distribution"] = {
-        "type": "object",
-        "properties": {kind: {"type": "array", "description": form} for kind, form in distributions.KINDS.items()},
-        "additionalProperties": False,
-    }
-    kinds = []
-    for name, kind in faults.KINDS.items():
-        kinds.append(kind.model_json_schema())
-        kinds[-1]["properties"]["kind"] = {"const": name}
-        kinds[-1]["required"].append("kind")
-    settings["fault"] = {"type": "array", "items": {"oneOf": kinds}}
+    definitions["Fault"]["properties"] |= {"kind": {"enum": list(faults.KINDS)}}
+    for kind in faults.KINDS.values():
+        definitions["Fault"]["properties"] |= kind.model_json_schema()["properties"]
+    for name, section in definitions.items():
+        if name != "Fault":
+            section.pop("required", None)
+            for field in section["properties"].values():
+                if field.get("type") in ("number", "integer"):  # or a distribution, of which numbers have bounds
+                    field["type"] = [field["type"], "object"]
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "a scenario of omni-mj",

@@ -11,7 +11,7 @@ from omni_control.reference.curves import CURVES
 from omni_mj.scenarios import CYCLE_RATE_HZ as CYCLE_RATE_HZ
 from omni_mj.scenarios import FRAME_RATE_HZ as FRAME_RATE_HZ
 from omni_mj.scenarios import PERIOD_S as PERIOD_S
-from omni_mj.scenarios import faults, told
+from omni_mj.scenarios import faults, robots, told
 from omni_mj.scenarios.checking import (
     Checked,
     Poses,
@@ -226,6 +226,7 @@ class Settings(Checked):
     """All sections; `controller` holds the parameters of controllers by label, `fault` what happens in a run.
 
     Each is given as a model, or as its fields that differ from the defaults: `Settings(radio={"delay_frames": 9})`.
+    Defaults of what depends on the robot, `...` in the sections' classes, are those of the default robot's file.
     """
 
     unknown = "unknown section"
@@ -255,7 +256,8 @@ class Settings(Checked):
         return hash((*(getattr(self, name) for name in sections()), self.fault))
 
     def __init__(self, /, **given: Any) -> None:
-        super().__init__(**{name: {} for name in sections()} | given)
+        hardware = {name: own for name, own in robots.sections(robots.DEFAULT).items() if name != "control"}
+        super().__init__(**merged({name: {} for name in sections()} | hardware, given))
 
     @field_validator("fault", mode="before")
     @classmethod
@@ -315,7 +317,12 @@ def sections() -> dict[str, type[Checked]]:
 
 def every_setting() -> list[Setting]:
     """Return the declarations of all settings of all sections, in order."""
-    return [declared for kind in sections().values() for declared in kind.declared().values()]
+    robot = robots.sections(robots.DEFAULT)
+    return [
+        declared._replace(default=robot.get(name, {}).get(field, declared.default))
+        for name, kind in sections().items()
+        for field, declared in kind.declared().items()
+    ]
 
 
 for _name, _kind in sections().items():

@@ -10,7 +10,7 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_mj import parquet
 from omni_mj.plants import NAMES
-from omni_mj.scenarios.rows import Row, numbers
+from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import PERIOD_S
 
 if TYPE_CHECKING:
@@ -80,26 +80,6 @@ class Log:
         # All channels but controllers' own side by side, so that a frame is written at once.
         self._data: Array = np.full((FIRST_FRAMES, len(self.rows), ends[-1]), np.nan)
         self._own: dict[str, Array] = {}
-
-    @classmethod
-    def joined(cls, logs: "Sequence[Log]", rows: Sequence[Row]) -> "Log":
-        """One log of what was recorded in several, as if all rows had run together.
-
-        Args:
-            logs: of robots with as many wheels.
-            rows: all rows, in their order; each has the controller, seed and place of one in the logs, no other has.
-        """
-        length = max(log.length for log in logs)
-        found = cls(rows, len(logs[0].columns["winding"]), length)
-        found.length = length
-        while len(found._data) < found.length:
-            found._make_room()
-        for log in logs:
-            places = numbers(rows, log.rows)
-            found.lengths[places] = log.lengths
-            for name, titles in log.columns.items():
-                found._frames(name, len(titles))[: log.length, places, : len(titles)] = log.channel(name)
-        return found
 
     @property
     def controllers(self) -> tuple[str, ...]:

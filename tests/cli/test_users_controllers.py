@@ -147,4 +147,4 @@ def test_mistakes_in_names_and_files_are_lines_and_leave_no_folder(capsys: pytes
         assert not Path("out").exists()
     Path("toy.py").write_text("class Toy:\n    pass\n")
     assert invoke(*RUN, "--plant", "toy.py:Toy") == 2
-    assert "pose(), twist(), advance(), telemetry()" in capsys.readouterr().err
+    assert "pose, twist, advance, telemetry" in capsys.readouterr().err

@@ -58,7 +58,8 @@ def declared() -> dict[str, dict[str, Any]]:
 
 def numbers() -> dict[str, dict[str, Any]]:
     """Return the schema of every number."""
-    return {name: field["anyOf"][0] | {"unit": field["unit"]} for name, field in declared().items() if "anyOf" in field}
+    fields = {name: field for name, field in declared().items() if isinstance(field.get("type"), list)}
+    return {name: field | {"type": field["type"][0]} for name, field in fields.items()}
 
 
 def sections(values: dict[str, Any]) -> dict[str, dict[str, Any]]:
