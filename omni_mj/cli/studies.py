@@ -1,6 +1,5 @@
 """`omni-mj alpha`, `limit`, `loop` and `slip`: studies of a robot, of what is possible, and of controllers' loops."""
 
-import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -57,7 +56,7 @@ def limit(choice: options.Choice, name: str, iterations: int, **output: Any) -> 
 
     def measure(begin: study.Begin) -> study.LimitResult:
         result = study.limit(chosen, chosen.seed_list, iterations, begin=begin)
-        result.repeat = shlex.join(["omni-mj", "limit", name, *choice.words, "--iterations", str(iterations)])
+        result.repeat = console.command_line()
         return result
 
     _run("limit", [chosen], measure, limit_figure.save, frames=True, **output)

@@ -134,7 +134,7 @@ def test_a_controller_that_fails_at_once_leaves_its_scenario_and_the_reason(
 def test_mistakes_in_names_and_files_are_lines_and_leave_no_folder(capsys: pytest.CaptureFixture[str]) -> None:
     Path("broken.py").write_text("import nothing_there\n")
     for kind, says in (
-        ("mine.py:Mime", "did you mean 'Mine'"),
+        ("mine.py:Mime", "it has Mine"),
         ("nowhere.py:Mine", "there is no file nowhere.py"),
         ("broken.py:Mine", "cannot be run: ModuleNotFoundError"),
         ("mine.py", "file.py:Class"),
