@@ -9,7 +9,7 @@ from omni_control.controllers.base import Seen
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_mj.link.radio import Received
-from omni_mj.live.link import LOST_FRAMES, SILENT_S, Link
+from omni_mj.live.link import LOST_S, SILENT_S, Link
 from omni_mj.live.radio import Command, Radio
 from omni_mj.plants import Plant, Telemetry
 from omni_mj.scenarios.rows import Row
@@ -18,6 +18,7 @@ from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Exchange, See, Simulation
 
+SILENT_FRAMES, LOST_FRAMES = round(SILENT_S * FRAME_RATE_HZ), round(LOST_S * FRAME_RATE_HZ)
 MEMORY_FRAMES = 64  # of turn rates in flight: more than a second
 
 
@@ -32,6 +33,7 @@ class LivePlant:
     Attributes:
         measured: What vision saw, shape (n, 3); NaN for robots that were not seen.
         age: How old that is, shape (n,), s.
+        unseen: For how many frames robots have not been seen, shape (n,).
 
     Raises:
         OmniError: Nobody drives them.
@@ -42,7 +44,7 @@ class LivePlant:
             raise OmniError("robots on the live plant are outside of this program: omni-mj drive drives them")
         self.geometry: Kinematics | None = rows[0].settings.wheels.kinematics
         self.age: Array | None = None
-        self.measured, self._start, self._unseen = np.array(start), start, np.zeros(len(rows), int)
+        self.measured, self._start, self.unseen = np.array(start), start, np.zeros(len(rows), int)
         self._telemetry = Telemetry.of_no_wheels(len(rows), len(self.geometry.azimuths))
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
@@ -59,8 +61,8 @@ class LivePlant:
 
     def advance(self, received: Received) -> dict[int, str]:
         """Return the robots that are lost; they go on by themselves."""
-        self._unseen = np.where(np.isnan(self.measured[:, 0]), self._unseen + 1, 0)
-        return {int(row): f"was not seen for {SILENT_S:g} s" for row in np.flatnonzero(self._unseen == LOST_FRAMES)}
+        self.unseen = np.where(np.isnan(self.measured[:, 0]), self.unseen + 1, 0)
+        return {int(row): f"was not seen for {LOST_S:g} s" for row in np.flatnonzero(self.unseen == LOST_FRAMES)}
 
     def telemetry(self) -> Telemetry:
         """Return NaN: nothing is known of the wheels."""
@@ -68,7 +70,7 @@ class LivePlant:
 
 
 class Live(Simulation):
-    """A simulation whose robots are not simulated. A robot that vision has lost is told to stop, and fails.
+    """A simulation whose robots are not simulated. A robot that is not seen is told to stop, and fails later.
 
     Args:
         scenario: What is driven, on the plant "live".
@@ -108,7 +110,7 @@ class Live(Simulation):
         latency, alpha = self.team.latency_hat[:, 2], self.team.alpha_hat[:, 2]
         self._turn_latency = np.where(np.isfinite(latency), latency, self._nominal_latency)
         self._turn_alpha = np.where(np.isfinite(alpha), alpha, 1.0)
-        measured, age, skipped = self.link.tick(self.team.estimate)
+        measured, age, skipped = self.link.tick(self.team.estimate, self.stop)
         self._is_past, self._plant.measured = True, np.full_like(measured, np.nan)
         for _ in range(skipped):
             super().step(self._sent)
@@ -120,6 +122,9 @@ class Live(Simulation):
 
         A robot is sent the heading that it will have in the middle of its command's frame.
         """
+        if (is_unseen := self._plant.unseen > SILENT_FRAMES).any():
+            command = np.where(is_unseen[:, None], 0.0, command)
+            self.team.last = command
         in_flight = np.clip(self._turn_latency - np.arange(MEMORY_FRAMES)[:, None], 0.0, 1.0)
         turned = (in_flight * self._turn_rates).sum(0) + command[:, 2] / 2
         headings = heading + self._turn_alpha * turned * PERIOD_S
@@ -132,6 +137,7 @@ class Live(Simulation):
 
     def stop(self) -> None:
         """Tell the robots to stand, more than once as packets are lost."""
+        self._sent = np.zeros_like(self._sent)
         for _ in range(3):
             self._radio.send([Command(number, 0.0, 0.0, 0.0, 0.0) for number in self.ids])
 

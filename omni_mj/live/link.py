@@ -13,8 +13,8 @@ from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 
 Pace = Literal["auto", "60", "vision"]
 
-SILENT_S = 0.5  # after which a camera is not waited for any more
-LOST_FRAMES = round(SILENT_S * FRAME_RATE_HZ)
+SILENT_S = 0.5  # without a frame, after which robots are told to stop
+LOST_S = 3.0  # same, after which vision is not waited for any more
 GRACE_S = 0.001  # for which frames of the other cameras are waited for after that of the leading one
 RATE_TOLERANCE = 0.03  # by which frames may differ from 60 per second of their own clock to give the ticks
 SETTLE_S = 0.05  # in which frames arrive that were on their way
@@ -68,11 +68,12 @@ class Link:
         self.listen(SETTLE_S)
         self.skipped, self._tick = 0, -math.inf
 
-    def tick(self, expected: Array) -> tuple[Array, Array, int]:
+    def tick(self, expected: Array, on_silence: Callable[[], None]) -> tuple[Array, Array, int]:
         """Wait for the next tick.
 
         Args:
             expected: Poses of the robots, shape (n, 3).
+            on_silence: Called now and then while vision is silent.
 
         Returns:
             What vision saw, and its age; see `Vision.at`. How many frames went by since the last tick.
@@ -86,24 +87,28 @@ class Link:
                 self._receive(now)
         else:
             camera = self.vision.cameras[self.leader]
-            self._await_frame()
+            self._await_frame(on_silence)
             if camera.sent_s > before:
                 now, rate, self._tick = camera.clock.ours(camera.sent_s), camera.clock.rate, camera.sent_s
-            else:  # it has fallen silent
+            else:
                 self.leader, now = None, time.monotonic()
-                before, self._tick = now - SILENT_S, now
-        elapsed = self._tick - before if math.isfinite(before) else PERIOD_S
-        skipped = min(max(round(elapsed / PERIOD_S) - 1, 0), LOST_FRAMES)
+                before, self._tick = now - LOST_S, now
+        elapsed = min(self._tick - before, LOST_S) if math.isfinite(before) else PERIOD_S
+        skipped = max(round(elapsed / PERIOD_S) - 1, 0)
         self.skipped += skipped
         return *self.vision.at(now, rate, expected), skipped
 
-    def _await_frame(self) -> None:
-        """Wait for the leading camera's next frame, and for those of the others, unless it is silent."""
-        camera, silent_at = self.vision.cameras[self.leader or 0], time.monotonic() + SILENT_S
+    def _await_frame(self, on_silence: Callable[[], None]) -> None:
+        """Wait for the leading camera's next frame, and for those of the others, unless it is lost."""
+        camera, began = self.vision.cameras[self.leader or 0], time.monotonic()
+        silent_at = began + SILENT_S
         while camera.sent_s <= self._tick + PERIOD_S / 2:
-            if time.monotonic() > silent_at:
-                return
             self._receive(silent_at)
+            if time.monotonic() > silent_at:
+                on_silence()
+                silent_at += SILENT_S
+            if silent_at > began + LOST_S + SILENT_S:
+                return
         self.listen(GRACE_S)
 
     def _receive(self, until: float) -> None:
