@@ -33,9 +33,7 @@ def pixels(context: click.Context, parameter: click.Parameter, size: str) -> tup
 @click.option("--to", "end_s", type=click.FloatRange(0), metavar="S", help="Where it ends. [the run's end]")
 @click.option("--speed", type=click.FloatRange(0.01, 100), default=1.0, metavar="X", help="2 is twice as fast. [1]")
 @click.option("--rate", type=click.FloatRange(1, 60), default=15.0, metavar="HZ", help="Pictures a second. [15]")
-@click.option(
-    "--size", default="960x320", callback=pixels, metavar="WxH", help="Of a row of up to four panels. [960x320]"
-)
+@click.option("--size", default="960x320", callback=pixels, metavar="WxH", help="Of the picture. [960x320]")
 def command(
     folder: Path,
     out: Path | None,
@@ -60,13 +58,15 @@ def command(
     from omni_mj.scenarios.settings import PERIOD_S
     from omni_mj.show import film
 
+    if out.suffix not in film.KINDS:
+        raise OmniError(f"{out}: a film's name ends in {', '.join(film.KINDS)}")
     settings, takes = film.read(folder, controllers)
     last = PERIOD_S * max(len(take.poses) for take in takes)
     end = min(last if end_s is None else end_s, last)
     if begin_s >= end:
         raise OmniError(f"--from {begin_s:g} must be before the film's end at {end:g} s")
     instants = np.arange(begin_s, end, speed / rate)
-    drawn = film.pictures(settings, takes, instants, view, size)
+    drawn = film.Stage(settings, takes, view, size).pictures(instants)
     with click.progressbar(drawn, len(instants), file=sys.stderr) as pictures:
         film.write(pictures, out, rate)
     print(f"film in {out}: {len(instants) / rate:.1f} s, {out.stat().st_size / 1e6:.1f} MB")

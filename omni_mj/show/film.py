@@ -15,7 +15,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj import parquet
 from omni_mj.files import whole
-from omni_mj.measure import summary as summaries
+from omni_mj.measure.summary import read as read_summary
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.show import style
 from omni_mj.show.recording.scene import COVER, HEIGHT_M, RADIUS_M
@@ -23,14 +23,14 @@ from omni_mj.worlds import build
 
 KINDS = (".gif", ".webp", ".mp4")
 NEEDS = "MuJoCo cannot draw here: {reason}; without a display it needs EGL, on Debian libegl1 and libgl1-mesa-dri"
-PANELS_ACROSS, GAP = 4, 4  # panels in a row at most; pixels between panels
-MAX_PIECES = 300  # of a path
+GAP = 4  # pixels between panels
+PIECES = 300  # of a path at most
 ELEVATION_DEG = {"follow": -38.0, "plan": -90.0}  # of each view's direction
 NEAR_M = 0.85  # from the robot that is followed
 REFERENCE, ROUTE = (1.0, 1.0, 1.0, 1.0), (1.0, 1.0, 1.0, 0.6)
 LINE_SHARE = 0.007  # thickness of lines, as a share of the distance from which they are seen
 HEADLIGHT = 0.1  # next to the scene's own light; more, and seen from above a robot's colour is burnt out
-MAX_GEOMS = 50_000  # a robot with whole wheels has some 200
+MAX_GEOMS = 20_000  # a robot with whole wheels has some 200
 MARGIN_M = 0.35  # around the route, for the robots on it
 
 
@@ -62,63 +62,128 @@ def read(folder: Path, controllers: Sequence[str] = ()) -> tuple[Settings, list[
     Raises:
         OmniError: The folder holds no run, no trajectory, or no such controller.
     """
-    entry = next(iter(summaries.read(folder)["scenarios"].values()))
+    entry = next(iter(read_summary(folder)["scenarios"].values()))
     settings = Settings(**{section: entry["settings"][section] for section in ("model", "body", "wheels")})
     pose = ["x_m", "y_m", "heading_rad"]
     angles = [f"wheel_angle_{i + 1}_rad" for i in range(len(settings.wheels.azimuths_deg))]
-    columns = ["controller", "seed", "place", "frame", *pose, *(f"ref_{name}" for name in pose), *angles]
-    table = parquet.read(folder / "trajectory.parquet", columns)
-    table = table.filter(pc.equal(table["seed"], pc.min(table["seed"])))
+    numbers = [*pose, *(f"ref_{name}" for name in pose), *angles]
+    table = parquet.read(folder / "trajectory.parquet", ["controller", "seed", "place", "frame", *numbers])
     known = table["controller"].unique().to_pylist()
     if unknown := [name for name in controllers if name not in known]:
         raise OmniError(f"{folder} has no controller {unknown[0]!r}; it has {', '.join(known)}")
+    table = table.filter(pc.equal(table["seed"], pc.min(table["seed"]))).sort_by(
+        [("frame", "ascending"), ("place", "ascending")]
+    )
     slots, takes = style.slots(known), []
     for name in controllers or known:
         part = table.filter(pc.equal(table["controller"].cast("string"), name))
-        part = part.sort_by([("frame", "ascending"), ("place", "ascending")])
         places = len(part["place"].unique())
-        numbers = np.column_stack([part[column].to_numpy() for column in columns[4:]])
-        numbers = numbers[: len(numbers) // places * places]  # robots that failed have no frames after that
-        numbers = np.nan_to_num(numbers.reshape(-1, places, numbers.shape[1]))
-        takes.append(Take(name, style.colour(slots[name]), *np.split(numbers, (3, 6), axis=2)))
+        values = np.nan_to_num(np.column_stack([part[column].to_numpy() for column in numbers]))
+        values = values[: len(values) // places * places]  # robots that failed have no frames after that
+        values = values.reshape(-1, places, len(numbers))
+        takes.append(Take(name, style.colour(slots[name]), *np.split(values, (3, 6), axis=2)))
     return settings, takes
 
 
-def pictures(
-    settings: Settings, takes: Sequence[Take], instants: Array, view: str, size: tuple[int, int]
-) -> Iterator[Image.Image]:
-    """Yield a picture for each of the instants.
+class Stage:
+    """The robots of one world and a camera, which draws panels side by side.
 
     Args:
         settings: Settings of the robots.
         takes: What is shown.
-        instants: Times, s.
-        view: "follow" or "plan".
-        size: Width and height of a row of panels, pixels.
+        view: Name of one of `ELEVATION_DEG`.
+        size: Width and height of a picture, pixels.
 
     Raises:
         OmniError: MuJoCo finds nothing to draw with.
     """
-    rows = -(-len(takes) // PANELS_ACROSS)
-    columns = -(-len(takes) // rows)
-    width, height = (size[0] - GAP * (columns - 1)) // columns, size[1]
-    stage = _Stage(settings, takes, view, (width, height))
-    for instant in instants:
-        picture = Image.new("RGB", (size[0], rows * (height + GAP) - GAP), "white")
-        for i, take in enumerate(takes):
-            place = (i % columns * (width + GAP), i // columns * (height + GAP))
-            picture.paste(_panel(stage, take, instant), place)
-        yield picture
+
+    def __init__(self, settings: Settings, takes: Sequence[Take], view: str, size: tuple[int, int]) -> None:
+        self._takes, self._size, places = takes, size, takes[0].poses.shape[1]
+        width, height = size[0] // len(takes) - GAP, size[1]
+        self._world = build.world(settings.replace(wheels={"model": "rollers"}), places, hulls=False)
+        self._data, visual = mujoco.MjData(self._world.model), self._world.model.vis
+        visual.global_.offwidth, visual.global_.offheight = width, height
+        quality = visual.quality  # of a software renderer: time goes with the facets of some 80 rollers
+        quality.numslices, quality.numstacks, quality.shadowsize = 20, 8, 1024
+        visual.headlight.diffuse[:] = HEADLIGHT
+        try:
+            self._renderer = mujoco.Renderer(self._world.model, height, width, MAX_GEOMS)
+        except Exception as error:  # whatever the platform's GL raises
+            raise OmniError(NEEDS.format(reason=error or type(error).__name__)) from None
+        route = np.concatenate([take.references[..., :2].reshape(-1, 2) for take in takes])
+        low, high = route.min(0) - MARGIN_M, route.max(0) + MARGIN_M
+        self._camera = camera = mujoco.MjvCamera()
+        camera.azimuth, camera.elevation, camera.lookat[:] = 90.0, ELEVATION_DEG[view], (*(low + high) / 2, 0.05)
+        # The whole route is in sight from where its height and, less by the picture's shape, its width are.
+        size_m = max(high[1] - low[1], (high[0] - low[0]) * height / width)
+        self._follows = view == "follow" and places == 1
+        camera.distance = NEAR_M if self._follows else size_m / 2 / np.tan(np.deg2rad(visual.global_.fovy / 2))
+        self._thickness = LINE_SHARE * camera.distance
+
+    def pictures(self, instants: Array) -> Iterator[Image.Image]:
+        """Yield a picture for each of the instants, s."""
+        for instant in instants:
+            picture = Image.new("RGB", self._size, "white")
+            for i, take in enumerate(self._takes):
+                picture.paste(self._panel(take, instant), (i * self._size[0] // len(self._takes), 0))
+            yield picture
+
+    def _panel(self, take: Take, instant: float) -> Image.Image:
+        frame = min(round(instant / PERIOD_S), len(take.poses) - 1)
+        errors = 100 * np.linalg.norm((take.poses - take.references)[: frame + 1, :, :2], axis=-1).max(-1)
+        self._set(take, frame)
+        panel = Image.fromarray(self._renderer.render())
+        pen, inset = ImageDraw.Draw(panel), panel.height // 40
+        large, small = (ImageFont.load_default(max(9, panel.height // n)) for n in (18, 26))
+        text = f"{errors[-1]:.1f} cm off, {errors.max():.1f} at most"
+        pen.text((inset, inset), take.controller, "white", large, stroke_width=2, stroke_fill=take.colour)
+        pen.text((inset, panel.height - inset), text, "white", small, "ls", stroke_width=2, stroke_fill="#00000080")
+        pen.text((panel.width - inset, inset), f"{instant:.1f} s", "white", small, "ra")
+        return panel
+
+    def _set(self, take: Take, frame: int) -> None:
+        """Put robots and lines where they are in a frame."""
+        data, model, references = self._data, self._world.model, take.references[frame]
+        colour = np.array(style.rgb(take.colour)) / 255
+        data.qpos[:] = self._world.standing
+        for place, robot in enumerate(self._world.robots):
+            x, y, heading = take.poses[frame, place]
+            data.qpos[robot.qpos[:2]] = x, y
+            data.qpos[robot.qpos[3:7]] = np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2)
+            data.qpos[robot.wheel_qpos] = take.wheels[frame, place]
+            cover = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MATERIAL, build.prefix(place) + COVER)
+            if cover >= 0:
+                model.mat_rgba[cover, :3] = colour
+        mujoco.mj_fwdPosition(model, data)
+        if self._follows:
+            self._camera.lookat[:2] = (take.poses[frame, 0, :2] + references[0, :2]) / 2
+        self._renderer.update_scene(data, self._camera)
+        for place, (x, y, heading) in enumerate(references):
+            self._add_line(take.references[:, place, :2], ROUTE)
+            self._add_line(take.poses[: frame + 1, place, :2], (*colour, 1.0))
+            # On top of the league's envelope a ring with a line to its front shows the reference.
+            angles = heading + np.linspace(0, 2 * np.pi, 25)
+            ring = np.column_stack([x + RADIUS_M * np.cos(angles), y + RADIUS_M * np.sin(angles)])
+            self._add_line(np.concatenate([[[x, y]], ring]), REFERENCE, HEIGHT_M)
+
+    def _add_line(self, points: Array, rgba: tuple[float, ...], height: float = 0.0) -> None:
+        """Add a line through points (m, 2) at a height in m to the scene."""
+        points = points[:: 1 + len(points) // PIECES]
+        scene, capsule, zero = self._renderer.scene, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3)
+        for start, end in pairwise(np.column_stack([points, np.full(len(points), height)])):
+            geom = scene.geoms[scene.ngeom]
+            mujoco.mjv_initGeom(geom, capsule, zero, zero, np.eye(3).ravel(), np.array(rgba, np.float32))
+            mujoco.mjv_connector(geom, capsule, self._thickness / 2, start, end)
+            scene.ngeom += 1
 
 
 def write(pictures: Iterable[Image.Image], out: Path, rate: float) -> None:
     """Write pictures of one size to a file of a kind of `KINDS`, `rate` of them a second.
 
     Raises:
-        OmniError: Its kind is unknown, PyAV is missing, or the file cannot be written.
+        OmniError: PyAV is missing, or the file cannot be written.
     """
-    if out.suffix not in KINDS:
-        raise OmniError(f"{out}: a film's name ends in {', '.join(KINDS)}")
     try:
         with whole(out) as file:
             first, *others = pictures
@@ -138,92 +203,3 @@ def write(pictures: Iterable[Image.Image], out: Path, rate: float) -> None:
         raise OmniError(f"{out}: videos need PyAV: pip install 'omni-mj[film]'; .gif and .webp do not") from None
     except OSError as error:
         raise OmniError(f"{out}: {error.strerror or error}") from None
-
-
-def _panel(stage: "_Stage", take: Take, instant: float) -> Image.Image:
-    frame = min(round(instant / PERIOD_S), len(take.poses) - 1)
-    errors = 100 * np.linalg.norm((take.poses - take.references)[: frame + 1, :, :2], axis=-1).max(-1)
-    panel = Image.fromarray(stage.draw(take, frame))
-    pen, inset = ImageDraw.Draw(panel), panel.height // 40
-    large, small = (ImageFont.load_default(max(9, panel.height // n)) for n in (18, 26))
-    pen.text((inset, inset), take.controller, "white", large, stroke_width=2, stroke_fill=take.colour)
-    text = f"{errors[-1]:.1f} cm off, {errors.max():.1f} at most"
-    pen.text((inset, panel.height - inset), text, "white", small, anchor="ls", stroke_width=2, stroke_fill="#00000080")
-    pen.text((panel.width - inset, inset), f"{instant:.1f} s", "white", small, anchor="ra")
-    return panel
-
-
-class _Stage:
-    """The robots of one world and a camera.
-
-    Args:
-        settings: Settings of the robots.
-        takes: Whose routes are in sight.
-        view: Name of one of `ELEVATION_DEG`.
-        size: Width and height of a picture, pixels.
-
-    Raises:
-        OmniError: MuJoCo finds nothing to draw with.
-    """
-
-    def __init__(self, settings: Settings, takes: Sequence[Take], view: str, size: tuple[int, int]) -> None:
-        places, (width, height) = takes[0].poses.shape[1], size
-        self._world = build.world(settings.replace(wheels={"model": "rollers"}), places, hulls=False)
-        self._model = self._world.model
-        self._data, visual = mujoco.MjData(self._model), self._model.vis
-        visual.global_.offwidth, visual.global_.offheight = width, height
-        quality = visual.quality  # of a software renderer: time goes with the facets of some 80 rollers
-        quality.numslices, quality.numstacks, quality.shadowsize = 20, 8, 1024
-        visual.headlight.diffuse[:] = HEADLIGHT
-        try:
-            self._renderer = mujoco.Renderer(self._model, height, width, MAX_GEOMS)
-        except Exception as error:  # whatever the platform's GL raises
-            raise OmniError(NEEDS.format(reason=error or type(error).__name__)) from None
-        route = np.concatenate([take.references[..., :2].reshape(-1, 2) for take in takes])
-        low, high = route.min(0) - MARGIN_M, route.max(0) + MARGIN_M
-        # The whole route is in sight from where its height and, less by the picture's shape, its width are.
-        size_m = max(high[1] - low[1], (high[0] - low[0]) * height / width)
-        far = float(size_m / 2 / np.tan(np.deg2rad(visual.global_.fovy / 2)))
-        self._camera = mujoco.MjvCamera()
-        self._camera.azimuth, self._camera.elevation = 90.0, ELEVATION_DEG[view]
-        self._camera.lookat[:] = *(low + high) / 2, 0.05
-        self._follows = view == "follow" and places == 1
-        self._camera.distance = NEAR_M if self._follows else far
-        self._thickness = LINE_SHARE * self._camera.distance
-
-    def draw(self, take: Take, frame: int) -> np.ndarray:
-        """Return a picture of a frame, (height, width, 3) bytes."""
-        data, model = self._data, self._model
-        poses, references = take.poses[frame], take.references[frame]
-        colour = np.array(style.rgb(take.colour)) / 255
-        data.qpos[:] = self._world.standing
-        for place, (robot, (x, y, heading)) in enumerate(zip(self._world.robots, poses, strict=True)):
-            data.qpos[robot.qpos[:2]] = x, y
-            data.qpos[robot.qpos[3:7]] = np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2)
-            data.qpos[robot.wheel_qpos] = take.wheels[frame, place]
-            cover = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MATERIAL, build.prefix(place) + COVER)
-            if cover >= 0:
-                model.mat_rgba[cover, :3] = colour
-        mujoco.mj_fwdPosition(model, data)
-        if self._follows:
-            self._camera.lookat[:2] = (poses[0, :2] + references[0, :2]) / 2
-        self._renderer.update_scene(data, self._camera)
-        angles = np.linspace(0, 2 * np.pi, 25)
-        for place, (x, y, heading) in enumerate(references):
-            self._add_line(take.references[:, place, :2], ROUTE)
-            self._add_line(take.poses[: frame + 1, place, :2], (*colour, 1.0))
-            # On top of the league's envelope a ring with a line to its front shows the reference.
-            ring = np.array([x, y]) + RADIUS_M * np.column_stack([np.cos(heading + angles), np.sin(heading + angles)])
-            self._add_line(np.concatenate([[[x, y]], ring]), REFERENCE, HEIGHT_M)
-        return np.array(self._renderer.render())
-
-    def _add_line(self, points: Array, rgba: tuple[float, ...], height: float | None = None) -> None:
-        """Add a line through points (m, 2) at a height in m, else on the carpet, to the scene."""
-        points = points[:: 1 + len(points) // MAX_PIECES]
-        heights = np.full(len(points), self._thickness / 2 if height is None else height)
-        scene, capsule, zero = self._renderer.scene, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3)
-        for start, end in pairwise(np.column_stack([points, heights])):
-            geom = scene.geoms[scene.ngeom]
-            mujoco.mjv_initGeom(geom, capsule, zero, zero, np.eye(3).ravel(), np.array(rgba, np.float32))
-            mujoco.mjv_connector(geom, capsule, self._thickness / 2, start, end)
-            scene.ngeom += 1

@@ -20,12 +20,11 @@ from omni_mj.measure.summary import read
 from omni_mj.measure.table import DASH, Table, number, table, where
 from omni_mj.scenarios.settings import every_setting
 from omni_mj.show import compare_table, figures
-from omni_mj.show.style import ERROR_AXES, FIGURES
+from omni_mj.show.style import FIGURES
 
 TEMPLATES = Path(__file__).parent / "templates"
 STATISTICS = {"max": "maximum", "p99": "99th percentile", "mean": "mean", "rms": "root mean square"}
 PEAKS = {"peak_voltage_v": "peak, V", "peak_current_a": "peak, A", "peak_winding_c": "winding, °C"}
-TYPES = {".png": "image/png", ".svg": "image/svg+xml"}
 Summary = dict[str, Any]
 
 
@@ -57,13 +56,13 @@ def _page(folders: Sequence[Path], summaries: Mapping[str, Summary]) -> str:
     page |= {"results": table(whole), "verdicts": compare_table.verdict_table(whole)}
     if len(entries) == 1:
         ((name, entry),) = entries.items()
-        page |= {"title": f"{name}, {where(entry)}", "settings": _settings(entry)}
+        page |= {"title": f"{name}, {where(entry)}", "settings": _changed(entry)}
         page["figures"] = _images(folders[0] / "figures")
         if (file := folders[0] / "scenario.toml").is_file():
             page["scenario"] = file.read_text(encoding="utf-8", errors="replace")
     else:
         page["title"] = f"Comparison of {len(entries)} {'scenarios' if len(summaries) == 1 else 'runs'}"
-        page["settings"] = [_differences(entries)]
+        page["settings"] = _differences(entries)
         with TemporaryDirectory() as folder:
             figures.save_comparison(whole, Path(folder) / "compare")
             page["figures"] = _images(Path(folder))
@@ -72,7 +71,7 @@ def _page(folders: Sequence[Path], summaries: Mapping[str, Summary]) -> str:
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     environment.filters |= {"number": number}
-    page |= {"axes": ERROR_AXES, "statistics": STATISTICS, "causes": causes.NAMES, "peaks": PEAKS}
+    page |= {"statistics": STATISTICS, "causes": causes.NAMES, "peaks": PEAKS}
     return environment.get_template("report.html.j2").render(page)
 
 
@@ -100,21 +99,18 @@ def _values(entry: Summary) -> dict[str, Any]:
     return values
 
 
-def _settings(entry: Summary) -> list[Table]:
-    """Return the settings that differ from their default, and all of them."""
-    declared, changed, every = {setting.full: setting for setting in every_setting()}, [], []
+def _changed(entry: Summary) -> Table:
+    """Return the settings that differ from their default."""
+    declared, rows = {setting.full: setting for setting in every_setting()}, []
     for name, value in _values(entry).items():
         setting = declared.get(name)  # else of a controller, or a list of faults
-        unit, meaning = (setting.unit, setting.doc) if setting else ("", "")
-        every.append([name, shown(value), unit, meaning])
         default = json.loads(json.dumps(setting.default)) if setting else None  # tuples are lists in a summary
-        if default not in (None, value) or (setting is None and value):
-            changed.append([name, shown(value), shown(default), unit, meaning])
-    title = "Settings that differ from their default"
-    return [
-        Table(title, ["setting", "value", "default", "unit", "meaning"], changed, 5),
-        Table("All settings", ["setting", "value", "unit", "meaning"], every, 4),
-    ]
+        if setting and default not in (None, value):
+            rows.append([name, shown(value), shown(default), setting.unit, setting.doc])
+        elif setting is None and value:
+            rows.append([name, shown(value), DASH, "", ""])
+    headings = ["setting", "value", "default", "unit", "meaning"]
+    return Table("Settings that differ from their default", headings, rows, len(headings))
 
 
 def _differences(entries: Mapping[str, Summary]) -> Table:
@@ -127,13 +123,10 @@ def _differences(entries: Mapping[str, Summary]) -> Table:
 
 
 def _images(folder: Path) -> dict[str, str]:
-    """Return the figures in a folder by name, as data URIs: SVGs, or PNGs where there is none."""
-    images = {}
-    for path in (folder / f"{name}{kind}" for name in (*FIGURES, "compare") for kind in TYPES):
-        if path.is_file():
-            data = base64.b64encode(path.read_bytes()).decode()
-            images[path.stem] = f"data:{TYPES[path.suffix]};base64,{data}"
-    return images
+    """Return the figures in a folder by name, as data URIs."""
+    files = {name: folder / f"{name}.png" for name in (*FIGURES, "compare")}
+    images = {name: base64.b64encode(path.read_bytes()).decode() for name, path in files.items() if path.is_file()}
+    return {name: f"data:image/png;base64,{image}" for name, image in images.items()}
 
 
 def shown(value: Any) -> str:

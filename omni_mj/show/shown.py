@@ -11,6 +11,7 @@ from omni_mj.show import style
 from omni_mj.simulate.log import OWN, Log
 
 PALER, PALEST = 0.35, 0.7  # share of white per robot of one controller, and at most
+ALPHA_RANGE = (0.4, 1.3)  # of axes that show alpha
 SIGMA = OWN + "alpha_sigma"  # channel of a controller's own, standard deviation of its estimate
 
 

@@ -5,10 +5,9 @@ those left. The colours are Okabe and Ito's, then some of Tol's: distinct to the
 together; there a controller is known by its line style and marker.
 """
 
-import math
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 # Of a run, in the order in which a report shows them.
 FIGURES = ("path", "output", "error", "why", "alpha", "seeds")
@@ -21,37 +20,8 @@ COLOURS = (
     "#661100", "#AA4499", "#117733",
 )  # fmt: skip
 MARKERS = "os^DvPX*ph<>"
-DASHES: tuple[tuple[float, ...], ...] = (
-    (), (4, 1.5), (6, 1.5, 1, 1.5), (1.2, 1.2), (9, 2), (6, 1, 1, 1, 1, 1), (), (2, 1), (3, 1, 3, 1, 1, 1), (7, 3),
-    (), (4, 1, 1, 1),
-)  # fmt: skip
+DASHES: tuple[tuple[float, ...], ...] = ((), (4, 1.5), (6, 1.5, 1, 1.5), (1.2, 1.2), (9, 2))
 SHIPPED = ("flc", "comp-flc", "adaptive-comp-flc", "mpc", "comp-flc-lag", "lqr", "p", "smith", "oracle", "inverse-flc")
-
-
-class ErrorAxis(NamedTuple):
-    """Direction of errors.
-
-    Args:
-        phrase: How it is called after "error".
-        part: Part of a result that has its errors.
-        unit: Unit in which it is shown.
-        factor: Value of 1 m or 1 rad in that unit.
-    """
-
-    phrase: str
-    part: str = "error_m"
-    unit: str = "cm"
-    factor: float = 100.0
-
-
-ERROR_AXES = {
-    "x": ErrorAxis("in x"),
-    "y": ErrorAxis("in y"),
-    "distance": ErrorAxis("in the plane"),
-    "along": ErrorAxis("along the path"),
-    "across": ErrorAxis("across the path"),
-    "heading": ErrorAxis("of heading", "error_rad", "deg", math.degrees(1)),
-}
 
 
 def slots(controllers: Iterable[str]) -> dict[str, int]:

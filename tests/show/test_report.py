@@ -152,11 +152,9 @@ def test_an_incomplete_run_is_shown_as_such(runs: list[Path], tmp_path: Path, ou
 
 def test_settings_off_their_default_stand_out(runs: list[Path], out: Path) -> None:
     html = page(runs[0], out=out).html
-    changed_settings, every = html[html.index("Settings that differ") :].split("<details>")[:2]
+    changed_settings = html[html.index("Settings that differ") : html.index("How to repeat it</h2>")]
     assert ">reference.waypoints<" in changed_settings
     assert ">radio.delay_frames<" not in changed_settings
-    for section, fields in entry_of(runs[0])["settings"].items():
-        assert section == "fault" or all(f">{section}.{name}<" in every for name in fields)
 
 
 @pytest.mark.parametrize(

@@ -75,9 +75,8 @@ def add_legend(figure: Figure, axes: Iterable[Axes]) -> None:
     entries: dict[str, Any] = {}
     for panel in axes:
         entries = dict(zip(*panel.get_legend_handles_labels()[::-1], strict=True)) | entries
-    lengths, space = [len(label) + HANDLE_LETTERS for label in entries], LETTERS_PER_INCH * figure.get_figwidth()
-    columns = len(entries) if sum(lengths) <= space else max(1, int(space / max(lengths)))
-    figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns)
+    columns = max(1, int(LETTERS_PER_INCH * figure.get_figwidth() / (HANDLE_LETTERS + max(map(len, entries)))))
+    figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(columns, len(entries)))
 
 
 def use_log_scale(axis: Axis) -> None:

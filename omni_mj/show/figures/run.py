@@ -15,7 +15,7 @@ from omni_mj.measure.metrics import ALPHA_WINDOW_FRAMES
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
-from omni_mj.show.shown import Robot
+from omni_mj.show.shown import ALPHA_RANGE, Robot
 from omni_mj.simulate.simulation import Failure
 
 TURNED_DEG = 0.06  # error of heading from which on a robot turns
@@ -118,7 +118,7 @@ def estimators(robots: Sequence[Robot]) -> list[Robot]:
 
 def draw_alpha(robots: Sequence[Robot], failures: Failures, figure: Figure) -> None:
     """Draw the estimates of alpha, and displacement achieved over commanded where robots drive."""
-    shown, ratios = estimators(robots), list(PAPER_ALPHA)
+    shown = estimators(robots)
     grid = canvas.time_axes(figure, len(shown), 2, 1.4, sharey=True)
     for (row, axis), axes in np.ndenumerate(grid):
         robot = shown[row]
@@ -132,9 +132,7 @@ def draw_alpha(robots: Sequence[Robot], failures: Failures, figure: Figure) -> N
             axes.fill_between(time, low, high, color=colour, alpha=0.25, lw=0, zorder=1, label="± 2 sigma of it")
         axes.set(title=f"{robot.name}, {'xy'[axis]}", ylabel="" if axis else "alpha")
         _mark_failure(axes, robot, failures)
-        ratios.extend(ratio)
-    least, greatest = np.nanpercentile(ratios, (5, 95))
-    grid[0, 0].set_ylim(max(0.0, min(0.6, least - 0.05)), min(2.0, max(1.1, greatest + 0.05)))
+    grid[0, 0].set_ylim(ALPHA_RANGE)
     canvas.add_legend(figure, grid.flat)
     figure.suptitle("Motor correction factor alpha")
 

@@ -12,12 +12,12 @@ from omni_mj.measure import causes
 from omni_mj.measure.metrics import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.show import style
-from omni_mj.show.shown import Robot
+from omni_mj.show.shown import ALPHA_RANGE, Robot
 from omni_mj.simulate.log import OWN, Log
 
 HISTORY_FRAMES = ALPHA_WINDOW_FRAMES + ALPHA_START_FRAMES  # before a block, on which its values depend
 SINGLE = ("alpha", "wheels", "heat")  # tabs that show one robot at a time
-ALPHA_RANGE, SHARE = (0.4, 1.3), (0.0, 1.05)  # of axes
+SHARE = (0.0, 1.05)  # range of axes
 
 
 class Plot(NamedTuple):
