@@ -18,6 +18,13 @@ if TYPE_CHECKING:
     from omni_mj.measure.result import Outcome
 
 FEWEST_SEEDS = 3  # that make a figure
+TITLES = {
+    "path": "Path travelled, and enlarged, in cm, where each controller strays farthest",
+    "output": "Velocities commanded",
+    "error": "Absolute errors",
+    "why": "Why: errors, and the frames in which something is at its limit",
+    "alpha": "Motor correction factor alpha",
+}
 Entry = dict[str, Any]  # a scenario's, in a summary
 LINE_IN = 0.1, 0.25  # height of a controller's line with several scenarios; with one
 GAP = 1.5  # between scenarios, in lines
@@ -40,35 +47,32 @@ def save_all(outcome: "Outcome", folder: Path, svg: bool = False) -> None:
         folder: Folder, created if needed.
         svg: Whether to write SVGs as well.
     """
-    if outcome.log is None or not outcome.log.lengths.any():
+    log = outcome.log
+    if log is None or not log.lengths.any():
         return
     folder.mkdir(parents=True, exist_ok=True)
+    first = [failure for failure in outcome.failures if failure.seed == log.seeds[0]]
+    stopped = [f"{failure.controller} failed at {failure.time_s:.2f} s: {failure.cause}" for failure in first]
+    place = f"{outcome.scenario.name}, {where(outcome.entry)}, seed {log.seeds[0]}"
     for name, draw in drawings(outcome).items():
-        with canvas.drawing(folder / name, svg=svg) as figure:
+        title = "\n".join([f"{TITLES[name]}: {place}", *stopped]) if name in TITLES else ""
+        with canvas.drawing(folder / name, title, svg) as figure:
             draw(figure)
 
 
 def drawings(outcome: "Outcome") -> dict[str, Callable[[Figure], None]]:
     """Return the functions that draw the figures for which an outcome has data, by name."""
-    log, scenario = outcome.log, outcome.scenario
-    assert log
-    robots = shown_robots(log, 1)
-    by_row = {failure.row: failure for failure in outcome.failures}
+    assert outcome.log
+    robots, by_row = shown_robots(outcome.log, 1), {failure.row: failure for failure in outcome.failures}
     failures = {robot.name: by_row[robot.row] for robot in robots if robot.row in by_row}
-    place = f"{scenario.name}, {where(outcome.entry)}, seed {log.seeds[0]}"
-    titles = [f"{name} failed at {failure.time_s:.2f} s: {failure.cause}" for name, failure in failures.items()]
-
-    def over_time(draw: Callable[..., None], figure: Figure) -> None:
-        draw(robots, failures, figure)
-        figure.suptitle("\n".join([f"{figure.get_suptitle()}: {place}", *titles]))
-
-    functions = {"path": run.draw_paths, "output": run.draw_output, "error": run.draw_errors}
-    functions["why"] = run.draw_causes
+    functions = {"path": run.draw_paths, "output": run.draw_output, "error": run.draw_errors, "why": run.draw_causes}
     if run.estimators(robots):
         functions["alpha"] = run.draw_alpha
-    figures: dict[str, Callable[[Figure], None]] = {name: partial(over_time, draw) for name, draw in functions.items()}
-    if len(log.seeds) >= FEWEST_SEEDS:
-        figures["seeds"] = partial(draw_comparison, {scenario.name: outcome.entry}, ())
+    figures: dict[str, Callable[[Figure], None]] = {
+        name: partial(draw, robots, failures) for name, draw in functions.items()
+    }
+    if len(outcome.log.seeds) >= FEWEST_SEEDS:
+        figures["seeds"] = partial(draw_comparison, {outcome.scenario.name: outcome.entry}, ())
     return figures
 
 
@@ -84,7 +88,7 @@ def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figur
 
     Args:
         entries: Entries of a summary by label; those without results are left out.
-        informed: Controllers that know the truth, drawn hollow.
+        informed: Controllers that know the truth.
         figure: Empty figure.
     """
     entries = {label: entry for label, entry in entries.items() if entry["results"]}
@@ -97,10 +101,8 @@ def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figur
             if k % 2 == 0:
                 axes.axhspan(*span, color="#F4F4F4", lw=0, zorder=0)
             for line, (name, result) in enumerate(entry["results"].items()):
-                look = style.line(slots[name]) | {"linestyle": "none", "label": name}
-                if name in informed:
-                    look |= {"markerfacecolor": "white", "markeredgecolor": look["color"], "markeredgewidth": 1.0}
-                    look["label"] += " (informed)"
+                label = name + " (informed)" * (name in informed)
+                look = style.line(slots[name]) | {"linestyle": "none", "label": label}
                 spread, height = spread_of(result), span[0] + line + (GAP + 1) / 2
                 if spread["mean"] is None or None in spread["seeds"]:  # not every seed has a value
                     axes.plot([], [], **look)

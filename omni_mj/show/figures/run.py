@@ -55,7 +55,6 @@ def draw_paths(robots: Sequence[Robot], failures: Failures, figure: Figure) -> N
     overview.margins(0.06)
     overview.set(xlabel="x in m", ylabel="y in m")
     canvas.add_legend(figure, [overview])
-    figure.suptitle("Path travelled, and enlarged, in cm, where each controller strays farthest")
 
 
 def draw_output(robots: Sequence[Robot], failures: Failures, figure: Figure) -> None:
@@ -69,7 +68,6 @@ def draw_output(robots: Sequence[Robot], failures: Failures, figure: Figure) -> 
             canvas.seconds(poses), reference[:, axis], color=style.BACKGROUND, lw=3.5, zorder=1, label="reference"
         )
     canvas.add_legend(figure, figure.axes)
-    figure.suptitle("Velocities commanded")
 
 
 def draw_errors(robots: Sequence[Robot], failures: Failures, figure: Figure) -> None:
@@ -82,7 +80,6 @@ def draw_errors(robots: Sequence[Robot], failures: Failures, figure: Figure) -> 
         axes.set_title(canvas.wrapped(f"largest, {labels[axis].split()[-1]}: {', '.join(texts)}", figure))
         axes.set_ylim(bottom=0)
     canvas.add_legend(figure, figure.axes)
-    figure.suptitle("Absolute errors")
 
 
 def draw_causes(robots: Sequence[Robot], failures: Failures, figure: Figure) -> None:
@@ -98,17 +95,15 @@ def draw_causes(robots: Sequence[Robot], failures: Failures, figure: Figure) -> 
         axes.set_title(title + (f", mean duty {np.nanmean(duty):.0%}" if np.isfinite(duty).any() else ""))
         axes.axhline(0, color="#888888", lw=0.8)
         active = causes.of_row(robot.log, robot.row)
-        for line, (cause, frames) in enumerate(active.items(), start=1):
-            y = -CAUSE_SHARE * top * (line - 0.35)
-            spans = [(PERIOD_S * frame, PERIOD_S) for frame in np.flatnonzero(frames)]
-            axes.broken_barh(spans, (y - 0.06 * top, 0.12 * top), color="#333333", lw=0)
+        for line, (cause, frames) in enumerate(active.items()):
+            y = -CAUSE_SHARE * top * (line + 0.65)
+            axes.eventplot(PERIOD_S * np.flatnonzero(frames), lineoffsets=y, linelengths=0.12 * top, colors="#333333")
             text = f" {causes.CAUSES[cause]}  {frames.mean():.1%}"
             axes.text(1, y, text, fontsize=8, va="center", transform=axes.get_yaxis_transform())
         axes.set_ylim(-CAUSE_SHARE * top * (len(active) + 0.3), 1.05 * top)
         axes.set_yticks([tick for tick in axes.get_yticks() if 0 <= tick <= 1.05 * top])
         _mark_failure(axes, robot, failures)
     grid[len(grid) // 2].set_ylabel("error in the plane, cm")
-    figure.suptitle("Why: errors, and the frames in which something is at its limit")
 
 
 def estimators(robots: Sequence[Robot]) -> list[Robot]:
@@ -134,7 +129,6 @@ def draw_alpha(robots: Sequence[Robot], failures: Failures, figure: Figure) -> N
         _mark_failure(axes, robot, failures)
     grid[0, 0].set_ylim(ALPHA_RANGE)
     canvas.add_legend(figure, grid.flat)
-    figure.suptitle("Motor correction factor alpha")
 
 
 def _compare(

@@ -27,22 +27,16 @@ def blueprint(
         tabs: Plots of each tab.
         live: Follow what is being recorded instead of waiting at its start.
     """
-    second = min(1, len(names) - 1)  # where there is room for one robot, not the one that others are compared with
     low, high = extent(paths)
     (x, y), reach = (low + high) / 2, float(np.hypot(*(high - low)))
     back = max(0.6 * reach, (high[1] - low[1]) / 2 + 0.28 * reach)  # behind the names, which lie at the front
     above = max(high[1] - low[1], (high[0] - low[0]) / 1.5)  # from where all is in sight of an eye of 55 degrees
+    near = ([0.22, 0.25, 0.09], [0, 0, 0.055])  # close enough to see the rollers
+    second = min(1, len(names) - 1)  # where there is room for one robot, not the one that others are compared with
     close_ups = [
-        _scene(
-            name,
-            ["world/field/**", "world/reference/**", f"world/{name}/**"],
-            ([0.22, 0.25, 0.09], [0, 0, 0.055]),  # close enough to see the rollers
-            [name],
-            f"world/{name}/robot",  # turns with it
-        )
+        _scene(name, ["world/field/**", "world/reference", f"world/{name}/**"], near, [name], f"world/{name}/robot")
         for name in names
     ]
-    columns = rrb.TextLogColumns(timeline_columns=[FRAME], text_log_columns=["Body"])
     left = rrb.Vertical(
         _scene(FIELD, ["$origin/**"], ([x, y - back, 0.42 * reach], [x, y - 0.07 * reach, 0]), names),
         rrb.Horizontal(
@@ -51,21 +45,25 @@ def blueprint(
         ),
         rrb.Tabs(
             rrb.TextDocumentView(origin="summary", name="summary"),
-            rrb.TextLogView(origin="events", name="events", columns=columns),
+            rrb.TextLogView(
+                origin="events",
+                name="events",
+                columns=rrb.TextLogColumns(timeline_columns=[FRAME], text_log_columns=["Body"]),
+            ),
             rrb.TextDocumentView(origin="settings", name="settings"),
         ),
         row_shares=[5, 4, 2.3],
     )
-    seconds = PERIOD_S * max(len(path) for path in paths)
+    seconds = PERIOD_S * max(map(len, paths))
     right: list[rrb.Container] = []
     for tab, plots in tabs.items():
         if plots and tab in SINGLE:
-            single = (_stack(name, plots, seconds, 1, f"/{name}") for name in names)
-            right.append(rrb.Tabs(*single, name=tab, active_tab=second))
+            stacks = (_stack(name, plots, seconds, 1, f"/{name}") for name in names)
+            right.append(rrb.Tabs(*stacks, name=tab, active_tab=second))
         elif plots:
             right.append(_stack(tab, plots, seconds, len(names)))
     time = rrb.TimePanel(timeline=TIME, play_state="following" if live else "paused", state="collapsed")
-    return rrb.Blueprint(rrb.Horizontal(left, rrb.Tabs(*right), column_shares=[1, 1]), time, collapse_panels=True)
+    return rrb.Blueprint(rrb.Horizontal(left, rrb.Tabs(*right)), time, collapse_panels=True)
 
 
 def _scene(
