@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from serving import vision
-from synthetic import COMMAND, POSE, Columns, Drive, Truth, driven
+from synthetic import COMMAND, LATE_S, POSE, STIFFNESS, driven
 
 import omni_mj as om
 
@@ -65,15 +65,11 @@ def sent(path: Path, table: NDArray, head: str = HEAD) -> Path:
     return path
 
 
-def sent_log(seconds: float = 9.3) -> tuple[Columns, NDArray]:
-    log = driven(drive=Drive(seconds, 30.0, speed=1.6), wheels=False)
-    return log, np.column_stack([EPOCH_S + log["time_s"], *(log[name] for name in COMMAND)])
-
-
 def test_a_robot_with_its_commands_is_identified(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Latency and creep stiffness within five standard errors, in a log with two more robots."""
-    log, commands = sent_log()
-    truth, poses = Truth(), np.stack([log[name] for name in POSE], 1)
+    log = driven(9.3, 30, speed=1.6, wheels=False)
+    commands = np.column_stack([EPOCH_S + log["time_s"], *(log[name] for name in COMMAND)])
+    poses = np.stack([log[name] for name in POSE], 1)
     robots = {("blue", 3): poses, ("blue", 4): poses[::-1], ("yellow", 3): poses[::-1]}
     path = tmp_path / "game.log.gz"
     path.write_bytes(gzip.compress(game(log["time_s"], robots)))
@@ -81,7 +77,7 @@ def test_a_robot_with_its_commands_is_identified(tmp_path: Path, capsys: pytest.
     assert invoke("identify", f"{path}:blue:3,{file}", "--out", tmp_path / "out", "--quiet") == 0
     found = strict(tmp_path / "out" / "identify.json")
     assert found["logs"] == ["game.log.gz (blue 3, camera 0)"]
-    for name, value in (("latency_s", truth.late), ("creep_stiffness", truth.stiffness)):
+    for name, value in (("latency_s", LATE_S), ("creep_stiffness", STIFFNESS)):
         told = found["estimates"][f"commands.{name}"]
         assert told["value"] == pytest.approx(value, abs=5 * told["standard_error"])
     for word in (path, f"{path}:blue:3", f"{path}:blue:5,{file}"):

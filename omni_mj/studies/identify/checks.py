@@ -21,7 +21,7 @@ WINDOW_S, LATEST_S, DELAY_STEP_S = 0.1, 0.5, 1 / 120
 MOVES_M_S, TURNS_RAD_S = 0.05, 0.2  # root mean square below which axes are not checked
 SIZES = {"wheels": (0.5, 2.0), "commands": (0.25, 2.5)}  # of motion over inputs; beyond, units are wrong
 FOLLOWS, BETTER = 0.3, 0.1  # share that inputs must explain; by how much a mistake must explain more
-TURNED_RAD = 0.5  # between axes
+TURNED_RAD, DOUBT = 0.5, 0.2  # between axes; share by which axes that are turned so explain less
 CORRELATED, SURE, AHEAD = 0.6, 0.8, 0.1  # of wheels; in another order; by how much that must be better
 MOVING = 0.3  # expected speed of a wheel over the fastest's, below which it is not missed
 
@@ -40,6 +40,11 @@ class Match(NamedTuple):
     late: float
     angle: float
     ratios: tuple[float, float]
+
+    @property
+    def score(self) -> float:
+        """The share, less if axes are turned."""
+        return self.share - DOUBT * (abs(self.angle) > TURNED_RAD)
 
 
 def wheel_twists(log: Log, geometry: Kinematics) -> Array:
@@ -83,14 +88,12 @@ def starting_delay(log: Log, inputs: Array, source: str, geometry: Kinematics) -
                 f"are all in m, rad and s{gear}?"
             )
     best, mistake = max(
-        (_explain(log.time, log.pose * [1, 1 - 2 * mirrored, 1 - 2 * clockwise], inputs, frame, by_wheels).share, says)
+        (_explain(log.time, log.pose * [1, 1 - 2 * mirrored, 1 - 2 * clockwise], inputs, frame, by_wheels).score, says)
         for mirrored, clockwise, frame in product((0, 1), (0, 1), (True,) if by_wheels else (True, False))
         if (says := _mistake(mirrored, clockwise, frame, in_body))
     )
-    if best > max(match.share + BETTER, CORRELATED):
-        raise OmniError(
-            f"{log.name}: the {source} explain {match.share:.0%} of the motion, and {best:.0%} if {mistake}"
-        )
+    if best > max(match.score + BETTER, CORRELATED):
+        raise OmniError(f"{log.name}: the {source} explain the motion better if {mistake}")
     if match.share < FOLLOWS:
         raise OmniError(
             f"{log.name}: the {source} explain {match.share:.0%} of the motion at any delay up to {LATEST_S:g} s; "
@@ -129,11 +132,10 @@ def _explain(time: Array, pose: Array, inputs: Array, in_body: bool, by_wheels: 
         return Match(np.nan, 0.0, np.nan, (np.nan, np.nan))
     shares = abs(products) ** 2 / (powers * power + 1e-12)
     shares[:, 1] *= np.sign(products[:, 1].real)
-    share = shares[:, moves].mean(1)
-    best = int(share.argmax())
+    best = int(abs(shares[:, moves]).mean(1).argmax())
     ratios = np.where(moves, np.sqrt(power / (powers[best] + 1e-12)), np.nan)
     angle = float(np.angle(products[best, 0])) if moves[0] else np.nan
-    return Match(float(share[best]), float(delays[best]), angle, (float(ratios[0]), float(ratios[1])))
+    return Match(float(shares[best, moves].mean()), float(delays[best]), angle, (float(ratios[0]), float(ratios[1])))
 
 
 def _displacements(time: Array, pose: Array, in_body: bool) -> tuple[Array, Array]:
