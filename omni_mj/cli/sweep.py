@@ -51,7 +51,7 @@ def command(
     Of whole numbers, LOW:HIGH:STEP. A sweep that was stopped or killed goes on with --resume DIR, and computes nothing
     twice. Numbers that are drawn (--set carpet.friction='{uniform = [0.4, 0.9]}') are drawn for each seed.
     """
-    from omni_mj.studies.sweep.plan import AT_ONCE, Axis, Plan, axes
+    from omni_mj.studies.sweep.plan import AT_ONCE, Plan, axes, parse_axis
     from omni_mj.studies.sweep.workers import check_workers
 
     check_workers(**how)  # before there is a folder, as all that is checked here
@@ -64,7 +64,7 @@ def command(
     else:
         chosen = choice.load(name)
         options.tell_model(chosen, quiet)
-        plan = Plan(chosen, axes([Axis.parse(text) for text in varied]), AT_ONCE if at_once is None else at_once)
+        plan = Plan(chosen, axes(map(parse_axis, varied)), AT_ONCE if at_once is None else at_once)
         plan.check_memory(how["jobs"])
         folder = folders.prepare(out, "sweep", OUTPUTS, overwrite=False)
     _run(plan, folder, quiet, **how)

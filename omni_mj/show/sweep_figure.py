@@ -1,10 +1,11 @@
 """Figure of a sweep: lines with confidence bands over one setting, heat maps over two."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axis import Axis as Ticks
+from matplotlib.axis import Axis
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
@@ -14,7 +15,7 @@ from omni_mj.show.figures import canvas
 from omni_mj.studies.sweep.cells import STRAYED
 
 if TYPE_CHECKING:
-    from omni_mj.studies.sweep import Axis, Sweep
+    from omni_mj.studies.sweep import Sweep
 
 ERROR, RATE = "maximum error in the plane, cm: median", "robots that failed, %"
 SPREAD = 0.03  # of the axis, over which the intervals at a value are spread so that they do not overlap
@@ -39,11 +40,11 @@ def _draw_lines(figure: Figure, result: "Sweep") -> None:
     """Draw median errors with their intervals, and failure rates below."""
     figure.set_size_inches(8, 5.5)
     error, rate = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-    (axis,), names = result.plan.axes, result.plan.scenario.labels
+    ((setting, levels),), names = result.plan.axes.items(), result.plan.scenario.labels
     errors = [_values(result, STRAYED, key) for key in ("median", "low", "high")]
     median, low, high = (np.where(np.isfinite(values), values, np.nan) for values in errors)
     rates = [_values(result, f"failure_{key}") for key in ("rate", "low", "high")]
-    x = np.arange(len(axis.values))
+    x = np.arange(len(levels))
     for i, slot in enumerate(style.slots(names).values()):
         look, (failed, least, most) = style.line(slot), (values[:, i] for values in rates)
         error.plot(x, median[:, i], label=names[i], **look)
@@ -52,18 +53,18 @@ def _draw_lines(figure: Figure, result: "Sweep") -> None:
         rate.errorbar(x + shift, failed, [failed - least, most - failed], elinewidth=1.2, **look)
     canvas.use_log_scale(error.yaxis)
     error.set_ylabel(f"{ERROR}\nand its 95 % interval")
-    rate.set(xlabel=axis.name, ylabel=f"{RATE},\nand 95 % intervals")
+    rate.set(xlabel=setting, ylabel=f"{RATE},\nand 95 % intervals")
     rate.margins(x=0.03)
     rate.set_ylim(bottom=0)
-    _set_ticks(rate.xaxis, axis)
+    _set_ticks(rate.xaxis, levels)
     canvas.add_legend(figure, [error])
 
 
 def _draw_maps(figure: Figure, result: "Sweep") -> None:
     """Draw a column per controller: errors, grey where there is no bound, and failure rates if any robot failed."""
-    down, across = result.plan.axes[:2]
+    (down, down_values), (across, across_values), *_ = result.plan.axes.items()
     names = result.plan.scenario.labels
-    shape = len(down.values), len(across.values), -1, len(names)
+    shape = len(down_values), len(across_values), -1, len(names)
     both = _values(result, STRAYED, "median"), _values(result, "failure_rate")
     errors, rates = (np.fmax.reduce(values.reshape(shape), axis=2) for values in both)
     finite = errors[np.isfinite(errors) & (errors > 0)]
@@ -78,11 +79,11 @@ def _draw_maps(figure: Figure, result: "Sweep") -> None:
             axes.grid(visible=False)
             axes.set_facecolor(style.BACKGROUND)
             image = axes.imshow(shown, origin="lower", aspect="auto", **look)
-            axes.set(title=names[i], xlabel=across.name, ylabel=down.name)
+            axes.set(title=names[i], xlabel=across, ylabel=down)
             axes.label_outer()
         figure.colorbar(image, ax=list(row), label=label, fraction=0.05, format="{x:g}")
-    _set_ticks(grid[0, 0].xaxis, across)
-    _set_ticks(grid[0, 0].yaxis, down)
+    _set_ticks(grid[0, 0].xaxis, across_values)
+    _set_ticks(grid[0, 0].yaxis, down_values)
 
 
 def _values(result: "Sweep", *path: str) -> Array:
@@ -97,7 +98,7 @@ def _values(result: "Sweep", *path: str) -> Array:
     return values
 
 
-def _set_ticks(ticks: Ticks, axis: "Axis") -> None:
-    step = -(-len(axis.values) // MAX_TICKS)
-    labels = [f"{value:.3g}" if isinstance(value, float) else str(value) for value in axis.values[::step]]
-    ticks.set_ticks(range(0, len(axis.values), step), labels)
+def _set_ticks(ticks: Axis, levels: Sequence[Any]) -> None:
+    step = -(-len(levels) // MAX_TICKS)
+    labels = [f"{value:.3g}" if isinstance(value, float) else str(value) for value in levels[::step]]
+    ticks.set_ticks(range(0, len(levels), step), labels)

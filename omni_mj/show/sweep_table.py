@@ -36,7 +36,7 @@ def save(result: "Sweep", path: Path) -> None:
 
 def _table(result: "Sweep", cells: list[dict[str, Any]]) -> Table:
     """Return failure rates and maximum errors in the plane, medians and 90th percentiles, with 95 % intervals."""
-    plan, names = result.plan, [axis.name for axis in result.plan.axes]
+    plan, names = result.plan, list(result.plan.axes)
     n_all = len(result.cells())
     counts = sorted({cell["robots"] for cell in cells})
     robots = " to ".join(str(count) for count in dict.fromkeys((counts[0], counts[-1])))

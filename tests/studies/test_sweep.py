@@ -185,12 +185,12 @@ def test_axes_are_read_as_they_are_written() -> None:
         ("wheels.model=rollers,two-rollers", ["rollers", "two-rollers"]),
         ("carpet.friction=1,0.5", [1.0, 0.5]),
     ):
-        assert list(bench.Axis.parse(text).values) == values
+        assert bench.axes([bench.parse_axis(text)]) == {text.split("=")[0]: tuple(values)}
     for text in (
         "carpet.friction=0.3:1.0", "radio.delay_frames=0:12:0", "radio.delay_frames=0:1.5:2", "nothing.at_all=1:2:3",
     ):  # fmt: skip
         with pytest.raises(om.OmniError):
-            bench.Axis.parse(text)
+            bench.axes([bench.parse_axis(text)])
 
 
 def test_rows_that_cannot_share_a_batch_are_run_apart() -> None:

@@ -88,8 +88,8 @@ def worst(table: "pa.Table", plan: Plan, folder: Path) -> list[dict[str, Any]]:
     for row in table.sort_by(keys).slice(0, N_WORST).to_pylist():
         words = ["--scenario", str(folder / "scenario.toml"), "--controller", kinds[row["controller"]]]
         words += ["--seed", str(row["seed"]), "--seeds", "1"]
-        words += [word for axis in plan.axes for word in ("--set", f"{axis.name}={row[axis.name]}")]
-        columns = ("point", *(axis.name for axis in plan.axes), "controller", "seed", "cause")
+        words += [word for name in plan.axes for word in ("--set", f"{name}={row[name]}")]
+        columns = ("point", *plan.axes, "controller", "seed", "cause")
         line = {name: row[name] for name in columns} | {STRAYED: plain(row[STRAYED])}
         result.append({**line, "repeat": shlex.join(["omni-mj", "run", *words])})
     return result

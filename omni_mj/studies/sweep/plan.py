@@ -3,7 +3,7 @@
 import json
 import re
 import tomllib
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import product
@@ -29,68 +29,47 @@ FORMAT = 2
 MAX_VALUES = 1000  # of an axis
 
 
-@dataclass(frozen=True)
-class Axis:
-    """A setting that is varied.
+def axes(vary: Mapping[str, Iterable[Any]] | Iterable[tuple[str, Iterable[Any]]]) -> dict[str, tuple[Value, ...]]:
+    """Return settings, section.field, and their values in order, if these are allowed.
 
-    Attributes:
-        name: section.field.
-        values: In their order.
+    Raises:
+        OmniError: There is no such setting, it has no values, too many, or one twice, or it is varied twice.
     """
-
-    name: str
-    values: tuple[Value, ...]
-
-    @classmethod
-    def of(cls, name: str, values: Iterable[Any]) -> Self:
-        """Return an axis whose values are allowed.
-
-        Raises:
-            OmniError: There is no such setting, or it has no values, too many, or one twice.
-        """
+    result: dict[str, tuple[Value, ...]] = {}
+    for name, values in vary.items() if isinstance(vary, Mapping) else vary:
         kind = _kind(name)
         plain = [value.item() if isinstance(value, np.generic) else value for value in values]
         if kind is float:
             plain = [float(value) if type(value) is int else value for value in plain]
         if not 1 <= len(plain) <= MAX_VALUES or len(set(plain)) != len(plain):
             raise OmniError(f"{name} must have 1 to {MAX_VALUES} values, each once, not {shown(plain)}")
-        return cls(name, tuple(plain))
-
-    @classmethod
-    def parse(cls, text: str) -> Self:
-        """Read an axis of the command line: `carpet.friction=0.3:1.0:8`, `radio.delay_frames=0:12:2`, `a.b=1,2,4`.
-
-        The third number says how many values there are, both ends among them; of whole numbers it is the step.
-
-        Raises:
-            OmniError: It cannot be read, or there is no such setting.
-        """
-        name, _, values = (part.strip() for part in text.partition("="))
-        kind, parts = _kind(name), [_value(part.strip()) for part in re.split("[:,]", values)]
-        if ":" not in values:
-            return cls.of(name, parts)
-        try:
-            low, high, last = parts
-            if kind is int:
-                return cls.of(name, range(low, high + 1, last))
-            return cls.of(name, [float(f"{x:.12g}") for x in np.linspace(low, high, min(last, MAX_VALUES + 1))])
-        except (TypeError, ValueError):
-            raise OmniError(
-                f"cannot read --vary {text}; write section.field=LOW:HIGH:N, LOW:HIGH:STEP of whole numbers, or A,B,C"
-            ) from None
+        if name in result:
+            raise OmniError(f"{name} is varied twice; give all of its values at once")
+        result[name] = tuple(plain)
+    return result
 
 
-def axes(vary: Mapping[str, Iterable[Any]] | Sequence[Axis]) -> tuple[Axis, ...]:
-    """Return the axes of a mapping from settings to values, or as they are.
+def parse_axis(text: str) -> tuple[str, Iterable[Any]]:
+    """Read an axis of the command line: `carpet.friction=0.3:1.0:8`, `radio.delay_frames=0:12:2`, `a.b=1,2,4`.
+
+    The third number says how many values there are, both ends among them; of whole numbers it is the step.
 
     Raises:
-        OmniError: See `Axis.of`; or a setting is varied twice.
+        OmniError: It cannot be read, or there is no such setting.
     """
-    result = tuple(Axis.of(*item) for item in vary.items()) if isinstance(vary, Mapping) else tuple(vary)
-    names = [axis.name for axis in result]
-    if len(set(names)) != len(names):
-        raise OmniError(f"{max(names, key=names.count)} is varied twice; give all of its values at once")
-    return result
+    name, _, values = (part.strip() for part in text.partition("="))
+    kind, parts = _kind(name), [_value(part.strip()) for part in re.split("[:,]", values)]
+    if ":" not in values:
+        return name, parts
+    try:
+        low, high, last = parts
+        if kind is int:
+            return name, range(low, high + 1, last)
+        return name, [float(f"{x:.12g}") for x in np.linspace(low, high, min(last, MAX_VALUES + 1))]
+    except (TypeError, ValueError):
+        raise OmniError(
+            f"cannot read --vary {text}; write section.field=LOW:HIGH:N, LOW:HIGH:STEP of whole numbers, or A,B,C"
+        ) from None
 
 
 class Job(NamedTuple):
@@ -111,7 +90,7 @@ class Plan:
 
     Attributes:
         scenario: With its controllers, seeds and all that is not varied.
-        axes: What is varied; nothing if seeds draw settings.
+        axes: What is varied, section.field -> values; nothing if seeds draw settings.
         at_once: Robots that are simulated at once, at most.
 
     Raises:
@@ -119,7 +98,7 @@ class Plan:
     """
 
     scenario: Scenario
-    axes: tuple[Axis, ...]
+    axes: Mapping[str, tuple[Value, ...]]
     at_once: int = AT_ONCE
 
     def __post_init__(self) -> None:
@@ -138,8 +117,7 @@ class Plan:
     @cached_property
     def points(self) -> list[dict[str, Value]]:
         """Return the values of the axes at all points, the last axis changing first."""
-        names = [axis.name for axis in self.axes]
-        return [dict(zip(names, point, strict=True)) for point in product(*(axis.values for axis in self.axes))]
+        return [dict(zip(self.axes, point, strict=True)) for point in product(*self.axes.values())]
 
     @cached_property
     def there(self) -> list[Scenario]:
@@ -187,14 +165,14 @@ class Plan:
     @property
     def key(self) -> tuple[Any, ...]:
         """Return what two plans of the same sweep have in common."""
-        return self.scenario.to_toml(), self.axes, self.at_once
+        return self.scenario.to_toml(), list(self.axes.items()), self.at_once
 
     def save(self, folder: Path) -> None:
         """Write sweep.json and scenario.toml, all that `read` needs."""
         content = {
             "format": FORMAT,
             "controllers": [written(kind) for kind in self.scenario.controllers],
-            "axes": {axis.name: axis.values for axis in self.axes},
+            "axes": self.axes,
             "at_once": self.at_once,
         }
         write(folder / "scenario.toml", self.scenario.to_toml())

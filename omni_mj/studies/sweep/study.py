@@ -23,7 +23,7 @@ from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
 from omni_mj.studies.run import chosen
 from omni_mj.studies.sweep.cells import cells, correlations, worst
-from omni_mj.studies.sweep.plan import AT_ONCE, Axis, Job, Plan, axes
+from omni_mj.studies.sweep.plan import AT_ONCE, Job, Plan, axes
 from omni_mj.studies.sweep.workers import check_workers, tables
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ class Sweep:
     @cached_property
     def summary(self) -> dict[str, Any]:
         """Return what summary.json holds."""
-        table, names = self.rows(), [axis.name for axis in self.plan.axes]
+        table, names = self.rows(), list(self.plan.axes)
         return {
             "complete": self.complete, "shards": len(self.plan.jobs), "done": self.done, "cells": cells(table, names),
             "correlations": correlations(table), "worst": worst(table, self.plan, self.folder),
@@ -76,7 +76,7 @@ class Sweep:
 
 def sweep(
     scenario: Scenario | str,
-    vary: Mapping[str, Iterable[Any]] | Sequence[Axis],
+    vary: Mapping[str, Iterable[Any]],
     controllers: Sequence[str | type[Controller]] | None = None,
     seeds: Iterable[int] | None = None,
     *,
@@ -207,7 +207,7 @@ def run_shard(plan: Plan, job: Job, after_frame: AfterFrame = nothing) -> "pa.Ta
     n = len(driven.rows) // len(job.runs)  # rows of a run
     point = np.repeat([point for point, _ in job.runs], n).astype(np.int32)
     columns: dict[str, object] = {"point": point}
-    columns |= {axis.name: [plan.points[i][axis.name] for i in point] for axis in plan.axes}
+    columns |= {name: [plan.points[i][name] for i in point] for name in plan.axes}
     columns |= {
         "controller": [row.controller for row in driven.rows],
         "seed": np.array([row.seed for row in driven.rows], np.int64),
