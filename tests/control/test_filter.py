@@ -3,11 +3,22 @@
 import numpy as np
 import pytest
 from benches.control import Array, vision_filter
-from closed_loop import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, driven, filtered
+from closed_loop import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, driven
 from hypothesis import given
 from hypothesis import strategies as st
 
 seeds = st.integers(0, 2**32 - 1)
+
+
+def filtered(measured: Array, displacement: Array, start: Array) -> dict[str, Array]:
+    """What the filter says in each frame, (frames, n, 3) each, by the names of its attributes."""
+    kalman = vision_filter.KalmanFilter(start, T, NOISE)
+    said: dict[str, list[Array]] = {name: [] for name in ("pose", "twist", "drift", "sigma", "normalised")}
+    for m, q in zip(measured, displacement, strict=True):
+        kalman.update(m, q)
+        for name, values in said.items():
+            values.append(getattr(kalman, name).copy())
+    return {name: np.array(values) for name, values in said.items()}
 
 
 def filtered_as_stated(measured: Array, displacement: Array, start: Array) -> dict[str, Array]:

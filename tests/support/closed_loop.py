@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from omni_control import CommandsInFlight, Controller, Kinematics, Seen, Team, Told
-from omni_control.estimation.tracking import KalmanFilter
 from omni_control.kinematics import Array
 
 T, SUBSTEPS = 1 / 60, 8
@@ -15,6 +14,12 @@ NOISE = np.array([0.0013, 0.0013, 0.01])  # of the vision of a league's field, m
 MEMORY = 40  # commands that a plant remembers, frames
 WHEELS = Kinematics(np.radians([60.0, 135.0, 225.0, 300.0]), 0.083, 0.0285)
 SIDE = 5 / 3  # creep, lag and friction sideways over those forward, with these wheels
+
+
+def turned(twist: Array, angle: Array) -> Array:
+    """Return twists (n, 3) whose translation is rotated by angles (n,)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([c * twist[:, 0] - s * twist[:, 1], s * twist[:, 0] + c * twist[:, 1], twist[:, 2]], axis=1)
 
 
 class Plant:
@@ -92,18 +97,17 @@ class Creeping(Plant):
         gain, side, dt = self._gain, np.array([1.0, SIDE]), T / SUBSTEPS
         halves = self.acting(), self.acting(0.5)
         for i in range(SUBSTEPS):
-            acting, v = halves[2 * i // SUBSTEPS], self._body_twist
-            c, s = np.cos(self.pose[:, 2]), np.sin(self.pose[:, 2])
-            u = np.stack([c * acting[:, 0] + s * acting[:, 1], c * acting[:, 1] - s * acting[:, 0]], axis=1)
+            acting, v, heading = halves[2 * i // SUBSTEPS], self._body_twist, self.pose[:, 2]
+            u = turned(acting, -heading)
             speed = np.hypot(v[:, 0], v[:, 1])[:, None]
             rubs = self._friction * side * v[:, :2] / np.maximum(speed, 0.05)
             late = self._lag * side + gain[..., :2] ** 2 * self._creep * side * speed
-            rate = (u - rubs - gain[..., :2] * v[:, :2]) / late
-            turning = (acting - gain * v)[:, 2:] / (0.25 * self._lag)
+            rate = ((u - gain * v)[:, :2] - rubs) / late
+            turning = (u - gain * v)[:, 2:] / (0.25 * self._lag)
             # The turning of the axes moves no velocity of the world.
             spin = v[:, 2:] * np.stack([v[:, 1], -v[:, 0]], axis=1)
-            self._body_twist = w = v + dt * np.concatenate([rate + spin, turning], axis=1)
-            self.twist = np.stack([c * w[:, 0] - s * w[:, 1], s * w[:, 0] + c * w[:, 1], w[:, 2]], axis=1)
+            self._body_twist = v + dt * np.concatenate([rate + spin, turning], axis=1)
+            self.twist = turned(self._body_twist, heading)
             self.pose = self.pose + dt * self.twist
 
 
@@ -222,14 +226,3 @@ def driven(seed: int, frames: int, n: int, scale: float = 1.0, missed: float = 0
     measured = true + np.array(NOISE) * rng.standard_normal(true.shape)
     measured[rng.random((frames, n)) < missed] = np.nan
     return true, measured, displacement
-
-
-def filtered(measured: Array, displacement: Array, start: Array) -> dict[str, Array]:
-    """What the filter says in each frame, (frames, n, 3) each, by the names of its attributes."""
-    kalman = KalmanFilter(start, T, NOISE)
-    said: dict[str, list[Array]] = {name: [] for name in ("pose", "twist", "drift", "sigma", "normalised")}
-    for m, q in zip(measured, displacement, strict=True):
-        kalman.update(m, q)
-        for name, values in said.items():
-            values.append(getattr(kalman, name).copy())
-    return {name: np.array(values) for name, values in said.items()}

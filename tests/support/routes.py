@@ -1,6 +1,5 @@
 """Way-points, curves and limits at random, and what all drives within limits have in common."""
 
-import cmath
 import math
 
 import numpy as np
@@ -76,35 +75,36 @@ vectors = st.tuples(*[st.floats(-1, 1).filter(lambda x: abs(x) > 1e-3)] * 2, st.
 TIGERS = WheelLimits(Kinematics(np.radians(AZIMUTHS), 0.083, RADIUS), 0.45, 0.0695, 0.045, 0.045, 0.09)  # v2016
 
 
+def spokes(robot: WheelLimits) -> Array:
+    """Return unit vectors (wheels, 2) from the centre to the wheels, which are their axles too."""
+    azimuths = robot.kinematics.azimuths
+    return np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1)
+
+
 def statics(robot: WheelLimits) -> tuple[Array, Array]:
     """Loads at rest (wheels,) and what accelerations [ax, ay] add to them (wheels, 2), per mass: four springs."""
-    spoke = np.exp(1j * robot.kinematics.azimuths)
-    balance = np.array([np.ones(4), robot.kinematics.arm * spoke.real, robot.kinematics.arm * spoke.imag])
-    moments = np.array([[G, 0, 0], [0, -robot.centre_height, 0], [0, 0, -robot.centre_height]])
-    loads = balance.T @ np.linalg.solve(balance @ balance.T, moments)
+    balance = np.column_stack([np.ones(4), robot.kinematics.arm * spokes(robot)])
+    loads = np.linalg.pinv(balance).T @ np.diag([G, -robot.centre_height, -robot.centre_height])
     return loads[:, 0], loads[:, 1:]
 
 
 def drag(robot: WheelLimits, travel: Array) -> Array:
     """Force [x, y] and moment per mass on a body that travels at a twist, wheel by wheel."""
-    force, moment = 0j, 0.0
-    for azimuth, load in zip(robot.kinematics.azimuths, statics(robot)[0], strict=True):
-        axle = cmath.exp(1j * azimuth)
-        lever = robot.kinematics.arm * axle
-        v = complex(*travel[:2]) + 1j * travel[2] * lever
-        across = (v * axle.conjugate()).real
-        push = -load * (robot.pile * v / abs(v) + robot.roller_friction * np.sign(across) * axle)
-        force, moment = force + push, moment + (lever.conjugate() * push).imag
-    return np.array([force.real, force.imag, moment])
+    axle, load = spokes(robot), statics(robot)[0][:, None]
+    arm = robot.kinematics.arm * axle
+    v = travel[:2] + travel[2] * np.column_stack([-arm[:, 1], arm[:, 0]])
+    across = np.sign((v * axle).sum(axis=1, keepdims=True))
+    push = -load * (robot.pile * v / np.linalg.norm(v, axis=1, keepdims=True) + robot.roller_friction * across * axle)
+    return np.append(push.sum(0), (arm[:, 0] * push[:, 1] - arm[:, 1] * push[:, 0]).sum())
 
 
 def most(robot: WheelLimits, asked: Array, travel: Array) -> float:
     """How many times accelerations [ax, ay, b] can be had at best: forces of the rims, by a linear program."""
     standing, shifting = statics(robot)
-    spoke = np.exp(1j * robot.kinematics.azimuths)
     grip = math.sqrt(robot.friction**2 - robot.roller_friction**2)
     q = asked * [1, 1, robot.gyration**2]
-    gives = np.array([(1j * spoke).real, (1j * spoke).imag, np.full(4, robot.kinematics.arm)])
+    x, y = spokes(robot).T
+    gives = np.array([-y, x, np.full(4, robot.kinematics.arm)])
     shifts = -grip * (shifting @ q[:2])[:, None]
     found = linprog(
         [0, 0, 0, 0, -1],

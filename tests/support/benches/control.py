@@ -8,7 +8,6 @@ from omni_control.controllers.flc import AlphaEstimator
 from omni_control.controllers.mpc import Limits, minimize
 from omni_control.delay import CommandsInFlight, compensation
 from omni_control.errors import OmniError
-from omni_control.estimation import gate as vision_gate
 from omni_control.estimation import tracking as vision_filter
 from omni_control.estimation.compliance import HEIGHT_M, Compliance
 from omni_control.estimation.gate import DOUBTED, REPEATED, Gate

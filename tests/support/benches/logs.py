@@ -1,4 +1,5 @@
 """Logs filled by hand, and what is measured of them."""
+# ruff: noqa: F401
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,20 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import omni_mj as om
-from omni_mj.measure import causes as causes
-from omni_mj.measure import events as events
-from omni_mj.measure import paper as paper
-from omni_mj.measure import statistics as statistics
-from omni_mj.measure import summary
-from omni_mj.measure.metrics import alpha_windows as alpha_windows
-from omni_mj.measure.metrics import driven_alpha as driven_alpha
-from omni_mj.measure.metrics import errors as errors
-from omni_mj.measure.metrics import row_metrics
-from omni_mj.measure.metrics import travel as travel
+from omni_mj.measure import causes, events, paper, statistics, summary
+from omni_mj.measure.metrics import alpha_windows, driven_alpha, errors, row_metrics
 from omni_mj.measure.result import Outcome
-from omni_mj.measure.statistics import verdicts as verdicts
-from omni_mj.measure.table import recovery_table as recovery_table
-from omni_mj.measure.table import table as table
+from omni_mj.measure.statistics import verdicts
+from omni_mj.measure.table import recovery_table, table
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import Settings
 from omni_mj.simulate.log import Log

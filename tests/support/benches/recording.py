@@ -77,11 +77,9 @@ class Recorded:
 
 def rows(table: pa.Table, controller: str, seed: int = 0, place: int = 0) -> dict[str, NDArray]:
     """The columns of a run's table for one robot."""
-    chosen = pc.equal(table["controller"].cast(pa.string()), controller)
-    for name, value in (("seed", seed), ("place", place)):
-        chosen = pc.and_(chosen, pc.equal(table[name], value))
-    table = table.filter(chosen).sort_by("frame")
-    return {name: table[name].to_numpy() for name in table.column_names if name != "controller"}
+    chosen = (pc.field("controller") == controller) & (pc.field("seed") == seed) & (pc.field("place") == place)
+    robot = table.filter(chosen).sort_by("frame").drop_columns("controller")
+    return {name: robot[name].to_numpy() for name in robot.column_names}
 
 
 def record(simulation: Simulation, path: Path, url: str = "", after_frame: Callable[[int], None] | None = None) -> None:

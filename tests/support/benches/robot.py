@@ -1,7 +1,6 @@
 """A test bench for what a robot carries: its motors, battery, firmware and wheels, without a body."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -151,34 +150,29 @@ def programs_of(simulation: Simulation) -> bool:
     return isinstance(getattr(simulation.plant, "_kernel", None), JaxKernel)
 
 
-@dataclass(frozen=True)
-class Reckoned:
-    """What the rows of a sheet say of a motor.
+class Motor:
+    """A motor by the rows of its sheet; commutation, dry and viscous friction are at its shaft.
 
-    Commutation, dry and viscous friction are at the motor's shaft; those `at the wheel` act there.
+    Resistance and back-EMF of the nominal row leave a voltage for commutation; the no-load row's torque is friction.
     """
 
-    constant: float  # N m/A
-    resistance: float  # ohm
-    gear: float
-    nominal_current: float  # A
-    nominal_speed: float  # rad/s
-    commutation: float  # ohm s/rad
-    dry: float  # N m
-    viscous: float  # N m s/rad
-
-    @property
-    def back_emf(self) -> float:
-        """V s/rad of the wheel, which is N m/A at the wheel."""
-        return self.constant * self.gear
+    def __init__(self, rows: Mapping[str, float]) -> None:
+        self.constant, self.resistance, self.gear = rows["constant_nm_a"], rows["resistance_ohm"], rows["gear"]
+        self.back_emf = self.constant * self.gear  # V s/rad of the wheel
+        speed, current = rows["nominal_rpm"] / RPM, rows["nominal_current_a"]
+        left = rows["nominal_voltage_v"] - self.resistance * current - self.constant * speed
+        self._commutation = left / (current * speed)
+        lost = self.constant * rows["no_load_current_a"]
+        self._dry, self._viscous = np.array([rows["dry_share"], 1 - rows["dry_share"]]) * lost
+        self._viscous /= rows["no_load_rpm"] / RPM
 
     def friction(self, wheel_speed: Any) -> Any:
         """Torque of the motor's own friction at the wheel, N m."""
-        return self.gear * (self.dry + self.viscous * self.gear * np.abs(wheel_speed))
+        return self.gear * (self._dry + self._viscous * self.gear * np.abs(wheel_speed))
 
     def series(self, wheel_speed: Any) -> Any:
         """Resistance with commutation's part, ohm."""
-        return self.resistance + self.commutation * self.gear * np.abs(wheel_speed)
+        return self.resistance + self._commutation * self.gear * np.abs(wheel_speed)
 
     def outer_loss(self, current: Any, wheel_speed: Any) -> Any:
         """Heat of a housing, W: commutation's X |w| i^2, and the power of dry and viscous friction."""
@@ -186,29 +180,11 @@ class Reckoned:
         return drop * np.square(current) + self.friction(wheel_speed) * np.abs(wheel_speed)
 
 
-def reckoned(rows: Mapping[str, float]) -> Reckoned:
-    """The nominal row, of which resistance and back-EMF leave a voltage for commutation; the no-load row's torque."""
-    constant, resistance, current = rows["constant_nm_a"], rows["resistance_ohm"], rows["nominal_current_a"]
-    speed = rows["nominal_rpm"] / RPM
-    left = rows["nominal_voltage_v"] - resistance * current - constant * speed
-    lost = constant * rows["no_load_current_a"]
-    return Reckoned(
-        constant=constant,
-        resistance=resistance,
-        gear=rows["gear"],
-        nominal_current=current,
-        nominal_speed=speed,
-        commutation=left / (current * speed),
-        dry=rows["dry_share"] * lost,
-        viscous=(1 - rows["dry_share"]) * lost / (rows["no_load_rpm"] / RPM),
-    )
-
-
 def sheet(**changes: float) -> MotorSettings:
     """The motor of 24 V, with other values of some fields."""
     return MotorSettings(**SHEET | changes)
 
 
-MAXON = reckoned(SHEET)
-ROBOTS = {name: reckoned(robots.sections(name)["motor"]) for name in builtin()}
+MAXON = Motor(SHEET)
+ROBOTS = {name: Motor(robots.sections(name)["motor"]) for name in builtin()}
 OWN = ROBOTS[robots.DEFAULT]
