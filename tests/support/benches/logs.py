@@ -1,5 +1,5 @@
 """Logs filled by hand, and what is measured of them."""
-# ruff: noqa: F401
+# ruff: noqa: F401, F811
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -17,8 +17,6 @@ from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import Settings
 from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Failure
-
-WHEELS = 4
 
 
 def rows(
@@ -42,7 +40,7 @@ def filled(
     `channels` are (frames, n, columns), or what broadcasts to it; poses, references and commands are zero otherwise.
     Those of controllers' `own` are (n, columns), the same in all frames.
     """
-    log = Log(table, WHEELS)
+    log = Log(table, 4)
     ends = np.full(len(table), frames) if lengths is None else np.asarray(lengths)
     given = {"ref": 0.0, "pose": 0.0, "command": 0.0, **channels}
     values = {
