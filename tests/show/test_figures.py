@@ -46,7 +46,7 @@ def test_a_run_that_ended_at_once_can_be_drawn(frames: int) -> None:
 
 def test_curves_are_the_recorded_values() -> None:
     """The i-th controller's error is i cm and i TURN rad by construction, its command the velocity over alpha."""
-    figures = drawn(outcome())
+    figures = drawn(outcome(), "error", "output")
     for i in range(2):
         for axes, expected in zip(figures["error"].axes, (i, i, i * np.rad2deg(TURN)), strict=True):
             np.testing.assert_allclose(curves(axes, f"c{i}")[0], expected, atol=1e-9)
@@ -58,7 +58,7 @@ def test_alpha_is_what_robots_achieved_and_estimates_have_a_band_of_two_deviatio
     """Robots that achieve 0.8 of their command have alpha 0.8 where they are driven: on one side in x, not in y."""
     estimate = np.stack([np.full(3, 0.9), np.ones(3)])  # the second controller estimates nothing
     run = outcome(["says", "silent"], 1, own={"alpha_sigma": np.full((2, 3), 0.05)}, alpha_hat=estimate)
-    axes = drawn(run)["alpha"].axes
+    axes = drawn(run, "alpha")["alpha"].axes
     assert [panel.get_title(loc="left") for panel in axes] == ["says, x", "says, y"]
     for panel, driven in zip(axes, (slice(40, FRAMES // 2), slice(FRAMES // 2 + 40, FRAMES)), strict=True):
         (ratio,) = (y for line in panel.get_lines() if "achieved" in str(line.get_label()) for y in [line.get_ydata()])
@@ -77,7 +77,7 @@ def test_a_row_that_failed_is_drawn_up_to_there_and_leaves_room_for_the_others(c
     run = outcome(names, 1, ends={controllers - 1: 90})
     assert run.log
     run.log.channel("pose")[80:90, -1, 0] += 1.0
-    figures = drawn(run)
+    figures = drawn(run, "path", "output", "error", "why")
     for name in ("output", "error"):
         shown = [curve for axes in figures[name].axes for curve in curves(axes, names[-1])]
         assert {np.flatnonzero(~np.isnan(curve))[-1] for curve in shown} == {89}
@@ -98,7 +98,7 @@ def test_a_path_is_enlarged_where_each_controller_strays_farthest(controllers: i
     ref = np.zeros((FRAMES, controllers, 3))
     ref[..., 0] = along[:, None]
     pose = ref + np.stack([0 * aside, aside, 0 * aside], axis=-1)[:, None]
-    figure = drawn(outcome([f"c{i}" for i in range(controllers)], 1, ref=ref, pose=pose))["path"]
+    figure = drawn(outcome([f"c{i}" for i in range(controllers)], 1, ref=ref, pose=pose), "path")["path"]
     _, *squares = figure.axes
     assert len(squares) == controllers
     for axes in squares:

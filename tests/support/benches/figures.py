@@ -55,12 +55,13 @@ def outcome(
     return Outcome(chosen, entry, table, failures, measured, log)
 
 
-def drawn(result: Outcome) -> dict[str, Figure]:
-    """Return all figures of an outcome by name."""
+def drawn(result: Outcome, *names: str) -> dict[str, Figure]:
+    """Return figures of an outcome by name, all if none is named."""
     shown = {}
     with rc_context(fname=style.SHEET):
-        for name, draw in figures.drawings(result).items():
-            draw(shown.setdefault(name, Figure()))
+        drawings = figures.drawings(result)
+        for name in names or drawings:
+            drawings[name](shown.setdefault(name, Figure()))
     return shown
 
 
