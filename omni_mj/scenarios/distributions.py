@@ -4,7 +4,7 @@ In a scenario's file, and alike in Python: `friction = {uniform = [0.4, 0.9]}`, 
 `{normal = [mean, deviation, low, high]}` (truncated), `{choice = [0.3, 0.5, 0.8]}`. All controllers draw the same.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 from zlib import crc32
@@ -54,21 +54,25 @@ class Distribution:
         """Its form in a file."""
         return {self.kind: list(self.values)}
 
+    @property
+    def options(self) -> Sequence[Value]:
+        """The values of a discrete one, each of the same share; empty if it is continuous."""
+        if self.kind == "uniform" and self.whole:
+            return range(self.values[0], self.values[1] + 1)
+        return self.values if self.kind == "choice" else ()
+
     def draw(self, random: np.random.Generator) -> Value:
         """Draw a value."""
-        if self.kind == "choice":
-            return self.values[int(random.integers(len(self.values)))]
-        if self.kind == "uniform" and self.whole:
-            return int(random.integers(self.values[0], self.values[1] + 1))
+        if self.options:
+            return self.options[int(random.integers(len(self.options)))]
         if self.kind == "normal" and not self.ends:
             return self._number(float(random.normal(*self.values)))
         return self.quantile(random.uniform())
 
     def quantile(self, share: float) -> Value:
-        """Return the value below which a share of all draws lies; of discrete values, each has the same share."""
-        if self.kind == "choice" or (self.kind == "uniform" and self.whole):
-            options = self.values if self.kind == "choice" else range(self.values[0], self.values[1] + 1)
-            return options[min(int(share * len(options)), len(options) - 1)]
+        """Return the value below which a share of all draws lies."""
+        if self.options:
+            return self.options[min(int(share * len(self.options)), len(self.options) - 1)]
         if self.kind == "uniform":
             low, high = self.values
             return float(low + share * (high - low))

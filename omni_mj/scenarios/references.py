@@ -1,12 +1,9 @@
 """The references that a scenario's settings ask for."""
 
 import math
-from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
-from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -18,9 +15,8 @@ from omni_control.reference import (
     IteratedReference,
     MotionLimits,
     SampledReference,
-    drives,
+    TimedReference,
 )
-from omni_control.reference.timed import Task
 from omni_control.traction import GRAVITY, WheelLimits
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, ControlSettings, ReferenceSettings, Settings
 
@@ -29,7 +25,7 @@ ORIGIN: Where = (0.0, 0.0, 0.0)
 
 
 def timed(settings: Settings, where: Where = ORIGIN) -> SampledReference:
-    """Return the reference that is known in advance, against which errors are measured.
+    """Return the reference that is known in advance, against which errors are measured; equal ones are the same object.
 
     Args:
         settings: What is to be driven, and by what robot.
@@ -38,31 +34,7 @@ def timed(settings: Settings, where: Where = ORIGIN) -> SampledReference:
     Raises:
         OmniError: On a carpet as slippery as `reference.friction` says, nobody can drive it.
     """
-    (reference,) = each_timed([(settings, where)])
-    return reference
-
-
-def each_timed(asked: Iterable[tuple[Settings, Where]]) -> list[SampledReference]:
-    """Return `timed` of several; equal ones are the same object while somebody uses them.
-
-    Raises:
-        OmniError: As `timed`.
-    """
-    keys = [(settings.reference, reference_limits(settings), where) for settings, where in asked]
-    result = {key: reference for key in keys if (reference := _IN_USE.get(key)) is not None}
-    new = [key for key in dict.fromkeys(keys) if key not in result]
-    # Drives through way-points are planned together.
-    driven = [(task, limits) for task, limits, _ in new if task.shape not in CURVES]
-    poses = dict(zip(driven, drives([_drive(*drive) for drive in driven], PERIOD_S), strict=True))
-    for key in new:
-        task, limits, where = key
-        moving = SampledReference(poses[key[:2]], PERIOD_S) if key[:2] in poses else _curve(task, limits)
-        reference = moving.after_rest(_lead_frames(task))
-        if where != ORIGIN:
-            reference = SampledReference(displaced(reference.poses, where), PERIOD_S)
-        result[key] = _IN_USE[key] = reference
-    _RECENT.extend(result.values())
-    return [result[key] for key in keys]
+    return _planned(settings.reference, reference_limits(settings), where)
 
 
 def iterated(settings: Settings, n: int, where: Where = ORIGIN) -> IteratedReference:
@@ -149,17 +121,19 @@ def _rim_speed(settings: Settings) -> float:
     return back_emf / (motor.constant_nm_a * motor.gear) * settings.wheels.radius_m
 
 
-_IN_USE: WeakValueDictionary[tuple[Any, ...], SampledReference] = WeakValueDictionary()
-_RECENT: deque[SampledReference] = deque(maxlen=256)  # are kept
-
-
-def _curve(task: ReferenceSettings, limits: MotionLimits) -> SampledReference:
-    curve, settle_frames = CURVES[task.shape](task.length_m, task.width_m), round(task.settle_s * FRAME_RATE_HZ)
-    return CurveReference(curve, limits, PERIOD_S, task.laps, task.heading == "tangent", settle_frames)
-
-
-def _drive(task: ReferenceSettings, limits: MotionLimits) -> Task:
-    return _visits(task), limits, round(task.dwell_s * FRAME_RATE_HZ), round(task.settle_s * FRAME_RATE_HZ)
+@lru_cache(maxsize=4096)
+def _planned(task: ReferenceSettings, limits: MotionLimits, where: Where) -> SampledReference:
+    settle_frames = round(task.settle_s * FRAME_RATE_HZ)
+    if task.shape in CURVES:
+        curve = CURVES[task.shape](task.length_m, task.width_m)
+        moving: SampledReference = CurveReference(
+            curve, limits, PERIOD_S, task.laps, task.heading == "tangent", settle_frames
+        )
+    else:
+        dwell_frames = round(task.dwell_s * FRAME_RATE_HZ)
+        moving = TimedReference(_visits(task), limits, PERIOD_S, dwell_frames, settle_frames)
+    reference = moving.after_rest(_lead_frames(task))
+    return reference if where == ORIGIN else SampledReference(displaced(reference.poses, where), PERIOD_S)
 
 
 def _lead_frames(settings: ReferenceSettings) -> int:

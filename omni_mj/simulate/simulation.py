@@ -114,7 +114,7 @@ class Simulation:
         for settings in {id(row.settings): row.settings for row in self._table}.values():
             faults.check(settings.fault, self.scenario.plant, len(settings.world.places))
         self._follow = follow
-        self.references = references.each_timed((row.settings, row.where) for row in self._table)
+        self.references = [references.timed(row.settings, row.where) for row in self._table]
         _check_delays(self._table, self.references)
         self._choose_kernel()
         self.reset()
@@ -147,7 +147,7 @@ class Simulation:
             settings = {row.seed: self.scenario.settings_of(row.seed) for row in self.rows}
             self.rows = [replace(row, settings=settings[row.seed]) for row in self.rows]
         n = len(self.rows)
-        self.references = references.each_timed((row.settings, row.where) for row in self.rows)
+        self.references = [references.timed(row.settings, row.where) for row in self.rows]
         self.frame, self.failures = 0, list[Failure]()
         self._running = np.ones(n, bool)
         self._seen: Seen | None = None

@@ -89,7 +89,7 @@ def told(settings: Settings, geometry: Kinematics, wheels: bool) -> Told:
 def _reference(rows: Sequence[Row]) -> Reference:
     if _iterated(rows[0]):
         return references.iterated(rows[0].settings, len(rows), rows[0].where)
-    own = references.each_timed((row.settings, row.where) for row in rows)
+    own = [references.timed(row.settings, row.where) for row in rows]
     return own[0] if all(each is own[0] for each in own) else EachReference(own)
 
 

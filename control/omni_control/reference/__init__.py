@@ -3,7 +3,7 @@
 from omni_control.reference.curves import CURVES, CurveReference
 from omni_control.reference.iterated import IteratedReference
 from omni_control.reference.limits import MotionLimits
-from omni_control.reference.timed import EachReference, Reference, SampledReference, TimedReference, drives
+from omni_control.reference.timed import EachReference, Reference, SampledReference, TimedReference
 
 __all__ = [
     "CURVES",
@@ -14,5 +14,4 @@ __all__ = [
     "Reference",
     "SampledReference",
     "TimedReference",
-    "drives",
 ]

@@ -11,8 +11,6 @@ from omni_control.kinematics import Array
 from omni_control.reference.legs import legs
 from omni_control.reference.limits import MotionLimits, checked_waypoints
 
-Task = tuple[Sequence[Sequence[float]], MotionLimits, int, int]  # see `drives`
-
 
 class Reference(Protocol):
     """Where robots should be and how fast they should move there."""
@@ -139,30 +137,10 @@ class TimedReference(SampledReference):
         dwell_frames: int = 0,
         settle_frames: int = 0,
     ) -> None:
-        (poses,) = drives([(waypoints, limits, dwell_frames, settle_frames)], period)
-        super().__init__(poses, period)
-
-
-def drives(tasks: Sequence[Task], period: float) -> list[Array]:
-    """Poses (frames, 3) of a `TimedReference` for each task; many are planned in the time of a few.
-
-    Args:
-        tasks: the first two and the last two arguments of `TimedReference`.
-        period: length of a frame, s.
-
-    Raises:
-        OmniError: as `TimedReference`.
-    """
-    routes = [
-        [(*ends, limits) for ends in pairwise(map(tuple, checked_waypoints(points).tolist()))]
-        for points, limits, *_ in tasks
-    ]
-    ways = list(dict.fromkeys(way for route in routes for way in route))  # laps repeat their legs
-    planned = dict(zip(ways, legs(ways, period), strict=True))
-    result = []
-    for route, (points, _, dwell, settle) in zip(routes, tasks, strict=True):
-        parts = [np.array(points[:1], float)]
+        route = [(*ends, limits) for ends in pairwise(map(tuple, checked_waypoints(waypoints).tolist()))]
+        ways = list(dict.fromkeys(route))  # laps repeat their legs
+        planned = dict(zip(ways, legs(ways, period), strict=True))
+        parts = [np.array(waypoints[:1], float)]
         for way in route:
-            parts += [planned[way], np.tile(way[1], (dwell, 1))]
-        result.append(np.pad(np.concatenate(parts), ((0, settle), (0, 0)), "edge"))
-    return result
+            parts += [planned[way], np.tile(way[1], (dwell_frames, 1))]
+        super().__init__(np.pad(np.concatenate(parts), ((0, settle_frames), (0, 0)), "edge"), period)

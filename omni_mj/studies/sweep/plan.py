@@ -16,6 +16,7 @@ from omni_control.errors import OmniError, choose
 from omni_mj.files import write
 from omni_mj.scenarios.checking import shown
 from omni_mj.scenarios.classes import written
+from omni_mj.scenarios.distributions import put
 from omni_mj.scenarios.references import timed
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.scenarios.settings import every_setting
@@ -130,12 +131,8 @@ class Plan:
         Raises:
             OmniError: A value is not allowed, there or together with the others.
         """
-        sections: dict[str, dict[str, Value]] = {}
-        for name, value in self.points[point].items():
-            section, field = name.split(".")
-            sections.setdefault(section, {})[field] = value
         drawn = {name: law for name, law in self.scenario.distributions.items() if name not in self.points[point]}
-        return self.scenario.replace(settings=self.scenario.settings.replace(**sections), distributions=drawn)
+        return self.scenario.replace(settings=put(self.scenario.settings, self.points[point]), distributions=drawn)
 
     @cached_property
     def jobs(self) -> list[Job]:
