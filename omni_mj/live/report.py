@@ -5,7 +5,6 @@ linear, which gives latencies that are no whole number of frames a meaning.
 """
 
 import json
-import warnings
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -77,14 +76,9 @@ def fit(velocities: Array, positions: Array, *, is_angle: bool = False) -> Respo
 
 def summarize(live: Live) -> dict[str, Any]:
     """Return the content of link.json: vision, ticks, what went wrong, and how robots respond."""
-    link, log = live.link, live.log
-    robots = []
-    for row, (number, response) in enumerate(zip(live.ids, measure_run(live), strict=True)):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing
-            latency, alpha = (  # of the second half: estimates have settled by then
-                np.nanmean(log.channel(name)[log.length // 2 :, row], 0) for name in ("latency_hat", "alpha_hat")
-            )
+    link, team, robots = live.link, live.team, []
+    estimates = zip(live.ids, measure_run(live), team.latency_hat, team.alpha_hat, strict=True)
+    for number, response, latency, alpha in estimates:
         identified = {"latency_frames": latency, "alpha": alpha} if np.isfinite(latency).all() else None
         fitted = {"latency_frames": response.latency, "alpha": response.gain}
         robots.append({"id": number, "identified": identified, "fitted": fitted})

@@ -177,13 +177,14 @@ class Vision:
         """Return the median poses of the robots that are followed, shape (n, 3)."""
         poses = np.zeros((len(self.ids), 3))
         for pose, number in zip(poses, self.ids, strict=True):
-            x, y, heading = np.concatenate(self._tables(number)).T
+            by_camera = [seen for (*name, _), seen in self.sightings.items() if name == [self.colour, number]]
+            x, y, heading = np.concatenate(by_camera).T
             pose[:] = np.median(x), np.median(y), np.arctan2(np.median(np.sin(heading)), np.median(np.cos(heading)))
         return poses
 
     def noise(self) -> dict[str, float]:
-        """Return standard deviations of what is seen of the robots that are followed, by their settings."""
-        tables = [table for number in self.ids for table in self._tables(number) if len(table) > 2]
+        """Return standard deviations of what is seen of robots, by their settings."""
+        tables = [np.array(poses) for poses in self.sightings.values() if len(poses) > 2]
         if not tables:  # of a simulation that waits for commands
             return {}
         position, heading = np.median([deviations(table) for table in tables], axis=0).tolist()
@@ -203,12 +204,6 @@ class Vision:
                 f" noise {1e3 * position:.2f} mm, {math.degrees(turned):.2f}°"
             )
         return [*lines, *(f"noted: {kind}, {count} times" for kind, count in self.notes.items())]
-
-    def _tables(self, number: int) -> list[Array]:
-        """Return the last poses of a robot of the team by each camera, shape (frames, 3) each."""
-        return [
-            np.array(poses) for (colour, i, _), poses in self.sightings.items() if (colour, i) == (self.colour, number)
-        ]
 
 
 def deviations(poses: Array) -> Array:

@@ -76,7 +76,6 @@ class FieldCamera:
         self.set_robots(rows)
         seeds: list[Seed] = [(rows[0].seed, SEED_OFFSET + number)]
         self._timing = Timing([self._vision], seeds, [rows[0].faults])
-        self._ball_noise = Noise(seeds, Stream.VISION_NOISE, lambda rng, count: rng.standard_normal((count, 2)))
         clock = Noise(seeds, Stream.CAMERA_CLOCK, lambda rng, count: rng.standard_normal((count, 4)))
         offset_x, offset_y, clock_offset, phase = clock.next()[0].tolist()
         self._offset = self._vision.camera_offset_m * np.array([offset_x, offset_y, 0.0])
@@ -116,9 +115,8 @@ class FieldCamera:
             t_sent=epoch_s + sent_s,
             camera_id=self._number,
         )
-        ball_noise = self._vision.position_noise_m * self._ball_noise.next()[0]
         if self._sees(ball[None])[0]:
-            x, y = MM_PER_M * (ball + ball_noise + self._offset[:2])
+            x, y = MM_PER_M * (ball + self._offset[:2])
             detection.balls.add(confidence=1.0, x=x, y=y, pixel_x=0.0, pixel_y=0.0)
         for (team, number), (x, y, heading) in sorted(zip(names, measured.tolist(), strict=True)):
             if not math.isnan(x):

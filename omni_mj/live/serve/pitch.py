@@ -191,12 +191,10 @@ class Pitch:
 
     def _find_obstacle(self, name: RobotName, poses: Mapping[RobotName, Array]) -> str | None:
         """Return what a robot stands in, if anything."""
-        room = np.array(SURFACE_M) / 2
-        if (np.abs(poses[name][:2]) > room - self._reach + CLEARANCE_M).any():
-            return f"a wall: the field ends at |x| = {room[0]:g} m and |y| = {room[1]:g} m"
+        if (np.abs(poses[name][:2]) > np.array(SURFACE_M) / 2 - self._reach + CLEARANCE_M).any():
+            return "a wall"
         distances = [math.dist(pose[:2], poses[name][:2]) for other, pose in poses.items() if other != name]
-        distance = min(distances, default=math.inf)
-        return f"a robot that is {distance:.3f} m away" if distance < 2 * self._reach - CLEARANCE_M else None
+        return "a robot" if min(distances, default=math.inf) < 2 * self._reach - CLEARANCE_M else None
 
     def _build(self, poses: Mapping[RobotName, Array]) -> None:
         """Make the world anew with these robots, at rest."""
