@@ -57,10 +57,8 @@ def _take(viewer: "ViewerClient", time_s: float, tabs: tuple[str, ...]) -> bytes
     Raises:
         OmniError: There is no such tab, or the picture keeps changing.
     """
-    from omni_mj.show.recording.scene import TIME
-
     _still(lambda: [line.end for recording in viewer.get_state().recordings for line in recording.timelines])
-    viewer.set_time(TIME, duration=time_s, play_state="paused")
+    viewer.set_time("time", duration=time_s, play_state="paused")
     if tabs:
         _show(viewer, tabs)
     return _still(viewer.take_screenshot)
