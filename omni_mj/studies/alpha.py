@@ -45,7 +45,7 @@ from omni_mj.studies.drives import (
     CONTROLLER,
     DIRECTIONS,
     Commanded,
-    Drives,
+    ProfileDrives,
     alpha_percentiles,
     path_simulation,
 )
@@ -200,7 +200,7 @@ def alpha(
     drives = [(chosen.settings, PROFILE)]
     drives += [changed(chosen.settings, name, value) for name, values in conditions.items() for value in values]
     drives += [(combined, PROFILE) for combined in combinations(chosen.settings)]
-    profiles = Drives(chosen, drives)
+    profiles = ProfileDrives(chosen, drives)
     paths = {task: path_simulation(chosen, task) for task in tasks}
     result = AlphaResult([], [Commanded.__name__], seeds=[chosen.seed])
     after_frame, number = begin("alpha", profiles.frames + sum(map(total_frames, paths.values()))), itertools.count()

@@ -35,7 +35,7 @@ class Commanded(Controller):
     """Stands where a controller would be named; what the robots are sent is the profile."""
 
 
-class Drives:
+class ProfileDrives:
     """Drives of standard profiles in one batch, each in every direction.
 
     Args:

@@ -1,6 +1,6 @@
 """Identification of a user's robot from its logs: numbers, what they predict, and what the data cannot tell.
 
-`logs` reads tables and game logs (`game_log`), `checks` refuses what cannot be of this robot,
+`logs` reads tables and game logs, `checks` refuses what cannot be of this robot,
 `stretches` cuts logs, `law` predicts the motion and `fit` fits it, `findings` says what the data
 tell, `robot_file` writes it.
 """
@@ -24,7 +24,7 @@ from omni_mj.studies.identify import checks, robot_file
 from omni_mj.studies.identify.findings import Estimate, estimates, find_lacks
 from omni_mj.studies.identify.fit import Fit, fit_usual
 from omni_mj.studies.identify.law import NAMES, Body
-from omni_mj.studies.identify.logs import Log, read
+from omni_mj.studies.identify.logs import RobotLog, read
 from omni_mj.studies.identify.stretches import cut
 
 __all__ = ["Estimate", "Identified", "identify", "identify_logs", "plan", "start_scenario"]
@@ -165,7 +165,7 @@ def plan(robot: str = robots.DEFAULT, model: str | None = None) -> Scenario:
     return chosen.replace(name="plan", description=says, paper_table=0)
 
 
-def identify_logs(logs: Sequence[Log], chosen: Scenario) -> Identified:
+def identify_logs(logs: Sequence[RobotLog], chosen: Scenario) -> Identified:
     """Identify a robot from logs that were read, and the scenario with the start robot."""
     result = Identified(chosen.robot, chosen.settings, [log.name for log in logs])
     result.notes += [note for log in logs for note in log.notes]
@@ -176,7 +176,7 @@ def identify_logs(logs: Sequence[Log], chosen: Scenario) -> Identified:
     return result
 
 
-def _add_fit(result: Identified, source: str, logs: Sequence[Log]) -> None:
+def _add_fit(result: Identified, source: str, logs: Sequence[RobotLog]) -> None:
     """Fit the law to one kind of inputs and add what that tells.
 
     If wheels told creep and drag, these are not fitted to commands again.

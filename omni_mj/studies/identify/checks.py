@@ -14,10 +14,10 @@ from scipy.optimize import linear_sum_assignment
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, world_to_body
-from omni_mj.studies.identify.logs import LEAST_LINES, Log, integrate
+from omni_mj.studies.identify.logs import LEAST_LINES, RobotLog, integrate
 
 SHORTEST_S, LONGEST_S = 5e-4, 0.5  # between lines
-WINDOW_S, LATEST_S, DELAY_STEP_S = 0.1, 0.5, 1 / 120
+WINDOW_S, LATEST_S, DELAY_STEP_S, MOST_WINDOWS = 0.1, 0.5, 1 / 120, 2000
 MOVES_M_S, TURNS_RAD_S = 0.05, 0.2  # root mean square below which axes are not checked
 SIZES = {"wheels": (0.5, 2.0), "commands": (0.25, 2.5)}  # of motion over inputs; beyond, units are wrong
 FOLLOWS, BETTER = 0.3, 0.1  # share that inputs must explain; by how much a mistake must explain more
@@ -47,7 +47,7 @@ class Match(NamedTuple):
         return self.share - DOUBT * (abs(self.angle) > TURNED_RAD)
 
 
-def wheel_twists(log: Log, geometry: Kinematics) -> Array:
+def wheel_twists(log: RobotLog, geometry: Kinematics) -> Array:
     """Return the body twists (F, 3) that wheels say, by the geometry of the start robot."""
     assert log.wheels is not None
     if (have := log.wheels.shape[1]) != (needed := len(geometry.azimuths)):
@@ -55,7 +55,7 @@ def wheel_twists(log: Log, geometry: Kinematics) -> Array:
     return geometry.body_twist(log.wheels)
 
 
-def starting_delay(log: Log, inputs: Array, source: str, geometry: Kinematics) -> float:
+def starting_delay(log: RobotLog, inputs: Array, source: str, geometry: Kinematics) -> float:
     """Return the delay at which inputs explain the motion best, s.
 
     Args:
@@ -142,11 +142,12 @@ def _displacements(time: Array, pose: Array, in_body: bool) -> tuple[Array, Arra
     """Return times and displacements from there on over `WINDOW_S`, (n,) and (n, 3)."""
     seen = np.isfinite(pose).all(1)
     at = np.arange(time[seen][0], time[seen][-1] - WINDOW_S, WINDOW_S / 2)
+    at = at[:: 1 + len(at) // MOST_WINDOWS]
     path = make_interp_spline(time[seen], pose[seen], k=1)
     return at, world_to_body(path(at + WINDOW_S) - path(at), path(at + WINDOW_S / 2)[:, 2] * in_body)
 
 
-def _check_wheels(log: Log, geometry: Kinematics, late: float) -> None:
+def _check_wheels(log: RobotLog, geometry: Kinematics, late: float) -> None:
     """Raise an error if wheels turn the other way, are in another order, or do not turn."""
     at, motion = _displacements(log.time, log.pose, True)
     expected = geometry.wheel_speeds(motion)

@@ -2,15 +2,24 @@
 
 From trajectory.parquet of omni-mj, `vision_*` where valid, `command_*` and `wheel_angle_*` are
 taken. Each controller, seed and place is a log of its own.
+
+A game log of the Small Size League is the text SSL_LOG_FILE, a version (1), and messages: time of
+receipt in ns, kind, size, bytes. Numbers are big-endian, of 4 bytes but for the time's 8. Kinds 2
+and 4 are packets of SSL-Vision of 2010 and 2014, whose detections are alike. Source:
+RoboCup-SSL/ssl-logtools.
 """
 
+import gzip
 import os
 import re
-from collections.abc import Sequence
+import struct
+import zlib
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count, takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
@@ -18,7 +27,8 @@ from scipy.interpolate import BSpline, make_interp_spline
 from omni_control.errors import OmniError, choose, printable
 from omni_control.kinematics import Array
 from omni_mj import parquet
-from omni_mj.studies.identify import game_log
+from omni_mj.live.wire import MM_PER_M, WireError, parse
+from omni_mj.live.wire.league_pb2 import LoggedPacket
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -35,10 +45,14 @@ INPUTS = f"commands ({', '.join(WORLD)}; or {', '.join(BODY)}) or wheels (wheel_
 LEAST_LINES = 30
 GAP = 3.5  # periods without a line, from which a log is cut in two
 GAME = re.compile(r"(?P<file>.+\.log(?:\.gz)?)(?P<robot>:(?:yellow|blue):\d+)?(?:,(?P<commands>.+))?")
+HEADER, MESSAGE = struct.Struct(">12si"), struct.Struct(">qii")
+START = HEADER.pack(b"SSL_LOG_FILE", 1)
+PACKETS = (2, 4)
+LARGEST = 1 << 20  # bytes of a message; datagrams have 65 kB at most
 
 
 @dataclass(frozen=True)
-class Log:
+class RobotLog:
     """F lines of one robot.
 
     Attributes:
@@ -60,7 +74,7 @@ class Log:
     notes: Sequence[str] = ()
 
 
-def read(word: Path | str) -> list[Log]:
+def read(word: Path | str) -> list[RobotLog]:
     """Return the logs in a file.
 
     Args:
@@ -89,7 +103,7 @@ def read(word: Path | str) -> list[Log]:
         name = f"{path.name} ({row})" if row else path.name
         logs.append(
             _clean(
-                Log(
+                RobotLog(
                     name,
                     time[lines, 0],
                     pose[lines],
@@ -109,9 +123,9 @@ def integrate(time: Array, inputs: Array) -> BSpline:
     return make_interp_spline(ends, np.concatenate([np.zeros_like(total[:1]), total]), k=1)
 
 
-def _read_game(path: Path, robot: str | None, commands: str | None) -> list[Log]:
+def _read_game(path: Path, robot: str | None, commands: str | None) -> list[RobotLog]:
     """Return the logs of a robot in a game log: one for each camera and each start of vision."""
-    sightings = game_log.read(path)
+    sightings = _read_sightings(path)
     if robot not in sightings or commands is None:
         raise OmniError(
             f"{path.name}: name a robot and a file of the commands that it was sent, as "
@@ -134,7 +148,7 @@ def _read_game(path: Path, robot: str | None, commands: str | None) -> list[Log]
                 step = np.clip(np.diff(clock, append=clock[-1] + period), 1e-3, GAP * period)
                 twist = (total(clock + step) - total(clock)) / step[:, None]
                 name = f"{path.name} ({robot[1:].replace(':', ' ')}, camera {camera})"
-                logs.append(_clean(Log(name, clock, known[:, 1:], twist, names == BODY, None)))
+                logs.append(_clean(RobotLog(name, clock, known[:, 1:], twist, names == BODY, None)))
     if not logs:
         raise OmniError(
             f"{table.name}: fewer than {LEAST_LINES} images of {path.name} are within its times; time_s must be "
@@ -143,7 +157,47 @@ def _read_game(path: Path, robot: str | None, commands: str | None) -> list[Log]
     return logs
 
 
-def _clean(log: Log) -> Log:
+def _read_sightings(path: Path) -> dict[str, dict[int, Array]]:
+    """Return what cameras saw: robot (such as ":blue:3"), camera -> time in s and pose, (F, 4).
+
+    A file that is cut off counts as far as it goes.
+
+    Raises:
+        OmniError: The file cannot be read, or is damaged.
+    """
+    if not os.path.isfile(path):
+        raise OmniError(f"there is no log {path}")
+    seen: dict[str, dict[int, list[tuple[float, ...]]]] = defaultdict(lambda: defaultdict(list))
+    try:
+        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+            if file.read(HEADER.size) != START:
+                raise OmniError(f"{path.name} is no game log of version 1")
+            for data in _packets(file):
+                image = parse(LoggedPacket, data).detection
+                for team, robots in (("yellow", image.robots_yellow), ("blue", image.robots_blue)):
+                    for r in robots:
+                        if r.HasField("robot_id") and r.HasField("orientation"):
+                            sighting = image.t_capture, r.x / MM_PER_M, r.y / MM_PER_M, r.orientation
+                            seen[f":{team}:{r.robot_id}"][image.camera_id].append(sighting)
+    except EOFError:
+        pass  # cut off in a packed file
+    except (OSError, zlib.error, WireError) as error:
+        raise OmniError(f"{path.name} is damaged: {printable(str(error))}") from None
+    return {robot: {camera: np.array(rows) for camera, rows in cameras.items()} for robot, cameras in seen.items()}
+
+
+def _packets(file: "BinaryIO | gzip.GzipFile") -> Iterator[bytes]:
+    """Yield the packets of vision, up to the end or to where the file is cut off."""
+    while len(head := file.read(MESSAGE.size)) == MESSAGE.size:
+        _, kind, size = MESSAGE.unpack(head)
+        if not 0 <= size <= LARGEST:
+            raise WireError(f"a message has {size} bytes")
+        data = file.read(size)
+        if len(data) == size and kind in PACKETS:
+            yield data
+
+
+def _clean(log: RobotLog) -> RobotLog:
     """Return a log without repeated lines and poses, with continuous headings.
 
     Raises:
@@ -167,7 +221,7 @@ def _clean(log: Log) -> Log:
         notes.append(f"{log.name}: {(~new).sum()} lines have the time of the line before; left out")
     if held.any():
         notes.append(f"{log.name}: {held.sum()} lines repeat the pose of the line before; taken as not seen")
-    return Log(log.name, time, pose, inputs[0], log.in_body, inputs[1], notes)
+    return RobotLog(log.name, time, pose, inputs[0], log.in_body, inputs[1], notes)
 
 
 def _check_time(name: str, time: Array, least_step: float = 1e-9) -> None:

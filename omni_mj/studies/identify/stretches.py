@@ -8,7 +8,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.studies.identify.logs import GAP, Log, integrate
+from omni_mj.studies.identify.logs import GAP, RobotLog, integrate
 
 STRETCH_S = 0.75
 LEAST, LEAST_POSES = 4, 8  # stretches, and poses in each
@@ -64,7 +64,7 @@ class Stretches:
         return np.array(fits) * [[1], [1], [2]]
 
 
-def cut(logs: Sequence[Log], inputs: Sequence[Array], are_wheels: bool) -> Stretches:
+def cut(logs: Sequence[RobotLog], inputs: Sequence[Array], are_wheels: bool) -> Stretches:
     """Cut logs into stretches.
 
     Args:

@@ -23,7 +23,7 @@ from omni_mj.scenarios.classes import find_controller
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.studies.loop import drive as drives
 from omni_mj.studies.loop.drive import CASES, FREQUENCIES, STEP_M, Drive
-from omni_mj.studies.loop.response import Gains, Margins, Step, find_margins, loop_gain, measure_step
+from omni_mj.studies.loop.response import Gains, Margins, StepFigures, find_margins, loop_gain, measure_step
 from omni_mj.studies.outcome import AfterFrame, StoppedError, informed, nothing
 
 __all__ = ["Loop", "LoopResult", "loop", "usual"]
@@ -46,7 +46,7 @@ DEFINITIONS = {
     "gain_margin": "1 / abs(L) where the phase is -180 degrees and abs(L) < 1, the least",
     "sensitivity": "Ms, largest abs(1 / (1 + L)) from the lowest frequency measured to the highest",
 }
-# Of the figures of `Step` and `Margins`: heading, factor, digits.
+# Of the figures of `StepFigures` and `Margins`: heading, factor, digits.
 COLUMNS = (
     ("rise, ms", 1e3, 0), ("overshoot, %", 1e2, 0), ("5 mm, s", 1, 2), ("2 %, s", 1, 2), ("left, mm", 1e3, 1),
     ("w, rad/s", 1, 1), ("phase, °", 1, 0), ("delay, ms", 1e3, 0), ("gain", 1, 2), ("Ms", 1, 2),
@@ -65,7 +65,7 @@ class Loop(NamedTuple):
 
     gains: Gains
     moved: Array
-    step: Step
+    step: StepFigures
     margins: Margins
 
     def report(self) -> dict[str, Any]:

@@ -59,7 +59,7 @@ def travel(frame: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Motion:
+class SteppedMotion:
     """A reference for robots that all look along x; see `omni_control.reference.Reference`.
 
     Its poses may jump, while its twists remain those of the motion. Nobody knows of a jump beforehand, however far a
@@ -114,7 +114,7 @@ class Drive:
         _, names, seeds, signs = zip(*grid, strict=True)
         self.asked = {"case": np.array(names), "sign": np.array(signs)}
         drives, axes = zip(*(CASES[name] for name in names), strict=True)
-        self._motion = Motion(np.array(drives)[:, None], np.zeros((len(rows), 3)), np.arange(len(rows)))
+        self._motion = SteppedMotion(np.array(drives)[:, None], np.zeros((len(rows), 3)), np.arange(len(rows)))
         self._along = np.arange(len(rows)), np.array(axes)
         self.simulation = Simulation(scenario, rows=rows, follow=lambda rows: replace(self._motion, rows=rows))
         self.disturbance = np.zeros((FRAMES, len(rows)))

@@ -19,7 +19,7 @@ WITHIN_M, WITHIN = 0.005, 0.02  # it has settled, coarsely; and finely, a share 
 STEADY = FRAME_RATE_HZ // 2  # frames at the end whose mean is what it comes to
 
 
-class Step(NamedTuple):
+class StepFigures(NamedTuple):
     """The figures of a step response; NaN for what does not happen while it is watched.
 
     Attributes:
@@ -55,7 +55,7 @@ class Margins(NamedTuple):
     sensitivity: float = np.nan
 
 
-def measure_step(moved: Array, step: float) -> Step:
+def measure_step(moved: Array, step: float) -> StepFigures:
     """Return the figures of a step response.
 
     Args:
@@ -63,9 +63,9 @@ def measure_step(moved: Array, step: float) -> Step:
         step: By which it jumps, m.
     """
     if not np.isfinite(moved).all():
-        return Step()
+        return StepFigures()
     share, error = moved / step, np.abs(moved - step)
-    return Step(
+    return StepFigures(
         rise=_reaches(share, 0.9) - _reaches(share, 0.1),
         overshoot=max(float(share.max()) - 1, 0.0),
         within_5_mm=_stays(error, WITHIN_M),
