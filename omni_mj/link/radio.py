@@ -39,17 +39,6 @@ class Received(NamedTuple):
         seen = np.full(n, np.nan) if heading is None else heading
         return cls(command, seen, np.zeros(n, int), np.ones(n, bool))
 
-    def of(self, robots: np.ndarray, wheels: int) -> "Received":
-        """What some of the robots hold, which have so many wheels."""
-        return Received(
-            self.command[robots],
-            self.heading[robots],
-            self.age[robots],
-            None if self.new is None else self.new[robots],
-            None if self.body is None else self.body[robots],
-            None if self.wheels is None else self.wheels[robots, :wheels],
-        )
-
 
 def longest(settings: RadioSettings, faults: Sequence[Fault]) -> int:
     """Return how many frames a packet takes at most."""

@@ -74,3 +74,20 @@ def test_the_robot_weighs_and_balances_as_its_settings_say() -> None:
         # About the robot's origin on the carpet, by the parallel axis theorem.
         expected = np.array([0.009, 0.009, 0.016]) + 3.1 * np.array([0.05**2, 0.05**2 + 0.005**2, 0.005**2])
         np.testing.assert_allclose(np.diag(full)[3:6], expected, rtol=1e-9)
+
+
+def test_loads_are_of_their_own_wheels() -> None:
+    """Standing apart, each robot's wheels carry its weight."""
+    world = build.world(places=3)
+    data = mujoco.MjData(world.model)
+    data.qpos = world.standing
+    for place, robot in enumerate(world.robots):
+        data.qpos[robot.qpos[1]] = 0.5 * place
+    mujoco.mj_step(world.model, data, nstep=200)
+    for robot, loads in zip(world.robots, world.loads, strict=True):
+        weight = world.model.body_subtreemass[robot.chassis] * 9.81
+        assert data.sensordata[loads].sum() == pytest.approx(weight, rel=1e-3)
+
+
+def test_a_hull_reaches_as_far_as_its_cylinder() -> None:
+    assert build.world().reach == 0.09  # models/ssl_robot.xml
