@@ -32,17 +32,17 @@ def driven(name: str, robots: Creeping | None = None, delay: int = 6, **known: o
 
 
 def test_what_knowledge_is_worth_and_what_learning_is_worth() -> None:
-    """The nominal model is worth a factor of three to comp-flc; where it is wrong or unknown, learning is."""
+    """The nominal model is worth a factor of three to comp-flc; where it is wrong, learning is."""
     names = "inverse-flc", "adaptive-comp-flc"
     wrong = {"creep_s2_m": 0.03, "lag_s": 0.04, "alpha": (1.0, 1.0)}
-    teams = [team(name, **known) for known in ({}, wrong, UNKNOWN | {"alpha": None}) for name in names]
+    teams = [team(name, **known) for known in ({}, wrong) for name in names]
     made = [one.controllers[0] for one in (team("comp-flc"), *teams)]
     start = np.zeros((len(made), 3))
     distance, _ = errors(loop(Team(made, start), Creeping(start), ROUTE.frames))
     comp, *right = distance[:, :3].max(0)
     assert max(right) < comp / 3
-    held, learned = distance[:, 3:].mean(0).reshape(2, 2).T
-    assert (learned < 0.75 * held).all()
+    held, learned = distance[:, 3:].mean(0)
+    assert learned < 0.75 * held
 
 
 def test_inverse_flc_learns_nothing() -> None:
@@ -121,14 +121,13 @@ def test_robots_told_wrong_are_found_out_and_tracked() -> None:
 
 def test_the_reference_planned_anew_leads_through_all_way_points() -> None:
     """Iterated from the predicted pose it has no timetable; robots pass near every way-point and stop at the last."""
-    n, path = 3, np.array(PATH)
-    for delay in (0, 12):
-        reference = IteratedReference(PATH, LIMITS, T, n, rest_frames=LEAD)
-        plant = Creeping(np.repeat(path[:1], n, axis=0), delay, 0.01, 0.0, 0.01, np.outer([1.0, 0.8, 0.6], np.ones(3)))
-        noise = vision(np.random.default_rng(0), 8 * SECOND, n)
-        record = loop(team("adaptive-comp-flc", delay, reference, n, **NONE), plant, noise)
-        for point in path[1:]:
-            # Within the 2 cm at which a way-point counts as reached, and as much that the prediction may be off.
-            assert np.hypot(*np.moveaxis(record["pose"][..., :2] - point[:2], -1, 0)).min(0).max() < 0.04
-        np.testing.assert_allclose(record["pose"][-1], np.repeat(path[-1:], n, axis=0), rtol=0, atol=0.01)
-        assert np.abs(record["command"][-1]).max() < 0.3
+    n, path, delay = 3, np.array(PATH), 12
+    reference = IteratedReference(PATH, LIMITS, T, n, rest_frames=LEAD)
+    plant = Creeping(np.repeat(path[:1], n, axis=0), delay, 0.01, 0.0, 0.01, np.outer([1.0, 0.8, 0.6], np.ones(3)))
+    noise = vision(np.random.default_rng(0), 8 * SECOND, n)
+    record = loop(team("adaptive-comp-flc", delay, reference, n, **NONE), plant, noise)
+    for point in path[1:]:
+        # Within the 2 cm at which a way-point counts as reached, and as much that the prediction may be off.
+        assert np.hypot(*np.moveaxis(record["pose"][..., :2] - point[:2], -1, 0)).min(0).max() < 0.04
+    np.testing.assert_allclose(record["pose"][-1], np.repeat(path[-1:], n, axis=0), rtol=0, atol=0.01)
+    assert np.abs(record["command"][-1]).max() < 0.3
