@@ -60,8 +60,10 @@ class Tracker:
         self, model: DepartureModel, commands: Array, poses: Array, scenario: Scenario, policies: Sequence[Policy]
     ) -> None:
         n, settings, firmware = len(policies), scenario.settings, scenario.plant in ON_WHEELS
-        self._model, self._commands, self._poses = model, commands, poses
-        self._delay, self._last = model.delay, model.frames - 1
+        self._delay, self._start, end = model.delay, model.delay + 1, [(0, model.delay), (0, 0), (0, 0)]
+        self._velocity = np.pad(model.velocity, end, "edge")
+        self._push = np.pad(model.command, [(0, 0), *end], "edge")
+        self._commands, self._poses = np.pad(commands, [(self._start, 0), (0, 0), (0, 0)]), poses
         self._heading_gain = firmware * PERIOD_S * settings.firmware.heading_gain
         self._bias_gain = firmware * PERIOD_S * settings.firmware.bias_gain
         self._bias_effect = firmware / (1 + settings.firmware.turn_gain)
@@ -72,13 +74,13 @@ class Tracker:
         self._noise = np.array([np.where(TRANSLATION, policy.noise, 1.0) * noise for policy in policies])
         regulators = {weight: _regulator(model, weight) for weight in {policy.weight for policy in policies}}
         self._gains = np.stack([regulators[policy.weight] for policy in policies], axis=1)
-        self._inverse = np.linalg.pinv(model.command.sum(0))
+        self._inverse = np.linalg.pinv(self._push.sum(0))
         self._state = np.zeros((n, STATES))
         self._covariance = np.zeros((n, STATES, STATES))
         self._covariance[:, BIAS, BIAS] = firmware * settings.sensors.gyro_bias_rad_s**2
         self._covariance[:, GAIN, GAIN] = gain**2 * np.eye(3)
-        self._sent = np.zeros((self._last + 1, n, 3))
-        self._headings = np.zeros((self._last + 1, n))  # that were sent, less the robots' own at that time
+        self._sent = np.zeros((self._start + model.frames, n, 3))  # before the start too, as of the commands
+        self._headings = np.zeros((model.frames, n))  # that were sent, less the robots' own at that time
         self._frame = -1
 
     def __call__(self, measured: Array, heading: Array, last: Array) -> Array:
@@ -90,12 +92,12 @@ class Tracker:
             last: Commands sent in the frame before, (n, 3).
         """
         ahead, frame = self.predict(measured, heading, last), self._frame
-        acts = min(frame + self._delay, self._last)
-        before = self._in_frame(self._sent, frame - 1)
-        felt = before - self._in_frame(self._commands, frame - 1) + self._disturbance(ahead, before, acts)
+        acts, now = frame + self._delay, frame + self._start
+        before = self._sent[now - 1]
+        felt = before - self._commands[now - 1] + self._disturbance(ahead, before, acts)
         state = np.concatenate([ahead[:, POSE], ahead[:, SPEED], felt], axis=1)
-        feedback = (self._gains[min(frame, self._last)] * state[:, None]).sum(-1)
-        desired = command = self._in_frame(self._commands, frame) - feedback
+        feedback = (self._gains[frame] * state[:, None]).sum(-1)
+        desired = command = self._commands[now] - feedback
         for _ in range(ROUNDS):
             command = desired - self._disturbance(ahead, command, acts)
         return command
@@ -103,13 +105,12 @@ class Tracker:
     def predict(self, measured: Array, heading: Array, last: Array) -> Array:
         """Take in a frame; return the states (n, STATES) predicted for the frame in which its command acts."""
         if self._frame >= 0:
-            self._sent[min(self._frame, self._last)] = last
+            self._sent[self._frame + self._start] = last
             self._advance_filter()
         self._frame += 1
-        pose = self._poses[min(self._frame, self._last)]
+        pose = self._poses[self._frame]
         self._correct(measured - pose)
-        own = pose[:, 2] + self._state[:, 2]
-        self._headings[min(self._frame, self._last)] = wrap_angle(heading - own)
+        self._headings[self._frame] = wrap_angle(heading - pose[:, 2] - self._state[:, 2])
         ahead = self._state
         for frame in range(self._frame, self._frame + self._delay):
             ahead = self._advanced(ahead, frame)
@@ -129,12 +130,10 @@ class Tracker:
 
     def _advanced(self, state: Array, frame: int) -> Array:
         """Return the states (..., n, STATES) a frame later."""
-        at = min(frame, self._last)
-        speed = state[..., SPEED] @ self._model.velocity[at].T + state[..., DRIFT]
-        for lag, matrix in enumerate(self._model.command[:, at]):
-            when = frame - self._delay - lag
-            command = self._in_frame(self._sent, when)
-            change = command - self._in_frame(self._commands, when) + self._firmware_error(state, command)
+        speed = state[..., SPEED] @ self._velocity[frame].T + state[..., DRIFT]
+        for lag, matrix in enumerate(self._push[:, frame]):
+            command = self._sent[frame - lag + 1]  # a dead time, and a lag, before
+            change = command - self._commands[frame - lag + 1] + self._firmware_error(state, command)
             speed = speed + change @ matrix.T
         later = state.copy()
         later[..., SPEED] = speed
@@ -144,7 +143,7 @@ class Tracker:
         bias = state[..., BIAS]
         later[..., COMPASS] += PERIOD_S * bias
         if frame >= self._delay:
-            sent = self._headings[min(frame - self._delay, self._last)]
+            sent = self._headings[frame - self._delay]
             error = sent - state[..., COMPASS] + self._delay * PERIOD_S * bias
             later[..., COMPASS] += self._heading_gain * error
             later[..., BIAS] += self._bias_gain * error
@@ -170,10 +169,6 @@ class Tracker:
         self._state = self._state + (gain @ np.nan_to_num(surprise)[..., None])[..., 0]
         covariance = self._covariance - gain @ self._covariance[:, POSE]
         self._covariance = (covariance + covariance.swapaxes(1, 2)) / 2
-
-    def _in_frame(self, values: Array, frame: int) -> Array:
-        """Return values (F, n, 3) of a frame: those of the last after the end, zero before the start."""
-        return values[min(frame, self._last)] if frame >= 0 else np.zeros_like(values[0])
 
 
 def _process_noise(scenario: Scenario) -> tuple[Array, float, float]:
