@@ -6,6 +6,7 @@ together; there a controller is known by its line style and marker.
 """
 
 from collections.abc import Iterable
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -27,10 +28,10 @@ SHIPPED = ("flc", "comp-flc", "adaptive-comp-flc", "mpc", "comp-flc-lag", "lqr",
 def slots(controllers: Iterable[str]) -> dict[str, int]:
     """Return the slot of each controller of a run, for `colour` and `line`: those that ship have their own."""
     names = dict.fromkeys(controllers)
-    free = [*range(len(SHIPPED), len(COLOURS)), *(i for i, name in enumerate(SHIPPED) if name not in names)]
-    others = [name for name in names if name not in SHIPPED]
-    taken = {name: free[i % len(free)] if free else i for i, name in enumerate(others)}
-    return {name: SHIPPED.index(name) if name in SHIPPED else taken[name] for name in names}
+    shipped = {name: SHIPPED.index(name) for name in names if name in SHIPPED}
+    order = [*range(len(SHIPPED), len(COLOURS)), *range(len(SHIPPED))]
+    free = cycle(slot for slot in order if slot not in shipped.values())
+    return {name: shipped[name] if name in shipped else next(free) for name in names}
 
 
 def colour(slot: int) -> str:

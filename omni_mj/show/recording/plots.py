@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import rerun as rr
@@ -71,7 +71,7 @@ def tabs(log: Log) -> dict[str, list[Plot]]:
         return np.hstack([geometry.wheel_speeds(twist), robot["wheel_speed"]])
 
     def per_wheel(channel: str, title: str) -> Plot:
-        return Plot(f"wheel/{channel}", title, lambda robot: robot[channel], wheels, channel, wheels=len(wheels))
+        return _channel(channel, f"wheel/{channel}", title, wheels, wheels=len(wheels))
 
     speeds = tuple(f"{wheel} {kind}" for kind in ("commanded", "measured") for wheel in wheels)
     speed = per_wheel("wheel_speed", "wheel speed, rad/s")._replace(values=wheel_speeds, lines=speeds, white=white)
@@ -91,8 +91,8 @@ def tabs(log: Log) -> dict[str, list[Plot]]:
         ],
         "why": [
             Plot("why/sliding", "slip beyond creep of the wheel that slides most, m/s", _sliding, channel="slip"),
-            _share("why/duty", "greatest duty of the motors", "duty_peak"),
-            _share("why/limited", "share of time at a driver's limit", "current_limited"),
+            _channel("duty_peak", "why/duty", "greatest duty of the motors", range=SHARE),
+            Plot("why/limited", "share of time at a driver's limit", _limited, channel="current_limited", range=SHARE),
             Plot("why/held", f"share of the last 0.25 s in which the command is {held}", _held_back, range=SHARE),
         ],
         "alpha": [_alpha("x", 0), _alpha("y", 1)],
@@ -104,7 +104,7 @@ def tabs(log: Log) -> dict[str, list[Plot]]:
         ],
         "heat": [
             per_wheel("winding", "winding temperature, deg C"),
-            Plot("battery", "battery voltage under load, V", lambda robot: robot["battery"], channel="battery"),
+            _channel("battery", "battery", "battery voltage under load, V"),
         ],
         "own": [_own(channel, len(names)) for channel, names in log.columns.items() if channel.startswith(OWN)],
     }
@@ -112,17 +112,21 @@ def tabs(log: Log) -> dict[str, list[Plot]]:
     return {tab: [plot for plot in part if plot.channel in known] for tab, part in tabs.items()}
 
 
+def _channel(channel: str, path: str, title: str, lines: tuple[str, ...] = ("",), **look: Any) -> Plot:
+    """Return the plot of a channel as it is."""
+    return Plot(path, title, lambda robot: robot[channel], lines, channel, **look)
+
+
 def _own(channel: str, count: int) -> Plot:
     """Return the plot of a channel of a controller's own."""
-    name = channel.removeprefix(OWN)
-    lines = tuple(str(i + 1) for i in range(count)) if count > 1 else ("",)
-    plot = f"own/{rr.escape_entity_path_part(name)}"
-    return Plot(plot, name, lambda robot: robot[channel], lines, channel, white=tuple(np.linspace(0.6, 0, count)))
+    name, lines = channel.removeprefix(OWN), tuple(map(str, range(1, count + 1))) if count > 1 else ("",)
+    path = f"own/{rr.escape_entity_path_part(name)}"
+    return _channel(channel, path, name, lines, white=tuple(np.linspace(0.6, 0, count)))
 
 
-def _share(plot: str, title: str, channel: str) -> Plot:
-    """Return the plot of the largest share of all motors."""
-    return Plot(plot, title, lambda robot: robot[channel].max(-1, keepdims=True), ("",), channel, range=SHARE)
+def _limited(robot: Robot) -> Array:
+    """Return the largest share of all drivers."""
+    return robot["current_limited"].max(-1, keepdims=True)
 
 
 def _length(gap: Array) -> Array:
