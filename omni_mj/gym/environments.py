@@ -98,6 +98,8 @@ class Tracks(VectorEnv[Numbers, Numbers, Numbers]):
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
             raise OmniError("autoreset_mode must be NextStep or Disabled")
+        if isinstance(scenario, Scenario) and changes:
+            raise OmniError(f"{', '.join(changes)}: changes are made to a scenario that is named; make them in yours")
         chosen = scenario if isinstance(scenario, Scenario) else made(scenario, **changes)
         if len(chosen.settings.world.places) > 1:
             raise OmniError("world.places: an environment is one robot; leave one place")

@@ -187,8 +187,9 @@ def merged(sections: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str,
     result = dict(sections)
     for name, change in changes.items():
         section = sections.get(name, {})
-        both = isinstance(section, (Mapping, Checked)) and isinstance(change, Mapping)
-        result[name] = merged(dict(section), change) if both else change
+        if isinstance(change, Mapping) and isinstance(section, (Mapping, Checked)):
+            change = merged(dict(section), change)
+        result[name] = change
     return result
 
 
