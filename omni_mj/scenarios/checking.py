@@ -149,7 +149,7 @@ class Checked(BaseModel):
             yield f"{full} is a section: write [{full}] and its fields, not {shown(error['input'])}"
         else:
             what = re.sub("^(Input|Tuple|String) should", "must", error["msg"])
-            what = what.partition(" after validation")[0]
+            what = what.partition(" after validation")[0].replace("tuple", "list")
             field = declared[str(name)]
             limits = f" ({field.allowed} {field.unit}".rstrip() + ")" if field.number else ""
             yield f"{full} {what}{limits}, not {shown(error['input'])}"

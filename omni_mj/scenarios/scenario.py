@@ -214,7 +214,8 @@ def load(
     values: dict[str, Any] = {}
     own: dict[str, Any] = {}
     for name, value in data.items():
-        is_section = name in Settings.model_fields or isinstance(value, (Mapping, Checked))
+        known = {**Settings.model_fields, **Scenario.model_fields}
+        is_section = name in known or isinstance(value, (Mapping, Checked))
         (own if is_section and name not in HEAD else values)[name] = value
     with collected(errors):
         settings, drawn = distributions.split(own)
