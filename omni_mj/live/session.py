@@ -113,7 +113,7 @@ def listening(options: Options, notes: Notes, check_stop: Callable[[], None] = l
     Raises:
         OmniError: Nothing came.
     """
-    with closing(Receiver(options.vision_address, options.interface)) as receiver:
+    with Receiver(options.vision_address, options.interface) as receiver:
         link = Link(receiver, Vision(options.colour, notes), check_stop)
         until = time.monotonic() + options.wait_s
         while not link.vision.cameras:

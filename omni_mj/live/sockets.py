@@ -98,7 +98,7 @@ def sender(interface: str = LOOPBACK) -> socket.socket:
     return connection
 
 
-class Receiver:
+class Receiver(socket.socket):
     """Receives datagrams that come to an address: of a multicast group, which is joined, or of this computer.
 
     Args:
@@ -113,25 +113,21 @@ class Receiver:
     """
 
     def __init__(self, where: Address, interface: str = LOOPBACK) -> None:
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        super().__init__(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+            self.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
             if ipaddress.ip_address(where.host).is_multicast:
-                self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # many listen to one group
-                self._socket.bind(where)
+                self.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # many listen to one group
+                self.bind(where)
                 member = socket.inet_aton(where.host) + socket.inet_aton(interface)
-                self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
+                self.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
             else:
-                self._socket.bind(where)
-            self._socket.setblocking(False)
+                self.bind(where)
+            self.setblocking(False)
         except OSError as error:
-            self._socket.close()
+            self.close()
             raise OmniError(f"cannot listen to {where} by the interface {interface!r}: {reason(error)}") from None
-        self.address = Address(*self._socket.getsockname())
-
-    def fileno(self) -> int:
-        """Return the descriptor for `select` and `selectors`."""
-        return self._socket.fileno()
+        self.address = Address(*self.getsockname())
 
     def wait(self, until: float) -> bool:
         """Return whether something comes before `until` (`time.monotonic`)."""
@@ -141,20 +137,12 @@ class Receiver:
         """Yield what has come: bytes, time of reading (`time.monotonic`), sender."""
         while True:
             try:
-                data, source = self._socket.recvfrom(MAX_DATAGRAM)
+                data, source = self.recvfrom(MAX_DATAGRAM)
             except BlockingIOError:
                 return
             except OSError:  # such as that nobody listens where something was sent before
                 continue
             yield data, time.monotonic(), Address(*source)
-
-    def reply(self, data: bytes, to: Address) -> None:
-        """Send an answer."""
-        self._socket.sendto(data, to)
-
-    def close(self) -> None:
-        """Free the address."""
-        self._socket.close()
 
 
 def listen(where: Address) -> socket.socket:

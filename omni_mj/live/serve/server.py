@@ -78,9 +78,9 @@ class Server:
         self._set_speed(speed)
         with ExitStack() as stack:
             self._selector = stack.enter_context(selectors.DefaultSelector())
-            self._socket = stack.enter_context(closing(sender(interface)))
+            self._socket = stack.enter_context(sender(interface))
             for number, team in zip(ports, (None, Team.BLUE, Team.YELLOW), strict=True):
-                port = stack.enter_context(closing(Receiver(Address(interface, number), interface)))
+                port = stack.enter_context(Receiver(Address(interface, number), interface))
                 self._register(port, self._answer, team)
                 self.ports.append(port.address.port)
                 if lockstep:
@@ -201,7 +201,7 @@ class Server:
                     answer = self._command(team, parse(RobotControl, data))
                     if self.lockstep:
                         self._advance(self.pitch.cameras[0].due)
-                port.reply(answer.SerializeToString(), client)
+                port.sendto(answer.SerializeToString(), client)
             except WireError as error:
                 self.notes.add("bad packets", f"a packet from {client} is skipped: {error}")
             except OSError as error:
