@@ -63,7 +63,8 @@ def save_all(outcome: "Outcome", folder: Path, svg: bool = False) -> None:
 def drawings(outcome: "Outcome") -> dict[str, Callable[[Figure], None]]:
     """Return the functions that draw the figures for which an outcome has data, by name."""
     assert outcome.log
-    robots, by_row = shown_robots(outcome.log, 1), {failure.row: failure for failure in outcome.failures}
+    robots = [robot for robot in shown_robots(outcome.log, 1) if robot.length]
+    by_row = {failure.row: failure for failure in outcome.failures}
     failures = {robot.name: by_row[robot.row] for robot in robots if robot.row in by_row}
     functions = {"path": run.draw_paths, "output": run.draw_output, "error": run.draw_errors, "why": run.draw_causes}
     if run.estimators(robots):
@@ -113,8 +114,10 @@ def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figur
                     half = scale * (spread["plus_minus"] or 0.0)
                     axes.errorbar(scale * spread["mean"], height, xerr=half, elinewidth=1.2, **look)
         axes.margins(x=0.08)
-        if title != SETTLE and 0 < axes.dataLim.x0 < np.inf:
-            axes.set_xlim(axes.dataLim.x0 / 2, 1.15 * axes.dataLim.x1)
+        spreads = [spread_of(result) for entry in entries.values() for result in entry["results"].values()]
+        smallest = min((spread["mean"] for spread in spreads if spread["mean"] is not None), default=0.0)
+        if title != SETTLE and smallest > 0:
+            axes.set_xlim(scale * smallest / 2, 1.15 * axes.dataLim.x1)
             canvas.use_log_scale(axes.xaxis)
         axes.set_xlabel(title)
         axes.grid(axis="y", visible=False)

@@ -74,7 +74,8 @@ def add_legend(figure: Figure, axes: Iterable[Axes]) -> None:
     """Add one legend below the figure for everything labelled in `axes`, each label once."""
     entries: dict[str, Any] = {}
     for panel in axes:
-        entries = dict(zip(*panel.get_legend_handles_labels()[::-1], strict=True)) | entries
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
     columns = max(1, int(LETTERS_PER_INCH * figure.get_figwidth() / (HANDLE_LETTERS + max(map(len, entries)))))
     figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(columns, len(entries)))
 
