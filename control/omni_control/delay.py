@@ -80,7 +80,10 @@ class CommandsInFlight:
         Args:
             latency: frames, one for all, or (..., n, 1), or (..., n, 3).
         """
-        frames = np.asarray(latency, int)
+        if isinstance(latency, float | int):  # of most robots: a tenth of their team's time
+            newest = self.length - 1 - int(latency)
+            return np.asarray(self._sent[newest] + latency % 1 * (self._sent[newest - 1] - self._sent[newest]))
+        frames = latency.astype(int)
         robots, axes = np.arange(self._sent.shape[1])[:, None], np.arange(3)
         row = self.length - 1 - frames
         newer, older = self._sent[row, robots, axes], self._sent[row - 1, robots, axes]

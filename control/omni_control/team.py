@@ -65,7 +65,7 @@ class Team:
         n: robots.
         frame: k, that of the last observation; -1 before the first.
         filter: of vision, of all robots.
-        estimate, twist: filtered poses and twists (n, 3).
+        estimate, twist: filtered poses and twists (n, 3), to be read only.
         failed: which rows have failed or were stopped, (n,).
         knows_truth: whether one of the controllers does, which must then be told.
         last: the commands that were sent last, (n, 3); zero at first. To be set where others were sent.
@@ -88,7 +88,8 @@ class Team:
         if pose.ndim != 2 or pose.shape[1] != 3 or not np.isfinite(pose).all():
             raise OmniError(f"the start must be finite poses (n, 3), not of shape {pose.shape}")
         self.n, self.frame, self.estimate = len(pose), -1, pose
-        self._rows = _rows_of_controllers([len(c.predicted) for c in self.controllers], rows, self.n)
+        self._sizes = [len(c.predicted) for c in self.controllers]
+        self._rows = _rows_of_controllers(self._sizes, rows, self.n)
         self._on_failure = on_failure
 
         of_robot = np.empty(self.n, object)
@@ -108,7 +109,7 @@ class Team:
         self._memory = [max(c.memory_frames, math.ceil(c.told.latency_frames) + 1) for c in self.controllers]
         self._sent = CommandsInFlight(self.n, max(*self._memory, self._tracker.longest) + MOST_FRAMES)
         self.knows_truth = any(type(c).knows_truth for c in self.controllers)
-        self._records = [record_of(c, len(c.predicted)) for c in self.controllers]
+        self._records = [record_of(c, n) for c, n in zip(self.controllers, self._sizes, strict=True)]
 
         self.twist = self._tracker.twist
         self.last, self.failed = np.zeros((self.n, 3)), np.zeros(self.n, bool)
@@ -121,7 +122,7 @@ class Team:
         truth: tuple[ArrayLike, ArrayLike] | None = None,
         age: ArrayLike | None = None,
     ) -> Seen:
-        """Begin a frame with what vision reports; return what is known of all robots.
+        """Begin a frame with what vision reports; return what is known of all robots, to be read only.
 
         Args:
             measured: poses seen (n, 3), headings in (-pi, pi]; not a number where a robot was not
@@ -137,7 +138,7 @@ class Team:
         reported = _numbers(measured, (self.n, 3), "what vision reports")
         reported[self.failed] = np.nan
         ages = np.zeros(self.n) if age is None else _numbers(age, (self.n,), "ages, in s from 0 on,")
-        if (ages < 0).any() or np.isnan(ages).any():
+        if np.count_nonzero(ages >= 0) < self.n:
             raise OmniError(f"ages must be ({self.n},) finite numbers of s from 0 on, not {age!r}")
         if self.knows_truth and truth is None:
             raise OmniError("a controller of this team knows the truth, which must be given with what vision reports")
@@ -146,14 +147,16 @@ class Team:
         self._sent.push(self.last)
         now = self._tracker
         believed = now.update(reported, ages, self._sent)
-        self.estimate, self.twist = now.pose.copy(), now.twist
+        self.estimate, self.twist = now.pose, now.twist
         period = self.controllers[0].told.period
+        for values in (now.pose, now.twist, believed, ages):
+            values.flags.writeable = False
         self._seen = Seen(now.pose, now.twist, believed, self._sent, period, self._delay, ages, now.steps)
         if self.knows_truth and truth is not None:
             true, twist = (_numbers(values, (self.n, 3), "the truth") for values in truth)
             true[self.failed], twist[self.failed] = now.pose[self.failed], 0.0  # which may be no numbers
             self._true = Seen(true, twist, true, self._sent, period, self._delay)
-        return self._seen.of(slice(None), self._sent.length, self._delay)
+        return self._seen
 
     def command(self, wanted: ArrayLike | None = None) -> Array:
         """Return the commands (n, 3) within the limits, and count them as sent.
@@ -170,11 +173,11 @@ class Team:
         if wanted is None:
             commands = np.zeros((self.n, 3))
             for i, rows in enumerate(self._rows):
-                if not self.failed[rows].all():
+                if np.count_nonzero(self.failed[rows]) < self._sizes[i]:
                     commands[rows] = self._ask(i)
         else:
             commands = _numbers(wanted, (self.n, 3), "commands")
-            if np.isnan(commands).any():
+            if np.count_nonzero(np.isnan(commands)):
                 raise OmniError("commands must be finite numbers")
         command = self._limits(commands, self.last)
         command[self.failed] = 0.0
@@ -211,8 +214,8 @@ class Team:
             failure.__cause__ = error
             self._fail(robots, failure)
             return np.zeros((len(robots), 3))
-        wrong = np.asarray(~np.isfinite(wanted).all(1))
-        if np.count_nonzero(wrong):
+        if np.count_nonzero(finite := np.isfinite(wanted)) < finite.size:
+            wrong = np.asarray(~finite.all(1))
             reason = f"{name} returned commands that are not finite in frame {self.frame}"
             self._fail(robots[wrong], ControllerError(f"{reason}; {wanted.shape} finite are needed"))
             wanted = np.where(wrong[:, None], 0.0, wanted)
@@ -291,7 +294,7 @@ def _numbers(values: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
         numbers = np.array(values, float)
     except (TypeError, ValueError):
         numbers = np.array(np.nan)
-    if numbers.shape != shape or np.isinf(numbers).any():
+    if numbers.shape != shape or np.count_nonzero(np.isinf(numbers)):
         wrong = f"not of shape {numbers.shape}" if numbers.shape != shape else "which these are not"
         raise OmniError(f"{name} must be finite numbers {shape}, {wrong}")
     return numbers

@@ -114,7 +114,6 @@ class Seen:
 
     def of(self, rows: Rows, memory: int, delay_frames: int | Array) -> "Seen":
         """The same of some robots with that dead time and so many commands, in arrays of its own."""
-        age = None if self.age is None else self.age[rows].copy()
         return Seen(
             self.pose[rows].copy(),
             self.twist[rows].copy(),
@@ -122,14 +121,14 @@ class Seen:
             self.sent.of(rows, memory),
             self.period,
             delay_frames,
-            age,
+            None if self.age is None else self.age[rows],
             tuple(step.of(rows) for step in self.steps),
         )
 
     @property
     def carried(self) -> Array:
         """What was measured, brought from when it was seen to this frame by the filtered twist, (n, 3)."""
-        if self.age is None or not self.age.any():
+        if self.age is None or not np.count_nonzero(self.age):
             return self.measured
         brought = self.measured + self.age[:, None] * self.twist
         brought[:, 2] = wrap_angle(brought[:, 2])

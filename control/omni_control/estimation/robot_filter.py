@@ -48,6 +48,7 @@ EVIDENT_M_S = 0.1  # below it, dry friction may hold a robot, and its parameters
 MAX_BRAKING_M_S2 = 9.81
 # A robot is unresponsive if its motion is less than this share of the commanded one for a while.
 RESPONSE_FRAMES, MIN_RESPONSE, SILENT_FRAMES = 8, 0.3, 5
+SLOW_M_S = 0.05  # below which dry friction is in proportion to the speed
 DIFFERENCE = 1e-5  # of states, for the Jacobian
 
 
@@ -105,15 +106,16 @@ class RobotFilter:
             sigma[LATENCY] = LATENCY_SIGMA
             sigma[CREEP:] = np.where(np.equal(given, 0), absolute, relative * self.prior[CREEP:])
         below, above = told.delay_frames - MAX_LATENCY_BELOW, told.delay_frames + MAX_LATENCY_ABOVE
-        self._low = np.array([*3 * [0.8], max(below, 0), 0, MIN_LAG_S, 0])
-        self._high = np.array([*3 * [1.9], above, 0.2, 0.1, 0.15])
+        self._low = np.minimum([*3 * [0.8], max(below, 0), 0, MIN_LAG_S, 0], self.prior[9:])
+        self._high = np.maximum([*3 * [1.9], above, 0.2, 0.1, 0.15], self.prior[9:])
         times = np.array([*DISTURBANCE_TIME_S, *7 * [PARAMETER_TIME_S]])
         self._keep = np.append(np.ones(6), np.exp(-self.period / times))
         self._prior_covariance = alike * np.outer(sigma, sigma)
         renewed = np.sqrt(1 - self._keep**2)
         self._renewed = self._prior_covariance * np.outer(renewed, renewed)
         self._noise = np.diag(np.maximum(noise, [1e-4, 1e-4, 1e-3])) ** 2
-        self._perturbed = DIFFERENCE * np.eye(SIZE)[2:, None]
+        one = DIFFERENCE * np.eye(SIZE)
+        self._changes = np.concatenate([0 * one[:1], one, -one])[:, None]  # of states, for the Jacobian
         self.memory_frames = above + 8
         self.state, self.covariance = np.zeros((n, SIZE)), np.zeros((n, SIZE, SIZE))
         self.innovation = np.ones(n)
@@ -137,23 +139,17 @@ class RobotFilter:
         """Return the states (..., n, 16) after commands (..., n, 3) that act for durations (..., n), s."""
         duration = np.asarray(duration, float)[..., None]
         heading = state[..., 2] + state[..., 5] * duration[..., 0] / 2
-        gain, friction = state[..., GAIN], self._friction_ratios * state[..., FRICTION, None]
+        gain = state[..., GAIN]
         velocity = world_to_body(state[..., VELOCITY], heading)
         target = world_to_body(command + state[..., DISTURBANCE], heading)
-        rim = self.arm * target[..., 2]
-        travel = self._travel(velocity, rim)
-        late = self.lateness(state, travel)
+        late = self.lateness(state, self._travel(velocity))
         acceleration = (target / gain - velocity) / late
         target[..., 2] += self._compliance.turned(
             velocity, acceleration, target - velocity, state[..., LAG], state[..., CREEP]
         )
-        target, friction = target / gain, friction / gain
         decay = np.exp(-duration / late)
-        free = velocity + (1 - decay) * (target - velocity)
-        speed = np.hypot(free[..., 0], free[..., 1])[..., None]
-        direction = free / np.maximum(speed, np.maximum(0.05, (1 - decay) * friction))
-        direction[..., 2] = rim / np.maximum(travel[..., 2], np.maximum(0.03, self.arm * friction[..., 2]))
-        final = target - friction * direction
+        free = velocity + (1 - decay) * (target / gain - velocity)
+        final = (target - self._friction(state, free)) / gain
         excess = velocity - final
         result = state.copy()
         result[..., POSE] += body_to_world(duration * final + excess * (1 - decay) * late, heading)
@@ -170,19 +166,10 @@ class RobotFilter:
         """
         state, gain = self.state, self.state[:, GAIN]
         before, after = world_to_body(before, heading), world_to_body(after, heading)
-        mean = (before + after) / 2
-        rim = self.arm * mean[..., 2]
-        travel = self._travel(before, rim)
-        decay = np.exp(-self.period / self.lateness(state, travel))
-        direction = mean / np.maximum(np.hypot(mean[..., 0], mean[..., 1]), 0.01)[..., None]
-        direction[..., 2] = rim / np.maximum(travel[..., 2], 0.03)
-        friction = self._friction_ratios * state[:, FRICTION, None]
-        command = (after - decay * before) / (1 - decay) * gain + friction * direction
-        acceleration = (after - before) / self.period
-        shortfall = command - before
-        shortfall[..., 2] = 0.0
-        middle = np.concatenate([before[..., :2], mean[..., 2:]], axis=-1)
-        command[..., 2] -= self._compliance.turned(middle, acceleration, shortfall, state[:, LAG], state[:, CREEP])
+        decay = np.exp(-self.period / self.lateness(state, self._travel(before)))
+        command = (after - decay * before) / (1 - decay) * gain + self._friction(state, (before + after) / 2)
+        shortfall, acceleration = command - before, (after - before) / self.period
+        command[..., 2] -= self._compliance.turned(before, acceleration, shortfall, state[:, LAG], state[:, CREEP])
         return body_to_world(command, heading)
 
     def observe(self, seen: Seen) -> None:
@@ -209,24 +196,26 @@ class RobotFilter:
             state = np.where(share[:, None] > 0, after, state)
         return state
 
-    def _travel(self, velocity: Array, rim: Array) -> Array:
+    def _travel(self, velocity: Array) -> Array:
         """Return how fast wheels travel for each axis (..., n, 3): driving, driving, and turning too, m/s."""
         speed = np.hypot(velocity[..., 0], velocity[..., 1])
-        return np.stack([speed, speed, np.hypot(speed, rim)], axis=-1)
+        return np.stack([speed, speed, np.hypot(speed, self.arm * velocity[..., 2])], axis=-1)
+
+    def _friction(self, state: Array, velocity: Array) -> Array:
+        """Return the speeds (..., n, 3) that dry friction costs robots that go at these velocities."""
+        direction = velocity * [1.0, 1.0, self.arm] / np.maximum(self._travel(velocity), SLOW_M_S)
+        return np.asarray(self._friction_ratios * state[..., FRICTION, None] * direction)
 
     def _update(self, measured: Array | None, sent: CommandsInFlight, step: Step) -> None:
         """Take in a frame, of which vision reports poses (n, 3); None on the way to such a frame."""
         state, period = self.state, self.period
         latency = (self.latency + step.behind)[:, None]
-        shifts = np.array([0, -1, 1])[:, None, None]
-        command, sooner, later = sent.felt(np.maximum(latency + shifts, 0))
-        states = np.concatenate([state[None], state + self._perturbed, state - self._perturbed])
-        after = self.step(states, np.broadcast_to(command, (len(states), *command.shape)), period)
-        above, below = np.split(after[1:], 2)
-        transition = np.tile(np.eye(SIZE), (len(state), 1, 1))
-        transition[:, :, 2:] = np.moveaxis((above - below) / (2 * DIFFERENCE), 0, -1)
-        shifted = self.step(state, command + DIFFERENCE * (later - sooner) / 2, period)
-        transition[:, :, LATENCY] += (shifted - after[0]) / DIFFERENCE
+        latencies = np.maximum(latency + np.array([0, -1, 1])[:, None, None], 0)
+        command, sooner, later = sent.felt(latencies)
+        per_frame = (later - sooner) / (latencies[2] - latencies[1])  # how the command that acts depends on the latency
+        ends = self.step(state + self._changes, command + self._changes[..., LATENCY, None] * per_frame, period)
+        after, above, below = ends[0], ends[1 : SIZE + 1], ends[SIZE + 1 :]
+        transition = np.moveaxis((above - below) / (2 * DIFFERENCE), 0, -1)
 
         speed = np.hypot(state[:, 3], state[:, 4])
         evidence = np.minimum(speed / EVIDENT_M_S, 1) ** 2 * np.minimum(TRUSTED_INNOVATION / self.innovation, 1) ** 2
@@ -234,9 +223,9 @@ class RobotFilter:
         transition[:, :6, [9, 10, *range(LATENCY, SIZE)]] *= (evidence * responsive)[:, None, None]
         transition[:, :6, [6, 7, 8, 11]] *= responsive[:, None, None]
         transition *= self._keep[:, None]
-        predicted = self._keep * after[0] + (1 - self._keep) * self.prior
+        predicted = self._keep * after + (1 - self._keep) * self.prior
         covariance = transition @ self.covariance @ transition.swapaxes(1, 2)
-        change = np.hypot(*(after[0, :, 3:5] - state[:, 3:5]).T)
+        change = np.hypot(*(after[:, 3:5] - state[:, 3:5]).T)
         scale = np.clip(self.innovation, 1, MAX_NOISE_SCALE)
         noise = np.zeros((len(state), 6))
         noise[:, 3] = scale * ((ACCELERATION_M_S2 * period) ** 2 + (ACCELERATION_SHARE * change) ** 2)
@@ -255,12 +244,12 @@ class RobotFilter:
         error[:, 2] = wrap_angle(error[:, 2])
         seen = ~np.isnan(error[:, 0])
         error[~seen] = 0.0
-        inverse = np.linalg.inv(covariance[:, POSE, POSE] + self._noise)
-        weighed = (inverse @ error[..., None])[..., 0] * seen[:, None]
-        square = (error * weighed).sum(1) / 3
-        gain = covariance[:, :, POSE] @ inverse * seen[:, None, None]
+        with_seen = covariance[:, :, POSE] + after[..., None] * covariance[:, :, VELOCITY]
+        inverse = np.linalg.inv(with_seen[:, POSE] + after[..., None] * with_seen[:, VELOCITY] + self._noise)
+        square = (error * (inverse @ error[..., None])[..., 0]).sum(1) / 3
+        gain = with_seen @ inverse * seen[:, None, None]
         corrected = state + (gain @ error[..., None])[..., 0]
-        spread = covariance - gain @ covariance[:, POSE]
+        spread = covariance - gain @ with_seen.swapaxes(1, 2)
         distance = np.hypot(error[:, 0], error[:, 1])
         for i in np.flatnonzero((square > MAX_INNOVATION) & (distance > MAX_BRAKING_M_S2 * self.period**2)):
             # No motion leads there: the robot was put there, or the camera was moved.

@@ -52,8 +52,8 @@ class Step(NamedTuple):
         return cls(np.zeros(n), np.zeros(n, bool), np.zeros(n))
 
     def of(self, rows: Rows) -> "Step":
-        """Return the same of some robots, in arrays of its own."""
-        return Step(self.behind[rows].copy(), self.held[rows].copy(), self.after[rows].copy())
+        """Return the same of some robots."""
+        return Step(self.behind[rows], self.held[rows], self.after[rows])
 
 
 class Clock:
@@ -146,8 +146,9 @@ class KalmanFilter:
         covariance = self._transition @ self.covariance @ self._transition.T
         covariance[..., 0, 0] += moving
         covariance[..., 1, 1] += self._scale * self._wander
-        mean = np.where(held, self.mean, mean)
-        covariance = np.where(held[..., None], self.covariance, covariance)
+        if np.count_nonzero(held):
+            mean = np.where(held, self.mean, mean)
+            covariance = np.where(held[..., None], self.covariance, covariance)
         with_seen = covariance[..., 0] + after[..., None] * covariance[..., 1]  # of the state with what is seen
         variance = with_seen[..., 0] + after * with_seen[..., 1] + self._noise
         variance += np.maximum(after / self._period, 0.0) * moving
@@ -188,6 +189,7 @@ class Tracker:
     def __init__(self, pose: Array, noise: Array, latency: Array, period: float, gate: Gate) -> None:
         self.filter, self._gate = KalmanFilter(pose, period, noise), gate
         self._latency, self._period = latency, period
+        self._usual = float(latency[0, 0]) if np.ptp(latency) == 0 else latency
         self._clock, self._now = Clock(len(latency), period), Step.now(len(latency))
         self.longest = math.ceil(latency.max()) + 1
         self.pose, self.twist = self.filter.pose, self.filter.twist
@@ -205,7 +207,7 @@ class Tracker:
         if np.count_nonzero(age) or np.count_nonzero(self._clock.behind):
             self._update_late(measured, age, sent)
         else:
-            self.pose = self.filter.update(measured, sent.felt(self._latency) * self._period)
+            self.pose = self.filter.update(measured, sent.felt(self._usual) * self._period)
             self.twist, self.steps = self.filter.twist, (self._now,)
         return measured
 
