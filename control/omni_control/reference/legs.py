@@ -13,7 +13,6 @@ and Melchiorri 2012, FIR filters for online trajectory planning).
 
 import math
 from bisect import bisect_left
-from collections import defaultdict
 from collections.abc import Sequence
 from functools import partial, reduce
 
@@ -22,31 +21,25 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_control.reference.limits import ROUNDING, MotionLimits, approach_pose, within_wheels
 
-Point = tuple[float, ...]  # x, y, heading
-Way = tuple[Point, Point, MotionLimits]  # from a pose to another, within limits
+Way = tuple[tuple[float, ...], tuple[float, ...]]  # from a pose [x, y, heading] to another
 
 
-def legs(ways: Sequence[Way], period: float) -> list[Array]:
+def legs(ways: Sequence[Way], limits: MotionLimits, period: float) -> list[Array]:
     """Return for each way the poses (frames, 3) after its start, up to its end.
 
-    There it rests a frame, or two if jerk is limited. Ways with the same limits are planned
-    together, each as it would be alone.
+    There it rests a frame, or two if jerk is limited. All are planned side by side, each as it would be alone.
     """
-    together, drives = defaultdict[MotionLimits, list[Way]](list), dict[Way, Array]()
-    for way in ways:
-        together[way[2]].append(way)
-    for limits, alike in together.items():
-        drives |= zip(alike, _driven(alike, limits, period), strict=True)
+    drives = zip(ways, _driven(ways, limits, period), strict=True)
+    return [within_wheels(poses, partial(_alone, way, period), limits, period)[1:] for way, poses in drives]
 
-    def within(way: Way) -> Array:
-        return within_wheels(drives[way], lambda eased: _driven([way], eased, period)[0], way[2], period)
 
-    return [within(way)[1:] for way in ways]
+def _alone(way: Way, period: float, limits: MotionLimits) -> Array:
+    return _driven([way], limits, period)[0]
 
 
 def _driven(ways: Sequence[Way], limits: MotionLimits, period: float) -> list[Array]:
     """Return the poses (frames + 1, 3) of each way, from its start on, whatever its wheels can do."""
-    start, end = (np.array([way[i] for way in ways]) for i in (0, 1))
+    start, end = np.array(ways).reshape(-1, 2, 3).swapaxes(0, 1)
     if limits.jerk or limits.turn_jerk:
         return [_gentlest(*ends, limits, period) for ends in zip(start, end, strict=True)]
     return _fastest(start, end, limits, period)

@@ -137,9 +137,9 @@ class TimedReference(SampledReference):
         dwell_frames: int = 0,
         settle_frames: int = 0,
     ) -> None:
-        route = [(*ends, limits) for ends in pairwise(map(tuple, checked_waypoints(waypoints).tolist()))]
+        route = list(pairwise(map(tuple, checked_waypoints(waypoints).tolist())))
         ways = list(dict.fromkeys(route))  # laps repeat their legs
-        planned = dict(zip(ways, legs(ways, period), strict=True))
+        planned = dict(zip(ways, legs(ways, limits, period), strict=True))
         parts = [np.array(waypoints[:1], float)]
         for way in route:
             parts += [planned[way], np.tile(way[1], (dwell_frames, 1))]
