@@ -125,12 +125,8 @@ class Log:
             parts.append((self._frames(OWN + name, width)[self.length, :, :width], value))
         if telemetry is not None:
             parts.append((frame[:, at[NAMES[0]].start : at[NAMES[-1]].stop], telemetry))
-        if np.count_nonzero(recorded) == len(recorded):
-            for columns, value in parts:
-                columns[:] = value
-        else:
-            for columns, value in parts:
-                np.copyto(columns, value, where=recorded[:, None])
+        for columns, value in parts:
+            np.copyto(columns, value, where=recorded[:, None])
         self.length += 1
         self.lengths += recorded
 

@@ -157,12 +157,7 @@ class Simulation:
         rolls, wheels = self.plant.geometry is not None, self.plant.telemetry().wheel_angle.shape[1]
         self.team = assemble(self.rows, self._kinds, start, geometry, rolls, self._stop, self._follow)
         self._frames = np.array([reference.frames for reference in self.references])
-        self._shortest = int(self._frames.min())
         self.log = Log(self.rows if self._logged else [], wheels, int(self._frames.max()))
-        self._followers = [
-            (reference, np.flatnonzero([each is reference for each in self.references]))
-            for reference in {id(each): each for each in self.references}.values()
-        ]
 
     @property
     def done(self) -> bool:
@@ -228,7 +223,7 @@ class Simulation:
         self.log.write(
             self._recorded,
             self.team.channels,
-            ref=self._reference(),
+            ref=np.array([each.poses[min(self.frame, each.frames - 1)] for each in self.references]),
             pose=self._pose,
             vision=vision,
             vision_valid=self._valid,
@@ -243,14 +238,7 @@ class Simulation:
     @property
     def _recorded(self) -> np.ndarray:
         """Which rows go on (n,)."""
-        return self._running if self.frame < self._shortest else self._running & (self.frame < self._frames)
-
-    def _reference(self) -> Array:
-        """Where the rows should be in this frame (n, 3)."""
-        target = np.empty_like(self._pose)
-        for reference, followers in self._followers:
-            target[followers] = reference.poses[min(self.frame, reference.frames - 1)]
-        return target
+        return self._running & (self.frame < self._frames)
 
     def _stop(self, rows: np.ndarray, cause: object) -> None:
         """Stop rows that run, for a cause that can be said in words."""
