@@ -17,13 +17,7 @@ from omni_mj.show.recording.scene import TIME, indexes
 from omni_mj.show.recording.viewer import answers
 from omni_mj.simulate.log import Log
 
-PLOTS = {  # of each robot: channel -> its unit
-    "command": "m/s, m/s, rad/s",
-    "wheel_speed": "rad/s",
-    "current": "A",
-    "winding": "deg C",
-    "battery": "V",
-}
+PLOTS = "command", "wheel_speed", "current", "winding", "battery"  # channels of each robot that are plotted
 TEAMS = {"blue": (60, 110, 230), "yellow": (235, 200, 40)}
 TABLE_BYTES = 20e6  # of disk, that a recording leaves to the table, which goes on
 BELOW_M = 10.0  # the carpet: where robots are that are not there
@@ -100,8 +94,6 @@ class ServedRecording:
 
 def _blueprint() -> rrb.Blueprint:
     field = rrb.Spatial3DView(origin="world", name="field", line_grid=False)
-    plots = rrb.Tabs(
-        *(rrb.TimeSeriesView(origin=f"plots/{channel}", name=f"{channel}, {unit}") for channel, unit in PLOTS.items())
-    )
+    plots = rrb.Tabs(*(rrb.TimeSeriesView(origin=f"plots/{channel}", name=channel) for channel in PLOTS))
     time = rrb.TimePanel(timeline=TIME, play_state="following", state="collapsed")
     return rrb.Blueprint(rrb.Horizontal(field, plots, column_shares=[3, 2]), time, collapse_panels=True)
