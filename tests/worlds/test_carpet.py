@@ -19,7 +19,6 @@ from benches.plant import (
 from benches.plant import mujoco as plant_of
 
 from omni_mj.link.radio import Received
-from omni_mj.plants.mujoco import run_cycles
 from omni_mj.worlds import build
 
 # A stiff wheel loop, so that what is seen is the contact and not the firmware.
@@ -71,9 +70,7 @@ def test_sensors_are_a_cycle_late_whatever_the_step(substeps: int) -> None:
     for _ in range(6 * plant.cycles):
         told = plant.telemetry()
         true.append([*told.wheel_angle[0], plant.twist()[0, 2]])
-        plant.begin(Received.at_once(np.array([[0.5, 0.2, 3.0]])))
-        run_cycles([plant], plant._batch, 1)
-        plant.end(1)
+        plant.go(1, Received.at_once(np.array([[0.5, 0.2, 3.0]])))
         shown.append(sensed(plant))
     # The gyro feels the chassis's own axis, which tilts by less than a milliradian.
     np.testing.assert_allclose(np.array(shown)[:, :4], np.array(true)[:, :4], rtol=0, atol=1e-12)
