@@ -75,7 +75,7 @@ class Gate:
         fits = (distance > 0) & (distance <= allowed) & (np.abs(moved[:, 2]) < np.pi / 2)
         if np.count_nonzero(fits) == len(fits):  # nearly always: the rest takes as long as a filter
             self._shown = self._believed = measured
-            self._age, self._since, self._pace = age, np.zeros_like(age), distance / between
+            self._age, self._since, self._pace = age, self._no_age, distance / between
             self._elsewhere = self._backwards = self._repeated = self._since
             return measured
 

@@ -149,10 +149,14 @@ class KalmanFilter:
         if np.count_nonzero(held):
             mean = np.where(held, self.mean, mean)
             covariance = np.where(held[..., None], self.covariance, covariance)
-        with_seen = covariance[..., 0] + after[..., None] * covariance[..., 1]  # of the state with what is seen
-        variance = with_seen[..., 0] + after * with_seen[..., 1] + self._noise
-        variance += np.maximum(after / self._period, 0.0) * moving
-        innovation = measured - (mean[..., 0] + onward + after * mean[..., 1])
+        with_seen, seen_at = covariance[..., 0], mean[..., 0]  # covariance of the state with what is seen, and that
+        variance = with_seen[..., 0] + self._noise
+        if np.count_nonzero(after):
+            with_seen = with_seen + after[..., None] * covariance[..., 1]
+            seen_at = seen_at + onward + after * mean[..., 1]
+            variance = with_seen[..., 0] + after * with_seen[..., 1] + self._noise
+            variance += np.maximum(after / self._period, 0.0) * moving
+        innovation = measured - seen_at
         innovation[:, 2] = wrap_angle(innovation[:, 2])
         missed = np.isnan(innovation)
         gain = with_seen / variance[..., None]
