@@ -37,11 +37,9 @@ from omni_mj.robot.onboard import (
     telemetry_rows,
 )
 from omni_mj.robot.wheel_loops import CYCLE_S, CYCLES, Command
-from omni_mj.worlds.contact import FRICTION_RATE_HZ
 
 SLIDING_PASSES = 3  # a wheel that is found to slide may let others slide; more than two are rare
 REST_SHARE = 1 - 400.0 * CYCLE_S  # of its speed a hub keeps in a cycle if dry friction stops it; models/ssl_robot.xml
-CONTACT_DELAY_S = 1 / FRICTION_RATE_HZ - CYCLE_S  # by which contacts follow axes that turn
 
 
 class BodyParameters(NamedTuple):
@@ -59,9 +57,9 @@ class BodyParameters(NamedTuple):
     hub_dry: Array  # friction, (W, n) N m
     contact_softness: Array  # slip over torque of the contacts, (W, n) rad/s / (N m)
     lever: Array  # from axles to the carpet, (W, n) m
-    bearing: Array  # force along the axle over speed, (bearing + spin_up |w|) / (1 + spin_fades |w|), (W, n) N s/m
+    bearing: Array  # force along the axle over speed: bearing + spin_up |w| (1 - exp(-spun_at / |w|)), N s/m
     spin_up: Array
-    spin_fades: Array
+    spun_at: Array  # wheel speed at which rollers take on most of the carpet's speed, rad/s
     cost: Array  # torque that turning costs, cost w / (1 + cost_fades |w|), (W, n) N m
     cost_fades: Array
     lift: Array  # load that a turning wheel takes over, lift w^2 / (1 + lift_fades |w|), (W, n) N
@@ -120,7 +118,6 @@ class SlowForces(NamedTuple):
     """What changes slowly, and is computed every `DRAG_CYCLES` cycles; (n,) unless another shape is given."""
 
     drag: Drag
-    drift: Array  # by which rims turn faster than the carpet passes while the robot turns, (W, n) rad/s
     force: Array  # all but the wheels' pull, and its moment, (3, n) N and N m
     tilting: Array  # moments of drag and pushes that tilt the robot, (2, n) N m
     raised: Array  # load that turning wheels take over, (W, n) N
@@ -175,7 +172,8 @@ def slow_forces(p: PlanarParameters, s: PlanarState) -> SlowForces:
     )  # fmt: skip
     drag, spin = compute_drag(p.carpet, motion, body.load, body.encoder_angle), abs(body.rim_speed)
     # Rollers are spun up and braked along the axle, and pressed into the carpet as the wheel turns.
-    along_axle = -(b.bearing + b.spin_up * spin) / (1 + b.spin_fades * spin) * drag.axle_speed
+    spun_up = 1 - xp.exp(-b.spun_at / xp.maximum(spin, 1.0))
+    along_axle = -(b.bearing + b.spin_up * spin * spun_up) * drag.axle_speed
     along_rim = -b.cost * body.rim_speed / (1 + b.cost_fades * spin) / b.lever
     rollers_x, rollers_y = rotate(along_axle, along_rim, p.carpet.axle_x, p.carpet.axle_y)
     ground_x, ground_y = drag.ahead + total(rollers_x), drag.aside + total(rollers_y)
@@ -188,7 +186,6 @@ def slow_forces(p: PlanarParameters, s: PlanarState) -> SlowForces:
     tilting_y = b.height * ground_y - b.push_height * push_y
     return SlowForces(
         drag=drag,
-        drift=drag.axle_speed * rate * (CONTACT_DELAY_S / b.lever),
         force=xp.stack([ground_x + push_x + slope_x, ground_y + push_y + slope_y, moment]),
         tilting=xp.stack([tilting_x, tilting_y]),
         raised=b.lift * spin * spin / (1 + b.lift_fades * spin),
@@ -205,9 +202,8 @@ def move_body(p: BodyParameters, s: BodyState, slow: SlowForces, motor_torque: A
     ahead, aside, rate = s.twist
     own = p.rolling_inertia
     momentum = (p.inertia * s.twist).sum(1) + rate * (own[:, 1] * ahead - own[:, 0] * aside) + slow.force
-    twist, rim, torque = solve_traction(p, momentum, free - slow.drift, 1 / (softness + give), limit)
+    twist, rim, torque = solve_traction(p, momentum, free, 1 / (softness + give), limit)
     hub_speed = free - give * torque
-    rim = rim + slow.drift
     tilting = p.height * total(torque * p.jacobian[:2]) + slow.tilting
     rollers = s.rollers + p.passing * rim
     turn = CYCLE_S * twist[2]
@@ -227,7 +223,7 @@ def move_body(p: BodyParameters, s: BodyState, slow: SlowForces, motor_torque: A
         hub_speed=hub_speed,
         rim_speed=rim,
         torque=torque,
-        load=load_wheels(p, slow, tilting, rollers),
+        load=load_wheels(p, slow.raised + slow.ripple * wave(rollers), tilting),
         rollers=rollers,
         tilt=s.tilt + tilting,
     )
@@ -287,28 +283,23 @@ def solve_traction(
     return twist, rim, clip(torque, -limit, limit)
 
 
-def load_wheels(p: BodyParameters, slow: SlowForces, tilting: Array, rollers: Array) -> Array:
+def load_wheels(p: BodyParameters, raised: Array, tilting: Array) -> Array:
     """Return the load of wheels, (W, n) N.
 
     Args:
         p: Parameters.
-        slow: What changes slowly.
+        raised: What turning wheels take over, with its ripple, (W, n) N.
         tilting: Moments that tilt the robot, (2, n) N m.
-        rollers: Of each wheel that came down so far, (W, n).
     """
-    xp = namespace(tilting)
-    uneven = slow.raised + slow.ripple * wave(rollers)
-    force, moment_x, moment_y = total(uneven), total(p.contact_x * uneven), total(p.contact_y * uneven)
-    moment_x, moment_y = moment_x + tilting[0], moment_y + tilting[1]
-    shared = p.shares[0] * force + p.shares[1] * moment_x + p.shares[2] * moment_y
-    return xp.maximum(p.weight + uneven - shared, 0.0)
+    moment_x, moment_y = total(p.contact_x * raised) + tilting[0], total(p.contact_y * raised) + tilting[1]
+    shared = p.shares[0] * total(raised) + p.shares[1] * moment_x + p.shares[2] * moment_y
+    return namespace(tilting).maximum(p.weight + raised - shared, 0.0)
 
 
 def wave(turns: Array) -> Array:
     """Return 1/16 with a roller at the bottom and -1/16 between two: arcs of parabolas in place of a cosine."""
-    xp = namespace(turns)
-    away = 0.25 - abs(turns - xp.round(turns))
-    return away * (0.5 - abs(away))
+    off = 0.25 - abs(turns - namespace(turns).round(turns))
+    return off * (0.5 - abs(off))
 
 
 def report(p: PlanarParameters, s: PlanarState, record: CycleRecord) -> FrameReport:
