@@ -17,8 +17,8 @@ w^2: contacts press more as rollers come down than they pull as these go up, for
 wheel turns fast. The load ripples by the first harmonic of f.
 
 **Along the axle** a roller spins at v / q as its wheel travels at v, with the distance q from its axis to the carpet.
-It comes down about at rest, since its bearing (c) has braked it, and takes on the speed of the carpet at the rate b while
-it stands, over the angle T. With the inertia I and the pitch p, the mean force over speed is
+It comes down about at rest, since its bearing (c) has braked it, and takes on the speed of the carpet at the rate b
+while it stands, over the angle T. With the inertia I and the pitch p, the mean force over speed is
 
     <1 / q^2> (c T / p + (I - c / b) w / p (1 - exp(-b T / w))).
 
