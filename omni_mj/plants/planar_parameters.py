@@ -135,7 +135,7 @@ class PlanarBodies:
             np.interp(np.log(np.maximum(load, _LOADS_N[0])), known[0], values) for values in known[1].T
         )
         lever = lever - self._wear.T
-        away = 2 * np.pi / SPEEDS[1]  # s for which a roller's bearing brakes it until it comes down again
+        away = 2 * np.pi / SPEEDS[0]  # s for which a roller's bearing brakes it until it comes down again
         braked = (self._roller - friction / FRICTION_RATE_HZ) * (1 - np.exp(-friction / self._roller * away))
         jacobian = np.stack([-axle_y, axle_x, contact_x * axle_x + contact_y * axle_y]) / lever
         along_axle = np.stack([axle_x, axle_y, contact_x * axle_y - contact_y * axle_x])
