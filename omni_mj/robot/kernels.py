@@ -63,7 +63,12 @@ def choose_kernel(setting: str, plant: str, robots: int = 1, frames: int = 0) ->
         plant: By its name.
         robots: How many.
         frames: Of the run; 0 if that is not known.
+
+    Raises:
+        OmniError: JAX is set for a plant that it does not compute.
     """
+    if setting == "jax" and plant in ("mujoco", "kinematic"):
+        raise OmniError(f"physics.kernel = jax computes the plant planar only, not {plant}; take numpy or auto")
     if setting != "auto":
         return setting
     numpy_s = frames * (NUMPY_FRAME_S + NUMPY_ROBOT_S * robots)

@@ -82,3 +82,9 @@ def test_without_jax_its_kernel_is_refused_in_a_line(monkeypatch: pytest.MonkeyP
     with pytest.raises(OmniError, match=r"physics.kernel = jax needs the package jax"):
         om.Simulation(om.scenario("rect", plant="planar", physics={"kernel": "jax"}), ["flc"])
     assert om.Simulation(om.scenario("rect", plant="planar", reference={"laps": 300}), ["flc"])
+
+
+@pytest.mark.parametrize("plant", ["mujoco", "kinematic"])
+def test_jax_is_refused_for_plants_that_it_does_not_compute(plant: str) -> None:
+    with pytest.raises(OmniError, match=f"planar only, not {plant}"):
+        om.Simulation(om.scenario("rect", plant=plant, physics={"kernel": "jax"}), ["flc"])
