@@ -32,7 +32,7 @@ def command(
     overwrite: bool,
     quiet: bool,
 ) -> None:
-    """Identify a robot from logs: CSV or Parquet with named columns, or game logs (docs/identify.md)."""
+    """Identify a robot from logs: CSV or Parquet with named columns (docs/identify.md)."""
     from omni_mj.files import write
     from omni_mj.provenance import record
     from omni_mj.scenarios.robots import DEFAULT
@@ -41,7 +41,7 @@ def command(
 
     chosen = robot or DEFAULT
     if bool(logs) == only_plan:
-        raise OmniError("name at least one log, .csv, .parquet, .log or .log.gz; or --plan, for what to drive")
+        raise OmniError("name at least one log, .csv or .parquet; or --plan, for what to drive")
     if only_plan:
         moves = identify.plan(chosen, model)
         folder = folders.prepare(out, "identify", OUTPUTS, overwrite)

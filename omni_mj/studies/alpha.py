@@ -5,14 +5,11 @@ is late shows a small one whenever it speeds up, however much of its speed it re
 tell gain from lag. So robots drive standard profiles, from which both are measured apart (`measure.response`):
 
 - under conditions that are changed one by one;
-- worn, with every combination of causes, which says how much of gain and lag each takes (`conditions.shares`);
-
-and a controller drives robots around paths, which shows the alpha that a team would see (`drives`).
+- worn, with every combination of causes, which says how much of gain and lag each takes (`conditions.shares`).
 """
 
-import itertools
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,48 +17,31 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.measure import summary
-from omni_mj.measure.metrics import ALPHA_MIN_SPEED_M_S, ALPHA_PERCENTILES, ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES
 from omni_mj.measure.response import NAMES, Response
 from omni_mj.measure.result import Outcome, Result
-from omni_mj.measure.table import DASH, Table
+from omni_mj.measure.table import Table
 from omni_mj.measure.table import text as aligned
 from omni_mj.scenarios import distributions
 from omni_mj.scenarios.scenario import Scenario, load
-from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.studies.conditions import (
     CAUSES,
     CONDITIONS,
     LABELS,
     PROFILE,
-    USUAL,
     WORN,
     Conditions,
     changed,
     combinations,
     shares,
 )
-from omni_mj.studies.drives import (
-    AXES,
-    CONTROLLER,
-    DIRECTIONS,
-    Commanded,
-    ProfileDrives,
-    alpha_percentiles,
-    path_simulation,
-)
-from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing, total_frames
+from omni_mj.studies.drives import AXES, DIRECTIONS, Commanded, ProfileDrives
+from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
 
-TASKS = ("rect", "league")
 DEFINITIONS = {
     "steady": "speed achieved / commanded in the last 0.5 s of the cruise",
     "speeding_up": "slope of the speed achieved over that commanded in the second half of the ramp up",
     "lag_s": "way missing after the ramp up and run on after that down, beside steady gain x way; / (2 gain speed)",
     "share": "mean over all orders in which the causes could be added to a robot without any; shares add up",
-    "alpha": (
-        f"displacement achieved / commanded in windows of {ALPHA_WINDOW_FRAMES / FRAME_RATE_HZ:g} s, where in each"
-        f" and the {ALPHA_START_FRAMES / FRAME_RATE_HZ:g} s before it more than {ALPHA_MIN_SPEED_M_S:g} m/s was"
-        f" commanded along the axis; driven by {CONTROLLER}"
-    ),
 }
 _UNITS = {"steady": (1.0, 3), "speeding_up": (1.0, 3), "lag_s": (1000.0, 0)}
 _HEADINGS = ["", "", "steady gain: fwd", "side", "speeding up: fwd", "side", "lag, ms: fwd", "side"]
@@ -69,7 +49,7 @@ _HEADINGS = ["", "", "steady gain: fwd", "side", "speeding up: fwd", "side", "la
 
 @dataclass(frozen=True)
 class Study:
-    """Responses, each with the directions of `DIRECTIONS` as its last axis, and alpha in use.
+    """Responses, each with the directions of `DIRECTIONS` as its last axis.
 
     Attributes:
         conditions: Those that were changed alone, name -> values.
@@ -77,7 +57,6 @@ class Study:
         changed: Condition -> response under its values, (values, directions).
         caused: Response of a worn robot with every combination of `CAUSES`: an axis of two for each, then directions.
         wheels: Response of the worn robot's wheels, (directions,): what it would do if they did not slip.
-        in_use: Task -> axis -> percentiles of alpha.
     """
 
     conditions: Conditions
@@ -85,7 +64,6 @@ class Study:
     changed: Mapping[str, Response]
     caused: Response
     wheels: Response
-    in_use: Mapping[str, Mapping[str, Mapping[str, float]]]
 
     @property
     def worn(self) -> Response:
@@ -115,20 +93,15 @@ class Study:
             "causes": {
                 name: {cause: {"share": _list(share)} for cause, share in self.shares(name).items()} for name in NAMES
             },
-            "usual": {name: list(values) for name, values in USUAL.items()},
-            "in_use": self.in_use,
         }
 
     def text(self) -> str:
         """Return the study as tables of plain text."""
         drive = f"{PROFILE.speed_m_s:g} m/s at {PROFILE.acceleration_m_s2:g} m/s²"
         worn = f"windings at {WORN['winding_c']:g} °C, battery at {100 * WORN['charge']:g} %"
-        usual = "; ".join(f"{LABELS[name]} {', '.join(f'{v:g}' for v in values)}" for name, values in USUAL.items())
-        in_use = f"alpha over {ALPHA_WINDOW_FRAMES / FRAME_RATE_HZ:g} s in use, driven by {CONTROLLER}; {usual}"
         tables = [
             Table(f"one condition changed, {drive}", _HEADINGS, list(self._condition_rows()), 2),
             Table(f"where gain and lag come from: {drive}, {worn}", _HEADINGS, list(self._cause_rows()), 2),
-            Table(in_use, ["", "", *(f"{p} %" for p in ALPHA_PERCENTILES)], list(self._use_rows()), 2),
         ]
         return "\n\n".join(aligned(table) for table in tables if table.rows)
 
@@ -144,11 +117,6 @@ class Study:
             yield [f"share of {cause}", "", *_cells(Response(*(self.shares(name)[cause] for name in NAMES)), "+")]
         yield ["sum: the worn robot", "", *_cells(self.worn)]
         yield ["  of which its wheels turn", "", *_cells(self.wheels)]
-
-    def _use_rows(self) -> Iterator[list[str]]:
-        for task, axes in self.in_use.items():
-            for axis in AXES:
-                yield [task, axis, *([f"{value:.2f}" for value in axes[axis].values()] or [DASH] * 3)]
 
 
 @dataclass
@@ -173,7 +141,6 @@ class AlphaResult(Result):
 def alpha(
     scenario: Scenario | str = "rect",
     conditions: Conditions = CONDITIONS,
-    tasks: Sequence[str] = TASKS,
     *,
     begin: Callable[[str, int], AfterFrame] = lambda title, frames: nothing,
 ) -> AlphaResult:
@@ -183,12 +150,11 @@ def alpha(
         scenario: The robot and all its settings, or its name. Its reference is left out, and of the standard profiles
             its radio and the camera's noise as well.
         conditions: Those that are changed one by one, with their values.
-        tasks: Scenarios around whose paths a controller drives robots under usual conditions.
         begin: Called with a title and the number of frames to come; what it returns is called after each frame with
             its number.
 
     Returns:
-        Gain and lag, NaN for robots that failed, their causes, and alpha in use.
+        Gain and lag, NaN for robots that failed, and their causes.
 
     Raises:
         OmniError: There is no such scenario or condition, or the plant has no wheels.
@@ -201,17 +167,9 @@ def alpha(
     drives += [changed(chosen.settings, name, value) for name, values in conditions.items() for value in values]
     drives += [(combined, PROFILE) for combined in combinations(chosen.settings)]
     profiles = ProfileDrives(chosen, drives)
-    paths = {task: path_simulation(chosen, task) for task in tasks}
     result = AlphaResult([], [Commanded.__name__], seeds=[chosen.seed])
-    after_frame, number = begin("alpha", profiles.frames + sum(map(total_frames, paths.values()))), itertools.count()
-
-    def count(_: int) -> None:
-        after_frame(next(number))
-
     try:
-        profiles.run(count)
-        for simulation in paths.values():
-            simulation.run(count)
+        profiles.run(begin("alpha", profiles.frames))
         result.complete = True
     except StoppedError as error:
         result.stopped = error.reason
@@ -219,20 +177,16 @@ def alpha(
     measured = dict(profiles.labels)
     if result.complete:
         body = profiles.body()
-        in_use = {task: alpha_percentiles(simulation.log) for task, simulation in paths.items()}
-        result.study = _study(conditions, body, profiles.wheels().at(-1), in_use)
+        result.study = _study(conditions, body, profiles.wheels().at(-1))
         measured |= {name: getattr(body, name).ravel() for name in NAMES}
-    for simulation in (profiles.simulation, *paths.values()):
-        failures = list(simulation.failures)
-        entry = summary.entry(simulation.scenario, simulation.log, failures, {}, result.wall_s, result.stopped)
-        result.outcomes.append(Outcome(simulation.scenario, entry, simulation.rows, failures, measured))
-        measured = {}  # only the standard profiles have responses
+    simulation = profiles.simulation
+    failures = list(simulation.failures)
+    entry = summary.entry(chosen, simulation.log, failures, {}, result.wall_s, result.stopped)
+    result.outcomes.append(Outcome(chosen, entry, simulation.rows, failures, measured))
     return result
 
 
-def _study(
-    conditions: Conditions, body: Response, wheels: Response, in_use: Mapping[str, Mapping[str, Mapping[str, float]]]
-) -> Study:
+def _study(conditions: Conditions, body: Response, wheels: Response) -> Study:
     """Return the study for responses (drives, directions): unchanged, conditions one by one, combined causes."""
     start, changes = 1, {}
     for name, values in conditions.items():
@@ -240,7 +194,7 @@ def _study(
         start += len(values)
     shape = (2,) * len(CAUSES) + (len(DIRECTIONS),)
     combined = Response(*(getattr(body, name)[start:].reshape(shape) for name in NAMES))
-    return Study(conditions, body.at(0), changes, combined, wheels, in_use)
+    return Study(conditions, body.at(0), changes, combined, wheels)
 
 
 def _cells(response: Response, sign: str = "") -> list[str]:

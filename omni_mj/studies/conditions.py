@@ -1,4 +1,4 @@
-"""What alpha is studied under: conditions one by one, causes in all combinations, and what a robot meets in use."""
+"""What alpha is studied under: conditions one by one, and causes in all combinations."""
 
 import itertools
 import math
@@ -34,8 +34,6 @@ LABELS = {
     "winding_c": "winding, °C",
     "charge": "battery charge",
 }
-# What robots meet: dusty to clean carpet, from the first minute of a game to the last.
-USUAL: Conditions = {"friction": (0.6, 0.8), "winding_c": (25.0, 120.0), "charge": (1.0, 0.15)}
 WORN = {"winding_c": 120.0, "charge": 0.15}  # at the end of a game; the rest as the scenario has it
 
 CAUSES: dict[str, Callable[[Settings], Settings]] = {  # and how a robot is freed of each
@@ -83,11 +81,6 @@ def under(settings: Settings, conditions: Mapping[str, float]) -> Settings:
             raise OmniError(f"unknown condition {condition!r}; {choose(condition, [*vars(PROFILE), *sections])}")
         settings = settings.replace(**sections[condition])
     return settings
-
-
-def usual(settings: Settings) -> list[Settings]:
-    """Return settings under all combinations of `USUAL`."""
-    return [under(settings, dict(zip(USUAL, values, strict=True))) for values in itertools.product(*USUAL.values())]
 
 
 def combinations(settings: Settings) -> list[Settings]:

@@ -1,7 +1,7 @@
-"""Robots that drive standard profiles side by side, and around paths: what their response and their alpha is.
+"""Robots that drive standard profiles side by side, and how they respond.
 
 Profiles are commanded frame by frame: no controller, no dead time, and a camera without noise, whose heading keeps them
-straight. Around a path a controller drives a robot under each of the usual conditions.
+straight.
 """
 
 from collections.abc import Sequence
@@ -10,19 +10,15 @@ import numpy as np
 
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
-from omni_mj.measure import metrics
 from omni_mj.measure.response import NAMES, Profile, Response, measure
 from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.scenario import Scenario, load
+from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import Settings
-from omni_mj.simulate.log import Log
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies import conditions
 from omni_mj.studies.outcome import AfterFrame, standing
 
 DIRECTIONS = {"forward": (1.0, 0.0), "sideways": (0.0, 1.0), "diagonal": (0.5**0.5, 0.5**0.5)}
 AXES = ("forward", "sideways")
-CONTROLLER = "comp-flc"  # the paper's
 # Without limits of the command, noise and pushes.
 UNDISTURBED = {
     "control": {"max_speed_m_s": 20, "max_acceleration_m_s2": 1000},
@@ -97,30 +93,3 @@ class ProfileDrives:
         ]
         shape = (-1, len(DIRECTIONS))
         return Response(*(np.reshape([getattr(r, name) for r in responses], shape) for name in NAMES))
-
-
-def path_simulation(scenario: Scenario, task: str) -> Simulation:
-    """Return a simulation of one robot for each of the usual conditions, driven around the path of a scenario.
-
-    Args:
-        scenario: Everything but the path.
-        task: Name of the scenario with the path; robots must face along x, so that forward is x.
-    """
-    path = {"reference": load(task).settings.reference, "world": {"places": [[0, 0, 0]]}, "fault": ()}
-    settings = scenario.settings.replace(**path)
-    chosen = scenario.replace(name=task, controllers=(CONTROLLER,), paper_table=0, settings=settings, seeds=1)
-    rows = [
-        Row(i, 0, CONTROLLER, scenario.seed, usual, scenario.robot)
-        for i, usual in enumerate(conditions.usual(settings))
-    ]
-    return Simulation(chosen, rows=rows)
-
-
-def alpha_percentiles(log: Log) -> dict[str, dict[str, float]]:
-    """Return percentiles of alpha over all robots and windows, by axis; an axis without commands has none."""
-    alpha = metrics.driven_alpha(log.channel("pose")[..., :2], log.channel("applied")[..., :2])
-    percentiles: dict[str, dict[str, float]] = {}
-    for axis, values in zip(AXES, np.moveaxis(alpha, -1, 0), strict=True):
-        levels = metrics.ALPHA_PERCENTILES if np.isfinite(values).any() else ()
-        percentiles[axis] = {f"p{p}": round(float(np.nanpercentile(values, p)), 6) for p in levels}
-    return percentiles

@@ -1,6 +1,6 @@
 """Identification of a user's robot from its logs: numbers, what they predict, and what the data cannot tell.
 
-`logs` reads tables and game logs, `checks` refuses what cannot be of this robot,
+`logs` reads tables, `checks` refuses what cannot be of this robot,
 `stretches` cuts logs, `law` predicts the motion and `fit` fits it, `findings` says what the data
 tell, `robot_file` writes it.
 """
@@ -129,7 +129,7 @@ def identify(logs: Sequence[Path | str], robot: str = robots.DEFAULT, model: str
     """Identify a robot from its logs.
 
     Args:
-        logs: CSV or Parquet files, or game logs; see docs/identify.md.
+        logs: CSV or Parquet files; see docs/identify.md.
         robot: Name or file of the robot to start from: its wheels' geometry, and what is believed of it.
         model: Its MJCF, which decides geometry and masses. [the robot's file's]
 

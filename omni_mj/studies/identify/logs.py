@@ -1,25 +1,15 @@
-"""Read logs of robots: CSV, Parquet and game logs; docs/identify.md names the columns.
+"""Read logs of robots: CSV and Parquet; docs/identify.md names the columns.
 
 From trajectory.parquet of omni-mj, `vision_*` where valid, `command_*` and `wheel_angle_*` are
 taken. Each controller, seed and place is a log of its own.
-
-A game log of the Small Size League is the text SSL_LOG_FILE, a version (1), and messages: time of
-receipt in ns, kind, size, bytes. Numbers are big-endian, of 4 bytes but for the time's 8. Kinds 2
-and 4 are packets of SSL-Vision of 2010 and 2014, whose detections are alike. Source:
-RoboCup-SSL/ssl-logtools.
 """
 
-import gzip
 import os
-import re
-import struct
-import zlib
-from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import count, takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
@@ -27,8 +17,6 @@ from scipy.interpolate import BSpline, make_interp_spline
 from omni_control.errors import OmniError, choose, printable
 from omni_control.kinematics import Array
 from omni_mj import parquet
-from omni_mj.live.wire import MM_PER_M, WireError, parse
-from omni_mj.live.wire.league_pb2 import LoggedPacket
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -44,11 +32,6 @@ WHEELS = ("wheel_{}_rad", "wheel_angle_{}_rad", "wheel_{}_rad_s")
 INPUTS = f"commands ({', '.join(WORLD)}; or {', '.join(BODY)}) or wheels (wheel_1_rad or wheel_1_rad_s, ...)"
 LEAST_LINES = 30
 GAP = 3.5  # periods without a line, from which a log is cut in two
-GAME = re.compile(r"(?P<file>.+\.log(?:\.gz)?)(?P<robot>:(?:yellow|blue):\d+)?(?:,(?P<commands>.+))?")
-HEADER, MESSAGE = struct.Struct(">12si"), struct.Struct(">qii")
-START = HEADER.pack(b"SSL_LOG_FILE", 1)
-PACKETS = (2, 4)
-LARGEST = 1 << 20  # bytes of a message; datagrams have 65 kB at most
 
 
 @dataclass(frozen=True)
@@ -74,23 +57,21 @@ class RobotLog:
     notes: Sequence[str] = ()
 
 
-def read(word: Path | str) -> list[RobotLog]:
-    """Return the logs in a file.
-
-    Args:
-        word: Path of a CSV or Parquet file; or of a game log, with a robot and a file of the
-            commands that were sent to it: `GAME.log.gz:blue:3,commands.csv`.
+def read(file: Path | str) -> list[RobotLog]:
+    """Return the logs in a CSV or Parquet file.
 
     Raises:
         OmniError: The file cannot be read, columns are missing, or time does not increase.
     """
-    if game := GAME.fullmatch(str(word)):
-        return _read_game(Path(game["file"]), game["robot"], game["commands"])
-    path = Path(word)
+    path = Path(file)
     columns = _table(path)
     angles, wheels = _wheel_names(columns)
-    command = _command_names(columns)
-    _require(path, columns, ("time_s", *POSE), [*command, *wheels])
+    command = next((names for names in (OURS, WORLD, BODY) if columns.keys() >= set(names)), ())
+    for name in ("time_s", *POSE):
+        if name not in columns:
+            raise OmniError(f"{path.name}: column {name} is missing; {choose(name, columns)}")
+    if not command and not wheels:
+        raise OmniError(f"{path.name}: neither commands nor wheels; give {INPUTS}")
     pose = _numbers(path, columns, VISION if columns.keys() >= set(VISION) else POSE)
     if "vision_valid" in columns:
         pose[~columns["vision_valid"].to_numpy().astype(bool)] = np.nan
@@ -123,87 +104,16 @@ def integrate(time: Array, inputs: Array) -> BSpline:
     return make_interp_spline(ends, np.concatenate([np.zeros_like(total[:1]), total]), k=1)
 
 
-def _read_game(path: Path, robot: str | None, commands: str | None) -> list[RobotLog]:
-    """Return the logs of a robot in a game log: one for each camera and each start of vision."""
-    sightings = _read_sightings(path)
-    if robot not in sightings or commands is None:
-        raise OmniError(
-            f"{path.name}: name a robot and a file of the commands that it was sent, as "
-            f"{path.name}:yellow:3,commands.csv; robots are {', '.join(sightings) or 'not in it'}"
-        )
-    table = Path(commands)
-    columns = _table(table)
-    names = _command_names(columns)
-    _require(table, columns, ("time_s",), names)
-    values = _numbers(table, columns, ("time_s", *names))
-    _check_time(table.name, values[:, 0])
-    total = integrate(values[:, 0], values[:, 1:])
-    logs = []
-    for camera, seen in sightings[robot].items():
-        for piece in np.split(seen, np.flatnonzero(np.diff(seen[:, 0]) < 0) + 1):
-            known = piece[np.isfinite(piece).all(1) & (piece[:, 0] >= values[0, 0]) & (piece[:, 0] <= values[-1, 0])]
-            if len(known) >= LEAST_LINES:
-                clock = known[:, 0]
-                period = np.median(np.diff(clock))
-                step = np.clip(np.diff(clock, append=clock[-1] + period), 1e-3, GAP * period)
-                twist = (total(clock + step) - total(clock)) / step[:, None]
-                name = f"{path.name} ({robot[1:].replace(':', ' ')}, camera {camera})"
-                logs.append(_clean(RobotLog(name, clock, known[:, 1:], twist, names == BODY, None)))
-    if not logs:
-        raise OmniError(
-            f"{table.name}: fewer than {LEAST_LINES} images of {path.name} are within its times; time_s must be "
-            "by the clock of vision, t_capture in s"
-        )
-    return logs
-
-
-def _read_sightings(path: Path) -> dict[str, dict[int, Array]]:
-    """Return what cameras saw: robot (such as ":blue:3"), camera -> time in s and pose, (F, 4).
-
-    A file that is cut off counts as far as it goes.
-
-    Raises:
-        OmniError: The file cannot be read, or is damaged.
-    """
-    if not os.path.isfile(path):
-        raise OmniError(f"there is no log {path}")
-    seen: dict[str, dict[int, list[tuple[float, ...]]]] = defaultdict(lambda: defaultdict(list))
-    try:
-        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
-            if file.read(HEADER.size) != START:
-                raise OmniError(f"{path.name} is no game log of version 1")
-            for data in _packets(file):
-                image = parse(LoggedPacket, data).detection
-                for team, robots in (("yellow", image.robots_yellow), ("blue", image.robots_blue)):
-                    for r in robots:
-                        if r.HasField("robot_id") and r.HasField("orientation"):
-                            sighting = image.t_capture, r.x / MM_PER_M, r.y / MM_PER_M, r.orientation
-                            seen[f":{team}:{r.robot_id}"][image.camera_id].append(sighting)
-    except EOFError:
-        pass  # cut off in a packed file
-    except (OSError, zlib.error, WireError) as error:
-        raise OmniError(f"{path.name} is damaged: {printable(str(error))}") from None
-    return {robot: {camera: np.array(rows) for camera, rows in cameras.items()} for robot, cameras in seen.items()}
-
-
-def _packets(file: "BinaryIO | gzip.GzipFile") -> Iterator[bytes]:
-    """Yield the packets of vision, up to the end or to where the file is cut off."""
-    while len(head := file.read(MESSAGE.size)) == MESSAGE.size:
-        _, kind, size = MESSAGE.unpack(head)
-        if not 0 <= size <= LARGEST:
-            raise WireError(f"a message has {size} bytes")
-        data = file.read(size)
-        if len(data) == size and kind in PACKETS:
-            yield data
-
-
 def _clean(log: RobotLog) -> RobotLog:
     """Return a log without repeated lines and poses, with continuous headings.
 
     Raises:
         OmniError: There are too few lines, times are wrong, or commands are missing.
     """
-    _check_time(log.name, log.time, least_step=0.0)
+    if not np.isfinite(log.time).all():
+        raise OmniError(f"{log.name}: time_s is missing in line {np.argmin(np.isfinite(log.time)) + 1}")
+    if (back := np.diff(log.time) < 0).any():
+        raise OmniError(f"{log.name}: time_s does not increase from line {back.argmax() + 1} to {back.argmax() + 2}")
     new = np.diff(log.time, prepend=-np.inf) > 0
     if new.sum() < LEAST_LINES:
         raise OmniError(f"{log.name}: {new.sum()} times are too few; at least {LEAST_LINES}")
@@ -222,25 +132,6 @@ def _clean(log: RobotLog) -> RobotLog:
     if held.any():
         notes.append(f"{log.name}: {held.sum()} lines repeat the pose of the line before; taken as not seen")
     return RobotLog(log.name, time, pose, inputs[0], log.in_body, inputs[1], notes)
-
-
-def _check_time(name: str, time: Array, least_step: float = 1e-9) -> None:
-    if not np.isfinite(time).all():
-        raise OmniError(f"{name}: time_s is missing in line {np.argmin(np.isfinite(time)) + 1}")
-    if (bad := np.diff(time) < least_step).any():
-        raise OmniError(f"{name}: time_s does not increase from line {bad.argmax() + 1} to {bad.argmax() + 2}")
-
-
-def _require(path: Path, columns: "Columns", needed: Sequence[str], inputs: Sequence[str]) -> None:
-    for name in needed:
-        if name not in columns:
-            raise OmniError(f"{path.name}: column {name} is missing; {choose(name, columns)}")
-    if not inputs:
-        raise OmniError(f"{path.name}: neither commands nor wheels; give {INPUTS}")
-
-
-def _command_names(columns: "Columns") -> Sequence[str]:
-    return next((names for names in (OURS, WORLD, BODY) if columns.keys() >= set(names)), ())
 
 
 def _wheel_names(columns: "Columns") -> tuple[bool, list[str]]:
@@ -268,7 +159,7 @@ def _table(path: Path) -> "Columns":
 
     readers = {".csv": _read_csv, ".parquet": parquet.read}
     if path.suffix.lower() not in readers:
-        raise OmniError(f"{path}: a log is a .csv or .parquet file with named columns, or a game log, .log or .log.gz")
+        raise OmniError(f"{path}: a log is a .csv or .parquet file with named columns")
     if not os.path.isfile(path):
         raise OmniError(f"there is no log {path}")
     try:
