@@ -31,7 +31,7 @@ MESSAGE = 4000  # characters of a line, at most
 def program(command: click.Command) -> NoReturn:
     """Run a click command by what was typed, as a program of its own, and exit; see `invoke`."""
     words = sys.argv[1:]
-    sys.stdout = sys.stdout or io.StringIO()  # one that is closed
+    sys.stdout, sys.stderr = (stream or io.StringIO() for stream in (sys.stdout, sys.stderr))  # closed ones
     if "film" not in words:  # nothing else draws by MuJoCo, which looks for libraries of windows
         os.environ.setdefault("MUJOCO_GL", "disable")
     invoke(command, words)

@@ -131,19 +131,20 @@ def recorded(
 
 
 def shown(result: "Result", folder: Path, draw: bool, quiet: bool, svg: bool = False) -> None:
-    """Print the tables, draw the figures, if they are wanted, write the report, and say what is there."""
-    if not quiet:
-        _print_tables(result)
-    with console.drawing(folder):
-        if draw:
-            from omni_mj.show import figures
+    """Draw the figures, if they are wanted, write the report, print the tables and what is there."""
+    try:
+        with console.drawing(folder):
+            if draw:
+                from omni_mj.show import figures
 
-            figures.save_all(result.outcomes[0], folder / "figures", svg)
-        from omni_mj.show import report
+                figures.save_all(result.outcomes[0], folder / "figures", svg)
+            from omni_mj.show import report
 
-        report.write([folder], folder / "report.html")
-    if not quiet:
-        _print_files(result, folder)
+            report.write([folder], folder / "report.html")
+    finally:
+        if not quiet:  # last, since the reader may go
+            _print_tables(result)
+            _print_files(result, folder)
 
 
 def ended(result: "Result", folder: Path, interrupts: "Interrupts") -> None:

@@ -132,5 +132,6 @@ def _module(file: Path, changed: int) -> ModuleType:
     try:
         exec(compile(file.read_bytes(), file, "exec"), vars(module))
     except (Exception, SystemExit) as error:
-        raise OmniError(f"{file} cannot be run: {type(error).__name__}: {printable(str(error))}") from error
+        hint = "; your own modules must be on PYTHONPATH" if isinstance(error, ModuleNotFoundError) else ""
+        raise OmniError(f"{file} cannot be run: {type(error).__name__}: {printable(str(error))}{hint}") from error
     return module
