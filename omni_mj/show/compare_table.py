@@ -1,15 +1,14 @@
-"""Text of `omni-mj compare`: the table, a matrix of scenarios and controllers, verdicts, what was not done."""
+"""Text of `omni-mj compare`: the table, verdicts, what was not done."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from omni_mj.measure.statistics import CHANCE, ERRORS, best
-from omni_mj.measure.table import DASH, Table, label, plus_minus, table
+from omni_mj.measure.statistics import CHANCE, ERRORS
+from omni_mj.measure.table import DASH, Table, table
 from omni_mj.show import tables
 
 Summary = dict[str, Any]
 WITHIN_CHANCE = "?"
-STATISTICS = {"max": "Maximum", "p99": "99th percentile of the", "mean": "Mean"}
 
 
 def show(summary: Summary) -> None:
@@ -30,8 +29,6 @@ def markdown(summary: Summary) -> str:
     """Return all of it as Markdown."""
     errors, verdicts = table(summary), verdict_table(summary)
     blocks = [f"# {errors.title}", f"`{summary['repeat']}`" if summary["repeat"] else ""]
-    for statistic, name in STATISTICS.items():
-        blocks += [f"## {name} error in the plane in cm", _matrix(summary, statistic)]
     blocks += [_list(_not_done(summary))]
     if verdicts.rows:
         blocks += [f"## {verdicts.title}", _caption(summary), tables.markdown(verdicts.headings, verdicts.rows)]
@@ -60,24 +57,6 @@ def _caption(summary: Summary) -> str:
         f" paired by seed, p above {100 * CHANCE:g} % after Holm's correction for all verdicts."
         " Informed controllers are no competitors."
     )
-
-
-def _matrix(summary: Summary, statistic: str) -> str:
-    """Return the error in the plane by scenario and controller, means over the seeds, the best competitor's bold."""
-    controllers, rows = summary["controllers"], []
-    competitors = [name for name in controllers if name not in summary["informed"]]
-    for scenario, entry in summary["scenarios"].items():
-        cells, least = {}, best(entry["results"], competitors, statistic)
-        for name, result in entry["results"].items():
-            cells[name] = plus_minus(result["error_m"]["distance"][statistic], 100)
-            if result["failed"]:
-                cells[name] = f"failed {result['failed']} of {len(result['effort_m_s2']['seeds'])}"
-            elif name == least:
-                cells[name] = f"**{cells[name]}**"
-        if not entry["results"]:
-            cells[controllers[0]] = entry["status"]
-        rows.append([scenario, *(cells.get(name, "") for name in controllers)])
-    return tables.markdown(["", *(label(summary, name) for name in controllers)], rows)
 
 
 def _change(pair: Summary | None) -> str:

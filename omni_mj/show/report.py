@@ -54,15 +54,15 @@ def _page(folders: Sequence[Path], summaries: Mapping[str, Summary]) -> str:
     entries = whole["scenarios"]
     page: dict[str, Any] = {"summary": whole, "sources": summaries, "scenario": ""}
     page |= {"results": table(whole), "verdicts": compare_table.verdict_table(whole)}
+    page["settings"] = _differences(entries)
     if len(entries) == 1:
         ((name, entry),) = entries.items()
-        page |= {"title": f"{name}, {where(entry)}", "settings": _changed(entry)}
+        page["title"] = f"{name}, {where(entry)}"
         page["figures"] = _images(folders[0] / "figures")
         if (file := folders[0] / "scenario.toml").is_file():
             page["scenario"] = file.read_text(encoding="utf-8", errors="replace")
     else:
         page["title"] = f"Comparison of {len(entries)} {'scenarios' if len(summaries) == 1 else 'runs'}"
-        page["settings"] = _differences(entries)
         with TemporaryDirectory() as folder:
             figures.save_comparison(whole, Path(folder) / "compare")
             page["figures"] = _images(Path(folder))
@@ -94,32 +94,27 @@ def _values(entry: Summary) -> dict[str, Any]:
     for section, fields in entry["settings"].items():
         if isinstance(fields, dict):
             values |= {f"{section}.{name}": value for name, value in fields.items()}
-        else:
+        elif fields:
             values[section] = fields
     return values
 
 
-def _changed(entry: Summary) -> Table:
-    """Return the settings that differ from their default."""
-    declared, rows = {setting.full: setting for setting in every_setting()}, []
-    for name, value in _values(entry).items():
-        setting = declared.get(name)  # else of a controller, or a list of faults
-        default = json.loads(json.dumps(setting.default)) if setting else None  # tuples are lists in a summary
-        if setting and default not in (None, value):
-            rows.append([name, shown(value), shown(default), setting.unit, setting.doc])
-        elif setting is None and value:
-            rows.append([name, shown(value), DASH, "", ""])
-    headings = ["setting", "value", "default", "unit", "meaning"]
-    return Table("Settings that differ from their default", headings, rows, len(headings))
-
-
 def _differences(entries: Mapping[str, Summary]) -> Table:
-    """Return the settings, robot and plant in which runs differ, with each one's value."""
-    values = [_values(entry) | {key: entry[key] for key in ("plant", "robot")} for entry in entries.values()]
-    names = dict.fromkeys(name for settings in values for name in settings)
-    rows = [[name, *(shown(settings.get(name)) for settings in values)] for name in names]
-    rows = [row for row in rows if len(set(row[1:])) > 1]
-    return Table("Settings in which they differ", ["setting", *entries], rows, 1 + len(entries))
+    """Return the settings in which runs differ, with each one's value; of a single run, from the defaults."""
+    columns = {name: _values(entry) for name, entry in entries.items()}
+    if len(entries) == 1:
+        (values,) = columns.values()  # where there is no default, the robot's value counts as one
+        defaults = {setting.full: setting.default for setting in every_setting()}
+        defaults |= {name: values.get(name) for name, default in defaults.items() if default is None}
+        columns = {"default": defaults} | columns
+        title = "Settings that differ from their default"
+    else:
+        for name, entry in entries.items():
+            columns[name] |= {key: entry[key] for key in ("plant", "robot")}
+        title = "Settings in which they differ"
+    names = dict.fromkeys(name for values in columns.values() for name in values)
+    rows = [[name, *(shown(values.get(name)) for values in columns.values())] for name in names]
+    return Table(title, ["setting", *columns], [row for row in rows if len(set(row[1:])) > 1], 1 + len(columns))
 
 
 def _images(folder: Path) -> dict[str, str]:

@@ -13,7 +13,7 @@ from matplotlib.image import imread
 
 from omni_control.registry import CONTROLLERS
 
-NAMES = ("path", "output", "error", "why", "alpha", "seeds")
+NAMES = ("path", "output", "error", "alpha", "seeds")
 OTHERS = ("mine", "yours")
 
 
@@ -77,12 +77,12 @@ def test_a_row_that_failed_is_drawn_up_to_there_and_leaves_room_for_the_others(c
     run = outcome(names, 1, ends={controllers - 1: 90})
     assert run.log
     run.log.channel("pose")[80:90, -1, 0] += 1.0
-    figures = drawn(run, "path", "output", "error", "why")
+    figures = drawn(run, "path", "output", "error")
     for name in ("output", "error"):
         shown = [curve for axes in figures[name].axes for curve in curves(axes, names[-1])]
         assert {np.flatnonzero(~np.isnan(curve))[-1] for curve in shown} == {89}
     assert figures["error"].axes[0].get_ylim()[1] < 10
-    assert all(f"{names[-1]} failed" in _texts(figures[name]) for name in ("path", "output", "error", "why"))
+    assert all(f"{names[-1]} failed" in _texts(figures[name]) for name in figures)
 
 
 def _texts(figure: Any) -> str:
@@ -116,13 +116,12 @@ def test_controllers_are_told_apart_without_colour_and_keep_their_look(controlle
     assert all(look([name]) == [line] for name, line in zip(controllers, lines, strict=True) if name in CONTROLLERS)
 
 
-def test_a_comparison_has_a_dot_at_each_mean_and_names_what_is_missing() -> None:
-    """In cm; a value that a seed lacks is a word."""
+def test_a_comparison_has_a_dot_at_each_mean_of_all_seeds() -> None:
+    """In cm; without a dot where a seed has no value."""
     run = outcome(ends={5: 100}).entry
     figure = compared({"s1": outcome().entry, "s2": run, "s3": run | {"results": {}}}, ["c1"])
-    words = ["failed"] * 4 + ["never"]
-    assert [{text.get_text().strip() for text in axes.texts} for axes in figure.axes] == [{word} for word in words]
     axes = figure.axes[0]
-    lines = [line for line in axes.get_lines() if len(line.get_xdata())]
-    np.testing.assert_allclose([line.get_xdata()[0] for line in lines], np.sqrt(2) * np.array([0.1, 1.1, 0.1]))
+    dots = {bar.get_label(): bar.lines[0].get_xdata() for bar in axes.containers}
+    expected = np.sqrt(2) * np.array([[0.1, 0.1], [1.1, np.nan]])
+    np.testing.assert_allclose([dots["c0"], dots["c1 (informed)"]], expected)
     assert [label.get_text() for label in axes.get_yticklabels()] == ["s1", "s2"]

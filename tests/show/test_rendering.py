@@ -15,7 +15,7 @@ pytestmark = pytest.mark.skipif(
 )
 CARPET, ORANGE, BLUE = (33, 66, 45), (0xD5, 0x5E, 0x00), (0x00, 0x72, 0xB2)
 # Parts of a window of 1600x900 without their title bars: rows, columns.
-FIELD, PLAN, CLOSE_UP = np.s_[70:400, 0:790], np.s_[440:690, 0:395], np.s_[440:690, 405:795]
+FIELD, CLOSE_UP = np.s_[70:400, 0:790], np.s_[440:690, 0:795]
 PLOTS = np.s_[70:860, 810:1590]
 
 
@@ -37,7 +37,7 @@ def count(image: NDArray, colour: tuple[int, int, int]) -> int:
 
 @pytest.mark.parametrize("tab", ["tracking", "why"])
 def test_a_picture_shows_field_robots_and_plots(recording: Path, tmp_path: Path, tab: str) -> None:
-    """Robots move on the plan, and leave paths there."""
+    """Robots move on the field, and leave paths there."""
     images = []
     for time_s in (0.0, 3.0):
         out = tmp_path / f"{time_s}.png"
@@ -47,7 +47,7 @@ def test_a_picture_shows_field_robots_and_plots(recording: Path, tmp_path: Path,
     assert start.shape == (900, 1600, 3)
     assert count(start[FIELD], CARPET) > 100_000
     assert count(start[CLOSE_UP], BLUE) > 5_000
-    assert (np.abs(later[PLAN] - start[PLAN]).max(-1) > 60).sum() > 2_000
+    assert (np.abs(later[FIELD] - start[FIELD]).max(-1) > 60).sum() > 2_000
     assert all(count(later[PLOTS], colour) > 300 for colour in (ORANGE, BLUE))
 
 

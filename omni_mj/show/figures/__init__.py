@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +21,6 @@ TITLES = {
     "path": "Path travelled, and enlarged, in cm, where each controller strays farthest",
     "output": "Velocities commanded",
     "error": "Absolute errors",
-    "why": "Why: errors, and the frames in which something is at its limit",
     "alpha": "Motor correction factor alpha",
 }
 Entry = dict[str, Any]  # a scenario's, in a summary
@@ -66,7 +64,7 @@ def drawings(outcome: "Outcome") -> dict[str, Callable[[Figure], None]]:
     robots = [robot for robot in shown_robots(outcome.log, 1) if robot.length]
     by_row = {failure.row: failure for failure in outcome.failures}
     failures = {robot.name: by_row[robot.row] for robot in robots if robot.row in by_row}
-    functions = {"path": run.draw_paths, "output": run.draw_output, "error": run.draw_errors, "why": run.draw_causes}
+    functions = {"path": run.draw_paths, "output": run.draw_output, "error": run.draw_errors}
     if run.estimators(robots):
         functions["alpha"] = run.draw_alpha
     figures: dict[str, Callable[[Figure], None]] = {
@@ -96,28 +94,29 @@ def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figur
     slots = style.slots(name for entry in entries.values() for name in entry["results"])
     tops = np.cumsum([0.0, *(len(entry["results"]) + GAP for entry in entries.values())])
     figure.set_size_inches(11, 1.9 + LINE_IN[len(entries) == 1] * tops[-1])
+    lines: dict[str, list[tuple[float, Entry]]] = {name: [] for name in slots}
+    for entry, top in zip(entries.values(), tops, strict=False):
+        for i, (name, result) in enumerate(entry["results"].items()):
+            lines[name].append((top + i + (GAP + 1) / 2, result))
     grid = figure.subplots(1, len(PANELS), sharey=True)
     for axes, (title, (scale, spread_of)) in zip(grid, PANELS.items(), strict=True):
-        for k, (entry, span) in enumerate(zip(entries.values(), pairwise(tops), strict=True)):
-            if k % 2 == 0:
-                axes.axhspan(*span, color="#F4F4F4", lw=0, zorder=0)
-            for line, (name, result) in enumerate(entry["results"].items()):
-                label = name + " (informed)" * (name in informed)
-                look = style.line(slots[name]) | {"linestyle": "none", "label": label}
-                spread, height = spread_of(result), span[0] + line + (GAP + 1) / 2
-                if spread["mean"] is None or None in spread["seeds"]:  # not every seed has a value
-                    axes.plot([], [], **look)
-                    word = "never " if title == SETTLE else "failed "
-                    place: dict[str, Any] = {"transform": axes.get_yaxis_transform(), "ha": "right", "va": "center"}
-                    axes.text(1, height, word, fontsize=7, color=look["color"], **place)
-                else:
-                    half = scale * (spread["plus_minus"] or 0.0)
-                    axes.errorbar(scale * spread["mean"], height, xerr=half, elinewidth=1.2, **look)
+        smallest = np.inf
+        for name, points in lines.items():
+            spreads = [spread_of(result) for _, result in points]
+            # What a seed lacks, since it failed or never settled, is no number and not drawn.
+            means = [None if None in spread["seeds"] else spread["mean"] for spread in spreads]
+            values, half = (
+                scale * np.array(numbers, float)
+                for numbers in (means, [spread["plus_minus"] or 0 for spread in spreads])
+            )
+            look = style.line(slots[name]) | {"linestyle": "none", "label": name + " (informed)" * (name in informed)}
+            axes.errorbar(values, [height for height, _ in points], xerr=half, elinewidth=1.2, **look)
+            smallest = min(smallest, *values[np.isfinite(values)], np.inf)
+        for top in tops[1:-1]:
+            axes.axhline(top, color="#DDDDDD", lw=0.8, zorder=0)
         axes.margins(x=0.08)
-        spreads = [spread_of(result) for entry in entries.values() for result in entry["results"].values()]
-        smallest = min((spread["mean"] for spread in spreads if spread["mean"] is not None), default=0.0)
-        if title != SETTLE and smallest > 0:
-            axes.set_xlim(scale * smallest / 2, 1.15 * axes.dataLim.x1)
+        if title != SETTLE and 0 < smallest < np.inf:
+            axes.set_xlim(smallest / 2, 1.15 * axes.dataLim.x1)
             canvas.use_log_scale(axes.xaxis)
         axes.set_xlabel(title)
         axes.grid(axis="y", visible=False)

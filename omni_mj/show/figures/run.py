@@ -1,4 +1,4 @@
-"""Figures of a run, of each controller's first row: path, output, errors, causes of errors, motor correction factor."""
+"""Figures of a run, of each controller's first row: path, output, errors, motor correction factor."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
@@ -10,9 +10,8 @@ from matplotlib.patches import Rectangle
 from scipy.spatial import KDTree
 
 from omni_control.kinematics import Array
-from omni_mj.measure import causes
 from omni_mj.measure.metrics import ALPHA_WINDOW_FRAMES
-from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
+from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
 from omni_mj.show.shown import ALPHA_RANGE, Robot
@@ -23,7 +22,6 @@ PAPER_ALPHA = (0.7, 1.0)  # section 2
 HALF_WIDTH, MIN_HALF_M = 1.25, 0.005  # of a square, in deviations; at least
 COLUMNS, TOGETHER = 4, 3  # squares in a row; controllers that a square shows at most, else its own and the first
 STEP_M = 0.0005  # of points on the path, to which distances are measured
-CAUSE_SHARE = 0.19  # height of a line of causes, of that of the errors
 Failures = Mapping[str, Failure]  # by the names of the robots that were stopped
 
 
@@ -80,30 +78,6 @@ def draw_errors(robots: Sequence[Robot], failures: Failures, figure: Figure) -> 
         axes.set_title(canvas.wrapped(f"largest, {labels[axis].split()[-1]}: {', '.join(texts)}", figure))
         axes.set_ylim(bottom=0)
     canvas.add_legend(figure, figure.axes)
-
-
-def draw_causes(robots: Sequence[Robot], failures: Failures, figure: Figure) -> None:
-    """Draw each controller's error in the plane, and below it the frames in which something is at its limit."""
-    errors = {robot.name: np.hypot(*robot.error()[:, :2].T) for robot in robots}
-    top = max([*(error.max() for name, error in errors.items() if name not in failures), 1e-9])
-    grid = canvas.time_axes(figure, len(robots), 1, 1.15, sharey=True)[:, 0]
-    for axes, robot in zip(grid, robots, strict=True):
-        error, duty = errors[robot.name], robot["duty_peak"]
-        axes.plot(canvas.seconds(error), error, color=style.colour(robot.slot))
-        name = robot.name + " failed" * (robot.name in failures)
-        title = f"{name}: largest {error.max():.2f} cm, mean {error.mean():.2f} cm"
-        axes.set_title(title + (f", mean duty {np.nanmean(duty):.0%}" if np.isfinite(duty).any() else ""))
-        axes.axhline(0, color="#888888", lw=0.8)
-        active = causes.of_row(robot.log, robot.row)
-        for line, (cause, frames) in enumerate(active.items()):
-            y = -CAUSE_SHARE * top * (line + 0.65)
-            axes.eventplot(PERIOD_S * np.flatnonzero(frames), lineoffsets=y, linelengths=0.12 * top, colors="#333333")
-            text = f" {causes.CAUSES[cause]}  {frames.mean():.1%}"
-            axes.text(1, y, text, fontsize=8, va="center", transform=axes.get_yaxis_transform())
-        axes.set_ylim(-CAUSE_SHARE * top * (len(active) + 0.3), 1.05 * top)
-        axes.set_yticks([tick for tick in axes.get_yticks() if 0 <= tick <= 1.05 * top])
-        _mark_failure(axes, robot, failures)
-    grid[len(grid) // 2].set_ylabel("error in the plane, cm")
 
 
 def estimators(robots: Sequence[Robot]) -> list[Robot]:

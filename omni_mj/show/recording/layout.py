@@ -1,4 +1,4 @@
-"""Layout of a recording in the viewer: the scene from above, from aside and from next to a robot, series, texts."""
+"""Layout of a recording in the viewer: the scene from aside and from next to a robot, series, texts."""
 
 from collections.abc import Mapping, Sequence
 
@@ -9,11 +9,12 @@ import rerun.blueprint as rrb
 from omni_control.kinematics import Array
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.show.recording.plots import SINGLE, Plot
-from omni_mj.show.recording.scene import FRAME, TIME, extent
+from omni_mj.show.recording.scene import FRAME, TIME
 
 LEGEND_LINES = 3  # that the legend of a plot has room for; with more, the plot is higher
 LEGEND_SHARE = 0.4  # of a run's time, left free on the right for the legend
-FIELD = "field (ring: seen by vision; two rings: predicted; dot: reference)"
+MARGIN_M = 0.8  # in sight around the references, in all
+FIELD = "field (ring: seen by vision; cylinder: predicted; dot: reference)"
 
 
 def blueprint(
@@ -27,10 +28,10 @@ def blueprint(
         tabs: Plots of each tab.
         live: Follow what is being recorded instead of waiting at its start.
     """
-    low, high = extent(paths)
-    (x, y), reach = (low + high) / 2, float(np.hypot(*(high - low)))
-    back = max(0.6 * reach, (high[1] - low[1]) / 2 + 0.28 * reach)  # behind the names, which lie at the front
-    above = max(high[1] - low[1], (high[0] - low[0]) / 1.5)  # from where all is in sight of an eye of 55 degrees
+    points = np.concatenate([path[:, :2] for path in paths])
+    low, high = points.min(0), points.max(0)
+    (x, y), reach = (low + high) / 2, MARGIN_M + float(np.hypot(*(high - low)))
+    aside = ([x, y - 0.6 * reach, 0.55 * reach], [x, y, 0])
     near = ([0.22, 0.25, 0.09], [0, 0, 0.055])  # close enough to see the rollers
     second = min(1, len(names) - 1)  # where there is room for one robot, not the one that others are compared with
     close_ups = [
@@ -38,11 +39,8 @@ def blueprint(
         for name in names
     ]
     left = rrb.Vertical(
-        _scene(FIELD, ["$origin/**"], ([x, y - back, 0.42 * reach], [x, y - 0.07 * reach, 0]), names),
-        rrb.Horizontal(
-            _scene("plan", ["$origin/**", "- world/names"], ([x, y - 0.03 * above, above], [x, y, 0]), names),
-            rrb.Tabs(*close_ups, active_tab=second),
-        ),
+        _scene(FIELD, ["$origin/**"], aside, names),
+        rrb.Tabs(*close_ups, active_tab=second),
         rrb.Tabs(
             rrb.TextDocumentView(origin="summary", name="summary"),
             rrb.TextLogView(

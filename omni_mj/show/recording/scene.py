@@ -1,6 +1,6 @@
 """Spatial part of a recording: field, reference, robots, and where robots are believed to be."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -19,7 +19,6 @@ Frames = NDArray[np.int_]  # numbers of frames, (n,)
 FRAME, TIME = "frame", "time"  # timelines
 CARPET, LINES, GOALS, REFERENCE = (33, 66, 45), (150, 175, 158), (190, 190, 190), (240, 240, 240)
 RADIUS_M, HEIGHT_M = 0.09, 0.15  # of a robot: the envelope that the rules allow
-MARGIN_M = 0.3  # shown around the reference
 TIE_M = 5e-4  # from a robot up to the next: of robots at one place, one must hide the other
 COVER = "cover"  # material of the geoms that tell robots apart by their colour
 LIGHTER = 110  # of 255
@@ -40,30 +39,17 @@ def indexes(frames: Frames) -> list[rr.TimeColumn]:
     return [rr.TimeColumn(FRAME, sequence=frames), rr.TimeColumn(TIME, duration=frames * PERIOD_S)]
 
 
-def extent(paths: Iterable[Array]) -> tuple[Array, Array]:
-    """Return the corners (2,) of what a view should show, in m: references (frames, 3) with a margin."""
-    points = np.concatenate([path[:, :2] for path in paths])
-    return points.min(0) - MARGIN_M, points.max(0) + MARGIN_M
-
-
 def log_static(stream: rr.RecordingStream, robots: Sequence[Robot], paths: Sequence[Array]) -> None:
     """Log what does not change: the field, the references (frames, 3) on it, and how robots look."""
     stream.log("world", rr.ViewCoordinates.FLU, static=True)
     log_field(stream)
     strips = [_at(path, 0.002) for path in paths]
     stream.log("world/reference", rr.LineStrips3D(strips, colors=[REFERENCE], radii=_points(0.7)), static=True)
-    # Names are a legend on the carpet: above robots so close to each other they would hide them.
-    (left, front), (right, _) = extent(paths)
-    places = [[left + (right - left) * (i + 0.5) / len(robots), front, 0.01] for i in range(len(robots))]
-    names, colours = [robot.name for robot in robots], [style.pale(robot.colour, 0.3) for robot in robots]
-    legend = rr.Points3D(places, labels=names, colors=colours, radii=_points(4), show_labels=True)
-    stream.log("world/names", legend, static=True)
     for robot in robots:
         entity = f"world/{robot.name}"
         log_robot(stream, f"{entity}/robot", robot.colour, robot.settings)
-        # Paths of the first robots are wider, to show beneath those that are drawn over them.
-        width = _points(1.0 + 0.4 * (len(robots) - 1 - robot.order))
-        stream.log(f"{entity}/path", rr.LineStrips3D.from_fields(colors=[robot.colour], radii=width), static=True)
+        path = rr.LineStrips3D.from_fields(colors=[robot.colour], radii=_points(1.4))
+        stream.log(f"{entity}/path", path, static=True)
         target = rr.Points3D.from_fields(colors=[REFERENCE], radii=_points(3.5))
         stream.log(f"{entity}/target", target, static=True)
 
@@ -93,12 +79,19 @@ def send(stream: rr.RecordingStream, robot: Robot, frames: Frames) -> None:
     stream.send_columns(f"{entity}/path", time, rr.LineStrips3D.columns(strips=segments))
     targets = rr.Points3D.columns(positions=_at(robot["ref"][frames], 0.005))
     stream.send_columns(f"{entity}/target", time, targets)
-    for belief, heights in (("vision", [HEIGHT_M]), ("predicted", [0.0, HEIGHT_M])):
+    for belief, low in (("vision", HEIGHT_M), ("predicted", 0.0)):
         values = robot[belief][frames]
         known = ~np.isnan(values[:, 0])
         if known.any():
             stream.send_columns(f"{entity}/{belief}", indexes(frames[known]), transform(values[known]))
-            stream.send_columns(f"{entity}/{belief}/shape", indexes(frames[known][:1]), _rings(robot.colour, heights))
+            envelope = rr.Cylinders3D.columns(
+                lengths=[HEIGHT_M - low],
+                radii=[RADIUS_M],
+                centers=[[0, 0, (HEIGHT_M + low) / 2]],
+                colors=[style.pale(robot.colour)],
+                line_radii=[_points(1.2)],
+            )
+            stream.send_columns(f"{entity}/{belief}/shape", indexes(frames[known][:1]), envelope)
 
 
 def send_pose(
@@ -194,15 +187,6 @@ def _transform(position: Array, angle: Array, axis: Array) -> rr.ComponentColumn
     half = angle[:, None] / 2
     quaternion = np.concatenate([np.sin(half) * axis, np.cos(half)], axis=1)
     return rr.Transform3D.columns(translation=position, quaternion=quaternion)
-
-
-def _rings(colour: style.Rgb, heights: Sequence[float]) -> rr.ComponentColumnList:
-    """Return rings around a robot, m above the carpet, with a line to its front: where it is believed to be."""
-    angle = np.linspace(0, 2 * np.pi, 37)
-    rim = np.concatenate([[[0, 0]], RADIUS_M * np.column_stack([np.cos(angle), np.sin(angle)])])
-    strips, count = [_at(rim, height) for height in heights], len(heights)
-    look: dict[str, Any] = {"colors": [style.pale(colour)] * count, "radii": [_points(1.2)] * count}
-    return rr.LineStrips3D.columns(strips=strips, **look).partition([count])
 
 
 def _points(size: float) -> float:
