@@ -4,8 +4,7 @@ import inspect
 import json
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from difflib import get_close_matches
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -50,10 +49,8 @@ def show(only: str | None = None, word: str = "") -> None:
         for title, lines in lists.items()
     }
     if not any(matching.values()):
-        words = {part for lines in lists.values() for row in lines for part in re.findall(r"[\w-]+", row[0])}
-        near = get_close_matches(word, sorted(words | {*TITLES}), n=1)
-        hint = f"did you mean {near[0]!r}?" if near else "omni-mj list prints all that there is"
-        raise OmniError(f"there is no {word!r} in the {only or 'lists'}; {hint}")
+        names = {part for lines in lists.values() for row in lines for part in row[0].split(".")}
+        raise OmniError(f"there is no {word!r} in the {only or 'lists'}; {choose(word, sorted(names))}")
     for title, lines in matching.items():
         if lines:
             print(f"{title} ({TITLES[title]})")
@@ -62,29 +59,21 @@ def show(only: str | None = None, word: str = "") -> None:
 
 def rows(title: str) -> Rows:
     """Return the lines of the list called `title`: a name first, its meaning last."""
-    lists: dict[str, Callable[[], Rows]] = {
-        "scenarios": lambda: _descriptions(toml_files.builtin()),
-        "controllers": lambda: [[name, _first_line(where) + _remark(name)] for name, where in CONTROLLERS.items()],
-        "plants": plants,
-        "robots": lambda: _descriptions(robots.builtin()),
-        "settings": settings,
-        "faults": faults,
-    }
-    return lists[title]()
+    match title:
+        case "scenarios" | "robots":
+            return _descriptions(toml_files.builtin() if title == "scenarios" else robots.builtin())
+        case "controllers":
+            return [[name, _first_line(where) + _remark(name)] for name, where in CONTROLLERS.items()]
+        case "plants":
+            from omni_mj.scenarios.classes import PLANTS
 
+            return [[name, _first_line(where)] for name, where in PLANTS.items()]
+        case "settings":
+            from omni_mj.scenarios.settings import every_setting
 
-def plants() -> Rows:
-    """Return name and meaning of every plant."""
-    from omni_mj.scenarios.classes import PLANTS
-
-    return [[name, _first_line(where)] for name, where in PLANTS.items()]
-
-
-def settings() -> Rows:
-    """Return name, default, unit, range and meaning of every setting."""
-    from omni_mj.scenarios.settings import every_setting
-
-    return [_row(setting.full, setting) for setting in every_setting()]
+            return [_row(setting.full, setting) for setting in every_setting()]
+        case _:
+            return faults()
 
 
 def faults() -> Rows:

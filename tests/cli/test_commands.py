@@ -72,7 +72,7 @@ def test_help_names_every_command_and_its_examples_parse(capsys: pytest.CaptureF
         (["show", "tigers-v2061"], "did you mean 'tigers-v2016'?"),
         (["show", "nowhere.toml"], "there is no file nowhere.toml"),
         (["show", "lqr", "--set", "radio.delay_frames=1"], "lqr is a controller"),
-        (["list", "fricton"], "did you mean 'friction'?"),
+        (["list", "fricton"], "did you mean 'friction'"),
         (["list", "robot", "tiger2016"], "did you mean 'tigers-v2016'?"),
         (["list", "scenarois", "rect"], "did you mean 'scenarios'?"),
         (["new", "robt", "mine"], "'robt' is not one of"),

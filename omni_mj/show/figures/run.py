@@ -20,7 +20,7 @@ from omni_mj.simulate.simulation import Failure
 TURNED_DEG = 0.06  # error of heading from which on a robot turns
 PAPER_ALPHA = (0.7, 1.0)  # section 2
 HALF_WIDTH, MIN_HALF_M = 1.25, 0.005  # of a square, in deviations; at least
-COLUMNS, TOGETHER = 4, 3  # squares in a row; controllers that a square shows at most, else its own and the first
+COLUMNS = 4  # squares in a row
 STEP_M = 0.0005  # of points on the path, to which distances are measured
 Failures = Mapping[str, Failure]  # by the names of the robots that were stopped
 
@@ -43,7 +43,7 @@ def draw_paths(robots: Sequence[Robot], failures: Failures, figure: Figure) -> N
         centre, deviation = travelled[distance.argmax()], float(distance.max())
         half = max(HALF_WIDTH * deviation, MIN_HALF_M)
         axes = figure.add_subplot(grid[1 + i // columns, i % columns])
-        _draw(axes, robots if len(robots) <= TOGETHER else [robots[0], robot], reference, centre, 100)
+        _draw(axes, robots, reference, centre, 100)
         limits = (-100 * half, 100 * half)
         axes.set(xlim=limits, ylim=limits, xlabel=f"{100 * deviation:.3g} cm off", title=f"{i + 1} {robot.name}")
         axes.spines[:].set_visible(True)
@@ -100,7 +100,6 @@ def draw_alpha(robots: Sequence[Robot], failures: Failures, figure: Figure) -> N
         if np.isfinite(low).any():
             axes.fill_between(time, low, high, color=colour, alpha=0.25, lw=0, zorder=1, label="± 2 sigma of it")
         axes.set(title=f"{robot.name}, {'xy'[axis]}", ylabel="" if axis else "alpha")
-        _mark_failure(axes, robot, failures)
     grid[0, 0].set_ylim(ALPHA_RANGE)
     canvas.add_legend(figure, grid.flat)
 
@@ -122,15 +121,7 @@ def _compare(
         for robot in robots:
             drawn, look = values(robot)[:, axis], style.line(robot.slot) | {"marker": ""}
             axes.plot(canvas.seconds(drawn), drawn, label=robot.name, zorder=3, **look)
-            _mark_failure(axes, robot, failures)
     return grid
-
-
-def _mark_failure(axes: Axes, robot: Robot, failures: Failures) -> None:
-    """Draw a line at the frame in which a robot was stopped, if it was."""
-    if robot.name in failures:
-        colour, label = style.colour(robot.slot), f"{robot.name} failed"
-        axes.axvline(failures[robot.name].time_s, color=colour, lw=1, ls=(0, (1, 1)), zorder=2, label=label)
 
 
 def distance_to_path(path: Array, points: Array) -> Array:

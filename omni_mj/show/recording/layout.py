@@ -43,11 +43,7 @@ def blueprint(
         rrb.Tabs(*close_ups, active_tab=second),
         rrb.Tabs(
             rrb.TextDocumentView(origin="summary", name="summary"),
-            rrb.TextLogView(
-                origin="events",
-                name="events",
-                columns=rrb.TextLogColumns(timeline_columns=[FRAME], text_log_columns=["Body"]),
-            ),
+            rrb.TextLogView(origin="events", name="events"),
             rrb.TextDocumentView(origin="settings", name="settings"),
         ),
         row_shares=[5, 4, 2.3],

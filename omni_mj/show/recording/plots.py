@@ -75,7 +75,7 @@ def tabs(log: Log) -> dict[str, list[Plot]]:
 
     speeds = tuple(f"{wheel} {kind}" for kind in ("commanded", "measured") for wheel in wheels)
     speed = per_wheel("wheel_speed", "wheel speed, rad/s")._replace(values=wheel_speeds, lines=speeds, white=white)
-    ahead, held = "from the robot to the pose that its controller acts on, cm", "held back by a limit"
+    ahead = "from the robot to the pose that its controller acts on, cm"
     tabs = {
         "tracking": [
             Plot("error/x", "tracking error in x, cm", lambda robot: robot.error()[:, :1]),
@@ -93,7 +93,7 @@ def tabs(log: Log) -> dict[str, list[Plot]]:
             Plot("why/sliding", "slip beyond creep of the wheel that slides most, m/s", _sliding, channel="slip"),
             _channel("duty_peak", "why/duty", "greatest duty of the motors", range=SHARE),
             Plot("why/limited", "share of time at a driver's limit", _limited, channel="current_limited", range=SHARE),
-            Plot("why/held", f"share of the last 0.25 s in which the command is {held}", _held_back, range=SHARE),
+            Plot("why/held", "command held back by a limit (1: yes)", _held_back, range=SHARE),
         ],
         "alpha": [_alpha("x", 0), _alpha("y", 1)],
         "wheels": [
@@ -157,6 +157,5 @@ def _sliding(robot: Robot) -> Array:
 
 
 def _held_back(robot: Robot) -> Array:
-    """Return the share of the last quarter of a second in which the command was at a limit."""
-    held = causes.held_back(robot["command"], robot.settings.control)
-    return np.convolve(held, np.full(ALPHA_WINDOW_FRAMES, 1 / ALPHA_WINDOW_FRAMES))[: len(held), None]
+    """Return 1 in the frames in which the command is at a limit, else 0."""
+    return causes.held_back(robot["command"], robot.settings.control)[:, None].astype(float)

@@ -90,6 +90,7 @@ def send(stream: rr.RecordingStream, robot: Robot, frames: Frames) -> None:
                 centers=[[0, 0, (HEIGHT_M + low) / 2]],
                 colors=[style.pale(robot.colour)],
                 line_radii=[_points(1.2)],
+                fill_mode=["majorwireframe"],
             )
             stream.send_columns(f"{entity}/{belief}/shape", indexes(frames[known][:1]), envelope)
 
