@@ -14,6 +14,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
+from typing import Literal
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, world_to_body
 
 GRAVITY = 9.81  # m/s^2
+_NEAR = 2  # cells either way
 _PARALLEL = 1e-9  # two wheels that do the same span no face
 
 
@@ -78,7 +80,8 @@ class WheelLimits:
         rim_speed: highest speed of a rim, m/s.
 
     Raises:
-        OmniError: the robot does not stand on these wheels, or they cannot even pull what drags them.
+        OmniError: a number is not what it can be, the robot does not stand on these wheels, or they cannot even pull
+            what drags them.
     """
 
     kinematics: Kinematics
@@ -95,14 +98,25 @@ class WheelLimits:
         Raises:
             OmniError: see above.
         """
-        if (share := float(self._dragged.max())) >= 1:
+        for name in ("friction", "gyration", "rim_speed"):
+            if not getattr(self, name) > 0:
+                raise OmniError(f"the {name.replace('_', ' ')} of wheels must be positive, not {getattr(self, name)}")
+        for name in ("centre_height", "pile", "roller_friction"):
+            if not getattr(self, name) >= 0:
+                raise OmniError(f"the {name.replace('_', ' ')} of wheels must not be below 0: {getattr(self, name)}")
+        if self.drag_share >= 1:
             raise OmniError(
                 f"on a carpet of friction {self.friction:g} wheels cannot pull what drags them, "
-                f"{share:.3g} times what they can"
+                f"{self.drag_share:.3g} times what they can"
             )
 
-    def excess(self, poses: Array, period: float) -> tuple[float, float]:
-        """Return by how much accelerations and speeds of a drive must be lower for wheels to do all of it; 1: as is.
+    @property
+    def drag_share(self) -> float:
+        """How much of their friction drag may take, wherever they go: an upper bound, some per cent too high."""
+        return float(self._dragged.max())
+
+    def shares(self, poses: Array, period: float) -> tuple[float, float]:
+        """How much of their friction and of their rim speed a drive asks of the wheels at most; 1 is all of it.
 
         Args:
             poses: one per frame, (frames, 3), from rest to rest; accelerations are second differences of them.
@@ -111,9 +125,9 @@ class WheelLimits:
         heading, velocity = poses[:, 2], np.diff(poses, axis=0) / period
         rims = self.rims(world_to_body(velocity, (heading[1:] + heading[:-1]) / 2))
         velocity = np.pad(velocity, ((1, 1), (0, 0)))
-        acceleration = world_to_body(np.diff(velocity, axis=0) / period, heading)
-        rows, dragged = self.faces(world_to_body((velocity[1:] + velocity[:-1]) / 2, heading))
-        return float((acceleration @ rows.T / (1 - dragged)).max()), float(rims.max(initial=0) / self.rim_speed)
+        asked = world_to_body(np.diff(velocity, axis=0) / period, heading)
+        travel = world_to_body((velocity[1:] + velocity[:-1]) / 2, heading)
+        return float(self.friction_share(asked, travel).max()), float(rims.max(initial=0) / self.rim_speed)
 
     def friction_share(self, acceleration: Array, travel: Array) -> Array:
         """How much of their friction wheels need (n,) for body accelerations (n, 3), travelling at twists (n, 3)."""
@@ -203,3 +217,12 @@ def loads(kinematics: Kinematics, centre_height: float) -> tuple[Array, Array]:
     levers = kinematics.arm * np.stack([np.cos(azimuths), np.sin(azimuths)])
     spread = np.linalg.pinv(np.vstack([np.ones(len(azimuths)), levers]))
     return spread[:, 0], np.pad(-centre_height * spread[:, 1:], ((0, 0), (0, 1)))
+
+
+def around(dragged: Array, ends: Literal["edge", "wrap"]) -> Array:
+    """The most of what drag takes (cells, faces) in cells close by along a path that ends, or comes round again.
+
+    Where a path crosses the direction of an axle, rollers' bearings drag the other way, which may be within a frame.
+    """
+    padded = np.pad(dragged, ((_NEAR, _NEAR), (0, 0)), mode=ends)
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEAR + 1, axis=0).max(-1))

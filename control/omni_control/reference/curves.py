@@ -22,12 +22,15 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_control.reference.limits import ROUNDING, MotionLimits, within_wheels
+from omni_control.reference.limits import MotionLimits
+from omni_control.reference.program import Lap, fastest
 from omni_control.reference.timed import SampledReference
+from omni_control.reference.timetable import Timetable, bearable, driven, driven_on_wheels
+from omni_control.traction import WheelLimits
 
 _CELLS = 1000  # in a lap, times the figure's length over its width: the finer, the sharper its bends
 _STRAIGHT = 1e-9  # 1/m, for a curvature of zero, by which one cannot divide
-_WINDOWS = 24  # lengths of smoothing that are tried
+_FEWER = 300  # cells where a linear program is solved
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,16 @@ class Curve:
     width: float
     cycles: int
     phase: float
+
+    def __post_init__(self) -> None:
+        """Check the extents.
+
+        Raises:
+            OmniError: one is not a positive number.
+        """
+        for name in ("length", "width"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise OmniError(f"a curve's {name} must be a positive number of metres, not {getattr(self, name)}")
 
     def __call__(self, u: Array, derivative: int = 0) -> Array:
         """Return x + iy, or a derivative of it by u, at parameters `u`; complex, of the shape of u, in m."""
@@ -85,16 +98,16 @@ class CurveReference(SampledReference):
     ) -> None:
         if laps < 1:
             raise OmniError(f"a curve must be driven at least once, not {laps} times")
+        path = partial(_poses, curve, tangent)
+        poses = driven(path, _timetable(curve, limits, laps, tangent), limits, period)
+        if limits.wheels is not None and not bearable(poses, limits, period):
+            plan = partial(_timetable_on_wheels, curve, limits, limits.wheels, laps, tangent)
+            poses = driven_on_wheels(path, plan, limits, limits.wheels, period)
+        super().__init__(np.concatenate([poses, np.repeat(poses[-1:], settle_frames, axis=0)]), period)
 
-        def drive(eased: MotionLimits) -> Array:
-            return _driven(partial(_poses, curve, tangent), *_timetable(curve, eased, laps, tangent), eased, period)
 
-        poses = within_wheels(drive(limits), drive, limits, period)
-        super().__init__(np.pad(poses, ((0, settle_frames), (0, 0)), "edge"), period)
-
-
-def _timetable(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> tuple[Array, Array]:
-    """Return the parameters u (n,) and du/dt there (n,) of the fastest drive within velocity and acceleration."""
+def _timetable(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> Timetable:
+    """The fastest drive within the limits of velocity and acceleration."""
     even = curve if tangent else replace(curve, width=limits.stretch * curve.width)  # where the limit is a circle
     cells = _CELLS * math.ceil(max(even.length / even.width, even.width / even.length))
     lap = np.linspace(0, 2 * np.pi, cells + 1)
@@ -103,48 +116,30 @@ def _timetable(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> 
     step = lap[1] * (metres[:-1] + metres[1:]) / 2
     curvature = np.maximum(np.abs((second / first).imag) / metres, _STRAIGHT)
     top = (limits.speed * (metres / np.abs(curve(lap, 1)))) ** 2
-    squares = _fastest(step, curvature, np.minimum(top[:-1], top[1:]), limits, laps, tangent)
-    rate = np.sqrt(squares) / np.append(np.tile(metres[:-1], laps), metres[0])
-    return lap[1] * np.arange(len(rate), dtype=float), rate
+
+    return _clocked(
+        _fastest(step, curvature, np.minimum(top[:-1], top[1:]), limits, laps, tangent), metres, lap[1], laps
+    )
 
 
-def _driven(path: Callable[[Array], Array], place: Array, rate: Array, limits: MotionLimits, period: float) -> Array:
-    """Return poses (frames, 3) from rest to rest on a path, by a timetable that keeps velocity and acceleration.
+def _clocked(squares: Array, metres: Array, step: float, laps: int) -> Timetable:
+    """The timetable of squares of speed (laps * cells + 1,) at parameters a `step` apart."""
+    return Timetable.of_rates(step, np.sqrt(squares) / np.append(np.tile(metres[:-1], laps), metres[0]))
 
-    The limits hold for the differences between sampled poses, since those are means of the velocity and acceleration
-    over a frame or two, and a mean vector is no longer than the longest it is made of. To end with a frame, for the
-    little by which steps from cell to cell are off, and for what a body that turns within these frames would be asked
-    beyond its ellipse, the whole of it is driven slower.
 
-    Where jerk is limited, the timetable is smoothed: each frame is at the mean of the places of some frames up to then,
-    which is on the path as well. How many are best is tried out: up to thrice a / j, as from full acceleration
-    one way to the other takes 2 a / j.
-
-    Args:
-        path: poses (frames, 3) at places (frames,).
-        place: evenly spaced places (n,).
-        rate: how fast they are passed (n,), 1/s.
-        limits: velocity, acceleration and jerk limits.
-        period: length of a frame, s.
-    """
-    passed = np.append(0.0, np.cumsum(2 * place[1] / (rate[:-1] + rate[1:])))
-    swings = (limits.acceleration, limits.jerk), (limits.turn_acceleration, limits.turn_jerk)
-    longest = 3 * max(change / (jerk or np.inf) for change, jerk in swings) / period
-    best: Array | None = None
-    for window in sorted({max(round(longest * part / _WINDOWS), 1) for part in range(1, _WINDOWS + 1)}):
-        frames, excess = math.ceil(passed[-1] / period), math.inf
-        while excess > 1 + ROUNDING and (best is None or frames + window <= len(best)):
-            time = np.linspace(0, passed[-1], frames + 1)
-            cell = np.clip(np.searchsorted(passed, time, side="right") - 1, 0, len(passed) - 2)
-            since, duration = time - passed[cell], passed[cell + 1] - passed[cell]
-            places = place[cell] + since * (rate[cell] + since / duration * (rate[cell + 1] - rate[cell]) / 2)
-            poses = path(np.convolve(np.pad(places, window - 1, mode="edge"), np.full(window, 1 / window), "valid"))
-            excess = limits.excess(poses, period)
-            frames = math.ceil(frames * excess)
-        if excess <= 1 + ROUNDING:
-            best = poses
-    assert best is not None
-    return best
+def _timetable_on_wheels(
+    curve: Curve, limits: MotionLimits, wheels: WheelLimits, laps: int, tangent: bool, share: float
+) -> Timetable:
+    """The fastest drive that asks for so large a share of what wheels can do at once."""
+    cells = min(_FEWER * math.ceil(max(curve.length / curve.width, curve.width / curve.length)), _CELLS)
+    u = np.linspace(0, 2 * np.pi, cells + 1)
+    first, second, middle = curve(u, 1), curve(u, 2), curve((u[:-1] + u[1:]) / 2, 1)
+    metres = np.abs(first)
+    step, bend = u[1] * (metres[:-1] + metres[1:]) / 2, (second / first).imag / metres
+    towards = np.ones(cells) + 0j if tangent else middle / np.abs(middle)
+    axes = np.stack([towards.real, towards.imag], axis=1)
+    lap = Lap(step, axes, (bend[:-1] + bend[1:]) / 2, np.diff(bend) / step, tangent)
+    return _clocked(fastest(lap, limits, wheels, share, laps), metres, u[1], laps)
 
 
 def _fastest(step: Array, curvature: Array, top: Array, limits: MotionLimits, laps: int, tangent: bool) -> Array:

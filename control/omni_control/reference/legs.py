@@ -9,6 +9,9 @@ of that over n_a frames changes velocity by d / (n_v n_a) a frame, and the mean 
 d / (n_v n_a n_j). As long as n_a >= n_j and n_v >= n_a + n_j nothing overlaps: these are the highest it has, and it
 takes n_v + n_a + n_j frames. The fastest with a limit of jerk, of up to seven phases, is of this form (Biagiotti
 and Melchiorri 2012, FIR filters for online trajectory planning).
+
+Where wheels cannot do both at once, robots drive and turn in step: the heading is linear along the way, and what there
+is left for speeding up and braking depends on the place alone, so that the fastest drive is an integral each way.
 """
 
 import math
@@ -18,8 +21,12 @@ from functools import partial, reduce
 
 import numpy as np
 
-from omni_control.kinematics import Array
-from omni_control.reference.limits import ROUNDING, MotionLimits, approach_pose, within_wheels
+from omni_control.kinematics import Array, world_to_body
+from omni_control.reference.limits import MotionLimits, approach_pose
+from omni_control.reference.timetable import ROUNDING, Timetable, bearable, driven_on_wheels
+from omni_control.traction import WheelLimits, around
+
+_CELLS = 200  # of a leg on which wheels limit the drive
 
 Way = tuple[tuple[float, ...], tuple[float, ...]]  # from a pose [x, y, heading] to another
 
@@ -30,11 +37,17 @@ def legs(ways: Sequence[Way], limits: MotionLimits, period: float) -> list[Array
     There it rests a frame, or two if jerk is limited. All are planned side by side, each as it would be alone.
     """
     drives = zip(ways, _driven(ways, limits, period), strict=True)
-    return [within_wheels(poses, partial(_alone, way, period), limits, period)[1:] for way, poses in drives]
+    return [_borne(way, poses, limits, period)[1:] for way, poses in drives]
 
 
-def _alone(way: Way, period: float, limits: MotionLimits) -> Array:
-    return _driven([way], limits, period)[0]
+def _borne(way: Way, poses: Array, limits: MotionLimits, period: float) -> Array:
+    """Return the same poses, or others where wheels could not drive these."""
+    if limits.wheels is None or bearable(poses, limits, period):
+        return poses
+    start, end = np.array(way)
+    plan = partial(_in_step, start, end, limits, limits.wheels)
+    poses = driven_on_wheels(partial(_between, start, end), plan, limits, limits.wheels, period)
+    return np.concatenate([poses, np.repeat(end[None], 2 if limits.jerk or limits.turn_jerk else 1, axis=0)])
 
 
 def _driven(ways: Sequence[Way], limits: MotionLimits, period: float) -> list[Array]:
@@ -73,8 +86,7 @@ def _gentlest(start: Array, end: Array, limits: MotionLimits, period: float) -> 
         way, heading = move(frames), rotate(frames)
         if way is None or heading is None:
             return None
-        share = np.stack([way, way, heading], axis=1)
-        poses: Array = np.where(share == 1, end, start + share * (end - start))
+        poses = _between(start, end, np.stack([way, way, heading], axis=1))
         return poses if limits.excess(poses, period) <= 1 + ROUNDING else None
 
     most = 1
@@ -90,14 +102,39 @@ def _smooth_step(distance: float, speed: float, jerk: float, frames: int) -> Arr
     None if it cannot keep limits of velocity and jerk per frame. Of boxes that do, those with the
     shortest n_j are the gentlest.
     """
-    third = np.arange(1, max(frames // 4, 1) + 1)
+    third = np.zeros(1, int) if math.isinf(jerk) else np.arange(1, max(frames // 4, 1) + 1)
     fastest = max(math.ceil(distance / speed - ROUNDING), 1)
     second = np.minimum((frames - 2 * third) // 2, frames - third - fastest)
     first = frames - second - third
-    fits = (second >= third) & (first * second * third >= distance / jerk * (1 - ROUNDING))
+    fits = (second >= np.maximum(third, 1)) & (first * second * third >= distance / jerk * (1 - ROUNDING))
     if not fits.any():
         return None
     i = fits.argmax()
-    velocity = reduce(np.convolve, [np.ones(box[i]) for box in (first, second, third)])
+    velocity = reduce(np.convolve, [np.ones(max(box[i], 1)) for box in (first, second, third)])
     share = np.append(0.0, np.cumsum(velocity) / velocity.sum())
     return np.pad(share, (0, frames + 1 - len(share)), mode="edge")
+
+
+def _in_step(start: Array, end: Array, limits: MotionLimits, wheels: WheelLimits, share: float) -> Timetable:
+    """The fastest drive that asks for so large a share of what wheels can do, by shares of the way from 0 to 1."""
+    way = np.tile(end - start, (_CELLS, 1))
+    heading = start[2] + way[:, 2] * (np.arange(_CELLS) + 0.5) / _CELLS
+    travel = world_to_body(way, heading)
+    rows, dragged = wheels.faces(travel)
+    own = np.hypot(*limits.stretched(way[:, :2], heading).T) / limits.acceleration
+    own = np.maximum(own, np.abs(way[:, 2]) / limits.turn_acceleration)[:, None]
+    pushed = travel @ rows.T / (share - around(dragged, "edge"))
+    up, down = (2 / _CELLS / np.max(np.concatenate([own, each], axis=1), axis=1) for each in (pushed, -pushed))
+    slowest = max(
+        np.hypot(*way[0, :2]) / limits.speed,
+        abs(way[0, 2]) / limits.turn_rate,
+        wheels.rims(travel).max() / (share * wheels.rim_speed),
+    )
+    squares = np.minimum(np.append(0, np.cumsum(up)), np.append(0, np.cumsum(down[::-1]))[::-1])
+    return Timetable.of_rates(1 / _CELLS, np.sqrt(np.minimum(squares, slowest**-2.0)))
+
+
+def _between(start: Array, end: Array, share: Array) -> Array:
+    """Poses (frames, 3) at shares of the way (frames,), or of the way of each coordinate (frames, 3)."""
+    share = share if share.ndim == 2 else share[:, None]
+    return np.where(share == 1, end, start + share * (end - start))

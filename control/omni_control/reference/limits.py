@@ -8,7 +8,7 @@ it manages in between is an ellipse about the axes of its body, and an ellipse i
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,10 +16,6 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.traction import WheelLimits
-
-ROUNDING = 1e-9  # by which limits may be passed, relative
-_LESS = 1.005  # how many times less is asked of wheels, at least, where it was too much
-_TRIES = 100
 
 
 @dataclass(frozen=True)
@@ -78,7 +74,7 @@ class MotionLimits:
     def excess(self, poses: Array, period: float) -> float:
         """Factor by which a drive from rest to rest must take longer, for differences of its poses to keep the limits.
 
-        Those of the wheels are not looked at: see `WheelLimits.excess`.
+        Those of the wheels are not looked at: see `WheelLimits.shares`.
 
         Args:
             poses: one per frame, (frames, 3).
@@ -210,31 +206,6 @@ def approach_pose(pose: Array, twist: Array, target: Array, limits: MotionLimits
     xy = velocity + change * (step / np.maximum(_size(limits.stretched(change, heading)), step))
     turn = approach(offset[:, 2:], twist[:, 2:], limits.turn_rate, limits.turn_acceleration, period)
     return np.concatenate([xy, turn], axis=1)
-
-
-def within_wheels(poses: Array, drive: Callable[[MotionLimits], Array], limits: MotionLimits, period: float) -> Array:
-    """Return a drive that asks no more of the wheels than they can do at once.
-
-    Args:
-        poses: that within the limits, (frames, 3), which is taken if the wheels can drive it.
-        drive: returns that within other limits, which are eased until they can.
-        limits: velocity, acceleration and jerk limits, and wheels.
-        period: length of a frame, s.
-
-    Raises:
-        OmniError: wheels can do little more than pull what drags them.
-    """
-    if limits.wheels is None:
-        return poses
-    eased = limits
-    for _ in range(_TRIES):
-        excess = limits.wheels.excess(poses, period)
-        if max(excess) <= 1 + ROUNDING:
-            return poses
-        eased = eased.eased(*(1 / max(factor, _LESS) if factor > 1 + ROUNDING else 1.0 for factor in excess))
-        poses = drive(eased)
-    friction = limits.wheels.friction
-    raise OmniError(f"on a carpet of friction {friction:g} wheels hardly do more than pull what drags them")
 
 
 def checked_waypoints(waypoints: Sequence[Sequence[float]]) -> Array:
