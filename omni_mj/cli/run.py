@@ -119,9 +119,9 @@ def recorded(
             for recording in recordings:
                 recording.write()
         result = run.of(simulation, outcome)
-        allow_code = ["--allow-code"] * (scenario.has_code and scenario.plant != "live")
-        words = ["--scenario", str(folder / "scenario.toml"), *allow_code]
-        result.repeat = shlex.join(["omni-mj", study, *words])
+        allow_code = ["--allow-code"] * scenario.has_code
+        words = ["omni-mj", "run", "--scenario", str(folder / "scenario.toml"), *allow_code]
+        result.repeat = shlex.join(words) if study == "run" else console.command_line()
         result.save_files(folder)
         if simulation.log.lengths.any():
             text = tables.titled(table(result.summary()))

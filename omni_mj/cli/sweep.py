@@ -88,7 +88,8 @@ def _run(plan: "Plan", folder: Path, quiet: bool, **how: Any) -> None:
         done = f"{result.done} of {len(plan.jobs)} shards are"
         if result.done:
             sweep_table.save(result, folder / "sweep.md")
-            sweep_figure.save(result, folder / "sweep.png")
+            with console.drawing(folder):
+                sweep_figure.save(result, folder / "sweep.png")
             if not quiet:
                 for table in sweep_table.shown(result):
                     tables.show(table)

@@ -51,7 +51,8 @@ def _draw_lines(figure: Figure, result: "Sweep") -> None:
         error.fill_between(x, low[:, i], high[:, i], color=look["color"], alpha=0.2, lw=0)
         shift = (i / len(names) - 0.5) * SPREAD * len(x)
         rate.errorbar(x + shift, failed, [failed - least, most - failed], elinewidth=1.2, **look)
-    canvas.use_log_scale(error.yaxis)
+    if np.isfinite(median).any():
+        canvas.use_log_scale(error.yaxis)
     error.set_ylabel(f"{ERROR}\nand its 95 % interval")
     rate.set(xlabel=setting, ylabel=f"{RATE},\nand 95 % intervals")
     rate.margins(x=0.03)

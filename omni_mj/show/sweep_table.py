@@ -53,7 +53,7 @@ def _line(cell: dict[str, Any], names: list[str]) -> list[str]:
         *(f"{cell[name]:g}" if isinstance(cell[name], float) else str(cell[name]) for name in names),
         cell["controller"],
         f"{100 * cell['failure_rate']:.3g}",
-        f"{100 * cell['failure_low']:.2g} to {100 * cell['failure_high']:.2g}",
+        f"{100 * cell['failure_low']:.0f} to {100 * cell['failure_high']:.0f}",
         error["median"],
         "" if cell[STRAYED]["low"] is None else f"{error['low']} to {error['high']}",
         error["p90"],

@@ -76,6 +76,8 @@ def add_legend(figure: Figure, axes: Iterable[Axes]) -> None:
     for panel in axes:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
+    if not entries:  # all that would have one failed
+        return
     columns = max(1, int(LETTERS_PER_INCH * figure.get_figwidth() / (HANDLE_LETTERS + max(map(len, entries)))))
     figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(columns, len(entries)))
 
