@@ -1,7 +1,6 @@
 """Figures show what was recorded, tell controllers apart, and are the same every time."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -82,12 +81,7 @@ def test_a_row_that_failed_is_drawn_up_to_there_and_leaves_room_for_the_others(c
         shown = [curve for axes in figures[name].axes for curve in curves(axes, names[-1])]
         assert {np.flatnonzero(~np.isnan(curve))[-1] for curve in shown} == {89}
     assert figures["error"].axes[0].get_ylim()[1] < 10
-    assert all(f"{names[-1]} failed" in _texts(figures[name]) for name in ("path", "error"))
-
-
-def _texts(figure: Any) -> str:
-    texts = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
-    return "\n".join(texts + [axes.get_title(loc="left") for axes in figure.axes])
+    assert f"{names[-1]} failed" in [text.get_text() for text in figures["path"].legends[0].get_texts()]
 
 
 @pytest.mark.parametrize("controllers", [2, 5])

@@ -70,12 +70,10 @@ def draw_output(robots: Sequence[Robot], failures: Failures, figure: Figure) -> 
 
 def draw_errors(robots: Sequence[Robot], failures: Failures, figure: Figure) -> None:
     """Draw the absolute errors of position (figures 9 and 12), and of heading if there are any."""
-    largest = {robot.name: np.abs(robot.error()).max(0) for robot in robots}
     labels = ["|error| in x, cm", "|error| in y, cm", "|error| of heading, deg"]
-    labels = labels if max(errors[2] for errors in largest.values()) > TURNED_DEG else labels[:2]
-    for axis, axes in enumerate(_compare(robots, failures, figure, labels, lambda robot: np.abs(robot.error()))):
-        texts = (name + (" failed" if name in failures else f" {errors[axis]:.2f}") for name, errors in largest.items())
-        axes.set_title(canvas.wrapped(f"largest, {labels[axis].split()[-1]}: {', '.join(texts)}", figure))
+    turns = max(np.abs(robot.error()[:, 2]).max() for robot in robots) > TURNED_DEG
+    labels = labels if turns else labels[:2]
+    for axes in _compare(robots, failures, figure, labels, lambda robot: np.abs(robot.error())):
         axes.set_ylim(bottom=0)
     canvas.add_legend(figure, figure.axes)
 

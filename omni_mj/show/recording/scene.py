@@ -159,18 +159,14 @@ def log_robot(stream: rr.RecordingStream, entity: str, cover: style.Rgb, setting
             stream.log(f"{entity}/{part}/mesh_{geom}", mesh_3d, static=True)
 
 
+@lru_cache(maxsize=4)
 def _at_rest(settings: Settings) -> tuple[build.World, mujoco.MjData]:
     """Return the model of whole wheels, its first robot over the origin: world coordinates are the robot's own."""
     world = build.world(settings.replace(wheels={"model": "rollers"}))
-    return world, _posed(world)
-
-
-@lru_cache(maxsize=4)
-def _posed(world: build.World) -> mujoco.MjData:
     data, qpos = mujoco.MjData(world.model), world.robots[0].qpos
     data.qpos[qpos[:7]] = [0, 0, data.qpos[qpos[2]], 1, 0, 0, 0]
     mujoco.mj_kinematics(world.model, data)
-    return data
+    return world, data
 
 
 def _colours(world: build.World, cover: style.Rgb) -> np.ndarray:
