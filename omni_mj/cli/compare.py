@@ -59,7 +59,6 @@ def command(
     choice = replace(choice, controllers=choice.controllers or available(), plant=plant)
     names = names or compare.usual(plant)
     chosen = [choice.load(name) for name in names]
-    options.tell_model(chosen[0], quiet)
     compare.check(chosen, subject)
     folder = folders.prepare(out, "compare", (*OUTPUTS, *KEPT), overwrite)
 

@@ -51,7 +51,6 @@ def command(
             print(f"moves on 2 x 2 m of carpet; drive them here: omni-mj --scenario {folder / 'plan.toml'}")
         return
     start = identify.start_scenario(chosen, model)
-    options.tell_model(start, quiet)
     result = identify.identify_logs([log for word in logs for log in read(word)], start)
     folder = folders.prepare(out, "identify", OUTPUTS, overwrite)
     with console.writing(folder):

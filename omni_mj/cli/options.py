@@ -139,12 +139,3 @@ def _packed(kind: type, name: str) -> Callable[[Callable[..., None]], Callable[.
 
 choice = _packed(Choice, "choice")
 outputs = _packed(Outputs, "outputs")
-
-
-def tell_model(scenario: "Scenario", quiet: bool) -> None:
-    """Print in what a model of the user's differs from the robot's file."""
-    from omni_mj.scenarios import resolve
-
-    if not quiet:
-        for line in resolve.differences(scenario.robot, scenario.settings.model):
-            click.echo(f"note: {line}", err=True)

@@ -56,7 +56,6 @@ def command(
     if name is None:
         raise OmniError(f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file")
     chosen = choice.load(name)
-    options.tell_model(chosen, quiet)
     simulation = run.prepare(chosen)
     shown_by = viewers(outputs.view, outputs.connect)
     folder = folders.prepare(out, chosen.name, OUTPUTS, overwrite)

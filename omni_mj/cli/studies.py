@@ -139,8 +139,6 @@ def _run(
     from omni_mj.cli.console import Interrupts
 
     outputs = (*WRITTEN, f"{name}.png", f"{name}.svg", *folders.PROVENANCE)
-    for scenario in chosen:
-        options.tell_model(scenario, quiet)
     folder = folders.prepare(out, name, outputs, overwrite)
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
         folders.begin_record(folder, name, console.command_line(), chosen, frames)

@@ -63,7 +63,6 @@ def command(
         raise OmniError("--scenario is missing: omni-mj sweep --scenario rect --vary carpet.friction=0.3:1.0:8")
     else:
         chosen = choice.load(name)
-        options.tell_model(chosen, quiet)
         plan = Plan(chosen, axes(map(parse_axis, varied)), AT_ONCE if at_once is None else at_once)
         plan.check_memory(how["jobs"])
         folder = folders.prepare(out, "sweep", OUTPUTS, overwrite=False)

@@ -1,4 +1,4 @@
-"""What happened in a run: rows that were stopped, faults, hot windings, a dead battery, robots that vision lost.
+"""What happened in a run: rows that were stopped, faults, hot windings, a dead battery.
 
 An event depends on nothing that comes after its frame, so that events can be told while a run goes on.
 """
@@ -16,7 +16,7 @@ from omni_mj.simulate.log import Log
 if TYPE_CHECKING:
     from omni_mj.simulate.simulation import Failure
 
-STOPPED, TEMPERATURE, BATTERY, FAULT, VISION = "stopped", "temperature", "battery", "fault", "vision"
+STOPPED, TEMPERATURE, BATTERY, FAULT = "stopped", "temperature", "battery", "fault"
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,9 @@ class Event:
 
 
 def find(log: Log, failures: "Iterable[Failure]" = ()) -> list[Event]:
-    """Return the events of all rows in order of time, but for those of vision."""
+    """Return the events of all rows in order of time."""
     failures = list(failures)
-    found = [event for row in range(len(log.rows)) for event in of_row(log, row, failures) if event.kind != VISION]
+    found = [event for row in range(len(log.rows)) for event in of_row(log, row, failures)]
     return sorted(found, key=lambda event: (event.frame, event.kind != STOPPED))
 
 
@@ -50,9 +50,9 @@ def of_row(log: Log, row: int, failures: "Iterable[Failure]" = ()) -> list[Event
 
 
 def _happened(log: Log, row: int) -> Iterator[tuple[int, str, str]]:
-    """Yield frame, kind and text of what faults, motors, battery and vision do."""
+    """Yield frame, kind and text of what faults, motors and battery do."""
     length, settings = int(log.lengths[row]), log.rows[row].settings
-    battery, winding, valid = (log.channel(name)[:length, row] for name in ("battery", "winding", "vision_valid"))
+    battery, winding = (log.channel(name)[:length, row] for name in ("battery", "winding"))
     with np.errstate(invalid="ignore"):  # not a number where there are no motors
         hot = (winding > settings.motor.limit_c).any(-1)
     if hot.any():
@@ -64,9 +64,3 @@ def _happened(log: Log, row: int) -> Iterator[tuple[int, str, str]]:
         for frame, does in zip(span(fault), ("begins", "ends"), strict=True):
             if frame < length:
                 yield int(frame), FAULT, f"{does}: {fault.text}"
-    edges = np.flatnonzero(np.diff(valid[:, 0].astype(int), prepend=1)).tolist()
-    for i, frame in enumerate(edges):
-        if i % 2 == 0:
-            yield frame, VISION, "vision does not see the robot"
-        elif frame - edges[i - 1] > 1:
-            yield frame, VISION, f"vision sees the robot again after {frame - edges[i - 1]} frames"

@@ -94,20 +94,6 @@ def read_model(model: ModelSettings) -> "Own":
     return own.read(model.file)
 
 
-def contradictions(given: Mapping[str, Any], mjcf: "Own") -> Iterator[str]:
-    """Yield a line for each value of given sections that differs from a robot's own MJCF."""
-    for name, number, other in _differing(given, mjcf):
-        yield f"{name} = {other} contradicts {mjcf.file}, which has {number}; change the model, or leave it out"
-
-
-def differences(robot: str, model: ModelSettings) -> Iterator[str]:
-    """Yield a line for each number in which a robot's own MJCF, if there is one, differs from the robot's file."""
-    if model.file:
-        mjcf = read_model(model)
-        for name, number, other in _differing(robots.sections(robot), mjcf):
-            yield f"{name} is {number} in {mjcf.file}, {other} in robot {robot}: the model's is simulated"
-
-
 def _with_model(file: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return a robot's sections with those `given` above them, and the numbers of the MJCF that they name."""
     whole = merged(file, given)
@@ -123,14 +109,17 @@ def _with_model(file: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, 
     return whole
 
 
-def _differing(sections: Mapping[str, Any], mjcf: "Own") -> Iterator[tuple[str, Any, Any]]:
-    """Yield names, the MJCF's numbers and others, where they differ."""
+def contradictions(given: Mapping[str, Any], mjcf: "Own") -> Iterator[str]:
+    """Yield a line for each value of given sections that differs from a robot's own MJCF."""
     for section, fields in mjcf.numbers.items():
-        values = sections.get(section)
+        values = given.get(section)
         for field, number in fields.items():
             other = dict(values).get(field, number) if isinstance(values, (Mapping, Checked)) else number
             if not _is_same(number, other):
-                yield f"{section}.{field}", number, other
+                yield (
+                    f"{section}.{field} = {other} contradicts {mjcf.file}, which has {number}; "
+                    "change the model, or leave it out"
+                )
 
 
 def _is_same(number: Any, other: Any) -> bool:

@@ -8,8 +8,7 @@ from matplotlib.axes import Axes
 
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
-from omni_mj.studies.conditions import CAUSES, LABELS, PROFILE, WORN
-from omni_mj.studies.drives import DIRECTIONS
+from omni_mj.studies.conditions import CAUSES, DIRECTIONS, LABELS, PROFILE, WORN
 
 if TYPE_CHECKING:
     from omni_mj.studies.alpha import AlphaResult, Study

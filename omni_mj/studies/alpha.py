@@ -6,26 +6,36 @@ tell gain from lag. So robots drive standard profiles, from which both are measu
 
 - under conditions that are changed one by one;
 - worn, with every combination of causes, which says how much of gain and lag each takes (`conditions.shares`).
+
+Profiles are commanded frame by frame: no controller, no dead time, and a camera without noise, whose heading keeps
+robots straight.
 """
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from omni_control.kinematics import Array
+from omni_control.controllers.base import Controller
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array, Kinematics
 from omni_mj.measure import summary
-from omni_mj.measure.response import NAMES, Response
+from omni_mj.measure.response import NAMES, Profile, Response, measure
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.measure.table import Table
 from omni_mj.measure.table import text as aligned
 from omni_mj.scenarios import distributions
+from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario, load
+from omni_mj.scenarios.settings import Settings
+from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies.conditions import (
+    AXES,
     CAUSES,
     CONDITIONS,
+    DIRECTIONS,
     LABELS,
     PROFILE,
     WORN,
@@ -34,8 +44,7 @@ from omni_mj.studies.conditions import (
     combinations,
     shares,
 )
-from omni_mj.studies.drives import AXES, DIRECTIONS, Commanded, ProfileDrives
-from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
+from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing, standing
 
 DEFINITIONS = {
     "steady": "speed achieved / commanded in the last 0.5 s of the cruise",
@@ -43,8 +52,19 @@ DEFINITIONS = {
     "lag_s": "way missing after the ramp up and run on after that down, beside steady gain x way; / (2 gain speed)",
     "share": "mean over all orders in which the causes could be added to a robot without any; shares add up",
 }
+# Without limits of the command, noise and pushes.
+UNDISTURBED = {
+    "control": {"max_speed_m_s": 20, "max_acceleration_m_s2": 1000},
+    "vision": {"position_noise_m": 0, "heading_noise_rad": 0, "miss_probability": 0},
+    "disturbance": {"force_n": 0},
+}
+Drives = Sequence[tuple[Settings, Profile]]  # settings are all of one shape (see `plants.mujoco`)
 _UNITS = {"steady": (1.0, 3), "speeding_up": (1.0, 3), "lag_s": (1000.0, 0)}
 _HEADINGS = ["", "", "steady gain: fwd", "side", "speeding up: fwd", "side", "lag, ms: fwd", "side"]
+
+
+class Commanded(Controller):
+    """Stands where a controller would be named; what the robots are sent is the profile."""
 
 
 @dataclass(frozen=True)
@@ -166,24 +186,59 @@ def alpha(
     drives = [(chosen.settings, PROFILE)]
     drives += [changed(chosen.settings, name, value) for name, values in conditions.items() for value in values]
     drives += [(combined, PROFILE) for combined in combinations(chosen.settings)]
-    profiles = ProfileDrives(chosen, drives)
+    simulation, twists, geometry = _prepare(chosen, drives)
     result = AlphaResult([], [Commanded.__name__], seeds=[chosen.seed])
+    after_frame = begin("alpha", len(twists))
     try:
-        profiles.run(begin("alpha", profiles.frames))
+        for frame, commanded in enumerate(twists):
+            simulation.step(commanded)
+            after_frame(frame)
         result.complete = True
     except StoppedError as error:
         result.stopped = error.reason
     result.wall_s = time.perf_counter() - started
-    measured = dict(profiles.labels)
+    measured = {"direction": np.array([*DIRECTIONS] * len(drives))}
+    measured |= {name: np.array([vars(p)[name] for _, p in drives for _ in DIRECTIONS]) for name in vars(PROFILE)}
     if result.complete:
-        body = profiles.body()
-        result.study = _study(conditions, body, profiles.wheels().at(-1))
+        log = simulation.log
+        body = _respond(drives, log.channel("pose")[..., :2])
+        to_body = np.linalg.pinv(geometry.matrix)[:2] * geometry.radius
+        result.study = _study(conditions, body, _respond(drives, log.channel("wheel_angle") @ to_body.T).at(-1))
         measured |= {name: getattr(body, name).ravel() for name in NAMES}
-    simulation = profiles.simulation
     failures = list(simulation.failures)
     entry = summary.entry(chosen, simulation.log, failures, {}, result.wall_s, result.stopped)
     result.outcomes.append(Outcome(chosen, entry, simulation.rows, failures, measured))
     return result
+
+
+def _prepare(scenario: Scenario, drives: Drives) -> tuple[Simulation, Array, Kinematics]:
+    """Return a simulation with a row per drive and direction, what rows are sent (frames, rows, 3), and their wheels.
+
+    Raises:
+        OmniError: The plant has no wheels.
+    """
+    speeds = [profile.command() for _, profile in drives]
+    # The last frame only records the pose that the command of the frame before led to.
+    twists = np.zeros((1 + max(map(len, speeds)), len(drives), len(DIRECTIONS), 3))
+    for i, speed in enumerate(speeds):
+        twists[: len(speed), i, :, :2] = speed[:, None, None] * np.array([*DIRECTIONS.values()])
+    settings = [standing(s, len(twists), **UNDISTURBED) for s, _ in drives for _ in DIRECTIONS]
+    rows = [
+        Row(i, 0, Commanded.__name__, scenario.seed, settings_i, scenario.robot)
+        for i, settings_i in enumerate(settings)
+    ]
+    simulation = Simulation(scenario, [Commanded], rows=rows)
+    if (geometry := simulation.plant.geometry) is None:
+        raise OmniError(f"alpha is studied on wheels, and the plant {scenario.plant!r} has none")
+    return simulation, twists.reshape(len(twists), -1, 3), geometry
+
+
+def _respond(drives: Drives, positions: Array) -> Response:
+    """Return the response (drives, directions) for positions (frames, rows, 2); NaN for robots that failed."""
+    travelled = (positions * np.tile([*DIRECTIONS.values()], (len(drives), 1))).sum(-1)
+    profiles = [profile for _, profile in drives for _ in DIRECTIONS]
+    responses = [measure(p, travelled[: len(p.command()) + 1, [i]]) for i, p in enumerate(profiles)]
+    return Response(*(np.reshape([getattr(r, name) for r in responses], (len(drives), -1)) for name in NAMES))
 
 
 def _study(conditions: Conditions, body: Response, wheels: Response) -> Study:

@@ -34,6 +34,8 @@ LABELS = {
     "winding_c": "winding, °C",
     "charge": "battery charge",
 }
+AXES = ("forward", "sideways")
+DIRECTIONS = {"forward": (1.0, 0.0), "sideways": (0.0, 1.0), "diagonal": (0.5**0.5, 0.5**0.5)}  # of drives
 WORN = {"winding_c": 120.0, "charge": 0.15}  # at the end of a game; the rest as the scenario has it
 
 CAUSES: dict[str, Callable[[Settings], Settings]] = {  # and how a robot is freed of each

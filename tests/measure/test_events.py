@@ -27,13 +27,6 @@ def told(log: Any, *kinds: str, row: int = 0) -> list[tuple[int, str]]:
     return [(event.frame, event.text) for event in events.of_row(log, row) if event.kind in kinds]
 
 
-def constant(value: float, frames: int, at: Any, other: float) -> np.ndarray:
-    """A channel (frames, 1, 1) that is `value` but for `other` in the frames `at`."""
-    channel = np.full((frames, 1, 1), value)
-    channel[at] = other
-    return channel
-
-
 def test_the_first_frame_above_the_limit_and_an_empty_battery_are_told_of_every_row() -> None:
     """Each by its own settings; 25.02 deg C: the windings pass it after a few frames of driving."""
     warm, empty = (simulated({}, **own).log for own in ({"motor": {"limit_c": 25.02}}, {"battery": {"charge": 0.05}}))
@@ -44,14 +37,6 @@ def test_the_first_frame_above_the_limit_and_an_empty_battery_are_told_of_every_
         assert event.frame == np.flatnonzero(warm.channel("winding")[:, i].max(-1) > 25.02)[0] > 0
         assert event.time_s == pytest.approx(event.frame / 60)
         assert "13.6 V" in found["battery", name].text
-
-
-def test_frames_that_vision_misses_are_told() -> None:
-    valid = constant(True, 30, [0, 7, 20, 21, 22, 29], False)
-    log = filled(rows(settings=settings()), 30, **{**REST, "vision_valid": valid.astype(bool)})
-    lost = "vision does not see the robot"
-    again = (23, "vision sees the robot again after 3 frames")
-    assert told(log, "vision") == [(0, lost), (7, lost), (20, lost), again, (29, lost)]
 
 
 @pytest.mark.parametrize("block", [1, 7, 30])
@@ -72,7 +57,7 @@ def test_events_stay_the_same_while_the_log_grows(block: int) -> None:
 
     simulation.run(after_frame)
     whole = events.of_row(simulation.log, 0)
-    assert {e.kind for e in whole} >= {"temperature", "vision", "fault"}
+    assert {e.kind for e in whole} >= {"temperature", "fault"}
     assert reported == whole
 
 
