@@ -19,7 +19,7 @@ KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet", *fol
 
 @click.command("compare")
 @click.option(
-    "--scenario", "names", metavar="NAME|FILE.toml", multiple=True, shell_complete=options.complete("scenarios"),
+    "--scenario", "names", metavar="NAME|FILE.toml", multiple=True,
     help="May be repeated. [all that come with the program, but for the long heat]",
 )  # fmt: skip
 @options.CONTROLLER

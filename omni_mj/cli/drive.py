@@ -27,9 +27,7 @@ OUTPUTS = (*run_command.OUTPUTS, "link.json")
 
 @click.command("drive", context_settings={"show_default": True})
 @options.SCENARIO
-@click.option(
-    "--controller", metavar="NAME|FILE.py:Class", shell_complete=options.complete("controllers"), default=CONTROLLER
-)
+@click.option("--controller", metavar="NAME|FILE.py:Class", default=CONTROLLER)
 @options.ROBOT
 @click.option("--team", "colour", type=click.Choice(["blue", "yellow"]), default="blue")
 @click.option(

@@ -15,7 +15,6 @@ OUTPUTS = ("identify.json", "robot.toml", "plan.toml", *folders.PROVENANCE)
 @click.option(
     "--robot",
     metavar="NAME|FILE.toml",
-    shell_complete=options.complete("robots"),
     help="Which to start from. [tigers-v2016]",
 )
 @options.MODEL

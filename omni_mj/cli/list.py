@@ -25,7 +25,7 @@ def command(what: str | None, word: str | None) -> None:
 
 
 @click.command("show")
-@click.argument("name", metavar="NAME|FILE", shell_complete=options.complete("scenarios", "robots", "controllers"))
+@click.argument("name", metavar="NAME|FILE")
 @options.ROBOT
 @options.SETTINGS
 def show(name: str, robot: str | None, overrides: tuple[str, ...]) -> None:

@@ -10,56 +10,24 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from click.shell_completion import CompletionItem
-
     from omni_mj.scenarios.scenario import Scenario
 
-Complete = Callable[[click.Context, click.Parameter, str], "list[CompletionItem]"]
 
-
-def complete(*lists: str, files: bool = True, end: str = "") -> Complete:
-    """Return a function that completes names of lists of `omni-mj list`.
-
-    Args:
-        lists: Their titles.
-        files: Whether a file will do as well.
-        end: What follows a name.
-    """
-
-    def items(ctx: click.Context, param: click.Parameter, text: str) -> "list[CompletionItem]":
-        from click.shell_completion import CompletionItem
-
-        from omni_mj.show import listing
-
-        rows = [(row[0] + end, row[-1]) for title in lists for row in listing.rows(title)]
-        names = [CompletionItem(name, help=doc) for name, doc in rows if name.startswith(text)]
-        return [CompletionItem(text, type="file")] * files + names  # shells take files if no name fits
-
-    return items
-
-
-SCENARIO = click.option(
-    "--scenario", "name", metavar="NAME|FILE.toml", shell_complete=complete("scenarios"), help="What to drive."
-)
+SCENARIO = click.option("--scenario", "name", metavar="NAME|FILE.toml", help="What to drive.")
 CONTROLLER = click.option(
-    "--controller", "controllers", metavar="NAME|FILE.py:Class", multiple=True, shell_complete=complete("controllers"),
+    "--controller", "controllers", metavar="NAME|FILE.py:Class", multiple=True,
     help="What drives it; may be repeated. [the scenario's]",
 )  # fmt: skip
-PLANT = click.option(
-    "--plant", metavar="NAME|FILE.py:Class", shell_complete=complete("plants"), help="What is driven. [mujoco]"
-)
+PLANT = click.option("--plant", metavar="NAME|FILE.py:Class", help="What is driven. [mujoco]")
 SETTINGS = click.option(
     "--set", "overrides", metavar="SECTION.FIELD=VALUE", multiple=True,
-    shell_complete=complete("settings", files=False, end="="),
     help="A setting, such as radio.delay_frames=9; may be repeated. See omni-mj list settings.",
 )  # fmt: skip
 MODEL = click.option(
-    "--model", metavar="FILE.xml", shell_complete=complete(),
+    "--model", metavar="FILE.xml",
     help="Your robot's MJCF; the robot's file says the rest. [ours]",
 )  # fmt: skip
-ROBOT = click.option(
-    "--robot", metavar="NAME|FILE.toml", shell_complete=complete("robots"), help="Which robot it is. [tigers-v2016]"
-)
+ROBOT = click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [tigers-v2016]")
 RECORD = click.option("--record/--no-record", default=True, help="Write recording.rrd for the rerun viewer.")
 VIEW = click.option("--view", is_flag=True, help="Watch the run in a rerun viewer of its own.")
 CONNECT = click.option("--connect", metavar="URL", help="Watch the run in a rerun viewer that is running.")

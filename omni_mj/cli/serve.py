@@ -22,7 +22,7 @@ DURATION = click.FloatRange(min=0, min_open=True)
 
 @click.command("serve", context_settings={"show_default": True})
 @click.option(
-    "--scenario", "name", metavar="NAME|FILE.toml", shell_complete=options.complete("scenarios"),
+    "--scenario", "name", metavar="NAME|FILE.toml",
     help="Carpet, cameras, radio, faults and so on.",
 )  # fmt: skip
 @options.ROBOT

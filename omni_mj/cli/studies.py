@@ -35,7 +35,7 @@ def alpha(choice: options.Choice, **output: Any) -> None:
 
 
 @click.command("limit")
-@click.argument("name", metavar="SCENARIO|FILE.toml", shell_complete=options.complete("scenarios"))
+@click.argument("name", metavar="SCENARIO|FILE.toml")
 @options.PLANT
 @options.ROBOT
 @options.MODEL
@@ -65,11 +65,10 @@ def limit(choice: options.Choice, name: str, iterations: int, **output: Any) -> 
 @click.command("loop")
 @click.option(
     "--controller", "controllers", metavar="NAME|FILE.py:Class", multiple=True,
-    shell_complete=options.complete("controllers"),
     help="May be repeated. [all that come with the program, but for the oracle]",
 )  # fmt: skip
 @click.option(
-    "--scenario", "name", metavar="NAME|FILE.toml", default="rect", shell_complete=options.complete("scenarios"),
+    "--scenario", "name", metavar="NAME|FILE.toml", default="rect",
     help="Whose settings count. [rect]",
 )  # fmt: skip
 @options.PLANT
@@ -93,7 +92,7 @@ def loop(choice: options.Choice, name: str, **output: Any) -> None:
 
 @click.command("slip")
 @click.option(
-    "--robot", "robots", metavar="NAME|FILE.toml", multiple=True, shell_complete=options.complete("robots"),
+    "--robot", "robots", metavar="NAME|FILE.toml", multiple=True,
     help="May be repeated. [those that were measured]",
 )  # fmt: skip
 @options.MODEL

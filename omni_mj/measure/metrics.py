@@ -25,7 +25,6 @@ ALPHA_AXES = ("x", "y")
 ALPHA_WINDOW_FRAMES = 15  # 0.25 s
 ALPHA_MIN_SPEED_M_S = 0.1  # below this mean commanded speed a window's ratio is mostly noise
 ALPHA_PERCENTILES = (5, 50, 95)
-ALPHA_START_FRAMES = 9  # 0.15 s: the lag of a robot's wheels and their creep, in which it has not answered yet
 SETTLED_M = 0.01
 AFTER_S, NEAR_M = 2.0, 0.02  # how long recovery from a fault is watched after it; what counts as recovered
 EXCURSION, RECOVERY = "excursion_m", "recovery_s"
@@ -199,18 +198,6 @@ def alpha_windows(position: Array, command: Array) -> Array:
     commanded = travelled[w : len(position)] - travelled[: len(position) - w]
     moving = np.abs(commanded) > ALPHA_MIN_SPEED_M_S * w * PERIOD_S
     return np.divide(achieved, commanded, out=np.full_like(achieved, np.nan), where=moving)
-
-
-def driven_alpha(position: Array, command: Array) -> Array:
-    """`alpha_windows` where a robot is driven: not a number near standstill, where what is missing is lag, not gain.
-
-    That is where, in the window or the 0.15 s before it, 0.1 m/s or less was commanded.
-    """
-    w, before = ALPHA_WINDOW_FRAMES, ALPHA_START_FRAMES
-    driven = np.pad(np.abs(command) > ALPHA_MIN_SPEED_M_S, [(before, 0)] + [(0, 0)] * (command.ndim - 1))
-    throughout = np.asarray(np.lib.stride_tricks.sliding_window_view(driven, before + w, axis=0).all(-1))
-    alpha = alpha_windows(position, command)
-    return np.where(throughout[: len(alpha)], alpha, np.nan)
 
 
 def alpha_percentiles(log: Log, rows: np.ndarray) -> dict[str, dict[str, float | None]] | None:

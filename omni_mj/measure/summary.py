@@ -49,7 +49,6 @@ DEFINITIONS = {
         "rows that were stopped before their end: their errors, efforts and times to settle count as infinite, written"
         " as null, so that a median can stand them and a mean cannot; everything else of them is left out"
     ),
-    "reduction_percent": "100 (1 - median of this controller / median of the first controller)",
     "effort_m_s2": (
         "root mean square over the frames of the change of the sent translational command per second; what following"
         " the reference without any error needs is part of it"
@@ -149,7 +148,6 @@ def results(log: Log, failures: "Iterable[Failure]", measured: Mapping[str, Arra
     """Per controller its errors, efforts, time to settle, recovery, causes, alpha and peaks over its rows."""
     failed = {failure.row for failure in failures}
     found: dict[str, Any] = {}
-    base: dict[str, dict[str, Spread]] = {}
     for controller in log.controllers:
         rows = log.of(controller)
         error = {
@@ -159,7 +157,6 @@ def results(log: Log, failures: "Iterable[Failure]", measured: Mapping[str, Arra
         found[controller] = {
             "error_m": {axis: error[axis] for axis in AXES if UNITS[axis] == "m"},
             "error_rad": {axis: error[axis] for axis in AXES if UNITS[axis] == "rad"},
-            "reduction_percent": _reduction(error, base) if base else None,
             **{name: spread(measured[name][rows]) for name in SINGLE},
             "recovery": _recovery(log, rows, measured),
             "why": {name: _known_spread(measured[name][rows]) for name in causes.NAMES},
@@ -168,7 +165,6 @@ def results(log: Log, failures: "Iterable[Failure]", measured: Mapping[str, Arra
             "failed": len(failed.intersection(rows.tolist())),
             "settled": int(np.isfinite(measured["settle_s"][rows]).sum()),
         }
-        base = base or error
     return found
 
 
@@ -230,19 +226,6 @@ def _each_robot(log: Log, drawn: Mapping[str, Array]) -> list[dict[str, Any]]:
         {"seed": seed, "place": place, **{name: plain(values[i]) for name, values in drawn.items()}}
         for (seed, place), i in sorted(first.items())
     ]
-
-
-def _reduction(error: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, dict[str, float | None]]:
-    """By how much the medians are below the first controller's, %; None where there is none, or it is zero."""
-    return {
-        axis: {
-            name: None
-            if error[axis][name]["median"] is None or not base[axis][name]["median"]
-            else 100 * (1 - error[axis][name]["median"] / base[axis][name]["median"])
-            for name in STATISTICS
-        }
-        for axis in AXES
-    }
 
 
 def _recovery(log: Log, rows: np.ndarray, measured: Mapping[str, Array]) -> list[dict[str, Any]]:

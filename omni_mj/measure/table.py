@@ -136,19 +136,19 @@ def _both(error: Mapping[str, Any], factor: float) -> str:
 
 
 def _lines(summary: Summary, entry: Mapping[str, Any]) -> Iterator[list[str]]:
+    base = next(iter(entry["results"].values()))["error_m"]["distance"]
     for controller, result in entry["results"].items():
         settle, count = result["settle_s"], len(result["settle_s"]["seeds"])
         settled = "never" if settle["median"] is None else number(settle["median"])
-        reduction, change = result["reduction_percent"], ""
-        if reduction is not None:
-            values = (reduction["distance"][statistic] for statistic in ("max", "mean"))
-            change = "/".join(DASH if value is None else f"{-value:+.0f}" for value in values)
+        error = result["error_m"]["distance"]
+        medians = [(error[name]["median"], base[name]["median"]) for name in ("max", "mean")]
+        changes = [DASH if new is None or not old else f"{100 * (new / old - 1):+.0f}" for new, old in medians]
         yield [
             label(summary, controller, result),
             *(_both(result[key][axis], factor) for axis, (_, key, factor) in COLUMNS.items()),
             number(result["excess_effort_m_s2"]["median"]),
             settled + ("" if result["settled"] == count else f" ({result['settled']}/{count})"),
-            change,
+            "" if error is base else "/".join(changes),
         ]
 
 

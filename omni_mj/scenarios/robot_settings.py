@@ -151,10 +151,9 @@ class FirmwareSettings(Checked):
         """Yield what its clock cannot do."""
         rates = [CYCLE_RATE_HZ // n for n in range(1, 17) if CYCLE_RATE_HZ % n == 0]
         if self.rate_hz not in rates:
-            nearest = min(rates, key=lambda rate: abs(rate - self.rate_hz))
             yield (
                 f"firmware.rate_hz must divide the {CYCLE_RATE_HZ} Hz of the physics ({', '.join(map(str, rates))}), "
-                f"not {self.rate_hz}; the nearest is {nearest}"
+                f"not {self.rate_hz}"
             )
 
 

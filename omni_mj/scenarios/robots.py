@@ -27,12 +27,7 @@ def robot_path(robot: str) -> Path:
     if robot.endswith(".toml"):
         return Path(robot)
     if robot not in builtin():
-        own = (
-            f"a model of yours goes with it: --model {robot}"
-            if robot.endswith(".xml")
-            else "a file of yours: robot.toml"
-        )
-        raise OmniError(f"unknown robot {robot!r}; {choose(robot, builtin())}, or {own}")
+        raise OmniError(f"unknown robot {robot!r}; {choose(robot, builtin())}, or a file of yours: robot.toml")
     return builtin()[robot]
 
 

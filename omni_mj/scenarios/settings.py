@@ -85,13 +85,6 @@ class ReferenceSettings(Checked):
                 "reference.mode = iterated plans from way-point to way-point, of which a curve has none; "
                 f"reference.shape = {self.shape} needs reference.mode = timed"
             )
-        for name, least in (
-            ("max_side_acceleration_m_s2", 0.01),
-            ("max_jerk_m_s3", 0.1),
-            ("max_turn_jerk_rad_s3", 0.1),
-        ):
-            if 0 < getattr(self, name) < least:
-                yield f"reference.{name} must be 0, for no limit of its own, or at least {least:g}"
         if self.mode == "iterated" and (self.max_jerk_m_s3 or self.max_turn_jerk_rad_s3):
             yield (
                 "reference.max_jerk_m_s3 and max_turn_jerk_rad_s3 need reference.mode = timed: iterated plans anew in "

@@ -152,31 +152,6 @@ def test_starters_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: p
 
 
 @pytest.mark.parametrize(
-    ("words", "offered"),
-    [
-        ("omni-mj lim", {"limit"}),
-        ("omni-mj run --scenario rec", {"rect", "rect-noise"}),
-        ("omni-mj run --controller comp", {"comp-flc", "comp-flc-lag"}),
-        ("omni-mj slip --robot tigers-v2020", {"tigers-v2020", "tigers-v2020-planetary"}),
-        ("omni-mj run --set radio.d", {"radio.delay_frames="}),
-        ("omni-mj show r", {"rect", "rect-noise", "robojackets", "roboteam-twente"}),
-        ("omni-mj new c", {"controller"}),
-    ],
-)
-def test_a_shell_completes_names(
-    words: str, offered: set[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """By the protocol of click's script for fish, which docs/commands.md installs."""
-    *before, last = words.split(" ")
-    monkeypatch.setenv("_OMNI_MJ_COMPLETE", "fish_complete")
-    monkeypatch.setenv("COMP_WORDS", shlex.join(before))
-    monkeypatch.setenv("COMP_CWORD", last)
-    assert invoke() == 0
-    items = re.findall(r"^plain,([^\t\n]*)", capsys.readouterr().out.replace("\nplain\n", "\nplain,"), re.MULTILINE)
-    assert set(items) == offered
-
-
-@pytest.mark.parametrize(
     ("streams", "code", "out", "err"),
     [
         ("| head -1", 1, "scenarios", ""),

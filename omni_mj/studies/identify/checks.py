@@ -5,7 +5,6 @@ inputs explain is the squared correlation of planar displacements as complex num
 not depend on the angle between axes; its phase is that angle.
 """
 
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -87,10 +86,17 @@ def starting_delay(log: RobotLog, inputs: Array, source: str, geometry: Kinemati
                 f"{log.name}: the robot {verb} {ratio:.2g} times as fast as the {source} say; "
                 f"are all in m, rad and s{gear}?"
             )
+    mirrored, clockwise = "x or y is mirrored, or they are swapped", "headings turn clockwise"
+    mistakes = {
+        mirrored: ([1, -1, 1], in_body),
+        clockwise: ([1, 1, -1], in_body),
+        f"{mirrored} and {clockwise}": ([1, -1, -1], in_body),
+    }
+    if not by_wheels:
+        mistakes[f"they are along the {'field' if in_body else 'robot'}'s axes"] = [1, 1, 1], not in_body
     best, mistake = max(
-        (_explain(log.time, log.pose * [1, 1 - 2 * mirrored, 1 - 2 * clockwise], inputs, frame, by_wheels).score, says)
-        for mirrored, clockwise, frame in product((0, 1), (0, 1), (True,) if by_wheels else (True, False))
-        if (says := _mistake(mirrored, clockwise, frame, in_body))
+        (_explain(log.time, log.pose * signs, inputs, frame, by_wheels).score, mistake)
+        for mistake, (signs, frame) in mistakes.items()
     )
     if best > max(match.score + BETTER, CORRELATED):
         raise OmniError(f"{log.name}: the {source} explain the motion better if {mistake}")
@@ -105,13 +111,6 @@ def starting_delay(log: RobotLog, inputs: Array, source: str, geometry: Kinemati
             "x is forward, y to the left, heading counter-clockwise"
         )
     return match.late
-
-
-def _mistake(mirrored: int, clockwise: int, in_body: bool, stated_in_body: bool) -> str:
-    """Return a mistake in words, or nothing if axes are as stated."""
-    frame = "robot's" if in_body else "field's"
-    parts = ["x or y is mirrored, or they are swapped"] * mirrored + ["headings turn clockwise"] * clockwise
-    return " and ".join(parts + [f"they are along the {frame} axes"] * (in_body != stated_in_body))
 
 
 def _explain(time: Array, pose: Array, inputs: Array, in_body: bool, by_wheels: bool) -> Match:

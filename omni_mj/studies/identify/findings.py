@@ -50,9 +50,10 @@ KINDS = {
     "arm_m": Kind("effective arm", "m", "turning", 0.02, 3e-3, relative=True),
     "lag_forward_s": Kind("lag tau forward", "s", "forward", 0.02, 1e-3),
     "friction_forward_m_s": Kind("dry friction c forward", "m/s", "forward", 0.03, 0.0),
+    "gain_turning": Kind("gain K turning", "", "turning", 0.05, 2e-3),
     "compass_rad": Kind("angle of the robot's axes", "rad", "", 0.05, 0.0),
 }
-for _axis in (*AXES, "turning"):
+for _axis in AXES:
     KINDS |= {
         f"gain_{_axis}": Kind(f"gain K {_axis}", "", _axis, 0.05, 2e-3),
         f"creep_{_axis}_s2_m": Kind(f"creep T {_axis}", "s^2/m", f"creep {_axis}", 0.03, 1e-3),
@@ -127,9 +128,9 @@ def find_lacks(twists: Sequence[Array], period: float) -> dict[str, str]:
         if rms[i] < DRIVES_M_S:
             lacks[axis] = lacks[f"creep {axis}"] = f"the robot moves {axis} at {rms[i]:.2f} m/s (rms) only"
     if not creeps.any():
-        lacks["creep"] = lacks["creep turning"] = lacks["creep forward"]
+        lacks["creep"] = lacks["creep forward"]
     if rms[2] < TURNS_RAD_S:
-        lacks["turning"] = lacks["creep turning"] = f"the robot turns at {rms[2]:.2f} rad/s (rms) only"
+        lacks["turning"] = f"the robot turns at {rms[2]:.2f} rad/s (rms) only"
     return lacks
 
 

@@ -183,4 +183,4 @@ def _least(results: Mapping[str, Any], whose: Mapping[Aim, str]) -> dict[str, An
         key: {axis: usual[key][axis] | {"max": worst[key][axis]["max"]} for axis in worst[key]}
         for key in ("error_m", "error_rad")
     }
-    return {**worst, **errors, "reduction_percent": None}
+    return {**worst, **errors}

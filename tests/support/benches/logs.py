@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import omni_mj as om
 from omni_mj.measure import causes, events, paper, statistics, summary
-from omni_mj.measure.metrics import alpha_windows, driven_alpha, errors, row_metrics
+from omni_mj.measure.metrics import alpha_windows, errors, row_metrics
 from omni_mj.measure.result import Outcome
 from omni_mj.measure.statistics import verdicts
 from omni_mj.measure.table import recovery_table, table
