@@ -150,7 +150,6 @@ def test_numbers_of_numpy_and_whole_numbers_serve_where_a_number_is_needed() -> 
         ({"seeds": 0}, ["seeds", "1 to 100000"]),
         ({"plant": "mujocco"}, ["did you mean 'mujoco'"]),
         ({"robot": "tigers-v201"}, ["did you mean 'tigers-v2016'"]),
-        ({"robot": "models/ssl_robot.xml"}, ["--model models/ssl_robot.xml"]),
         ({"controllers": ["comp-fcl"]}, ["did you mean 'comp-flc'"]),
         ({"controllers": ["flc", "flc"]}, ["named twice"]),
         ({"model": "nowhere.xml"}, ["nowhere.xml"]),
