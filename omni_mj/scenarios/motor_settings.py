@@ -100,8 +100,3 @@ class MotorSettings(Checked):
                 f"motor.nominal_torque_nm = {self.nominal_torque_nm:g} is not motor.constant_nm_a times "
                 f"motor.nominal_current_a, {torque:.4g}, within {TORQUE_TOLERANCE:.0%}{sheet}"
             )
-        if self.nominal_current_a <= self.no_load_current_a:
-            yield (
-                f"motor.nominal_current_a = {self.nominal_current_a:g} must be above motor.no_load_current_a = "
-                f"{self.no_load_current_a:g}"
-            )
