@@ -151,7 +151,11 @@ def _controller(name: str) -> str:
     from omni_mj.scenarios import classes
 
     kind, label = classes.find_controller(name), classes.label(name)
-    lines = [inspect.getdoc(kind) or f"{label}: its class has no docstring", "", "parameters:"]
+    lines = [
+        inspect.getdoc(kind) or f"{label}: its class has no docstring",
+        "",
+        "parameters:" if parameters(kind) else "no parameters",
+    ]
     lines += [f"  --set controller.{label}.{key}={json.dumps(value)}" for key, value in parameters(kind).items()]
     return "\n".join([*lines, "", f"source: {inspect.getsourcefile(kind)}"]) + "\n"
 
