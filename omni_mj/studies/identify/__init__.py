@@ -168,7 +168,6 @@ def plan(robot: str = robots.DEFAULT, model: str | None = None) -> Scenario:
 def identify_logs(logs: Sequence[RobotLog], chosen: Scenario) -> Identified:
     """Identify a robot from logs that were read, and the scenario with the start robot."""
     result = Identified(chosen.robot, chosen.settings, [log.name for log in logs])
-    result.notes += [note for log in logs for note in log.notes]
     if driven := [log for log in logs if log.wheels is not None]:
         _add_fit(result, "wheels", driven)
     if commanded := [log for log in logs if log.command is not None]:

@@ -45,7 +45,6 @@ class RobotLog:
         command: Twists that act until the next line, (F, 3), or None.
         in_body: Whether commands are along the body's axes.
         wheels: Mean speeds from each line to the next, (F, W) rad/s, or None.
-        notes: Remarks on the data.
     """
 
     name: str
@@ -54,7 +53,6 @@ class RobotLog:
     command: Array | None
     in_body: bool
     wheels: Array | None
-    notes: Sequence[str] = ()
 
 
 def read(file: Path | str) -> list[RobotLog]:
@@ -126,12 +124,7 @@ def _clean(log: RobotLog) -> RobotLog:
     for what, values in zip(("commands", "wheels"), inputs, strict=True):
         if values is not None and not np.isfinite(values).all():
             raise OmniError(f"{log.name}: {what} are missing in line {np.argmin(np.isfinite(values).all(1)) + 1}")
-    notes = []
-    if (~new).any():
-        notes.append(f"{log.name}: {(~new).sum()} lines have the time of the line before; left out")
-    if held.any():
-        notes.append(f"{log.name}: {held.sum()} lines repeat the pose of the line before; taken as not seen")
-    return RobotLog(log.name, time, pose, inputs[0], log.in_body, inputs[1], notes)
+    return RobotLog(log.name, time, pose, inputs[0], log.in_body, inputs[1])
 
 
 def _wheel_names(columns: "Columns") -> tuple[bool, list[str]]:
