@@ -1,10 +1,10 @@
-"""Text of `omni-mj compare`: the table, verdicts, what was not done."""
+"""Text of `omni-mj compare`: the table, a matrix of scenarios and controllers, verdicts, what was not done."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any
 
 from omni_mj.measure.statistics import CHANCE, ERRORS
-from omni_mj.measure.table import DASH, Table, table
+from omni_mj.measure.table import DASH, Table, label, plus_minus, table
 from omni_mj.show import tables
 
 Summary = dict[str, Any]
@@ -32,10 +32,24 @@ def markdown(summary: Summary) -> str:
     blocks += [_list(_not_done(summary))]
     if verdicts.rows:
         blocks += [f"## {verdicts.title}", _caption(summary), tables.markdown(verdicts.headings, verdicts.rows)]
+    for statistic, name in {"max": "Maximum", "mean": "Mean"}.items():
+        blocks += [f"## {name} error in the plane in cm", _matrix(summary, statistic)]
     blocks += ["## Errors, effort and settling", tables.markdown(errors.headings, errors.rows) if errors.rows else ""]
     blocks += ["## Definitions", _list(f"**{name}**: {text}" for name, text in summary["definitions"].items())]
     blocks += [", ".join(f"{name} {number}" for name, number in summary["versions"].items())]
     return "\n\n".join(block for block in blocks if block) + "\n"
+
+
+def _matrix(summary: Summary, statistic: str) -> str:
+    """Return the error in the plane by scenario and controller: mean over the seeds, interval, number of failures."""
+    rows = []
+    for scenario, entry in summary["scenarios"].items():
+        cells = {}
+        for name, result in entry["results"].items():
+            failed = f" ({result['failed']} failed)" if result["failed"] else ""
+            cells[name] = plus_minus(result["error_m"]["distance"][statistic], 100) + failed
+        rows.append([scenario, *(cells.get(name, DASH) for name in summary["controllers"])])
+    return tables.markdown(["", *(label(summary, name) for name in summary["controllers"])], rows)
 
 
 def verdict_table(summary: Summary) -> Table:
