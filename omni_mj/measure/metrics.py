@@ -23,6 +23,7 @@ STILL_M = 1e-6  # from the frame before to the frame after: 30 um/s, at which a 
 PEAKS = {"peak_voltage_v": "voltage_peak", "peak_current_a": "current_peak", "peak_winding_c": "winding"}
 ALPHA_AXES = ("x", "y")
 ALPHA_WINDOW_FRAMES = 15  # 0.25 s
+ALPHA_START_FRAMES = 9  # 0.15 s: the lag of a robot's wheels and their creep, in which it has not answered yet
 ALPHA_MIN_SPEED_M_S = 0.1  # below this mean commanded speed a window's ratio is mostly noise
 ALPHA_PERCENTILES = (5, 50, 95)
 SETTLED_M = 0.01
@@ -198,6 +199,18 @@ def alpha_windows(position: Array, command: Array) -> Array:
     commanded = travelled[w : len(position)] - travelled[: len(position) - w]
     moving = np.abs(commanded) > ALPHA_MIN_SPEED_M_S * w * PERIOD_S
     return np.divide(achieved, commanded, out=np.full_like(achieved, np.nan), where=moving)
+
+
+def driven_alpha(position: Array, command: Array) -> Array:
+    """Return `alpha_windows` where a robot is driven, and NaN near standstill, where lag is missing and not gain.
+
+    That is where, in the window or the 0.15 s before it, 0.1 m/s or less was commanded.
+    """
+    width, before = ALPHA_WINDOW_FRAMES, ALPHA_START_FRAMES
+    driven = np.pad(np.abs(command) > ALPHA_MIN_SPEED_M_S, [(before, 0)] + [(0, 0)] * (command.ndim - 1))
+    throughout = np.asarray(np.lib.stride_tricks.sliding_window_view(driven, before + width, axis=0).all(-1))
+    alpha = alpha_windows(position, command)
+    return np.where(throughout[: len(alpha)], alpha, np.nan)
 
 
 def alpha_percentiles(log: Log, rows: np.ndarray) -> dict[str, dict[str, float | None]] | None:

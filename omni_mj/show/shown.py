@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
-from omni_mj.measure.metrics import ALPHA_WINDOW_FRAMES, alpha_windows
+from omni_mj.measure.metrics import ALPHA_WINDOW_FRAMES, driven_alpha
 from omni_mj.scenarios.settings import Settings
 from omni_mj.show import style
 from omni_mj.simulate.log import OWN, Log
@@ -68,7 +68,7 @@ class Robot:
         sigma = self[SIGMA][:, axis, None] if SIGMA in self.log.columns else np.nan
         ratio = np.full_like(estimate, np.nan)
         if len(ratio) > ALPHA_WINDOW_FRAMES:
-            ratio[ALPHA_WINDOW_FRAMES:, 0] = alpha_windows(self["pose"][:, axis], self["applied"][:, axis])
+            ratio[ALPHA_WINDOW_FRAMES:, 0] = driven_alpha(self["pose"][:, axis], self["applied"][:, axis])
         return np.hstack([ratio, estimate - 2 * sigma, estimate + 2 * sigma, estimate])
 
 

@@ -118,11 +118,11 @@ def test_series_have_names_in_their_controllers_colour(recorded: Recorded, contr
 
 
 def ratio(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """Displacement achieved over commanded in the 15 frames before, if it was more than 0.1 m/s on average."""
+    """Displacement achieved over commanded in the 15 frames before, if more than 0.1 m/s was for 24 frames."""
     result = np.full(len(position), np.nan)
-    for k in range(15, len(position)):
+    for k in range(24, len(position)):
         mean = velocity[k - 15 : k].mean()
-        if abs(mean) > 0.1:
+        if (abs(velocity[k - 24 : k]) > 0.1).all() and abs(mean) > 0.1:
             result[k] = (position[k] - position[k - 15]) / (mean * 15 / 60)
     return result
 

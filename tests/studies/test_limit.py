@@ -143,7 +143,7 @@ def test_no_controller_gets_below_it(plant: str) -> None:
     """With the same seeds, but for those that are told the truth; and it is the same every time."""
     sections: dict[str, Any] = {"kinematic": SLOW} if plant == "kinematic" else {}
     scenario = om.scenario("rect", plant=plant, reference=ROUTE, **sections)
-    found = om.limit(scenario, SEEDS, iterations=4)
+    found = om.limit(scenario, SEEDS, iterations=6)
     driven = om.run(scenario, ["lqr", "mpc"], range(SEEDS))
     limit, still = least(found, "limit"), least(found, "limit without noise")
     rivals = [name for name in CONTROLLERS if name != "oracle"]
@@ -163,7 +163,7 @@ def test_no_controller_gets_below_it(plant: str) -> None:
         if name != "learned":
             assert limit[statistic] == least(found, name)[statistic]
     if plant == "kinematic":
-        assert om.limit(scenario, SEEDS, iterations=4).table() == found.table()
+        assert om.limit(scenario, SEEDS, iterations=6).table() == found.table()
 
 
 def test_one_that_is_stopped_says_so_and_has_what_it_learned() -> None:

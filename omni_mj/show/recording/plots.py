@@ -9,13 +9,13 @@ import rerun as rr
 
 from omni_control.kinematics import Array, world_to_body
 from omni_mj.measure import causes
-from omni_mj.measure.metrics import ALPHA_WINDOW_FRAMES
+from omni_mj.measure.metrics import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.show import style
 from omni_mj.show.shown import ALPHA_RANGE, Robot
 from omni_mj.simulate.log import OWN, Log
 
-HISTORY_FRAMES = ALPHA_WINDOW_FRAMES  # before a block, on which its values depend
+HISTORY_FRAMES = ALPHA_WINDOW_FRAMES + ALPHA_START_FRAMES  # before a block, on which its values depend
 SINGLE = ("alpha", "wheels", "heat")  # tabs that show one robot at a time
 SHARE = (0.0, 1.05)  # range of axes
 
