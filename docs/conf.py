@@ -8,7 +8,13 @@ from importlib.metadata import version as installed
 from itertools import groupby
 from typing import Any
 
+import click
+
+from omni_mj.cli.main import cli
 from omni_mj.show import listing
+
+# sphinx-click takes the commands from here, where otherwise only their names are.
+cli.commands = {name: cli.get_command(click.Context(cli), name) for name in cli.commands}  # type: ignore[misc]
 
 project = "omni-mj"
 author = copyright = "the omni-mj authors"
@@ -80,7 +86,7 @@ def navigation() -> str:
 
 def settings() -> str:
     """The lists of settings and faults as tables, the settings by section."""
-    sections = groupby(listing.settings(), lambda line: line[0].partition(".")[0])
+    sections = groupby(listing.rows("settings"), lambda line: line[0].partition(".")[0])
     tables = [f"\n## [{section}]\n\n" + _table(lines) for section, lines in sections]
     return "".join(tables) + "\n## Faults: [[fault]]\n\n" + _table(listing.faults())
 

@@ -65,8 +65,8 @@ class Log:
     Attributes:
         rows: as given.
         columns: channel -> its columns in a table.
-    first_frame: the number that a table gives its first frame.
-                length: frames recorded so far, since the last `clear`.
+        first_frame: the number that a table gives its first frame.
+        length: frames recorded so far, since the last `clear`.
         lengths: how many of them each row has, (n,): one that failed or came to its end before has fewer.
     """
 
