@@ -21,6 +21,7 @@ TURNED_DEG = 0.06  # error of heading from which on a robot turns
 PAPER_ALPHA = (0.7, 1.0)  # section 2
 HALF_WIDTH, MIN_HALF_M = 1.25, 0.005  # of a square, in deviations; at least
 COLUMNS = 4  # squares in a row
+CORNERS = (1, 1), (-1, 1), (-1, -1), (1, -1)
 STEP_M = 0.0005  # of points on the path, to which distances are measured
 Failures = Mapping[str, Failure]  # by the names of the robots that were stopped
 
@@ -48,8 +49,10 @@ def draw_paths(robots: Sequence[Robot], failures: Failures, figure: Figure) -> N
         axes.set(xlim=limits, ylim=limits, xlabel=f"{100 * deviation:.3g} cm off", title=f"{i + 1} {robot.name}")
         axes.spines[:].set_visible(True)
         overview.add_patch(Rectangle(tuple(centre - half), 2 * half, 2 * half, fill=False, ec=colour, lw=1, zorder=7))
-        place: dict[str, Any] = {"xytext": (8 * i, 0), "textcoords": "offset points"}
-        overview.annotate(str(i + 1), tuple(centre + half), color=colour, weight="bold", zorder=8, **place)
+        right, top = CORNERS[i % len(CORNERS)]  # numbers of squares that overlap stand apart
+        place: dict[str, Any] = {"ha": "left" if right > 0 else "right", "va": "bottom" if top > 0 else "top"}
+        corner = centre[0] + right * half, centre[1] + top * half
+        overview.annotate(str(i + 1), corner, color=colour, weight="bold", zorder=8, **place)
     overview.margins(0.06)
     overview.set(xlabel="x in m", ylabel="y in m")
     canvas.add_legend(figure, [overview])
