@@ -3,12 +3,15 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from omni_mj.cli import console, folders, options
 from omni_mj.scenarios.scenario import Scenario
+
+if TYPE_CHECKING:
+    from omni_mj.studies.outcome import Begin
 
 WRITTEN = ("summary.json", "scenario.toml", "scenarios", "trajectory.parquet")
 
@@ -54,7 +57,7 @@ def limit(choice: options.Choice, name: str, iterations: int, **output: Any) -> 
     chosen = choice.load(name)
     study.check(chosen, iterations)
 
-    def measure(begin: study.Begin) -> study.LimitResult:
+    def measure(begin: "Begin") -> study.LimitResult:
         result = study.limit(chosen, chosen.seed_list, iterations, begin=begin)
         result.repeat = console.command_line()
         return result
@@ -115,7 +118,7 @@ def slip(choice: options.Choice, robots: Sequence[str], **output: Any) -> None:
 def _run(
     name: str,
     chosen: Sequence[Scenario],
-    measure: Callable[[Callable[[str, int], Callable[[int], None]]], Any],
+    measure: "Callable[[Begin], Any]",
     draw: Callable[[Any, Path], None],
     out: Path | None,
     overwrite: bool,

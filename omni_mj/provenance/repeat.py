@@ -1,7 +1,7 @@
 """Run again what a folder holds, and compare: frames bit for bit, or else the summary's numbers."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,7 @@ from omni_mj.provenance.record import FILE, FORMAT, digest, environment
 from omni_mj.scenarios import scenario
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.outcome import AfterFrame, StoppedError, drive, nothing, total_frames
+from omni_mj.studies.outcome import Begin, StoppedError, begin_nothing, drive, total_frames
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -27,7 +27,6 @@ RESULTS = ("failed", "drawn", "events", "results")  # parts of a scenario's entr
 ENVIRONMENT = ("versions", "source", "git", "machine")  # parts of a record
 KEYS = ["controller", "seed", "place", "frame"]
 HERE = " here"  # after the names of the repetition's channels
-Begin = Callable[[str, int], AfterFrame]
 
 
 @dataclass
@@ -61,7 +60,7 @@ class Repetition:
         return "\n".join([head, *(f"note: {note}" for note in self.notes)])
 
 
-def verify(folder: str | Path, begin: Begin = lambda title, count: nothing) -> Repetition:
+def verify(folder: str | Path, begin: Begin = begin_nothing) -> Repetition:
     """Run again what a folder holds, and compare bit for bit, as `omni-mj verify` does.
 
     Args:

@@ -12,7 +12,7 @@ robots straight.
 """
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,7 +44,7 @@ from omni_mj.studies.conditions import (
     combinations,
     shares,
 )
-from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing, standing
+from omni_mj.studies.outcome import Begin, StoppedError, begin_nothing, standing
 
 DEFINITIONS = {
     "steady": "speed achieved / commanded in the last 0.5 s of the cruise",
@@ -162,7 +162,7 @@ def alpha(
     scenario: Scenario | str = "rect",
     conditions: Conditions = CONDITIONS,
     *,
-    begin: Callable[[str, int], AfterFrame] = lambda title, frames: nothing,
+    begin: Begin = begin_nothing,
 ) -> AlphaResult:
     """Study how robots follow their commands.
 

@@ -1,11 +1,10 @@
 """What all studies are made of: a simulation that is run, and the outcome of it."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_mj.measure import metrics, summary
 from omni_mj.measure.result import Outcome
@@ -14,8 +13,8 @@ from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.simulate.simulation import Simulation
 
-Kinds = Sequence[str | type[Controller]]
 AfterFrame = Callable[[int], None]
+Begin = Callable[[str, int], AfterFrame]  # given a title and the number of frames to come
 FRAME_BYTES = 1200  # of a robot-frame in the log, with what is made of it to measure, and its reference
 
 
@@ -32,7 +31,12 @@ class StoppedError(Exception):
 
 
 def nothing(_: object) -> None:
-    """What is called after a frame, or a scenario, where nobody wants to know."""
+    """What is called after a frame where nobody wants to know."""
+
+
+def begin_nothing(title: str, frames: int) -> AfterFrame:
+    """Return what to call after each frame where nobody wants to know."""
+    return nothing
 
 
 def check_memory(robots: int, frames: int) -> None:

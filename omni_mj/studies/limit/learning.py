@@ -21,11 +21,10 @@ from omni_mj.scenarios.scenario import Scenario
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies.limit.model import DepartureModel, improve
 from omni_mj.studies.limit.tracking import Policy, Tracker
-from omni_mj.studies.outcome import AfterFrame
+from omni_mj.studies.outcome import AfterFrame, Begin
 
 Aim = Literal["max", "mean"]
 AIMS: tuple[Aim, ...] = ("max", "mean")
-Begin = Callable[[str, int], AfterFrame]
 Leader = Callable[[Array, Array, Array], Array]
 TEACHERS = ("comp-flc", "adaptive-comp-flc")  # whose best run is the first
 TRIES = tuple(product((1.0, 0.3), (0.03, 0.003)))  # share of a planned change, weight of the regulator

@@ -18,9 +18,9 @@ from omni_mj.scenarios.robot_settings import VariationSettings
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.limit.learning import AIMS, Aim, Begin, lead, learn, led
+from omni_mj.studies.limit.learning import AIMS, Aim, lead, learn, led
 from omni_mj.studies.limit.tracking import Policy, Tracker
-from omni_mj.studies.outcome import StoppedError, drive, nothing
+from omni_mj.studies.outcome import Begin, StoppedError, begin_nothing, drive
 from omni_mj.studies.run import counted, with_kernel
 
 LIMIT, WITHOUT_NOISE = "limit", "limit without noise"
@@ -79,7 +79,7 @@ def limit(
     seeds: int | Iterable[int] = SEEDS,
     iterations: int = ATTEMPTS,
     *,
-    begin: Begin = lambda title, frames: nothing,
+    begin: Begin = begin_nothing,
 ) -> LimitResult:
     """Find out what is possible on a scenario's plant.
 

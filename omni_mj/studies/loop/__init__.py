@@ -4,7 +4,7 @@
 """
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -24,7 +24,7 @@ from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.studies.loop import drive as drives
 from omni_mj.studies.loop.drive import CASES, FREQUENCIES, STEP_M, Drive
 from omni_mj.studies.loop.response import Gains, Margins, StepFigures, find_margins, loop_gain, measure_step
-from omni_mj.studies.outcome import AfterFrame, StoppedError, informed, nothing
+from omni_mj.studies.outcome import Begin, StoppedError, begin_nothing, informed
 
 __all__ = ["Loop", "LoopResult", "loop", "usual"]
 
@@ -114,7 +114,7 @@ def loop(
     scenario: Scenario | str = "rect",
     controllers: Sequence[str | type[Controller]] | None = None,
     *,
-    begin: Callable[[str, int], AfterFrame] = lambda title, frames: nothing,
+    begin: Begin = begin_nothing,
 ) -> LoopResult:
     """Measure how loops answer a step, and how far they are from the edge of stability.
 

@@ -12,7 +12,7 @@ entered it so, forward drag is 3.41, 2.07 and 4.14 N.
 
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ from omni_mj.measure.table import DASH, Table, text
 from omni_mj.scenarios import distributions
 from omni_mj.scenarios import resolve as described
 from omni_mj.scenarios.scenario import Scenario, scenario
-from omni_mj.studies.outcome import AfterFrame, nothing
+from omni_mj.studies.outcome import Begin, begin_nothing
 from omni_mj.studies.slip.fits import SlipFit, fit_moves
 from omni_mj.studies.slip.moves import Move, count_frames, drive, identification
 
@@ -110,7 +110,7 @@ def slip(
     robots: Sequence[Scenario | described.Robot | str] | None = None,
     moves: Sequence[Move] | None = None,
     *,
-    begin: Callable[[str, int], AfterFrame] = lambda name, frames: nothing,
+    begin: Begin = begin_nothing,
 ) -> SlipResult:
     """Identify how robots slip, as TIGERs Mannheim identified theirs.
 
