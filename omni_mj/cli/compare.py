@@ -10,8 +10,6 @@ from omni_mj.cli import console, folders, options
 
 if TYPE_CHECKING:
     from omni_mj.measure.result import Outcome, Result
-    from omni_mj.simulate.simulation import Simulation
-    from omni_mj.studies.outcome import AfterFrame
 
 OUTPUTS = ("summary.json", "compare.md", "compare.png", "compare.svg")
 KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet", *folders.PROVENANCE)
@@ -53,7 +51,6 @@ def command(
     from omni_mj.files import write
     from omni_mj.show import compare_table, figures
     from omni_mj.studies import compare
-    from omni_mj.studies.outcome import total_frames
 
     plant = choice.plant or "mujoco"
     choice = replace(choice, controllers=choice.controllers or available(), plant=plant)
@@ -70,17 +67,15 @@ def command(
     with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
         folders.begin_record(folder, "compare", console.command_line(), chosen, trajectories)
 
-        def before(simulation: "Simulation") -> "AfterFrame":
-            name = simulation.scenario.name
-            title = f"{name} ({[each.name for each in chosen].index(name) + 1} of {len(chosen)})"
-            return console.checked(interrupts.check, begin(title, total_frames(simulation)))
-
         def after(result: "Result", outcome: "Outcome") -> None:
             save(result)
             result.save_outcome(outcome if trajectories else replace(outcome, log=None), folder)
 
         seeds = chosen[0].seed_list
-        result = compare.compare(chosen, choice.controllers, seeds, subject, before=before, after=after)
+        result = compare.compare(
+            chosen, choice.controllers, seeds, subject,
+            begin=lambda *what: console.checked(interrupts.check, begin(*what)), after=after,
+        )  # fmt: skip
     with console.writing(folder):
         save(result)
     summary = result.summary()

@@ -12,8 +12,7 @@ from omni_mj.scenarios import faults
 from omni_mj.scenarios.checking import in_one
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.scenarios.toml_files import builtin
-from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.outcome import AfterFrame, StoppedError, drive, informed, nothing
+from omni_mj.studies.outcome import Begin, StoppedError, begin_nothing, drive, informed, total_frames
 from omni_mj.studies.run import counted, prepare
 
 LEFT_OUT = ("heat", "storm")  # many times as long as the others, and one in which everything happens at once
@@ -27,7 +26,7 @@ def compare(
     subject: str | None = None,
     keep: bool = False,
     *,
-    before: Callable[[Simulation], AfterFrame] = lambda simulation: nothing,
+    begin: Begin = begin_nothing,
     after: Callable[[Result, Outcome], None] = lambda result, outcome: None,
 ) -> Result:
     """Run controllers on many scenarios and seeds.
@@ -41,8 +40,8 @@ def compare(
         seeds: of the random numbers, or how many, counting up from 0.
         subject: the controller of which verdicts are asked for.
         keep: whether to keep all frames.
-        before: called with each simulation before it is run; what it returns is called after each frame, and may raise
-            `StoppedError`.
+        begin: called with a title and the number of frames before each scenario is run; what it returns is called after
+            each frame, and may raise `StoppedError`.
         after: called with what there is so far, and the outcome that has come to it, with its frames.
 
     Raises:
@@ -60,7 +59,7 @@ def compare(
         result.controllers, result.informed = list(chosen[0].labels), informed(chosen[0])
     try:
         for i, scenario in enumerate(chosen):
-            outcome = _run(scenario, numbers, before)
+            outcome = _run(scenario, numbers, f"{scenario.name} ({i + 1} of {len(chosen)})", begin)
             result.outcomes[i] = outcome if keep else replace(outcome, log=None)
             result.wall_s = time.perf_counter() - started
             after(result, outcome)
@@ -95,7 +94,7 @@ def check(chosen: Sequence[Scenario], subject: str | None) -> None:
     in_one(errors)
 
 
-def _run(scenario: Scenario, seeds: Sequence[int], before: Callable[[Simulation], AfterFrame]) -> Outcome:
+def _run(scenario: Scenario, seeds: Sequence[int], title: str, begin: Begin) -> Outcome:
     """Return the outcome of a scenario, or that it cannot be run.
 
     Raises:
@@ -105,7 +104,7 @@ def _run(scenario: Scenario, seeds: Sequence[int], before: Callable[[Simulation]
         simulation = prepare(scenario, seeds=seeds)
     except OmniError as error:
         return Outcome.not_run(scenario, " ".join(str(error).split()))
-    outcome = drive(simulation, before(simulation))
+    outcome = drive(simulation, begin(title, total_frames(simulation)))
     if reason := outcome.entry["reason"]:
         raise StoppedError(reason)
     return outcome

@@ -70,7 +70,7 @@ def test_what_is_stopped_keeps_what_was_done(scenarios: list[om.Scenario]) -> No
 
     result = om.compare(
         scenarios, ("flc", "comp-flc"), 2, "flc",
-        before=lambda simulation: at_frame, after=lambda result, outcome: done.append(outcome),
+        begin=lambda title, frames: at_frame, after=lambda result, outcome: done.append(outcome),
     )  # fmt: skip
     assert (result.complete, result.stopped) == (False, "interrupted")
     assert [entry["status"] for entry in result.summary()["scenarios"].values()] == ["done", "not run"]
