@@ -62,14 +62,15 @@ def drawings(outcome: "Outcome") -> dict[str, Callable[[Figure], None]]:
     """Return the functions that draw the figures for which an outcome has data, by name."""
     assert outcome.log
     robots = [robot for robot in shown_robots(outcome.log, 1) if robot.length]
-    by_row = {failure.row: failure for failure in outcome.failures}
-    failures = {robot.name: by_row[robot.row] for robot in robots if robot.row in by_row}
-    functions = {"path": run.draw_paths, "output": run.draw_output, "error": run.draw_errors}
-    if run.estimators(robots):
-        functions["alpha"] = run.draw_alpha
+    stopped = {failure.row for failure in outcome.failures}
+    failed = {robot.name for robot in robots if robot.row in stopped}
     figures: dict[str, Callable[[Figure], None]] = {
-        name: partial(draw, robots, failures) for name, draw in functions.items()
+        "path": partial(run.draw_paths, robots, failed),
+        "output": partial(run.draw_output, robots, failed),
+        "error": partial(run.draw_errors, robots, failed),
     }
+    if estimators := run.estimators(robots):
+        figures["alpha"] = partial(run.draw_alpha, estimators)
     if len(outcome.log.seeds) >= FEWEST_SEEDS:
         figures["seeds"] = partial(draw_comparison, {outcome.scenario.name: outcome.entry}, ())
     return figures

@@ -1,6 +1,6 @@
 """Figures of a run, of each controller's first row: path, output, errors, motor correction factor."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,6 @@ from omni_mj.scenarios.settings import FRAME_RATE_HZ
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
 from omni_mj.show.shown import ALPHA_RANGE, Robot
-from omni_mj.simulate.simulation import Failure
 
 TURNED_DEG = 0.06  # error of heading from which on a robot turns
 PAPER_ALPHA = (0.7, 1.0)  # section 2
@@ -23,10 +22,9 @@ HALF_WIDTH, MIN_HALF_M = 1.25, 0.005  # of a square, in deviations; at least
 COLUMNS = 4  # squares in a row
 CORNERS = (1, 1), (-1, 1), (-1, -1), (1, -1)
 STEP_M = 0.0005  # of points on the path, to which distances are measured
-Failures = Mapping[str, Failure]  # by the names of the robots that were stopped
 
 
-def draw_paths(robots: Sequence[Robot], failures: Failures, figure: Figure) -> None:
+def draw_paths(robots: Sequence[Robot], failed: Collection[str], figure: Figure) -> None:
     """Draw the reference and the paths (figures 7 and 10), enlarged where each controller strays farthest."""
     reference = max(robots, key=lambda robot: robot.length)["ref"][:, :2]
     columns = min(len(robots), COLUMNS)
@@ -38,7 +36,7 @@ def draw_paths(robots: Sequence[Robot], failures: Failures, figure: Figure) -> N
     overview.plot(*reference[0], "o", color="black", ms=6, zorder=6, label="start")
     for i, robot in enumerate(robots):
         colour, travelled = style.colour(robot.slot), robot["pose"][:, :2]
-        if robot.name in failures:
+        if robot.name in failed:
             overview.plot(*travelled[-1], "X", color=colour, ms=8, mec="black", zorder=6, label=f"{robot.name} failed")
         distance = distance_to_path(reference, travelled)
         centre, deviation = travelled[distance.argmax()], float(distance.max())
@@ -58,25 +56,25 @@ def draw_paths(robots: Sequence[Robot], failures: Failures, figure: Figure) -> N
     canvas.add_legend(figure, [overview])
 
 
-def draw_output(robots: Sequence[Robot], failures: Failures, figure: Figure) -> None:
+def draw_output(robots: Sequence[Robot], failed: Collection[str], figure: Figure) -> None:
     """Draw the velocities commanded by the controllers (figures 8 and 11) and the reference's."""
     poses = max(robots, key=lambda robot: robot.length)["ref"]
     labels = ["velocity in x, m/s", "velocity in y, m/s", "turn rate, rad/s"]
     labels = labels if np.ptp(poses[:, 2]) > 0 else labels[:2]
     reference = np.diff(poses, axis=0, append=poses[-1:]) * FRAME_RATE_HZ
-    for axis, axes in enumerate(_compare(robots, failures, figure, labels, lambda robot: robot["command"])):
+    for axis, axes in enumerate(_compare(robots, failed, figure, labels, lambda robot: robot["command"])):
         axes.plot(
             canvas.seconds(poses), reference[:, axis], color=style.BACKGROUND, lw=3.5, zorder=1, label="reference"
         )
     canvas.add_legend(figure, figure.axes)
 
 
-def draw_errors(robots: Sequence[Robot], failures: Failures, figure: Figure) -> None:
+def draw_errors(robots: Sequence[Robot], failed: Collection[str], figure: Figure) -> None:
     """Draw the absolute errors of position (figures 9 and 12), and of heading if there are any."""
     labels = ["|error| in x, cm", "|error| in y, cm", "|error| of heading, deg"]
     turns = max(np.abs(robot.error()[:, 2]).max() for robot in robots) > TURNED_DEG
     labels = labels if turns else labels[:2]
-    for axes in _compare(robots, failures, figure, labels, lambda robot: np.abs(robot.error())):
+    for axes in _compare(robots, failed, figure, labels, lambda robot: np.abs(robot.error())):
         axes.set_ylim(bottom=0)
     canvas.add_legend(figure, figure.axes)
 
@@ -86,12 +84,11 @@ def estimators(robots: Sequence[Robot]) -> list[Robot]:
     return [robot for robot in robots if any(np.isfinite(robot.alpha(axis)[:, 3]).any() for axis in range(2))]
 
 
-def draw_alpha(robots: Sequence[Robot], failures: Failures, figure: Figure) -> None:
+def draw_alpha(robots: Sequence[Robot], figure: Figure) -> None:
     """Draw the estimates of alpha, and displacement achieved over commanded where robots drive."""
-    shown = estimators(robots)
-    grid = canvas.time_axes(figure, len(shown), 2, 1.4, sharey=True)
+    grid = canvas.time_axes(figure, len(robots), 2, 1.4, sharey=True)
     for (row, axis), axes in np.ndenumerate(grid):
-        robot = shown[row]
+        robot = robots[row]
         ratio, low, high, estimate = robot.alpha(axis).T
         time, colour = canvas.seconds(ratio), style.colour(robot.slot)
         label = f"displacement achieved over commanded in {ALPHA_WINDOW_FRAMES} frames"
@@ -107,14 +104,14 @@ def draw_alpha(robots: Sequence[Robot], failures: Failures, figure: Figure) -> N
 
 def _compare(
     robots: Sequence[Robot],
-    failures: Failures,
+    failed: Collection[str],
     figure: Figure,
     labels: Sequence[str],
     values: Callable[[Robot], Array],
 ) -> list[Axes]:
     """Draw values (frames, axes) of all robots, a panel for each label with room for those that did not fail."""
     grid: list[Axes] = list(canvas.time_axes(figure, len(labels), 1, 1.8)[:, 0])
-    kept = np.concatenate([values(robot) for robot in robots if robot.name not in failures] or [np.zeros((1, 3))])
+    kept = np.concatenate([values(robot) for robot in robots if robot.name not in failed] or [np.zeros((1, 3))])
     for axis, axes in enumerate(grid):
         axes.set_ylabel(labels[axis])
         low, high = kept[:, axis].min(initial=0.0), kept[:, axis].max(initial=1e-9)
