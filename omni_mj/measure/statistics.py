@@ -1,6 +1,6 @@
 """Statistics over seeds: spreads, confidence intervals, paired differences, and verdicts on a controller."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from math import inf
 from typing import Any
 
@@ -128,12 +128,6 @@ def plane_error(result: Mapping[str, Any], statistic: str) -> float:
     return inf if mean is None else mean
 
 
-def best(results: Results, names: Iterable[str], statistic: str) -> str | None:
-    """Which of `names` has the lowest error in the plane, of those that have any; `statistic` is max or mean."""
-    means = {name: plane_error(results[name], statistic) for name in names if name in results}
-    return min((name for name in means if means[name] < inf), key=lambda name: means[name], default=None)
-
-
 def verdicts(
     entries: Mapping[str, Entry], informed: Collection[str], subject: str | None
 ) -> dict[str, dict[str, Any] | None]:
@@ -178,7 +172,7 @@ def _judge(results: Results, subject: str, rivals: list[str], statistic: str) ->
     lost = [rival for rival in rivals if means[rival] <= means[subject]]
     return {
         "against": against,
-        "best": best(results, rivals, statistic),
+        "best": min((rival for rival in rivals if means[rival] < inf), key=means.__getitem__, default=None),
         "beats": [rival for rival in rivals if rival not in lost],
         "loses_to": lost,
     }
