@@ -86,9 +86,10 @@ def limit(choice: options.Choice, name: str, iterations: int, **output: Any) -> 
 def loop(choice: options.Choice, name: str, **output: Any) -> None:
     """Measure how control loops answer a step, and their gain, phase and delay margins."""
     from omni_mj.show import loop_figure
-    from omni_mj.studies.loop import loop, usual
+    from omni_mj.studies.loop import loop
+    from omni_mj.studies.outcome import competitors
 
-    controllers = choice.controllers or usual()
+    controllers = choice.controllers or competitors()
     chosen = replace(choice, controllers=controllers).load(name, "wheels.model=two-rollers")
     _run("loop", [chosen], lambda begin: loop(chosen, chosen.controllers, begin=begin), loop_figure.save, **output)
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from omni_control.errors import OmniError
+from omni_control.registry import available
 from omni_mj.measure import metrics, summary
 from omni_mj.measure.result import Outcome
 from omni_mj.scenarios.classes import find_controller, label
@@ -101,3 +102,8 @@ def total_frames(simulation: Simulation) -> int:
 def informed(scenario: Scenario) -> list[str]:
     """Labels of the controllers that are given the truth: no competitors."""
     return [label(kind) for kind in scenario.controllers if find_controller(kind).knows_truth]
+
+
+def competitors() -> tuple[str, ...]:
+    """Return the controllers that come with the package, but for those that are given the truth."""
+    return tuple(name for name in available() if not find_controller(name).knows_truth)

@@ -7,20 +7,18 @@ from itertools import product
 from typing import Any
 
 from omni_control.controllers.base import Controller
-from omni_control.registry import available
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.measure.statistics import ERRORS, plane_error
 from omni_mj.measure.table import Table, plus_minus, text, where
 from omni_mj.scenarios import distributions
 from omni_mj.scenarios.checking import in_one
-from omni_mj.scenarios.classes import find_controller
 from omni_mj.scenarios.robot_settings import VariationSettings
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies.limit.learning import AIMS, Aim, lead, learn, led
 from omni_mj.studies.limit.tracking import Policy, Tracker
-from omni_mj.studies.outcome import Begin, StoppedError, begin_nothing, drive
+from omni_mj.studies.outcome import Begin, StoppedError, begin_nothing, competitors, drive
 from omni_mj.studies.run import counted, with_kernel
 
 LIMIT, WITHOUT_NOISE = "limit", "limit without noise"
@@ -157,7 +155,7 @@ def _find(result: LimitResult, chosen: Scenario, iterations: int, begin: Begin) 
     errors = [made.size(aim).reshape(len(POLICIES), -1).mean(1) for aim in AIMS]
     policy = POLICIES[int(sum(error / error.min() for error in errors).argmin())]
 
-    names = [name for name in available() if not find_controller(name).knows_truth]
+    names = competitors()
     commands = iter(run.sent)
     kinds: list[str | type[Controller]] = [
         led(LIMIT, tracker([policy] * len(seeds))),

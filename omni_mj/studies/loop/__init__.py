@@ -12,21 +12,19 @@ import numpy as np
 
 from omni_control.controllers.base import Controller
 from omni_control.kinematics import Array
-from omni_control.registry import available
 from omni_mj.measure import summary
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.measure.statistics import plain
 from omni_mj.measure.table import DASH, Table
 from omni_mj.measure.table import text as aligned
 from omni_mj.scenarios import distributions
-from omni_mj.scenarios.classes import find_controller
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.studies.loop import drive as drives
 from omni_mj.studies.loop.drive import CASES, FREQUENCIES, STEP_M, Drive
 from omni_mj.studies.loop.response import Gains, Margins, StepFigures, find_margins, loop_gain, measure_step
-from omni_mj.studies.outcome import Begin, StoppedError, begin_nothing, informed
+from omni_mj.studies.outcome import Begin, StoppedError, begin_nothing, competitors, informed
 
-__all__ = ["Loop", "LoopResult", "loop", "usual"]
+__all__ = ["Loop", "LoopResult", "loop"]
 
 DEFINITIONS = {
     "rest, driving": f"the robot stands; or drives at {drives.SPEED_M_S:g} m/s, weaving by {drives.WEAVE_M_S:g} m/s"
@@ -131,7 +129,7 @@ def loop(
     started = time.perf_counter()
     chosen = load(scenario) if isinstance(scenario, str) else scenario
     distributions.refuse(chosen.distributions, "loop")
-    kinds = tuple(usual() if controllers is None else controllers)
+    kinds = tuple(competitors() if controllers is None else controllers)
     chosen = chosen.replace(name="loop", description="step responses and margins", paper_table=0, controllers=kinds)
     drive, loops, stopped = Drive(chosen), {}, None
     try:
@@ -151,11 +149,6 @@ def loop(
         complete=stopped is None,
         loops=loops,
     )
-
-
-def usual() -> tuple[str, ...]:
-    """Return the controllers that are measured unless others are named."""
-    return tuple(name for name in available() if not find_controller(name).knows_truth)
 
 
 def _find_loops(drive: Drive, labels: Sequence[str]) -> dict[str, dict[str, Loop]]:
