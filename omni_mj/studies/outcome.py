@@ -53,6 +53,11 @@ def check_memory(robots: int, frames: int) -> None:
         )
 
 
+def resting(frames: int) -> dict[str, Any]:
+    """Return the settings of a reference that rests, for so many frames at least."""
+    return {"shape": "waypoints", "waypoints": [[0, 0], [0, 0]], "mode": "timed", "settle_s": frames * PERIOD_S}
+
+
 def standing(settings: Settings, frames: int, **sections: Any) -> Settings:
     """Settings for robots that are commanded from outside, each alone, without dead time and faults.
 
@@ -61,9 +66,8 @@ def standing(settings: Settings, frames: int, **sections: Any) -> Settings:
         frames: for how many the reference, which rests, lasts at least.
         sections: further values, by section and field.
     """
-    rest = {"shape": "waypoints", "waypoints": [[0, 0], [0, 0]], "mode": "timed", "settle_s": frames * PERIOD_S}
     return settings.replace(
-        reference={**rest, **sections.pop("reference", {})},
+        reference={**resting(frames), **sections.pop("reference", {})},
         radio={"delay_frames": 0, "jitter_frames": 0},
         world={"places": [[0, 0, 0]]},
         fault=(),

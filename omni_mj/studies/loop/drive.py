@@ -20,7 +20,7 @@ from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.outcome import AfterFrame
+from omni_mj.studies.outcome import AfterFrame, resting
 
 CASES = {  # whether robots drive, and the axis along which they jump and are disturbed: 0 forward, 1 to the left
     "rest, forward": (False, 0),
@@ -106,8 +106,7 @@ class Drive:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        rest = {"shape": "waypoints", "waypoints": [[0, 0], [0, 0]], "mode": "timed", "settle_s": FRAMES * PERIOD_S}
-        settings = scenario.settings.replace(reference=rest, world={"places": [[0, 0, 0]]})
+        settings = scenario.settings.replace(reference=resting(FRAMES), world={"places": [[0, 0, 0]]})
         self._shape = len(scenario.labels), len(CASES), scenario.seeds, 2
         grid = list(itertools.product(scenario.labels, CASES, scenario.seed_list, (1, -1)))
         rows = [Row(i, 0, label, seed, settings, scenario.robot) for i, (label, _, seed, _) in enumerate(grid)]
