@@ -83,7 +83,7 @@ def fail(message: str, code: int) -> NoReturn:
 
 
 def fail_rows(failures: Mapping[str, Iterable["Failure"]], errors: Iterable[str] = ()) -> None:
-    """End the program if anything failed, with a line for each.
+    """End the program if anything failed, with a line for each; rows of which the same is to be said share one.
 
     Args:
         failures: scenario -> its rows that were stopped.
@@ -93,7 +93,7 @@ def fail_rows(failures: Mapping[str, Iterable["Failure"]], errors: Iterable[str]
     lines = [f"{name}: " * several + str(failure) for name, rows in failures.items() for failure in rows]
     lines = [" ".join(line.split()) for line in (*lines, *errors)]
     if lines:
-        fail("\n".join(lines), FAILED)
+        fail("\n".join(dict.fromkeys(lines)), FAILED)
 
 
 def quiet_mujoco() -> None:
