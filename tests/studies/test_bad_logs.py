@@ -67,6 +67,13 @@ def test_lines_there_twice_and_poses_held_are_no_new_poses(tmp_path: Path) -> No
     np.testing.assert_array_equal(np.isfinite(log.pose).all(1), np.arange(len(log.time)) % 4 == 0)
 
 
+def test_a_path_alone_is_one_log(tmp_path: Path) -> None:
+    """And not the logs of its letters."""
+    for path in (tmp_path / "missing.csv", str(tmp_path / "missing.csv")):
+        with pytest.raises(om.OmniError, match=r"there is no log .*missing"):
+            om.identify(path)
+
+
 def spoilt(name: str, change: Callable[[Any], Any]) -> Columns:
     return WHOLE | {name: change(WHOLE[name].copy())}
 

@@ -125,18 +125,21 @@ class Identified:
         yield from (f"note: {note}" for note in self.notes)
 
 
-def identify(logs: Sequence[Path | str], robot: str = robots.DEFAULT, model: str | None = None) -> Identified:
+def identify(
+    logs: Sequence[Path | str] | Path | str, robot: str = robots.DEFAULT, model: str | None = None
+) -> Identified:
     """Identify a robot from its logs.
 
     Args:
-        logs: CSV or Parquet files; see docs/identify.md.
+        logs: CSV or Parquet files, or one; see docs/identify.md.
         robot: Name or file of the robot to start from: its wheels' geometry, and what is believed of it.
         model: Its MJCF, which decides geometry and masses. [the robot's file's]
 
     Raises:
         OmniError: A log cannot be what it says, or holds too little.
     """
-    return identify_logs([log for path in logs for log in read(path)], start_scenario(robot, model))
+    paths = [logs] if isinstance(logs, Path | str) else logs
+    return identify_logs([log for path in paths for log in read(path)], start_scenario(robot, model))
 
 
 def start_scenario(robot: str, model: str | None = None) -> Scenario:
