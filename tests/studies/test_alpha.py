@@ -38,7 +38,7 @@ def study(result: AlphaResult) -> Study:
 
 
 def softness(settings: om.Scenario) -> np.ndarray:
-    """T forward and sideways, s^2/m: W / (g C sum of d^2) with the wheels' direction cosines d (onboard.traction)."""
+    """T forward and sideways, s^2/m: W / (g C sum of d^2) with the wheels' direction cosines d; see `told.creep`."""
     wheels, drive = settings.settings.wheels, settings.settings.drive
     azimuths = np.radians(wheels.azimuths_deg)
     squares = np.array([(np.sin(azimuths) ** 2).sum(), (np.cos(azimuths) ** 2).sum()])

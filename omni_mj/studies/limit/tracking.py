@@ -1,14 +1,13 @@
 """Lead robots along known runs: the learned commands, and feedback on the estimated departure.
 
 A Kalman filter on `DepartureModel` estimates how each robot departs from its run. The firmware's heading has an error
-c and its gyro a bias b of which it knows a part. Both follow known laws (`onboard.heading.HeadingEstimate`):
+c and its gyro a bias b of which it knows a part. Both follow known laws (`omni_mj.robot.wheel_loops`):
 
     c(k+1) = c(k) + T b(k) + T g e(k),    b(k+1) = b(k) + T h e(k),    e(k) = heading sent - heading held then
 
 They act like other commands: turned by -c, with -b / (1 + turn gain) too much turn rate. So does a gain by which the
-kinematic plant's speeds differ from commands. A linear quadratic regulator
-acts on the departure predicted at the end of the dead time, which is optimal for a robot with dead time (D. L.
-Kleinman, IEEE Trans. Automatic Control 14, 1969).
+kinematic plant's speeds differ from commands. A linear quadratic regulator acts on the departure predicted at the end
+of the dead time, which is optimal for a robot with dead time (D. L. Kleinman, IEEE Trans. Automatic Control 14, 1969).
 """
 
 from collections.abc import Sequence
