@@ -72,16 +72,17 @@ def read(folder: Path, controllers: Sequence[str] = ()) -> tuple[Settings, list[
     if unknown := [name for name in controllers if name not in known]:
         raise OmniError(f"{folder} has no controller {unknown[0]!r}; it has {', '.join(known)}")
     table = table.filter(pc.equal(table["seed"], pc.min(table["seed"]))).sort_by(
-        [("frame", "ascending"), ("place", "ascending")]
+        [("place", "ascending"), ("frame", "ascending")]
     )
     slots, takes = style.slots(known), []
     for name in controllers or known:
         part = table.filter(pc.equal(table["controller"].cast("string"), name))
-        places = len(part["place"].unique())
         values = np.nan_to_num(np.column_stack([part[column].to_numpy() for column in numbers]))
-        values = values[: len(values) // places * places]  # robots that failed have no frames after that
-        values = values.reshape(-1, places, len(numbers))
-        takes.append(Take(name, style.colour(slots[name]), *np.split(values, (3, 6), axis=2)))
+        robots = np.split(values, np.flatnonzero(np.diff(part["place"].to_numpy())) + 1)
+        longest = max(map(len, robots))
+        # Robots that failed have no frames after that, and stay where they are.
+        robots = [np.pad(robot, [(0, longest - len(robot)), (0, 0)], "edge") for robot in robots]
+        takes.append(Take(name, style.colour(slots[name]), *np.split(np.stack(robots, axis=1), (3, 6), axis=2)))
     return settings, takes
 
 
