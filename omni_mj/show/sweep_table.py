@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from omni_mj.files import write
 from omni_mj.measure.table import Table, number
 from omni_mj.show import tables
-from omni_mj.studies.sweep.cells import STRAYED
+from omni_mj.studies.sweep.cells import SHOWN, STRAYED
 
 if TYPE_CHECKING:
     from omni_mj.studies.sweep import Sweep
@@ -19,18 +19,12 @@ def shown(result: "Sweep") -> list[Table]:
     cells = result.cells()
     if len(cells) > MAX_LINES:
         cells = sorted(cells, key=lambda cell: (-cell["failure_rate"], -(cell[STRAYED]["p90"] or 1e9)))[:MAX_LINES]
-    correlations = [
-        [line["controller"], line["setting"], *(number(line[error]) for error in (STRAYED, "distance_mean_m"))]
-        for line in result.summary["correlations"]
-    ]
-    title = "what matters: Spearman's rank correlation with the error in the plane"
-    matters = Table(title, ["controller", "setting", "maximum", "mean"], correlations, 2)
-    return [_table(result, cells), *[matters] * bool(correlations)]
+    return [_table(result, cells), *_correlations(result)]
 
 
 def save(result: "Sweep", path: Path) -> None:
     """Write the whole tables as Markdown."""
-    whole = [_table(result, result.cells()), *shown(result)[1:]]
+    whole = [_table(result, result.cells()), *_correlations(result)]
     write(path, "\n\n".join(map(tables.titled, whole)) + "\n")
 
 
@@ -45,6 +39,16 @@ def _table(result: "Sweep", cells: list[dict[str, Any]]) -> Table:
     title += f"; the worst {len(cells)} of {n_all} lines" if len(cells) < n_all else ""
     headings = [*names, "controller", "failed, %", "95 %", "max error, cm", "95 %", "90th percentile"]
     return Table(title, headings, [_line(cell, names) for cell in cells], len(names) + 1)
+
+
+def _correlations(result: "Sweep") -> list[Table]:
+    """Return a table of what matters for the errors, if anything is known to."""
+    rows = [
+        [line["controller"], line["setting"], *(number(line[error]) for error in SHOWN)]
+        for line in result.summary["correlations"]
+    ]
+    title = "what matters: Spearman's rank correlation with the error in the plane"
+    return [Table(title, ["controller", "setting", "maximum", "mean"], rows, 2)] if rows else []
 
 
 def _line(cell: dict[str, Any], names: list[str]) -> list[str]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 STRAYED = "distance_max_m"
-SHOWN = {STRAYED: "maximum error in the plane, m", "distance_mean_m": "mean error in the plane, m"}
+SHOWN = (STRAYED, "distance_mean_m")  # maximum and mean error in the plane
 N_WORST = 3
 
 
