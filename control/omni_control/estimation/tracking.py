@@ -94,7 +94,6 @@ class KalmanFilter:
         mean: position and drift of each axis, (n, 3, 2).
         covariance: of these, (n, 3, 2, 2).
         twist: filtered twists (n, 3).
-        normalised: innovation over its standard deviation (n, 3); not a number if not seen.
     """
 
     def __init__(self, pose: Array, period: float, noise: ArrayLike) -> None:
@@ -107,7 +106,7 @@ class KalmanFilter:
         self.covariance[..., 0, 0] = self._noise
         self._scale = np.ones_like(pose)  # of the process noise
         self.twist = np.zeros_like(pose)
-        self.normalised = np.full_like(pose, np.nan)
+        self._innovation, self._variance = np.full((2, *pose.shape), np.nan)
 
     @property
     def pose(self) -> Array:
@@ -123,6 +122,11 @@ class KalmanFilter:
     def sigma(self) -> Array:
         """Standard deviation of the pose, (n, 3)."""
         return np.sqrt(self.covariance[..., 0, 0])
+
+    @property
+    def normalised(self) -> Array:
+        """Innovations over their standard deviations (n, 3); not a number for robots that were not seen."""
+        return self._innovation / np.sqrt(self._variance)
 
     def update(
         self,
@@ -161,7 +165,7 @@ class KalmanFilter:
         missed = np.isnan(innovation)
         gain = with_seen / variance[..., None]
         square = innovation**2 / variance
-        self.normalised = innovation / np.sqrt(variance)
+        self._innovation, self._variance = innovation, variance
         if np.count_nonzero(missed):
             innovation, square = np.where(missed, 0.0, innovation), np.where(missed, 1.0, square)
             gain[missed] = 0.0
