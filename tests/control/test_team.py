@@ -98,7 +98,7 @@ def test_who_writes_into_what_a_team_returns_changes_nothing() -> None:
     team, other = (Team(Straight(Told(T, 4), TIMED, 2), starts(2)) for _ in range(2))
     for measured in noise_of(2, 10):
         seen = other.observe(measured)
-        for values in (seen.pose, seen.twist, seen.measured, other.estimate):
+        for values in (seen.pose, seen.twist, seen.measured, other.estimate, seen.steps[0].behind):
             with pytest.raises(ValueError, match="read-only"):
                 values += 1.0
         command = other.command()

@@ -48,8 +48,8 @@ class Step(NamedTuple):
 
     @classmethod
     def now(cls, n: int) -> "Step":
-        """Return the step to this frame of filters that were at the one before."""
-        return cls(np.zeros(n), np.zeros(n, bool), np.zeros(n))
+        """Return the step to this frame of filters that were at the one before, to be read only: filters keep it."""
+        return cls(np.broadcast_to(0.0, n), np.broadcast_to(False, n), np.broadcast_to(0.0, n))
 
     def of(self, rows: Rows) -> "Step":
         """Return the same of some robots."""
