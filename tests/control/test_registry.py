@@ -111,6 +111,8 @@ def test_what_is_told_is_checked_and_can_be_compared() -> None:
     assert [line.split()[0] for line in str(error.value).split("\n")] == [
         "period", "delay_frames", "lag_s", "alpha_window_frames", "alpha",
     ]  # fmt: skip
+    with pytest.raises(OmniError, match="delay_frames"):
+        Told(T, np.int64(-1))  # type: ignore[arg-type]
 
 
 def test_the_package_needs_no_simulator_and_scipy_only_when_it_must() -> None:

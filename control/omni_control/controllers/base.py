@@ -65,7 +65,7 @@ class Told:
 
     def __post_init__(self) -> None:
         """Check the numbers; those of the fuzzy controller are checked where it is made."""
-        given = [(name, value) for name, value in vars(self).items() if isinstance(value, int | float)]
+        given = [(name, value) for name, value in vars(self).items() if isinstance(value, int | float | np.integer)]
         given += [("alpha", value) for value in self.alpha or ()]
         positive, whole = ("period", "alpha", "alpha_window_frames"), ("delay_frames", "alpha_window_frames")
         wrong = [
