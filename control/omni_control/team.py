@@ -79,7 +79,7 @@ class Team:
         self,
         controllers: Controller | Sequence[Controller],
         start: ArrayLike,
-        rows: Sequence[Rows] | None = None,
+        rows: Sequence[ArrayLike] | None = None,
         *,
         on_failure: OnFailure | None = None,
     ) -> None:
@@ -269,7 +269,7 @@ def _command(controller: Controller, frame: int, seen: Seen) -> Array:
     return wanted.astype(float, copy=False)
 
 
-def _rows_of_controllers(sizes: Sequence[int], rows: Sequence[Rows] | None, n: int) -> list[Rows]:
+def _rows_of_controllers(sizes: Sequence[int], rows: Sequence[ArrayLike] | None, n: int) -> list[Rows]:
     """Return the rows of each controller among n robots, as slices where possible: those are not copied.
 
     Raises:
