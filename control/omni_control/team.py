@@ -223,11 +223,12 @@ class Team:
 
     def _fail(self, rows: NDArray[np.intp], reason: ControllerError) -> None:
         new = rows[~self.failed[rows]]
-        if len(new) and self._on_failure is None:
+        if not len(new):
+            return
+        if self._on_failure is None:
             raise reason
         self.stop(new)
-        if len(new) and self._on_failure is not None:
-            self._on_failure(new, reason)
+        self._on_failure(new, reason)
 
     @property
     def predicted(self) -> Array:
