@@ -58,8 +58,8 @@ class Camera:
         self._biases: list[tuple[int, VisionBias]] = []
         self._last = np.full((n, 3), np.nan)  # what was shown
 
-    def __call__(self, pose: Array, frame: int) -> tuple[Array, np.ndarray]:
-        """Return the poses seen (n, 3), NaN where a robot was missed, and whether each was seen (n,).
+    def __call__(self, pose: Array, frame: int) -> Array:
+        """Return the poses seen (n, 3), NaN where a robot was missed.
 
         Args:
             pose: True, (n, 3).
@@ -74,7 +74,7 @@ class Camera:
         seen = ~np.isnan(measured[:, 0])
         self._last[seen] = measured[seen]
         measured[self._out] = np.nan
-        return measured, seen & ~self._out
+        return measured
 
     def _misled(self, pose: Array, frame: int) -> Array:
         """Return what there is to see in a frame in place of true poses (n, 3), but for noise."""
@@ -216,7 +216,7 @@ class _SameRate:
 
     def _take(self, time: float, pose: Array) -> None:
         frame = int((time + _SAME_S) * FRAME_RATE_HZ)
-        poses, _ = self._camera(pose, frame)
+        poses = self._camera(pose, frame)
         arrival, behind = self._timing.at(frame, time)
         poses[np.isinf(arrival)] = np.nan
         arrival[np.isinf(arrival)] = time

@@ -48,7 +48,7 @@ class LivePlant:
         self._telemetry = Telemetry.of_no_wheels(len(rows), len(self.geometry.azimuths))
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
-        """Return the poses seen, and which robots were seen; see `Camera`."""
+        """Return the poses seen, and which robots were seen; see `Cameras`."""
         return self.measured.copy(), ~np.isnan(self.measured[:, 0])
 
     def pose(self) -> Array:

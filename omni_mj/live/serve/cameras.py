@@ -104,8 +104,7 @@ class FieldCamera:
             epoch_s: Time of a correct clock at simulated time 0, s.
         """
         time_s, frame = cycle / CYCLE_RATE_HZ, cycle // CYCLES_PER_FRAME
-        measured, _ = self._camera(poses, frame)
-        measured = measured + self._offset
+        measured = self._camera(poses, frame) + self._offset
         measured[~self._sees(poses[:, :2])] = np.nan
         (sent_s,), (clock_lag_s,) = self._timing.at(frame, time_s)
         epoch_s += self._clock_offset_s - clock_lag_s
