@@ -66,7 +66,7 @@ class Log:
         rows: as given.
         columns: channel -> its columns in a table.
         first_frame: the number that a table gives its first frame.
-        length: frames recorded so far, since the last `clear`.
+        length: frames recorded so far.
         lengths: how many of them each row has, (n,): one that failed or came to its end before has fewer.
     """
 
