@@ -157,6 +157,9 @@ class Simulation:
         rolls, wheels = self.plant.geometry is not None, self.plant.telemetry().wheel_angle.shape[1]
         self.team = assemble(self.rows, self._kinds, start, geometry, rolls, self._stop, self._follow)
         self._frames = np.array([reference.frames for reference in self.references])
+        # Many rows follow few: to look up each row's by itself takes a sixth of a frame of 2048 robots on `kinematic`.
+        numbers = {reference: number for number, reference in enumerate(dict.fromkeys(self.references))}
+        self._distinct, self._followed = list(numbers), np.array([numbers[each] for each in self.references])
         self.log = Log(self.rows if self._logged else [], wheels, int(self._frames.max()))
 
     @property
@@ -220,10 +223,11 @@ class Simulation:
         )
 
     def _record(self, vision: Array, sent: Array, received: Received) -> None:
+        poses = np.array([each.poses[min(self.frame, each.frames - 1)] for each in self._distinct])
         self.log.write(
             self._recorded,
             self.team.channels,
-            ref=np.array([each.poses[min(self.frame, each.frames - 1)] for each in self.references]),
+            ref=poses[self._followed],
             pose=self._pose,
             vision=vision,
             vision_valid=self._valid,
