@@ -19,10 +19,10 @@ from omni_mj.measure import causes
 from omni_mj.measure.summary import read
 from omni_mj.measure.table import DASH, Table, number, table, where
 from omni_mj.scenarios.settings import every_setting
-from omni_mj.show import compare_table, figures
-from omni_mj.show.style import FIGURES
+from omni_mj.show import compare_table
 
 TEMPLATES = Path(__file__).parent / "templates"
+FIGURES = ("path", "output", "error", "alpha", "seeds", "compare")  # in the order in which they are shown
 STATISTICS = {"max": "maximum", "p99": "99th percentile", "mean": "mean", "rms": "root mean square"}
 PEAKS = {"peak_voltage_v": "peak, V", "peak_current_a": "peak, A", "peak_winding_c": "winding, °C"}
 Summary = dict[str, Any]
@@ -62,6 +62,8 @@ def _page(folders: Sequence[Path], summaries: Mapping[str, Summary]) -> str:
         if (file := folders[0] / "scenario.toml").is_file():
             page["scenario"] = file.read_text(encoding="utf-8", errors="replace")
     else:
+        from omni_mj.show import figures  # loads matplotlib
+
         page["title"] = f"Comparison of {len(entries)} {'scenarios' if len(summaries) == 1 else 'runs'}"
         with TemporaryDirectory() as folder:
             figures.save_comparison(whole, Path(folder) / "compare")
@@ -119,7 +121,7 @@ def _differences(entries: Mapping[str, Summary]) -> Table:
 
 def _images(folder: Path) -> dict[str, str]:
     """Return the figures in a folder by name, as data URIs."""
-    files = {name: folder / f"{name}.png" for name in (*FIGURES, "compare")}
+    files = {name: folder / f"{name}.png" for name in FIGURES}
     images = {name: base64.b64encode(path.read_bytes()).decode() for name, path in files.items() if path.is_file()}
     return {name: f"data:image/png;base64,{image}" for name, image in images.items()}
 

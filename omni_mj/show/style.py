@@ -10,8 +10,6 @@ from itertools import cycle
 from pathlib import Path
 from typing import Any
 
-# Of a run, in the order in which a report shows them.
-FIGURES = ("path", "output", "error", "alpha", "seeds")
 Rgb = tuple[int, int, int]  # bytes
 SHEET = Path(__file__).with_name("omni.mplstyle")
 REFERENCE = "#7F7F7F"
