@@ -3,10 +3,7 @@
 import shutil
 import sys
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
-
-from omni_mj.files import write
 
 if TYPE_CHECKING:
     from omni_mj.measure.table import Table
@@ -55,8 +52,3 @@ def plain(text: str) -> str:
 def titled(table: "Table") -> str:
     """Return a table in Markdown with its title above it."""
     return f"{table.title}\n\n{markdown(table.headings, table.rows)}"
-
-
-def save(table: "Table", path: Path) -> None:
-    """Write a table in Markdown with its title to a file."""
-    write(path, titled(table) + "\n")
