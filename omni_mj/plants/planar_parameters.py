@@ -17,10 +17,12 @@ w^2: contacts press more as rollers come down than they pull as these go up, for
 wheel turns fast. The load ripples by the first harmonic of f.
 
 **Along the axle** a roller spins at v / q as its wheel travels at v, with the distance q from its axis to the carpet.
-It comes down about at rest, since its bearing (c) has braked it, and takes on the speed of the carpet at the rate b
-while it stands, over the angle T. With the inertia I and the pitch p, the mean force over speed is
+It comes down about at rest, since its bearing (damping d) has braked it, and takes on the speed of the carpet at the
+rate b while it stands, over the angle T. With the inertia I and the pitch p, the mean force over speed is
 
-    <1 / q^2> (c T / p + (I - c / b) w / p (1 - exp(-b T / w))).
+    <1 / q^2> (d T / p + (I - d / b) w / p (1 - exp(-b T / w))).
+
+The rate is FRICTION_RATE_HZ in d / b, and SPIN_RATE_HZ, the same in steps of a cycle, in the exponential; both in 1/s.
 
 In the second term 1 / q^2 is halfway between its mean and that where rollers come down, and T is as much shorter as
 that is larger, squared: within 6 % of the sum over steps, up to 100 rad/s.
@@ -46,7 +48,7 @@ from omni_mj.scenarios.settings import Settings, column
 from omni_mj.worlds.build import World
 from omni_mj.worlds.contact import ADDED_MASS_KG, FRICTION_RATE_HZ, FRICTION_STIFFER, STIFFNESS_N_M, damping
 
-GRAVITY = 9.81
+GRAVITY = 9.81  # by which the damping of contacts scales with the load
 SPEEDS = 50.0, 100.0  # of a wheel at which turning is computed, rad/s
 _LOADS_N = 2.0 ** np.arange(-2, 6, 0.25)  # between which is interpolated
 CONTACT_DAMPING_N_S_M = ADDED_MASS_KG * FRICTION_STIFFER * FRICTION_RATE_HZ  # of a roller's contact along the carpet
@@ -78,7 +80,7 @@ class PlanarBodies:
         world: The first of them, as modelled; its wheels are those of all.
 
     Attributes:
-        centre: Of mass of each robot, from the middle of its wheels' contacts, (n, 3) m.
+        centre: Of mass of each robot with its payloads, from the middle of its wheels' contacts, (n, 3) m.
 
     Raises:
         OmniError: The wheels weigh more than a robot.
@@ -102,25 +104,31 @@ class PlanarBodies:
 
         body = [s.body for s in settings]
         mass, height, ahead = (column(body, name)[:, 0] for name in ("mass_kg", "centre_height_m", "centre_x_m"))
-        rest, around, own = composite(model, [i for i in range(1, model.nbody) if i != robot.chassis])
-        if (mass <= rest).any():
-            raise OmniError(f"body.mass_kg must be more than the {rest:.3f} kg of the wheels, not {mass.min():g}")
+        wheels_mass, wheels_centre, wheels_inertia = composite(
+            model, [i for i in range(1, model.nbody) if i != robot.chassis]
+        )
+        if (mass <= wheels_mass).any():
+            raise OmniError(
+                f"body.mass_kg must be more than the {wheels_mass:.3f} kg of the wheels, not {mass.min():g}"
+            )
         whole = Mass(mass, np.column_stack([ahead, np.zeros(n), height]), column(body, "yaw_inertia_kg_m2")[:, 0])
-        wheels = Mass(np.full(n, rest), np.tile(around, (n, 1)), np.full(n, own[2, 2]))
+        wheels = Mass(np.full(n, wheels_mass), np.tile(wheels_centre, (n, 1)), np.full(n, wheels_inertia[2, 2]))
         chassis = whole.joined(Mass(-wheels.mass, wheels.centre, -wheels.inertia))
         shift, factor = np.column_stack([drawn.centre, np.zeros(n)]), drawn.mass[:, 0]
         self._chassis = Mass(chassis.mass * factor, chassis.centre + shift, chassis.inertia * factor)
         self._empty = self._chassis.joined(wheels)
         self.centre = self._empty.centre
 
-    def parameters(self, loads: Iterable[tuple[int, float, float]] = (), slope: Array | None = None) -> BodyParameters:
+    def parameters(
+        self, payloads: Iterable[tuple[int, float, float]] = (), slope: Array | None = None
+    ) -> BodyParameters:
         """Return the parameters of robots that carry loads on a slope.
 
         Args:
-            loads: Row, mass in kg, and height above the carpet in m, or 0 for that of the chassis' centre of mass.
-            slope: Parts of gravity along the carpet's axes, (n, 2). [none]
+            payloads: Row, mass in kg, and height above the carpet in m, or 0 for that of the chassis' centre of mass.
+            slope: Shares of gravity along the world's x and y, positive downhill, (n, 2). [none]
         """
-        whole = self._loaded(loads)
+        whole = self._loaded(payloads)
         self.centre = whole.centre
         along = np.zeros((len(whole.mass), 2)) if slope is None else slope
         settings, (axle_x, axle_y) = self._settings, self._axle
@@ -131,7 +139,7 @@ class PlanarBodies:
         drive = [s.drive for s in settings]
         wheels, friction = settings[0].wheels, column(drive, "roller_damping_nm_s")[:, 0]
         known = np.log(_LOADS_N), _standing_wheels(wheels)
-        lever, count, spin, spun, cost, cost_fades, lift, lift_fades, ripple, ripple_grows = (
+        lever, count, inverse_square, inverse_square_down, cost, cost_fades, lift, lift_fades, ripple, ripple_grows = (
             np.interp(np.log(np.maximum(load, _LOADS_N[0])), known[0], values) for values in known[1].T
         )
         lever = lever - self._wear.T
@@ -140,7 +148,7 @@ class PlanarBodies:
         jacobian = np.stack([-axle_y, axle_x, contact_x * axle_x + contact_y * axle_y]) / lever
         along_axle = np.stack([axle_x, axle_y, contact_x * axle_y - contact_y * axle_x])
         rolling = self._rim * jacobian[:, None] * jacobian
-        rolling = total(rolling + self._roller * count * spin * along_axle[:, None] * along_axle)
+        rolling = total(rolling + self._roller * count * inverse_square * along_axle[:, None] * along_axle)
         body = np.zeros_like(rolling)
         body[0, 0] = body[1, 1] = whole.mass
         body[2, 2] = whole.inertia
@@ -165,9 +173,9 @@ class PlanarBodies:
             hub_dry=dry[:, 0] * np.ones_like(load),
             contact_softness=1 / (CONTACT_DAMPING_N_S_M * count * lever**2),
             lever=lever,
-            bearing=friction * count * spin,
-            spin_up=braked * (spin + spun) / 2 * wheels.rollers / (2 * np.pi),
-            spun_at=SPIN_RATE_HZ * count * (spin / spun) ** 2 * 2 * np.pi / wheels.rollers,
+            bearing=friction * count * inverse_square,
+            spin_up=braked * (inverse_square + inverse_square_down) / 2 * wheels.rollers / (2 * np.pi),
+            spun_at=SPIN_RATE_HZ * count * (inverse_square / inverse_square_down) ** 2 * 2 * np.pi / wheels.rollers,
             cost=cost,
             cost_fades=cost_fades,
             lift=lift,
@@ -187,9 +195,9 @@ class PlanarBodies:
             downhill_y=downhill[:, 1],
         )
 
-    def _loaded(self, loads: Iterable[tuple[int, float, float]]) -> Mass:
+    def _loaded(self, payloads: Iterable[tuple[int, float, float]]) -> Mass:
         whole = self._empty
-        for row, mass, height in loads:
+        for row, mass, height in payloads:
             more, at = np.zeros(len(whole.mass)), self._chassis.centre.copy()
             more[row], at[row, 2] = mass, height or at[row, 2]
             whole = whole.joined(Mass(more, at, np.zeros_like(more)))

@@ -24,9 +24,9 @@ from omni_control.estimation.gate import Gate
 from omni_control.kinematics import Array, wrap_angle
 
 GAIN_ERROR = 0.06  # standard deviation of a frame's displacement over the commanded one
-DRIFT_M_S2, DRIFT_RAD_S2 = 0.1, 0.5  # change of the drift per square root of a second
+DRIFT_M_S1_5, DRIFT_RAD_S1_5 = 0.1, 0.5  # random walk of the drift, m/s and rad/s per square root of a second
 DRIFT_TIME_S = 0.5
-SCALE_MEMORY, MAX_INNOVATION = 0.97, 9.0  # of the process noise's scale; of one, squared
+SCALE_MEMORY, MAX_SQUARED_INNOVATION = 0.97, 9.0  # of the process noise's scale; of 3 sigma
 SCALE_BOUNDS = 0.1, 100.0
 RESOLUTION = 1e-5, 1e-5, 1e-4  # of a camera, m and rad
 MOST_FRAMES = 15  # that filters may be behind; of what is older they are told that it is no older
@@ -37,9 +37,9 @@ class Step(NamedTuple):
     """A step of filters of n robots, which ends at this frame, or at one in the past.
 
     Attributes:
-        behind: by how many frames that lies before the present, (n,).
-        held: which stay where they are, (n,).
-        after: how much later vision saw what it reports with this step, (n,) s.
+        behind: by how many frames its end lies before the present, (n,); of no meaning for a filter that is held.
+        held: filters that do not move in this step, (n,).
+        after: time from its end to when vision saw the robot, (n,) s, negative if before; 0 but for the last step.
     """
 
     behind: Array
@@ -70,7 +70,8 @@ class Clock:
     def steps(self, age: Array, seen: Array) -> list[Step]:
         """The steps of this frame, of which the last has what vision reports: of this age (n,) s, of robots seen (n,).
 
-        An image from before the frame where a robot's filter is, as may come after one that had none, finds it waiting.
+        If an image is older than the frame where a robot's filter is, as after a frame without an image of it, the
+        filter is held, `after` is negative, and the image is compared with where the robot was then.
         """
         frames = np.minimum(age / self._period, MOST_FRAMES)
         wanted = np.where(seen, np.ceil(frames - _ROUNDING), self.behind)
@@ -100,7 +101,7 @@ class KalmanFilter:
         self._period, self._now = period, Step.now(len(pose))
         self._noise = np.maximum(np.broadcast_to(noise, pose.shape), RESOLUTION) ** 2
         self._transition = np.array([[1.0, period], [0.0, math.exp(-period / DRIFT_TIME_S)]])
-        self._wander = np.array([DRIFT_M_S2, DRIFT_M_S2, DRIFT_RAD_S2]) ** 2 * period
+        self._wander = np.array([DRIFT_M_S1_5, DRIFT_M_S1_5, DRIFT_RAD_S1_5]) ** 2 * period
         self.mean = np.stack([pose, np.zeros_like(pose)], axis=-1)
         self.covariance = np.zeros((*pose.shape, 2, 2))
         self.covariance[..., 0, 0] = self._noise
@@ -153,25 +154,25 @@ class KalmanFilter:
         if np.count_nonzero(held):
             mean = np.where(held, self.mean, mean)
             covariance = np.where(held[..., None], self.covariance, covariance)
-        with_seen, seen_at = covariance[..., 0], mean[..., 0]  # covariance of the state with what is seen, and that
-        variance = with_seen[..., 0] + self._noise
+        cross_covariance, expected = covariance[..., 0], mean[..., 0]  # of the state and what vision should see; that
+        variance = cross_covariance[..., 0] + self._noise
         if np.count_nonzero(after):
-            with_seen = with_seen + after[..., None] * covariance[..., 1]
-            seen_at = seen_at + onward + after * mean[..., 1]
-            variance = with_seen[..., 0] + after * with_seen[..., 1] + self._noise
+            cross_covariance = cross_covariance + after[..., None] * covariance[..., 1]
+            expected = expected + onward + after * mean[..., 1]
+            variance = cross_covariance[..., 0] + after * cross_covariance[..., 1] + self._noise
             variance += np.maximum(after / self._period, 0.0) * moving
-        innovation = measured - seen_at
+        innovation = measured - expected
         innovation[:, 2] = wrap_angle(innovation[:, 2])
         missed = np.isnan(innovation)
-        gain = with_seen / variance[..., None]
+        gain = cross_covariance / variance[..., None]
         square = innovation**2 / variance
         self._innovation, self._variance = innovation, variance
         if np.count_nonzero(missed):
             innovation, square = np.where(missed, 0.0, innovation), np.where(missed, 1.0, square)
             gain[missed] = 0.0
         self.mean = mean + gain * innovation[..., None]
-        self.covariance = covariance - gain[..., :, None] * with_seen[..., None, :]
-        growth = np.exp((1 - SCALE_MEMORY) * (np.minimum(square, MAX_INNOVATION) - 1))
+        self.covariance = covariance - gain[..., :, None] * cross_covariance[..., None, :]
+        growth = np.exp((1 - SCALE_MEMORY) * (np.minimum(square, MAX_SQUARED_INNOVATION) - 1))
         self._scale = np.minimum(np.maximum(self._scale * growth, SCALE_BOUNDS[0]), SCALE_BOUNDS[1])
         self.twist = displacement / self._period + self.mean[..., 1]
         return self.pose
@@ -189,7 +190,7 @@ class Tracker:
 
     Attributes:
         filter: behind the present where images are late.
-        longest: commands that may have acted in the frame just past.
+        longest: number of commands that may have acted in the frame just past.
         pose, twist: at this frame, (n, 3).
         steps: those that the filter made in it.
     """
@@ -221,15 +222,15 @@ class Tracker:
 
     def _update_late(self, measured: Array, age: Array, sent: CommandsInFlight) -> None:
         """Take in a frame where robots were seen a while ago, or the filter is behind for that."""
-        now, self.steps = self._latency, tuple(self._clock.steps(age, ~np.isnan(measured[:, 0])))
+        latency, self.steps = self._latency, tuple(self._clock.steps(age, ~np.isnan(measured[:, 0])))
         for step in self.steps:
             behind, share = step.behind[:, None], step.after[:, None] / self._period
-            displacement = sent.felt(now + behind) * self._period
-            onward = share * sent.felt(now + np.maximum(behind - 1, 0.0)) * self._period
+            displacement = sent.felt(latency + behind) * self._period
+            onward = share * sent.felt(latency + np.maximum(behind - 1, 0.0)) * self._period
             seen = measured if step is self.steps[-1] else np.full_like(measured, np.nan)
             self.filter.update(seen, displacement, step, onward)
         behind, drift = self._clock.behind[:, None], self.filter.drift
-        shares = sent.ahead(now + behind) - sent.ahead(now)
+        shares = sent.ahead(latency + behind) - sent.ahead(latency)
         since = (shares * sent.last(sent.length)).sum(0)
         self.pose = self.filter.pose + (since + behind * drift) * self._period
-        self.twist = sent.felt(now) + drift
+        self.twist = sent.felt(latency) + drift

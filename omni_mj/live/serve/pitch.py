@@ -56,7 +56,7 @@ class Pitch:
         epoch_s: Time of a correct clock at simulated time 0, s; set it before the first image.
         ball: Position, shape (2,), m.
         held: What robots hold of the radio.
-        measured: Where cameras saw robots last, shape (n, 3). A recorder may reset it to NaN.
+        measured: Where cameras saw robots last, lost images included, shape (n, 3). A recorder may reset it to NaN.
 
     Raises:
         OmniError: Robots start in each other or in a wall.
@@ -89,7 +89,7 @@ class Pitch:
         return Geometry(field=standard_field(), calib=[camera.calibration() for camera in self.cameras])
 
     def take_images(self) -> list[Image]:
-        """Return the images that are due."""
+        """Return the images that are due, and store what they show in `measured`."""
         images = []
         for camera in self.cameras:
             if camera.due <= self.cycle:
@@ -106,7 +106,10 @@ class Pitch:
                 self._headings[name] = heading, image.cycle
 
     def advance(self) -> None:
-        """Advance by a cycle."""
+        """Advance by a cycle.
+
+        If the physics fails, the world is made anew from the poses at the beginning of the frame, with robots at rest.
+        """
         arrived, plant = None, self.plant
         if self._radio.quiet:
             self._radio.wait()
@@ -126,7 +129,8 @@ class Pitch:
         """Send commands to robots of a team.
 
         Returns:
-            Errors, and the numbers of the team's robots that were commanded.
+            Errors, and the numbers of the team's robots on the field that were named, also in commands that were
+            refused or did not say how to move.
         """
         errors, commanded, receivers = list[SimulatorError](), list[int](), set[int]()
         packets, present = self._packets.copy(), self.poses()
