@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from omni_mj.measure.metrics import errors
 from omni_mj.measure.table import where
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
@@ -19,7 +20,7 @@ def save(result: "LimitResult", stem: Path) -> None:
     (outcome,) = result.outcomes
     log = outcome.log
     assert log is not None
-    distance = 100 * np.hypot(*np.moveaxis((log.channel("pose") - log.channel("ref"))[..., :2], -1, 0))
+    distance = 100 * errors(log)["distance"]
     title = f"What is possible on {outcome.scenario.name}, {where(outcome.entry)}"
     with canvas.drawing(stem, title, figsize=(9, 6)) as figure:
         axes, time = figure.subplots(), canvas.seconds(distance)
