@@ -23,7 +23,7 @@ from omni_control.errors import OmniError
 from omni_mj.measure import summary
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.measure.statistics import plain
-from omni_mj.measure.table import DASH, Table, text
+from omni_mj.measure.table import Table, number, text
 from omni_mj.scenarios import distributions
 from omni_mj.scenarios import resolve as described
 from omni_mj.scenarios.scenario import Scenario, scenario
@@ -97,8 +97,7 @@ class SlipResult(Result):
         rows = []
         for quantity, figures in self._quantities(name).items():
             title, unit, digits, _ = QUANTITIES[quantity]
-            values = [figures[key] for key in ("measured", "law", "published")]
-            cells = [DASH if value is None else f"{value:.{digits}f}" for value in values]
+            cells = [number(figures[key], digits=digits) for key in ("measured", "law", "published")]
             deviation = figures["deviation_percent"]
             rows.append([title, unit, *cells, "" if deviation is None else f"{deviation:+.0f}"])
         source = _source(name)
