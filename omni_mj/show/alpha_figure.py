@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from omni_mj.show import style
 from omni_mj.show.figures import canvas
-from omni_mj.studies.conditions import CAUSES, DIRECTIONS, LABELS, PROFILE, WORN
+from omni_mj.studies.conditions import CAUSES, DIRECTIONS, DRIVE_TEXT, LABELS, WORN_TEXT
 
 if TYPE_CHECKING:
     from omni_mj.studies.alpha import AlphaResult, Study
@@ -25,9 +25,8 @@ def save(result: "AlphaResult", stem: Path) -> None:
     assert study is not None
     names = list(study.changed)
     bands = -(-len(names) // COLUMNS)
-    title = f"Gain and lag of a robot's motion: {PROFILE.speed_m_s:g} m/s at {PROFILE.acceleration_m_s2:g} m/s², unless"
-    worn = f"windings at {WORN['winding_c']:g} °C, battery at {100 * WORN['charge']:g} %"
-    with canvas.drawing(stem, f"{title} the panel changes it", figsize=(11, 3.6 + 4.0 * bands)) as figure:
+    title = f"Gain and lag of a robot's motion: {DRIVE_TEXT}, unless the panel changes it"
+    with canvas.drawing(stem, title, figsize=(11, 3.6 + 4.0 * bands)) as figure:
         *upper, lower = figure.subfigures(bands + 1, 1, height_ratios=[4.0] * bands + [3.2], squeeze=False)[:, 0]
         for k, band in enumerate(upper):
             grid = band.subplots(2, COLUMNS, sharey="row")
@@ -41,7 +40,7 @@ def save(result: "AlphaResult", stem: Path) -> None:
             grid[1, 0].set_ylabel("lag in ms")
         for axes, name in zip(lower.subplots(1, len(QUANTITIES)), QUANTITIES, strict=True):
             _draw_causes(study, name, axes)
-        lower.suptitle(f"What takes how much ({worn}; mean over all orders, adds up)", x=0.01, ha="left")
+        lower.suptitle(f"What takes how much ({WORN_TEXT}; mean over all orders, adds up)", x=0.01, ha="left")
         canvas.add_legend(figure, figure.axes)
 
 

@@ -36,9 +36,11 @@ from omni_mj.studies.conditions import (
     CAUSES,
     CONDITIONS,
     DIRECTIONS,
+    DRIVE_TEXT,
     LABELS,
     PROFILE,
     WORN,
+    WORN_TEXT,
     Conditions,
     changed,
     combinations,
@@ -117,13 +119,12 @@ class Study:
 
     def text(self) -> str:
         """Return the study as tables of plain text."""
-        drive = f"{PROFILE.speed_m_s:g} m/s at {PROFILE.acceleration_m_s2:g} m/s²"
-        worn = f"windings at {WORN['winding_c']:g} °C, battery at {100 * WORN['charge']:g} %"
+        causes = f"where gain and lag come from: {DRIVE_TEXT}, {WORN_TEXT}"
         tables = [
-            Table(f"one condition changed, {drive}", _HEADINGS, list(self._condition_rows()), 2),
-            Table(f"where gain and lag come from: {drive}, {worn}", _HEADINGS, list(self._cause_rows()), 2),
+            Table(f"one condition changed, {DRIVE_TEXT}", _HEADINGS, list(self._condition_rows()), 2),
+            Table(causes, _HEADINGS, list(self._cause_rows()), 2),
         ]
-        return "\n\n".join(aligned(table) for table in tables if table.rows)
+        return "\n\n".join(map(aligned, tables))
 
     def _condition_rows(self) -> Iterator[list[str]]:
         yield ["as it is", "", *_cells(self.base)]

@@ -34,9 +34,11 @@ LABELS = {
     "winding_c": "winding, °C",
     "charge": "battery charge",
 }
+DRIVE_TEXT = f"{PROFILE.speed_m_s:g} m/s at {PROFILE.acceleration_m_s2:g} m/s²"
 AXES = ("forward", "sideways")
 DIRECTIONS = {"forward": (1.0, 0.0), "sideways": (0.0, 1.0), "diagonal": (0.5**0.5, 0.5**0.5)}  # of drives
 WORN = {"winding_c": 120.0, "charge": 0.15}  # at the end of a game; the rest as the scenario has it
+WORN_TEXT = f"windings at {WORN['winding_c']:g} °C, battery at {100 * WORN['charge']:g} %"
 
 CAUSES: dict[str, Callable[[Settings], Settings]] = {  # and how a robot is freed of each
     "creep": lambda s: s.replace(drive={"creep_stiffness": 1000.0}),
