@@ -47,7 +47,6 @@ TABLES = {
     "SimulatorResponse": "*1 SimulatorError errors",
     "SyncRequest": "?1 float sim_step, ?2 SimulatorCommand simulator_command, ?3 RobotControl robot_control",
     "SyncResponse": "*1 Detection detection, ?2 RobotControlResponse robot_control_response",
-    "LoggedPacket": "?1 Detection detection",
 }
 
 

@@ -233,12 +233,6 @@ class VisionPacket(_message.Message):
     geometry: Geometry
     def __init__(self, detection: _Optional[_Union[Detection, _Mapping]] = ..., geometry: _Optional[_Union[Geometry, _Mapping]] = ...) -> None: ...
 
-class LoggedPacket(_message.Message):
-    __slots__ = ("detection",)
-    DETECTION_FIELD_NUMBER: _ClassVar[int]
-    detection: Detection
-    def __init__(self, detection: _Optional[_Union[Detection, _Mapping]] = ...) -> None: ...
-
 class RobotId(_message.Message):
     __slots__ = ("id", "team")
     ID_FIELD_NUMBER: _ClassVar[int]
