@@ -5,6 +5,7 @@ Everything is bound and sent to this computer alone, with a time to live of 0, u
 
 import io
 import ipaddress
+import os
 import select
 import socket
 import time
@@ -209,4 +210,6 @@ class Stream:
 
 def reason(error: OSError) -> str:
     """Return what the system says of an error, in lower case."""
-    return (error.strerror or str(error)).lower()
+    code = error.errno or 0  # negative if a host is unknown
+    # `socket.create_server` adds an address to `strerror`.
+    return (os.strerror(code) if code > 0 else error.strerror or str(error)).lower()
