@@ -8,7 +8,7 @@ from typing import Literal
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.live.sockets import Receiver
-from omni_mj.live.vision import Vision
+from omni_mj.live.vision import Vision, VisionCamera
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 
 Pace = Literal["auto", "60", "vision"]
@@ -87,7 +87,7 @@ class Link:
                 self._receive(now)
         else:
             camera = self.vision.cameras[self.leader]
-            self._await_frame(on_silence)
+            self._await_frame(camera, on_silence)
             if camera.sent_s > before:
                 now, rate, self._tick = camera.clock.ours(camera.sent_s), camera.clock.rate, camera.sent_s
             else:
@@ -98,9 +98,9 @@ class Link:
         self.skipped += skipped
         return *self.vision.at(now, rate, expected), skipped
 
-    def _await_frame(self, on_silence: Callable[[], None]) -> None:
+    def _await_frame(self, camera: VisionCamera, on_silence: Callable[[], None]) -> None:
         """Wait for the leading camera's next frame, and for those of the others, unless it is lost."""
-        camera, began = self.vision.cameras[self.leader or 0], time.monotonic()
+        began = time.monotonic()
         silent_at = began + SILENT_S
         while camera.sent_s <= self._tick + PERIOD_S / 2:
             self._receive(silent_at)
