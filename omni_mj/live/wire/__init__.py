@@ -12,7 +12,7 @@ from omni_control.errors import OmniError
 
 MM_PER_M = 1000.0
 VISION_GROUP, VISION_PORT = "224.5.23.2", 10020  # of simulators; SSL-Vision itself sends to port 10006
-SIMULATOR_PORT, BLUE_PORT, YELLOW_PORT = 10300, 10301, 10302
+BLUE_PORT, YELLOW_PORT = 10301, 10302
 
 MessageT = TypeVar("MessageT", bound=Message)
 
