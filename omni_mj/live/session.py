@@ -86,7 +86,8 @@ def check(scenario: Scenario, options: Options) -> None:
         OmniError: It cannot; a line for each reason.
     """
     distributions.refuse(scenario.distributions, "drive")
-    errors, _ = list[str](), (options.vision_address, options.line)
+    _ = options.vision_address, options.line  # each raises if it is none
+    errors = list[str]()
     (controller,) = scenario.controllers
     if classes.find_controller(controller).knows_truth:
         name = label(controller)
